@@ -25,6 +25,8 @@ from posecast_relay.core.policy.share_link import make_link
 from posecast_relay.http.app import make_app
 from posecast_relay.http.past.routes import PastDesk
 from posecast_relay.models.cache import ModelCache
+from posecast_relay.past_source import PastSource
+from posecast_relay.past_source_memory import MemoryPastSource
 from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.store_memory import MemoryStore
 from posecast_relay.streaming.decode_cache import DecodeCache
@@ -91,9 +93,11 @@ def make_kept(
 
 
 class PastDoors:
-    """The routes over a MemoryPast. `unix_ms` and `now` are what the routes take for the time."""
+    """The routes over a MemoryPast, or another source. `unix_ms` and `now` are what the routes take for the
+    time.
+    """
 
-    def __init__(self, rules: Rules | None) -> None:
+    def __init__(self, rules: Rules | None, source: PastSource | None = None) -> None:
         limits = Limits(sweep_s=0.1)
         self.tokens = Tokens(Accounts(), {"r": KEY, "open": KEY})
         self.access = open_access(
@@ -104,8 +108,9 @@ class PastDoors:
         for dispatcher in self.access.dispatchers:
             dispatcher.carry_out(dispatcher.hub.set_token("r", True, dispatcher.now()))
         self.past = MemoryPast(1 << 26)
+        self.source = source or MemoryPastSource(self.past)
         self.unix_ms, self.now = PAGE_MS, 0.0
-        self.desk = PastDesk(self.past, lambda: self.now, lambda: self.unix_ms / 1000)
+        self.desk = PastDesk(self.source, lambda: self.now, lambda: self.unix_ms / 1000)
         self.client = httpx.AsyncClient(trust_env=False, timeout=20)
 
     def allow(self, rules: Rules) -> None:

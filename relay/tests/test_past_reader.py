@@ -7,7 +7,7 @@ from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.core.past.past_reader import NotYet, PastReader
 from posecast_relay.core.policy.policy import Audience, Grant, Policy, Principal, Rule
 
-from .past_doors import PAGE_MS, SCHEMA, SCHEMA_HASH, make_kept
+from .past_doors import PAGE_MS, SCHEMA_HASH, make_kept
 
 A = Audience.ANYONE
 DARK, LIT = frozenset({Audience.LINK}), frozenset(Audience)
@@ -77,6 +77,29 @@ def test_what_is_dark_to_the_end_is_not_there_yet() -> None:
     assert nothing.list_shown(grant(), NOW_MS) == []
 
 
+def test_takes_of_two_recorders_lead_on_and_never_back() -> None:
+    # both hear the robot; the second one began later and ends first
+    a = [kept(FIRST, index, index) for index in range(6)]
+    b = [kept(SECOND, index, 2 + index) for index in range(2)]
+    anyone = grant()
+    order = [*a[:3], b[0], a[3], b[1]]
+    reader = keep(*order)
+    assert reader.find_segment(anyone, FIRST, 4, NOW_MS) == name(SECOND, 1)  # not its first one
+    assert reader.find_segment(anyone, SECOND, 2, NOW_MS) == NotYet()
+    assert reader.find_segment(anyone, FIRST, 3, NOW_MS) is a[3]
+    reader = keep(*order, *a[4:])
+    assert reader.find_segment(anyone, SECOND, 2, NOW_MS) == name(FIRST, 4)
+    assert reader.find_segment(anyone, FIRST, 6, NOW_MS) == NotYet()
+
+
+def test_what_is_lacking_in_a_take_is_passed_over() -> None:
+    segments = [kept(FIRST, index, index) for index in (0, 1, 2, 4, 6, 7)]
+    reader, anyone = keep(*segments), grant(past_s=60.0)
+    assert reader.find_segment(anyone, FIRST, 3, NOW_MS) == name(FIRST, 4)
+    assert reader.find_segment(anyone, FIRST, 5, NOW_MS) == name(FIRST, 6)
+    assert reader.find_segment(anyone, FIRST, 0, segments[2].from_ms + 60_000) == name(FIRST, 2)
+
+
 def test_what_has_left_the_window_leads_to_the_oldest() -> None:
     segments = [kept(FIRST, index, index) for index in range(5)]
     reader, anyone = keep(*segments), grant(past_s=60.0)
@@ -104,7 +127,7 @@ def test_what_is_late_is_there_when_it_is_due_and_says_nothing_before() -> None:
 def test_a_schema_is_shown_as_long_as_a_segment_is_that_names_it() -> None:
     segments = [kept(FIRST, 0, 0), kept(FIRST, 1, 1)]
     reader, anyone = keep(*segments), grant(past_s=60.0)
-    assert reader.find_schema(anyone, SCHEMA_HASH, NOW_MS) == (SCHEMA.text, segments[1].from_ms)
+    assert reader.find_schema(anyone, SCHEMA_HASH, NOW_MS) is segments[1]
     assert reader.find_schema(anyone, bytes(32), NOW_MS) is None
     assert reader.find_schema(anyone, SCHEMA_HASH, segments[1].from_ms + 60_001) is None
     assert keep(kept(FIRST, 0, 0, DARK)).find_schema(anyone, SCHEMA_HASH, NOW_MS) is None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from itertools import accumulate
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from posecast_wire import Close
 from prometheus_client import CollectorRegistry, start_http_server
@@ -35,6 +35,26 @@ class PastStats(Protocol):
     crowded_out: int
 
 
+class PastWayStats(Protocol):
+    """The counters of a way by which the past goes through Redis. `passed_over`: what is none there."""
+
+    passed_over: int
+
+    def find_trouble(self) -> str | None:
+        """Return what is wrong with it; None when all is well."""
+
+    def get_exchanges(self) -> tuple[Histogram, int]:
+        """Return how long exchanges took, and how often it was lost."""
+
+
+@runtime_checkable
+class PastWriterStats(Protocol):
+    """The counters of a way by which segments go to Redis."""
+
+    written: int
+    dropped: int
+
+
 class RelayCollector(Collector):
     """Reads the core's counters when Prometheus asks, in the metrics server's thread."""
 
@@ -44,6 +64,7 @@ class RelayCollector(Collector):
         mirror: MirrorStats | None = None,
         refused: Callable[[], int] = int,
         past: PastStats | None = None,
+        way: PastWayStats | None = None,
     ) -> None:
         """`dispatchers`: the live one first, then that of the delayed viewers.
 
@@ -55,6 +76,7 @@ class RelayCollector(Collector):
         self._hubs = [dispatcher.hub for dispatcher in dispatchers]
         self._mirror = mirror
         self._past = past
+        self._way = way
 
     def collect(self) -> Iterable[Metric]:
         """Yield all metrics with their present values."""
@@ -142,6 +164,8 @@ class RelayCollector(Collector):
             yield GaugeMetricFamily("posecast_mirror_breaker_open", "Whether it is left alone", left)
         if self._past is not None:
             yield from _describe_past(self._past, hub.recorder)
+        if self._way is not None:
+            yield from _describe_way(self._way)
 
 
 def _describe_past(past: PastStats, recorder: Recorder | None) -> Iterable[Metric]:
@@ -152,6 +176,19 @@ def _describe_past(past: PastStats, recorder: Recorder | None) -> Iterable[Metri
     yield GaugeMetricFamily("posecast_past_bytes", "Memory that the past takes", past.bytes)
     faults = 0 if recorder is None else sum(Counter(recorder.faults).values())
     yield CounterMetricFamily("posecast_past_faults", "Recordings that failed and began anew", faults)
+
+
+def _describe_way(way: PastWayStats) -> Iterable[Metric]:
+    seconds, losses = way.get_exchanges()
+    up = 0 if way.find_trouble() else 1
+    yield GaugeMetricFamily("posecast_past_redis_up", "Whether the past goes through Redis", up)
+    yield _make_histogram("posecast_past_redis_seconds", "Exchanges for it, given up at 0.25", seconds)
+    yield CounterMetricFamily("posecast_past_redis_losses", "Times that Redis was lost to it", losses)
+    yield CounterMetricFamily("posecast_past_redis_passed_over", "What is damaged there", way.passed_over)
+    if isinstance(way, PastWriterStats):
+        fates = {"written": way.written, "dropped": way.dropped}
+        text = "Segments for Redis by what became of them"
+        yield _make_labelled("posecast_past_redis_segments", text, "fate", fates, CounterMetricFamily)
 
 
 def _make_histogram(name: str, text: str, times: Histogram) -> Metric:
@@ -189,13 +226,14 @@ def start_metrics(
     mirror: MirrorStats | None = None,
     refused: Callable[[], int] = int,
     past: PastStats | None = None,
+    way: PastWayStats | None = None,
 ) -> tuple[int, Callable[[], None]]:
     """Serve metrics on `host`:`port` (0 = any free); returns the port and a function that stops it.
 
     Raises OSError when the port is in use.
     """
     registry = CollectorRegistry()
-    registry.register(RelayCollector(dispatchers, mirror, refused, past))
+    registry.register(RelayCollector(dispatchers, mirror, refused, past, way))
     server, thread = start_http_server(port, host, registry)
 
     def stop() -> None:

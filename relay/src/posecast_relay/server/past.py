@@ -1,4 +1,8 @@
-"""The past of a process that hears robots: who records it, where it is kept, and for how long."""
+"""The past of a process: who records it, where it is kept and read, and for how long.
+
+all, ingest   record in memory, and hand what they keep on to Redis when there is one
+gateway       reads it from Redis
+"""
 
 from __future__ import annotations
 
@@ -7,6 +11,7 @@ import secrets
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from posecast_relay.config.settings import Settings
 from posecast_relay.core.past.memory_store import MemoryPast
@@ -14,28 +19,72 @@ from posecast_relay.core.past.recorder import Recorder
 from posecast_relay.core.past.stream_recording import RecordingPorts
 from posecast_relay.core.policy.past import compute_kept_longest_s, list_lookers
 from posecast_relay.core.policy.policy import Policy
+from posecast_relay.http.past.routes import PastDesk
+from posecast_relay.past_source import PastSource
+from posecast_relay.past_source_memory import MemoryPastSource
+from posecast_relay.runtime.dispatcher import Dispatcher
+
+if TYPE_CHECKING:
+    from posecast_relay.redis.past_reader import RedisPast
+    from posecast_relay.redis.past_writer import RedisPastWriter
 
 FORGET_EVERY_S = 5.0
 
 
 @dataclass(frozen=True)
 class PastServices:
-    """What is recorded, and what is kept of it."""
+    """Where the past is read, and its way to or from Redis where there is one; where robots are heard, also
+    what is recorded and what is kept of it.
+    """
 
-    kept: MemoryPast
-    recorder: Recorder
+    source: PastSource
+    kept: MemoryPast | None = None
+    recorder: Recorder | None = None
+    writer: RedisPastWriter | None = None
+    reader: RedisPast | None = None
 
-    async def forget(self, get_policy: Callable[[], Policy], now: Callable[[], float]) -> None:
-        """Drop what nobody may ask for any more, every few seconds, until cancelled."""
+    @property
+    def way(self) -> RedisPastWriter | RedisPast | None:
+        """The way to Redis, or from there."""
+        return self.writer or self.reader
+
+    def make_desk(self, dispatcher: Dispatcher) -> PastDesk:
+        """Make what the routes of the past need."""
+        return PastDesk(self.source, dispatcher.now, dispatcher.unix_s)
+
+    async def run(self, get_policy: Callable[[], Policy], now: Callable[[], float]) -> None:
+        """Open the way to Redis, and drop now and then what nobody may ask for any more, until cancelled."""
+        if self.way is not None:
+            self.way.start()
         while True:
+            window_s = compute_kept_longest_s(get_policy())
+            if self.kept is not None:
+                self.kept.forget_older(now() - window_s)
+            if self.writer is not None:
+                self.writer.set_window(window_s)
             await asyncio.sleep(FORGET_EVERY_S)
-            self.kept.forget_older(now() - compute_kept_longest_s(get_policy()))
+
+    async def stop(self) -> None:
+        """Close the way to Redis."""
+        if self.way is not None:
+            await self.way.stop()
 
 
 def make_past_services(settings: Settings) -> PastServices | None:
-    """Make what records the robots that this process hears; None for a gateway, and with `--past 0`."""
-    if settings.past is None or settings.role == "gateway":
+    """Make the past of the role that `settings` asks for; None with `--past 0`."""
+    if settings.past is None:
         return None
+    if settings.role == "gateway":
+        from posecast_relay.redis.past_reader import RedisPast  # noqa: PLC0415 — half of the time to start
+
+        reader = RedisPast(settings.store, settings.past_memory, Dispatcher.now)
+        return PastServices(reader, reader=reader)
     kept = MemoryPast(settings.past_memory)
     ports = RecordingPorts(kept.add, lambda: secrets.randbits(64), time.time)
-    return PastServices(kept, Recorder(ports, list_lookers))
+    writer = None
+    if settings.store != "memory://":
+        from posecast_relay.redis.past_writer import RedisPastWriter  # noqa: PLC0415
+
+        writer = RedisPastWriter(settings.store, settings.past_memory)
+        kept.on_added(writer.keep)
+    return PastServices(MemoryPastSource(kept), kept, Recorder(ports, list_lookers), writer)

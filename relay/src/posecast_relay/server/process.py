@@ -137,7 +137,7 @@ async def _serve(settings: Settings, robots: Robots | None) -> None:
         raise StartError(
             f"--metrics-port {settings.metrics_port}: {(e.strerror or str(e)).lower()}"
         ) from None
-    decoded, desk = DecodeCache(), _make_desk(past, dispatcher)
+    decoded, desk = DecodeCache(), None if past is None else past.make_desk(dispatcher)
     streams = settings.role != "ingest"
     host, port = listener.getsockname()[:2]
     shown = f"[{host}]" if ":" in host else host
@@ -184,7 +184,7 @@ async def _serve(settings: Settings, robots: Robots | None) -> None:
     await services.start(dispatcher)
     for each in access.dispatchers:
         each.start()
-    beside = _beside(_follow(settings, robots, router, services, access), mirror, _forget(past, access))
+    beside = _beside(_follow(settings, robots, router, services, access), mirror, _run_past(past, access))
     try:
         await server.serve(sockets=[listener])
     finally:
@@ -192,14 +192,9 @@ async def _serve(settings: Settings, robots: Robots | None) -> None:
             each.stop()
         for task in beside:
             task.cancel()
-        await services.stop()
+        await _stop(services, past)
         stop_metrics()
         await _close(router)
-
-
-def _make_desk(past: PastServices | None, dispatcher: Dispatcher) -> PastDesk | None:
-    """Make what the routes of the past need; None where none is kept."""
-    return None if past is None else PastDesk(past.kept, dispatcher.now, dispatcher.unix_s)
 
 
 def _find_publish_at(settings: Settings, router: RouterSession | None) -> str | None:
@@ -279,17 +274,23 @@ def _router(settings: Settings, robots: Robots | None) -> RouterSession | None:
 def _beside(
     following: Coroutine[Any, Any, None] | None,
     mirror: FirebaseMirror | None,
-    forgetting: Coroutine[Any, Any, None] | None,
+    past: Coroutine[Any, Any, None] | None,
 ) -> list[asyncio.Task[None]]:
     """Start the tasks that run while the relay serves."""
     mirroring = None if mirror is None else mirror.run()
-    named = {"robots file": following, "mirror": mirroring, "past": forgetting}
+    named = {"robots file": following, "mirror": mirroring, "past": past}
     return [asyncio.create_task(work, name=name) for name, work in named.items() if work is not None]
 
 
-def _forget(past: PastServices | None, access: Access) -> Coroutine[Any, Any, None] | None:
-    """Return what drops the past that nobody may ask for any more; None where none is kept."""
-    return None if past is None else past.forget(lambda: access.policy, Dispatcher.now)
+async def _stop(services: RoleServices, past: PastServices | None) -> None:
+    if past is not None:
+        await past.stop()
+    await services.stop()
+
+
+def _run_past(past: PastServices | None, access: Access) -> Coroutine[Any, Any, None] | None:
+    """Return what the past does while the relay serves; None where there is none."""
+    return None if past is None else past.run(lambda: access.policy, Dispatcher.now)
 
 
 def _admitted(settings: Settings, robots: Robots) -> dict[str, str]:
@@ -377,9 +378,9 @@ def _metrics(
     if settings.metrics_port is None:
         return lambda: None
     refused = int if refusals is None else lambda: refusals.count
-    kept = None if past is None else past.kept
+    kept, way = (None, None) if past is None else (past.kept, past.way)
     port, stop = start_metrics(
-        settings.host, settings.metrics_port, access.dispatchers, mirror, refused, kept
+        settings.host, settings.metrics_port, access.dispatchers, mirror, refused, kept, way
     )
     log.info("metrics on http://%s:%d/metrics", settings.host, port)
     return stop

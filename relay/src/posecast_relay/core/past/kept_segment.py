@@ -63,6 +63,12 @@ class KeptSegment:
     faults: int
     audiences: frozenset[Audience]
     schema_text: str | None = field(default=None, repr=False)  # shared by all segments of that schema
+    elsewhere_bytes: int = 0  # how many bytes it has that are not here: then `data` is empty
+
+    @property
+    def size(self) -> int:
+        """How many bytes it has, wherever they are."""
+        return len(self.data) + self.elsewhere_bytes
 
     @property
     def cost_bytes(self) -> int:

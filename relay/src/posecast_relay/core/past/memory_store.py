@@ -122,7 +122,7 @@ class MemoryPast:
         self._named[name] = segment
         self.added += 1
         while self.bytes > self.bytes_max:
-            self._drop_oldest(max(self._shelves, key=lambda robot: self._shelves[robot].bytes))
+            self.drop_oldest(max(self._shelves, key=lambda robot: self._shelves[robot].bytes))
             self.crowded_out += 1
         if name in self._named:
             for listener in tuple(self._listeners):
@@ -170,6 +170,17 @@ class MemoryPast:
         shelf = self._shelves.get(robot)
         return [] if shelf is None else [span for (of, _), span in shelf.takes.items() if of == view]
 
+    def list_after(self, name: SegmentName) -> list[KeptSegment]:
+        """Return the segments of its view that were added after the one of this name, in that order; all
+        where it is not here.
+        """
+        found: list[KeptSegment] = []
+        for segment in reversed(self._list_view(name.robot, name.view)):
+            if segment.name == name:
+                break
+            found.append(segment)
+        return found[::-1]
+
     def list_views(self, robot: str) -> list[str]:
         """Return the views of a robot of which there is something."""
         shelf = self._shelves.get(robot)
@@ -188,14 +199,10 @@ class MemoryPast:
         """
         for robot, shelf in list(self._shelves.items()):
             while shelf.added_at and shelf.added_at[0] < than:
-                self._drop_oldest(robot)
+                self.drop_oldest(robot)
 
-    def forget_robot(self, robot: str) -> None:
-        """Drop all that is kept of a robot."""
-        while robot in self._shelves:
-            self._drop_oldest(robot)
-
-    def _drop_oldest(self, robot: str) -> None:
+    def drop_oldest(self, robot: str) -> None:
+        """Drop the oldest segment of a robot of which there is one."""
         shelf = self._shelves[robot]
         before = shelf.bytes
         segment = shelf.take_oldest()
@@ -203,6 +210,11 @@ class MemoryPast:
         del self._named[segment.name]
         if not shelf.segments:
             del self._shelves[robot]
+
+    def forget_robot(self, robot: str) -> None:
+        """Drop all that is kept of a robot."""
+        while robot in self._shelves:
+            self.drop_oldest(robot)
 
     def _list_pages(self, robot: str, view: str, from_ms: int, to_ms: int | None) -> Iterable[KeptSegment]:
         """Return what begins between these, and maybe more."""

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Iterator
+from itertools import chain
 from typing import NamedTuple
 
+from posecast_relay.core.past.kept_past import KeptPast
 from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
-from posecast_relay.core.past.memory_store import MemoryPast, TakeSpan
+from posecast_relay.core.past.memory_store import TakeSpan
 from posecast_relay.core.policy.past import PastWindow, find_past_window, judge_past
 from posecast_relay.core.policy.policy import Grant
 
@@ -22,7 +24,7 @@ class NotYet(NamedTuple):
 class PastReader:
     """Reads the past for those who may see it. `unix_ms` is the time now, in each call."""
 
-    def __init__(self, past: MemoryPast) -> None:
+    def __init__(self, past: KeptPast) -> None:
         self._past = past
 
     def list_shown(
@@ -46,25 +48,23 @@ class PastReader:
         if asked is not None and judge_past(grant, asked, window):
             return asked
         spans = self._past.list_takes(grant.robot, grant.view)
-        n = next((n for n, span in enumerate(spans) if span.take == take), None)
-        if n is None or not self._was_shown(grant, spans[n], index, window):
+        own = next((span for span in spans if span.take == take), None)
+        if own is None or not self._was_shown(grant, own, index, window):
             return None
-        for span in spans[n:]:
-            for segment in self._walk_take(grant, span, index if span.take == take else 0, window):
-                if grant.by in segment.audiences:
-                    if judge_past(grant, segment, window):
-                        return segment.name
-                    return NotYet(segment.to_ms + round(1000 * grant.delay_s))
+        # then what was kept after it: where several recorders hear a robot, their takes overlap, and who asks
+        # goes on with whichever has more, but never back
+        last = SegmentName(grant.robot, grant.view, take, own.last_index)
+        for segment in chain(self._walk_take(grant, own, index, window), self._past.list_after(last)):
+            if segment.from_ms >= window.from_ms and grant.by in segment.audiences:
+                if judge_past(grant, segment, window):
+                    return segment.name
+                return NotYet(segment.to_ms + round(1000 * grant.delay_s))
         return NotYet()
 
-    def find_schema(self, grant: Grant, sha256: bytes, unix_ms: int) -> tuple[str, int] | None:
-        """Return a schema's text, and when the newest segment began that they may see and that names it."""
-        if self._past.find_schema_text(grant.robot, grant.view, sha256) is None:
-            return None
-        for segment in reversed(self.list_shown(grant, unix_ms)):
-            if segment.schema == sha256 and segment.schema_text is not None:
-                return segment.schema_text, segment.from_ms
-        return None
+    def find_schema(self, grant: Grant, sha256: bytes, unix_ms: int) -> KeptSegment | None:
+        """Return the newest segment that they may see and that names this schema."""
+        shown = reversed(self.list_shown(grant, unix_ms))
+        return next((segment for segment in shown if segment.schema == sha256), None)
 
     def _was_shown(self, grant: Grant, span: TakeSpan, index: int, window: PastWindow) -> bool:
         """Whether a segment of this take is shown to them that is the one before `index`, or a later one."""
@@ -81,7 +81,8 @@ class PastReader:
             return self._past.find(SegmentName(grant.robot, grant.view, span.take, number))
 
         def get_from_ms(number: int) -> int:
-            segment = find(number)
+            while (segment := find(number)) is None and number < span.last_index:
+                number += 1  # one is lacking, as where it was damaged
             return 0 if segment is None else segment.from_ms
 
         numbers = range(max(index, span.first_index), span.last_index + 1)

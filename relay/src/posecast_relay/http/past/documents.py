@@ -161,7 +161,7 @@ def _name(name: SegmentName) -> dict[str, object]:
 def _sum_minute(at_ms: int, segments: Sequence[KeptSegment]) -> dict[str, object]:
     return {
         "minute": write_minute(at_ms),
-        "bytes": sum(len(segment.data) for segment in segments),
+        "bytes": sum(segment.size for segment in segments),
         "frames": sum(segment.frames for segment in segments),
         "word": max((word.word for segment in segments for word in segment.words), key=WORDS.index),
         "faults": sum(segment.faults for segment in segments),
@@ -186,5 +186,5 @@ def _write_entry(segment: KeptSegment) -> bytes:
         "null" if schema is None else f'"{schema.hex()}"',
         "null" if segment.model is None else f'"{segment.model}"',
     )
-    seqs = (segment.first_seq, segment.last_seq, len(segment.data))
+    seqs = (segment.first_seq, segment.last_seq, segment.size)
     return (ENTRY % (*numbers, *seqs, *hashes, segment.missing, words, events)).encode(errors="replace")

@@ -51,6 +51,10 @@ class HeldRequests:
                 del self._waiting[key]
         return not self._released
 
+    def list_waiting(self) -> list[tuple[str, str]]:
+        """Return the robots and views of which something new is waited for."""
+        return list(self._waiting)
+
     def wake(self, robot: str, view: str) -> None:
         """Let those look again who wait for this view."""
         for woken in self._waiting.get((robot, view), ()):

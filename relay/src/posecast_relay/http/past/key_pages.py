@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 from posecast_wire.key_page import KeyPose, encode_key_page, pick_pose
@@ -15,6 +15,10 @@ from posecast_relay.core.policy.policy import Grant
 POSES_BYTES = 4 << 20  # kept of what was picked already: picking one takes a tenth of a millisecond
 POSE_BYTES = 500  # of Python's own for each
 WAITING_MAX = 32  # pages asked for at once; further ones are refused
+LOADED_BYTES = 1 << 20  # of segments that lie elsewhere, brought here at a time, or a single one
+LOADED_BYTES_MAX = 16 << 20  # of them for one page; fewer poses where it would take more
+
+Load = Callable[[Sequence[KeptSegment]], Awaitable[list[KeptSegment]]]
 
 
 class KeyPages:
@@ -27,33 +31,55 @@ class KeyPages:
         self._bytes = 0
 
     async def make_page(
-        self, grant: Grant, from_ms: int, segments: Sequence[KeptSegment], every: int
+        self, grant: Grant, from_ms: int, segments: Sequence[KeptSegment], every: int, load: Load
     ) -> bytes | None:
         """Return the page of the ten minutes from `from_ms`, unix, with a pose of each `every`-th segment
-        that has frames; None when WAITING_MAX pages are being made. `segments`: what the grant shows of them.
+        that has frames; None when WAITING_MAX pages are being made. `segments`: what the grant shows of them;
+        `load` returns them with their bytes, without those that are gone.
         """
         if self._waiting >= WAITING_MAX:
             return None
-        with_frames = [segment for segment in segments if segment.frames]
-        picked = sorted(with_frames, key=lambda segment: segment.from_ms)[::every]
+        with_frames = sorted((each for each in segments if each.frames), key=lambda each: each.from_ms)
+        while len(with_frames[::every]) > 1 and self._sum_lacking(with_frames[::every]) > LOADED_BYTES_MAX:
+            every *= 2
+        loop = asyncio.get_running_loop()
+        poses: list[KeyPose] = []
         self._waiting += 1
         try:
-            return await asyncio.get_running_loop().run_in_executor(
-                self._worker, self._make_page, grant.robot, grant.view, from_ms, picked
+            for part in self._divide(with_frames[::every]):
+                whole = await load(part) if self._sum_lacking(part) else part
+                poses += await loop.run_in_executor(self._worker, self._pick_all, whole)
+            return await loop.run_in_executor(
+                self._worker, encode_key_page, grant.robot, grant.view, from_ms, poses
             )
         finally:
             self._waiting -= 1
 
-    def _make_page(self, robot: str, view: str, from_ms: int, segments: Sequence[KeptSegment]) -> bytes:
-        poses = [pose for segment in segments if (pose := self._pick(segment)) is not None]
-        return encode_key_page(robot, view, from_ms, poses)
+    def _divide(self, segments: Sequence[KeptSegment]) -> list[list[KeptSegment]]:
+        """Divide them into parts, each of which may be brought here at a time."""
+        parts: list[list[KeptSegment]] = [[]]
+        size = 0
+        for segment in segments:
+            size += (more := self._sum_lacking([segment]))
+            if size > LOADED_BYTES and parts[-1]:
+                parts.append([])
+                size = more
+            parts[-1].append(segment)
+        return parts
+
+    def _sum_lacking(self, segments: Sequence[KeptSegment]) -> int:
+        """How many bytes of these are elsewhere, and their pose is not known."""
+        return sum(each.elsewhere_bytes for each in segments if each.name not in self._poses)
+
+    def _pick_all(self, segments: Sequence[KeptSegment]) -> list[KeyPose]:
+        return [pose for segment in segments if (pose := self._pick(segment)) is not None]
 
     def _pick(self, segment: KeptSegment) -> KeyPose | None:
         pose = self._poses.get(segment.name)
         if pose is not None:
             self._poses.move_to_end(segment.name)
             return pose
-        pose = pick_pose(segment.data)
+        pose = pick_pose(segment.data) if segment.data else None  # else its pose was known a moment ago
         if pose is not None:
             self._poses[segment.name] = pose
             self._bytes += _size(pose)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from functools import partial
 from http import HTTPStatus
 from typing import Any, NoReturn, TypeVar
@@ -18,7 +18,6 @@ from fastapi import FastAPI, HTTPException, Request, Response
 
 from posecast_relay.auth.access import Access
 from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
-from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.core.past.past_reader import NotYet, PastReader
 from posecast_relay.core.policy.admission import HIDDEN
 from posecast_relay.core.policy.past import find_past_window
@@ -39,6 +38,7 @@ from posecast_relay.http.past.address import (
 )
 from posecast_relay.http.past.held_requests import HeldRequests
 from posecast_relay.http.past.key_pages import KeyPages
+from posecast_relay.past_source import PastAway, PastSource
 
 T = TypeVar("T")
 
@@ -46,7 +46,7 @@ HOLD_S = 8.0  # a request for the next segment waits for so long
 RETRY_MS = 1000  # when to ask again for what is not there yet
 FRESH_S_MAX = 3600.0  # caches keep nothing for longer, so that what is taken back is gone within it
 CLOSED_MS = 10_000  # after its end a page can get no further segment: one lasts 6 s at most
-NOT_KEPT = "no past is kept here: ask a relay that hears robots itself (role all with --past memory:)"
+NOT_KEPT = "no past is kept here: ask a relay that was started with --past memory:"
 EXPOSED = OPEN | {"access-control-expose-headers": "etag, retry-ms"}
 NO_STORE = {"cache-control": "private, no-store"}
 BUSY = NO_STORE | {"retry-after": "1"}
@@ -55,9 +55,10 @@ ERRORS: dict[int | str, dict[str, Any]] = {
     400: {"description": "No such day, page, take or index can be"},
     404: {"description": "Not here, or not for you"},
     501: {"description": "This process keeps no past"},
+    503: {"description": "What keeps it does not answer: ask again"},
 }
 KEYS: dict[int | str, dict[str, Any]] = {
-    503: {"description": "Many ask for such pages just now: ask again"},
+    503: {"description": "What keeps it does not answer, or many ask for such pages just now: ask again"},
     200: {
         "description": "A page of KEYs (SPEC §11)",
         "content": {BINARY: {"schema": {"type": "string", "format": "binary"}}},
@@ -74,18 +75,19 @@ HELD: dict[int | str, dict[str, Any]] = {
 
 
 class PastDesk:
-    """The past of a process as its routes need it: what is kept, who waits for more, and the time.
+    """The past of a process as its routes need it: where it is read, who waits for more, and the time.
 
     `now` is the core's clock in seconds, `unix_s` the wall clock, by which the times of segments are told.
     """
 
-    def __init__(self, past: MemoryPast, now: Callable[[], float], unix_s: Callable[[], float]) -> None:
-        self.reader = PastReader(past)
+    def __init__(self, source: PastSource, now: Callable[[], float], unix_s: Callable[[], float]) -> None:
+        self.source = source
+        self.reader = PastReader(source.kept)
         self.held = HeldRequests()
         self.answers = AnswerCache(now)
         self.keys = KeyPages()
         self._unix_s = unix_s
-        past.on_added(lambda segment: self.held.wake(segment.name.robot, segment.name.view))
+        source.follow(self.held.list_waiting, self.held.wake)
 
     def compute_unix_ms(self) -> int:
         """Return the time now, in unix ms."""
@@ -114,10 +116,10 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
         grant, at = await _enter(access, desk, request, robot, view)
         unix_ms = at.compute_unix_ms()
         found = at.reader.find_schema(grant, _read(read_sha256, sha256), unix_ms)
-        if found is None:
+        text = None if found is None else await _wait(at.source.load_schema(found))
+        if found is None or text is None:
             _refuse(grant, "no such schema in the past, as far as it is for you")
-        text, from_ms = found
-        headers = _share(grant, find_past_window(grant, unix_ms).compute_left_s(from_ms))
+        headers = _share(grant, find_past_window(grant, unix_ms).compute_left_s(found.from_ms))
         return _send(request, text.encode(), "application/json", sha256, headers)
 
     @app.get(
@@ -148,7 +150,7 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
         asked, step = _read(read_page, page), _read(read_every, every)
         unix_ms = at.compute_unix_ms()
         shown = at.reader.list_shown(grant, unix_ms, asked.from_ms, asked.to_ms)
-        body = await at.keys.make_page(grant, asked.from_ms, shown, step)
+        body = await _wait(at.keys.make_page(grant, asked.from_ms, shown, step, at.source.load))
         if body is None:
             raise HTTPException(503, "as many pages of KEYs as this relay makes at once", BUSY)
         headers = _share(grant, _compute_page_s(grant, asked, shown, unix_ms))
@@ -160,11 +162,11 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
     async def segment(request: Request, robot: str, view: str, take: str, index: str) -> Response:
         grant, at = await _enter(access, desk, request, robot, view)
         name = _read(read_take, take), _read(read_index, index)
-        found = at.reader.find_segment(grant, *name, at.compute_unix_ms())
+        found = await _find(at, grant, name)
         if isinstance(found, NotYet) and request.method == "GET":
             await _hold(at, grant, name, access.live.now)
             grant, at = await _enter(access, desk, request, robot, view)  # it may have ended meanwhile
-            found = at.reader.find_segment(grant, *name, at.compute_unix_ms())
+            found = await _find(at, grant, name)
         match found:
             case None:
                 _refuse(grant, "no such segment, as far as it is for you")
@@ -189,11 +191,27 @@ async def _enter(
         grant = await require_grant(access, request, robot, view)
         if desk is None:
             raise HTTPException(HTTPStatus.NOT_IMPLEMENTED, NOT_KEPT)
+        await _wait(desk.source.refresh(grant.robot, grant.view))
+        await access.live.open_robot(grant.robot)
         if access.find_robot(grant) is None and not desk.reader.list_shown(grant, desk.compute_unix_ms()):
             raise HTTPException(HTTPStatus.NOT_FOUND, HIDDEN)
     except HTTPException as e:
         raise HTTPException(e.status_code, e.detail, NO_STORE | dict(e.headers or {})) from None
     return grant, desk
+
+
+async def _find(
+    desk: PastDesk, grant: Grant, name: tuple[int, int]
+) -> KeptSegment | SegmentName | NotYet | None:
+    """Return the segment of this name with its bytes, or what there is instead. Raises HTTPException 503."""
+    found = desk.reader.find_segment(grant, *name, desk.compute_unix_ms())
+    if not isinstance(found, KeptSegment):
+        return found
+    whole = await _wait(desk.source.load([found]))
+    if whole:
+        return whole[0]
+    found = desk.reader.find_segment(grant, *name, desk.compute_unix_ms())  # it is gone, or damaged
+    return None if isinstance(found, KeptSegment) else found
 
 
 async def _hold(desk: PastDesk, grant: Grant, name: tuple[int, int], now: Callable[[], float]) -> None:
@@ -209,6 +227,15 @@ async def _hold(desk: PastDesk, grant: Grant, name: tuple[int, int], now: Callab
             if found.due_ms is not None:
                 left_s = min(left_s, (found.due_ms - unix_ms + 1) / 1000)
             waits = await desk.held.wait(grant.robot, grant.view, left_s)
+            await _wait(desk.source.refresh(grant.robot, grant.view))
+
+
+async def _wait(asked: Awaitable[T]) -> T:
+    """Wait for the source of the past. Raises HTTPException 503 when it can't be read just now."""
+    try:
+        return await asked
+    except PastAway as e:
+        raise HTTPException(HTTPStatus.SERVICE_UNAVAILABLE, str(e), BUSY) from None
 
 
 def _read(read: Callable[[str], T], text: str) -> T:

@@ -1,0 +1,131 @@
+"""Encodes what an index tells of a segment of the past, as it stands in Redis beside the segment's bytes.
+
+What is read there isn't trusted: whatever is malformed, or of another version, raises ValueError with a
+message of one line.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any, cast, get_args
+
+from posecast_wire.checked import loads
+from posecast_wire.messages import RobotStatus
+
+from posecast_relay.core.past.kept_segment import KeptSegment, PastEvent, PastWord, SegmentName
+from posecast_relay.core.policy.policy import Audience
+from posecast_relay.redis.messages import dump
+
+VERSION = 1
+RECORD_BYTES_MAX = 1 << 22  # a segment holds a megabyte of events at most; escaped anew they may take more
+SEGMENT_BYTES_MAX = 3 << 20
+U32_MAX, WHOLE_MAX = (1 << 32) - 1, (1 << 53) - 1
+SPAN_MS_MAX = 600_000
+LISTED_MAX = 1 << 19  # events or words: more of them do not fit into a segment
+U64 = re.compile("[0-9a-f]{16}", re.ASCII)
+SHA256 = re.compile("[0-9a-f]{64}", re.ASCII)
+WORDS = get_args(RobotStatus)
+
+
+def pack_record(segment: KeptSegment) -> bytes:
+    """Encode what an index tells of a segment, without its name's robot and view. Raises ValueError."""
+    return dump(
+        {
+            "v": VERSION,
+            "take": f"{segment.name.take:016x}",
+            "index": segment.name.index,
+            "run": f"{segment.run:016x}",
+            "from": segment.from_ms,
+            "to": segment.to_ms,
+            "frames": segment.frames,
+            "first": segment.first_seq,
+            "last": segment.last_seq,
+            "missing": segment.missing,
+            "schema": None if segment.schema is None else segment.schema.hex(),
+            "model": segment.model,
+            "bytes": segment.size,
+            "sha256": segment.sha256.hex(),
+            "events": segment.events,
+            "words": segment.words,
+            "faults": segment.faults,
+            "audiences": sorted(segment.audiences),
+        }
+    )
+
+
+def unpack_record(robot: str, view: str, data: bytes) -> KeptSegment:
+    """Read what an index tells of a segment; its bytes are elsewhere. Raises ValueError when it is none."""
+    if len(data) > RECORD_BYTES_MAX:
+        raise ValueError("record: too long")
+    doc = loads(data)
+    if not isinstance(doc, dict):
+        raise ValueError("record: no object")
+    if doc.get("v") != VERSION:
+        raise ValueError(f"record: of version {doc.get('v')!r:.20}")
+    schema, from_ms = doc.get("schema"), _whole(doc, "from", WHOLE_MAX - SPAN_MS_MAX)
+    to_ms = _whole(doc, "to", from_ms + SPAN_MS_MAX)
+    if to_ms < from_ms:
+        raise ValueError("record: it ends before it begins")
+    return KeptSegment(
+        name=SegmentName(robot, view, int(_hex(doc, "take", U64), 16), _whole(doc, "index", U32_MAX)),
+        run=int(_hex(doc, "run", U64), 16),
+        from_ms=from_ms,
+        to_ms=to_ms,
+        frames=_whole(doc, "frames", U32_MAX),
+        first_seq=_whole(doc, "first", U32_MAX),
+        last_seq=_whole(doc, "last", U32_MAX),
+        missing=_whole(doc, "missing", U32_MAX),
+        schema=None if schema is None else bytes.fromhex(_hex(doc, "schema", SHA256)),
+        model=None if doc.get("model") is None else _hex(doc, "model", SHA256),
+        data=b"",
+        sha256=bytes.fromhex(_hex(doc, "sha256", SHA256)),
+        events=tuple(PastEvent(*pair) for pair in _pairs(doc, "events", _is_event)),
+        words=tuple(PastWord(at, cast(RobotStatus, word)) for at, word in _pairs(doc, "words", _is_word)),
+        faults=_whole(doc, "faults", U32_MAX),
+        audiences=_audiences(doc),
+        elsewhere_bytes=_whole(doc, "bytes", SEGMENT_BYTES_MAX),
+    )
+
+
+def _whole(doc: dict[str, Any], name: str, most: int) -> int:
+    found = doc.get(name)
+    if type(found) is not int or not 0 <= found <= most:
+        raise ValueError(f"record: {name} is none")
+    return found
+
+
+def _hex(doc: dict[str, Any], name: str, form: re.Pattern[str]) -> str:
+    found = doc.get(name)
+    if not isinstance(found, str) or not form.fullmatch(found):
+        raise ValueError(f"record: {name} is none")
+    return found
+
+
+def _pairs(doc: dict[str, Any], name: str, is_text: Callable[[str], bool]) -> list[tuple[int, str]]:
+    found = doc.get(name)
+    if not isinstance(found, list) or len(found) > LISTED_MAX:
+        raise ValueError(f"record: {name} are none")
+    for pair in found:
+        whole = isinstance(pair, list) and len(pair) == 2 and type(pair[0]) is int
+        if not whole or not 0 <= pair[0] <= WHOLE_MAX or not isinstance(pair[1], str) or not is_text(pair[1]):
+            raise ValueError(f"record: {name} are none")
+    return [(at, text) for at, text in found]
+
+
+def _is_event(text: str) -> bool:
+    """Whether it is an event, numbered: an index writes it anew without taking it apart."""
+    doc = loads(text)
+    return isinstance(doc, dict) and type(doc.get("n")) is int and text[0] == "{" and text[-1] == "}"
+
+
+def _is_word(text: str) -> bool:
+    return text in WORDS
+
+
+def _audiences(doc: dict[str, Any]) -> frozenset[Audience]:
+    """Those that are known here: what another version calls by a new name sees nothing."""
+    found = doc.get("audiences")
+    if not isinstance(found, list):
+        raise ValueError("record: audiences are none")
+    return frozenset(audience for audience in Audience if audience.value in found)

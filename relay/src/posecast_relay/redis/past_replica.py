@@ -1,0 +1,72 @@
+"""What a gateway knows of one view's past: the records in Redis's stream, as of the last look."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+
+from posecast_relay.core.past.kept_segment import SegmentName
+from posecast_relay.core.past.memory_store import MemoryPast
+from posecast_relay.redis.past_records import unpack_record
+
+BEGINNING = b"-"
+UNBOUNDED = 1 << 62  # whoever has replicas bounds them together
+
+
+class PastReplica:
+    """A view's records, without the segments' bytes. `pass_over` is told why a record is left out."""
+
+    def __init__(self, robot: str, view: str, pass_over: Callable[[str], None]) -> None:
+        self.kept = MemoryPast(UNBOUNDED)
+        self.looked_at = float("-inf")  # seconds of the core's clock
+        self._robot = robot
+        self._view = view
+        self._pass_over = pass_over
+        self._rows: deque[tuple[bytes, SegmentName | None]] = deque()  # None: passed over
+
+    @property
+    def newest(self) -> bytes:
+        """The id after which there may be something new."""
+        return self._rows[-1][0] if self._rows else BEGINNING
+
+    @property
+    def count(self) -> int:
+        """How many records it has, with those that it passes over."""
+        return len(self._rows)
+
+    def append(self, told: Sequence[bytes]) -> bool:
+        """Append ids and records, in turn; whether there was a segment among them."""
+        found = False
+        for id_, record in zip(told[::2], told[1::2], strict=True):
+            try:
+                segment = unpack_record(self._robot, self._view, record)
+                self.kept.add(segment, 0.0)
+            except ValueError as e:
+                self._pass_over(str(e))
+                self._rows.append((id_, None))
+            else:
+                self._rows.append((id_, segment.name))
+                found = True
+        return found
+
+    def drop_before(self, oldest: bytes) -> None:
+        """Drop the records that were before this id."""
+        first = _order(oldest)
+        while self._rows and _order(self._rows[0][0]) < first:
+            _, name = self._rows.popleft()
+            if name is not None and self.kept.find(name) is not None:
+                self.kept.drop_oldest(self._robot)
+
+    def drop(self, name: SegmentName) -> None:
+        """Drop one segment, which is gone or damaged."""
+        segments = self.kept.list_segments(self._robot, self._view)
+        self.kept = MemoryPast(UNBOUNDED)
+        for segment in segments:
+            if segment.name != name:
+                self.kept.add(segment, 0.0)
+
+
+def _order(id_: bytes) -> tuple[int, int]:
+    """A stream's id as it is ordered there."""
+    ms, _, n = id_.partition(b"-")
+    return int(ms), int(n or b"0")

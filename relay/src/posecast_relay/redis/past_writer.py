@@ -1,0 +1,257 @@
+"""Writes closed segments to Redis, for gateways: on a connection of its own, beside all that is live.
+
+What waits is bounded in bytes. When Redis is slow or away the oldest of the robot that has most waiting is
+dropped, and counted: there the past of gateways has a gap.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections import Counter, deque
+from typing import NamedTuple
+
+from posecast_relay.core.histogram import Histogram
+from posecast_relay.core.past.kept_segment import OBJECT_BYTES, KeptSegment
+from posecast_relay.redis.client import Call, RedisClient, cancel_tasks
+from posecast_relay.redis.past_records import pack_record
+from posecast_relay.redis.past_scripts import (
+    DELETE,
+    ENTER,
+    EXPIRY_SPARE_MS,
+    FULL,
+    LACKS_SCHEMA,
+    WRITE,
+    WRITTEN,
+    Entry,
+    make_delete_call,
+    make_enter_call,
+    make_write_call,
+    read_entry,
+)
+
+log = logging.getLogger("posecast_relay")
+
+QUEUE_BYTES = 32 << 20
+BATCH = 64  # segments in one exchange
+BATCH_BYTES = 1 << 20  # likewise, or a single one
+TRIES = 3  # to write one batch; then it is dropped, since it may be the reason
+BACKOFF_S = (0.2, 2.0)  # the first and the longest wait after a failure
+STOP_S = 0.5  # for what waits when the process stops
+ROUNDED_UP = 1.25  # so much more memory, at most, Redis takes for bytes than they are
+SCHEMAS_MAX = 10_000  # that are known to be there
+
+
+class _Written(NamedTuple):
+    """A segment as it goes to Redis. `schema_text`: "" where it should be there already."""
+
+    segment: KeptSegment
+    entry: Entry
+    record: bytes
+    schema_text: str
+
+    def make_call(self, expiry_ms: int, schema_text: str | None = None) -> Call:
+        """Make the call that writes it."""
+        text = self.schema_text if schema_text is None else schema_text
+        return make_write_call(self.entry, self.record, self.segment.data, text, expiry_ms)
+
+
+class RedisPastWriter:
+    """Writes the segments that it is given to Redis, `bytes_max` of them at a time over all processes."""
+
+    def __init__(self, url: str, bytes_max: int) -> None:
+        self.link = RedisClient(url)
+        self.losses = 0  # times that Redis, having been there, was not any more
+        self.written = 0  # segments
+        self.dropped = 0  # segments that did not get there
+        self.passed_over = 0  # lines of the ledger that are none
+        self.bytes = 0  # that wait
+        self._bytes_max = bytes_max
+        self._window_s = 0.0
+        self._waiting: dict[str, deque[KeptSegment]] = {}  # by robot; the one whose turn it is first
+        self._sizes: Counter[str] = Counter()  # of those, by robot
+        self._schemas: dict[tuple[str, bytes], None] = {}  # by robot, the ones that were written
+        self._tries = 0
+        self._is_full = False
+        self._failed = False
+        self._trouble: str | None = "not connected yet"
+        self._wake = asyncio.Event()
+        self._task: asyncio.Task[None] | None = None
+
+    def keep(self, segment: KeptSegment) -> None:
+        """Take a segment that has just closed; returns at once."""
+        robot = segment.name.robot
+        self._waiting.setdefault(robot, deque()).append(segment)
+        self._add(robot, segment.cost_bytes)
+        while self.bytes > QUEUE_BYTES:
+            most = max(self._sizes, key=self._sizes.__getitem__)
+            self._take(most, self._waiting[most].popleft())
+            self.dropped += 1
+        self._wake.set()
+
+    def set_window(self, window_s: float) -> None:
+        """Set for how long segments are kept there, in seconds."""
+        self._window_s = window_s
+
+    def find_trouble(self) -> str | None:
+        """Return what is wrong with Redis; None when all is well."""
+        return self._trouble
+
+    def get_exchanges(self) -> tuple[Histogram, int]:
+        """Return how long exchanges with Redis took, and how often it was lost."""
+        return self.link.seconds, self.losses
+
+    def start(self) -> None:
+        """Start the writing task. Redis need not be there yet."""
+        self._task = asyncio.create_task(self._work(), name="the past to redis")
+
+    async def stop(self) -> None:
+        """Write what waits, if that is soon done, then close all connections."""
+        await cancel_tasks(self._task)
+        with contextlib.suppress(Exception):  # it was worth a try
+            async with asyncio.timeout(STOP_S):
+                while self._waiting and self._trouble is None:
+                    await self._write_batch(self._take_batch())
+        await self.link.close()
+
+    async def _work(self) -> None:
+        wait_s = BACKOFF_S[0]
+        while True:
+            batch: list[KeptSegment] = []
+            try:
+                if self._trouble is not None:
+                    await self._connect()
+                while self._waiting:
+                    batch = self._take_batch()
+                    await self._write_batch(batch)
+                    batch, self._tries, wait_s = [], 0, BACKOFF_S[0]
+                    self._note_success()
+            except Exception as e:  # whatever it was: the batch is tried again
+                await self._handle_failure(e)
+                self._put_back(batch)
+                await asyncio.sleep(wait_s)
+                wait_s = min(2 * wait_s, BACKOFF_S[1])
+                continue
+            await self._wake.wait()
+            self._wake.clear()
+
+    async def _connect(self) -> None:
+        await self.link.connect(ENTER, WRITE, DELETE)
+        self._schemas.clear()  # whatever is there
+        self._trouble = None
+
+    def _note_success(self) -> None:
+        if self._failed:
+            self._failed = False
+            self.link.forget_failures()
+            log.warning("the past: redis is back")
+
+    async def _handle_failure(self, error: Exception) -> None:
+        if why := self.link.describe_new_failure(error):
+            log.warning("the past: redis: %s; gateways' past has a gap, live goes on", why)
+        self._failed = True
+        self.losses += self._trouble is None
+        self._trouble = type(error).__name__
+        await self.link.reset()
+
+    # ---- what waits ----------------------------------------------------------
+
+    def _add(self, robot: str, size: int) -> None:
+        self.bytes += size
+        self._sizes[robot] += size
+
+    def _take(self, robot: str, segment: KeptSegment) -> None:
+        """What has just been taken from a robot's deque."""
+        self._add(robot, -segment.cost_bytes)
+        if not self._waiting[robot]:
+            del self._waiting[robot], self._sizes[robot]
+
+    def _take_batch(self) -> list[KeptSegment]:
+        """The oldest of each robot in turn."""
+        batch: list[KeptSegment] = []
+        size = 0
+        while self._waiting and len(batch) < BATCH:
+            robot = next(iter(self._waiting))
+            size += self._waiting[robot][0].cost_bytes
+            if batch and size > BATCH_BYTES:
+                break
+            segments = self._waiting.pop(robot)
+            self._waiting[robot] = segments  # the others come first now
+            segment = segments.popleft()
+            self._take(robot, segment)
+            batch.append(segment)
+        return batch
+
+    def _put_back(self, batch: list[KeptSegment]) -> None:
+        if not batch:
+            return
+        self._tries += 1
+        if self._tries >= TRIES:
+            self._tries = 0
+            self.dropped += len(batch)
+            return
+        for segment in reversed(batch):
+            robot = segment.name.robot
+            self._waiting.setdefault(robot, deque()).appendleft(segment)
+            self._add(robot, segment.cost_bytes)
+
+    # ---- to Redis --------------------------------------------------------------
+
+    async def _write_batch(self, batch: list[KeptSegment]) -> None:
+        made = [found for segment in batch if (found := self._make(segment)) is not None]
+        evicted = await self._make_room([each.entry for each in made])
+        made = [each for each in made if each.entry.name not in evicted]  # larger than all that may be there
+        expiry_ms = round(1000 * self._window_s) + EXPIRY_SPARE_MS
+        results = await self.link.run_all([each.make_call(expiry_ms) for each in made])
+        lacking = [
+            each for each, result in zip(made, results, strict=True) if result == LACKS_SCHEMA
+        ]  # it has expired meanwhile
+        again = [each.make_call(expiry_ms, each.segment.schema_text or "") for each in lacking]
+        results += await self.link.run_all(again)
+        written = sum(result == WRITTEN for result in results)
+        self.written += written
+        self.dropped += len(batch) - written
+        self._note_fullness(FULL in results)
+        for each in made:
+            if each.segment.schema is not None:
+                self._schemas[each.segment.name.robot, each.segment.schema] = None
+        while len(self._schemas) > SCHEMAS_MAX:
+            del self._schemas[next(iter(self._schemas))]
+
+    def _make(self, segment: KeptSegment) -> _Written | None:
+        """What is to be written of a segment; None where our own code fails at it, which is its end alone."""
+        try:
+            record = pack_record(segment)
+            is_known = (segment.name.robot, segment.schema) in self._schemas
+            text = "" if is_known else segment.schema_text or ""
+            size = OBJECT_BYTES + round(ROUNDED_UP * (len(segment.data) + len(record) + len(text)))
+            schema = "-" if segment.schema is None else segment.schema.hex()
+            return _Written(segment, Entry(segment.name, schema, size), record, text)
+        except Exception as e:
+            log.error("the past to redis: %s/%s", segment.name.robot, segment.name.view, exc_info=e)
+            return None
+
+    async def _make_room(self, entries: list[Entry]) -> set[object]:
+        """Enter these into the ledger, and delete what that gives up. Returns the names of that."""
+        gone: set[object] = set()
+        fits = False
+        while not fits:
+            script, keys, args = make_enter_call(entries, self._window_s, self._bytes_max)
+            told = await self.link.run(script, keys, *args)
+            fits = bool(told[0]) or len(told) == 1
+            evicted: list[Entry] = []
+            for robot, line in zip(told[1::2], told[2::2], strict=True):
+                try:
+                    evicted.append(read_entry(robot, line))
+                except ValueError:
+                    self.passed_over += 1  # somebody else wrote it
+            gone.update(entry.name for entry in evicted)
+            entries = [entry for entry in entries if entry.name not in gone]
+            await self.link.run_all([make_delete_call(entry) for entry in evicted])
+        return gone
+
+    def _note_fullness(self, is_full: bool) -> None:
+        if is_full and not self._is_full:
+            log.warning("the past: redis is near its maxmemory: nothing is added, live goes on")
+        self._is_full = is_full

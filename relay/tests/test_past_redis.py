@@ -1,0 +1,344 @@
+"""Gateways answer of the past as the relay that recorded it, and are never its harm."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+from typing import Any
+
+import pytest
+from posecast_relay.core.past.kept_segment import KeptSegment, PastEvent
+from posecast_relay.core.policy.policy import Audience, Rule
+from posecast_relay.http.past import key_pages, routes
+from posecast_relay.redis import past_reader, past_writer
+from posecast_relay.redis.client import TIMEOUT_S
+from posecast_relay.redis.past_scripts import Entry, make_delete_call, segment_key, stream_key
+
+from .past_doors import DAY, PAGE, PAGE_MS, SCHEMA, SCHEMA_HASH, TAKE, address_of, link, make_kept
+from .past_redis import running, until
+from .redis_server import Redis
+
+A, S, L = Audience.ANYONE, Audience.SIGNED_IN, Audience.LINK
+RULES = {
+    "r": {A: Rule(delay_s=5.0, past_s=600.0), S: Rule(), L: Rule("lab", past_s=60.0)},
+    "open": {A: Rule()},
+}
+SECOND = 0xB  # a take
+
+
+def events(count: int, size: int) -> tuple[PastEvent, ...]:
+    """Some of them, long ones."""
+    texts = (json.dumps({"type": "event", "text": f"{n}" * size, "n": n}) for n in range(1, count + 1))
+    return tuple(PastEvent(PAGE_MS + n, text) for n, text in enumerate(texts))
+
+
+async def test_a_gateway_answers_as_the_relay_that_recorded(
+    redis_server: Redis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(routes, "HOLD_S", 0.02)
+    async with running(redis_server, RULES) as fleet:
+        kept = []
+        for index in range(8):
+            fleet.ingest.unix_ms = PAGE_MS + 4000 * (index + 1)
+            dark: dict[str, Any] = {"audiences": frozenset({L})} if index in (2, 5) else {}
+            place = {"take": TAKE, "index": index} if index < 6 else {"take": SECOND, "index": index - 6}
+            kept.append(await fleet.keep(place["index"], take=place["take"], **dark))
+            fleet.ingest.keep(index, view="lab", words=(), events=events(3, 2000))
+            fleet.ingest.keep(index, robot="open", model="ab" * 32)
+        await fleet.written()
+        paths = ["", f"public/{DAY}", f"public/{PAGE}", f"public/{PAGE}?after={TAKE:016x},2", "lab/" + PAGE]
+        paths += [f"public/{PAGE}/keys", f"public/{PAGE}/keys?every=3", "lab/" + PAGE + "/keys", "?view=lab"]
+        paths += [f"{view}/schema/{SCHEMA_HASH.hex()}" for view in ("public", "lab")]
+        paths += [f"public/schema/{'0' * 64}", f"public/{TAKE:016x}/77", f"public/{3:016x}/0"]
+        paths += [address_of(segment) for segment in kept] + [f"lab/{TAKE:016x}/0"]
+        paths += ["/open/past", f"/open/past/public/{PAGE}", f"/open/past/public/{TAKE:016x}/4"]
+        statuses = set()
+        for later_ms in (0, 4500, 60_000, 700_000):
+            fleet.ingest.unix_ms = PAGE_MS + 32_000 + later_ms
+            for token in (None, "somebody", link("r")):
+                for path in paths:
+                    first, *others = await fleet.ask(path, token)
+                    statuses.add(first.status_code)
+                    for other in others:
+                        assert other.status_code == first.status_code, (path, token, later_ms)
+                        assert other.content == first.content, (path, token, later_ms)
+                        names = ("etag", "cache-control", "content-type", "retry-ms")
+                        assert [other.headers.get(n) for n in names] == [first.headers.get(n) for n in names]
+        assert statuses == {200, 204, 403, 404}
+        (answer, *_) = await fleet.ask(address_of(kept[0]), "somebody")
+        assert answer.content == kept[0].data
+        for answer in await fleet.ask(address_of(kept[2]), "somebody"):  # withheld whole
+            assert answer.json() == {"next": {"take": f"{TAKE:016x}", "index": 3}}
+        assert [reader.passed_over for reader in fleet.readers] == [0, 0]
+
+
+async def test_a_blackout_closes_it_at_a_gateway(redis_server: Redis) -> None:
+    async with running(redis_server, {"r": {A: Rule()}}) as fleet:
+        segment = await fleet.keep(0)
+        assert (await fleet.ask_gateway(address_of(segment))).content == segment.data
+        fleet.gateways[0].allow({"r": {A: Rule(blackout=True)}})
+        assert (await fleet.ask_gateway(address_of(segment))).status_code == 404
+
+
+async def test_a_request_that_is_held_at_a_gateway_wakes(redis_server: Redis) -> None:
+    async with running(redis_server, None) as fleet:
+        first = await fleet.keep(0, PAGE_MS)
+        fleet.ingest.unix_ms = PAGE_MS + 10_000
+        for gateway in fleet.gateways:
+            gateway.unix_ms = fleet.ingest.unix_ms
+        path = f"public/{TAKE:016x}/1"
+        held = [asyncio.create_task(gateway.ask(path)) for gateway in fleet.gateways for _ in range(10)]
+        for gateway in fleet.gateways:
+            await gateway.until_held(10)
+        segment = await fleet.keep(1, PAGE_MS + 4000)
+        for answer in await asyncio.wait_for(asyncio.gather(*held), 5):
+            assert (answer.status_code, answer.content) == (200, segment.data)
+        assert first.data != segment.data
+
+
+async def test_takes_of_two_ingests_merge(redis_server: Redis) -> None:
+    async with running(redis_server, None) as fleet, running(redis_server, None) as standby:
+        for n in range(4):
+            for each, take in ((fleet, TAKE), (standby, SECOND)):
+                each.ingest.unix_ms = PAGE_MS + 4000 * (n + 1)
+                await each.keep(n, take=take)
+        # the first one has ended; the standby goes on
+        last = await standby.keep(4, PAGE_MS + 16_000, take=SECOND)
+        fleet.ingest.unix_ms = PAGE_MS + 20_000
+        page = (await fleet.ask_gateway(f"public/{PAGE}")).json()
+        assert len(page["segments"]) == 9
+        answer = await fleet.ask_gateway(f"public/{TAKE:016x}/4")
+        assert answer.json() == {"next": {"take": f"{SECOND:016x}", "index": 3}}
+        assert (await fleet.ask_gateway(address_of(last))).content == last.data
+
+
+async def test_the_bound_holds_and_who_has_most_loses_the_oldest(redis_server: Redis) -> None:
+    bytes_max = 400_000
+    async with running(redis_server, None, bytes_max) as fleet:
+        live = {f"posecast:{{r}}:live{n}": b"x" * 1000 for n in range(50)}
+        for key, value in live.items():
+            fleet.client.set(key, value, ex=3600)
+        modest = [await fleet.keep(n, PAGE_MS + 4000 * n, robot="modest") for n in range(5)]
+        flood = []
+        for n in range(200):
+            more: dict[str, Any] = {"schema": bytes([n]) * 32, "schema_text": f"{n:05}" * 100}
+            segment = make_kept(n, PAGE_MS + 4000 * n, robot="flood", events=events(2, 2000), **more)
+            fleet.ingest.past.add(segment, 0.0)
+            flood.append(segment)
+            if n % 20 == 0:
+                await fleet.written()
+        await fleet.written()
+        assert fleet.writer.dropped == 0
+        sums = fleet.client.hgetall("posecast:{-}:past")
+        assert bytes_max * 0.9 < int(sums[b""]) <= bytes_max
+        assert int(sums[b""]) == int(sums[b"flood"]) + int(sums[b"modest"])
+        takes = sum(fleet.client.memory_usage(key, samples=0) for key in fleet.client.keys("posecast:*past*"))
+        assert takes <= bytes_max
+        assert {key: fleet.client.get(key) for key in live} == live
+        fleet.ingest.unix_ms = PAGE_MS + 900_000
+        for segment in modest:
+            answer = await fleet.ask_gateway(f"/modest/past/{address_of(segment)}")
+            assert answer.content == segment.data
+        shown = [await fleet.ask_gateway(f"/flood/past/{address_of(each)}") for each in flood]
+        left = [n for n, answer in enumerate(shown) if answer.content == flood[n].data]
+        assert left == list(range(200 - len(left), 200))
+        assert 10 < len(left) < 150
+        # and nothing of the others is there
+        assert len(fleet.list_keys()) == 2 + len(modest) + 1 + 2 * len(left)
+        assert fleet.client.xlen(stream_key("flood", "public")) == len(left)
+
+
+async def test_near_its_maxmemory_nothing_is_added(
+    redis_server: Redis, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with running(redis_server, None) as fleet:
+        first = await fleet.keep(0, PAGE_MS)
+        fleet.client.set("posecast:{r}:public:state", b"live" * 1000, ex=3600)
+        used = fleet.client.info("memory")["used_memory"]
+        fleet.client.config_set("maxmemory-policy", "volatile-lru")
+        fleet.client.config_set("maxmemory", round(used / 0.8))
+        for n in (1, 2):
+            await fleet.keep(n, PAGE_MS + 4000 * n)
+        assert (fleet.writer.written, fleet.writer.dropped) == (1, 2)
+        assert fleet.client.exists("posecast:{r}:public:state") == 1
+        assert sum("maxmemory" in line for line in caplog.messages) == 1
+        fleet.client.config_set("maxmemory", 0)
+        third = await fleet.keep(3, PAGE_MS + 12_000)
+        fleet.ingest.unix_ms = PAGE_MS + 60_000
+        for segment in (first, third):
+            assert (await fleet.ask_gateway(address_of(segment))).content == segment.data
+
+
+async def test_what_is_deleted_in_redis_is_gone_at_gateways_at_once(redis_server: Redis) -> None:
+    async with running(redis_server, None) as fleet:
+        segments = [await fleet.keep(n, PAGE_MS + 4000 * n) for n in range(4)]
+        fleet.ingest.unix_ms = PAGE_MS + 60_000
+        for segment in segments:
+            assert (await fleet.ask_gateway(address_of(segment))).content == segment.data
+        name = segments[1].name
+        await fleet.writer.link.run(*_flat(Entry(name, SCHEMA_HASH.hex(), 0)))
+        answer = await fleet.ask_gateway(address_of(segments[1]))
+        assert answer.json() == {"next": {"take": f"{TAKE:016x}", "index": 2}}
+        page = (await fleet.ask_gateway(f"public/{PAGE}")).json()
+        assert [each["index"] for each in page["segments"]] == [0, 2, 3]
+        fleet.client.flushall()
+        assert (await fleet.ask_gateway(address_of(segments[0]))).status_code == 404
+        assert (await fleet.ask_gateway(f"public/schema/{SCHEMA_HASH.hex()}")).status_code == 404
+
+
+def _flat(entry: Entry) -> tuple[str, list[str]]:
+    script, keys, _ = make_delete_call(entry)
+    return script, list(keys)
+
+
+async def test_what_is_damaged_or_of_another_version_is_passed_over_in_one_line(
+    redis_server: Redis, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.WARNING)
+    async with running(redis_server, None) as fleet:
+        stream = stream_key("r", "public")
+        first = await fleet.keep(0, PAGE_MS)
+        (_, fields) = fleet.client.xrange(stream)[0]
+        old = json.loads(fields[b"record"]) | {"v": 0, "take": "f" * 16}
+        for record in (json.dumps(old), b"\xff", "{}", fields[b"record"]):
+            fleet.client.xadd(stream, {"record": record})
+        second = await fleet.keep(1, PAGE_MS + 4000)
+        third = await fleet.keep(2, PAGE_MS + 8000)
+        fleet.client.hset(segment_key(second.name), "data", second.data[:-1] + b"\x00")
+        fleet.ingest.unix_ms = PAGE_MS + 60_000
+        page = (await fleet.ask_gateway(f"public/{PAGE}")).json()
+        assert [each["index"] for each in page["segments"]] == [0, 1, 2]
+        answer = await fleet.ask_gateway(address_of(second))
+        assert answer.json() == {"next": {"take": f"{TAKE:016x}", "index": 2}}
+        keys = await fleet.ask_gateway(f"public/{PAGE}/keys")
+        assert keys.status_code == 200
+        for segment in (first, third):
+            assert (await fleet.ask_gateway(address_of(segment))).content == segment.data
+        assert sum("passed over" in line for line in caplog.messages) == 1
+        # keys of another type, and a ledger that somebody else has written into
+        for key in fleet.client.keys("posecast:*past*"):
+            fleet.client.delete(key)
+            fleet.client.set(key, "nonsense")
+        assert (await fleet.ask_gateway(address_of(first))).status_code == 404
+        again = await fleet.keep(3, PAGE_MS + 12_000)
+        assert (await fleet.ask_gateway(address_of(again))).content == again.data
+        assert fleet.writer.dropped == 0
+
+
+async def test_a_dead_redis_is_said_at_once_and_comes_back(redis_server: Redis) -> None:
+    async with running(redis_server, None) as fleet:
+        first = await fleet.keep(0, PAGE_MS)
+        fleet.ingest.unix_ms = PAGE_MS + 10_000
+        for gateway in fleet.gateways:
+            gateway.unix_ms = fleet.ingest.unix_ms
+        assert (await fleet.ask_gateway(address_of(first))).status_code == 200
+        held = asyncio.create_task(fleet.gateways[0].ask(f"public/{TAKE:016x}/1"))
+        await fleet.gateways[0].until_held(1)
+        redis_server.kill()
+        answer = await asyncio.wait_for(held, 5)  # a held one, too
+        for refused in (answer, await fleet.ask_gateway(address_of(first)), await fleet.ask_gateway("")):
+            assert refused.status_code == 503
+            assert refused.headers["retry-after"] == "1"
+            assert refused.headers["cache-control"] == "private, no-store"
+            assert refused.json()["error"] == past_reader.AWAY
+        assert fleet.readers[0].losses == 1
+        assert await fleet.ingest.ask(address_of(first))  # where it was recorded nobody notices
+        fleet.ingest.keep(1, PAGE_MS + 4000)
+        redis_server.start()
+        await fleet.written()
+        await until("it is back", lambda: fleet.readers[0].find_trouble() is None)
+        ended = await fleet.ask_gateway(address_of(first))  # with Redis
+        assert ended.json() == {"next": {"take": f"{TAKE:016x}", "index": 1}}
+        second = await fleet.keep(2, PAGE_MS + 8000)
+        fleet.ingest.unix_ms = PAGE_MS + 20_000
+        assert (await fleet.ask_gateway(address_of(second))).content == second.data
+        schema = await fleet.ask_gateway(f"public/schema/{SCHEMA_HASH.hex()}")
+        assert schema.text == SCHEMA.text
+
+
+async def test_a_frozen_redis_holds_nobody_up(redis_server: Redis, monkeypatch: pytest.MonkeyPatch) -> None:
+    async with running(redis_server, None) as fleet:
+        await fleet.keep(0, PAGE_MS)
+        redis_server.freeze()
+        loop = asyncio.get_running_loop()
+        began_at = loop.time()
+        answers = await asyncio.gather(*(fleet.gateways[0].ask("") for _ in range(30)))
+        assert {answer.status_code for answer in answers} == {503}
+        assert loop.time() - began_at < TIMEOUT_S + 1.0
+        # what waits is bounded: the oldest of who has most goes
+        monkeypatch.setattr(past_writer, "QUEUE_BYTES", 60_000)
+        for n in range(1, 60):
+            fleet.ingest.keep(n, PAGE_MS + 4000 * n, robot="flood")
+        fleet.ingest.keep(0, PAGE_MS, robot="modest")
+        assert fleet.writer.bytes <= 60_000
+        assert fleet.writer.dropped > 10
+        redis_server.thaw()
+        await until("all is written", lambda: fleet.writer.bytes == 0 and fleet.writer.written > 5)
+        await until("it is back", lambda: fleet.readers[0].find_trouble() is None)
+        fleet.ingest.unix_ms = PAGE_MS + 300_000
+        assert (await fleet.ask_gateway("/modest/past")).json()["newest"]["index"] == 0
+        assert (await fleet.ask_gateway("/flood/past")).json()["newest"]["index"] == 59
+
+
+async def test_what_fails_at_one_robot_is_no_other_robots(
+    redis_server: Redis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Injected(Exception):
+        pass
+
+    async with running(redis_server, None) as fleet:
+        pack = past_writer.pack_record
+
+        def failing_pack(segment: KeptSegment) -> bytes:
+            if segment.name.robot == "hurt":
+                raise Injected
+            return pack(segment)
+
+        monkeypatch.setattr(past_writer, "pack_record", failing_pack)
+        fleet.ingest.keep(0, PAGE_MS, robot="hurt")
+        other = await fleet.keep(0, PAGE_MS, robot="other")
+        assert (fleet.writer.written, fleet.writer.dropped) == (1, 1)
+        look = fleet.readers[0]._look
+
+        async def failing_look(robot: str, view: str) -> None:
+            if robot == "hurt":
+                raise Injected
+            await look(robot, view)
+
+        monkeypatch.setattr(fleet.readers[0], "_look", failing_look)
+        fleet.readers[0].follow(lambda: [("hurt", "public"), ("other", "public")], lambda _robot, _view: None)
+        await until("it has failed", lambda: fleet.readers[0].passed_over > 0)
+        fleet.ingest.unix_ms = PAGE_MS + 10_000
+        assert (await fleet.ask_gateway(f"/other/past/{address_of(other)}")).content == other.data
+        assert fleet.readers[0].losses == 0
+
+
+async def test_pages_of_keys_are_read_in_parts_and_hold_fewer_poses_where_it_is_much(
+    redis_server: Redis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with running(redis_server, None) as fleet:
+        size = 0
+        for n in range(16):
+            size = len((await fleet.keep(n, PAGE_MS + 4000 * n)).data)
+        fleet.ingest.unix_ms = PAGE_MS + 300_000
+        monkeypatch.setattr(key_pages, "LOADED_BYTES", 3 * size)
+        monkeypatch.setattr(key_pages, "LOADED_BYTES_MAX", 9 * size)
+        half = await fleet.ingest.ask(f"public/{PAGE}/keys?every=2")
+        whole, *answers = await fleet.ask(f"public/{PAGE}/keys")
+        assert len(whole.content) > len(half.content)
+        assert [answer.content == half.content for answer in answers] == [True, True]
+
+
+async def test_a_segment_expires_with_the_window(redis_server: Redis) -> None:
+    async with running(redis_server, None) as fleet:
+        await fleet.keep(0, PAGE_MS)
+        left_ms = {key: fleet.client.pttl(key) for key in fleet.client.keys("posecast:*past*")}
+        assert len(left_ms) == 5
+        assert all(1_700_000 < ms <= 2 * 1_860_000 for ms in left_ms.values()), left_ms
+        # the ledger forgets what is older, and has it deleted
+        fleet.writer.set_window(0.01)
+        await asyncio.sleep(0.02)
+        second = await fleet.keep(1, PAGE_MS + 4000)
+        assert fleet.client.exists(segment_key(second.name)) == 1
+        assert len([key for key in fleet.list_keys() if ":past:" in key and "schema" not in key]) == 1
