@@ -26,10 +26,12 @@ from posecast_relay.http.past.address import (
     write_day,
     write_minute,
 )
+from posecast_relay.http.past.documents import make_page
 from posecast_relay.http.thumbnails import Thumbnails
 from posecast_relay.models.cache import Absent, ModelCache, Unavailable
 from posecast_relay.models.picture import PICTURE_TYPES, SIDE_PX_MAX, PictureError, read_picture_size
 from posecast_relay.redis.messages import pack, unpack, unpack_state
+from posecast_relay.redis.past_records import pack_record, unpack_record
 from posecast_relay.streaming.request import BadRequest, NoSuchStream, read_bearer, read_target
 from posecast_wire import Snapshot
 
@@ -91,6 +93,14 @@ def state(data: bytes) -> None:
     entries = [entry.partition(b"=") for entry in data.split(b"\0")]
     found = unpack_state({name: value for name, _, value in entries})
     found.snapshot.pack()
+
+
+def past_record(data: bytes) -> None:
+    """What is taken can be packed, and is then the same; an index of it is JSON."""
+    found = unpack_record("r", "public", data)
+    if pack_record(unpack_record("r", "public", pack_record(found))) != pack_record(found):
+        raise Differs("packed it is another")
+    json.loads(make_page("public", PastSpan(0, 600_000), [found]))
 
 
 def request(data: bytes) -> None:
@@ -210,6 +220,7 @@ TARGETS = (
     Target("absorbed", absorbed, (ValueError,), stretched=1 << 18, corpus="snapshot"),
     Target("relayed", relayed, (ValueError,), stretched=1 << 18),
     Target("relayed-state", state, (ValueError,), stretched=1 << 18),
+    Target("past-record", past_record, (ValueError,), stretched=1 << 18),
     Target("request", request, (BadRequest, NoSuchStream)),
     Target("past-address", past_address, (AddressError,)),
     Target("headers", headers),

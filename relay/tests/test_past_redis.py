@@ -13,6 +13,7 @@ from posecast_relay.core.policy.policy import Audience, Rule
 from posecast_relay.http.past import key_pages, routes
 from posecast_relay.redis import past_reader, past_writer
 from posecast_relay.redis.client import TIMEOUT_S
+from posecast_relay.redis.past_records import pack_record
 from posecast_relay.redis.past_scripts import Entry, make_delete_call, segment_key, stream_key
 
 from .past_doors import DAY, PAGE, PAGE_MS, SCHEMA, SCHEMA_HASH, TAKE, address_of, link, make_kept
@@ -288,12 +289,11 @@ async def test_what_fails_at_one_robot_is_no_other_robots(
         pass
 
     async with running(redis_server, None) as fleet:
-        pack = past_writer.pack_record
 
         def failing_pack(segment: KeptSegment) -> bytes:
             if segment.name.robot == "hurt":
                 raise Injected
-            return pack(segment)
+            return pack_record(segment)
 
         monkeypatch.setattr(past_writer, "pack_record", failing_pack)
         fleet.ingest.keep(0, PAGE_MS, robot="hurt")

@@ -127,6 +127,9 @@ class RedisPastWriter:
                     await self._write_batch(batch)
                     batch, self._tries, wait_s = [], 0, BACKOFF_S[0]
                     self._note_success()
+            except asyncio.CancelledError:  # `stop` writes what waits
+                self._put_back(batch)
+                raise
             except Exception as e:  # whatever it was: the batch is tried again
                 await self._handle_failure(e)
                 self._put_back(batch)

@@ -64,8 +64,10 @@ class PastServices:
                 self.writer.set_window(window_s)
             await asyncio.sleep(FORGET_EVERY_S)
 
-    async def stop(self) -> None:
-        """Close the way to Redis."""
+    async def stop(self, now: float) -> None:
+        """Close the open segments, and the way to Redis behind them."""
+        if self.recorder is not None:
+            self.recorder.close_all(now)
         if self.way is not None:
             await self.way.stop()
 

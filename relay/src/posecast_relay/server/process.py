@@ -284,7 +284,7 @@ def _beside(
 
 async def _stop(services: RoleServices, past: PastServices | None) -> None:
     if past is not None:
-        await past.stop()
+        await past.stop(Dispatcher.now())
     await services.stop()
 
 
