@@ -10,6 +10,7 @@ import pytest
 from posecast_relay.core.policy.policy import Audience, Policy, Rule
 from posecast_relay.http.past import routes
 from posecast_relay.http.past.held_requests import HELD_MAX, HeldRequests
+from posecast_relay.redis.gateway import GRACE_S
 
 from .past_doors import PAGE_MS, TAKE, PastDoors, address_of, link
 
@@ -39,6 +40,21 @@ async def test_the_next_one_is_held_until_it_is_there(doors: PastDoors) -> None:
         assert (answer.status_code, answer.content) == (200, segment.data)
         assert answer.headers["cache-control"] == "public, max-age=1794"
     assert doors.desk.held.count == 0
+
+
+async def test_who_asks_keeps_a_gateway_listening_to_that_robot(
+    doors: PastDoors, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert routes.HOLD_S < GRACE_S
+    monkeypatch.setattr(routes, "HOLD_S", 0.02)
+    opened: list[str] = []
+
+    async def open_robot(robot: str) -> None:
+        opened.append(robot)
+
+    monkeypatch.setattr(doors.access.live, "open_robot", open_robot)
+    assert (await doors.ask(NEXT)).status_code == 204
+    assert opened == ["r", "r"]  # before it was held, and after
 
 
 async def test_when_a_take_is_over_the_next_one_is_named(doors: PastDoors) -> None:

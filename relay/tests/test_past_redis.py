@@ -14,7 +14,7 @@ from posecast_relay.http.past import key_pages, routes
 from posecast_relay.redis import past_reader, past_writer
 from posecast_relay.redis.client import TIMEOUT_S
 from posecast_relay.redis.past_records import pack_record
-from posecast_relay.redis.past_scripts import Entry, make_delete_call, segment_key, stream_key
+from posecast_relay.redis.past_scripts import Entry, make_delete_call, schema_key, segment_key, stream_key
 
 from .past_doors import DAY, PAGE, PAGE_MS, SCHEMA, SCHEMA_HASH, TAKE, address_of, link, make_kept
 from .past_redis import running, until
@@ -267,6 +267,12 @@ async def test_a_frozen_redis_holds_nobody_up(redis_server: Redis, monkeypatch: 
         answers = await asyncio.gather(*(fleet.gateways[0].ask("") for _ in range(30)))
         assert {answer.status_code for answer in answers} == {503}
         assert loop.time() - began_at < TIMEOUT_S + 1.0
+        asked: list[object] = []
+        with monkeypatch.context() as patch:  # and Redis is not asked again for each of them
+            patch.setattr(fleet.readers[0], "_exchange", asked.append)
+            for path in ("", f"public/{PAGE}", f"public/{TAKE:016x}/0"):
+                assert (await fleet.ask_gateway(path)).status_code == 503
+        assert asked == []
         # what waits is bounded: the oldest of who has most goes
         monkeypatch.setattr(past_writer, "QUEUE_BYTES", 60_000)
         for n in range(1, 60):
@@ -280,6 +286,43 @@ async def test_a_frozen_redis_holds_nobody_up(redis_server: Redis, monkeypatch: 
         fleet.ingest.unix_ms = PAGE_MS + 300_000
         assert (await fleet.ask_gateway("/modest/past")).json()["newest"]["index"] == 0
         assert (await fleet.ask_gateway("/flood/past")).json()["newest"]["index"] == 59
+
+
+async def test_a_batch_whose_answer_was_lost_is_written_again_and_does_no_harm(
+    redis_server: Redis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with running(redis_server, None) as fleet:
+        run_all = fleet.writer.link.run_all
+        lost: list[object] = []
+
+        async def lose_one(calls: list[Any]) -> list[Any]:
+            results = await run_all(calls)
+            if calls and not lost:
+                lost.append(results)
+                raise TimeoutError
+            return results
+
+        monkeypatch.setattr(fleet.writer.link, "run_all", lose_one)
+        segment = await fleet.keep(0, PAGE_MS)
+        assert len(lost) == 1
+        assert (fleet.writer.written, fleet.writer.dropped, fleet.writer.losses) == (1, 0, 1)
+        assert fleet.client.xlen(stream_key("r", "public")) == 1
+        assert fleet.client.hget(schema_key("r", SCHEMA_HASH.hex()), "named") == b"1"
+        sums = fleet.client.hgetall("posecast:{-}:past")
+        assert sums[b"r"] == sums[b""]
+        assert int(sums[b""]) < 2 * segment.cost_bytes + 2 * len(SCHEMA.text)
+        # what never can be written is given up, and what comes after it is written
+
+        async def lose_each(calls: list[Any]) -> list[Any]:
+            lost.clear()
+            return await lose_one(calls)
+
+        monkeypatch.setattr(fleet.writer.link, "run_all", lose_each)
+        await fleet.keep(1, PAGE_MS + 4000)
+        assert (fleet.writer.written, fleet.writer.dropped) == (1, 1)
+        monkeypatch.setattr(fleet.writer.link, "run_all", run_all)
+        await fleet.keep(2, PAGE_MS + 8000)
+        assert fleet.writer.written == 2
 
 
 async def test_what_fails_at_one_robot_is_no_other_robots(
