@@ -15,6 +15,7 @@ from posecast_relay.redis.past_scripts import LEDGER
 from posecast_relay.redis.past_writer import RedisPastWriter
 
 from .past_doors import PastDoors, Rules
+from .redis_cluster import Cluster
 from .redis_server import Redis
 
 WINDOW_S = 1800.0
@@ -33,9 +34,12 @@ async def until(what: str, probe: Callable[[], object], deadline_s: float = 10.0
 class PastFleet:
     """`ingest` keeps in memory and hands on to Redis; `gateways` read there, anew whenever they are asked."""
 
-    def __init__(self, server: Redis, rules: Rules | None, bytes_max: int = BYTES_MAX) -> None:
-        self.server = server
-        self.client: Any = redis.Redis.from_url(server.url)
+    def __init__(self, server: Redis | Cluster, rules: Rules | None, bytes_max: int = BYTES_MAX) -> None:
+        url = server.url.removeprefix("redis+cluster")
+        is_cluster = url != server.url
+        self.client: Any = (
+            redis.RedisCluster.from_url(f"redis{url}") if is_cluster else redis.Redis.from_url(url)
+        )
         self.ingest = PastDoors(rules)
         self.writer = RedisPastWriter(server.url, bytes_max)
         self.writer.set_window(WINDOW_S)
@@ -86,7 +90,9 @@ class PastFleet:
 
 
 @asynccontextmanager
-async def running(server: Redis, rules: Rules | None, bytes_max: int = BYTES_MAX) -> AsyncIterator[PastFleet]:
+async def running(
+    server: Redis | Cluster, rules: Rules | None, bytes_max: int = BYTES_MAX
+) -> AsyncIterator[PastFleet]:
     """All of it, until the end of the block."""
     fleet = PastFleet(server, rules, bytes_max)
     for way in fleet.ways:

@@ -28,7 +28,8 @@ T = TypeVar("T")
 log = logging.getLogger("posecast_relay")
 
 FRESH_S = 0.2  # what is known of a view is this old at most, when it is asked for
-POLL_S = 0.2  # between two looks at the views of which something new is waited for
+POLL_S = 0.2  # between two looks at the views of which something new is waited for, and more for many
+POLL_EACH_S = 0.002  # of them
 RETRY_S = 0.2  # while Redis is gone
 AT_ONCE = 16  # exchanges
 TURN_S = 1.0  # to wait for one's turn among these
@@ -175,11 +176,13 @@ class RedisPast:
     # ---- the connection --------------------------------------------------------------
 
     async def _work(self) -> None:
+        waiting: list[tuple[str, str]] = []
         while True:
             try:
                 if self._trouble is not None:
                     await self._connect()
-                await asyncio.gather(*(self._look_again(*key) for key in self._list_waiting()))
+                waiting = list(self._list_waiting())
+                await asyncio.gather(*(self._look_again(*key) for key in waiting))
             except Exception as e:  # whatever it was: it is begun anew
                 self._lose(e)
             if self._trouble is not None:
@@ -189,7 +192,7 @@ class RedisPast:
                 await asyncio.sleep(RETRY_S)
                 continue
             with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(POLL_S):
+                async with asyncio.timeout(max(POLL_S, POLL_EACH_S * len(waiting))):
                     await self._lost.wait()
 
     async def _connect(self) -> None:
@@ -276,9 +279,11 @@ class RedisPast:
                 replica = PastReplica(robot, view, partial(self._pass_over, robot))
                 is_whole = True
         replica.looked_at = began_at
+        is_grown = is_new or key not in self._views
         self._views[key] = replica
         self._views.move_to_end(key)
-        self._make_room()
+        if is_grown:
+            self._make_room()
         if self._failed:
             self._failed = False
             self.link.forget_failures()

@@ -1,6 +1,6 @@
 """Writes closed segments to Redis, for gateways: on a connection of its own, beside all that is live.
 
-What waits is bounded in bytes. When Redis is slow or away the oldest of the robot that has most waiting is
+What waits is bounded in bytes. When Redis is slow or away the oldest of the robots that have most waiting is
 dropped, and counted: there the past of gateways has a gap.
 """
 
@@ -84,10 +84,8 @@ class RedisPastWriter:
         robot = segment.name.robot
         self._waiting.setdefault(robot, deque()).append(segment)
         self._add(robot, segment.cost_bytes)
-        while self.bytes > QUEUE_BYTES:
-            most = max(self._sizes, key=self._sizes.__getitem__)
-            self._take(most, self._waiting[most].popleft())
-            self.dropped += 1
+        if self.bytes > QUEUE_BYTES:
+            self._shed()
         self._wake.set()
 
     def set_window(self, window_s: float) -> None:
@@ -169,6 +167,15 @@ class RedisPastWriter:
         self._add(robot, -segment.cost_bytes)
         if not self._waiting[robot]:
             del self._waiting[robot], self._sizes[robot]
+
+    def _shed(self) -> None:
+        """Drop the oldest of the robots that have more than their share waiting, until an eighth is free."""
+        aim = QUEUE_BYTES - QUEUE_BYTES // 8
+        share = aim // len(self._waiting)
+        for robot in sorted(self._sizes, key=self._sizes.__getitem__, reverse=True):
+            while self.bytes > aim and self._sizes.get(robot, 0) > share:
+                self._take(robot, self._waiting[robot].popleft())
+                self.dropped += 1
 
     def _take_batch(self) -> list[KeptSegment]:
         """The oldest of each robot in turn."""
