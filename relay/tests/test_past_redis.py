@@ -14,7 +14,13 @@ from posecast_relay.http.past import key_pages, routes
 from posecast_relay.redis import past_reader, past_writer
 from posecast_relay.redis.client import TIMEOUT_S
 from posecast_relay.redis.past_records import pack_record
-from posecast_relay.redis.past_scripts import Entry, make_delete_call, schema_key, segment_key, stream_key
+from posecast_relay.redis.past_scripts import (
+    LedgerEntry,
+    make_delete_call,
+    schema_key,
+    segment_key,
+    stream_key,
+)
 
 from .past_doors import DAY, PAGE, PAGE_MS, SCHEMA, SCHEMA_HASH, TAKE, address_of, link, make_kept
 from .past_redis import running, until
@@ -178,7 +184,7 @@ async def test_what_is_deleted_in_redis_is_gone_at_gateways_at_once(redis_server
         for segment in segments:
             assert (await fleet.ask_gateway(address_of(segment))).content == segment.data
         name = segments[1].name
-        await fleet.writer.link.run(*_flat(Entry(name, SCHEMA_HASH.hex(), 0)))
+        await fleet.writer.link.run(*_flat(LedgerEntry(name, SCHEMA_HASH.hex(), 0)))
         answer = await fleet.ask_gateway(address_of(segments[1]))
         assert answer.json() == {"next": {"take": f"{TAKE:016x}", "index": 2}}
         page = (await fleet.ask_gateway(f"public/{PAGE}")).json()
@@ -188,7 +194,7 @@ async def test_what_is_deleted_in_redis_is_gone_at_gateways_at_once(redis_server
         assert (await fleet.ask_gateway(f"public/schema/{SCHEMA_HASH.hex()}")).status_code == 404
 
 
-def _flat(entry: Entry) -> tuple[str, list[str]]:
+def _flat(entry: LedgerEntry) -> tuple[str, list[str]]:
     script, keys, _ = make_delete_call(entry)
     return script, list(keys)
 

@@ -29,7 +29,7 @@ LOOK_BYTES = 1 << 20  # of records in one answer, or a single one
 LEDGER = "posecast:{-}:past"
 
 
-class Entry(NamedTuple):
+class LedgerEntry(NamedTuple):
     """A line of the ledger. `schema`: SHA-256, hexadecimal, or `-`; `bytes`: what it takes in Redis."""
 
     name: SegmentName
@@ -52,7 +52,7 @@ def schema_key(robot: str, schema: str) -> str:
     return f"posecast:{{{robot}}}:past:schema:{schema}"
 
 
-def make_enter_call(entries: list[Entry], window_s: float, bytes_max: int) -> Call:
+def make_enter_call(entries: list[LedgerEntry], window_s: float, bytes_max: int) -> Call:
     """Make the call that enters segments into the ledger. It answers whether there is room for them now, and
     then what had to go, as robot and line in turn: see `read_entry`.
     """
@@ -63,25 +63,25 @@ def make_enter_call(entries: list[Entry], window_s: float, bytes_max: int) -> Ca
     return ENTER, [LEDGER], args
 
 
-def read_entry(robot: bytes, line: bytes) -> Entry:
+def read_entry(robot: bytes, line: bytes) -> LedgerEntry:
     """Read a line of the ledger. Raises ValueError when it is none."""
     view, take, index, schema, size = line.decode().split(" ")
-    return Entry(SegmentName(robot.decode(), view, int(take, 16), int(index)), schema, int(size))
+    return LedgerEntry(SegmentName(robot.decode(), view, int(take, 16), int(index)), schema, int(size))
 
 
-def make_write_call(entry: Entry, record: bytes, data: bytes, schema_text: str, expiry_ms: int) -> Call:
+def make_write_call(entry: LedgerEntry, record: bytes, data: bytes, schema_text: str, expiry_ms: int) -> Call:
     """Make the call that writes a segment; twice does no harm. `schema_text`: "" where it is there already;
     if not, the answer is LACKS_SCHEMA.
     """
     return WRITE, _keys(entry), [record, data, expiry_ms, schema_text]
 
 
-def make_delete_call(entry: Entry) -> Call:
+def make_delete_call(entry: LedgerEntry) -> Call:
     """Make the call that deletes a segment and its record, and its schema if no other names it."""
     return DELETE, _keys(entry), []
 
 
-def _keys(entry: Entry) -> list[str]:
+def _keys(entry: LedgerEntry) -> list[str]:
     name = entry.name
     keys = [stream_key(name.robot, name.view), segment_key(name)]
     return keys if entry.schema == "-" else [*keys, schema_key(name.robot, entry.schema)]

@@ -24,7 +24,7 @@ from posecast_relay.redis.past_scripts import (
     LACKS_SCHEMA,
     WRITE,
     WRITTEN,
-    Entry,
+    LedgerEntry,
     make_delete_call,
     make_enter_call,
     make_write_call,
@@ -47,7 +47,7 @@ class _Written(NamedTuple):
     """A segment as it goes to Redis. `schema_text`: "" where it should be there already."""
 
     segment: KeptSegment
-    entry: Entry
+    entry: LedgerEntry
     record: bytes
     schema_text: str
 
@@ -237,12 +237,12 @@ class RedisPastWriter:
             text = "" if is_known else segment.schema_text or ""
             size = OBJECT_BYTES + round(ROUNDED_UP * (len(segment.data) + len(record) + len(text)))
             schema = "-" if segment.schema is None else segment.schema.hex()
-            return _Written(segment, Entry(segment.name, schema, size), record, text)
+            return _Written(segment, LedgerEntry(segment.name, schema, size), record, text)
         except Exception as e:
             log.error("the past to redis: %s/%s", segment.name.robot, segment.name.view, exc_info=e)
             return None
 
-    async def _make_room(self, entries: list[Entry]) -> set[object]:
+    async def _make_room(self, entries: list[LedgerEntry]) -> set[object]:
         """Enter these into the ledger, and delete what that gives up. Returns the names of that."""
         gone: set[object] = set()
         fits = False
@@ -250,7 +250,7 @@ class RedisPastWriter:
             script, keys, args = make_enter_call(entries, self._window_s, self._bytes_max)
             told = await self.link.run(script, keys, *args)
             fits = bool(told[0]) or len(told) == 1
-            evicted: list[Entry] = []
+            evicted: list[LedgerEntry] = []
             for robot, line in zip(told[1::2], told[2::2], strict=True):
                 try:
                     evicted.append(read_entry(robot, line))
