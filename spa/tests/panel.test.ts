@@ -59,7 +59,8 @@ async function panel(twin = new RobotTwin('small', 0)) {
     faults: new FaultKeeper(twin, Date.now),
     minute: new HistoryKeeper(twin),
     nowMs: Date.now,
-  } as RobotLink;
+    watch: { word: 'LIVE' },
+  } as unknown as RobotLink;
   const host = document.createElement('div');
   document.body.append(host);
   const made = createRoot(host);

@@ -295,7 +295,7 @@ export class PastPlayer implements PastControls {
     const nowMs = this.#ports.nowMs();
     const { frame, situation, pending, isDamaged } = this.#reel.at(momentMs);
     for (const each of pending) each.begin();
-    const isUnknown = frame === null && this.timeline === null;
+    const isUnknown = this.timeline === null && (frame === null || this.#isLink);
     if (situation === null || isUnknown) {
       this.#notes.wait(pending, nowMs);
       this.#showKey(momentMs);

@@ -39,7 +39,11 @@ export function bindBody(
   };
   const grey = () => scene.setGrey(isOld(watch.verdict()));
   scene.play({
-    sample: () => player?.sample(nowMs()) ?? false,
+    sample: () => {
+      if (player === null) return false;
+      smooth(player); // time may have come to rest since
+      return player.sample(nowMs());
+    },
     pose: () => player?.pose(settings().shown) ?? null,
     setContinuous: (joints) => {
       continuous = joints;

@@ -23,7 +23,7 @@ const Announcer = lateAfterBody(async () => (await import('../status/Announcer.t
 const Explanations = lateAfterBody(async () => (await import('../explain/Explanations.tsx')).Explanations);
 const ShareSheet = late(async () => (await import('../share/ShareSheet.tsx')).ShareSheet);
 const Presentation = late(async () => (await import('../present/Presentation.tsx')).Presentation);
-const TimeLine = late(async () => (await import('../past/TimeLine.tsx')).TimeLine, onDemand);
+const PastBar = late(async () => (await import('../past/PastBar.tsx')).PastBar, onDemand);
 const KeysSheet = late(async () => (await import('../body/controls/KeysSheet.tsx')).KeysSheet);
 
 const PANEL_LEAST_PX = 320;
@@ -121,7 +121,7 @@ function Loaded({ live, onSettings }: { live: RobotLink; onSettings: () => void 
       <Split link={link} live={live} alone={presented || fullscreen === 'page'} />
       {past !== null && !presented && (
         <Suspense fallback={null}>
-          <TimeLine controls={past.controls} live={live} />
+          <PastBar controls={past.controls} live={live} />
         </Suspense>
       )}
       <Suspense fallback={null}>

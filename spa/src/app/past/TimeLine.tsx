@@ -5,11 +5,8 @@ import { nowMs as pageNowMs } from '../../stream/clock.ts';
 import { formatSpan } from '../../twin/format.ts';
 import { IconButton } from '../shell/icons.tsx';
 import { useNow } from '../shell/now.ts';
-import type { RobotLink } from '../state/robot_link.ts';
 import { usePastText } from '../text/past.ts';
-import { LiveNews } from './LiveNews.tsx';
 import { PauseIcon, PlayIcon } from './past_icons.tsx';
-import { usePastKeys } from './past_keys.ts';
 import { relayAhead } from './relay_now.ts';
 import { Track } from './Track.tsx';
 import { TransportBar } from './TransportBar.tsx';
@@ -22,19 +19,13 @@ const STEP_MS = { least: 250, most: 2000 };
 
 /** The last minutes of a robot in one line under its body: how it moved, what happened, and where in time the page is. Live it
  *  is slim; in the past it opens, with what plays it. Nothing is drawn where there is no past. */
-export function TimeLine({ controls, live }: { controls: PastControls; live: RobotLink }) {
-  usePastKeys(controls);
+export function TimeLine({ controls }: { controls: PastControls }) {
   const playhead = useSyncExternalStore(controls.onChange, () => controls.playhead);
   const known = useSyncExternalStore(controls.onChange, () => controls.timeline);
   if (known === null && playhead.at === 'live') return null;
   const { momentMs } = playhead;
   const unknown = { fromMs: momentMs, toMs: momentMs, movement: [], words: [], marks: [] };
-  return (
-    <>
-      {playhead.at === 'past' && <LiveNews live={live} controls={controls} />}
-      <Line controls={controls} timeline={known ?? unknown} />
-    </>
-  );
+  return <Line controls={controls} timeline={known ?? unknown} />;
 }
 
 function Line({ controls, timeline }: { controls: PastControls; timeline: Timeline }) {

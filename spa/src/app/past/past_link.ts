@@ -41,7 +41,8 @@ export function openPast(live: RobotLink, atMs: number | null): Past {
       minute.begin();
     },
     schema: (schema) => twin.acceptSchema(schema),
-    model: (sha256) => twin.acceptModel(sha256),
+    // before a robot has told its model it had the same body
+    model: (sha256) => twin.acceptModel(sha256 ?? live.twin.modelHash),
     info: (kv) => twin.acceptInfo(kv),
     event: (event) => twin.acceptEvent(event),
     word: (word) => watch.was(word),

@@ -18,7 +18,7 @@ import { connectParent } from './parent.ts';
 import './embed.css';
 import { isolated } from '../../../twin/names.ts';
 
-const TimeLine = late(async () => (await import('../../past/TimeLine.tsx')).TimeLine, onDemand);
+const PastBar = late(async () => (await import('../../past/PastBar.tsx')).PastBar, onDemand);
 const Presentation = late(async () => (await import('../../present/Presentation.tsx')).Presentation);
 
 /** One robot embedded in another site's page: body, state and origin. Nothing is requested until it is on the screen.
@@ -65,7 +65,7 @@ function Shown({ live }: { live: RobotLink }) {
       </div>
       {past !== null && !presented && (
         <Suspense fallback={null}>
-          <TimeLine controls={past.controls} live={live} />
+          <PastBar controls={past.controls} live={live} />
         </Suspense>
       )}
       <footer className="embed-foot">
