@@ -133,10 +133,15 @@ async def test_requests_that_are_held_do_not_hold_up_the_end(
 def test_without_a_past(tmp_path: Path, relays: Callable[..., Relay], redis_server: Any) -> None:
     file = tmp_path / "robots.toml"
     write(file, "[robots.r.anyone]\n[robots.hidden]\n")
-    none = relays()
-    gateway = relays(*("--role", "gateway", "--store", redis_server.url, "--robots", str(file)))
+    none = relays("--past", "0")
+    gateway = relays(
+        *("--past", "0", "--role", "gateway", "--store", redis_server.url, "--robots", str(file))
+    )
     for relay in (none, gateway):
-        for path in ("", "/public/2026-11-22", f"/public/{'0' * 16}/0"):
+        summary = httpx.get(f"http://{relay.address}/api/v1/robots/r/past")
+        assert summary.status_code == 200
+        assert {"past_ms": 0, "newest": None, "days": []}.items() <= summary.json().items()
+        for path in ("/public/2026-11-22", f"/public/{'0' * 16}/0"):
             answer = httpx.get(f"http://{relay.address}/api/v1/robots/r/past{path}")
             assert answer.status_code == 501
             assert answer.json()["error"].startswith("no past is kept here: ask a relay that")

@@ -103,7 +103,8 @@ it.each(FULL ? [LAPTOP, PHONE] : [LAPTOP])(
     // a link to the moment
     const link = await until('a moment in the address', async () => {
       const href = await page.evaluate<string>('location.href');
-      return /[?&]t=\d{4}-\d\d-\d\dT[\d:.]+Z/.test(href) ? href : null;
+      const named = Date.parse(/[?&]t=([\d:.TZ-]+)/.exec(href)?.[1] ?? '');
+      return named === Math.ceil((await shown(page)).momentMs!) ? href : null;
     });
     const other = await stage.newPage({ viewport });
     await other.open(link!);

@@ -166,10 +166,10 @@ function isClaim(word: string): boolean {
   return word === 'LIVE' || word === 'HOLDING';
 }
 
-/** How far the pose is from the moment that is named; not at all is for a past without its name, or a name without its word. */
+/** How far the pose is from the moment that it is said to be of; infinite for one that is not called PAST. */
 function offPast(word: string, momentMs: number | null, poseMs: number | null): number {
-  if (word !== 'PAST' || momentMs === null) return Number.POSITIVE_INFINITY;
-  return poseMs === null ? 0 : Math.abs(poseMs - momentMs);
+  if (word !== 'PAST') return Number.POSITIVE_INFINITY;
+  return poseMs === null || momentMs === null ? 0 : Math.abs(poseMs - momentMs);
 }
 
 /** When the hand was there: of all rounds, the moment nearest to now. */

@@ -43,8 +43,8 @@ it('tells the page around it, and no other, how the robot is', () => {
   const end = connectParent(link);
   tellWord();
   expect(parent.postMessage.mock.calls).toEqual([
-    [{ posecast: 'ready', robot: 'demo', word: 'LIVE', cause: null, age_ms: 12 }, COURSE],
-    [{ posecast: 'liveness', robot: 'demo', word: 'LIVE', cause: null, age_ms: 12 }, COURSE],
+    [{ posecast: 'ready', robot: 'demo', word: 'LIVE', cause: null, age_ms: 12, moment_ms: null }, COURSE],
+    [{ posecast: 'liveness', robot: 'demo', word: 'LIVE', cause: null, age_ms: 12, moment_ms: null }, COURSE],
   ]);
   end();
   tellWord();

@@ -1,7 +1,7 @@
 import { describe, expect, it } from 'vitest';
-import { agoWords, formatMoment, momentWords } from '../src/app/past/moment_words.ts';
-import { spokenOf } from '../src/app/past/spoken.ts';
-import { preciseWords } from '../src/app/past/TransportBar.tsx';
+import { agoWords, formatMoment, momentWords } from '../src/app/past/time_line/moment_words.ts';
+import { spokenOf } from '../src/app/past/time_line/spoken.ts';
+import { preciseWords } from '../src/app/past/time_line/TransportBar.tsx';
 import { pastKo } from '../src/app/text/past_ko.ts';
 import type { Playhead } from '../src/past/past_types.ts';
 

@@ -1,6 +1,6 @@
 import { describe, expect, it } from 'vitest';
-import { readDay, readPage, readSummary } from '../src/past/past_documents.ts';
-import { PastIndex } from '../src/past/past_index.ts';
+import { readDay, readPage, readSummary } from '../src/past/relay/past_documents.ts';
+import { PastIndex } from '../src/past/relay/past_index.ts';
 import { entry, event, minute, summary } from './past_rig.ts';
 
 const at = (time: string) => Date.parse(`2026-11-22T${time}Z`);

@@ -1,6 +1,6 @@
 import { beforeEach, describe, expect, it } from 'vitest';
-import { loopStart } from '../src/app/past/loop_start.ts';
-import { playPastKey, playTrackKey } from '../src/app/past/past_keys.ts';
+import { loopStart } from '../src/app/past/time_line/loop_start.ts';
+import { playPastKey, playTrackKey } from '../src/app/past/time_line/past_keys.ts';
 import { FakePast } from './past_fake.ts';
 
 const T = Date.UTC(2026, 10, 22, 14, 30);

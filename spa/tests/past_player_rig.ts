@@ -7,10 +7,10 @@ import {
   type Schema,
   type Segment,
 } from '@posecast/wire';
-import { OwnTape } from '../src/past/own_tape.ts';
-import { PastPlayer } from '../src/past/past_player.ts';
 import { PastError, type PastSource, type SegmentRef } from '../src/past/past_source.ts';
 import type { Mark, PastSink, PastState, Span, Timeline } from '../src/past/past_types.ts';
+import { OwnTape } from '../src/past/player/own_tape.ts';
+import { PastPlayer } from '../src/past/player/past_player.ts';
 import { FROM_MS, refOf, SCHEMA, SCHEMA_SHA, type Sent } from './past_recordings.ts';
 
 const PAGE_MS = 600_000;
@@ -138,7 +138,7 @@ export class FakeSource implements PastSource {
   }
 }
 
-/** Notes what it is told. */
+/** PastNotes what it is told. */
 export class FakeSink implements PastSink {
   readonly told: string[] = [];
   readonly fills: (readonly PastState[])[] = [];

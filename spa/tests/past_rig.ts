@@ -1,4 +1,4 @@
-import { RelayPast } from '../src/past/relay_past.ts';
+import { RelayPast } from '../src/past/relay/relay_past.ts';
 
 /** A page's clock, far from the relay's, whose timers run when it is moved on. */
 export class PageClock {

@@ -3,7 +3,7 @@ import { readFileSync } from 'node:fs';
 import { decodeKeyPage, decodeSegment, encodeKeyPage } from '@posecast/wire';
 import { afterEach, describe, expect, it, vi } from 'vitest';
 import type { PastError, SegmentRef } from '../src/past/past_source.ts';
-import type { RelayPast } from '../src/past/relay_past.ts';
+import type { RelayPast } from '../src/past/relay/relay_past.ts';
 import { BASE, entry, event, json, minute, PastRig, settled, summary, TAKE } from './past_rig.ts';
 
 const at = (time: string) => Date.parse(`2026-11-22T${time}Z`);

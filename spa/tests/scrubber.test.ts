@@ -1,5 +1,5 @@
 import { beforeEach, describe, expect, it } from 'vitest';
-import { Scrubber } from '../src/app/past/scrubber.ts';
+import { Scrubber } from '../src/app/past/time_line/scrubber.ts';
 import type { Span } from '../src/past/past_types.ts';
 import { FakePast, timelineOf } from './past_fake.ts';
 

@@ -1,18 +1,18 @@
 import { describe, expect, it, vi } from 'vitest';
-import { firstPlace, newestAt, Part, readerOf, TAPE_BYTES_MAX, Tape } from '../src/past/tape.ts';
+import { firstPlace, newestAt, readerOf, TAPE_BYTES_MAX, Tape, TapePart } from '../src/past/player/tape.ts';
 import { FakeSource } from './past_player_rig.ts';
 import { FROM_MS, fault, RUN, recorded, SCHEMA, type Sent, schemaOf, sent } from './past_recordings.ts';
 
-async function partsOf(segments: ReturnType<typeof recorded>, schema = SCHEMA): Promise<Part[]> {
+async function partsOf(segments: ReturnType<typeof recorded>, schema = SCHEMA): Promise<TapePart[]> {
   const source = new FakeSource(segments);
   const span = { fromMs: FROM_MS, toMs: FROM_MS + 3_600_000 };
   await source.loadIndex(span);
   const reader = readerOf(schema);
   const found = await Promise.all(source.segmentsIn(span).map((ref) => source.segment(ref)));
-  return found.map((segment, i) => new Part(source.segmentsIn(span)[i]!, segment, reader));
+  return found.map((segment, i) => new TapePart(source.segmentsIn(span)[i]!, segment, reader));
 }
 
-describe('Part', () => {
+describe('TapePart', () => {
   it('has frames with their moments and lateness, decoded once', async () => {
     const frames = sent(50, { refEvery: 3 });
     const [, part] = await partsOf(recorded(frames));
@@ -48,7 +48,7 @@ describe('Part', () => {
       (_, i) => ({ kind: 'frame', atUs: 1000 * i, lateUs: 0, seq, frame }) as const,
     );
     const { start } = recorded(sent(1, { schema }))[0]!;
-    const large = new Part(part!.ref, { start, toMs: FROM_MS + 3000, records }, readerOf(schema));
+    const large = new TapePart(part!.ref, { start, toMs: FROM_MS + 3000, records }, readerOf(schema));
     expect(large.frames.map(({ atMs }) => atMs - FROM_MS)).toEqual(
       Array.from({ length: 550 }, (_, i) => 2 * i),
     );
@@ -84,7 +84,7 @@ describe('Part', () => {
 describe('Tape', () => {
   it('keeps to its bound by dropping what is farthest', async () => {
     const small = await partsOf(recorded(sent(600)));
-    const parts = small.map(({ ref }) => new Part({ ...ref, bytes: 1e6 }, recorded(sent(1))[0]!, null));
+    const parts = small.map(({ ref }) => new TapePart({ ...ref, bytes: 1e6 }, recorded(sent(1))[0]!, null));
     const tape = new Tape();
     const momentMs = FROM_MS + 40_000;
     for (const part of parts) tape.add(part);
@@ -93,7 +93,7 @@ describe('Tape', () => {
     expect(tape.bytes).toBeLessThanOrEqual(TAPE_BYTES_MAX);
     expect(tape.bytes).toBeGreaterThan(TAPE_BYTES_MAX * 0.9);
     const kept = parts.filter(({ ref }) => tape.get(ref) !== null);
-    const farMs = (each: Part): number => Math.max(each.ref.fromMs - momentMs, momentMs - each.ref.toMs);
+    const farMs = (each: TapePart): number => Math.max(each.ref.fromMs - momentMs, momentMs - each.ref.toMs);
     const dropped = parts.filter((part) => !kept.includes(part));
     expect(Math.max(...kept.map(farMs))).toBeLessThanOrEqual(Math.min(...dropped.map(farMs)));
   });

@@ -2,8 +2,8 @@
 import { createElement } from 'react';
 import { createRoot, type Root } from 'react-dom/client';
 import { afterEach, beforeAll, beforeEach, describe, expect, it, vi } from 'vitest';
-import { usePastKeys } from '../src/app/past/past_keys.ts';
-import { TimeLine } from '../src/app/past/TimeLine.tsx';
+import { usePastKeys } from '../src/app/past/time_line/past_keys.ts';
+import { TimeLine } from '../src/app/past/time_line/TimeLine.tsx';
 import { nowMs } from '../src/stream/clock.ts';
 import { FakePast, timelineOf } from './past_fake.ts';
 

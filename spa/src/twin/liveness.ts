@@ -61,6 +61,8 @@ export interface PastMoment {
   readonly momentMs: number;
   /** What the robot was then, unless its poses were new. */
   readonly was: 'STALE' | 'OFFLINE' | null;
+  /** Whether the shown pose is of that moment, or of the same few seconds; else it is still to come. */
+  readonly isHere: boolean;
 }
 
 export interface Verdict {
@@ -100,7 +102,7 @@ export function isClaim(word: Word | null): word is 'LIVE' | 'HOLDING' {
 
 /** Whether the shown pose was no longer the robot's own at the time that is shown. */
 export function isOld({ word, past }: Pick<Verdict, 'word' | 'past'>): boolean {
-  return word === 'PAST' ? past?.was != null : !isClaim(word);
+  return word === 'PAST' ? past === null || past.was !== null || !past.isHere : !isClaim(word);
 }
 
 /** Whether the relay is heard, so that what its status says about the robot holds now. */

@@ -236,7 +236,7 @@ FLAGS = (
     _Flag("max_robot_messages", _count, "600", "a second, of one robot; likewise", "N"),
     _Flag("max_robot_bytes", _bytes, "1000000", "a second, of one robot; likewise", "BYTES"),
     _Flag("model_cache_mb", _count, "256", "memory for robots' models", "MB"),
-    _Flag("past", _past, "0", "memory: keeps what was live, to be looked back on; 0: nothing", "WHERE"),
+    _Flag("past", _past, "memory:", "where what was live is kept, to be looked back on; 0: nowhere", "WHERE"),
     _Flag("past_memory", _memory, "256M", "for it, of all robots; who has most loses its oldest", "SIZE"),
     _Flag("log_level", _level, "warning", "debug, info, warning or error; JSON but on a terminal", "LEVEL"),
 )  # fmt: skip

@@ -1,17 +1,16 @@
 import { tokenFor } from '../../auth/token.ts';
-import { OwnTape } from '../../past/own_tape.ts';
-import { PastPlayer } from '../../past/past_player.ts';
 import type { PastControls, PastSink, PastState } from '../../past/past_types.ts';
-import { RelayPast } from '../../past/relay_past.ts';
+import { OwnTape } from '../../past/player/own_tape.ts';
+import { PastPlayer } from '../../past/player/past_player.ts';
+import { RelayPast } from '../../past/relay/relay_past.ts';
 import { apiUrl } from '../../relay/addresses.ts';
 import { nowMs } from '../../stream/clock.ts';
-import { isClaim, type Verdict } from '../../twin/liveness.ts';
+import { isClaim, isOld, type Verdict } from '../../twin/liveness.ts';
 import { RobotTwin } from '../../twin/robot.ts';
 import { FaultKeeper } from '../state/fault_keeper.ts';
 import { HistoryKeeper } from '../state/history_keeper.ts';
 import type { Watch } from '../state/liveness_watch.ts';
-import { momentIn, shownMoment } from '../state/moment.ts';
-import { pastControls } from '../state/past_controls.ts';
+import { momentIn, pastControls, shownMoment } from '../state/moment.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 
 /** A robot's past on the page: the controls, and a link to the robot as it was, which everything can be drawn from. */
@@ -21,6 +20,8 @@ export interface Past {
   readonly close: () => void;
 }
 
+/** No segment is longer, and the first pose of one stands for all of it at first. */
+const NEAR_MS = 7000;
 const WAS = { online: null, silent: 'STALE', offline: 'OFFLINE' } as const;
 type ThenWord = keyof typeof WAS;
 
@@ -32,7 +33,7 @@ export function openPast(live: RobotLink, atMs: number | null): Past {
   const clock = () => player.momentMs;
   const faults = new FaultKeeper(twin, clock, false);
   const minute = new HistoryKeeper(twin);
-  const watch = new PastWatch(clock, nowMs);
+  const watch = new PastWatch(twin, clock, nowMs);
 
   const sink: PastSink = {
     jump: () => {
@@ -46,7 +47,10 @@ export function openPast(live: RobotLink, atMs: number | null): Past {
     info: (kv) => twin.acceptInfo(kv),
     event: (event) => twin.acceptEvent(event),
     word: (word) => watch.was(word),
-    state: (state) => twin.acceptState(shownState(state)),
+    state: (state) => {
+      twin.acceptState(shownState(state));
+      watch.look();
+    },
     fill: (schema, states) => minute.history.prepend(schema, states),
   };
   const own = new OwnTape();
@@ -73,6 +77,7 @@ export function openPast(live: RobotLink, atMs: number | null): Past {
     live.client.rest(past);
     shownMoment.set(past ? momentMs : null);
     watch.newest(player.timeline?.toMs ?? null);
+    watch.look();
     if (past && frame === 0) frame = requestAnimationFrame(draw);
     if (past || frame === 0) return;
     cancelAnimationFrame(frame);
@@ -157,14 +162,17 @@ function shownState({ schemaId, seq, tS, codes, atMs, lateMs }: PastState) {
 /** Says PAST, and what the robot was then. */
 class PastWatch implements Watch {
   readonly word = 'PAST';
+  readonly #twin: RobotTwin;
   readonly #momentMs: () => number;
   readonly #nowMs: () => number;
   readonly #listeners = new Set<() => void>();
   #was: (typeof WAS)[ThenWord] = null;
+  #isOld = false;
   /** How far the page's clock is ahead of the relay's, as far as is known. */
   #aheadMs = Number.POSITIVE_INFINITY;
 
-  constructor(momentMs: () => number, nowMs: () => number) {
+  constructor(twin: RobotTwin, momentMs: () => number, nowMs: () => number) {
+    this.#twin = twin;
     this.#momentMs = momentMs;
     this.#nowMs = nowMs;
   }
@@ -175,8 +183,15 @@ class PastWatch implements Watch {
   }
 
   was(word: ThenWord): void {
-    if (this.#was === WAS[word]) return;
     this.#was = WAS[word];
+    this.look();
+  }
+
+  /** Tells whoever listens if the shown pose has become old, or is no longer. */
+  look(): void {
+    const isOldNow = isOld(this.verdict());
+    if (isOldNow === this.#isOld) return;
+    this.#isOld = isOldNow;
     for (const listener of this.#listeners) listener();
   }
 
@@ -187,6 +202,8 @@ class PastWatch implements Watch {
 
   verdict(): Verdict {
     const momentMs = this.#momentMs();
+    const { state } = this.#twin;
+    const isHere = state !== null && (this.#was !== null || Math.abs(state.atMs - momentMs) < NEAR_MS);
     const aheadMs = Number.isFinite(this.#aheadMs) ? this.#aheadMs : 0;
     return {
       word: 'PAST',
@@ -195,7 +212,7 @@ class PastWatch implements Watch {
       ageMs: Math.max(0, this.#nowMs() - aheadMs - momentMs),
       linkMs: null,
       unchangedMs: null,
-      past: { momentMs, was: this.#was },
+      past: { momentMs, was: this.#was, isHere },
     };
   }
 }

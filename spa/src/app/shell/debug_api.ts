@@ -17,7 +17,8 @@ interface DebugApi {
     readonly t_s: number | null;
     readonly liveness: string | null;
     readonly cause: string | null;
-    /** The moment of the past that is shown, unix ms by the relay's clock; null while it is the present. */
+    /** The moment of the past whose pose is shown, unix ms by the relay's clock; null in the present, and while that pose is
+     *  on its way. */
     readonly moment_ms: number | null;
     value(field: string, label: string): number | null | undefined;
   } | null;
@@ -77,7 +78,8 @@ export function installDebugApi(): void {
           return watch.verdict().cause;
         },
         get moment_ms() {
-          return watch.verdict().past?.momentMs ?? null;
+          const { past } = watch.verdict();
+          return past?.isHere ? past.momentMs : null;
         },
         value: (field: string, label: string) => twin.value(field, label),
       };

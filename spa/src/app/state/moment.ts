@@ -1,8 +1,12 @@
 import { createStore } from '../../browser/store.ts';
+import type { PastControls } from '../../past/past_types.ts';
 import { queryOf } from './settings.ts';
 
 /** The moment of the past that the page shows, unix ms by the relay's clock; null while it shows the present. */
 export const shownMoment = createStore<number | null>(null);
+
+/** The controls of the shown robot's past; null while there is none to look back on. */
+export const pastControls = createStore<PastControls | null>(null);
 
 /** The moment that an address names: `#/r/demo?t=2026-11-22T14:02:07.250Z`; null if it names none that can be read. */
 export function momentIn(hash: string): number | null {

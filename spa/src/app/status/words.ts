@@ -135,7 +135,7 @@ export function stageWords(verdict: Verdict, link: Link, nowMs: number): string 
   }
   if (verdict.word === 'PAST') {
     const { clock, ago } = pastWords(verdict);
-    return say().pastNote(clock + ago);
+    return verdict.past?.isHere === false ? say().pastComing(clock + ago) : say().pastNote(clock + ago);
   }
   if (verdict.word !== 'STALE') return null;
   if (verdict.cause === 'no connection') return connectionWords(link, nowMs);

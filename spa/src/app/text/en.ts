@@ -25,6 +25,7 @@ export const en = {
   /** `word`: STALE or OFFLINE, what the robot was at a moment of the past. */
   was: (word: string) => `was ${word}`,
   pastNote: (when: string) => `The past: ${when}.`,
+  pastComing: (when: string) => `The past: ${when}. The pose of then is on its way.`,
   tryingAgain: (what: string) => `${what} Trying again.`,
   tryingAgainIn: (what: string, seconds: number) => `${what} Trying again in ${seconds} s.`,
   tryNow: 'Try now',

@@ -26,6 +26,7 @@ export const ko: Text = {
   staleFor: (span) => `${span} 동안 갱신 없음`,
   ago: (span) => `${span} 전`,
   was: (word) => `당시 ${word}`,
+  pastComing: (when) => `지난 모습: ${when}. 그때의 자세를 불러오는 중입니다.`,
   pastNote: (when) => `지난 모습: ${when}.`,
   tryingAgain: (what) => `${what} 다시 시도합니다.`,
   tryingAgainIn: (what, seconds) => `${what} ${seconds}초 뒤 다시 시도합니다.`,

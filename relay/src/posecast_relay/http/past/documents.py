@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Literal
 
 from posecast_wire.messages import RobotStatus
@@ -123,6 +124,11 @@ def make_summary(grant: Grant, shown: Sequence[KeptSegment]) -> bytes:
             "days": [write_day(DAY_MS * day) for day in sorted({each.from_ms // DAY_MS for each in shown})],
         }
     )
+
+
+def make_no_summary(grant: Grant) -> bytes:
+    """Return that nobody may look back at all, as JSON."""
+    return make_summary(replace(grant, past_s=0.0), [])
 
 
 def make_day(view: str, day: PastSpan, shown: Iterable[KeptSegment]) -> bytes:

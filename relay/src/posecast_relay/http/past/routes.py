@@ -100,6 +100,8 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
 
     @app.get(api, summary="How far back you may look", responses=ERRORS | _tells(documents.PastSummary))
     async def past(request: Request, robot: str, view: str | None = None) -> Response:
+        if desk is None:
+            return await _tell_no_past(access, request, robot, view)
         grant, at = await _enter(access, desk, request, robot, view)
 
         def make() -> bytes:
@@ -183,12 +185,26 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
                 return _send(request, found.data, BINARY, found.sha256.hex(), headers)
 
 
+async def _tell_no_past(access: Access, request: Request, robot: str, view: str | None) -> Response:
+    """Say that nobody may look back: no error, for every page would have it in its console."""
+    grant = await _require_grant(access, request, robot, view)
+    return Response(documents.make_no_summary(grant), media_type="application/json", headers=NO_STORE)
+
+
+async def _require_grant(access: Access, request: Request, robot: str, view: str | None) -> Grant:
+    """Return what the asker may see. Raises HTTPException; never cached."""
+    try:
+        return await require_grant(access, request, robot, view)
+    except HTTPException as e:
+        raise HTTPException(e.status_code, e.detail, NO_STORE | dict(e.headers or {})) from None
+
+
 async def _enter(
     access: Access, desk: PastDesk | None, request: Request, robot: str, view: str | None
 ) -> tuple[Grant, PastDesk]:
     """Return what the asker may see, and where the past is. Raises HTTPException; never cached."""
+    grant = await _require_grant(access, request, robot, view)
     try:
-        grant = await require_grant(access, request, robot, view)
         if desk is None:
             raise HTTPException(HTTPStatus.NOT_IMPLEMENTED, NOT_KEPT)
         await _wait(desk.source.refresh(grant.robot, grant.view))

@@ -1,5 +1,5 @@
 import { formatClockSeconds } from '../../../twin/format.ts';
-import { pastControls } from '../../state/past_controls.ts';
+import { pastControls } from '../../state/moment.ts';
 import { useStore } from '../../state/use_store.ts';
 import { useMore } from '../../text/more.ts';
 

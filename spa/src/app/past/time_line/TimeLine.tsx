@@ -1,0 +1,179 @@
+import './past.css';
+import { useLayoutEffect, useMemo, useRef, useState, useSyncExternalStore } from 'react';
+import type { PastControls, Timeline } from '../../../past/past_types.ts';
+import { nowMs as pageNowMs } from '../../../stream/clock.ts';
+import { formatSpan } from '../../../twin/format.ts';
+import { IconButton } from '../../shell/icons.tsx';
+import { useNow } from '../../shell/now.ts';
+import { usePastText } from '../../text/past.ts';
+import { PauseIcon, PlayIcon } from './past_icons.tsx';
+import { relayAhead } from './relay_now.ts';
+import { Track } from './Track.tsx';
+import { TransportBar } from './TransportBar.tsx';
+import { type Range, RECENT_MS, shownSpan, type View } from './track_view.ts';
+
+/** A window up to this long is always shown whole, ms. */
+const SHORT_MS = 360_000;
+/** How often the time moves on, ms. */
+const STEP_MS = { least: 250, most: 2000 };
+
+/** The last minutes of a robot in one line under its body: how it moved, what happened, and where in time the page is. Live it
+ *  is slim; in the past it opens, with what plays it. Nothing is drawn where there is no past. */
+export function TimeLine({ controls }: { controls: PastControls }) {
+  const playhead = useSyncExternalStore(controls.onChange, () => controls.playhead);
+  const known = useSyncExternalStore(controls.onChange, () => controls.timeline);
+  if (known === null && playhead.at === 'live') return null;
+  const { momentMs } = playhead;
+  const unknown = { fromMs: momentMs, toMs: momentMs, movement: [], words: [], marks: [] };
+  return <Line controls={controls} timeline={known ?? unknown} />;
+}
+
+function Line({ controls, timeline }: { controls: PastControls; timeline: Timeline }) {
+  const text = usePastText();
+  const { playhead } = controls;
+  const past = playhead.at === 'past';
+  const room = useRef<HTMLDivElement>(null);
+  const [size, setSize] = useState({ widthPx: 0, heightPx: 0 });
+  const [range, setRange] = useState<Range>('all');
+  // Under a finger nothing moves: neither the time nor the page.
+  const [held, setHeld] = useState<{ view: View; open: boolean } | null>(null);
+  const shown = useRef<View | null>(null);
+
+  const pageMs = pageNowMs();
+  const aheadMs = useRef(Number.NEGATIVE_INFINITY);
+  aheadMs.current = relayAhead(aheadMs.current, timeline, playhead, pageMs);
+  const nowMs = pageMs + aheadMs.current;
+
+  const windowMs = nowMs - timeline.fromMs;
+  const hasRanges = windowMs > SHORT_MS;
+  const shownMs = hasRanges && range === 'all' ? windowMs : RECENT_MS;
+  const stepMs = stepOf(shownMs / Math.max(1, size.widthPx));
+  useNow(past ? Math.min(1000, stepMs) : stepMs);
+  const whole = { fromMs: timeline.fromMs, toMs: Math.ceil(nowMs / stepMs) * stepMs };
+  const span = shownSpan(whole, hasRanges ? range : 'all', playhead.momentMs, shown.current);
+  const { fromMs, toMs } = span;
+  const { widthPx, heightPx } = size;
+  const now = useMemo(() => ({ fromMs, toMs, widthPx }), [fromMs, toMs, widthPx]);
+  const view = held?.view ?? now;
+  shown.current = view;
+  const open = held?.open ?? past;
+
+  // biome-ignore lint/correctness/useExhaustiveDependencies: open, it is higher, and not a picture later
+  useLayoutEffect(() => {
+    const element = room.current;
+    if (element === null) return;
+    const measure = () => {
+      const { width, height } = element.getBoundingClientRect();
+      setSize({ widthPx: Math.round(width), heightPx: Math.round(height) });
+    };
+    measure();
+    const observer = new ResizeObserver(measure);
+    observer.observe(element);
+    return () => observer.disconnect();
+  }, [open]);
+
+  const { note } = playhead;
+  return (
+    <section
+      className="time-line"
+      aria-label={text.timeLine}
+      data-open={open}
+      data-at={playhead.at}
+      data-testid="time-line"
+    >
+      {note !== null && note !== 'loading' && (
+        <p className="past-note" role="status" data-testid="past-note">
+          {text.notes[note]}
+        </p>
+      )}
+      {open && (
+        <TransportBar
+          controls={controls}
+          playhead={playhead}
+          nowMs={nowMs}
+          hasFaults={timeline.marks.some(({ level }) => level === 'fault')}
+        >
+          {hasRanges && <RangeButton range={range} windowMs={windowMs} onRange={setRange} />}
+        </TransportBar>
+      )}
+      <div className="time-row">
+        <PlayButton playing={playhead.playing || !past} onPress={() => controls.toggle()} />
+        <div className="track-room" ref={room}>
+          {widthPx > 0 && (
+            <Track
+              {...{ controls, playhead, timeline, view, heightPx, nowMs, open }}
+              onHold={(hold) => setHeld(hold ? { view, open } : null)}
+            />
+          )}
+        </div>
+        <button
+          type="button"
+          className="to-live"
+          aria-pressed={!past}
+          title={past ? text.toLive : undefined}
+          data-testid="to-live"
+          onClick={() => controls.goLive()}
+        >
+          {text.live}
+          <svg viewBox="0 0 8 10" aria-hidden="true">
+            <path d="M1 1v8l6-4z" />
+          </svg>
+        </button>
+      </div>
+    </section>
+  );
+}
+
+/** Of powers of two, so that it seldom changes, the one by which the time moves on by about a pixel, ms. */
+function stepOf(msPerPx: number): number {
+  const step = 250 * 2 ** Math.ceil(Math.log2(Math.max(1, msPerPx) / 250));
+  return Math.min(STEP_MS.most, Math.max(STEP_MS.least, step));
+}
+
+function PlayButton({ playing, onPress }: { playing: boolean; onPress: () => void }) {
+  const text = usePastText();
+  const name = playing ? text.pause : text.play;
+  return (
+    <IconButton
+      className="icon-button time-play"
+      label={name}
+      title={name}
+      data-testid="play"
+      onClick={onPress}
+    >
+      {playing ? <PauseIcon /> : <PlayIcon />}
+    </IconButton>
+  );
+}
+
+/** Between all there is and the last five minutes. Both are named; where there is less room, only the one that is shown. */
+function RangeButton({
+  range,
+  windowMs,
+  onRange,
+}: {
+  range: Range;
+  windowMs: number;
+  onRange: (range: Range) => void;
+}) {
+  const text = usePastText();
+  const lengths = { recent: formatSpan(RECENT_MS), all: formatSpan(windowMs) };
+  const other = range === 'all' ? 'recent' : 'all';
+  const name = text.showLast(lengths[other]);
+  return (
+    <button
+      type="button"
+      className="segments range"
+      aria-label={name}
+      title={name}
+      data-testid="range"
+      onClick={() => onRange(other)}
+    >
+      {(['recent', 'all'] as const).map((each) => (
+        <span key={each} data-on={each === range}>
+          {lengths[each]}
+        </span>
+      ))}
+    </button>
+  );
+}

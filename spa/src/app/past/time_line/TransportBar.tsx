@@ -1,0 +1,142 @@
+import './transport.css';
+import { type ReactNode, useId } from 'react';
+import { type PastControls, type Playhead, SPEEDS, type Speed } from '../../../past/past_types.ts';
+import { IconButton, PastIcon } from '../../shell/icons.tsx';
+import { useStore } from '../../state/use_store.ts';
+import { usePastText } from '../../text/past.ts';
+import { loopStart, pressLoop } from './loop_start.ts';
+import { momentWords } from './moment_words.ts';
+import { FrameBackIcon, FrameOnIcon, LoopIcon, NextFaultIcon, PreviousFaultIcon } from './past_icons.tsx';
+import { speedWords } from './spoken.ts';
+
+/** The row over the track while the past is shown: ways to other moments, the moment itself, how it is played, how much is
+ *  shown. Where there is less room, less of it is shown. */
+export function TransportBar({
+  controls,
+  playhead,
+  nowMs,
+  hasFaults,
+  children,
+}: {
+  controls: PastControls;
+  playhead: Playhead;
+  /** The moment of now. */
+  nowMs: number;
+  hasFaults: boolean;
+  /** At the end of the row. */
+  children: ReactNode;
+}) {
+  const text = usePastText();
+  return (
+    <div className="transport" data-testid="transport">
+      <div className="transport-part">
+        <Press name={text.previousFault} press={() => controls.visitFault(-1)} disabled={!hasFaults}>
+          <PreviousFaultIcon />
+        </Press>
+        <Press name={text.tenBack} press={() => controls.skip(-10_000)} className="icon-button transport-ten">
+          −10
+        </Press>
+        <Press name={text.frameBack} press={() => controls.step(-1)}>
+          <FrameBackIcon />
+        </Press>
+        <Press name={text.frameOn} press={() => controls.step(1)}>
+          <FrameOnIcon />
+        </Press>
+        <Press name={text.tenOn} press={() => controls.skip(10_000)} className="icon-button transport-ten">
+          +10
+        </Press>
+        <Press name={text.nextFault} press={() => controls.visitFault(1)} disabled={!hasFaults}>
+          <NextFaultIcon />
+        </Press>
+      </div>
+      <p className="transport-moment">
+        <PastIcon />
+        <span data-testid="moment">{preciseWords(playhead, nowMs)}</span>
+        {playhead.note === 'loading' && <span className="transport-loading">{text.notes.loading}</span>}
+      </p>
+      <div className="transport-part">
+        <Speeds speed={playhead.speed} onSpeed={(speed) => controls.setSpeed(speed)} />
+        <LoopButton controls={controls} playhead={playhead} />
+        {children}
+      </div>
+    </div>
+  );
+}
+
+/** The moment and how long ago it was; at rest with hundredths of a second, so that frames can be told apart. */
+export function preciseWords({ momentMs, playing }: Playhead, nowMs: number): string {
+  const words = momentWords(momentMs, nowMs);
+  if (playing) return words;
+  const hundredths = String(Math.floor((momentMs % 1000) / 10)).padStart(2, '0');
+  return words.replace(' · ', `.${hundredths} · `);
+}
+
+function Press({
+  name,
+  press,
+  children,
+  ...rest
+}: {
+  name: string;
+  press: () => void;
+  disabled?: boolean;
+  className?: string;
+  children: ReactNode;
+}) {
+  return (
+    <IconButton label={name} title={name} onClick={press} {...rest}>
+      {children}
+    </IconButton>
+  );
+}
+
+/** All speeds side by side; where there is less room, a list that opens. */
+function Speeds({ speed, onSpeed }: { speed: Speed; onSpeed: (speed: Speed) => void }) {
+  const text = usePastText();
+  const name = useId();
+  return (
+    <>
+      <fieldset className="segments transport-speeds">
+        <legend className="unseen">{text.speed}</legend>
+        {SPEEDS.map((each) => (
+          <label key={each}>
+            <input type="radio" name={name} checked={each === speed} onChange={() => onSpeed(each)} />
+            <span>{speedWords(each)}</span>
+          </label>
+        ))}
+      </fieldset>
+      <select
+        className="transport-speed"
+        aria-label={text.speed}
+        title={text.speed}
+        value={speed}
+        onChange={(event) => onSpeed(Number(event.currentTarget.value) as Speed)}
+      >
+        {SPEEDS.map((each) => (
+          <option key={each} value={each}>
+            {speedWords(each)}
+          </option>
+        ))}
+      </select>
+    </>
+  );
+}
+
+function LoopButton({ controls, playhead }: { controls: PastControls; playhead: Playhead }) {
+  const text = usePastText();
+  const startMs = useStore(loopStart(controls));
+  const state = playhead.loop !== null ? 'on' : startMs !== null ? 'started' : 'off';
+  const name = { off: text.loopFrom, started: text.loopTo, on: text.loopOff }[state];
+  return (
+    <IconButton
+      className="icon-button transport-loop"
+      label={name}
+      title={name}
+      data-state={state}
+      data-testid="loop-button"
+      onClick={() => pressLoop(controls)}
+    >
+      <LoopIcon />
+    </IconButton>
+  );
+}

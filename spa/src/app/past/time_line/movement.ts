@@ -1,0 +1,78 @@
+import type { Span, Timeline } from '../../../past/past_types.ts';
+import { msPerPx, pxAt, type View } from './track_view.ts';
+
+/** Parts with less between them were recorded without a gap, ms. */
+const JOINED_MS = 250;
+/** How far apart the curve's points are at least, CSS px. */
+const POINT_PX = 3;
+/** What was recorded is seen even where nothing moved, CSS px. */
+const LEAST_PX = 1.5;
+
+export interface Run extends Span {
+  readonly points: readonly { readonly atMs: number; readonly bytesPerS: number }[];
+}
+
+/** What was recorded without a gap, with the movement as points at least `bucketMs` apart. Buckets lie at fixed times, so that
+ *  the curve keeps its shape as it moves on. */
+export function runsOf(movement: Timeline['movement'], bucketMs: number): Run[] {
+  const runs: {
+    fromMs: number;
+    toMs: number;
+    sums: Map<number, { at: number; bytes: number; ms: number }>;
+  }[] = [];
+  for (const { fromMs, toMs, bytesPerS } of movement) {
+    let run = runs.at(-1);
+    if (run === undefined || fromMs - run.toMs > JOINED_MS) {
+      run = { fromMs, toMs, sums: new Map() };
+      runs.push(run);
+    }
+    run.toMs = Math.max(run.toMs, toMs);
+    const middle = (fromMs + toMs) / 2;
+    const bucket = Math.floor(middle / bucketMs);
+    const sum = run.sums.get(bucket) ?? { at: 0, bytes: 0, ms: 0 };
+    const ms = Math.max(1, toMs - fromMs);
+    run.sums.set(bucket, {
+      ...{ at: sum.at + middle * ms, bytes: sum.bytes + bytesPerS * ms, ms: sum.ms + ms },
+    });
+  }
+  return runs.map(({ fromMs, toMs, sums }) => ({
+    ...{ fromMs, toMs },
+    points: [...sums.values()].map(({ at, bytes, ms }) => ({ atMs: at / ms, bytesPerS: bytes / ms })),
+  }));
+}
+
+/** The curve as an SVG path: an area over `basePx`, as high as `heightPx` for `mostBytesPerS`, on a square-root scale. */
+export function movementPath(
+  movement: Timeline['movement'],
+  view: View,
+  { basePx, heightPx, mostBytesPerS }: { basePx: number; heightPx: number; mostBytesPerS: number },
+): string {
+  const marginMs = POINT_PX * 4 * msPerPx(view) + 10_000;
+  const seen = movement.filter(
+    ({ fromMs, toMs }) => toMs > view.fromMs - marginMs && fromMs < view.toMs + marginMs,
+  );
+  const x = (ms: number) => round(pxAt(view, ms));
+  const y = (bytesPerS: number) =>
+    round(basePx - Math.max(LEAST_PX, heightPx * Math.min(1, Math.sqrt(bytesPerS / mostBytesPerS))));
+  let path = '';
+  for (const { fromMs, toMs, points } of runsOf(seen, bucketOf(view))) {
+    const spots = points.map(({ atMs, bytesPerS }) => [x(atMs), y(bytesPerS)] as const);
+    path += `M${x(fromMs)} ${basePx}V${spots[0]![1]}`;
+    for (const [i, [px, py]] of spots.entries()) {
+      const [nextX, nextY] = spots[i + 1] ?? [x(toMs), py];
+      path += i === 0 ? `L${px} ${py}` : '';
+      path += `Q${px} ${py} ${round((px + nextX) / 2)} ${round((py + nextY) / 2)}`;
+    }
+    path += `L${x(toMs)} ${spots.at(-1)![1]}V${basePx}Z`;
+  }
+  return path;
+}
+
+/** The next power of two of 250 ms: it stays the same while a view grows a little. */
+function bucketOf(view: View): number {
+  return 250 * 2 ** Math.max(0, Math.ceil(Math.log2((POINT_PX * msPerPx(view)) / 250)));
+}
+
+function round(px: number): number {
+  return Math.round(px * 10) / 10;
+}

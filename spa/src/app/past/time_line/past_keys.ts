@@ -1,0 +1,102 @@
+import { useEffect } from 'react';
+import { type PastControls, SPEEDS } from '../../../past/past_types.ts';
+import type { More } from '../../text/more_en.ts';
+import { pressLoop } from './loop_start.ts';
+
+/** The keys as they are listed, each with the key of the sentence in `moreEn` for it. */
+export const PAST_KEYS = [
+  ['Space', 'keyPlay'],
+  [', .', 'keyFrame'],
+  ['J L', 'keyTen'],
+  ['B N', 'keyFault'],
+  ['[ ]', 'keySpeed'],
+  ['O', 'keyLoop'],
+  ['← →', 'keyOnLine'],
+  ['PageUp PageDown', 'keyMinute'],
+  ['Home End', 'keyEnds'],
+] as const satisfies readonly (readonly [string, keyof More])[];
+
+type Key = Pick<KeyboardEvent, 'key' | 'code' | 'repeat' | 'shiftKey'>;
+
+/** What a button or a field does with Space by itself. */
+const TAKES_SPACE = 'button, a, input, summary, [role="button"], [role="tab"], [role="separator"]';
+const TYPED_INTO = 'input:not([type="radio"], [type="checkbox"]), textarea, select, [contenteditable]';
+
+/** Handles a key that works all over the page; false if the past has no such key. */
+export function playPastKey(controls: PastControls, event: Key): boolean {
+  const { at, speed } = controls.playhead;
+  const live = at === 'live';
+  // Where Korean letters are typed, the place of the key says which it is.
+  const key = /^[ -~]$/.test(event.key)
+    ? event.key.toLowerCase()
+    : event.code.replace('Key', '').toLowerCase();
+  switch (key) {
+    case ' ':
+    case 'space':
+      if (!event.repeat) controls.toggle();
+      return true;
+    case ',':
+      controls.step(-1);
+      return true;
+    case '.':
+      if (!live) controls.step(1);
+      return true;
+    case 'j':
+      controls.skip(-10_000);
+      return true;
+    case 'l':
+      if (!live) controls.skip(10_000);
+      return true;
+    case 'b':
+      controls.visitFault(-1);
+      return true;
+    case 'n':
+      if (!live) controls.visitFault(1);
+      return true;
+    case '[':
+    case ']': {
+      const next = SPEEDS[SPEEDS.indexOf(speed) + (key === ']' ? 1 : -1)];
+      if (!live && next !== undefined) controls.setSpeed(next);
+      return true;
+    }
+    case 'o':
+      if (!event.repeat && !live) pressLoop(controls);
+      return true;
+    default:
+      return false;
+  }
+}
+
+/** Handles a key of the time line, which has the focus; false if it has no such key. `nowMs`: the moment of now. */
+export function playTrackKey(controls: PastControls, nowMs: number, { key, shiftKey }: Key): boolean {
+  const by = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -60, PageUp: 60 }[key];
+  if (by !== undefined) {
+    const arrow = key.startsWith('Arrow');
+    const { at, momentMs } = controls.playhead;
+    const toMs = momentMs + by * (arrow && shiftKey ? 10_000 : 1000);
+    if (toMs < nowMs) controls.seek(Math.max(toMs, controls.timeline?.fromMs ?? toMs));
+    else if (at === 'past') controls.goLive();
+    return true;
+  }
+  if (key === 'Home') controls.seek(controls.timeline?.fromMs ?? controls.playhead.momentMs);
+  else if (key === 'End') controls.goLive();
+  else return false;
+  return true;
+}
+
+/** The past's keys, all over the page, while nothing is typed and no dialog is open. null: there is no past. */
+export function usePastKeys(controls: PastControls | null): void {
+  useEffect(() => {
+    if (controls === null) return;
+    const onKey = (event: KeyboardEvent) => {
+      if (event.defaultPrevented || event.ctrlKey || event.metaKey || event.altKey || event.shiftKey) return;
+      const at = event.target instanceof Element ? event.target : document.body;
+      if (at.closest(TYPED_INTO) !== null || document.querySelector('dialog[open]') !== null) return;
+      if (event.key === ' ' && at.closest(TAKES_SPACE) !== null) return;
+      if (controls.timeline === null && controls.playhead.at === 'live') return;
+      if (playPastKey(controls, event)) event.preventDefault();
+    };
+    window.addEventListener('keydown', onKey);
+    return () => window.removeEventListener('keydown', onKey);
+  }, [controls]);
+}

@@ -1,0 +1,92 @@
+import type { PastSource } from '../past_source.ts';
+import type { PastSink, PastState, Span } from '../past_types.ts';
+import type { Loads } from './loads.ts';
+import type { OwnTape } from './own_tape.ts';
+import type { Reel } from './reel.ts';
+import type { Tape, TapeFrame } from './tape.ts';
+
+/** Least time between two states that a plot is filled with, ms. */
+export const FILL_EVERY_MS = 100;
+/** How far back a plot is filled, ms. */
+export const FILL_MS = 60_000;
+/** After a jump, it is begun this much later, ms: another jump may follow. */
+const AFTER_MS = 250;
+
+export interface FillPorts {
+  readonly source: PastSource;
+  readonly own: OwnTape;
+  readonly sink: PastSink;
+  readonly schedule: (run: () => void, afterMs: number) => () => void;
+}
+
+/** Gives a sink what lies before a moment, for its plots: in the background, until it is stopped. */
+export class Fill {
+  #cancel = (): void => undefined;
+  #runs = 0;
+
+  constructor(
+    private readonly ports: FillPorts,
+    private readonly tape: Tape,
+    private readonly reel: Reel,
+    private readonly loads: Loads,
+  ) {}
+
+  stop(): void {
+    this.#runs += 1;
+    this.#cancel();
+  }
+
+  /** Reads the minute before a frame, soon. */
+  soon(last: TapeFrame): void {
+    this.stop();
+    const run = this.#runs;
+    this.#cancel = this.ports.schedule(() => {
+      void this.#collect({ fromMs: last.atMs - FILL_MS, toMs: last.atMs }, last, run).then((states) => {
+        if (states.length > 0 && run === this.#runs) this.ports.sink.fill(last.schema, states);
+      });
+    }, AFTER_MS);
+  }
+
+  /** The states of a span up to `last`, thinned, oldest first, as far as they can be had. */
+  async #collect(span: Span, last: TapeFrame, run: number): Promise<readonly PastState[]> {
+    const { source, own } = this.ports;
+    const found: TapeFrame[] = [];
+    const add = (frames: readonly TapeFrame[]): void => {
+      found.push(
+        ...thinned(
+          frames.filter(
+            (frame) =>
+              frame.atMs >= span.fromMs &&
+              frame.schemaId === last.schemaId &&
+              this.tape.order(frame, last) <= 0,
+          ),
+        ),
+      );
+    };
+    const refs = source.segmentsIn(span).filter(({ frames }) => frames > 0);
+    for (const ref of refs.toReversed()) {
+      await this.loads.segment(ref);
+      await this.#pause(); // decoding takes a moment, and a picture may be due
+      if (run !== this.#runs) return [];
+      add(this.reel.framesOf(ref));
+      this.tape.trim(last.atMs);
+    }
+    add(own.since(span.fromMs));
+    return thinned(found.sort((a, b) => this.tape.order(a, b)));
+  }
+
+  #pause(): Promise<void> {
+    return new Promise((resolve) => {
+      this.ports.schedule(resolve, 0);
+    });
+  }
+}
+
+function thinned(frames: readonly TapeFrame[]): TapeFrame[] {
+  let beforeMs = Number.NEGATIVE_INFINITY;
+  return frames.filter(({ atMs }) => {
+    if (atMs - beforeMs < FILL_EVERY_MS) return false;
+    beforeMs = atMs;
+    return true;
+  });
+}

@@ -1,0 +1,133 @@
+import type { EventMessage, RobotStatus, Schema } from '@posecast/wire';
+import type { PastSink, PastState } from '../past_types.ts';
+
+/** Most events that are remembered as told. */
+const TOLD_EVENTS_MAX = 500;
+
+/** What is so at a moment, besides the pose. */
+export interface Situation {
+  readonly model: string | null;
+  readonly info: ReadonlyMap<string, string>;
+  readonly word: RobotStatus | null;
+  /** Events that have begun and not ended, oldest first. */
+  readonly faults: readonly EventMessage[];
+}
+
+/** What changes a situation. */
+export type Change =
+  | { readonly kind: 'event'; readonly event: EventMessage }
+  | { readonly kind: 'info'; readonly info: ReadonlyMap<string, string> }
+  | { readonly kind: 'model'; readonly model: string | null }
+  | { readonly kind: 'word'; readonly word: RobotStatus }
+  /** A segment begins: what it says of its start. */
+  | { readonly kind: 'start'; readonly start: Situation };
+
+/** A change at a moment (unix ms). `place`: how many frames of its segment stand before it. */
+export type Happening = Change & { readonly atMs: number; readonly place: number };
+
+/** The situation after changes, given in order. */
+export function situationAfter(before: Situation, changes: Iterable<Change>): Situation {
+  let { model, info, word } = before;
+  let faults = byCause(before.faults);
+  for (const change of changes) {
+    if (change.kind === 'event') {
+      const { event } = change;
+      faults.delete(causeOf(event));
+      if (event.state === 'on') faults.set(causeOf(event), event);
+    } else if (change.kind === 'info') info = change.info;
+    else if (change.kind === 'model') model = change.model;
+    else if (change.kind === 'word') word = change.word;
+    else {
+      ({ model, info, word } = change.start);
+      faults = byCause(change.start.faults);
+    }
+  }
+  return { model, info, word, faults: [...faults.values()] };
+}
+
+/** Tells a sink what is new to it since the newest jump. */
+export class Teller {
+  #schemaId: number | null = null;
+  #model: string | null | undefined;
+  #info: ReadonlyMap<string, string> | null = null;
+  #word: RobotStatus | null = null;
+  #events = new Set<string>();
+
+  constructor(readonly sink: PastSink) {}
+
+  jump(): void {
+    this.#schemaId = null;
+    this.#model = undefined;
+    this.#info = null;
+    this.#word = null;
+    this.#events = new Set();
+    this.sink.jump();
+  }
+
+  schema(schema: Schema): void {
+    if (schema.id === this.#schemaId) return;
+    this.#schemaId = schema.id;
+    this.sink.schema(schema);
+  }
+
+  state(schema: Schema, state: PastState): void {
+    this.schema(schema);
+    this.sink.state(state);
+  }
+
+  model(model: string | null): void {
+    if (model === this.#model) return;
+    this.#model = model;
+    this.sink.model(model);
+  }
+
+  word(word: RobotStatus | null): void {
+    if (word === null || word === this.#word) return;
+    this.#word = word;
+    this.sink.word(word);
+  }
+
+  situation({ model, info, word, faults }: Situation): void {
+    this.model(model);
+    this.#tellInfo(info);
+    for (const event of faults) this.#tellEvent(event);
+    this.word(word);
+  }
+
+  change(change: Change): void {
+    if (change.kind === 'event') this.#tellEvent(change.event);
+    else if (change.kind === 'info') this.#tellInfo(change.info);
+    else if (change.kind === 'model') this.model(change.model);
+    else if (change.kind === 'word') this.word(change.word);
+    else this.situation(change.start);
+  }
+
+  #tellInfo(info: ReadonlyMap<string, string>): void {
+    const told = this.#info;
+    if (told?.size === info.size && [...info].every(([name, text]) => told.get(name) === text)) return;
+    this.#info = info;
+    this.sink.info(info);
+  }
+
+  /** Takes that overlap, and the page itself, tell of the same events; a robot's relay numbers and dates each once. */
+  #tellEvent(event: EventMessage): void {
+    const name = nameOf(event);
+    if (this.#events.has(name)) return;
+    this.#events.add(name);
+    if (this.#events.size > TOLD_EVENTS_MAX) this.#events.delete(this.#events.values().next().value!);
+    this.sink.event(event);
+  }
+}
+
+/** Says which event it is, however often it comes. */
+export function nameOf({ n, at, t }: EventMessage): string {
+  return `${n} ${at ?? t}`;
+}
+
+function causeOf({ source, text }: EventMessage): string {
+  return `${source}\n${text}`;
+}
+
+function byCause(faults: readonly EventMessage[]): Map<string, EventMessage> {
+  return new Map(faults.map((event) => [causeOf(event), event]));
+}

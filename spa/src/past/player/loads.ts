@@ -1,0 +1,143 @@
+import { PastError, type PastSource, type SegmentRef } from '../past_source.ts';
+import type { Span } from '../past_types.ts';
+import { nameOfRef, readerOf, type SchemaReader, type Tape, TapePart } from './tape.ts';
+
+/** How long after a try that failed the next one comes, ms. */
+export const RETRY_MS = 2000;
+const SCHEMAS_MAX = 8;
+/** Of a page of the index and of first poses. */
+export const PAGE_MS = 600_000;
+
+export type LoadState = 'none' | 'loading' | 'ready' | PastError['why'];
+
+interface Load {
+  state: LoadState;
+  readonly begunMs: number;
+  retryMs: number;
+  readonly abort: AbortController;
+  promise: Promise<void>;
+}
+
+/** What is on its way from a source, by name: each thing once at a time, and again some time after it was `away`. */
+export class Loads {
+  readonly #loads = new Map<string, Load>();
+  readonly #readers = new Map<string, Promise<SchemaReader>>();
+  readonly #known = new Map<string, SchemaReader>();
+
+  constructor(
+    private readonly source: PastSource,
+    private readonly tape: Tape,
+    private readonly nowMs: () => number,
+    /** Called when something has come, or is known not to. */
+    private readonly onChange: () => void,
+  ) {}
+
+  stateOf(name: string): LoadState {
+    return this.#loads.get(name)?.state ?? 'none';
+  }
+
+  stateOfRef(ref: SegmentRef): LoadState {
+    if (this.tape.get(ref) !== null) return 'ready';
+    return this.stateOf(nameOfRef(ref));
+  }
+
+  /** How long something has been on its way, ms. */
+  waitedMs(name: string): number {
+    const load = this.#loads.get(name);
+    return load === undefined ? 0 : this.nowMs() - load.begunMs;
+  }
+
+  segment(ref: SegmentRef): Promise<void> {
+    if (this.tape.get(ref) !== null) return Promise.resolve();
+    return this.#load(nameOfRef(ref), async (signal) => {
+      const [segment, reader] = await Promise.all([
+        this.source.segment(ref, signal),
+        ref.schema === null ? null : this.reader(ref.schema),
+      ]);
+      if (!signal.aborted) this.tape.add(new TapePart(ref, segment, reader));
+    });
+  }
+
+  /** The index of ten minutes. `page`: their number since 1970. */
+  index(page: number): Promise<void> {
+    if (this.stateOf(`index ${page}`) === 'ready') return Promise.resolve();
+    return this.#load(`index ${page}`, () => this.source.loadIndex(spanOf(page)));
+  }
+
+  /** The first poses of ten minutes. */
+  keys(page: number): Promise<void> {
+    if (this.stateOf(`keys ${page}`) === 'ready') return Promise.resolve();
+    return this.#load(`keys ${page}`, () => this.source.loadKeys(spanOf(page)));
+  }
+
+  /** A schema's reader, if it is here. */
+  knownReader(sha256: string): SchemaReader | null {
+    return this.#known.get(sha256) ?? null;
+  }
+
+  reader(sha256: string): Promise<SchemaReader> {
+    const known = this.#readers.get(sha256);
+    if (known !== undefined) return known;
+    const made = this.source.schema(sha256).then((schema) => {
+      const reader = readerOf(schema);
+      this.#known.set(sha256, reader);
+      return reader;
+    });
+    this.#readers.set(sha256, made);
+    made.catch(() => this.#readers.delete(sha256));
+    if (this.#readers.size > SCHEMAS_MAX) {
+      const [oldest] = this.#readers.keys();
+      this.#readers.delete(oldest!);
+      this.#known.delete(oldest!);
+    }
+    return made;
+  }
+
+  /** Ends what is on its way of segments, but for some. */
+  keepOnly(refs: readonly SegmentRef[]): void {
+    const kept = new Set(refs.map(nameOfRef));
+    for (const [name, load] of this.#loads) {
+      if (!name.includes('/') || kept.has(name)) continue;
+      if (load.state === 'loading' || load.state === 'away') {
+        load.abort.abort();
+        this.#loads.delete(name);
+      }
+    }
+  }
+
+  #load(name: string, run: (signal: AbortSignal) => Promise<void>): Promise<void> {
+    const before = this.#loads.get(name);
+    const nowMs = this.nowMs();
+    if (before !== undefined && (before.state === 'loading' || before.retryMs > nowMs)) return before.promise;
+    const state = before?.state === 'away' ? 'away' : 'loading'; // still away, for all that is known
+    const abort = new AbortController();
+    const begunMs = before?.state === 'away' ? before.begunMs : nowMs;
+    const load: Load = {
+      state,
+      begunMs,
+      retryMs: Number.POSITIVE_INFINITY,
+      abort,
+      promise: Promise.resolve(),
+    };
+    this.#loads.set(name, load);
+    load.promise = run(abort.signal).then(
+      () => {
+        if (abort.signal.aborted) return;
+        load.state = 'ready';
+        if (name.includes('/')) this.#loads.delete(name); // the tape has it
+        this.onChange();
+      },
+      (error: unknown) => {
+        if (abort.signal.aborted) return;
+        load.state = error instanceof PastError ? error.why : 'damaged';
+        if (load.state === 'away') load.retryMs = this.nowMs() + RETRY_MS;
+        this.onChange();
+      },
+    );
+    return load.promise;
+  }
+}
+
+function spanOf(page: number): Span {
+  return { fromMs: page * PAGE_MS, toMs: (page + 1) * PAGE_MS };
+}

@@ -1,0 +1,42 @@
+import type { PastNote } from '../past_types.ts';
+import { PATIENCE_MS, type Pending } from './reel.ts';
+
+/** How long a note stays that nothing else ends, ms. */
+const NOTE_MS = 5000;
+
+/** What the person has to be told; times by the page's clock. */
+export class PastNotes {
+  #said: { note: PastNote; sinceMs: number } | null = null;
+  /** Since when something is waited for. */
+  #waitingMs: number | null = null;
+  #isAway = false;
+
+  say(note: PastNote, nowMs: number): void {
+    this.#said = { note, sinceMs: nowMs };
+  }
+
+  /** What was said holds no longer. */
+  forget(): void {
+    this.#said = null;
+  }
+
+  /** Something is waited for: these. */
+  wait(pending: readonly Pending[], nowMs: number): void {
+    this.#waitingMs ??= nowMs;
+    this.#isAway = pending.some(({ state }) => state === 'away');
+  }
+
+  /** Nothing is. */
+  rest(): void {
+    this.#waitingMs = null;
+    this.#isAway = false;
+  }
+
+  read(nowMs: number): PastNote | null {
+    if (this.#isAway) return 'away';
+    if (this.#waitingMs !== null && nowMs - this.#waitingMs > PATIENCE_MS) return 'loading';
+    const said = this.#said;
+    if (said !== null && said.note !== 'not-kept' && nowMs - said.sinceMs > NOTE_MS) this.#said = null;
+    return this.#said?.note ?? null;
+  }
+}

@@ -1,0 +1,197 @@
+import type { EventMessage, RobotStatus, Schema } from '@posecast/wire';
+import type { RobotState } from '../../twin/robot.ts';
+import { type Change, type Happening, nameOf, type Situation, situationAfter } from './happenings.ts';
+import { firstPlace, type TapeFrame } from './tape.ts';
+
+/** How far it goes back, ms. */
+export const OWN_MS = 60_000;
+/** Bound of the codes, and of what happened; the oldest are dropped. */
+export const OWN_BYTES_MAX = 8e6;
+const HAPPENINGS_MAX = 2000;
+/** The relay's newest moment lies behind what has come here by no more than this; nor can it lie `AHEAD_MS` ahead. Else
+ *  the clocks differ. */
+const BEHIND_MS = 90_000;
+const AHEAD_MS = 3000;
+/** A measured difference of the clocks that is off by less stays, so that the moments don't tremble. */
+const STEADY_MS = 100;
+
+/** What became known of the page's frames by a segment that has some of them. */
+export interface Alignment {
+  /** What they were called before. */
+  readonly formerRun: string;
+  readonly runId: string;
+  /** By how much their moments have moved, ms. */
+  readonly byMs: number;
+}
+
+/** Frames whose numbers rise. `runId` is a name of our own until a segment says it. */
+interface OwnRun {
+  runId: string;
+  isKnown: boolean;
+}
+
+type OwnFrame = Omit<TapeFrame, 'runId'> & { readonly run: OwnRun };
+
+/**
+ * The newest minute that the page itself received, within `OWN_BYTES_MAX`. Times go in by the page's clock and come out by
+ * the relay's, as far as their difference is known.
+ */
+export class OwnTape {
+  readonly #frames: OwnFrame[] = [];
+  readonly #happenings: (Change & { readonly atMs: number })[] = [];
+  #before: Situation = { model: null, info: new Map(), word: null, faults: [] };
+  #now = this.#before;
+  #bytes = 0;
+  #runs = 0;
+  /** Add it to the page's clock to have the relay's. */
+  #offsetMs = 0;
+  #isMeasured = false;
+  readonly #events = new Set<string>();
+
+  /** Adds a state of the live stream. Its codes are copied. */
+  push(schema: Schema, state: RobotState): void {
+    if (state.schemaId !== schema.id) return;
+    const { seq, tS } = state;
+    const before = this.#frames.at(-1);
+    const rises = before !== undefined && before.schemaId === schema.id && ((seq - before.seq) | 0) > 0;
+    if (!rises && this.#frames.some((known) => known.seq === seq && known.tS === tS)) return;
+    const run = rises ? before.run : { runId: `own ${++this.#runs}`, isKnown: false };
+    const atMs = Math.max(state.atMs - (state.lateMs ?? 0), before?.atMs ?? 0);
+    const codes = state.codes.slice(0, schema.size);
+    this.#frames.push({ run, schema, schemaId: schema.id, seq, tS, codes, atMs, lateMs: 0 });
+    this.#bytes += codes.byteLength;
+    this.#trim(atMs);
+  }
+
+  /** Adds an event. The relay repeats the newest at every join, so known ones are dropped. */
+  event(event: EventMessage, atMs: number): void {
+    const name = nameOf(event);
+    if (this.#events.has(name)) return;
+    this.#events.add(name);
+    if (this.#events.size > HAPPENINGS_MAX) this.#events.delete(this.#events.values().next().value!);
+    this.#change({ kind: 'event', event }, atMs);
+  }
+
+  model(model: string | null, atMs: number): void {
+    if (model !== this.#now.model) this.#change({ kind: 'model', model }, atMs);
+  }
+
+  info(info: ReadonlyMap<string, string>, atMs: number): void {
+    this.#change({ kind: 'info', info }, atMs);
+  }
+
+  word(word: RobotStatus, atMs: number): void {
+    if (word !== this.#now.word) this.#change({ kind: 'word', word }, atMs);
+  }
+
+  /** Learns the newest moment of the relay's past, by which the clocks are compared until they are measured. */
+  guess(newestMs: number): void {
+    const own = this.#frames.at(-1)?.atMs;
+    if (this.#isMeasured || own === undefined) return;
+    const aheadMs = newestMs - own;
+    this.#offsetMs = aheadMs > AHEAD_MS || aheadMs < -BEHIND_MS ? aheadMs : 0;
+  }
+
+  /** Learns the run and the relay's times of frames from those of a segment. Null where it has none of them, or where
+   *  that was known. */
+  align(frames: readonly TapeFrame[]): Alignment | null {
+    const bySeq = new Map(frames.map((frame) => [frame.seq, frame]));
+    const offsetsMs: number[] = [];
+    let run: OwnRun | null = null;
+    for (const own of this.#frames) {
+      const frame = bySeq.get(own.seq);
+      if (frame === undefined || (own.run.isKnown && own.run.runId !== frame.runId)) continue;
+      if (!isSame(own, frame)) continue;
+      offsetsMs.push(frame.atMs - own.atMs);
+      run = own.run;
+    }
+    if (run === null) return null;
+    const medianMs = offsetsMs.sort((a, b) => a - b)[offsetsMs.length >> 1]!;
+    const isSteady = this.#isMeasured && Math.abs(medianMs - this.#offsetMs) < STEADY_MS;
+    const byMs = isSteady ? 0 : medianMs - this.#offsetMs;
+    this.#offsetMs += byMs;
+    this.#isMeasured = true;
+    const { runId: formerRun, isKnown } = run;
+    if (isKnown && isSteady) return null;
+    run.runId = frames[0]!.runId;
+    run.isKnown = true;
+    return { formerRun, runId: run.runId, byMs };
+  }
+
+  /** The newest; null while there is none. */
+  get newest(): TapeFrame | null {
+    return this.#given(this.#frames.length - 1);
+  }
+
+  /** The newest at or before a moment. */
+  at(momentMs: number): TapeFrame | null {
+    return this.#given(firstPlace(this.#frames, ({ atMs }) => atMs + this.#offsetMs > momentMs) - 1);
+  }
+
+  /** The first for which `is` holds; for all behind it it holds as well. */
+  firstWhere(is: (frame: TapeFrame) => boolean): TapeFrame | null {
+    return this.#given(this.#placeWhere(is));
+  }
+
+  /** The last for which `is` does not hold, as in `firstWhere`. */
+  lastUnless(is: (frame: TapeFrame) => boolean): TapeFrame | null {
+    return this.#given(this.#placeWhere(is) - 1);
+  }
+
+  /** All from a moment on, oldest first. */
+  since(momentMs: number): TapeFrame[] {
+    const place = this.#placeWhere(({ atMs }) => atMs >= momentMs);
+    return this.#frames.slice(place).map((own) => given(own, this.#offsetMs));
+  }
+
+  /** What happened after a moment and up to another. */
+  happenings(afterMs: number, untilMs: number): Happening[] {
+    return this.#happenings
+      .map((each) => ({ ...each, atMs: each.atMs + this.#offsetMs, place: 0 }))
+      .filter(({ atMs }) => atMs > afterMs && atMs <= untilMs);
+  }
+
+  situationAt(momentMs: number): Situation {
+    return situationAfter(this.#before, this.happenings(Number.NEGATIVE_INFINITY, momentMs));
+  }
+
+  /** Of the codes. */
+  get bytes(): number {
+    return this.#bytes;
+  }
+
+  #placeWhere(is: (frame: TapeFrame) => boolean): number {
+    return firstPlace(this.#frames, (own) => is(given(own, this.#offsetMs)));
+  }
+
+  #given(place: number): TapeFrame | null {
+    const own = this.#frames[place];
+    return own === undefined ? null : given(own, this.#offsetMs);
+  }
+
+  #change(change: Change, atMs: number): void {
+    this.#now = situationAfter(this.#now, [change]);
+    this.#happenings.push({ ...change, atMs: Math.max(atMs, this.#happenings.at(-1)?.atMs ?? 0) });
+    this.#trim(atMs);
+  }
+
+  #trim(nowMs: number): void {
+    const frames = this.#frames;
+    while (frames.length > 1 && (frames[0]!.atMs < nowMs - OWN_MS || this.#bytes > OWN_BYTES_MAX))
+      this.#bytes -= frames.shift()!.codes.byteLength;
+    const sinceMs = Math.max(nowMs - OWN_MS, frames[0]?.atMs ?? 0);
+    const old = firstPlace(this.#happenings, ({ atMs }) => atMs >= sinceMs);
+    const dropped = this.#happenings.splice(0, Math.max(old, this.#happenings.length - HAPPENINGS_MAX));
+    if (dropped.length > 0) this.#before = situationAfter(this.#before, dropped);
+  }
+}
+
+/** Numbers begin anew with each run, so all that a frame says must be the same. */
+function isSame(own: OwnFrame, frame: TapeFrame): boolean {
+  if (own.schemaId !== frame.schemaId || Math.abs(own.tS - frame.tS) > 1e-3) return false;
+  return own.codes.every((code, i) => code === frame.codes[i]);
+}
+
+function given({ run, ...own }: OwnFrame, offsetMs: number): TapeFrame {
+  return { ...own, runId: run.runId, atMs: own.atMs + offsetMs };
+}

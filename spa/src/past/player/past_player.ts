@@ -1,0 +1,476 @@
+import type { PastSource } from '../past_source.ts';
+import type { PastControls, PastNote, PastSink, Playhead, Span, Speed, Timeline } from '../past_types.ts';
+import { faultBeside } from './fault_marks.ts';
+import { Fill } from './fill.ts';
+import { KeyPageFetcher } from './key_page_fetcher.ts';
+import { Loads, PAGE_MS } from './loads.ts';
+import { play, stepBack, stepOn } from './moves.ts';
+import { PastNotes } from './notes.ts';
+import type { Alignment, OwnTape } from './own_tape.ts';
+import { PlayheadClock } from './playhead.ts';
+import { Projector } from './projector.ts';
+import { type Pending, Reel } from './reel.ts';
+import { Tape } from './tape.ts';
+
+/** Longest time that a gap is played through, ms. */
+export const GAP_MS = 2000;
+/** Between two calls of the listeners while playing, ms. */
+const CHANGE_EVERY_MS = 100;
+/** A link's moment is not kept where nothing is recorded so near to it, ms. */
+const LINK_APART_MS = 10_000;
+const MINUTE_MS = 60_000;
+const NAMES = ['at', 'playing', 'speed', 'loop', 'note'] as const;
+
+export interface PastPorts {
+  readonly source: PastSource;
+  /** What the page itself received. */
+  readonly own: OwnTape;
+  readonly sink: PastSink;
+  /** The page's clock, which never steps back. */
+  readonly nowMs: () => number;
+  /** Runs something some ms later. Returns a function that cancels it. */
+  readonly schedule: (run: () => void, afterMs: number) => () => void;
+}
+
+/**
+ * Plays a robot's past into a sink: each frame that the segments have, once and in order, and the page's own where there
+ * is no segment (yet). `tick` has to be called for every picture while `playhead.at` is `past`.
+ */
+export class PastPlayer implements PastControls {
+  readonly #ports: PastPorts;
+  readonly #tape = new Tape();
+  readonly #loads: Loads;
+  readonly #reel: Reel;
+  readonly #projector: Projector;
+  readonly #keyFetcher: KeyPageFetcher;
+  readonly #fill: Fill;
+  readonly #clock = new PlayheadClock();
+  readonly #notes = new PastNotes();
+  readonly #listeners = new Set<() => void>();
+  readonly #unfollow: () => void;
+
+  #isPast = false;
+  #loop: Span | null = null;
+  #isAttended = false;
+  /** A finger is down. `isNewest`: at the newest end. */
+  #scrubbing: { isNewest: boolean } | null = null;
+  /** The moment whose exact state is not shown yet. */
+  #wantedMs: number | null = null;
+  /** The wanted moment is that of a link. */
+  #isLink = false;
+  /** Frames to go. */
+  #steps = 0;
+  /** Counts what makes a search for faults obsolete. */
+  #acts = 0;
+  /** When something was last shown, page's clock. */
+  #shownMs = 0;
+  #playhead: Playhead;
+  #changedMs = 0;
+
+  constructor(ports: PastPorts) {
+    this.#ports = ports;
+    const { source, own, sink, nowMs } = ports;
+    this.#loads = new Loads(source, this.#tape, nowMs, () => this.#work());
+    this.#reel = new Reel(source, this.#tape, own, this.#loads, (alignment) => this.#align(alignment));
+    this.#projector = new Projector(sink, own);
+    this.#keyFetcher = new KeyPageFetcher(source, this.#loads);
+    this.#fill = new Fill(ports, this.#tape, this.#reel, this.#loads);
+    this.#playhead = this.#read();
+    this.#unfollow = source.onChange(() => {
+      if (this.#isAttended) void this.#keyFetcher.fetch();
+      this.#work();
+      this.#publish(true);
+    });
+  }
+
+  get playhead(): Playhead {
+    return this.#playhead;
+  }
+
+  /** The shown moment as of the newest `tick`; `playhead` is told less often. */
+  get momentMs(): number {
+    return this.#clock.momentMs;
+  }
+
+  get timeline(): Timeline | null {
+    return this.#ports.source.timeline;
+  }
+
+  readonly onChange = (listener: () => void): (() => void) => {
+    this.#listeners.add(listener);
+    return () => this.#listeners.delete(listener);
+  };
+
+  close(): void {
+    this.#unfollow();
+    this.#fill.stop();
+    this.#loads.keepOnly([]);
+    this.#isPast = false;
+    this.#listeners.clear();
+  }
+
+  attend(): void {
+    if (this.#isAttended) return;
+    this.#isAttended = true;
+    this.#ports.source.follow('near');
+    void this.#keyFetcher.fetch();
+  }
+
+  seek(momentMs: number, scrubbing = false): void {
+    const isNewest = momentMs >= this.#newestMs();
+    this.#act();
+    if (isNewest && !scrubbing) {
+      this.goLive();
+      return;
+    }
+    const wantedMs = this.#keptMs(momentMs);
+    if (this.#loop !== null && (wantedMs < this.#loop.fromMs || wantedMs > this.#loop.toMs))
+      this.#loop = null;
+    this.#enter();
+    if (!scrubbing) {
+      this.#jump(wantedMs);
+      return;
+    }
+    this.attend();
+    this.#scrubbing = { isNewest };
+    this.#want(wantedMs);
+    void this.#keyFetcher.want(wantedMs);
+    this.#work();
+  }
+
+  settle(): void {
+    const scrubbed = this.#scrubbing;
+    if (scrubbed === null) return;
+    this.#act();
+    if (scrubbed.isNewest) this.goLive();
+    else this.#jump(this.#clock.momentMs);
+  }
+
+  toggle(): void {
+    this.#act();
+    if (!this.#isPast) {
+      this.#enter();
+      this.#rest();
+      this.#jump(this.#ports.own.newest?.atMs ?? this.#newestMs());
+      return;
+    }
+    const nowMs = this.#ports.nowMs();
+    if (this.#clock.running) this.#rest();
+    else this.#clock.run(nowMs);
+    this.#shownMs = nowMs;
+    this.#steps = 0;
+    this.#work();
+  }
+
+  setSpeed(speed: Speed): void {
+    if (!this.#isPast) return;
+    this.#clock.set(this.#clock.momentMs, this.#ports.nowMs());
+    this.#clock.speed = speed;
+    this.#publish();
+  }
+
+  skip(byMs: number): void {
+    this.seek((this.#isPast ? this.#clock.momentMs : this.#newestMs()) + byMs);
+  }
+
+  step(by: 1 | -1): void {
+    if (!this.#isPast) this.toggle();
+    this.settle();
+    this.#act();
+    this.#rest();
+    this.#steps += by;
+    this.#work();
+  }
+
+  setLoop(span: Span | null): void {
+    this.#act();
+    const fromMs = this.#keptMs(span?.fromMs ?? 0);
+    const toMs = this.#keptMs(span?.toMs ?? 0);
+    this.#loop = toMs > fromMs ? { fromMs, toMs } : null;
+    const { momentMs } = this.#clock;
+    if (this.#loop === null || (this.#isPast && momentMs >= fromMs && momentMs < toMs)) {
+      this.#publish();
+      return;
+    }
+    this.#enter();
+    this.#jump(fromMs);
+  }
+
+  visitFault(by: 1 | -1): void {
+    this.#act();
+    void this.#visit(by, this.#isPast ? this.#clock.momentMs : this.#newestMs(), this.#acts);
+  }
+
+  goLive(): void {
+    if (!this.#isPast) return;
+    this.#act();
+    this.#want(this.#clock.momentMs);
+    this.#wantedMs = null;
+    this.#isPast = false;
+    this.#loop = null;
+    this.#scrubbing = null;
+    this.#clock.running = false;
+    this.#clock.speed = 1;
+    this.#loads.keepOnly([]);
+    if (!this.#isAttended) this.#ports.source.follow('idle');
+    this.#publish();
+  }
+
+  /** Shows the moment that a link names, and rests there; if it is not kept, the nearest that is, and says so. */
+  openAt(momentMs: number): void {
+    this.#act();
+    this.#enter();
+    this.#rest();
+    this.#isLink = true;
+    this.#jump(momentMs);
+  }
+
+  /** Shows what has come to be shown by now. */
+  tick(): void {
+    this.#work();
+    if (!this.#isPast) return;
+    if (this.#clock.running && this.#wantedMs === null) this.#play();
+    else this.#clock.set(this.#clock.momentMs, this.#ports.nowMs());
+    this.#publish();
+  }
+
+  /** Somebody did something, so what was said before holds no longer. */
+  #act(): void {
+    this.#acts += 1;
+    this.#notes.forget();
+    this.#isLink = false;
+  }
+
+  #enter(): void {
+    if (this.#isPast) return;
+    this.#isPast = true;
+    this.#clock.run(this.#ports.nowMs());
+    this.#ports.source.follow('near');
+  }
+
+  #rest(): void {
+    this.#clock.running = false;
+    this.#notes.rest();
+  }
+
+  #jump(momentMs: number): void {
+    this.#scrubbing = null;
+    this.#want(momentMs);
+    const { source } = this.#ports;
+    this.#loads.keepOnly(source.segmentsIn({ fromMs: momentMs - MINUTE_MS, toMs: momentMs + MINUTE_MS / 2 }));
+    this.#work();
+  }
+
+  #want(momentMs: number): void {
+    const nowMs = this.#ports.nowMs();
+    this.#fill.stop();
+    this.#clock.set(momentMs, nowMs);
+    this.#wantedMs = momentMs;
+    this.#steps = 0;
+    this.#shownMs = nowMs;
+    this.#notes.rest();
+  }
+
+  /** Shows what is wanted as far as it is here, and fetches what is not. */
+  #work(): void {
+    if (!this.#isPast) return;
+    if (this.#wantedMs === null) this.#step();
+    else if (this.#scrubbing !== null) this.#scrub(this.#wantedMs);
+    else this.#showAt(this.#wantedMs);
+    this.#publish();
+  }
+
+  /** Shows what is here of a moment, exactly or nearly. */
+  #scrub(momentMs: number): void {
+    const { frame, situation } = this.#reel.at(momentMs);
+    const { cursor } = this.#projector;
+    if (frame === null || situation === null) this.#showKey(momentMs);
+    else if (frame.seq !== cursor?.seq || frame.runId !== cursor.runId)
+      this.#projector.show(frame, momentMs, situation);
+  }
+
+  /** Shows a moment exactly, as soon as that is here. */
+  #showAt(momentMs: number): void {
+    if (this.#hasLeft(momentMs)) return;
+    const nowMs = this.#ports.nowMs();
+    const { frame, situation, pending, isDamaged } = this.#reel.at(momentMs);
+    for (const each of pending) each.begin();
+    const isUnknown = this.timeline === null && (frame === null || this.#isLink);
+    if (situation === null || isUnknown) {
+      this.#notes.wait(pending, nowMs);
+      this.#showKey(momentMs);
+      return;
+    }
+    const shownMs = Math.max(momentMs, frame?.atMs ?? 0);
+    this.#projector.show(frame, shownMs, situation);
+    this.#clock.set(shownMs, nowMs);
+    this.#shownMs = nowMs;
+    this.#wantedMs = null;
+    this.#changedMs = Number.NEGATIVE_INFINITY; // it is told at once
+    this.#notes.rest();
+    if (isDamaged) this.#say('damaged');
+    const isApart = frame === null || Math.abs(momentMs - frame.atMs) > LINK_APART_MS;
+    if (this.#isLink && isApart && situation.word === 'online') this.#say('not-kept');
+    if (frame !== null) this.#fill.soon(frame);
+  }
+
+  /** Shows the first pose of a segment near a moment. */
+  #showKey(momentMs: number): void {
+    const { source } = this.#ports;
+    const pose = source.keyAt(momentMs);
+    if (pose === null) return;
+    const reader = this.#loads.knownReader(pose.schema);
+    if (reader === null) {
+      this.#loads.reader(pose.schema).then(
+        () => this.#work(),
+        () => undefined,
+      );
+      return;
+    }
+    const refs = source.segmentsIn({ fromMs: pose.atMs - MINUTE_MS, toMs: pose.atMs });
+    const word = refs.flatMap(({ words }) => words).findLast(({ atMs }) => atMs <= pose.atMs)?.word ?? null;
+    this.#projector.showKey(pose, reader, word);
+  }
+
+  /** Goes to the nearest moment that is kept if one is not. */
+  #hasLeft(momentMs: number): boolean {
+    const keptMs = this.#keptMs(momentMs);
+    if (this.timeline === null || keptMs === momentMs) return false;
+    if (this.#isLink) this.#say('not-kept');
+    else if (keptMs > momentMs) this.#say('resumed');
+    this.#jump(keptMs);
+    return true;
+  }
+
+  /** Plays up to now. */
+  #play(): void {
+    const nowMs = this.#ports.nowMs();
+    const looped = this.#loop?.toMs ?? Number.POSITIVE_INFINITY;
+    this.#reel.near({ fromMs: this.#clock.momentMs, toMs: this.#clock.target(nowMs) }); // may move the playhead
+    const targetMs = Math.min(this.#clock.target(nowMs), looped);
+    const move = play(this.#reel, this.#projector, this.#clock.momentMs, targetMs);
+    const { momentMs, blockers, hasShown, isDamaged } = move;
+    this.#clock.set(momentMs, nowMs);
+    this.#await(blockers);
+    if (isDamaged) this.#say('damaged');
+    this.#prefetch();
+    if (momentMs >= looped) this.#jump(this.#loop!.fromMs);
+    else if (hasShown) this.#shownMs = nowMs;
+    else if (momentMs >= this.#oldestMs() || !this.#hasLeft(momentMs))
+      this.#pass(blockers.length > 0, momentMs, nowMs);
+  }
+
+  /** Passes over what is long empty. At the end comes what is live. */
+  #pass(isHeld: boolean, momentMs: number, nowMs: number): void {
+    const isLong = nowMs - this.#shownMs >= GAP_MS;
+    if (isHeld || (!isLong && this.#clock.speed <= 1)) return;
+    const nextMs = this.#reel.nextMs(this.#projector.cursor, momentMs);
+    if (nextMs === null) {
+      if (this.#loop !== null) this.#jump(this.#loop.fromMs);
+      else if (isLong || momentMs >= this.#newestMs()) this.goLive();
+    } else if (isLong && nextMs - (this.#projector.cursor?.atMs ?? momentMs) > GAP_MS) {
+      this.#clock.set(Math.min(nextMs, this.#loop?.toMs ?? nextMs), nowMs);
+      this.#shownMs = nowMs;
+    }
+  }
+
+  #prefetch(): void {
+    const { momentMs, speed } = this.#clock;
+    for (const ref of this.#reel.ahead(momentMs, speed > 2 ? 6 : 2)) void this.#loads.segment(ref);
+    const soonMs = momentMs + MINUTE_MS / 2;
+    if (soonMs <= (this.timeline?.toMs ?? 0)) void this.#loads.index(Math.floor(soonMs / PAGE_MS));
+    this.#tape.trim(momentMs);
+  }
+
+  /** Goes frame by frame, as far as frames are here. */
+  #step(): void {
+    while (this.#steps !== 0) {
+      const step = this.#steps > 0 ? stepOn : stepBack;
+      const { momentMs, blockers } = step(this.#reel, this.#projector, this.#clock.momentMs);
+      this.#await(blockers);
+      if (blockers.length > 0) return;
+      this.#clock.set(momentMs, this.#ports.nowMs());
+      if (this.#steps < 0 && this.#projector.cursor !== null) this.#fill.soon(this.#projector.cursor);
+      this.#steps -= Math.sign(this.#steps);
+    }
+  }
+
+  async #visit(by: 1 | -1, momentMs: number, act: number): Promise<void> {
+    const slackMs = this.#isPast && this.#clock.running ? 1000 : 1;
+    for (let tries = 0; ; tries += 1) {
+      const mark = faultBeside(this.timeline?.marks ?? [], by, momentMs, slackMs);
+      if (mark === null) return;
+      if (mark.exact || tries > 1) {
+        this.#loop = null;
+        this.#enter();
+        this.#jump(this.#keptMs(mark.goesMs));
+        return;
+      }
+      await this.#loads.index(Math.floor(mark.atMs / PAGE_MS));
+      if (act !== this.#acts) return;
+    }
+  }
+
+  /** Own frames are known to be of a run now, and when they were: the playhead stays with the frame that it shows. */
+  #align({ formerRun, runId, byMs }: Alignment): void {
+    const { cursor } = this.#projector;
+    if (cursor?.runId !== formerRun) return;
+    this.#projector.cursor = { ...cursor, runId, atMs: cursor.atMs + byMs };
+    if (this.#wantedMs === null) this.#clock.set(this.#clock.momentMs + byMs, this.#ports.nowMs());
+  }
+
+  #await(pending: readonly Pending[]): void {
+    for (const each of pending) each.begin();
+    if (pending.length === 0) this.#notes.rest();
+    else this.#notes.wait(pending, this.#ports.nowMs());
+  }
+
+  #say(note: PastNote): void {
+    this.#notes.say(note, this.#ports.nowMs());
+  }
+
+  #oldestMs(): number {
+    return this.timeline?.fromMs ?? Number.NEGATIVE_INFINITY;
+  }
+
+  /** The newest moment that is known. */
+  #newestMs(): number {
+    const { own } = this.#ports;
+    const recordedMs = this.timeline?.toMs ?? Number.NEGATIVE_INFINITY;
+    if (!this.#isPast && this.timeline !== null) own.guess(recordedMs);
+    const newestMs = Math.max(recordedMs, own.newest?.atMs ?? Number.NEGATIVE_INFINITY);
+    return Number.isFinite(newestMs) ? newestMs : this.#ports.nowMs();
+  }
+
+  /** The nearest moment that is kept. */
+  #keptMs(momentMs: number): number {
+    return Math.max(Math.min(momentMs, this.#newestMs()), this.#oldestMs());
+  }
+
+  #read(): Playhead {
+    const { momentMs, running: playing, speed } = this.#clock;
+    if (!this.#isPast)
+      return { at: 'live', momentMs: this.#newestMs(), playing: true, speed: 1, loop: null, note: null };
+    return {
+      at: 'past',
+      momentMs,
+      playing,
+      speed,
+      loop: this.#loop,
+      note: this.#notes.read(this.#ports.nowMs()),
+    };
+  }
+
+  /** Tells the listeners what has changed: a moment that only goes on not too often. */
+  #publish(always = false): void {
+    const [before, now] = [this.#playhead, this.#read()];
+    const nowMs = this.#ports.nowMs();
+    if (!always && NAMES.every((name) => before[name] === now[name])) {
+      const goesOn = now.playing && this.#scrubbing === null && this.#wantedMs === null;
+      if (before.momentMs === now.momentMs || (goesOn && nowMs - this.#changedMs < CHANGE_EVERY_MS)) return;
+    }
+    this.#changedMs = nowMs;
+    this.#playhead = now;
+    for (const listener of this.#listeners) listener();
+  }
+}

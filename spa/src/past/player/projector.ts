@@ -1,0 +1,85 @@
+import { FrameError, type KeyPose, type RobotStatus } from '@posecast/wire';
+import type { PastSink } from '../past_types.ts';
+import { type Happening, type Situation, Teller } from './happenings.ts';
+import type { OwnTape } from './own_tape.ts';
+import type { Near, Next } from './reel.ts';
+import type { SchemaReader, TapeFrame, TapePart } from './tape.ts';
+
+/** Shows frames and what happens around them to a sink, and knows what it has shown since the newest jump. */
+export class Projector {
+  /** The newest frame that was shown; null where only the first pose of a segment is. */
+  cursor: TapeFrame | null = null;
+  readonly #teller: Teller;
+  readonly #own: OwnTape;
+  /** The first pose that is shown meanwhile. */
+  #key: KeyPose | null = null;
+  /** What happened up to the newest jump's moment is part of its situation. */
+  #jumpMs = 0;
+  /** How many of a segment's happenings have been told since. */
+  #told = new WeakMap<TapePart, number>();
+  #ownToldMs = 0;
+
+  constructor(sink: PastSink, own: OwnTape) {
+    this.#teller = new Teller(sink);
+    this.#own = own;
+  }
+
+  /** Jumps to a moment. */
+  show(frame: TapeFrame | null, momentMs: number, situation: Situation): void {
+    this.#teller.jump();
+    if (frame !== null) this.#teller.schema(frame.schema);
+    this.#teller.situation(situation);
+    if (frame !== null) this.#teller.state(frame.schema, frame);
+    this.cursor = frame;
+    this.#key = null;
+    this.#jumpMs = momentMs;
+    this.#ownToldMs = momentMs;
+    this.#told = new WeakMap();
+  }
+
+  /** Jumps to the first pose of a segment, of which no more is known. */
+  showKey(pose: KeyPose, { schema, decoder }: SchemaReader, word: RobotStatus | null): void {
+    const { runId, seq, model, copies, lateUs, atMs } = pose;
+    if (this.#key?.runId === runId && this.#key.seq === seq) return;
+    try {
+      for (const copy of copies) decoder.decode(copy);
+      const { tS, codes } = decoder.decode(pose.frame);
+      this.#teller.jump();
+      this.#teller.schema(schema);
+      this.#teller.model(model);
+      this.#teller.word(word);
+      this.#teller.state(schema, { schemaId: schema.id, seq, tS, codes, atMs, lateMs: lateUs / 1000 });
+      this.#key = pose;
+      this.cursor = null;
+    } catch (error) {
+      if (!(error instanceof FrameError)) throw error;
+    }
+  }
+
+  /** Shows the next frame. */
+  deliver(next: Next, near: Near): void {
+    this.tell(near, next.frame.atMs, next);
+    this.#teller.state(next.frame.schema, next.frame);
+    this.cursor = next.frame;
+  }
+
+  /** Tells what happened up to a moment, or before a frame. */
+  tell({ parts }: Near, momentMs: number, next: Next | null = null): void {
+    const news: Happening[] = [];
+    for (const part of parts) {
+      const { happenings } = part;
+      let told = this.#told.get(part) ?? happenings.filter(({ atMs }) => atMs <= this.#jumpMs).length;
+      for (; told < happenings.length; told += 1) {
+        const { atMs, place } = happenings[told]!;
+        if (part === next?.part ? place > next.place : atMs > momentMs) break;
+        news.push(happenings[told]!);
+      }
+      this.#told.set(part, told);
+    }
+    const isRecorded = ({ atMs }: Happening): boolean =>
+      parts.some(({ ref }) => atMs >= ref.fromMs && atMs <= ref.toMs);
+    const own = this.#own.happenings(this.#ownToldMs, momentMs).filter((each) => !isRecorded(each));
+    this.#ownToldMs = Math.max(this.#ownToldMs, momentMs);
+    for (const each of [...news, ...own].sort((a, b) => a.atMs - b.atMs)) this.#teller.change(each);
+  }
+}

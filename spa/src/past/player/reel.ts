@@ -1,0 +1,255 @@
+import type { PastSource, SegmentRef } from '../past_source.ts';
+import type { Span } from '../past_types.ts';
+import type { Situation } from './happenings.ts';
+import { type LoadState, type Loads, PAGE_MS } from './loads.ts';
+import type { Alignment, OwnTape } from './own_tape.ts';
+import {
+  firstPlace,
+  nameOfRef,
+  newestAt,
+  TAPE_BYTES_MAX,
+  type Tape,
+  type TapeFrame,
+  type TapePart,
+} from './tape.ts';
+
+/** By how much the clocks of two recorders of one robot may differ, ms, for their frames to be merged. */
+export const APART_MS = 1000;
+/** Longer than any segment, ms. */
+const SEGMENT_MS = 10_000;
+/** How long something is waited for before the page's own frames stand in for it, ms. */
+export const PATIENCE_MS = 300;
+/** Own frames that are farther behind a moment do not show it, ms. */
+const OWN_APART_MS = 1500;
+
+/** Something that may hold frames and is not here: a segment, or ten minutes of the index (then `take` is empty). */
+export interface Pending extends Span {
+  readonly take: string;
+  readonly index: number;
+  readonly state: LoadState;
+  /** The page's own frames may stand in for it. */
+  readonly isReplaceable: boolean;
+  begin(): void;
+}
+
+/** What a span has. */
+export interface Near {
+  readonly parts: readonly TapePart[];
+  readonly pending: readonly Pending[];
+  /** What did not arrive as it was recorded. */
+  readonly damaged: readonly SegmentRef[];
+}
+
+/** A frame with its segment and place there; `part` is null for one of the page's own. */
+export interface Next {
+  readonly frame: TapeFrame;
+  readonly part: TapePart | null;
+  readonly place: number;
+}
+
+/** What is to be shown at a moment. `pending`: what has to come first, or, beside a frame, what would be better. */
+export interface Shown {
+  readonly frame: TapeFrame | null;
+  readonly situation: Situation | null;
+  readonly pending: readonly Pending[];
+  /** A segment of that moment did not arrive as it was recorded. */
+  readonly isDamaged: boolean;
+}
+
+/** Reads segments and the page's own frames as one: by run, then by number, each frame once. */
+export class Reel {
+  constructor(
+    private readonly source: PastSource,
+    private readonly tape: Tape,
+    private readonly own: OwnTape,
+    private readonly loads: Loads,
+    private readonly onAlign: (alignment: Alignment) => void,
+  ) {}
+
+  /** What is known of a span. */
+  near(span: Span): Near {
+    const { fromMs, toMs } = span;
+    return this.#sort(this.source.segmentsIn(span), this.#pages({ fromMs: fromMs - SEGMENT_MS, toMs }));
+  }
+
+  /** A segment's frames, as far as they are here. */
+  framesOf(ref: SegmentRef): readonly TapeFrame[] {
+    const part = this.tape.get(ref);
+    return part === null ? [] : this.#open(part).frames;
+  }
+
+  /** The first frame behind `cursor`, or without one the first from the moment on. */
+  next({ parts }: Near, cursor: TapeFrame | null, momentMs: number): Next | null {
+    const isNext = (frame: TapeFrame): boolean =>
+      cursor === null ? frame.atMs >= momentMs : this.tape.order(frame, cursor) > 0;
+    let best: Next | null = null;
+    for (const part of parts) {
+      const place = firstPlace(part.frames, isNext);
+      const frame = part.frames[place];
+      if (frame !== undefined && (best === null || this.tape.order(frame, best.frame) < 0))
+        best = { frame, part, place };
+    }
+    const own = this.own.firstWhere(isNext);
+    if (own === null || (best !== null && this.tape.order(own, best.frame) >= 0)) return best;
+    return { frame: own, part: null, place: 0 };
+  }
+
+  /** What has to come before a frame is shown, or if there is none before anything is. */
+  blockers({ pending }: Near, next: Next | null, momentMs: number): Pending[] {
+    return pending.filter(({ fromMs, toMs, take, index, isReplaceable }) => {
+      if (toMs + 1 <= momentMs) return false; // it is rounded down
+      if (next === null) return true;
+      const { frame, part } = next;
+      if (part !== null && take === part.ref.take) return index < part.ref.index;
+      if (part === null && isReplaceable && frame.atMs - momentMs <= APART_MS) return false;
+      return fromMs - APART_MS <= frame.atMs;
+    });
+  }
+
+  /** When the next thing is or is said to be, whether a frame or not; null if nothing is known. */
+  nextMs(cursor: TapeFrame | null, momentMs: number): number | null {
+    const near = this.near({ fromMs: momentMs - APART_MS, toMs: momentMs + SEGMENT_MS });
+    const behind = [
+      this.next(near, cursor, momentMs)?.frame.atMs,
+      ...near.parts.flatMap(({ happenings }) => happenings.map(({ atMs }) => atMs)),
+      ...this.source
+        .segmentsIn({ fromMs: momentMs, toMs: momentMs + PAGE_MS })
+        .filter((ref) => !this.#isLost(ref))
+        .map(({ fromMs }) => fromMs),
+      this.source.timeline?.movement.find(({ fromMs }) => fromMs > momentMs)?.fromMs,
+    ].filter((atMs) => atMs !== undefined && atMs > momentMs);
+    return behind.length === 0 ? null : Math.min(...(behind as number[]));
+  }
+
+  /** The segments that play next: as many as asked for of each take, within half of what may be held. */
+  ahead(momentMs: number, count: number): SegmentRef[] {
+    const takes = new Map<string, number>();
+    let bytes = 0;
+    return this.source.segmentsIn({ fromMs: momentMs, toMs: momentMs + PAGE_MS / 10 }).filter((ref) => {
+      const nth = takes.get(ref.take) ?? 0;
+      takes.set(ref.take, nth + 1);
+      const size = ref.schema === null ? 0 : (this.loads.knownReader(ref.schema)?.schema.size ?? 0);
+      bytes += ref.bytes + 4 * size * ref.frames;
+      return nth <= count && (nth === 0 || bytes <= TAPE_BYTES_MAX / 2) && !this.#isLost(ref);
+    });
+  }
+
+  /** The newest state at or before a moment, else the first one behind it. */
+  at(momentMs: number): Shown {
+    const { refs, pages } = this.#upTo(momentMs);
+    const near = this.#sort(refs, pages);
+    const { parts, pending } = near;
+    const isDamaged = this.near({ fromMs: momentMs, toMs: momentMs }).damaged.length > 0;
+    const own = this.own.at(momentMs);
+    if (pending.length > 0) {
+      const isHere = own !== null && momentMs - own.atMs <= OWN_APART_MS;
+      return {
+        frame: isHere ? own : null,
+        situation: isHere ? this.own.situationAt(momentMs) : null,
+        pending,
+        isDamaged,
+      };
+    }
+    let frame = own;
+    for (const part of parts) frame = this.tape.last(frame, newestAt(part.frames, momentMs));
+    if (frame === null) {
+      const next = this.next(near, null, momentMs);
+      frame = next?.frame ?? null;
+    }
+    const shownMs = Math.max(momentMs, frame?.atMs ?? 0);
+    const part = parts.filter(({ ref }) => ref.fromMs <= shownMs).at(-1);
+    const isOwn = part === undefined || (frame === own && frame !== null && frame.atMs > part.ref.toMs);
+    const situation = isOwn ? this.own.situationAt(shownMs) : part.situationAt(shownMs);
+    return { frame, situation, pending, isDamaged };
+  }
+
+  /** The frame before one. */
+  before(cursor: TapeFrame): Omit<Shown, 'situation' | 'isDamaged'> {
+    const isBehind = (frame: TapeFrame): boolean => this.tape.order(frame, cursor) >= 0;
+    const own = this.own.lastUnless(isBehind);
+    for (let momentMs = cursor.atMs - 1e-3; ; ) {
+      const { refs, pages } = this.#upTo(momentMs);
+      const { parts, pending } = this.#sort(refs, pages);
+      if (pending.some(({ isReplaceable }) => !isReplaceable || own === null))
+        return { frame: null, pending };
+      let frame = own;
+      for (const part of parts)
+        frame = this.tape.last(frame, part.frames[firstPlace(part.frames, isBehind) - 1] ?? null);
+      const earliestMs = Math.min(...refs.map(({ fromMs }) => fromMs)) - 1e-3;
+      if (frame !== null || !(earliestMs < momentMs)) return { frame, pending: [] };
+      momentMs = earliestMs;
+    }
+  }
+
+  /** The segments, and the index, that say what is at a moment. */
+  #upTo(momentMs: number): { refs: SegmentRef[]; pages: Pending[] } {
+    const moved = this.source.timeline?.movement.findLast(({ fromMs }) => fromMs <= momentMs);
+    const backMs = Math.min(momentMs, moved?.toMs ?? momentMs);
+    const pages = [
+      ...this.#pages({ fromMs: backMs - SEGMENT_MS, toMs: backMs }),
+      ...this.#pages({ fromMs: momentMs, toMs: momentMs }),
+    ];
+    const kept = (span: Span): SegmentRef[] =>
+      this.source.segmentsIn(span).filter((ref) => !this.#isLost(ref));
+    const refs = kept({ fromMs: backMs - 7 * SEGMENT_MS, toMs: momentMs });
+    const endsMs = refs.filter(({ frames }) => frames > 0).map(({ toMs }) => toMs);
+    if (endsMs.length > 0) {
+      const sinceMs = Math.min(momentMs, Math.max(...endsMs)) - APART_MS;
+      return { refs: refs.filter(({ toMs }) => toMs >= sinceMs), pages };
+    }
+    const behind = kept({ fromMs: momentMs, toMs: momentMs + PAGE_MS }).find(({ frames }) => frames > 0);
+    return { refs: behind === undefined ? refs : [...refs, behind], pages };
+  }
+
+  #sort(refs: readonly SegmentRef[], pages: readonly Pending[]): Near {
+    const parts: TapePart[] = [];
+    const pending = [...pages];
+    for (const ref of refs) {
+      if (ref.frames > 0) this.tape.learnRun(ref.runId, ref.fromMs);
+      const part = this.tape.get(ref);
+      if (part !== null) parts.push(this.#open(part));
+      else if (!this.#isLost(ref))
+        pending.push(this.#pending(ref, nameOfRef(ref), () => void this.loads.segment(ref)));
+    }
+    return { parts, pending, damaged: refs.filter((ref) => this.loads.stateOfRef(ref) === 'damaged') };
+  }
+
+  #pages({ fromMs, toMs }: Span): Pending[] {
+    const { timeline } = this.source;
+    if (timeline === null) return [];
+    const pages: Pending[] = [];
+    const first = Math.max(fromMs, timeline.fromMs);
+    const last = Math.min(toMs, timeline.toMs);
+    for (let page = Math.floor(first / PAGE_MS); page * PAGE_MS <= last; page += 1) {
+      const name = `index ${page}`;
+      if (['none', 'loading', 'away'].includes(this.loads.stateOf(name))) {
+        const span = { fromMs: page * PAGE_MS, toMs: Math.min((page + 1) * PAGE_MS, timeline.toMs) };
+        pages.push(this.#pending({ ...span, take: '', index: 0 }, name, () => void this.loads.index(page)));
+      }
+    }
+    return pages;
+  }
+
+  #pending(
+    { fromMs, toMs, take, index }: Span & { take: string; index: number },
+    name: string,
+    begin: () => void,
+  ): Pending {
+    const state = this.loads.stateOf(name);
+    const isReplaceable =
+      state === 'away' || (state === 'loading' && this.loads.waitedMs(name) > PATIENCE_MS);
+    return { fromMs, toMs, take, index, state, isReplaceable, begin };
+  }
+
+  #open(part: TapePart): TapePart {
+    if (part.isOpen) return part;
+    const alignment = part.frames.length > 0 ? this.own.align(part.frames) : null;
+    if (alignment !== null) this.onAlign(alignment);
+    return part;
+  }
+
+  #isLost(ref: SegmentRef): boolean {
+    const state = this.loads.stateOfRef(ref);
+    return state === 'damaged' || state === 'gone';
+  }
+}

@@ -1,0 +1,193 @@
+import { Decoder, FrameError, parseRelayMessage, type Schema, type Segment } from '@posecast/wire';
+import type { SegmentRef } from '../past_source.ts';
+import type { PastState } from '../past_types.ts';
+import { type Happening, type Situation, situationAfter } from './happenings.ts';
+
+/** Bound of what is held of segments: their bytes and the codes of their frames. What is farthest from the playhead is
+ *  dropped first. Of a segment that alone has more, only each n-th frame is read. */
+export const TAPE_BYTES_MAX = 16e6;
+
+/** A frame with the run that its number belongs to. */
+export interface TapeFrame extends PastState {
+  readonly runId: string;
+  readonly schema: Schema;
+}
+
+/** A schema with what decodes its frames. Bases are of no use to another segment, so one serves all, one by one. */
+export interface SchemaReader {
+  readonly schema: Schema;
+  readonly decoder: Decoder;
+}
+
+export function readerOf({ text }: Schema): SchemaReader {
+  const decoder = new Decoder(1);
+  return { schema: decoder.addSchema(text), decoder };
+}
+
+/** One fetched segment. It is decoded when it is first looked into, once. */
+export class TapePart {
+  #frames: TapeFrame[] | null = null;
+  #happenings: Happening[] = [];
+  #segment: Segment | null;
+
+  /** `reader`: null for a segment without frames. */
+  constructor(
+    readonly ref: SegmentRef,
+    segment: Segment,
+    readonly reader: SchemaReader | null,
+  ) {
+    this.#segment = segment;
+  }
+
+  get isOpen(): boolean {
+    return this.#frames !== null;
+  }
+
+  get bytes(): number {
+    return this.ref.bytes + 4 * (this.#frames?.length ?? 0) * (this.reader?.schema.size ?? 0);
+  }
+
+  /** In order; those that can't be decoded are left out, as they were live. */
+  get frames(): readonly TapeFrame[] {
+    return this.#frames ?? this.#read(this.#segment!);
+  }
+
+  /** In order; the first is its start. */
+  get happenings(): readonly Happening[] {
+    if (this.#frames === null) this.#read(this.#segment!);
+    return this.#happenings;
+  }
+
+  situationAt(momentMs: number): Situation {
+    const [first, ...later] = this.happenings as readonly [Happening & { kind: 'start' }, ...Happening[]];
+    return situationAfter(
+      first.start,
+      later.filter(({ atMs }) => atMs <= momentMs),
+    );
+  }
+
+  #read({ start, records }: Segment): readonly TapeFrame[] {
+    const { fromMs, runId, model, info, word, openFaults } = start;
+    const frames: TapeFrame[] = [];
+    const faults = openFaults.map(parseRelayMessage).filter((event) => event?.type === 'event');
+    const first = { model, info, word, faults };
+    const happenings: Happening[] = [{ kind: 'start', start: first, atMs: fromMs, place: 0 }];
+    const { schema, decoder } = this.reader ?? {};
+    const count = records.filter(({ kind }) => kind === 'frame').length;
+    const every = Math.ceil((4 * count * (schema?.size ?? 0)) / TAPE_BYTES_MAX);
+    let nth = 0;
+    for (const record of records) {
+      const at = { atMs: fromMs + record.atUs / 1000, place: frames.length };
+      if (record.kind === 'frame' || record.kind === 'copy') {
+        if (schema === undefined || decoder === undefined) continue;
+        try {
+          const { seq, tS, codes } = decoder.decode(record.frame);
+          if (record.kind === 'copy' || nth++ % every > 0) continue;
+          const { atMs } = at;
+          frames.push({
+            ...{ runId, schema, schemaId: schema.id, seq, tS, codes, atMs },
+            lateMs: record.lateUs / 1000,
+          });
+        } catch (error) {
+          if (!(error instanceof FrameError)) throw error;
+        }
+      } else if (record.kind === 'event') {
+        const event = parseRelayMessage(record.text);
+        if (event?.type === 'event') happenings.push({ kind: 'event', event, ...at });
+      } else happenings.push({ ...record, ...at });
+    }
+    this.#segment = null;
+    this.#happenings = happenings;
+    this.#frames = frames;
+    return frames;
+  }
+}
+
+/** Says which segment it is, among all of a robot's. */
+export function nameOfRef({ take, index }: SegmentRef): string {
+  return `${take}/${index}`;
+}
+
+/** The segments that have been fetched, and the order of frames across runs and takes. */
+export class Tape {
+  readonly #parts = new Map<string, TapePart>();
+  /** When each run was first heard of, unix ms. */
+  readonly #beginsMs = new Map<string, number>();
+
+  get(ref: SegmentRef): TapePart | null {
+    return this.#parts.get(nameOfRef(ref)) ?? null;
+  }
+
+  get bytes(): number {
+    return [...this.#parts.values()].reduce((sum, { bytes }) => sum + bytes, 0);
+  }
+
+  add(part: TapePart): void {
+    this.#parts.set(nameOfRef(part.ref), part);
+  }
+
+  /** Keeps to the bound. `momentMs`: where the playhead is. */
+  trim(momentMs: number): void {
+    let { bytes } = this;
+    if (bytes <= TAPE_BYTES_MAX) return;
+    const far = [...this.#parts].sort(([, a], [, b]) => farFrom(b, momentMs) - farFrom(a, momentMs));
+    for (const [name, part] of far.slice(0, -1)) {
+      if (bytes <= TAPE_BYTES_MAX) return;
+      this.#parts.delete(name);
+      bytes -= part.bytes;
+    }
+  }
+
+  /** Learns that a run was there at a moment. */
+  learnRun(runId: string, atMs: number): void {
+    const known = this.#beginsMs.get(runId);
+    if (known === undefined || atMs < known) this.#beginsMs.set(runId, atMs);
+  }
+
+  /** Above 0: `a` comes behind `b`; 0: they are the same frame. Within a run the numbers say so, which go round. */
+  order(a: TapeFrame, b: TapeFrame): number {
+    if (a.runId === b.runId) return (a.seq - b.seq) | 0;
+    const [begunA, begunB] = [this.#beginsMs.get(a.runId), this.#beginsMs.get(b.runId)];
+    const apartMs = begunA === undefined || begunB === undefined ? 0 : begunA - begunB;
+    return apartMs || a.atMs - b.atMs || (a.runId < b.runId ? -1 : 1);
+  }
+
+  /** The place of the first frame behind another one in a list that is in order; the list's length if there is none. */
+  placeAfter(frames: readonly TapeFrame[], frame: TapeFrame): number {
+    return firstPlace(frames, (each) => this.order(each, frame) > 0);
+  }
+
+  /** Of two frames the one that comes first. */
+  first(a: TapeFrame | null, b: TapeFrame | null): TapeFrame | null {
+    if (a === null || b === null) return a ?? b;
+    return this.order(a, b) <= 0 ? a : b;
+  }
+
+  last(a: TapeFrame | null, b: TapeFrame | null): TapeFrame | null {
+    if (a === null || b === null) return a ?? b;
+    return this.order(a, b) >= 0 ? a : b;
+  }
+}
+
+/** The place of the first of a list for which `is` holds; for all behind it it holds as well. */
+export function firstPlace<T>(list: readonly T[], is: (each: T) => boolean): number {
+  let [low, high] = [0, list.length];
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (is(list[middle]!)) high = middle;
+    else low = middle + 1;
+  }
+  return low;
+}
+
+/** The newest at or before a moment. */
+export function newestAt<T extends { readonly atMs: number }>(
+  list: readonly T[],
+  momentMs: number,
+): T | null {
+  return list[firstPlace(list, ({ atMs }) => atMs > momentMs) - 1] ?? null;
+}
+
+function farFrom({ ref }: TapePart, momentMs: number): number {
+  return Math.max(ref.fromMs - momentMs, momentMs - ref.toMs);
+}

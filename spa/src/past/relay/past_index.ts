@@ -1,0 +1,256 @@
+import { PastError, type SegmentRef } from '../past_source.ts';
+import type { Span, Timeline } from '../past_types.ts';
+import { BoundedCache } from './bounded_cache.ts';
+import {
+  DAY_MS,
+  MINUTE_MS,
+  minuteOf,
+  PAGE_MS,
+  type PastMinute,
+  type PastPage,
+  type PastSummary,
+  SEGMENTS_MAX,
+} from './past_documents.ts';
+import { drawTimeline, type KnownMinute } from './past_timeline.ts';
+
+/** Of pages as JSON, 100,000 segments at most: an entry has more than 250 bytes. */
+const PAGES_BYTES_MAX = 25_000_000;
+/** Whose minutes are fetched; of older ones only pages. */
+const DAYS_MAX = 32;
+/** A clock that was set back by more than this makes all that is known wrong. */
+const SET_BACK_MS = 60_000;
+/** After its end a page can get no further segment: one lasts 6 s at most, where the relay's clock goes on. */
+const CLOSED_MS = 10_000;
+
+interface IndexPage {
+  readonly segments: ReadonlyMap<string, SegmentRef>;
+  /** The last one that the relay named. */
+  readonly last: SegmentRef | null;
+  /** As JSON. */
+  readonly bytes: number;
+  /** All that begins before is known. */
+  readonly knownMs: number;
+}
+
+interface Day {
+  readonly minutes: readonly KnownMinute[];
+  /** The pages that they lie in. */
+  readonly pagesMs: ReadonlySet<number>;
+  /** What was newest when it was asked for. */
+  readonly knownMs: number;
+}
+
+export function nameOf({ take, index }: SegmentRef): string {
+  return `${take}/${index}`;
+}
+
+/** The beginning of the ten minutes in which a moment lies. */
+export function pageOf(atMs: number): number {
+  return atMs - (atMs % PAGE_MS);
+}
+
+/** What is known of what was recorded: how far it reaches, by minutes, and by segments where their page was fetched. Times
+ *  are the relay's. */
+export class PastIndex {
+  readonly #days = new Map<number, Day>();
+  readonly #pages = new BoundedCache<number, IndexPage>(PAGES_BYTES_MAX);
+  #summary: PastSummary | null = null;
+  #toMs = 0;
+  #segments: readonly SegmentRef[] | null = null;
+  #timeline: Timeline | null = null;
+
+  get summary(): PastSummary | null {
+    return this.#summary;
+  }
+
+  /** The end of the newest segment. */
+  get toMs(): number {
+    return this.#toMs;
+  }
+
+  /** The beginning of the window. */
+  get fromMs(): number {
+    const { fromMs, pastMs } = this.#summary ?? { fromMs: 0, pastMs: 0 };
+    return Math.max(fromMs, this.#toMs - pastMs);
+  }
+
+  /** The beginnings of the pages that were fetched. */
+  get pagesMs(): readonly number[] {
+    return this.#pages.entries().map(([pageMs]) => pageMs);
+  }
+
+  get timeline(): Timeline | null {
+    if (this.#summary === null) return null;
+    this.#timeline ??= this.#draw();
+    return this.#timeline;
+  }
+
+  /** Sets how far it reaches. Forgets what lies outside, and everything if it is another past than before: then it
+   *  returns true. */
+  setSummary(summary: PastSummary | null): boolean {
+    const isAnother =
+      summary?.view !== this.#summary?.view || (summary?.toMs ?? 0) < this.#toMs - SET_BACK_MS;
+    if (isAnother) {
+      this.#days.clear();
+      this.#pages.clear();
+      this.#toMs = 0;
+    }
+    this.#summary = summary;
+    this.#toMs = Math.max(this.#toMs, summary?.toMs ?? 0);
+    for (const dayMs of this.#days.keys()) if (dayMs + DAY_MS <= this.fromMs) this.#days.delete(dayMs);
+    for (const pageMs of this.pagesMs) if (pageMs + PAGE_MS <= this.fromMs) this.#pages.delete(pageMs);
+    this.#change();
+    return isAnother;
+  }
+
+  /** The days whose minutes are not known, or not all of them any more, newest first. */
+  listDaysToFetch(): readonly number[] {
+    return this.#listDays(this)
+      .slice(0, DAYS_MAX)
+      .filter((dayMs) => {
+        const day = this.#days.get(dayMs);
+        if (day === undefined) return true;
+        // the longer a day's answer is, the seldomer it is asked for: one of 24 hours has more than 100 kB
+        const afterMs = Math.max(1, Math.floor(day.minutes.length / 120)) * MINUTE_MS;
+        const nextMs = day.knownMs - (day.knownMs % MINUTE_MS) + afterMs;
+        return day.knownMs < dayMs + DAY_MS + CLOSED_MS && this.#toMs >= nextMs;
+      });
+  }
+
+  /** `knownMs`: what was newest when it was asked for. */
+  setDay(dayMs: number, minutes: readonly PastMinute[], knownMs: number): void {
+    const known = minutes.map(({ atMs, bytes, ...more }) => {
+      const lastedMs = Math.min(atMs + MINUTE_MS, knownMs) - Math.max(atMs, this.fromMs);
+      return { ...more, atMs, bytesPerS: (1000 * bytes) / Math.max(1000, lastedMs) };
+    });
+    const pagesMs = new Set(known.map(({ atMs }) => pageOf(atMs)));
+    this.#days.set(dayMs, { minutes: known.sort((a, b) => a.atMs - b.atMs), pagesMs, knownMs });
+    this.#change();
+  }
+
+  /** The pages of a span of which there is anything, newest first. */
+  listPages(span: Span): readonly number[] {
+    const fromMs = Math.max(span.fromMs, this.fromMs);
+    const toMs = Math.min(span.toMs, this.#toMs);
+    const found: number[] = [];
+    for (const dayMs of this.#listDays({ fromMs, toMs })) {
+      const day = this.#days.get(dayMs);
+      const firstMs = pageOf(Math.max(fromMs, dayMs));
+      for (let pageMs = pageOf(Math.min(toMs, dayMs + DAY_MS - 1)); pageMs >= firstMs; pageMs -= PAGE_MS)
+        if (day === undefined || day.knownMs < pageMs + PAGE_MS || day.pagesMs.has(pageMs))
+          found.push(pageMs);
+    }
+    return found;
+  }
+
+  /** Whether all is known that begins in a page before `untilMs`, as far as there is anything by now. */
+  knows(pageMs: number, untilMs: number): boolean {
+    const page = this.#pages.use(pageMs);
+    return page !== undefined && page.knownMs >= Math.min(untilMs, this.#toMs, pageMs + PAGE_MS);
+  }
+
+  isClosed(pageMs: number): boolean {
+    return (this.#pages.get(pageMs)?.knownMs ?? 0) >= pageMs + PAGE_MS;
+  }
+
+  /** How many segments of a page have frames; null if it was not fetched. */
+  countPoses(pageMs: number): number | null {
+    const page = this.#pages.get(pageMs);
+    return page ? [...page.segments.values()].filter(({ frames }) => frames > 0).length : null;
+  }
+
+  /** The last segment of a page that the relay named. */
+  getLast(pageMs: number): SegmentRef | null {
+    return this.#pages.get(pageMs)?.last ?? null;
+  }
+
+  /** Until when all is known of a page that the relay gives at `atMs`, by its clock. */
+  findKnownMs(pageMs: number, atMs: number): number {
+    const endMs = pageMs + PAGE_MS;
+    return atMs >= endMs + CLOSED_MS ? endMs : Math.min(this.#toMs, endMs - 1);
+  }
+
+  /** Adds what the relay gave of a page, `size` bytes of JSON. `knownMs`: of `findKnownMs` before it was asked for.
+   *  Returns how many segments are new. Throws a `PastError`. */
+  addPage(pageMs: number, { segments, more }: PastPage, size: number, knownMs: number): number {
+    const before = this.#pages.get(pageMs) ?? { segments: new Map(), last: null, bytes: 0, knownMs: 0 };
+    const all = new Map(before.segments);
+    let newestMs = 0;
+    for (const ref of segments) {
+      all.set(nameOf(ref), ref);
+      newestMs = Math.max(newestMs, ref.toMs);
+    }
+    if (all.size > SEGMENTS_MAX)
+      throw new PastError('damaged', `page ${minuteOf(pageMs)}: more than ${SEGMENTS_MAX} segments`);
+    const count = all.size - before.segments.size;
+    // an answer without news costs nothing, however often it comes
+    const bytes = before.bytes + (count > 0 ? size : 0);
+    const endMs = pageMs + PAGE_MS;
+    const saidMs = more ? 0 : Math.max(knownMs, Math.min(newestMs, endMs - 1));
+    const page = {
+      ...{ segments: all, last: segments.at(-1) ?? before.last },
+      ...{ bytes, knownMs: Math.max(before.knownMs, saidMs) },
+    };
+    this.#pages.set(pageMs, page, bytes);
+    this.#toMs = Math.max(this.#toMs, newestMs);
+    if (count > 0 || page.knownMs !== before.knownMs) this.#change();
+    return count;
+  }
+
+  segmentsIn(span: Span): readonly SegmentRef[] {
+    const all = this.#listSegments();
+    // by their beginnings: none lasts longer than a page
+    const first = firstFrom(all, span.fromMs - PAGE_MS);
+    const found: SegmentRef[] = [];
+    for (let i = first; i < all.length && all[i]!.fromMs <= span.toMs; i++)
+      if (all[i]!.toMs >= span.fromMs) found.push(all[i]!);
+    return found;
+  }
+
+  /** The days of a span of which there is anything, newest first. */
+  #listDays({ fromMs, toMs }: Span): readonly number[] {
+    // a summary of before midnight does not name the day of what is newest
+    const days = new Set([this.#toMs - (this.#toMs % DAY_MS), ...(this.#summary?.daysMs ?? [])]);
+    return [...days].filter((dayMs) => dayMs + DAY_MS > fromMs && dayMs <= toMs);
+  }
+
+  /** Those that may still be had, by beginning, then take, then index. */
+  #listSegments(): readonly SegmentRef[] {
+    this.#segments ??= this.#pages
+      .entries()
+      .flatMap(([, { segments }]) => [...segments.values()])
+      .filter(({ fromMs }) => fromMs >= this.fromMs)
+      .sort(
+        (a, b) => a.fromMs - b.fromMs || (a.take < b.take ? -1 : a.take > b.take ? 1 : a.index - b.index),
+      );
+    return this.#segments;
+  }
+
+  #draw(): Timeline {
+    const segments = this.#listSegments();
+    // the segment that the window's beginning cuts can't be had any more
+    const firstMs = segments[0]?.fromMs ?? 0;
+    const fromMs = pageOf(firstMs) === pageOf(this.fromMs) ? firstMs : this.fromMs;
+    const minutes = [...this.#days]
+      .sort(([a], [b]) => a - b)
+      .flatMap(([, day]) => day.minutes)
+      .map((minute) => ({ ...minute, unknownMs: this.#pages.get(pageOf(minute.atMs))?.knownMs ?? 0 }));
+    return drawTimeline({ fromMs, toMs: this.#toMs }, segments, minutes);
+  }
+
+  #change(): void {
+    this.#segments = null;
+    this.#timeline = null;
+  }
+}
+
+/** The place of the first that begins at `atMs` or later. */
+function firstFrom(segments: readonly SegmentRef[], atMs: number): number {
+  let [low, high] = [0, segments.length];
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (segments[middle]!.fromMs < atMs) low = middle + 1;
+    else high = middle;
+  }
+  return low;
+}

@@ -1,0 +1,107 @@
+import { PastError } from '../past_source.ts';
+
+const RETRY_MS = 500;
+const LATE_MS = 20_000;
+/** The longest answer is a segment: a MiB each of header and records, and a little. */
+const BYTES_MAX = 3_000_000;
+
+/** What the page lends to the past that a relay keeps. */
+export interface RelayPorts {
+  readonly fetch: (url: string, init: RequestInit) => Promise<Response>;
+  /** The token for a URL, if there is one. */
+  readonly tokenFor: (url: string) => string | undefined;
+  /** A clock that is never set, ms. */
+  readonly nowMs: () => number;
+  /** Calls `run` after `ms`. Returns a function that calls it off. */
+  readonly later: (ms: number, run: () => void) => () => void;
+  /** Whether nobody sees the page. */
+  readonly isHidden: () => boolean;
+}
+
+/** An answer that came whole. */
+export interface Answer {
+  readonly bytes: Uint8Array<ArrayBuffer>;
+  readonly isJson: boolean;
+}
+
+/** Fetches what lies below an address. Rejects with a `PastError`, or with the reason of the signal. */
+export class PastRequests {
+  readonly #baseUrl: string;
+  readonly #ports: Pick<RelayPorts, 'fetch' | 'tokenFor' | 'later'>;
+
+  constructor(baseUrl: string, ports: Pick<RelayPorts, 'fetch' | 'tokenFor' | 'later'>) {
+    this.#baseUrl = baseUrl;
+    this.#ports = ports;
+  }
+
+  /** `path`: '', or with a slash in front. Asks twice where nobody answers. */
+  async get(path: string, signal: AbortSignal): Promise<Answer> {
+    const first = await this.#try(path, signal);
+    if (first !== null) return first;
+    await new Promise<void>((resolve) => this.#ports.later(RETRY_MS, resolve));
+    signal.throwIfAborted();
+    const second = await this.#try(path, signal);
+    if (second === null) throw new PastError('away', `past${path}: no answer`);
+    return second;
+  }
+
+  async getJson(
+    path: string,
+    signal: AbortSignal,
+  ): Promise<{ readonly json: unknown; readonly size: number }> {
+    const { bytes } = await this.get(path, signal);
+    try {
+      return { json: JSON.parse(new TextDecoder().decode(bytes)), size: bytes.length };
+    } catch {
+      throw new PastError('damaged', `past${path}: no JSON`);
+    }
+  }
+
+  /** The answer; null if there was none. */
+  async #try(path: string, signal: AbortSignal): Promise<Answer | null> {
+    const url = this.#baseUrl + path;
+    const late = new AbortController();
+    const inTime = this.#ports.later(LATE_MS, () => late.abort());
+    try {
+      const token = this.#ports.tokenFor(url);
+      const headers: HeadersInit = token ? { authorization: `Bearer ${token}` } : {};
+      const response = await this.#ports.fetch(url, {
+        signal: AbortSignal.any([signal, late.signal]),
+        credentials: 'omit',
+        headers,
+      });
+      const { status } = response;
+      if (status === 200) {
+        const isJson = response.headers.get('content-type')?.startsWith('application/json') ?? false;
+        return { bytes: await readBody(response, path), isJson };
+      }
+      await response.body?.cancel();
+      if (status >= 400 && status !== 429 && (status < 500 || status === 501))
+        throw new PastError('gone', `past${path}: answered ${status}`);
+      return null;
+    } catch (error) {
+      signal.throwIfAborted();
+      if (error instanceof PastError) throw error;
+      return null;
+    } finally {
+      inTime();
+    }
+  }
+}
+
+async function readBody(response: Response, path: string): Promise<Uint8Array<ArrayBuffer>> {
+  const reader = response.body?.getReader();
+  const pieces: Uint8Array<ArrayBuffer>[] = [];
+  let size = 0;
+  for (;;) {
+    const { value } = (await reader?.read()) ?? {};
+    if (value === undefined) break;
+    size += value.length;
+    if (size > BYTES_MAX) {
+      await reader?.cancel();
+      throw new PastError('damaged', `past${path}: more than ${BYTES_MAX} bytes`);
+    }
+    pieces.push(value);
+  }
+  return new Uint8Array(await new Blob(pieces).arrayBuffer());
+}

@@ -1,0 +1,347 @@
+import {
+  decodeKeyPage,
+  decodeSegment,
+  type KeyPose,
+  parseSchema,
+  type Schema,
+  SchemaError,
+  type Segment,
+  SegmentError,
+} from '@posecast/wire';
+import { PastError, type PastSource, type SegmentRef } from '../past_source.ts';
+import type { Span, Timeline } from '../past_types.ts';
+import { BoundedCache } from './bounded_cache.ts';
+import {
+  dayOf,
+  minuteOf,
+  PAGE_MS,
+  type PastSummary,
+  readDay,
+  readPage,
+  readSummary,
+} from './past_documents.ts';
+import { nameOf, PastIndex, pageOf } from './past_index.ts';
+import { PastRequests, type RelayPorts } from './past_requests.ts';
+import { SharedRequests } from './shared_requests.ts';
+
+const TICK_MS = 2000;
+const IDLE_MS = 15_000;
+const REST_MS = 10_000;
+/** A relay that has no past, or none for this page, is asked again after so long. */
+const REFUSED_MS = 60_000;
+/** A past in which nothing is recorded yet begins soon. */
+const BEGINNING_MS = 3000;
+const SEGMENTS_KEPT_BYTES = 8 << 20;
+const KEYS_KEPT_BYTES = 4_000_000;
+const SCHEMAS_KEPT = 8;
+/** A page of KEYs should have no more; it has every n-th where there are too many. */
+const KEYS_BYTES_WANTED = 100_000;
+const POSE_BYTES = 500; // until a page was seen
+/** As many pages of KEYs as are kept. */
+const KEY_PAGES_MAX = KEYS_KEPT_BYTES / KEYS_BYTES_WANTED;
+const INDEX_PAGES_MAX = 1000;
+/** A page of more parts than this is none that a relay makes. */
+const PARTS_MAX = 8;
+const AT_ONCE = 4;
+
+interface KeysOfPage {
+  readonly poses: readonly KeyPose[];
+  /** All that begins before is there. */
+  readonly knownMs: number;
+  /** When it was asked for, by the page's clock. */
+  readonly askedMs: number;
+}
+
+/** The past that a relay keeps of a robot. At first it asks only how far back that reaches and how much there was in each
+ *  minute. */
+export class RelayPast implements PastSource {
+  readonly #ports: RelayPorts;
+  readonly #requests: PastRequests;
+  readonly #shared = new SharedRequests();
+  readonly #index = new PastIndex();
+  readonly #segments = new BoundedCache<string, Segment>(SEGMENTS_KEPT_BYTES);
+  readonly #keys = new BoundedCache<number, KeysOfPage>(KEYS_KEPT_BYTES);
+  readonly #schemas = new BoundedCache<string, Schema>(SCHEMAS_KEPT);
+  readonly #listeners = new Set<() => void>();
+  #isNear = false;
+  #isAsking = false;
+  #isClosed = false;
+  #dueMs = Number.NEGATIVE_INFINITY; // when the summary is to be asked for again
+  #restsUntilMs = Number.NEGATIVE_INFINITY; // after a failure nothing is asked of its own accord
+  #failure = new PastError('gone', 'past: there is none');
+  #newest = { toMs: 0, seenMs: 0 };
+  #poseBytes = POSE_BYTES;
+  #told: Timeline | null = null;
+  #stopTicking: () => void = () => {};
+
+  /** `baseUrl`: `…/api/v1/robots/{robot}/past`. */
+  constructor(baseUrl: string, ports: RelayPorts) {
+    this.#ports = ports;
+    this.#requests = new PastRequests(baseUrl, ports);
+    this.#tick();
+  }
+
+  get timeline(): Timeline | null {
+    return this.#index.timeline;
+  }
+
+  readonly onChange = (listener: () => void): (() => void) => {
+    this.#listeners.add(listener);
+    return () => this.#listeners.delete(listener);
+  };
+
+  follow(how: 'idle' | 'near'): void {
+    const isNearer = how === 'near' && !this.#isNear;
+    this.#isNear = how === 'near';
+    if (isNearer) void this.#askNewest();
+  }
+
+  async loadIndex(span: Span): Promise<void> {
+    await this.#opened();
+    const pages = this.#index.listPages(span).filter((pageMs) => !this.#index.knows(pageMs, span.toMs));
+    await eachOf(pages.slice(0, INDEX_PAGES_MAX), (pageMs) => this.#loadPage(pageMs));
+  }
+
+  segmentsIn(span: Span): readonly SegmentRef[] {
+    return this.#index.segmentsIn(span);
+  }
+
+  async loadKeys(span: Span): Promise<void> {
+    await this.#opened();
+    const pages = this.#index.listPages(span).slice(0, KEY_PAGES_MAX);
+    await eachOf(
+      pages.filter((pageMs) => this.#lacksKeys(pageMs, span.toMs)),
+      (pageMs) => this.#shared.ask(`keys ${pageMs}`, (signal) => this.#fetchKeys(pageMs, signal)),
+    );
+  }
+
+  keyAt(momentMs: number): KeyPose | null {
+    const pageMs = pageOf(momentMs);
+    const poses = this.#keys.get(pageMs)?.poses;
+    const first = poses?.[0];
+    if (poses === undefined || first === undefined) return null;
+    const isBefore = ({ atMs }: KeyPose) => atMs <= momentMs;
+    if (isBefore(first)) return poses.findLast(isBefore) ?? null;
+    return this.#keys.get(pageMs - PAGE_MS)?.poses.at(-1) ?? first;
+  }
+
+  async segment(ref: SegmentRef, signal?: AbortSignal): Promise<Segment> {
+    signal?.throwIfAborted();
+    const name = nameOf(ref);
+    return (
+      this.#segments.use(name) ??
+      (await this.#shared.ask(name, (stop) => this.#fetchSegment(ref, stop), signal))
+    );
+  }
+
+  async schema(sha256: string): Promise<Schema> {
+    return (
+      this.#schemas.use(sha256) ??
+      (await this.#shared.ask(sha256, (signal) => this.#fetchSchema(sha256, signal)))
+    );
+  }
+
+  close(): void {
+    this.#isClosed = true;
+    this.#stopTicking();
+    this.#shared.close();
+    this.#listeners.clear();
+  }
+
+  #tick(): void {
+    if (this.#isClosed) return;
+    this.#stopTicking = this.#ports.later(TICK_MS, () => this.#tick());
+    void this.#askNewest();
+  }
+
+  /** Asks for what is due, unless nobody sees the page. Never rejects. */
+  async #askNewest(): Promise<void> {
+    const { nowMs, isHidden } = this.#ports;
+    if (this.#isAsking || this.#isClosed || nowMs() < this.#restsUntilMs || isHidden()) return;
+    this.#isAsking = true;
+    try {
+      if (nowMs() >= this.#dueMs) await this.#open();
+      if (this.#isNear) await this.#loadNewPages();
+    } catch {
+      this.#restsUntilMs = nowMs() + REST_MS;
+    } finally {
+      this.#isAsking = false;
+      this.#tell();
+    }
+  }
+
+  /** Resolves when it is known how far the past reaches. Rejects with a `PastError`, also where there is none. */
+  async #opened(): Promise<void> {
+    if (this.#index.summary !== null) return;
+    if (this.#shared.has('past') || this.#ports.nowMs() >= this.#dueMs) await this.#open();
+    if (this.#index.summary === null) throw this.#failure;
+  }
+
+  #open(): Promise<void> {
+    return this.#shared.ask('past', (signal) => this.#fetchSummary(signal));
+  }
+
+  async #fetchSummary(signal: AbortSignal): Promise<void> {
+    this.#dueMs = this.#ports.nowMs() + IDLE_MS;
+    try {
+      const { json } = await this.#requests.getJson('', signal);
+      this.#setSummary(readSummary(json));
+    } catch (error) {
+      if (!(error instanceof PastError)) throw error;
+      this.#failure = error;
+      if (error.why !== 'away') this.#dueMs += REFUSED_MS - IDLE_MS;
+      if (error.why === 'gone') this.#setSummary(null);
+      throw error;
+    }
+    if (this.#index.summary === null) {
+      this.#dueMs = this.#ports.nowMs() + BEGINNING_MS;
+      return;
+    }
+    await eachOf(this.#index.listDaysToFetch(), async (dayMs) => {
+      const { toMs } = this.#index;
+      const path = `/${this.#view}/${dayOf(dayMs)}`;
+      const { json } = await this.#requests.getJson(path, signal);
+      this.#index.setDay(dayMs, readDay(json, dayMs), toMs);
+    });
+  }
+
+  #setSummary(summary: PastSummary | null): void {
+    if (this.#index.setSummary(summary)) this.#keys.clear();
+    this.#see();
+  }
+
+  get #view(): string {
+    return this.#index.summary?.view ?? '';
+  }
+
+  /** PastNotes when it was that something newer came. */
+  #see(): void {
+    const { toMs } = this.#index;
+    if (toMs !== this.#newest.toMs) this.#newest = { toMs, seenMs: this.#ports.nowMs() };
+  }
+
+  /** The relay's clock, as this page sees it: now or a little earlier. */
+  #relayNowMs(): number {
+    return this.#newest.toMs + this.#ports.nowMs() - this.#newest.seenMs;
+  }
+
+  /** Fetches what is new of the pages that may still grow, if any page was fetched. */
+  async #loadNewPages(): Promise<void> {
+    const pages = this.#index.pagesMs;
+    if (pages.length === 0) return;
+    const growing = [...pages, pageOf(this.#index.toMs), pageOf(this.#relayNowMs())];
+    const wanted = [...new Set(growing)].filter((pageMs) => !this.#index.isClosed(pageMs));
+    await eachOf(wanted, (pageMs) => this.#loadPage(pageMs));
+  }
+
+  async #loadPage(pageMs: number): Promise<void> {
+    await this.#shared.ask(`page ${pageMs}`, (signal) => this.#fetchPage(pageMs, signal));
+    this.#tell();
+  }
+
+  async #fetchPage(pageMs: number, signal: AbortSignal): Promise<void> {
+    const view = this.#view;
+    const knownMs = this.#index.findKnownMs(pageMs, this.#relayNowMs());
+    for (let part = 0; part < PARTS_MAX; part++) {
+      const last = this.#index.getLast(pageMs);
+      const after = last === null ? '' : `?after=${last.take},${last.index}`;
+      const path = `/${view}/${minuteOf(pageMs)}${after}`;
+      const { json, size } = await this.#requests.getJson(path, signal);
+      if (view !== this.#view) return;
+      const page = readPage(json, pageMs);
+      const count = this.#index.addPage(pageMs, page, size, knownMs);
+      this.#see();
+      if (!page.more) return;
+      if (count === 0) break;
+    }
+    throw new PastError('damaged', `page ${minuteOf(pageMs)}: it has no end`);
+  }
+
+  #lacksKeys(pageMs: number, untilMs: number): boolean {
+    const keys = this.#keys.use(pageMs);
+    if (keys === undefined) return true;
+    return (
+      keys.knownMs < Math.min(untilMs, this.#index.toMs, pageMs + PAGE_MS) &&
+      this.#ports.nowMs() - keys.askedMs >= TICK_MS
+    );
+  }
+
+  async #fetchKeys(pageMs: number, signal: AbortSignal): Promise<void> {
+    const view = this.#view;
+    const askedMs = this.#ports.nowMs();
+    const knownMs = this.#index.findKnownMs(pageMs, this.#relayNowMs());
+    const wholeBytes = (this.#index.countPoses(pageMs) ?? 0) * this.#poseBytes;
+    const every = Math.min(1000, Math.max(1, Math.ceil(wholeBytes / KEYS_BYTES_WANTED)));
+    const path = `/${view}/${minuteOf(pageMs)}/keys${every > 1 ? `?every=${every}` : ''}`;
+    const { bytes } = await this.#requests.get(path, signal);
+    const page = decoded(path, () => decodeKeyPage(bytes));
+    if (page.fromMs !== pageMs) throw new PastError('damaged', `past${path}: another page`);
+    if (view !== this.#view) return;
+    if (page.poses.length > 0) this.#poseBytes = bytes.length / page.poses.length;
+    this.#keys.set(pageMs, { poses: page.poses, knownMs, askedMs }, bytes.length);
+  }
+
+  async #fetchSegment(ref: SegmentRef, signal: AbortSignal): Promise<Segment> {
+    const name = nameOf(ref);
+    const path = `/${this.#view}/${name}`;
+    const { bytes, isJson } = await this.#requests.get(path, signal);
+    if (isJson) throw new PastError('gone', `past${path}: not kept any more`);
+    if (bytes.length !== ref.bytes)
+      throw new PastError('damaged', `past${path}: ${bytes.length} bytes, not ${ref.bytes}`);
+    await checkHash(path, bytes, ref.sha256);
+    const segment = decoded(path, () => decodeSegment(bytes));
+    if (segment.start.take !== ref.take || segment.start.index !== ref.index)
+      throw new PastError('damaged', `past${path}: another segment`);
+    this.#segments.set(name, segment, bytes.length);
+    return segment;
+  }
+
+  async #fetchSchema(sha256: string, signal: AbortSignal): Promise<Schema> {
+    const path = `/${this.#view}/schema/${sha256}`;
+    const { bytes } = await this.#requests.get(path, signal);
+    await checkHash(path, bytes, sha256);
+    const schema = decoded(path, () => parseSchema(new TextDecoder().decode(bytes)));
+    this.#schemas.set(sha256, schema, 1);
+    return schema;
+  }
+
+  #tell(): void {
+    const { timeline } = this;
+    if (timeline === this.#told) return;
+    this.#told = timeline;
+    for (const listener of this.#listeners) listener();
+  }
+}
+
+/** What `decode` returns; what it refuses is damage. */
+function decoded<T>(path: string, decode: () => T): T {
+  try {
+    return decode();
+  } catch (error) {
+    if (error instanceof SegmentError || error instanceof SchemaError)
+      throw new PastError('damaged', `past${path}: ${error.message}`);
+    throw error;
+  }
+}
+
+/** Browsers compute hashes for pages of https only; where they don't, what the format itself checks must do. */
+async function checkHash(path: string, bytes: Uint8Array<ArrayBuffer>, sha256: string): Promise<void> {
+  const subtle = crypto.subtle as SubtleCrypto | undefined;
+  if (subtle === undefined) return;
+  const hash = new Uint8Array(await subtle.digest('SHA-256', bytes));
+  if ([...hash].map((byte) => byte.toString(16).padStart(2, '0')).join('') !== sha256)
+    throw new PastError('damaged', `past${path}: not what its hash says`);
+}
+
+/** Runs `run` for each item, a few at once, until one rejects. */
+async function eachOf<T>(items: readonly T[], run: (item: T) => Promise<void>): Promise<void> {
+  const waiting = [...items];
+  const work = async (): Promise<void> => {
+    for (let item = waiting.shift(); item !== undefined; item = waiting.shift())
+      await run(item).catch((error: unknown) => {
+        waiting.length = 0;
+        throw error;
+      });
+  };
+  await Promise.all(Array.from({ length: AT_ONCE }, work));
+}
