@@ -22,6 +22,7 @@ import {
 } from '@posecast/wire';
 import { parentOrigin, readParentRequest } from '../../spa/src/app/pages/embed/messages.ts';
 import { readShared, sharedQuery } from '../../spa/src/app/share/shared_view.ts';
+import { momentIn } from '../../spa/src/app/state/moment.ts';
 import { parseRoute, robotHref } from '../../spa/src/app/state/route.ts';
 import { queryOf, readSettings } from '../../spa/src/app/state/settings.ts';
 import { BundleError, parseManifest, readRawManifest } from '../../spa/src/model/bundle.ts';
@@ -249,8 +250,11 @@ function address(text: string): unknown {
   )
     throw new Error('a link to these robots leads elsewhere');
   const query = queryOf(`#${hash}`);
-  const shared = readShared(query);
-  const again = readShared(queryOf(`#/${sharedQuery(readSettings(null), shared)}`));
+  const momentMs = momentIn(`#${hash}`);
+  const shared = { ...readShared(query), momentMs };
+  const written = `#/${sharedQuery(readSettings(null), shared)}`;
+  const again = readShared(queryOf(written));
+  if (momentIn(written) !== momentMs) throw new Error('a link to this moment names another');
   if (again.joint !== shared.joint) throw new Error('a link to this joint names another');
   readSettings(JSON.stringify(Object.fromEntries(query)));
   chooseRelay('https://here.example/page/', search, readConfig(jsonOf(search)));
