@@ -5,13 +5,13 @@ import { PastPlayer } from '../../past/player/past_player.ts';
 import { RelayPast } from '../../past/relay/relay_past.ts';
 import { apiUrl } from '../../relay/addresses.ts';
 import { nowMs } from '../../stream/clock.ts';
-import { isClaim, isOld, type Verdict } from '../../twin/liveness.ts';
+import { isClaim } from '../../twin/liveness.ts';
 import { RobotTwin } from '../../twin/robot.ts';
 import { FaultKeeper } from '../state/fault_keeper.ts';
 import { HistoryKeeper } from '../state/history_keeper.ts';
-import type { Watch } from '../state/liveness_watch.ts';
 import { momentIn, pastControls, shownMoment } from '../state/moment.ts';
 import type { RobotLink } from '../state/robot_link.ts';
+import { PastWatch } from './past_watch.ts';
 
 /** A robot's past on the page: the controls, and a link to the robot as it was, which everything can be drawn from. */
 export interface Past {
@@ -19,11 +19,6 @@ export interface Past {
   readonly link: RobotLink;
   readonly close: () => void;
 }
-
-/** No segment is longer, and the first pose of one stands for all of it at first. */
-const NEAR_MS = 7000;
-const WAS = { online: null, silent: 'STALE', offline: 'OFFLINE' } as const;
-type ThenWord = keyof typeof WAS;
 
 /** Opens the past of a robot beside its live stream, at a moment unless that is null. While the past is shown the stream rests, and listens for status and
  *  events alone. */
@@ -157,62 +152,4 @@ function recordOwn(own: OwnTape, { twin, watch }: RobotLink): () => void {
 
 function shownState({ schemaId, seq, tS, codes, atMs, lateMs }: PastState) {
   return { schemaId, seq, tS, codes, atMs, lateMs, freshMs: null, bornMs: null, changedMs: atMs };
-}
-
-/** Says PAST, and what the robot was then. */
-class PastWatch implements Watch {
-  readonly word = 'PAST';
-  readonly #twin: RobotTwin;
-  readonly #momentMs: () => number;
-  readonly #nowMs: () => number;
-  readonly #listeners = new Set<() => void>();
-  #was: (typeof WAS)[ThenWord] = null;
-  #isOld = false;
-  /** How far the page's clock is ahead of the relay's, as far as is known. */
-  #aheadMs = Number.POSITIVE_INFINITY;
-
-  constructor(twin: RobotTwin, momentMs: () => number, nowMs: () => number) {
-    this.#twin = twin;
-    this.#momentMs = momentMs;
-    this.#nowMs = nowMs;
-  }
-
-  /** Takes the newest moment that is recorded. */
-  newest(momentMs: number | null): void {
-    if (momentMs !== null) this.#aheadMs = Math.min(this.#aheadMs, this.#nowMs() - momentMs);
-  }
-
-  was(word: ThenWord): void {
-    this.#was = WAS[word];
-    this.look();
-  }
-
-  /** Tells whoever listens if the shown pose has become old, or is no longer. */
-  look(): void {
-    const isOldNow = isOld(this.verdict());
-    if (isOldNow === this.#isOld) return;
-    this.#isOld = isOldNow;
-    for (const listener of this.#listeners) listener();
-  }
-
-  readonly onWord = (listener: () => void): (() => void) => {
-    this.#listeners.add(listener);
-    return () => this.#listeners.delete(listener);
-  };
-
-  verdict(): Verdict {
-    const momentMs = this.#momentMs();
-    const { state } = this.#twin;
-    const isHere = state !== null && (this.#was !== null || Math.abs(state.atMs - momentMs) < NEAR_MS);
-    const aheadMs = Number.isFinite(this.#aheadMs) ? this.#aheadMs : 0;
-    return {
-      word: 'PAST',
-      cause: null,
-      overShare: false,
-      ageMs: Math.max(0, this.#nowMs() - aheadMs - momentMs),
-      linkMs: null,
-      unchangedMs: null,
-      past: { momentMs, was: this.#was, isHere },
-    };
-  }
 }
