@@ -90,6 +90,12 @@ it('nothing on the page of a robot lies over anything else, whatever there is to
   await lookEverywhere(page, 'card', wrongs, TWO, slow);
   await page.press('Escape');
 
+  await page.findByTestId('play').click();
+  await until('PAST', async () => (await liveness(page)) === 'PAST');
+  await lookEverywhere(page, 'past', wrongs, PLAYED, slow);
+  await page.findByTestId('to-live').click();
+  await until('STALE', async () => (await liveness(page)) === 'STALE');
+
   await relay.process.kill();
   await until('no connection', () =>
     page.evaluate<boolean>(

@@ -142,7 +142,7 @@ describe('the sheet', () => {
 
   it('has three heights', () => {
     expect(heightPx('peek', room)).toBe(PEEK_PX);
-    expect(heightPx('half', room)).toBe(364);
+    expect(heightPx('half', room)).toBe(340);
     expect(heightPx('full', room)).toBe(room);
   });
 

@@ -4,7 +4,7 @@ export type SheetHeight = 'peek' | 'half' | 'full';
 
 /** The height of a sheet at `peek`, CSS px. */
 export const PEEK_PX = 60;
-const HALF = 0.52;
+const HALF = 0.485;
 /** At a speed above this, CSS px per ms, the direction of the drag decides the height, not where it ended. */
 const FLICK = 0.5;
 
