@@ -71,7 +71,7 @@ export class PastRig {
       tokenFor: () => this.token,
       nowMs: () => this.clock.nowMs,
       later: this.clock.later,
-      isHidden: () => this.hidden,
+      isIdle: () => this.hidden,
     });
   }
 

@@ -11,6 +11,7 @@ import { FaultKeeper } from '../state/fault_keeper.ts';
 import { HistoryKeeper } from '../state/history_keeper.ts';
 import { momentIn, pastControls, shownMoment } from '../state/moment.ts';
 import type { RobotLink } from '../state/robot_link.ts';
+import { isHeard } from './heard.ts';
 import { PastWatch } from './past_watch.ts';
 
 /** A robot's past on the page: the controls, and a link to the robot as it was, which everything can be drawn from. */
@@ -54,7 +55,7 @@ export function openPast(live: RobotLink, atMs: number | null): Past {
     tokenFor,
     nowMs,
     later: (ms, run) => schedule(run, ms),
-    isHidden: () => document.hidden,
+    isIdle: () => document.hidden || !isHeard(live),
   });
   const player: PastPlayer = new PastPlayer({ source, own, sink, nowMs, schedule });
 

@@ -6,6 +6,7 @@ import { apiUrl } from '../../relay/addresses.ts';
 import { relayChoice } from '../../relay/relay.ts';
 import { momentIn } from '../state/moment.ts';
 import type { RobotLink } from '../state/robot_link.ts';
+import { isHeard } from './heard.ts';
 import type { Past } from './past_link.ts';
 
 /** Fetched only where there is a past. */
@@ -14,8 +15,8 @@ const PAST = new LatePart(
   () => false,
 );
 
-/** The past of a robot that this page may look back on; null while none is known, or unless it is wanted. Asked for once the body is drawn, and
- *  again whenever the stream opens. */
+/** The past of a robot that this page may look back on; null while none is known, or unless it is wanted. Asked for once
+ *  the body is drawn, and again whenever the stream opens. */
 export function usePast(live: RobotLink, wanted = true): Past | null {
   const [past, setPast] = useState<Past | null>(null);
   useEffect(() => {
@@ -26,10 +27,8 @@ export function usePast(live: RobotLink, wanted = true): Past | null {
     let asked = false;
     const ask = async () => {
       if (live.client.link.phase !== 'open') asked = false;
-      else if (asked || opened !== null || live.twin.schema === null)
-        return; // unheard, it has no past
-      else asked = true;
-      if (!asked) return;
+      if (asked || opened !== null || !isHeard(live)) return;
+      asked = true;
       await firstPaint();
       if (await hasPast(live.twin.robot)) {
         const { openPast } = await PAST.load();
@@ -38,7 +37,8 @@ export function usePast(live: RobotLink, wanted = true): Past | null {
         setPast(opened);
       }
     };
-    const leave = [live.client.onChange(() => void ask()), live.twin.onChange(() => void ask())];
+    const again = () => void ask();
+    const leave = [live.client.onChange(again), live.twin.onChange(again), live.watch.onWord(again)];
     void ask();
     return () => {
       left = true;

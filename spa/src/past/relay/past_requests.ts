@@ -14,8 +14,8 @@ export interface RelayPorts {
   readonly nowMs: () => number;
   /** Calls `run` after `ms`. Returns a function that calls it off. */
   readonly later: (ms: number, run: () => void) => () => void;
-  /** Whether nobody sees the page. */
-  readonly isHidden: () => boolean;
+  /** Whether nothing is to be asked of its own accord: nobody sees the page, or the relay does not know the robot. */
+  readonly isIdle: () => boolean;
 }
 
 /** An answer that came whole. */

@@ -156,8 +156,8 @@ export class RelayPast implements PastSource {
 
   /** Asks for what is due, unless nobody sees the page. Never rejects. */
   async #askNewest(): Promise<void> {
-    const { nowMs, isHidden } = this.#ports;
-    if (this.#isAsking || this.#isClosed || nowMs() < this.#restsUntilMs || isHidden()) return;
+    const { nowMs, isIdle } = this.#ports;
+    if (this.#isAsking || this.#isClosed || nowMs() < this.#restsUntilMs || isIdle()) return;
     this.#isAsking = true;
     try {
       if (nowMs() >= this.#dueMs) await this.#open();
