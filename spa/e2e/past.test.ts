@@ -1,5 +1,6 @@
 import { mkdirSync } from 'node:fs';
 import path from 'node:path';
+import { setTimeout as pause } from 'node:timers/promises';
 import { expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
@@ -128,8 +129,14 @@ it.each(FULL ? [LAPTOP, PHONE] : [LAPTOP])(
     expect(await robot.lies(page)).toEqual([]);
 
     // the relay is gone: what the page has can still be seen, and is said to be what it is
+    const segments = () => page.requested.filter((url) => /\/past\/public\/[0-9a-f]{16}\//.test(url)).length;
+    await until('the seconds before are here, for the plots', async () => {
+      const before = segments();
+      await pause(1500);
+      return segments() === before;
+    });
     await relay.process.kill();
-    await tapAt(page, 0.85);
+    await tapAt(page, 0.2);
     await until('a pose near its moment', async () => offMs(await shown(page)) < 1000);
     expect(await liveness(page)).toBe('PAST');
     await page.findByTestId('to-live').click();

@@ -119,7 +119,8 @@ function Loaded({ live, onSettings }: { live: RobotLink; onSettings: () => void 
         </IconButton>
       </header>
       <Split link={link} live={live} alone={presented || fullscreen === 'page'} />
-      {past !== null && !presented && (
+      {past === undefined && !presented && <div className="past-room" />}
+      {past && !presented && (
         <Suspense fallback={null}>
           <PastBar controls={past.controls} live={live} />
         </Suspense>

@@ -15,12 +15,12 @@ const PAST = new LatePart(
   () => false,
 );
 
-/** The past of a robot that this page may look back on; null while none is known, or unless it is wanted. Asked for once
+/** The past of a robot that this page may look back on; null if there is none, undefined until that is known or wanted. Asked for once
  *  the body is drawn, and again whenever the stream opens. */
-export function usePast(live: RobotLink, wanted = true): Past | null {
-  const [past, setPast] = useState<Past | null>(null);
+export function usePast(live: RobotLink, wanted = true): Past | null | undefined {
+  const [past, setPast] = useState<Past | null | undefined>(noneYet);
   useEffect(() => {
-    if (!wanted) return;
+    if (!wanted || relayChoice().mirror !== null) return;
     let left = false;
     let opened: Past | null = null;
     const atMs = momentIn(window.location.hash); // before the address follows what is shown
@@ -35,7 +35,7 @@ export function usePast(live: RobotLink, wanted = true): Past | null {
         if (left) return;
         opened = openPast(live, atMs);
         setPast(opened);
-      }
+      } else if (!left) setPast(null);
     };
     const again = () => void ask();
     const leave = [live.client.onChange(again), live.twin.onChange(again), live.watch.onWord(again)];
@@ -44,23 +44,27 @@ export function usePast(live: RobotLink, wanted = true): Past | null {
       left = true;
       for (const off of leave) off();
       opened?.close();
-      setPast(null);
+      setPast(noneYet());
     };
   }, [live, wanted]);
   return past;
 }
 
+/** A mirror keeps the newest alone. */
+function noneYet(): null | undefined {
+  return relayChoice().mirror === null ? undefined : null;
+}
+
 /** The robot as it is shown: as it was while the page is in the past, else as it is. */
-export function useShown(live: RobotLink, past: Past | null): RobotLink {
+export function useShown(live: RobotLink, past: Past | null | undefined): RobotLink {
   const isPast = useSyncExternalStore(
     (listener) => past?.controls.onChange(listener) ?? (() => {}),
     () => past?.controls.playhead.at === 'past',
   );
-  return isPast && past !== null ? past.link : live;
+  return isPast && past ? past.link : live;
 }
 
 async function hasPast(robot: string): Promise<boolean> {
-  if (relayChoice().mirror !== null) return false; // a mirror keeps the newest alone
   const url = apiUrl(`robots/${robot}/past`);
   const token = tokenFor(url);
   try {

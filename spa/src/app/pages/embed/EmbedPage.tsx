@@ -63,7 +63,7 @@ function Shown({ live }: { live: RobotLink }) {
       <div className="embed-body">
         <Body link={link} live={live} />
       </div>
-      {past !== null && !presented && (
+      {past && !presented && (
         <Suspense fallback={null}>
           <PastBar controls={past.controls} live={live} />
         </Suspense>

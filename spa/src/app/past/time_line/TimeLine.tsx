@@ -18,11 +18,11 @@ const SHORT_MS = 360_000;
 const STEP_MS = { least: 250, most: 2000 };
 
 /** The last minutes of a robot in one line under its body: how it moved, what happened, and where in time the page is. Live it
- *  is slim; in the past it opens, with what plays it. Nothing is drawn where there is no past. */
+ *  is slim; in the past it opens, with what plays it. Where nothing is known of the past there is but room. */
 export function TimeLine({ controls }: { controls: PastControls }) {
   const playhead = useSyncExternalStore(controls.onChange, () => controls.playhead);
   const known = useSyncExternalStore(controls.onChange, () => controls.timeline);
-  if (known === null && playhead.at === 'live') return null;
+  if (known === null && playhead.at === 'live') return <div className="past-room" />;
   const { momentMs } = playhead;
   const unknown = { fromMs: momentMs, toMs: momentMs, movement: [], words: [], marks: [] };
   return <Line controls={controls} timeline={known ?? unknown} />;
