@@ -1,4 +1,4 @@
-import { type KeyboardEvent, Suspense, useEffect, useRef } from 'react';
+import { type KeyboardEvent, Suspense, useEffect, useLayoutEffect, useRef } from 'react';
 import { firstPaint } from '../../browser/first_paint.ts';
 import { LatePart } from '../../browser/late_part.ts';
 import { late, lateAfterBody } from '../shell/late.tsx';
@@ -126,7 +126,7 @@ function Joints({ link, joint }: { link: RobotLink; joint: string | null }) {
 /** The element for the joint table, whose numbers are written to the DOM without React. */
 function JointNumbers({ link }: { link: RobotLink }) {
   const host = useRef<HTMLDivElement>(null);
-  useEffect(() => {
+  useLayoutEffect(() => {
     if (host.current === null) return;
     host.current.replaceChildren(createElement('p', 'note late', say().noNumbersYet));
     const sources: TableSources = {
@@ -138,6 +138,7 @@ function JointNumbers({ link }: { link: RobotLink }) {
     };
     const view = new JointView(host.current, link.twin, sources);
     const write = () => view.write(link.nowMs());
+    if (link.twin.state !== null) write(); // with the word above it: between now and then numbers change at once
     let left = false;
     // Until then they stand in one list, their names cut at the end.
     void ARRANGEMENT.load().then(({ titledLimbs, NameColumn }) => {

@@ -1,4 +1,4 @@
-import { useEffect, useState, useSyncExternalStore } from 'react';
+import { useEffect, useRef, useState, useSyncExternalStore } from 'react';
 import { tokenFor } from '../../auth/token.ts';
 import { firstPaint } from '../../browser/first_paint.ts';
 import { LatePart } from '../../browser/late_part.ts';
@@ -55,11 +55,22 @@ function noneYet(): null | undefined {
   return relayChoice().mirror === null ? undefined : null;
 }
 
-/** The robot as it is shown: as it was while the page is in the past, else as it is. */
+/** The robot as it is shown: as it was while the page is in the past, else as it is. Back from the past, what was stays until
+ *  a live pose is here: the last one is as old as the visit to the past. */
 export function useShown(live: RobotLink, past: Past | null | undefined): RobotLink {
+  const leaving = useRef(false);
   const isPast = useSyncExternalStore(
-    (listener) => past?.controls.onChange(listener) ?? (() => {}),
-    () => past?.controls.playhead.at === 'past',
+    (listener) => {
+      const leave = [live.watch.onWord(listener), past?.controls.onChange(listener)];
+      return () => {
+        for (const off of leave) off?.();
+      };
+    },
+    () => {
+      const at = past?.controls.playhead.at;
+      leaving.current = at === 'past' || (leaving.current && at === 'live' && live.watch.word === null);
+      return leaving.current;
+    },
   );
   return isPast && past ? past.link : live;
 }

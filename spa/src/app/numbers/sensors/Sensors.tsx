@@ -1,5 +1,5 @@
 import './sensors.css';
-import { useEffect, useRef } from 'react';
+import { useLayoutEffect, useRef } from 'react';
 import type { RobotLink } from '../../state/robot_link.ts';
 import { onTraces } from '../../state/traces.ts';
 import { onLanguage, say } from '../../text/language.ts';
@@ -10,11 +10,12 @@ import { SensorView } from './sensor_view.ts';
 /** The element for the sensors, whose numbers are written to the DOM without React. */
 export function Sensors({ link }: { link: RobotLink }) {
   const host = useRef<HTMLDivElement>(null);
-  useEffect(() => {
+  useLayoutEffect(() => {
     if (host.current === null) return;
     host.current.replaceChildren(createElement('p', 'note late', say().noNumbersYet));
     const view = new SensorView(host.current, link.twin, link.minute.readings);
     const write = () => view.write(link.nowMs());
+    if (link.twin.state !== null) write(); // with the word above it: between now and then numbers change at once
     const stop = refreshWith(link.twin, write, [onTraces, onLanguage]);
     return () => {
       stop();
