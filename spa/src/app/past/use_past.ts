@@ -30,6 +30,8 @@ export function usePast(live: RobotLink, wanted = true): Past | null | undefined
       if (asked || opened !== null || !isHeard(live)) return;
       asked = true;
       await firstPaint();
+      asked = isHeard(live); // else when the stream is back
+      if (!asked) return;
       if (await hasPast(live.twin.robot)) {
         const { openPast } = await PAST.load();
         if (left) return;
