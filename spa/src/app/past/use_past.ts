@@ -34,7 +34,7 @@ export function usePast(live: RobotLink, wanted = true): Past | null | undefined
       if (!asked) return;
       if (await hasPast(live.twin.robot)) {
         const { openPast } = await PAST.load();
-        if (left) return;
+        if (left || opened !== null) return;
         opened = openPast(live, atMs);
         setPast(opened);
       } else if (!left) setPast(null);
