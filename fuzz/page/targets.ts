@@ -30,6 +30,9 @@ import { GlbError } from '../../spa/src/model/glb.ts';
 import { Kinematics } from '../../spa/src/model/kinematics.ts';
 import { readLod } from '../../spa/src/model/lod.ts';
 import { boxesOfLinks, readManifest } from '../../spa/src/model/manifest.ts';
+import { PastError } from '../../spa/src/past/past_source.ts';
+import { DAY_MS, readDay, readPage, readSummary } from '../../spa/src/past/relay/past_documents.ts';
+import { PastIndex } from '../../spa/src/past/relay/past_index.ts';
 import { chooseRelay, readConfig } from '../../spa/src/relay/config.ts';
 import { MirrorReader } from '../../spa/src/stream/firebase_mirror.ts';
 import { frameBytes, SseParser } from '../../spa/src/stream/sse.ts';
@@ -69,6 +72,7 @@ export const TARGETS: ReadonlyMap<string, (bytes: Uint8Array) => Promise<unknown
     embed: refusing([], (bytes) => embedded(textOf(bytes))),
     events: refusing([RangeError], events),
     mirror: refusing([RangeError], mirror),
+    past: refusing([PastError], (bytes) => past(jsonOf(textOf(bytes)))),
   } satisfies Record<string, Reader>),
 );
 
@@ -238,6 +242,33 @@ function body(bytes: Uint8Array): unknown {
 async function members(bytes: Uint8Array): Promise<unknown> {
   const found = await unzip(new Blob([bytes.slice()]));
   return Promise.all([...found].map(async ([path, file]) => [path, (await file.bytes()).length]));
+}
+
+const PAGE_AT_MS = Date.UTC(2026, 10, 22, 14, 20);
+
+/** What the routes of the past answer, each read as each, into a time line. */
+function past(json: unknown): unknown {
+  const index = new PastIndex();
+  const refused: PastError[] = [];
+  for (const read of [
+    () => index.setSummary(readSummary(json)),
+    () => index.setDay(dayBefore(PAGE_AT_MS), readDay(json, dayBefore(PAGE_AT_MS)), PAGE_AT_MS),
+    () => index.addPage(PAGE_AT_MS, readPage(json, PAGE_AT_MS), 0, PAGE_AT_MS),
+  ]) {
+    try {
+      read();
+    } catch (error) {
+      if (!(error instanceof PastError)) throw error;
+      refused.push(error);
+    }
+  }
+  const { timeline } = index;
+  if (refused.length === 3) throw refused[0];
+  return [timeline?.movement.length, timeline?.words.length, timeline?.marks.length];
+}
+
+function dayBefore(atMs: number): number {
+  return Math.floor(atMs / DAY_MS) * DAY_MS;
 }
 
 /** All that the page reads out of its own address. What it writes back must read the same. */

@@ -34,4 +34,5 @@ TARGETS = (
     target("embed", 1 << 15),
     target("events", 1 << 17),
     target("mirror", 1 << 16),
+    target("past", 1 << 17),
 )
