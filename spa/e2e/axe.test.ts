@@ -65,6 +65,15 @@ class Looks {
     await this.at('body and table');
   }
 
+  /** Looks back from where it is. */
+  async past(): Promise<void> {
+    await this.testId('track');
+    await this.page.findByTestId('play').click();
+    await this.testId('transport');
+    await until('it has opened', () => this.page.evaluate<boolean>('document.getAnimations().length === 0'));
+    await this.at('past');
+  }
+
   async embed(relay: Relay): Promise<void> {
     await this.page.open(`${relay.url}/embed/#/r/demo`);
     await until('a body', () => hasSkin(this.page), 60_000);
@@ -79,6 +88,7 @@ describe('axe finds nothing', () => {
     const looks = await Looks.open({ viewport: LAPTOP });
     await looks.list(relay);
     await looks.robot(relay);
+    await looks.past();
     await looks.embed(relay);
     expect(looks.found).toEqual({});
   }, 180_000);
@@ -108,6 +118,10 @@ describe('axe finds nothing', () => {
       alarms: tab('Alarms'),
       embed: () => page.open(`${relay.url}/embed/#/r/demo`).then(() => looks.testId('liveness')),
       present: () => page.open(`${relay.url}/#/r/demo?present`).then(() => looks.testId('presentation')),
+      past: async () => {
+        await page.open(`${relay.url}/#/r/demo`);
+        await looks.past();
+      },
       'no such robot': () => page.open(`${relay.url}/#/r/nobody`).then(() => looks.testId('liveness')),
     };
     for (const [name, go] of Object.entries(places)) {
