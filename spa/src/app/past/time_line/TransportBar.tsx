@@ -34,7 +34,7 @@ export function TransportBar({
           <PreviousFaultIcon />
         </Press>
         <Press name={text.tenBack} press={() => controls.skip(-10_000)} className="icon-button transport-ten">
-          <span aria-hidden="true">−10</span>
+          −10
         </Press>
         <Press name={text.frameBack} press={() => controls.step(-1)}>
           <FrameBackIcon />
@@ -43,7 +43,7 @@ export function TransportBar({
           <FrameOnIcon />
         </Press>
         <Press name={text.tenOn} press={() => controls.skip(10_000)} className="icon-button transport-ten">
-          <span aria-hidden="true">+10</span>
+          +10
         </Press>
         <Press name={text.nextFault} press={() => controls.visitFault(1)} disabled={!hasFaults}>
           <NextFaultIcon />
