@@ -198,7 +198,7 @@ class RedisPast:
     async def _connect(self) -> None:
         await self.link.connect(LOOK)
         for replica in self._views.values():
-            replica.looked_at = float("-inf")
+            replica.note_look(float("-inf"))
         self._lost.clear()
         self._trouble = None
 
@@ -278,7 +278,7 @@ class RedisPast:
             if not told:  # one from the middle is gone, or all
                 replica = PastReplica(robot, view, partial(self._pass_over, robot))
                 is_whole = True
-        replica.looked_at = began_at
+        replica.note_look(began_at)
         is_grown = is_new or key not in self._views
         self._views[key] = replica
         self._views.move_to_end(key)

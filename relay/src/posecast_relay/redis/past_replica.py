@@ -34,6 +34,10 @@ class PastReplica:
         """How many records it has, with those that it passes over."""
         return len(self._rows)
 
+    def note_look(self, at_s: float) -> None:
+        """Remember when it was compared with Redis last; minus infinity: it has to be, before it is used."""
+        self.looked_at = at_s
+
     def append(self, told: Sequence[bytes]) -> bool:
         """Append ids and records, in turn; whether there was a segment among them."""
         found = False
