@@ -5,14 +5,17 @@ from __future__ import annotations
 import json
 import os
 import subprocess
+import sys
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from relay.benches.build import ROOT
 from relay.benches.feed import LAG_SAMPLE
 from relay.benches.scenarios import RELAYS, Scenario
-from relay.benches.servers import CannotStart, Place, Server, serving
+from relay.benches.servers import ROBOT, CannotStart, Place, Server, end, serving, wait_line
 from relay.benches.stamps import make_stamps
 
 Row = dict[str, Any]  # what `viewers` prints, and what is derived from it here
@@ -109,12 +112,34 @@ def play(asked: list[str], server: Server) -> tuple[Row, list[tuple[float, int]]
     return row, held
 
 
+@contextmanager
+def looking_back(scenario: Scenario, server: Server, seen: Row) -> Iterator[None]:
+    """Meanwhile the scenario's lookers look back; what they saw comes into `seen`."""
+    if not scenario.lookers:
+        yield
+        return
+    asked = ["--port", str(server.port), "--robot", ROBOT, "--lookers", str(scenario.lookers)]
+    command = [sys.executable, "-m", "relay.benches.lookers", *asked]
+    child = subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    try:
+        wait_line(child, "READY\n")
+        yield
+        said, _ = child.communicate(timeout=RUN_LIMIT_S)
+        seen |= json.loads(said)
+    finally:
+        end(child)
+
+
 def measure(kind: str, scenario: Scenario, place: Place, seconds: float) -> Row:
     """CannotStart when the server or the viewers did not run."""
     make_stamps(place.stamps)
     with serving(kind, scenario, place) as server:
         asked = command(scenario, server, place, seconds, kind in RELAYS)
-        row, held = play(asked, server)
+        looked: Row = {}
+        with looking_back(scenario, server, looked):
+            row, held = play(asked, server)
+        if looked:
+            row["looked_back"] = looked
         row |= {"scenario": scenario.name, "server": kind, "load_average": os.getloadavg()[0]}
         derive(row, scenario, server, held)
     return row

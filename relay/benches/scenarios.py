@@ -24,6 +24,7 @@ class Scenario:
     resume_after_s: float = 0.0
     seconds: float = 8.0
     frame_bytes: int = FRAME_BYTES
+    lookers: int = 0  # who look back, beside the viewers
     lag: bool = False  # event-loop lateness, from a timer inside the server
 
     @property
@@ -45,6 +46,8 @@ SCENARIOS = (
     Scenario("frozen", "1,000 viewers × 30 Hz, 50 frozen for good", 1000, 30, OURS, frozen=50, seconds=24),
     Scenario("resumed", "1,000 viewers × 30 Hz, 50 frozen for 10 s", 1000, 30, OURS, frozen=50,
              resume_after_s=10, seconds=13),
+    Scenario("looking-back", "1,000 viewers × 30 Hz, 200 more look back", 1000, 30, OURS, lookers=200,
+             seconds=10),
 )  # fmt: skip
 
 QUICK = ("steady-1000", "storm")

@@ -144,6 +144,8 @@ def goals(rows: Sequence[Row]) -> list[Goal]:
     to_broadcast = ratios(rows, ("steady-1000", "websockets"), relay, cpu_us)
     handshakes = ratios(rows, ("storm", "relay"), ("storm", "fastapi"), handshakes_per_s)
     disturbed = ratios(rows, ("frozen", "relay"), ("healthy", "relay"), p99_ms)
+    beside = ratios(rows, ("looking-back", "relay"), ("healthy", "relay"), p99_ms)
+    looked = of(rows, "looking-back", "relay")
     gone_s = [r["frozen"]["fds_gone_s"] or NEVER_S for r in frozen]
     never_seen = [float(r["frozen"]["count"] - r["frozen"]["gone"]) for r in frozen]  # the kernel holds on
     found = [
@@ -158,6 +160,8 @@ def goals(rows: Sequence[Row]) -> list[Goal]:
         Goal("longest pause in the storm, ms", 150, lags_ms(storm, "max"), digits=0),
         Goal("loop lateness p99, 3,000 × 10 Hz, ms", 40, lags_ms(of(rows, "loop", "relay"), "p99"), digits=1),
         Goal("5 % frozen: the others' p99 ÷ baseline", 1.25, disturbed),
+        Goal("200 look back: p99 of the live ÷ baseline", 1.25, beside),
+        Goal("200 look back: skipped by the live", 0, [float(r["missed"]) for r in looked], digits=0),
         Goal("5 % frozen: RSS each, KiB", 128, [r["frozen"]["rss_kib_each"] for r in frozen], digits=0),
         Goal("5 % frozen: descriptors gone after, s", 20, gone_s, digits=1),
         Goal("5 % frozen: connections never seen to end", 0, never_seen, digits=0),

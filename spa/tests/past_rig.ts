@@ -1,3 +1,4 @@
+import type { Schema } from '@posecast/wire';
 import { RelayPast } from '../src/past/relay/relay_past.ts';
 
 /** A page's clock, far from the relay's, whose timers run when it is moved on. */
@@ -52,6 +53,7 @@ export class PastRig {
   /** The paths asked for since `asked` was read. */
   #asked: string[] = [];
   hidden = false;
+  liveSchema: Schema | null = null;
   token: string | undefined;
   headers: HeadersInit | undefined;
 
@@ -71,6 +73,7 @@ export class PastRig {
       tokenFor: () => this.token,
       nowMs: () => this.clock.nowMs,
       later: this.clock.later,
+      liveSchema: () => this.liveSchema,
       isIdle: () => this.hidden,
     });
   }

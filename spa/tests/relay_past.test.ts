@@ -1,6 +1,6 @@
 import { createHash } from 'node:crypto';
 import { readFileSync } from 'node:fs';
-import { decodeKeyPage, decodeSegment, encodeKeyPage } from '@posecast/wire';
+import { decodeKeyPage, decodeSegment, encodeKeyPage, parseSchema } from '@posecast/wire';
 import { afterEach, describe, expect, it, vi } from 'vitest';
 import type { PastError, SegmentRef } from '../src/past/past_source.ts';
 import type { RelayPast } from '../src/past/relay/relay_past.ts';
@@ -457,6 +457,17 @@ describe('a schema', () => {
     expect(await why(source.schema('00'.repeat(32)))).toBe('damaged');
     expect(await why(source.schema(sha256('{}')))).toBe('damaged');
     expect(await why(source.schema('11'.repeat(32)))).toBe('gone');
+  });
+
+  it('is not asked for where it is that of what is live', async () => {
+    const rig = withPast();
+    rig.liveSchema = parseSchema(text);
+    const source = await opened(rig);
+    rig.takeAsked();
+    expect((await source.schema(hash)).text).toBe(text);
+    expect(rig.takeAsked()).toEqual([]);
+    expect(await why(source.schema('11'.repeat(32)))).toBe('gone');
+    expect(rig.takeAsked()).toEqual([`/public/schema/${'11'.repeat(32)}`]);
   });
 });
 

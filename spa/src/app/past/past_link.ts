@@ -56,6 +56,7 @@ export function openPast(live: RobotLink, atMs: number | null): Past {
     nowMs,
     later: (ms, run) => schedule(run, ms),
     isIdle: () => document.hidden || !isHeard(live),
+    liveSchema: () => live.twin.schema,
   });
   const player: PastPlayer = new PastPlayer({ source, own, sink, nowMs, schedule });
 

@@ -1,3 +1,4 @@
+import type { Schema } from '@posecast/wire';
 import { PastError } from '../past_source.ts';
 
 const RETRY_MS = 500;
@@ -16,6 +17,8 @@ export interface RelayPorts {
   readonly later: (ms: number, run: () => void) => () => void;
   /** Whether nothing is to be asked of its own accord: nobody sees the page, or the relay does not know the robot. */
   readonly isIdle: () => boolean;
+  /** The schema of what is live; null where there is none yet. It is hardly ever another one than that of the past. */
+  readonly liveSchema: () => Schema | null;
 }
 
 /** An answer that came whole. */
