@@ -1,4 +1,4 @@
-import { useEffect, useRef, useState, useSyncExternalStore } from 'react';
+import { useCallback, useEffect, useRef, useState, useSyncExternalStore } from 'react';
 import { tokenFor } from '../../auth/token.ts';
 import { firstPaint } from '../../browser/first_paint.ts';
 import { LatePart } from '../../browser/late_part.ts';
@@ -61,19 +61,20 @@ function noneYet(): null | undefined {
  *  a live pose is here: the last one is as old as the visit to the past. */
 export function useShown(live: RobotLink, past: Past | null | undefined): RobotLink {
   const leaving = useRef(false);
-  const isPast = useSyncExternalStore(
-    (listener) => {
+  const follow = useCallback(
+    (listener: () => void) => {
       const leave = [live.watch.onWord(listener), past?.controls.onChange(listener)];
       return () => {
         for (const off of leave) off?.();
       };
     },
-    () => {
-      const at = past?.controls.playhead.at;
-      leaving.current = at === 'past' || (leaving.current && at === 'live' && live.watch.word === null);
-      return leaving.current;
-    },
+    [live, past],
   );
+  const isPast = useSyncExternalStore(follow, () => {
+    const at = past?.controls.playhead.at;
+    leaving.current = at === 'past' || (leaving.current && at === 'live' && live.watch.word === null);
+    return leaving.current;
+  });
   return isPast && past ? past.link : live;
 }
 
