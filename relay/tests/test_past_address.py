@@ -66,3 +66,34 @@ def test_the_others() -> None:
     assert read_after("000000000000000a,7") == (10, 7)
     assert (read_every("1"), read_every("1000")) == (1, 1000)
     assert read_sha256("ab" * 32) == b"\xab" * 32
+
+
+@pytest.mark.parametrize(
+    ("read", "text", "said"),
+    [
+        (read_span, "2026-11-24T02:13Z", "minutes end in 0"),
+        (read_span, "1999-12-31", "from 2000 to 2099"),
+        (read_page, "2026-11-24", "KEYs are of ten minutes"),
+        (read_page, "000000000000000a", "KEYs are of ten minutes"),
+        (read_span, "2026-02-29", "no such day"),
+        (read_index, "0343", "without leading zeros"),
+        (read_take, "A" * 16, "16 lower-case hexadecimal digits"),
+        (read_after, "000000000000000a,", "after: an index"),
+        (read_after, "a,1", "after: a take"),
+    ],
+)
+def test_a_refusal_says_what_may_be_and_what_was_got(
+    read: Callable[[str], object], text: str, said: str
+) -> None:
+    with pytest.raises(AddressError, match=said) as error:
+        read(text)
+    got = text if read is not read_after else text.split(",")["index" in said]
+    assert str(error.value).endswith(f"; got '{got}'")
+
+
+def test_what_was_got_is_shortened_and_can_be_shown() -> None:
+    with pytest.raises(AddressError) as error:
+        read_span("\x1b[2J\u202e" + "x" * 5000)
+    assert str(error.value).isprintable()
+    assert "x…'" in str(error.value)
+    assert len(str(error.value)) < 220

@@ -6,6 +6,8 @@ import re
 from datetime import UTC, datetime
 from typing import NamedTuple
 
+from posecast_relay.logging import visible
+
 DAY = re.compile(r"(20[0-9]{2})-([0-9]{2})-([0-9]{2})", re.ASCII)
 PAGE = re.compile(r"(20[0-9]{2}-[0-9]{2}-[0-9]{2})T([01][0-9]|2[0-3]):([0-5])0Z", re.ASCII)
 U64_HEX = re.compile(r"[0-9a-f]{16}", re.ASCII)
@@ -16,6 +18,9 @@ EVERY_MAX = 1000
 DAY_MS = 86_400_000
 PAGE_MS = 600_000
 MINUTE_MS = 60_000
+TEN_MINUTES = "ten minutes of UTC as 2026-11-22T14:20Z (minutes end in 0)"
+YEARS = "from 2000 to 2099"
+SHOWN_MAX = 40  # characters of what a refusal quotes
 
 
 class AddressError(ValueError):
@@ -40,14 +45,16 @@ def read_span(text: str) -> PastSpan:
     if day is not None:
         from_ms = _read_day_ms(text)
         return PastSpan(from_ms, from_ms + DAY_MS)
+    if not PAGE.fullmatch(text):
+        raise AddressError(f"want a day as 2026-11-22, or {TEN_MINUTES}, {YEARS}{_quote(text)}")
     return read_page(text)
 
 
 def read_page(text: str) -> PastSpan:
-    """Read ten minutes as `2026-11-22T14:20Z`. Raises AddressError."""
+    """Read the ten minutes of a page of KEYs as `2026-11-22T14:20Z`. Raises AddressError."""
     page = PAGE.fullmatch(text)
     if page is None:
-        raise AddressError("want a day as 2026-11-22, or ten minutes of UTC as 2026-11-22T14:20Z")
+        raise AddressError(f"KEYs are of {TEN_MINUTES}, {YEARS}{_quote(text)}")
     from_ms = _read_day_ms(page[1]) + int(page[2]) * 3_600_000 + int(page[3]) * PAGE_MS
     return PastSpan(from_ms, from_ms + PAGE_MS)
 
@@ -55,14 +62,14 @@ def read_page(text: str) -> PastSpan:
 def read_take(text: str) -> int:
     """Read a take: 16 hexadecimal digits. Raises AddressError."""
     if not U64_HEX.fullmatch(text):
-        raise AddressError("a take is 16 hexadecimal digits")
+        raise AddressError(f"a take is 16 lower-case hexadecimal digits{_quote(text)}")
     return int(text, 16)
 
 
 def read_index(text: str) -> int:
     """Read a segment's index in its take. Raises AddressError."""
     if not INDEX.fullmatch(text) or int(text) > INDEX_MAX:
-        raise AddressError(f"an index is a number from 0 to {INDEX_MAX}")
+        raise AddressError(f"an index is a number from 0 to {INDEX_MAX}, without leading zeros{_quote(text)}")
     return int(text)
 
 
@@ -70,21 +77,24 @@ def read_after(text: str) -> tuple[int, int]:
     """Read `take,index`. Raises AddressError."""
     take, comma, index = text.partition(",")
     if not comma:
-        raise AddressError("after: want a take, a comma and an index")
-    return read_take(take), read_index(index)
+        raise AddressError(f"after: want a take, a comma and an index{_quote(text)}")
+    try:
+        return read_take(take), read_index(index)
+    except AddressError as e:
+        raise AddressError(f"after: {e}") from None
 
 
 def read_every(text: str) -> int:
     """Read how many segments there are to be for one KEY. Raises AddressError."""
     if not INDEX.fullmatch(text) or not 1 <= int(text) <= EVERY_MAX:
-        raise AddressError(f"every: want a number from 1 to {EVERY_MAX}")
+        raise AddressError(f"every: want a number from 1 to {EVERY_MAX}, without leading zeros{_quote(text)}")
     return int(text)
 
 
 def read_sha256(text: str) -> bytes:
     """Read a SHA-256: 64 hexadecimal digits. Raises AddressError."""
     if not SHA256_HEX.fullmatch(text):
-        raise AddressError("a SHA-256 is 64 hexadecimal digits")
+        raise AddressError(f"a SHA-256 is 64 lower-case hexadecimal digits{_quote(text)}")
     return bytes.fromhex(text)
 
 
@@ -102,4 +112,9 @@ def _read_day_ms(text: str) -> int:
     try:
         return round(datetime.fromisoformat(text).replace(tzinfo=UTC).timestamp()) * 1000
     except ValueError:
-        raise AddressError("there is no such day") from None
+        raise AddressError(f"there is no such day{_quote(text)}") from None
+
+
+def _quote(text: str) -> str:
+    """Say what was got instead, shortened, and such that it can be shown."""
+    return f"; got '{visible(text, SHOWN_MAX)}'"
