@@ -247,6 +247,7 @@ async def test_a_dead_redis_is_said_at_once_and_comes_back(redis_server: Redis) 
         for refused in (answer, await fleet.ask_gateway(address_of(first)), await fleet.ask_gateway("")):
             assert refused.status_code == 503
             assert refused.headers["retry-after"] == "1"
+            assert "retry-after" in refused.headers["access-control-expose-headers"]
             assert refused.headers["cache-control"] == "private, no-store"
             assert refused.json()["error"] == past_reader.AWAY
         assert fleet.readers[0].losses == 1

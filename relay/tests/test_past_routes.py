@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import json
+import re
 import threading
 from collections.abc import AsyncIterator
 from typing import Any
@@ -14,7 +15,7 @@ import pytest
 from posecast_relay.core.past.kept_segment import KeptSegment
 from posecast_relay.core.policy.admission import HIDDEN
 from posecast_relay.core.policy.policy import Audience, Rule
-from posecast_relay.http.past import documents, key_pages
+from posecast_relay.http.past import documents, key_pages, routes
 from posecast_wire.key_page import decode_key_page, encode_key_page
 from posecast_wire.segment import decode_segment
 
@@ -126,6 +127,39 @@ async def test_an_index_that_would_be_too_long_goes_on_after_its_last_segment(
         got += [entry["index"] for entry in page["segments"]]
         after, more = f"?after={TAKE:016x},{got[-1]}", page["more"]
     assert got == [0, 1, 2, 3, 4]
+
+
+async def test_a_cursor_that_is_not_on_the_page_leads_on_and_loses_nothing(doors: PastDoors) -> None:
+    """The second take begins while the first goes on, as where two relays hear a robot."""
+    for take, index, at_s in ((1, 0, -2), (1, 1, 0), (1, 2, 4), (2, 0, 6), (1, 4, 12), (2, 1, 14)):
+        doors.keep(index, PAGE_MS + 1000 * at_s, take=take)
+    doors.unix_ms = PAGE_MS + 60_000
+
+    async def ask(take: int, index: int) -> list[tuple[int, int]]:
+        doors.now += 2
+        page = (await doors.ask(f"public/{PAGE}?after={take:016x},{index}")).json()
+        return [(int(entry["take"], 16), entry["index"]) for entry in page["segments"]]
+
+    whole = [(1, 1), (1, 2), (2, 0), (1, 4), (2, 1)]
+    assert await ask(1, 2) == whole[2:]
+    assert await ask(1, 0) == whole  # of the page before
+    assert await ask(1, 3) == whole[2:]  # not for them, or damaged: what came after the one before it
+    assert await ask(1, 400) == whole[4:]  # not known here yet, as at a gateway that is a moment behind
+    assert await ask(2, 400) == []
+    assert await ask(3, 0) == whole  # of a relay that has started again since, or of another robot
+    doors.past.drop_oldest("r")
+    doors.past.drop_oldest("r")
+    assert await ask(1, 1) == whole[1:]  # dropped meanwhile
+
+
+async def test_what_came_after_one_of_a_page_that_is_over_is_cached_as_the_page_is(doors: PastDoors) -> None:
+    for index in range(2):
+        doors.keep(index, PAGE_MS + 4000 * index)
+    for at_ms, fresh in ((609_999, 1), (1_388_000, 412)):
+        doors.unix_ms = PAGE_MS + at_ms
+        for after in ("", *(f"?after={TAKE:016x},{index}" for index in range(3))):
+            answer = await doors.ask(f"public/{PAGE}{after}")
+            assert answer.headers["cache-control"] == f"public, max-age={fresh}", (at_ms, after)
 
 
 @pytest.mark.parametrize("audience", list(Audience))
@@ -284,7 +318,7 @@ async def test_headers_head_and_etags(doors: PastDoors) -> None:
             assert "content-encoding" not in got.headers
             if audience is A:
                 assert got.headers["access-control-allow-origin"] == "*"
-                assert got.headers["access-control-expose-headers"] == "etag, retry-ms"
+                assert got.headers["access-control-expose-headers"] == "etag, retry-ms, retry-after"
                 assert got.headers["cache-control"].startswith("public, max-age=")
             else:
                 assert "access-control-allow-origin" not in got.headers
@@ -292,9 +326,10 @@ async def test_headers_head_and_etags(doors: PastDoors) -> None:
             head = await doors.ask(path, TOKENS[audience], "HEAD")
             assert (head.status_code, head.content) == (200, b"")
             assert head.headers["content-length"] == str(len(got.content))
-            again = await doors.ask(path, TOKENS[audience], if_none_match=got.headers["etag"])
-            assert (again.status_code, again.content) == (304, b"")
-            assert again.headers["etag"] == got.headers["etag"] == head.headers["etag"]
+            for known in (got.headers["etag"], f'"other", {got.headers["etag"]}', "*"):
+                again = await doors.ask(path, TOKENS[audience], if_none_match=known)
+                assert (again.status_code, again.content) == (304, b""), (path, known)
+                assert again.headers["etag"] == got.headers["etag"] == head.headers["etag"]
             other = await doors.ask(path, TOKENS[audience], if_none_match='"other"')
             assert other.status_code == 200
     assert (await doors.ask(f"lab/{PAGE}", "somebody", origin="https://elsewhere.example")).status_code == 403
@@ -315,7 +350,7 @@ NEVER_WERE = {
         *(f"public/{PAGE}/keys?every={every}" for every in ("0", "-1", "1001", "", "1.5", "9" * 300)),
         *(f"public/{PAGE}?after={after}" for after in ("", "1", ",", f"{TAKE:016x}", f"{TAKE:016x},-1")),
         *(f"public/schema/{sha}" for sha in ("0", "z" * 64, "A" * 64)),
-        *("?token=x", f"public/{DAY}/keys"),
+        *("?token=x", "?view=", f"public/{DAY}/keys"),
     ),
     404: (
         *(f"public/{TAKE:016x}/7", f"public/{TAKE:016x}/4294967295", f"public/{'f' * 16}/0"),
@@ -346,6 +381,18 @@ async def test_what_never_was(doors: PastDoors, status: int) -> None:
         assert status == 200 or "\n" not in answer.json()["error"], path
         assert status != 400 or "no-store" in answer.headers.get("cache-control", "no-store"), path
     assert (await doors.ask("")).json()["newest"]["index"] == 0
+
+
+async def test_an_address_that_lacks_something_is_told_what_there_is(doors: PastDoors) -> None:
+    doors.keep(0, PAGE_MS)
+    for path in ("/r/past/", "public", "public/", f"public/{DAY}/", "public/a/b/c/d"):
+        answer = await doors.ask(path)
+        assert (answer.status_code, answer.json()["error"]) == (404, routes.NO_ROUTE), path
+    for form in re.findall(r"VIEW/[A-Z\d/a-z]+", routes.NO_ROUTE):
+        names = {"VIEW": "public", "DAY": DAY, "MINUTES": PAGE, "TAKE": f"{TAKE:016x}", "INDEX": "0"}
+        path = "/".join(({"SHA256": SCHEMA_HASH.hex()} | names).get(part, part) for part in form.split("/"))
+        doors.unix_ms = PAGE_MS + 5000
+        assert (await doors.ask(path)).status_code == 200, path
 
 
 async def test_a_robot_that_is_hidden_is_as_one_that_is_not() -> None:
@@ -380,9 +427,13 @@ async def test_without_a_file_anyone_looks_back_on_what_was_heard_and_nothing_el
 
 
 async def test_the_api_describes_them(doors: PastDoors) -> None:
-    paths = {path: it for path, it in doors.app.openapi()["paths"].items() if "/past" in path}
+    document = doors.app.openapi()
+    for path, methods in document["paths"].items():
+        assert "422" not in methods["get"]["responses"], path
+    paths = {path: it for path, it in document["paths"].items() if "/past" in path}
     assert len(paths) == len(ROUTES) - 1  # a day and ten minutes are one
     for path, methods in paths.items():
         answers = methods["get"]["responses"]
-        assert {"400", "404", "501"} <= answers.keys(), path
+        assert {"304", "400", "401", "403", "404", "503"} <= answers.keys(), path
+        assert ("501" in answers) == ("{view}" in path), path
         assert answers["200"].get("content"), path

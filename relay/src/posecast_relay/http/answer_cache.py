@@ -7,6 +7,8 @@ from collections.abc import Callable
 
 from fastapi import Request, Response
 
+from posecast_relay.http.etags import has_already
+
 FRESH_S = 1.0  # answers are this old at most
 ANSWERS_MAX = 256
 ANSWERS_BYTES = 8 << 20
@@ -32,7 +34,7 @@ class AnswerCache:
             self._keep(name, made)
         _, body, etag = made
         headers = {"etag": etag, "cache-control": "public, max-age=1"} | more
-        if etag in request.headers.get("if-none-match", ""):
+        if has_already(request, etag):
             return Response(status_code=304, headers=headers)
         return Response(body, media_type="application/json", headers=headers)
 

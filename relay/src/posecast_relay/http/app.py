@@ -10,6 +10,7 @@ from pathlib import Path
 from fastapi import FastAPI, HTTPException, Request, Response
 from fastapi.responses import JSONResponse, PlainTextResponse
 from fastapi.routing import APIRoute
+from pydantic import BaseModel
 from starlette.exceptions import HTTPException as StarletteHTTPException
 
 from posecast_relay.auth.access import Access
@@ -48,6 +49,12 @@ PREFLIGHT = OPEN | {
 }
 
 
+class ErrorAnswer(BaseModel):
+    """What every refusal holds: why, in one line."""
+
+    error: str
+
+
 def make_app(
     access: Access,
     models: ModelCache,
@@ -63,8 +70,15 @@ def make_app(
     `publish_at`: where anybody on this machine may publish; None when nobody may without a credential.
     `past`: where the past of this process is; None when it keeps none.
     """
-    # FastAPI's own /docs loads its scripts from another origin; the built page brings them (spa/public/docs)
-    app = FastAPI(title="Posecast relay", version="1", docs_url=None, redoc_url=None)
+    # FastAPI's own /docs loads its scripts from another origin; the built page brings them (spa/public/docs).
+    # Without a default answer it tells of a 422 that never comes: all parameters are texts that we read.
+    app = FastAPI(
+        title="Posecast relay",
+        version="1",
+        docs_url=None,
+        redoc_url=None,
+        responses={"default": {"description": "Refused, and why in one line", "model": ErrorAnswer}},
+    )
 
     @app.exception_handler(StarletteHTTPException)
     async def refused(_request: Request, error: StarletteHTTPException) -> JSONResponse:

@@ -37,6 +37,8 @@ async def require_grant(access: Access, request: Request, robot: str, view: str 
 
     Raises HTTPException; the same one for a robot that does not exist as for one that the asker may not see.
     """
+    if view == "":
+        raise HTTPException(400, "view: want a name, as public, or no view= at all")
     decision = access.judge(await _identify_applicant(access, request, robot, view))
     if isinstance(decision, Refusal):
         raise _make_error(decision)

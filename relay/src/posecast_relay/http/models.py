@@ -14,6 +14,7 @@ from fastapi import Request, Response
 from starlette.types import Receive, Scope, Send
 
 from posecast_relay.http.auth import OPEN
+from posecast_relay.http.etags import has_already
 from posecast_relay.http.gzip_cache import GzipCache, make_packed_name
 from posecast_relay.models.cache import ModelCache, ModelFile
 from posecast_relay.streaming.http_connection import AnswerAborted
@@ -62,7 +63,7 @@ async def make_model_answer(
     """Make the answer for a model's file; 304 if the asker has it already."""
     name, type_, size = found
     headers = MODEL_HEADERS | {"etag": f'"{name}"', "vary": "accept-encoding"}
-    if headers["etag"] in request.headers.get("if-none-match", ""):
+    if has_already(request, headers["etag"]):
         return Response(status_code=HTTPStatus.NOT_MODIFIED, headers=headers)
     shrinks = size <= PACK_UP_TO_BYTES and not type_.startswith("image/")
     if shrinks and "gzip" in request.headers.get("accept-encoding", ""):

@@ -24,6 +24,7 @@ from posecast_relay.core.policy.past import find_past_window
 from posecast_relay.core.policy.policy import Grant
 from posecast_relay.http.answer_cache import AnswerCache
 from posecast_relay.http.auth import OPEN, require_grant
+from posecast_relay.http.etags import has_already
 from posecast_relay.http.past import documents
 from posecast_relay.http.past.address import (
     AddressError,
@@ -47,24 +48,31 @@ RETRY_MS = 1000  # when to ask again for what is not there yet
 FRESH_S_MAX = 3600.0  # caches keep nothing for longer, so that what is taken back is gone within it
 CLOSED_MS = 10_000  # after its end a page can get no further segment: one lasts 6 s at most
 NOT_KEPT = "no past is kept here: ask a relay that was started with --past memory:"
-EXPOSED = OPEN | {"access-control-expose-headers": "etag, retry-ms"}
+NO_ROUTE = (
+    "no such route: below past there are VIEW/DAY, VIEW/MINUTES, VIEW/MINUTES/keys, VIEW/TAKE/INDEX and "
+    "VIEW/schema/SHA256, with a VIEW as public, a DAY as 2026-11-22, ten MINUTES as 2026-11-22T14:20Z"
+)
+READABLE = {"access-control-expose-headers": "etag, retry-ms, retry-after"}  # for pages of other origins
 NO_STORE = {"cache-control": "private, no-store"}
-BUSY = NO_STORE | {"retry-after": "1"}
+BUSY = NO_STORE | READABLE | {"retry-after": "1"}
 BINARY = "application/octet-stream"
+HAD: dict[int | str, dict[str, Any]] = {304: {"description": "You have it"}}
 ERRORS: dict[int | str, dict[str, Any]] = {
-    400: {"description": "No such day, page, take or index can be"},
+    400: {"description": "No such view, day, page, take or index can be"},
+    401: {"description": "The token is wrong or has expired"},
+    403: {"description": "This view is not for you, or a token came from a page of another origin"},
     404: {"description": "Not here, or not for you"},
-    501: {"description": "This process keeps no past"},
-    503: {"description": "What keeps it does not answer: ask again"},
+    503: {"description": "What keeps it, or what knows accounts, does not answer: ask again"},
 }
-KEYS: dict[int | str, dict[str, Any]] = {
+BELOW = ERRORS | {501: {"description": "This process keeps no past"}}
+KEYS: dict[int | str, dict[str, Any]] = HAD | {
     503: {"description": "What keeps it does not answer, or many ask for such pages just now: ask again"},
     200: {
         "description": "A page of KEYs (SPEC §11)",
         "content": {BINARY: {"schema": {"type": "string", "format": "binary"}}},
     },
 }
-HELD: dict[int | str, dict[str, Any]] = {
+HELD: dict[int | str, dict[str, Any]] = HAD | {
     200: {
         "description": "The segment; as JSON the next one, where this one is not for you or its take is over",
         "model": documents.NextSegment,
@@ -112,7 +120,7 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
     @app.get(
         api + "/{view}/schema/{sha256}",
         summary="The text of a schema that a segment names",
-        responses=ERRORS,
+        responses=BELOW | HAD,
     )
     async def schema(request: Request, robot: str, view: str, sha256: str) -> Response:
         grant, at = await _enter(access, desk, request, robot, view)
@@ -127,25 +135,24 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
     @app.get(
         api + "/{view}/{span}",
         summary="A day by minutes (2026-11-22), or the index of ten minutes (2026-11-22T14:20Z)",
-        responses=ERRORS | _tells(documents.PastPage, documents.PastDay),
+        responses=BELOW | _tells(documents.PastPage, documents.PastDay),
     )
     async def index(request: Request, robot: str, view: str, span: str, after: str | None = None) -> Response:
         grant, at = await _enter(access, desk, request, robot, view)
-        asked = _read(read_span, span)
-        unix_ms = at.compute_unix_ms()
+        asked, unix_ms = _read(read_span, span), at.compute_unix_ms()
         shown = partial(at.reader.list_shown, grant, unix_ms, asked.from_ms, asked.to_ms)
         if asked.is_day:
             made = lambda: documents.make_day(view, asked, shown())  # noqa: E731
             return at.answers.get_answer(request, _key(grant, span), made, _share(grant, 1.0))
         since = None if after is None else _read(read_after, after)
-        fresh_s = 1.0 if since is not None else _compute_page_s(grant, asked, shown(), unix_ms)
-        page = lambda: documents.make_page(view, asked, _list_after(shown(), since))  # noqa: E731
-        return at.answers.get_answer(request, _key(grant, f"{span}?{after}"), page, _share(grant, fresh_s))
+        headers = _share(grant, _compute_page_s(grant, asked, shown(), unix_ms))
+        made = lambda: documents.make_page(view, asked, _list_after(shown(), since))  # noqa: E731
+        return at.answers.get_answer(request, _key(grant, f"{span}?{after}"), made, headers)
 
     @app.get(
         api + "/{view}/{page}/keys",
         summary="The first pose of each segment of ten minutes, or of each n-th: every",
-        responses=ERRORS | KEYS,
+        responses=BELOW | KEYS,
     )
     async def key_page(request: Request, robot: str, view: str, page: str, every: str = "1") -> Response:
         grant, at = await _enter(access, desk, request, robot, view)
@@ -159,7 +166,7 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
         return _send(request, body, BINARY, hashlib.sha256(body).hexdigest()[:16], headers)
 
     @app.get(
-        api + "/{view}/{take}/{index}", summary="A segment; the next one is held", responses=ERRORS | HELD
+        api + "/{view}/{take}/{index}", summary="A segment; the next one is held", responses=BELOW | HELD
     )
     async def segment(request: Request, robot: str, view: str, take: str, index: str) -> Response:
         grant, at = await _enter(access, desk, request, robot, view)
@@ -183,6 +190,14 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
                 window = find_past_window(grant, at.compute_unix_ms())
                 headers = _share(grant, window.compute_left_s(found.from_ms))
                 return _send(request, found.data, BINARY, found.sha256.hex(), headers)
+
+    _refuse_others(app, api)
+
+
+def _refuse_others(app: FastAPI, api: str) -> None:
+    @app.get(api + "/{_rest:path}", include_in_schema=False)
+    async def no_such_route(_rest: str) -> Response:
+        raise HTTPException(HTTPStatus.NOT_FOUND, NO_ROUTE)
 
 
 async def _tell_no_past(access: Access, request: Request, robot: str, view: str | None) -> Response:
@@ -270,13 +285,13 @@ def _share(grant: Grant, fresh_s: float) -> dict[str, str]:
     """Make the headers that say who may read an answer, and for how long caches may keep it."""
     if not grant.open:
         return NO_STORE
-    return EXPOSED | {"cache-control": f"public, max-age={math.floor(min(fresh_s, FRESH_S_MAX))}"}
+    return OPEN | READABLE | {"cache-control": f"public, max-age={math.floor(min(fresh_s, FRESH_S_MAX))}"}
 
 
 def _send(request: Request, body: bytes, type_: str, name: str, headers: dict[str, str]) -> Response:
     """Send bytes that never change, called `name`; 304 if the asker has them already."""
     headers = headers | {"etag": f'"{name}"', "x-content-type-options": "nosniff"}
-    if headers["etag"] in request.headers.get("if-none-match", ""):
+    if has_already(request, headers["etag"]):
         return Response(status_code=HTTPStatus.NOT_MODIFIED, headers=headers)
     return Response(body, media_type=type_, headers=headers)
 
@@ -287,11 +302,15 @@ def _key(grant: Grant, what: str) -> str:
 
 
 def _list_after(shown: list[KeptSegment], since: tuple[int, int] | None) -> list[KeptSegment]:
-    """Return what came after a segment; all where it is not among these."""
-    for n, segment in enumerate(shown):
-        if (segment.name.take, segment.name.index) == since:
-            return shown[n + 1 :]
-    return shown
+    """Return what came after a segment; where it is not among these, after the newest one before it in its
+    take. All where nothing of that take up to it is here (any more).
+    """
+    if since is None:
+        return shown
+    take, index = since
+    upto = [n for n, each in enumerate(shown) if each.name.take == take and each.name.index <= index]
+    newest = max(upto, key=lambda n: shown[n].name.index, default=-1)
+    return shown[newest + 1 :]
 
 
 def _compute_page_s(grant: Grant, page: PastSpan, shown: list[KeptSegment], unix_ms: int) -> float:
@@ -307,4 +326,4 @@ def _tells(*models: type) -> dict[int | str, dict[str, Any]]:
     model: Any = models[0]
     for other in models[1:]:
         model = model | other
-    return {200: {"model": model, "description": "JSON"}, 304: {"description": "You have it"}}
+    return {200: {"model": model, "description": "JSON"}} | HAD

@@ -1,0 +1,11 @@
+"""Whether an asker has an answer already, by its ETag."""
+
+from __future__ import annotations
+
+from fastapi import Request
+
+
+def has_already(request: Request, etag: str) -> bool:
+    """Whether `If-None-Match` names this `etag`, with its quotes; `*` names whatever there is."""
+    named = request.headers.get("if-none-match", "")
+    return etag in named or named.strip() == "*"
