@@ -165,6 +165,10 @@ class PastDoors:
         address = self.base + (path if path.startswith("/") else f"/r/past{below}{path}")
         return await self.client.request(method, address, headers=sent)
 
+    async def ask_ready(self) -> Any:
+        """What /readyz says."""
+        return await self.client.get(f"http://127.0.0.1:{self.port}/readyz")
+
     async def until_held(self, count: int) -> None:
         """Wait until so many requests are held."""
         end_s = time.monotonic() + 10

@@ -42,7 +42,8 @@ async def test_robots_of_every_node_reach_a_gateway(relays: Any, edges: Any, clu
             assert word(viewer) == "online"
     listed = httpx.get(f"http://{gateway.address}/api/v1/robots").json()["robots"]
     assert {robot["robot"] for robot in listed} == set(names)
-    assert httpx.get(f"http://{gateway.address}/readyz").json() == {"status": "ready"}
+    ready = f"http://{gateway.address}/readyz"
+    until("the past is read, too", lambda: httpx.get(ready).json() == {"status": "ready"})
     for node in cluster.masters:
         assert any(b":public:state" in key for key in await asyncio.to_thread(node.ask, "KEYS", "*"))
 

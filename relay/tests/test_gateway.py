@@ -164,7 +164,11 @@ async def test_redis_killed_is_told_and_survived(trio: Trio, redis_server: Redis
         print(f"frames again {time.monotonic() - back:.1f} s after Redis")
         for viewer in viewers:
             clean(viewer)
-        assert get(trio.gateways[0], "/readyz").json() == {"status": "ready"}
+        await asyncio.to_thread(
+            until,
+            "the past is back, too",
+            lambda: get(trio.gateways[0], "/readyz").json()["status"] == "ready",
+        )
 
 
 async def test_redis_frozen_is_told_and_survived(trio: Trio, redis_server: Redis) -> None:

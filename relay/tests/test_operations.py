@@ -14,6 +14,7 @@ from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.http.metrics import RelayCollector
+from posecast_relay.http.past.held_requests import HeldRequests
 from posecast_relay.redis.past_writer import RedisPastWriter
 from posecast_relay.redis.store import RedisStore
 from posecast_relay.runtime.dispatcher import Dispatcher
@@ -35,7 +36,8 @@ async def test_every_series_is_explained_and_no_other() -> None:
     dispatcher = Dispatcher(hub, store, FanOut(None))
     mirror = SimpleNamespace(written=Counter(), breaker=Breaker())
     way = RedisPastWriter("redis://nowhere", 1 << 20)
-    figures = RelayCollector([dispatcher], mirror, past=MemoryPast(1 << 20), way=way)
+    kept, held = MemoryPast(1 << 20), HeldRequests()
+    figures = RelayCollector([dispatcher], mirror, past=kept, way=way, held=held)
     there = {family.name + ("_total" if family.type == "counter" else "") for family in figures.collect()}
     rows = re.findall(r"^\| `(posecast_\w+)", PAGE, re.MULTILINE)
     assert sorted(rows) == sorted(there)

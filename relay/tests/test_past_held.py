@@ -8,6 +8,7 @@ from collections.abc import AsyncIterator
 
 import pytest
 from posecast_relay.core.policy.policy import Audience, Policy, Rule
+from posecast_relay.http.metrics import RelayCollector
 from posecast_relay.http.past import routes
 from posecast_relay.http.past.held_requests import HELD_MAX, HeldRequests
 from posecast_relay.redis.gateway import GRACE_S
@@ -97,6 +98,13 @@ async def test_no_more_are_held_than_may_be_and_further_ones_are_answered_at_onc
         told |= done
     assert {answer.result() for answer in told} == {b"HTTP/1.1 204 No Content\r\n"}
     assert (len(told), doors.desk.held.count, doors.desk.held.turned_away) == (50, HELD_MAX, 50)
+    told_of = {
+        sample.name: sample.value
+        for family in RelayCollector([doors.access.live], held=doors.desk.held).collect()
+        for sample in family.samples
+    }
+    assert told_of["posecast_past_held_requests"] == HELD_MAX
+    assert told_of["posecast_past_turned_away_requests_total"] == 50
     assert (await doors.ask("")).status_code == 200  # nobody else notices
     for _, writer in links:
         writer.transport.abort()

@@ -251,11 +251,16 @@ async def test_a_dead_redis_is_said_at_once_and_comes_back(redis_server: Redis) 
             assert refused.headers["cache-control"] == "private, no-store"
             assert refused.json()["error"] == past_reader.AWAY
         assert fleet.readers[0].losses == 1
+        ready = await fleet.gateways[0].ask_ready()
+        assert ready.json() == {"status": "degraded", "why": "the past: redis: ConnectionError"}
+        assert ready.status_code == 200
+        assert (await fleet.ingest.ask_ready()).json() == {"status": "ready"}  # it reads its own
         assert await fleet.ingest.ask(address_of(first))  # where it was recorded nobody notices
         fleet.ingest.keep(1, PAGE_MS + 4000)
         redis_server.start()
         await fleet.written()
         await until("it is back", lambda: fleet.readers[0].find_trouble() is None)
+        assert (await fleet.gateways[0].ask_ready()).json() == {"status": "ready"}
         ended = await fleet.ask_gateway(address_of(first))  # with Redis
         assert ended.json() == {"next": {"take": f"{TAKE:016x}", "index": 1}}
         second = await fleet.keep(2, PAGE_MS + 8000)

@@ -85,6 +85,7 @@ def test_a_gateway_reads_what_an_all_relay_kept(
         assert found["posecast_past_redis_losses_total"] == 0
         assert found["posecast_past_redis_passed_over_total"] == 0
         assert found["posecast_past_redis_seconds_count"] > 0
+        assert found["posecast_past_held_requests"] == found["posecast_past_turned_away_requests_total"] == 0
     assert "posecast_past_bytes" not in read
     redis_server.kill()
     edge.silent = False

@@ -39,7 +39,8 @@ async def test_roles_meet_over_tls_and_whoever_cannot_check_the_server_does_not_
     edges(ingest.zenoh)
     async with Watcher(gateway.url()) as viewer:
         await viewer.until("frames", lambda v: len(v.frames) > 20)
-    assert httpx.get(f"http://{gateway.address}/readyz").json() == {"status": "ready"}
+    ready = f"http://{gateway.address}/readyz"
+    until("the past is read, too", lambda: httpx.get(ready).json() == {"status": "ready"})
     until("it says why", lambda: "CERTIFICATE_VERIFY_FAILED" in stranger.errors())
     said = httpx.get(f"http://{stranger.address}/readyz").json()
     assert said["status"] == "degraded"

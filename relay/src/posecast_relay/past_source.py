@@ -32,6 +32,9 @@ class PastSource(Protocol):
         `list_waiting` returns.
         """
 
+    def find_trouble(self) -> str | None:
+        """Return why it can't be read just now; None when it can. Public: without addresses."""
+
     async def refresh(self, robot: str, view: str) -> None:
         """Bring up to date what is known of a view. Raises PastAway."""
 

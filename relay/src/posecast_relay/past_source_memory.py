@@ -19,6 +19,9 @@ class MemoryPastSource:
         """Call `wake` with the robot and view of each segment that is added."""
         self.kept.on_added(lambda segment: wake(segment.name.robot, segment.name.view))
 
+    def find_trouble(self) -> None:
+        """Return None: what lies here can be read."""
+
     async def refresh(self, robot: str, view: str) -> None:
         """Do nothing: all is here."""
 

@@ -104,7 +104,7 @@ def make_app(
     thumbnails = Thumbnails(models)
     preview = LinkPreview(access, thumbnails, public_url)
     _add_previews(app, access, models, thumbnails, preview)
-    _add_health(app, access.live)
+    _add_health(app, access.live, past)
 
     @app.get("/api/{_rest:path}", include_in_schema=False)
     async def no_such_route(_rest: str) -> Response:
@@ -125,17 +125,18 @@ def make_app(
     return app
 
 
-def _add_health(app: FastAPI, dispatcher: Dispatcher) -> None:
+def _add_health(app: FastAPI, dispatcher: Dispatcher, past: PastDesk | None) -> None:
     @app.get("/livez", summary="The process answers")
     async def livez() -> PlainTextResponse:
         return PlainTextResponse("ok\n")
 
-    @app.get("/readyz", summary="Whether viewers are accepted; `degraded` when the store is not there")
+    @app.get("/readyz", summary="Whether viewers are accepted; `degraded` when the store or the past is away")
     async def readyz() -> JSONResponse:
-        trouble = dispatcher.store.find_trouble()
         if dispatcher.draining:
             return JSONResponse({"status": "draining"}, 503)
-        return JSONResponse({"status": "degraded", "why": trouble} if trouble else {"status": "ready"})
+        live, past_ = dispatcher.store.find_trouble(), None if past is None else past.source.find_trouble()
+        why = "; ".join(filter(None, (live, past_ and f"the past: {past_}")))
+        return JSONResponse({"status": "degraded", "why": why} if why else {"status": "ready"})
 
 
 def _add_robots(app: FastAPI, access: Access, decoded: DecodeCache, publish_at: str | None) -> None:

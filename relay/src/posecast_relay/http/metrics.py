@@ -47,6 +47,13 @@ class PastWayStats(Protocol):
         """Return how long exchanges took, and how often it was lost."""
 
 
+class HeldStats(Protocol):
+    """The counters of the requests that wait for the next segment of a past."""
+
+    count: int
+    turned_away: int
+
+
 @runtime_checkable
 class PastWriterStats(Protocol):
     """The counters of a way by which segments go to Redis."""
@@ -65,6 +72,7 @@ class RelayCollector(Collector):
         refused: Callable[[], int] = int,
         past: PastStats | None = None,
         way: PastWayStats | None = None,
+        held: HeldStats | None = None,
     ) -> None:
         """`dispatchers`: the live one first, then that of the delayed viewers.
 
@@ -77,6 +85,7 @@ class RelayCollector(Collector):
         self._mirror = mirror
         self._past = past
         self._way = way
+        self._held = held
 
     def collect(self) -> Iterable[Metric]:
         """Yield all metrics with their present values."""
@@ -156,16 +165,21 @@ class RelayCollector(Collector):
             )
             yield CounterMetricFamily("posecast_store_losses", "Times that the store was lost", losses)
         if self._mirror is not None:
-            asked = {"sent": 0, "failed": 0} | self._mirror.written
-            yield _make_labelled(
-                "posecast_mirror_requests", "Requests to the mirror", "result", asked, CounterMetricFamily
-            )
-            left = 1 if self._mirror.breaker.is_open else 0
-            yield GaugeMetricFamily("posecast_mirror_breaker_open", "Whether it is left alone", left)
+            yield from _describe_mirror(self._mirror)
         if self._past is not None:
             yield from _describe_past(self._past, hub.recorder)
         if self._way is not None:
             yield from _describe_way(self._way)
+        if self._held is not None:
+            yield from _describe_held(self._held)
+
+
+def _describe_mirror(mirror: MirrorStats) -> Iterable[Metric]:
+    asked = {"sent": 0, "failed": 0} | mirror.written
+    text = "Requests to the mirror"
+    yield _make_labelled("posecast_mirror_requests", text, "result", asked, CounterMetricFamily)
+    left = 1 if mirror.breaker.is_open else 0
+    yield GaugeMetricFamily("posecast_mirror_breaker_open", "Whether it is left alone", left)
 
 
 def _describe_past(past: PastStats, recorder: Recorder | None) -> Iterable[Metric]:
@@ -189,6 +203,13 @@ def _describe_way(way: PastWayStats) -> Iterable[Metric]:
         fates = {"written": way.written, "dropped": way.dropped}
         text = "Segments for Redis by what became of them"
         yield _make_labelled("posecast_past_redis_segments", text, "fate", fates, CounterMetricFamily)
+
+
+def _describe_held(held: HeldStats) -> Iterable[Metric]:
+    text = "Requests that wait for the next segment"
+    yield GaugeMetricFamily("posecast_past_held_requests", text, held.count)
+    text = "Of such, answered at once since so many wait"
+    yield CounterMetricFamily("posecast_past_turned_away_requests", text, held.turned_away)
 
 
 def _make_histogram(name: str, text: str, times: Histogram) -> Metric:
@@ -227,13 +248,14 @@ def start_metrics(
     refused: Callable[[], int] = int,
     past: PastStats | None = None,
     way: PastWayStats | None = None,
+    held: HeldStats | None = None,
 ) -> tuple[int, Callable[[], None]]:
     """Serve metrics on `host`:`port` (0 = any free); returns the port and a function that stops it.
 
     Raises OSError when the port is in use.
     """
     registry = CollectorRegistry()
-    registry.register(RelayCollector(dispatchers, mirror, refused, past, way))
+    registry.register(RelayCollector(dispatchers, mirror, refused, past, way, held))
     server, thread = start_http_server(port, host, registry)
 
     def stop() -> None:

@@ -20,7 +20,7 @@ from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
 from posecast_relay.core.past.memory_store import MemoryPast, TakeSpan
 from posecast_relay.past_source import ListWaiting, PastAway, Wake
-from posecast_relay.redis.client import REDIS_ERRORS, RedisClient, cancel_tasks
+from posecast_relay.redis.client import REDIS_ERRORS, RedisClient, cancel_tasks, name_error
 from posecast_relay.redis.past_replica import PastReplica
 from posecast_relay.redis.past_scripts import LOOK, schema_key, segment_key, stream_key
 
@@ -64,7 +64,7 @@ class RedisPast:
         self._turns = asyncio.Semaphore(AT_ONCE)
         self._list_waiting: ListWaiting = tuple
         self._wake: Wake = lambda _robot, _view: None
-        self._trouble: str | None = "not connected yet"
+        self._trouble: str | None = "redis: not connected yet"
         self._failed = False
         self._lost = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
@@ -207,7 +207,7 @@ class RedisPast:
             log.warning("the past: redis: %s; who asks is told, live goes on", why)
         self._failed = True
         self.losses += self._trouble is None
-        self._trouble = type(error).__name__
+        self._trouble = name_error(error)  # /readyz is public: no addresses
         self._lost.set()
 
     async def _look_again(self, robot: str, view: str) -> None:

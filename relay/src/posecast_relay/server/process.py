@@ -129,15 +129,15 @@ async def _serve(settings: Settings, robots: Robots | None) -> None:
     access = _access(settings, robots, services, hub, delayed)
     dispatcher = access.live
     mirror = _mirror(settings, access)
+    decoded, desk = DecodeCache(), None if past is None else past.make_desk(dispatcher)
     try:
-        stop_metrics = _metrics(settings, access, mirror, refusals, past)
+        stop_metrics = _metrics(settings, access, mirror, refusals, past, desk)
     except OSError as e:
         listener.close()
         await _close(router)
         raise StartError(
             f"--metrics-port {settings.metrics_port}: {(e.strerror or str(e)).lower()}"
         ) from None
-    decoded, desk = DecodeCache(), None if past is None else past.make_desk(dispatcher)
     streams = settings.role != "ingest"
     host, port = listener.getsockname()[:2]
     shown = f"[{host}]" if ":" in host else host
@@ -374,13 +374,15 @@ def _metrics(
     mirror: FirebaseMirror | None,
     refusals: AuthFailures | None,
     past: PastServices | None,
+    desk: PastDesk | None,
 ) -> Callable[[], None]:
     if settings.metrics_port is None:
         return lambda: None
     refused = int if refusals is None else lambda: refusals.count
     kept, way = (None, None) if past is None else (past.kept, past.way)
+    held = None if desk is None else desk.held
     port, stop = start_metrics(
-        settings.host, settings.metrics_port, access.dispatchers, mirror, refused, kept, way
+        settings.host, settings.metrics_port, access.dispatchers, mirror, refused, kept, way, held
     )
     log.info("metrics on http://%s:%d/metrics", settings.host, port)
     return stop
