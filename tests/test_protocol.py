@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import re
 import shlex
 import subprocess
 import sys
+import threading
+import time
 import urllib.error
 import urllib.request
 from contextlib import suppress
 from datetime import UTC, datetime
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -22,6 +26,9 @@ from tests.conftest import until
 
 PAGE = (Path(__file__).resolve().parent.parent / "docs" / "PROTOCOL.md").read_text()
 ADDRESS = "127.0.0.1:8080"  # where the page says the demo is
+SEGMENTS = Path(__file__).resolve().parent.parent / "wire" / "vectors" / "segments"
+BYTES = {"content-type": "application/octet-stream"}
+Answer = tuple[int, dict[str, str], bytes]
 LINES = 3  # of an example's output: it goes on
 
 
@@ -110,6 +117,60 @@ def test_the_past(demo: str, stack: Any, tmp_path: Path) -> None:
         assert after["first_seq"] - before["last_seq"] - 1 == after["missing"]
     assert sample('"past_ms"').keys() == get(demo, past).keys()
     assert whole[0].keys() == sample('"first_seq"')["segments"][0].keys()
+    day = get(demo, f"{past}/public/{get(demo, past)['days'][-1]}")
+    assert day.keys() == sample('"minutes"').keys()
+    assert day["minutes"][-1].keys() == sample('"minutes"')["minutes"][0].keys()
+
+
+def test_the_reader_of_the_past_waits_as_it_is_told_and_asks_for_nothing_twice(
+    stack: Any, tmp_path: Path
+) -> None:
+    text = (SEGMENTS / "schema.json").read_bytes()
+    take, schema = "c0ffee0123456789", hashlib.sha256(text).hexdigest()
+    later = (204, {"retry-ms": "300"}, b"")
+    script: dict[str, list[Answer]] = {
+        "": [tell({"newest": None}), tell({"newest": {"take": take, "index": 0}})],
+        f"/public/{take}/0": [later, (200, BYTES, (SEGMENTS / "key.pcs").read_bytes())],
+        f"/public/schema/{schema}": [(200, {"content-type": "application/json"}, text)],
+        f"/public/{take}/1": [(200, BYTES, (SEGMENTS / "copies.pcs").read_bytes())],
+        f"/public/{take}/2": [tell({"next": {"take": take, "index": 6}})],
+        f"/public/{take}/6": [(200, BYTES, (SEGMENTS / "no_frames.pcs").read_bytes())],
+        f"/public/{take}/7": [(204, {"retry-ms": "60000"}, b"")],
+    }
+    wanted = [path for path, answers in script.items() for _ in answers]
+    asked: list[tuple[float, str]] = []
+
+    class Relay(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            path = self.path.removeprefix("/api/v1/robots/demo/past")
+            asked.append((time.monotonic(), path))
+            status, headers, body = script[path].pop(0)
+            self.send_response(status)
+            for name, value in headers.items():
+                self.send_header(name, value)
+            self.end_headers()
+            self.wfile.write(body)
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Relay) as server:
+        threading.Thread(target=server.serve_forever).start()
+        program = tmp_path / "past.py"
+        address = f"127.0.0.1:{server.server_port}"
+        program.write_text(block("python", "# past.py").replace(ADDRESS, address))
+        part = stack.start("past", sys.executable, str(program))
+        try:
+            until("all is asked", lambda: len(asked) >= len(wanted) or part.process.poll() is not None)
+        finally:
+            server.shutdown()
+    assert part.process.poll() is None, part.log
+    assert [path for _, path in asked] == wanted
+    for again in ("", f"/public/{take}/0"):
+        first_s, second_s = (at_s for at_s, path in asked if path == again)
+        assert second_s - first_s >= 0.3
+
+
+def tell(document: Any) -> Answer:
+    """A document as an answer."""
+    return 200, {"content-type": "application/json"}, json.dumps(document).encode()
 
 
 def listed(demo: str, past: str) -> list[dict[str, Any]]:

@@ -58,7 +58,7 @@ BUSY = NO_STORE | READABLE | {"retry-after": "1"}
 BINARY = "application/octet-stream"
 HAD: dict[int | str, dict[str, Any]] = {304: {"description": "You have it"}}
 ERRORS: dict[int | str, dict[str, Any]] = {
-    400: {"description": "No such view, day, page, take or index can be"},
+    400: {"description": "There can be no such address, or it holds a token"},
     401: {"description": "The token is wrong or has expired"},
     403: {"description": "This view is not for you, or a token came from a page of another origin"},
     404: {"description": "Not here, or not for you"},
