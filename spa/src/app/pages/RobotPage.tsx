@@ -23,7 +23,7 @@ const Announcer = lateAfterBody(async () => (await import('../status/Announcer.t
 const Explanations = lateAfterBody(async () => (await import('../explain/Explanations.tsx')).Explanations);
 const ShareSheet = late(async () => (await import('../share/ShareSheet.tsx')).ShareSheet);
 const Presentation = late(async () => (await import('../present/Presentation.tsx')).Presentation);
-const PastBar = late(async () => (await import('../past/PastBar.tsx')).PastBar, onDemand);
+const PastBar = late(async () => (await import('../past/index.ts')).PastBar, onDemand);
 const KeysSheet = late(async () => (await import('../body/controls/KeysSheet.tsx')).KeysSheet);
 
 const PANEL_LEAST_PX = 320;

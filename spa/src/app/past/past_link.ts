@@ -1,4 +1,5 @@
 import { tokenFor } from '../../auth/token.ts';
+import { fetchPartsAhead, LatePart } from '../../browser/late_part.ts';
 import type { PastControls, PastSink, PastState } from '../../past/past_types.ts';
 import { OwnTape } from '../../past/player/own_tape.ts';
 import { PastPlayer } from '../../past/player/past_player.ts';
@@ -13,6 +14,9 @@ import { momentIn, pastControls, shownMoment } from '../state/moment.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { isHeard } from './heard.ts';
 import { PastWatch } from './past_watch.ts';
+
+/** Not needed before somebody looks back; fetched ahead, since the relay may be gone by then. */
+const READER = new LatePart(() => import('../../past/relay/past_reader.ts'));
 
 /** A robot's past on the page: the controls, and a link to the robot as it was, which everything can be drawn from. */
 export interface Past {
@@ -53,11 +57,13 @@ export function openPast(live: RobotLink, atMs: number | null): Past {
   const source = new RelayPast(apiUrl(`robots/${robot}/past`), {
     fetch: (url, init) => fetch(url, init),
     tokenFor,
+    loadReader: () => READER.load(),
     nowMs,
     later: (ms, run) => schedule(run, ms),
     isIdle: () => document.hidden || !isHeard(live),
     liveSchema: () => live.twin.schema,
   });
+  void fetchPartsAhead();
   const player: PastPlayer = new PastPlayer({ source, own, sink, nowMs, schedule });
 
   const limits = () => {

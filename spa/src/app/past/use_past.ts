@@ -11,7 +11,7 @@ import type { Past } from './past_link.ts';
 
 /** Fetched only where there is a past. */
 const PAST = new LatePart(
-  () => import('./past_link.ts'),
+  () => import('./index.ts'),
   () => false,
 );
 

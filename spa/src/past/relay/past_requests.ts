@@ -1,6 +1,9 @@
 import type { Schema } from '@posecast/wire';
 import { PastError } from '../past_source.ts';
 
+/** What segments and pages of KEYs are read with. */
+export type PastReader = typeof import('./past_reader.ts');
+
 const RETRY_MS = 500;
 const LATE_MS = 20_000;
 /** The longest answer is a segment: a MiB each of header and records, and a little. */
@@ -11,6 +14,8 @@ export interface RelayPorts {
   readonly fetch: (url: string, init: RequestInit) => Promise<Response>;
   /** The token for a URL, if there is one. */
   readonly tokenFor: (url: string) => string | undefined;
+  /** Fetches what segments and pages of KEYs are read with, if it is not here yet. Never rejects. */
+  readonly loadReader: () => Promise<PastReader>;
   /** A clock that is never set, ms. */
   readonly nowMs: () => number;
   /** Calls `run` after `ms`. Returns a function that calls it off. */

@@ -1,13 +1,4 @@
-import {
-  decodeKeyPage,
-  decodeSegment,
-  type KeyPose,
-  parseSchema,
-  type Schema,
-  SchemaError,
-  type Segment,
-  SegmentError,
-} from '@posecast/wire';
+import { type KeyPose, parseSchema, type Schema, SchemaError, type Segment } from '@posecast/wire';
 import { PastError, type PastSource, type SegmentRef } from '../past_source.ts';
 import type { Span, Timeline } from '../past_types.ts';
 import { BoundedCache } from './bounded_cache.ts';
@@ -273,8 +264,10 @@ export class RelayPast implements PastSource {
     const wholeBytes = (this.#index.countPoses(pageMs) ?? 0) * this.#poseBytes;
     const every = Math.min(1000, Math.max(1, Math.ceil(wholeBytes / KEYS_BYTES_WANTED)));
     const path = `/${view}/${minuteOf(pageMs)}/keys${every > 1 ? `?every=${every}` : ''}`;
+    const loading = this.#ports.loadReader();
     const { bytes } = await this.#requests.get(path, signal);
-    const page = decoded(path, () => decodeKeyPage(bytes));
+    const { decodeKeyPage, SegmentError } = await loading;
+    const page = decoded(path, SegmentError, () => decodeKeyPage(bytes));
     if (page.fromMs !== pageMs) throw new PastError('damaged', `past${path}: another page`);
     if (view !== this.#view) return;
     if (page.poses.length > 0) this.#poseBytes = bytes.length / page.poses.length;
@@ -284,12 +277,14 @@ export class RelayPast implements PastSource {
   async #fetchSegment(ref: SegmentRef, signal: AbortSignal): Promise<Segment> {
     const name = nameOf(ref);
     const path = `/${this.#view}/${name}`;
+    const loading = this.#ports.loadReader();
     const { bytes, isJson } = await this.#requests.get(path, signal);
     if (isJson) throw new PastError('gone', `past${path}: not kept any more`);
     if (bytes.length !== ref.bytes)
       throw new PastError('damaged', `past${path}: ${bytes.length} bytes, not ${ref.bytes}`);
     await checkHash(path, bytes, ref.sha256);
-    const segment = decoded(path, () => decodeSegment(bytes));
+    const { decodeSegment, SegmentError } = await loading;
+    const segment = decoded(path, SegmentError, () => decodeSegment(bytes));
     if (segment.start.take !== ref.take || segment.start.index !== ref.index)
       throw new PastError('damaged', `past${path}: another segment`);
     this.#segments.set(name, segment, bytes.length);
@@ -305,7 +300,7 @@ export class RelayPast implements PastSource {
     const path = `/${this.#view}/schema/${sha256}`;
     const { bytes } = await this.#requests.get(path, signal);
     await checkHash(path, bytes, sha256);
-    const schema = decoded(path, () => parseSchema(new TextDecoder().decode(bytes)));
+    const schema = decoded(path, SchemaError, () => parseSchema(new TextDecoder().decode(bytes)));
     this.#schemas.set(sha256, schema, 1);
     return schema;
   }
@@ -318,13 +313,12 @@ export class RelayPast implements PastSource {
   }
 }
 
-/** What `decode` returns; what it refuses is damage. */
-function decoded<T>(path: string, decode: () => T): T {
+/** What `decode` returns; what it refuses, with a `Refusal`, is damage. */
+function decoded<T>(path: string, Refusal: new () => Error, decode: () => T): T {
   try {
     return decode();
   } catch (error) {
-    if (error instanceof SegmentError || error instanceof SchemaError)
-      throw new PastError('damaged', `past${path}: ${error.message}`);
+    if (error instanceof Refusal) throw new PastError('damaged', `past${path}: ${error.message}`);
     throw error;
   }
 }

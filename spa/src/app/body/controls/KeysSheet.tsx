@@ -1,4 +1,4 @@
-import { PAST_KEYS } from '../../past/time_line/past_keys.ts';
+import { PAST_KEYS } from '../../past/time_line/past_key_list.ts';
 import { Dialog } from '../../shell/Dialog.tsx';
 import { useMore } from '../../text/more.ts';
 import { usePresentText } from '../../text/present.ts';

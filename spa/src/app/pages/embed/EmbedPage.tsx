@@ -18,7 +18,7 @@ import { connectParent } from './parent.ts';
 import './embed.css';
 import { isolated } from '../../../twin/names.ts';
 
-const PastBar = late(async () => (await import('../../past/PastBar.tsx')).PastBar, onDemand);
+const PastBar = late(async () => (await import('../../past/index.ts')).PastBar, onDemand);
 const Presentation = late(async () => (await import('../../present/Presentation.tsx')).Presentation);
 
 /** One robot embedded in another site's page: body, state and origin. Nothing is requested until it is on the screen.

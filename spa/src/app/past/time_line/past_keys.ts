@@ -1,20 +1,6 @@
 import { useEffect } from 'react';
 import { type PastControls, SPEEDS } from '../../../past/past_types.ts';
-import type { More } from '../../text/more_en.ts';
 import { pressLoop } from './loop_start.ts';
-
-/** The keys as they are listed, each with the key of the sentence in `moreEn` for it. */
-export const PAST_KEYS = [
-  ['Space', 'keyPlay'],
-  [', .', 'keyFrame'],
-  ['J L', 'keyTen'],
-  ['B N', 'keyFault'],
-  ['[ ]', 'keySpeed'],
-  ['O', 'keyLoop'],
-  ['← →', 'keyOnLine'],
-  ['PageUp PageDown', 'keyMinute'],
-  ['Home End', 'keyEnds'],
-] as const satisfies readonly (readonly [string, keyof More])[];
 
 type Key = Pick<KeyboardEvent, 'key' | 'code' | 'repeat' | 'shiftKey'>;
 

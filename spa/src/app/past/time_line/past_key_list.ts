@@ -1,0 +1,14 @@
+import type { More } from '../../text/more_en.ts';
+
+/** The keys as they are listed, each with the key of the sentence in `moreEn` for it. */
+export const PAST_KEYS = [
+  ['Space', 'keyPlay'],
+  [', .', 'keyFrame'],
+  ['J L', 'keyTen'],
+  ['B N', 'keyFault'],
+  ['[ ]', 'keySpeed'],
+  ['O', 'keyLoop'],
+  ['← →', 'keyOnLine'],
+  ['PageUp PageDown', 'keyMinute'],
+  ['Home End', 'keyEnds'],
+] as const satisfies readonly (readonly [string, keyof More])[];
