@@ -1,9 +1,9 @@
 import {
   BoxGeometry,
-  BufferAttribute,
-  type BufferGeometry,
+  BufferGeometry,
   Color,
   DirectionalLight,
+  Float32BufferAttribute,
   Group,
   HemisphereLight,
   Mesh,
@@ -14,7 +14,6 @@ import {
   UniformsUtils,
   Vector2,
 } from 'three';
-import { mergeGeometries } from 'three/addons/utils/BufferGeometryUtils.js';
 import { fadeOf } from '../view/camera/framing.ts';
 import { ContactShadow, MOST_CONTACTS } from './contact_shadow.ts';
 import type { Figure } from './robot/figure.ts';
@@ -140,18 +139,21 @@ export class Environment {
 
 /** Three thin bars of length 1 from the origin: x red, y green, z blue. */
 function axesGeometry(): BufferGeometry {
-  const bars = AXIS_COLORS.map((hex, axis) => {
+  const positions: number[] = [];
+  const colors: number[] = [];
+  AXIS_COLORS.forEach((hex, axis) => {
     const size: [number, number, number] = [0.035, 0.035, 0.035];
     const centre: [number, number, number] = [0, 0, 0];
     size[axis] = 1;
     centre[axis] = 0.5 + 0.0175;
-    const bar = new BoxGeometry(...size).translate(...centre);
-    const color = new Color(hex);
-    const count = bar.getAttribute('position').count;
-    const colors = Float32Array.from({ length: count * 3 }, (_, i) => color.toArray()[i % 3]!);
-    return bar.setAttribute('color', new BufferAttribute(colors, 3));
+    const bar = new BoxGeometry(...size).translate(...centre).toNonIndexed();
+    const { array, count } = bar.getAttribute('position');
+    positions.push(...array);
+    for (let i = 0; i < count; i++) colors.push(...new Color(hex).toArray());
   });
-  return mergeGeometries(bars);
+  return new BufferGeometry()
+    .setAttribute('position', new Float32BufferAttribute(positions, 3))
+    .setAttribute('color', new Float32BufferAttribute(colors, 3));
 }
 
 /** One material for floor, grid and shadow, so one draw call: the lit area fades to the page's colour, and grid lines
