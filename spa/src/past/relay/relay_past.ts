@@ -84,7 +84,9 @@ export class RelayPast implements PastSource {
   follow(how: 'idle' | 'near'): void {
     const isNearer = how === 'near' && !this.#isNear;
     this.#isNear = how === 'near';
-    if (isNearer) void this.#askNewest();
+    if (!isNearer) return;
+    void this.#ports.loadReader(); // beside the index: segments come next
+    void this.#askNewest();
   }
 
   async loadIndex(span: Span): Promise<void> {
