@@ -59,5 +59,7 @@ describe('a strip', () => {
     expect(found?.paths).toEqual(['M0 6M60 6L90 4']);
     expect(found).toMatchObject({ low: expect.closeTo(0.6), high: expect.closeTo(1.6) });
     expect(strip([{ agoS: [0], values: [null] }], 90, 10, 3, 1)).toBeNull();
+    const around = strip([{ agoS: [-1, 0, 1], values: [0, 1, 0] }], 90, 10, 2, 1, 1);
+    expect(around?.paths).toEqual(['M0 10L45 0L90 10']);
   });
 });

@@ -97,6 +97,30 @@ describe('PastPlayer', () => {
     expect(states!.length).toBeGreaterThan(450);
   });
 
+  it('tells what comes in the half minute after, thinned, and fetches it once and only when asked', async () => {
+    const rig = new Rig(new FakeSource(recorded(sent(4000, { everyMs: 30 }))));
+    rig.player.openAt(at(60));
+    await rig.pass(2000);
+    const filled = rig.source.fetched.length;
+    for (let i = 0; i < 20; i += 1) {
+      rig.player.coming();
+      await rig.pass(500);
+    }
+    const states = rig.player.coming();
+    expect(states[0]!.atMs).toBeGreaterThan(at(60));
+    expect(states[0]!.atMs).toBeLessThan(at(60.2));
+    expect(states.at(-1)!.atMs).toBeGreaterThan(at(89.8));
+    expect(states.at(-1)!.atMs).toBeLessThanOrEqual(at(90));
+    expect(states.slice(1).every(({ atMs }, i) => atMs - states[i]!.atMs >= 100)).toBe(true);
+    const { fetched } = rig.source;
+    expect(new Set(fetched).size).toBe(fetched.length);
+    const segments = rig.source.segmentsIn({ fromMs: at(60), toMs: at(90) }).length;
+    expect(fetched.length - filled).toBeLessThanOrEqual(segments);
+    expect(rig.sink.seqs, 'nothing of it is shown').toHaveLength(1);
+    rig.player.goLive();
+    expect(rig.player.coming()).toEqual([]);
+  });
+
   it('steps frame by frame, also across segments', async () => {
     const rig = new Rig(new FakeSource(recorded(sent(300))));
     rig.player.seek(at(4.05));

@@ -116,6 +116,7 @@ export function openPast(live: RobotLink, atMs: number | null): Past {
       watch,
       faults,
       minute,
+      coming: () => player.coming(),
       nowMs: clock,
       resting: () => !player.playhead.playing,
     },

@@ -1,6 +1,7 @@
 import { useEffect, useState, useSyncExternalStore } from 'react';
 import { fetchPartsAhead, setAway } from '../../browser/late_part.ts';
 import { retryNow } from '../../browser/retry.ts';
+import type { PastState } from '../../past/past_types.ts';
 import { streamUrl, WANTED_HZ } from '../../relay/addresses.ts';
 import { type Link, StreamClient } from '../../stream/client.ts';
 import { nowMs } from '../../stream/clock.ts';
@@ -20,6 +21,9 @@ export interface RobotLink {
   readonly watch: Watch;
   readonly faults: FaultKeeper;
   readonly minute: HistoryKeeper;
+  /** The states of the half minute after the shown moment, oldest first, as far as they are here; null while it shows the
+   *  present. */
+  readonly coming: (() => readonly PastState[]) | null;
   /** The time as of which the robot is shown, ms, on the clock of its states. */
   readonly nowMs: () => number;
   /** Whether that time stands still, so that each state is shown as it is. */
@@ -41,7 +45,7 @@ export function useRobotLink(robot: string): RobotLink | null {
     );
     const faults = new FaultKeeper(twin, nowMs);
     const minute = new HistoryKeeper(twin);
-    setLink({ twin, client, watch, faults, minute, nowMs, resting: () => false });
+    setLink({ twin, client, watch, faults, minute, coming: null, nowMs, resting: () => false });
     watchNetwork(client);
     return () => {
       client.close();

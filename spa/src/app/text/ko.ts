@@ -253,6 +253,8 @@ export const moreKo: More = {
   between: (low, high) => `${low}에서 ${high}까지`,
   plotIt: '그래프',
   lastSeconds: (name, seconds) => `${name}, 지난 ${seconds}초`,
+  secondsAround: (name, seconds) => `${name}, 앞뒤 ${seconds}초`,
+  later: '이후',
   noSuchJoint: '지금 이 로봇에는 이런 관절이 없습니다.',
   noSensors: '이 로봇은 센서를 알리지 않습니다.',
   toPlots: '그래프에 넣기, 빼기',

@@ -142,6 +142,8 @@ export const moreEn = {
   between: (low: string, high: string) => `${low} to ${high}`,
   plotIt: 'Plot',
   lastSeconds: (name: string, seconds: number) => `${name}, last ${seconds} s`,
+  secondsAround: (name: string, seconds: number) => `${name}, ${seconds} s before and after`,
+  later: 'later',
   noSuchJoint: 'This robot has no such joint now.',
 
   // ---- sensors

@@ -82,7 +82,8 @@ export class Fill {
   }
 }
 
-function thinned(frames: readonly TapeFrame[]): TapeFrame[] {
+/** Of states in order as many as a plot can show. */
+export function thinned(frames: readonly TapeFrame[]): TapeFrame[] {
   let beforeMs = Number.NEGATIVE_INFINITY;
   return frames.filter(({ atMs }) => {
     if (atMs - beforeMs < FILL_EVERY_MS) return false;

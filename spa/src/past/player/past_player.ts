@@ -1,5 +1,15 @@
 import type { PastSource } from '../past_source.ts';
-import type { PastControls, PastNote, PastSink, Playhead, Span, Speed, Timeline } from '../past_types.ts';
+import type {
+  PastControls,
+  PastNote,
+  PastSink,
+  PastState,
+  Playhead,
+  Span,
+  Speed,
+  Timeline,
+} from '../past_types.ts';
+import { Coming } from './coming.ts';
 import { faultBeside } from './fault_marks.ts';
 import { Fill } from './fill.ts';
 import { KeyPageFetcher } from './key_page_fetcher.ts';
@@ -44,6 +54,7 @@ export class PastPlayer implements PastControls {
   readonly #projector: Projector;
   readonly #keyFetcher: KeyPageFetcher;
   readonly #fill: Fill;
+  readonly #coming: Coming;
   readonly #clock = new PlayheadClock();
   readonly #notes = new PastNotes();
   readonly #listeners = new Set<() => void>();
@@ -75,6 +86,7 @@ export class PastPlayer implements PastControls {
     this.#projector = new Projector(sink, own);
     this.#keyFetcher = new KeyPageFetcher(source, this.#loads);
     this.#fill = new Fill(ports, this.#tape, this.#reel, this.#loads);
+    this.#coming = new Coming(ports, this.#tape, this.#reel, this.#loads);
     this.#playhead = this.#read();
     this.#unfollow = source.onChange(() => {
       if (this.#isAttended) void this.#keyFetcher.fetch();
@@ -90,6 +102,13 @@ export class PastPlayer implements PastControls {
   /** The shown moment as of the newest `tick`; `playhead` is told less often. */
   get momentMs(): number {
     return this.#clock.momentMs;
+  }
+
+  /** What came in the half minute after the shown moment, ten states a second at most, oldest first, as far as it is here;
+   *  the rest is fetched. None while another moment is on its way. */
+  coming(): readonly PastState[] {
+    const { cursor } = this.#projector;
+    return !this.#isPast || this.#wantedMs !== null || cursor === null ? [] : this.#coming.after(cursor);
   }
 
   get timeline(): Timeline | null {

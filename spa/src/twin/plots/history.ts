@@ -13,7 +13,7 @@ const BYTES_MAX = 4_000_000;
 
 /** The history of one channel. */
 export interface TraceHistory {
-  /** Seconds before `nowMs`, oldest first, all ≤ 0. */
+  /** When, seconds before (≤ 0) or after `nowMs`, oldest first. */
   readonly agoS: readonly number[];
   /** In the schema's unit; null where there was no reading. */
   readonly values: readonly (number | null)[];

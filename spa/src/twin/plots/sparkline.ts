@@ -13,7 +13,7 @@ export interface Strip {
 /**
  * SVG path data for each trace in a box of width × height, all on one scale; null when none has a reading.
  *
- * The width stands for `spanS` seconds. The height stands for at least `leastRange` (above 0, in the unit of the
+ * The width stands for `spanS` seconds, the last `laterS` of them after now. The height stands for at least `leastRange` (above 0, in the unit of the
  * values), so that the noise of a joint at rest does not fill the picture.
  */
 export function strip(
@@ -22,6 +22,7 @@ export function strip(
   height: number,
   spanS: number,
   leastRange: number,
+  laterS = 0,
 ): Strip | null {
   let low = Number.POSITIVE_INFINITY;
   let high = Number.NEGATIVE_INFINITY;
@@ -38,7 +39,7 @@ export function strip(
     low -= missing / 2;
     high += missing / 2;
   }
-  const x = (agoS: number) => round((1 + agoS / spanS) * width);
+  const x = (agoS: number) => round((1 + (agoS - laterS) / spanS) * width);
   const y = (value: number) => round((1 - (value - low) / (high - low)) * height);
   const paths = traces.map(({ agoS, values }) => {
     let path = '';

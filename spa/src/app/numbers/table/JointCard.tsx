@@ -31,7 +31,7 @@ export function JointCard({ link, joint }: { link: RobotLink; joint: string }) {
   const events = link.twin.events.filter((event) => event.source === joint).slice(-EVENTS_SHOWN);
   useEffect(() => {
     if (host.current === null) return;
-    const view = new JointCardView(host.current, link.twin, link.minute, joint);
+    const view = new JointCardView(host.current, link, joint);
     const write = () => view.write(link.nowMs());
     const stop = refreshWith(link.twin, write, [onTraces, onLanguage], SLIDES_EVERY_MS);
     // After a tap on the body the focus stays there, so that the camera's keys work.

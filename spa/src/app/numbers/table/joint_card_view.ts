@@ -1,11 +1,13 @@
+import type { PastState } from '../../../past/past_types.ts';
 import { type Display, displayOf, formatNumber, formatSpan } from '../../../twin/format.ts';
 import { rangeWords } from '../../../twin/limits/range_words.ts';
-import { HISTORY_S, type History } from '../../../twin/plots/history.ts';
+import { HISTORY_S, type History, type TraceHistory } from '../../../twin/plots/history.ts';
 import { strip } from '../../../twin/plots/sparkline.ts';
 import type { RobotTwin } from '../../../twin/robot.ts';
 import type { LastReadings } from '../../../twin/sensors/last_readings.ts';
 import { valueAt } from '../../../twin/values.ts';
 import { createUnit } from '../../explain/term.ts';
+import type { RobotLink } from '../../state/robot_link.ts';
 import { settings } from '../../state/settings.ts';
 import { isPlotted, toggleTrace } from '../../state/traces.ts';
 import { more } from '../../text/more.ts';
@@ -26,6 +28,8 @@ const QUANTITIES = [
 /** Least range of a strip (in the field's unit), so that noise looks like a flat line. */
 const LEAST_RANGE = { pos: 0.02, cur: 0.5 };
 const STRIP = { width: 300, height: 56 };
+/** In the past a strip goes as far ahead as back, s. */
+const HALF_S = HISTORY_S / 2;
 
 interface Line {
   field: (typeof QUANTITIES)[number]['field'];
@@ -39,23 +43,23 @@ interface StripView {
   fields: readonly ('pos' | 'ref' | 'cur')[];
   leastRange: number;
   paths: SVGPathElement[];
+  /** Of what comes after the shown moment; none while that is the present. */
+  later: SVGPathElement[];
   low: TextCell;
   high: TextCell;
 }
 
-/** What is remembered of the robot. */
-export interface Past {
-  readonly history: History;
-  readonly readings: LastReadings;
-}
+/** The robot, and what is remembered of it. */
+export type CardLink = Pick<RobotLink, 'twin' | 'minute' | 'coming'>;
 
-/** Shows one joint: its numbers, their limits, and its last minute. Written to the DOM without React, like the table.
- *  */
+/** Shows one joint: its numbers, their limits, and its last minute; of the past the minute around the shown
+ *  moment. Written to the DOM without React, like the table. */
 export class JointCardView {
   readonly #host: HTMLElement;
   readonly #twin: RobotTwin;
   readonly #history: History;
   readonly #readings: LastReadings;
+  readonly #coming: CardLink['coming'];
   readonly #label: string;
   #builtFor: readonly unknown[] = [];
   #lines: Line[] = [];
@@ -64,11 +68,12 @@ export class JointCardView {
   #angle = '';
   #strips: StripView[] = [];
 
-  constructor(host: HTMLElement, twin: RobotTwin, past: Past, label: string) {
+  constructor(host: HTMLElement, { twin, minute, coming }: CardLink, label: string) {
     this.#host = host;
     this.#twin = twin;
-    this.#history = past.history;
-    this.#readings = past.readings;
+    this.#history = minute.history;
+    this.#readings = minute.readings;
+    this.#coming = coming;
     this.#label = label;
   }
 
@@ -91,7 +96,8 @@ export class JointCardView {
       setPressed(plot, isPlotted({ field, label: this.#label }));
     }
     this.#angle = angle;
-    for (const view of this.#strips) this.#draw(view, nowMs);
+    const coming = this.#coming?.() ?? [];
+    for (const view of this.#strips) this.#draw(view, coming, nowMs);
   }
 
   dispose(): void {
@@ -132,16 +138,35 @@ export class JointCardView {
     return threshold === null ? '' : more().limitIs(rangeWords(threshold, shown, more()));
   }
 
-  #draw({ fields, leastRange, paths, low, high }: StripView, nowMs: number): void {
-    const traces = fields.map((field) => this.#history.trace(field, this.#label, nowMs));
+  #draw(view: StripView, coming: readonly PastState[], nowMs: number): void {
+    const { fields, leastRange, paths, later, low, high } = view;
+    const laterS = later.length > 0 ? HALF_S : 0;
+    const before = fields.map((field) =>
+      since(this.#history.trace(field, this.#label, nowMs), laterS - HISTORY_S),
+    );
+    const after = later.map((_, i) => this.#traceOf(fields[i]!, coming, nowMs));
     const display = this.#displayOf(fields[0] ?? 'pos');
     const least = display.unit === 'm' ? leastRange / 10 : leastRange;
-    const found = strip(traces, STRIP.width, STRIP.height, HISTORY_S, least);
-    paths.forEach((path, i) => {
+    const found = strip([...before, ...after], STRIP.width, STRIP.height, HISTORY_S, least, laterS);
+    [...paths, ...later].forEach((path, i) => {
       path.setAttribute('d', found?.paths[i] ?? '');
     });
     low.set(found === null ? '' : formatNumber(found.low, display));
     high.set(found === null ? '' : formatNumber(found.high, display));
+  }
+
+  /** What comes of a field within half a minute. */
+  #traceOf(name: string, coming: readonly PastState[], nowMs: number): TraceHistory {
+    const { schema } = this.#twin;
+    const field = schema?.field(name) ?? null;
+    const index = field?.labels.indexOf(this.#label) ?? -1;
+    const shown = coming.filter(
+      ({ schemaId, atMs }) => schemaId === schema?.id && atMs > nowMs && atMs <= nowMs + HALF_S * 1000,
+    );
+    return {
+      agoS: shown.map(({ atMs }) => (atMs - nowMs) / 1000),
+      values: shown.map(({ codes }) => valueAt(codes, field, index)),
+    };
   }
 
   #build(): void {
@@ -198,24 +223,37 @@ export class JointCardView {
 
   #strip(fields: StripView['fields'], name: string, leastRange: number): HTMLElement {
     const figure = createElement('figure', 'strip');
-    const caption = createElement('figcaption', 'quiet', more().lastSeconds(name, HISTORY_S));
+    const past = this.#coming !== null;
+    const said = past ? more().secondsAround(name, HALF_S) : more().lastSeconds(name, HISTORY_S);
+    const caption = createElement('figcaption', 'quiet', said);
     if (fields.length > 1) caption.append(createElement('span', 'strip-key', more().reference));
     const box = document.createElementNS(SVG, 'svg');
     box.setAttribute('viewBox', `0 0 ${STRIP.width} ${STRIP.height}`);
     box.setAttribute('preserveAspectRatio', 'none');
     box.setAttribute('aria-hidden', 'true');
-    const paths = fields.map((field) => {
+    const draw = (className: string) => {
       const path = document.createElementNS(SVG, 'path');
-      path.setAttribute('class', `trace trace-${field}`);
+      path.setAttribute('class', className);
       box.append(path);
       return path;
-    });
+    };
+    const paths = fields.map((field) => draw(`trace trace-${field}`));
+    const later = past ? fields.map((field) => draw(`trace trace-${field} trace-later`)) : [];
+    if (past) draw('strip-moment').setAttribute('d', `M${STRIP.width / 2} 0V${STRIP.height}`);
     const low = createElement('span', 'strip-low unit');
     const high = createElement('span', 'strip-high unit');
     figure.append(caption, box, high, low);
-    this.#strips.push({ fields, leastRange, paths, low: new TextCell(low), high: new TextCell(high) });
+    if (past) figure.append(createElement('span', 'strip-after unit', more().later));
+    const range = { low: new TextCell(low), high: new TextCell(high) };
+    this.#strips.push({ fields, leastRange, paths, later, ...range });
     return figure;
   }
+}
+
+/** What a trace has from a moment on. */
+function since({ agoS, values }: TraceHistory, fromS: number): TraceHistory {
+  const first = agoS.findIndex((at) => at >= fromS);
+  return first < 0 ? { agoS: [], values: [] } : { agoS: agoS.slice(first), values: values.slice(first) };
 }
 
 const SVG = 'http://www.w3.org/2000/svg';
