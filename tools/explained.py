@@ -1,5 +1,5 @@
-"""Writes tables of docs/SIGNS.md and docs/FAULTS.md from what the page says when something is pressed:
-both say the same.
+"""Writes tables of docs/SIGNS.md, docs/FAULTS.md and docs/VIEWERS.md from what the page says when something
+is pressed: both say the same.
 
 python -m tools.explained: replaces whatever stands between two lines
 
@@ -20,12 +20,19 @@ from posecast_edge.profile.reader import SHIPPED, load_profile
 
 ROOT = Path(__file__).resolve().parent.parent
 CATALOGUES = ROOT / "spa/src/app/explain"
-PAGES = (ROOT / "docs/SIGNS.md", ROOT / "docs/FAULTS.md")
+PAGES = (ROOT / "docs/SIGNS.md", ROOT / "docs/FAULTS.md", ROOT / "docs/VIEWERS.md")
 BLOCK = re.compile(
     r"(?P<first><!-- explained: (?P<section>\S+) -->\n)(?P<table>.*?)(?P<last><!-- explained end -->\n)",
     re.DOTALL,
 )
-HEADS = {"signs": "sign", "columns": "column", "units": "unit", "words": "word", "sensors": "sensor"}
+HEADS = {
+    "signs": "sign",
+    "columns": "column",
+    "units": "unit",
+    "words": "word",
+    "timeLine": "on the line",
+    "sensors": "sensor",
+}
 
 Section = dict[str, dict[str, str]]
 

@@ -146,3 +146,17 @@ it.each(FULL ? [LAPTOP, PHONE] : [LAPTOP])(
   },
   240_000,
 );
+
+it('a link to a moment says so where there is no past, and shows what is live', async () => {
+  const relay = await stage.stack.relay({ past: '0' });
+  stage.stack.edge(relay);
+  const page = await stage.newPage({ viewport: PHONE });
+  await page.open(`${relay.url}/#/r/demo?t=2026-11-22T14:02:07.250Z`);
+  await until('it is said', async () =>
+    /moment of this link/.test(
+      (await page.evaluate<string>(`${testId('past-note')}?.textContent ?? ''`)) ?? '',
+    ),
+  );
+  await until('LIVE', is(page, 'LIVE'), 60_000);
+  await page.close();
+});

@@ -52,6 +52,11 @@ it('a column is explained with its unit; a unit that nobody knows by what it is'
   expect(explain(unit, en, robot())).toEqual([{ ...en.sensors.other, name: 'furlong' }]);
 });
 
+it('what is drawn on the time line, all of it at once', () => {
+  const names = explain(createTerm('?', 'timeLine'), en, robot()).map(({ name }) => name);
+  expect(names).toEqual(Object.values(en.timeLine).map(({ name }) => name));
+});
+
 it('a flag by the profile, else by what a flag is; what comes from outside is made visible', () => {
   const twin = robot({
     jam: { en: { say: '{joint} is blocked[: {error} off].', why: 'It hit \u202esomething.' } },

@@ -1,6 +1,7 @@
 import type { RobotTwin } from '../../twin/robot.ts';
 import { Dialog } from '../shell/Dialog.tsx';
 import { useMore } from '../text/more.ts';
+import { usePastText } from '../text/past.ts';
 import { explainFlags } from './asked.ts';
 import { type Catalogue, type Explained, SECTIONS } from './catalogue.ts';
 
@@ -8,8 +9,10 @@ import { type Catalogue, type Explained, SECTIONS } from './catalogue.ts';
 export function Glossary(props: { catalogue: Catalogue; twin: RobotTwin; onClose: () => void }) {
   const { catalogue, twin, onClose } = props;
   const text = useMore();
+  const pastText = usePastText();
   const titles = {
     words: text.wordsExplained,
+    timeLine: pastText.timeLine,
     columns: text.columnsExplained,
     signs: text.signs,
     sensors: text.sensorsExplained,

@@ -6,7 +6,7 @@ import { wordsOfName } from '../../twin/plain_names.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import { languageTag } from '../text/language.ts';
 import { more } from '../text/more.ts';
-import { type Catalogue, type Explained, explainedBy } from './catalogue.ts';
+import { type Catalogue, type Explained, explainedBy, explainedSection } from './catalogue.ts';
 import { flagSentence } from './flag_sentence.ts';
 
 /** What somebody asked about: the element that was pressed, and the things that explain it, the first of them itself. */
@@ -22,11 +22,13 @@ const TAP_PX = 6;
 /** How near a tap has to come to the line of a sign, CSS px. */
 const NEAR_PX = 10;
 
-/** The explanation of an element with `data-explain`, and of the units that stand beside it. */
+/** The explanation of an element with `data-explain` (of a whole section if it names one), and of the units that stand beside it. */
 export function explain(by: HTMLElement, catalogue: Catalogue, twin: RobotTwin): readonly Explained[] {
   const { explain: key = '', source = '', bit = '' } = by.dataset;
   if (key === 'flag') return [explainFlag(catalogue, twin, source, bit)];
   if (key === 'units') return [explainUnit(catalogue, by.textContent)];
+  const section = explainedSection(catalogue, key);
+  if (section.length > 0) return section;
   const beside = [...(by.closest('th, table')?.querySelectorAll('[data-explain="units"]') ?? [])];
   const units = [...new Set(beside.map(({ textContent }) => textContent))].filter((unit) => unit !== '');
   const found = explainedBy(catalogue, key);

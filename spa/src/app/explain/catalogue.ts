@@ -14,6 +14,7 @@ export interface Explained {
 /** The kinds of things that are explained, in the order in which they are listed. */
 export const SECTIONS = [
   'words',
+  'timeLine',
   'columns',
   'signs',
   'sensors',
@@ -29,6 +30,12 @@ const IN_KOREAN = new LatePart<Catalogue>(async () => (await import('./ko.json')
 export function useCatalogue(): Catalogue | null {
   useText(); // drawn again when the language changes
   return useLatePart(korean() === null ? IN_ENGLISH : IN_KOREAN);
+}
+
+/** All of the section that a key names; none if it is no section. */
+export function explainedSection(catalogue: Catalogue, key: string): readonly Explained[] {
+  const section = SECTIONS.find((name) => name === key);
+  return section === undefined ? [] : Object.values(catalogue[section]);
 }
 
 /** What a key such as `columns.pos` names; null if there is no such thing. */

@@ -2,7 +2,7 @@ import { Suspense, useEffect, useLayoutEffect, useRef, useState } from 'react';
 import { Body } from '../body/Body.tsx';
 import { loadPanel } from '../numbers/load_panel.ts';
 import type { Tab } from '../numbers/Panel.tsx';
-import { usePast, useShown } from '../past/use_past.ts';
+import { useMomentNamed, usePast, useShown } from '../past/use_past.ts';
 import { showLink } from '../shell/debug_api.ts';
 import { useFullscreen } from '../shell/fullscreen.ts';
 import { BackIcon, FullscreenIcon, IconButton, PanelIcon, SettingsIcon, ShareIcon } from '../shell/icons.tsx';
@@ -23,6 +23,7 @@ const Announcer = lateAfterBody(async () => (await import('../status/Announcer.t
 const Explanations = lateAfterBody(async () => (await import('../explain/Explanations.tsx')).Explanations);
 const ShareSheet = late(async () => (await import('../share/ShareSheet.tsx')).ShareSheet);
 const Presentation = late(async () => (await import('../present/Presentation.tsx')).Presentation);
+const NoPast = late(async () => (await import('../past/NoPast.tsx')).NoPast, onDemand);
 const PastBar = late(async () => (await import('../past/index.ts')).PastBar, onDemand);
 const KeysSheet = late(async () => (await import('../body/controls/KeysSheet.tsx')).KeysSheet);
 
@@ -38,6 +39,7 @@ export function RobotPage({ robot, onSettings }: { robot: string; onSettings: (l
 
 function Loaded({ live, onSettings }: { live: RobotLink; onSettings: () => void }) {
   const past = usePast(live);
+  const momentNamed = useMomentNamed();
   const link = useShown(live, past);
   useEffect(() => {
     showLink(link);
@@ -120,6 +122,11 @@ function Loaded({ live, onSettings }: { live: RobotLink; onSettings: () => void 
       </header>
       <Split link={link} live={live} alone={presented || fullscreen === 'page'} />
       {past === undefined && !presented && <div className="past-room" />}
+      {past === null && momentNamed && !presented && (
+        <Suspense fallback={null}>
+          <NoPast />
+        </Suspense>
+      )}
       {past && !presented && (
         <Suspense fallback={null}>
           <PastBar controls={past.controls} live={live} />

@@ -4,6 +4,7 @@ import { firstPaint } from '../../browser/first_paint.ts';
 import { LatePart } from '../../browser/late_part.ts';
 import { apiUrl } from '../../relay/addresses.ts';
 import { relayChoice } from '../../relay/relay.ts';
+import { useHash } from '../state/hash.ts';
 import { momentIn } from '../state/moment.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { isHeard } from './heard.ts';
@@ -50,6 +51,14 @@ export function usePast(live: RobotLink, wanted = true): Past | null | undefined
     };
   }, [live, wanted]);
   return past;
+}
+
+/** Whether the address has named a moment since the page was opened; it is taken out again once the page is live. */
+export function useMomentNamed(): boolean {
+  const named = momentIn(useHash()) !== null;
+  const [once, setOnce] = useState(named);
+  if (named && !once) setOnce(true);
+  return once;
 }
 
 /** A mirror keeps the newest alone. */

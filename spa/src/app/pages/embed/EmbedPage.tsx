@@ -1,13 +1,12 @@
 import { Suspense, useEffect, useState } from 'react';
 import { home, relayChoice } from '../../../relay/relay.ts';
 import { Body } from '../../body/Body.tsx';
-import { usePast, useShown } from '../../past/use_past.ts';
+import { useMomentNamed, usePast, useShown } from '../../past/use_past.ts';
 import { showLink } from '../../shell/debug_api.ts';
 import { RobotFigure } from '../../shell/icons.tsx';
 import { late, onDemand } from '../../shell/late.tsx';
 import { useThemeOnRoot } from '../../shell/theme.ts';
 import { useHash } from '../../state/hash.ts';
-import { momentIn } from '../../state/moment.ts';
 import { followPresentLinks, usePresenting } from '../../state/presenting.ts';
 import { type RobotLink, useRobotLink, useVersion } from '../../state/robot_link.ts';
 import { Announcer } from '../../status/Announcer.tsx';
@@ -18,6 +17,7 @@ import { connectParent } from './parent.ts';
 import './embed.css';
 import { isolated } from '../../../twin/names.ts';
 
+const NoPast = late(async () => (await import('../../past/NoPast.tsx')).NoPast, onDemand);
 const PastBar = late(async () => (await import('../../past/index.ts')).PastBar, onDemand);
 const Presentation = late(async () => (await import('../../present/Presentation.tsx')).Presentation);
 
@@ -42,7 +42,8 @@ function Robot({ robot }: { robot: string }) {
 }
 
 function Shown({ live }: { live: RobotLink }) {
-  const past = usePast(live, momentIn(useHash()) !== null);
+  const momentNamed = useMomentNamed();
+  const past = usePast(live, momentNamed);
   const link = useShown(live, past);
   useEffect(() => {
     showLink(link);
@@ -63,6 +64,11 @@ function Shown({ live }: { live: RobotLink }) {
       <div className="embed-body">
         <Body link={link} live={live} />
       </div>
+      {past === null && momentNamed && !presented && (
+        <Suspense fallback={null}>
+          <NoPast />
+        </Suspense>
+      )}
       {past && !presented && (
         <Suspense fallback={null}>
           <PastBar controls={past.controls} live={live} />

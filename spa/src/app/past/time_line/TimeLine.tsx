@@ -108,6 +108,16 @@ function Line({ controls, timeline }: { controls: PastControls; timeline: Timeli
         </div>
         <button
           type="button"
+          className="time-explain"
+          aria-label={text.explainLine}
+          title={text.explainLine}
+          aria-haspopup="dialog"
+          data-explain="timeLine"
+        >
+          ?
+        </button>
+        <button
+          type="button"
           className="to-live"
           aria-pressed={!past}
           title={past ? text.toLive : undefined}
