@@ -113,6 +113,7 @@ export const ko: Text = {
 
 /** The Korean sentences of `more_en.ts`. */
 export const moreKo: More = {
+  noPast: '이 링크의 순간은 여기에서 볼 수 없어, 실시간을 보여 줍니다.',
   allExplained: '모든 용어 설명',
   explainIt: (what) => `${what}: 설명`,
   wordsExplained: '상태',

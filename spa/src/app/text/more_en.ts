@@ -5,6 +5,9 @@ import { listEn } from './list_en.ts';
 export const moreEn = {
   ...listEn,
 
+  // ---- a link to a moment, where there is no past
+  noPast: 'Here the moment of this link can’t be looked at; this is live.',
+
   // ---- the explanation that the state chip opens
   notHeardYet: 'Relay: not heard yet.',
   lastHeard: (ago: string) => `Relay: last heard ${ago} ago.`,

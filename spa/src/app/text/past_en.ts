@@ -36,7 +36,6 @@ export const pastEn = {
   explainLine: 'What the time line shows',
 
   // ---- what has to be told
-  noPast: 'Here the moment of this link can’t be looked at; this is live.',
   notes: {
     loading: 'Loading',
     resumed: 'That moment is no longer kept; it goes on at the oldest there is.',

@@ -33,7 +33,6 @@ export const pastKo: typeof pastEn = {
 
   explainLine: '타임라인에 보이는 것',
 
-  noPast: '이 링크의 순간은 여기에서 볼 수 없어, 실시간을 보여 줍니다.',
   notes: {
     loading: '불러오는 중',
     resumed: '그 순간은 이제 보관되어 있지 않아, 남아 있는 가장 오래된 순간부터 이어집니다.',

@@ -106,19 +106,18 @@ function Line({ controls, timeline }: { controls: PastControls; timeline: Timeli
             />
           )}
         </div>
-        <button
-          type="button"
-          className="time-explain"
-          aria-label={text.explainLine}
+        <IconButton
+          className="line-button"
+          label={text.explainLine}
           title={text.explainLine}
           aria-haspopup="dialog"
           data-explain="timeLine"
         >
           ?
-        </button>
+        </IconButton>
         <button
           type="button"
-          className="to-live"
+          className="line-button to-live"
           aria-pressed={!past}
           title={past ? text.toLive : undefined}
           data-testid="to-live"
