@@ -1,5 +1,6 @@
 import { describe, expect, it } from 'vitest';
 import { PastError } from '../src/past/past_source.ts';
+import { Coming } from '../src/past/player/coming.ts';
 import { FakeSource, Rig } from './past_player_rig.ts';
 import { FROM_MS, fault, range, recorded, SCHEMA_SHA, schemaOf, sent } from './past_recordings.ts';
 
@@ -102,11 +103,13 @@ describe('PastPlayer', () => {
     rig.player.openAt(at(60));
     await rig.pass(2000);
     const filled = rig.source.fetched.length;
+    const looker = rig.player.extend(Coming);
+    const coming = () => (rig.player.frame === null ? [] : looker.after(rig.player.frame));
     for (let i = 0; i < 20; i += 1) {
-      rig.player.coming();
+      coming();
       await rig.pass(500);
     }
-    const states = rig.player.coming();
+    const states = coming();
     expect(states[0]!.atMs).toBeGreaterThan(at(60));
     expect(states[0]!.atMs).toBeLessThan(at(60.2));
     expect(states.at(-1)!.atMs).toBeGreaterThan(at(89.8));
@@ -118,7 +121,27 @@ describe('PastPlayer', () => {
     expect(fetched.length - filled).toBeLessThanOrEqual(segments);
     expect(rig.sink.seqs, 'nothing of it is shown').toHaveLength(1);
     rig.player.goLive();
-    expect(rig.player.coming()).toEqual([]);
+    expect(coming()).toEqual([]);
+  });
+
+  it('tells what somebody would have been told who came then: of the ten minutes before, also what is over', async () => {
+    const happened = [
+      { atMs: at(3.05), event: fault(2, at(3.05), 'jam') },
+      { atMs: at(4.05), event: fault(3, at(4.05), 'jam', 'off') },
+      { atMs: at(9.05), event: fault(4, at(9.05), 'hot') },
+    ];
+    const rig = new Rig(new FakeSource(recorded(sent(200), { happened })));
+    rig.heard = [
+      fault(0, at(-700), 'long ago'),
+      fault(1, at(-300), 'before'),
+      ...happened.map((each) => each.event),
+    ];
+    rig.player.seek(at(7.58));
+    await rig.settle();
+    const told = ['schema 2', 'model ab', 'info lab', 'before on', 'jam on', 'jam off', 'online'];
+    expect(rig.sink.since).toEqual([...told, '75']);
+    await rig.pass(2000);
+    expect(rig.sink.since.filter((each) => / o(n|ff)$/.test(each))).toEqual([...told.slice(3, 6), 'hot on']);
   });
 
   it('steps frame by frame, also across segments', async () => {

@@ -190,6 +190,8 @@ export class Rig {
   nowMs = FROM_MS + 3_600_000;
   readonly sink = new FakeSink();
   readonly own = new OwnTape();
+  /** Events of the live stream. */
+  heard: EventMessage[] = [];
   readonly player: PastPlayer;
   #timers: { run: () => void; atMs: number }[] = [];
 
@@ -198,6 +200,7 @@ export class Rig {
       source,
       own: this.own,
       sink: this.sink,
+      heard: () => this.heard,
       nowMs: () => this.nowMs,
       schedule: (run, afterMs) => {
         const timer = { run, atMs: this.nowMs + afterMs };

@@ -1,6 +1,7 @@
 import { tokenFor } from '../../auth/token.ts';
 import { fetchPartsAhead, LatePart } from '../../browser/late_part.ts';
 import type { PastControls, PastSink, PastState } from '../../past/past_types.ts';
+import type { Coming } from '../../past/player/coming.ts';
 import { OwnTape } from '../../past/player/own_tape.ts';
 import { PastPlayer } from '../../past/player/past_player.ts';
 import { RelayPast } from '../../past/relay/relay_past.ts';
@@ -15,6 +16,8 @@ import type { RobotLink } from '../state/robot_link.ts';
 import { isHeard } from './heard.ts';
 import { PastWatch } from './past_watch.ts';
 
+/** For the plots of who looks at a joint of then. */
+const COMING = new LatePart(() => import('../../past/player/coming.ts'));
 /** Not needed before somebody looks back; fetched ahead, since the relay may be gone by then. */
 const READER = new LatePart(() => import('../../past/relay/past_reader.ts'));
 
@@ -64,8 +67,18 @@ export function openPast(live: RobotLink, atMs: number | null): Past {
     liveSchema: () => live.twin.schema,
   });
   void fetchPartsAhead();
-  const player: PastPlayer = new PastPlayer({ source, own, sink, nowMs, schedule });
+  const player: PastPlayer = new PastPlayer({
+    ...{ source, own, sink, nowMs, schedule },
+    heard: () => live.twin.events,
+  });
 
+  let coming: Coming | null = null;
+  const listComing = () => {
+    const part = COMING.value();
+    if (part === null) void COMING.load();
+    else coming ??= player.extend(part.Coming);
+    return player.frame === null ? [] : (coming?.after(player.frame) ?? []);
+  };
   const limits = () => {
     if (twin.edits !== live.twin.edits) twin.acceptEdits(live.twin.edits);
   };
@@ -116,7 +129,7 @@ export function openPast(live: RobotLink, atMs: number | null): Past {
       watch,
       faults,
       minute,
-      coming: () => player.coming(),
+      coming: listComing,
       nowMs: clock,
       resting: () => !player.playhead.playing,
     },

@@ -87,10 +87,15 @@ export class Teller {
     this.sink.word(word);
   }
 
+  /** Each once, however often it is given, in the order in which they came about. */
+  events(events: readonly EventMessage[]): void {
+    for (const event of inOrder(events)) this.#tellEvent(event);
+  }
+
   situation({ model, info, word, faults }: Situation): void {
     this.model(model);
     this.#tellInfo(info);
-    for (const event of faults) this.#tellEvent(event);
+    this.events(faults);
     this.word(word);
   }
 
@@ -122,6 +127,11 @@ export class Teller {
 /** Says which event it is, however often it comes. */
 export function nameOf({ n, at, t }: EventMessage): string {
   return `${n} ${at ?? t}`;
+}
+
+/** Events as they came about; those without a date first. */
+export function inOrder(events: readonly EventMessage[]): EventMessage[] {
+  return events.toSorted((a, b) => (a.at ?? 0) - (b.at ?? 0) || a.n - b.n);
 }
 
 function causeOf({ source, text }: EventMessage): string {

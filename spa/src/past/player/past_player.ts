@@ -1,15 +1,6 @@
+import type { EventMessage } from '@posecast/wire';
 import type { PastSource } from '../past_source.ts';
-import type {
-  PastControls,
-  PastNote,
-  PastSink,
-  PastState,
-  Playhead,
-  Span,
-  Speed,
-  Timeline,
-} from '../past_types.ts';
-import { Coming } from './coming.ts';
+import type { PastControls, PastNote, PastSink, Playhead, Span, Speed, Timeline } from '../past_types.ts';
 import { faultBeside } from './fault_marks.ts';
 import { Fill } from './fill.ts';
 import { KeyPageFetcher } from './key_page_fetcher.ts';
@@ -19,8 +10,9 @@ import { PastNotes } from './notes.ts';
 import type { Alignment, OwnTape } from './own_tape.ts';
 import { PlayheadClock } from './playhead.ts';
 import { Projector } from './projector.ts';
+import { listRecentEvents } from './recent_events.ts';
 import { type Pending, Reel } from './reel.ts';
-import { Tape } from './tape.ts';
+import { Tape, type TapeFrame } from './tape.ts';
 
 /** Longest time that a gap is played through, ms. */
 export const GAP_MS = 2000;
@@ -36,6 +28,8 @@ export interface PastPorts {
   /** What the page itself received. */
   readonly own: OwnTape;
   readonly sink: PastSink;
+  /** The events that the live stream has told, as far as they are remembered. */
+  readonly heard: () => readonly EventMessage[];
   /** The page's clock, which never steps back. */
   readonly nowMs: () => number;
   /** Runs something some ms later. Returns a function that cancels it. */
@@ -54,7 +48,6 @@ export class PastPlayer implements PastControls {
   readonly #projector: Projector;
   readonly #keyFetcher: KeyPageFetcher;
   readonly #fill: Fill;
-  readonly #coming: Coming;
   readonly #clock = new PlayheadClock();
   readonly #notes = new PastNotes();
   readonly #listeners = new Set<() => void>();
@@ -83,10 +76,10 @@ export class PastPlayer implements PastControls {
     const { source, own, sink, nowMs } = ports;
     this.#loads = new Loads(source, this.#tape, nowMs, () => this.#work());
     this.#reel = new Reel(source, this.#tape, own, this.#loads, (alignment) => this.#align(alignment));
-    this.#projector = new Projector(sink, own);
+    const listRecent = (momentMs: number) => listRecentEvents(source, ports.heard(), momentMs);
+    this.#projector = new Projector(sink, own, listRecent);
     this.#keyFetcher = new KeyPageFetcher(source, this.#loads);
     this.#fill = new Fill(ports, this.#tape, this.#reel, this.#loads);
-    this.#coming = new Coming(ports, this.#tape, this.#reel, this.#loads);
     this.#playhead = this.#read();
     this.#unfollow = source.onChange(() => {
       if (this.#isAttended) void this.#keyFetcher.fetch();
@@ -104,11 +97,14 @@ export class PastPlayer implements PastControls {
     return this.#clock.momentMs;
   }
 
-  /** What came in the half minute after the shown moment, ten states a second at most, oldest first, as far as it is here;
-   *  the rest is fetched. None while another moment is on its way. */
-  coming(): readonly PastState[] {
-    const { cursor } = this.#projector;
-    return !this.#isPast || this.#wantedMs !== null || cursor === null ? [] : this.#coming.after(cursor);
+  /** The shown frame; null while none is, or another moment is on its way. */
+  get frame(): TapeFrame | null {
+    return this.#isPast && this.#wantedMs === null ? this.#projector.cursor : null;
+  }
+
+  /** Makes what looks beyond the shown frame, with what has been loaded here. */
+  extend<T>(Part: new (ports: PastPorts, tape: Tape, reel: Reel, loads: Loads) => T): T {
+    return new Part(this.#ports, this.#tape, this.#reel, this.#loads);
   }
 
   get timeline(): Timeline | null {

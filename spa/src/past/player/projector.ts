@@ -1,4 +1,4 @@
-import { FrameError, type KeyPose, type RobotStatus } from '@posecast/wire';
+import { type EventMessage, FrameError, type KeyPose, type RobotStatus } from '@posecast/wire';
 import type { PastSink } from '../past_types.ts';
 import { type Happening, type Situation, Teller } from './happenings.ts';
 import type { OwnTape } from './own_tape.ts';
@@ -19,7 +19,12 @@ export class Projector {
   #told = new WeakMap<TapePart, number>();
   #ownToldMs = 0;
 
-  constructor(sink: PastSink, own: OwnTape) {
+  /** `listRecent` returns the events before a moment that whoever comes then is to know. */
+  constructor(
+    sink: PastSink,
+    own: OwnTape,
+    private readonly listRecent: (momentMs: number) => readonly EventMessage[],
+  ) {
     this.#teller = new Teller(sink);
     this.#own = own;
   }
@@ -28,7 +33,7 @@ export class Projector {
   show(frame: TapeFrame | null, momentMs: number, situation: Situation): void {
     this.#teller.jump();
     if (frame !== null) this.#teller.schema(frame.schema);
-    this.#teller.situation(situation);
+    this.#teller.situation({ ...situation, faults: [...this.listRecent(momentMs), ...situation.faults] });
     if (frame !== null) this.#teller.state(frame.schema, frame);
     this.cursor = frame;
     this.#key = null;
@@ -47,6 +52,7 @@ export class Projector {
       this.#teller.jump();
       this.#teller.schema(schema);
       this.#teller.model(model);
+      this.#teller.events(this.listRecent(atMs));
       this.#teller.word(word);
       this.#teller.state(schema, { schemaId: schema.id, seq, tS, codes, atMs, lateMs: lateUs / 1000 });
       this.#key = pose;

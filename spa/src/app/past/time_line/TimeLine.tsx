@@ -4,13 +4,15 @@ import type { PastControls, Timeline } from '../../../past/past_types.ts';
 import { nowMs as pageNowMs } from '../../../stream/clock.ts';
 import { formatSpan } from '../../../twin/format.ts';
 import { IconButton } from '../../shell/icons.tsx';
+import { late } from '../../shell/late.tsx';
 import { useNow } from '../../shell/now.ts';
 import { usePastText } from '../../text/past.ts';
 import { PauseIcon, PlayIcon } from './past_icons.tsx';
 import { relayAhead } from './relay_now.ts';
 import { Track } from './Track.tsx';
-import { TransportBar } from './TransportBar.tsx';
 import { type Range, RECENT_MS, shownSpan, type View } from './track_view.ts';
+
+const TransportBar = late(async () => (await import('./TransportBar.tsx')).TransportBar);
 
 /** A window up to this long is always shown whole, ms. */
 const SHORT_MS = 360_000;
