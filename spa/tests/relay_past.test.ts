@@ -364,17 +364,6 @@ describe('a segment', () => {
     expect(rig.takeAsked()).toEqual([path]);
   });
 
-  it('has its reader fetched as soon as somebody looks back', async () => {
-    const rig = withPast();
-    const load = vi.fn(rig.loadReader);
-    rig.loadReader = load;
-    const source = await opened(rig);
-    source.follow('idle');
-    expect(load).not.toHaveBeenCalled();
-    source.follow('near');
-    expect(load).toHaveBeenCalledOnce();
-  });
-
   it('waits for its reader, which is fetched beside it', async () => {
     const rig = withPast();
     const source = await opened(rig);

@@ -18,7 +18,7 @@ import { PastWatch } from './past_watch.ts';
 
 /** For the plots of who looks at a joint of then. */
 const COMING = new LatePart(() => import('../../past/player/coming.ts'));
-/** Not needed before somebody looks back; fetched ahead, since the relay may be gone by then. */
+/** Nobody waits for it before somebody looks back; by then the relay may be gone. */
 const READER = new LatePart(() => import('../../past/relay/past_reader.ts'));
 
 /** A robot's past on the page: the controls, and a link to the robot as it was, which everything can be drawn from. */
@@ -66,6 +66,7 @@ export function openPast(live: RobotLink, atMs: number | null): Past {
     isIdle: () => document.hidden || !isHeard(live),
     liveSchema: () => live.twin.schema,
   });
+  void READER.load();
   void fetchPartsAhead();
   const player: PastPlayer = new PastPlayer({
     ...{ source, own, sink, nowMs, schedule },

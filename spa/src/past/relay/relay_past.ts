@@ -84,9 +84,7 @@ export class RelayPast implements PastSource {
   follow(how: 'idle' | 'near'): void {
     const isNearer = how === 'near' && !this.#isNear;
     this.#isNear = how === 'near';
-    if (!isNearer) return;
-    void this.#ports.loadReader(); // beside the index: segments come next
-    void this.#askNewest();
+    if (isNearer) void this.#askNewest();
   }
 
   async loadIndex(span: Span): Promise<void> {
