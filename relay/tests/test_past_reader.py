@@ -6,6 +6,7 @@ from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
 from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.core.past.past_reader import NotYet, PastReader
 from posecast_relay.core.policy.policy import Audience, Grant, Policy, Principal, Rule
+from posecast_relay.core.policy.unseen import Unseen
 
 from .past_doors import PAGE_MS, SCHEMA_HASH, make_kept
 
@@ -26,7 +27,7 @@ def keep(*segments: KeptSegment) -> PastReader:
     past = MemoryPast(1 << 24)
     for segment in segments:
         past.add(segment, 0.0)
-    return PastReader(past)
+    return PastReader(past, Unseen(knows_all=True))
 
 
 def kept(take: int, index: int, at: int, audiences: frozenset[Audience] = LIT) -> KeptSegment:

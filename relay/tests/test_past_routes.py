@@ -199,6 +199,35 @@ async def test_before_during_and_after_a_blackout(audience: Audience) -> None:
         await doors.stop()
 
 
+@pytest.mark.parametrize("audience", list(Audience))
+async def test_what_fell_due_in_a_blackout_is_never_seen(audience: Audience) -> None:
+    """Whoever sees it 10 s late, at any point of it, could not see it live."""
+    lit = {"r": {audience: Rule(delay_s=10, past_s=600)}}
+    doors = PastDoors(lit)
+    await doors.start()
+    try:
+        for index in range(5):  # the last one ends 20 s after the first began
+            doors.keep(index, PAGE_MS + 4000 * index)
+        doors.unix_ms = PAGE_MS + 20_000
+        doors.allow({"r": {audience: Rule(delay_s=10, past_s=600, blackout=True)}})
+        doors.unix_ms += 1000
+        doors.allow(lit)
+        doors.keep(6, PAGE_MS + 21_001)
+        doors.unix_ms += 120_000
+        doors.now += 2
+        page = (await doors.ask(f"public/{PAGE}", TOKENS[audience])).json()
+        assert [entry["index"] for entry in page["segments"]] == [
+            0,
+            1,
+            6,
+        ]  # what was due until then, and after
+        for index in (2, 3, 4):
+            answer = await doors.ask(f"public/{TAKE:016x}/{index}", TOKENS[audience])
+            assert answer.json()["next"]["index"] == 6
+    finally:
+        await doors.stop()
+
+
 async def test_rules_that_changed_while_the_relay_was_down_open_nothing_of_before() -> None:
     """What is kept longer than a process bears who could see it; the file of today alone opens nothing."""
     doors = PastDoors({"r": {S: Rule(past_s=600)}})

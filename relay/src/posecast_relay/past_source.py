@@ -27,6 +27,10 @@ class PastSource(Protocol):
     def kept(self) -> KeptPast:
         """What is known: of a view, as of the last `refresh`."""
 
+    @property
+    def is_older(self) -> bool:
+        """Whether it may hold what was recorded before this process began."""
+
     def follow(self, list_waiting: ListWaiting, wake: Wake) -> None:
         """Call `wake` with a robot and view of which there is something new, at least for those that
         `list_waiting` returns.

@@ -15,6 +15,11 @@ class MemoryPastSource:
     def __init__(self, kept: MemoryPast) -> None:
         self.kept = kept
 
+    @property
+    def is_older(self) -> bool:
+        """Whether it may hold what was recorded before this process began."""
+        return False
+
     def follow(self, _list_waiting: ListWaiting, wake: Wake) -> None:
         """Call `wake` with the robot and view of each segment that is added."""
         self.kept.on_added(lambda segment: wake(segment.name.robot, segment.name.view))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from functools import partial
 
@@ -52,6 +52,7 @@ class Access:
         self.origins = origins
         self.addresses = Addresses(live.hub.limits.per_address) if addresses is None else addresses
         self._renewals: set[asyncio.Task[None]] = set()
+        self._followers: list[Callable[[Policy], None]] = []
         if later is not None:
             self._delayed.set_delays(policy.find_delays_s())
         self._tell_recorder()
@@ -142,6 +143,8 @@ class Access:
         """Replace the policy. Connected viewers get their new rights; those without any are closed."""
         self.policy = policy
         self._tell_recorder()
+        for follow in self._followers:
+            follow(policy)
         if self.later is not None:
             self._delayed.set_delays(policy.find_delays_s())
             live = self.live.hub.robots
@@ -160,6 +163,11 @@ class Access:
                         self.tokens.identify_link(viewer.grant.who.token) or Close.TOKEN
                     )  # its key may be another
                 self._rejudge(viewer, who)
+
+    def on_policy(self, follow: Callable[[Policy], None]) -> None:
+        """Call `follow` with the policy, now and whenever it is replaced. It must not raise."""
+        self._followers.append(follow)
+        follow(self.policy)
 
     def _tell_recorder(self) -> None:
         """Tell what records the live hub who may look back on it."""

@@ -99,6 +99,8 @@ def make_app(
     async def preflight(_rest: str) -> Response:
         return Response(status_code=204, headers=PREFLIGHT)
 
+    if past is not None:
+        access.on_policy(past.set_policy)
     add_past_routes(app, API, access, past)
     _add_models(app, access, models)
     thumbnails = Thumbnails(models)

@@ -76,6 +76,11 @@ class RedisPast:
         """Itself."""
         return self
 
+    @property
+    def is_older(self) -> bool:
+        """Whether it may hold what was recorded before this process began."""
+        return True
+
     def find(self, name: SegmentName) -> KeptSegment | None:
         """Return the segment of this name; None when it is not known."""
         return self._get(name.robot, name.view).find(name)

@@ -12,6 +12,7 @@ from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
 from posecast_relay.core.past.memory_store import TakeSpan
 from posecast_relay.core.policy.past import PastWindow, find_past_window, judge_past
 from posecast_relay.core.policy.policy import Grant
+from posecast_relay.core.policy.unseen import Unseen
 
 
 class NotYet(NamedTuple):
@@ -24,8 +25,9 @@ class NotYet(NamedTuple):
 class PastReader:
     """Reads the past for those who may see it. `unix_ms` is the time now, in each call."""
 
-    def __init__(self, past: KeptPast) -> None:
+    def __init__(self, past: KeptPast, unseen: Unseen) -> None:
         self._past = past
+        self._unseen = unseen
 
     def list_shown(
         self, grant: Grant, unix_ms: int, from_ms: int = 0, to_ms: int | None = None
@@ -33,7 +35,7 @@ class PastReader:
         """Return what they may see of the segments that begin from `from_ms` on and before `to_ms`, unix."""
         window = find_past_window(grant, unix_ms)
         found = self._past.list_segments(grant.robot, grant.view, max(from_ms, window.from_ms), to_ms)
-        return [segment for segment in found if judge_past(grant, segment, window)]
+        return [segment for segment in found if self._judge(grant, segment, window)]
 
     def find_segment(
         self, grant: Grant, take: int, index: int, unix_ms: int
@@ -45,7 +47,7 @@ class PastReader:
         """
         window = find_past_window(grant, unix_ms)
         asked = self._past.find(SegmentName(grant.robot, grant.view, take, index))
-        if asked is not None and judge_past(grant, asked, window):
+        if asked is not None and self._judge(grant, asked, window):
             return asked
         spans = self._past.list_takes(grant.robot, grant.view)
         own = next((span for span in spans if span.take == take), None)
@@ -55,8 +57,8 @@ class PastReader:
         # goes on with whichever has more, but never back
         last = SegmentName(grant.robot, grant.view, take, own.last_index)
         for segment in chain(self._walk_take(grant, own, index, window), self._past.list_after(last)):
-            if segment.from_ms >= window.from_ms and grant.by in segment.audiences:
-                if judge_past(grant, segment, window):
+            if segment.from_ms >= window.from_ms and self._is_for(grant, segment):
+                if self._judge(grant, segment, window):
                     return segment.name
                 return NotYet(segment.to_ms + round(1000 * grant.delay_s))
         return NotYet()
@@ -69,8 +71,15 @@ class PastReader:
     def _was_shown(self, grant: Grant, span: TakeSpan, index: int, window: PastWindow) -> bool:
         """Whether a segment of this take is shown to them that is the one before `index`, or a later one."""
         return index <= span.last_index + 1 and any(
-            judge_past(grant, segment, window) for segment in self._walk_take(grant, span, index - 1, window)
+            self._judge(grant, segment, window) for segment in self._walk_take(grant, span, index - 1, window)
         )
+
+    def _judge(self, grant: Grant, segment: KeptSegment, window: PastWindow) -> bool:
+        return judge_past(grant, segment, window) and not self._unseen.has(grant, segment)
+
+    def _is_for(self, grant: Grant, segment: KeptSegment) -> bool:
+        """Whether they may see it when it is due."""
+        return grant.by in segment.audiences and not self._unseen.has(grant, segment)
 
     def _walk_take(
         self, grant: Grant, span: TakeSpan, index: int, window: PastWindow

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from posecast_relay.core.policy.policy import EVERYBODY, FULL_HZ, PUBLIC, Audience, Grant, Policy
+from posecast_relay.core.policy.policy import EVERYBODY, FULL_HZ, PUBLIC, Audience, Grant, Policy, Rule
 
 
 class Recorded(Protocol):
@@ -41,20 +41,22 @@ class PastWindow:
         return max(0.0, (from_ms - self.from_ms) / 1000) if self.to_ms > self.from_ms else 0.0
 
 
+def shows_all(rule: Rule) -> bool:
+    """Whether an audience sees each frame by this rule, at once or delayed: a rate below FULL_HZ may leave
+    some out, whatever the robot's is just now.
+    """
+    return not rule.blackout and rule.viewers != 0 and rule.hz >= FULL_HZ
+
+
 def list_lookers(policy: Policy, robot: str, view: str) -> frozenset[Audience]:
     """Return the audiences that may look back on what a view shows now. None: it need not be recorded.
 
-    They can see all of it live, each frame, at once or delayed: an audience whose rate is below FULL_HZ may
-    miss some, whatever the robot's rate is just now. And their rule gives them a past already.
+    They can see all of it live, and their rule gives them a past already.
     """
     return frozenset(
         audience
         for audience, rule in policy.find_rules(robot).items()
-        if rule.view == view
-        and not rule.blackout
-        and rule.viewers != 0
-        and rule.hz >= FULL_HZ
-        and rule.compute_past_s(audience) > 0
+        if rule.view == view and shows_all(rule) and rule.compute_past_s(audience) > 0
     )
 
 

@@ -21,7 +21,8 @@ from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
 from posecast_relay.core.past.past_reader import NotYet, PastReader
 from posecast_relay.core.policy.admission import HIDDEN
 from posecast_relay.core.policy.past import find_past_window
-from posecast_relay.core.policy.policy import Grant
+from posecast_relay.core.policy.policy import Grant, Policy
+from posecast_relay.core.policy.unseen import Unseen
 from posecast_relay.http.answer_cache import AnswerCache
 from posecast_relay.http.auth import OPEN, require_grant
 from posecast_relay.http.etags import has_already
@@ -90,12 +91,17 @@ class PastDesk:
 
     def __init__(self, source: PastSource, now: Callable[[], float], unix_s: Callable[[], float]) -> None:
         self.source = source
-        self.reader = PastReader(source.kept)
+        self.unseen = Unseen(knows_all=not source.is_older)
+        self.reader = PastReader(source.kept, self.unseen)
         self.held = HeldRequests()
         self.answers = AnswerCache(now)
         self.keys = KeyPages()
         self._unix_s = unix_s
         source.follow(self.held.list_waiting, self.held.wake)
+
+    def set_policy(self, policy: Policy) -> None:
+        """Note what the rules that are in force from now on take back."""
+        self.unseen.set_policy(policy, self.compute_unix_ms())
 
     def compute_unix_ms(self) -> int:
         """Return the time now, in unix ms."""
