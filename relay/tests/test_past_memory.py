@@ -97,23 +97,29 @@ def test_what_is_old_goes_whatever_its_clock_told() -> None:
     past = MemoryPast(1_000_000)
     past.add(make_segment(index=9000), 0.0)  # by a wall clock that was set back then
     past.add(make_segment(index=0, take=2), 10.0)
-    past.forget_older(5.0)
+    past.forget_older(lambda *_: 5.0, 10.0)
     assert list_indices(past, "demo") == [0]
-    past.forget_older(10.5)
+    past.forget_older(lambda *_: 5.0, 15.5)
     assert len(past) == past.bytes == 0
     assert past.find_schema_text("demo", "public", SCHEMA_HASH) is None
     assert past.list_views("demo") == []
 
 
-def test_a_robot_is_forgotten_whole() -> None:
+def test_each_robot_and_view_is_kept_as_long_as_it_may_be_asked_for() -> None:
     past = MemoryPast(1_000_000)
-    for robot in ("one", "two"):
-        past.add(make_segment(robot), 0.0)
-    past.forget_robot("one")
-    assert list_indices(past, "one") == []
-    assert list_indices(past, "two") == [0]
-    past.forget_robot("two")
-    assert past.bytes == 0
+    for index in range(10):
+        for robot, view in (("one", "public"), ("one", "lab"), ("two", "public"), ("gone", "public")):
+            past.add(make_segment(robot, index, view=view), float(index))
+    kept_s = {("one", "public"): 3.0, ("one", "lab"): 60.0, ("two", "public"): 6.0}
+    past.forget_older(lambda robot, view: kept_s.get((robot, view), 0.0), 9.0)
+    assert list_indices(past, "one") == [6, 7, 8, 9]
+    assert list_indices(past, "one", "lab") == list(range(10))
+    assert list_indices(past, "two") == list(range(3, 10))
+    assert list_indices(past, "gone") == []
+    past.drop_oldest("one")  # of its views the older one's
+    assert list_indices(past, "one", "lab") == list(range(1, 10))
+    past.forget_older(lambda *_: 0.0, 9.0)
+    assert len(past) == past.bytes == 0
 
 
 def test_the_bytes_counted_are_those_taken() -> None:

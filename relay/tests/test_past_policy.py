@@ -121,12 +121,13 @@ def test_who_may_look_back_on_what_is_live_now() -> None:
 
 def test_for_how_long_it_is_worth_keeping() -> None:
     rules = {A: Rule(past_s=0.0), S: Rule(delay_s=20.0, past_s=60.0), L: Rule("lab", past_s=3600.0)}
-    policy = Policy({"r": rules, "hidden": {}, "dark": {A: Rule(blackout=True, past_s=9e5)}})
+    policy = Policy({"r": rules, "hidden": {}, "dark": {A: Rule(blackout=True, past_s=7200.0)}})
     assert compute_kept_s(policy, "r", "public") == 80.0
     assert compute_kept_s(policy, "r", "lab") == 3600.0
     assert compute_kept_s(policy, "r", "guests") == 0.0
-    assert compute_kept_s(policy, "hidden", "public") == compute_kept_s(policy, "dark", "public") == 0.0
-    assert compute_kept_longest_s(policy) == 3600.0
+    assert compute_kept_s(policy, "hidden", "public") == compute_kept_s(policy, "none", "public") == 0.0
+    assert compute_kept_s(policy, "dark", "public") == 7200.0  # a blackout ends
+    assert compute_kept_longest_s(policy) == 7200.0
     assert compute_kept_longest_s(Policy()) == compute_kept_s(Policy(), "any", "public") == PAST_S
     assert compute_kept_longest_s(Policy({})) == 0.0
 

@@ -110,6 +110,22 @@ def test_a_blackout_and_a_stop(
     assert relay.stop(signal.SIGTERM) == 0
 
 
+def test_a_robot_that_is_removed_loses_its_past(
+    tmp_path: Path, relays: Callable[..., Relay], edges: Callable[..., ZenohEdge]
+) -> None:
+    file = tmp_path / "robots.toml"
+    write(file, "[robots.r.anyone]\n")
+    relay = relays("--past", "memory:", "--robots", str(file))
+    newest = await_segment(relay, edges(relay.zenoh))
+    robot = f"http://{relay.address}/api/v1/robots/r"
+    write(file, "# none\n")
+    until("it is gone", lambda: httpx.get(robot).status_code == 404)
+    write(file, "[robots.r.anyone]\n")
+    until("another has its name", lambda: httpx.get(robot).status_code == 200)
+    answer = httpx.get(f"{robot}/past/public/{newest['take']}/{newest['index']}")
+    assert answer.status_code == 404
+
+
 async def test_requests_that_are_held_do_not_hold_up_the_end(
     relays: Callable[..., Relay], edges: Callable[..., ZenohEdge]
 ) -> None:

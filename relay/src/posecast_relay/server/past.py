@@ -11,13 +11,15 @@ import secrets
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
+from posecast_relay.auth.access import Access
 from posecast_relay.config.settings import Settings
 from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.core.past.recorder import Recorder
 from posecast_relay.core.past.stream_recording import RecordingPorts
-from posecast_relay.core.policy.past import compute_kept_longest_s, list_lookers
+from posecast_relay.core.policy.past import compute_kept_longest_s, compute_kept_s, list_lookers
 from posecast_relay.core.policy.policy import Policy
 from posecast_relay.http.past.routes import PastDesk
 from posecast_relay.past_source import PastSource
@@ -52,17 +54,23 @@ class PastServices:
         """Make what the routes of the past need."""
         return PastDesk(self.source, dispatcher.now, dispatcher.unix_s)
 
-    async def run(self, get_policy: Callable[[], Policy], now: Callable[[], float]) -> None:
-        """Open the way to Redis, and drop now and then what nobody may ask for any more, until cancelled."""
+    async def run(self, access: Access, now: Callable[[], float]) -> None:
+        """Open the way to Redis, and drop what nobody may ask for any more, until cancelled: at once when the
+        policy says so, and now and then as time passes.
+        """
         if self.way is not None:
             self.way.start()
+        access.on_policy(lambda policy: self.forget(policy, now()))
         while True:
-            window_s = compute_kept_longest_s(get_policy())
-            if self.kept is not None:
-                self.kept.forget_older(now() - window_s)
-            if self.writer is not None:
-                self.writer.set_window(window_s)
             await asyncio.sleep(FORGET_EVERY_S)
+            self.forget(access.policy, now())
+
+    def forget(self, policy: Policy, now: float) -> None:
+        """Drop what nobody may ask for any more by this policy."""
+        if self.kept is not None:
+            self.kept.forget_older(partial(compute_kept_s, policy), now)
+        if self.writer is not None:
+            self.writer.set_window(compute_kept_longest_s(policy))
 
     async def stop(self, now: float) -> None:
         """Close the open segments, and the way to Redis behind them."""

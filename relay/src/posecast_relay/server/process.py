@@ -290,7 +290,7 @@ async def _stop(services: RoleServices, past: PastServices | None) -> None:
 
 def _run_past(past: PastServices | None, access: Access) -> Coroutine[Any, Any, None] | None:
     """Return what the past does while the relay serves; None where there is none."""
-    return None if past is None else past.run(lambda: access.policy, Dispatcher.now)
+    return None if past is None else past.run(access, Dispatcher.now)
 
 
 def _admitted(settings: Settings, robots: Robots) -> dict[str, str]:

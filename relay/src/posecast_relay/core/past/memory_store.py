@@ -36,9 +36,8 @@ class _Shelf:
 
     def __init__(self) -> None:
         self.bytes = 0
-        self.segments: deque[KeptSegment] = deque()
-        self.added_at: deque[float] = deque()  # when each of these was added
-        self.views: dict[str, deque[KeptSegment]] = {}  # the same segments
+        self.views: dict[str, deque[KeptSegment]] = {}
+        self.added_at: dict[str, deque[float]] = {}  # when each of these was added
         self.pages: dict[tuple[str, int], deque[KeptSegment]] = {}  # the same by view and page
         self.takes: dict[tuple[str, int], TakeSpan] = {}  # by view and take, in the order in which they began
         self.schemas: dict[tuple[str, bytes], _SchemaText] = {}  # by view and SHA-256
@@ -46,9 +45,8 @@ class _Shelf:
     def put(self, segment: KeptSegment, now: float) -> None:
         """Add the newest segment."""
         view = segment.name.view
-        self.segments.append(segment)
-        self.added_at.append(now)
         self.views.setdefault(view, deque()).append(segment)
+        self.added_at.setdefault(view, deque()).append(now)
         self.pages.setdefault((view, segment.from_ms // PAGE_MS), deque()).append(segment)
         take, index = segment.name.take, segment.name.index
         span = self.takes.get((view, take))
@@ -61,17 +59,18 @@ class _Shelf:
                 self.bytes += len(schema.text)
             schema.named += 1
 
-    def take_oldest(self) -> KeptSegment:
-        """Remove the oldest segment, and its schema when no other names it."""
-        segment = self.segments.popleft()
-        self.added_at.popleft()
-        view = segment.name.view
-        of_view = self.views[view]
-        of_view.popleft()  # the same one: both have them in one order
-        if not of_view:
-            del self.views[view]
+    def find_oldest_view(self) -> str:
+        """Return the view whose first segment was added first."""
+        return min(self.added_at, key=lambda view: self.added_at[view][0])
+
+    def take_oldest(self, view: str) -> KeptSegment:
+        """Remove the oldest segment of a view, and its schema when no other names it."""
+        segment = self.views[view].popleft()
+        self.added_at[view].popleft()
+        if not self.views[view]:
+            del self.views[view], self.added_at[view]
         of_page = self.pages[view, segment.from_ms // PAGE_MS]
-        of_page.popleft()  # likewise
+        of_page.popleft()  # the same one: both have them in one order
         if not of_page:
             del self.pages[view, segment.from_ms // PAGE_MS]
         span = self.takes[view, segment.name.take]
@@ -192,29 +191,29 @@ class MemoryPast:
         schema = None if shelf is None else shelf.schemas.get((view, sha256))
         return None if schema is None else schema.text
 
-    def forget_older(self, than: float) -> None:
-        """Drop the segments that were added before `than`, seconds of the core's clock.
+    def forget_older(self, compute_kept_s: Callable[[str, str], float], now: float) -> None:
+        """Drop the segments that were added longer ago than a robot's view is kept, in seconds; 0: all of it.
 
         Not by the time that they tell: a wall clock that is set back would make them stay.
         """
         for robot, shelf in list(self._shelves.items()):
-            while shelf.added_at and shelf.added_at[0] < than:
-                self.drop_oldest(robot)
+            for view, added_at in list(shelf.added_at.items()):
+                kept_s = compute_kept_s(robot, view)
+                while added_at and (kept_s <= 0 or added_at[0] < now - kept_s):
+                    self._drop(robot, view)
 
     def drop_oldest(self, robot: str) -> None:
         """Drop the oldest segment of a robot of which there is one."""
+        self._drop(robot, self._shelves[robot].find_oldest_view())
+
+    def _drop(self, robot: str, view: str) -> None:
         shelf = self._shelves[robot]
         before = shelf.bytes
-        segment = shelf.take_oldest()
+        segment = shelf.take_oldest(view)
         self.bytes -= before - shelf.bytes
         del self._named[segment.name]
-        if not shelf.segments:
+        if not shelf.views:
             del self._shelves[robot]
-
-    def forget_robot(self, robot: str) -> None:
-        """Drop all that is kept of a robot."""
-        while robot in self._shelves:
-            self.drop_oldest(robot)
 
     def _list_pages(self, robot: str, view: str, from_ms: int, to_ms: int | None) -> Iterable[KeptSegment]:
         """Return what begins between these, and maybe more."""

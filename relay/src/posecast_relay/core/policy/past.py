@@ -61,14 +61,16 @@ def list_lookers(policy: Policy, robot: str, view: str) -> frozenset[Audience]:
 
 
 def compute_kept_s(policy: Policy, robot: str, view: str) -> float:
-    """Return for how many seconds after its beginning a segment of this view may still be asked for.
+    """Return for how many seconds after its end a segment of this view may still be asked for.
 
-    0: by nobody, so that it need not be recorded.
+    0: by nobody, so that nothing of it need be kept. A blackout keeps what is there: it ends.
     """
-    lookers = list_lookers(policy, robot, view)
-    rules = policy.find_rules(robot)
     return max(
-        (rules[audience].compute_past_s(audience) + rules[audience].delay_s for audience in lookers),
+        (
+            past_s + rule.delay_s
+            for audience, rule in policy.find_rules(robot).items()
+            if rule.view == view and (past_s := rule.compute_past_s(audience)) > 0
+        ),
         default=0.0,
     )
 
