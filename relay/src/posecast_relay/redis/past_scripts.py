@@ -22,6 +22,7 @@ from posecast_relay.redis.client import Call
 WRITTEN, LACKS_SCHEMA, FULL = 1, 2, 3
 MEMORY_SHARE = 0.75  # of the server's `maxmemory`: beyond it nothing is added, so that live state stays
 GONE_MAX = 1000  # lines that one call gives up, so that Redis is never busy with it for long
+FORGOTTEN_MAX = 250  # likewise, of a robot that is forgotten
 SPARE = 64  # one part of so many is freed when the bound is met, so that it isn't met by every segment
 EXPIRY_SPARE_MS = 60_000  # keys outlive the ledger's entries by so much
 LOOK_BYTES = 1 << 20  # of records in one answer, or a single one
@@ -61,6 +62,13 @@ def make_enter_call(entries: list[LedgerEntry], window_s: float, bytes_max: int)
         name = entry.name
         args += [name.robot, f"{name.view} {name.take:016x} {name.index} {entry.schema} {entry.bytes}"]
     return ENTER, [LEDGER], args
+
+
+def make_forget_call(robot: str, lines: list[bytes]) -> Call:
+    """Make the call that takes lines of a robot, whose segments are deleted by now, out of the ledger. It
+    answers what lines there are still, FORGOTTEN_MAX at most.
+    """
+    return FORGET, [LEDGER], [robot, *lines]
 
 
 def read_entry(robot: bytes, line: bytes) -> LedgerEntry:
@@ -181,6 +189,21 @@ gone[1] = 1
 return gone
 """
 
+# KEYS: the ledger's sums. ARGV: a robot, then lines of it.
+FORGET = """
+local sums, robot = KEYS[1], ARGV[1]
+local set = sums .. ':' .. robot
+if not is(set, 'zset') then return {} end
+for i = 2, #ARGV do
+  local size = tonumber(string.match(ARGV[i], '%d+$') or '0')
+  if redis.call('ZREM', set, ARGV[i]) == 1 and redis.call('HEXISTS', sums, robot) == 1 then
+    redis.call('HINCRBY', sums, robot, text(-size))
+    redis.call('HINCRBY', sums, '', text(-size))
+  end
+end
+return redis.call('ZRANGE', set, 0, {forgotten} - 1)
+"""
+
 # KEYS: stream, segment and, where it has one, schema. ARGV: record, bytes, expiry in ms, the schema's text or
 # nothing. FULL: the server is near its `maxmemory`.
 WRITE = """
@@ -250,6 +273,7 @@ def _script(body: str) -> str:
         "full": FULL,
         "share": MEMORY_SHARE,
         "gone": GONE_MAX,
+        "forgotten": FORGOTTEN_MAX,
         "spare": SPARE,
         "spare_ms": EXPIRY_SPARE_MS,
         "look": LOOK_BYTES,
@@ -259,5 +283,5 @@ def _script(body: str) -> str:
     return body
 
 
-ENTER, WRITE, DELETE = (_script(_READ + body) for body in (ENTER, WRITE, DELETE))
+ENTER, WRITE, DELETE, FORGET = (_script(_READ + body) for body in (ENTER, WRITE, DELETE, FORGET))
 LOOK = _script(LOOK)

@@ -10,6 +10,7 @@ import asyncio
 import contextlib
 import logging
 from collections import Counter, deque
+from collections.abc import Collection, Iterable
 from typing import NamedTuple
 
 from posecast_relay.core.histogram import Histogram
@@ -20,6 +21,7 @@ from posecast_relay.redis.past_scripts import (
     DELETE,
     ENTER,
     EXPIRY_SPARE_MS,
+    FORGET,
     FULL,
     LACKS_SCHEMA,
     WRITE,
@@ -27,6 +29,7 @@ from posecast_relay.redis.past_scripts import (
     LedgerEntry,
     make_delete_call,
     make_enter_call,
+    make_forget_call,
     make_write_call,
     read_entry,
 )
@@ -71,6 +74,8 @@ class RedisPastWriter:
         self._window_s = 0.0
         self._waiting: dict[str, deque[KeptSegment]] = {}  # by robot; the one whose turn it is first
         self._sizes: Counter[str] = Counter()  # of those, by robot
+        self._robots: Collection[str] = ()  # that the policy names
+        self._gone: dict[str, None] = {}  # robots whose past there has to go
         self._schemas: dict[tuple[str, bytes], None] = {}  # by robot, the ones that were written
         self._tries = 0
         self._is_full = False
@@ -91,6 +96,15 @@ class RedisPastWriter:
     def set_window(self, window_s: float) -> None:
         """Set for how long segments are kept there, in seconds."""
         self._window_s = window_s
+
+    def set_robots(self, robots: Collection[str]) -> None:
+        """Set which robots the policy names. The past of those that it named until now is deleted there."""
+        for robot in set(self._robots) - set(robots):
+            self._gone[robot] = None
+            while waiting := self._waiting.get(robot):
+                self._take(robot, waiting.popleft())
+        self._robots = robots
+        self._wake.set()
 
     def find_trouble(self) -> str | None:
         """Return what is wrong with Redis; None when all is well."""
@@ -120,6 +134,8 @@ class RedisPastWriter:
             try:
                 if self._trouble is not None:
                     await self._connect()
+                while self._gone:
+                    await self._forget(next(iter(self._gone)))
                 while self._waiting:
                     batch = self._take_batch()
                     await self._write_batch(batch)
@@ -138,7 +154,7 @@ class RedisPastWriter:
             self._wake.clear()
 
     async def _connect(self) -> None:
-        await self.link.connect(ENTER, WRITE, DELETE)
+        await self.link.connect(ENTER, WRITE, DELETE, FORGET)
         self._schemas.clear()  # whatever is there
         self._trouble = None
 
@@ -203,6 +219,8 @@ class RedisPastWriter:
             return
         for segment in reversed(batch):
             robot = segment.name.robot
+            if robot in self._gone:
+                continue
             self._waiting.setdefault(robot, deque()).appendleft(segment)
             self._add(robot, segment.cost_bytes)
 
@@ -250,16 +268,33 @@ class RedisPastWriter:
             script, keys, args = make_enter_call(entries, self._window_s, self._bytes_max)
             told = await self.link.run(script, keys, *args)
             fits = bool(told[0]) or len(told) == 1
-            evicted: list[LedgerEntry] = []
-            for robot, line in zip(told[1::2], told[2::2], strict=True):
-                try:
-                    evicted.append(read_entry(robot, line))
-                except ValueError:
-                    self.passed_over += 1  # somebody else wrote it
+            evicted = self._read_entries(zip(told[1::2], told[2::2], strict=True))
             gone.update(entry.name for entry in evicted)
             entries = [entry for entry in entries if entry.name not in gone]
             await self.link.run_all([make_delete_call(entry) for entry in evicted])
         return gone
+
+    async def _forget(self, robot: str) -> None:
+        """Delete all that is there of a robot, as far as the ledger knows; twice does no harm."""
+        lines: list[bytes] = []
+        while True:
+            script, keys, args = make_forget_call(robot, lines)
+            lines = await self.link.run(script, keys, *args)
+            if not lines:
+                break
+            entries = self._read_entries((robot.encode(), line) for line in lines)
+            await self.link.run_all([make_delete_call(entry) for entry in entries])
+        self._schemas = {known: None for known in self._schemas if known[0] != robot}
+        del self._gone[robot]
+
+    def _read_entries(self, lines: Iterable[tuple[bytes, bytes]]) -> list[LedgerEntry]:
+        entries: list[LedgerEntry] = []
+        for robot, line in lines:
+            try:
+                entries.append(read_entry(robot, line))
+            except ValueError:
+                self.passed_over += 1  # somebody else wrote it
+        return entries
 
     def _note_fullness(self, is_full: bool) -> None:
         if is_full and not self._is_full:

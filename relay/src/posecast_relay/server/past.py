@@ -71,6 +71,7 @@ class PastServices:
             self.kept.forget_older(partial(compute_kept_s, policy), now)
         if self.writer is not None:
             self.writer.set_window(compute_kept_longest_s(policy))
+            self.writer.set_robots(policy.rules or ())
 
     async def stop(self, now: float) -> None:
         """Close the open segments, and the way to Redis behind them."""
