@@ -9,9 +9,12 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import time
 from collections import Counter, deque
 from collections.abc import Collection, Iterable
 from typing import NamedTuple
+
+from redis.exceptions import OutOfMemoryError
 
 from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.past.kept_segment import OBJECT_BYTES, KeptSegment
@@ -41,6 +44,7 @@ BATCH = 64  # segments in one exchange
 BATCH_BYTES = 1 << 20  # likewise, or a single one
 TRIES = 3  # to write one batch; then it is dropped, since it may be the reason
 BACKOFF_S = (0.2, 2.0)  # the first and the longest wait after a failure
+CALM_S = 60.0  # without a refusal, until Redis is said to have room again
 STOP_S = 0.5  # for what waits when the process stops
 ROUNDED_UP = 1.25  # so much more memory, at most, Redis takes for bytes than they are
 SCHEMAS_MAX = 10_000  # that are known to be there
@@ -78,8 +82,9 @@ class RedisPastWriter:
         self._gone: dict[str, None] = {}  # robots whose past there has to go
         self._schemas: dict[tuple[str, bytes], None] = {}  # by robot, the ones that were written
         self._tries = 0
-        self._is_full = False
+        self._full_at: float | None = None  # when Redis refused a segment last; None: it has room
         self._failed = False
+        self._dropped_before = 0  # what `dropped` was when Redis took something last
         self._trouble: str | None = "not connected yet"
         self._wake = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
@@ -162,11 +167,18 @@ class RedisPastWriter:
         if self._failed:
             self._failed = False
             self.link.forget_failures()
-            log.warning("the past: redis is back")
+            lost = self.dropped - self._dropped_before
+            told = f"gateways lack {lost} segments" if lost else "none that waited was lost"
+            log.warning("the past: redis is back; %s", told)
+        self._dropped_before = self.dropped
 
     async def _handle_failure(self, error: Exception) -> None:
         if why := self.link.describe_new_failure(error):
-            log.warning("the past: redis: %s; gateways' past has a gap, live goes on", why)
+            log.warning(
+                "the past: redis: %s; what is recorded waits, up to %d MB, live goes on",
+                why,
+                QUEUE_BYTES >> 20,
+            )
         self._failed = True
         self.losses += self._trouble is None
         self._trouble = type(error).__name__
@@ -228,7 +240,12 @@ class RedisPastWriter:
 
     async def _write_batch(self, batch: list[KeptSegment]) -> None:
         made = [found for segment in batch if (found := self._make(segment)) is not None]
-        evicted = await self._make_room([each.entry for each in made])
+        try:
+            evicted = await self._make_room([each.entry for each in made])
+        except OutOfMemoryError:  # all of its `maxmemory` is taken, by live state too
+            self.dropped += len(batch)
+            self._note_fullness(is_full=True)
+            return
         made = [each for each in made if each.entry.name not in evicted]  # larger than all that may be there
         expiry_ms = round(1000 * self._window_s) + EXPIRY_SPARE_MS
         results = await self.link.run_all([each.make_call(expiry_ms) for each in made])
@@ -297,6 +314,11 @@ class RedisPastWriter:
         return entries
 
     def _note_fullness(self, is_full: bool) -> None:
-        if is_full and not self._is_full:
-            log.warning("the past: redis is near its maxmemory: nothing is added, live goes on")
-        self._is_full = is_full
+        now = time.monotonic()
+        if is_full:
+            if self._full_at is None:
+                log.warning("the past: redis is near its maxmemory: gateways' past has gaps, live goes on")
+            self._full_at = now
+        elif self._full_at is not None and now - self._full_at >= CALM_S:
+            self._full_at = None
+            log.warning("the past: redis has had room for %g s", CALM_S)
