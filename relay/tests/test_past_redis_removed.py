@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 from posecast_relay.core.policy.policy import Audience, Rule
 from posecast_relay.redis.past_scripts import (
     FORGOTTEN_MAX,
@@ -44,3 +47,23 @@ async def test_a_robot_that_is_removed_loses_its_past_at_gateways(redis_server: 
         assert (await fleet.ask_gateway(address_of(again))).content == again.data
         page = (await fleet.ask_gateway(f"public/{PAGE}")).json()
         assert [entry["index"] for entry in page["segments"]] == [count]
+
+
+async def test_what_the_operators_page_deletes_is_the_past_and_all_of_it(redis_server: Redis) -> None:
+    page = (Path(__file__).resolve().parents[2] / "docs" / "OPERATIONS.md").read_text()
+    every, one = re.findall(r"--scan --pattern '([^']+)'", page)
+    async with running(redis_server, RULES) as fleet:
+        for robot in ("hubo", "open"):
+            kept = await fleet.keep(0, PAGE_MS, robot=robot, audiences=frozenset(Audience))
+        live = {b"posecast:{hubo}:public:state", b"posecast:{open}:public:state"}
+        for key in live:
+            fleet.client.set(key, b"live")
+        fleet.ingest.unix_ms = PAGE_MS + 30_000
+        fleet.client.unlink(*fleet.client.scan_iter(match=one))
+        assert not any("{hubo}" in key for key in fleet.list_keys())
+        assert (await fleet.ask_gateway(f"/open/past/{address_of(kept)}")).status_code == 200
+        fleet.client.unlink(*fleet.client.scan_iter(match=every))
+        assert set(fleet.client.keys()) == live
+        assert (await fleet.ask_gateway(f"/open/past/{address_of(kept)}")).status_code == 404
+        again = await fleet.keep(1, PAGE_MS + 4000, robot="open")
+        assert (await fleet.ask_gateway(f"/open/past/{address_of(again)}")).content == again.data
