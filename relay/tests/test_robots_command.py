@@ -70,12 +70,12 @@ def test_a_robot_is_added_rotated_listed_and_removed(tmp_path: Path) -> None:
 
     robots(path, "add", "g1", "--private")
     path.write_text(path.read_text() + '[robots.h1.anyone]\npast = "90s"\n[robots.h1.link]\npast = 0\n')
-    assert "anyone: public (1.5 min back), link: public (no past)" in robots(path, "list").stdout
+    assert "anyone: public (90 s back), link: public (no past)" in robots(path, "list").stdout
     robots(path, "remove", "h1")
     listed = robots(path, "list").stdout
     assert [line.split("\t")[0] for line in listed.splitlines()] == ["g1", "hubo"]
     assert "g1\tuntil removed\tnobody" in listed
-    assert listed.rstrip().endswith("anyone: public")
+    assert listed.rstrip().endswith("anyone: public (30 min back)")
     assert second.secret not in listed
 
     done = robots(path, "add", "g2", "--certificate", "--days", "30")
@@ -143,3 +143,20 @@ def test_share_links_are_made_and_ended(tmp_path: Path) -> None:
     robots(path, "unlink", "hubo")
     assert read_link(again, read_robots(path).find_link_keys(), now_s) is None
     assert read_robots(path).make_policy().find_rules("hubo")[Audience.LINK] == Rule("lab")
+
+
+def test_the_list_says_what_each_audience_may_look_back_on(tmp_path: Path) -> None:
+    path = tmp_path / "robots.toml"
+    tables = {
+        "anyone": 'past = "3d"',
+        "signed-in": "delay_s = 5",
+        "link": 'delay_s = 5\npast = "30s"',
+    }
+    path.write_text("".join(f"[robots.h1.{audience}]\n{rule}\n" for audience, rule in tables.items()))
+    path.chmod(0o600)
+    shown = robots(path, "list").stdout.rstrip().split("\t")[-1]
+    assert shown.split("), ") == [
+        "anyone: public (3 d back",
+        "signed-in: public (5 s late, no past",
+        "link: public (5 s late, 30 s back)",
+    ]

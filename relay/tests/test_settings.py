@@ -49,7 +49,12 @@ def test_a_flag_wins_over_its_variable_and_that_over_port() -> None:
             "--max-connection-age '0.5': use a number of s",
         ),
         (["run", "--dev", "--past", "30m"], {}, "--past '30m': use memory: or 0"),
-        (["run", "--dev", "--past-memory", "8M"], {}, "--past-memory '8M': use a size from 16M to 1024G"),
+        (["run", "--dev", "--past-memory", "8M"], {}, "--past-memory '8M': use a size from 16M to 1024G; "),
+        (
+            ["run", "--dev", "--past-memory", "64MB"],
+            {},
+            "--past-memory '64MB': use a size from 16M to 1024G; the",
+        ),
         (["run", "--dev", "--host", "a b"], {}, "--host 'a b': "),
         (["run", "--dev", "--trusted-proxies", "10.0.0"], {}, "--trusted-proxies '10.0.0': use addresses"),
         (["run", "--dev", "--origins", "good.com"], {}, "--origins 'good.com': use https://HOST"),

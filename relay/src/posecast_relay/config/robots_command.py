@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 import tomlkit
 from posecast_wire import Credential, check_name
 
-from posecast_relay.config.robots_file import Robots, RobotsError, read_robots
+from posecast_relay.config.robots_file import Robots, RobotsError, format_duration, read_robots
 from posecast_relay.config.settings import SettingsError
 from posecast_relay.core.policy.policy import PUBLIC, Audience, Rule
 from posecast_relay.core.policy.share_link import make_link
@@ -208,21 +208,20 @@ def _list(robots: Robots) -> None:
             state = f"expired {day}" if robot.expires_s <= now_s else f"until {day}"
         if robot.secret is None:
             state = f"by certificate only, {state}"
-        seen_by = ", ".join(f"{a.value}: {_shown(rule)}" for a, rule in robot.rules.items()) or "nobody"
+        seen_by = ", ".join(f"{a.value}: {_shown(a, rule)}" for a, rule in robot.rules.items()) or "nobody"
         print(f"{name}\t{state}\t{seen_by}")
 
 
-def _shown(rule: Rule) -> str:
+def _shown(audience: Audience, rule: Rule) -> str:
     """Describe what an audience gets, in a few words."""
     if rule.blackout:
         return "nothing for now"
     limits = [f"{rule.hz:g} Hz"] if rule.hz < 60 else []
     limits += [f"{rule.delay_s:g} s late"] if rule.delay_s else []
     limits += [f"{rule.viewers} at a time"] if rule.viewers is not None else []
-    limits += (
-        [f"{rule.past_s / 60:g} min back" if rule.past_s else "no past"] if rule.past_s is not None else []
-    )
-    return rule.view + (f" ({', '.join(limits)})" if limits else "")
+    past_s = rule.compute_past_s(audience)
+    limits += [f"{format_duration(past_s)} back" if past_s else "no past"]
+    return f"{rule.view} ({', '.join(limits)})"
 
 
 @contextlib.contextmanager

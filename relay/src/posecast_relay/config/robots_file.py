@@ -217,6 +217,14 @@ def _duration_s(doc: Mapping[str, Any], name: str, where: str) -> float | None:
     return seconds
 
 
+def format_duration(seconds: float) -> str:
+    """Describe a time in the largest unit of which it is a whole number: 90 s, 30 min, 12 h, 3 d."""
+    units = (("d", 86400), ("h", 3600), ("min", 60), ("s", 1))
+    return next(
+        (f"{seconds / size:g} {name}" for name, size in units if seconds % size == 0), f"{seconds:g} s"
+    )
+
+
 def _unix_s(doc: Mapping[str, Any], name: str, where: str) -> float:
     at = doc.get(name)
     if at is None:

@@ -95,7 +95,7 @@ def _memory(text: str) -> int:
     found = re.fullmatch(r"(\d{1,9})([MG])", text, re.ASCII)
     size = int(found[1]) << (30 if found[2] == "G" else 20) if found else 0
     if not 16 << 20 <= size <= 1 << 40:
-        raise ValueError("use a size from 16M to 1024G")
+        raise ValueError("use a size from 16M to 1024G; the suffix is M or G")
     return size
 
 
@@ -237,7 +237,7 @@ FLAGS = (
     _Flag("max_robot_bytes", _bytes, "1000000", "a second, of one robot; likewise", "BYTES"),
     _Flag("model_cache_mb", _count, "256", "memory for robots' models", "MB"),
     _Flag("past", _past, "memory:", "where what was live is kept, to be looked back on; 0: nowhere", "WHERE"),
-    _Flag("past_memory", _memory, "256M", "for it, of all robots; who has most loses its oldest", "SIZE"),
+    _Flag("past_memory", _memory, "256M", "for it, 16M at least; who has most loses its oldest", "SIZE"),
     _Flag("log_level", _level, "warning", "debug, info, warning or error; JSON but on a terminal", "LEVEL"),
 )  # fmt: skip
 
