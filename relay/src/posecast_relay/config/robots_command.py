@@ -52,6 +52,12 @@ def run_robots(argv: Sequence[str], environ: Mapping[str, str]) -> None:
         raise SettingsError(str(e)) from None
     except OSError as e:
         raise SettingsError(f"{path}: {(e.strerror or str(e)).lower()}") from None
+    if asked.do == "add":
+        rules = read_robots(path).enrolled[asked.robot].rules
+        seen_by = ", ".join(f"{a.value}: {_shown(a, rule)}" for a, rule in rules.items()) or "nobody"
+        sys.stderr.write(
+            f"Who may watch {asked.robot!r}: {seen_by}. [robots.{asked.robot}.…] says otherwise.\n"
+        )
     if asked.do == "link":
         print(line, flush=True)
     elif asked.do == "add" and line is None:

@@ -25,6 +25,7 @@ from posecast_relay.http.past.routes import PastDesk
 from posecast_relay.past_source import PastSource
 from posecast_relay.past_source_memory import MemoryPastSource
 from posecast_relay.runtime.dispatcher import Dispatcher
+from posecast_relay.server.past_log import PastLog
 
 if TYPE_CHECKING:
     from posecast_relay.redis.past_reader import RedisPast
@@ -60,10 +61,14 @@ class PastServices:
         """
         if self.way is not None:
             self.way.start()
+        said = PastLog()
         access.on_policy(lambda policy: self.forget(policy, now()))
+        access.on_policy(said.follow)
         while True:
             await asyncio.sleep(FORGET_EVERY_S)
             self.forget(access.policy, now())
+            if self.kept is not None:
+                said.report_crowding(self.kept, now())
 
     def forget(self, policy: Policy, now: float) -> None:
         """Drop what nobody may ask for any more by this policy."""

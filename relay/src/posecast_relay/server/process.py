@@ -39,6 +39,7 @@ from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.runtime.io_uring import IoUring
 from posecast_relay.server.listener import BACKLOG, listen
 from posecast_relay.server.past import PastServices, make_past_services
+from posecast_relay.server.past_log import describe_past
 from posecast_relay.server.roles import RoleServices, make_role_services
 from posecast_relay.streaming.decode_cache import DecodeCache
 from posecast_relay.streaming.http_connection import make_plain_http_protocol
@@ -150,7 +151,7 @@ async def _serve(settings: Settings, robots: Robots | None) -> None:
         gc.collect()
         gc.freeze()
         gc.set_threshold(50_000, 20, 100)
-        print(line, flush=True)
+        print(line, describe_past(settings, access.policy), sep="\n", flush=True)
 
     def cut(count: int) -> None:
         dispatcher.handshakes["never asked"] += count

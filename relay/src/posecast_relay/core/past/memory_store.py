@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from itertools import chain
 from typing import NamedTuple
@@ -98,9 +98,15 @@ class MemoryPast:
         self.bytes = 0  # kept now
         self.added = 0  # segments, since the process began
         self.crowded_out = 0  # of these, those that had to go before their time
+        self.crowded = Counter[str]()  # the same by robot
         self._shelves: dict[str, _Shelf] = {}  # by robot
         self._named: dict[SegmentName, KeptSegment] = {}
         self._listeners: dict[Listener, None] = {}
+
+    def compute_reach_s(self, robot: str, now: float) -> float:
+        """Return for how many seconds the oldest segment of a robot has been here; 0 without one."""
+        shelf = self._shelves.get(robot)
+        return 0.0 if shelf is None else now - min(added_at[0] for added_at in shelf.added_at.values())
 
     def __len__(self) -> int:
         """How many segments are kept."""
@@ -121,7 +127,9 @@ class MemoryPast:
         self._named[name] = segment
         self.added += 1
         while self.bytes > self.bytes_max:
-            self.drop_oldest(max(self._shelves, key=lambda robot: self._shelves[robot].bytes))
+            crowding = max(self._shelves, key=lambda robot: self._shelves[robot].bytes)
+            self.drop_oldest(crowding)
+            self.crowded[crowding] += 1
             self.crowded_out += 1
         if name in self._named:
             for listener in tuple(self._listeners):

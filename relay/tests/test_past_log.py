@@ -1,0 +1,78 @@
+"""What a process says of its past: at its start, when the rules change, and when memory is full."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from typing import Any
+
+import pytest
+from posecast_relay.config.settings import parse
+from posecast_relay.core.past.memory_store import MemoryPast
+from posecast_relay.core.policy.policy import Audience, Policy, Rule
+from posecast_relay.server.past_log import CROWD_EVERY_S, PastLog, describe_past
+
+from .past_doors import PAGE_MS, make_kept
+from .test_robots_command import robots
+
+A, S = Audience.ANYONE, Audience.SIGNED_IN
+
+
+@pytest.mark.parametrize(
+    ("flags", "policy", "told"),
+    [
+        ((), Policy(), "the past: 30 min in memory, up to 256 MB"),
+        (
+            ("--past-memory", "1G"),
+            Policy({"r": {A: Rule(past_s=86400.0)}}),
+            "the past: 1 d in memory, up to 1024",
+        ),
+        (("--past", "0"), Policy(), "the past: none is kept (--past 0)"),
+        ((), Policy({"r": {A: Rule(past_s=0.0)}}), "the past: none is kept, nobody may look back"),
+        (("--role", "gateway", "--store", "redis://x"), Policy(), "the past: from Redis"),
+    ],
+)
+def test_a_line_at_the_start_says_what_is_kept(flags: tuple[str, ...], policy: Policy, told: str) -> None:
+    assert describe_past(parse(["run", "--dev", *flags], {}), policy).startswith(told)
+
+
+def test_a_relay_that_starts_says_it(relays: Any) -> None:
+    relay = relays()
+    assert relay.process.stdout.readline() == b"the past: 30 min in memory, up to 256 MB\n"
+
+
+def test_a_change_of_the_rules_is_a_line_for_each_robot_and_audience(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    caplog.set_level(logging.INFO)
+    said = PastLog()
+    said.follow(Policy({"r": {A: Rule(), S: Rule("lab")}, "other": {A: Rule()}}))
+    said.follow(Policy({"r": {A: Rule(blackout=True), S: Rule("lab", past_s=60.0)}, "other": {A: Rule()}}))
+    said.follow(Policy({"r": {A: Rule(past_s=0.0), S: Rule("lab", past_s=60.0)}, "new": {A: Rule()}}))
+    assert caplog.messages == [
+        "r, anyone: blackout begins",
+        "r, signed-in: may look back 1 min",
+        "r, anyone: blackout ends",
+        "r, anyone: may not look back any more",
+    ]
+
+
+def test_who_crowds_the_memory_is_named_once_a_minute(caplog: pytest.LogCaptureFixture) -> None:
+    cost = make_kept(0, PAGE_MS).cost_bytes
+    past, said = MemoryPast(20 * cost), PastLog()
+    past.add(make_kept(0, PAGE_MS, robot="small"), 0.0)
+    for n in range(60):
+        past.add(make_kept(n, PAGE_MS + 4000 * n, robot="large"), 4.0 * n)
+        said.report_crowding(past, 4.0 * n)
+    first, *more = caplog.messages
+    assert first.startswith("the past: memory is full (--past-memory, 0 MB): large has most of it, lost its ")
+    assert first.endswith("reaches back 68 s")
+    assert len(more) == (60 - 18) * 4 // CROWD_EVERY_S
+    assert not any("small" in line for line in caplog.messages)
+
+
+def test_robots_add_says_who_may_look_back(tmp_path: Path) -> None:
+    path = tmp_path / "robots.toml"
+    open_, private = (robots(path, "add", *more).stderr for more in (("hubo",), ("g1", "--private")))
+    assert "Who may watch 'hubo': anyone: public (30 min back)." in open_
+    assert "Who may watch 'g1': nobody." in private
