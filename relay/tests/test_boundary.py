@@ -38,6 +38,7 @@ AT_OTHER_TIMES = {
     "EventStream.shutdown",
     "HttpConnection.shutdown",
     "HttpConnection.timeout_keep_alive_handler",
+    "Access.on_policy",
     "Access._tell_recorder",
     "Access._rejudge",
     "Access._judge_again",

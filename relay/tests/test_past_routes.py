@@ -466,3 +466,13 @@ async def test_the_api_describes_them(doors: PastDoors) -> None:
         assert {"304", "400", "401", "403", "404", "503"} <= answers.keys(), path
         assert ("501" in answers) == ("{view}" in path), path
         assert answers["200"].get("content"), path
+
+
+async def test_what_fails_at_the_past_keeps_no_viewer_its_old_rights(doors: PastDoors) -> None:
+    def fail(_: object) -> None:
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        doors.access.on_policy(fail)
+    doors.allow({"r": {A: Rule(blackout=True)}})
+    assert doors.access.live.faults == {"ZeroDivisionError": 1}

@@ -144,7 +144,10 @@ class Access:
         self.policy = policy
         self._tell_recorder()
         for follow in self._followers:
-            follow(policy)
+            try:
+                follow(policy)
+            except Exception as e:  # viewers have to get their new rights
+                self.live.report_fault("the rules", e)
         if self.later is not None:
             self._delayed.set_delays(policy.find_delays_s())
             live = self.live.hub.robots
@@ -165,7 +168,7 @@ class Access:
                 self._rejudge(viewer, who)
 
     def on_policy(self, follow: Callable[[Policy], None]) -> None:
-        """Call `follow` with the policy, now and whenever it is replaced. It must not raise."""
+        """Call `follow` with the policy, now and whenever it is replaced."""
         self._followers.append(follow)
         follow(self.policy)
 
