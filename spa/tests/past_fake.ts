@@ -23,7 +23,19 @@ export class FakePast implements PastControls {
   constructor(originMs: number, timeline: Timeline | null = timelineOf(originMs)) {
     this.#originMs = originMs;
     this.timeline = timeline;
-    this.playhead = { at: 'live', momentMs: originMs, playing: true, speed: 1, loop: null, note: null };
+    this.playhead = {
+      at: 'live',
+      momentMs: originMs,
+      playing: true,
+      speed: 1,
+      loop: null,
+      note: null,
+      askedMs: null,
+    };
+  }
+
+  get nowMs(): number {
+    return this.#originMs;
   }
 
   set(change: Partial<Playhead>): void {

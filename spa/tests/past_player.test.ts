@@ -295,7 +295,21 @@ describe('PastPlayer', () => {
     rig.source.add(recorded(sent(10, { firstSeq: 400, fromMs: at(100) }), { take: '000000000000000b' }));
     rig.player.openAt(at(70));
     await rig.settle();
-    expect(rig.player.playhead).toMatchObject({ momentMs: at(70), note: 'not-kept' });
+    expect(rig.player.playhead).toMatchObject({ momentMs: at(70), note: 'not-kept', askedMs: at(70) });
+    rig.player.skip(1000);
+    expect(rig.player.playhead).toMatchObject({ note: null, askedMs: null });
+  });
+
+  it('is live where a link names a moment to come, and says so for a while', async () => {
+    const rig = new Rig(new FakeSource(recorded(sent(300))));
+    rig.player.openAt(rig.nowMs + 60_000);
+    await rig.settle();
+    const asked = { askedMs: rig.nowMs + 60_000 };
+    expect(rig.player.playhead).toMatchObject({ at: 'live', note: 'not-come', ...asked });
+    await rig.pass(14_000, 500);
+    expect(rig.player.playhead.note).toBe('not-come');
+    await rig.pass(1100, 500);
+    expect(rig.player.playhead.note).toBeNull();
   });
 
   it('becomes live when nothing is left, at once when it is faster', async () => {

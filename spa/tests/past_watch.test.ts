@@ -1,18 +1,26 @@
 import { expect, it, vi } from 'vitest';
 import { PastWatch } from '../src/app/past/past_watch.ts';
+import { stageWords } from '../src/app/status/words.ts';
+import type { PastNote } from '../src/past/past_types.ts';
+import type { Link } from '../src/stream/client.ts';
 import { isOld } from '../src/twin/liveness.ts';
 import { RobotTwin } from '../src/twin/robot.ts';
 import { codesWith, SCHEMA } from './schema.ts';
+
+const PLAYHEAD = { at: 'past', playing: true, speed: 1, loop: null } as const;
 
 /** The watch of a robot whose poses are given their moments. */
 function watched() {
   const twin = new RobotTwin('demo', 0);
   twin.acceptSchema(SCHEMA);
-  const at = { moment: 100_000, now: 500_000 };
+  const at = { moment: 100_000, now: 500_000, note: null as PastNote | null };
   const watch = new PastWatch(
     twin,
     () => at.moment,
-    () => at.now,
+    () => ({
+      ...{ nowMs: at.now },
+      playhead: { ...PLAYHEAD, momentMs: at.moment, note: at.note, askedMs: 7000 },
+    }),
   );
   const heard = vi.fn(() => isOld(watch.verdict()));
   watch.onWord(heard);
@@ -31,9 +39,7 @@ it('says PAST, how long ago, and never that it is live', () => {
   pose(99_990);
   expect(watch.word).toBe('PAST');
   expect(watch.verdict()).toMatchObject({ word: 'PAST', cause: null, ageMs: 400_000 });
-  watch.newest(420_000); // the relay's clock is 80 s behind the page's
-  expect(watch.verdict().ageMs).toBe(320_000);
-  at.moment = 430_000;
+  at.moment = 530_000;
   expect(watch.verdict().ageMs, 'the two clocks are not known better than that').toBe(0);
 });
 
@@ -49,17 +55,27 @@ it('tells when the pose of the moment comes, and when another moment is wanted',
   watch.look();
   expect(heard).toHaveBeenCalledTimes(2);
   expect(heard).toHaveLastReturnedWith(true);
-  expect(watch.verdict().past).toEqual({ momentMs: 300_000, was: null, isHere: false });
+  expect(watch.verdict().past).toEqual({ momentMs: 300_000, askedMs: null, was: null, isHere: false });
 });
 
 it('the last pose of a robot that was silent then is that of the moment, and old', () => {
   const { watch, pose } = watched();
   pose(60_000);
   watch.was('silent');
-  expect(watch.verdict().past).toEqual({ momentMs: 100_000, was: 'STALE', isHere: true });
+  expect(watch.verdict().past).toEqual({ momentMs: 100_000, askedMs: null, was: 'STALE', isHere: true });
   expect(isOld(watch.verdict())).toBe(true);
   watch.was('offline');
   expect(watch.verdict().past?.was).toBe('OFFLINE');
   watch.was('online');
   expect(watch.verdict().past).toMatchObject({ was: null, isHere: false });
+});
+
+it('names the moment that a link asked for, if that is not kept', () => {
+  const { at, watch } = watched();
+  at.note = 'not-kept';
+  expect(watch.verdict().past?.askedMs).toBe(7000);
+  const words = stageWords(watch.verdict(), {} as Link, at.now);
+  expect(words).toMatch(
+    /^The past: 1 Jan .*:07 is not kept any more; this is the oldest there is, .* ago\.$/,
+  );
 });

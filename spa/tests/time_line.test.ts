@@ -186,10 +186,14 @@ describe('the time line', () => {
   it('says what has to be told, and loading only quietly', async () => {
     const { past, find, gone } = await timeLine();
     past.rest(120);
-    past.set({ note: 'not-kept' });
+    past.set({ note: 'not-kept', askedMs: Date.UTC(2026, 10, 22, 14, 2) });
     const note = await find('past-note');
     expect(note.getAttribute('role')).toBe('status');
-    expect(note.textContent).toBe('That moment is not kept; this is the nearest there is.');
+    expect(note.textContent).toMatch(
+      /^22 Nov (2026 )?\d\d:\d\d:00 is not kept any more; this is the oldest there is, .*\.$/,
+    );
+    past.set({ note: 'not-come' });
+    await vi.waitFor(() => expect(note.textContent).toMatch(/^22 Nov .* has not come yet; this is live\.$/));
     past.set({ note: 'loading' });
     await gone('past-note');
     expect((await find('playhead')).dataset.loading).toBe('true');

@@ -1,8 +1,8 @@
 import { describe, expect, it } from 'vitest';
 import { drawnMarks, markNear, whatWords } from '../src/app/past/time_line/marks.ts';
 import { movementPath, runsOf } from '../src/app/past/time_line/movement.ts';
-import { relayAhead } from '../src/app/past/time_line/relay_now.ts';
 import { msAt, pxAt, RECENT_MS, shownSpan, ticksOf } from '../src/app/past/time_line/track_view.ts';
+import { relayAhead } from '../src/past/player/relay_now.ts';
 import { timelineOf } from './past_fake.ts';
 
 const MIN = 60_000;

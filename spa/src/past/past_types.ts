@@ -38,10 +38,11 @@ export interface PastSink {
 /**
  * Something that the person has to be told about what is shown. `loading`: it is on its way. `resumed`: its moment left
  * the window, so it goes on at the oldest. `not-kept`: the moment that a link names is not kept, and the nearest is shown.
+ * `not-come`: it is still to come, and the present is shown.
  * `damaged`: a part did not arrive as it was recorded, and was passed over. `away`: the relay does not answer, so only what
  * the page has can be shown.
  */
-export type PastNote = 'loading' | 'resumed' | 'not-kept' | 'damaged' | 'away';
+export type PastNote = 'loading' | 'resumed' | 'not-kept' | 'not-come' | 'damaged' | 'away';
 
 /** Where the page is in time. Every change makes a new object. */
 export interface Playhead {
@@ -53,6 +54,8 @@ export interface Playhead {
   /** The span that is played again and again. */
   readonly loop: Span | null;
   readonly note: PastNote | null;
+  /** The moment that a link named, until somebody goes elsewhere. */
+  readonly askedMs: number | null;
 }
 
 export interface Span {
@@ -84,6 +87,8 @@ export interface PastControls {
   readonly playhead: Playhead;
   /** null while nothing is known, and where there is no past that this page may see. */
   readonly timeline: Timeline | null;
+  /** The moment of now. */
+  readonly nowMs: number;
   /** Adds a listener for `playhead` and `timeline`, which is called ten times a second at most while playing. Returns a
    *  function that removes it. */
   readonly onChange: (listener: () => void) => () => void;

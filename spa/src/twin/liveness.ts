@@ -59,6 +59,8 @@ export interface Evidence {
 export interface PastMoment {
   /** Unix ms by the relay's clock. */
   readonly momentMs: number;
+  /** The moment that a link asked for, if this one is shown because that one is not kept. */
+  readonly askedMs: number | null;
   /** What the robot was then, unless its poses were new. */
   readonly was: 'STALE' | 'OFFLINE' | null;
   /** Whether the shown pose is of that moment, or of the same few seconds; else it is still to come. */

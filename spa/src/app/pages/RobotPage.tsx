@@ -2,7 +2,7 @@ import { Suspense, useEffect, useLayoutEffect, useRef, useState } from 'react';
 import { Body } from '../body/Body.tsx';
 import { loadPanel } from '../numbers/load_panel.ts';
 import type { Tab } from '../numbers/Panel.tsx';
-import { useMomentNamed, usePast, useShown } from '../past/use_past.ts';
+import { missedMoment, useMomentNamed, usePast, useShown } from '../past/use_past.ts';
 import { showLink } from '../shell/debug_api.ts';
 import { useFullscreen } from '../shell/fullscreen.ts';
 import { BackIcon, FullscreenIcon, IconButton, PanelIcon, SettingsIcon, ShareIcon } from '../shell/icons.tsx';
@@ -39,7 +39,7 @@ export function RobotPage({ robot, onSettings }: { robot: string; onSettings: (l
 
 function Loaded({ live, onSettings }: { live: RobotLink; onSettings: () => void }) {
   const past = usePast(live);
-  const momentNamed = useMomentNamed();
+  const missed = missedMoment(useMomentNamed(), past);
   const link = useShown(live, past);
   useEffect(() => {
     showLink(link);
@@ -122,9 +122,9 @@ function Loaded({ live, onSettings }: { live: RobotLink; onSettings: () => void 
       </header>
       <Split link={link} live={live} alone={presented || fullscreen === 'page'} />
       {past === undefined && !presented && <div className="past-room" />}
-      {past === null && momentNamed && !presented && (
+      {missed !== null && !presented && (
         <Suspense fallback={null}>
-          <NoPast />
+          <NoPast why={missed} />
         </Suspense>
       )}
       {past && !presented && (

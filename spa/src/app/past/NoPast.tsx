@@ -6,8 +6,8 @@ import './no_past.css';
 const SAID_MS = 15_000;
 
 /** Says, where the time line would be, that the moment that a link named can't be looked at here. */
-export function NoPast() {
-  const { noPast } = useMore();
+export function NoPast({ why }: { why: 'noPast' | 'noMoment' }) {
+  const text = useMore();
   const [said, setSaid] = useState(false);
   useEffect(() => {
     const timer = setTimeout(() => setSaid(true), SAID_MS);
@@ -16,7 +16,7 @@ export function NoPast() {
   if (said) return null;
   return (
     <p className="no-past" role="status" data-testid="past-note">
-      {noPast}
+      {text[why]}
     </p>
   );
 }

@@ -36,7 +36,7 @@ export function openPast(live: RobotLink, atMs: number | null): Past {
   const clock = () => player.momentMs;
   const faults = new FaultKeeper(twin, clock, false);
   const minute = new HistoryKeeper(twin);
-  const watch = new PastWatch(twin, clock, nowMs);
+  const watch = new PastWatch(twin, clock, () => player);
 
   const sink: PastSink = {
     jump: () => {
@@ -93,7 +93,6 @@ export function openPast(live: RobotLink, atMs: number | null): Past {
     const past = at === 'past';
     live.client.rest(past);
     shownMoment.set(past ? momentMs : null);
-    watch.newest(player.timeline?.toMs ?? null);
     watch.look();
     if (past && frame === 0) frame = requestAnimationFrame(draw);
     if (past || frame === 0) return;

@@ -1,3 +1,4 @@
+import type { PastControls } from '../../past/past_types.ts';
 import { isOld, type Verdict } from '../../twin/liveness.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import type { Watch } from '../state/liveness_watch.ts';
@@ -12,22 +13,16 @@ export class PastWatch implements Watch {
   readonly word = 'PAST';
   readonly #twin: RobotTwin;
   readonly #momentMs: () => number;
-  readonly #nowMs: () => number;
+  readonly #past: () => Pick<PastControls, 'playhead' | 'nowMs'>;
   readonly #listeners = new Set<() => void>();
   #was: (typeof WAS)[ThenWord] = null;
   #isOld = true; // nothing is here yet
-  /** How far the page's clock is ahead of the relay's, as far as is known. */
-  #aheadMs = Number.POSITIVE_INFINITY;
 
-  constructor(twin: RobotTwin, momentMs: () => number, nowMs: () => number) {
+  /** `momentMs`: the shown moment of this picture; `past` is told less often, and what is told of it must agree. */
+  constructor(twin: RobotTwin, momentMs: () => number, past: () => Pick<PastControls, 'playhead' | 'nowMs'>) {
     this.#twin = twin;
     this.#momentMs = momentMs;
-    this.#nowMs = nowMs;
-  }
-
-  /** Takes the newest moment that is recorded. */
-  newest(momentMs: number | null): void {
-    if (momentMs !== null) this.#aheadMs = Math.min(this.#aheadMs, this.#nowMs() - momentMs);
+    this.#past = past;
   }
 
   was(word: ThenWord): void {
@@ -52,15 +47,16 @@ export class PastWatch implements Watch {
     const momentMs = this.#momentMs();
     const { state } = this.#twin;
     const isHere = state !== null && (this.#was !== null || Math.abs(state.atMs - momentMs) < NEAR_MS);
-    const aheadMs = Number.isFinite(this.#aheadMs) ? this.#aheadMs : 0;
+    const { playhead, nowMs } = this.#past();
+    const askedMs = playhead.note === 'not-kept' ? playhead.askedMs : null;
     return {
       word: 'PAST',
       cause: null,
       overShare: false,
-      ageMs: Math.max(0, this.#nowMs() - aheadMs - momentMs),
+      ageMs: Math.max(0, nowMs - playhead.momentMs),
       linkMs: null,
       unchangedMs: null,
-      past: { momentMs, was: this.#was, isHere },
+      past: { momentMs: playhead.momentMs, askedMs, was: this.#was, isHere },
     };
   }
 }

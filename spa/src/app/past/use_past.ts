@@ -7,6 +7,7 @@ import { relayChoice } from '../../relay/relay.ts';
 import { useHash } from '../state/hash.ts';
 import { momentIn } from '../state/moment.ts';
 import type { RobotLink } from '../state/robot_link.ts';
+import { queryOf } from '../state/settings.ts';
 import { isHeard } from './heard.ts';
 import type { Past } from './past_link.ts';
 
@@ -53,12 +54,23 @@ export function usePast(live: RobotLink, wanted = true): Past | null | undefined
   return past;
 }
 
-/** Whether the address has named a moment since the page was opened; it is taken out again once the page is live. */
-export function useMomentNamed(): boolean {
-  const named = momentIn(useHash()) !== null;
-  const [once, setOnce] = useState(named);
-  if (named && !once) setOnce(true);
+/** Whether the address has named a moment since the page was opened, and whether it can be read; it is taken out again once
+ *  the page is live. */
+export function useMomentNamed(): 'moment' | 'nonsense' | null {
+  const hash = useHash();
+  const named = !queryOf(hash).has('t') ? null : momentIn(hash) === null ? 'nonsense' : 'moment';
+  const [once, setOnce] = useState<typeof named>(named);
+  if (named !== null && named !== once) setOnce(named);
   return once;
+}
+
+/** Why what the address names can't be looked at; null if it can, or names nothing. */
+export function missedMoment(
+  named: ReturnType<typeof useMomentNamed>,
+  past: Past | null | undefined,
+): 'noPast' | 'noMoment' | null {
+  if (named === 'nonsense') return 'noMoment';
+  return named !== null && past === null ? 'noPast' : null;
 }
 
 /** A mirror keeps the newest alone. */

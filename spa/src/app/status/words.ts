@@ -5,6 +5,7 @@ import type { Cause, Verdict } from '../../twin/liveness.ts';
 import { isolated } from '../../twin/names.ts';
 import type { Text } from '../text/en.ts';
 import { say } from '../text/language.ts';
+import { agoWords, notKeptWords } from './moment_words.ts';
 
 /** Sentences about the state of the robot, the connection and loading. */
 
@@ -64,7 +65,7 @@ function stateWords(verdict: Verdict, link: Link, nowMs: number): Omit<ChipWords
 function pastWords({ past, ageMs }: Pick<Verdict, 'past' | 'ageMs'>): { clock: string; ago: string } {
   if (past === null) return { clock: '', ago: '' };
   const { momentMs, was } = past;
-  const ago = ` · ${say().ago(formatSpan(Math.max(1000, ageMs ?? 0)))}`;
+  const ago = ` · ${agoWords(ageMs ?? 0)}`;
   return { clock: formatClockSeconds(momentMs), ago: was === null ? ago : `${ago} · ${say().was(was)}` };
 }
 
@@ -135,7 +136,9 @@ export function stageWords(verdict: Verdict, link: Link, nowMs: number): string 
   }
   if (verdict.word === 'PAST') {
     const { clock, ago } = pastWords(verdict);
-    return verdict.past?.isHere === false ? say().pastComing(clock + ago) : say().pastNote(clock + ago);
+    const { askedMs = null, momentMs = 0, isHere = true } = verdict.past ?? {};
+    if (askedMs !== null) return say().pastNote(notKeptWords(askedMs, momentMs, nowMs) + ago);
+    return isHere ? say().pastNote(clock + ago) : say().pastComing(clock + ago);
   }
   if (verdict.word !== 'STALE') return null;
   if (verdict.cause === 'no connection') return connectionWords(link, nowMs);

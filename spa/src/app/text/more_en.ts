@@ -7,6 +7,14 @@ export const moreEn = {
 
   // ---- a link to a moment, where there is no past
   noPast: 'Here the moment of this link can’t be looked at; this is live.',
+  noMoment: 'This link names no moment that can be read; this is live.',
+  notCome: (asked: string) => `${asked} has not come yet; this is live.`,
+
+  // ---- what has to be told of the past that is shown
+  pastLoading: 'Loading',
+  pastResumed: 'That moment is no longer kept; it goes on at the oldest there is.',
+  pastDamaged: 'A part did not arrive as it was recorded, and was passed over.',
+  pastAway: 'The relay does not answer; only what this page has can be shown.',
 
   // ---- the explanation that the state chip opens
   notHeardYet: 'Relay: not heard yet.',

@@ -7,11 +7,6 @@ export const pastEn = {
   /** `what`: a fault, as a sentence. */
   now: (what: string) => `Now: ${what}`,
   toLive: 'Back to live (End on the time line)',
-  date: (month: string, day: number, year: number | null) =>
-    year === null ? `${day} ${month}` : `${day} ${month} ${year}`,
-  seconds: (count: number) => `${count} s`,
-  days: (count: number) => `${count} days`,
-  ago: (span: string) => `${span} ago`,
   playingAt: (speed: string) => `playing at ${speed}`,
   paused: 'paused',
   notRecorded: 'not recorded',
@@ -34,13 +29,4 @@ export const pastEn = {
   showLast: (span: string) => `Show the last ${span}`,
 
   explainLine: 'What the time line shows',
-
-  // ---- what has to be told
-  notes: {
-    loading: 'Loading',
-    resumed: 'That moment is no longer kept; it goes on at the oldest there is.',
-    'not-kept': 'That moment is not kept; this is the nearest there is.',
-    damaged: 'A part did not arrive as it was recorded, and was passed over.',
-    away: 'The relay does not answer; only what this page has can be shown.',
-  },
 };

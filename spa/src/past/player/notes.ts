@@ -3,6 +3,8 @@ import { PATIENCE_MS, type Pending } from './reel.ts';
 
 /** How long a note stays that nothing else ends, ms. */
 const NOTE_MS = 5000;
+/** How long one about a link stays: it can be read twice while the page opens, ms. */
+export const LINK_NOTE_MS = 15_000;
 
 /** What the person has to be told; times by the page's clock. */
 export class PastNotes {
@@ -36,7 +38,10 @@ export class PastNotes {
     if (this.#isAway) return 'away';
     if (this.#waitingMs !== null && nowMs - this.#waitingMs > PATIENCE_MS) return 'loading';
     const said = this.#said;
-    if (said !== null && said.note !== 'not-kept' && nowMs - said.sinceMs > NOTE_MS) this.#said = null;
+    if (said !== null && said.note !== 'not-kept') {
+      const staysMs = said.note === 'not-come' ? LINK_NOTE_MS : NOTE_MS;
+      if (nowMs - said.sinceMs >= staysMs) this.#said = null;
+    }
     return this.#said?.note ?? null;
   }
 }

@@ -6,12 +6,13 @@ import { Fill } from './fill.ts';
 import { KeyPageFetcher } from './key_page_fetcher.ts';
 import { Loads, PAGE_MS } from './loads.ts';
 import { play, stepBack, stepOn } from './moves.ts';
-import { PastNotes } from './notes.ts';
+import { LINK_NOTE_MS, PastNotes } from './notes.ts';
 import type { Alignment, OwnTape } from './own_tape.ts';
 import { PlayheadClock } from './playhead.ts';
 import { Projector } from './projector.ts';
 import { listRecentEvents } from './recent_events.ts';
 import { type Pending, Reel } from './reel.ts';
+import { relayAhead } from './relay_now.ts';
 import { Tape, type TapeFrame } from './tape.ts';
 
 /** Longest time that a gap is played through, ms. */
@@ -60,8 +61,10 @@ export class PastPlayer implements PastControls {
   #scrubbing: { isNewest: boolean } | null = null;
   /** The moment whose exact state is not shown yet. */
   #wantedMs: number | null = null;
-  /** The wanted moment is that of a link. */
-  #isLink = false;
+  /** The moment that a link names, while it is what is wanted or shown. */
+  #askedMs: number | null = null;
+  /** How far the relay's clock is ahead of the page's. */
+  #aheadMs = Number.NEGATIVE_INFINITY;
   /** Frames to go. */
   #steps = 0;
   /** Counts what makes a search for faults obsolete. */
@@ -109,6 +112,13 @@ export class PastPlayer implements PastControls {
 
   get timeline(): Timeline | null {
     return this.#ports.source.timeline;
+  }
+
+  get nowMs(): number {
+    const pageMs = this.#ports.nowMs();
+    const toMs = this.timeline?.toMs ?? Number.NEGATIVE_INFINITY;
+    this.#aheadMs = relayAhead(this.#aheadMs, { toMs }, this.#playhead, pageMs);
+    return pageMs + this.#aheadMs;
   }
 
   readonly onChange = (listener: () => void): (() => void) => {
@@ -231,12 +241,13 @@ export class PastPlayer implements PastControls {
     this.#publish();
   }
 
-  /** Shows the moment that a link names, and rests there; if it is not kept, the nearest that is, and says so. */
+  /** Shows the moment that a link names, and rests there; if it is not kept, the nearest that is, and if it
+   *  is still to come, the present; both are told. */
   openAt(momentMs: number): void {
     this.#act();
     this.#enter();
     this.#rest();
-    this.#isLink = true;
+    this.#askedMs = momentMs;
     this.#jump(momentMs);
   }
 
@@ -253,7 +264,7 @@ export class PastPlayer implements PastControls {
   #act(): void {
     this.#acts += 1;
     this.#notes.forget();
-    this.#isLink = false;
+    this.#askedMs = null;
   }
 
   #enter(): void {
@@ -310,7 +321,7 @@ export class PastPlayer implements PastControls {
     const nowMs = this.#ports.nowMs();
     const { frame, situation, pending, isDamaged } = this.#reel.at(momentMs);
     for (const each of pending) each.begin();
-    const isUnknown = this.timeline === null && (frame === null || this.#isLink);
+    const isUnknown = this.timeline === null && (frame === null || this.#askedMs !== null);
     if (situation === null || isUnknown) {
       this.#notes.wait(pending, nowMs);
       this.#showKey(momentMs);
@@ -325,7 +336,7 @@ export class PastPlayer implements PastControls {
     this.#notes.rest();
     if (isDamaged) this.#say('damaged');
     const isApart = frame === null || Math.abs(momentMs - frame.atMs) > LINK_APART_MS;
-    if (this.#isLink && isApart && situation.word === 'online') this.#say('not-kept');
+    if (this.#askedMs !== null && isApart && situation.word === 'online') this.#say('not-kept');
     if (frame !== null) this.#fill.soon(frame);
   }
 
@@ -351,7 +362,15 @@ export class PastPlayer implements PastControls {
   #hasLeft(momentMs: number): boolean {
     const keptMs = this.#keptMs(momentMs);
     if (this.timeline === null || keptMs === momentMs) return false;
-    if (this.#isLink) this.#say('not-kept');
+    const askedMs = this.#askedMs;
+    if (askedMs !== null && askedMs > this.nowMs) {
+      this.goLive();
+      this.#askedMs = askedMs;
+      this.#say('not-come');
+      this.#ports.schedule(() => this.#publish(), LINK_NOTE_MS);
+      return true;
+    }
+    if (askedMs !== null) this.#say('not-kept');
     else if (keptMs > momentMs) this.#say('resumed');
     this.#jump(keptMs);
     return true;
@@ -464,16 +483,10 @@ export class PastPlayer implements PastControls {
 
   #read(): Playhead {
     const { momentMs, running: playing, speed } = this.#clock;
+    const [note, askedMs] = [this.#notes.read(this.#ports.nowMs()), this.#askedMs];
     if (!this.#isPast)
-      return { at: 'live', momentMs: this.#newestMs(), playing: true, speed: 1, loop: null, note: null };
-    return {
-      at: 'past',
-      momentMs,
-      playing,
-      speed,
-      loop: this.#loop,
-      note: this.#notes.read(this.#ports.nowMs()),
-    };
+      return { at: 'live', momentMs: this.#newestMs(), playing: true, speed: 1, loop: null, note, askedMs };
+    return { at: 'past', momentMs, playing, speed, loop: this.#loop, note, askedMs };
   }
 
   /** Tells the listeners what has changed: a moment that only goes on not too often. */

@@ -1,7 +1,7 @@
 import { Suspense, useEffect, useState } from 'react';
 import { home, relayChoice } from '../../../relay/relay.ts';
 import { Body } from '../../body/Body.tsx';
-import { useMomentNamed, usePast, useShown } from '../../past/use_past.ts';
+import { missedMoment, useMomentNamed, usePast, useShown } from '../../past/use_past.ts';
 import { showLink } from '../../shell/debug_api.ts';
 import { RobotFigure } from '../../shell/icons.tsx';
 import { late, onDemand } from '../../shell/late.tsx';
@@ -42,8 +42,9 @@ function Robot({ robot }: { robot: string }) {
 }
 
 function Shown({ live }: { live: RobotLink }) {
-  const momentNamed = useMomentNamed();
-  const past = usePast(live, momentNamed);
+  const named = useMomentNamed();
+  const past = usePast(live, named === 'moment');
+  const missed = missedMoment(named, past);
   const link = useShown(live, past);
   useEffect(() => {
     showLink(link);
@@ -64,9 +65,9 @@ function Shown({ live }: { live: RobotLink }) {
       <div className="embed-body">
         <Body link={link} live={live} />
       </div>
-      {past === null && momentNamed && !presented && (
+      {missed !== null && !presented && (
         <Suspense fallback={null}>
-          <NoPast />
+          <NoPast why={missed} />
         </Suspense>
       )}
       {past && !presented && (

@@ -1,14 +1,13 @@
 import './past.css';
 import { useLayoutEffect, useMemo, useRef, useState, useSyncExternalStore } from 'react';
-import type { PastControls, Timeline } from '../../../past/past_types.ts';
-import { nowMs as pageNowMs } from '../../../stream/clock.ts';
-import { formatSpan } from '../../../twin/format.ts';
+import type { PastControls, Playhead, Timeline } from '../../../past/past_types.ts';
 import { IconButton } from '../../shell/icons.tsx';
 import { late } from '../../shell/late.tsx';
 import { useNow } from '../../shell/now.ts';
+import { dayWords, notKeptWords, spanWords } from '../../status/moment_words.ts';
+import { more, useMore } from '../../text/more.ts';
 import { usePastText } from '../../text/past.ts';
 import { PauseIcon, PlayIcon } from './past_icons.tsx';
-import { relayAhead } from './relay_now.ts';
 import { Track } from './Track.tsx';
 import { type Range, RECENT_MS, shownSpan, type View } from './track_view.ts';
 
@@ -41,10 +40,7 @@ function Line({ controls, timeline }: { controls: PastControls; timeline: Timeli
   const [held, setHeld] = useState<{ view: View; open: boolean } | null>(null);
   const shown = useRef<View | null>(null);
 
-  const pageMs = pageNowMs();
-  const aheadMs = useRef(Number.NEGATIVE_INFINITY);
-  aheadMs.current = relayAhead(aheadMs.current, timeline, playhead, pageMs);
-  const nowMs = pageMs + aheadMs.current;
+  const { nowMs } = controls;
 
   const windowMs = nowMs - timeline.fromMs;
   const hasRanges = windowMs > SHORT_MS;
@@ -74,6 +70,7 @@ function Line({ controls, timeline }: { controls: PastControls; timeline: Timeli
     return () => observer.disconnect();
   }, [open]);
 
+  useMore(); // the notes' words
   const { note } = playhead;
   return (
     <section
@@ -85,7 +82,7 @@ function Line({ controls, timeline }: { controls: PastControls; timeline: Timeli
     >
       {note !== null && note !== 'loading' && (
         <p className="past-note" role="status" data-testid="past-note">
-          {text.notes[note]}
+          {noteWords(playhead, nowMs)}
         </p>
       )}
       {open && (
@@ -135,6 +132,16 @@ function Line({ controls, timeline }: { controls: PastControls; timeline: Timeli
   );
 }
 
+const NOTES = { resumed: 'pastResumed', damaged: 'pastDamaged', away: 'pastAway' } as const;
+
+function noteWords({ note, askedMs, momentMs }: Playhead, nowMs: number): string {
+  const text = more();
+  if (note === 'not-kept') return `${notKeptWords(askedMs!, momentMs, nowMs)}.`;
+  return note === 'not-come'
+    ? text.notCome(dayWords(askedMs!, nowMs))
+    : text[NOTES[note as keyof typeof NOTES]];
+}
+
 /** Of powers of two, so that it seldom changes, the one by which the time moves on by about a pixel, ms. */
 function stepOf(msPerPx: number): number {
   const step = 250 * 2 ** Math.ceil(Math.log2(Math.max(1, msPerPx) / 250));
@@ -168,7 +175,7 @@ function RangeButton({
   onRange: (range: Range) => void;
 }) {
   const text = usePastText();
-  const lengths = { recent: formatSpan(RECENT_MS), all: formatSpan(windowMs) };
+  const lengths = { recent: spanWords(RECENT_MS), all: spanWords(windowMs) };
   const other = range === 'all' ? 'recent' : 'all';
   const name = text.showLast(lengths[other]);
   return (

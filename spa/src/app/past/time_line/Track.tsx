@@ -2,10 +2,10 @@ import { type KeyboardEvent, type PointerEvent, useEffect, useMemo, useRef, useS
 import type { PastControls, Playhead, Span, Timeline } from '../../../past/past_types.ts';
 import { formatClockSeconds } from '../../../twin/format.ts';
 import { useStore } from '../../state/use_store.ts';
+import { momentWords } from '../../status/moment_words.ts';
 import { usePastText } from '../../text/past.ts';
 import { loopStart } from './loop_start.ts';
 import { whatWords } from './marks.ts';
-import { momentWords } from './moment_words.ts';
 import { playTrackKey } from './past_keys.ts';
 import { Scrubber } from './scrubber.ts';
 import { useSpoken } from './spoken.ts';

@@ -3,9 +3,10 @@ import { type ReactNode, useId } from 'react';
 import { type PastControls, type Playhead, SPEEDS, type Speed } from '../../../past/past_types.ts';
 import { IconButton, PastIcon } from '../../shell/icons.tsx';
 import { useStore } from '../../state/use_store.ts';
+import { momentWords } from '../../status/moment_words.ts';
+import { more } from '../../text/more.ts';
 import { usePastText } from '../../text/past.ts';
 import { loopStart, pressLoop } from './loop_start.ts';
-import { momentWords } from './moment_words.ts';
 import { FrameBackIcon, FrameOnIcon, LoopIcon, NextFaultIcon, PreviousFaultIcon } from './past_icons.tsx';
 import { speedWords } from './spoken.ts';
 
@@ -52,7 +53,7 @@ export function TransportBar({
       <p className="transport-moment">
         <PastIcon />
         <span data-testid="moment">{preciseWords(playhead, nowMs)}</span>
-        {playhead.note === 'loading' && <span className="transport-loading">{text.notes.loading}</span>}
+        {playhead.note === 'loading' && <span className="transport-loading">{more().pastLoading}</span>}
       </p>
       <div className="transport-part">
         <Speeds speed={playhead.speed} onSpeed={(speed) => controls.setSpeed(speed)} />

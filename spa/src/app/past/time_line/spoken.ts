@@ -1,7 +1,7 @@
 import { useRef } from 'react';
 import type { Playhead } from '../../../past/past_types.ts';
+import { momentWords } from '../../status/moment_words.ts';
 import { pastText } from '../../text/past.ts';
-import { momentWords } from './moment_words.ts';
 
 /** A playing moment this near to where it was expected was not sought, ms. */
 const EXPECTED_MS = 700;

@@ -1,4 +1,4 @@
-import type { Playhead, Timeline } from '../../../past/past_types.ts';
+import type { Playhead, Timeline } from '../past_types.ts';
 
 /** What is known is at most so old while a robot is on air; if it is older, nothing is known about the relay's clock, ms. */
 const RECENT_MS = 15_000;
