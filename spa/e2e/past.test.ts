@@ -116,6 +116,32 @@ it.each(FULL ? [LAPTOP, PHONE] : [LAPTOP])(
     await until('the same frame', async () => (await shown(other)).seq === (await shown(page)).seq);
     await other.close();
 
+    // presented, for everybody to see the same moment
+    await page.press('p');
+    await until('the moment in the presented address', async () => {
+      const said = await page.evaluate<string>(`${testId('present-address')}?.textContent ?? ''`);
+      return said.includes(/[?&](t=[\d:.TZ-]+)/.exec(link!)![1]!);
+    });
+    await page.screenshot(path.join(SHOTS, `past-presented-${viewport.width}.png`));
+    await page.press('p');
+    await rewindable(page, 12);
+
+    // a link to what is not kept any more, and to what is to come
+    const text = (id: string) => async (at: Page) =>
+      (await at.evaluate<string>(`${testId(id)}?.textContent ?? ''`)) ?? '';
+    const [banner, note] = [text('stage-note'), text('past-note')];
+    const early = await stage.newPage({ viewport });
+    await early.open(link!.replace(/t=[^&]+/, 't=2026-01-02T12:00:00.000Z'));
+    const old = /[12] Jan (2026 )?.*is not kept any more; this is the oldest there is, \d\d:\d\d:\d\d/;
+    await until('the banner names it', async () => old.test(await banner(early)), 60_000);
+    expect(await note(early)).toMatch(old);
+    await until('a body', () => whole(early), 60_000);
+    await early.screenshot(path.join(SHOTS, `past-not-kept-${viewport.width}.png`));
+    await early.open(link!.replace(/t=[^&]+/, 't=2199-01-02T12:00:00.000Z'));
+    await until('it is told that it has not come', async () => /2199.*not come yet/.test(await note(early)));
+    await until('LIVE', is(early, 'LIVE'));
+    await early.close();
+
     // live, past and live again
     await page.findByTestId('to-live').click();
     await until('LIVE', is(page, 'LIVE'));

@@ -198,6 +198,33 @@ describe('PastPlayer', () => {
     expect(visited).toEqual([18, 43, 78, 78, 43, 18, 18]);
   });
 
+  it('takes faults of one event for one, and goes on from it at a second press, however far it has played', async () => {
+    const rig = new Rig(new FakeSource(recorded(sent(1000))));
+    const mark = (s: number) =>
+      ({ atMs: at(s), level: 'fault', source: 'LKN', text: 'hot', exact: true }) as const;
+    rig.source.draw([mark(20), mark(40), mark(41.5), mark(80)]);
+    rig.player.seek(at(90));
+    rig.player.visitFault(-1);
+    await rig.pass(2500);
+    rig.player.visitFault(-1);
+    await rig.settle();
+    expect(rig.player.playhead.momentMs).toBe(at(38));
+    await rig.pass(2500);
+    rig.player.visitFault(1);
+    await rig.settle();
+    expect(rig.player.playhead.momentMs, 'past the second of the event').toBe(at(78));
+    await rig.pass(3500);
+    rig.player.visitFault(-1);
+    await rig.settle();
+    expect(rig.player.playhead.momentMs, 'a while later it is seen again').toBe(at(78));
+    await rig.pass(500);
+    rig.player.skip(-1000);
+    await rig.pass(100);
+    rig.player.visitFault(-1);
+    await rig.settle();
+    expect(rig.player.playhead.momentMs, 'from elsewhere').toBe(at(38));
+  });
+
   it('tells the words of a gap at their moments, and skips what is left of it after 2 s', async () => {
     const frames = sent(100).concat(sent(100, { firstSeq: 100, fromMs: at(300) }));
     const happened = [

@@ -13,13 +13,13 @@ const PLAYHEAD = { at: 'past', playing: true, speed: 1, loop: null } as const;
 function watched() {
   const twin = new RobotTwin('demo', 0);
   twin.acceptSchema(SCHEMA);
-  const at = { moment: 100_000, now: 500_000, note: null as PastNote | null };
+  const at = { moment: 100_000, now: 500_000, note: null as PastNote | null, told: null as number | null };
   const watch = new PastWatch(
     twin,
     () => at.moment,
     () => ({
       ...{ nowMs: at.now },
-      playhead: { ...PLAYHEAD, momentMs: at.moment, note: at.note, askedMs: 7000 },
+      playhead: { ...PLAYHEAD, momentMs: at.told ?? at.moment, note: at.note, askedMs: 7000 },
     }),
   );
   const heard = vi.fn(() => isOld(watch.verdict()));
@@ -78,4 +78,10 @@ it('names the moment that a link asked for, if that is not kept', () => {
   expect(words).toMatch(
     /^The past: 1 Jan .*:07 is not kept any more; this is the oldest there is, .* ago\.$/,
   );
+});
+
+it('tells the moment and the age that the time line tells', () => {
+  const { at, watch } = watched();
+  at.told = 99_950;
+  expect(watch.verdict()).toMatchObject({ ageMs: 400_050, past: { momentMs: 99_950 } });
 });

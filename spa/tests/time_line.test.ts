@@ -183,6 +183,18 @@ describe('the time line', () => {
     await gone('range');
   });
 
+  it('End takes away what the resting mouse had shown; beside the playhead’s time that makes room', async () => {
+    const { past, find, gone } = await timeLine();
+    past.rest(300);
+    const track = await find('track');
+    pointer(track, 'pointermove', 307);
+    const { transform, left } = (await find('tip')).style;
+    expect(left).toBe('50%');
+    expect(transform).toMatch(/^translateX\((max|min)\(-50%, /);
+    key(track, 'End');
+    await gone('tip');
+  });
+
   it('says what has to be told, and loading only quietly', async () => {
     const { past, find, gone } = await timeLine();
     past.rest(120);

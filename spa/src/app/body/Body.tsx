@@ -9,6 +9,7 @@ import type { BodyView, RowView } from '../../view/body_view.ts';
 import { startWhenLoaded } from '../shell/deferred_start.ts';
 import { late } from '../shell/late.tsx';
 import { useNow } from '../shell/now.ts';
+import { useShownSecond } from '../state/moment.ts';
 import { type RobotLink, useConnection, useVersion, useWord } from '../state/robot_link.ts';
 import { bytesWords, problemWords, stageWords, waitingWords } from '../status/words.ts';
 import { say, useText } from '../text/language.ts';
@@ -229,6 +230,7 @@ function StageNote({ link }: { link: RobotLink }) {
   const now = useNow(250);
   const connection = useConnection(link);
   useWord(link); // so that a new word is shown at once
+  useShownSecond(); // with the time line
   const verdict = link.watch.verdict();
   const words = stageWords(verdict, connection, now);
   const { problem } = connection;

@@ -1,10 +1,11 @@
 import './present.css';
-import { useEffect } from 'react';
+import { useEffect, useSyncExternalStore } from 'react';
 import { home } from '../../relay/relay.ts';
 import { nowMs } from '../../stream/clock.ts';
 import { isolated } from '../../twin/names.ts';
 import { QrCode } from '../share/QrCode.tsx';
 import { useNow } from '../shell/now.ts';
+import { formatMoment, shownMoment, useShownSecond } from '../state/moment.ts';
 import { present } from '../state/presenting.ts';
 import { type RobotLink, useConnection, useVersion, useWord } from '../state/robot_link.ts';
 import { robotHref } from '../state/route.ts';
@@ -40,7 +41,7 @@ export function Presentation({ link }: { link: RobotLink }) {
         <ChosenJoint link={link} />
       </div>
       <OpenFaultSentences link={link} />
-      <Address robot={link.twin.robot} />
+      <Address link={link} />
     </div>
   );
 }
@@ -49,6 +50,7 @@ export function Presentation({ link }: { link: RobotLink }) {
 function State({ link }: { link: RobotLink }) {
   useNow(250);
   useWord(link); // so that a new word is shown at once
+  useShownSecond(); // with the time line
   const connection = useConnection(link);
   const verdict = link.watch.verdict();
   const { word, detail, more, warning } = chipWords(verdict, connection, nowMs());
@@ -67,12 +69,22 @@ function State({ link }: { link: RobotLink }) {
 
 const OWN_COMPUTER = /^(localhost|127\.|\[::1\])/;
 
-/** The address of the robot's page as a QR code and in letters, without what is looked at now: it stays the same. */
-function Address({ robot }: { robot: string }) {
+/** While the past plays its address stays so long the same, ms: a camera has to find it. */
+const STILL_MS = 10_000;
+
+/** The address of the robot's page as a QR code and in letters, without what is looked at now: it stays the same. In the
+ *  past it leads to the moment. */
+function Address({ link }: { link: RobotLink }) {
   const text = useMore();
+  const shownMs = useSyncExternalStore(shownMoment.subscribe, () => {
+    const momentMs = shownMoment.get();
+    return momentMs === null || link.resting() ? momentMs : Math.floor(momentMs / STILL_MS) * STILL_MS;
+  });
   const query = new URLSearchParams(window.location.search);
   query.delete('origin'); // of the page around a frame
-  const address = `${home()}${query.size > 0 ? `?${query}` : ''}${robotHref(robot)}`;
+  const address = `${home()}${query.size > 0 ? `?${query}` : ''}${robotHref(link.twin.robot)}${
+    shownMs === null ? '' : `?t=${formatMoment(shownMs)}`
+  }`;
   const { hostname } = new URL(address);
   return (
     <div className="present-address" data-testid="present-address">

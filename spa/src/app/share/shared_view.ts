@@ -1,4 +1,5 @@
 import type { EyePlace } from '../../view/body_view.ts';
+import { formatMoment } from '../state/moment.ts';
 import type { Settings } from '../state/settings.ts';
 
 /** The parts of a shared link that are no settings: `#/r/demo?t=2026-11-22T14:02:07.250Z&joint=RKN&eye=2.1,0.4,1.2,0,0,0.6`. */
@@ -35,7 +36,7 @@ export function readShared(query: URLSearchParams): Pick<SharedView, 'joint' | '
  *  precision); empty if there is nothing to name. */
 export function sharedQuery(chosen: Pick<Settings, keyof typeof USUAL>, view: SharedView): string {
   const parts: string[] = [];
-  if (view.momentMs !== null) parts.push(`t=${new Date(view.momentMs).toISOString()}`);
+  if (view.momentMs !== null) parts.push(`t=${formatMoment(view.momentMs)}`);
   for (const key of Object.keys(USUAL) as (keyof typeof USUAL)[]) {
     if (chosen[key] !== USUAL[key]) parts.push(`${key}=${chosen[key]}`);
   }

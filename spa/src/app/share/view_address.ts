@@ -6,8 +6,10 @@ import { selection, selectJoint } from '../state/selection.ts';
 import { queryOf, settings } from '../state/settings.ts';
 import { readShared, sharedQuery } from './shared_view.ts';
 
-/** How often the address is written. Browsers limit how often a page may do that. */
+/** How often the page looks whether the address is still right. */
 const EVERY_MS = 500;
+/** Between two writings while the past plays, about: browsers allow a page 100 in 30 s. */
+const PLAYED_EVERY_MS = 900;
 
 /**
  * Keeps the page's address in step with what it shows, so that a copy of the address opens the same view. At first, and
@@ -36,14 +38,9 @@ export function bindAddress(view: BodyView, { twin }: RobotLink): () => void {
 
   let before = '';
   let known = window.location.hash;
-  let stood: number | null = null;
+  let wroteMs = Number.NEGATIVE_INFINITY;
   const write = () => {
     const moment = shownMoment.get();
-    if (moment !== null && moment !== stood) {
-      stood = moment; // while it moves the address stays as it is
-      return;
-    }
-    stood = moment;
     const { hash } = window.location;
     const isNew = hash !== known; // another link, of which `take` may still have to hear
     known = hash;
@@ -51,13 +48,16 @@ export function bindAddress(view: BodyView, { twin }: RobotLink): () => void {
     const shared = sharedQuery(settings(), {
       joint: selection()?.joint ?? null,
       eye: view.stand,
-      momentMs: moment === null ? null : Math.ceil(moment), // so that the shown frame is not after it
+      momentMs: moment,
     });
     const query = presenting() ? `${shared === '' ? '?' : `${shared}&`}present` : shared;
-    const resting = query === before; // written only when nothing has changed since the last check
+    // Written only when nothing has changed since the last check, but a moment that moves now and then.
+    const nowMs = performance.now();
+    const due = query === before || (moment !== null && nowMs - wroteMs >= PLAYED_EVERY_MS);
     before = query;
     const [place = ''] = hash.split('?');
-    if (resting && hash !== place + query) {
+    if (due && hash !== place + query) {
+      wroteMs = nowMs;
       window.history.replaceState(window.history.state, '', `${window.location.search}${place}${query}`);
       known = window.location.hash;
     }

@@ -3,6 +3,7 @@ import { nowMs } from '../../stream/clock.ts';
 import { late } from '../shell/late.tsx';
 import { useNow } from '../shell/now.ts';
 import { usePopover } from '../shell/popover.ts';
+import { useShownSecond } from '../state/moment.ts';
 import { type RobotLink, useConnection, useWord } from '../state/robot_link.ts';
 import { useText } from '../text/language.ts';
 import { chipWords } from './words.ts';
@@ -14,6 +15,7 @@ const Explanation = late(async () => (await import('./Explanation.tsx')).Explana
 export function Chip({ link }: { link: RobotLink }) {
   useNow(250);
   useWord(link); // so that a new word is shown at once
+  useShownSecond(); // with the time line
   const connection = useConnection(link);
   useText();
   const { open, setOpen, around } = usePopover<HTMLDivElement>();

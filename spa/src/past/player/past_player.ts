@@ -19,6 +19,8 @@ import { Tape, type TapeFrame } from './tape.ts';
 export const GAP_MS = 2000;
 /** Between two calls of the listeners while playing, ms. */
 const CHANGE_EVERY_MS = 100;
+/** A second press this soon goes on from the fault that the first went to, however far it has played since, ms. */
+const AGAIN_MS = 3000;
 /** A link's moment is not kept where nothing is recorded so near to it, ms. */
 const LINK_APART_MS = 10_000;
 const MINUTE_MS = 60_000;
@@ -69,6 +71,8 @@ export class PastPlayer implements PastControls {
   #steps = 0;
   /** Counts what makes a search for faults obsolete. */
   #acts = 0;
+  /** The newest visit to a fault: to where, when by the page's clock, and as which of the acts. */
+  #visited = { goesMs: 0, atMs: Number.NEGATIVE_INFINITY, act: 0 };
   /** When something was last shown, page's clock. */
   #shownMs = 0;
   #playhead: Playhead;
@@ -430,11 +434,15 @@ export class PastPlayer implements PastControls {
   }
 
   async #visit(by: 1 | -1, momentMs: number, act: number): Promise<void> {
-    const slackMs = this.#isPast && this.#clock.running ? 1000 : 1;
+    const { goesMs, atMs, act: before } = this.#visited;
+    const isAgain = act === before + 1 && this.#ports.nowMs() - atMs < AGAIN_MS;
+    const fromMs = isAgain ? goesMs : momentMs;
+    const slackMs = !isAgain && this.#isPast && this.#clock.running ? 1000 : 1;
     for (let tries = 0; ; tries += 1) {
-      const mark = faultBeside(this.timeline?.marks ?? [], by, momentMs, slackMs);
+      const mark = faultBeside(this.timeline?.marks ?? [], by, fromMs, slackMs);
       if (mark === null) return;
       if (mark.exact || tries > 1) {
+        this.#visited = { goesMs: mark.goesMs, atMs: this.#ports.nowMs(), act };
         this.#loop = null;
         this.#enter();
         this.#jump(this.#keptMs(mark.goesMs));

@@ -14,6 +14,8 @@ import { msAt, pxAt, type View } from './track_view.ts';
 
 /** Half of the width of the playhead's time, CSS px. */
 const TIME_PX = 36;
+/** The room that most words at a place need beside it, CSS px. */
+const TIP_PX = 230;
 
 /** The track: all of the time that is shown, its movement and marks, and the playhead. Pressed or dragged, and by arrow keys,
  *  it goes into the past. */
@@ -70,6 +72,7 @@ export function Track({
   const onKey = (event: KeyboardEvent) => {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     if (!playTrackKey(controls, nowMs, event)) return;
+    setHover(null); // where the mouse rests is not what is looked at now
     event.preventDefault();
     event.stopPropagation();
   };
@@ -131,7 +134,9 @@ export function Track({
           )}
         </div>
       )}
-      {hover !== null && <Tip {...{ timeline, view, nowMs, hover }} />}
+      {hover !== null && (
+        <Tip {...{ timeline, view, nowMs, hover }} headPx={open && past ? headPx + timePx : null} />
+      )}
     </div>
   );
 }
@@ -151,19 +156,24 @@ function Tip({
   view,
   nowMs,
   hover: { xPx, touch },
+  headPx,
 }: {
   timeline: Timeline;
   view: View;
   nowMs: number;
   hover: Hover;
+  /** The middle of the playhead's time in the same row; null: there is none. */
+  headPx: number | null;
 }) {
   const momentMs = msAt(view, xPx);
   const what = whatWords(timeline, view, xPx, momentMs);
-  const part = (100 * Math.min(view.widthPx, Math.max(0, xPx))) / view.widthPx;
+  const placePx = Math.min(view.widthPx, Math.max(0, xPx));
+  const part = (100 * placePx) / view.widthPx;
+  const shift = headPx === null || touch ? `-${part}%` : besideShift(part, placePx, headPx, view.widthPx);
   return (
     <p
       className="track-tip"
-      style={{ left: `${part}%`, transform: `translateX(-${part}%)` }}
+      style={{ left: `${part}%`, transform: `translateX(${shift})` }}
       data-touch={touch}
       data-testid="tip"
     >
@@ -171,6 +181,16 @@ function Tip({
       {what !== '' && <b> {what}</b>}
     </p>
   );
+}
+
+/** How far the words at a place are moved so that they stay beside the playhead's time: on the side where the place is if
+ *  there is room, else on the other. `part`: of the line, percent. */
+function besideShift(part: number, xPx: number, headPx: number, widthPx: number): string {
+  const hasRoom = { left: headPx > TIP_PX, right: widthPx - headPx > TIP_PX };
+  const isRight = xPx < headPx ? !hasRoom.left : hasRoom.right;
+  return isRight
+    ? `max(-${part}%, ${headPx + TIME_PX - xPx}px)`
+    : `min(-${part}%, ${headPx - TIME_PX - xPx}px - 100%)`;
 }
 
 function nextFrame(run: () => void): () => void {
