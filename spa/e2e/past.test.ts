@@ -116,32 +116,6 @@ it.each(FULL ? [LAPTOP, PHONE] : [LAPTOP])(
     await until('the same frame', async () => (await shown(other)).seq === (await shown(page)).seq);
     await other.close();
 
-    // presented, for everybody to see the same moment
-    await page.press('p');
-    await until('the moment in the presented address', async () => {
-      const said = await page.evaluate<string>(`${testId('present-address')}?.textContent ?? ''`);
-      return said.includes(/[?&](t=[\d:.TZ-]+)/.exec(link!)![1]!);
-    });
-    await page.screenshot(path.join(SHOTS, `past-presented-${viewport.width}.png`));
-    await page.press('p');
-    await rewindable(page, 12);
-
-    // a link to what is not kept any more, and to what is to come
-    const text = (id: string) => async (at: Page) =>
-      (await at.evaluate<string>(`${testId(id)}?.textContent ?? ''`)) ?? '';
-    const [banner, note] = [text('stage-note'), text('past-note')];
-    const early = await stage.newPage({ viewport });
-    await early.open(link!.replace(/t=[^&]+/, 't=2026-01-02T12:00:00.000Z'));
-    const old = /[12] Jan (2026 )?.*is not kept any more; this is the oldest there is, \d\d:\d\d:\d\d/;
-    await until('the banner names it', async () => old.test(await banner(early)), 60_000);
-    expect(await note(early)).toMatch(old);
-    await until('a body', () => whole(early), 60_000);
-    await early.screenshot(path.join(SHOTS, `past-not-kept-${viewport.width}.png`));
-    await early.open(link!.replace(/t=[^&]+/, 't=2199-01-02T12:00:00.000Z'));
-    await until('it is told that it has not come', async () => /2199.*not come yet/.test(await note(early)));
-    await until('LIVE', is(early, 'LIVE'));
-    await early.close();
-
     // live, past and live again
     await page.findByTestId('to-live').click();
     await until('LIVE', is(page, 'LIVE'));
@@ -172,6 +146,44 @@ it.each(FULL ? [LAPTOP, PHONE] : [LAPTOP])(
   },
   240_000,
 );
+
+it('a moment has its link while presented, and one that can’t be shown is named', async () => {
+  const relay = await stage.stack.relay({ past: 'memory:' });
+  new ClockRobot(stage.stack, relay);
+  const page = await stage.newPage({ viewport: LAPTOP });
+  await page.open(`${relay.url}/#/r/demo`);
+  await until('LIVE', is(page, 'LIVE'), 60_000);
+  await until('a body', () => whole(page), 60_000);
+  await rewindable(page, 12);
+  const text = (id: string) => page.evaluate<string>(`${testId(id)}?.textContent ?? ''`);
+  const address = () => page.evaluate<string>('location.href');
+  mkdirSync(SHOTS, { recursive: true });
+
+  await tapAt(page, 0.4);
+  await until('PAST', is(page, 'PAST'));
+  await until('the address names a moment that plays', async () => /[?&]t=/.test(await address()));
+  await page.press('Space');
+  await page.press('p');
+  await until('its moment in the presented address', async () => {
+    const t = /[?&](t=[\d:.TZ-]+)/.exec(await address())?.[1];
+    return t !== undefined && (await text('present-address')).includes(t);
+  });
+  await page.screenshot(path.join(SHOTS, 'past-presented.png'));
+
+  const link = (t: string) => `${relay.url}/#/r/demo?t=${t}`;
+  const old = /[123] Jan (2026 )?.*is not kept any more; this is the oldest there is, \d\d:\d\d:\d\d/;
+  await page.open(link('2026-01-02T12:00:00.000Z'));
+  await until('the banner names it', async () => old.test(await text('stage-note')), 60_000);
+  expect(await text('past-note')).toMatch(old);
+  await page.open('about:blank');
+  await page.open(link('2199-01-02T12:00:00.000Z'));
+  await until('it has not come', async () => /2199.*not come yet/.test(await text('past-note')), 60_000);
+  await until('LIVE', is(page, 'LIVE'), 60_000);
+  await page.open('about:blank');
+  await page.open(link('hello'));
+  await until('no moment', async () => /names no moment/.test(await text('past-note')), 60_000);
+  await until('LIVE', is(page, 'LIVE'), 60_000);
+}, 240_000);
 
 it('a link to a moment says so where there is no past, and shows what is live', async () => {
   const relay = await stage.stack.relay({ past: '0' });

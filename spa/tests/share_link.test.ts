@@ -46,6 +46,14 @@ it('remembers it in this tab, and leaves other addresses as they are', () => {
   expect(tokenFor(STATE)).toBe(TOKEN);
 });
 
+it('takes nonsense for no token', () => {
+  openAt(`#/r/hubo?t=${TOKEN}`);
+  shown = [];
+  openAt('#/r/hubo?t=hello');
+  expect(shown).toEqual([]);
+  expect(tokenFor(STATE)).toBe(TOKEN);
+});
+
 it('takes a moment for no token', () => {
   openAt(`#/r/hubo?t=${TOKEN}`);
   shown = [];
