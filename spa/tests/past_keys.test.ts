@@ -41,6 +41,13 @@ describe('keys all over the page', () => {
     expect(past.told).toEqual(['step -1', 'skip -10000', 'fault -1', 'toggle']);
   });
 
+  it('lead back to live', () => {
+    expect(press('e')).toBe(false);
+    past.rest(100);
+    expect(press('E')).toBe(true);
+    expect(past.told.at(-1)).toBe('live');
+  });
+
   it('toggle once, however long they are held', () => {
     press(' ', { repeat: true });
     expect(past.told).toEqual([]);

@@ -183,6 +183,15 @@ describe('the time line', () => {
     await gone('range');
   });
 
+  it('has hundredths at the playhead where it rests, also where a phone shows nothing else', async () => {
+    const { past, find } = await timeLine();
+    past.rest(300);
+    const head = await find('playhead');
+    await vi.waitFor(() => expect(head.textContent).toMatch(/:\d\d\.\d\d$/));
+    past.set({ playing: true });
+    await vi.waitFor(() => expect(head.textContent).toMatch(/^\d\d:\d\d:\d\d$/));
+  });
+
   it('End takes away what the resting mouse had shown; beside the playhead’s time that makes room', async () => {
     const { past, find, gone } = await timeLine();
     past.rest(300);
@@ -263,6 +272,10 @@ describe('keys', () => {
     expect(key(track, ' ')).toBe(true);
     expect(key(named('Back 10 s'), 'j')).toBe(true);
     expect(past.told).toEqual(['toggle', 'toggle', 'skip -10000']);
+    pointer(named('Back 10 s'), 'pointerdown', 10);
+    expect(key(named('Back 10 s'), ' '), 'clicked, it does not hold Space').toBe(true);
+    key(document.body, 'Tab');
+    expect(key(named('Back 10 s'), ' '), 'come to by the keyboard, it is pressed by Space').toBe(false);
   });
 
   it('do nothing where there is no past', async () => {

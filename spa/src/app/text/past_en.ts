@@ -6,7 +6,7 @@ export const pastEn = {
   live: 'Live',
   /** `what`: a fault, as a sentence. */
   now: (what: string) => `Now: ${what}`,
-  toLive: 'Back to live (End on the time line)',
+  toLive: 'Back to live (E)',
   playingAt: (speed: string) => `playing at ${speed}`,
   paused: 'paused',
   notRecorded: 'not recorded',

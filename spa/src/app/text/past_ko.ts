@@ -6,7 +6,7 @@ export const pastKo: typeof pastEn = {
   moment: '보이는 순간',
   live: '실시간',
   now: (what) => `지금: ${what}`,
-  toLive: '실시간으로 돌아가기 (타임라인에서 End)',
+  toLive: '실시간으로 돌아가기 (E)',
   playingAt: (speed) => `${speed} 속도로 재생 중`,
   paused: '일시 정지됨',
   notRecorded: '기록 없음',

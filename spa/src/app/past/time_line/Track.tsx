@@ -2,7 +2,7 @@ import { type KeyboardEvent, type PointerEvent, useEffect, useMemo, useRef, useS
 import type { PastControls, Playhead, Span, Timeline } from '../../../past/past_types.ts';
 import { formatClockSeconds } from '../../../twin/format.ts';
 import { useStore } from '../../state/use_store.ts';
-import { momentWords } from '../../status/moment_words.ts';
+import { hundredthsWords, momentWords } from '../../status/moment_words.ts';
 import { usePastText } from '../../text/past.ts';
 import { loopStart } from './loop_start.ts';
 import { whatWords } from './marks.ts';
@@ -13,7 +13,7 @@ import { TrackPicture } from './TrackPicture.tsx';
 import { msAt, pxAt, type View } from './track_view.ts';
 
 /** Half of the width of the playhead's time, CSS px. */
-const TIME_PX = 36;
+const TIME_PX = 45;
 /** The room that most words at a place need beside it, CSS px. */
 const TIP_PX = 230;
 
@@ -130,6 +130,7 @@ export function Track({
           {open && (
             <time style={{ transform: `translateX(calc(${timePx}px - 50%))` }}>
               {formatClockSeconds(playhead.momentMs)}
+              {!playhead.playing && hundredthsWords(playhead.momentMs)}
             </time>
           )}
         </div>

@@ -3,7 +3,7 @@ import { type ReactNode, useId } from 'react';
 import { type PastControls, type Playhead, SPEEDS, type Speed } from '../../../past/past_types.ts';
 import { IconButton, PastIcon } from '../../shell/icons.tsx';
 import { useStore } from '../../state/use_store.ts';
-import { momentWords } from '../../status/moment_words.ts';
+import { hundredthsWords, momentWords } from '../../status/moment_words.ts';
 import { more } from '../../text/more.ts';
 import { usePastText } from '../../text/past.ts';
 import { loopStart, pressLoop } from './loop_start.ts';
@@ -68,8 +68,7 @@ export function TransportBar({
 export function preciseWords({ momentMs, playing }: Playhead, nowMs: number): string {
   const words = momentWords(momentMs, nowMs);
   if (playing) return words;
-  const hundredths = String(Math.floor((momentMs % 1000) / 10)).padStart(2, '0');
-  return words.replace(' · ', `.${hundredths} · `);
+  return words.replace(' · ', `${hundredthsWords(momentMs)} · `);
 }
 
 function Press({

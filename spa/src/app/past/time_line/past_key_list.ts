@@ -8,6 +8,7 @@ export const PAST_KEYS = [
   ['B N', 'keyFault'],
   ['[ ]', 'keySpeed'],
   ['O', 'keyLoop'],
+  ['E', 'keyLive'],
   ['← →', 'keyOnLine'],
   ['PageUp PageDown', 'keyMinute'],
   ['Home End', 'keyEnds'],

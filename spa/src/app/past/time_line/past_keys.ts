@@ -4,7 +4,8 @@ import { pressLoop } from './loop_start.ts';
 
 type Key = Pick<KeyboardEvent, 'key' | 'code' | 'repeat' | 'shiftKey'>;
 
-/** What a button or a field does with Space by itself. */
+/** What does something with Space by itself. A button or tab that was clicked does not: who clicks it means the page by
+ *  Space; who comes to it by the keyboard presses it. */
 const TAKES_SPACE = 'button, a, input, summary, [role="button"], [role="tab"], [role="separator"]';
 const TYPED_INTO = 'input:not([type="radio"], [type="checkbox"]), textarea, select, [contenteditable]';
 
@@ -45,6 +46,9 @@ export function playPastKey(controls: PastControls, event: Key): boolean {
       if (!live && next !== undefined) controls.setSpeed(next);
       return true;
     }
+    case 'e':
+      controls.goLive();
+      return !live;
     case 'o':
       if (!event.repeat && !live) pressLoop(controls);
       return true;
@@ -74,15 +78,27 @@ export function playTrackKey(controls: PastControls, nowMs: number, { key, shift
 export function usePastKeys(controls: PastControls | null): void {
   useEffect(() => {
     if (controls === null) return;
+    let clicked: Element | null = null;
+    const takes = (target: EventTarget | null) =>
+      target instanceof Element ? target.closest(TAKES_SPACE) : null;
+    const onPointer = (event: PointerEvent) => {
+      clicked = takes(event.target);
+    };
     const onKey = (event: KeyboardEvent) => {
+      if (event.key === 'Tab') clicked = null;
       if (event.defaultPrevented || event.ctrlKey || event.metaKey || event.altKey || event.shiftKey) return;
       const at = event.target instanceof Element ? event.target : document.body;
       if (at.closest(TYPED_INTO) !== null || document.querySelector('dialog[open]') !== null) return;
-      if (event.key === ' ' && at.closest(TAKES_SPACE) !== null) return;
+      const taker = takes(at);
+      if (event.key === ' ' && taker !== null && (taker !== clicked || taker.matches('input'))) return;
       if (controls.timeline === null && controls.playhead.at === 'live') return;
       if (playPastKey(controls, event)) event.preventDefault();
     };
+    window.addEventListener('pointerdown', onPointer, true);
     window.addEventListener('keydown', onKey);
-    return () => window.removeEventListener('keydown', onKey);
+    return () => {
+      window.removeEventListener('pointerdown', onPointer, true);
+      window.removeEventListener('keydown', onKey);
+    };
   }, [controls]);
 }
