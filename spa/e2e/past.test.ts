@@ -163,6 +163,23 @@ it('a moment has its link while presented, and one that can’t be shown is name
   await until('PAST', is(page, 'PAST'));
   await until('the address names a moment that plays', async () => /[?&]t=/.test(await address()));
   await page.press('Space');
+  for (const [width, height] of [
+    [844, 390],
+    [390, 844],
+    [568, 320],
+  ] as const) {
+    await page.viewport({ width, height });
+    await until(`the banner at ${width} px`, () =>
+      page.evaluate<boolean>(`(() => {
+        const note = ${testId('stage-note')};
+        const { left, right, top, height } = note.getBoundingClientRect();
+        const on = document.elementFromPoint((left + right) / 2, top + height / 2);
+        return innerWidth === ${width} && /^The past: \\d\\d:\\d\\d:\\d\\d · .* ago/.test(note.textContent) && note.contains(on);
+      })()`),
+    );
+    await page.screenshot(path.join(SHOTS, `past-banner-${width}.png`));
+  }
+  await page.viewport(LAPTOP);
   await page.press('p');
   await until('its moment in the presented address', async () => {
     const t = /[?&](t=[\d:.TZ-]+)/.exec(await address())?.[1];
