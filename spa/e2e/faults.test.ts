@@ -125,3 +125,30 @@ it('stands first in its line, whole, on every size; the button makes room, and t
   }
   expect(await page.findByTestId('acknowledge').attribute('aria-label')).toBe('Acknowledge all');
 });
+
+it('the words of an alarm lead to its moment, as its time does', async () => {
+  const relay = await stage.stack.relay({ past: 'memory:' });
+  const { source } = stage.stack.fedEdge(relay, FINE, { profile: 'demo' });
+  const page = await stage.newPage({ viewport: { width: 1280, height: 800 } });
+  await page.open(`${relay.url}/#/r/demo`);
+  await until('LIVE', async () => (await liveness(page)) === 'LIVE');
+  source.write(JSON.stringify({ ...JAMMED, once: true }));
+  await page.findByRole('tab', /^Alarms/).click();
+  await until('the past is kept', () =>
+    page.evaluate<boolean>('document.querySelectorAll(".alarms .when").length > 1'),
+  );
+  const middleOf = (selector: string) =>
+    page.evaluate<{ x: number; y: number }>(`(() => {
+      const { left, top, width, height } = document.querySelector('${selector}').getBoundingClientRect();
+      return { x: left + width / 2, y: top + height / 2 };
+    })()`);
+  const term = await middleOf('.open-faults .term');
+  expect(
+    await page.evaluate<boolean>(
+      `document.elementFromPoint(${term.x}, ${term.y}).matches('.open-faults .term')`,
+    ),
+    'its other buttons lie above',
+  ).toBe(true);
+  await page.click(await middleOf('[data-testid="alarms"] .alarm-words'));
+  await until('PAST', async () => (await liveness(page)) === 'PAST');
+});

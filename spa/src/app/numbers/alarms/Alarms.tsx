@@ -58,7 +58,7 @@ export function Alarms({ link }: { link: RobotLink }) {
       <ol className="alarms" data-testid="alarms" aria-label={text.whatHappened}>
         {all.map(({ key, atMs, level, state, source, title, words, own }) => (
           <li key={key} data-level={level} data-state={state} data-own={own}>
-            <When atMs={atMs} />
+            <When atMs={atMs} title={title} />
             <span className="alarm-mark" aria-hidden="true" />
             <span className="alarm-words">
               <b title={title}>{source}</b> {words}
