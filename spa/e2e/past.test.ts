@@ -166,7 +166,6 @@ it('a moment has its link while presented, and one that can’t be shown is name
   for (const [width, height] of [
     [844, 390],
     [390, 844],
-    [568, 320],
   ] as const) {
     await page.viewport({ width, height });
     await until(`the banner at ${width} px`, () =>
