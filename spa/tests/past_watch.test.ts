@@ -13,13 +13,25 @@ const PLAYHEAD = { at: 'past', playing: true, speed: 1, loop: null } as const;
 function watched() {
   const twin = new RobotTwin('demo', 0);
   twin.acceptSchema(SCHEMA);
-  const at = { moment: 100_000, now: 500_000, note: null as PastNote | null, told: null as number | null };
+  const at = {
+    moment: 100_000,
+    now: 500_000,
+    note: null as PastNote | null,
+    told: null as number | null,
+    live: false,
+  };
   const watch = new PastWatch(
     twin,
     () => at.moment,
     () => ({
       ...{ nowMs: at.now },
-      playhead: { ...PLAYHEAD, momentMs: at.told ?? at.moment, note: at.note, askedMs: 7000 },
+      playhead: {
+        ...PLAYHEAD,
+        at: at.live ? 'live' : 'past',
+        momentMs: at.told ?? at.moment,
+        note: at.note,
+        askedMs: 7000,
+      },
     }),
   );
   const heard = vi.fn(() => isOld(watch.verdict()));
@@ -84,4 +96,12 @@ it('tells the moment and the age that the time line tells', () => {
   const { at, watch } = watched();
   at.told = 99_950;
   expect(watch.verdict()).toMatchObject({ ageMs: 400_050, past: { momentMs: 99_950 } });
+});
+
+it('on the way back to live it is still of the moment whose pose is shown', () => {
+  const { at, watch, pose } = watched();
+  pose(99_990);
+  at.live = true;
+  at.told = 499_000;
+  expect(watch.verdict()).toMatchObject({ ageMs: 400_000, past: { momentMs: 100_000, isHere: true } });
 });

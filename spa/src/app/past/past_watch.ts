@@ -48,15 +48,17 @@ export class PastWatch implements Watch {
     const { state } = this.#twin;
     const isHere = state !== null && (this.#was !== null || Math.abs(state.atMs - momentMs) < NEAR_MS);
     const { playhead, nowMs } = this.#past();
+    // the pose of then is shown until a live one is here
+    const toldMs = playhead.at === 'past' ? playhead.momentMs : momentMs;
     const askedMs = playhead.note === 'not-kept' ? playhead.askedMs : null;
     return {
       word: 'PAST',
       cause: null,
       overShare: false,
-      ageMs: Math.max(0, nowMs - playhead.momentMs),
+      ageMs: Math.max(0, nowMs - toldMs),
       linkMs: null,
       unchangedMs: null,
-      past: { momentMs: playhead.momentMs, askedMs, was: this.#was, isHere },
+      past: { momentMs: toldMs, askedMs, was: this.#was, isHere },
     };
   }
 }
