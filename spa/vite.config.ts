@@ -30,15 +30,19 @@ const IN_THE_PAGE =
 /** What page and lazy parts share, in few chunks: a browser asks for six files at a time, and the worker waits its turn. */
 const SHARED_CHUNKS = [
   { name: 'react', test: /node_modules\/react\// },
-  { name: 'relay', test: /spa\/src\/(auth\/token|browser\/(storage|store)|relay\/(as_anyone|relay))\.ts$/ },
+  {
+    name: 'relay',
+    test: /spa\/src\/(auth\/token|browser\/(storage|store)|relay\/(as_anyone|relay)|stream\/clock)\.ts$/,
+  },
   {
     name: 'values',
     test: /spa\/src\/(model\/(bounds|kinematics)|twin\/(format|names|plain_names|rotation|values|limits\/(level_latch|limits))|view\/camera\/framing)\.ts$/,
   },
   {
     name: 'settings',
-    test: /spa\/src\/(app\/(state\/(settings|use_store)|text\/language)|browser\/(first_paint|late_part|retry)|app\/shell\/media)\.ts$/,
+    test: /spa\/src\/(app\/(state\/(settings|use_store)|status\/moment_words|text\/language)|browser\/(drawn_lines|first_paint|late_part|retry)|app\/shell\/media)\.ts$/,
   },
+  { name: 'cells', test: /spa\/src\/app\/.*\/(cells\.ts|fault_words\.ts|FlagTerm\.tsx)$/ },
 ];
 
 function contentPolicy(): Plugin {
