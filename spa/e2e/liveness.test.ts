@@ -5,7 +5,7 @@ import { describe, expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { FaultyLink } from './proxy.ts';
-import { type ChipChange, chips, chipText, liveness, RECORD } from './robot_page.ts';
+import { type ChipChange, chips, chipText, liveness, RECORD, whole } from './robot_page.ts';
 import { REPO } from './stack.ts';
 import { FULL, setStage } from './stage.ts';
 import { ClockRobot, WITNESS } from './truth.ts';
@@ -75,6 +75,7 @@ describe('the four words', () => {
     const page = await stage.newPage({ preload: `${RECORD};${WITNESS}` });
     await page.open(`${relay.url}/#/r/demo`);
     await until('LIVE', async () => (await liveness(page)) === 'LIVE');
+    await until('a body', () => whole(page)); // its files are the edge's
 
     const killedMs = Date.now();
     await edge.kill();
