@@ -5,6 +5,7 @@ import { readManifest } from '../../../model/manifest.ts';
 import { manifestUrl, streamUrl } from '../../../relay/addresses.ts';
 import { PreviewStream } from '../../../stream/preview/preview_stream.ts';
 import { type Pose, Poser } from '../../../twin/playback/pose.ts';
+import { withoutHeading } from '../../../twin/rotation.ts';
 import { StickFigure } from '../../../view/stick_figure.ts';
 import { useTheme } from '../../shell/theme.ts';
 
@@ -59,13 +60,14 @@ export function Preview({ robot, model }: { robot: string; model: string }) {
   );
 }
 
-/** Keeps a robot that walks over the place where it was first. */
+/** Keeps a robot that walks over the place where it was first, and facing the same way: seen from the side, lines tell
+ *  little. */
 function standing(): (pose: Pose) => Pose {
   let first: readonly number[] | null = null;
   return (pose) => {
     if (pose.base === null) return pose;
     const { xyz, quat_wxyz } = pose.base;
     first ??= xyz;
-    return { ...pose, base: { xyz: [first[0]!, first[1]!, xyz[2]], quat_wxyz } };
+    return { ...pose, base: { xyz: [first[0]!, first[1]!, xyz[2]], quat_wxyz: withoutHeading(quat_wxyz) } };
   };
 }
