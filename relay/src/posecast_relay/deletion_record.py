@@ -1,5 +1,5 @@
-"""Encodes a deletion of the past, as it stands in an object store (a tombstone), in Redis, and on the way from
-the command to a relay.
+"""Encodes a deletion of the past, as it stands in an object store (a tombstone), in Redis, and on the way
+from the command to a relay.
 
 What is read isn't trusted: whatever is malformed, or of another version, raises ValueError with a message of
 one line.
@@ -56,9 +56,16 @@ def unpack_deletion(data: bytes) -> Deletion:
         raise ValueError("deletion: robot or view is none")
     if not isinstance(id_, str) or not ID.fullmatch(id_):
         raise ValueError("deletion: id is none")
-    times = [doc.get(name) for name in ("from_ms", "to_ms", "at_ms")]
-    if not all(type(at) is int and 0 <= at <= WHOLE_MAX for at in times) or times != sorted(times):
+    from_ms, to_ms, at_ms = (_read_ms(doc.get(name)) for name in ("from_ms", "to_ms", "at_ms"))
+    if not from_ms <= to_ms <= at_ms:
         raise ValueError("deletion: no span of time that was over when it was ordered")
-    return Deletion(
-        check_name("robot", robot), None if view is None else check_name("view", view), *times, id_
-    )
+    check_name("robot", robot)
+    if view is not None:
+        check_name("view", view)
+    return Deletion(robot, view, from_ms, to_ms, at_ms, id_)
+
+
+def _read_ms(found: object) -> int:
+    if type(found) is not int or not 0 <= found <= WHOLE_MAX:
+        raise ValueError("deletion: a time is none")
+    return found

@@ -1,6 +1,7 @@
-"""What somebody has deleted of the past: spans of a robot's time that nobody keeps, writes or shows any more.
+"""What somebody has deleted of the past: spans of a robot's time that nobody keeps, writes or shows any
+more.
 
-A deletion reaches back only: it ends, at the latest, when it was ordered. What is recorded afterwards is kept.
+A deletion reaches back only: it ends, at the latest, when it was ordered. What is recorded later is kept.
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ class Deletion:
     id: str
 
     def covers(self, robot: str, view: str, from_ms: int, to_ms: int) -> bool:
-        """Whether something of a view that lasted from `from_ms` to `to_ms`, unix, is deleted, if only in part:
-        a segment is whole or not at all.
+        """Whether something of a view that lasted from `from_ms` to `to_ms`, unix, is deleted, if only in
+        part: a segment is whole or not at all.
         """
         return (
             robot == self.robot

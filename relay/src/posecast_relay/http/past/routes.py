@@ -178,12 +178,7 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
         asked, step = _read(read_page, page), _read(read_every, every)
         unix_ms = at.compute_unix_ms()
         shown = at.reader.list_shown(grant, unix_ms, asked.from_ms, asked.to_ms)
-        body = await _wait(at.keys.make_page(grant, asked.from_ms, shown, step, at.source.load))
-        if any(map(at.deletions.cover_segment, shown)):  # meanwhile
-            at.keys.forget(robot)
-            raise HTTPException(503, "something was deleted while this was made: ask again", BUSY)
-        if body is None:
-            raise HTTPException(503, "as many pages of KEYs as this relay makes at once", BUSY)
+        body = await _make_key_page(at, grant, asked, shown, step)
         headers = _share(grant, _compute_page_s(grant, asked, shown, unix_ms))
         return _send(request, body, BINARY, hashlib.sha256(body).hexdigest()[:16], headers)
 
@@ -214,6 +209,19 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
                 return _send(request, found.data, BINARY, found.sha256.hex(), headers)
 
     _refuse_others(app, api)
+
+
+async def _make_key_page(
+    desk: PastDesk, grant: Grant, page: PastSpan, shown: list[KeptSegment], every: int
+) -> bytes:
+    """Return a page of KEYs. Raises HTTPException 503."""
+    body = await _wait(desk.keys.make_page(grant, page.from_ms, shown, every, desk.source.load))
+    if any(map(desk.deletions.cover_segment, shown)):  # meanwhile
+        desk.keys.forget(grant.robot)
+        raise HTTPException(503, "something was deleted while this was made: ask again", BUSY)
+    if body is None:
+        raise HTTPException(503, "as many pages of KEYs as this relay makes at once", BUSY)
+    return body
 
 
 def _refuse_others(app: FastAPI, api: str) -> None:

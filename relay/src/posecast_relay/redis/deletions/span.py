@@ -6,8 +6,8 @@ from __future__ import annotations
 
 from posecast_relay.core.past.deletions import Deletion
 from posecast_relay.core.past.kept_segment import SegmentName
+from posecast_relay.core.past.segment_record import unpack_record
 from posecast_relay.redis.client import RedisClient
-from posecast_relay.redis.past_records import unpack_record
 from posecast_relay.redis.past_scripts import (
     FORGOTTEN_MAX,
     LEDGER,
