@@ -4,7 +4,7 @@ A Unix socket that only the relay's own user may open: `--past-socket`, else `po
 $XDG_RUNTIME_DIR, else none. One line of JSON asks, one answers:
 
     {"do": "list"}                          {"rows": [[robot, view, day, from_ms, to_ms, bytes, segments], …]}
-    {"do": "delete", "deletion": {…}}       {"segments": 12, "bytes": 34567}, or {"error": "…"}
+    {"do": "delete", "deletion": "{…}"}     {"segments": 12, "bytes": 34567}, or {"error": "…"}
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import logging
 import os
 import socket
 from pathlib import Path
+from types import TracebackType
 
 from posecast_wire.checked import loads
 
@@ -39,7 +40,7 @@ class PastSocket:
         self._deletions = deletions
         self._server: asyncio.Server | None = None
 
-    async def open(self) -> None:
+    async def __aenter__(self) -> PastSocket:
         """Open it. Where that is not possible one line in the log says so, and the relay goes on."""
         try:
             self._server = await asyncio.start_unix_server(
@@ -48,7 +49,11 @@ class PastSocket:
         except OSError as e:
             log.warning("--past-socket %s: %s; `past delete` can't reach this process", self._path, e)
 
-    def close(self) -> None:
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         """Close it, and remove its file."""
         if self._server is not None:
             self._server.close()
@@ -74,7 +79,7 @@ class PastSocket:
                 return json_bytes({"rows": self._list()})
             if isinstance(doc, dict) and doc.get("do") == "delete":
                 before = len(self._kept), self._kept.bytes
-                self._deletions.add(unpack_deletion(json_bytes(doc.get("deletion"))))
+                self._deletions.add(unpack_deletion(str(doc.get("deletion")).encode()))
                 return json_bytes(
                     {"segments": before[0] - len(self._kept), "bytes": before[1] - self._kept.bytes}
                 )
