@@ -23,7 +23,7 @@ from posecast_relay.core.policy.past import list_lookers
 from posecast_relay.core.policy.policy import Audience, Policy, Principal, Rule
 from posecast_relay.core.policy.share_link import make_link
 from posecast_relay.http.app import make_app
-from posecast_relay.http.past.routes import PastDesk
+from posecast_relay.http.past.desk import PastDesk
 from posecast_relay.models.cache import ModelCache
 from posecast_relay.past_source import PastSource
 from posecast_relay.past_source_memory import MemoryPastSource

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 from posecast_wire.keys import ROBOT_ID
 
+from posecast_relay.core.past.audience_letters import read_letters, write_letters
 from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
 from posecast_relay.core.policy.policy import Audience
 
@@ -25,8 +26,6 @@ KEY_CHARS_MAX = 400
 U32_MAX, WHOLE_MAX = (1 << 32) - 1, (1 << 53) - 1
 SPAN_MS_MAX = 600_000
 SEGMENT_BYTES_MAX = 3 << 20
-LETTERS = {Audience.ANYONE: "a", Audience.LINK: "l", Audience.SIGNED_IN: "s"}
-NOBODY = "x"
 INDEX_NAME, DAY_NAME = "index.json", "day.json"
 SCHEMAS, MODELS, TOMBSTONES = "schemas", "models", "tombstones"
 DAY = re.compile(r"20[0-9]{2}-[01][0-9]-[0-3][0-9]", re.ASCII)
@@ -53,7 +52,7 @@ class ArchivedName(NamedTuple):
     @property
     def key(self) -> str:
         """The key, which is always the same for the same content."""
-        letters = "".join(sorted(LETTERS[each] for each in self.audiences)) or NOBODY
+        letters = write_letters(self.audiences)
         file = f"{self.from_ms}-{self.to_ms}-{self.name.take:016x}-{self.name.index}-{self.size}-{letters}"
         return f"{make_page_folder(self.name.robot, self.name.view, self.page_ms)}/{file}.segment"
 
@@ -76,7 +75,7 @@ def read_segment_key(key: str) -> ArchivedName | None:
         return None
     if not from_ms <= to_ms <= from_ms + SPAN_MS_MAX:
         return None
-    audiences = frozenset(audience for audience, letter in LETTERS.items() if letter in found[6])
+    audiences = read_letters(found[6])
     name = SegmentName(robot, view, int(found[3], 16), index)
     read = ArchivedName(name, from_ms, to_ms, size, audiences)
     try:

@@ -27,7 +27,8 @@ from posecast_relay.http.auth import (
 from posecast_relay.http.gzip_cache import GzipCache
 from posecast_relay.http.link_preview import FRAME_PX, LinkPreview
 from posecast_relay.http.models import make_model_answer
-from posecast_relay.http.past.routes import PastDesk, add_past_routes
+from posecast_relay.http.past.desk import PastDesk
+from posecast_relay.http.past.routes import add_past_routes
 from posecast_relay.http.robot_state import StateReader
 from posecast_relay.http.robots import make_robot_document, make_robots_document
 from posecast_relay.http.static_page import Page

@@ -23,7 +23,7 @@ from posecast_relay.core.past.recorder import Recorder
 from posecast_relay.core.past.stream_recording import RecordingPorts
 from posecast_relay.core.policy.past import compute_kept_longest_s, compute_kept_s, list_lookers
 from posecast_relay.core.policy.policy import Policy
-from posecast_relay.http.past.routes import PastDesk
+from posecast_relay.http.past.desk import PastDesk
 from posecast_relay.past_source import PastSource
 from posecast_relay.past_source_memory import MemoryPastSource
 from posecast_relay.runtime.dispatcher import Dispatcher

@@ -32,7 +32,7 @@ from posecast_relay.core.limits import Limits
 from posecast_relay.core.roster import Headcount
 from posecast_relay.http.app import make_app
 from posecast_relay.http.metrics import start_metrics
-from posecast_relay.http.past.routes import PastDesk
+from posecast_relay.http.past.desk import PastDesk
 from posecast_relay.logging import LoopExceptionHandler, start_logging
 from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.runtime.fan_out import FanOut
