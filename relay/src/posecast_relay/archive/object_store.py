@@ -20,14 +20,14 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 from urllib.parse import unquote, urlsplit
 
+from posecast_relay.store_url import StoreUrlError, check_store_url
+
 T = TypeVar("T")
 
 CALL_S = 10.0  # a call is given up after so long
 CONNECT_S = 3.0
 LISTED = 1000  # names in one part of a listing
 DEPTH_MAX = 8  # folders that a listing of a file store goes down; ours are five deep
-URL = re.compile(r"(?:file:///|(?:s3|gs|az)://[A-Za-z0-9][A-Za-z0-9._-]{0,62}(?:/|$))[^\s?#]*", re.ASCII)
-URL_FORM = "use file:///FOLDER, s3://BUCKET/PREFIX, gs://BUCKET/PREFIX or az://CONTAINER/PREFIX"
 REASONS = (  # what its library says, and what that means: refused for good, or not just now
     (r"os error (?:28|122)\)", "no space is left"),
     (r"os error 30\)", "it can only be read"),
@@ -55,10 +55,6 @@ class ArchiveRefused(ArchiveError):
     """It says no: wrong keys, no such bucket, no space, no permission. Somebody has to do something."""
 
 
-class StoreUrlError(ValueError):
-    """No URL of an object store, or what it needs is not installed. The message is one line."""
-
-
 class StoredObject(NamedTuple):
     """An object of a listing. `key`: below the store's URL, with slashes; `size`: in bytes."""
 
@@ -71,13 +67,6 @@ class FreeSpace(NamedTuple):
 
     free: int
     total: int
-
-
-def check_store_url(url: str) -> str:
-    """Return the URL if it may be that of an object store. Raises StoreUrlError."""
-    if not URL.fullmatch(url) or "/../" in f"{url}/" or (url.startswith("file:") and len(url) < 9):
-        raise StoreUrlError(URL_FORM)
-    return url.rstrip("/")
 
 
 def open_object_store(url: str, call_s: float = CALL_S) -> ObjectStore:

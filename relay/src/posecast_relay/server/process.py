@@ -23,7 +23,7 @@ import zenoh
 from posecast_relay.auth.access import Access, open_access
 from posecast_relay.auth.addresses import Addresses
 from posecast_relay.auth.tokens import Accounts, Tokens
-from posecast_relay.config.robots_file import Robots, RobotsError, read_robots
+from posecast_relay.config.robots_file import Robots
 from posecast_relay.config.robots_watcher import RobotsWatcher
 from posecast_relay.config.settings import Settings, StartError
 from posecast_relay.core.delayed_hub import DelayedHub
@@ -40,6 +40,7 @@ from posecast_relay.runtime.io_uring import IoUring
 from posecast_relay.server.listener import BACKLOG, listen
 from posecast_relay.server.past import PastServices, make_past_services
 from posecast_relay.server.past_log import describe_past
+from posecast_relay.server.robots import load_robots, make_reader
 from posecast_relay.server.roles import RoleServices, make_role_services
 from posecast_relay.streaming.decode_cache import DecodeCache
 from posecast_relay.streaming.http_connection import make_plain_http_protocol
@@ -109,7 +110,7 @@ def run(settings: Settings) -> None:
     sys.setswitchinterval(SWITCH_S)
     start_logging(settings.log_level)
     logging.getLogger("websockets").setLevel(logging.WARNING)  # else two lines for every viewer
-    robots = _robots(settings)
+    robots = load_robots(settings)
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
         runner.get_loop().set_exception_handler(LoopExceptionHandler())
         runner.run(_serve(settings, robots))
@@ -204,15 +205,6 @@ def _find_publish_at(settings: Settings, router: RouterSession | None) -> str | 
     """
     tells = settings.dev and settings.role == "all"
     return router.endpoints[0] if router is not None and tells else None
-
-
-def _robots(settings: Settings) -> Robots | None:
-    if settings.robots is None:
-        return None
-    try:
-        return read_robots(settings.robots)
-    except RobotsError as e:
-        raise StartError(f"--robots {e}") from None
 
 
 def _limits(settings: Settings) -> Limits:
@@ -322,7 +314,7 @@ def _follow(
         if router is not None:
             await services.admit(_admitted(settings, to))
 
-    watch = RobotsWatcher(settings.robots, robots, changed)
+    watch = RobotsWatcher(settings.robots, robots, changed, make_reader(settings))
 
     async def follow() -> None:
         await asyncio.gather(watch.run(), access.recheck_accounts())
