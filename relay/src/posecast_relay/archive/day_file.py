@@ -9,8 +9,10 @@ from collections import defaultdict
 from dataclasses import dataclass
 
 from posecast_relay.archive.names import (
+    DAY_MS,
     PAGE_MS,
     ArchivedName,
+    is_unfinished,
     make_day_folder,
     make_day_key,
     make_index_key,
@@ -25,6 +27,7 @@ from posecast_relay.core.past.day_index import DayIndex, PageDigest, digest_page
 
 PAGES_AT_ONCE = 4
 DAYS_MAX = 40_000  # folders that are looked at
+KILLED_MS = 3_600_000  # after the end of a day nobody writes to it any more
 OWN_FOLDERS = 200  # of a day that are looked at: there are 144 ten minutes in one
 
 
@@ -109,8 +112,13 @@ async def mend_day(
         await store.delete(key)
 
 
-async def check_day(store: ObjectStore, robot: str, view: str, day_ms: int) -> list[int]:
-    """Return those ten minutes of a day of which listing, index and summary disagree. Raises ArchiveError."""
+async def check_day(
+    store: ObjectStore, robot: str, view: str, day_ms: int, unix_ms: int | None = None
+) -> list[int]:
+    """Return those ten minutes of a day of which listing, index and summary disagree. Raises ArchiveError.
+
+    Given the time now, `unix_ms`, what processes left that were killed while they wrote is deleted.
+    """
     written = await _read_day_file(store, robot, view, day_ms)
     known = {} if written is None else written.pages
     sizes: defaultdict[int, list[int]] = defaultdict(lambda: [0, 0, 0])  # segments, bytes, indexes
@@ -122,6 +130,9 @@ async def check_day(store: ObjectStore, robot: str, view: str, day_ms: int) -> l
                 sums = sizes[name.page_ms]
                 sums[0] += 1
                 sums[1] += each.size
+            elif is_unfinished(each.key):
+                if unix_ms is not None and unix_ms > day_ms + DAY_MS + KILLED_MS:
+                    await store.delete(each.key)
             elif (at_ms := _read_index_key(each.key, folder, day_ms)) is not None:
                 sizes[at_ms][2] += 1
     wrong = {at_ms for at_ms in known if at_ms not in sizes}
@@ -139,8 +150,8 @@ async def delete_page(store: ObjectStore, robot: str, view: str, page_ms: int) -
     Raises ArchiveError; then it may be done again.
     """
     listing = await list_page(store, robot, view, page_ms)
-    for name in listing.names:
-        await store.delete(name.key)
+    for key in (*(name.key for name in listing.names), *listing.unfinished):
+        await store.delete(key)
     if listing.index_bytes is not None:
         await store.delete(make_index_key(robot, view, page_ms))
     return list(listing.names)

@@ -14,10 +14,10 @@ from collections.abc import Callable, Mapping
 
 from posecast_relay.archive.day_file import check_day, list_days, load_day, mend_day, mend_page
 from posecast_relay.archive.free_space import SpaceWatch
-from posecast_relay.archive.names import DAY_MS, PAGE_MS
+from posecast_relay.archive.names import DAY_MS, PAGE_MS, PageKey
 from posecast_relay.archive.object_store import ArchiveError, ObjectStore
 from posecast_relay.archive.retention import SPARE_MS, delete_old, list_views
-from posecast_relay.archive.writer import ArchiveWriter, PageKey
+from posecast_relay.archive.writer import ArchiveWriter
 
 log = logging.getLogger("posecast_relay")
 
@@ -157,8 +157,8 @@ class Indexer:
             self._to_walk = sorted(found, key=lambda day: day[2])
         if not self._to_walk:
             return
-        robot, view, day_ms = day = self._to_walk[-1]
-        for page_ms in await check_day(self._store, robot, view, day_ms):
+        robot, view, _ = day = self._to_walk[-1]
+        for page_ms in await check_day(self._store, *day, round(1000 * self._unix_s())):
             self.mend((robot, view, page_ms))
         await self._mend_all()
         await self._sum_day(day)

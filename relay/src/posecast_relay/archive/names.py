@@ -30,9 +30,12 @@ INDEX_NAME, DAY_NAME = "index.json", "day.json"
 SCHEMAS, MODELS, TOMBSTONES = "schemas", "models", "tombstones"
 DAY = re.compile(r"20[0-9]{2}-[01][0-9]-[0-3][0-9]", re.ASCII)
 PAGE = re.compile(r"([01][0-9]|2[0-3])-([0-5])0", re.ASCII)
-SHA256 = re.compile(r"[0-9a-f]{64}", re.ASCII)
+UNFINISHED = re.compile(r"#[0-9]{1,9}$", re.ASCII)
 NUMBER = r"(0|[1-9][0-9]{0,15})"
 SEGMENT = re.compile(rf"{NUMBER}-{NUMBER}-([0-9a-f]{{16}})-{NUMBER}-{NUMBER}-(a?l?s?|x)\.segment", re.ASCII)
+
+
+PageKey = tuple[str, str, int]  # robot, view, and when the ten minutes begin, unix ms
 
 
 class ArchivedName(NamedTuple):
@@ -82,6 +85,16 @@ def read_segment_key(key: str) -> ArchivedName | None:
         return read if read.key == key else None
     except (ValueError, OverflowError):
         return None  # a time beyond the calendar
+
+
+def is_unfinished(key: str) -> bool:
+    """Whether it is what a file store has of an object of ours that is being written, or was when the process
+    was killed: it gets its name when all of it is there.
+    """
+    whole = UNFINISHED.sub("", key)
+    return whole != key and (
+        read_segment_key(whole) is not None or whole.rpartition("/")[2] in (INDEX_NAME, DAY_NAME)
+    )
 
 
 def make_view_folder(robot: str, view: str) -> str:

@@ -28,6 +28,7 @@ CALL_S = 10.0  # a call is given up after so long
 CONNECT_S = 3.0
 LISTED = 1000  # names in one part of a listing
 DEPTH_MAX = 8  # folders that a listing of a file store goes down; ours are five deep
+UNFINISHED = re.compile(r"#[0-9]{1,9}$", re.ASCII)  # a file that is written, until it has its name
 REASONS = (  # what its library says, and what that means: refused for good, or not just now
     (r"os error (?:28|122)\)", "no space is left"),
     (r"os error 30\)", "it can only be read"),
@@ -138,7 +139,13 @@ class ObjectStore:
         return None
 
     async def delete(self, key: str) -> None:
-        """Delete an object; it may be gone already. Raises ArchiveError."""
+        """Delete an object, or what is left of a `put` that was killed; it may be gone already.
+
+        Raises ArchiveError.
+        """
+        if self.folder is not None and UNFINISHED.search(key):  # obstore takes that for no key
+            await self._call(asyncio.to_thread((self.folder / key).unlink, missing_ok=True))
+            return
         with contextlib.suppress(FileNotFoundError):
             await self._call(self._obstore.delete_async(self._store, key))
 

@@ -19,6 +19,7 @@ from posecast_relay.archive.names import (
     INDEX_NAME,
     PAGE_MS,
     ArchivedName,
+    is_unfinished,
     make_index_key,
     make_page_folder,
     name_segment,
@@ -40,10 +41,14 @@ Known = Mapping[ArchivedName, KeptSegment]
 
 @dataclass(frozen=True)
 class PageListing:
-    """What lies in the folder of ten minutes: segments by their names, and the size of the index, if any."""
+    """What lies in the folder of ten minutes: segments by their names, and the size of the index, if any.
+
+    `unfinished`: keys of what was being written when a process was killed, or is just now.
+    """
 
     names: tuple[ArchivedName, ...]
     index_bytes: int | None
+    unfinished: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -61,15 +66,18 @@ async def list_page(store: ObjectStore, robot: str, view: str, page_ms: int) -> 
     folder = make_page_folder(robot, view, page_ms)
     names: list[ArchivedName] = []
     index_bytes: int | None = None
+    unfinished: list[str] = []
     async for part in store.list_objects(folder):
         for each in part:
             if each.key == f"{folder}/{INDEX_NAME}":
                 index_bytes = each.size
             elif (name := read_segment_key(each.key)) is not None and each.size == name.size:
                 names.append(name)
+            elif is_unfinished(each.key):
+                unfinished.append(each.key)
         if len(names) > SEGMENTS_MAX:
             break
-    return PageListing(tuple(names[:SEGMENTS_MAX]), index_bytes)
+    return PageListing(tuple(names[:SEGMENTS_MAX]), index_bytes, tuple(unfinished))
 
 
 async def load_page(

@@ -20,6 +20,7 @@ from posecast_relay.archive.expiring_cache import ExpiringCache
 from posecast_relay.archive.names import (
     DAY_MS,
     PAGE_MS,
+    PageKey,
     make_schema_key,
     may_be_archived,
     name_segment,
@@ -41,6 +42,7 @@ TURN_S = 2.0  # to wait for one's turn among these
 ASKED_S = 6.0  # for one of them, which may take many calls
 YOUNG_S, OLD_S = 5.0, 120.0  # what is known is as old as that, at most: of the last hours, and of before
 YOUNG_MS = 2 * 3_600_000
+CLOSED_MS = 60_000  # after the end of ten minutes they have their index
 PAUSE_S = 1.0  # after a failure, for which nothing is asked
 REACHES_AT_ONCE = 8
 SCHEMA_BYTES_MAX = 1 << 18
@@ -59,12 +61,15 @@ class ArchiveReader:
         now: Callable[[], float] = time.monotonic,
         unix_s: Callable[[], float] = time.time,
         is_deleted: Covers = lambda _robot, _view, _from_ms, _to_ms: False,
+        mend: Callable[[PageKey], None] = lambda _page: None,
     ) -> None:
+        """`mend` is told of ten minutes whose index says anything else than is there."""
         self.failures = 0  # times that the store could not be read
         self._store = store
         self._now = now
         self._unix_s = unix_s
         self._is_deleted = is_deleted
+        self._mend = mend
         self._pages: ExpiringCache[tuple[KeptSegment, ...]] = ExpiringCache(PAGES_BYTES)
         self._days: ExpiringCache[DayIndex] = ExpiringCache(DAYS_BYTES)
         self._reaches: ExpiringCache[DayReach] = ExpiringCache(REACHES_BYTES)
@@ -160,6 +165,9 @@ class ArchiveReader:
 
     async def _read_page(self, robot: str, view: str, page_ms: int) -> tuple[KeptSegment, ...]:
         page = await load_page(self._store, robot, view, page_ms)
+        is_over = 1000 * self._unix_s() > page_ms + PAGE_MS + CLOSED_MS
+        if not page.is_indexed and is_over and page.segments:
+            self._mend((robot, view, page_ms))
         return tuple(
             segment
             for segment in page.segments

@@ -12,7 +12,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from itertools import islice
 
-from posecast_relay.archive.names import ArchivedName, make_schema_key, may_be_archived, name_segment
+from posecast_relay.archive.names import ArchivedName, PageKey, make_schema_key, may_be_archived, name_segment
 from posecast_relay.archive.object_store import ArchiveError, ObjectStore
 from posecast_relay.archive.page_index import Known, forget_bytes
 from posecast_relay.core.past.kept_segment import KeptSegment
@@ -27,8 +27,6 @@ BACKOFF_S = (0.5, 10.0)  # the first and the longest pause after a failure
 STOP_S = 2.0  # for what waits when the process stops
 SCHEMAS_MAX = 10_000  # that are known to be there
 RECENT_MAX = 2000  # segments of one view of which is known what an index tells
-
-PageKey = tuple[str, str, int]  # robot, view, and when the ten minutes begin, unix ms
 
 
 class ArchiveWriter:

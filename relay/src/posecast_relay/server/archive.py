@@ -64,11 +64,13 @@ def make_archive(settings: Settings, deletions: Deletions) -> ArchiveServices | 
         quick = open_object_store(settings.archive, READ_S)
     except StoreUrlError as e:
         raise StartError(f"--past {settings.archive}: {e}") from None
-    reader = ArchiveReader(quick, Dispatcher.now, Dispatcher.unix_s, deletions.cover)
     writer: ArchiveWriter | None = None
     indexer: Indexer | None = None
-    if settings.role != "gateway":
+    if settings.role == "gateway":
+        reader = ArchiveReader(quick, Dispatcher.now, Dispatcher.unix_s, deletions.cover)
+    else:
         indexer = Indexer(store, Dispatcher.unix_s)
+        reader = ArchiveReader(quick, Dispatcher.now, Dispatcher.unix_s, deletions.cover, indexer.mend)
         writer = ArchiveWriter(store, indexer.mend, deletions.cover_segment)
         indexer.writer = writer
 
