@@ -57,7 +57,7 @@ class ArchiveWriter:
         self._sizes: Counter[str] = Counter()  # of those, by robot
         self._schemas: dict[tuple[str, bytes], None] = {}  # by robot, the ones that are there
         self._recent: dict[PageKey, dict[ArchivedName, KeptSegment]] = {}
-        self._page: dict[tuple[str, str], int] = {}  # by view, the ten minutes that were written to last
+        self._open: dict[PageKey, None] = {}  # the ten minutes that are written to
         self._tasks: dict[str, asyncio.Task[None]] = {}  # by robot, those that write
         self._trouble: dict[str, str] = {}  # by robot, why it can't be written just now
         self._turns = asyncio.Semaphore(ROBOTS_AT_ONCE)
@@ -103,21 +103,27 @@ class ArchiveWriter:
                 self._waiting.setdefault(robot, deque()).append(segment)
                 self._add(robot, segment.cost_bytes)
 
+    def list_waiting(self, robot: str) -> list[KeptSegment]:
+        """Return the segments of a robot that wait, or are being written."""
+        return list(self._waiting.get(robot, ()))
+
     def find_known(self, page: PageKey) -> Known:
         """Return what an index tells of the segments of ten minutes that were written a moment ago."""
         return self._recent.get(page, {})
 
     def forget_known(self, page: PageKey) -> None:
         """Forget these, since their index is written; not while they are written to."""
-        if self._page.get(page[:2]) != page[2]:
+        if page not in self._open:
             self._recent.pop(page, None)
 
     def end_pages(self, before_ms: int) -> None:
         """Note that ten minutes that began before `before_ms`, unix, are over: nothing is recorded now."""
-        for view, page_ms in list(self._page.items()):
-            if page_ms < before_ms:
-                del self._page[view]
-                self._on_page_ended((*view, page_ms))
+        self._end([page for page in self._open if page[2] < before_ms])
+
+    def _end(self, pages: list[PageKey]) -> None:
+        for page in pages:
+            del self._open[page]
+            self._on_page_ended(page)
 
     def list_open_pages(self) -> list[PageKey]:
         """Return the ten minutes of which something was written whose index was not."""
@@ -219,10 +225,8 @@ class ArchiveWriter:
         recent = self._recent.setdefault(page, {})
         if len(recent) < RECENT_MAX:
             recent[name] = forget_bytes(segment)
-        before = self._page.get((robot, view))
-        self._page[robot, view] = name.page_ms
-        if before is not None and before != name.page_ms:
-            self._on_page_ended((robot, view, before))
+        self._open[page] = None
+        self._end([each for each in self._open if each[:2] == (robot, view) and each[2] < name.page_ms])
 
     def forget_schemas(self, robot: str) -> None:
         """Write the schemas of a robot again where they are named: some may have been deleted."""
