@@ -110,13 +110,12 @@ async def test_a_store_that_is_away_is_told_of_once_and_nothing_is_lost(
         for segment in segments[3:]:
             world.writer.keep(segment)
         await until("it was tried often", lambda: world.writer.failures > 4)
-        assert world.writer.find_trouble() == "something else lies where an object is to be"
+        assert world.writer.find_trouble() == "its folder is gone"
         mend()
         await world.written()
         await until("it is said", lambda: world.writer.find_trouble() is None)
     assert [record.message for record in caplog.records] == [
-        "the archive: something else lies where an object is to be; "
-        "what is recorded waits, up to 16 MB a robot, live goes on",
+        "the archive: its folder is gone; what is recorded waits, up to 16 MB a robot, live goes on",
         "the archive: is back; none that waited was lost",
     ]
     assert read_written(world) == list(range(20))
