@@ -50,7 +50,7 @@ class Indexer:
         self.writer: ArchiveWriter | None = None
         self._store = store
         self._unix_s = unix_s
-        self._on_deleted = on_deleted
+        self.on_deleted = on_deleted
         self._keeps: Mapping[str, float] = {}
         self._pages: dict[PageKey, None] = {}  # to be mended
         self._to_walk: list[DayKey] | None = None  # days to be looked through; None: to be found out
@@ -139,7 +139,7 @@ class Indexer:
             self.expired += count
             if count:
                 log.info("the archive: %s: %d segments were older than `keep` and are deleted", robot, count)
-                self._on_deleted(robot)
+                self.on_deleted(robot)
 
     async def walk_all(self) -> None:
         """Look through all days now. Raises ArchiveError."""

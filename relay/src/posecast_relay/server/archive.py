@@ -10,10 +10,11 @@ from posecast_relay.archive.object_store import ObjectStore, open_object_store
 from posecast_relay.archive.reader import ArchiveReader
 from posecast_relay.archive.writer import ArchiveWriter
 from posecast_relay.config.settings import Settings, StartError
-from posecast_relay.core.past.deletions import Deletion, Deletions
+from posecast_relay.core.past.deletions import Deletions
 from posecast_relay.core.policy.policy import Policy
 from posecast_relay.past_source import PastSource
 from posecast_relay.runtime.dispatcher import Dispatcher
+from posecast_relay.server.archive_upkeep import ArchiveUpkeep
 from posecast_relay.store_url import StoreUrlError
 
 READ_S = 3.0  # for a call on behalf of somebody who waits for the answer
@@ -25,6 +26,7 @@ class ArchiveServices:
 
     store: ObjectStore
     reader: ArchiveReader
+    upkeep: ArchiveUpkeep
     writer: ArchiveWriter | None = None
     indexer: Indexer | None = None
 
@@ -39,17 +41,20 @@ class ArchiveServices:
 
     def set_policy(self, policy: Policy) -> None:
         """Set which robots are kept, and for how long."""
+        self.upkeep.set_keeps(policy.keeps_s)
         if self.writer is not None and self.indexer is not None:
             self.writer.set_keeps(policy.keeps_s)
             self.indexer.set_keeps(policy.keeps_s)
 
     def start(self) -> None:
         """Start what runs in the background."""
+        self.upkeep.start()
         if self.indexer is not None:
             self.indexer.start()
 
     async def stop(self) -> None:
         """Write what waits and its indexes, if that is soon done; then end."""
+        await self.upkeep.stop()
         if self.writer is not None and self.indexer is not None:
             await self.writer.stop()
             await self.indexer.stop()
@@ -73,11 +78,7 @@ def make_archive(settings: Settings, deletions: Deletions) -> ArchiveServices | 
         reader = ArchiveReader(quick, Dispatcher.now, Dispatcher.unix_s, deletions.cover, indexer.mend)
         writer = ArchiveWriter(store, indexer.mend, deletions.cover_segment)
         indexer.writer = writer
-
-    def forget(deletion: Deletion) -> None:
-        if writer is not None:
-            writer.drop_waiting(deletion.covers_segment)
-        reader.forget(deletion.robot)
-
-    deletions.on_added(forget)
-    return ArchiveServices(store, reader, writer, indexer)
+    upkeep = ArchiveUpkeep(store, deletions, reader, writer)
+    if indexer is not None:
+        indexer.on_deleted = upkeep.note_expired
+    return ArchiveServices(store, reader, upkeep, writer, indexer)

@@ -29,6 +29,7 @@ from posecast_relay.core.policy.past import (
 )
 from posecast_relay.core.policy.policy import Policy
 from posecast_relay.http.past.desk import PastDesk
+from posecast_relay.models.cache import ModelCache, ModelSource
 from posecast_relay.past_source import PastSource
 from posecast_relay.past_source_memory import MemoryPastSource
 from posecast_relay.runtime.dispatcher import Dispatcher
@@ -68,7 +69,19 @@ class PastServices:
 
     def make_desk(self, dispatcher: Dispatcher) -> PastDesk:
         """Make what the routes of the past need."""
-        return PastDesk(self.source, dispatcher.now, dispatcher.unix_s, self.deletions)
+        return PastDesk(
+            *(self.source, dispatcher.now, dispatcher.unix_s, self.deletions),
+            has_models=self.archive is not None,
+        )
+
+    def join_models(self, live: ModelSource) -> ModelSource:
+        """Return a source of models that also has those of the past, where they are kept."""
+        return live if self.archive is None else self.archive.upkeep.join_models(live)
+
+    def keep_models(self, models: ModelCache) -> None:
+        """Keep the models that the past names, where it is kept in a store."""
+        if self.archive is not None and self.kept is not None:
+            self.archive.upkeep.keep_models(models, self.kept)
 
     async def run(self, access: Access, now: Callable[[], float]) -> None:
         """Open the way to Redis and the socket for `past`, and drop what nobody may ask for any more, until

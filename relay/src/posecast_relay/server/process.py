@@ -128,7 +128,7 @@ async def _serve(settings: Settings, robots: Robots | None) -> None:
     limits, headcount, past = _limits(settings), Headcount(), make_past_services(settings, port)
     hub = Hub(limits, headcount, None if past is None else past.recorder)
     delayed = None if robots is None else DelayedHub(limits, headcount)
-    services = make_role_services(settings, router, hub, tuple if delayed is None else delayed.list_robots)
+    services = make_role_services(settings, router, hub, past, delayed.list_robots if delayed else tuple)
     access = _access(settings, robots, services, hub, delayed)
     dispatcher = access.live
     mirror = _mirror(settings, access)

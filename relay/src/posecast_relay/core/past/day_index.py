@@ -110,6 +110,11 @@ class DayIndex:
         for page in reversed(self.list_pages()):
             yield from page.schemas
 
+    def list_models(self) -> Iterator[HashSpan]:
+        """Yield the models that its segments name, those of the last ten minutes first."""
+        for page in reversed(self.list_pages()):
+            yield from page.models
+
     def find_schemas(self) -> set[str]:
         """Return the SHA-256 of all schemas that its segments name."""
         return {span.sha256 for page in self.pages.values() for span in page.schemas}

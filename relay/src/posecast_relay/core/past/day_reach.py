@@ -23,17 +23,20 @@ class SeenSpan(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class DayReach:
-    """What is known of a day. `takes`: by take, from which index to which; `schemas`: SHA-256."""
+    """What is known of a day. `takes`: by take, from which index to which; `schemas`, `models`: SHA-256.
+    """
 
     day_ms: int
     spans: tuple[SeenSpan, ...]
     takes: dict[int, TakeSpan]
     schemas: frozenset[str]
+    models: frozenset[str] = frozenset()
 
     @property
     def cost_bytes(self) -> int:
         """How many bytes of memory it takes, about."""
-        return REACH_BYTES + SPAN_BYTES * (len(self.spans) + len(self.takes) + len(self.schemas))
+        rows = len(self.spans) + len(self.takes) + len(self.schemas) + len(self.models)
+        return REACH_BYTES + SPAN_BYTES * rows
 
 
 def reach_day(day: DayIndex) -> DayReach:
@@ -49,4 +52,7 @@ def reach_day(day: DayIndex) -> DayReach:
             known = takes.get(take.take, take)
             first, last = min(known.first_index, take.first_index), max(known.last_index, take.last_index)
             takes[take.take] = TakeSpan(take.take, first, last)
-    return DayReach(day.day_ms, tuple(spans.values()), takes, frozenset(day.find_schemas()))
+    return DayReach(
+        *(day.day_ms, tuple(spans.values()), takes),
+        *(frozenset(day.find_schemas()), frozenset(day.find_models())),
+    )

@@ -49,10 +49,14 @@ class PastDesk:
         now: Callable[[], float],
         unix_s: Callable[[], float],
         deletions: Deletions | None = None,
+        *,
+        has_models: bool = False,
     ) -> None:
+        """`has_models`: models of the past are kept as well, for who may see a past that names them."""
         self.source = source
         self.deletions = deletions or Deletions()
         self.deletions.on_added(self._forget)
+        self.has_models = has_models
         self.unseen = Unseen(knows_all=not source.is_older)
         self.reader = PastReader(source.kept, self.unseen)
         self.held = HeldRequests()
@@ -208,6 +212,19 @@ class PastDesk:
         if text is None or (found is not None and self.deletions.cover_segment(found)):
             return None
         return text, from_ms
+
+    async def shows_model(self, grant: Grant, digest: str) -> bool:
+        """Whether they may see a segment that names this model."""
+        unix_ms = self.compute_unix_ms()
+        if any(segment.model == digest for segment in self.reader.list_shown(grant, unix_ms)):
+            return True
+        for reach in reversed(await self._load_reaches(grant)):
+            if digest in reach.models:
+                day = await self.source.load_day(grant.robot, grant.view, reach.day_ms)
+                spans = [span for span in day.list_models() if span.sha256 == digest]
+                if any(self.reader.shows(grant, span, unix_ms) for span in spans):
+                    return True
+        return False
 
     async def _find_naming(self, grant: Grant, sha256: str) -> int | None:
         """Return when a segment began that names a schema and that they may see, of what is older."""
