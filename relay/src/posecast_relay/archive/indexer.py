@@ -61,7 +61,7 @@ class Indexer:
     @property
     def stored_bytes(self) -> int:
         """How many bytes the segments in the store have, as far as they were looked through."""
-        return sum(self._bytes.values())
+        return sum(list(self._bytes.values()))  # another thread may ask
 
     def set_keeps(self, keeps_s: Mapping[str, float]) -> None:
         """Set which robots are kept, each for how many seconds. Nothing is deleted of others."""

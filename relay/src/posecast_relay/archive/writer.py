@@ -131,7 +131,7 @@ class ArchiveWriter:
 
     def find_trouble(self) -> str | None:
         """Return why something can't be written just now; None when all is well. Without addresses."""
-        return next(iter(self._trouble.values()), None)
+        return next(iter(list(self._trouble.values())), None)  # another thread may ask
 
     async def stop(self, stop_s: float = STOP_S) -> None:
         """Write what waits, if that is soon done; then end."""

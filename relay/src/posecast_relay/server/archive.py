@@ -12,6 +12,7 @@ from posecast_relay.archive.writer import ArchiveWriter
 from posecast_relay.config.settings import Settings, StartError
 from posecast_relay.core.past.deletions import Deletions
 from posecast_relay.core.policy.policy import Policy
+from posecast_relay.http.archive_metrics import ArchiveFigures
 from posecast_relay.past_source import PastSource
 from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.server.archive_upkeep import ArchiveUpkeep
@@ -38,6 +39,23 @@ class ArchiveServices:
         """Return why the store can't be written, or that it is nearly full; None when all is well."""
         trouble = None if self.writer is None else self.writer.find_trouble()
         return trouble or (None if self.indexer is None else self.indexer.space.find_trouble())
+
+    def measure(self) -> ArchiveFigures:
+        """Return its state now. From any thread."""
+        writer, indexer = self.writer, self.indexer
+        space = None if indexer is None else indexer.space.space
+        return ArchiveFigures(
+            trouble=None if writer is None else writer.find_trouble(),
+            written=0 if writer is None else writer.written,
+            dropped=0 if writer is None else writer.dropped,
+            expired=0 if indexer is None else indexer.expired,
+            failures=(0 if writer is None else writer.failures)
+            + (0 if indexer is None else indexer.failures),
+            waiting_bytes=0 if writer is None else writer.waiting_bytes,
+            stored_bytes=0 if indexer is None else indexer.stored_bytes,
+            free_bytes=None if space is None else space.free,
+            disk_bytes=None if space is None else space.total,
+        )
 
     def set_policy(self, policy: Policy) -> None:
         """Set which robots are kept, and for how long."""

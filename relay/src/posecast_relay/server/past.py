@@ -67,6 +67,11 @@ class PastServices:
         """The way to Redis, or from there."""
         return self.writer or self.reader
 
+    @property
+    def written_archive(self) -> ArchiveServices | None:
+        """The archive, where this process writes it."""
+        return None if self.archive is None or self.archive.writer is None else self.archive
+
     def make_desk(self, dispatcher: Dispatcher) -> PastDesk:
         """Make what the routes of the past need."""
         return PastDesk(

@@ -372,10 +372,10 @@ def _metrics(
     if settings.metrics_port is None:
         return lambda: None
     refused = int if refusals is None else lambda: refusals.count
-    kept, way = (None, None) if past is None else (past.kept, past.way)
+    kept, way, archive = (None, None, None) if past is None else (past.kept, past.way, past.written_archive)
     held = None if desk is None else desk.held
     port, stop = start_metrics(
-        settings.host, settings.metrics_port, access.dispatchers, mirror, refused, kept, way, held
+        settings.host, settings.metrics_port, access.dispatchers, mirror, refused, kept, way, held, archive
     )
     log.info("metrics on http://%s:%d/metrics", settings.host, port)
     return stop
