@@ -49,6 +49,7 @@ async def erase(store: ObjectStore, deletion: Deletion, progress: Progress = lam
     harm. `progress` is told the sum so far. Raises ArchiveError; then it may be done again.
     """
     erased = Erased(0, 0)
+    span = _find_pages(deletion)
     async for view, day_ms, pages in _list_days(store, deletion):
         mended: dict[int, PageDigest | None] = {}
         for page_ms in pages:
@@ -65,7 +66,7 @@ async def erase(store: ObjectStore, deletion: Deletion, progress: Progress = lam
                 mended[page_ms] = await mend_page(store, deletion.robot, view, page_ms)
         # also what one who was killed has left
         for page_ms in await check_day(store, deletion.robot, view, day_ms, deletion.at_ms):
-            if page_ms in pages and page_ms not in mended:
+            if page_ms in span and page_ms not in mended:
                 mended[page_ms] = await mend_page(store, deletion.robot, view, page_ms)
         if mended:
             await mend_day(store, deletion.robot, view, day_ms, mended)
@@ -95,17 +96,22 @@ async def _list_days(store: ObjectStore, deletion: Deletion) -> AsyncIterator[tu
     """Yield view and beginning of each day, with those of its ten minutes of which a deletion may cover
     something.
     """
-    robot, first_ms = deletion.robot, deletion.from_ms - SPAN_MS_MAX
+    robot, span = deletion.robot, _find_pages(deletion)
     views = [deletion.view] if deletion.view else await store.list_folders(robot)
     for view in (view for view in views if may_be_archived(robot, view)):
         for day_ms in await list_days(store, robot, view):
-            if first_ms - DAY_MS < day_ms < deletion.to_ms:
+            if span.start - DAY_MS < day_ms < span.stop:
                 pages = await list_pages(store, robot, view, day_ms)
-                asked = range(first_ms - PAGE_MS + 1, deletion.to_ms)
-                yield view, day_ms, [page_ms for page_ms in pages if page_ms in asked]
+                yield view, day_ms, [page_ms for page_ms in pages if page_ms in span]
+
+
+def _find_pages(deletion: Deletion) -> range:
+    """Return between which times, unix ms, ten minutes begin of which a deletion may cover something."""
+    return range(deletion.from_ms - SPAN_MS_MAX - PAGE_MS + 1, deletion.to_ms)
 
 
 async def _delete_all(store: ObjectStore, keys: Iterable[str]) -> None:
-    async with asyncio.TaskGroup() as group:
-        for key in keys:
-            group.create_task(store.delete(key))
+    results = await asyncio.gather(*map(store.delete, keys), return_exceptions=True)
+    for error in results:
+        if error is not None:
+            raise error
