@@ -209,9 +209,9 @@ async def _announces(access: Access, grant: Grant, digest: str) -> bool:
     """Whether a robot has this model now, as far as it is heard here, or as the asker sees it."""
     await access.live.open_robot(grant.robot)
     of = access.live.hub.robots.get(grant.robot)
-    rooms = [] if of is None else list(of.rooms.values())
-    found = access.find_robot(grant)
-    return any(room.stream.model == digest for room in (*rooms, *(found or ())[1:]))
+    rooms = () if of is None else tuple(of.rooms.values())
+    _, own = access.find_robot(grant) or (None, None)  # a moment ago, where they see late
+    return any(room is not None and room.stream.model == digest for room in (*rooms, own))
 
 
 async def _shows_model(past: PastDesk, grant: Grant, digest: str) -> bool:
