@@ -102,8 +102,8 @@ def test_an_hour_is_seen_to_leave_store_relay_and_gateway_and_comes_back_nowhere
     edges: Callable[..., ZenohEdge],
     redis_server: Redis,
 ) -> None:
-    shared = ("--past", f"file://{store}", "--robots", str(tmp_path / "robots.toml"))
-    shared += ("--store", redis_server.url)
+    kept = ("--past", f"file://{store}", "--robots", str(tmp_path / "robots.toml"))
+    shared = (*kept, "--store", redis_server.url)
     relay = relays(*shared)
     gateway = relays("--role", "gateway", *shared)
     model = Model({"robot.urdf": (b"<robot/>", "application/xml")})
@@ -187,8 +187,8 @@ def test_a_command_that_is_killed_is_finished_by_the_next_start(
 
     def has_indexes() -> bool:
         days = list(store.rglob("day.json"))
-        pages = [page for day in days for page in json.loads(day.read_text())["pages"]]
-        return sum(page["count"] for page in pages) == 120
+        counts = [page["count"] for day in days for page in json.loads(day.read_text())["pages"]]
+        return bool(sum(counts) == 120)
 
     until("indexes say the same", has_indexes, 30.0)
 
