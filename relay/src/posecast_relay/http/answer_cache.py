@@ -38,6 +38,11 @@ class AnswerCache:
             return Response(status_code=304, headers=headers)
         return Response(body, media_type="application/json", headers=headers)
 
+    def clear(self) -> None:
+        """Make every answer anew."""
+        self._made.clear()
+        self._bytes = 0
+
     def _keep(self, name: str, made: tuple[float, bytes, str]) -> None:
         before = self._made.pop(name, None)
         self._bytes += len(made[1]) - (len(before[1]) if before is not None else 0)

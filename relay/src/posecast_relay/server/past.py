@@ -7,15 +7,17 @@ gateway       reads it from Redis
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import secrets
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING
 
 from posecast_relay.auth.access import Access
 from posecast_relay.config.settings import Settings
+from posecast_relay.core.past.deletions import Deletions
 from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.core.past.recorder import Recorder
 from posecast_relay.core.past.stream_recording import RecordingPorts
@@ -25,9 +27,12 @@ from posecast_relay.http.past.routes import PastDesk
 from posecast_relay.past_source import PastSource
 from posecast_relay.past_source_memory import MemoryPastSource
 from posecast_relay.runtime.dispatcher import Dispatcher
+from posecast_relay.server.past_deletion import ObedientMemory
 from posecast_relay.server.past_log import PastLog
+from posecast_relay.server.past_socket import PastSocket, find_socket_path
 
 if TYPE_CHECKING:
+    from posecast_relay.redis.deletions.feed import RedisDeletions
     from posecast_relay.redis.past_reader import RedisPast
     from posecast_relay.redis.past_writer import RedisPastWriter
 
@@ -45,6 +50,9 @@ class PastServices:
     recorder: Recorder | None = None
     writer: RedisPastWriter | None = None
     reader: RedisPast | None = None
+    deletions: Deletions = field(default_factory=Deletions)
+    told: RedisDeletions | None = None  # the way of deletions through Redis
+    socket: PastSocket | None = None
 
     @property
     def way(self) -> RedisPastWriter | RedisPast | None:
@@ -53,14 +61,20 @@ class PastServices:
 
     def make_desk(self, dispatcher: Dispatcher) -> PastDesk:
         """Make what the routes of the past need."""
-        return PastDesk(self.source, dispatcher.now, dispatcher.unix_s)
+        return PastDesk(self.source, dispatcher.now, dispatcher.unix_s, self.deletions)
 
     async def run(self, access: Access, now: Callable[[], float]) -> None:
-        """Open the way to Redis, and drop what nobody may ask for any more, until cancelled: at once when the
-        policy says so, and now and then as time passes.
+        """Open the way to Redis and the socket for `past`, and drop what nobody may ask for any more, until
+        cancelled: at once when the policy says so, and now and then as time passes.
         """
         if self.way is not None:
             self.way.start()
+        if self.told is not None:
+            self.told.start()
+        async with self.socket or contextlib.nullcontext():
+            await self._follow(access, now)
+
+    async def _follow(self, access: Access, now: Callable[[], float]) -> None:
         said = PastLog()
         access.on_policy(lambda policy: self.forget(policy, now()))
         access.on_policy(said.follow)
@@ -84,23 +98,35 @@ class PastServices:
             self.recorder.close_all(now)
         if self.way is not None:
             await self.way.stop()
+        if self.told is not None:
+            await self.told.stop()
 
 
-def make_past_services(settings: Settings) -> PastServices | None:
-    """Make the past of the role that `settings` asks for; None with `--past 0`."""
+def make_past_services(settings: Settings, port: int = 0) -> PastServices | None:
+    """Make the past of the role that `settings` asks for; None with `--past 0`. `port`: where it listens."""
     if settings.past is None:
         return None
+    deletions, told = Deletions(), None
+    if settings.store != "memory://":
+        from posecast_relay.redis.deletions.feed import RedisDeletions  # noqa: PLC0415
+
+        told = RedisDeletions(settings.store, deletions)
     if settings.role == "gateway":
         from posecast_relay.redis.past_reader import RedisPast  # noqa: PLC0415 — half of the time to start
 
-        reader = RedisPast(settings.store, settings.past_memory, Dispatcher.now)
-        return PastServices(reader, reader=reader)
+        reader = RedisPast(settings.store, settings.past_memory, Dispatcher.now, deletions)
+        return PastServices(reader, reader=reader, deletions=deletions, told=told)
     kept = MemoryPast(settings.past_memory)
-    ports = RecordingPorts(kept.add, lambda: secrets.randbits(64), time.time)
+    memory = ObedientMemory(kept, deletions)
+    ports = RecordingPorts(memory.add, lambda: secrets.randbits(64), time.time)
     writer = None
     if settings.store != "memory://":
         from posecast_relay.redis.past_writer import RedisPastWriter  # noqa: PLC0415
 
-        writer = RedisPastWriter(settings.store, settings.past_memory)
+        writer = RedisPastWriter(settings.store, settings.past_memory, deletions)
         kept.on_added(writer.keep)
-    return PastServices(MemoryPastSource(kept), kept, Recorder(ports, list_lookers), writer)
+    path = find_socket_path(settings.past_socket, port)
+    return PastServices(
+        *(MemoryPastSource(kept), kept, Recorder(ports, list_lookers), writer, None, deletions, told),
+        socket=None if path is None else PastSocket(path, kept, deletions),
+    )

@@ -123,7 +123,8 @@ async def _serve(settings: Settings, robots: Robots | None) -> None:
     except ListenError as e:
         listener.close()
         raise StartError(str(e)) from None
-    limits, headcount, past = _limits(settings), Headcount(), make_past_services(settings)
+    host, port = listener.getsockname()[:2]
+    limits, headcount, past = _limits(settings), Headcount(), make_past_services(settings, port)
     hub = Hub(limits, headcount, None if past is None else past.recorder)
     delayed = None if robots is None else DelayedHub(limits, headcount)
     services = make_role_services(settings, router, hub, tuple if delayed is None else delayed.list_robots)
@@ -140,7 +141,6 @@ async def _serve(settings: Settings, robots: Robots | None) -> None:
             f"--metrics-port {settings.metrics_port}: {(e.strerror or str(e)).lower()}"
         ) from None
     streams = settings.role != "ingest"
-    host, port = listener.getsockname()[:2]
     shown = f"[{host}]" if ":" in host else host
     source = f"on {', '.join(router.endpoints)}" if router else "from Redis"
     line = f"posecast-relay: serving http://{shown}:{port}, robots {source}"

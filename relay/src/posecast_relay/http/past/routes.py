@@ -17,6 +17,7 @@ from typing import Any, NoReturn, TypeVar
 from fastapi import FastAPI, HTTPException, Request, Response
 
 from posecast_relay.auth.access import Access
+from posecast_relay.core.past.deletions import Deletion, Deletions
 from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
 from posecast_relay.core.past.past_reader import NotYet, PastReader
 from posecast_relay.core.policy.admission import HIDDEN
@@ -89,8 +90,16 @@ class PastDesk:
     `now` is the core's clock in seconds, `unix_s` the wall clock, by which the times of segments are told.
     """
 
-    def __init__(self, source: PastSource, now: Callable[[], float], unix_s: Callable[[], float]) -> None:
+    def __init__(
+        self,
+        source: PastSource,
+        now: Callable[[], float],
+        unix_s: Callable[[], float],
+        deletions: Deletions | None = None,
+    ) -> None:
         self.source = source
+        self.deletions = deletions or Deletions()
+        self.deletions.on_added(self._forget)
         self.unseen = Unseen(knows_all=not source.is_older)
         self.reader = PastReader(source.kept, self.unseen)
         self.held = HeldRequests()
@@ -102,6 +111,10 @@ class PastDesk:
     def set_policy(self, policy: Policy) -> None:
         """Note what the rules that are in force from now on take back."""
         self.unseen.set_policy(policy, self.compute_unix_ms())
+
+    def _forget(self, deletion: Deletion) -> None:
+        self.answers.clear()
+        self.keys.forget(deletion.robot)
 
     def compute_unix_ms(self) -> int:
         """Return the time now, in unix ms."""
@@ -133,7 +146,7 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
         unix_ms = at.compute_unix_ms()
         found = at.reader.find_schema(grant, _read(read_sha256, sha256), unix_ms)
         text = None if found is None else await _wait(at.source.load_schema(found))
-        if found is None or text is None:
+        if found is None or text is None or at.deletions.cover_segment(found):
             _refuse(grant, "no such schema in the past, as far as it is for you")
         headers = _share(grant, find_past_window(grant, unix_ms).compute_left_s(found.from_ms))
         return _send(request, text.encode(), "application/json", sha256, headers)
@@ -165,9 +178,7 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
         asked, step = _read(read_page, page), _read(read_every, every)
         unix_ms = at.compute_unix_ms()
         shown = at.reader.list_shown(grant, unix_ms, asked.from_ms, asked.to_ms)
-        body = await _wait(at.keys.make_page(grant, asked.from_ms, shown, step, at.source.load))
-        if body is None:
-            raise HTTPException(503, "as many pages of KEYs as this relay makes at once", BUSY)
+        body = await _make_key_page(at, grant, asked, shown, step)
         headers = _share(grant, _compute_page_s(grant, asked, shown, unix_ms))
         return _send(request, body, BINARY, hashlib.sha256(body).hexdigest()[:16], headers)
 
@@ -198,6 +209,19 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
                 return _send(request, found.data, BINARY, found.sha256.hex(), headers)
 
     _refuse_others(app, api)
+
+
+async def _make_key_page(
+    desk: PastDesk, grant: Grant, page: PastSpan, shown: list[KeptSegment], every: int
+) -> bytes:
+    """Return a page of KEYs. Raises HTTPException 503."""
+    body = await _wait(desk.keys.make_page(grant, page.from_ms, shown, every, desk.source.load))
+    if any(map(desk.deletions.cover_segment, shown)):  # meanwhile
+        desk.keys.forget(grant.robot)
+        raise HTTPException(503, "something was deleted while this was made: ask again", BUSY)
+    if body is None:
+        raise HTTPException(503, "as many pages of KEYs as this relay makes at once", BUSY)
+    return body
 
 
 def _refuse_others(app: FastAPI, api: str) -> None:
@@ -245,7 +269,7 @@ async def _find(
     if not isinstance(found, KeptSegment):
         return found
     whole = await _wait(desk.source.load([found]))
-    if whole:
+    if whole and not desk.deletions.cover_segment(found):  # it may have been, meanwhile
         return whole[0]
     found = desk.reader.find_segment(grant, *name, desk.compute_unix_ms())  # it is gone, or damaged
     return None if isinstance(found, KeptSegment) else found
