@@ -133,7 +133,8 @@ def make_case(
     from_ms: int = FROM_MS,
     to_ms: int = FROM_MS + 60_000,
 ) -> dict[str, Any]:
-    """A case. `messages`: topic, type, moment (unix µs), content, in the order of moments."""
+    """A case. `messages`: topic, type, moment (unix µs), content, in the order of frames, of which each has
+    /joint_states last."""
     span = {"from_ms": from_ms, "to_ms": to_ms}
     csv, _ = csv_of(segments, *texts, **span)
     manifests = {sha256: text.encode() for sha256, text in models.items()}
