@@ -43,6 +43,7 @@ HELP = "write a stretch of the past as files: a folder to play it, .posecast, .c
 RELAY = "http://127.0.0.1:8080"
 CHECKOUT_PAGE = Path(__file__).resolve().parents[4] / "spa/dist"
 FILES = (".posecast", ".csv", ".mcap")
+PACKS_FOLDERS = False  # as soon as the page takes both
 TOKEN_BYTES_MAX = 16_384
 TOKEN = re.compile(r"[!-~]+")
 URL = re.compile(r"https?://[!-~]+")
@@ -121,7 +122,7 @@ def _export(
     with open_place(asked.out, asked.replace) as place:
         folder = place if page is not None else place.with_name("collected")
         folder.mkdir()
-        collector = Collector(source, folder)
+        collector = Collector(source, folder, packs=PACKS_FOLDERS and page is not None)
         recording = asyncio.run(_collect(collector, asked, source, about))
         written, warnings = _write(
             asked, ExportedSpan(folder, recording, asked.from_ms, asked.to_ms), place, page
