@@ -195,7 +195,7 @@ class TableReader:
             if run is None or head_us is None or (limit_us is not None and head_us >= limit_us):
                 return
             row, freed_bytes = run.pop(self.losses, self._schemas)
-            pass
+            self._waiting_bytes -= freed_bytes
             if row is not None:
                 yield row
 
