@@ -27,7 +27,7 @@ from posecast_relay.export.span import ExportedSpan
 from posecast_relay.export.table_file import write_table
 from posecast_relay.past_command.location import open_store
 from posecast_relay.past_command.moments import read_moment, write_moment
-from posecast_relay.past_command.progress import ProgressLine
+from posecast_relay.past_command.progress import CommandProgress
 from posecast_relay.past_command.times import TimeError
 from posecast_relay.recording.collector import Collection, Collector, Description, NothingThere
 from posecast_relay.recording.http_source import HttpSource
@@ -149,7 +149,7 @@ async def _collect(
     for signal_ in (signal.SIGINT, signal.SIGTERM):
         asyncio.get_running_loop().add_signal_handler(signal_, task.cancel)
     there = await source.find_span()  # by which a relay also says which view it is
-    with ProgressLine() as progress:
+    with CommandProgress() as progress:
         collector.report = lambda found: progress.show(
             f"{found.done:,} of {found.total:,} segments, {found.size / 1e6:.1f} MB"
         )
