@@ -3,22 +3,29 @@
 import {
   Decoder,
   decodeKeyPage,
+  decodeRecording,
   decodeSegment,
   encodeKeyPage,
+  encodeRecording,
   encodeSegment,
   FrameError,
   frameId,
   JointMapping,
   type KeyPage,
+  keyPagePath,
   type Mapping,
   mergeSegments,
+  type PastRecording,
   parseRelayMessage,
   parseSchema,
+  RecordingError,
   type Schema,
   SchemaError,
   type Segment,
   SegmentError,
   type SegmentRecord,
+  segmentPath,
+  unpackSegment,
 } from '@posecast/wire';
 import { parentOrigin, readParentRequest } from '../../spa/src/app/pages/embed/messages.ts';
 import { readShared, sharedQuery } from '../../spa/src/app/share/shared_view.ts';
@@ -61,6 +68,8 @@ export const TARGETS: ReadonlyMap<string, (bytes: Uint8Array) => Promise<unknown
     frames: refusing([], decoded),
     segment: refusing([SegmentError], segment),
     'key-page': refusing([SegmentError], keyPage),
+    recording: refusing([RecordingError], recording),
+    'packed-segment': refusing([SegmentError], (bytes) => unpackSegment(bytes).then(digitsOf)),
     message: refusing([], (bytes) => parseRelayMessage(textOf(bytes))),
     manifest: refusing([BundleError], manifest),
     glb: refusing([GlbError], (bytes) => readLod(bytes, VISUALS).then(() => null)),
@@ -180,6 +189,32 @@ function keyPage(bytes: Uint8Array): unknown {
   const again = shownKeyPage(decodeKeyPage(encodeKeyPage(page, page.poses)));
   if (JSON.stringify(found) !== JSON.stringify(again)) throw new Error('written it is another');
   return found;
+}
+
+/** As `wire/python/tools/make_recording_vectors.py` shows it. What is read can be written, and is then the same. */
+function recording(bytes: Uint8Array): unknown {
+  const said = decodeRecording(bytes);
+  const found = shownRecording(said);
+  const again = shownRecording(decodeRecording(encodeRecording(said)));
+  if (JSON.stringify(found) !== JSON.stringify(again)) throw new Error('written it is another');
+  return found;
+}
+
+function shownRecording({ fromMs, toMs, notes, schemas, segments, ...rest }: PastRecording): object {
+  const shown = segments.map((one) => {
+    const { runId, firstSeq, lastSeq, words, events, fromMs: beginsMs, toMs: endsMs, ...others } = one;
+    const named = { run_id: runId, from_ms: beginsMs, to_ms: endsMs, first_seq: firstSeq, last_seq: lastSeq };
+    return {
+      ...others,
+      ...named,
+      path: segmentPath(one),
+      key_page: keyPagePath(beginsMs),
+      words: words.map(({ atMs, word }) => [atMs, word]),
+      events: events.map(({ atMs, event }) => [atMs, event]),
+    };
+  });
+  const noted = notes.map(({ atMs, text }) => [atMs, text]);
+  return { ...rest, from_ms: fromMs, to_ms: toMs, notes: noted, schemas: [...schemas], segments: shown };
 }
 
 function shownKeyPage({ robot, view, fromMs, poses }: KeyPage): object {

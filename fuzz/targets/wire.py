@@ -25,18 +25,28 @@ from posecast_wire import (
     frame_id,
     parse_viewer_message,
 )
+from posecast_wire.checked import loads
 from posecast_wire.credential import SECRET
 from posecast_wire.frame import TAG_KEY
 from posecast_wire.key_page import decode_key_page, pick_pose
 from posecast_wire.mapping import JointMap, Mapping, SensorMount, Threshold
+from posecast_wire.recording import (
+    RecordingError,
+    decode_recording,
+    encode_recording,
+    pack_segment,
+    unpack_segment,
+)
 from posecast_wire.segment import SegmentError, decode_segment, encode_segment
 from posecast_wire.segment.envelope import PREFIX, TAIL
+from posecast_wire.segment.records import MAGIC
 
 from fuzz.differ import agree, difference
 from fuzz.page_reader import ask
 from fuzz.target import Differs, Refused, Target
 from wire.python.tools.make_key_page_vectors import shown as shown_key_page
 from wire.python.tools.make_key_page_vectors import written_again
+from wire.python.tools.make_recording_vectors import shown_recording
 from wire.python.tools.make_segment_vectors import shown as shown_segment
 
 T = TypeVar("T")
@@ -143,12 +153,36 @@ def one_key_page(data: bytes) -> None:
         raise Differs("written it is another")
 
 
+def recording(data: bytes) -> None:
+    """What a recording says, likewise."""
+    try:
+        loads(data)
+    except ValueError as e:
+        if any(reason in str(e) for reason in ALONE):
+            raise RecordingError(str(e)) from e
+    found = read_alike("recording", data, decode_recording, shown_recording)
+    if decode_recording(encode_recording(found)) != found:
+        raise Differs("written it is another")
+
+
+def packed_segment(data: bytes) -> None:
+    """The file of a segment, as it is and as what is packed. Engines differ in what may stand behind a gzip,
+    and what comes of it is no segment."""
+    segment = MAGIC + data
+    if unpack_segment(pack_segment(segment)) != segment:
+        raise Differs("packed it is another")
+    read_alike("packed-segment", pack_segment(segment), unpack_segment, bytes.hex)
+    with contextlib.suppress(Refused):
+        ask("packed-segment", data)
+    unpack_segment(data)
+
+
 def read_alike(name: str, data: bytes, read: Callable[[bytes], T], shown: Callable[[T], object]) -> T:
-    """What Python reads, where TypeScript reads the same. Raises SegmentError where both refuse it in the
-    same words."""
+    """What Python reads, where TypeScript reads the same. Raises SegmentError or RecordingError where both
+    refuse it in the same words."""
     try:
         found = read(data)
-    except SegmentError as e:
+    except (SegmentError, RecordingError) as e:
         try:
             ask(name, data)
         except Refused as there:
@@ -282,6 +316,8 @@ TARGETS = (
     Target("frames", frames, stretched=1 << 17, page=True),
     Target("segment", segment, (SegmentError,), stretched=1 << 18, page=True),
     Target("key-page", key_page, (SegmentError,), stretched=1 << 18, page=True),
+    Target("recording", recording, (RecordingError,), stretched=1 << 18, page=True),
+    Target("packed-segment", packed_segment, (SegmentError,), page=True),
     Target("viewer-message", viewer_message, (MessageError,), stretched=4096),
     Target("snapshot", snapshot, (ValueError,), stretched=1 << 18),
     Target("echo", echo, (ValueError,)),

@@ -169,7 +169,7 @@ def test_members_behind_the_known_ones_are_passed_over() -> None:
 def test_a_refusal_names_the_place() -> None:
     data = small()
     assert refusal(b"MCAP0\r\n") == "byte 0: no segment"
-    assert refusal(data[:4] + b"\2" + data[5:]) == "byte 4: version 2, this reader knows 1"
+    assert refusal(data[:4] + b"\2" + data[5:]) == "byte 4: version 2, made by a newer Posecast"
     assert refusal(data[:7]) == "byte 7: cut short"
     assert refusal(data[:-1]).startswith(f"byte {len(data) - 10}: ")
     event = bytes((3, 0, 2)) + b"\xff{"

@@ -43,6 +43,22 @@ export {
   type Status,
   type ViewerMessage,
 } from './messages.ts';
+export { unpackSegment } from './recording/packed.ts';
+export { decodeRecording, eventOf } from './recording/reader.ts';
+export {
+  checkSegment,
+  keyPagePath,
+  modelPath,
+  type PastRecording,
+  RECORDING_FILE,
+  type RecordedEvent,
+  type RecordedSegment,
+  type RecordedWord,
+  RecordingError,
+  type RecordingNote,
+  segmentPath,
+} from './recording/recording.ts';
+export { encodeRecording } from './recording/writer.ts';
 export { CODE_MAX, Field, MISSING, revived, Schema } from './schema.ts';
 export { parseSchema } from './schema_parser.ts';
 export {

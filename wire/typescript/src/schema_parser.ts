@@ -7,14 +7,14 @@ import { Field, Schema } from './schema.ts';
 
 const BITS_MAX = 28;
 const CHANNELS_MAX = 4096;
-const TEXT_BYTES_MAX = 1 << 18;
+export const SCHEMA_BYTES_MAX = 1 << 18;
 const FIELD_NAME = /^[A-Za-z_][A-Za-z0-9_]{0,62}$/;
 
 /** Read a schema's JSON text, ignoring unknown members. SchemaError names what is wrong and where. */
 export function parseSchema(source: string): Schema {
-  if (source.length > TEXT_BYTES_MAX) fail('schema', `longer than ${TEXT_BYTES_MAX} bytes`);
+  if (source.length > SCHEMA_BYTES_MAX) fail('schema', `longer than ${SCHEMA_BYTES_MAX} bytes`);
   const raw = new TextEncoder().encode(source);
-  if (raw.length > TEXT_BYTES_MAX) fail('schema', `longer than ${TEXT_BYTES_MAX} bytes`);
+  if (raw.length > SCHEMA_BYTES_MAX) fail('schema', `longer than ${SCHEMA_BYTES_MAX} bytes`);
   const doc = table(document(source), 'schema');
   if (doc.get('type') !== 'schema') fail('type', 'must be "schema"');
   if (doc.get('v') !== 1) fail('v', 'this reader knows version 1 only');

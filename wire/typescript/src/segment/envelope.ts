@@ -58,8 +58,10 @@ export function packEnvelope(
 /** Where the header ends, which is found undamaged. */
 function checkFront(data: Uint8Array, view: DataView, { magic, version, what }: EnvelopeKind): number {
   if (magic.some((byte, i) => i < data.length && data[i] !== byte)) refuse('byte 0', `no ${what}`);
-  if (data.length > 4 && data[4] !== version)
-    refuse('byte 4', `version ${data[4]}, this reader knows ${version}`);
+  if (data.length > 4 && data[4] !== version) {
+    const why = data[4]! > version ? 'made by a newer Posecast' : `this reader knows ${version}`;
+    refuse('byte 4', `version ${data[4]}, ${why}`);
+  }
   if (data.length < PREFIX_BYTES) refuse(`byte ${data.length}`, 'cut short');
   const size = view.getUint32(5, true);
   if (size > HEADER_BYTES_MAX) refuse('byte 5', `header of ${size} bytes, ${HEADER_BYTES_MAX} allowed`);

@@ -8,6 +8,8 @@ export const CRC_BYTES = 4;
 export const TAIL_BYTES = 9;
 export const HEADER_BYTES_MAX = 1 << 20;
 export const RECORDS_BYTES_MAX = 1 << 20;
+export const ENVELOPE_BYTES_MAX =
+  PREFIX_BYTES + HEADER_BYTES_MAX + CRC_BYTES + RECORDS_BYTES_MAX + TAIL_BYTES;
 export const DURATION_MS_MAX = 600_000;
 export const INFO_BYTES_MAX = 1 << 17;
 export const EVENT_BYTES_MAX = 4096;

@@ -12,6 +12,7 @@ from posecast_wire.segment.records import END, HEADER_BYTES_MAX, RECORDS_BYTES_M
 U32, U64 = struct.Struct("<I"), struct.Struct("<Q")
 PREFIX = struct.Struct("<4sBI")
 TAIL = struct.Struct("<BII")
+ENVELOPE_BYTES_MAX = PREFIX.size + HEADER_BYTES_MAX + U32.size + RECORDS_BYTES_MAX + TAIL.size
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,8 @@ def _check_front(data: bytes, magic: bytes, version: int, what: str) -> int:
     if data[:4] != magic[: len(data)]:
         refuse("byte 0", f"no {what}")
     if len(data) > 4 and data[4] != version:
-        refuse("byte 4", f"version {data[4]}, this reader knows {version}")
+        why = "made by a newer Posecast" if data[4] > version else f"this reader knows {version}"
+        refuse("byte 4", f"version {data[4]}, {why}")
     if len(data) < PREFIX.size:
         refuse(f"byte {len(data)}", "cut short")
     size = PREFIX.unpack_from(data)[2]

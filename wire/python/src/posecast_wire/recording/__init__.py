@@ -1,0 +1,37 @@
+"""The recording (SPEC §12): a stretch of one robot and view in files, and `recording.json`, which says what
+there is. Not imported with `posecast_wire`, since an edge needs none of it."""
+
+from posecast_wire.recording.contents import (
+    RECORDING_FILE,
+    PastRecording,
+    RecordedEvent,
+    RecordedSegment,
+    RecordedWord,
+    RecordingError,
+    RecordingNote,
+    check_segment,
+    key_page_path,
+    model_path,
+    segment_path,
+)
+from posecast_wire.recording.packed import pack_segment, unpack_segment
+from posecast_wire.recording.reader import decode_recording
+from posecast_wire.recording.writer import encode_recording
+
+__all__ = [
+    "RECORDING_FILE",
+    "PastRecording",
+    "RecordedEvent",
+    "RecordedSegment",
+    "RecordedWord",
+    "RecordingError",
+    "RecordingNote",
+    "check_segment",
+    "decode_recording",
+    "encode_recording",
+    "key_page_path",
+    "model_path",
+    "pack_segment",
+    "segment_path",
+    "unpack_segment",
+]

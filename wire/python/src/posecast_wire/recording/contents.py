@@ -1,0 +1,130 @@
+"""What a recording holds, its bounds, and where its files lie."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from typing import NoReturn
+
+from posecast_wire.checked import make_visible
+from posecast_wire.messages import RobotStatus
+from posecast_wire.segment.records import Segment
+
+RECORDING_FILE = "recording.json"
+FORMAT = "posecast-recording"
+RECORDING_VERSION = 1
+RECORDING_BYTES_MAX = 32 << 20  # of recording.json
+SEGMENTS_MAX = 200_000
+HASHES_MAX = 1024  # schemas, and models
+STATES_MAX = 400_000  # words, and events
+NOTES_MAX = 1000
+NOTE_CHARACTERS_MAX = 2000
+TITLE_CHARACTERS_MAX = 500
+TIME_MS_MIN = 946_684_800_000  # 2000-01-01T00:00Z
+TIME_MS_MAX = 4_102_444_799_999  # the last of 2099
+TEN_MINUTES_MS = 600_000
+
+
+class RecordingError(ValueError):
+    """A recording that can't be read or written: one line, `where: reason`."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingNote:
+    """What somebody wrote about a moment. `at_ms`: Unix time."""
+
+    at_ms: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedWord:
+    """The robot's status from `at_ms` on, Unix time."""
+
+    at_ms: int
+    word: RobotStatus
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedEvent:
+    """An event as every viewer got it (SPEC §6). `at_ms`: when it was accepted, Unix time."""
+
+    at_ms: int
+    event: Mapping[str, object]
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedSegment:
+    """What is known of a segment without reading it. `take`, `run_id`: u64, a run of 0 if none was known;
+    `from_ms`, `to_ms`: Unix time; `size`: its bytes; `schema`, `model`: SHA-256, hexadecimal, as they were at
+    its beginning; `missing`: frames that got lost before it."""
+
+    take: int
+    run_id: int
+    index: int
+    from_ms: int
+    to_ms: int
+    frames: int
+    first_seq: int
+    last_seq: int
+    size: int
+    schema: str | None
+    model: str | None
+    missing: int
+    words: tuple[RecordedWord, ...] = ()
+    events: tuple[RecordedEvent, ...] = ()
+
+
+@dataclass(frozen=True)
+class PastRecording:
+    """What `recording.json` says. `from_ms`, `to_ms`: Unix time; `notes`: ascending; `schemas`: text by
+    SHA-256; `models`: SHA-256 of each manifest; `segments`: ordered by beginning, then take, then index."""
+
+    robot: str
+    view: str
+    from_ms: int
+    to_ms: int
+    segments: tuple[RecordedSegment, ...]
+    schemas: Mapping[str, str]
+    models: tuple[str, ...] = ()
+    notes: tuple[RecordingNote, ...] = ()
+    title: str | None = None
+    author: str | None = None
+    licence: str | None = None
+
+
+def segment_path(take: int, index: int) -> str:
+    """Where a segment's file lies in a recording. `take`: u64."""
+    return f"segments/{take:016x}/{index}.segment"
+
+
+def key_page_path(from_ms: int) -> str:
+    """Where the page of KEYs of ten minutes lies in a recording. `from_ms`: a moment in them, Unix time."""
+    at_s = from_ms // TEN_MINUTES_MS * (TEN_MINUTES_MS // 1000)
+    return f"keys/{datetime.fromtimestamp(at_s, timezone.utc):%Y-%m-%dT%H-%MZ}.keys"
+
+
+def model_path(model: str, name: str) -> str:
+    """Where a file of a model lies in a recording. `name`: `manifest.json`, or as the manifest has it."""
+    return f"models/{model}/{name}"
+
+
+def check_segment(recording: PastRecording, expected: RecordedSegment, found: Segment) -> None:
+    """Raise RecordingError when a segment's file is another one than its name and place say."""
+    start = found.start
+    if (start.robot, start.view, start.take, start.index) != (
+        recording.robot,
+        recording.view,
+        expected.take,
+        expected.index,
+    ):
+        refuse(
+            segment_path(expected.take, expected.index),
+            f"is of {start.robot}/{start.view}, take {start.take:016x}, index {start.index}",
+        )
+
+
+def refuse(where: str, reason: str) -> NoReturn:
+    """Raise RecordingError with the text `where: reason`."""
+    raise RecordingError(f"{where}: {make_visible(reason)}")
