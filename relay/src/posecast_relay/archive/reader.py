@@ -86,8 +86,8 @@ class ArchiveReader:
         self._trouble: str | None = None
 
     def find_trouble(self) -> str | None:
-        """Return why it could not be read in the last TROUBLE_S seconds; None when it could, or when nobody has
-        asked. Without addresses.
+        """Return why it could not be read in the last TROUBLE_S seconds; None when it could, or nobody asked.
+        Without addresses.
         """
         return self._trouble if self._now() < self._failed_at + TROUBLE_S else None
 

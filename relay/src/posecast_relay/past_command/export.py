@@ -34,7 +34,7 @@ from posecast_relay.recording.http_source import HttpSource
 from posecast_relay.recording.notes import NotesError, place_notes, read_notes
 from posecast_relay.recording.output import OutputError, check_place, open_place
 from posecast_relay.recording.page import add_page, check_page
-from posecast_relay.recording.source import RecordingSource, SourceError
+from posecast_relay.recording.source import PastUnreadable, RecordingSource
 from posecast_relay.recording.store_source import StoreSource
 from posecast_relay.recording.zip_file import pack_recording
 
@@ -105,7 +105,7 @@ def run(asked: argparse.Namespace) -> None:
         raise SettingsError(f"--notes {e}") from None
     except (
         OutputError,
-        SourceError,
+        PastUnreadable,
         NothingThere,
         RecordingError,
         McapMissingError,
@@ -186,7 +186,7 @@ def _write(
 
 
 def _open_source(asked: argparse.Namespace) -> HttpSource | StoreSource:
-    """Where the past is. Raises SettingsError, SourceError."""
+    """Where the past is. Raises SettingsError, PastUnreadable."""
     past = asked.past if asked.past is not None or asked.relay is not None else asked.stored
     if asked.relay is not None and past is not None:
         raise SettingsError("--relay: not with --past: the one or the other")
