@@ -18,7 +18,9 @@ export function withoutSpaces(glsl: string): string {
       continue;
     }
     // `- -x` must not become `--x`.
-    const tight = line.replace(/ ?([*/=<>!&|?:;,()[\]{}]) ?/g, '$1').replace(/ ([-+]) (?![-+])/g, '$1');
+    const tight = line
+      .replace(/ ?([*/=<>!&|?:;,()[\]{}]) ?/g, '$1')
+      .replace(/(?<![-+]) ([-+]) (?![-+])/g, '$1');
     text += /\w$/.test(text) && /^\w/.test(tight) ? ` ${tight}` : tight;
   }
   // The scene and three.js look for this line to put something before it.

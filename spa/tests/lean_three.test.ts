@@ -3,7 +3,7 @@ import { createRequire } from 'node:module';
 import path from 'node:path';
 import fc from 'fast-check';
 import { describe, expect, it } from 'vitest';
-import { MACROS, PROPERTIES, USED_BY_THE_SCENE } from '../lean_three/left_out.ts';
+import { KINDS, MACROS, PROPERTIES, USED_BY_THE_SCENE } from '../lean_three/left_out.ts';
 import { answered, withoutMembers } from '../lean_three/plugin.ts';
 import {
   functionsIn,
@@ -24,7 +24,9 @@ const drawing = sources.filter(([file]) => file !== 'robot/mesh_loader.ts');
 
 /** The tokens of a shader, as its compiler sees them. */
 const tokens = (glsl: string) =>
-  glsl.replace(/\/\*[\s\S]*?\*\/|\/\/[^\n]*/g, ' ').match(/\w+(?:\.\w*)?|[^\s\w]/g);
+  glsl
+    .replace(/\/\*[\s\S]*?\*\/|\/\/[^\n]*/g, ' ')
+    .match(/\w+(?:\.\w*)?|\+\+|--|&&|\|\||[<>=!*/+-]=|[^\s\w]/g);
 
 /** All macros decided: what is not listed is not defined. */
 const decided = (glsl: string, defined: KnownMacros) => {
@@ -45,15 +47,64 @@ describe('what the scene uses of three.js', () => {
     );
   });
 
+  it('is none of the kinds that the build takes for never made', () => {
+    for (const name of [...USED_BY_THE_SCENE, 'MeshDepthMaterial', 'DepthTexture', 'RenderTarget'])
+      expect(KINDS).not.toContain(`is${name}`);
+  });
+
   it('sets nothing that the build takes for never set', () => {
     const properties = [...PROPERTIES.keys()].map((name) => name.split('.').at(-1)!);
     // `position`, `normal` and `color` are also what every geometry has.
-    const names = [...properties, 'clippingPlanes', 'localClippingEnabled', 'logarithmicDepthBuffer'].filter(
-      (name) => !['position', 'normal', 'color'].includes(name),
-    );
+    const names = [
+      ...properties,
+      ...[
+        'clippingPlanes',
+        'localClippingEnabled',
+        'logarithmicDepthBuffer',
+        'reversedDepthBuffer',
+        'sizeAttenuation',
+      ],
+      ...['alphaToCoverage', 'instanceColor', 'morphTexture', 'clipCullDistance', 'extensions'],
+    ].filter((name) => !['position', 'normal', 'color'].includes(name));
     const set = new RegExp(`(?<![#\\w])(${names.join('|')})\\s*(?:=[^=]|:)`);
     for (const [file, text] of drawing)
       expect(set.exec(text)?.[1], `${file}: see lean_three/left_out.ts`).toBeUndefined();
+  });
+});
+
+describe('macros', () => {
+  const renderer = (name: string) => readFileSync(path.join(THREE, `renderers/webgl/${name}.js`), 'utf8');
+  const programs = answered(renderer('WebGLPrograms'));
+  /** What the page's materials, objects, lights and renderer leave unset (see above), and what a stand-in answers. */
+  const unset =
+    /^(alphaToCoverage|sizeAttenuation|(logarithmic|reversed)DepthBuffer|instancing(Color|Morph)|extensionClipCullDistance|numLightProbes|morphTargetsCount|envMap|envMapPMREM|decodeVideoTexture)$/;
+
+  /** Whether an expression of the renderer is falsy whatever it reads. */
+  const isFalse = (expression: string): boolean => {
+    const constant = (name: string) => {
+      const value = new RegExp(`const ${name} = ([^;]+);`).exec(programs)?.[1];
+      return value === undefined ? name : `( ${value} )`;
+    };
+    let text = expression;
+    for (let depth = 0; depth < 3; depth += 1) text = text.replace(/(?<![.\w])[A-Za-z_]\w*/g, constant);
+    try {
+      return !new Function(`return ${text}`)();
+    } catch {
+      return false;
+    }
+  };
+
+  it('are never defined because the parameters that define them are never set', () => {
+    const lines = [...renderer('WebGLProgram').matchAll(/^(.*parameters\..*)\? '#define (\w+)/gm)];
+    expect(lines.length).toBeGreaterThan(100);
+    for (const [, condition = '', macro = ''] of lines) {
+      if (MACROS.get(macro) !== null) continue;
+      const named = [...condition.matchAll(/parameters\.(\w+)/g)].map((match) => match[1]!);
+      const textOf = (name: string) =>
+        new RegExp(`^\\t\\t\\t${name}: ([\\s\\S]*?),\\n`, 'm').exec(programs)?.[1] ?? 'true';
+      const never = named.some((name) => unset.test(name) || isFalse(textOf(name)));
+      expect(never, `${macro}, by ${named}: ${named.map(textOf)}`).toBe(true);
+    }
   });
 });
 
