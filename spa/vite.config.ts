@@ -5,6 +5,7 @@ import { gzipSync } from 'node:zlib';
 import react from '@vitejs/plugin-react';
 import type { Plugin } from 'vite';
 import { defineConfig } from 'vitest/config';
+import { leanThree } from './lean_three/plugin.ts';
 
 const RELAYS = 'https: wss: http://localhost:* ws://localhost:* http://127.0.0.1:* ws://127.0.0.1:*';
 /**
@@ -41,6 +42,11 @@ const SHARED_CHUNKS = [
   {
     name: 'settings',
     test: /spa\/src\/(app\/(state\/(settings|use_store)|status\/moment_words|text\/language)|browser\/(drawn_lines|first_paint|late_part|retry)|app\/shell\/media)\.ts$/,
+  },
+  {
+    // All of three.js but what only readers of mesh files need: a scene is one file of it, and its own.
+    name: 'three.core',
+    test: /three\/src\/(?!loaders|animation|extras|math\/(?:I|i)nterpolant|objects\/(?:SkinnedMesh|Bone|Skeleton|Points|LineLoop)|lights\/(?:Ambient|Point|Spot)|materials\/(?:MeshPh|Points))/,
   },
   { name: 'cells', test: /spa\/src\/app\/.*\/(cells\.ts|fault_words\.ts|FlagTerm\.tsx)$/ },
 ];
@@ -139,7 +145,15 @@ function packed(): Plugin {
 
 export default defineConfig({
   base: './', // one build for any path; the routes live in the hash
-  plugins: [react(), contentPolicy(), earlyStart(), routesPage(), embedEntry(), packed()],
+  plugins: [
+    react(),
+    leanThree(path.resolve(import.meta.dirname, 'src/three')),
+    contentPolicy(),
+    earlyStart(),
+    routesPage(),
+    embedEntry(),
+    packed(),
+  ],
   build: {
     target: 'es2022',
     sourcemap: false,

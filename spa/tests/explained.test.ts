@@ -1,11 +1,11 @@
 // @vitest-environment happy-dom
 import { parseSchema } from '@posecast/wire';
 import { afterEach, expect, it } from 'vitest';
-import { explain, explainFlags, keysOfLabel, labelUnder, placeOf } from '../src/app/explain/asked.ts';
+import { explain, explainFlags, keysOfLabel, placeOf } from '../src/app/explain/asked.ts';
 import { explainedBy } from '../src/app/explain/catalogue.ts';
 import en from '../src/app/explain/en.json';
+import ko from '../src/app/explain/ko.json';
 import { createTerm, createUnit } from '../src/app/explain/term.ts';
-import { drawnLines } from '../src/browser/drawn_lines.ts';
 import formatSource from '../src/twin/format.ts?raw';
 import { NUMBERS } from '../src/twin/joints.ts';
 import { RobotTwin } from '../src/twin/robot.ts';
@@ -71,15 +71,9 @@ it('a flag by the profile, else by what a flag is; what comes from outside is ma
   ]);
 });
 
-it('a label on the body is found under a tap, not at the end of a drag', () => {
+it('a label is about what it names', () => {
   const label = document.createElement('div');
-  label.className = 'sign-label';
   label.dataset.sign = 'apart-RKN';
-  label.getBoundingClientRect = () => new DOMRect(100, 100, 80, 20);
-  document.body.append(label);
-  expect(labelUnder({ x: 120, y: 110 }, { x: 122, y: 110 })).toBe(label);
-  expect(labelUnder({ x: 10, y: 110 }, { x: 122, y: 110 })).toBeNull();
-  expect(labelUnder({ x: 10, y: 10 }, { x: 10, y: 10 })).toBeNull();
   expect(keysOfLabel(label)).toEqual(['signs.ghost']);
   label.dataset.quiet = 'true';
   expect(keysOfLabel(label)).toEqual(['signs.yields']);
@@ -87,40 +81,12 @@ it('a label on the body is found under a tap, not at the end of a drag', () => {
   expect(keysOfLabel(label)).toEqual(['signs.force', 'signs.levels']);
   label.textContent = '213 N · 5.3 N·m';
   expect(keysOfLabel(label)).toEqual(['signs.force', 'signs.moment', 'signs.levels']);
+  label.hidden = true;
+  label.getBoundingClientRect = () => new DOMRect();
+  expect(placeOf(label, new MouseEvent('click', { clientX: 154, clientY: 90 }))).toMatchObject({ left: 154 });
 });
 
-it('an arrow explains itself under a tap, also where its label finds no room', () => {
-  const picture = document.createElement('div');
-  picture.getBoundingClientRect = () => new DOMRect(50, 20, 300, 300);
-  const [near, far] = ['wrench-LF', 'wrench-RF'].map((sign) => {
-    const label = document.createElement('div');
-    label.className = 'sign-label';
-    label.hidden = true;
-    label.dataset.sign = sign;
-    picture.append(label);
-    return label;
-  });
-  document.body.replaceChildren(picture);
-  drawnLines.set(near!, [
-    [
-      { x: 100, y: 100 },
-      { x: 100, y: 40 },
-    ],
-  ]);
-  drawnLines.set(far!, [
-    [
-      { x: 112, y: 100 },
-      { x: 112, y: 40 },
-    ],
-  ]);
-  const tap = (x: number, y: number) => labelUnder({ x, y }, { x, y });
-  expect(tap(154, 90)).toBe(near);
-  expect(tap(160, 90)).toBe(far);
-  expect(tap(150, 49)).toBeNull(); // beyond its tip
-  expect(tap(139, 90)).toBeNull();
-  far!.dataset.sign = 'apart-RKN'; // it lies on its joint, which the tap chooses
-  expect(tap(163, 90)).toBeNull();
-  expect(tap(160, 90)).toBe(near);
-  expect(tap(0, 0)).toBeNull();
-  expect(placeOf(near!, new MouseEvent('click', { clientX: 154, clientY: 90 }))).toMatchObject({ left: 154 });
+it('what is said of an arrow tells what its colours mean, in its first paragraph', () => {
+  expect(en.signs.force.what).toMatch(/green.*yellow.*red/);
+  expect(ko.signs.force.what).toMatch(/초록.*노랑.*빨강/);
 });

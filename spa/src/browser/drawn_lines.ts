@@ -7,6 +7,41 @@ export interface Spot {
 /** A line in the picture, CSS px. */
 export type Line = readonly [from: Spot, to: Spot];
 
-/** Label on a body → the lines that are drawn for what it names, also of a label that finds no room. What a tap means is
- *  found by them. */
-export const drawnLines = new WeakMap<HTMLElement, readonly Line[]>();
+/** So long does a line count after it has moved on: a hand aims at what it saw. */
+const RECENT_MS = 150;
+/** Lines that changed again sooner than this are not kept, so that a label has a dozen of them at most. */
+const KEPT_MS = 15;
+
+interface Drawn {
+  readonly lines: readonly Line[];
+  readonly sinceMs: number;
+}
+
+/** Label on a body → the lines that were drawn for what it names, oldest first, also of a label that finds no room. */
+const DRAWN = new WeakMap<HTMLElement, Drawn[]>();
+
+/** Notes the lines that are drawn for what a label names; what a tap means is found by them. `nowMs`: as of
+ *  `performance.now()`. */
+export function noteLines(label: HTMLElement, lines: readonly Line[], nowMs: number): void {
+  const drawn = DRAWN.get(label) ?? [];
+  DRAWN.set(label, drawn);
+  const newest = drawn.at(-1);
+  if (newest !== undefined && alike(newest.lines, lines)) return;
+  const before = drawn.at(-2);
+  if (before !== undefined && nowMs - before.sinceMs < KEPT_MS) drawn.pop();
+  drawn.push({ lines, sinceMs: nowMs });
+  while (drawn.length > 1 && drawn[1]!.sinceMs < nowMs - RECENT_MS) drawn.shift();
+}
+
+/** The lines of a label at this moment, and where they were shortly before. */
+export function recentLines(label: HTMLElement, nowMs: number): readonly Line[] {
+  const drawn = DRAWN.get(label) ?? [];
+  return drawn
+    .filter((_, i) => i === drawn.length - 1 || drawn[i + 1]!.sinceMs >= nowMs - RECENT_MS)
+    .flatMap(({ lines }) => lines);
+}
+
+function alike(a: readonly Line[], b: readonly Line[]): boolean {
+  const same = (p: Spot, q: Spot) => p.x === q.x && p.y === q.y;
+  return a.length === b.length && a.every(([from, to], i) => same(from, b[i]![0]) && same(to, b[i]![1]));
+}

@@ -14,10 +14,11 @@ const PIECES = 10;
 const FAINTNESSES = 6;
 /** Only this many links, the largest, cast shadows: more would cost time and not be seen. */
 const MOST_SHADOWS = 24;
+/** x red, y green, z blue, as dull as in the 3D view. */
 const AXES: readonly Rgb[] = [
-  [0xe5, 0x48, 0x4d],
-  [0x2f, 0xa8, 0x66],
-  [0x3b, 0x82, 0xf6],
+  [0xb3, 0x68, 0x6e],
+  [0x58, 0x98, 0x7b],
+  [0x5e, 0x85, 0xc3],
 ];
 
 /** How the floor is seen: `CameraRig.screenFromWorld` scaled to the canvas, the canvas size in pixels, and the robot's

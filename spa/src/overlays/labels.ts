@@ -1,5 +1,5 @@
 import type { Level } from '@posecast/wire';
-import { drawnLines, type Line } from '../browser/drawn_lines.ts';
+import { type Line, noteLines } from '../browser/drawn_lines.ts';
 import type { Vec3 } from '../twin/rotation.ts';
 import { type LabelBox, LabelLayout, type LabelRoom } from './label_layout.ts';
 
@@ -80,6 +80,7 @@ export class OverlayLabels {
     const size = `${room.width} ${room.height}`;
     if (size !== this.#room) for (const element of this.#elements.values()) element.letters = -1;
     this.#room = size;
+    const nowMs = performance.now();
     const boxes: LabelBox[] = [];
     const lines: Line[] = [];
     for (const [key, element] of this.#elements) {
@@ -89,7 +90,7 @@ export class OverlayLabels {
         const line = [place(from), place(to)] as const;
         if (line[0] !== null && line[1] !== null) own.push([line[0], line[1]]);
       }
-      drawnLines.set(element.root, own);
+      noteLines(element.root, own, nowMs);
       lines.push(...own);
       const point = place(at);
       if (point === null || point.x < 0 || point.y < 0 || point.x > room.width || point.y > room.height)

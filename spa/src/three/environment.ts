@@ -23,7 +23,8 @@ import type { SceneTheme } from './theme.ts';
 const FLOOR_REACHES = 60;
 /** Pixels along each side of the shadow map at full quality. */
 export const SHADOW_PIXELS = 512;
-const AXIS_COLORS = [0xe5484d, 0x2fa866, 0x3b82f6]; // x red, y green, z blue
+/** x red, y green, z blue, all dull: a bright green is what a force's arrow has. */
+const AXIS_COLORS = [0xb3686e, 0x58987b, 0x5e85c3];
 
 /** The surroundings of a robot: lights, floor with grid and shadows, and small axes under the robot. */
 export class Environment {

@@ -2,9 +2,10 @@ import './explained.css';
 import { type CSSProperties, useEffect, useId, useRef, useState } from 'react';
 import type { RobotLink } from '../state/robot_link.ts';
 import { useMore } from '../text/more.ts';
-import { type Asked, explain, keysOfLabel, labelUnder, placeOf } from './asked.ts';
+import { type Asked, explain, keysOfLabel, placeOf } from './asked.ts';
 import { explainedBy, useCatalogue } from './catalogue.ts';
 import { Glossary } from './Glossary.tsx';
+import { pressedLabel } from './pressed_sign.ts';
 
 const WIDTH_PX = 320;
 const GAP_PX = 6;
@@ -22,10 +23,6 @@ export function Explanations({ link }: { link: RobotLink }) {
 
   useEffect(() => {
     if (catalogue === null) return;
-    let press = { x: 0, y: 0 };
-    const onPress = (event: PointerEvent) => {
-      press = { x: event.clientX, y: event.clientY };
-    };
     const onClick = (event: MouseEvent) => {
       const by = (event.target as Element).closest<HTMLElement>('[data-explain]');
       if (by !== null) {
@@ -40,19 +37,13 @@ export function Explanations({ link }: { link: RobotLink }) {
           );
         return;
       }
-      const label =
-        (event.target as Element).closest('.stage') &&
-        labelUnder(press, { x: event.clientX, y: event.clientY });
-      if (!label) return;
+      const label = pressedLabel({ x: event.clientX, y: event.clientY });
+      if (label === null) return;
       const explained = keysOfLabel(label).flatMap((key) => explainedBy(catalogue, key) ?? []);
       setAsked({ by: label, at: placeOf(label, event), explained });
     };
-    document.addEventListener('pointerdown', onPress, true);
     document.addEventListener('click', onClick, true);
-    return () => {
-      document.removeEventListener('pointerdown', onPress, true);
-      document.removeEventListener('click', onClick, true);
-    };
+    return () => document.removeEventListener('click', onClick, true);
   }, [catalogue, twin]);
 
   useEffect(() => {

@@ -1,4 +1,3 @@
-import { drawnLines, type Line, type Spot } from '../../browser/drawn_lines.ts';
 import { fillSentence } from '../../twin/alarms/sentence.ts';
 import { flagWords } from '../../twin/format.ts';
 import { isolated } from '../../twin/names.ts';
@@ -17,10 +16,8 @@ export interface Asked {
   readonly explained: readonly Explained[];
 }
 
-/** How far a pointer may have moved between press and release, CSS px, to be a tap. */
-const TAP_PX = 6;
-/** How near a tap has to come to the line of a sign, CSS px. */
-const NEAR_PX = 10;
+/** Between a tap and the dialog about it, CSS px. */
+const GAP_PX = 10;
 
 /** The explanation of an element with `data-explain` (of a whole section if it names one), and of the units that stand beside it. */
 export function explain(by: HTMLElement, catalogue: Catalogue, twin: RobotTwin): readonly Explained[] {
@@ -35,47 +32,11 @@ export function explain(by: HTMLElement, catalogue: Catalogue, twin: RobotTwin):
   return [...(found === null ? [] : [found]), ...units.map((unit) => explainUnit(catalogue, unit))];
 }
 
-/** What explains itself over the body but lets pointers through, so that it can't be in the camera's way. */
-const OVER_BODY = '.sign-label:not([hidden]), .stage-level:not([hidden])';
-
-/** Labels whose lines explain themselves. Not those of a joint's deviation: they lie on the joint, and a tap there chooses it. */
-const ARROW_LABEL = '.sign-label:not([data-sign*="apart-"])';
-
-/** The label or spirit level under a tap, else the label of the arrow that is drawn there, if there is one. */
-export function labelUnder(press: Spot, tap: Spot): HTMLElement | null {
-  if (Math.hypot(tap.x - press.x, tap.y - press.y) > TAP_PX) return null;
-  for (const label of document.querySelectorAll<HTMLElement>(OVER_BODY)) {
-    const { left, right, top, bottom, width } = label.getBoundingClientRect();
-    if (width > 0 && tap.x >= left && tap.x <= right && tap.y >= top && tap.y <= bottom) return label;
-  }
-  let found: HTMLElement | null = null;
-  let nearest = NEAR_PX;
-  for (const label of document.querySelectorAll<HTMLElement>(ARROW_LABEL)) {
-    const picture = label.parentElement!.getBoundingClientRect();
-    const spot = { x: tap.x - picture.left, y: tap.y - picture.top };
-    for (const line of drawnLines.get(label) ?? []) {
-      const far = distanceTo(line, spot);
-      if (far > nearest) continue;
-      nearest = far;
-      found = label;
-    }
-  }
-  return found;
-}
-
-function distanceTo([from, to]: Line, { x, y }: Spot): number {
-  const [dx, dy] = [to.x - from.x, to.y - from.y];
-  const square = dx * dx + dy * dy;
-  const along = square === 0 ? 0 : ((x - from.x) * dx + (y - from.y) * dy) / square;
-  const part = Math.min(1, Math.max(0, along));
-  return Math.hypot(x - from.x - part * dx, y - from.y - part * dy);
-}
-
 /** Where the dialog about a label stands: beside it, or beside the tap if the label is not shown. */
 export function placeOf(label: HTMLElement, { clientX, clientY }: MouseEvent): Asked['at'] {
   const box = label.getBoundingClientRect();
   if (box.width > 0) return box;
-  return { left: clientX, top: clientY - NEAR_PX, bottom: clientY + NEAR_PX };
+  return { left: clientX, top: clientY - GAP_PX, bottom: clientY + GAP_PX };
 }
 
 /** The keys of what a label or the spirit level says. */

@@ -89,6 +89,7 @@ export const en = {
   sensors: 'Sensors',
   plots: 'Plots',
   alarms: 'Alarms',
+  moreAlarms: (count: number) => `+${count} more`,
   joint: 'Joint',
   jointWhat: 'As the robot names it',
   ref: 'ref',

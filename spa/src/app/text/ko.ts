@@ -74,6 +74,7 @@ export const ko: Text = {
   sensors: '센서',
   plots: '그래프',
   alarms: '경보',
+  moreAlarms: (count) => `외 ${count}건`,
   joint: '관절',
   jointWhat: '로봇이 부르는 이름',
   ref: '기준',

@@ -3,7 +3,7 @@ import type { KinematicTree } from '../../../twin/kinematic_tree.ts';
 import type { RobotTwin } from '../../../twin/robot.ts';
 import type { BodyView } from '../../../view/body_view.ts';
 import { onTaps } from '../../../view/taps.ts';
-import { labelUnder } from '../../explain/asked.ts';
+import { pressedLabel, watchPresses } from '../../explain/pressed_sign.ts';
 import { onSelection, selection, selectJoint } from '../../state/selection.ts';
 
 type Eye = Pick<BodyView, 'pick' | 'visit' | 'goBack' | 'setLinkLook'>;
@@ -47,12 +47,13 @@ export function bindSelection(element: HTMLElement, view: Eye, twin: RobotTwin):
   };
   const tap = (x: number, y: number, times: 1 | 2) => {
     // a tap on a sign asks what it means
-    const link = times === 1 && labelUnder({ x, y }, { x, y }) === null ? view.pick(x, y) : null;
+    const link = times === 1 && pressedLabel({ x, y }) === null ? view.pick(x, y) : null;
     const channel = link === null ? null : channelOf(link, twin.tree, channelsNow());
     if (channel !== null) selectJoint(channel, 'body');
   };
 
   const ends = [
+    watchPresses((x, y) => view.pick(x, y) !== null),
     onTaps(element, tap),
     onSelection(() => (selection() === null ? leave() : bring())),
     twin.onChange(light),

@@ -61,13 +61,8 @@ export function FaultLine({ link, onMore }: { link: RobotLink; onMore: () => voi
         {rest}
       </span>
       {open.length > 1 && (
-        <button
-          type="button"
-          className="text-button more"
-          aria-label={`+${open.length - 1} ${text.alarms}`}
-          onClick={onMore}
-        >
-          +{open.length - 1}
+        <button type="button" className="text-button more" title={text.alarms} onClick={onMore}>
+          {text.moreAlarms(open.length - 1)}
         </button>
       )}
       {link.watch.word !== 'PAST' && (

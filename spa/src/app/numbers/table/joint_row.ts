@@ -87,7 +87,9 @@ export class RowView {
     this.#cur = marks.cur ?? null;
     this.#temp = marks.temp ?? null;
     this.#states = states.map((field) => [field, new TextCell(cell(field, 'c-state'))]);
-    this.#flags = new TextCell(cell('flags', 'c-flags'));
+    const flags = createElement('span', ''); // two lines of a cell
+    cell('flags', 'c-flags').append(flags);
+    this.#flags = new TextCell(flags);
     this.element = element;
     this.#level = new DataAttribute(element, 'level');
     this.#latched = new DataAttribute(element, 'latched');
