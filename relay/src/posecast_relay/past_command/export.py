@@ -33,7 +33,7 @@ from posecast_relay.recording.collector import Collection, Collector, Descriptio
 from posecast_relay.recording.http_source import HttpSource
 from posecast_relay.recording.notes import NotesError, place_notes, read_notes
 from posecast_relay.recording.output import OutputError, check_place, open_place
-from posecast_relay.recording.page import add_page, check_page
+from posecast_relay.recording.page import add_page, check_page, unpacks_segments
 from posecast_relay.recording.source import PastUnreadable, RecordingSource
 from posecast_relay.recording.store_source import StoreSource
 from posecast_relay.recording.zip_file import pack_recording
@@ -43,7 +43,6 @@ RELAY = "http://127.0.0.1:8080"
 PACKAGE = Path(__file__).resolve().parents[1]
 PAGES = (PACKAGE / "page", PACKAGE.parents[2] / "spa/dist")  # as it is packed in, and in a checkout
 FILES = (".posecast", ".csv", ".mcap")
-PACKS_FOLDERS = False  # as soon as the page takes both
 TOKEN_BYTES_MAX = 16_384
 TOKEN = re.compile(r"[!-~]+")
 URL = re.compile(r"https?://[!-~]+")
@@ -122,7 +121,7 @@ def _export(
     with open_place(asked.out, asked.replace) as place:
         folder = place if page is not None else place.with_name("collected")
         folder.mkdir()
-        collector = Collector(source, folder, packs=PACKS_FOLDERS and page is not None)
+        collector = Collector(source, folder, packs=page is not None and unpacks_segments(page))
         try:
             recording = asyncio.run(_collect(collector, asked, source, about))
         except asyncio.CancelledError:
