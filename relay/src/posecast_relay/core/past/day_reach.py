@@ -23,8 +23,7 @@ class SeenSpan(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class DayReach:
-    """What is known of a day. `takes`: by take, from which index to which; `schemas`, `models`: SHA-256.
-    """
+    """What is known of a day. `takes`: by take, from which index to which; `schemas`, `models`: SHA-256."""
 
     day_ms: int
     spans: tuple[SeenSpan, ...]
