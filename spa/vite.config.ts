@@ -32,16 +32,17 @@ const SHARED_CHUNKS = [
   { name: 'react', test: /node_modules\/react\// },
   {
     name: 'relay',
-    test: /spa\/src\/(auth\/token|browser\/(storage|store)|relay\/(as_anyone|relay)|stream\/clock)\.ts$/,
+    test: /spa\/src\/(auth\/token|browser\/(storage|store)|past\/past_source|relay\/(as_anyone|recording_address|relay)|stream\/clock)\.ts$/,
   },
   {
     name: 'values',
-    test: /spa\/src\/(model\/(bounds|kinematics)|twin\/(format|names|plain_names|rotation|values|limits\/(level_latch|limits))|view\/camera\/framing)\.ts$/,
+    test: /spa\/src\/(model\/(bounds|kinematics)|twin\/(format|joints|liveness|names|plain_names|rotation|values|limits\/(level_latch|limits))|view\/camera\/framing)\.ts$/,
   },
   {
     name: 'settings',
     test: /spa\/src\/(app\/(state\/(settings|use_store)|status\/moment_words|text\/language)|browser\/(drawn_lines|first_paint|late_part|retry)|app\/shell\/media)\.ts$/,
   },
+  { name: 'manifest', test: /spa\/src\/model\/(bundle|files|lod_cache|manifest)\.ts$/ },
   { name: 'cells', test: /spa\/src\/app\/.*\/(cells\.ts|fault_words\.ts|FlagTerm\.tsx)$/ },
 ];
 
