@@ -12,8 +12,8 @@ from typing import Any
 from posecast_relay.export.csv_file import write_csv
 from posecast_relay.export.mcap_file import write_mcap
 from posecast_relay.export.table import TableReader
-from posecast_wire import Encoder, Schema, parse_header
-from posecast_wire.segment import SegmentStart, SegmentWriter
+from posecast_wire import Encoder, Quantiser, Schema, parse_header
+from posecast_wire.segment import SegmentStart, SegmentWriter, decode_segment
 
 FROM_MS = 1_795_357_260_112  # 2026-11-22T14:21:00.112Z
 EVENT = {"type": "event", "n": 41, "t": 1.5, "at": 1795357260, "source": "LSR", "level": "fault"}
@@ -59,7 +59,7 @@ class Take:
         frames: Sequence[bytes],
         late_us: int = 0,
         heard: Callable[[int], bool] = lambda _: True,
-        events: Mapping[int, Mapping[str, Any]] | None = None,
+        events: Mapping[int, Mapping[str, Any] | str] | None = None,
     ) -> list[Named]:
         """The segments of those frames that it heard, `late_us` after the first recorder; events stand before
         the frame of that index."""
@@ -83,7 +83,7 @@ class Take:
                 )
                 writer = SegmentWriter(start, key, ref)
             for event in [events[i]] if events and i in events else []:
-                writer.append_event(json.dumps(event), at_us - begun_us)
+                writer.append_event(event if isinstance(event, str) else json.dumps(event), at_us - begun_us)
             writer.append_frame(frame, at_us - begun_us, 1500)
             index += 1
             if header.is_key:
@@ -99,15 +99,11 @@ class Take:
 
 
 def codes_of(schema: Schema, row: Values) -> list[int]:
-    from posecast_wire import Quantiser
-
     return Quantiser(schema, 0).quantise(row)
 
 
 def in_order(*takes: list[Named]) -> list[Named]:
     """All segments by their beginning."""
-    from posecast_wire.segment import decode_segment
-
     return sorted((s for take in takes for s in take), key=lambda s: decode_segment(s[1]).start.from_ms)
 
 
@@ -126,10 +122,10 @@ def csv_of(segments: Sequence[Named], *schemas: str, **span: int) -> tuple[str, 
 
 
 def mcap_of(
-    segments: Sequence[Named], *schemas: str, models: Mapping[str, bytes] | None = None
+    segments: Sequence[Named], *schemas: str, models: Mapping[str, bytes] | None = None, **span: int
 ) -> tuple[bytes, TableReader]:
     file = io.BytesIO()
-    table = TableReader(segments, schemas_of(*schemas))
+    table = TableReader(segments, schemas_of(*schemas), **span)
     write_mcap(file, table, (models or {}).get)
     return file.getvalue(), table
 

@@ -6,6 +6,7 @@ page's tests (spa/tests/link_poses.test.ts) find the same.
 
 from __future__ import annotations
 
+import copy
 import json
 import math
 import random
@@ -83,15 +84,9 @@ def make_manifest(boxes: bool = True) -> dict[str, Any]:
     ]
     visuals[2]["box"] = [[-0.02, -0.2, -0.35], [0.2, 0.01, 0.0]]
     joints = [{**joint, "child": i + 1} for i, joint in enumerate(JOINTS)]
-    return {
-        "v": 2,
-        "robot": "made-up",
-        "files": [],
-        "levels": [],
-        "links": LINKS,
-        "joints": joints,
-        "visuals": visuals if boxes else [],
-    }
+    manifest: dict[str, Any] = {"v": 2, "robot": "made-up", "files": [], "levels": []}
+    manifest |= {"links": LINKS, "joints": joints, "visuals": visuals if boxes else []}
+    return copy.deepcopy(manifest)
 
 
 def make_schema(fields: Mapping[str, Sequence[str]], mapping: Mapping[str, Any] = MAPPING) -> str:

@@ -76,17 +76,20 @@ class _MessageWriter:
         """Write the messages of a frame."""
         unix_ns = 1000 * row.unix_us
         tree = None if row.model is None else self._find_tree(row.model)
+        if row.model is not None and tree is not None:
+            self._write_transforms(row, row.model, tree)
         values = compute_values(row.parsed, row.codes)
         for topic in self._list_topics(row.schema, row.parsed, tree):
             units = tuple(topic.units.items())
             self._write(topic.name, topic.type_name, unix_ns, topic.fill(unix_ns, values), units)
-        if row.model is None or tree is None:
-            return
+
+    def _write_transforms(self, row: TableRow, model: str, tree: ModelTree) -> None:
         if self._readings is None or self._readings[0] != row.schema:
             self._readings = (row.schema, FrameReadings(row.parsed))
-        if self._body is None or self._body[0] != row.model:
-            self._body = (row.model, _Transforms(tree))
+        if self._body is None or self._body[0] != model:
+            self._body = (model, _Transforms(tree))
         self._readings[1].take(row.codes)
+        unix_ns = 1000 * row.unix_us
         data = self._body[1].fill(unix_ns, self._readings[1])
         self._write("/tf", ros.TRANSFORMS, unix_ns, data)
 

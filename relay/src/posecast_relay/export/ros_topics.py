@@ -108,16 +108,17 @@ def compute_values(schema: Schema, codes: Sequence[int]) -> list[float]:
 
 
 def list_topics(schema: Schema, root_link: str | None = None) -> list[RosTopic]:
-    """The topics of a schema's frames. `root_link`: of the model, where a sensor without a link is."""
-    topics = _list_joint_topics(schema)
-    topics += _list_sensor_topics(schema, root_link)
+    """The topics of a schema's frames, in the order in which their messages are written: /joint_states last,
+    since a player that merges topics, as an edge does, tells of all others with it. `root_link`: of the
+    model, where a sensor without a link is."""
+    topics = [*_list_sensor_topics(schema, root_link), *_list_joint_topics(schema)]
     carried = set[int]().union(*(topic.list_carried() for topic in topics))
-    topics += [
+    plain = [
         _make_plain_topic(schema, f)
         for f in schema.fields
         if not carried.issuperset(range(f.start, f.start + f.size))
     ]
-    return topics
+    return plain + topics
 
 
 def make_topic_part(site: str, taken: Iterable[str]) -> str:
@@ -147,26 +148,25 @@ def _list_joint_topics(schema: Schema) -> list[RosTopic]:
     topics: list[RosTopic] = []
     pos, ref = schema.find_field("pos"), schema.find_field("ref")
     main = pos or ref
-    states = (pos, schema.find_field("vel"), schema.find_field("effort"))
-    named = next((f for f in states if f is not None and _list_joints(schema, f)), None)
-    if named is not None:
-        names = tuple(_list_joints(schema, named))
-        rows = (
-            _list_positions(schema, pos, names),
-            _list_rates(schema, states[1], main, names),
-            _list_efforts(schema, states[2], main, names),
-        )
-        message, places = lay_joint_state(names, *(row is not None for row in rows))
-        parts = [
-            (at, row) for at, row in zip(places, rows, strict=True) if at is not None and row is not None
-        ]
-        if parts:
-            topics.append(RosTopic("/joint_states", JOINT_STATE, message, parts))
     names = () if ref is None else tuple(_list_joints(schema, ref))
     wanted = _list_positions(schema, ref, names)
     if wanted is not None:
         message, places = lay_joint_state(names, True, False, False)
         topics.append(RosTopic("/joint_references", JOINT_STATE, message, [(places.position or 0, wanted)]))
+    states = (pos, schema.find_field("vel"), schema.find_field("effort"))
+    named = next((f for f in states if f is not None and _list_joints(schema, f)), None)
+    if named is None:
+        return topics
+    names = tuple(_list_joints(schema, named))
+    rows = (
+        _list_positions(schema, pos, names),
+        _list_rates(schema, states[1], main, names),
+        _list_efforts(schema, states[2], main, names),
+    )
+    message, places = lay_joint_state(names, *(row is not None for row in rows))
+    parts = [(at, row) for at, row in zip(places, rows, strict=True) if at is not None and row is not None]
+    if parts:
+        topics.append(RosTopic("/joint_states", JOINT_STATE, message, parts))
     return topics
 
 

@@ -1,4 +1,4 @@
-"""`posecast-relay past`: lists what is kept of the past, and deletes of it.
+"""`posecast-relay past`: lists what is kept of the past, exports and deletes of it.
 
 Exit status 0: done; 1: the store or the relay did not do it, or you said no; 2: it can't be asked for so.
 """
@@ -12,7 +12,7 @@ from typing import NamedTuple, NoReturn
 
 from posecast_relay.archive.object_store import ArchiveError
 from posecast_relay.config.settings import SettingsError
-from posecast_relay.past_command import deletion, listing
+from posecast_relay.past_command import deletion, export, listing
 from posecast_relay.past_command.relay_socket import RelayAway
 
 
@@ -26,6 +26,7 @@ class Subcommand(NamedTuple):
 
 COMMANDS = {
     "list": Subcommand(listing.HELP, listing.add_arguments, listing.run),
+    "export": Subcommand(export.HELP, export.add_arguments, export.run),
     "delete": Subcommand(deletion.HELP, deletion.add_arguments, deletion.run),
 }
 

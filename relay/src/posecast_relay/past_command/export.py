@@ -1,0 +1,280 @@
+"""`posecast-relay past export`: a stretch of the past as files, for any static host or for other programs."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import re
+import signal
+import sys
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import NoReturn
+
+from posecast_wire import check_name
+from posecast_wire.checked import is_unicode, make_visible
+from posecast_wire.recording import PastRecording, RecordingError
+from posecast_wire.recording.contents import TITLE_CHARACTERS_MAX
+from posecast_wire.recording.reader import CONTROLS
+
+from posecast_relay.archive.names import PAGE_MS
+from posecast_relay.config.settings import SettingsError
+from posecast_relay.core.policy.policy import PUBLIC, Audience
+from posecast_relay.export.csv_file import TooManyColumnsError
+from posecast_relay.export.mcap_file import McapMissingError
+from posecast_relay.export.span import ExportedSpan
+from posecast_relay.export.table_file import write_table
+from posecast_relay.http.app import PACKED_PAGE
+from posecast_relay.past_command.location import open_store
+from posecast_relay.past_command.moments import read_moment, write_moment
+from posecast_relay.past_command.progress import ProgressLine
+from posecast_relay.past_command.times import TimeError
+from posecast_relay.recording.collector import Collection, Collector, Description, NothingThere
+from posecast_relay.recording.http_source import HttpSource
+from posecast_relay.recording.notes import NotesError, place_notes, read_notes
+from posecast_relay.recording.output import OutputError, check_place, open_place
+from posecast_relay.recording.page import add_page, check_page
+from posecast_relay.recording.source import RecordingSource, SourceError
+from posecast_relay.recording.store_source import StoreSource
+from posecast_relay.recording.zip_file import pack_recording
+
+HELP = "write a stretch of the past as files: a folder to play it, .posecast, .csv or .mcap"
+RELAY = "http://127.0.0.1:8080"
+CHECKOUT_PAGE = Path(__file__).resolve().parents[4] / "spa/dist"
+FILES = (".posecast", ".csv", ".mcap")
+TOKEN_BYTES_MAX = 16_384
+TOKEN = re.compile(r"[!-~]+")
+URL = re.compile(r"https?://[!-~]+")
+
+
+def add_arguments(parser: argparse.ArgumentParser, environ: Mapping[str, str]) -> None:
+    """Add the arguments of the command."""
+    add = parser.add_argument
+    add("--robot", metavar="ID", type=_read_name, required=True, help="of this robot")
+    add("--view", metavar="VIEW", type=_read_name, help="of this view; else the one that its viewers get")
+    for flag, is_end in (("--from", False), ("--to", True)):
+        told = (
+            "2026-11-22T14:20 with or without a zone, or 14:20 of today; rounded outwards to whole segments"
+        )
+        read = partial(_read_moment, is_end=is_end)
+        add(flag, dest=f"{flag[2:]}_ms", metavar="T", type=read, required=True, help=told)
+    told = "a file *.posecast, *.csv or *.mcap; else a folder that any static host serves"
+    add("-o", "--out", dest="out", metavar="PATH", type=_read_out, required=True, help=told)
+    add("--replace", action="store_true", help="put it where an earlier export lies")
+    add("--relay", metavar="URL", help=f"a running relay [{RELAY}]")
+    add("--past", metavar="URL", default=None, help="or a store, as the relay's --past [POSECAST_PAST]")
+    told = "anyone, signed-in or link: the recording holds what they could see; else anyone"
+    add("--as", dest="audience", choices=[each.value for each in Audience], metavar="WHO", help=told)
+    add("--token-file", metavar="FILE", type=Path, help="of a relay: a token of who may see it")
+    for flag, told in (
+        ("--title", "of the recording"),
+        ("--author", "who made it"),
+        ("--licence", "what others may do with it"),
+    ):
+        add(flag, metavar="TEXT", type=_read_heading, help=told)
+    add("--notes", metavar="FILE", type=Path, help="a TOML file of notes at moments")
+    add("--page", metavar="DIR", type=Path, help="of a folder: the built page; else the one packed in")
+    add(
+        "--url",
+        metavar="URL",
+        type=_read_url,
+        help="of a folder: where it will lie; chats need it for a picture",
+    )
+    parser.set_defaults(stored=environ.get("POSECAST_PAST"))
+
+
+def run(asked: argparse.Namespace) -> None:
+    """Export a stretch of the past. Raises SettingsError, ArchiveError, and SystemExit 1 when it could not be
+    done."""
+    if asked.from_ms >= asked.to_ms:
+        raise SettingsError("--from: is not before --to")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that what is half written goes
+    try:
+        notes = [] if asked.notes is None else read_notes(asked.notes)
+        about = Description(asked.title, asked.author, asked.licence, partial(place_notes, notes))
+        page = _find_page(asked)
+        check_place(asked.out, asked.replace)
+        source = _open_source(asked)
+        try:
+            _export(asked, source, about, page)
+        finally:
+            source.close()
+    except NotesError as e:
+        raise SettingsError(f"--notes {e}") from None
+    except (
+        OutputError,
+        SourceError,
+        NothingThere,
+        RecordingError,
+        McapMissingError,
+        TooManyColumnsError,
+    ) as e:
+        _end(str(e))
+    except KeyboardInterrupt:
+        _end(f"{asked.out}: interrupted; nothing of it is left")
+
+
+def _export(
+    asked: argparse.Namespace, source: RecordingSource, about: Description, page: Path | None
+) -> None:
+    with open_place(asked.out, asked.replace) as place:
+        folder = place if page is not None else place.with_name("collected")
+        folder.mkdir()
+        collector = Collector(source, folder)
+        recording = asyncio.run(_collect(collector, asked, source, about))
+        written, warnings = _write(
+            asked, ExportedSpan(folder, recording, asked.from_ms, asked.to_ms), place, page
+        )
+        size = _measure(place)
+    for line in (*_tell_lost(collector.found), *warnings):
+        print(f"posecast-relay: {asked.out}: {line}", file=sys.stderr)
+    seconds = (recording.to_ms - recording.from_ms + 500) // 1000
+    length = f"{seconds // 3600}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
+    print(
+        f"{asked.out}: {recording.robot}/{recording.view}, {length} from {write_moment(recording.from_ms)}, "
+        f"{written}, {size:,} bytes"
+    )
+
+
+async def _collect(
+    collector: Collector, asked: argparse.Namespace, source: RecordingSource, about: Description
+) -> PastRecording:
+    there = await source.find_span()  # by which a relay also says which view it is
+    with ProgressLine() as progress:
+        collector.report = lambda found: progress.show(
+            f"{found.done:,} of {found.total:,} segments, {found.size / 1e6:.1f} MB"
+        )
+        try:
+            if there is None:
+                raise NothingThere("nothing in this span")
+            # of what is recorded while this runs, no more than begins soon
+            to_ms = min(asked.to_ms, there.to_ms + PAGE_MS)
+            return await collector.collect(max(asked.from_ms, there.from_ms), to_ms, about)
+        except NothingThere as e:
+            span = f"from {write_moment(asked.from_ms)} to {write_moment(asked.to_ms)}"
+            what = "nothing at all"
+            if there is not None:
+                what = f"something from {write_moment(there.from_ms)} to {write_moment(there.to_ms)}"
+            raise NothingThere(f"{source.robot}/{source.view}, {span}: {e}; there is {what}") from None
+
+
+def _write(
+    asked: argparse.Namespace, span: ExportedSpan, place: Path, page: Path | None
+) -> tuple[str, Sequence[str]]:
+    """Write what was asked for, and return what is in it and what is not."""
+    segments = f"{len(span.recording.segments):,} segments"
+    if page is not None:
+        add_page(page, place, span.recording, asked.url)
+        return segments, ()
+    if asked.out.suffix == ".posecast":
+        pack_recording(span.folder, span.recording, place)
+        return segments, ()
+    with place.open("wb") as file:
+        table = write_table(file, "csv" if asked.out.suffix == ".csv" else "mcap", span)
+    if not table.frames:
+        raise NothingThere(f"{asked.out}: no frames in this span")
+    return f"{table.frames:,} frames", table.warnings
+
+
+def _open_source(asked: argparse.Namespace) -> HttpSource | StoreSource:
+    """Where the past is. Raises SettingsError, SourceError."""
+    past = asked.past if asked.past is not None or asked.relay is not None else asked.stored
+    if asked.relay is not None and past is not None:
+        raise SettingsError("--relay: not with --past: the one or the other")
+    audience = None if asked.audience is None else Audience(asked.audience)
+    if past in (None, "", "0", "memory:"):
+        if asked.token_file is None and audience not in (None, Audience.ANYONE):
+            raise SettingsError(f"--as {audience}: a relay asks for a token of theirs: --token-file FILE")
+        if asked.token_file is not None and audience in (None, Audience.ANYONE):
+            raise SettingsError(
+                "--token-file: the recording will hold what this token may see, for whoever gets it: "
+                "say --as signed-in or --as link"
+            )
+        token = None if asked.token_file is None else _read_token(asked.token_file)
+        return HttpSource(asked.relay or RELAY, asked.robot, asked.view, token)
+    if asked.token_file is not None:
+        raise SettingsError("--token-file: is for a relay; a store is read with its own keys")
+    asked.past = past
+    store = open_store(asked)
+    assert store is not None  # no memory
+    return StoreSource(store, asked.robot, asked.view or PUBLIC, audience or Audience.ANYONE)
+
+
+def _find_page(asked: argparse.Namespace) -> Path | None:
+    """The built page, for a folder. Raises SettingsError, OutputError."""
+    if asked.out.suffix in FILES:
+        for name in ("page", "url"):
+            if getattr(asked, name) is not None:
+                raise SettingsError(f"--{name}: is for a folder; a file {asked.out.suffix} has no page")
+        if asked.out.suffix != ".posecast" and asked.notes is not None:
+            raise SettingsError(f"--notes: a file {asked.out.suffix} has no place for them")
+        return None
+    places = (PACKED_PAGE, CHECKOUT_PAGE) if asked.page is None else (asked.page,)
+    found = next((page for page in places if (page / "index.html").is_file()), places[0])
+    if asked.page is None and not (found / "index.html").is_file():
+        raise SettingsError("--page: no built page is packed in here: name the folder of one")
+    check_page(found)
+    return found
+
+
+def _tell_lost(found: Collection) -> list[str]:
+    """What is not in it."""
+    more = found.lost_count - len(found.lost)
+    return [*found.lost, *([f"and {more:,} more like these"] if more else [])]
+
+
+def _measure(place: Path) -> int:
+    if place.is_file():
+        return place.stat().st_size
+    return sum(path.stat().st_size for path in place.rglob("*") if path.is_file())
+
+
+def _end(why: str) -> NoReturn:
+    print(f"posecast-relay: {why}", file=sys.stderr)
+    raise SystemExit(1) from None
+
+
+def _read_token(file: Path) -> str:
+    try:
+        with file.open("rb") as opened:
+            raw = opened.read(TOKEN_BYTES_MAX + 1)
+    except OSError as e:
+        raise SettingsError(f"--token-file {file}: {(e.strerror or str(e)).lower()}") from None
+    token = raw.decode("latin-1").strip()
+    if len(raw) > TOKEN_BYTES_MAX or not TOKEN.fullmatch(token):
+        raise SettingsError(f"--token-file {file}: holds no token: one line, without blanks")
+    return token
+
+
+def _read_name(text: str) -> str:
+    try:
+        return check_name("name", text)
+    except ValueError as e:
+        raise argparse.ArgumentTypeError(str(e)) from None
+
+
+def _read_moment(text: str, is_end: bool) -> int:
+    try:
+        return read_moment(text, is_end=is_end)
+    except TimeError as e:
+        raise argparse.ArgumentTypeError(f"'{make_visible(text)}': {e}") from None
+
+
+def _read_heading(text: str) -> str:
+    if not 0 < len(text) <= TITLE_CHARACTERS_MAX or CONTROLS.search(text) or not is_unicode(text):
+        raise argparse.ArgumentTypeError(f"use 1 to {TITLE_CHARACTERS_MAX} characters in one line")
+    return text
+
+
+def _read_out(text: str) -> Path:
+    path = Path(text)
+    if path.name in ("", ".."):
+        raise argparse.ArgumentTypeError("name a new folder or file")
+    return path
+
+
+def _read_url(text: str) -> str:
+    if not URL.fullmatch(text):
+        raise argparse.ArgumentTypeError("use https://HOST/PATH")
+    return text

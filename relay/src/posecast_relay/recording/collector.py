@@ -1,0 +1,281 @@
+"""Collects a span of the past from a source into a folder, as a recording without a page."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import AsyncIterator, Callable, Sequence
+from dataclasses import dataclass, field
+from itertools import islice
+from pathlib import Path, PurePosixPath
+from typing import NamedTuple
+
+from posecast_wire.checked import loads, make_visible
+from posecast_wire.key_page import KeyPose, encode_key_page, pick_pose
+from posecast_wire.recording import (
+    RECORDING_FILE,
+    PastRecording,
+    RecordedEvent,
+    RecordedSegment,
+    RecordedWord,
+    RecordingError,
+    RecordingNote,
+    encode_recording,
+    key_page_path,
+    model_path,
+    segment_path,
+)
+from posecast_wire.recording.contents import SEGMENTS_MAX
+from posecast_wire.segment import (
+    EventRecord,
+    ModelRecord,
+    Segment,
+    SegmentError,
+    WordRecord,
+    decode_segment,
+)
+
+from posecast_relay.models.manifest import ManifestError, read_manifest
+from posecast_relay.recording.source import ListedSegment, RecordingSource
+
+AHEAD = 16  # segments that are asked for before it is their turn
+SEGMENT_MS_MAX = 600_000  # so long before a span a segment may begin that reaches into it
+PAGE_MS = 600_000
+KEY_PAGE_BYTES_MAX = 100_000
+LOST_SHOWN = 5  # lines about what is not in it
+
+
+class NothingThere(Exception):
+    """There is nothing in the span. The message is one line that says what there is."""
+
+
+class Description(NamedTuple):
+    """What somebody says about a recording. `place_notes` is told its beginning and end, unix ms."""
+
+    title: str | None
+    author: str | None
+    licence: str | None
+    place_notes: Callable[[int, int], Sequence[RecordingNote]]
+
+
+@dataclass
+class Collection:
+    """What has been collected so far: `done` segments of `total`, `size` bytes in all. `lost`: one line for
+    each thing that is not in it, and why; of many the first few, and `lost_count` how many they are.
+    """
+
+    total: int = 0
+    done: int = 0
+    segments: list[RecordedSegment] = field(default_factory=list)
+    schemas: dict[str, str] = field(default_factory=dict)
+    models: dict[str, None] = field(default_factory=dict)
+    size: int = 0
+    lost: list[str] = field(default_factory=list)
+    lost_count: int = 0
+
+    def lose(self, what: str, why: str) -> None:
+        """Note that something is not in it."""
+        self.lost_count += 1
+        if len(self.lost) < LOST_SHOWN:
+            self.lost.append(f"{what}: {make_visible(why)}")
+
+
+class Collector:
+    """Collects the past of `source` into `folder`, which is empty. `report` is called after each segment."""
+
+    def __init__(self, source: RecordingSource, folder: Path) -> None:
+        self.report: Callable[[Collection], None] = lambda _: None
+        self._source = source
+        self._folder = folder
+        self._poses: list[KeyPose] = []
+        self._page_ms = 0
+        self.found = Collection()
+
+    async def collect(self, from_ms: int, to_ms: int, about: Description) -> PastRecording:
+        """Write every segment that lies at least partly within the span (unix ms), and what they need.
+
+        Raises NothingThere, SourceError, RecordingError, and OSError when it can't be written.
+        """
+        listed = await self._list(from_ms, to_ms)
+        found = self.found
+        found.total = len(listed)
+        begin_ms, end_ms = listed[0].from_ms, max(each.to_ms for each in listed)
+        notes = tuple(about.place_notes(begin_ms, end_ms))
+        async for each, data in self._load(listed):
+            if data is None:
+                found.lose(segment_path(each.take, each.index), "gone before it could be read")
+            else:
+                await self._take(each, data)
+            found.done += 1
+            self.report(found)
+        self._write_key_page()
+        if not found.segments:
+            raise NothingThere(f"not one of {found.total} segments could be read; {found.lost[0]}")
+        for model in list(found.models):
+            await self._take_model(model)
+        recording = PastRecording(
+            robot=self._source.robot,
+            view=self._source.view,
+            from_ms=begin_ms,
+            to_ms=end_ms,
+            segments=tuple(found.segments),
+            schemas=found.schemas,
+            models=tuple(found.models),
+            notes=notes,
+            title=about.title,
+            author=about.author,
+            licence=about.licence,
+        )
+        self._write(RECORDING_FILE, encode_recording(recording))
+        return recording
+
+    async def _list(self, from_ms: int, to_ms: int) -> list[ListedSegment]:
+        """The segments of a span, by beginning, take and index: at least one."""
+        begin_ms = max(0, from_ms - SEGMENT_MS_MAX)
+        all_of = await self._source.list_segments(begin_ms, to_ms) if begin_ms < to_ms else []
+        listed = [each for each in all_of if each.to_ms > from_ms or each.from_ms >= from_ms]
+        if len(listed) > SEGMENTS_MAX:
+            raise RecordingError(f"segments: {len(listed)}, {SEGMENTS_MAX} allowed: export a shorter span")
+        if listed:
+            return sorted(listed, key=lambda each: (each.from_ms, each.take, each.index))
+        raise NothingThere("nothing in this span")
+
+    async def _load(
+        self, listed: Sequence[ListedSegment]
+    ) -> AsyncIterator[tuple[ListedSegment, bytes | None]]:
+        """Each segment with its bytes, in order; some are asked for ahead."""
+        waiting: deque[tuple[ListedSegment, asyncio.Task[bytes | None]]] = deque()
+        left = iter(listed)
+        try:
+            while True:
+                for each in islice(left, AHEAD - len(waiting)):
+                    waiting.append((each, asyncio.ensure_future(self._source.load_segment(each))))
+                if not waiting:
+                    return
+                first, task = waiting[0]
+                data = await task
+                waiting.popleft()
+                yield first, data
+        finally:
+            for _, task in waiting:
+                task.cancel()
+            await asyncio.gather(*(task for _, task in waiting), return_exceptions=True)
+
+    async def _take(self, listed: ListedSegment, data: bytes) -> None:
+        """Write a segment, unless it is none, or another one."""
+        found, path = self.found, segment_path(listed.take, listed.index)
+        try:
+            segment = decode_segment(data)
+        except SegmentError as e:
+            found.lose(path, str(e))
+            return
+        start = segment.start
+        name = (start.take, start.index, start.from_ms, segment.to_ms)
+        said = (start.robot, start.view, ListedSegment(*name, listed.sha256))
+        if said != (self._source.robot, self._source.view, listed):
+            found.lose(path, f"is of {start.robot}/{start.view}, take {start.take:016x}, index {start.index}")
+            return
+        if start.schema is not None and start.schema not in found.schemas:
+            text = await self._source.load_schema(start.schema)
+            if text is None:
+                found.lose(path, "the schema that it names is not there")
+                return
+            found.schemas[start.schema] = text
+        found.models.update(dict.fromkeys(_list_models(segment)))
+        found.segments.append(_describe(segment, len(data)))
+        self._write(path, data)
+        pose = pick_pose(segment)
+        if pose is not None:
+            page_ms = start.from_ms - start.from_ms % PAGE_MS
+            if page_ms != self._page_ms:
+                self._write_key_page()
+            self._page_ms = page_ms
+            self._poses.append(pose)
+
+    def _write_key_page(self) -> None:
+        """Write the page of KEYs of the ten minutes that are over."""
+        poses, self._poses = self._poses, []
+        if not poses:
+            return
+        every, data = 1, b""
+        while not data or (len(data) > KEY_PAGE_BYTES_MAX and every < len(poses)):
+            data = encode_key_page(self._source.robot, self._source.view, self._page_ms, poses, every)
+            every *= 2
+        self._write(key_page_path(self._page_ms), data)
+
+    async def _take_model(self, model: str) -> None:
+        """Write a model's files, as far as they are there."""
+        found = self.found
+        manifest = await self._source.load_manifest(model)
+        if manifest is None:
+            found.lose(model_path(model, "manifest.json"), "not kept any more")
+            return
+        try:
+            entries = read_manifest(manifest)
+        except ManifestError as e:
+            found.lose(model_path(model, "manifest.json"), str(e))
+            return
+        self._write(model_path(model, "manifest.json"), manifest)
+        for path, entry in entries.items():
+            if path == "manifest.json" or any(
+                part.as_posix() in entries for part in PurePosixPath(path).parents
+            ):
+                found.lose(model_path(model, path), "another file stands in its way")
+                continue
+            data = await self._source.load_model_file(model, path, entry.sha256, entry.size)
+            if data is None:
+                found.lose(model_path(model, path), "not kept any more")
+            else:
+                self._write(model_path(model, path), data)
+
+    def _write(self, path: str, data: bytes) -> None:
+        file = self._folder / path
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(data)
+        self.found.size += len(data)
+
+
+def _list_models(segment: Segment) -> list[str]:
+    named = [segment.start.model]
+    named += [record.model for record in segment.records if isinstance(record, ModelRecord)]
+    return [model for model in named if model is not None]
+
+
+def _describe(segment: Segment, size: int) -> RecordedSegment:
+    """What an index tells of a segment."""
+    start, frames = segment.start, segment.frames
+    words = [RecordedWord(start.from_ms, start.word)]
+    events: list[RecordedEvent] = []
+    for record in segment.records:
+        at_ms = start.from_ms + record.at_us // 1000
+        if isinstance(record, WordRecord):
+            words.append(RecordedWord(at_ms, record.word))
+        elif isinstance(record, EventRecord):
+            event = _read_event(record.text)
+            if event is not None:
+                events.append(RecordedEvent(at_ms, event))
+    return RecordedSegment(
+        take=start.take,
+        run_id=start.run_id,
+        index=start.index,
+        from_ms=start.from_ms,
+        to_ms=segment.to_ms,
+        frames=len(frames),
+        first_seq=frames[0].seq if frames else 0,
+        last_seq=frames[-1].seq if frames else 0,
+        size=size,
+        schema=start.schema,
+        model=start.model,
+        missing=start.missing,
+        words=tuple(words),
+        events=tuple(events),
+    )
+
+
+def _read_event(text: str) -> dict[str, object] | None:
+    """An event's members; None for a text that no viewer could read either."""
+    try:
+        event = loads(text)
+    except ValueError:
+        return None
+    return event if isinstance(event, dict) else None

@@ -1,0 +1,170 @@
+"""Reads the past of a running relay by its routes (docs/PROTOCOL.md, *The past*)."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import time
+from http import HTTPStatus
+from urllib.parse import quote
+
+from posecast_wire.checked import loads
+from posecast_wire.keys import ROBOT_ID
+from posecast_wire.messages import COUNT_MAX
+from posecast_wire.schema import TEXT_BYTES_MAX as SCHEMA_BYTES_MAX
+from posecast_wire.segment.envelope import ENVELOPE_BYTES_MAX
+from posecast_wire.segment.frame_chain import SEQS
+
+from posecast_relay.archive.names import DAY_MS, PAGE_MS, read_day
+from posecast_relay.models.manifest import BYTES_MAX as MANIFEST_BYTES_MAX
+from posecast_relay.recording.http_client import RelayAnswer, RelayClient, read_reason
+from posecast_relay.recording.source import ListedSegment, SourceSpan
+
+PAGE_BYTES_MAX = 4 << 20  # of one answer; a relay sends the index of ten minutes in parts of 1 MiB
+PARTS_MAX = 1000  # that one index may have
+SHA256 = re.compile(r"[0-9a-f]{64}")
+TAKE = re.compile(r"[0-9a-f]{16}")
+OCTETS = "application/octet-stream"
+
+
+class HttpSource:
+    """The past of a robot at a relay, as the bearer of a token may see it, or anyone without one."""
+
+    def __init__(self, relay: str, robot: str, view: str | None, token: str | None) -> None:
+        """`relay`: `http://…` or `https://…`; `view` None: the one that the asker gets. Raises SourceError
+        when `relay` is no address."""
+        self.robot = robot
+        self._view = view
+        self._days: frozenset[int | None] | None = None  # of which there is something; None: unknown
+        self._client = RelayClient(relay, token)
+        self._base = f"/api/v1/robots/{robot}"
+
+    @property
+    def view(self) -> str:
+        """The view's name; of the one that the asker gets, once `find_span` has asked."""
+        return self._view or ""
+
+    def close(self) -> None:
+        """End what is left of connections."""
+        self._client.close()
+
+    async def find_span(self) -> SourceSpan | None:
+        """Return from when to when one may look back. Raises SourceError, also where one never may."""
+        path = f"{self._base}/past" + ("" if self._view is None else f"?view={quote(self._view, safe='')}")
+        doc = await self._ask_json(path)
+        view, from_ms, to_ms = (doc.get(name) for name in ("view", "from_ms", "to_ms"))
+        if not isinstance(view, str) or not ROBOT_ID.fullmatch(view):
+            raise self._client.refuse(path, "no answer of a relay (view)")
+        self._view = view
+        if doc.get("past_ms") == 0:
+            raise self._client.refuse(path, "no past is kept there, or none that you may see")
+        if from_ms is None or to_ms is None:
+            return None
+        try:
+            self._days = frozenset(read_day(str(day)) for day in _read_list(doc.get("days")))
+            return SourceSpan(_read_count(from_ms), _read_count(to_ms))
+        except ValueError:
+            raise self._client.refuse(path, "no answer of a relay (from_ms, to_ms, days)") from None
+
+    async def list_segments(self, from_ms: int, to_ms: int) -> list[ListedSegment]:
+        """Read the index of each ten minutes of a span, on days of which there is something. Raises
+        SourceError."""
+        found: dict[tuple[int, int], ListedSegment] = {}
+        for page_ms in range(from_ms - from_ms % PAGE_MS, to_ms, PAGE_MS):
+            if self._days is not None and page_ms - page_ms % DAY_MS not in self._days:
+                continue
+            for each in await self._list_page(page_ms):
+                if from_ms <= each.from_ms < to_ms:
+                    found[each.take, each.index] = each
+        return [*found.values()]
+
+    async def load_segment(self, segment: ListedSegment) -> bytes | None:
+        """Ask for a segment. Raises SourceError."""
+        path = f"{self._base}/past/{self.view}/{segment.take:016x}/{segment.index}"
+        answer = await self._ask(path, ENVELOPE_BYTES_MAX, segment.sha256)
+        return None if answer is None or answer.type != OCTETS else answer.body
+
+    async def load_schema(self, sha256: str) -> str | None:
+        """Ask for a schema. Raises SourceError."""
+        answer = await self._ask(f"{self._base}/past/{self.view}/schema/{sha256}", SCHEMA_BYTES_MAX, sha256)
+        return None if answer is None else answer.body.decode(errors="replace")
+
+    async def load_manifest(self, model: str) -> bytes | None:
+        """Ask for a manifest. Raises SourceError."""
+        answer = await self._ask(f"{self._base}/model/{model}/manifest.json", MANIFEST_BYTES_MAX, model)
+        return None if answer is None else answer.body
+
+    async def load_model_file(self, model: str, path: str, sha256: str, size: int) -> bytes | None:
+        """Ask for a model's file. Raises SourceError."""
+        answer = await self._ask(f"{self._base}/model/{model}/{quote(path)}", size, sha256)
+        return None if answer is None else answer.body
+
+    async def _list_page(self, page_ms: int) -> list[ListedSegment]:
+        page = (
+            f"{self._base}/past/{self.view}/{time.strftime('%Y-%m-%dT%H:%MZ', time.gmtime(page_ms // 1000))}"
+        )
+        listed: list[ListedSegment] = []
+        path = page
+        for _ in range(PARTS_MAX):
+            doc = await self._ask_json(path)
+            try:
+                part = [_read_entry(entry) for entry in _read_list(doc.get("segments"))]
+            except ValueError:
+                raise self._client.refuse(path, "no answer of a relay (segments)") from None
+            listed += part
+            if doc.get("more") is not True or not part:
+                return listed
+            path = f"{page}?after={part[-1].take:016x},{part[-1].index}"
+        raise self._client.refuse(path, "an index without an end")
+
+    async def _ask(self, path: str, bytes_max: int, sha256: str | None) -> RelayAnswer | None:
+        """The answer, whose bytes have this SHA-256; None where there is nothing (any more) for us."""
+        for _ in range(2):
+            answer = await self._client.ask(path, bytes_max)
+            if answer.status in (HTTPStatus.NOT_FOUND, HTTPStatus.NO_CONTENT):
+                return None
+            if answer.status != HTTPStatus.OK:
+                raise self._client.refuse(path, read_reason(answer))
+            is_json = answer.type != OCTETS and b'"next"' in answer.body[:16]
+            if is_json or sha256 in (None, hashlib.sha256(answer.body).hexdigest()):
+                return answer
+        raise self._client.refuse(path, "damaged twice on its way: its SHA-256 is another")
+
+    async def _ask_json(self, path: str) -> dict[str, object]:
+        answer = await self._client.ask(path, PAGE_BYTES_MAX)
+        if answer.status != HTTPStatus.OK:
+            raise self._client.refuse(path, read_reason(answer))
+        try:
+            doc = loads(answer.body)
+        except ValueError:
+            doc = None
+        if not isinstance(doc, dict):
+            raise self._client.refuse(path, "no answer of a relay")
+        return doc
+
+
+def _read_entry(entry: object) -> ListedSegment:
+    """A segment of an index. Raises ValueError."""
+    if not isinstance(entry, dict):
+        raise ValueError
+    take, sha256 = entry.get("take"), entry.get("sha256")
+    if not isinstance(take, str) or not TAKE.fullmatch(take):
+        raise ValueError
+    if not isinstance(sha256, str) or not SHA256.fullmatch(sha256):
+        raise ValueError
+    index, from_ms, to_ms = (_read_count(entry.get(name)) for name in ("index", "from_ms", "to_ms"))
+    if index >= SEQS:
+        raise ValueError
+    return ListedSegment(int(take, 16), index, from_ms, to_ms, sha256)
+
+
+def _read_list(value: object) -> list[object]:
+    if not isinstance(value, list):
+        raise ValueError
+    return value
+
+
+def _read_count(value: object) -> int:
+    if type(value) is not int or not 0 <= value <= COUNT_MAX:
+        raise ValueError
+    return value

@@ -1,0 +1,134 @@
+"""Puts the built page into a recording's folder, told what it is to play and what a chat shows of it."""
+
+from __future__ import annotations
+
+import html
+import re
+import shutil
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+
+from posecast_wire.checked import SCRIPT_MARKS, loads
+from posecast_wire.recording import RECORDING_FILE, PastRecording, model_path
+
+from posecast_relay.logging import visible
+from posecast_relay.models.manifest import ManifestError, read_manifest
+from posecast_relay.models.picture import PictureError, PictureSize, read_picture_size
+from posecast_relay.recording.output import OutputError
+
+# of the built page: what FastAPI shows, what a relay alone serves, and the build's own notes
+LEFT_OUT = frozenset(("docs", "config.json"))
+ENTRIES: Mapping[str, str] = {"index.html": "", "embed/index.html": "../"}
+EARLY = re.compile(r'\s*<script type="module" async [^>]*></script>')  # asks a relay, which there is none
+GENERAL = re.compile(r'\s*<meta (?:property="og:|name="description")[^>]*>')
+SHOWN_MAX = 500  # characters of a text that a chat reads
+TITLE = "<title>Posecast</title>"
+
+
+def check_page(page: Path) -> None:
+    """Raise OutputError when a folder does not hold the built page."""
+    for name in ENTRIES:
+        try:
+            is_page = TITLE in (page / name).read_text(encoding="utf-8")
+        except (OSError, ValueError):
+            is_page = False
+        if not is_page:
+            raise OutputError(f"--page {page}: no built page: {name} is not one of Posecast's")
+
+
+def add_page(page: Path, folder: Path, recording: PastRecording, address: str | None) -> None:
+    """Copy the page into a recording's folder. `address`: where it is to lie, as chats want it whole for the
+    picture. Raises OSError."""
+    for path in sorted(page.rglob("*")):
+        relative = path.relative_to(page)
+        if relative.parts[0] in LEFT_OUT or path.suffix == ".gz" or not path.is_file():
+            continue
+        if any(part.startswith(".") for part in relative.parts) or relative.as_posix() in ENTRIES:
+            continue
+        (folder / relative).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(path, folder / relative)
+    for name, home in ENTRIES.items():
+        text = (page / name).read_text(encoding="utf-8")
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(_mark(text, home, folder, recording, address), encoding="utf-8")
+
+
+def _mark(page: str, home: str, folder: Path, recording: PastRecording, address: str | None) -> str:
+    title = visible(recording.title or _name_robot(recording), SHOWN_MAX, SCRIPT_MARKS)
+    base = home or "./" if address is None else f"{address.rstrip('/')}/"
+    tags = [f'<meta name="posecast-recording" content="{home}{RECORDING_FILE}" />']
+    tags += [
+        f'<meta {kind}="{name}" content="{html.escape(text)}" />'
+        for kind, name, text in _describe(title, base, folder, recording, address)
+    ]
+    tags.append(f"<title>{html.escape(title)} · Posecast</title>")
+    page = GENERAL.sub("", EARLY.sub("", page))
+    return page.replace(TITLE, "\n    ".join(tags), 1)
+
+
+def _describe(
+    title: str, base: str, folder: Path, recording: PastRecording, address: str | None
+) -> list[tuple[str, str, str]]:
+    """Kind, name and text of each tag that a chat reads."""
+    told = visible(_tell(recording), SHOWN_MAX, SCRIPT_MARKS)
+    tags = [
+        ("name", "description", told),
+        ("property", "og:site_name", "Posecast"),
+        ("property", "og:type", "website"),
+        ("property", "og:title", title),
+        ("property", "og:description", told),
+        ("name", "twitter:card", "summary"),
+    ]
+    picture = _find_picture(folder, recording)
+    tags.append(("property", "og:image", f"{base}{'icon-512.png' if picture is None else picture[0]}"))
+    if picture is not None:
+        tags.append(("property", "og:image:width", str(picture[1].width_px)))
+        tags.append(("property", "og:image:height", str(picture[1].height_px)))
+        tags.append(("property", "og:image:alt", title))
+    if address is not None:
+        tags.append(("property", "og:url", base))
+    return tags
+
+
+def _tell(recording: PastRecording) -> str:
+    """When it was and how long it is, who made it and what one may do with it: in one line."""
+    at = datetime.fromtimestamp(recording.from_ms // 1000, UTC)
+    minutes, seconds = divmod((recording.to_ms - recording.from_ms + 500) // 1000, 60)
+    told = f"A robot recorded on {at:%-d %B %Y}, {minutes}:{seconds:02d} minutes."
+    return " ".join([told, *(f"{text}." for text in (recording.author, recording.licence) if text)])
+
+
+def _name_robot(recording: PastRecording) -> str:
+    """The robot's name for people, as its schema has it; else its id."""
+    for text in recording.schemas.values():
+        try:
+            doc = loads(text)
+        except ValueError:
+            continue
+        name = doc.get("robot") if isinstance(doc, dict) else None
+        if isinstance(name, str) and name:
+            return name
+    return recording.robot
+
+
+def _find_picture(folder: Path, recording: PastRecording) -> tuple[str, PictureSize] | None:
+    """Path and size of the small picture in one of the models."""
+    for model in recording.models:
+        try:
+            manifest = (folder / model_path(model, "manifest.json")).read_bytes()
+            name = _read_thumbnail(manifest)
+            entry = read_manifest(manifest).get(name)
+            if entry is None:
+                continue
+            data = (folder / model_path(model, name)).read_bytes()
+            return model_path(model, name), read_picture_size(data, entry.type)
+        except (OSError, ManifestError, PictureError):
+            continue
+    return None
+
+
+def _read_thumbnail(manifest: bytes) -> str:
+    doc = loads(manifest)
+    name = doc.get("thumbnail") if isinstance(doc, dict) else None
+    return name if isinstance(name, str) else ""

@@ -1,0 +1,35 @@
+"""Packs a recording's folder into one file `.posecast`: the same bytes of the same recording, every time."""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from pathlib import Path
+
+from posecast_wire.recording import RECORDING_FILE, PastRecording, segment_path
+
+WORTH_IT = 0.95  # of its bytes an entry may have at most when deflated, else it is stored
+DEFLATE_UP_TO_BYTES = 64 << 20
+UNIX, PLAIN_FILE = 3, 0o100644 << 16
+
+
+def pack_recording(folder: Path, recording: PastRecording, file: Path) -> None:
+    """Write the ZIP. First comes `recording.json`, then segments in their order, then all else by name.
+
+    Raises OSError.
+    """
+    segments = [segment_path(each.take, each.index) for each in recording.segments]
+    known = {RECORDING_FILE, *segments}
+    others = (path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+    with zipfile.ZipFile(file, "w") as packed:
+        for name in (RECORDING_FILE, *segments, *sorted(name for name in others if name not in known)):
+            data = (folder / name).read_bytes()
+            entry = zipfile.ZipInfo(name)  # of 1980: nothing of the clock
+            entry.create_system, entry.external_attr = UNIX, PLAIN_FILE
+            packed.writestr(entry, data, zipfile.ZIP_DEFLATED if _shrinks(data) else zipfile.ZIP_STORED, 6)
+
+
+def _shrinks(data: bytes) -> bool:
+    if len(data) > DEFLATE_UP_TO_BYTES:
+        return False
+    return len(zlib.compress(data, 6)) < WORTH_IT * len(data)

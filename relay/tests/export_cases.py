@@ -1,0 +1,185 @@
+"""Makes `wire/vectors/exports.json`: segments, and the CSV and the messages that an export of them has. The
+page's tests find the same. NaN is null; a rotation is the quaternion with w ≥ 0.
+
+    python -m relay.tests.export_cases
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import random
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from posecast_wire import Schema, build_schema_text
+from rosbags.typesys import Stores, get_typestore
+
+from .export_stage import FROM_MS, Named, Take, csv_of, hash_of, in_order, mcap_of, messages_of
+from .link_pose_cases import make_manifest
+
+VECTORS = Path(__file__).resolve().parents[2] / "wire" / "vectors" / "exports.json"
+STORE = get_typestore(Stores.ROS2_JAZZY)
+
+JOINTS = ["lift", "m1", "m2", "m3", "knee", "wrist", "finger"]
+BITS = ["homed", "enabled", "a|b", "=1+1", 'so "quoted"', "back\\slash", "a, b"]
+MAPPING: dict[str, Any] = {
+    "joints": {
+        "hip": {"terms": [["m1", 0.5], ["m2", -0.25]], "offset": 0.2},
+        "toe": {"terms": [["m3", -2.0]], "offset": 0.1},
+        "knee": {"terms": [["knee", 1.0]], "offset": -0.26},
+    },
+    "sensors": {
+        "RF": {"kind": "wrench", "name": "right foot", "link": "foot"},
+        "torso": {"kind": "imu", "name": "torso", "link": "chest", "rpy": [0.1, 0, 0]},
+        "pelvis": {"kind": "imu", "name": "pelvis", "link": None},
+    },
+    "units": {
+        "pos": {"wrist": "deg", "finger": "ticks"},
+        "vel": {"lift": "m/s", "wrist": "rpm"},
+        "effort": {"lift": "N", "finger": "%"},
+    },
+}
+SITES = {
+    "ftf": ["RF.fx", "RF.fy", "RF.fz", "palm.1.fz"],
+    "ftm": ["RF.mx", "RF.my", "RF.mz"],
+    "quat": [f"{site}.{part}" for site in ("torso", "pelvis") for part in "wxyz"],
+    "tilt": ["cart.roll", "cart.pitch"],
+    "gyro": [f"{site}.{part}" for site in ("torso", "cart") for part in "xyz"],
+    "acc": ["torso.x", "torso.y", "torso.z"],
+    "volt": ["main", "=aux", "a,b", 'x"y'],
+}
+
+
+def make_schema(extra: Sequence[Mapping[str, Any]] = ()) -> str:
+    """A robot that reports everything."""
+    fields: list[Mapping[str, Any]] = [
+        {"name": "ref", "labels": "joint", "unit": "rad", "scale": 0.001},
+        {"name": "pos", "labels": "joint", "unit": "rad", "scale": 0.0005, "rel": "ref"},
+        {"name": "vel", "labels": "joint", "unit": "rad/s", "scale": 0.01},
+        {"name": "effort", "labels": "joint", "unit": "Nm", "scale": 0.05},
+        {"name": "cur", "labels": "joint", "unit": "mA", "scale": 10},
+        {"name": "flags", "labels": "joint", "bits": BITS},
+        {"name": "ftf", "labels": "ftf", "unit": "kN", "scale": 0.001},
+        {"name": "ftm", "labels": "ftm", "unit": "N·m", "scale": 0.05},
+        {"name": "quat", "labels": "quat", "scale": 0.001},
+        {"name": "tilt", "labels": "tilt", "unit": "deg", "scale": 0.1},
+        {"name": "gyro", "labels": "gyro", "unit": "deg/s", "scale": 1 / 3},
+        {"name": "acc", "labels": "acc", "unit": "g", "scale": 0.002},
+        {"name": "volt", "labels": "volt", "unit": "V", "scale": 2.5},
+        *extra,
+    ]
+    return build_schema_text("made-up", {"joint": JOINTS, **SITES}, fields, MAPPING)
+
+
+def make_rows(schema: Schema, count: int, seed: str, loses: bool = True) -> list[list[float | None]]:
+    """Readings in the schema's order and units; in the first row none is missing, in the second all are."""
+    dice = random.Random(seed)
+    rows: list[list[float | None]] = []
+    for i in range(count):
+        row: list[float | None] = []
+        for f in schema.fields:
+            for _ in f.labels:
+                code = dice.randrange(1 << len(f.bits) + 1) if f.bits else dice.randint(-900, 900)
+                gone = loses and (i == 1 or (i > 1 and dice.random() < 0.1))
+                row.append(None if gone else code * f.scale)
+        rows.append(row)
+    return rows
+
+
+def make_cases() -> list[dict[str, Any]]:
+    """All cases."""
+    text = make_schema()
+    manifest = json.dumps(make_manifest(), separators=(",", ":"))
+    model = hash_of(manifest)
+    one = Take(text, model=model, segment_frames=4)
+    frames = one.encode(make_rows(one.schema, 10, "everything"))
+    event = {"type": "event", "n": 41, "t": 1.5, "at": 1795357260, "source": "m3", "text": "it's stuck"}
+    events = {
+        2: {**event, "level": "fault", "state": "on"},
+        4: {**event, "n": 42, "level": "fault", "state": "off"},
+        5: {**event, "n": 43, "level": "caution", "state": "on", "source": "", "text": "배터리"},
+        7: {**event, "n": 44, "level": "info", "state": "on"},
+    }
+    alone = one.record(frames, events=events)
+    # a second recorder, which lost other frames, and wrote later
+    other = Take(text, take=8, model=model, segment_frames=3)
+    heard, other_heard = (lambda i: i not in (3, 6, 9)), (lambda i: i != 2)
+    twice = in_order(one.record(frames, heard=heard), other.record(frames, 4000, other_heard))
+    later = Take(
+        make_schema([{"name": "charge", "labels": "volt", "unit": "%", "scale": 0.5}]),
+        take=11,
+        run_id=12,
+        from_ms=FROM_MS + 5000,
+        segment_frames=4,
+    )
+    two = [*alone, *later.record(later.encode(make_rows(later.schema, 3, "later"), 7))]
+    texts, models = [text], {model: manifest}
+    return [
+        make_case("a robot that reports everything", alone, texts, models),
+        make_case("two recorders that lost different frames", twice, texts, models),
+        make_case("another schema, then no model", two, [text, later.schema_text], models),
+        make_case("a part of it", alone, texts, {}, FROM_MS + 60, FROM_MS + 170),
+    ]
+
+
+def make_case(
+    name: str,
+    segments: Sequence[Named],
+    texts: Sequence[str],
+    models: Mapping[str, str],
+    from_ms: int = FROM_MS,
+    to_ms: int = FROM_MS + 60_000,
+) -> dict[str, Any]:
+    """A case. `messages`: topic, type, moment (unix µs), content, in the order of frames, of which each has
+    /joint_states last."""
+    span = {"from_ms": from_ms, "to_ms": to_ms}
+    csv, _ = csv_of(segments, *texts, **span)
+    manifests = {sha256: text.encode() for sha256, text in models.items()}
+    data, _ = mcap_of(segments, *texts, models=manifests, **span)
+    messages = [
+        [topic, type_name, unix_ns // 1000, to_json(STORE.deserialize_cdr(raw, type_name))]
+        for topic, type_name, unix_ns, raw in messages_of(data)
+    ]
+    return {
+        "name": name,
+        "from_ms": from_ms,
+        "to_ms": to_ms,
+        "schemas": [*texts],
+        "models": [*models.values()],
+        "segments": [raw.hex() for _, raw in segments],
+        "csv": csv,
+        "messages": messages,
+    }
+
+
+def to_json(value: Any) -> Any:
+    """What a decoded message holds, with members by their ROS names."""
+    if isinstance(value, np.ndarray | list | tuple):
+        return [to_json(each) for each in value]
+    if isinstance(value, float | np.floating):
+        return None if math.isnan(value) else round(float(value), 6) + 0.0
+    if isinstance(value, int | np.integer):
+        return int(value)
+    if isinstance(value, str):
+        return value
+    members = {name: to_json(getattr(value, name)) for name in value.__dataclass_fields__ if name[:2] != "__"}
+    if set(members) == {"x", "y", "z", "w"} and (members["w"] or 0) < 0:
+        members = {name: None if part is None else -part for name, part in members.items()}
+    return members
+
+
+def write_cases(cases: Sequence[Mapping[str, Any]]) -> str:
+    """A line a message, so that a change can be read."""
+    parts: list[str] = []
+    for case in cases:
+        head = json.dumps({k: v for k, v in case.items() if k != "messages"}, ensure_ascii=False, indent=1)
+        said = (json.dumps(each, separators=(",", ":"), ensure_ascii=False) for each in case["messages"])
+        parts.append(head[:-2] + ',\n "messages": [\n' + ",\n".join(said) + "\n]}")
+    return '{"cases": [\n' + ",\n".join(parts) + "\n]}\n"
+
+
+if __name__ == "__main__":
+    VECTORS.write_text(write_cases(make_cases()))
