@@ -110,7 +110,10 @@ function embedEntry(): Plugin {
     writeBundle: () => {
       const page = readFileSync(path.join(folder, 'index.html'), 'utf8');
       const deeper = page
-        .replace(/\s*<script type="module" async [^>]*><\/script>/, '')
+        .replace(
+          /<script type="module" async src=("[^"]*")><\/script>/, // not run first, and yet not waited for
+          '<link rel="modulepreload" crossorigin href=$1>',
+        )
         .replace(/(href|src)="\.\//g, '$1="../')
         .replace('<html ', '<html data-page="embed" data-home="../" ');
       mkdirSync(path.join(folder, 'embed'), { recursive: true });

@@ -29,8 +29,10 @@ performance.mark('posecast:script');
 // Before the first render: they are the largest parts of the page, and whoever opens a robot wants them.
 const { page } = parseRoute(window.location.hash);
 const isRecording = recordingUrl() !== null;
-if (!embedded && isRecording) loadRecording().catch(() => {});
-if (!embedded && (isRecording || page === 'robot')) {
+if (!embedded && isRecording) {
+  loadRecording().catch(() => {}); // the body comes behind its first pose
+  loadPanel().catch(() => {});
+} else if (!embedded && page === 'robot') {
   loadPanel().catch(() => {}); // the page asks again, and says what is wrong
   if (hasWebGl()) loadThree().catch(() => {});
 } else if (!embedded && page === 'list') loadList().catch(() => {});

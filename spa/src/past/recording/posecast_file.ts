@@ -52,6 +52,11 @@ export class PosecastFile implements RecordingFiles {
     private readonly entries: ReadonlyMap<string, Entry>,
   ) {}
 
+  /** The paths of its entries. */
+  get names(): string[] {
+    return [...this.entries.keys()];
+  }
+
   has(path: string): boolean {
     return this.entries.has(path);
   }

@@ -67,7 +67,11 @@ function Line(props: {
   const stepMs = stepOf(shownMs / Math.max(1, size.widthPx));
   useNow(past ? Math.min(1000, stepMs) : stepMs);
   const whole = { fromMs: timeline.fromMs, toMs: Math.ceil(nowMs / stepMs) * stepMs };
-  const span = shownSpan(whole, hasRanges ? range : 'all', playhead.momentMs, shown.current);
+  const isRecorded = playhead.recorded !== null && timeline.toMs > timeline.fromMs;
+  const isAll = isRecorded && !(hasRanges && range === 'recent'); // however short it is
+  const span = isAll
+    ? timeline
+    : shownSpan(whole, hasRanges ? range : 'all', playhead.momentMs, shown.current);
   const { fromMs, toMs } = span;
   const { widthPx, heightPx } = size;
   const now = useMemo(() => ({ fromMs, toMs, widthPx }), [fromMs, toMs, widthPx]);
