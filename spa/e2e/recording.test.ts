@@ -1,7 +1,8 @@
-import { mkdirSync, readFileSync, renameSync, rmSync, writeFileSync } from 'node:fs';
+import { existsSync, mkdirSync, readFileSync, renameSync, rmSync, writeFileSync } from 'node:fs';
 import path from 'node:path';
 import { strToU8, zipSync } from 'fflate';
 import { expect, it } from 'vitest';
+import { freePort } from './driver/free_port.ts';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { type Exported, exportPast } from './exported.ts';
@@ -14,6 +15,7 @@ import { ClockRobot, WITNESS } from './truth.ts';
 /** In the light view, whose pictures come often. */
 const stage = setStage({ webgl: false });
 
+const NGINX = '/usr/sbin/nginx';
 const PREFIX = '/~somebody/lecture/';
 const PHONE = { width: 390, height: 844 };
 const LAPTOP = { width: 1440, height: 900 };
@@ -143,6 +145,17 @@ it.each([LAPTOP, PHONE])(
       });
       await page.press('Space');
 
+      // it is presented, and played meanwhile
+      await page.press('p');
+      await until('presented', async () => (await page.findByTestId('presentation').count()) === 1);
+      expect(await textOf(page, 'present-word')).toMatch(/^RECORDED/);
+      const still = (await shown(page)).seq;
+      await page.press('Space');
+      await until('it plays', async () => (await shown(page)).seq > still + 5);
+      await page.press('Space');
+      await page.press('Escape');
+      await until('no longer', async () => (await page.findByTestId('presentation').count()) === 0);
+
       // notes
       const marks = await page.findByTestId('note-mark').count();
       expect(marks).toBeGreaterThanOrEqual(2);
@@ -177,6 +190,42 @@ it.each([LAPTOP, PHONE])(
     } finally {
       await host.close();
     }
+  },
+  240_000,
+);
+
+it.skipIf(!existsSync(NGINX))(
+  'nginx serves it from a folder of its own, knowing nothing of it',
+  async () => {
+    const { lecture } = await recorded(12);
+    const made = stage.stack.folder();
+    const port = await freePort();
+    const kept = ['client_body', 'proxy', 'fastcgi', 'uwsgi', 'scgi'].map(
+      (of) => `${of}_temp_path ${made}/${of};`,
+    );
+    writeFileSync(
+      path.join(made, 'nginx.conf'),
+      `daemon off; pid ${made}/pid; error_log ${made}/errors; events {}
+     http { access_log off; ${kept.join(' ')} include /etc/nginx/mime.types;
+       server { listen 127.0.0.1:${port}; location /courses/2026/ { alias ${lecture.at}/; } } }`,
+    );
+    stage.stack.start('nginx', NGINX, ['-e', `${made}/errors`, '-c', path.join(made, 'nginx.conf')]);
+    const url = `http://127.0.0.1:${port}/courses/2026/`;
+    await until('nginx', () =>
+      fetch(url).then(
+        ({ ok }) => ok,
+        () => false,
+      ),
+    );
+    const page = await newPage(PHONE);
+    await page.open(url);
+    await isRecorded(page);
+    const first = await shown(page);
+    expect(first.offMs).toBeLessThan(NEAR_MS);
+    await page.press('Space');
+    await until('it plays', async () => (await shown(page)).seq > first.seq + 10);
+    await page.open(`${url}embed/`);
+    await isRecorded(page);
   },
   240_000,
 );

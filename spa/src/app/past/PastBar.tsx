@@ -10,12 +10,15 @@ import { type BelowTrack, TimeLine } from './time_line/TimeLine.tsx';
 export function PastBar(props: {
   controls: PastControls;
   live: RobotLink | null;
+  /** Only its keys are there. */
+  unseen?: boolean;
   slim?: boolean;
   notes?: BelowTrack | null;
 }) {
-  const { controls, live, ...rest } = props;
+  const { controls, live, unseen = false, ...rest } = props;
   usePastKeys(controls);
   const { at } = useSyncExternalStore(controls.onChange, () => controls.playhead);
+  if (unseen) return null;
   return (
     <>
       {live !== null && at === 'past' && <LiveNews live={live} controls={controls} />}

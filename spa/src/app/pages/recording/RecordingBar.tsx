@@ -17,12 +17,15 @@ export function RecordingBar(props: {
   index: RecordingIndex;
   /** The address names a moment that can't be read. */
   isNonsense: boolean;
+  /** While it is presented only its keys are there. */
+  unseen: boolean;
 }) {
-  const { controls, source, index, isNonsense } = props;
+  const { controls, source, index, isNonsense, unseen } = props;
   const { notes, segments } = index;
   const text = useRecordingText();
   const [pointed, setPointed] = useState<readonly Note[] | null>(null);
   const lost = lostWords(useLost(source), segments.length);
+  if (unseen) return <PastBar controls={controls} live={null} unseen />;
   return (
     <>
       {lost !== null && (

@@ -48,7 +48,7 @@ function Shown(props: { Frame: Frame; opened: OpenedRecording; played: PlayedRec
           {lost}
         </p>
       )}
-      {!presented && <PastBar controls={controls} live={null} slim />}
+      <PastBar controls={controls} live={null} unseen={presented} slim />
     </Frame>
   );
 }

@@ -105,14 +105,11 @@ function Shown(props: {
         }
         onSettings={() => onSettings(link)}
       >
-        {!presented && (
-          <RecordingBar
-            controls={controls}
-            source={source}
-            index={index}
-            isNonsense={onClose === null && named === 'nonsense'}
-          />
-        )}
+        <RecordingBar
+          {...{ controls, source, index }}
+          isNonsense={onClose === null && named === 'nonsense'}
+          unseen={presented}
+        />
       </Layout>
       <Suspense fallback={null}>
         {about && (
