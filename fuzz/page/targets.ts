@@ -25,6 +25,7 @@ import {
   SegmentError,
   type SegmentRecord,
   segmentPath,
+  unpackSegment,
 } from '@posecast/wire';
 import { parentOrigin, readParentRequest } from '../../spa/src/app/pages/embed/messages.ts';
 import { readShared, sharedQuery } from '../../spa/src/app/share/shared_view.ts';
@@ -70,6 +71,7 @@ export const TARGETS: ReadonlyMap<string, (bytes: Uint8Array) => Promise<unknown
     segment: refusing([SegmentError], segment),
     'key-page': refusing([SegmentError], keyPage),
     recording: refusing([RecordingError], recording),
+    'packed-segment': refusing([SegmentError], (bytes) => unpackSegment(bytes).then(digitsOf)),
     message: refusing([], (bytes) => parseRelayMessage(textOf(bytes))),
     manifest: refusing([BundleError], manifest),
     glb: refusing([GlbError], (bytes) => readLod(bytes, VISUALS).then(() => null)),

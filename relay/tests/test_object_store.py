@@ -14,10 +14,9 @@ from posecast_relay.archive.object_store import (
     ArchiveAway,
     ArchiveRefused,
     ObjectStore,
-    StoreUrlError,
-    check_store_url,
     open_object_store,
 )
+from posecast_relay.store_url import StoreUrlError, check_store_url
 
 
 @pytest.fixture

@@ -19,9 +19,11 @@ from posecast_wire.recording import (
     encode_recording,
     key_page_path,
     model_path,
+    pack_segment,
     segment_path,
+    unpack_segment,
 )
-from posecast_wire.segment import Segment, SegmentStart
+from posecast_wire.segment import Segment, SegmentError, SegmentStart
 
 from wire.python.tools.make_recording_vectors import FROM_MS, MODEL, RUN, SCHEMA, TAKE, joined, shown
 
@@ -127,6 +129,25 @@ def test_another_segment_than_its_place_says_is_told() -> None:
             check_segment(found, found.segments[1], Segment(swapped, FROM_MS + 8000, ()))
         named = f"{swapped.robot}/{swapped.view}, take {swapped.take:016x}, index {swapped.index}"
         assert str(caught.value) == f"segments/{TAKE}/1.segment: is of {named}"
+
+
+def test_a_segment_is_read_as_it_is_and_from_its_gzip() -> None:
+    for data in (b"", b"\x89PCS", b"\x89PCS" + bytes(5000)):
+        assert unpack_segment(pack_segment(data)) == data
+        assert unpack_segment(data) == data
+    packed = pack_segment(bytes(5000))
+    assert packed[:10] == bytes.fromhex("1f8b0800000000000203")  # nothing of the clock
+    assert len(packed) < 100
+
+
+@pytest.mark.parametrize("case", VECTORS["packed"], ids=lambda case: str(case["says"]))
+def test_a_packed_segment_of_the_vectors(case: dict[str, Any]) -> None:
+    data = b"".join(bytes.fromhex(part[0]) * part[1] for part in case["bytes"])
+    try:
+        said = f"{len(unpack_segment(data))} bytes"
+    except SegmentError as e:
+        said = str(e)
+    assert said == case["says"]
 
 
 def test_where_files_lie() -> None:

@@ -13,8 +13,12 @@ from posecast_wire.recording import (
     decode_recording,
     encode_recording,
     key_page_path,
+    pack_segment,
     segment_path,
+    unpack_segment,
 )
+from posecast_wire.segment import SegmentError
+from posecast_wire.segment.envelope import ENVELOPE_BYTES_MAX
 
 FOLDER = Path(__file__).resolve().parents[2] / "vectors"
 FROM_MS = 1_795_357_260_112
@@ -206,6 +210,33 @@ def joined(parts: list[Part]) -> str:
     return "".join(part if isinstance(part, str) else part[0] * part[1] for part in parts)
 
 
+def packed() -> list[dict[str, Any]]:
+    """Files of segments, as bytes and how often, and how long what they hold is, or why there is nothing."""
+    small, longest = (pack_segment(bytes(size)).hex() for size in (100, ENVELOPE_BYTES_MAX))
+    bomb = pack_segment(bytes(ENVELOPE_BYTES_MAX + 1)).hex()
+    made: list[list[tuple[str, int]]] = [
+        [(b"\x89PCS".hex(), 1)],
+        [("", 1)],
+        [("1f", 1)],
+        [(small, 1)],
+        [(longest, 1)],
+        [(bomb, 1)],
+        [(small[:-2], 1)],
+        [("1f8b", 1)],
+        [(small[:-16] + "00" * 8, 1)],
+        [("1f8b08000000000002ff", 1), ("ff", 40)],
+    ]
+    cases: list[dict[str, Any]] = []
+    for parts in made:
+        data = b"".join(bytes.fromhex(digits) * times for digits, times in parts)
+        try:
+            says = f"{len(unpack_segment(data))} bytes"
+        except SegmentError as e:
+            says = str(e)
+        cases.append({"says": says, "bytes": parts})
+    return cases
+
+
 def written(document: object) -> bytes:
     """As a writer writes it."""
     return json.dumps(document, ensure_ascii=False, separators=(",", ":")).encode()
@@ -272,7 +303,7 @@ def files() -> dict[str, str]:
         f"{json.dumps(name)}: [\n"
         + ",\n".join(json.dumps(one, separators=(",", ":")) for one in cases)
         + "\n]"
-        for name, cases in {"good": taken, "bad": bad()}.items()
+        for name, cases in {"good": taken, "bad": bad(), "packed": packed()}.items()
     ]
     return {"recordings.json": "{\n" + ",\n".join(parts) + "\n}\n"}
 

@@ -43,6 +43,7 @@ export {
   type Status,
   type ViewerMessage,
 } from './messages.ts';
+export { unpackSegment } from './recording/packed.ts';
 export { decodeRecording, eventOf } from './recording/reader.ts';
 export {
   checkSegment,

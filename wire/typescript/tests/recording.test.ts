@@ -9,11 +9,13 @@ import {
   type PastRecording,
   type RecordedSegment,
   RecordingError,
+  SegmentError,
   type SegmentStart,
   segmentPath,
+  unpackSegment,
 } from '../src/index.ts';
 import { expectNoFasterThanInput } from './cost.ts';
-import { load } from './vectors.ts';
+import { bytes, load } from './vectors.ts';
 
 interface Vectors {
   readonly good: readonly {
@@ -26,9 +28,10 @@ interface Vectors {
     readonly says: string;
     readonly text: readonly (string | readonly [string, number])[];
   }[];
+  readonly packed: readonly { readonly says: string; readonly bytes: readonly [string, number][] }[];
 }
 
-const { good, bad } = load<Vectors>('vectors/recordings.json');
+const { good, bad, packed } = load<Vectors>('vectors/recordings.json');
 const UTF8 = new TextEncoder();
 const SOME = decodeRecording(UTF8.encode(good[0]!.text));
 
@@ -141,6 +144,15 @@ test('events are read as live, and those of later are none', () => {
   const [first] = SOME.segments[0]!.events;
   expect(eventOf(first!)).toMatchObject({ type: 'event', n: 7, level: 'fault', at: null });
   expect(eventOf({ atMs: 0, event: { type: 'event' } })).toBeNull();
+});
+
+test.each(packed)('a packed segment: $says', async ({ bytes: parts, says }) => {
+  const data = bytes(parts.map(([digits, times]) => digits.repeat(times)).join(''));
+  const said = await unpackSegment(data).then(
+    (segment) => `${segment.length} bytes`,
+    (error: unknown) => (error instanceof SegmentError ? error.message : String(error)),
+  );
+  expect(said).toBe(says);
 });
 
 test('where files lie', () => {

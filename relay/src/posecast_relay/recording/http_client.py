@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import http.client
 import math
 import re
+import socket
 import ssl
 from concurrent.futures import ThreadPoolExecutor
 from threading import local
@@ -58,11 +60,16 @@ class RelayClient:
         self._trust = ssl.create_default_context() if self._is_secure else None
         self._pool = ThreadPoolExecutor(AT_ONCE, "export")
         self._kept = local()
+        self._links: set[http.client.HTTPConnection] = set()
         self._has_answered = False
 
     def close(self) -> None:
-        """Let go of the threads; what is under way is left alone."""
+        """End what is under way, and the connections."""
         self._pool.shutdown(wait=False, cancel_futures=True)
+        for link in tuple(self._links):
+            if link.sock is not None:
+                with contextlib.suppress(OSError):
+                    link.sock.shutdown(socket.SHUT_RDWR)  # wakes the thread that reads
 
     async def ask(self, path: str, bytes_max: int) -> RelayAnswer:
         """Return the answer to a GET, once nothing stands in the way that may pass. Raises SourceError."""
@@ -107,6 +114,7 @@ class RelayClient:
             except (ConnectionError, http.client.RemoteDisconnected):
                 pass
         self._kept.link = link = self._connect()
+        self._links.add(link)
         return self._exchange(link, path, bytes_max)
 
     def _connect(self) -> http.client.HTTPConnection:
@@ -129,6 +137,7 @@ class RelayClient:
 
     def _drop(self, link: http.client.HTTPConnection) -> None:
         link.close()
+        self._links.discard(link)
         self._kept.link = None
 
 

@@ -28,8 +28,7 @@ def check_place(target: Path, replace: bool) -> None:
 
     Raises OutputError.
     """
-    if not target.parent.is_dir():
-        raise OutputError(f"{target}: there is no folder {target.parent}")
+    _check_parent(target)
     if not os.path.lexists(target):
         return
     if not replace:
@@ -46,12 +45,13 @@ def open_place(target: Path, replace: bool) -> Iterator[Path]:
     Otherwise nothing is left. What a process that was killed has left there is removed by the next one.
     Raises OutputError, also for an OSError in the block.
     """
+    _check_parent(target)
     beside = target.parent / f".{target.name}.part"
     try:
         with _locked(beside, target):
-            _restore(beside / OLD, target)
-            check_place(target, replace)
             try:
+                _restore(beside / OLD, target)
+                check_place(target, replace)
                 yield beside / MADE
                 _move(beside, target)
             finally:
@@ -59,6 +59,11 @@ def open_place(target: Path, replace: bool) -> Iterator[Path]:
     except OSError as e:
         why = (e.strerror or str(e)).lower()
         raise OutputError(f"{target}: {why}; nothing of it is left") from None
+
+
+def _check_parent(target: Path) -> None:
+    if not target.parent.is_dir():
+        raise OutputError(f"{target}: there is no folder {target.parent}")
 
 
 @contextlib.contextmanager

@@ -14,6 +14,7 @@ from posecast_wire.recording.contents import (
     model_path,
     segment_path,
 )
+from posecast_wire.recording.packed import pack_segment, unpack_segment
 from posecast_wire.recording.reader import decode_recording
 from posecast_wire.recording.writer import encode_recording
 
@@ -30,5 +31,7 @@ __all__ = [
     "encode_recording",
     "key_page_path",
     "model_path",
+    "pack_segment",
     "segment_path",
+    "unpack_segment",
 ]
