@@ -187,6 +187,18 @@ it.each([LAPTOP, PHONE])(
       await page.open(`${host.url}${PREFIX}#/?t=hello`);
       await until('no moment', async () => /names no moment/.test(await textOf(page, 'past-note')), 30_000);
       expect(await robot.lies(page)).toEqual([]);
+      const seen = await page.evaluate<[number, string, ...(number | null)[]][]>('window.witnessed');
+      const forged = (momentOf: (momentMs: number | null) => number | null) => ({
+        evaluate: async () =>
+          seen.map(([atMs, word, ...rest]) => {
+            const called = word === 'RECORDED' ? 'LIVE' : word;
+            return [atMs, called, ...rest.slice(0, -1), momentOf(rest.at(-1) ?? null)];
+          }),
+      });
+      expect((await robot.lies(forged((momentMs) => momentMs) as never)).join()).toMatch(
+        /LIVE of another moment/,
+      );
+      expect((await robot.lies(forged(() => null) as never)).join()).toMatch(/LIVE with an old pose/);
     } finally {
       await host.close();
     }

@@ -34,7 +34,9 @@ export function Framed({ link, live, whole, name, children }: FrameProps) {
       {children}
       <footer className="embed-foot">
         <Chip link={link} />
-        <h1 className="embed-name">{name}</h1>
+        <h1 className="embed-name" title={name}>
+          {name}
+        </h1>
         <span className="grow" />
         <a href={`${home()}${whole}`} target="_blank" rel="noreferrer" title={rest.from(from)}>
           Posecast <span aria-hidden="true">↗</span>

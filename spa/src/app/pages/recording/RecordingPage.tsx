@@ -69,6 +69,8 @@ function Shown(props: {
   useVersion(link);
   const { robot } = link.twin;
   const title = index.title === null ? link.twin.name : isolated(index.title);
+  const name = `${link.twin.name} (${robot})`;
+  const whole = index.title === null ? name : `${title} · ${name}`;
   return (
     <>
       <Layout
@@ -82,7 +84,7 @@ function Shown(props: {
                 <BackIcon />
               </IconButton>
             )}
-            <h1 className="robot-name recording-name" title={title === robot ? title : `${title} (${robot})`}>
+            <h1 className="robot-name recording-name" title={whole}>
               <button
                 type="button"
                 aria-haspopup="dialog"
