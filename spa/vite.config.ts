@@ -33,11 +33,11 @@ const SHARED_CHUNKS = [
   { name: 'react', test: /node_modules\/react\// },
   {
     name: 'relay',
-    test: /spa\/src\/(auth\/token|browser\/(storage|store)|relay\/(as_anyone|relay)|stream\/clock)\.ts$/,
+    test: /spa\/src\/(auth\/token|browser\/(storage|store)|past\/past_source|relay\/(as_anyone|recording_address|relay)|stream\/clock)\.ts$/,
   },
   {
     name: 'values',
-    test: /spa\/src\/(model\/(bounds|kinematics)|twin\/(format|names|plain_names|rotation|values|limits\/(level_latch|limits))|view\/camera\/framing)\.ts$/,
+    test: /spa\/src\/(model\/(bounds|kinematics)|twin\/(format|joints|liveness|names|plain_names|rotation|values|limits\/(level_latch|limits))|view\/camera\/framing)\.ts$/,
   },
   {
     name: 'settings',
@@ -48,6 +48,7 @@ const SHARED_CHUNKS = [
     name: 'three.core',
     test: /three\/src\/(?!loaders|animation|extras|math\/(?:I|i)nterpolant|objects\/(?:SkinnedMesh|Bone|Skeleton|Points|LineLoop)|lights\/(?:Ambient|Point|Spot)|materials\/(?:MeshPh|Points))/,
   },
+  { name: 'manifest', test: /spa\/src\/model\/(bundle|files|lod_cache|manifest)\.ts$/ },
   { name: 'cells', test: /spa\/src\/app\/.*\/(cells\.ts|fault_words\.ts|FlagTerm\.tsx)$/ },
 ];
 
@@ -115,7 +116,10 @@ function embedEntry(): Plugin {
     writeBundle: () => {
       const page = readFileSync(path.join(folder, 'index.html'), 'utf8');
       const deeper = page
-        .replace(/\s*<script type="module" async [^>]*><\/script>/, '')
+        .replace(
+          /<script type="module" async src=("[^"]*")><\/script>/, // not run first, and yet not waited for
+          '<link rel="modulepreload" crossorigin href=$1>',
+        )
         .replace(/(href|src)="\.\//g, '$1="../')
         .replace('<html ', '<html data-page="embed" data-home="../" ');
       mkdirSync(path.join(folder, 'embed'), { recursive: true });

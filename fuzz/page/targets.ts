@@ -38,6 +38,7 @@ import { Kinematics } from '../../spa/src/model/kinematics.ts';
 import { readLod } from '../../spa/src/model/lod.ts';
 import { boxesOfLinks, readManifest } from '../../spa/src/model/manifest.ts';
 import { PastError } from '../../spa/src/past/past_source.ts';
+import { openPosecastFile, PosecastFileError } from '../../spa/src/past/recording/posecast_file.ts';
 import { DAY_MS, readDay, readPage, readSummary } from '../../spa/src/past/relay/past_documents.ts';
 import { PastIndex } from '../../spa/src/past/relay/past_index.ts';
 import { chooseRelay, readConfig } from '../../spa/src/relay/config.ts';
@@ -60,6 +61,7 @@ type Reader = (bytes: Uint8Array) => unknown;
 type ErrorClass = new (...args: never[]) => Error;
 
 const VISUALS = 2; // of the levels that are read
+const ENTRY_BYTES_MAX = 1 << 20;
 
 export const TARGETS: ReadonlyMap<string, (bytes: Uint8Array) => Promise<unknown>> = new Map(
   Object.entries({
@@ -76,6 +78,7 @@ export const TARGETS: ReadonlyMap<string, (bytes: Uint8Array) => Promise<unknown
     urdf: refusing([XmlRefused], (bytes) => readUrdf(readXml(new TextDecoder().decode(bytes)))),
     body: refusing([XmlRefused, UrdfError], body),
     zip: refusing([DropError], members),
+    'posecast-file': refusing([PosecastFileError], posecastFile),
     stl: refusing([MeshError], (bytes) => weld(parseStl(bytes)).index.length),
     address: refusing([], (bytes) => address(textOf(bytes))),
     embed: refusing([], (bytes) => embedded(textOf(bytes))),
@@ -272,6 +275,21 @@ function body(bytes: Uint8Array): unknown {
     }
   }
   return lod.build().index.length;
+}
+
+/** Every entry of a `.posecast` file is read: what it gives has as many bytes as it says. */
+async function posecastFile(bytes: Uint8Array): Promise<object> {
+  const file = await openPosecastFile(new Blob([bytes as Uint8Array<ArrayBuffer>]));
+  const sizes: Record<string, number | string> = {};
+  for (const name of file.names)
+    sizes[name] = await file.read(name, ENTRY_BYTES_MAX).then(
+      (entry) => entry.length,
+      (error: unknown) => {
+        if (!(error instanceof PastError)) throw error;
+        return error.why;
+      },
+    );
+  return sizes;
 }
 
 async function members(bytes: Uint8Array): Promise<unknown> {

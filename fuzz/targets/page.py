@@ -29,6 +29,7 @@ TARGETS = (
     target("glb", 1 << 16, made=as_glb),
     target("body", 1 << 17, corpus="urdf"),
     target("zip", 1 << 16),
+    target("posecast-file", 1 << 16, corpus="page-zip"),
     target("stl", 1 << 17, corpus="stl"),
     target("address", 1 << 14),
     target("embed", 1 << 15),

@@ -3,6 +3,7 @@
 import { readFile } from 'node:fs/promises';
 import http from 'node:http';
 import path from 'node:path';
+import { gzipSync } from 'node:zlib';
 
 const TYPES: Readonly<Record<string, string>> = {
   '.html': 'text/html; charset=utf-8',
@@ -17,16 +18,18 @@ export class Host {
   readonly port: number;
   /** Path → text that is served instead of what lies in the folder. */
   readonly instead = new Map<string, string>();
+  /** As many hosts do: packs what shrinks, for who takes it packed. */
+  packs = false;
 
   private constructor(server: http.Server, port: number) {
     this.#server = server;
     this.port = port;
   }
 
-  /** Serves `folder` below `prefix`, such as `/~name/robots/`. */
-  static async open(folder: string, prefix = '/'): Promise<Host> {
+  /** Serves `folder` below `prefix`, such as `/~name/robots/`. `port`: 0: a free one. */
+  static async open(folder: string, prefix = '/', port = 0): Promise<Host> {
     const server = http.createServer();
-    await new Promise<void>((resolve) => server.listen(0, '127.0.0.1', resolve));
+    await new Promise<void>((resolve) => server.listen(port, '127.0.0.1', resolve));
     const address = server.address();
     if (address === null || typeof address === 'string') throw new Error('the host has no port');
     const host = new Host(server, address.port);
@@ -38,7 +41,10 @@ export class Host {
         const below = path.normalize(file.slice(prefix.length));
         if (!file.startsWith(prefix) || below.startsWith('..')) throw new Error('not here');
         const body = host.instead.get(file) ?? (await readFile(path.join(folder, below)));
-        response.writeHead(200, { 'content-type': type, 'cache-control': 'no-cache' }).end(body);
+        const head = { 'content-type': type, 'cache-control': 'no-cache' };
+        const isPacked = host.packs && /html|javascript|css|json|svg/.test(type);
+        if (isPacked) response.writeHead(200, { ...head, 'content-encoding': 'gzip' }).end(gzipSync(body));
+        else response.writeHead(200, head).end(body);
       } catch {
         response.writeHead(404).end('not here');
       }

@@ -1,4 +1,4 @@
-import { cpSync, readFileSync, writeFileSync } from 'node:fs';
+import { cpSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import path from 'node:path';
 import { expect, it, onTestFinished } from 'vitest';
 import { moreKo } from '../src/app/text/ko.ts';
@@ -6,6 +6,8 @@ import { moreEn } from '../src/app/text/more_en.ts';
 import { engineName } from './driver/engines.ts';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
+import { exportPast } from './exported.ts';
+import { Host } from './host.ts';
 import { type Language, lookEverywhere, SIZES, Wrongs } from './layout/sizes.ts';
 import { chipText, liveness } from './robot_page.ts';
 import { DEMO, demoAt } from './sign_words.ts';
@@ -140,4 +142,50 @@ it('nor on the other pages', async () => {
     await lookEverywhere(page, what, wrongs, sizes);
   }
   expect(wrongs.lines).toEqual([]);
+}, 400_000);
+
+it('nor on the page of a recording, with notes as near to each other as they may be and parts that are lost', async () => {
+  const relay = await stage.stack.relay({ past: 'memory:' });
+  stage.stack.edge(relay, { model: DEMO.model }); // its faults begin at 20 s, and at 32
+  const long = 'Here the right knee is pushed, and what follows is told at some length. '.repeat(5);
+  const lecture = await exportPast(stage.stack, relay, 45, {
+    title: 'How a robot keeps its balance when it is pushed from behind',
+    author: 'A. Lecturer',
+    licence: 'CC BY 4.0',
+    notes: [
+      [1, 'The hip moves before the foot does.'],
+      [18, 'Look at the knee.'],
+      [19, 'And at the ankle.'],
+      [33, long],
+    ],
+  });
+  rmSync(path.join(lecture.at, lecture.segments[1]!));
+  const host = await Host.open(lecture.at);
+  try {
+    const page = await stage.newPage({ preload: CHOSEN, media: { motion: 'reduce' } });
+    page.forgive(/404/);
+    const wrongs = new Wrongs();
+    onTestFinished(() => console.info(wrongs.lines.join('\n')));
+    await page.open(`${host.url}/#/`);
+    await has(page, 'note-mark');
+    await has(page, 'level');
+    await page.evaluate(`[...document.querySelectorAll('[data-testid=note-mark]')].at(-1).click()`);
+    await until('its words', () =>
+      page.evaluate<boolean>(`document.querySelector('[data-testid=note-caption]').textContent.length > 100`),
+    );
+    await page.press('Home');
+    for (let i = 0; i < 3; i += 1) await page.press('l'); // over the part that is missing
+    await page.evaluate(`[...document.querySelectorAll('[data-testid=note-mark]')].at(-1).click()`);
+    await lookEverywhere(page, 'recording', wrongs, PLAYED);
+    await page.findByTestId('about-button').click();
+    await has(page, 'about-recording');
+    await lookEverywhere(page, 'about a recording', wrongs, TWO);
+    await page.press('Escape');
+    await page.open(`${host.url}/embed/index.html?1`);
+    await has(page, 'play');
+    await lookEverywhere(page, 'a framed recording', wrongs, TWO);
+    expect(wrongs.lines).toEqual([]);
+  } finally {
+    await host.close();
+  }
 }, 400_000);

@@ -98,7 +98,7 @@ export class ClockRobot {
       if (!isClaim(word) && word !== '' && isClaim(before)) otherwiseMs = atMs;
       before = word;
       const momentMs = joints[4] ?? null;
-      if (word === 'PAST' || momentMs !== null) {
+      if (isThen(word) || momentMs !== null) {
         const offMs = offPast(word, momentMs, toldMs(joints[0] ?? null, joints[1] ?? null, momentMs ?? atMs));
         if (offMs > heldUp.ms + A_SEGMENT_MS) worst.set(`body: ${word} of another moment`, offMs);
         continue;
@@ -166,9 +166,13 @@ function isClaim(word: string): boolean {
   return word === 'LIVE' || word === 'HOLDING';
 }
 
-/** How far the pose is from the moment that it is said to be of; infinite for one that is not called PAST. */
+function isThen(word: string): boolean {
+  return word === 'PAST' || word === 'RECORDED';
+}
+
+/** How far the pose is from the moment that it is said to be of; infinite for one that is called neither PAST nor RECORDED. */
 function offPast(word: string, momentMs: number | null, poseMs: number | null): number {
-  if (word !== 'PAST') return Number.POSITIVE_INFINITY;
+  if (!isThen(word)) return Number.POSITIVE_INFINITY;
   return poseMs === null || momentMs === null ? 0 : Math.abs(poseMs - momentMs);
 }
 

@@ -1,6 +1,7 @@
 /**
  * Runs before the page's own script has come: for a robot's page it starts what takes round trips. The stream connects,
  * the model's manifest and its coarsest level follow as soon as their names are known. The page finds all of it under way.
+ * Of a recording it asks for the index.
  */
 
 import { adoptPath } from './app/state/path.ts';
@@ -9,6 +10,7 @@ import { takeToken } from './auth/link_token.ts';
 import { accessSettled } from './auth/settled.ts';
 import { builtModelAt } from './model/files.ts';
 import { manifestUrl, streamUrl, WANTED_HZ } from './relay/addresses.ts';
+import { early, recordingUrl } from './relay/recording_address.ts';
 import { ELSEWHERE, wasSignedIn } from './relay/relay.ts';
 import { startEarly } from './stream/early_stream.ts';
 
@@ -18,7 +20,12 @@ takeToken();
 window.addEventListener('hashchange', takeToken);
 const route = parseRoute(window.location.hash);
 const settled = accessSettled();
-if (route.page === 'robot' && document.documentElement.dataset.page !== 'embed') {
+const recording = recordingUrl();
+const embedded = document.documentElement.dataset.page === 'embed';
+if (recording !== null) {
+  if (!embedded) early.answer = fetch(recording, { credentials: 'omit' });
+  early.answer?.catch(() => {}); // it is asked for again, which says what is wrong
+} else if (route.page === 'robot' && !embedded) {
   const { robot } = route;
   const start = () =>
     startEarly(streamUrl(robot), WANTED_HZ, (hash) => {

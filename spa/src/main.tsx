@@ -6,6 +6,7 @@ import { loadThree } from './app/body/load_three.ts';
 import { hasWebGl } from './app/body/use_body_view.ts';
 import { loadPanel } from './app/numbers/load_panel.ts';
 import { loadList } from './app/pages/list/index.ts';
+import { loadRecording } from './app/pages/recording/load_recording.ts';
 import { installDebugApi } from './app/shell/debug_api.ts';
 import { ErrorBoundary } from './app/shell/ErrorBoundary.tsx';
 import { AbsentNotice, late, onDemand } from './app/shell/late.tsx';
@@ -15,6 +16,7 @@ import { parseRoute } from './app/state/route.ts';
 import { applyLinkSettings, queryOf } from './app/state/settings.ts';
 import { bindLanguage } from './app/text/language.ts';
 import { accessSettled } from './auth/settled.ts';
+import { recordingUrl } from './relay/recording_address.ts';
 import './app/styles/tokens.css';
 import './app/styles/page.css';
 import './app/styles/robot.css';
@@ -26,7 +28,11 @@ const embedded = document.documentElement.dataset.page === 'embed';
 performance.mark('posecast:script');
 // Before the first render: they are the largest parts of the page, and whoever opens a robot wants them.
 const { page } = parseRoute(window.location.hash);
-if (!embedded && page === 'robot') {
+const isRecording = recordingUrl() !== null;
+if (!embedded && isRecording) {
+  loadRecording().catch(() => {}); // the body comes behind its first pose
+  loadPanel().catch(() => {});
+} else if (!embedded && page === 'robot') {
   loadPanel().catch(() => {}); // the page asks again, and says what is wrong
   if (hasWebGl()) loadThree().catch(() => {});
 } else if (!embedded && page === 'list') loadList().catch(() => {});

@@ -9,7 +9,16 @@ import type { Playhead } from '../src/past/past_types.ts';
 const NOON = new Date(2026, 10, 22, 14, 4, 7, 250).getTime();
 const MIN = 60_000;
 const head = (more: Partial<Playhead>): Playhead => ({
-  ...{ at: 'past', momentMs: NOON, playing: true, speed: 1, loop: null, note: null, askedMs: null },
+  ...{
+    at: 'past',
+    momentMs: NOON,
+    playing: true,
+    speed: 1,
+    loop: null,
+    note: null,
+    askedMs: null,
+    recorded: null,
+  },
   ...more,
 });
 

@@ -31,6 +31,7 @@ export class FakePast implements PastControls {
       loop: null,
       note: null,
       askedMs: null,
+      recorded: null,
     };
   }
 

@@ -11,6 +11,7 @@ import { PastError, type PastSource, type SegmentRef } from '../src/past/past_so
 import type { Mark, PastSink, PastState, Span, Timeline } from '../src/past/past_types.ts';
 import { OwnTape } from '../src/past/player/own_tape.ts';
 import { PastPlayer } from '../src/past/player/past_player.ts';
+import type { Recorded } from '../src/twin/liveness.ts';
 import { FROM_MS, refOf, SCHEMA, SCHEMA_SHA, type Sent } from './past_recordings.ts';
 
 const PAGE_MS = 600_000;
@@ -186,7 +187,7 @@ export class FakeSink implements PastSink {
 }
 
 /** A player with a clock that only the test moves. */
-export class Rig {
+export class Rig<Source extends PastSource = FakeSource> {
   nowMs = FROM_MS + 3_600_000;
   readonly sink = new FakeSink();
   readonly own = new OwnTape();
@@ -195,9 +196,13 @@ export class Rig {
   readonly player: PastPlayer;
   #timers: { run: () => void; atMs: number }[] = [];
 
-  constructor(readonly source: FakeSource) {
+  constructor(
+    readonly source: Source,
+    recorded: Recorded | null = null,
+  ) {
     this.player = new PastPlayer({
       source,
+      recorded,
       own: this.own,
       sink: this.sink,
       heard: () => this.heard,

@@ -31,6 +31,7 @@ function watched() {
         momentMs: at.told ?? at.moment,
         note: at.note,
         askedMs: 7000,
+        recorded: null,
       },
     }),
   );
@@ -67,19 +68,31 @@ it('tells when the pose of the moment comes, and when another moment is wanted',
   watch.look();
   expect(heard).toHaveBeenCalledTimes(2);
   expect(heard).toHaveLastReturnedWith(true);
-  expect(watch.verdict().past).toEqual({ momentMs: 300_000, askedMs: null, was: null, isHere: false });
+  expect(watch.verdict().past).toEqual({
+    momentMs: 300_000,
+    askedMs: null,
+    was: null,
+    isHere: false,
+    recorded: null,
+  });
 });
 
 it('the last pose of a robot that was silent then is that of the moment, and old', () => {
   const { watch, pose } = watched();
   pose(60_000);
   watch.was('silent');
-  expect(watch.verdict().past).toEqual({ momentMs: 100_000, askedMs: null, was: 'STALE', isHere: true });
+  expect(watch.verdict().past).toEqual({
+    momentMs: 100_000,
+    askedMs: null,
+    was: 'STALE',
+    isHere: true,
+    recorded: null,
+  });
   expect(isOld(watch.verdict())).toBe(true);
   watch.was('offline');
   expect(watch.verdict().past?.was).toBe('OFFLINE');
   watch.was('online');
-  expect(watch.verdict().past).toMatchObject({ was: null, isHere: false });
+  expect(watch.verdict().past).toMatchObject({ was: null, isHere: false, recorded: null });
 });
 
 it('names the moment that a link asked for, if that is not kept', () => {

@@ -1,8 +1,10 @@
 import { Suspense, useEffect, useState } from 'react';
+import { recordingUrl } from '../relay/recording_address.ts';
 import { relayChoice } from '../relay/relay.ts';
 import { loadList } from './pages/list/index.ts';
 import { closeLocal, listenForDrops, useLocal } from './pages/local/local.ts';
-import { RobotPage } from './pages/RobotPage.tsx';
+import { OneRobot, RobotPage } from './pages/RobotPage.tsx';
+import { loadRecording } from './pages/recording/load_recording.ts';
 import { ErrorBoundary } from './shell/ErrorBoundary.tsx';
 import { AbsentNotice, late, onDemand } from './shell/late.tsx';
 import { useThemeOnRoot } from './shell/theme.ts';
@@ -15,6 +17,7 @@ import { useText } from './text/language.ts';
 const RobotList = late(async () => (await loadList()).RobotList, onDemand);
 // Few visitors need these, so they are loaded when they are opened.
 const NothingHere = late(async () => (await import('./pages/NothingHere.tsx')).NothingHere, onDemand);
+const RecordingPage = late(async () => (await loadRecording()).RecordingPage, onDemand);
 const RowPage = late(async () => (await import('./pages/RowPage.tsx')).RowPage, onDemand);
 const SettingsSheet = late(async () => (await import('./settings/SettingsSheet.tsx')).SettingsSheet);
 const LocalPage = late(async () => (await import('./pages/local/LocalPage.tsx')).LocalPage, onDemand);
@@ -41,7 +44,8 @@ function Page({ onSettings }: { onSettings: (link?: RobotLink) => void }) {
   const hash = useHash();
   const route = parseRoute(hash);
   const local = useLocal();
-  const listed = route.page !== 'robot' && route.page !== 'robots' && local.phase !== 'shown';
+  const isRecording = local.phase === 'recording' || recordingUrl() !== null;
+  const listed = route.page !== 'robot' && route.page !== 'robots' && local.phase !== 'shown' && !isRecording;
   useEffect(() => {
     if (listed) document.title = 'Posecast';
   }, [listed]);
@@ -49,10 +53,14 @@ function Page({ onSettings }: { onSettings: (link?: RobotLink) => void }) {
   const place = hash.split('?')[0]; // the query changes while one looks around
   // biome-ignore lint/correctness/useExhaustiveDependencies: going anywhere leaves what was dropped
   useEffect(() => closeLocal, [place]);
+  const recorded = { Layout: OneRobot, onSettings };
+  if (local.phase === 'recording')
+    return <RecordingPage key={local.opened.id} given={local.opened} onClose={closeLocal} {...recorded} />;
   const { refused } = relayChoice();
   if (refused !== null) return <NothingHere hash={hash} refused={refused} />;
   if (local.phase === 'shown')
     return <LocalPage key={local.robot.path} robot={local.robot} urdfs={local.urdfs} />;
+  if (isRecording) return <RecordingPage given={null} onClose={null} {...recorded} />;
   switch (route.page) {
     case 'list':
       return <RobotList onSettings={() => onSettings()} />;

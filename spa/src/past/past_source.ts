@@ -9,7 +9,7 @@ export interface SegmentRef extends Span {
   readonly runId: string;
   readonly frames: number;
   readonly bytes: number;
-  /** Of its bytes, hexadecimal, like `schema` and `model`. */
+  /** Of its bytes, hexadecimal, like `schema` and `model`; empty where only the segment itself says whether it is whole. */
   readonly sha256: string;
   readonly schema: string | null;
   readonly model: string | null;

@@ -1,4 +1,5 @@
 import type { EventMessage, RobotStatus, Schema } from '@posecast/wire';
+import type { Recorded } from '../twin/liveness.ts';
 
 /**
  * What crosses between the past of a robot and the page. Moments are unix ms by the relay's clock, with fractions.
@@ -39,8 +40,8 @@ export interface PastSink {
  * Something that the person has to be told about what is shown. `loading`: it is on its way. `resumed`: its moment left
  * the window, so it goes on at the oldest. `not-kept`: the moment that a link names is not kept, and the nearest is shown.
  * `not-come`: it is still to come, and the present is shown.
- * `damaged`: a part did not arrive as it was recorded, and was passed over. `away`: the relay does not answer, so only what
- * the page has can be shown.
+ * `damaged`: a part did not arrive as it was recorded, and was passed over. `away`: the relay, or the host of a recording, does
+ * not answer, so only what the page has can be shown.
  */
 export type PastNote = 'loading' | 'resumed' | 'not-kept' | 'not-come' | 'damaged' | 'away';
 
@@ -56,6 +57,8 @@ export interface Playhead {
   readonly note: PastNote | null;
   /** The moment that a link named, until somebody goes elsewhere. */
   readonly askedMs: number | null;
+  /** The recording that is played; null where it is a past that leads up to the present. */
+  readonly recorded: Recorded | null;
 }
 
 export interface Span {
@@ -87,7 +90,7 @@ export interface PastControls {
   readonly playhead: Playhead;
   /** null while nothing is known, and where there is no past that this page may see. */
   readonly timeline: Timeline | null;
-  /** The moment of now. */
+  /** The moment of now; of a recording its end. */
   readonly nowMs: number;
   /** Adds a listener for `playhead` and `timeline`, which is called ten times a second at most while playing. Returns a
    *  function that removes it. */
@@ -99,7 +102,7 @@ export interface PastControls {
   seek(momentMs: number, scrubbing?: boolean): void;
   /** The finger is up: shows the exact moment of the last `seek`. */
   settle(): void;
-  /** Plays or pauses. In live it pauses at the newest moment. */
+  /** Plays or pauses. In live it pauses at the newest moment; at the end of a recording it plays from the beginning. */
   toggle(): void;
   setSpeed(speed: Speed): void;
   skip(byMs: number): void;
@@ -108,5 +111,6 @@ export interface PastControls {
   setLoop(span: Span | null): void;
   /** Goes to two seconds before the next or the previous fault. */
   visitFault(by: 1 | -1): void;
+  /** Goes back to the present; in a recording, which has none, to its end. */
   goLive(): void;
 }

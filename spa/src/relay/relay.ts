@@ -6,6 +6,7 @@
 import { readStored } from '../browser/storage.ts';
 import { asAnyone } from './as_anyone.ts';
 import type { Accounts, Choice } from './config.ts';
+import { recordingUrl } from './recording_address.ts';
 
 /** How long to wait for `config.json`. Afterwards the page uses its own origin for good, so slow lines and busy devices
  *  get much time. Meanwhile the stream from the own origin has already started (`early.ts`). */
@@ -33,11 +34,14 @@ export function relayChoice(): Choice {
   return choice ?? { base: home(), mirror: null, refused: null };
 }
 
-/** Resolves to the chosen relay; asks once. From then on a content policy limits whom the page may talk to. */
+/** Resolves to the chosen relay; asks once. From then on a content policy limits whom the page may talk to. A recording has no
+ *  relay: nothing is asked, and its own origin is all that it reads. */
 export function relaySettled(): Promise<Choice> {
   asking ??= (async () => {
+    const isRecording = recordingUrl() !== null;
     let body: object | null = null;
     try {
+      if (isRecording) throw new Error('nothing to ask for');
       const signal = AbortSignal.timeout(CONFIG_LATE_MS);
       const answer = await fetch(new URL('config.json', home()), { signal, cache: 'no-cache' });
       if (answer.ok) body = await answer.json();
@@ -45,7 +49,8 @@ export function relaySettled(): Promise<Choice> {
       // none, or none in time
     }
     const { search } = window.location;
-    const plain = (body === null || Object.keys(body).length === 0) && !ELSEWHERE.test(search);
+    const plain =
+      isRecording || ((body === null || Object.keys(body).length === 0) && !ELSEWHERE.test(search));
     let settled = relayChoice();
     let further = '';
     if (!plain) {

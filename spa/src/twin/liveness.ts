@@ -5,8 +5,8 @@
  * from the relay's `status`, and from frames that are newer than the newest frame named in that status.
  */
 
-/** PAST: what is shown is from then, and nothing is said of now. */
-export type Word = 'LIVE' | 'HOLDING' | 'STALE' | 'OFFLINE' | 'PAST';
+/** PAST: what is shown is from then, and nothing is said of now. RECORDED: likewise, and from files, which have no now. */
+export type Word = 'LIVE' | 'HOLDING' | 'STALE' | 'OFFLINE' | 'PAST' | 'RECORDED';
 export type Cause = 'robot silent' | 'no connection' | 'relay degraded';
 
 export const STALE_AFTER_MS = 1500;
@@ -55,7 +55,21 @@ export interface Evidence {
   otherwiseMs: number | null;
 }
 
-/** What is shown in PAST. */
+/** A recording, unix ms, and how it tells its moments. */
+export interface Recorded {
+  readonly fromMs: number;
+  readonly toMs: number;
+  /** "12 Nov 2026 14:02:07". */
+  when(momentMs: number): string;
+  /** "3:05 of 25:00". */
+  within(momentMs: number): string;
+  /** The line over the body. `words`: of `when` and more. */
+  note(words: string): string;
+  /** Says that it has not the moment that a link names. */
+  lacks(askedMs: number, momentMs: number): string;
+}
+
+/** What is shown in PAST and RECORDED. */
 export interface PastMoment {
   /** Unix ms by the relay's clock. */
   readonly momentMs: number;
@@ -65,6 +79,8 @@ export interface PastMoment {
   readonly was: 'STALE' | 'OFFLINE' | null;
   /** Whether the shown pose is of that moment, or of the same few seconds; else it is still to come. */
   readonly isHere: boolean;
+  /** The recording; null in PAST. */
+  readonly recorded: Recorded | null;
 }
 
 export interface Verdict {
@@ -79,7 +95,7 @@ export interface Verdict {
   linkMs: number | null;
   /** How long the pose has not changed; null when that is not known. */
   unchangedMs: number | null;
-  /** null unless the word is PAST. */
+  /** null unless the word is PAST or RECORDED. */
   past: PastMoment | null;
 }
 
@@ -102,9 +118,14 @@ export function isClaim(word: Word | null): word is 'LIVE' | 'HOLDING' {
   return word === 'LIVE' || word === 'HOLDING';
 }
 
+/** Whether the word says that the shown pose is one of then. */
+export function isThen(word: Word | null): word is 'PAST' | 'RECORDED' {
+  return word === 'PAST' || word === 'RECORDED';
+}
+
 /** Whether the shown pose was no longer the robot's own at the time that is shown. */
 export function isOld({ word, past }: Pick<Verdict, 'word' | 'past'>): boolean {
-  return word === 'PAST' ? past === null || past.was !== null || !past.isHere : !isClaim(word);
+  return isThen(word) ? past === null || past.was !== null || !past.isHere : !isClaim(word);
 }
 
 /** Whether the relay is heard, so that what its status says about the robot holds now. */

@@ -20,7 +20,6 @@ from posecast_relay.recording.output import OutputError
 # of the built page: what FastAPI shows, what a relay alone serves, and the build's own notes
 LEFT_OUT = frozenset(("docs", "config.json"))
 ENTRIES: Mapping[str, str] = {"index.html": "", "embed/index.html": "../"}
-EARLY = re.compile(r'\s*<script type="module" async [^>]*></script>')  # asks a relay, which there is none
 GENERAL = re.compile(r'\s*<meta (?:property="og:|name="description")[^>]*>')
 SHOWN_MAX = 500  # characters of a text that a chat reads
 TITLE = "<title>Posecast</title>"
@@ -71,7 +70,7 @@ def _mark(page: str, home: str, folder: Path, recording: PastRecording, address:
         for kind, name, text in _describe(title, base, folder, recording, address)
     ]
     tags.append(f"<title>{html.escape(title)} · Posecast</title>")
-    page = GENERAL.sub("", EARLY.sub("", page))
+    page = GENERAL.sub("", page)
     return page.replace(TITLE, "\n    ".join(tags), 1)
 
 

@@ -2,8 +2,8 @@ import { Suspense, useCallback, useEffect, useRef, useState } from 'react';
 import { LatePart } from '../../browser/late_part.ts';
 import { retryNow } from '../../browser/retry.ts';
 import type { ModelReport } from '../../model/report.ts';
-import { manifestUrl } from '../../relay/addresses.ts';
 import { accounts } from '../../relay/relay.ts';
+import { isThen } from '../../twin/liveness.ts';
 import { isolated } from '../../twin/names.ts';
 import type { BodyView, RowView } from '../../view/body_view.ts';
 import { startWhenLoaded } from '../shell/deferred_start.ts';
@@ -43,9 +43,9 @@ type Model =
   | { phase: 'shown'; report: ModelReport }
   | { phase: 'failed'; why: string; coming: boolean };
 
-/** The robot's body with its notes and tools, as `link` says it is or was. The page's address follows `live`. The renderer is a separate chunk that this component loads; if that fails,
+/** The robot's body with its notes and tools, as `link` says it is or was. The page's address follows `live` unless that is null. The renderer is a separate chunk that this component loads; if that fails,
  *  one line says so and the numbers still work. */
-export function Body({ link, live = link }: { link: RobotLink; live?: RobotLink }) {
+export function Body({ link, live = link }: { link: RobotLink; live?: RobotLink | null }) {
   const host = useRef<HTMLDivElement>(null);
   const { view, trouble, why, coming, choose } = useBodyView(host, usePlayed(link));
   useCameraControls(host, view, link.twin);
@@ -137,9 +137,9 @@ function usePlayed(link: RobotLink) {
 }
 
 /** Keeps the page's address in step with the view; the code for it is loaded with the body. */
-function useViewAddress(view: BodyView | null, link: RobotLink): void {
+function useViewAddress(view: BodyView | null, link: RobotLink | null): void {
   useEffect(() => {
-    if (view === null) return;
+    if (view === null || link === null) return;
     return startWhenLoaded(
       VIEW_ADDRESS.load().then(
         ({ bindAddress }) =>
@@ -173,7 +173,8 @@ function useSigns(scene: BodyView | null, link: RobotLink): OverlayLink | null {
 
 function useModel(scene: BodyView | null, link: RobotLink): Model {
   useVersion(link);
-  const { robot, modelHash } = link.twin;
+  const { manifestUrl } = link;
+  const { modelHash } = link.twin;
   const [model, setModel] = useState<Model>({ phase: 'none' });
   useEffect(() => {
     if (scene === null || modelHash === null) {
@@ -185,7 +186,7 @@ function useModel(scene: BodyView | null, link: RobotLink): Model {
     const progress = (received: number, total: number) => {
       if (!left) setModel({ phase: 'loading', received, total });
     };
-    const url = manifestUrl(robot, modelHash);
+    const url = manifestUrl(modelHash);
     const stop = keepLoading(
       url,
       () => scene.load(url, progress),
@@ -202,7 +203,7 @@ function useModel(scene: BodyView | null, link: RobotLink): Model {
       left = true;
       stop();
     };
-  }, [scene, robot, modelHash]);
+  }, [scene, manifestUrl, modelHash]);
   useEffect(() => {
     link.twin.acceptTree(model.phase === 'shown' ? (scene?.tree() ?? null) : null);
   }, [scene, model, link]);
@@ -269,7 +270,8 @@ function Waiting({ link }: { link: RobotLink }) {
       </Suspense>
     );
   // In these states a line over the body says so already.
-  if (now - twin.evidence.openedMs < SAY_WHY_AFTER_MS || word === 'STALE' || word === 'OFFLINE') return null;
+  const isSaid = word === 'STALE' || word === 'OFFLINE' || isThen(word);
+  if (now - twin.evidence.openedMs < SAY_WHY_AFTER_MS || isSaid) return null;
   const words = waitingWords({
     phase,
     schema: twin.schema !== null,

@@ -1,6 +1,5 @@
 import { useEffect, useRef } from 'react';
 import { builtModelAt } from '../../model/files.ts';
-import { manifestUrl } from '../../relay/addresses.ts';
 import { Poser } from '../../twin/playback/pose.ts';
 import { StickFigure } from '../../view/stick_figure.ts';
 import { useTheme } from '../shell/theme.ts';
@@ -13,14 +12,14 @@ export function FirstStickFigure({ link }: { link: RobotLink }) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const theme = useTheme();
   useVersion(link);
-  const { robot, modelHash } = link.twin;
+  const { modelHash } = link.twin;
   // biome-ignore lint/correctness/useExhaustiveDependencies: a theme has another colour for lines
   useEffect(() => {
     const { current } = canvas;
     if (current === null || modelHash === null) return;
     let leave: (() => void) | null = null;
     let left = false;
-    builtModelAt(manifestUrl(robot, modelHash))
+    builtModelAt(link.manifestUrl(modelHash))
       .then((manifest) => {
         if (left || manifest === null) return; // raw bundles have no joints before their URDF is read
         const figure = new StickFigure(current, manifest);
@@ -32,7 +31,7 @@ export function FirstStickFigure({ link }: { link: RobotLink }) {
       left = true;
       leave?.();
     };
-  }, [link, robot, modelHash, theme]);
+  }, [link, modelHash, theme]);
   return <canvas ref={canvas} className="first-sketch" data-testid="first-sketch" />;
 }
 

@@ -1,4 +1,5 @@
-import { Suspense, useEffect, useLayoutEffect, useRef, useState } from 'react';
+import { type ReactNode, Suspense, useEffect, useLayoutEffect, useRef, useState } from 'react';
+import { isThen } from '../../twin/liveness.ts';
 import { Body } from '../body/Body.tsx';
 import { loadPanel } from '../numbers/load_panel.ts';
 import type { Tab } from '../numbers/Panel.tsx';
@@ -41,16 +42,68 @@ function Loaded({ live, onSettings }: { live: RobotLink; onSettings: () => void 
   const past = usePast(live);
   const missed = missedMoment(useMomentNamed(), past);
   const link = useShown(live, past);
+  const text = useText();
+  useVersion(link);
+  const { name, robot } = link.twin;
+  const presented = usePresenting();
+  return (
+    <OneRobot
+      link={link}
+      live={live}
+      title={robot}
+      head={
+        <>
+          <a className="icon-button" href="#/" aria-label={text.allRobots}>
+            <BackIcon />
+          </a>
+          <h1 className="robot-name" title={name === robot ? name : `${name} (${robot})`}>
+            {name}
+          </h1>
+        </>
+      }
+      share={(close) => <ShareSheet robot={robot} name={name} onClose={close} />}
+      onSettings={onSettings}
+    >
+      {past === undefined && !presented && <div className="past-room" />}
+      {missed !== null && !presented && (
+        <Suspense fallback={null}>
+          <NoPast why={missed} />
+        </Suspense>
+      )}
+      {past && !presented && (
+        <Suspense fallback={null}>
+          <PastBar controls={past.controls} live={live} />
+        </Suspense>
+      )}
+    </OneRobot>
+  );
+}
+
+/** One robot, as it is or was: the top bar, body and numbers, and below them what plays it. */
+export function OneRobot(props: {
+  link: RobotLink;
+  /** What the page's address follows; null: it stays as it is. */
+  live: RobotLink | null;
+  /** Of the window, behind the word of what was. */
+  title: string;
+  /** The way to where one came from, and the name. */
+  head: ReactNode;
+  /** null: what is shown can't be shared. */
+  share: ((close: () => void) => ReactNode) | null;
+  onSettings: () => void;
+  /** What stands under the body. */
+  children: ReactNode;
+}) {
+  const { link, live, title, share, onSettings } = props;
   useEffect(() => {
     showLink(link);
     return () => showLink(null);
   }, [link]);
   const text = useText();
   const word = useWord(link);
-  const { robot } = live.twin;
   useEffect(() => {
-    document.title = `${word === 'PAST' ? 'PAST · ' : ''}${robot} · Posecast`;
-  }, [robot, word]);
+    document.title = `${isThen(word) ? `${word} · ` : ''}${title} · Posecast`;
+  }, [title, word]);
   const { panelOpen } = useSettings();
   const page = useRef<HTMLDivElement>(null);
   useVersion(link);
@@ -59,7 +112,6 @@ function Loaded({ live, onSettings }: { live: RobotLink; onSettings: () => void 
   useEffect(() => {
     loadPanel().catch(() => {}); // at once, and not after the sheet that it stands in; `Panel` tries again
   }, []);
-  const { name } = link.twin;
 
   const { fullscreen, toggle } = useFullscreen(page);
   const [sheet, setSheet] = useState<'share' | 'keys' | null>(null);
@@ -87,12 +139,7 @@ function Loaded({ live, onSettings }: { live: RobotLink; onSettings: () => void 
       data-testid="robot-page"
     >
       <header className="top">
-        <a className="icon-button" href="#/" aria-label={text.allRobots}>
-          <BackIcon />
-        </a>
-        <h1 className="robot-name" title={name === link.twin.robot ? name : `${name} (${link.twin.robot})`}>
-          {name}
-        </h1>
+        {props.head}
         <Chip link={link} />
         <span className="grow" />
         <IconButton
@@ -113,34 +160,24 @@ function Loaded({ live, onSettings }: { live: RobotLink; onSettings: () => void 
         >
           <FullscreenIcon />
         </IconButton>
-        <IconButton label={text.share} title={`${text.share} (S)`} onClick={() => setSheet('share')}>
-          <ShareIcon />
-        </IconButton>
+        {share !== null && (
+          <IconButton label={text.share} title={`${text.share} (S)`} onClick={() => setSheet('share')}>
+            <ShareIcon />
+          </IconButton>
+        )}
         <IconButton label={text.settings} title={text.settings} onClick={onSettings}>
           <SettingsIcon />
         </IconButton>
       </header>
       <Split link={link} live={live} alone={presented || fullscreen === 'page'} />
-      {past === undefined && !presented && <div className="past-room" />}
-      {missed !== null && !presented && (
-        <Suspense fallback={null}>
-          <NoPast why={missed} />
-        </Suspense>
-      )}
-      {past && !presented && (
-        <Suspense fallback={null}>
-          <PastBar controls={past.controls} live={live} />
-        </Suspense>
-      )}
+      {props.children}
       <Suspense fallback={null}>
         <Announcer link={link} />
         <Explanations link={link} />
       </Suspense>
       <Suspense fallback={null}>
         {presented && <Presentation link={link} />}
-        {sheet === 'share' && (
-          <ShareSheet robot={link.twin.robot} name={name} onClose={() => setSheet(null)} />
-        )}
+        {sheet === 'share' && share?.(() => setSheet(null))}
         {sheet === 'keys' && <KeysSheet onClose={() => setSheet(null)} />}
       </Suspense>
     </div>
@@ -148,7 +185,7 @@ function Loaded({ live, onSettings }: { live: RobotLink; onSettings: () => void 
 }
 
 /** Body first, numbers beside it; on a phone held upright the numbers are a sheet over the body. `alone`: no numbers. */
-function Split({ link, live, alone }: { link: RobotLink; live: RobotLink; alone: boolean }) {
+function Split({ link, live, alone }: { link: RobotLink; live: RobotLink | null; alone: boolean }) {
   const sideBySide = useMedia(SIDE_BY_SIDE);
   const { panelOpen, panelPx } = useSettings();
   const room = useRef<HTMLDivElement>(null);

@@ -1,13 +1,14 @@
 import { tokenFor } from '../../auth/token.ts';
 import { fetchPartsAhead, LatePart } from '../../browser/late_part.ts';
-import type { PastControls, PastSink, PastState } from '../../past/past_types.ts';
+import type { PastSource } from '../../past/past_source.ts';
+import type { PastControls, PastSink, PastState, Playhead } from '../../past/past_types.ts';
 import type { Coming } from '../../past/player/coming.ts';
 import { OwnTape } from '../../past/player/own_tape.ts';
 import { PastPlayer } from '../../past/player/past_player.ts';
 import { RelayPast } from '../../past/relay/relay_past.ts';
 import { apiUrl } from '../../relay/addresses.ts';
 import { nowMs } from '../../stream/clock.ts';
-import { isClaim } from '../../twin/liveness.ts';
+import { isClaim, type Recorded } from '../../twin/liveness.ts';
 import { RobotTwin } from '../../twin/robot.ts';
 import { FaultKeeper } from '../state/fault_keeper.ts';
 import { HistoryKeeper } from '../state/history_keeper.ts';
@@ -19,7 +20,7 @@ import { PastWatch } from './past_watch.ts';
 /** For the plots of who looks at a joint of then. */
 const COMING = new LatePart(() => import('../../past/player/coming.ts'));
 /** Nobody waits for it before somebody looks back; by then the relay may be gone. */
-const READER = new LatePart(() => import('../../past/relay/past_reader.ts'));
+export const READER = new LatePart(() => import('../../past/relay/past_reader.ts'));
 
 /** A robot's past on the page: the controls, and a link to the robot as it was, which everything can be drawn from. */
 export interface Past {
@@ -28,15 +29,31 @@ export interface Past {
   readonly close: () => void;
 }
 
-/** Opens the past of a robot beside its live stream, at a moment unless that is null. While the past is shown the stream rests, and listens for status and
- *  events alone. */
-export function openPast(live: RobotLink, atMs: number | null): Past {
-  const { robot } = live.twin;
-  const twin = new RobotTwin(robot, nowMs());
+/** What a past is played from, and where to. */
+export interface Played {
+  /** The robot as it was. */
+  readonly twin: RobotTwin;
+  readonly source: PastSource;
+  /** What the page itself received. */
+  readonly own: OwnTape;
+  /** Events that the live stream has told. */
+  readonly heard: () => RobotTwin['events'];
+  /** The model of a robot that has not told one yet. */
+  readonly model: () => string | null;
+  /** A recording; null: the present comes after the past. */
+  readonly recorded: Recorded | null;
+  /** Called when the page has gone elsewhere in time, or its past has changed. */
+  readonly onLook: (playhead: Playhead) => void;
+}
+
+/** Plays a past. `player` and what a `RobotLink` needs besides the connection; `openAt` follows the address unless `atMs` is
+ *  undefined. */
+export function playPast(played: Played, atMs: number | null | undefined) {
+  const { twin, source, own, heard, recorded } = played;
   const clock = () => player.momentMs;
   const faults = new FaultKeeper(twin, clock, false);
   const minute = new HistoryKeeper(twin);
-  const watch = new PastWatch(twin, clock, () => player);
+  const watch = new PastWatch(twin, clock, () => player, recorded === null ? 'PAST' : 'RECORDED');
 
   const sink: PastSink = {
     jump: () => {
@@ -46,7 +63,7 @@ export function openPast(live: RobotLink, atMs: number | null): Past {
     },
     schema: (schema) => twin.acceptSchema(schema),
     // before a robot has told its model it had the same body
-    model: (sha256) => twin.acceptModel(sha256 ?? live.twin.modelHash),
+    model: (sha256) => twin.acceptModel(sha256 ?? played.model()),
     info: (kv) => twin.acceptInfo(kv),
     event: (event) => twin.acceptEvent(event),
     word: (word) => watch.was(word),
@@ -56,22 +73,9 @@ export function openPast(live: RobotLink, atMs: number | null): Past {
     },
     fill: (schema, states) => minute.history.prepend(schema, states),
   };
-  const own = new OwnTape();
-  const source = new RelayPast(apiUrl(`robots/${robot}/past`), {
-    fetch: (url, init) => fetch(url, init),
-    tokenFor,
-    loadReader: () => READER.load(),
-    nowMs,
-    later: (ms, run) => schedule(run, ms),
-    isIdle: () => document.hidden || !isHeard(live),
-    liveSchema: () => live.twin.schema,
-  });
   void READER.load();
   void fetchPartsAhead();
-  const player: PastPlayer = new PastPlayer({
-    ...{ source, own, sink, nowMs, schedule },
-    heard: () => live.twin.events,
-  });
+  const player: PastPlayer = new PastPlayer({ source, own, sink, nowMs, schedule, heard, recorded });
 
   let coming: Coming | null = null;
   const listComing = () => {
@@ -79,9 +83,6 @@ export function openPast(live: RobotLink, atMs: number | null): Past {
     if (part === null) void COMING.load();
     else coming ??= player.extend(part.Coming);
     return player.frame === null ? [] : (coming?.after(player.frame) ?? []);
-  };
-  const limits = () => {
-    if (twin.edits !== live.twin.edits) twin.acceptEdits(live.twin.edits);
   };
   let frame = 0;
   const draw = () => {
@@ -91,7 +92,7 @@ export function openPast(live: RobotLink, atMs: number | null): Past {
   const look = () => {
     const { at, momentMs } = player.playhead;
     const past = at === 'past';
-    live.client.rest(past);
+    played.onLook(player.playhead);
     shownMoment.set(past ? momentMs : null);
     watch.look();
     if (past && frame === 0) frame = requestAnimationFrame(draw);
@@ -104,28 +105,23 @@ export function openPast(live: RobotLink, atMs: number | null): Past {
   };
   const named = () => go(momentIn(window.location.hash));
   const ends = [
-    recordOwn(own, live),
-    live.twin.onChange(limits),
     player.onChange(look),
     () => window.removeEventListener('hashchange', named),
     () => cancelAnimationFrame(frame),
     () => shownMoment.set(null),
     () => pastControls.set(null),
-    () => live.client.rest(false),
     () => player.close(),
     () => source.close(),
     faults.close.bind(faults),
     minute.close,
   ];
-  window.addEventListener('hashchange', named);
-  limits();
+  if (atMs !== undefined) window.addEventListener('hashchange', named);
   pastControls.set(player);
-  go(atMs);
+  go(atMs ?? recorded?.fromMs ?? null);
   return {
-    controls: player,
+    player,
     link: {
       twin,
-      client: live.client,
       watch,
       faults,
       minute,
@@ -139,7 +135,47 @@ export function openPast(live: RobotLink, atMs: number | null): Past {
   };
 }
 
-function schedule(run: () => void, afterMs: number): () => void {
+/** Opens the past of a robot beside its live stream, at a moment unless that is null. While the past is shown the stream rests, and listens for status and
+ *  events alone. */
+export function openPast(live: RobotLink, atMs: number | null): Past {
+  const { robot } = live.twin;
+  const twin = new RobotTwin(robot, nowMs());
+  const own = new OwnTape();
+  const source = new RelayPast(apiUrl(`robots/${robot}/past`), {
+    fetch: (url, init) => fetch(url, init),
+    tokenFor,
+    loadReader: () => READER.load(),
+    nowMs,
+    later: (ms, run) => schedule(run, ms),
+    isIdle: () => document.hidden || !isHeard(live),
+    liveSchema: () => live.twin.schema,
+  });
+  const limits = () => {
+    if (twin.edits !== live.twin.edits) twin.acceptEdits(live.twin.edits);
+  };
+  const ends = [recordOwn(own, live), live.twin.onChange(limits), () => live.client.rest(false)];
+  limits();
+  const { player, link, close } = playPast(
+    {
+      ...{ twin, source, own, recorded: null },
+      heard: () => live.twin.events,
+      model: () => live.twin.modelHash,
+      onLook: ({ at }) => live.client.rest(at === 'past'),
+    },
+    atMs,
+  );
+  const { client, manifestUrl } = live;
+  return {
+    controls: player,
+    link: { ...link, client, manifestUrl },
+    close: () => {
+      close();
+      for (const end of ends) end();
+    },
+  };
+}
+
+export function schedule(run: () => void, afterMs: number): () => void {
   const timer = setTimeout(run, afterMs);
   return () => clearTimeout(timer);
 }

@@ -8,9 +8,9 @@ const NEAR_MS = 7000;
 const WAS = { online: null, silent: 'STALE', offline: 'OFFLINE' } as const;
 type ThenWord = keyof typeof WAS;
 
-/** Says PAST, and what the robot was then. */
+/** Says PAST, or RECORDED of a recording, and what the robot was then. */
 export class PastWatch implements Watch {
-  readonly word = 'PAST';
+  readonly word: 'PAST' | 'RECORDED';
   readonly #twin: RobotTwin;
   readonly #momentMs: () => number;
   readonly #past: () => Pick<PastControls, 'playhead' | 'nowMs'>;
@@ -19,7 +19,13 @@ export class PastWatch implements Watch {
   #isOld = true; // nothing is here yet
 
   /** `momentMs`: the shown moment of this picture; `past` is told less often, and what is told of it must agree. */
-  constructor(twin: RobotTwin, momentMs: () => number, past: () => Pick<PastControls, 'playhead' | 'nowMs'>) {
+  constructor(
+    twin: RobotTwin,
+    momentMs: () => number,
+    past: () => Pick<PastControls, 'playhead' | 'nowMs'>,
+    word: 'PAST' | 'RECORDED' = 'PAST',
+  ) {
+    this.word = word;
     this.#twin = twin;
     this.#momentMs = momentMs;
     this.#past = past;
@@ -52,13 +58,13 @@ export class PastWatch implements Watch {
     const toldMs = playhead.at === 'past' ? playhead.momentMs : momentMs;
     const askedMs = playhead.note === 'not-kept' ? playhead.askedMs : null;
     return {
-      word: 'PAST',
+      word: this.word,
       cause: null,
       overShare: false,
-      ageMs: Math.max(0, nowMs - toldMs),
+      ageMs: playhead.recorded === null ? Math.max(0, nowMs - toldMs) : null,
       linkMs: null,
       unchangedMs: null,
-      past: { momentMs: toldMs, askedMs, was: this.#was, isHere },
+      past: { momentMs: toldMs, askedMs, was: this.#was, isHere, recorded: playhead.recorded },
     };
   }
 }

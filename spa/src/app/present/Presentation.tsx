@@ -1,5 +1,6 @@
 import './present.css';
 import { useEffect, useSyncExternalStore } from 'react';
+import { recordingUrl } from '../../relay/recording_address.ts';
 import { home } from '../../relay/relay.ts';
 import { nowMs } from '../../stream/clock.ts';
 import { isolated } from '../../twin/names.ts';
@@ -82,7 +83,8 @@ function Address({ link }: { link: RobotLink }) {
   });
   const query = new URLSearchParams(window.location.search);
   query.delete('origin'); // of the page around a frame
-  const address = `${home()}${query.size > 0 ? `?${query}` : ''}${robotHref(link.twin.robot)}${
+  const place = recordingUrl() === null ? robotHref(link.twin.robot) : '#/';
+  const address = `${home()}${query.size > 0 ? `?${query}` : ''}${place}${
     shownMs === null ? '' : `?t=${formatMoment(shownMs)}`
   }`;
   const { hostname } = new URL(address);

@@ -14,11 +14,21 @@ import { QrCode } from './QrCode.tsx';
 const SETTLE_MS = 600;
 
 /** The dialog for sharing this view: its address as a link, as a QR code and as an `<iframe>` for a web page. `robot` is
- *  the id, `name` what people read. */
-export function ShareSheet({ robot, name, onClose }: { robot: string; name: string; onClose: () => void }) {
+ *  the id, `name` what people read. `recorded`: of a recording, which lies on a host that knows no robots. */
+export function ShareSheet({
+  robot,
+  name,
+  recorded = false,
+  onClose,
+}: {
+  robot: string;
+  name: string;
+  recorded?: boolean;
+  onClose: () => void;
+}) {
   const text = useText();
   const rest = useMore();
-  const named = usePathOf(robot);
+  const named = usePathOf(recorded ? null : robot);
   const [at, setAt] = useState(window.location.href);
   const { present: word, presentWhat } = usePresentText();
   useEffect(() => {
@@ -63,17 +73,20 @@ export function ShareSheet({ robot, name, onClose }: { robot: string; name: stri
           {rest.seenByAnyone}
         </a>
       )}
-      <Command what={rest.inYourPage} line={frameFor(link, robot, name)} />
+      <Command
+        what={rest.inYourPage}
+        line={recorded ? recordedFrame(link, name) : frameFor(link, robot, name)}
+      />
     </Dialog>
   );
 }
 
 /** The address of the robot's page without `#`, in which a chat finds the robot's name and picture. null until the host of
  *  this page has said that it knows it: a relay does, a plain web server does not. */
-function usePathOf(robot: string): string | null {
+function usePathOf(robot: string | null): string | null {
   const [known, setKnown] = useState<string | null>(null);
   useEffect(() => {
-    if (relayChoice().base !== home()) return;
+    if (robot === null || relayChoice().base !== home()) return;
     const leave = new AbortController();
     const url = `${home()}r/${robot}`;
     fetch(url, { method: 'HEAD', signal: leave.signal, credentials: 'omit' })
@@ -106,7 +119,16 @@ export function seenByAnyone(link: string): string {
  *  can say which pages may embed it. Throws if `link` is no URL. */
 export function frameFor(link: string, robot: string, name: string): string {
   const { search, hash } = new URL(link);
-  const source = new URL(`embed/${robot}${search}${hash.includes('?') ? hash : ''}`, home()).href;
+  return frameOf(new URL(`embed/${robot}${search}${hash.includes('?') ? hash : ''}`, home()), name);
+}
+
+/** The same for an exported recording, of a host that may not know what a folder shows. */
+function recordedFrame(link: string, name: string): string {
+  const { search, hash } = new URL(link);
+  return frameOf(new URL(`embed/index.html${search}${hash}`, home()), name);
+}
+
+function frameOf({ href: source }: URL, name: string): string {
   const title = name.replace(/[&"<>]/g, (sign) => `&#${sign.charCodeAt(0)};`);
   return `<iframe src="${source.replace(/&/g, '&amp;')}" title="${title}" style="width: 100%; aspect-ratio: 16 / 10; border: 0" allow="fullscreen" loading="lazy"></iframe>`;
 }

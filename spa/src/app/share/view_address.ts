@@ -55,7 +55,7 @@ export function bindAddress(view: BodyView, { twin }: RobotLink): () => void {
     const nowMs = performance.now();
     const due = query === before || (moment !== null && nowMs - wroteMs >= PLAYED_EVERY_MS);
     before = query;
-    const [place = ''] = hash.split('?');
+    const place = hash.split('?')[0] || '#/'; // of a recording, which needs none
     if (due && hash !== place + query) {
       wroteMs = nowMs;
       window.history.replaceState(window.history.state, '', `${window.location.search}${place}${query}`);

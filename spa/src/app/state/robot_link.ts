@@ -2,7 +2,7 @@ import { useEffect, useState, useSyncExternalStore } from 'react';
 import { fetchPartsAhead, setAway } from '../../browser/late_part.ts';
 import { retryNow } from '../../browser/retry.ts';
 import type { PastState } from '../../past/past_types.ts';
-import { streamUrl, WANTED_HZ } from '../../relay/addresses.ts';
+import { manifestUrl, streamUrl, WANTED_HZ } from '../../relay/addresses.ts';
 import { type Link, StreamClient } from '../../stream/client.ts';
 import { nowMs } from '../../stream/clock.ts';
 import type { Word } from '../../twin/liveness.ts';
@@ -14,10 +14,15 @@ import { loadOwnLimits } from './own_limits.ts';
 import { selectJoint } from './selection.ts';
 import { clearTraces } from './traces.ts';
 
+/** The connection that a robot's state comes over. */
+export type Connection = Pick<StreamClient, 'link' | 'onChange' | 'wake' | 'wishAll' | 'rest'>;
+
 /** All that the page keeps for one robot, as it is or as it was: its state, connection, word, faults and the minute before. */
 export interface RobotLink {
   readonly twin: RobotTwin;
-  readonly client: StreamClient;
+  readonly client: Connection;
+  /** The address of the manifest of one of its models. */
+  readonly manifestUrl: (modelHash: string) => string;
   readonly watch: Watch;
   readonly faults: FaultKeeper;
   readonly minute: HistoryKeeper;
@@ -45,7 +50,9 @@ export function useRobotLink(robot: string): RobotLink | null {
     );
     const faults = new FaultKeeper(twin, nowMs);
     const minute = new HistoryKeeper(twin);
-    setLink({ twin, client, watch, faults, minute, coming: null, nowMs, resting: () => false });
+    const urlOf = (modelHash: string) => manifestUrl(robot, modelHash);
+    const live = { coming: null, nowMs, resting: () => false };
+    setLink({ twin, client, manifestUrl: urlOf, watch, faults, minute, ...live });
     watchNetwork(client);
     return () => {
       client.close();

@@ -10,7 +10,7 @@ import { chipWords } from './words.ts';
 
 const Explanation = late(async () => (await import('./Explanation.tsx')).Explanation);
 
-/** A button with the robot's state: LIVE, HOLDING, STALE, OFFLINE or PAST, with its frame rate or age. Pressing it opens an
+/** A button with the robot's state: LIVE, HOLDING, STALE, OFFLINE, PAST or RECORDED, with its frame rate or age. Pressing it opens an
  *  explanation. */
 export function Chip({ link }: { link: RobotLink }) {
   useNow(250);
@@ -56,7 +56,7 @@ export function Chip({ link }: { link: RobotLink }) {
   );
 }
 
-/** The symbol of a state, so that not only its colour tells it. `word`: LIVE, HOLDING, STALE, OFFLINE or PAST; null while the
+/** The symbol of a state, so that not only its colour tells it. `word`: LIVE, HOLDING, STALE, OFFLINE, PAST or RECORDED; null while the
  *  page connects. */
 export function Sign({ word }: { word: string | null }) {
   return (
@@ -82,6 +82,15 @@ export function Sign({ word }: { word: string | null }) {
           <path d="M3.1 5.2a5.6 5.6 0 1 1-.7 2.9" />
           <path d="M2.6 2.4v3.2h3.2" />
         </g>
+      )}
+      {word === 'RECORDED' && (
+        <path
+          d="M2.5 3.2h11v9.6h-11zM6.7 5.7v4.6l3.8-2.3z"
+          fill="none"
+          stroke="currentColor"
+          strokeWidth="1.7"
+          strokeLinejoin="round"
+        />
       )}
       {word === null && (
         <circle

@@ -10,6 +10,7 @@ export function explanationWords(verdict: Verdict, link: Link): string[] {
   const text = more();
   const unwritten = link.by === 'mirror' && verdict.cause === 'relay degraded';
   const lines = [unwritten ? text.explainUnwritten : stateWords(verdict, link)];
+  if (verdict.word === 'RECORDED') return lines; // there is no relay
   if (verdict.overShare) lines.push(text.explainOverShare);
   lines.push(verdict.linkMs === null ? text.notHeardYet : text.lastHeard(formatSpan(verdict.linkMs)));
   if (link.by === 'events' && link.phase === 'open') lines.push(text.explainEvents);
@@ -38,6 +39,8 @@ function stateWords({ word, cause, unchangedMs }: Verdict, { ending }: Link): st
       return text.explainOffline;
     case 'PAST':
       return text.explainPast;
+    case 'RECORDED':
+      return text.explainRecorded;
   }
 }
 

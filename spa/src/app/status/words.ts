@@ -1,7 +1,7 @@
 import type { Link } from '../../stream/client.ts';
 import type { Ending } from '../../stream/messages.ts';
 import { formatClock, formatClockSeconds, formatSpan } from '../../twin/format.ts';
-import type { Cause, Verdict } from '../../twin/liveness.ts';
+import { type Cause, isThen, type Verdict } from '../../twin/liveness.ts';
 import { isolated } from '../../twin/names.ts';
 import type { Text } from '../text/en.ts';
 import { say } from '../text/language.ts';
@@ -11,7 +11,7 @@ import { agoWords, notKeptWords } from './moment_words.ts';
 
 /** The texts of the state chip; each is empty if there is nothing to say. */
 export interface ChipWords {
-  /** LIVE, HOLDING, STALE, OFFLINE or PAST, or that the page is connecting. */
+  /** LIVE, HOLDING, STALE, OFFLINE, PAST or RECORDED, or that the page is connecting. */
   word: string;
   /** The frame rate, or how long the state has lasted. */
   detail: string;
@@ -54,19 +54,22 @@ function stateWords(verdict: Verdict, link: Link, nowMs: number): Omit<ChipWords
         detail: ageMs === null ? '' : say().since(formatClock(nowMs - ageMs)),
         more: '',
       };
-    case 'PAST': {
+    case 'PAST':
+    case 'RECORDED': {
       const { clock, ago } = pastWords(verdict);
-      return { word: 'PAST', detail: clock, more: ago };
+      return { word: verdict.word, detail: clock, more: ago };
     }
   }
 }
 
-/** When what is shown was, and what the robot was then if it was not live: "14:02:07", " · 2 min ago · was STALE". */
+/** When what is shown was, and what the robot was then if it was not live: "14:02:07", " · 2 min ago · was STALE"; of a
+ *  recording "12 Nov 2026 14:02:07", " · 3:05 of 25:00". */
 function pastWords({ past, ageMs }: Pick<Verdict, 'past' | 'ageMs'>): { clock: string; ago: string } {
   if (past === null) return { clock: '', ago: '' };
-  const { momentMs, was } = past;
-  const ago = ` · ${agoWords(ageMs ?? 0)}`;
-  return { clock: formatClockSeconds(momentMs), ago: was === null ? ago : `${ago} · ${say().was(was)}` };
+  const { momentMs, was, recorded } = past;
+  const ago = ` · ${recorded?.within(momentMs) ?? agoWords(ageMs ?? 0)}`;
+  const clock = recorded?.when(momentMs) ?? formatClockSeconds(momentMs);
+  return { clock, ago: was === null ? ago : `${ago} · ${say().was(was)}` };
 }
 
 function paceWords(link: Link): string {
@@ -128,17 +131,18 @@ const ENDING_WORDS: Readonly<Record<number, `ended${string}` & keyof Text>> = {
 };
 
 /** The line over the body while its pose is not the robot's present one: why, and since when; null unless STALE,
- *  OFFLINE or PAST. `nowMs`: Unix ms by the page's clock. */
+ *  OFFLINE, PAST or RECORDED. `nowMs`: Unix ms by the page's clock. */
 export function stageWords(verdict: Verdict, link: Link, nowMs: number): string | null {
   if (verdict.word === 'OFFLINE') {
     if (verdict.ageMs === null) return say().notOnAir;
     return say().offlineSince(formatClock(nowMs - verdict.ageMs));
   }
-  if (verdict.word === 'PAST') {
+  if (isThen(verdict.word)) {
     const { clock, ago } = pastWords(verdict);
-    const { askedMs = null, momentMs = 0, isHere = true } = verdict.past ?? {};
-    if (askedMs !== null) return say().pastNote(notKeptWords(askedMs, momentMs, nowMs) + ago);
-    return isHere ? say().pastNote(clock + ago) : say().pastComing(clock + ago);
+    const { askedMs = null, momentMs = 0, isHere = true, recorded = null } = verdict.past ?? {};
+    const lacks = askedMs && (recorded?.lacks(askedMs, momentMs) ?? notKeptWords(askedMs, momentMs, nowMs));
+    const words = (lacks ?? clock) + ago;
+    return (recorded?.note(words) ?? say().pastNote(words)) + (isHere || lacks ? '' : say().pastComing);
   }
   if (verdict.word !== 'STALE') return null;
   if (verdict.cause === 'no connection') return connectionWords(link, nowMs);

@@ -1,5 +1,5 @@
 /** The English sentences that the page needs at its start; the others are in `more_en.ts`. A sentence says what happened,
- *  what the page does about it and what you can do: plain, short, never blaming. LIVE, HOLDING, STALE and OFFLINE are the
+ *  what the page does about it and what you can do: plain, short, never blaming. LIVE, HOLDING, STALE, OFFLINE, PAST and RECORDED are the
  *  same in every language; names of joints and flags are shown as the robot gives them. */
 export const en = {
   // ---- state of the robot and of the connection
@@ -36,7 +36,7 @@ export const en = {
     `${asked} is not kept any more; this is the oldest there is, ${shown}`,
   notRecordedAt: (asked: string, shown: string) =>
     `${asked} was not recorded; this is the nearest there is, ${shown}`,
-  pastComing: (when: string) => `The past: ${when}. The pose of then is on its way.`,
+  pastComing: ' The pose of then is on its way.',
   tryingAgain: (what: string) => `${what} Trying again.`,
   tryingAgainIn: (what: string, seconds: number) => `${what} Trying again in ${seconds} s.`,
   tryNow: 'Try now',

@@ -4,6 +4,7 @@ import type { More } from './more_en.ts';
 export { accountKo } from './account_ko.ts';
 export { pastKo } from './past_ko.ts';
 export { presentKo } from './present_ko.ts';
+export { recordingKo } from './recording/recording_ko.ts';
 
 /** The Korean sentences of `en.ts`. */
 export const ko: Text = {
@@ -33,7 +34,7 @@ export const ko: Text = {
   notKept: (asked, shown) => `${asked} 기록은 이제 없어, 남아 있는 가장 오래된 순간을 보여 줍니다, ${shown}`,
   notRecordedAt: (asked, shown) => `${asked}에는 기록이 없어, 가장 가까운 순간을 보여 줍니다, ${shown}`,
   was: (word) => `당시 ${word}`,
-  pastComing: (when) => `지난 모습: ${when}. 그때의 자세를 불러오는 중입니다.`,
+  pastComing: ' 그때의 자세를 불러오는 중입니다.',
   pastNote: (when) => `지난 모습: ${when}.`,
   tryingAgain: (what) => `${what} 다시 시도합니다.`,
   tryingAgainIn: (what, seconds) => `${what} ${seconds}초 뒤 다시 시도합니다.`,
@@ -128,6 +129,7 @@ export const moreKo: More = {
   pastResumed: '그 순간은 이제 보관되어 있지 않아, 남아 있는 가장 오래된 순간부터 이어집니다.',
   pastDamaged: '한 부분이 기록된 그대로 오지 않아 건너뛰었습니다.',
   pastAway: '릴레이가 응답하지 않아, 이 페이지가 가진 것만 보여 줄 수 있습니다.',
+  recordingAway: '이 녹화가 있는 서버가 응답하지 않아 이 페이지에 있는 것만 보여 줍니다. 다시 시도합니다.',
   allExplained: '모든 용어 설명',
   explainIt: (what) => `${what}: 설명`,
   wordsExplained: '상태',
@@ -180,6 +182,7 @@ export const moreKo: More = {
   explainLost: '릴레이와 연결이 끊겼습니다. 지금 보이는 것은 마지막으로 받은 자세입니다.',
   lookBack: '2초 전부터 보기',
   explainPast: '지난 모습을 보고 있습니다. 로봇이 지금 무엇을 하는지는 여기에 나타나지 않습니다.',
+  explainRecorded: '녹화된 모습을 보고 있습니다. 로봇이 지금 무엇을 하는지는 알 수 없습니다.',
   explainOffline: '로봇이 나갔습니다. 돌아오면 페이지가 스스로 이어집니다.',
   explainEvents: '이곳에서는 WebSocket이 통하지 않아 일반 HTTP로 받고 있습니다.',
   roundTrip: (span) => `릴레이 왕복 시간: ${span}.`,
@@ -363,11 +366,11 @@ export const moreKo: More = {
   showSideBySide: (count) => `${count}대를 나란히 보기`,
   cancel: '취소',
   viewers: (count) => `${count}명 시청`,
-  yourOwn: '내 로봇',
+  yourOwn: '내 로봇 또는 녹화',
   dropHere:
-    'URDF가 든 폴더나 zip을 이 페이지에 끌어다 놓아도 됩니다. 여기서만 보이고 어디로도 보내지 않습니다.',
+    'URDF가 든 폴더나 zip, 또는 녹화를 이 페이지에 끌어다 놓아도 됩니다. 여기서만 보이고 어디로도 보내지 않습니다.',
   chooseFolder: '폴더 선택',
-  chooseZip: 'zip 선택',
+  chooseZip: 'zip 또는 녹화 선택',
   nobodyOnAir: '나와 있는 로봇이 없습니다. 로봇 옆에서 한 줄이면 됩니다.',
   askOperator: 'PORT와 FILE은 이 릴레이를 운영하는 사람이 알려 줍니다.',
   onThatComputer: '릴레이가 도는 컴퓨터에서 그대로 실행할 수 있습니다.',

@@ -15,6 +15,8 @@ export const moreEn = {
   pastResumed: 'That moment is no longer kept; it goes on at the oldest there is.',
   pastDamaged: 'A part did not arrive as it was recorded, and was passed over.',
   pastAway: 'The relay does not answer; only what this page has can be shown.',
+  recordingAway:
+    'The host of this recording does not answer; only what this page has can be shown. Trying again.',
 
   // ---- the explanation that the state chip opens
   notHeardYet: 'Relay: not heard yet.',
@@ -29,6 +31,7 @@ export const moreEn = {
   explainLost: 'This page has lost the relay. What you see is the last pose that came through.',
   lookBack: 'See it: two seconds before',
   explainPast: 'You look at what was. Nothing of it says what the robot does now.',
+  explainRecorded: 'You look at a recording. Nothing of it says what the robot does now.',
   explainOffline: 'The robot has left the air. The page goes on by itself when it comes back.',
   explainEvents: 'No WebSocket gets through here: the stream comes over plain HTTP.',
   explainMirror:

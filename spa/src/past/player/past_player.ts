@@ -1,4 +1,5 @@
 import type { EventMessage } from '@posecast/wire';
+import type { Recorded } from '../../twin/liveness.ts';
 import type { PastSource } from '../past_source.ts';
 import type { PastControls, PastNote, PastSink, Playhead, Span, Speed, Timeline } from '../past_types.ts';
 import { faultBeside } from './fault_marks.ts';
@@ -37,6 +38,8 @@ export interface PastPorts {
   readonly nowMs: () => number;
   /** Runs something some ms later. Returns a function that cancels it. */
   readonly schedule: (run: () => void, afterMs: number) => () => void;
+  /** A recording, at whose end it rests; null or none where the present comes after the past. */
+  readonly recorded?: Recorded | null;
 }
 
 /**
@@ -55,6 +58,7 @@ export class PastPlayer implements PastControls {
   readonly #notes = new PastNotes();
   readonly #listeners = new Set<() => void>();
   readonly #unfollow: () => void;
+  readonly #recorded: Recorded | null;
 
   #isPast = false;
   #loop: Span | null = null;
@@ -80,7 +84,10 @@ export class PastPlayer implements PastControls {
 
   constructor(ports: PastPorts) {
     this.#ports = ports;
-    const { source, own, sink, nowMs } = ports;
+    const { source, own, sink, nowMs, recorded = null } = ports;
+    this.#recorded = recorded;
+    this.#isPast = recorded !== null;
+    if (recorded !== null) this.#clock.set(recorded.fromMs, nowMs());
     this.#loads = new Loads(source, this.#tape, nowMs, () => this.#work());
     this.#reel = new Reel(source, this.#tape, own, this.#loads, (alignment) => this.#align(alignment));
     const listRecent = (momentMs: number) => listRecentEvents(source, ports.heard(), momentMs);
@@ -119,6 +126,7 @@ export class PastPlayer implements PastControls {
   }
 
   get nowMs(): number {
+    if (this.#recorded !== null) return this.#recorded.toMs;
     const pageMs = this.#ports.nowMs();
     const toMs = this.timeline?.toMs ?? Number.NEGATIVE_INFINITY;
     this.#aheadMs = relayAhead(this.#aheadMs, { toMs }, this.#playhead, pageMs);
@@ -186,6 +194,7 @@ export class PastPlayer implements PastControls {
     const nowMs = this.#ports.nowMs();
     if (this.#clock.running) this.#rest();
     else this.#clock.run(nowMs);
+    if (this.#clock.running && this.#hasEnded()) this.#jump(this.#oldestMs());
     this.#shownMs = nowMs;
     this.#steps = 0;
     this.#work();
@@ -233,6 +242,12 @@ export class PastPlayer implements PastControls {
   goLive(): void {
     if (!this.#isPast) return;
     this.#act();
+    if (this.#recorded !== null) {
+      this.#loop = null;
+      this.#rest();
+      this.#jump(this.#newestMs());
+      return;
+    }
     this.#want(this.#clock.momentMs);
     this.#wantedMs = null;
     this.#isPast = false;
@@ -367,7 +382,7 @@ export class PastPlayer implements PastControls {
     const keptMs = this.#keptMs(momentMs);
     if (this.timeline === null || keptMs === momentMs) return false;
     const askedMs = this.#askedMs;
-    if (askedMs !== null && askedMs > this.nowMs) {
+    if (askedMs !== null && askedMs > this.nowMs && this.#recorded === null) {
       this.goLive();
       this.#askedMs = askedMs;
       this.#say('not-come');
@@ -383,7 +398,7 @@ export class PastPlayer implements PastControls {
   /** Plays up to now. */
   #play(): void {
     const nowMs = this.#ports.nowMs();
-    const looped = this.#loop?.toMs ?? Number.POSITIVE_INFINITY;
+    const looped = this.#loop?.toMs ?? this.#recorded?.toMs ?? Number.POSITIVE_INFINITY;
     this.#reel.near({ fromMs: this.#clock.momentMs, toMs: this.#clock.target(nowMs) }); // may move the playhead
     const targetMs = Math.min(this.#clock.target(nowMs), looped);
     const move = play(this.#reel, this.#projector, this.#clock.momentMs, targetMs);
@@ -392,7 +407,8 @@ export class PastPlayer implements PastControls {
     this.#await(blockers);
     if (isDamaged) this.#say('damaged');
     this.#prefetch();
-    if (momentMs >= looped) this.#jump(this.#loop!.fromMs);
+    if (this.#loop === null && this.#hasEnded()) this.#rest();
+    else if (momentMs >= looped) this.#jump(this.#loop!.fromMs);
     else if (hasShown) this.#shownMs = nowMs;
     else if (momentMs >= this.#oldestMs() || !this.#hasLeft(momentMs))
       this.#pass(blockers.length > 0, momentMs, nowMs);
@@ -491,10 +507,19 @@ export class PastPlayer implements PastControls {
 
   #read(): Playhead {
     const { momentMs, running: playing, speed } = this.#clock;
-    const [note, askedMs] = [this.#notes.read(this.#ports.nowMs()), this.#askedMs];
+    const said = {
+      note: this.#notes.read(this.#ports.nowMs()),
+      askedMs: this.#askedMs,
+      recorded: this.#recorded,
+    };
     if (!this.#isPast)
-      return { at: 'live', momentMs: this.#newestMs(), playing: true, speed: 1, loop: null, note, askedMs };
-    return { at: 'past', momentMs, playing, speed, loop: this.#loop, note, askedMs };
+      return { at: 'live', momentMs: this.#newestMs(), playing: true, speed: 1, loop: null, ...said };
+    return { at: 'past', momentMs, playing, speed, loop: this.#loop, ...said };
+  }
+
+  /** Whether a recording is at its end. */
+  #hasEnded(): boolean {
+    return this.#recorded !== null && this.#clock.momentMs >= this.#recorded.toMs;
   }
 
   /** Tells the listeners what has changed: a moment that only goes on not too often. */

@@ -1,5 +1,6 @@
 import { PAST_KEYS } from '../../past/time_line/past_key_list.ts';
 import { Dialog } from '../../shell/Dialog.tsx';
+import { pastControls } from '../../state/moment.ts';
 import { useMore } from '../../text/more.ts';
 import { usePresentText } from '../../text/present.ts';
 import { CameraKeys } from './CameraKeys.tsx';
@@ -8,6 +9,7 @@ import { CameraKeys } from './CameraKeys.tsx';
 export function KeysSheet({ onClose }: { onClose: () => void }) {
   const rest = useMore();
   const { keyPresent } = usePresentText();
+  const isRecorded = pastControls.get()?.playhead.recorded != null; // which has no present
   const ofPage = [
     ['T', rest.keyNumbers],
     ['F', rest.keyFullscreen],
@@ -34,7 +36,7 @@ export function KeysSheet({ onClose }: { onClose: () => void }) {
       <section className="keys" aria-label={rest.keysOfPast}>
         <h3 className="quiet">{rest.keysOfPast}</h3>
         <dl>
-          {PAST_KEYS.map(([key, does]) => (
+          {PAST_KEYS.filter(([, does]) => does !== 'keyLive' || !isRecorded).map(([key, does]) => (
             <div key={key}>
               <dt>{key}</dt>
               <dd>{rest[does]}</dd>

@@ -2,6 +2,7 @@ import { firstPaint } from '../../../browser/first_paint.ts';
 import { LatePart } from '../../../browser/late_part.ts';
 import type { Fault } from '../../../twin/alarms/fault_log.ts';
 import { formatSpan } from '../../../twin/format.ts';
+import { isThen } from '../../../twin/liveness.ts';
 import { isolated } from '../../../twin/names.ts';
 import { FlagTerm } from '../../explain/FlagTerm.tsx';
 import { useLatePart } from '../../shell/late.tsx';
@@ -65,7 +66,7 @@ export function FaultLine({ link, onMore }: { link: RobotLink; onMore: () => voi
           {text.moreAlarms(open.length - 1)}
         </button>
       )}
-      {link.watch.word !== 'PAST' && (
+      {!isThen(link.watch.word) && (
         <button
           type="button"
           className="text-button acknowledge"

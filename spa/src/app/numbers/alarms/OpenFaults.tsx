@@ -1,6 +1,7 @@
 import './alarms.css';
 import type { Fault } from '../../../twin/alarms/fault_log.ts';
 import { formatClockSeconds } from '../../../twin/format.ts';
+import { isThen } from '../../../twin/liveness.ts';
 import { FlagTerm } from '../../explain/FlagTerm.tsx';
 import { useNow } from '../../shell/now.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
@@ -30,7 +31,7 @@ export function OpenFaults({ link, faults }: { link: RobotLink; faults: readonly
             <Told link={link} fault={fault} />
           </span>
           <span className="quiet">{stateWords(fault)}</span>
-          {!fault.acknowledged && link.watch.word !== 'PAST' && (
+          {!fault.acknowledged && !isThen(link.watch.word) && (
             <button type="button" className="text-button" onClick={() => link.faults.acknowledge([fault])}>
               {text.acknowledge}
             </button>

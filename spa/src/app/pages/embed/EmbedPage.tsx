@@ -1,25 +1,23 @@
 import { Suspense, useEffect, useState } from 'react';
-import { home, relayChoice } from '../../../relay/relay.ts';
-import { Body } from '../../body/Body.tsx';
+import { recordingUrl } from '../../../relay/recording_address.ts';
+import { relayChoice } from '../../../relay/relay.ts';
 import { missedMoment, useMomentNamed, usePast, useShown } from '../../past/use_past.ts';
-import { showLink } from '../../shell/debug_api.ts';
 import { RobotFigure } from '../../shell/icons.tsx';
 import { late, onDemand } from '../../shell/late.tsx';
 import { useThemeOnRoot } from '../../shell/theme.ts';
 import { useHash } from '../../state/hash.ts';
-import { followPresentLinks, usePresenting } from '../../state/presenting.ts';
-import { type RobotLink, useRobotLink, useVersion } from '../../state/robot_link.ts';
-import { Announcer } from '../../status/Announcer.tsx';
-import { Chip } from '../../status/Chip.tsx';
+import { usePresenting } from '../../state/presenting.ts';
+import { type RobotLink, useRobotLink } from '../../state/robot_link.ts';
 import { useMore } from '../../text/more.ts';
+import { loadRecording } from '../recording/load_recording.ts';
+import { Framed } from './Framed.tsx';
 import { framedRobot } from './framed_robot.ts';
-import { connectParent } from './parent.ts';
 import './embed.css';
 import { isolated } from '../../../twin/names.ts';
 
 const NoPast = late(async () => (await import('../../past/NoPast.tsx')).NoPast, onDemand);
 const PastBar = late(async () => (await import('../../past/index.ts')).PastBar, onDemand);
-const Presentation = late(async () => (await import('../../present/Presentation.tsx')).Presentation);
+const RecordingFrame = late(async () => (await loadRecording()).RecordingFrame, onDemand);
 
 /** One robot embedded in another site's page: body, state and origin. Nothing is requested until it is on the screen.
  *  */
@@ -30,6 +28,7 @@ export function EmbedPage() {
   const robot = framedRobot(window.location.pathname, hash);
   const reached = useReached();
   const { refused } = relayChoice();
+  if (recordingUrl() !== null) return reached ? <RecordingFrame Frame={Framed} /> : <Poster />;
   if (refused !== null) return <Note text={rest.relayRefused(isolated(refused))} />;
   if (robot === null) return <Note text={rest.frameWithoutRobot} />;
   if (!reached) return <Poster />;
@@ -46,25 +45,15 @@ function Shown({ live }: { live: RobotLink }) {
   const past = usePast(live, named === 'moment');
   const missed = missedMoment(named, past);
   const link = useShown(live, past);
-  useEffect(() => {
-    showLink(link);
-    return () => showLink(null);
-  }, [link]);
-  useVersion(link);
-  const rest = useMore();
   const presented = usePresenting();
-  useEffect(followPresentLinks, []);
-  useEffect(() => connectParent(link), [link]);
-  const { name } = link.twin;
-  const { base } = relayChoice();
-  const from = new URL(base ?? home()).host;
   const { search, hash } = window.location;
-  const whole = `${home()}${search}${hash || `#/r/${link.twin.robot}`}`;
   return (
-    <main className="embed" data-present={presented} data-testid="embed">
-      <div className="embed-body">
-        <Body link={link} live={live} />
-      </div>
+    <Framed
+      link={link}
+      live={live}
+      whole={`${search}${hash || `#/r/${link.twin.robot}`}`}
+      name={link.twin.name}
+    >
       {missed !== null && !presented && (
         <Suspense fallback={null}>
           <NoPast why={missed} />
@@ -75,21 +64,7 @@ function Shown({ live }: { live: RobotLink }) {
           <PastBar controls={past.controls} live={live} />
         </Suspense>
       )}
-      <footer className="embed-foot">
-        <Chip link={link} />
-        <h1 className="embed-name">{name}</h1>
-        <span className="grow" />
-        <a href={whole} target="_blank" rel="noreferrer" title={rest.from(from)}>
-          Posecast <span aria-hidden="true">↗</span>
-        </a>
-      </footer>
-      {presented && (
-        <Suspense fallback={null}>
-          <Presentation link={link} />
-        </Suspense>
-      )}
-      <Announcer link={link} />
-    </main>
+    </Framed>
   );
 }
 

@@ -227,7 +227,7 @@ function YourOwn() {
         {rest.chooseZip}
         <input
           type="file"
-          accept=".zip"
+          accept=".zip,.posecast"
           className="unseen"
           data-testid="choose-zip"
           onChange={({ target }) => openChosen(target.files)}

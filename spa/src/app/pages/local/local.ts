@@ -2,7 +2,7 @@ import { createStore } from '../../../browser/store.ts';
 import { useStore } from '../../state/use_store.ts';
 import type { Local } from './local_files.ts';
 
-/** The robot opened from files of this computer; one for the page. */
+/** The robot or recording opened from files of this computer; one for the page. */
 const local = createStore<Local>({ phase: 'none' });
 /** Counts readings, so that the result of one that a newer one replaced is dropped. */
 let turn = 0;
@@ -30,10 +30,9 @@ async function show(read: (code: typeof import('./local_files.ts')) => Promise<L
   if (mine === turn) local.set(next);
 }
 
-/** Opens a robot from dropped or chosen files. `gather` resolves to the files by their path. Never rejects: the page
- *  shows why files were refused. */
-export function openFiles(gather: () => Promise<ReadonlyMap<string, File>>): Promise<void> {
-  return show(({ readFiles }) => readFiles(gather));
+/** Opens a robot or a recording from dropped things. Never rejects: the page shows why they were refused. */
+export function openDropped(things: readonly (FileSystemEntry | File)[]): Promise<void> {
+  return show(({ readDropped }) => readDropped(things));
 }
 
 /** Shows another URDF of the same files. If it can't be read, the page shows why instead of the URDF before. Does nothing
@@ -58,7 +57,7 @@ export function listenForDrops(): () => void {
     const things = dropped.filter((thing) => thing !== null);
     if (things.length === 0) return;
     event.preventDefault();
-    void openFiles(async () => (await import('../../../urdf/dropped_files.ts')).filesOf(things));
+    void openDropped(things);
   };
   window.addEventListener('dragover', over);
   window.addEventListener('drop', drop);
@@ -72,5 +71,5 @@ export function listenForDrops(): () => void {
  *  none. */
 export function openChosen(list: FileList | null): void {
   const files = new Map([...(list ?? [])].map((file) => [file.webkitRelativePath || file.name, file]));
-  if (files.size > 0) void openFiles(async () => files);
+  if (files.size > 0) void show(({ readChosen }) => readChosen(files));
 }

@@ -1,20 +1,47 @@
-import { localFiles } from '../../../urdf/dropped_files.ts';
+import { filesOf, localFiles } from '../../../urdf/dropped_files.ts';
 import type { LocalFiles } from '../../../urdf/local_files.ts';
 import { type LocalRobot, openLocal, urdfsIn } from '../../../urdf/local_robot.ts';
+import type { OpenedRecording } from '../recording/opened_recording.ts';
 import { refusalWords } from './refusals.ts';
 
-/** Reads a robot from files of this computer. This chunk is loaded when files are opened for the first time. */
+/** Reads a robot or a recording from files of this computer. This chunk is loaded when files are opened for the first time. */
 
-/** The robot opened from files of this computer, or how far reading it is. It is kept in this page only and never sent.
- *  `urdfs`: paths of all URDFs among `files`; `why`: why the files were refused, in one line. */
+/** The robot or recording opened from files of this computer, or how far reading it is. It is kept in this page only and never
+ *  sent. `urdfs`: paths of all URDFs among `files`; `why`: why the files were refused, in one line. */
 export type Local =
   | { phase: 'none' }
   | { phase: 'reading' }
   | { phase: 'shown'; robot: LocalRobot; files: LocalFiles; urdfs: readonly string[] }
+  | { phase: 'recording'; opened: OpenedRecording }
   | { phase: 'refused'; why: string };
 
-/** Opens the likeliest URDF among the files that `gather` resolves to. Never rejects: errors give the phase `refused`. */
-export async function readFiles(gather: () => Promise<ReadonlyMap<string, File>>): Promise<Local> {
+/** Opens what was dropped: a recording if it is one, else the likeliest URDF. Never rejects: errors give the phase `refused`. */
+export async function readDropped(things: readonly (FileSystemEntry | File)[]): Promise<Local> {
+  return (
+    (await readRecording(({ recordingDropped }) => recordingDropped(things))) ??
+    readRobot(() => filesOf(things))
+  );
+}
+
+/** The same of chosen files, by their paths. */
+export async function readChosen(files: ReadonlyMap<string, File>): Promise<Local> {
+  return (
+    (await readRecording(({ recordingChosen }) => recordingChosen(files))) ?? readRobot(async () => files)
+  );
+}
+
+/** The recording among files, or why it can't be opened; null if there is none. */
+async function readRecording(
+  open: (code: typeof import('../recording/local_recording.ts')) => Promise<Local | null>,
+): Promise<Local | null> {
+  try {
+    return await open(await import('../recording/local_recording.ts'));
+  } catch (cause) {
+    return { phase: 'refused', why: refusalWords(cause) };
+  }
+}
+
+async function readRobot(gather: () => Promise<ReadonlyMap<string, File>>): Promise<Local> {
   try {
     const files = await localFiles(await gather());
     const urdfs = await urdfsIn(files);

@@ -1,5 +1,5 @@
 import './past.css';
-import { useLayoutEffect, useMemo, useRef, useState, useSyncExternalStore } from 'react';
+import { type ReactNode, useLayoutEffect, useMemo, useRef, useState, useSyncExternalStore } from 'react';
 import type { PastControls, Playhead, Timeline } from '../../../past/past_types.ts';
 import { IconButton } from '../../shell/icons.tsx';
 import { late } from '../../shell/late.tsx';
@@ -18,18 +18,37 @@ const SHORT_MS = 360_000;
 /** How often the time moves on, ms. */
 const STEP_MS = { least: 250, most: 2000 };
 
-/** The last minutes of a robot in one line under its body: how it moved, what happened, and where in time the page is. Live it
- *  is slim; in the past it opens, with what plays it. Where nothing is known of the past there is but room. */
-export function TimeLine({ controls }: { controls: PastControls }) {
+/** What stands in a row below the track, at its moments. */
+export type BelowTrack = (view: View) => ReactNode;
+
+/** The last minutes of a robot in one line under its body, or all of a recording: how it moved, what happened, and where in time
+ *  the page is. Live, and where it is to stay so, it is slim; in the past it opens, with what plays it. Where nothing is known of
+ *  the past there is but room. */
+export function TimeLine({
+  controls,
+  slim = false,
+  notes = null,
+}: {
+  controls: PastControls;
+  slim?: boolean;
+  /** A recording's notes. */
+  notes?: BelowTrack | null;
+}) {
   const playhead = useSyncExternalStore(controls.onChange, () => controls.playhead);
   const known = useSyncExternalStore(controls.onChange, () => controls.timeline);
   if (known === null && playhead.at === 'live') return <div className="past-room" />;
   const { momentMs } = playhead;
   const unknown = { fromMs: momentMs, toMs: momentMs, movement: [], words: [], marks: [] };
-  return <Line controls={controls} timeline={known ?? unknown} />;
+  return <Line {...{ controls, slim, notes }} timeline={known ?? unknown} />;
 }
 
-function Line({ controls, timeline }: { controls: PastControls; timeline: Timeline }) {
+function Line(props: {
+  controls: PastControls;
+  timeline: Timeline;
+  slim: boolean;
+  notes: BelowTrack | null;
+}) {
+  const { controls, timeline, slim, notes } = props;
   const text = usePastText();
   const { playhead } = controls;
   const past = playhead.at === 'past';
@@ -48,13 +67,17 @@ function Line({ controls, timeline }: { controls: PastControls; timeline: Timeli
   const stepMs = stepOf(shownMs / Math.max(1, size.widthPx));
   useNow(past ? Math.min(1000, stepMs) : stepMs);
   const whole = { fromMs: timeline.fromMs, toMs: Math.ceil(nowMs / stepMs) * stepMs };
-  const span = shownSpan(whole, hasRanges ? range : 'all', playhead.momentMs, shown.current);
+  const isRecorded = playhead.recorded !== null && timeline.toMs > timeline.fromMs;
+  const isAll = isRecorded && !(hasRanges && range === 'recent'); // however short it is
+  const span = isAll
+    ? timeline
+    : shownSpan(whole, hasRanges ? range : 'all', playhead.momentMs, shown.current);
   const { fromMs, toMs } = span;
   const { widthPx, heightPx } = size;
   const now = useMemo(() => ({ fromMs, toMs, widthPx }), [fromMs, toMs, widthPx]);
   const view = held?.view ?? now;
   shown.current = view;
-  const open = held?.open ?? past;
+  const open = held?.open ?? (past && !slim);
 
   // biome-ignore lint/correctness/useExhaustiveDependencies: open, it is higher, and not a picture later
   useLayoutEffect(() => {
@@ -80,7 +103,7 @@ function Line({ controls, timeline }: { controls: PastControls; timeline: Timeli
       data-at={playhead.at}
       data-testid="time-line"
     >
-      {note !== null && note !== 'loading' && (
+      {note !== null && note !== 'loading' && !(playhead.recorded !== null && note === 'damaged') && (
         <p className="past-note" role="status" data-testid="past-note">
           {noteWords(playhead, nowMs)}
         </p>
@@ -114,19 +137,22 @@ function Line({ controls, timeline }: { controls: PastControls; timeline: Timeli
         >
           ?
         </IconButton>
-        <button
-          type="button"
-          className="line-button to-live"
-          aria-pressed={!past}
-          title={past ? text.toLive : undefined}
-          data-testid="to-live"
-          onClick={() => controls.goLive()}
-        >
-          {text.live}
-          <svg viewBox="0 0 8 10" aria-hidden="true">
-            <path d="M1 1v8l6-4z" />
-          </svg>
-        </button>
+        {playhead.recorded === null && (
+          <button
+            type="button"
+            className="line-button to-live"
+            aria-pressed={!past}
+            title={past ? text.toLive : undefined}
+            data-testid="to-live"
+            onClick={() => controls.goLive()}
+          >
+            {text.live}
+            <svg viewBox="0 0 8 10" aria-hidden="true">
+              <path d="M1 1v8l6-4z" />
+            </svg>
+          </button>
+        )}
+        {notes !== null && widthPx > 0 && <div className="below-track">{notes(view)}</div>}
       </div>
     </section>
   );
@@ -134,9 +160,11 @@ function Line({ controls, timeline }: { controls: PastControls; timeline: Timeli
 
 const NOTES = { resumed: 'pastResumed', damaged: 'pastDamaged', away: 'pastAway' } as const;
 
-function noteWords({ note, askedMs, momentMs }: Playhead, nowMs: number): string {
+function noteWords({ note, askedMs, momentMs, recorded }: Playhead, nowMs: number): string {
   const text = more();
-  if (note === 'not-kept') return `${notKeptWords(askedMs!, momentMs, nowMs)}.`;
+  if (note === 'not-kept')
+    return `${recorded?.lacks(askedMs!, momentMs) ?? notKeptWords(askedMs!, momentMs, nowMs)}.`;
+  if (note === 'away' && recorded !== null) return text.recordingAway;
   return note === 'not-come'
     ? text.notCome(dayWords(askedMs!, nowMs))
     : text[NOTES[note as keyof typeof NOTES]];

@@ -2,13 +2,13 @@ import { type KeyboardEvent, type PointerEvent, useEffect, useMemo, useRef, useS
 import type { PastControls, Playhead, Span, Timeline } from '../../../past/past_types.ts';
 import { formatClockSeconds } from '../../../twin/format.ts';
 import { useStore } from '../../state/use_store.ts';
-import { hundredthsWords, momentWords } from '../../status/moment_words.ts';
+import { hundredthsWords } from '../../status/moment_words.ts';
 import { usePastText } from '../../text/past.ts';
 import { loopStart } from './loop_start.ts';
 import { whatWords } from './marks.ts';
 import { playTrackKey } from './past_keys.ts';
 import { Scrubber } from './scrubber.ts';
-import { useSpoken } from './spoken.ts';
+import { useSpoken, whenWords } from './spoken.ts';
 import { TrackPicture } from './TrackPicture.tsx';
 import { msAt, pxAt, type View } from './track_view.ts';
 
@@ -136,7 +136,7 @@ export function Track({
         </div>
       )}
       {hover !== null && (
-        <Tip {...{ timeline, view, nowMs, hover }} headPx={open && past ? headPx + timePx : null} />
+        <Tip {...{ timeline, view, playhead, nowMs, hover }} headPx={open && past ? headPx + timePx : null} />
       )}
     </div>
   );
@@ -155,12 +155,14 @@ const hoverOf = (event: PointerEvent): Hover => ({ xPx: xOf(event), touch: event
 function Tip({
   timeline,
   view,
+  playhead,
   nowMs,
   hover: { xPx, touch },
   headPx,
 }: {
   timeline: Timeline;
   view: View;
+  playhead: Playhead;
   nowMs: number;
   hover: Hover;
   /** The middle of the playhead's time in the same row; null: there is none. */
@@ -178,7 +180,7 @@ function Tip({
       data-touch={touch}
       data-testid="tip"
     >
-      {momentWords(momentMs, nowMs)}
+      {whenWords(playhead, momentMs, nowMs)}
       {what !== '' && <b> {what}</b>}
     </p>
   );

@@ -3,12 +3,13 @@ import { type ReactNode, useId } from 'react';
 import { type PastControls, type Playhead, SPEEDS, type Speed } from '../../../past/past_types.ts';
 import { IconButton, PastIcon } from '../../shell/icons.tsx';
 import { useStore } from '../../state/use_store.ts';
-import { hundredthsWords, momentWords } from '../../status/moment_words.ts';
+import { Sign } from '../../status/Chip.tsx';
+import { hundredthsWords } from '../../status/moment_words.ts';
 import { more } from '../../text/more.ts';
 import { usePastText } from '../../text/past.ts';
 import { loopStart, pressLoop } from './loop_start.ts';
 import { FrameBackIcon, FrameOnIcon, LoopIcon, NextFaultIcon, PreviousFaultIcon } from './past_icons.tsx';
-import { speedWords } from './spoken.ts';
+import { speedWords, whenWords } from './spoken.ts';
 
 /** The row over the track while the past is shown: ways to other moments, the moment itself, how it is played, how much is
  *  shown. Where there is less room, less of it is shown. */
@@ -51,7 +52,7 @@ export function TransportBar({
         </Press>
       </div>
       <p className="transport-moment">
-        <PastIcon />
+        {playhead.recorded === null ? <PastIcon /> : <Sign word="RECORDED" />}
         <span data-testid="moment">{preciseWords(playhead, nowMs)}</span>
         {playhead.note === 'loading' && <span className="transport-loading">{more().pastLoading}</span>}
       </p>
@@ -65,8 +66,9 @@ export function TransportBar({
 }
 
 /** The moment and how long ago it was; at rest with hundredths of a second, so that frames can be told apart. */
-export function preciseWords({ momentMs, playing }: Playhead, nowMs: number): string {
-  const words = momentWords(momentMs, nowMs);
+export function preciseWords(playhead: Playhead, nowMs: number): string {
+  const { momentMs, playing } = playhead;
+  const words = whenWords(playhead, momentMs, nowMs);
   if (playing) return words;
   return words.replace(' · ', `${hundredthsWords(momentMs)} · `);
 }

@@ -39,14 +39,21 @@ function stillTrue(told: Told, playhead: Playhead, nowMs: number): boolean {
   return Math.abs(playhead.momentMs - expectedMs) < (playhead.playing ? EXPECTED_MS * playhead.speed : 1);
 }
 
+/** A moment of the past, and how long ago it was; of a recording, how far into it. */
+export function whenWords({ recorded }: Pick<Playhead, 'recorded'>, momentMs: number, nowMs: number): string {
+  if (recorded === null) return momentWords(momentMs, nowMs);
+  return `${recorded.when(momentMs)} · ${recorded.within(momentMs)}`;
+}
+
 /** "14:02:07 · 2 min ago, playing at 1×". */
-export function spokenOf({ at, momentMs, playing, speed }: Playhead, nowMs: number): Spoken {
+export function spokenOf(playhead: Playhead, nowMs: number): Spoken {
+  const { at, momentMs, playing, speed } = playhead;
   const text = pastText();
   if (at === 'live') return { words: text.live, agoS: 0 };
-  const words = momentWords(momentMs, nowMs).replace(' · ', ', ');
+  const words = whenWords(playhead, momentMs, nowMs).replace(' · ', ', ');
   return {
     words: `${words}, ${playing ? text.playingAt(speedWords(speed)) : text.paused}`,
-    agoS: Math.max(1, Math.round((nowMs - momentMs) / 1000)),
+    agoS: Math.max(playhead.recorded === null ? 1 : 0, Math.round((nowMs - momentMs) / 1000)),
   };
 }
 

@@ -1,0 +1,394 @@
+import { existsSync, mkdirSync, readFileSync, renameSync, rmSync, writeFileSync } from 'node:fs';
+import path from 'node:path';
+import { strToU8, zipSync } from 'fflate';
+import { expect, it } from 'vitest';
+import { freePort } from './driver/free_port.ts';
+import type { Page } from './driver/page.ts';
+import { until } from './driver/until.ts';
+import { type Exported, exportPast } from './exported.ts';
+import { Host } from './host.ts';
+import { chipText, liveness, whole } from './robot_page.ts';
+import { REPO, type Relay } from './stack.ts';
+import { setStage } from './stage.ts';
+import { ClockRobot, WITNESS } from './truth.ts';
+
+/** In the light view, whose pictures come often. */
+const stage = setStage({ webgl: false });
+
+const NGINX = '/usr/sbin/nginx';
+const PREFIX = '/~somebody/lecture/';
+const PHONE = { width: 390, height: 844 };
+const LAPTOP = { width: 1440, height: 900 };
+const SHOTS = path.join(REPO, 'spa/e2e/shots');
+/** From the joint to the relay, on a machine that does much else. */
+const NEAR_MS = 1000;
+const TOLD = {
+  title: 'How a robot tells the time',
+  author: 'A. Lecturer',
+  licence: 'CC BY 4.0',
+  notes: [
+    [3, 'Both hands move.'],
+    [4, 'Watch the left one.'],
+    [12, 'Here it is a quarter round.'],
+  ],
+} as const;
+
+const testId = (id: string) => `document.querySelector('[data-testid="${id}"]')`;
+const textOf = (page: Page, id: string) => page.evaluate<string>(`${testId(id)}?.textContent ?? ''`);
+const isRecorded = (page: Page) =>
+  until('RECORDED, with a body', async () => (await liveness(page)) === 'RECORDED' && whole(page), 60_000);
+
+interface Shown {
+  readonly seq: number;
+  readonly momentMs: number | null;
+  /** How far the robot's hands are from that moment, ms. */
+  readonly offMs: number;
+}
+const shown = (page: Page) =>
+  page.evaluate<Shown>(`(() => {
+    const { twin, scene } = window.posecast;
+    const { RKN, LKN } = scene.linkPoses();
+    const angle = (matrix) => Math.atan2(matrix[4], matrix[0]);
+    const turn = Math.atan2(angle(RKN), angle(LKN)) / (2 * Math.PI);
+    const off = Math.abs((twin.moment_ms % 60000) - ((turn + 1) % 1) * 60000);
+    return { seq: twin.seq, momentMs: twin.moment_ms, offMs: Math.min(off, 60000 - off) };
+  })()`);
+const atEnd =
+  (page: Page, { toMs }: Exported) =>
+  async () =>
+    (await shown(page)).momentMs === toMs;
+const playName = (page: Page) => page.evaluate<string>(`${testId('play')}.ariaLabel`);
+
+/** What the page asked for besides its own files. */
+const askedOf = (page: Page) =>
+  page.requested
+    .map((url) => new URL(url).pathname)
+    .filter((name) => !/\/assets\/|\/$|index\.html$|favicon|icon-|webmanifest/.test(name));
+
+async function recorded(seconds: number, name?: string) {
+  const relay = await stage.stack.relay({ past: 'memory:' });
+  const robot = new ClockRobot(stage.stack, relay);
+  const lecture = await exportPast(stage.stack, relay, seconds, TOLD, name);
+  return { relay, robot, lecture };
+}
+
+async function newPage(viewport = LAPTOP, preload = '') {
+  const page = await stage.newPage({ viewport, preload });
+  page.forgive(/WebGL/);
+  return page;
+}
+
+it.each([LAPTOP, PHONE])(
+  'an export plays on a host of plain files, below a path, at $width px',
+  async (viewport) => {
+    const { robot, lecture, relay } = await recorded(20);
+    await relay.process.kill(); // nobody is needed any more
+    const host = await Host.open(lecture.at, PREFIX);
+    try {
+      const page = await newPage(viewport, WITNESS);
+      await page.open(`${host.url}${PREFIX}`);
+      await isRecorded(page);
+      await until('its first pose', async () => {
+        const { momentMs } = await shown(page);
+        return momentMs !== null && momentMs - lecture.fromMs < 1000;
+      });
+      const asked = askedOf(page);
+      expect(asked.filter((name) => !name.startsWith(PREFIX))).toEqual([]);
+      expect(asked.map((name) => name.slice(PREFIX.length).split('/')[0])).toEqual(
+        expect.arrayContaining(['recording.json', 'segments', 'models']),
+      );
+      expect(asked.length, asked.join()).toBeLessThanOrEqual(4);
+
+      // it says what it is, everywhere
+      expect(await chipText(page)).toMatch(
+        /^RECORDED\d+ [A-Z][a-z]+ 20\d\d \d\d:\d\d:\d\d · 0:00 of 0:[1-4]\d$/,
+      );
+      expect(await page.evaluate<string>('document.title')).toBe(`RECORDED · ${TOLD.title} · Posecast`);
+      expect(await textOf(page, 'stage-note')).toMatch(/^Recorded: \d+ [A-Z][a-z]+ 20\d\d/);
+      expect(await page.evaluate<string>('window.posecast.twin.liveness')).toBe('RECORDED');
+      await until(
+        'a screen reader is told',
+        async () => /recorded/.test(await textOf(page, 'spoken')),
+        30_000,
+      );
+      expect(await page.findByTestId('to-live').count()).toBe(0);
+      expect(await page.text()).toContain(TOLD.title);
+      mkdirSync(SHOTS, { recursive: true });
+      await page.screenshot(path.join(SHOTS, `recording-${viewport.width}.png`));
+
+      // it plays, frame by frame too, rests at its end and plays again
+      const first = await shown(page);
+      await page.press('Space');
+      await until('it plays', async () => (await shown(page)).seq > first.seq + 10);
+      await page.press('Space');
+      await until('it rests', async () => /Play/.test(await playName(page)));
+      const rests = await shown(page);
+      expect(rests.offMs).toBeLessThan(NEAR_MS);
+      await page.press('.');
+      await until('the next frame', async () => (await shown(page)).seq === rests.seq + 1);
+      await page.press(',');
+      await until('the one before', async () => (await shown(page)).seq === rests.seq);
+      const link = await until('the moment in the address', async () => {
+        const href = await page.evaluate<string>('location.href');
+        const named = Date.parse(/#\/\?t=([\d:.TZ-]+)/.exec(href)?.[1] ?? '');
+        return named === Math.ceil((await shown(page)).momentMs!) ? href : null;
+      });
+      await page.press('Shift+ArrowRight');
+      await page.press('Space');
+      await until('its end', atEnd(page, lecture), 60_000);
+      await until('it rests there', async () => /Play/.test(await playName(page)));
+      expect(await liveness(page)).toBe('RECORDED');
+      await page.press('Space');
+      await until('again from the beginning', async () => {
+        const { momentMs } = await shown(page);
+        return momentMs !== null && momentMs < lecture.fromMs + 8000 && momentMs > lecture.fromMs;
+      });
+      await page.press('Space');
+
+      // it is presented, and played meanwhile
+      await page.press('p');
+      await until('presented', async () => (await page.findByTestId('presentation').count()) === 1);
+      expect(await textOf(page, 'present-word')).toMatch(/^RECORDED/);
+      const still = (await shown(page)).seq;
+      await page.press('Space');
+      await until('it plays', async () => (await shown(page)).seq > still + 5);
+      await page.press('Space');
+      await page.press('Escape');
+      await until('no longer', async () => (await page.findByTestId('presentation').count()) === 0);
+
+      // notes
+      const marks = await page.findByTestId('note-mark').count();
+      expect(marks).toBeGreaterThanOrEqual(2);
+      await page.evaluate(`[...document.querySelectorAll('[data-testid="note-mark"]')].at(-1).click()`);
+      await until('its caption', async () => (await textOf(page, 'note-caption')).includes(TOLD.notes[2][1]));
+      expect((await shown(page)).momentMs).toBe(lecture.fromMs + 12_000);
+      await page.findByTestId('about-button').click();
+      await until('about it', async () => (await page.findByTestId('about-recording').count()) === 1);
+      const about = await textOf(page, 'about-recording');
+      for (const said of [TOLD.author, TOLD.licence, TOLD.notes[1][1]]) expect(about).toContain(said);
+      await page.screenshot(path.join(SHOTS, `recording-about-${viewport.width}.png`));
+      await page.evaluate(`document.querySelectorAll('[data-testid="go-to-note"]')[1].click()`);
+      await until('the note of the list', async () => (await shown(page)).momentMs === lecture.fromMs + 4000);
+
+      // a link to a moment, and to one that it has not
+      await page.open('about:blank');
+      await page.open(link);
+      await isRecorded(page);
+      await until('the same frame', async () => (await shown(page)).seq === rests.seq);
+      for (const t of ['2026-01-02T12:00:00.000Z', '2199-01-02T12:00:00.000Z']) {
+        await page.open('about:blank');
+        await page.open(`${host.url}${PREFIX}#/?t=${t}`);
+        await isRecorded(page);
+        await until('it is said', async () =>
+          /is not in this recording/.test(await textOf(page, 'past-note')),
+        );
+      }
+      await page.open('about:blank');
+      await page.open(`${host.url}${PREFIX}#/?t=hello`);
+      await until('no moment', async () => /names no moment/.test(await textOf(page, 'past-note')), 30_000);
+      expect(await robot.lies(page)).toEqual([]);
+      const seen = await page.evaluate<[number, string, ...(number | null)[]][]>('window.witnessed');
+      const forged = seen.map(([atMs, word, ...rest]) => [atMs, word.replace('RECORDED', 'LIVE'), ...rest]);
+      const lies = await robot.lies({ evaluate: async () => forged } as never);
+      expect(lies.join(), 'a recorded pose that is called live is a lie').toMatch(/LIVE of another moment/);
+    } finally {
+      await host.close();
+    }
+  },
+  240_000,
+);
+
+it.skipIf(!existsSync(NGINX))(
+  'nginx serves it from a folder of its own, knowing nothing of it',
+  async () => {
+    const { lecture } = await recorded(12);
+    const made = stage.stack.folder();
+    const port = await freePort();
+    const kept = ['client_body', 'proxy', 'fastcgi', 'uwsgi', 'scgi'].map(
+      (of) => `${of}_temp_path ${made}/${of};`,
+    );
+    writeFileSync(
+      path.join(made, 'nginx.conf'),
+      `${process.getuid?.() === 0 ? 'user root;' : ''} daemon off; pid ${made}/pid; error_log ${made}/errors; events {}
+     http { access_log off; ${kept.join(' ')} include /etc/nginx/mime.types;
+       server { listen 127.0.0.1:${port}; location /courses/2026/ { alias ${lecture.at}/; } } }`,
+    );
+    stage.stack.start('nginx', NGINX, ['-e', `${made}/errors`, '-c', path.join(made, 'nginx.conf')]);
+    const url = `http://127.0.0.1:${port}/courses/2026/`;
+    await until('nginx', () =>
+      fetch(url).then(
+        ({ ok }) => ok,
+        () => false,
+      ),
+    );
+    const page = await newPage(PHONE);
+    await page.open(url);
+    await isRecorded(page);
+    const first = await shown(page);
+    expect(first.offMs).toBeLessThan(NEAR_MS);
+    await page.press('Space');
+    await until('it plays', async () => (await shown(page)).seq > first.seq + 10);
+    await page.open(`${url}embed/`);
+    await isRecorded(page);
+  },
+  240_000,
+);
+
+it('parts that are missing, cut or swapped are gaps that the page counts', async () => {
+  const { lecture } = await recorded(24);
+  const at = (n: number) => path.join(lecture.at, lecture.segments[n]!);
+  rmSync(at(1));
+  writeFileSync(at(3), readFileSync(at(3)).subarray(0, 500));
+  renameSync(at(5), `${at(5)}.x`);
+  writeFileSync(at(5), readFileSync(at(0)));
+  const host = await Host.open(lecture.at, PREFIX);
+  try {
+    const page = await newPage();
+    page.forgive(/404/);
+    await page.open(`${host.url}${PREFIX}`);
+    await isRecorded(page);
+    await page.press(']');
+    await page.press(']');
+    await page.press('Space');
+    await until('its end', atEnd(page, lecture), 90_000);
+    expect(await textOf(page, 'recording-lost')).toBe(
+      `3 of ${lecture.segments.length} parts are missing or damaged.`,
+    );
+    await page.screenshot(path.join(SHOTS, 'recording-lost.png'));
+  } finally {
+    await host.close();
+  }
+}, 240_000);
+
+it('with its host gone it plays what it has, says so, and goes on when the host is back', async () => {
+  const { lecture } = await recorded(30);
+  let host = await Host.open(lecture.at, PREFIX);
+  const { port } = host;
+  try {
+    const page = await newPage();
+    page.forgive(/ERR_|Failed to (load|fetch)|NetworkError|CORS|access control|load failed/i);
+    await page.open(`${host.url}${PREFIX}`);
+    await isRecorded(page);
+    const first = await shown(page);
+    await page.press('Space');
+    await until('it plays', async () => (await shown(page)).seq > first.seq + 5);
+    await host.close();
+    await until('it says so', async () => /does not answer/.test(await textOf(page, 'past-note')), 60_000);
+    const held = (await shown(page)).seq;
+    expect(await liveness(page)).toBe('RECORDED');
+    host = await Host.open(lecture.at, PREFIX, port);
+    await until('it goes on', async () => (await shown(page)).seq > held + 60, 60_000);
+    await until('its end', atEnd(page, lecture), 90_000);
+    expect(await page.findByTestId('recording-lost').count()).toBe(0);
+  } finally {
+    await host.close();
+  }
+}, 240_000);
+
+it('in a frame of another page it has its chip, a button that plays it and a slim line', async () => {
+  const { lecture } = await recorded(12);
+  const host = await Host.open(lecture.at, PREFIX);
+  const course = stage.stack.folder();
+  writeFileSync(
+    path.join(course, 'index.html'),
+    `<!doctype html><title>Course</title><link rel="icon" href="data:,">
+     <script>window.told = []; addEventListener('message', ({ data }) => window.told.push(data));</script>
+     <iframe src="${host.url}${PREFIX}embed/index.html?origin=ORIGIN" title="Lecture" width="640" height="400"></iframe>`,
+  );
+  const around = await Host.open(course);
+  const page = await newPage({ width: 700, height: 480 });
+  page.allow(new URL(host.url).host);
+  page.allow(new URL(around.url).host);
+  try {
+    around.instead.set(
+      '/index.html',
+      readFileSync(path.join(course, 'index.html'), 'utf8').replace('ORIGIN', around.url),
+    );
+    await page.open(`${around.url}/`);
+    await until('it tells its page', () =>
+      page.evaluate<boolean>(
+        `window.told.some(({ word, moment_ms }) => word === 'RECORDED' && moment_ms > 0)`,
+      ),
+    );
+    await page.screenshot(path.join(SHOTS, 'recording-framed.png'));
+    // the frame by itself: the driver looks into no other origin
+    await page.open(`${host.url}${PREFIX}embed/index.html`);
+    await isRecorded(page);
+    expect(await page.findByTestId('transport').count()).toBe(0);
+    expect(await page.findByTestId('note-mark').count()).toBe(0);
+    const first = await shown(page);
+    await page.findByTestId('play').click();
+    await until('it plays', async () => (await shown(page)).seq > first.seq + 10);
+    expect(await chipText(page)).toMatch(/^RECORDED/);
+  } finally {
+    await host.close();
+    await around.close();
+  }
+}, 240_000);
+
+/** Puts files into an input the way a person's choice does. */
+const choose = (id: string, files: ReadonlyMap<string, Uint8Array>): string => `(() => {
+  const chosen = new DataTransfer();
+  for (const [name, text] of ${JSON.stringify([...files].map(([name, bytes]) => [name, Buffer.from(bytes).toString('base64')]))})
+    chosen.items.add(new File([Uint8Array.from(atob(text), (c) => c.charCodeAt(0))], name));
+  const input = ${testId(id)};
+  input.files = chosen.files;
+  input.dispatchEvent(new Event('change', { bubbles: true }));
+})()`;
+
+async function listOf(relay: Relay): Promise<Page> {
+  const page = await newPage();
+  await page.open(`${relay.url}/#/`);
+  await until('the list', async () => (await page.findByTestId('choose-zip').count()) === 1, 30_000);
+  return page;
+}
+
+it('a .posecast file that is chosen is shown, and what is none says so in one sentence', async () => {
+  const { relay, lecture } = await recorded(12, 'lecture.posecast');
+  const page = await listOf(relay);
+  const bytes = readFileSync(lecture.at);
+  const refusal = () => textOf(page, 'drop-refused');
+  for (const [name, file, says] of [
+    ['cut.posecast', bytes.subarray(0, bytes.length >> 1), /can’t be read/],
+    ['empty.posecast', Buffer.from(zipOf({ 'x.txt': 'x' })), /no recording in this file/],
+    ['newer.posecast', Buffer.from(zipOf({ 'recording.json': newer })), /newer Posecast/],
+    ['odd.posecast', Buffer.from(zipOf({ 'recording.json': '{"format":' })), /recording\.json is damaged/],
+    ['recording.json', Buffer.from('{}'), /whole folder/],
+  ] as const) {
+    await page.evaluate(choose('choose-zip', new Map([[name, file]])));
+    await until(name, async () => says.test(await refusal()), 30_000);
+  }
+  const before = page.requested.length;
+  await page.evaluate(choose('choose-zip', new Map([['lecture.posecast', bytes]])));
+  await isRecorded(page);
+  const first = await shown(page);
+  expect(first.offMs).toBeLessThan(NEAR_MS);
+  await page.press('Space');
+  await until('it plays', async () => (await shown(page)).seq > first.seq + 10);
+  const sent = page.requested.slice(before).filter((url) => !/\/assets\/|api\/v1\/robots$/.test(url));
+  expect(sent, 'nothing of it is asked for elsewhere').toEqual([]);
+  expect(await page.evaluate<string>('location.hash')).not.toMatch(/t=/);
+  await page.findByRole('button', 'Close the recording').click();
+  await until('the list', async () => (await page.findByTestId('choose-zip').count()) === 1);
+}, 240_000);
+
+it('a folder that is dropped is shown, on the page of a robot too', async (context) => {
+  stage.needs(context, 'files');
+  const { relay, lecture } = await recorded(12);
+  const page = await listOf(relay);
+  await page.dropFiles({ x: 400, y: 300 }, [lecture.at]);
+  await isRecorded(page);
+  expect((await shown(page)).offMs).toBeLessThan(NEAR_MS);
+  await page.open(`${relay.url}/#/r/demo`);
+  await until('LIVE', async () => (await liveness(page)) === 'LIVE', 60_000);
+  await page.dropFiles({ x: 400, y: 300 }, [lecture.at]);
+  await isRecorded(page);
+  await page.findByRole('button', 'Close the recording').click();
+  await until('LIVE again', async () => (await liveness(page)) === 'LIVE', 60_000);
+}, 240_000);
+
+const newer = '{"format": "posecast-recording", "version": 2}';
+
+function zipOf(files: Readonly<Record<string, string>>): Uint8Array {
+  return zipSync(Object.fromEntries(Object.entries(files).map(([name, text]) => [name, strToU8(text)])));
+}

@@ -1,0 +1,53 @@
+import { Suspense, useEffect } from 'react';
+import { home, relayChoice } from '../../../relay/relay.ts';
+import { Body } from '../../body/Body.tsx';
+import { showLink } from '../../shell/debug_api.ts';
+import { late } from '../../shell/late.tsx';
+import { followPresentLinks, usePresenting } from '../../state/presenting.ts';
+import { useVersion } from '../../state/robot_link.ts';
+import { Announcer } from '../../status/Announcer.tsx';
+import { Chip } from '../../status/Chip.tsx';
+import { useMore } from '../../text/more.ts';
+import type { FrameProps } from '../recording/frame_props.ts';
+import { connectParent } from './parent.ts';
+
+const Presentation = late(async () => (await import('../../present/Presentation.tsx')).Presentation);
+
+/** One robot, as it is or was, in a frame: body, state and origin. */
+export function Framed({ link, live, whole, name, children }: FrameProps) {
+  useEffect(() => {
+    showLink(link);
+    return () => showLink(null);
+  }, [link]);
+  useVersion(link);
+  const rest = useMore();
+  const presented = usePresenting();
+  useEffect(followPresentLinks, []);
+  useEffect(() => connectParent(link), [link]);
+  const { base } = relayChoice();
+  const from = new URL(base ?? home()).host;
+  return (
+    <main className="embed" data-present={presented} data-testid="embed">
+      <div className="embed-body">
+        <Body link={link} live={live} />
+      </div>
+      {children}
+      <footer className="embed-foot">
+        <Chip link={link} />
+        <h1 className="embed-name" title={name}>
+          {name}
+        </h1>
+        <span className="grow" />
+        <a href={`${home()}${whole}`} target="_blank" rel="noreferrer" title={rest.from(from)}>
+          Posecast <span aria-hidden="true">↗</span>
+        </a>
+      </footer>
+      {presented && (
+        <Suspense fallback={null}>
+          <Presentation link={link} />
+        </Suspense>
+      )}
+      <Announcer link={link} />
+    </main>
+  );
+}

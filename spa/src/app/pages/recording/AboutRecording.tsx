@@ -1,0 +1,72 @@
+import type { PastControls } from '../../../past/past_types.ts';
+import type { RecordingIndex } from '../../../past/recording/recording_index.ts';
+import type { RecordingPast } from '../../../past/recording/recording_past.ts';
+import { isolated } from '../../../twin/names.ts';
+import { Dialog } from '../../shell/Dialog.tsx';
+import { useLost } from './recording_link.ts';
+import { useRecordingText } from './recording_text.ts';
+import { lengthWords, lostWords, recordedWords } from './recording_words.ts';
+
+/** The dialog that says what a recording is of, by whom, and with which notes; each note leads to its moment. */
+export function AboutRecording(props: {
+  index: RecordingIndex;
+  source: RecordingPast;
+  controls: PastControls;
+  robotName: string;
+  onClose: () => void;
+}) {
+  const { index, source, controls, robotName, onClose } = props;
+  const { title, author, licence, robot, view, fromMs, toMs, notes, segments } = index;
+  const text = useRecordingText();
+  const lost = lostWords(useLost(source), segments.length);
+  const facts = [
+    [text.title, title],
+    [text.author, author],
+    [text.licence, licence],
+    [text.robot, robotName === robot ? robot : `${robotName} (${robot})`],
+    [text.view, view],
+    [text.recordedAt, recordedWords(fromMs)],
+    [text.length, lengthWords(toMs - fromMs)],
+  ] as const;
+  return (
+    <Dialog title={text.about} testId="about-recording" onClose={onClose}>
+      <dl className="recording-facts">
+        {facts.map(
+          ([name, value]) =>
+            value !== null && (
+              <div key={name}>
+                <dt>{name}</dt>
+                <dd>{isolated(value)}</dd>
+              </div>
+            ),
+        )}
+      </dl>
+      {lost !== null && <p>{lost}</p>}
+      {notes.length > 0 && (
+        <section className="recording-notes" aria-label={text.notes}>
+          <h3 className="quiet" data-explain="timeLine.note">
+            {text.notes}
+          </h3>
+          <ol>
+            {notes.map(({ atMs, text: said }, i) => (
+              // biome-ignore lint/suspicious/noArrayIndexKey: they never change, and two may be alike
+              <li key={i}>
+                <button
+                  type="button"
+                  data-testid="go-to-note"
+                  onClick={() => {
+                    onClose();
+                    controls.seek(atMs);
+                  }}
+                >
+                  <time>{lengthWords(atMs - fromMs)}</time>
+                  <span>{isolated(said)}</span>
+                </button>
+              </li>
+            ))}
+          </ol>
+        </section>
+      )}
+    </Dialog>
+  );
+}

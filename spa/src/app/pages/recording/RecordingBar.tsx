@@ -1,0 +1,79 @@
+import { useState, useSyncExternalStore } from 'react';
+import type { PastControls } from '../../../past/past_types.ts';
+import type { Note, RecordingIndex } from '../../../past/recording/recording_index.ts';
+import type { RecordingPast } from '../../../past/recording/recording_past.ts';
+import { isolated } from '../../../twin/names.ts';
+import { PastBar } from '../../past/index.ts';
+import { NoteMarks } from './NoteMarks.tsx';
+import { noteShownAt } from './notes.ts';
+import { useLost } from './recording_link.ts';
+import { useRecordingText } from './recording_text.ts';
+import { lostWords } from './recording_words.ts';
+
+/** What stands under the body of a recording: what is lost of it, the note of the moment, and the time line. */
+export function RecordingBar(props: {
+  controls: PastControls;
+  source: RecordingPast;
+  index: RecordingIndex;
+  /** The address names a moment that can't be read. */
+  isNonsense: boolean;
+  /** While it is presented only its keys are there. */
+  unseen: boolean;
+}) {
+  const { controls, source, index, isNonsense, unseen } = props;
+  const { notes, segments } = index;
+  const text = useRecordingText();
+  const [pointed, setPointed] = useState<readonly Note[] | null>(null);
+  const lost = lostWords(useLost(source), segments.length);
+  if (unseen) return <PastBar controls={controls} live={null} unseen />;
+  return (
+    <>
+      {lost !== null && (
+        <p className="recording-lost" role="status" data-testid="recording-lost">
+          {lost}
+        </p>
+      )}
+      {isNonsense && (
+        <p className="recording-lost" role="status" data-testid="past-note">
+          {text.noMoment}
+        </p>
+      )}
+      {notes.length > 0 && <Caption controls={controls} notes={notes} pointed={pointed} />}
+      <PastBar
+        controls={controls}
+        live={null}
+        notes={
+          notes.length === 0
+            ? null
+            : (view) => (
+                <NoteMarks
+                  notes={notes}
+                  view={view}
+                  onPoint={setPointed}
+                  onGo={(atMs) => controls.seek(atMs)}
+                />
+              )
+        }
+      />
+    </>
+  );
+}
+
+/** The notes that are pointed at, else the one of the shown moment. Its room stays when there is none. */
+function Caption({
+  controls,
+  notes,
+  pointed,
+}: {
+  controls: PastControls;
+  notes: readonly Note[];
+  pointed: readonly Note[] | null;
+}) {
+  const { momentMs } = useSyncExternalStore(controls.onChange, () => controls.playhead);
+  const shown = pointed ?? [noteShownAt(notes, momentMs)].filter((note) => note !== null);
+  return (
+    <p className="note-caption" role="status" data-testid="note-caption">
+      {shown.map(({ text }) => isolated(text)).join(' · ')}
+    </p>
+  );
+}

@@ -1,0 +1,54 @@
+import type { ComponentType } from 'react';
+import { isolated } from '../../../twin/names.ts';
+import { PastBar } from '../../past/index.ts';
+import { usePresenting } from '../../state/presenting.ts';
+import { useVersion } from '../../state/robot_link.ts';
+import type { FrameProps } from './frame_props.ts';
+import type { OpenedRecording } from './opened_recording.ts';
+import { type PlayedRecording, useLost, useRecording } from './recording_link.ts';
+import { useRecordingText } from './recording_text.ts';
+import { lostWords, unreadableWords } from './recording_words.ts';
+import { useFetched } from './use_fetched.ts';
+
+type Frame = ComponentType<FrameProps>;
+
+/** A recording in a frame of another site's page: body, state, origin, and a slim line that plays it. `Frame` is that of a robot,
+ *  handed in as a page's `Layout` is. */
+export function RecordingFrame({ Frame }: { Frame: Frame }) {
+  useRecordingText();
+  const opened = useFetched(true);
+  if (opened === null) return null;
+  if (opened instanceof Error)
+    return (
+      <p className="embed embed-note" role="alert" data-testid="no-recording">
+        {unreadableWords(opened)}
+      </p>
+    );
+  return <Opened Frame={Frame} opened={opened} />;
+}
+
+function Opened({ Frame, opened }: { Frame: Frame; opened: OpenedRecording }) {
+  const played = useRecording(opened, true);
+  return played === null ? null : <Shown {...{ Frame, opened, played }} />;
+}
+
+function Shown(props: { Frame: Frame; opened: OpenedRecording; played: PlayedRecording }) {
+  const { Frame, opened, played } = props;
+  const { link, controls, source } = played;
+  const { title, segments } = opened.index;
+  useVersion(link);
+  const presented = usePresenting();
+  const lost = lostWords(useLost(source), segments.length);
+  const { search, hash } = window.location;
+  const name = title === null ? link.twin.name : isolated(title);
+  return (
+    <Frame link={link} live={link} whole={`index.html${search}${hash}`} name={name}>
+      {lost !== null && (
+        <p className="embed-lost" role="status" data-testid="recording-lost">
+          {lost}
+        </p>
+      )}
+      <PastBar controls={controls} live={null} unseen={presented} slim />
+    </Frame>
+  );
+}

@@ -1,0 +1,32 @@
+import type { Note } from '../../../past/recording/recording_index.ts';
+import { pxAt, type View } from '../../past/index.ts';
+
+/** A note is shown for so long after its moment, ms. */
+export const NOTE_SHOWN_MS = 8000;
+/** Notes nearer than this share a mark, CSS px: a finger needs as much. */
+export const TOGETHER_PX = 26;
+
+/** One or more notes that stand so near to each other that they share a mark. */
+export interface NoteMark {
+  readonly xPx: number;
+  readonly notes: readonly Note[];
+}
+
+/** The newest note at or before a moment, if it was not long ago. `notes`: ascending. */
+export function noteShownAt(notes: readonly Note[], momentMs: number): Note | null {
+  const note = notes.findLast(({ atMs }) => atMs <= momentMs);
+  return note !== undefined && momentMs - note.atMs <= NOTE_SHOWN_MS ? note : null;
+}
+
+/** The marks of the notes that are in view, no two of them nearer than `TOGETHER_PX`. */
+export function noteMarks(notes: readonly Note[], view: View): readonly NoteMark[] {
+  const marks: { xPx: number; notes: Note[] }[] = [];
+  for (const note of notes) {
+    if (note.atMs < view.fromMs || note.atMs > view.toMs) continue;
+    const xPx = pxAt(view, note.atMs);
+    const last = marks.at(-1);
+    if (last !== undefined && xPx - last.xPx < TOGETHER_PX) last.notes.push(note);
+    else marks.push({ xPx, notes: [note] });
+  }
+  return marks;
+}

@@ -1,0 +1,61 @@
+import { BundleError, serveFolder } from '../../../model/bundle.ts';
+import { PastError } from '../../../past/past_source.ts';
+import { FetchedFiles } from '../../../past/recording/fetched_files.ts';
+import {
+  BYTES_MAX,
+  modelPath,
+  RECORDING_FILE,
+  type RecordingFiles,
+} from '../../../past/recording/recording_files.ts';
+import { type RecordingIndex, readIndex } from '../../../past/recording/recording_index.ts';
+import { early } from '../../../relay/recording_address.ts';
+
+/** A recording whose index has been read. */
+export interface OpenedRecording {
+  /** Names it among all that this page has opened. */
+  readonly id: string;
+  readonly index: RecordingIndex;
+  readonly files: RecordingFiles;
+  /** Where the model's files are, for whatever loads them. */
+  readonly manifestUrl: (modelHash: string) => string;
+}
+
+let opened = 0;
+/** Ends that the model's files of the one opened before are served. */
+let endServing = () => {};
+
+/** Opens the recording whose `recording.json` is at an address. Rejects with `IndexError` or `PastError`. */
+export async function fetchRecording(url: string): Promise<OpenedRecording> {
+  const folder = new URL('.', url).href;
+  const files = new FetchedFiles(folder, {
+    fetch: (file, init) => {
+      const { answer } = early;
+      early.answer = null; // only the first request is for it
+      return answer ?? fetch(file, init);
+    },
+    later: (ms, run) => {
+      const timer = setTimeout(run, ms);
+      return () => clearTimeout(timer);
+    },
+  });
+  const name = url.slice(folder.length);
+  const index = readIndex(await files.read(name, BYTES_MAX.index));
+  return { id: url, index, files, manifestUrl: (model) => folder + modelPath(model, 'manifest.json') };
+}
+
+/** Opens a recording in files of this computer. Rejects with `IndexError` or `PastError`. */
+export async function openRecording(files: RecordingFiles): Promise<OpenedRecording> {
+  const index = readIndex(await files.read(RECORDING_FILE, BYTES_MAX.index));
+  opened += 1;
+  const folder = `recording:${opened}/`;
+  endServing();
+  endServing = serveFolder(folder, async (path, most) => {
+    try {
+      return await files.read(path, most);
+    } catch (error) {
+      if (!(error instanceof PastError)) throw error;
+      throw new BundleError(error.message);
+    }
+  });
+  return { id: folder, index, files, manifestUrl: (model) => folder + modelPath(model, 'manifest.json') };
+}

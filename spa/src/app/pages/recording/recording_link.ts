@@ -1,0 +1,80 @@
+import { useEffect, useState, useSyncExternalStore } from 'react';
+import { builtModelAt } from '../../../model/files.ts';
+import { type LostParts, RecordingPast } from '../../../past/recording/recording_past.ts';
+import { nowMs } from '../../../stream/clock.ts';
+import { RobotTwin } from '../../../twin/robot.ts';
+import { OwnTape, type Past, playPast, READER, schedule } from '../../past/index.ts';
+import { momentIn } from '../../state/moment.ts';
+import { loadOwnLimits } from '../../state/own_limits.ts';
+import type { Connection } from '../../state/robot_link.ts';
+import { selectJoint } from '../../state/selection.ts';
+import { clearTraces } from '../../state/traces.ts';
+import type { OpenedRecording } from './opened_recording.ts';
+import { recordedAs } from './recording_words.ts';
+
+/** Nothing comes over it, and nothing is asked of it. */
+const NO_STREAM: Connection = {
+  link: {
+    ...{ by: 'websocket', phase: 'open', retryAtMs: null, ending: null, grantedHz: null, rateReason: null },
+    ...{ hz: 0, roundTripMs: null, problem: null },
+  },
+  onChange: () => () => {},
+  wake: () => {},
+  wishAll: () => {},
+  rest: () => {},
+};
+
+/** A recording that is played: as a `Past` is, and what of it is lost. */
+export interface PlayedRecording extends Past {
+  readonly source: RecordingPast;
+}
+
+/** Plays a recording while the component is shown. `isLinked`: the address names the moment. null before the first effect
+ *  has run. */
+export function useRecording(opened: OpenedRecording, isLinked: boolean): PlayedRecording | null {
+  const [played, setPlayed] = useState<PlayedRecording | null>(null);
+  useEffect(() => {
+    const made = play(opened, isLinked ? momentIn(window.location.hash) : undefined);
+    setPlayed(made);
+    return () => {
+      made.close();
+      selectJoint(null);
+      clearTraces();
+      setPlayed(null);
+    };
+  }, [opened, isLinked]);
+  return played;
+}
+
+function play(
+  { index, files, manifestUrl }: OpenedRecording,
+  atMs: number | null | undefined,
+): PlayedRecording {
+  const twin = new RobotTwin(index.robot, nowMs());
+  loadOwnLimits(twin);
+  const source = new RecordingPast(index, {
+    files,
+    loadReader: () => READER.load(),
+    later: (ms, run) => schedule(run, ms),
+  });
+  const firstMs = Math.min(Math.max(atMs ?? 0, index.fromMs), index.toMs);
+  const near = source.segmentsIn({ fromMs: firstMs, toMs: firstMs })[0] ?? index.segments[0];
+  const model = near?.model ?? index.models[0] ?? null;
+  // side by side with the segment that names it
+  if (model !== null) builtModelAt(manifestUrl(model)).catch(() => {}); // whoever shows it asks again, and says what is wrong
+  const { player, link, close } = playPast(
+    {
+      ...{ twin, source, own: new OwnTape(), recorded: recordedAs(source.span) },
+      heard: () => [],
+      model: () => index.models[0] ?? null,
+      onLook: () => {},
+    },
+    atMs,
+  );
+  return { source, controls: player, link: { ...link, client: NO_STREAM, manifestUrl }, close };
+}
+
+/** What of a recording can't be played. The component is drawn again when that changes. */
+export function useLost(source: RecordingPast): LostParts {
+  return useSyncExternalStore(source.onChange, () => source.lost);
+}

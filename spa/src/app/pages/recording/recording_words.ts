@@ -1,0 +1,51 @@
+import { PastError } from '../../../past/past_source.ts';
+import type { Span } from '../../../past/past_types.ts';
+import { IndexError } from '../../../past/recording/recording_index.ts';
+import type { LostParts } from '../../../past/recording/recording_past.ts';
+import { formatClockSeconds } from '../../../twin/format.ts';
+import type { Recorded } from '../../../twin/liveness.ts';
+import { isolated } from '../../../twin/names.ts';
+import { dayWords } from '../../status/moment_words.ts';
+import { recordingText } from './recording_text.ts';
+
+/** Why a recording can't be opened, in one sentence. */
+export function unreadableWords(error: Error): string {
+  const text = recordingText();
+  if (error instanceof IndexError)
+    return error.why === 'newer' ? text.newer : text.indexDamaged(isolated(error.what));
+  if (!(error instanceof PastError)) return isolated(error.message);
+  if (error.why === 'away') return text.hostAway;
+  return error.why === 'gone' ? text.noIndex : text.indexDamaged(isolated(error.message));
+}
+
+/** What of a recording can't be played, in one line; null if nothing is known to be lost. `parts`: how many it has. */
+export function lostWords({ count, isNewer }: LostParts, parts: number): string | null {
+  if (count === 0) return null;
+  const text = recordingText();
+  return isNewer ? `${text.lost(count, parts)} ${text.someNewer}` : text.lost(count, parts);
+}
+
+/** A moment of a recording, always with its whole date: "12 Nov 2026 14:02:07". */
+export function recordedWords(momentMs: number): string {
+  return dayWords(momentMs, 0); // nothing was recorded in 1970, so the year is told
+}
+
+/** A duration as players write it: "3:05", "1:00:09". */
+export function lengthWords(ms: number): string {
+  const all = Math.max(0, Math.floor(ms / 1000));
+  const [hours, minutes, seconds] = [Math.floor(all / 3600), Math.floor(all / 60) % 60, all % 60];
+  const two = (count: number) => String(count).padStart(2, '0');
+  return hours > 0 ? `${hours}:${two(minutes)}:${two(seconds)}` : `${minutes}:${two(seconds)}`;
+}
+
+/** How a recording tells its moments. */
+export function recordedAs({ fromMs, toMs }: Span): Recorded {
+  return {
+    fromMs,
+    toMs,
+    when: recordedWords,
+    within: (momentMs) => recordingText().within(lengthWords(momentMs - fromMs), lengthWords(toMs - fromMs)),
+    note: (words) => recordingText().note(words),
+    lacks: (askedMs, momentMs) => recordingText().lacks(recordedWords(askedMs), formatClockSeconds(momentMs)),
+  };
+}

@@ -1,0 +1,39 @@
+/** The English sentences about a recording. */
+export const recordingEn = {
+  // ---- why there is none
+  noRecording: 'This recording can’t be shown',
+  noIndex: 'There is no recording.json here.',
+  newer: 'A newer Posecast made this recording; this page can’t read it.',
+  indexDamaged: (what: string) => `recording.json is damaged: ${what}.`,
+  hostAway: 'The host of this recording does not answer. Trying again.',
+  noneDropped: 'There is no recording in this file.',
+  fileDamaged: (what: string) => `This .posecast file can’t be read: ${what}.`,
+  wholeFolder: 'This file alone is no recording; open the whole folder.',
+
+  // ---- its moments
+  note: (when: string) => `Recorded: ${when}.`,
+  /** How far into a recording, and how long it is. */
+  within: (at: string, length: string) => `${at} of ${length}`,
+  lacks: (asked: string, shown: string) =>
+    `${asked} is not in this recording; this is the nearest there is, ${shown}`,
+
+  // ---- what is lost
+  lost: (count: number, parts: number) =>
+    count === 1
+      ? `1 of ${parts} parts is missing or damaged.`
+      : `${count} of ${parts} parts are missing or damaged.`,
+  someNewer: 'A newer Posecast made some of them.',
+  noMoment: 'The link names no moment; this is the beginning.',
+
+  // ---- what it is
+  about: 'About this recording',
+  title: 'Title',
+  author: 'Author',
+  licence: 'Licence',
+  robot: 'Robot',
+  view: 'View',
+  recordedAt: 'Recorded',
+  length: 'Length',
+  notes: 'Notes',
+  close: 'Close the recording',
+};

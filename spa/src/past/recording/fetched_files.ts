@@ -1,0 +1,93 @@
+import { PastError } from '../past_source.ts';
+import type { RecordingFiles } from './recording_files.ts';
+
+/** How long after a try that failed the second one comes, ms. Whoever needs the file asks again later. */
+const RETRY_MS = 500;
+/** A host that says nothing for so long is taken to be away, ms. */
+const SILENT_MS = 20_000;
+
+export interface FetchPorts {
+  readonly fetch: (url: string, init: RequestInit) => Promise<Response>;
+  /** Calls `run` after `ms`. Returns a function that calls it off. */
+  readonly later: (ms: number, run: () => void) => () => void;
+}
+
+/** What became of one try: the bytes, or why there are none. */
+type Tried = Uint8Array<ArrayBuffer> | 'cut' | 'no answer';
+
+/** The files of a recording on a web server, below a folder's URL. */
+export class FetchedFiles implements RecordingFiles {
+  /** `folder` ends with a slash. */
+  constructor(
+    private readonly folder: string,
+    private readonly ports: FetchPorts,
+  ) {}
+
+  async read(path: string, most: number, signal?: AbortSignal): Promise<Uint8Array<ArrayBuffer>> {
+    const first = await this.#try(path, most, signal);
+    if (typeof first !== 'string') return first;
+    await new Promise<void>((resolve) => this.ports.later(RETRY_MS, resolve));
+    signal?.throwIfAborted();
+    const second = await this.#try(path, most, signal);
+    if (typeof second !== 'string') return second;
+    // who breaks off twice always does; a network that went away does not answer the second time
+    const isCut = first === 'cut' && second === 'cut';
+    throw isCut
+      ? new PastError('damaged', `${path}: the answer broke off`)
+      : new PastError('away', `${path}: no answer`);
+  }
+
+  async #try(path: string, most: number, signal?: AbortSignal): Promise<Tried> {
+    const silent = new AbortController();
+    let calledOff = () => {};
+    const heard = () => {
+      calledOff();
+      calledOff = this.ports.later(SILENT_MS, () => silent.abort());
+    };
+    heard();
+    let tried: Tried = 'no answer';
+    try {
+      const url = new URL(path, this.folder).href;
+      const either = signal === undefined ? silent.signal : AbortSignal.any([signal, silent.signal]);
+      const response = await this.ports.fetch(url, { signal: either, credentials: 'omit' });
+      const { status } = response;
+      if (status === 200) {
+        tried = 'cut';
+        return await readBody(response, path, most, heard);
+      }
+      await response.body?.cancel();
+      if (status >= 400 && status < 500 && status !== 429)
+        throw new PastError('gone', `${path}: answered ${status}`);
+      return tried;
+    } catch (error) {
+      signal?.throwIfAborted();
+      if (error instanceof PastError) throw error;
+      return tried;
+    } finally {
+      calledOff();
+    }
+  }
+}
+
+async function readBody(
+  response: Response,
+  path: string,
+  most: number,
+  heard: () => void,
+): Promise<Uint8Array<ArrayBuffer>> {
+  const reader = response.body?.getReader();
+  const pieces: Uint8Array<ArrayBuffer>[] = [];
+  let size = 0;
+  for (;;) {
+    const { value } = (await reader?.read()) ?? {};
+    if (value === undefined) break;
+    heard();
+    size += value.length;
+    if (size > most) {
+      await reader?.cancel();
+      throw new PastError('damaged', `${path}: more than ${most} bytes`);
+    }
+    pieces.push(value);
+  }
+  return new Uint8Array(await new Blob(pieces).arrayBuffer());
+}

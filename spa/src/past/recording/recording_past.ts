@@ -1,0 +1,225 @@
+import {
+  type KeyPose,
+  keyPagePath,
+  parseSchema,
+  type Schema,
+  SchemaError,
+  type Segment,
+  segmentPath,
+} from '@posecast/wire';
+import { PastError, type PastSource, type SegmentRef } from '../past_source.ts';
+import type { Span, Timeline } from '../past_types.ts';
+import { BoundedCache } from '../relay/bounded_cache.ts';
+import { PAGE_MS } from '../relay/past_documents.ts';
+import type { PastReader } from '../relay/past_requests.ts';
+import { drawTimeline } from '../relay/past_timeline.ts';
+import { SharedRequests } from '../relay/shared_requests.ts';
+import { BYTES_MAX, type RecordingFiles } from './recording_files.ts';
+import type { RecordingIndex } from './recording_index.ts';
+
+const SEGMENTS_KEPT_BYTES = 8 << 20;
+const KEYS_KEPT_BYTES = 4_000_000;
+/** Parts that are lost soon after each other are taken out of the time line together, ms. */
+const REDRAW_MS = 250;
+
+export interface RecordingPorts {
+  readonly files: RecordingFiles;
+  /** Fetches what segments and pages of KEYs are read with, if it is not here yet. Never rejects. */
+  readonly loadReader: () => Promise<PastReader>;
+  /** Calls `run` after `ms`. Returns a function that calls it off. */
+  readonly later: (ms: number, run: () => void) => () => void;
+}
+
+/** What of a recording can't be played. */
+export interface LostParts {
+  /** Parts that are missing, damaged or of something else, as far as that is known. */
+  readonly count: number;
+  /** Some of them were made by a newer Posecast. */
+  readonly isNewer: boolean;
+}
+
+const NONE_LOST: LostParts = { count: 0, isNewer: false };
+
+/** A recording in files. Its index is known from the start; segments and pages of KEYs are read when they are needed. */
+export class RecordingPast implements PastSource {
+  readonly #index: RecordingIndex;
+  readonly #ports: RecordingPorts;
+  readonly #shared = new SharedRequests();
+  readonly #segments = new BoundedCache<string, Segment>(SEGMENTS_KEPT_BYTES);
+  readonly #keys = new BoundedCache<number, readonly KeyPose[]>(KEYS_KEPT_BYTES);
+  readonly #listeners = new Set<() => void>();
+  readonly #losses = new Set<string>();
+  /** The latest end of each segment and all before it, ms: it never falls. */
+  readonly #reach: Float64Array;
+  #lost = NONE_LOST;
+  #timeline: Timeline;
+  #stopRedraw: (() => void) | null = null;
+
+  constructor(index: RecordingIndex, ports: RecordingPorts) {
+    this.#index = index;
+    this.#ports = ports;
+    this.#reach = new Float64Array(index.segments.length);
+    let reachMs = Number.NEGATIVE_INFINITY;
+    index.segments.forEach(({ toMs }, i) => {
+      reachMs = Math.max(reachMs, toMs);
+      this.#reach[i] = reachMs;
+    });
+    this.#timeline = drawTimeline(this.span, index.segments, []);
+  }
+
+  /** All of it. */
+  get span(): Span {
+    const { fromMs, toMs } = this.#index;
+    return { fromMs, toMs };
+  }
+
+  /** What is known to be lost. Every change makes a new object. */
+  get lost(): LostParts {
+    return this.#lost;
+  }
+
+  get timeline(): Timeline {
+    return this.#timeline;
+  }
+
+  readonly onChange = (listener: () => void): (() => void) => {
+    this.#listeners.add(listener);
+    return () => this.#listeners.delete(listener);
+  };
+
+  follow(): void {
+    // nothing comes
+  }
+
+  async loadIndex(): Promise<void> {
+    // all of it is here
+  }
+
+  segmentsIn({ fromMs, toMs }: Span): readonly SegmentRef[] {
+    const { segments } = this.#index;
+    const found: SegmentRef[] = [];
+    for (let i = firstReaching(this.#reach, fromMs); i < segments.length; i += 1) {
+      const ref = segments[i]!;
+      if (ref.fromMs > toMs) break;
+      if (ref.toMs >= fromMs) found.push(ref);
+    }
+    return found;
+  }
+
+  async loadKeys({ fromMs, toMs }: Span): Promise<void> {
+    const [firstMs, lastMs] = [Math.max(fromMs, this.span.fromMs), Math.min(toMs - 1, this.span.toMs)];
+    for (let pageMs = firstMs - (firstMs % PAGE_MS); pageMs <= lastMs; pageMs += PAGE_MS) {
+      if (this.#keys.get(pageMs) !== undefined || !this.#hasPoses(pageMs)) continue;
+      await this.#shared.ask(`keys ${pageMs}`, (signal) => this.#readKeys(pageMs, signal));
+    }
+  }
+
+  keyAt(momentMs: number): KeyPose | null {
+    const poses = this.#keys.use(momentMs - (momentMs % PAGE_MS));
+    return poses?.findLast(({ atMs }) => atMs <= momentMs) ?? poses?.[0] ?? null;
+  }
+
+  async segment(ref: SegmentRef, signal?: AbortSignal): Promise<Segment> {
+    signal?.throwIfAborted();
+    const name = nameOf(ref);
+    const known = this.#segments.use(name);
+    if (known !== undefined) return known;
+    try {
+      return await this.#shared.ask(name, (stop) => this.#readSegment(ref, stop), signal);
+    } catch (error) {
+      if (error instanceof PastError && error.why !== 'away') this.#lose(name);
+      throw error;
+    }
+  }
+
+  async schema(sha256: string): Promise<Schema> {
+    const text = this.#index.schemas.get(sha256);
+    if (text === undefined)
+      throw new PastError('damaged', `schema ${sha256.slice(0, 8)}: not in the recording`);
+    try {
+      return parseSchema(text);
+    } catch (error) {
+      if (!(error instanceof SchemaError)) throw error;
+      throw new PastError('damaged', `schema ${sha256.slice(0, 8)}: ${error.message}`);
+    }
+  }
+
+  close(): void {
+    this.#stopRedraw?.();
+    this.#shared.close();
+    this.#listeners.clear();
+  }
+
+  #hasPoses(pageMs: number): boolean {
+    const refs = this.segmentsIn({ fromMs: pageMs, toMs: pageMs + PAGE_MS - 1 });
+    return refs.some((ref) => ref.fromMs >= pageMs && ref.frames > 0);
+  }
+
+  async #readKeys(pageMs: number, signal: AbortSignal): Promise<void> {
+    const path = keyPagePath(pageMs);
+    const loading = this.#ports.loadReader();
+    const bytes = await this.#ports.files.read(path, BYTES_MAX.keys, signal);
+    const { decodeKeyPage, SegmentError } = await loading;
+    try {
+      const page = decodeKeyPage(bytes);
+      if (page.fromMs !== pageMs || !this.#isOurs(page))
+        throw new PastError('damaged', `${path}: another page`);
+      this.#keys.set(pageMs, page.poses, bytes.length);
+    } catch (error) {
+      if (!(error instanceof SegmentError)) throw error;
+      throw new PastError('damaged', `${path}: ${error.message}`);
+    }
+  }
+
+  async #readSegment(ref: SegmentRef, signal: AbortSignal): Promise<Segment> {
+    const path = segmentPath(ref);
+    const loading = this.#ports.loadReader();
+    const bytes = await this.#ports.files.read(path, BYTES_MAX.segment, signal);
+    const { decodeSegment, SegmentError } = await loading;
+    let segment: Segment;
+    try {
+      segment = decodeSegment(bytes);
+    } catch (error) {
+      if (!(error instanceof SegmentError)) throw error;
+      if (/newer Posecast/.test(error.message)) this.#lost = { ...this.#lost, isNewer: true };
+      throw new PastError('damaged', `${path}: ${error.message}`);
+    }
+    const { take, index, fromMs, schema } = segment.start;
+    const isIt = take === ref.take && index === ref.index && fromMs === ref.fromMs && schema === ref.schema;
+    if (!isIt || !this.#isOurs(segment.start)) throw new PastError('damaged', `${path}: another segment`);
+    this.#segments.set(nameOf(ref), segment, bytes.length);
+    return segment;
+  }
+
+  #isOurs({ robot, view }: { readonly robot: string; readonly view: string }): boolean {
+    return robot === this.#index.robot && view === this.#index.view;
+  }
+
+  /** A part can't be played: its place becomes a gap. */
+  #lose(name: string): void {
+    if (this.#losses.has(name)) return;
+    this.#losses.add(name);
+    this.#lost = { ...this.#lost, count: this.#losses.size };
+    this.#stopRedraw ??= this.#ports.later(REDRAW_MS, () => {
+      this.#stopRedraw = null;
+      const kept = this.#index.segments.filter((ref) => !this.#losses.has(nameOf(ref)));
+      this.#timeline = drawTimeline(this.span, kept, []);
+      for (const listener of this.#listeners) listener();
+    });
+  }
+}
+
+function nameOf({ take, index }: SegmentRef): string {
+  return `${take}/${index}`;
+}
+
+/** The place of the first that reaches a moment. */
+function firstReaching(reach: Float64Array, momentMs: number): number {
+  let [low, high] = [0, reach.length];
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (reach[middle]! < momentMs) low = middle + 1;
+    else high = middle;
+  }
+  return low;
+}

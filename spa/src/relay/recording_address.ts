@@ -1,0 +1,10 @@
+/** An exported recording is this page with a `<meta name="posecast-recording">` that names its `recording.json`. */
+
+/** The address of the recording that this page was exported with; null where there is none. */
+export function recordingUrl(): string | null {
+  const meta = document.querySelector<HTMLMetaElement>('meta[name="posecast-recording"]');
+  return meta === null ? null : new URL(meta.content, window.location.href.replace(/[?#].*$/, '')).href;
+}
+
+/** The answer to a request for that address which was made before the code came that reads it; null if there is none. */
+export const early: { answer: Promise<Response> | null } = { answer: null };
