@@ -68,6 +68,14 @@ export class FakePast implements PastControls {
     this.set({ at: 'past', momentMs, playing: false });
   }
 
+  /** What comes when a day is asked for. */
+  answerDay: (momentMs: number) => boolean = () => true;
+  async loadDay(momentMs: number): Promise<boolean> {
+    this.told.push(`day ${new Date(momentMs).toISOString().slice(0, 10)}`);
+    await Promise.resolve();
+    return this.answerDay(momentMs);
+  }
+
   events: PastEvent[] = [];
   eventsIn({ fromMs, toMs }: Span): readonly PastEvent[] {
     return this.events.filter(({ atMs }) => atMs >= fromMs && atMs <= toMs);

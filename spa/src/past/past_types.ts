@@ -106,6 +106,8 @@ export interface PastControls {
   /** Shows a moment that somebody named, and rests there; if it is not kept, or nothing was recorded then, the nearest that is;
    *  if it is still to come, the present. Either is told. */
   openAt(momentMs: number): void;
+  /** Fetches what was recorded on the day (UTC) of a moment, by minutes. Resolves to whether that is known. */
+  loadDay(momentMs: number): Promise<boolean>;
   /** The known events of a span, oldest first, each once. */
   eventsIn(span: Span): readonly PastEvent[];
   /** Fetches the events of the ten minutes in which a moment lies. Resolves to whether they are here. */

@@ -158,6 +158,12 @@ export class PastPlayer implements PastControls {
     void this.#keyFetcher.look(span);
   }
 
+  async loadDay(momentMs: number): Promise<boolean> {
+    const isUnknown = ({ fromMs, toMs }: Span) => momentMs >= fromMs && momentMs < toMs;
+    if (this.timeline?.unknown?.some(isUnknown)) await this.#loads.day(momentMs);
+    return this.timeline?.unknown?.some(isUnknown) !== true;
+  }
+
   eventsIn(span: Span): readonly PastEvent[] {
     return listEvents(this.#ports.source, span);
   }

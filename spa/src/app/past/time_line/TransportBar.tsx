@@ -6,6 +6,7 @@ import { useStore } from '../../state/use_store.ts';
 import { hundredthsWords, momentWords } from '../../status/moment_words.ts';
 import { more } from '../../text/more.ts';
 import { usePastText } from '../../text/past.ts';
+import { momentSheet } from './jump/moment_sheet.ts';
 import { loopStart, pressLoop } from './loop_start.ts';
 import { FrameBackIcon, FrameOnIcon, LoopIcon, NextFaultIcon, PreviousFaultIcon } from './past_icons.tsx';
 import { speedWords } from './spoken.ts';
@@ -50,11 +51,17 @@ export function TransportBar({
           <NextFaultIcon />
         </Press>
       </div>
-      <p className="transport-moment">
+      <button
+        type="button"
+        className="transport-moment"
+        title={text.jump}
+        aria-haspopup="dialog"
+        onClick={() => momentSheet.set(controls)}
+      >
         <PastIcon />
         <span data-testid="moment">{preciseWords(playhead, nowMs)}</span>
         {playhead.note === 'loading' && <span className="transport-loading">{more().pastLoading}</span>}
-      </p>
+      </button>
       <div className="transport-part">
         <Speeds speed={playhead.speed} onSpeed={(speed) => controls.setSpeed(speed)} />
         <LoopButton controls={controls} playhead={playhead} />
