@@ -1,9 +1,9 @@
 import { describe, expect, it } from 'vitest';
 import { markNear } from '../src/app/past/time_line/marks.ts';
-import { drawnMarks } from '../src/app/past/time_line/TrackPicture.tsx';
-import { whatWords } from '../src/app/past/time_line/Tip.tsx';
 import { movementPath, runsOf } from '../src/app/past/time_line/movement.ts';
 import { ALL } from '../src/app/past/time_line/scale/scales.ts';
+import { whatWords } from '../src/app/past/time_line/Tip.tsx';
+import { drawnMarks } from '../src/app/past/time_line/TrackPicture.tsx';
 import { msAt, pxAt, shownSpan } from '../src/app/past/time_line/track_view.ts';
 import { relayAhead } from '../src/past/player/relay_now.ts';
 import { timelineOf } from './past_fake.ts';

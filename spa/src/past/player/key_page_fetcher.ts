@@ -51,10 +51,15 @@ export class KeyPageFetcher {
     }
   }
 
-  /** The line shows a span: fetches its unknown days, the newest first, one by one. */
-  async look(span: Span): Promise<void> {
+  /** The line shows a span. */
+  look(span: Span): void {
     this.#sight = span;
     void this.fetch();
+    void this.fetchDays();
+  }
+
+  /** Fetches the unknown days that the line shows, the newest first, one by one. */
+  async fetchDays(): Promise<void> {
     if (this.#isLooking) return;
     this.#isLooking = true;
     const tried = new Set<string>();

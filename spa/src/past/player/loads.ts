@@ -155,5 +155,5 @@ export function nameOfDay(atMs: number): string {
 }
 
 function spanOf(page: number): Span {
-  return { fromMs: page * PAGE_MS, toMs: (page + 1) * PAGE_MS };
+  return { fromMs: page * PAGE_MS, toMs: (page + 1) * PAGE_MS - 1 }; // a span has its end, and so the page of that
 }

@@ -102,6 +102,7 @@ export class PastPlayer implements PastControls {
     this.#playhead = this.#read();
     this.#unfollow = source.onChange(() => {
       void this.#keyFetcher.fetch();
+      void this.#keyFetcher.fetchDays();
       this.#work();
       this.#publish(true);
     });
@@ -155,7 +156,7 @@ export class PastPlayer implements PastControls {
   }
 
   look(span: Span): void {
-    void this.#keyFetcher.look(span);
+    this.#keyFetcher.look(span);
   }
 
   async loadDay(momentMs: number): Promise<boolean> {

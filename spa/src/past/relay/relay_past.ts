@@ -233,9 +233,9 @@ export class RelayPast implements PastSource {
     return this.#newest.toMs + this.#ports.nowMs() - this.#newest.seenMs;
   }
 
-  /** Fetches what is new of the pages that may still grow, if any page was fetched. */
+  /** Fetches what is new of the pages that may still grow, if any page was fetched that is about as new. */
   async #loadNewPages(): Promise<void> {
-    const pages = this.#index.pagesMs;
+    const pages = this.#index.pagesMs.filter((pageMs) => pageMs >= pageOf(this.#index.toMs) - PAGE_MS);
     if (pages.length === 0) return;
     const growing = [...pages, pageOf(this.#index.toMs), pageOf(this.#relayNowMs())];
     const wanted = [...new Set(growing)].filter((pageMs) => !this.#index.isClosed(pageMs));

@@ -10,7 +10,7 @@ const TOP_PX = { open: 22, slim: 4 } as const;
 
 const MARK_PX = 5.4;
 /** A number in place of several marks. */
-const COUNT_PX = { height: 13, around: 8, digit: 6.4 } as const;
+const COUNT_PX = { height: 13, around: 8, digit: 6.4, half: 11 } as const;
 /** What a word over a span needs, and what a repeated span has at least. */
 const LEAST_PX = { word: 60, loop: 12 } as const;
 
@@ -33,7 +33,7 @@ export const TrackPicture = memo(function TrackPicture({
   const id = useId();
   const topPx = TOP_PX[open ? 'open' : 'slim'];
   const textPx = textPxOf(heightPx, open);
-  const basePx = Math.max(topPx, heightPx - textPx - 4);
+  const basePx = Math.max(topPx, heightPx - textPx - 5);
   const mostBytesPerS = timeline.movement.reduce((most, { bytesPerS }) => Math.max(most, bytesPerS), 1);
   const path = movementPath(timeline.movement, view, { basePx, heightPx: basePx - topPx, mostBytesPerS });
   const words = timeline.words.filter(({ fromMs, toMs }) => toMs > view.fromMs && fromMs < view.toMs);
@@ -81,7 +81,7 @@ export const TrackPicture = memo(function TrackPicture({
           className="track-mark"
           data-level={level}
           data-exact={exact}
-          transform={`translate(${xPx.toFixed(1)} ${topPx + MARK_PX + 1})`}
+          transform={`translate(${inside(xPx, count, view.widthPx).toFixed(1)} ${topPx + MARK_PX + 1})`}
         >
           {exact && <path className="track-stem" d={`M0 0V${basePx - topPx - MARK_PX - 1}`} />}
           {level === 'fault' && count > 1 ? (
@@ -149,6 +149,12 @@ function Count({ count }: { count: number }) {
   );
 }
 
+/** A number is not cut at an end of the line. */
+function inside(xPx: number, count: number, widthPx: number): number {
+  const half = count > 1 ? COUNT_PX.half : 0;
+  return Math.max(half, Math.min(widthPx - half, xPx));
+}
+
 /** What seconds long is on a line of hours is seen, too. */
 function widened({ x, width }: { x: number; width: number }) {
   const more = Math.max(0, LEAST_PX.loop - width);
@@ -193,7 +199,7 @@ function Ticks({
       <path d={path} />
       {ticks.map(({ atMs, label }) =>
         label === null ? null : (
-          <text key={atMs} x={pxAt(view, atMs)} y={basePx + textPx + 1.5}>
+          <text key={atMs} data-day={!/^\d\d:/.test(label)} x={pxAt(view, atMs)} y={basePx + textPx + 1}>
             {label}
           </text>
         ),

@@ -7,6 +7,8 @@ import { nearestRecorded } from './recorded_days.ts';
 
 /** What is as near as this was recorded then, ms. */
 const NEAR_MS = 2000;
+/** An older end is one, ms. */
+const NEWEST_MS = 30_000;
 /** A date that is still being typed asks for nothing, ms. */
 const TYPED_MS = 400;
 
@@ -24,18 +26,21 @@ export function MomentForm({ controls, onGo }: { controls: PastControls; onGo: (
   const { nowMs } = controls;
   const { fromMs } = timeline;
   const nearestMs = Number.isNaN(momentMs) ? null : nearestRecorded(timeline, momentMs);
+  // what is newest is told a little later
+  const isNewest = momentMs >= timeline.toMs && nowMs - timeline.toMs < NEWEST_MS;
   const say = () => {
     if (Number.isNaN(momentMs)) return text.kept(dayWords(fromMs, nowMs), dayWords(nowMs, nowMs));
     if (momentMs > nowMs) return text.toCome;
     if (momentMs < fromMs) return text.tooOld(dayWords(fromMs, nowMs));
     if (unknown) return text.looking;
+    if (isNewest) return text.wasRecorded;
     if (nearestMs === null || Math.abs(nearestMs - momentMs) <= NEAR_MS) return text.wasRecorded;
     return text.nearest(dayWords(nearestMs, nowMs));
   };
   const go = (event: FormEvent) => {
     event.preventDefault();
     if (momentMs > nowMs || Number.isNaN(momentMs)) return;
-    const isThere = nearestMs === null || unknown || Math.abs(nearestMs - momentMs) <= NEAR_MS;
+    const isThere = isNewest || nearestMs === null || unknown || Math.abs(nearestMs - momentMs) <= NEAR_MS;
     onGo(isThere || momentMs < fromMs ? momentMs : nearestMs);
   };
   return (

@@ -31,17 +31,27 @@ const TICKS_MAX = 600;
 /** Ticks at round times of the viewer's clock. As many have words as can be read. */
 export function listTicks(span: Span, lines: Lines): readonly Tick[] {
   const msPerPx = (span.toMs - span.fromMs) / Math.max(1, lines.pxAt(span.toMs) - lines.pxAt(span.fromMs));
+  let tooMany: readonly Labelled[] = [];
   for (const stepMs of STEPS_MS) {
     if ((span.toMs - span.fromMs) / stepMs > TICKS_MAX || stepMs < TICK_PX * msPerPx) continue;
-    const labels = labelsOf(span, stepMs, lines);
-    if (!canBeRead(labels, lines)) continue;
+    const found = labelsOf(span, stepMs, lines);
+    if (!canBeRead(found, lines)) {
+      tooMany = found;
+      continue;
+    }
     const fineMs = STEPS_MS.find((ms) => ms >= TICK_PX * msPerPx && stepMs % ms === 0) ?? stepMs;
+    // where there is room for one alone, it is one of those that were too many
+    const labels = found.length > 0 ? found : tooMany.slice(0, 1);
     const words = new Map(labels.map(({ atMs, label }) => [atMs, label]));
     const all = new Set([...roundTimes(span, fineMs), ...words.keys()]);
-    return [...all].sort((a, b) => a - b).map((atMs) => ({ atMs, label: words.get(atMs) ?? null }));
+    return [...all]
+      .sort((one, other) => one - other)
+      .map((atMs) => ({ atMs, label: words.get(atMs) ?? null }));
   }
   return [];
 }
+
+type Labelled = Tick & { readonly label: string };
 
 /** Half of the room that words take, CSS px: no less than any of the page's fonts needs. */
 export function halfPx(words: string, textPx: number): number {
@@ -73,7 +83,7 @@ function wordsOf(atMs: number, stepMs: number): string {
   return stepMs < MINUTE_MS ? formatClockSeconds(atMs) : formatClock(atMs);
 }
 
-function canBeRead(labels: readonly (Tick & { label: string })[], { pxAt, textPx }: Lines): boolean {
+function canBeRead(labels: readonly Labelled[], { pxAt, textPx }: Lines): boolean {
   return labels.every(({ atMs, label }, i) => {
     const next = labels[i + 1];
     if (next === undefined) return true;
