@@ -93,6 +93,14 @@ it('nothing on the page of a robot lies over anything else, whatever there is to
   await page.findByTestId('play').click();
   await until('PAST', async () => (await liveness(page)) === 'PAST');
   await lookEverywhere(page, 'past', wrongs, PLAYED, slow);
+  for (const [i, part] of ['moment-days', 'incidents'].entries()) {
+    await page.findByTestId('jump').click();
+    await has(page, 'moment-sheet');
+    await page.evaluate(`document.querySelectorAll('.moment-ways input')[${i}].click()`);
+    await has(page, part);
+    await lookEverywhere(page, part, wrongs, TWO);
+    await page.press('Escape');
+  }
   await page.findByTestId('to-live').click();
   await until('STALE', async () => (await liveness(page)) === 'STALE');
 

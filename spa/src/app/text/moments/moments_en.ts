@@ -41,7 +41,6 @@ export const momentsEn = {
   faultMost: (count: number) => `These are the last ${count}.`,
   /** `span`: "12 s". */
   lasted: (span: string) => `for ${span}`,
-  faultSeen: (what: string, when: string) => `${what} ${when}. Show what led to it.`,
 };
 
 export type Moments = typeof momentsEn;

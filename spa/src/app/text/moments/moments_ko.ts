@@ -38,5 +38,4 @@ export const momentsKo: Moments = {
   faultAll: '남아 있는 고장은 이것이 전부입니다.',
   faultMost: (count) => `최근 ${count}건입니다.`,
   lasted: (span) => `${span} 동안`,
-  faultSeen: (what, when) => `${what} ${when}. 직전 상황 보기.`,
 };

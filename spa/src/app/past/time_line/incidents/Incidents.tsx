@@ -86,7 +86,7 @@ function Row({
 }) {
   const text = useMomentsText();
   const rest = useMore();
-  const { atMs, source } = event;
+  const { atMs } = event;
   const { said, code } = sentenceOf(twin, event, rest);
   const isToday = new Date(atMs).toDateString() === new Date(nowMs).toDateString();
   const when = isToday ? formatClockSeconds(atMs) : dayWords(atMs, nowMs);
@@ -99,12 +99,7 @@ function Row({
   const details = [code, lastedMs === null ? '' : text.lasted(formatSpan(lastedMs)), often];
   return (
     <li>
-      <button
-        type="button"
-        aria-label={text.faultSeen(said, [when, ...details].filter((each) => each !== '').join(', '))}
-        data-source={source}
-        onClick={() => onGo(atMs - BEFORE_MS)}
-      >
+      <button type="button" title={rest.lookBack} onClick={() => onGo(atMs - BEFORE_MS)}>
         <time>{when}</time>
         <i aria-hidden="true" />
         <span>
