@@ -136,6 +136,8 @@ describe('marks', () => {
     const line = { ...timeline, movement, words: [silent] };
     const said = (agoS: number) => whatWords(line, VIEW, 607 - agoS, T - agoS * 1000);
     expect([195, 160, 40, 2].map(said)).toEqual(['STALE', 'not recorded', '', '']);
+    const unknown = [{ fromMs: T - 170_000, toMs: T - 150_000 }];
+    expect(whatWords({ ...line, unknown }, VIEW, 607 - 160, T - 160_000), 'it is not known').toBe('');
   });
 });
 

@@ -65,6 +65,7 @@ export function whatWords(timeline: Timeline, view: View, xPx: number, momentMs:
   }
   const word = timeline.words.find((span) => contains(span, momentMs))?.word;
   if (word !== undefined) return word === 'silent' ? 'STALE' : 'OFFLINE';
+  if (timeline.unknown?.some((day) => contains(day, momentMs))) return '';
   const slackMs = 2 * msPerPx(view);
   const last = timeline.movement.at(-1);
   // The newest part is still being recorded.

@@ -63,6 +63,15 @@ export const TrackPicture = memo(function TrackPicture({
           </g>
         ))}
       </g>
+      {timeline.unknown
+        ?.filter(({ fromMs, toMs }) => toMs > view.fromMs && fromMs < view.toMs)
+        .map((day) => (
+          <path
+            key={day.fromMs}
+            className="track-unknown"
+            d={`M${between(day).x} ${(topPx + basePx) / 2}h${between(day).width}`}
+          />
+        ))}
       {loop !== null && <Loop {...widened(between(loop))} topPx={topPx} basePx={basePx} />}
       <path className="track-base" d={`M${between(view).x} ${basePx + 0.5}h${between(view).width}`} />
       <Ticks {...{ view, ticks, basePx, textPx }} />
