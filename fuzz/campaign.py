@@ -26,6 +26,7 @@ from fuzz.target import Finding, Target
 FAMILIES = (
     "fuzz.targets.wire",
     "fuzz.targets.relay",
+    "fuzz.targets.archive",
     "fuzz.targets.sources",
     "fuzz.targets.mjcf",
     "fuzz.targets.models",

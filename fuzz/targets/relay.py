@@ -12,6 +12,7 @@ from posecast_relay.auth.origins import may_show
 from posecast_relay.config.robots_file import RobotsError, read_robots
 from posecast_relay.core.edge_messages import read_edge_message
 from posecast_relay.core.limits import Limits
+from posecast_relay.core.past.segment_record import pack_record, unpack_record
 from posecast_relay.core.policy.share_link import make_link, read_link
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.http.past.address import (
@@ -31,7 +32,6 @@ from posecast_relay.http.thumbnails import Thumbnails
 from posecast_relay.models.cache import Absent, ModelCache, Unavailable
 from posecast_relay.models.picture import PICTURE_TYPES, SIDE_PX_MAX, PictureError, read_picture_size
 from posecast_relay.redis.messages import pack, unpack, unpack_state
-from posecast_relay.redis.past_records import pack_record, unpack_record
 from posecast_relay.streaming.request import BadRequest, NoSuchStream, read_bearer, read_target
 from posecast_wire import Snapshot
 

@@ -1,4 +1,4 @@
-"""`posecast-relay`: reads the settings and runs the relay, or does as `robots` is told."""
+"""`posecast-relay`: reads the settings and runs the relay, or does as `robots` or `past` is told."""
 
 from __future__ import annotations
 
@@ -37,6 +37,11 @@ def _run(argv: Sequence[str]) -> None:
         from posecast_relay.config.robots_command import run_robots  # noqa: PLC0415 — the same
 
         run_robots(argv[1:], os.environ)
+        return
+    if argv[:1] == ["past"]:
+        from posecast_relay.past_command.main import run_past  # noqa: PLC0415 — the same
+
+        run_past(argv[1:], os.environ)
         return
     settings = parse(argv, os.environ)
     from posecast_relay.server.process import run  # noqa: PLC0415 — --help and a wrong flag answer at once

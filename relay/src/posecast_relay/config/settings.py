@@ -12,8 +12,11 @@ from typing import NoReturn, TypeVar
 
 from posecast_relay.auth.addresses import Network, parse_networks
 from posecast_relay.auth.origins import ORIGIN
+from posecast_relay.store_url import StoreUrlError, check_store_url
 
 T = TypeVar("T")
+
+MEMORY = "memory:"  # of `--past`: nothing is kept elsewhere
 
 
 class SettingsError(ValueError):
@@ -56,7 +59,13 @@ class Settings:
     model_cache_mb: int
     past: str | None
     past_memory: int
+    past_socket: Path | None
     log_level: str
+
+    @property
+    def archive(self) -> str | None:
+        """The URL of the object store in which the past is kept; None without one."""
+        return None if self.past in (None, MEMORY) else self.past
 
 
 def _boolean(text: str) -> bool:
@@ -86,9 +95,12 @@ def _bytes(text: str) -> int:
 
 
 def _past(text: str) -> str | None:
-    if text not in ("memory:", "0"):
-        raise ValueError("use memory: or 0")
-    return None if text == "0" else text
+    if text in (MEMORY, "0"):
+        return None if text == "0" else text
+    try:
+        return check_store_url(text)
+    except StoreUrlError as e:
+        raise ValueError(f"use memory: or 0, or for an object store {str(e).removeprefix('use ')}") from None
 
 
 def _memory(text: str) -> int:
@@ -97,6 +109,12 @@ def _memory(text: str) -> int:
     if not 16 << 20 <= size <= 1 << 40:
         raise ValueError("use a size from 16M to 1024G; the suffix is M or G")
     return size
+
+
+def _socket(text: str) -> Path:
+    if len(text.encode()) > 100 or not Path(text).parent.is_dir():  # Unix takes 107 bytes
+        raise ValueError("use a path of at most 100 bytes in a folder that is there")
+    return Path(text)
 
 
 def _seconds(text: str) -> float:
@@ -236,8 +254,9 @@ FLAGS = (
     _Flag("max_robot_messages", _count, "600", "a second, of one robot; likewise", "N"),
     _Flag("max_robot_bytes", _bytes, "1000000", "a second, of one robot; likewise", "BYTES"),
     _Flag("model_cache_mb", _count, "256", "memory for robots' models", "MB"),
-    _Flag("past", _past, "memory:", "where what was live is kept, to be looked back on; 0: nowhere", "WHERE"),
+    _Flag("past", _past, MEMORY, "memory:, an object store's URL (file:///…, s3://…), or 0: none", "WHERE"),
     _Flag("past_memory", _memory, "256M", "for it, 16M at least; who has most loses its oldest", "SIZE"),
+    _Flag("past_socket", _socket, None, "where `past delete` finds this process; see OPERATIONS.md", "PATH"),
     _Flag("log_level", _level, "warning", "debug, info, warning or error; JSON but on a terminal", "LEVEL"),
 )  # fmt: skip
 
@@ -253,8 +272,9 @@ def _parser() -> argparse.ArgumentParser:
         description="Latest state in, thousands of viewers out. It reads robots; it never commands one.",
         allow_abbrev=False,
     )
-    commands = parser.add_subparsers(dest="command", required=True, metavar="run|robots")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="run|robots|past")
     commands.add_parser("robots", help="robots add|list|remove|rotate|link|unlink: publishers, share links")
+    commands.add_parser("past", help="past list|delete: what is kept of the past, and its deletion")
     run = commands.add_parser("run", help="serve until SIGTERM or Ctrl-C", allow_abbrev=False)
     for flag in FLAGS:
         told = f"{flag.help} [{flag.variable}]" + (f" (default {flag.default})" if flag.default else "")

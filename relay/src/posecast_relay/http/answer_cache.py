@@ -22,6 +22,11 @@ class AnswerCache:
         self._made: dict[str, tuple[float, bytes, str]] = {}
         self._bytes = 0
 
+    def has(self, name: str) -> bool:
+        """Whether the answer called `name` is fresh: then it need not be made."""
+        made = self._made.get(name)
+        return made is not None and self._now() - made[0] < FRESH_S
+
     def get_answer(
         self, request: Request, name: str, make: Callable[[], bytes], more: dict[str, str]
     ) -> Response:
@@ -37,6 +42,11 @@ class AnswerCache:
         if has_already(request, etag):
             return Response(status_code=304, headers=headers)
         return Response(body, media_type="application/json", headers=headers)
+
+    def clear(self) -> None:
+        """Make every answer anew."""
+        self._made.clear()
+        self._bytes = 0
 
     def _keep(self, name: str, made: tuple[float, bytes, str]) -> None:
         before = self._made.pop(name, None)

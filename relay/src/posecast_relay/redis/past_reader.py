@@ -17,9 +17,11 @@ from functools import partial
 from typing import Any, TypeVar
 
 from posecast_relay.core.histogram import Histogram
+from posecast_relay.core.past.deletions import Deletion, Deletions
 from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
 from posecast_relay.core.past.memory_store import MemoryPast, TakeSpan
 from posecast_relay.past_source import ListWaiting, PastAway, Wake
+from posecast_relay.past_source_recent import RecentOnly
 from posecast_relay.redis.client import REDIS_ERRORS, RedisClient, cancel_tasks, name_error
 from posecast_relay.redis.past_replica import PastReplica
 from posecast_relay.redis.past_scripts import LOOK, schema_key, segment_key, stream_key
@@ -44,12 +46,14 @@ AWAY = "the past can't be read just now: ask again"
 TOO_MUCH = "there is more past of this robot than --past-memory holds here"
 
 
-class RedisPast:
+class RedisPast(RecentOnly):
     """A PastSource, and the KeptPast of it, that knows what is in Redis. `now`: the core's clock in seconds;
     `bytes_max`: for all that it knows of segments, without their bytes.
     """
 
-    def __init__(self, url: str, bytes_max: int, now: Callable[[], float]) -> None:
+    def __init__(
+        self, url: str, bytes_max: int, now: Callable[[], float], deletions: Deletions | None = None
+    ) -> None:
         self.link = RedisClient(url)
         self.losses = 0  # times that Redis, having been there, was not any more
         self.passed_over = 0  # records and segments that are damaged, or of another version
@@ -68,6 +72,8 @@ class RedisPast:
         self._failed = False
         self._lost = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
+        self._deletions = deletions or Deletions()
+        self._deletions.on_added(self._forget_deleted)
 
     # ---- what is known -----------------------------------------------------------
 
@@ -84,6 +90,10 @@ class RedisPast:
     def find(self, name: SegmentName) -> KeptSegment | None:
         """Return the segment of this name; None when it is not known."""
         return self._get(name.robot, name.view).find(name)
+
+    def find_oldest(self, robot: str, view: str) -> KeptSegment | None:
+        """Return the segment of a view that was added first of those that are known."""
+        return self._get(robot, view).find_oldest(robot, view)
 
     def list_segments(
         self, robot: str, view: str, from_ms: int = 0, to_ms: int | None = None
@@ -130,6 +140,8 @@ class RedisPast:
         whole = []
         for segment in segments:
             data = found.get(segment.name)
+            if self._deletions.cover_segment(segment):
+                continue
             if data is not None and hashlib.sha256(data).digest() == segment.sha256:
                 self._keep_data(segment.name, data)
                 whole.append(replace(segment, data=data, elsewhere_bytes=0))
@@ -141,11 +153,9 @@ class RedisPast:
                 replica.drop(segment.name)
         return whole
 
-    async def load_schema(self, segment: KeptSegment) -> str | None:
-        """Return the text of the schema that a segment names; None when it is gone. Raises PastAway."""
-        robot, schema = segment.name.robot, segment.schema
-        if schema is None:
-            return None
+    async def load_schema(self, robot: str, view: str, sha256: bytes) -> str | None:  # noqa: ARG002
+        """Return the text of a schema that a segment names; None when it is gone. Raises PastAway."""
+        schema = sha256
         self._check()
         known = self._schemas.get((robot, schema))
         if known is not None:
@@ -265,10 +275,8 @@ class RedisPast:
 
     async def _look(self, robot: str, view: str) -> None:
         key = robot, view
-        replica = self._views.get(key)
-        if replica is None:
-            replica = PastReplica(robot, view, partial(self._pass_over, robot))
-        began_at, is_new, is_whole = self._now(), False, False
+        replica = self._views.get(key) or self._make_replica(robot, view)
+        began_at, is_new, is_whole, deleted = self._now(), False, False, self._deletions.count
         for _ in range(LOOKS_MAX):
             args = LOOK, [stream_key(robot, view)], replica.newest, RECORDS
             count, oldest, *told = await self._exchange(partial(self.link.run, *args))
@@ -281,8 +289,12 @@ class RedisPast:
             if replica.count == count or (is_whole and not told):
                 break
             if not told:  # one from the middle is gone, or all
-                replica = PastReplica(robot, view, partial(self._pass_over, robot))
+                replica = self._make_replica(robot, view)
                 is_whole = True
+        if self._deletions.count != deleted:  # meanwhile: what was read may hold it
+            self._views.pop(key, None)
+            await self._look(robot, view)
+            return
         replica.note_look(began_at)
         is_grown = is_new or key not in self._views
         self._views[key] = replica
@@ -295,6 +307,18 @@ class RedisPast:
             log.warning("the past: redis is back")
         if is_new:
             self._wake(robot, view)
+
+    def _make_replica(self, robot: str, view: str) -> PastReplica:
+        return PastReplica(robot, view, partial(self._pass_over, robot), self._deletions.cover_segment)
+
+    def _forget_deleted(self, deletion: Deletion) -> None:
+        """Forget what is known of a robot of which something is deleted: the rest is read anew."""
+        for key in [key for key in self._views if key[0] == deletion.robot]:
+            del self._views[key]
+        for name in [name for name in self._data if name.robot == deletion.robot]:
+            self._data_bytes -= len(self._data.pop(name))
+        for schema in [schema for schema in self._schemas if schema[0] == deletion.robot]:
+            del self._schemas[schema]
 
     async def _read_data(self, names: Sequence[SegmentName]) -> dict[SegmentName, bytes]:
         def ask(pipe: Any) -> None:

@@ -5,23 +5,32 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 
-from posecast_relay.core.past.kept_segment import SegmentName
+from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
 from posecast_relay.core.past.memory_store import MemoryPast
-from posecast_relay.redis.past_records import unpack_record
+from posecast_relay.core.past.segment_record import unpack_record
 
 BEGINNING = b"-"
 UNBOUNDED = 1 << 62  # whoever has replicas bounds them together
 
 
 class PastReplica:
-    """A view's records, without the segments' bytes. `pass_over` is told why a record is left out."""
+    """A view's records, without the segments' bytes. `pass_over` is told why a record is left out; what is
+    deleted is left out without a word.
+    """
 
-    def __init__(self, robot: str, view: str, pass_over: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        robot: str,
+        view: str,
+        pass_over: Callable[[str], None],
+        is_deleted: Callable[[KeptSegment], bool] = lambda _segment: False,
+    ) -> None:
         self.kept = MemoryPast(UNBOUNDED)
         self.looked_at = float("-inf")  # seconds of the core's clock
         self._robot = robot
         self._view = view
         self._pass_over = pass_over
+        self._is_deleted = is_deleted
         self._rows: deque[tuple[bytes, SegmentName | None]] = deque()  # None: passed over
 
     @property
@@ -44,6 +53,9 @@ class PastReplica:
         for id_, record in zip(told[::2], told[1::2], strict=True):
             try:
                 segment = unpack_record(self._robot, self._view, record)
+                if self._is_deleted(segment):  # it is about to go there, too
+                    self._rows.append((id_, None))
+                    continue
                 self.kept.add(segment, 0.0)
             except ValueError as e:
                 self._pass_over(str(e))

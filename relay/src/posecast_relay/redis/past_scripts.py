@@ -1,6 +1,6 @@
 """The past in Redis: names of its keys, and the scripts in Lua that write and read them, each one atomic.
 
-    posecast:{ROBOT}:VIEW:past            stream: a record of each segment, as `past_records.py` packs it
+    posecast:{ROBOT}:VIEW:past            stream: a record of each segment, as `segment_record.py` packs it
     posecast:{ROBOT}:VIEW:past:TAKE:INDEX hash: a segment's bytes, and the id of its record
     posecast:{ROBOT}:past:schema:SHA256   hash: a schema's text, and how many segments name it
     posecast:{-}:past                     hash: the ledger's sums: robot → bytes; "" → of all

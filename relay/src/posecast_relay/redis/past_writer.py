@@ -17,9 +17,11 @@ from typing import NamedTuple
 from redis.exceptions import OutOfMemoryError
 
 from posecast_relay.core.histogram import Histogram
+from posecast_relay.core.past.deletions import Deletion, Deletions
 from posecast_relay.core.past.kept_segment import OBJECT_BYTES, KeptSegment
+from posecast_relay.core.past.segment_record import pack_record
 from posecast_relay.redis.client import Call, RedisClient, cancel_tasks
-from posecast_relay.redis.past_records import pack_record
+from posecast_relay.redis.deletions.span import delete_span
 from posecast_relay.redis.past_scripts import (
     DELETE,
     ENTER,
@@ -27,6 +29,7 @@ from posecast_relay.redis.past_scripts import (
     FORGET,
     FULL,
     LACKS_SCHEMA,
+    LOOK,
     WRITE,
     WRITTEN,
     LedgerEntry,
@@ -67,7 +70,7 @@ class _Written(NamedTuple):
 class RedisPastWriter:
     """Writes the segments that it is given to Redis, `bytes_max` of them at a time over all processes."""
 
-    def __init__(self, url: str, bytes_max: int) -> None:
+    def __init__(self, url: str, bytes_max: int, deletions: Deletions | None = None) -> None:
         self.link = RedisClient(url)
         self.losses = 0  # times that Redis, having been there, was not any more
         self.written = 0  # segments
@@ -80,6 +83,9 @@ class RedisPastWriter:
         self._sizes: Counter[str] = Counter()  # of those, by robot
         self._robots: Collection[str] = ()  # that the policy names
         self._gone: dict[str, None] = {}  # robots whose past there has to go
+        self._deletions = deletions or Deletions()
+        self._deleting: dict[str, Deletion] = {}  # those that are to be carried out there, by id
+        self._deletions.on_added(self._delete)
         self._schemas: dict[tuple[str, bytes], None] = {}  # by robot, the ones that were written
         self._tries = 0
         self._full_at: float | None = None  # when Redis refused a segment last; None: it has room
@@ -109,6 +115,15 @@ class RedisPastWriter:
             while waiting := self._waiting.get(robot):
                 self._take(robot, waiting.popleft())
         self._robots = robots
+        self._wake.set()
+
+    def _delete(self, deletion: Deletion) -> None:
+        """Delete what is there of a span, and what waits."""
+        self._deleting[deletion.id] = deletion
+        waiting = self._waiting.get(deletion.robot, ())
+        for segment in [each for each in waiting if deletion.covers_segment(each)]:
+            self._waiting[deletion.robot].remove(segment)
+            self._take(deletion.robot, segment)
         self._wake.set()
 
     def find_trouble(self) -> str | None:
@@ -141,11 +156,13 @@ class RedisPastWriter:
                     await self._connect()
                 while self._gone:
                     await self._forget(next(iter(self._gone)))
+                await self._delete_all()
                 while self._waiting:
                     batch = self._take_batch()
                     await self._write_batch(batch)
                     batch, self._tries, wait_s = [], 0, BACKOFF_S[0]
                     self._note_success()
+                    await self._delete_all()
             except asyncio.CancelledError:  # `stop` writes what waits
                 self._put_back(batch)
                 raise
@@ -159,7 +176,7 @@ class RedisPastWriter:
             self._wake.clear()
 
     async def _connect(self) -> None:
-        await self.link.connect(ENTER, WRITE, DELETE, FORGET)
+        await self.link.connect(ENTER, WRITE, DELETE, FORGET, LOOK)
         self._schemas.clear()  # whatever is there
         self._trouble = None
 
@@ -231,7 +248,7 @@ class RedisPastWriter:
             return
         for segment in reversed(batch):
             robot = segment.name.robot
-            if robot in self._gone:
+            if robot in self._gone or self._deletions.cover_segment(segment):
                 continue
             self._waiting.setdefault(robot, deque()).appendleft(segment)
             self._add(robot, segment.cost_bytes)
@@ -303,6 +320,14 @@ class RedisPastWriter:
             await self.link.run_all([make_delete_call(entry) for entry in entries])
         self._schemas = {known: None for known in self._schemas if known[0] != robot}
         del self._gone[robot]
+
+    async def _delete_all(self) -> None:
+        """Carry out what is to be deleted; twice does no harm."""
+        while self._deleting:
+            deletion = next(iter(self._deleting.values()))
+            await delete_span(self.link, deletion)
+            self._schemas = {known: None for known in self._schemas if known[0] != deletion.robot}
+            self._deleting.pop(deletion.id, None)
 
     def _read_entries(self, lines: Iterable[tuple[bytes, bytes]]) -> list[LedgerEntry]:
         entries: list[LedgerEntry] = []

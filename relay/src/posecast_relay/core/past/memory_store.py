@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from itertools import chain
 from typing import NamedTuple
 
+from posecast_relay.core.past.deletions import Deletion
 from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
 
 Listener = Callable[[KeptSegment], None]
@@ -156,6 +157,11 @@ class MemoryPast:
         segments = self._list_view(robot, view)
         return segments[-1] if segments else None
 
+    def find_oldest(self, robot: str, view: str) -> KeptSegment | None:
+        """Return the segment that was added first of those that are here."""
+        segments = self._list_view(robot, view)
+        return segments[0] if segments else None
+
     def list_segments(
         self, robot: str, view: str, from_ms: int = 0, to_ms: int | None = None
     ) -> list[KeptSegment]:
@@ -188,6 +194,10 @@ class MemoryPast:
             found.append(segment)
         return found[::-1]
 
+    def list_robots(self) -> list[str]:
+        """Return the robots of which there is something."""
+        return list(self._shelves)
+
     def list_views(self, robot: str) -> list[str]:
         """Return the views of a robot of which there is something."""
         shelf = self._shelves.get(robot)
@@ -213,6 +223,27 @@ class MemoryPast:
     def drop_oldest(self, robot: str) -> None:
         """Drop the oldest segment of a robot of which there is one."""
         self._drop(robot, self._shelves[robot].find_oldest_view())
+
+    def delete(self, deletion: Deletion) -> list[KeptSegment]:
+        """Drop what a deletion covers, also from the middle, and return it. Its cost is all of that robot."""
+        before = self._shelves.get(deletion.robot)
+        if before is None:
+            return []
+        gone: list[KeptSegment] = []
+        after = _Shelf()
+        for view, segments in before.views.items():
+            for segment, added_at in zip(segments, before.added_at[view], strict=True):
+                if deletion.covers_segment(segment):
+                    gone.append(segment)
+                    del self._named[segment.name]
+                else:
+                    after.put(segment, added_at)
+        self.bytes += after.bytes - before.bytes
+        if after.views:
+            self._shelves[deletion.robot] = after
+        else:
+            del self._shelves[deletion.robot]
+        return gone
 
     def _drop(self, robot: str, view: str) -> None:
         shelf = self._shelves[robot]

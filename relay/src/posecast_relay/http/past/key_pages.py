@@ -55,6 +55,12 @@ class KeyPages:
         finally:
             self._waiting -= 1
 
+    def forget(self, robot: str) -> None:
+        """Forget the poses of a robot of which something was deleted."""
+        for name in [name for name in self._poses if name.robot == robot]:
+            pose = self._poses.pop(name, None)  # the worker may have been faster
+            self._bytes -= 0 if pose is None else _size(pose)
+
     def _divide(self, segments: Sequence[KeptSegment]) -> list[list[KeptSegment]]:
         """Divide them into parts, each of which may be brought here at a time."""
         parts: list[list[KeptSegment]] = [[]]

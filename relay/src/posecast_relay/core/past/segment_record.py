@@ -1,4 +1,5 @@
-"""Encodes what an index tells of a segment of the past, as it stands in Redis beside the segment's bytes.
+"""Encodes what an index tells of a segment of the past, as it stands where the segment's bytes do: in Redis,
+and in an object store's indexes.
 
 What is read there isn't trusted: whatever is malformed, or of another version, raises ValueError with a
 message of one line.
@@ -6,6 +7,7 @@ message of one line.
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable
 from typing import Any, cast, get_args
@@ -15,7 +17,6 @@ from posecast_wire.messages import RobotStatus
 
 from posecast_relay.core.past.kept_segment import KeptSegment, PastEvent, PastWord, SegmentName
 from posecast_relay.core.policy.policy import Audience
-from posecast_relay.redis.messages import dump
 
 VERSION = 1
 RECORD_BYTES_MAX = 1 << 22  # a segment holds a megabyte of events at most; escaped anew they may take more
@@ -30,35 +31,42 @@ WORDS = get_args(RobotStatus)
 
 def pack_record(segment: KeptSegment) -> bytes:
     """Encode what an index tells of a segment, without its name's robot and view. Raises ValueError."""
-    return dump(
-        {
-            "v": VERSION,
-            "take": f"{segment.name.take:016x}",
-            "index": segment.name.index,
-            "run": f"{segment.run:016x}",
-            "from": segment.from_ms,
-            "to": segment.to_ms,
-            "frames": segment.frames,
-            "first": segment.first_seq,
-            "last": segment.last_seq,
-            "missing": segment.missing,
-            "schema": None if segment.schema is None else segment.schema.hex(),
-            "model": segment.model,
-            "bytes": segment.size,
-            "sha256": segment.sha256.hex(),
-            "events": segment.events,
-            "words": segment.words,
-            "faults": segment.faults,
-            "audiences": sorted(segment.audiences),
-        }
-    )
+    return dump_json(make_record(segment))
+
+
+def make_record(segment: KeptSegment) -> dict[str, object]:
+    """Make what an index tells of a segment, without its name's robot and view."""
+    return {
+        "v": VERSION,
+        "take": f"{segment.name.take:016x}",
+        "index": segment.name.index,
+        "run": f"{segment.run:016x}",
+        "from": segment.from_ms,
+        "to": segment.to_ms,
+        "frames": segment.frames,
+        "first": segment.first_seq,
+        "last": segment.last_seq,
+        "missing": segment.missing,
+        "schema": None if segment.schema is None else segment.schema.hex(),
+        "model": segment.model,
+        "bytes": segment.size,
+        "sha256": segment.sha256.hex(),
+        "events": segment.events,
+        "words": segment.words,
+        "faults": segment.faults,
+        "audiences": sorted(segment.audiences),
+    }
 
 
 def unpack_record(robot: str, view: str, data: bytes) -> KeptSegment:
     """Read what an index tells of a segment; its bytes are elsewhere. Raises ValueError when it is none."""
     if len(data) > RECORD_BYTES_MAX:
         raise ValueError("record: too long")
-    doc = loads(data)
+    return read_record(robot, view, loads(data))
+
+
+def read_record(robot: str, view: str, doc: object) -> KeptSegment:
+    """Read what an index tells of a segment, taken out of JSON. Raises ValueError when it is none."""
     if not isinstance(doc, dict):
         raise ValueError("record: no object")
     if doc.get("v") != VERSION:
@@ -80,12 +88,26 @@ def unpack_record(robot: str, view: str, data: bytes) -> KeptSegment:
         model=None if doc.get("model") is None else _hex(doc, "model", SHA256),
         data=b"",
         sha256=bytes.fromhex(_hex(doc, "sha256", SHA256)),
-        events=tuple(PastEvent(*pair) for pair in _pairs(doc, "events", _is_event)),
+        events=tuple(PastEvent(*pair) for pair in _pairs(doc, "events", is_event)),
         words=tuple(PastWord(at, cast(RobotStatus, word)) for at, word in _pairs(doc, "words", _is_word)),
         faults=_whole(doc, "faults", U32_MAX),
         audiences=_audiences(doc),
         elsewhere_bytes=_whole(doc, "bytes", SEGMENT_BYTES_MAX),
     )
+
+
+def is_event(text: str) -> bool:
+    """Whether it is an event, numbered: an index writes it anew without taking it apart."""
+    try:
+        doc = loads(text)
+    except ValueError:
+        return False
+    return isinstance(doc, dict) and type(doc.get("n")) is int and text[0] == "{" and text[-1] == "}"
+
+
+def dump_json(doc: object) -> bytes:
+    """Encode as JSON. Raises ValueError for what is no valid JSON: 1e999, half a surrogate pair."""
+    return json.dumps(doc, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
 
 
 def _whole(doc: dict[str, Any], name: str, most: int) -> int:
@@ -111,12 +133,6 @@ def _pairs(doc: dict[str, Any], name: str, is_text: Callable[[str], bool]) -> li
         if not whole or not 0 <= pair[0] <= WHOLE_MAX or not isinstance(pair[1], str) or not is_text(pair[1]):
             raise ValueError(f"record: {name} are none")
     return [(at, text) for at, text in found]
-
-
-def _is_event(text: str) -> bool:
-    """Whether it is an event, numbered: an index writes it anew without taking it apart."""
-    doc = loads(text)
-    return isinstance(doc, dict) and type(doc.get("n")) is int and text[0] == "{" and text[-1] == "}"
 
 
 def _is_word(text: str) -> bool:

@@ -1,0 +1,160 @@
+"""The keys of the past in an object store, written and read. Whatever is none of ours is foreign: None.
+
+    {robot}/{view}/{2026-11-22}/{14-20}/{from_ms}-{to_ms}-{take}-{index}-{bytes}-{audiences}.segment
+    {robot}/{view}/{2026-11-22}/{14-20}/index.json      of these ten minutes (UTC)
+    {robot}/{view}/{2026-11-22}/day.json
+    {robot}/schemas/{sha256}.json
+
+`take` is 16 hexadecimal digits; `audiences` one letter each, sorted: a anyone, l link, s signed-in; x none.
+A name says enough to find a segment and to judge who may see it.
+"""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC, datetime
+from typing import NamedTuple
+
+from posecast_wire.keys import ROBOT_ID
+
+from posecast_relay.core.past.audience_letters import read_letters, write_letters
+from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
+from posecast_relay.core.policy.policy import Audience
+
+PAGE_MS, DAY_MS = 600_000, 86_400_000
+KEY_CHARS_MAX = 400
+U32_MAX, WHOLE_MAX = (1 << 32) - 1, (1 << 53) - 1
+SPAN_MS_MAX = 600_000
+SEGMENT_BYTES_MAX = 3 << 20
+INDEX_NAME, DAY_NAME = "index.json", "day.json"
+SCHEMAS, MODELS, TOMBSTONES = "schemas", "models", "tombstones"
+DAY = re.compile(r"20[0-9]{2}-[01][0-9]-[0-3][0-9]", re.ASCII)
+PAGE = re.compile(r"([01][0-9]|2[0-3])-([0-5])0", re.ASCII)
+UNFINISHED = re.compile(r"#[0-9]{1,9}$", re.ASCII)
+NUMBER = r"(0|[1-9][0-9]{0,15})"
+SEGMENT = re.compile(rf"{NUMBER}-{NUMBER}-([0-9a-f]{{16}})-{NUMBER}-{NUMBER}-(a?l?s?|x)\.segment", re.ASCII)
+
+
+PageKey = tuple[str, str, int]  # robot, view, and when the ten minutes begin, unix ms
+
+
+class ArchivedName(NamedTuple):
+    """What a segment's key says. Times are unix ms; `size` in bytes."""
+
+    name: SegmentName
+    from_ms: int
+    to_ms: int
+    size: int
+    audiences: frozenset[Audience]
+
+    @property
+    def page_ms(self) -> int:
+        """The beginning of the ten minutes in which it begins, unix ms."""
+        return self.from_ms - self.from_ms % PAGE_MS
+
+    @property
+    def key(self) -> str:
+        """The key, which is always the same for the same content."""
+        letters = write_letters(self.audiences)
+        file = f"{self.from_ms}-{self.to_ms}-{self.name.take:016x}-{self.name.index}-{self.size}-{letters}"
+        return f"{make_page_folder(self.name.robot, self.name.view, self.page_ms)}/{file}.segment"
+
+
+def name_segment(segment: KeptSegment) -> ArchivedName:
+    """Return what the key of a segment says."""
+    return ArchivedName(segment.name, segment.from_ms, segment.to_ms, segment.size, segment.audiences)
+
+
+def read_segment_key(key: str) -> ArchivedName | None:
+    """Read a segment's key; None when it is none, or not the one that we would write."""
+    if len(key) > KEY_CHARS_MAX or key.count("/") != 4:
+        return None
+    robot, view, _, _, file = key.split("/")
+    found = SEGMENT.fullmatch(file)
+    if found is None or not found[6] or not may_be_archived(robot, view):
+        return None
+    from_ms, to_ms, index, size = (int(found[n]) for n in (1, 2, 4, 5))
+    if from_ms > WHOLE_MAX - SPAN_MS_MAX or index > U32_MAX or size > SEGMENT_BYTES_MAX:
+        return None
+    if not from_ms <= to_ms <= from_ms + SPAN_MS_MAX:
+        return None
+    audiences = read_letters(found[6])
+    name = SegmentName(robot, view, int(found[3], 16), index)
+    read = ArchivedName(name, from_ms, to_ms, size, audiences)
+    try:
+        return read if read.key == key else None
+    except (ValueError, OverflowError):
+        return None  # a time beyond the calendar
+
+
+def is_unfinished(key: str) -> bool:
+    """Whether it is what a file store has of an object of ours that is being written, or was when the process
+    was killed: it gets its name when all of it is there.
+    """
+    whole = UNFINISHED.sub("", key)
+    return whole != key and (
+        read_segment_key(whole) is not None or whole.rpartition("/")[2] in (INDEX_NAME, DAY_NAME)
+    )
+
+
+def make_view_folder(robot: str, view: str) -> str:
+    """Return the folder of a robot's view."""
+    return f"{robot}/{view}"
+
+
+def make_day_folder(robot: str, view: str, day_ms: int) -> str:
+    """Return the folder of a day (UTC), of which `day_ms` is any moment, unix."""
+    return f"{robot}/{view}/{write_day(day_ms)}"
+
+
+def make_page_folder(robot: str, view: str, page_ms: int) -> str:
+    """Return the folder of ten minutes, of which `page_ms` is any moment, unix."""
+    return f"{robot}/{view}/{write_day(page_ms)}/{write_page(page_ms)}"
+
+
+def make_index_key(robot: str, view: str, page_ms: int) -> str:
+    """Return the key of the index of ten minutes."""
+    return f"{make_page_folder(robot, view, page_ms)}/{INDEX_NAME}"
+
+
+def make_day_key(robot: str, view: str, day_ms: int) -> str:
+    """Return the key of a day's summary."""
+    return f"{make_day_folder(robot, view, day_ms)}/{DAY_NAME}"
+
+
+def make_schema_key(robot: str, sha256: bytes) -> str:
+    """Return the key of a schema's text."""
+    return f"{robot}/{SCHEMAS}/{sha256.hex()}.json"
+
+
+def write_day(unix_ms: int) -> str:
+    """Return the day of a time, as in a key: 2026-11-22."""
+    return datetime.fromtimestamp(unix_ms // 1000, UTC).strftime("%Y-%m-%d")
+
+
+def write_page(unix_ms: int) -> str:
+    """Return the ten minutes of a time within its day, as in a key: 14-20."""
+    minute = unix_ms % DAY_MS // 60_000
+    return f"{minute // 60:02d}-{minute % 60 // 10}0"
+
+
+def read_day(text: str) -> int | None:
+    """Read a day's folder: its beginning, unix ms; None when it is none."""
+    if not DAY.fullmatch(text):
+        return None
+    try:
+        return round(datetime.fromisoformat(text).replace(tzinfo=UTC).timestamp()) * 1000
+    except ValueError:
+        return None
+
+
+def read_page(text: str) -> int | None:
+    """Read the folder of ten minutes: its beginning in the day, ms; None when it is none."""
+    found = PAGE.fullmatch(text)
+    return None if found is None else int(found[1]) * 3_600_000 + int(found[2]) * PAGE_MS
+
+
+def may_be_archived(robot: str, view: str) -> bool:
+    """Whether a robot and view have a place in a store: none whose name is that of a folder of ours."""
+    names = ROBOT_ID.fullmatch(robot) and ROBOT_ID.fullmatch(view)
+    return bool(names) and robot != TOMBSTONES and view not in (SCHEMAS, MODELS)

@@ -1,0 +1,1 @@
+"""`posecast-relay past`: what is kept of the past, and its deletion."""

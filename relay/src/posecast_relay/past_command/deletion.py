@@ -1,0 +1,112 @@
+"""`posecast-relay past delete`: deletes of a robot's past, wherever it is."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import sys
+import time
+from collections.abc import Mapping
+
+from posecast_relay.archive.deletion.eraser import Erased, erase, find_covered
+from posecast_relay.archive.deletion.tombstones import put_tombstone
+from posecast_relay.archive.object_store import ObjectStore
+from posecast_relay.config.settings import SettingsError
+from posecast_relay.core.past.deletions import Deletion
+from posecast_relay.deletion_record import make_deletion, pack_deletion
+from posecast_relay.past_command.location import add_location, add_robot, open_store
+from posecast_relay.past_command.progress import CommandProgress
+from posecast_relay.past_command.relay_socket import ask_relay
+from posecast_relay.past_command.times import TimeError, read_time, write_time
+
+HELP = "delete of a robot's past: in the store, in Redis, and in the memory of running relays within 10 s"
+LATER = "Relays that run obey within 10 s, caches of what anyone could see within the hour."
+
+
+def add_arguments(parser: argparse.ArgumentParser, environ: Mapping[str, str]) -> None:
+    """Add the arguments of the command."""
+    add_location(parser, environ)
+    add_robot(parser, required=True)
+    form = "ISO 8601 with a zone, as 2026-11-22T14:20:00Z, or a day of this machine's zone, as 2026-11-22"
+    parser.add_argument("--from", dest="from_", metavar="TIME", help=f"{form}: its beginning")
+    parser.add_argument("--to", metavar="TIME", help="likewise; a day: its end")
+    parser.add_argument("--all", action="store_true", help="instead of both: whatever there is until now")
+    parser.add_argument("--yes", action="store_true", help="don't ask")
+
+
+def run(asked: argparse.Namespace) -> None:
+    """Delete what was asked for. Raises SettingsError, ArchiveError, RelayAway; after a no SystemExit 1."""
+    now_ms = time.time_ns() // 1_000_000
+    from_ms, to_ms = _read_span(asked, now_ms)
+    deletion = make_deletion(asked.robot, asked.view, from_ms, to_ms, now_ms)
+    store = open_store(asked)
+    what = _describe(deletion, asked.all)
+    if store is None:
+        _confirm(asked.yes, f"{what}, in the memory of the relay and in its Redis.")
+        told = ask_relay(asked.past_socket, {"do": "delete", "deletion": pack_deletion(deletion).decode()})
+        print(f"deleted from memory: {told.get('segments')} segments, {told.get('bytes')} bytes. {LATER}")
+        return
+    asyncio.run(_delete(store, deletion, what, asked.yes))
+
+
+async def _delete(store: ObjectStore, deletion: Deletion, what: str, is_sure: bool) -> None:
+    segments, size = 0, 0
+    with CommandProgress() as progress:
+        async for names in find_covered(store, deletion):
+            segments += len(names)
+            size += sum(each.size for each in names)
+            progress.show(f"{segments:,} segments found")
+    found = f"{segments:,} segments, {size:,} bytes" if segments else "there is nothing of it in the store"
+    _confirm(is_sure, f"{what}: {found}.")
+    await put_tombstone(store, deletion)  # also where there is nothing: relays may have it in memory
+    with CommandProgress() as progress:
+
+        def show(erased: Erased) -> None:
+            progress.show(f"{erased.segments:,} of {segments:,} segments deleted")
+
+        erased = await erase(store, deletion, show)
+    if erased.segments:
+        print(f"deleted: {erased.segments:,} segments, {erased.bytes:,} bytes. {LATER}")
+    else:
+        print(f"{what}: there was nothing of it in the store. {LATER}")
+
+
+def _read_span(asked: argparse.Namespace, now_ms: int) -> tuple[int, int]:
+    if asked.all:
+        if asked.from_ is not None or asked.to is not None:
+            raise SettingsError("give either --all, or --from and --to")
+        return 0, now_ms
+    if asked.from_ is None or asked.to is None:
+        raise SettingsError("give --from and --to, or --all")
+    from_ms = _read(asked.from_, "--from", is_end=False)
+    to_ms = _read(asked.to, "--to", is_end=True)
+    if from_ms >= to_ms:
+        raise SettingsError(f"--from {asked.from_} is not before --to {asked.to}")
+    if from_ms >= now_ms:
+        raise SettingsError(f"--from {asked.from_}: that is still to come")
+    return from_ms, to_ms
+
+
+def _read(text: str, where: str, *, is_end: bool) -> int:
+    try:
+        return read_time(text, is_end=is_end)
+    except TimeError as e:
+        raise SettingsError(f"{where} {text!r}: {e}") from None
+
+
+def _describe(deletion: Deletion, is_all: bool) -> str:
+    view = "each view" if deletion.view is None else f"view {deletion.view}"
+    span = "all until now" if is_all else f"{write_time(deletion.from_ms)} to {write_time(deletion.to_ms)}"
+    return f"{deletion.robot}, {view}, {span}"
+
+
+def _confirm(is_sure: bool, what: str) -> None:
+    if is_sure:
+        return
+    if not sys.stdin.isatty():
+        raise SettingsError("nobody can be asked here: give --yes to delete without a question")
+    sys.stderr.write(f"{what}\nDelete it? It can't be brought back. [y/N] ")
+    sys.stderr.flush()
+    if sys.stdin.readline().strip().lower() not in ("y", "yes"):
+        print("posecast-relay: nothing was deleted", file=sys.stderr)
+        raise SystemExit(1)

@@ -1,0 +1,113 @@
+"""`posecast-relay past list`: what is kept, by robot and view."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from posecast_relay.archive.names import DAY_MS, read_segment_key, write_day
+from posecast_relay.archive.object_store import ObjectStore
+from posecast_relay.past_command.location import add_location, add_robot, open_store
+from posecast_relay.past_command.progress import CommandProgress
+from posecast_relay.past_command.relay_socket import RelayAway, ask_relay
+from posecast_relay.past_command.times import write_time
+
+HELP = "what is kept of the past: from, to, bytes and segments of each robot and view (UTC)"
+
+
+@dataclass
+class KeptSum:
+    """What is kept of a view, or of a day of it. Times are unix ms."""
+
+    from_ms: int
+    to_ms: int
+    bytes: int = 0
+    segments: int = 0
+
+    def add(self, from_ms: int, to_ms: int, size: int, segments: int) -> None:
+        """Add what lasted from `from_ms` to `to_ms`."""
+        self.from_ms, self.to_ms = min(self.from_ms, from_ms), max(self.to_ms, to_ms)
+        self.bytes += size
+        self.segments += segments
+
+
+Key = tuple[str, str, int]  # robot, view, number of the day since 1970
+
+
+def add_arguments(parser: argparse.ArgumentParser, environ: Mapping[str, str]) -> None:
+    """Add the arguments of the command."""
+    add_location(parser, environ)
+    add_robot(parser, required=False)
+    parser.add_argument("--days", action="store_true", help="a line for each day (UTC)")
+
+
+def run(asked: argparse.Namespace) -> None:
+    """List what is kept. Raises SettingsError, ArchiveError and RelayAway."""
+    store = open_store(asked)
+    if store is None:
+        days = _read_rows(ask_relay(asked.past_socket, {"do": "list"}).get("rows"))
+        days = {key: found for key, found in days.items() if asked.robot in (None, key[0])}
+    else:
+        days = asyncio.run(sum_store(store, asked.robot))
+    rows = [["robot", "view", *(["day"] if asked.days else []), "from", "to", "bytes", "segments"]]
+    sums = days if asked.days else _sum_views(days)
+    for (robot, view, day), found in sorted(sums.items()):
+        if asked.view in (None, view):
+            rows.append(
+                [
+                    *(robot, view, *([write_day(DAY_MS * day)] if asked.days else [])),
+                    *(write_time(found.from_ms), write_time(found.to_ms)),
+                    *(f"{found.bytes:,}", f"{found.segments:,}"),
+                ]
+            )
+    if len(rows) == 1:
+        print("nothing is kept" + (f" of {asked.robot}" if asked.robot else ""))
+        return
+    for line in _align(rows):
+        print(line)
+
+
+async def sum_store(store: ObjectStore, robot: str | None) -> dict[Key, KeptSum]:
+    """Sum up what a store has of a robot, or of all, by day. Raises ArchiveError."""
+    sums: dict[Key, KeptSum] = {}
+    looked = 0
+    with CommandProgress() as progress:
+        async for part in store.list_objects(robot or ""):
+            looked += len(part)
+            progress.show(f"{looked:,} objects looked at")
+            for each in part:
+                found = read_segment_key(each.key)
+                if found is not None:
+                    key = found.name.robot, found.name.view, found.from_ms // DAY_MS
+                    row = sums.setdefault(key, KeptSum(found.from_ms, found.to_ms))
+                    row.add(found.from_ms, found.to_ms, each.size, 1)
+    return sums
+
+
+def _read_rows(rows: object) -> dict[Key, KeptSum]:
+    try:
+        return {
+            (str(robot), str(view), int(day)): KeptSum(int(from_ms), int(to_ms), int(size), int(segments))
+            for robot, view, day, from_ms, to_ms, size, segments in rows  # type: ignore[attr-defined]
+        }
+    except (TypeError, ValueError):
+        raise RelayAway("the relay's answer is of another version") from None
+
+
+def _sum_views(days: Mapping[Key, KeptSum]) -> dict[Key, KeptSum]:
+    sums: dict[Key, KeptSum] = {}
+    for (robot, view, _), found in days.items():
+        row = sums.setdefault((robot, view, 0), KeptSum(found.from_ms, found.to_ms))
+        row.add(found.from_ms, found.to_ms, found.bytes, found.segments)
+    return sums
+
+
+def _align(rows: Sequence[Sequence[str]]) -> Iterable[str]:
+    """Align the columns: the last two, numbers, to the right."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        texts = [text.ljust(width) for text, width in zip(row[:-2], widths[:-2], strict=True)]
+        numbers = [text.rjust(width) for text, width in zip(row[-2:], widths[-2:], strict=True)]
+        yield "  ".join([*texts, *numbers])

@@ -1,0 +1,59 @@
+"""Where the past is that a command is about: in an object store, or in a running relay's memory."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+from posecast_wire import check_name
+
+from posecast_relay.archive.object_store import ObjectStore, open_object_store
+from posecast_relay.config.settings import SettingsError
+from posecast_relay.store_url import StoreUrlError, check_store_url
+
+
+def add_location(parser: argparse.ArgumentParser, environ: Mapping[str, str]) -> None:
+    """Add the arguments that say where the past is."""
+    parser.add_argument(
+        "--past",
+        metavar="URL",
+        default=environ.get("POSECAST_PAST") or "memory:",
+        help="the store, as the relay's --past; memory: what a relay on this machine keeps [POSECAST_PAST]",
+    )
+    parser.add_argument(
+        "--past-socket",
+        metavar="PATH",
+        type=Path,
+        default=environ.get("POSECAST_PAST_SOCKET"),
+        help="with memory: the relay's; else the one in $XDG_RUNTIME_DIR [POSECAST_PAST_SOCKET]",
+    )
+
+
+def add_robot(parser: argparse.ArgumentParser, *, required: bool) -> None:
+    """Add the arguments that name a robot and a view."""
+    parser.add_argument("--robot", metavar="ID", type=_read_name, required=required, help="of this robot")
+    parser.add_argument("--view", metavar="VIEW", type=_read_name, help="of this view; else of each")
+
+
+def open_store(asked: argparse.Namespace) -> ObjectStore | None:
+    """Open the store that was named; None: the past is in a relay's memory. Raises SettingsError."""
+    if asked.past == "memory:":
+        return None
+    if asked.past == "0":
+        raise SettingsError("--past 0: then nothing is kept; name a store, or memory:")
+    try:
+        url = check_store_url(asked.past)
+        if url.startswith("file:") and not Path(unquote(urlsplit(url).path)).is_dir():
+            raise StoreUrlError("there is no such folder")  # which a relay would make
+        return open_object_store(url)
+    except StoreUrlError as e:
+        raise SettingsError(f"--past {asked.past!r}: {e}") from None
+
+
+def _read_name(text: str) -> str:
+    try:
+        return check_name("name", text)
+    except ValueError as e:
+        raise argparse.ArgumentTypeError(str(e)) from None

@@ -1,0 +1,61 @@
+"""`posecast-relay past`: lists what is kept of the past, and deletes of it.
+
+Exit status 0: done; 1: the store or the relay did not do it, or you said no; 2: it can't be asked for so.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple, NoReturn
+
+from posecast_relay.archive.object_store import ArchiveError
+from posecast_relay.config.settings import SettingsError
+from posecast_relay.past_command import deletion, listing
+from posecast_relay.past_command.relay_socket import RelayAway
+
+
+class Subcommand(NamedTuple):
+    """One of the commands: what it does in a line, the arguments it takes, and itself."""
+
+    help: str
+    add_arguments: Callable[[argparse.ArgumentParser, Mapping[str, str]], None]
+    run: Callable[[argparse.Namespace], None]
+
+
+COMMANDS = {
+    "list": Subcommand(listing.HELP, listing.add_arguments, listing.run),
+    "delete": Subcommand(deletion.HELP, deletion.add_arguments, deletion.run),
+}
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise SettingsError(message)
+
+
+def run_past(argv: Sequence[str], environ: Mapping[str, str]) -> None:
+    """Carry out one `posecast-relay past` command.
+
+    Raises SettingsError, with one line, for wrong arguments, and SystemExit 1 when it could not be done.
+    """
+    parser = _Parser(
+        prog="posecast-relay past",
+        description=__doc__,
+        allow_abbrev=False,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    commands = parser.add_subparsers(dest="do", required=True, metavar="|".join(COMMANDS))
+    for name, each in COMMANDS.items():
+        command = commands.add_parser(name, help=each.help, description=each.help, allow_abbrev=False)
+        each.add_arguments(command, environ)
+    asked = parser.parse_args(argv)
+    try:
+        COMMANDS[asked.do].run(asked)
+    except ArchiveError as e:
+        print(f"posecast-relay: the store of the past: {e}", file=sys.stderr)
+        raise SystemExit(1) from None
+    except RelayAway as e:
+        print(f"posecast-relay: {e}", file=sys.stderr)
+        raise SystemExit(1) from None

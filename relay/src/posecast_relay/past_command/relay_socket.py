@@ -1,0 +1,54 @@
+"""Asks a relay on this machine by the socket that `server/past_socket.py` opens."""
+
+from __future__ import annotations
+
+import os
+import socket
+from pathlib import Path
+from typing import Any
+
+from posecast_wire.checked import loads
+
+from posecast_relay.plain_json import json_bytes
+
+PATIENCE_S = 10.0
+ANSWER_BYTES_MAX = 64 << 20
+
+
+class RelayAway(RuntimeError):
+    """No relay could be asked. The message is one line that says why."""
+
+
+def ask_relay(given: Path | None, question: dict[str, object]) -> dict[str, Any]:
+    """Ask a relay, and return its answer. Raises RelayAway."""
+    path = given or _find_only()
+    try:
+        with socket.socket(socket.AF_UNIX) as opened:
+            opened.settimeout(PATIENCE_S)
+            opened.connect(str(path))
+            opened.sendall(json_bytes(question) + b"\n")
+            answer = bytearray()
+            while part := opened.recv(1 << 16):
+                answer += part
+                if len(answer) > ANSWER_BYTES_MAX:
+                    raise RelayAway(f"{path}: it answers too much")
+    except OSError as e:
+        raise RelayAway(f"no relay answers at {path}: {(e.strerror or str(e)).lower()}") from None
+    try:
+        found = loads(bytes(answer))
+    except ValueError:
+        raise RelayAway(f"{path}: no relay of ours answers there") from None
+    if not isinstance(found, dict) or "error" in found:
+        why = found.get("error") if isinstance(found, dict) else "no answer"
+        raise RelayAway(f"{path}: {why}")
+    return found
+
+
+def _find_only() -> Path:
+    folder = os.environ.get("XDG_RUNTIME_DIR")
+    found = sorted(Path(folder).glob("posecast-relay-*.sock")) if folder else []
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise RelayAway(f"several relays are here, name one: --past-socket {' or '.join(map(str, found))}")
+    raise RelayAway("which past? Name the store (--past URL) or a relay's socket (--past-socket PATH)")

@@ -1,0 +1,1 @@
+"""Deletions of the past in Redis: told to every process, and carried out."""

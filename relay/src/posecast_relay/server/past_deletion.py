@@ -1,0 +1,45 @@
+"""Obeys what was ordered to be deleted of the past, in this process's memory, and tells of it."""
+
+from __future__ import annotations
+
+import logging
+from datetime import UTC, datetime
+
+from posecast_relay.core.past.deletions import Deletion, Deletions
+from posecast_relay.core.past.kept_segment import KeptSegment
+from posecast_relay.core.past.memory_store import MemoryPast
+
+log = logging.getLogger("posecast_relay")
+
+
+class ObedientMemory:
+    """Stands between the recorder and memory: what is deleted leaves it, and what closes later of it (it was
+    being recorded when the deletion was ordered) does not come in, nor to whatever memory hands it on to.
+    """
+
+    def __init__(self, kept: MemoryPast, deletions: Deletions) -> None:
+        self._kept = kept
+        self._deletions = deletions
+        deletions.on_added(self._delete)
+
+    def add(self, segment: KeptSegment, now: float) -> None:
+        """Keep a segment that has just closed, unless it is deleted. `now`: the core's clock."""
+        if not self._deletions.cover_segment(segment):
+            self._kept.add(segment, now)
+
+    def _delete(self, deletion: Deletion) -> None:
+        gone = self._kept.delete(deletion)
+        log.info("the past: %s: %d segments left memory", describe_deletion(deletion), len(gone))
+
+
+def describe_deletion(deletion: Deletion) -> str:
+    """Describe in a few words what is deleted."""
+    view = "all views" if deletion.view is None else f"view {deletion.view}"
+    return f"{deletion.robot}, {view}, {_write(deletion.from_ms)} to {_write(deletion.to_ms)}: deleted"
+
+
+def _write(unix_ms: int) -> str:
+    try:
+        return datetime.fromtimestamp(unix_ms / 1000, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    except (ValueError, OverflowError, OSError):  # beyond the year 9999
+        return f"{unix_ms} ms"

@@ -1,0 +1,134 @@
+"""The socket by which `posecast-relay past` reaches what a running relay has in memory alone.
+
+A Unix socket that only the relay's own user may open: `--past-socket`, else `posecast-relay-PORT.sock` in
+$XDG_RUNTIME_DIR, else none. One line of JSON asks, one answers:
+
+    {"do": "list"}                          {"rows": [[robot, view, day, from_ms, to_ms, bytes, segments], …]}
+    {"do": "delete", "deletion": "{…}"}     {"segments": 12, "bytes": 34567}, or {"error": "…"}
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import os
+import socket
+from pathlib import Path
+from types import TracebackType
+
+from posecast_wire.checked import loads
+
+from posecast_relay.core.past.deletions import Deletions
+from posecast_relay.core.past.memory_store import MemoryPast
+from posecast_relay.deletion_record import unpack_deletion
+from posecast_relay.plain_json import json_bytes
+
+log = logging.getLogger("posecast_relay")
+
+LINE_BYTES_MAX = 1 << 16
+PATIENCE_S = 5.0  # for a whole line
+DAY_MS = 86_400_000
+
+
+class PastSocket:
+    """Takes orders at `path` while it is open."""
+
+    def __init__(self, path: Path, kept: MemoryPast, deletions: Deletions) -> None:
+        self._path = path
+        self._kept = kept
+        self._deletions = deletions
+        self._server: asyncio.Server | None = None
+
+    async def __aenter__(self) -> PastSocket:
+        """Open it. Where that is not possible one line in the log says so, and the relay goes on."""
+        try:
+            self._server = await asyncio.start_unix_server(
+                self._answer, sock=_bind(self._path), limit=LINE_BYTES_MAX
+            )
+        except OSError as e:
+            log.warning("--past-socket %s: %s; `past delete` can't reach this process", self._path, e)
+
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close it, and remove its file."""
+        if self._server is not None:
+            self._server.close()
+            self._server = None
+            self._path.unlink(missing_ok=True)
+
+    async def _answer(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        try:
+            async with asyncio.timeout(PATIENCE_S):
+                line = await reader.readline()
+                writer.write(self._carry_out(line) + b"\n")
+                await writer.drain()
+        except (ValueError, OSError, TimeoutError):  # too long, too late, or gone
+            pass
+        finally:
+            with contextlib.suppress(OSError):
+                writer.close()
+
+    def _carry_out(self, line: bytes) -> bytes:
+        try:
+            doc = loads(line)
+            if isinstance(doc, dict) and doc.get("do") == "list":
+                return json_bytes({"rows": self._list()})
+            if isinstance(doc, dict) and doc.get("do") == "delete":
+                before = len(self._kept), self._kept.bytes
+                self._deletions.add(unpack_deletion(str(doc.get("deletion")).encode()))
+                return json_bytes(
+                    {"segments": before[0] - len(self._kept), "bytes": before[1] - self._kept.bytes}
+                )
+        except ValueError as e:
+            return json_bytes({"error": str(e)})
+        return json_bytes({"error": "want list or delete"})
+
+    def _list(self) -> list[list[object]]:
+        rows: dict[tuple[str, str, int], list[int]] = {}
+        for robot in self._kept.list_robots():
+            for view in self._kept.list_views(robot):
+                for segment in self._kept.list_segments(robot, view):
+                    row = rows.setdefault(
+                        (robot, view, segment.from_ms // DAY_MS), [segment.from_ms, segment.to_ms, 0, 0]
+                    )
+                    row[0], row[1] = min(row[0], segment.from_ms), max(row[1], segment.to_ms)
+                    row[2] += segment.size
+                    row[3] += 1
+        return [[robot, view, day, *row] for (robot, view, day), row in sorted(rows.items())]
+
+
+def find_socket_path(given: Path | None, port: int) -> Path | None:
+    """Return where the socket of a relay that listens on `port` is; None where there is none."""
+    folder = os.environ.get("XDG_RUNTIME_DIR")
+    if given is None and folder and Path(folder).is_dir():
+        return Path(folder) / f"posecast-relay-{port}.sock"
+    return given
+
+
+def _bind(path: Path) -> socket.socket:
+    """Bind a socket that only this user may open; a file that a killed process left is replaced. Raises
+    OSError.
+    """
+    opened = socket.socket(socket.AF_UNIX)
+    try:
+        with socket.socket(socket.AF_UNIX) as probe:
+            if path.is_socket():
+                try:
+                    probe.connect(str(path))
+                except ConnectionRefusedError:
+                    path.unlink()
+                else:
+                    raise OSError("another process listens there")
+        before = os.umask(0o177)
+        try:
+            opened.bind(str(path))
+        finally:
+            os.umask(before)
+    except BaseException:
+        opened.close()
+        raise
+    return opened
