@@ -1,5 +1,11 @@
 import { createHash } from 'node:crypto';
-import { type EventMessage, encodeKeyPage, encodeSegment, type Segment } from '@posecast/wire';
+import {
+  type EventMessage,
+  encodeKeyPage,
+  encodeSegment,
+  type Segment,
+  type SegmentRecord,
+} from '@posecast/wire';
 
 const MINUTE_MS = 60_000;
 const PAGE_MS = 600_000;
@@ -147,8 +153,26 @@ export class Month {
     const given = this.#given[place % this.#given.length]!;
     const take = takeOf(atMs);
     const start = { ...given.start, fromMs: atMs, take, runId: take, index: place, openFaults: [] };
-    const records = given.records.filter(({ atUs }) => atUs < SEGMENT_MS * 1000);
+    const events: SegmentRecord[] = this.#eventsAt(atMs).map(({ at_ms, ...event }) => ({
+      ...{ kind: 'event', atUs: 1000 * (at_ms - atMs), text: JSON.stringify(event) },
+    }));
+    const records = [...given.records, ...events]
+      .filter(({ atUs }) => atUs < 1000 * SEGMENT_MS)
+      .sort((a, b) => a.atUs - b.atUs);
     return { start, toMs: atMs + SEGMENT_MS - 1, records };
+  }
+
+  /** What a store holds of a span: segments and their names, as `archive/names.py` of the relay has them. */
+  *files({ fromMs, toMs }: { fromMs: number; toMs: number }): Generator<[name: string, bytes: Uint8Array]> {
+    for (let atMs = Math.ceil(fromMs / SEGMENT_MS) * SEGMENT_MS; atMs < toMs; atMs += SEGMENT_MS) {
+      const segment = this.#segment(atMs);
+      const bytes = encodeSegment(segment);
+      const { robot, view, take, index } = segment.start;
+      const [day, clock] = new Date(atMs).toISOString().split('T');
+      const page = `${clock!.slice(0, 2)}-${clock![3]}0`;
+      const file = `${atMs}-${segment.toMs}-${take}-${index}-${bytes.length}-a.segment`;
+      yield [`${robot}/${view}/${day}/${page}/${file}`, bytes];
+    }
   }
 }
 

@@ -371,6 +371,7 @@ export class PastPlayer implements PastControls {
       this.#showKey(momentMs);
       return;
     }
+    if (this.#askedMs !== null && situation.word === 'online' && this.#goNearer(momentMs, frame)) return;
     const shownMs = Math.max(momentMs, frame?.atMs ?? 0);
     this.#projector.show(frame, shownMs, situation);
     this.#clock.set(shownMs, nowMs);
@@ -379,10 +380,21 @@ export class PastPlayer implements PastControls {
     this.#changedMs = Number.NEGATIVE_INFINITY; // it is told at once
     this.#notes.rest();
     if (isDamaged) this.#say('damaged');
-    const isApart = frame === null || Math.abs(momentMs - frame.atMs) > LINK_APART_MS;
+    const isApart = frame === null || Math.abs((this.#askedMs ?? momentMs) - frame.atMs) > LINK_APART_MS;
     if (this.#askedMs !== null && isApart && situation.word === 'online') this.#say('not-kept');
     if (frame !== null) this.#fill.soon(frame);
     void this.#recall(shownMs);
+  }
+
+  /** From a moment that was named, at which nothing was recorded, goes to what was, before it or after, if that is not near. */
+  #goNearer(momentMs: number, before: TapeFrame | null): boolean {
+    const agoMs = before === null ? Number.POSITIVE_INFINITY : momentMs - before.atMs;
+    if (agoMs <= LINK_APART_MS) return false;
+    const nextMs = this.#reel.nextMs(null, momentMs);
+    const nearestMs = nextMs !== null && nextMs - momentMs < agoMs ? nextMs : (before?.atMs ?? momentMs);
+    if (nearestMs === momentMs) return false;
+    this.#jump(nearestMs);
+    return true;
   }
 
   /** Learns which faults there were in the ten minutes before, as far as another page has them, and shows the moment again
