@@ -72,6 +72,13 @@ class Looks {
     await this.testId('transport');
     await until('it has opened', () => this.page.evaluate<boolean>('document.getAnimations().length === 0'));
     await this.at('past');
+    await this.page.findByTestId('jump').click();
+    await this.testId('moment-days');
+    await this.at('moments');
+    await this.page.evaluate(`document.querySelectorAll('.moment-ways input')[1].click()`);
+    await this.testId('incidents');
+    await this.at('last faults');
+    await this.page.press('Escape');
   }
 
   async embed(relay: Relay): Promise<void> {

@@ -112,6 +112,30 @@ it('nothing on the page of a robot lies over anything else, whatever there is to
   expect(wrongs.lines).toEqual([]);
 }, 400_000);
 
+it('nor in the sheet by which one goes to a moment', async () => {
+  const relay = await stage.stack.relay();
+  stage.stack.fedEdge(relay, demoAt(42), DEMO);
+  const page = await stage.newPage({ preload: CHOSEN, media: { motion: 'reduce' } });
+  const wrongs = new Wrongs();
+  onTestFinished(() => console.info(wrongs.lines.join('\n')));
+  await page.open(`${relay.url}/#/r/demo`);
+  await has(page, 'track');
+  await page.findByTestId('jump').click();
+  for (const [i, part] of ['moment-days', 'incidents'].entries()) {
+    await until(part, () =>
+      page.evaluate<boolean>(`document.querySelectorAll('.moment-ways input')[${i}]?.click() !== null
+        && document.querySelector('[data-testid=${part}]') !== null`),
+    );
+    await lookEverywhere(
+      page,
+      part,
+      wrongs,
+      PLAYED.filter(({ width }) => [360, 844, 1440].includes(width)),
+    );
+  }
+  expect(wrongs.lines).toEqual([]);
+}, 240_000);
+
 it('nor on the other pages', async () => {
   const relay = await stage.stack.relay();
   const still = demoAt(1);

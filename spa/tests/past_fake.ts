@@ -1,4 +1,4 @@
-import type { Mark, PastControls, Playhead, Timeline } from '../src/past/past_types.ts';
+import type { Mark, PastControls, PastEvent, Playhead, Span, Timeline } from '../src/past/past_types.ts';
 
 /** A time line of ten minutes before `toMs`, all of it recorded, with marks some minutes before its end. */
 export function timelineOf(toMs: number, minutes = 10, marks: readonly Partial<Mark>[] = []): Timeline {
@@ -56,6 +56,38 @@ export class FakePast implements PastControls {
 
   attend(): void {
     this.told.push('attend');
+  }
+
+  /** The spans that were looked at. */
+  readonly looked: Span[] = [];
+  look(span: Span): void {
+    this.looked.push(span);
+  }
+
+  openAt(momentMs: number): void {
+    this.told.push(`open ${this.#ago(momentMs)}`);
+    this.set({ at: 'past', momentMs, playing: false });
+  }
+
+  /** What comes when a day is asked for. */
+  answerDay: (momentMs: number) => boolean = () => true;
+  async loadDay(momentMs: number): Promise<boolean> {
+    this.told.push(`day ${new Date(momentMs).toISOString().slice(0, 10)}`);
+    await Promise.resolve();
+    return this.answerDay(momentMs);
+  }
+
+  events: PastEvent[] = [];
+  eventsIn({ fromMs, toMs }: Span): readonly PastEvent[] {
+    return this.events.filter(({ atMs }) => atMs >= fromMs && atMs <= toMs);
+  }
+
+  /** What comes when the events of ten minutes are asked for. */
+  answerEvents: (momentMs: number) => boolean = () => true;
+  async loadEvents(momentMs: number): Promise<boolean> {
+    this.told.push(`events ${this.#ago(momentMs)}`);
+    await Promise.resolve();
+    return this.answerEvents(momentMs);
   }
 
   seek(momentMs: number, scrubbing = false): void {

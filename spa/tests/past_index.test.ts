@@ -41,7 +41,7 @@ describe('the time line', () => {
         { fromMs: at('14:23:00'), toMs: at('14:23:30'), bytesPerS: 2000 },
       ],
       words: [{ fromMs: at('14:21:00'), toMs: at('14:22:00'), word: 'silent' }],
-      marks: [{ atMs: at('14:20:30'), level: 'fault', source: '', text: '', exact: false }],
+      marks: [{ atMs: at('14:20:30'), level: 'fault', source: '', text: '', exact: false, count: 3 }],
     });
   });
 
@@ -235,7 +235,7 @@ describe('minutes', () => {
     const index = indexOf(at('23:50:00'), at('23:59:30'), [minute('2026-11-22T23:59Z')]);
     const next = (toMs: number) => {
       index.setSummary(readSummary(summary(at('23:50:00'), toMs)));
-      return index.listDaysToFetch();
+      return index.listDaysToFetch(null);
     };
     expect(next(at('23:59:59'))).toEqual([]);
     expect(next(at('23:59:59') + 3000)).toEqual([DAY + 86_400_000, DAY]);
@@ -320,7 +320,8 @@ describe('what is not as documented', () => {
     );
     const to = DAY + 4000 * 86_400_000;
     index.setSummary(readSummary(summary(DAY, to, { days, past_ms: 2 ** 47 })));
-    expect(index.listDaysToFetch()).toHaveLength(32);
+    expect(index.listDaysToFetch({ fromMs: 0, toMs: 1e300 })).toHaveLength(16);
+    expect(index.listDaysToFetch(null), 'none of its own accord').toEqual([]);
     expect(index.listPages({ fromMs: 0, toMs: 1e300 })).toHaveLength(576_001);
   });
 });

@@ -11,6 +11,10 @@ const SCENE_LIMIT_KB = 127;
 const FIRST_3D_VIEW_LIMIT_KB = 271;
 const LIGHT_LIMIT_KB = 38;
 const PAST_LIMIT_KB = 25;
+/** What draws the line, and what one goes to a moment by: once there is a line, or somebody asks. */
+const LINE_PART_LIMIT_KB = 6;
+const MOMENTS_LIMIT_KB = 5;
+const INCIDENTS_LIMIT_KB = 3;
 /** What segments are read with, once somebody looks back. */
 const PAST_READER_LIMIT_KB = 4;
 
@@ -111,14 +115,16 @@ describe.skipIf(!built)('bundle (skipped when spa/dist is not built)', () => {
       expect(readFileSync(`${dist}${file}`, 'utf8')).not.toMatch(/WebGLRenderer|three\.core/);
   });
 
-  it('the time line comes where there is a past, in 25 kB, and what reads the past by itself, in 4', () => {
+  it('the time line comes where there is a past, in 25 kB, and its parts by themselves, in 3 to 6', () => {
     const all = chunks();
     const entry = Object.keys(all).find((name) => all[name]?.isEntry) ?? '';
     const shared = filesOf(all, entry);
     const reader = 'src/past/relay/past_reader.ts';
     const line = Object.keys(all).find((name) => all[name]?.dynamicImports?.includes(reader)) ?? '';
-    const sizeOf = (name: string) => {
-      const files = [...filesOf(all, name)].filter((file) => /past/i.test(file) && !shared.has(file));
+    const sizeOf = (name: string, had: ReadonlySet<string> = shared) => {
+      const files = [...filesOf(all, name)].filter(
+        (file) => (/past/i.test(file) || had !== shared) && !shared.has(file) && !had.has(file),
+      );
       expect(files).toContain(all[name]?.file);
       const sizes = files.map((file) => [file, kb(file)] as const);
       console.info(sizes.map(([file, size]) => `${file}: ${size.toFixed(1)} kB`).join('\n'));
@@ -127,6 +133,12 @@ describe.skipIf(!built)('bundle (skipped when spa/dist is not built)', () => {
     expect(sizeOf(line)).toBeLessThan(PAST_LIMIT_KB);
     expect(all[line]?.dynamicImports).toContain(reader);
     expect(sizeOf(reader)).toBeLessThan(PAST_READER_LIMIT_KB);
+    const panel = [...filesOf(all, 'src/app/numbers/Panel.tsx'), ...filesOf(all, line)];
+    const had = new Set([...shared, ...panel]);
+    const folder = 'src/app/past/time_line';
+    expect(sizeOf(`${folder}/line_part.ts`, had)).toBeLessThan(LINE_PART_LIMIT_KB);
+    expect(sizeOf(`${folder}/jump/MomentSheet.tsx`, had)).toBeLessThan(MOMENTS_LIMIT_KB);
+    expect(sizeOf(`${folder}/incidents/Incidents.tsx`, had)).toBeLessThan(INCIDENTS_LIMIT_KB);
   });
 
   it('signing in comes to nobody who does not sign in, in 40 kB', () => {

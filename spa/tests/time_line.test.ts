@@ -2,6 +2,7 @@
 import { createElement } from 'react';
 import { createRoot, type Root } from 'react-dom/client';
 import { afterEach, beforeAll, beforeEach, describe, expect, it, vi } from 'vitest';
+import { momentSheet } from '../src/app/past/time_line/jump/moment_sheet.ts';
 import { usePastKeys } from '../src/app/past/time_line/past_keys.ts';
 import { TimeLine } from '../src/app/past/time_line/TimeLine.tsx';
 import { nowMs } from '../src/stream/clock.ts';
@@ -181,6 +182,113 @@ describe('the time line', () => {
     past.timeline = timelineOf(nowMs(), 5);
     past.set({});
     await gone('range');
+  });
+
+  it('has times at rest, and says what it looks at', async () => {
+    const { past, host } = await timeLine();
+    await vi.waitFor(() =>
+      expect(host.querySelectorAll('.track-ticks text').length, 'live, and slim').toBeGreaterThan(2),
+    );
+    const labels = [...host.querySelectorAll('.track-ticks text')].map(({ textContent }) => textContent);
+    for (const label of labels) expect(label).toMatch(/^\d\d:\d\d$|^\d+ [A-Z]/);
+    expect(past.looked.at(-1)!.toMs - past.looked.at(-1)!.fromMs).toBeGreaterThanOrEqual(600_000);
+  });
+
+  it('has several scales where there is a long past, by list, button, key and wheel', async () => {
+    const now = nowMs();
+    const past = new FakePast(now, timelineOf(now, 31 * 1440));
+    const { find } = await timeLine(past);
+    past.rest(120);
+    const list = (await find('scale')) as HTMLSelectElement;
+    const shown = () => Number(list.value) / 60_000;
+    const looked = () => Math.round((past.looked.at(-1)!.toMs - past.looked.at(-1)!.fromMs) / 60_000);
+    expect([...list.options].map(({ text }) => text)).toEqual(['5 min', '30 min', '3 h', '24 h', '7 days']);
+    expect(shown(), 'hours by itself').toBe(180);
+    const track = await find('track');
+    expect(key(track, '-')).toBe(true);
+    await vi.waitFor(() => expect([shown(), looked()]).toEqual([1440, 1440]));
+    document.querySelector<HTMLElement>('.scale-step')!.click();
+    await vi.waitFor(() => expect([shown(), looked()]).toEqual([10_080, 10_080]));
+    for (const minutes of [1440, 180, 30]) {
+      key(track, '+');
+      await vi.waitFor(() => expect([shown(), looked()]).toEqual([minutes, minutes]));
+    }
+    const wheel = new WheelEvent('wheel', { deltaY: 100, bubbles: true, cancelable: true });
+    track.dispatchEvent(wheel);
+    expect(wheel.defaultPrevented, 'the page does not scroll by it').toBe(true);
+    await vi.waitFor(() => expect(shown()).toBe(180));
+    expect(key(document.body, '+'), 'it is the camera’s').toBe(false);
+    past.told.length = 0;
+    key(track, 'ArrowLeft');
+    expect(past.told).toEqual(['seek 130']);
+    past.rest(2 * 86_400);
+    const { fromMs, toMs } = await vi.waitFor(() => {
+      const span = past.looked.at(-1)!;
+      expect(span.toMs).toBeLessThan(now - 86_400_000);
+      return span;
+    });
+    const { momentMs } = past.playhead;
+    expect(momentMs > fromMs && momentMs < toMs, 'the playhead stays in sight').toBe(true);
+  });
+
+  it('has another scale by two fingers, which leave the moment as it was', async () => {
+    const now = nowMs();
+    const past = new FakePast(now, timelineOf(now, 31 * 1440));
+    const { find } = await timeLine(past);
+    past.rest(120);
+    const list = (await find('scale')) as HTMLSelectElement;
+    const track = await find('track');
+    const before = past.playhead.momentMs;
+    const touch = (type: string, pointerId: number, clientX: number) =>
+      pointer(track, type, clientX, { pointerId, pointerType: 'touch' });
+    touch('pointerdown', 1, 200);
+    touch('pointerdown', 2, 300);
+    expect(past.playhead.momentMs).toBe(before);
+    touch('pointermove', 2, 400);
+    await vi.waitFor(() => expect(list.value).toBe('1800000'));
+    touch('pointermove', 2, 230);
+    await vi.waitFor(() => expect(list.value).toBe('10800000'));
+    touch('pointerup', 1, 200);
+    touch('pointerup', 2, 230);
+    expect(past.playhead.momentMs).toBe(before);
+    touch('pointerdown', 3, 200);
+    expect(past.told.at(-1), 'one finger drags again').toMatch(/^scrub/);
+    touch('pointerup', 3, 200);
+  });
+
+  it('goes to a finer scale for a span that would be too narrow, and never draws one unseen', async () => {
+    const now = nowMs();
+    const past = new FakePast(now, timelineOf(now, 31 * 1440));
+    const { find } = await timeLine(past);
+    past.rest(120);
+    const list = (await find('scale')) as HTMLSelectElement;
+    past.set({ loop: { fromMs: now - 122_000, toMs: now - 120_000 } });
+    await vi.waitFor(() => expect(list.value).toBe('300000'));
+    const rect = (await find('loop')).querySelector('rect')!;
+    expect(Number(rect.getAttribute('width'))).toBeGreaterThanOrEqual(12);
+  });
+
+  it('has numbers in place of faults that would lie over one another', async () => {
+    const now = nowMs();
+    const marks = [300, 299, 298, 200, 60].map((agoS) => ({ atMs: now - agoS * 1000 }));
+    const { host } = await timeLine(new FakePast(now, timelineOf(now, 10, marks)));
+    await vi.waitFor(() => expect(host.querySelectorAll('.track-mark')).toHaveLength(3));
+    expect(host.querySelector('.track-count')?.textContent).toBe('3');
+  });
+
+  it('opens the sheet of moments by its button, by the clock and by G', async () => {
+    const { past, find, host } = await timeLine();
+    (await find('jump')).click();
+    expect(momentSheet.get()).toBe(past);
+    momentSheet.set(null);
+    past.rest(120);
+    await find('transport');
+    host.querySelector<HTMLElement>('.transport-moment')!.click();
+    expect(momentSheet.get()).toBe(past);
+    momentSheet.set(null);
+    expect(key(document.body, 'g')).toBe(true);
+    expect(momentSheet.get()).toBe(past);
+    momentSheet.set(null);
   });
 
   it('has hundredths at the playhead where it rests, also where a phone shows nothing else', async () => {

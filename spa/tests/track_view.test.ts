@@ -1,11 +1,15 @@
 import { describe, expect, it } from 'vitest';
-import { drawnMarks, markNear, whatWords } from '../src/app/past/time_line/marks.ts';
+import { markNear } from '../src/app/past/time_line/marks.ts';
 import { movementPath, runsOf } from '../src/app/past/time_line/movement.ts';
-import { msAt, pxAt, RECENT_MS, shownSpan, ticksOf } from '../src/app/past/time_line/track_view.ts';
+import { ALL } from '../src/app/past/time_line/scale/scales.ts';
+import { whatWords } from '../src/app/past/time_line/Tip.tsx';
+import { drawnMarks } from '../src/app/past/time_line/TrackPicture.tsx';
+import { msAt, pxAt, shownSpan } from '../src/app/past/time_line/track_view.ts';
 import { relayAhead } from '../src/past/player/relay_now.ts';
 import { timelineOf } from './past_fake.ts';
 
 const MIN = 60_000;
+const RECENT_MS = 5 * MIN;
 const T = Date.UTC(2026, 10, 22, 14, 30);
 /** Ten minutes over 600 px between the pads: a pixel is a second. */
 const VIEW = { fromMs: T - 10 * MIN, toMs: T, widthPx: 614 };
@@ -23,49 +27,29 @@ describe('the shown span', () => {
   const newest = { fromMs: T - RECENT_MS, toMs: T };
 
   it('is all there is, but never less than a minute', () => {
-    expect(shownSpan(whole, 'all', T, null)).toEqual(whole);
-    expect(shownSpan({ fromMs: T - 20_000, toMs: T }, 'all', T, null)).toEqual({ fromMs: T - MIN, toMs: T });
+    expect(shownSpan(whole, ALL, T, null)).toEqual(whole);
+    expect(shownSpan({ fromMs: T - 20_000, toMs: T }, ALL, T, null)).toEqual({ fromMs: T - MIN, toMs: T });
   });
 
   it('is the newest five minutes as long as the playhead is in them', () => {
-    expect(shownSpan(whole, 'recent', T, null)).toEqual(newest);
-    expect(shownSpan(whole, 'recent', T - 5 * MIN, whole)).toEqual(newest);
+    expect(shownSpan(whole, RECENT_MS, T, null)).toEqual(newest);
+    expect(shownSpan(whole, RECENT_MS, T - 5 * MIN, whole)).toEqual(newest);
   });
 
   it('is elsewhere a page with the playhead, which stands still until the playhead leaves it', () => {
-    const page = shownSpan(whole, 'recent', T - 20 * MIN, whole);
+    const page = shownSpan(whole, RECENT_MS, T - 20 * MIN, whole);
     expect(page.toMs - page.fromMs).toBe(RECENT_MS);
-    expect(shownSpan({ ...whole, toMs: T + MIN }, 'recent', T - 18 * MIN, page)).toBe(page);
-    const next = shownSpan(whole, 'recent', page.toMs + 1, page);
+    expect(shownSpan({ ...whole, toMs: T + MIN }, RECENT_MS, T - 18 * MIN, page)).toBe(page);
+    const next = shownSpan(whole, RECENT_MS, page.toMs + 1, page);
     expect(next.fromMs).toBeGreaterThan(page.toMs - MIN);
-    const back = shownSpan(whole, 'recent', page.fromMs - 1, page);
+    const back = shownSpan(whole, RECENT_MS, page.fromMs - 1, page);
     expect(back.toMs).toBeLessThan(page.fromMs + MIN);
   });
 
   it('does not reach before the oldest or behind now', () => {
-    expect(shownSpan(whole, 'recent', whole.fromMs + 1000, whole).fromMs).toBe(whole.fromMs);
+    expect(shownSpan(whole, RECENT_MS, whole.fromMs + 1000, whole).fromMs).toBe(whole.fromMs);
     const page = { fromMs: T - 11 * MIN, toMs: T - 6 * MIN };
-    expect(shownSpan(whole, 'recent', T - 5.5 * MIN, page).toMs).toBeLessThanOrEqual(T);
-  });
-});
-
-describe('ticks', () => {
-  it('lie at round times of the viewer’s zone, labels far enough apart to be read', () => {
-    const { ticks, labelS } = ticksOf(VIEW, 0);
-    expect(labelS).toBe(120);
-    expect(ticks.filter(({ labelled }) => labelled).map(({ atMs }) => (T - atMs) / MIN)).toEqual([
-      ...[10, 8, 6, 4, 2, 0],
-    ]);
-    expect(ticks.every(({ atMs }) => atMs % 10_000 === 0)).toBe(true);
-  });
-
-  it('follow zones that are not whole hours away', () => {
-    const day = { fromMs: T - 24 * 60 * MIN, toMs: T, widthPx: 1000 };
-    const kathmandu = 345 * MIN;
-    const { ticks, labelS } = ticksOf(day, kathmandu);
-    for (const { atMs, labelled } of ticks)
-      if (labelled) expect((atMs + kathmandu) % (labelS * 1000)).toBe(0);
-    expect(ticks.some(({ labelled }) => labelled)).toBe(true);
+    expect(shownSpan(whole, RECENT_MS, T - 5.5 * MIN, page).toMs).toBeLessThanOrEqual(T);
   });
 });
 
@@ -125,6 +109,7 @@ describe('marks', () => {
       ['fault', 487, false],
       ['fault', 547, true],
     ]);
+    expect(drawn.map(({ count }) => count)).toEqual([1, 2, 1, 2]);
   });
 
   it('are meant by taps within 10 px, faults before cautions', () => {
@@ -137,7 +122,7 @@ describe('marks', () => {
     const said = (xPx: number) =>
       whatWords(timeline, VIEW, xPx, msAt(VIEW, xPx)).replace(/[\u2068\u2069]/g, '');
     expect(said(309)).toBe('RKN jam and 2 more');
-    expect(said(487)).toBe('RKN jam, within this minute');
+    expect(said(487)).toBe('a fault, within this minute');
     expect(said(400)).toBe('');
   });
 
@@ -151,6 +136,8 @@ describe('marks', () => {
     const line = { ...timeline, movement, words: [silent] };
     const said = (agoS: number) => whatWords(line, VIEW, 607 - agoS, T - agoS * 1000);
     expect([195, 160, 40, 2].map(said)).toEqual(['STALE', 'not recorded', '', '']);
+    const unknown = [{ fromMs: T - 170_000, toMs: T - 150_000 }];
+    expect(whatWords({ ...line, unknown }, VIEW, 607 - 160, T - 160_000), 'it is not known').toBe('');
   });
 });
 

@@ -1,5 +1,5 @@
-import type { EventMessage, KeyPose, RobotStatus, Schema, Segment } from '@posecast/wire';
-import type { Span, Timeline } from './past_types.ts';
+import type { KeyPose, RobotStatus, Schema, Segment } from '@posecast/wire';
+import type { PastEvent, Span, Timeline } from './past_types.ts';
 
 /** What the index says of a segment, see *The past* in `docs/PROTOCOL.md`. */
 export interface SegmentRef extends Span {
@@ -16,7 +16,7 @@ export interface SegmentRef extends Span {
   /** Frames of its run that got lost before it. */
   readonly missing: number;
   readonly words: readonly { readonly atMs: number; readonly word: RobotStatus }[];
-  readonly events: readonly (EventMessage & { readonly atMs: number })[];
+  readonly events: readonly PastEvent[];
 }
 
 /** Why something of the past can't be had. `gone`: it is not kept any more, or not for this page. `away`: its source does
@@ -38,12 +38,15 @@ export interface PastSource {
   readonly onChange: (listener: () => void) => () => void;
   /** How often the newest is asked for: `idle` while nobody looks back, else `near`. */
   follow(how: 'idle' | 'near'): void;
+  /** Fetches, by minutes, what was recorded on the days (UTC) of a span, as far as that is not known. Rejects with a
+   *  `PastError`. A source that knows all from the start has none. */
+  loadDays?(span: Span): Promise<void>;
   /** Fetches the index of a span, as far as it is kept and not known yet. Rejects with a `PastError`. */
   loadIndex(span: Span): Promise<void>;
   /** The known segments that have a part in a span, by beginning, then take. */
   segmentsIn(span: Span): readonly SegmentRef[];
-  /** Fetches the first poses of the segments of a span. Rejects with a `PastError`. */
-  loadKeys(span: Span): Promise<void>;
+  /** Fetches the first poses of the segments of a span. `everyMs`: one in so long will do. Rejects with a `PastError`. */
+  loadKeys(span: Span, everyMs?: number): Promise<void>;
   /** The newest loaded first pose at or before a moment, else the oldest behind it; null if none of its ten minutes is
    *  loaded. */
   keyAt(momentMs: number): KeyPose | null;

@@ -39,11 +39,11 @@ export interface PastSink {
 /**
  * Something that the person has to be told about what is shown. `loading`: it is on its way. `resumed`: its moment left
  * the window, so it goes on at the oldest. `not-kept`: the moment that a link names is not kept, and the nearest is shown.
- * `not-come`: it is still to come, and the present is shown.
+ * `not-come`: it is still to come, and the present is shown. `unlooped`: somebody went out of the span that was repeated.
  * `damaged`: a part did not arrive as it was recorded, and was passed over. `away`: the relay, or the host of a recording, does
  * not answer, so only what the page has can be shown.
  */
-export type PastNote = 'loading' | 'resumed' | 'not-kept' | 'not-come' | 'damaged' | 'away';
+export type PastNote = 'loading' | 'resumed' | 'not-kept' | 'not-come' | 'unlooped' | 'damaged' | 'away';
 
 /** Where the page is in time. Every change makes a new object. */
 export interface Playhead {
@@ -74,6 +74,8 @@ export interface Mark {
   readonly text: string;
   /** Whether the moment is exact; else it is that of a minute in which as much is known to have begun. */
   readonly exact: boolean;
+  /** How many began in that minute; 1 unless said. */
+  readonly count?: number;
 }
 
 /** What a time line draws, oldest first. Every change makes a new object. */
@@ -83,7 +85,12 @@ export interface Timeline extends Span {
   /** When the robot was STALE (`silent`) or OFFLINE. */
   readonly words: readonly (Span & { readonly word: 'silent' | 'offline' })[];
   readonly marks: readonly Mark[];
+  /** Days of which something was recorded, and what is not known yet; none unless said. Nothing else lies in them. */
+  readonly unknown?: readonly Span[];
 }
+
+/** An event and when the relay had it. */
+export type PastEvent = EventMessage & { readonly atMs: number };
 
 /** What somebody can do with a robot's past. */
 export interface PastControls {
@@ -97,6 +104,17 @@ export interface PastControls {
   readonly onChange: (listener: () => void) => () => void;
   /** Somebody looks at the time line, so what a drag needs is fetched. */
   attend(): void;
+  /** The time line shows a span: what is not known of its days is fetched, and a drag across hours needs less of each minute. */
+  look(span: Span): void;
+  /** Shows a moment that somebody named, and rests there; if it is not kept, or nothing was recorded then, the nearest that is;
+   *  if it is still to come, the present. Either is told. */
+  openAt(momentMs: number): void;
+  /** Fetches what was recorded on the day (UTC) of a moment, by minutes. Resolves to whether that is known. */
+  loadDay(momentMs: number): Promise<boolean>;
+  /** The known events of a span, oldest first, each once. */
+  eventsIn(span: Span): readonly PastEvent[];
+  /** Fetches the events of the ten minutes in which a moment lies. Resolves to whether they are here. */
+  loadEvents(momentMs: number): Promise<boolean>;
   /** Shows a moment. From live it plays on from there; in the past it plays or rests as before. `scrubbing`: a finger is
    *  down, and a pose of the same seconds is near enough until `settle`. */
   seek(momentMs: number, scrubbing?: boolean): void;

@@ -2,6 +2,7 @@ import type { Text } from './en.ts';
 import type { More } from './more_en.ts';
 
 export { accountKo } from './account_ko.ts';
+export { momentsKo } from './moments/moments_ko.ts';
 export { pastKo } from './past_ko.ts';
 export { presentKo } from './present_ko.ts';
 export { recordingKo } from './recording/recording_ko.ts';
@@ -128,6 +129,7 @@ export const moreKo: More = {
   pastLoading: '불러오는 중',
   pastResumed: '그 순간은 이제 보관되어 있지 않아, 남아 있는 가장 오래된 순간부터 이어집니다.',
   pastDamaged: '한 부분이 기록된 그대로 오지 않아 건너뛰었습니다.',
+  pastUnlooped: '반복 구간을 벗어나 반복을 끝냈습니다.',
   pastAway: '릴레이가 응답하지 않아, 이 페이지가 가진 것만 보여 줄 수 있습니다.',
   recordingAway: '이 녹화가 있는 서버가 응답하지 않아 이 페이지에 있는 것만 보여 줍니다. 다시 시도합니다.',
   allExplained: '모든 용어 설명',
@@ -455,9 +457,11 @@ export const moreKo: More = {
   keySpeed: '느리게, 빠르게',
   keyLoop: '여기부터 반복, 여기까지 반복, 반복 끝내기',
   keyLive: '실시간으로 돌아가기',
-  keyOnLine: '타임라인에서: 1초, Shift와 함께 10초',
-  keyMinute: '타임라인에서: 1분',
+  keyOnLine: '타임라인에서: 1초, Shift와 함께 10초; 긴 타임라인에서는 더 멀리',
+  keyMinute: '타임라인에서: 1분; 긴 타임라인에서는 더 멀리',
   keyEnds: '타임라인에서: 가장 오래된 순간, 실시간',
+  keyScale: '타임라인에서: 더 짧은 시간, 더 긴 시간',
+  keyJump: '날짜와 시각, 또는 고장으로 이동',
 };
 
 /** What an agent reports about its source, by its English words; null for words that are not known. */

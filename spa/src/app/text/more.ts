@@ -1,6 +1,8 @@
 import { korean, useText } from './language.ts';
 import { type More, moreEn } from './more_en.ts';
 
+export type { More };
+
 /** The sentences of `more_en.ts`, in the language in force. For code outside components; in a component use `useMore`. */
 export function more(): More {
   return korean()?.moreKo ?? moreEn;

@@ -14,6 +14,7 @@ export const moreEn = {
   pastLoading: 'Loading',
   pastResumed: 'That moment is no longer kept; it goes on at the oldest there is.',
   pastDamaged: 'A part did not arrive as it was recorded, and was passed over.',
+  pastUnlooped: 'Repeating has ended: this moment lies outside of what was repeated.',
   pastAway: 'The relay does not answer; only what this page has can be shown.',
   recordingAway:
     'The host of this recording does not answer; only what this page has can be shown. Trying again.',
@@ -332,9 +333,11 @@ export const moreEn = {
   keySpeed: 'slower, faster',
   keyLoop: 'repeat from here, up to here, no longer',
   keyLive: 'end the visit: back to live',
-  keyOnLine: 'on the time line: 1 s; with Shift 10 s',
-  keyMinute: 'on the time line: 1 min',
+  keyOnLine: 'on the time line: 1 s; with Shift 10 s; more on a line of hours',
+  keyMinute: 'on the time line: 1 min; more on a line of hours',
   keyEnds: 'on the time line: the oldest, live',
+  keyScale: 'on the time line: less, more of the time',
+  keyJump: 'go to a day and time, or to a fault',
   // ---- side by side
   robotsSideBySide: (count: number) => `${count} robots side by side`,
   noModel: 'It has sent no model of its body.',

@@ -11,7 +11,7 @@ export const pastEn = {
   paused: 'paused',
   notRecorded: 'not recorded',
   andMore: (what: string, more: number) => `${what} and ${more} more`,
-  within: (what: string) => `${what}, within this minute`,
+  faultsWithin: (count: number) => `${count === 1 ? 'a fault' : `${count} faults`}, within this minute`,
 
   // ---- what plays it
   play: 'Play (Space)',
@@ -28,5 +28,6 @@ export const pastEn = {
   loopOff: 'End repeating (O)',
   showLast: (span: string) => `Show the last ${span}`,
 
+  jump: 'Go to a moment (G)',
   explainLine: 'What the time line shows',
 };

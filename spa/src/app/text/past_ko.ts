@@ -11,7 +11,7 @@ export const pastKo: typeof pastEn = {
   paused: '일시 정지됨',
   notRecorded: '기록 없음',
   andMore: (what, more) => `${what} 외 ${more}건`,
-  within: (what) => `${what}, 이 1분 안에`,
+  faultsWithin: (count) => `이 1분 안에 고장 ${count}건`,
 
   play: '재생 (스페이스)',
   pause: '일시 정지 (스페이스)',
@@ -27,5 +27,6 @@ export const pastKo: typeof pastEn = {
   loopOff: '반복 끝내기 (O)',
   showLast: (span) => `최근 ${span} 보기`,
 
+  jump: '순간으로 이동 (G)',
   explainLine: '타임라인에 보이는 것',
 };

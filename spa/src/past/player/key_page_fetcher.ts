@@ -1,23 +1,46 @@
 import type { PastSource } from '../past_source.ts';
-import { type Loads, PAGE_MS } from './loads.ts';
+import type { Span } from '../past_types.ts';
+import { type Loads, nameOfDay, PAGE_MS } from './loads.ts';
 
 /** Of how many ten minutes first poses are fetched when somebody looks; those of others when a finger comes there. */
 const ATTENDED_PAGES = 6;
+/** A finger that has not moved for so long rests, ms. */
+const REST_MS = 150;
+/** Over a longer line a finger crosses a minute with every few pixels, ms. */
+const COARSE_MS = 2 * 3_600_000;
 
-/** Fetches what a drag needs: index and first poses, page by page. */
+/** Fetches what the line and a drag along it need: days, index and first poses, page by page. */
 export class KeyPageFetcher {
+  #isAttended = false;
   #isAsked = false;
   #isBusy = false;
+  #sight: Span = { fromMs: 0, toMs: 0 };
+  #isLooking = false;
+  #unrest = (): void => undefined;
 
   constructor(
     private readonly source: PastSource,
     private readonly loads: Loads,
+    private readonly schedule: (run: () => void, afterMs: number) => () => void,
   ) {}
 
-  /** Fetches the newest pages, once, the newest first. Does nothing while no timeline is known. */
+  /** Somebody may drag soon. Returns whether that is news. */
+  attend(): boolean {
+    const isNew = !this.#isAttended;
+    this.#isAttended = true;
+    if (isNew) void this.fetch();
+    return isNew;
+  }
+
+  get isAttended(): boolean {
+    return this.#isAttended;
+  }
+
+  /** Fetches the newest pages, once, the newest first. Does nothing while no timeline is known, nobody may drag, or the line
+   *  is so long that a drag needs what it comes to rest at alone. */
   async fetch(): Promise<void> {
     const { timeline } = this.source;
-    if (timeline === null || this.#isAsked) return;
+    if (timeline === null || this.#isAsked || !this.#isAttended || this.#isCoarse) return;
     this.#isAsked = true;
     const newest = Math.floor(timeline.toMs / PAGE_MS);
     const oldest = Math.max(Math.floor(timeline.fromMs / PAGE_MS), newest - ATTENDED_PAGES + 1);
@@ -28,13 +51,53 @@ export class KeyPageFetcher {
     }
   }
 
-  /** Fetches the page of a moment, unless another one is on its way: a finger moves faster than they come. */
+  /** The line shows a span. */
+  look(span: Span): void {
+    this.#sight = span;
+    void this.fetch();
+    void this.fetchDays();
+  }
+
+  /** Fetches the unknown days that the line shows, the newest first, one by one. */
+  async fetchDays(): Promise<void> {
+    if (this.#isLooking) return;
+    this.#isLooking = true;
+    const tried = new Set<string>();
+    const isWanted = ({ fromMs, toMs }: Span) =>
+      fromMs < this.#sight.toMs && toMs > this.#sight.fromMs && !tried.has(nameOfDay(fromMs));
+    for (let day = this.#unknown(isWanted); day !== null; day = this.#unknown(isWanted)) {
+      tried.add(nameOfDay(day.fromMs));
+      await this.loads.day(day.fromMs);
+    }
+    this.#isLooking = false;
+  }
+
+  /** Fetches what is near a moment for a finger there. Where it crosses a page with every few pixels, a pose of each minute
+   *  alone, and only once it rests; else all of its page, unless another one is on its way. */
   async want(momentMs: number): Promise<void> {
+    this.stop();
     const page = Math.floor(momentMs / PAGE_MS);
+    if (this.#isCoarse) {
+      this.#unrest = this.schedule(() => void this.loads.keys(page, true), REST_MS);
+      return;
+    }
     if (this.#isBusy || !['none', 'away'].includes(this.loads.stateOf(`keys ${page}`))) return;
     this.#isBusy = true;
     await this.#fetchPage(page);
     this.#isBusy = false;
+  }
+
+  /** No finger is down. */
+  stop(): void {
+    this.#unrest();
+  }
+
+  get #isCoarse(): boolean {
+    return this.#sight.toMs - this.#sight.fromMs > COARSE_MS;
+  }
+
+  #unknown(isWanted: (day: Span) => boolean): Span | null {
+    return this.source.timeline?.unknown?.findLast(isWanted) ?? null;
   }
 
   async #fetchPage(page: number): Promise<void> {

@@ -7,6 +7,9 @@ export const RETRY_MS = 2000;
 const SCHEMAS_MAX = 8;
 /** Of a page of the index and of first poses. */
 export const PAGE_MS = 600_000;
+const DAY_MS = 86_400_000;
+/** How far apart first poses are where a day is looked through, ms. */
+const COARSE_MS = 60_000;
 
 export type LoadState = 'none' | 'loading' | 'ready' | PastError['why'];
 
@@ -64,10 +67,17 @@ export class Loads {
     return this.#load(`index ${page}`, () => this.source.loadIndex(spanOf(page)));
   }
 
-  /** The first poses of ten minutes. */
-  keys(page: number): Promise<void> {
-    if (this.stateOf(`keys ${page}`) === 'ready') return Promise.resolve();
-    return this.#load(`keys ${page}`, () => this.source.loadKeys(spanOf(page)));
+  /** The first poses of ten minutes; `coarse`: of each minute one. */
+  keys(page: number, coarse = false): Promise<void> {
+    const name = `${coarse ? 'some' : ''}keys ${page}`;
+    if (this.stateOf(name) === 'ready' || this.stateOf(`keys ${page}`) === 'ready') return Promise.resolve();
+    return this.#load(name, () => this.source.loadKeys(spanOf(page), coarse ? COARSE_MS : 0));
+  }
+
+  /** What was recorded on the day (UTC) of a moment, by minutes. */
+  day(atMs: number): Promise<void> {
+    const fromMs = atMs - (atMs % DAY_MS);
+    return this.#load(nameOfDay(atMs), async () => this.source.loadDays?.({ fromMs, toMs: fromMs }));
   }
 
   /** A schema's reader, if it is here. */
@@ -124,7 +134,8 @@ export class Loads {
       () => {
         if (abort.signal.aborted) return;
         load.state = 'ready';
-        if (name.includes('/')) this.#loads.delete(name); // the tape has it
+        // the tape has it, or the source, which says what it has not (any more)
+        if (name.includes('/') || name.startsWith('day')) this.#loads.delete(name);
         this.onChange();
       },
       (error: unknown) => {
@@ -138,6 +149,11 @@ export class Loads {
   }
 }
 
+/** What a moment's day is called. */
+export function nameOfDay(atMs: number): string {
+  return `day ${Math.floor(atMs / DAY_MS)}`;
+}
+
 function spanOf(page: number): Span {
-  return { fromMs: page * PAGE_MS, toMs: (page + 1) * PAGE_MS };
+  return { fromMs: page * PAGE_MS, toMs: (page + 1) * PAGE_MS - 1 }; // a span has its end, and so the page of that
 }

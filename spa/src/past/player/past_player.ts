@@ -1,7 +1,16 @@
 import type { EventMessage } from '@posecast/wire';
 import type { Recorded } from '../../twin/liveness.ts';
 import type { PastSource } from '../past_source.ts';
-import type { PastControls, PastNote, PastSink, Playhead, Span, Speed, Timeline } from '../past_types.ts';
+import type {
+  PastControls,
+  PastEvent,
+  PastNote,
+  PastSink,
+  Playhead,
+  Span,
+  Speed,
+  Timeline,
+} from '../past_types.ts';
 import { faultBeside } from './fault_marks.ts';
 import { Fill } from './fill.ts';
 import { KeyPageFetcher } from './key_page_fetcher.ts';
@@ -11,7 +20,7 @@ import { LINK_NOTE_MS, PastNotes } from './notes.ts';
 import type { Alignment, OwnTape } from './own_tape.ts';
 import { PlayheadClock } from './playhead.ts';
 import { Projector } from './projector.ts';
-import { listRecentEvents } from './recent_events.ts';
+import { listEvents, listRecentEvents, pageBefore } from './recent_events.ts';
 import { type Pending, Reel } from './reel.ts';
 import { relayAhead } from './relay_now.ts';
 import { Tape, type TapeFrame } from './tape.ts';
@@ -25,6 +34,8 @@ const AGAIN_MS = 3000;
 /** A link's moment is not kept where nothing is recorded so near to it, ms. */
 const LINK_APART_MS = 10_000;
 const MINUTE_MS = 60_000;
+/** How many days are looked through for a fault at a press. */
+const VISIT_DAYS_MAX = 7;
 const NAMES = ['at', 'playing', 'speed', 'loop', 'note'] as const;
 
 export interface PastPorts {
@@ -62,7 +73,6 @@ export class PastPlayer implements PastControls {
 
   #isPast = false;
   #loop: Span | null = null;
-  #isAttended = false;
   /** A finger is down. `isNewest`: at the newest end. */
   #scrubbing: { isNewest: boolean } | null = null;
   /** The moment whose exact state is not shown yet. */
@@ -73,6 +83,8 @@ export class PastPlayer implements PastControls {
   #aheadMs = Number.NEGATIVE_INFINITY;
   /** Frames to go. */
   #steps = 0;
+  /** Counts the moments that were wanted. */
+  #wants = 0;
   /** Counts what makes a search for faults obsolete. */
   #acts = 0;
   /** The newest visit to a fault: to where, when by the page's clock, and as which of the acts. */
@@ -92,11 +104,12 @@ export class PastPlayer implements PastControls {
     this.#reel = new Reel(source, this.#tape, own, this.#loads, (alignment) => this.#align(alignment));
     const listRecent = (momentMs: number) => listRecentEvents(source, ports.heard(), momentMs);
     this.#projector = new Projector(sink, own, listRecent);
-    this.#keyFetcher = new KeyPageFetcher(source, this.#loads);
+    this.#keyFetcher = new KeyPageFetcher(source, this.#loads, ports.schedule);
     this.#fill = new Fill(ports, this.#tape, this.#reel, this.#loads);
     this.#playhead = this.#read();
     this.#unfollow = source.onChange(() => {
-      if (this.#isAttended) void this.#keyFetcher.fetch();
+      void this.#keyFetcher.fetch();
+      void this.#keyFetcher.fetchDays();
       this.#work();
       this.#publish(true);
     });
@@ -147,10 +160,27 @@ export class PastPlayer implements PastControls {
   }
 
   attend(): void {
-    if (this.#isAttended) return;
-    this.#isAttended = true;
-    this.#ports.source.follow('near');
-    void this.#keyFetcher.fetch();
+    if (this.#keyFetcher.attend()) this.#ports.source.follow('near');
+  }
+
+  look(span: Span): void {
+    this.#keyFetcher.look(span);
+  }
+
+  async loadDay(momentMs: number): Promise<boolean> {
+    const isUnknown = ({ fromMs, toMs }: Span) => momentMs >= fromMs && momentMs < toMs;
+    if (this.timeline?.unknown?.some(isUnknown)) await this.#loads.day(momentMs);
+    return this.timeline?.unknown?.some(isUnknown) !== true;
+  }
+
+  eventsIn(span: Span): readonly PastEvent[] {
+    return listEvents(this.#ports.source, span);
+  }
+
+  async loadEvents(momentMs: number): Promise<boolean> {
+    const page = Math.floor(momentMs / PAGE_MS);
+    await this.#loads.index(page);
+    return this.#loads.stateOf(`index ${page}`) === 'ready';
   }
 
   seek(momentMs: number, scrubbing = false): void {
@@ -161,10 +191,9 @@ export class PastPlayer implements PastControls {
       return;
     }
     const wantedMs = this.#keptMs(momentMs);
-    if (this.#loop !== null && (wantedMs < this.#loop.fromMs || wantedMs > this.#loop.toMs))
-      this.#loop = null;
     this.#enter();
     if (!scrubbing) {
+      this.#leaveLoop(wantedMs);
       this.#jump(wantedMs);
       return;
     }
@@ -179,8 +208,12 @@ export class PastPlayer implements PastControls {
     const scrubbed = this.#scrubbing;
     if (scrubbed === null) return;
     this.#act();
-    if (scrubbed.isNewest) this.goLive();
-    else this.#jump(this.#clock.momentMs);
+    if (scrubbed.isNewest) {
+      this.goLive();
+      return;
+    }
+    this.#leaveLoop(this.#clock.momentMs);
+    this.#jump(this.#clock.momentMs);
   }
 
   toggle(): void {
@@ -256,12 +289,10 @@ export class PastPlayer implements PastControls {
     this.#clock.running = false;
     this.#clock.speed = 1;
     this.#loads.keepOnly([]);
-    if (!this.#isAttended) this.#ports.source.follow('idle');
+    if (!this.#keyFetcher.isAttended) this.#ports.source.follow('idle');
     this.#publish();
   }
 
-  /** Shows the moment that a link names, and rests there; if it is not kept, the nearest that is, and if it
-   *  is still to come, the present; both are told. */
   openAt(momentMs: number): void {
     this.#act();
     this.#enter();
@@ -286,6 +317,13 @@ export class PastPlayer implements PastControls {
     this.#askedMs = null;
   }
 
+  /** Who goes out of what is repeated is told that it ends. */
+  #leaveLoop(momentMs: number): void {
+    if (this.#loop === null || (momentMs >= this.#loop.fromMs && momentMs <= this.#loop.toMs)) return;
+    this.#loop = null;
+    this.#say('unlooped');
+  }
+
   #enter(): void {
     if (this.#isPast) return;
     this.#isPast = true;
@@ -300,6 +338,7 @@ export class PastPlayer implements PastControls {
 
   #jump(momentMs: number): void {
     this.#scrubbing = null;
+    this.#keyFetcher.stop();
     this.#want(momentMs);
     const { source } = this.#ports;
     this.#loads.keepOnly(source.segmentsIn({ fromMs: momentMs - MINUTE_MS, toMs: momentMs + MINUTE_MS / 2 }));
@@ -311,6 +350,7 @@ export class PastPlayer implements PastControls {
     this.#fill.stop();
     this.#clock.set(momentMs, nowMs);
     this.#wantedMs = momentMs;
+    this.#wants += 1;
     this.#steps = 0;
     this.#shownMs = nowMs;
     this.#notes.rest();
@@ -346,6 +386,7 @@ export class PastPlayer implements PastControls {
       this.#showKey(momentMs);
       return;
     }
+    if (this.#askedMs !== null && situation.word === 'online' && this.#goNearer(momentMs, frame)) return;
     const shownMs = Math.max(momentMs, frame?.atMs ?? 0);
     this.#projector.show(frame, shownMs, situation);
     this.#clock.set(shownMs, nowMs);
@@ -354,9 +395,32 @@ export class PastPlayer implements PastControls {
     this.#changedMs = Number.NEGATIVE_INFINITY; // it is told at once
     this.#notes.rest();
     if (isDamaged) this.#say('damaged');
-    const isApart = frame === null || Math.abs(momentMs - frame.atMs) > LINK_APART_MS;
+    const isApart = frame === null || Math.abs((this.#askedMs ?? momentMs) - frame.atMs) > LINK_APART_MS;
     if (this.#askedMs !== null && isApart && situation.word === 'online') this.#say('not-kept');
     if (frame !== null) this.#fill.soon(frame);
+    void this.#recall(shownMs);
+  }
+
+  /** From a moment that was named, at which nothing was recorded, goes to what was, before it or after, if that is not near. */
+  #goNearer(momentMs: number, before: TapeFrame | null): boolean {
+    const agoMs = before === null ? Number.POSITIVE_INFINITY : momentMs - before.atMs;
+    if (agoMs <= LINK_APART_MS) return false;
+    const nextMs = this.#reel.nextMs(null, momentMs);
+    const nearestMs = nextMs !== null && nextMs - momentMs < agoMs ? nextMs : (before?.atMs ?? momentMs);
+    if (nearestMs === momentMs) return false;
+    this.#jump(nearestMs);
+    return true;
+  }
+
+  /** Learns which faults there were in the ten minutes before, as far as another page has them, and shows the moment again
+   *  with them. */
+  async #recall(shownMs: number): Promise<void> {
+    const page = pageBefore(this.#ports.source, shownMs);
+    const wants = this.#wants;
+    if (page === null || this.#loads.stateOf(`index ${page}`) === 'ready') return;
+    await this.#loads.index(page);
+    if (wants !== this.#wants || !this.#isPast || this.#steps !== 0) return;
+    if (this.#loads.stateOf(`index ${page}`) === 'ready') this.#jump(this.#clock.momentMs);
   }
 
   /** Shows the first pose of a segment near a moment. */
@@ -419,7 +483,10 @@ export class PastPlayer implements PastControls {
     const isLong = nowMs - this.#shownMs >= GAP_MS;
     if (isHeld || (!isLong && this.#clock.speed <= 1)) return;
     const nextMs = this.#reel.nextMs(this.#projector.cursor, momentMs);
-    if (nextMs === null) {
+    const isFar = nextMs === null || nextMs - momentMs > GAP_MS;
+    const unknown = isFar ? this.#reel.unknownAfter(momentMs, nextMs ?? Number.POSITIVE_INFINITY) : null;
+    if (unknown !== null) this.#await([this.#reel.dayOf(unknown)]);
+    else if (nextMs === null) {
       if (this.#loop !== null) this.#jump(this.#loop.fromMs);
       else if (isLong || momentMs >= this.#newestMs()) this.goLive();
     } else if (isLong && nextMs - (this.#projector.cursor?.atMs ?? momentMs) > GAP_MS) {
@@ -454,12 +521,22 @@ export class PastPlayer implements PastControls {
     const isAgain = act === before + 1 && this.#ports.nowMs() - atMs < AGAIN_MS;
     const fromMs = isAgain ? goesMs : momentMs;
     const slackMs = !isAgain && this.#isPast && this.#clock.running ? 1000 : 1;
-    for (let tries = 0; ; tries += 1) {
+    for (let tries = 0, days = 0; ; tries += 1) {
       const mark = faultBeside(this.timeline?.marks ?? [], by, fromMs, slackMs);
+      const unknown =
+        by > 0
+          ? this.#reel.unknownAfter(fromMs, mark?.goesMs ?? Number.POSITIVE_INFINITY)
+          : this.#reel.unknownBefore(fromMs, mark?.goesMs ?? Number.NEGATIVE_INFINITY);
+      if (unknown !== null && days < VISIT_DAYS_MAX) {
+        await this.#loads.day(unknown.fromMs);
+        if (act !== this.#acts) return;
+        [days, tries] = [days + 1, -1];
+        continue;
+      }
       if (mark === null) return;
       if (mark.exact || tries > 1) {
         this.#visited = { goesMs: mark.goesMs, atMs: this.#ports.nowMs(), act };
-        this.#loop = null;
+        this.#leaveLoop(this.#keptMs(mark.goesMs));
         this.#enter();
         this.#jump(this.#keptMs(mark.goesMs));
         return;

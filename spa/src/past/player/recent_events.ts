@@ -1,10 +1,34 @@
 import type { EventMessage } from '@posecast/wire';
 import type { PastSource } from '../past_source.ts';
+import type { PastEvent, Span } from '../past_types.ts';
 import { inOrder, nameOf } from './happenings.ts';
+import { PAGE_MS } from './loads.ts';
+
+const MINUTE_MS = 60_000;
 
 /** How far back they go, ms. */
-const RECENT_MS = 600_000;
+export const RECENT_MS = 600_000;
 const EVENTS_MAX = 100;
+
+/** The known events of a span, oldest first: takes that overlap tell of the same ones. */
+export function listEvents(source: PastSource, { fromMs, toMs }: Span): readonly PastEvent[] {
+  const events = source.segmentsIn({ fromMs, toMs }).flatMap((ref) => ref.events);
+  const within = events.filter(({ atMs }) => atMs >= fromMs && atMs <= toMs);
+  const once = new Map(within.map((event) => [nameOf(event), event]));
+  return [...once.values()].sort((a, b) => a.atMs - b.atMs);
+}
+
+/** The ten minutes of the index that are needed to know the faults before a moment, and are not its own; null if none began
+ *  there, as far as is known by minutes. */
+export function pageBefore({ timeline }: PastSource, momentMs: number): number | null {
+  const sinceMs = momentMs - RECENT_MS;
+  const endMs = momentMs - (momentMs % PAGE_MS);
+  if (timeline === null || endMs <= timeline.fromMs) return null;
+  const isUnknown =
+    timeline.unknown?.some(({ fromMs, toMs }) => fromMs < endMs && toMs > sinceMs) ||
+    timeline.marks.some(({ atMs, exact }) => !exact && atMs < endMs && atMs > sinceMs - MINUTE_MS);
+  return isUnknown === true ? Math.floor(sinceMs / PAGE_MS) : null;
+}
 
 /** The newest events before a moment, oldest first, as far as they are known: what somebody would have been told who came
  *  then. `heard`: those that the live stream has told. */

@@ -1,7 +1,7 @@
 import type { PastSource, SegmentRef } from '../past_source.ts';
 import type { Span } from '../past_types.ts';
 import type { Situation } from './happenings.ts';
-import { type LoadState, type Loads, PAGE_MS } from './loads.ts';
+import { type LoadState, type Loads, nameOfDay, PAGE_MS } from './loads.ts';
 import type { Alignment, OwnTape } from './own_tape.ts';
 import {
   firstPlace,
@@ -184,7 +184,8 @@ export class Reel {
   /** The segments, and the index, that say what is at a moment. */
   #upTo(momentMs: number): { refs: SegmentRef[]; pages: Pending[] } {
     const moved = this.source.timeline?.movement.findLast(({ fromMs }) => fromMs <= momentMs);
-    const backMs = Math.min(momentMs, moved?.toMs ?? momentMs);
+    const unknown = this.unknownBefore(momentMs, moved?.toMs ?? Number.NEGATIVE_INFINITY);
+    const backMs = unknown === null ? Math.min(momentMs, moved?.toMs ?? momentMs) : momentMs;
     const pages = [
       ...this.#pages({ fromMs: backMs - SEGMENT_MS, toMs: backMs }),
       ...this.#pages({ fromMs: momentMs, toMs: momentMs }),
@@ -197,8 +198,31 @@ export class Reel {
       const sinceMs = Math.min(momentMs, Math.max(...endsMs)) - APART_MS;
       return { refs: refs.filter(({ toMs }) => toMs >= sinceMs), pages };
     }
+    if (unknown !== null) return { refs, pages: [...pages, this.dayOf(unknown)] };
     const behind = kept({ fromMs: momentMs, toMs: momentMs + PAGE_MS }).find(({ frames }) => frames > 0);
     return { refs: behind === undefined ? refs : [...refs, behind], pages };
+  }
+
+  /** The newest day before a moment, down to another one, of which nothing is known. */
+  unknownBefore(momentMs: number, sinceMs: number): Span | null {
+    return this.#unknown(sinceMs, momentMs).at(-1) ?? null;
+  }
+
+  /** The oldest day behind a moment, up to another one, of which nothing is known. */
+  unknownAfter(momentMs: number, untilMs: number): Span | null {
+    return this.#unknown(momentMs, untilMs)[0] ?? null;
+  }
+
+  /** Where a day can't be had, what is known has to do. */
+  #unknown(fromMs: number, toMs: number): readonly Span[] {
+    const days = this.source.timeline?.unknown ?? [];
+    const isLost = (day: Span) => ['gone', 'damaged'].includes(this.loads.stateOf(nameOfDay(day.fromMs)));
+    return days.filter((day) => day.toMs > fromMs && day.fromMs < toMs && !isLost(day));
+  }
+
+  dayOf({ fromMs, toMs }: Span): Pending {
+    const span = { fromMs, toMs, take: '', index: 0 };
+    return this.#pending(span, nameOfDay(fromMs), () => void this.loads.day(fromMs));
   }
 
   #sort(refs: readonly SegmentRef[], pages: readonly Pending[]): Near {

@@ -15,8 +15,10 @@ import { drawTimeline, type KnownMinute } from './past_timeline.ts';
 
 /** Of pages as JSON, 100,000 segments at most: an entry has more than 250 bytes. */
 const PAGES_BYTES_MAX = 25_000_000;
-/** Whose minutes are fetched; of older ones only pages. */
-const DAYS_MAX = 32;
+/** Whose minutes are kept: a week and what lies around it. */
+const DAYS_MAX = 16;
+/** A past so long is fetched whole, by minutes; of a longer one the days that somebody looks at. */
+const SHORT_MS = 3_600_000;
 /** A clock that was set back by more than this makes all that is known wrong. */
 const SET_BACK_MS = 60_000;
 /** After its end a page can get no further segment: one lasts 6 s at most, where the relay's clock goes on. */
@@ -52,7 +54,7 @@ export function pageOf(atMs: number): number {
 /** What is known of what was recorded: how far it reaches, by minutes, and by segments where their page was fetched. Times
  *  are the relay's. */
 export class PastIndex {
-  readonly #days = new Map<number, Day>();
+  readonly #days = new BoundedCache<number, Day>(DAYS_MAX);
   readonly #pages = new BoundedCache<number, IndexPage>(PAGES_BYTES_MAX);
   #summary: PastSummary | null = null;
   #toMs = 0;
@@ -97,24 +99,27 @@ export class PastIndex {
     }
     this.#summary = summary;
     this.#toMs = Math.max(this.#toMs, summary?.toMs ?? 0);
-    for (const dayMs of this.#days.keys()) if (dayMs + DAY_MS <= this.fromMs) this.#days.delete(dayMs);
+    for (const [dayMs] of this.#days.entries()) if (dayMs + DAY_MS <= this.fromMs) this.#days.delete(dayMs);
     for (const pageMs of this.pagesMs) if (pageMs + PAGE_MS <= this.fromMs) this.#pages.delete(pageMs);
     this.#change();
     return isAnother;
   }
 
-  /** The days whose minutes are not known, or not all of them any more, newest first. */
-  listDaysToFetch(): readonly number[] {
+  /** The days of a span whose minutes are not known, and those that are not known whole any more, newest first. */
+  listDaysToFetch(span: Span | null): readonly number[] {
+    const short = this.#toMs - this.fromMs <= SHORT_MS ? this : null;
+    const wanted = new Set([short, span].flatMap((each) => (each === null ? [] : this.#listDays(each))));
     return this.#listDays(this)
-      .slice(0, DAYS_MAX)
       .filter((dayMs) => {
         const day = this.#days.get(dayMs);
-        if (day === undefined) return true;
+        if (day === undefined) return wanted.has(dayMs);
+        if (wanted.has(dayMs)) this.#days.use(dayMs);
         // the longer a day's answer is, the seldomer it is asked for: one of 24 hours has more than 100 kB
         const afterMs = Math.max(1, Math.floor(day.minutes.length / 120)) * MINUTE_MS;
         const nextMs = day.knownMs - (day.knownMs % MINUTE_MS) + afterMs;
         return day.knownMs < dayMs + DAY_MS + CLOSED_MS && this.#toMs >= nextMs;
-      });
+      })
+      .slice(0, DAYS_MAX);
   }
 
   /** `knownMs`: what was newest when it was asked for. */
@@ -124,7 +129,7 @@ export class PastIndex {
       return { ...more, atMs, bytesPerS: (1000 * bytes) / Math.max(1000, lastedMs) };
     });
     const pagesMs = new Set(known.map(({ atMs }) => pageOf(atMs)));
-    this.#days.set(dayMs, { minutes: known.sort((a, b) => a.atMs - b.atMs), pagesMs, knownMs });
+    this.#days.set(dayMs, { minutes: known.sort((a, b) => a.atMs - b.atMs), pagesMs, knownMs }, 1);
     this.#change();
   }
 
@@ -231,11 +236,16 @@ export class PastIndex {
     // the segment that the window's beginning cuts can't be had any more
     const firstMs = segments[0]?.fromMs ?? 0;
     const fromMs = pageOf(firstMs) === pageOf(this.fromMs) ? firstMs : this.fromMs;
-    const minutes = [...this.#days]
+    const minutes = this.#days
+      .entries()
       .sort(([a], [b]) => a - b)
       .flatMap(([, day]) => day.minutes)
       .map((minute) => ({ ...minute, unknownMs: this.#pages.get(pageOf(minute.atMs))?.knownMs ?? 0 }));
-    return drawTimeline({ fromMs, toMs: this.#toMs }, segments, minutes);
+    const unknown = this.#listDays(this)
+      .filter((dayMs) => this.#days.get(dayMs) === undefined)
+      .map((dayMs) => ({ fromMs: Math.max(dayMs, fromMs), toMs: Math.min(dayMs + DAY_MS, this.#toMs) }))
+      .sort((a, b) => a.fromMs - b.fromMs);
+    return drawTimeline({ fromMs, toMs: this.#toMs }, segments, minutes, unknown);
   }
 
   #change(): void {

@@ -20,14 +20,17 @@ interface Change {
   readonly orderMs: number;
 }
 
-/** Draws a time line: of segments where they are known, else of minutes. Both are ordered by time. */
+/** Draws a time line: of segments where they are known, else of minutes. Both are ordered by time. `unknown`: days of which
+ *  neither is. */
 export function drawTimeline(
   span: Span,
   segments: readonly SegmentRef[],
   minutes: readonly PartlyKnown[],
+  unknown: readonly Span[] = [],
 ): Timeline {
   const movement: Timeline['movement'][number][] = [];
   const marks: Mark[] = [];
+  const isCut = (atMs: number) => unknown.some(({ fromMs }) => fromMs > atMs);
   const changes: Change[] = [];
 
   for (const { fromMs, toMs, frames, bytes, words, events } of segments) {
@@ -41,7 +44,7 @@ export function drawTimeline(
   minutes.forEach(({ atMs, unknownMs, bytesPerS, frames, word, faults }, i) => {
     const nextMs = minutes[i + 1]?.atMs;
     // of what is newer than the newest minute only the end is known: until it is asked for again it goes on as it was
-    const toMs = Math.min(nextMs === undefined ? span.toMs : atMs + MINUTE_MS, span.toMs);
+    const toMs = Math.min(nextMs === undefined && !isCut(atMs) ? span.toMs : atMs + MINUTE_MS, span.toMs);
     const fromMs = Math.max(atMs, unknownMs, span.fromMs);
     if (fromMs >= toMs) return;
     if (frames > 0) movement.push({ fromMs, toMs, bytesPerS });
@@ -50,12 +53,17 @@ export function drawTimeline(
     if (word !== 'offline' || nextMs === toMs) changes.push({ atMs: toMs, word: 'online', orderMs: toMs });
     // which of them began before `unknownMs` can't be told
     if (faults > 0 && unknownMs <= atMs)
-      marks.push({ atMs: fromMs, level: 'fault', source: '', text: '', exact: false });
+      marks.push({
+        ...{ atMs: fromMs, level: 'fault', source: '', text: '', exact: false },
+        ...(faults > 1 ? { count: faults } : {}),
+      });
   });
 
+  for (const { fromMs } of unknown) changes.push({ atMs: fromMs, word: 'online', orderMs: fromMs });
   movement.sort((a, b) => a.fromMs - b.fromMs);
   marks.sort((a, b) => a.atMs - b.atMs);
-  return { ...span, movement, words: drawWords(span, changes), marks };
+  const drawn = { ...span, movement, words: drawWords(span, changes), marks };
+  return unknown.length > 0 ? { ...drawn, unknown } : drawn;
 }
 
 function drawWords(span: Span, changes: Change[]): Timeline['words'] {

@@ -30,12 +30,16 @@ const KEYS_BYTES_WANTED = 100_000;
 const POSE_BYTES = 500; // until a page was seen
 /** As many pages of KEYs as are kept. */
 const KEY_PAGES_MAX = KEYS_KEPT_BYTES / KEYS_BYTES_WANTED;
+/** Between KEYs, unless a robot's agent is told otherwise. */
+const USUAL_SEGMENT_MS = 4000;
 const INDEX_PAGES_MAX = 1000;
 /** A page of more parts than this is none that a relay makes. */
 const PARTS_MAX = 8;
 const AT_ONCE = 4;
 
 interface KeysOfPage {
+  /** How far apart they may be, ms; 0: all are there that there is room for. */
+  readonly everyMs: number;
   readonly poses: readonly KeyPose[];
   /** All that begins before is there. */
   readonly knownMs: number;
@@ -43,8 +47,8 @@ interface KeysOfPage {
   readonly askedMs: number;
 }
 
-/** The past that a relay keeps of a robot. At first it asks only how far back that reaches and how much there was in each
- *  minute. */
+/** The past that a relay keeps of a robot. At first it asks only how far back that reaches and, if that is no more than an
+ *  hour, how much there was in each minute. */
 export class RelayPast implements PastSource {
   readonly #ports: RelayPorts;
   readonly #requests: PastRequests;
@@ -87,6 +91,12 @@ export class RelayPast implements PastSource {
     if (isNearer) void this.#askNewest();
   }
 
+  async loadDays(span: Span): Promise<void> {
+    await this.#opened();
+    await this.#fetchDays(span);
+    this.#tell();
+  }
+
   async loadIndex(span: Span): Promise<void> {
     await this.#opened();
     const pages = this.#index.listPages(span).filter((pageMs) => !this.#index.knows(pageMs, span.toMs));
@@ -97,12 +107,13 @@ export class RelayPast implements PastSource {
     return this.#index.segmentsIn(span);
   }
 
-  async loadKeys(span: Span): Promise<void> {
+  async loadKeys(span: Span, everyMs = 0): Promise<void> {
     await this.#opened();
     const pages = this.#index.listPages(span).slice(0, KEY_PAGES_MAX);
     await eachOf(
-      pages.filter((pageMs) => this.#lacksKeys(pageMs, span.toMs)),
-      (pageMs) => this.#shared.ask(`keys ${pageMs}`, (signal) => this.#fetchKeys(pageMs, signal)),
+      pages.filter((pageMs) => this.#lacksKeys(pageMs, span.toMs, everyMs)),
+      (pageMs) =>
+        this.#shared.ask(`keys ${pageMs} ${everyMs}`, (signal) => this.#fetchKeys(pageMs, everyMs, signal)),
     );
   }
 
@@ -188,12 +199,18 @@ export class RelayPast implements PastSource {
       this.#dueMs = this.#ports.nowMs() + BEGINNING_MS;
       return;
     }
-    await eachOf(this.#index.listDaysToFetch(), async (dayMs) => {
-      const { toMs } = this.#index;
-      const path = `/${this.#view}/${dayOf(dayMs)}`;
-      const { json } = await this.#requests.getJson(path, signal);
-      this.#index.setDay(dayMs, readDay(json, dayMs), toMs);
-    });
+    await this.#fetchDays(null);
+  }
+
+  /** Fetches the days of a span that are not known, and what is new of those that are. */
+  async #fetchDays(span: Span | null): Promise<void> {
+    await eachOf(this.#index.listDaysToFetch(span), (dayMs) =>
+      this.#shared.ask(`day ${dayMs}`, async (signal) => {
+        const [view, { toMs }] = [this.#view, this.#index];
+        const { json } = await this.#requests.getJson(`/${view}/${dayOf(dayMs)}`, signal);
+        if (view === this.#view) this.#index.setDay(dayMs, readDay(json, dayMs), toMs);
+      }),
+    );
   }
 
   #setSummary(summary: PastSummary | null): void {
@@ -216,9 +233,9 @@ export class RelayPast implements PastSource {
     return this.#newest.toMs + this.#ports.nowMs() - this.#newest.seenMs;
   }
 
-  /** Fetches what is new of the pages that may still grow, if any page was fetched. */
+  /** Fetches what is new of the pages that may still grow, if any page was fetched that is about as new. */
   async #loadNewPages(): Promise<void> {
-    const pages = this.#index.pagesMs;
+    const pages = this.#index.pagesMs.filter((pageMs) => pageMs >= pageOf(this.#index.toMs) - PAGE_MS);
     if (pages.length === 0) return;
     const growing = [...pages, pageOf(this.#index.toMs), pageOf(this.#relayNowMs())];
     const wanted = [...new Set(growing)].filter((pageMs) => !this.#index.isClosed(pageMs));
@@ -248,21 +265,23 @@ export class RelayPast implements PastSource {
     throw new PastError('damaged', `page ${minuteOf(pageMs)}: it has no end`);
   }
 
-  #lacksKeys(pageMs: number, untilMs: number): boolean {
+  #lacksKeys(pageMs: number, untilMs: number, everyMs: number): boolean {
     const keys = this.#keys.use(pageMs);
-    if (keys === undefined) return true;
+    if (keys === undefined || keys.everyMs > everyMs) return true;
     return (
       keys.knownMs < Math.min(untilMs, this.#index.toMs, pageMs + PAGE_MS) &&
       this.#ports.nowMs() - keys.askedMs >= TICK_MS
     );
   }
 
-  async #fetchKeys(pageMs: number, signal: AbortSignal): Promise<void> {
+  async #fetchKeys(pageMs: number, everyMs: number, signal: AbortSignal): Promise<void> {
     const view = this.#view;
     const askedMs = this.#ports.nowMs();
     const knownMs = this.#index.findKnownMs(pageMs, this.#relayNowMs());
-    const wholeBytes = (this.#index.countPoses(pageMs) ?? 0) * this.#poseBytes;
-    const every = Math.min(1000, Math.max(1, Math.ceil(wholeBytes / KEYS_BYTES_WANTED)));
+    const count = this.#index.countPoses(pageMs);
+    const wholeBytes = (count ?? 0) * this.#poseBytes;
+    const enough = ((count ?? PAGE_MS / USUAL_SEGMENT_MS) * everyMs) / PAGE_MS;
+    const every = Math.min(1000, Math.max(1, Math.ceil(wholeBytes / KEYS_BYTES_WANTED), Math.floor(enough)));
     const path = `/${view}/${minuteOf(pageMs)}/keys${every > 1 ? `?every=${every}` : ''}`;
     const loading = this.#ports.loadReader();
     const { bytes } = await this.#requests.get(path, signal);
@@ -271,7 +290,7 @@ export class RelayPast implements PastSource {
     if (page.fromMs !== pageMs) throw new PastError('damaged', `past${path}: another page`);
     if (view !== this.#view) return;
     if (page.poses.length > 0) this.#poseBytes = bytes.length / page.poses.length;
-    this.#keys.set(pageMs, { poses: page.poses, knownMs, askedMs }, bytes.length);
+    this.#keys.set(pageMs, { everyMs, poses: page.poses, knownMs, askedMs }, bytes.length);
   }
 
   async #fetchSegment(ref: SegmentRef, signal: AbortSignal): Promise<Segment> {

@@ -3,6 +3,7 @@ import type { PastControls } from '../../../past/past_types.ts';
 import type { Note, RecordingIndex } from '../../../past/recording/recording_index.ts';
 import type { RecordingPast } from '../../../past/recording/recording_past.ts';
 import { isolated } from '../../../twin/names.ts';
+import type { RobotTwin } from '../../../twin/robot.ts';
 import { PastBar } from '../../past/index.ts';
 import { NoteMarks } from './NoteMarks.tsx';
 import { noteShownAt } from './notes.ts';
@@ -13,6 +14,7 @@ import { lostWords } from './recording_words.ts';
 /** What stands under the body of a recording: what is lost of it, the note of the moment, and the time line. */
 export function RecordingBar(props: {
   controls: PastControls;
+  twin: RobotTwin;
   source: RecordingPast;
   index: RecordingIndex;
   /** The address names a moment that can't be read. */
@@ -20,12 +22,12 @@ export function RecordingBar(props: {
   /** While it is presented only its keys are there. */
   unseen: boolean;
 }) {
-  const { controls, source, index, isNonsense, unseen } = props;
+  const { controls, twin, source, index, isNonsense, unseen } = props;
   const { notes, segments } = index;
   const text = useRecordingText();
   const [pointed, setPointed] = useState<readonly Note[] | null>(null);
   const lost = lostWords(useLost(source), segments.length);
-  if (unseen) return <PastBar controls={controls} live={null} unseen />;
+  if (unseen) return <PastBar controls={controls} live={null} twin={twin} unseen />;
   return (
     <>
       {lost !== null && (
@@ -42,6 +44,7 @@ export function RecordingBar(props: {
       <PastBar
         controls={controls}
         live={null}
+        twin={twin}
         notes={
           notes.length === 0
             ? null

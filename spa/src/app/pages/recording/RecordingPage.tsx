@@ -109,6 +109,7 @@ function Shown(props: {
       >
         <RecordingBar
           {...{ controls, source, index }}
+          twin={link.twin}
           isNonsense={onClose === null && named === 'nonsense'}
           unseen={presented}
         />

@@ -1,22 +1,36 @@
 import './past.css';
-import { type ReactNode, useLayoutEffect, useMemo, useRef, useState, useSyncExternalStore } from 'react';
+import {
+  type ReactNode,
+  useEffect,
+  useLayoutEffect,
+  useMemo,
+  useRef,
+  useState,
+  useSyncExternalStore,
+} from 'react';
+import { LatePart } from '../../../browser/late_part.ts';
 import type { PastControls, Playhead, Timeline } from '../../../past/past_types.ts';
 import { IconButton } from '../../shell/icons.tsx';
-import { late } from '../../shell/late.tsx';
+import { late, useLatePart } from '../../shell/late.tsx';
 import { useNow } from '../../shell/now.ts';
-import { dayWords, notKeptWords, spanWords } from '../../status/moment_words.ts';
+import { useStore } from '../../state/use_store.ts';
+import { dayWords, notKeptWords } from '../../status/moment_words.ts';
+import { languageTag } from '../../text/language.ts';
 import { more, useMore } from '../../text/more.ts';
 import { usePastText } from '../../text/past.ts';
-import { PauseIcon, PlayIcon } from './past_icons.tsx';
+import { momentSheet } from './jump/moment_sheet.ts';
+import { JumpIcon, PauseIcon, PlayIcon } from './past_icons.tsx';
+import { chosenScale, scaleFor, scaleIn, scalesOf } from './scale/scales.ts';
 import { Track } from './Track.tsx';
-import { type Range, RECENT_MS, shownSpan, type View } from './track_view.ts';
+import { msPerPx, pxAt, shownSpan, textPxOf, type View } from './track_view.ts';
 
 const TransportBar = late(async () => (await import('./TransportBar.tsx')).TransportBar);
+const PART = new LatePart(() => import('./line_part.ts'));
 
-/** A window up to this long is always shown whole, ms. */
-const SHORT_MS = 360_000;
-/** How often the time moves on, ms. */
+/** How often the time moves on at least and at most, ms; a line that shows days moves on seldomer. */
 const STEP_MS = { least: 250, most: 2000 };
+/** A span that is repeated is shown no narrower where a finer scale can, CSS px. */
+const LOOP_PX = 24;
 
 /** What stands in a row below the track, at its moments. */
 export type BelowTrack = (view: View) => ReactNode;
@@ -54,7 +68,8 @@ function Line(props: {
   const past = playhead.at === 'past';
   const room = useRef<HTMLDivElement>(null);
   const [size, setSize] = useState({ widthPx: 0, heightPx: 0 });
-  const [range, setRange] = useState<Range>('all');
+  const part = useLatePart(PART);
+  const chosen = useStore(chosenScale(controls));
   // Under a finger nothing moves: neither the time nor the page.
   const [held, setHeld] = useState<{ view: View; open: boolean } | null>(null);
   const shown = useRef<View | null>(null);
@@ -62,22 +77,45 @@ function Line(props: {
   const { nowMs } = controls;
 
   const windowMs = nowMs - timeline.fromMs;
-  const hasRanges = windowMs > SHORT_MS;
-  const shownMs = hasRanges && range === 'all' ? windowMs : RECENT_MS;
-  const stepMs = stepOf(shownMs / Math.max(1, size.widthPx));
-  useNow(past ? Math.min(1000, stepMs) : stepMs);
+  const scale = scaleIn(windowMs, chosen);
+  const stepMs = stepOf(Math.min(scale, windowMs) / Math.max(1, size.widthPx));
+  useNow(Math.min(past ? 1000 : STEP_MS.most, stepMs));
   const whole = { fromMs: timeline.fromMs, toMs: Math.ceil(nowMs / stepMs) * stepMs };
-  const isRecorded = playhead.recorded !== null && timeline.toMs > timeline.fromMs;
-  const isAll = isRecorded && !(hasRanges && range === 'recent'); // however short it is
-  const span = isAll
-    ? timeline
-    : shownSpan(whole, hasRanges ? range : 'all', playhead.momentMs, shown.current);
+  const isWhole = playhead.recorded !== null && scale >= windowMs && timeline.toMs > timeline.fromMs;
+  // a recording is shown as long as it is, however short
+  const span = isWhole ? timeline : shownSpan(whole, scale, playhead.momentMs, shown.current);
   const { fromMs, toMs } = span;
   const { widthPx, heightPx } = size;
   const now = useMemo(() => ({ fromMs, toMs, widthPx }), [fromMs, toMs, widthPx]);
   const view = held?.view ?? now;
   shown.current = view;
   const open = held?.open ?? (past && !slim);
+  const textPx = textPxOf(heightPx, open);
+  const language = languageTag();
+  // biome-ignore lint/correctness/useExhaustiveDependencies: language, its words are of it
+  const ticks = useMemo(
+    () => part?.listTicks(view, { pxAt: (atMs) => pxAt(view, atMs), widthPx: view.widthPx, textPx }) ?? [],
+    [part, view, textPx, language],
+  );
+
+  const { unknown } = timeline;
+  // biome-ignore lint/correctness/useExhaustiveDependencies: unknown, it says what there is to fetch
+  useEffect(() => controls.look({ fromMs, toMs }), [controls, fromMs, toMs, unknown]);
+
+  const { loop } = playhead;
+  // biome-ignore lint/correctness/useExhaustiveDependencies: the loop alone, whoever chooses a scale then may see what is longer
+  useEffect(() => {
+    if (loop === null || widthPx === 0) return;
+    const lengthMs = loop.toMs - loop.fromMs;
+    if (lengthMs >= LOOP_PX * msPerPx(now)) return;
+    chosenScale(controls).set(scaleFor(scalesOf(windowMs), (lengthMs * widthPx) / LOOP_PX));
+  }, [loop]);
+
+  // biome-ignore lint/correctness/useExhaustiveDependencies: open, it is another element then
+  useEffect(() => {
+    if (room.current === null || part === null) return;
+    return part.listenToGestures(room.current, controls);
+  }, [part, controls, open]);
 
   // biome-ignore lint/correctness/useExhaustiveDependencies: open, it is higher, and not a picture later
   useLayoutEffect(() => {
@@ -113,9 +151,11 @@ function Line(props: {
           controls={controls}
           playhead={playhead}
           nowMs={nowMs}
-          hasFaults={timeline.marks.some(({ level }) => level === 'fault')}
+          hasFaults={unknown !== undefined || timeline.marks.some(({ level }) => level === 'fault')}
         >
-          {hasRanges && <RangeButton range={range} windowMs={windowMs} onRange={setRange} />}
+          {part !== null && scalesOf(windowMs).length > 1 && (
+            <part.ScaleChoice {...{ controls, scale, windowMs }} />
+          )}
         </TransportBar>
       )}
       <div className="time-row">
@@ -123,13 +163,23 @@ function Line(props: {
         <div className="track-room" ref={room}>
           {widthPx > 0 && (
             <Track
-              {...{ controls, playhead, timeline, view, heightPx, nowMs, open }}
+              {...{ part, controls, playhead, timeline, view, ticks, heightPx, nowMs, open }}
               onHold={(hold) => setHeld(hold ? { view, open } : null)}
             />
           )}
         </div>
         <IconButton
-          className="line-button"
+          className="line-button line-jump"
+          label={text.jump}
+          title={text.jump}
+          aria-haspopup="dialog"
+          data-testid="jump"
+          onClick={() => momentSheet.set(controls)}
+        >
+          <JumpIcon />
+        </IconButton>
+        <IconButton
+          className="line-button line-explain"
           label={text.explainLine}
           title={text.explainLine}
           aria-haspopup="dialog"
@@ -158,7 +208,12 @@ function Line(props: {
   );
 }
 
-const NOTES = { resumed: 'pastResumed', damaged: 'pastDamaged', away: 'pastAway' } as const;
+const NOTES = {
+  resumed: 'pastResumed',
+  unlooped: 'pastUnlooped',
+  damaged: 'pastDamaged',
+  away: 'pastAway',
+} as const;
 
 function noteWords({ note, askedMs, momentMs, recorded }: Playhead, nowMs: number): string {
   const text = more();
@@ -171,9 +226,8 @@ function noteWords({ note, askedMs, momentMs, recorded }: Playhead, nowMs: numbe
 }
 
 /** Of powers of two, so that it seldom changes, the one by which the time moves on by about a pixel, ms. */
-function stepOf(msPerPx: number): number {
-  const step = 250 * 2 ** Math.ceil(Math.log2(Math.max(1, msPerPx) / 250));
-  return Math.min(STEP_MS.most, Math.max(STEP_MS.least, step));
+function stepOf(pxMs: number): number {
+  return Math.max(STEP_MS.least, 250 * 2 ** Math.ceil(Math.log2(Math.max(1, pxMs) / 250)));
 }
 
 function PlayButton({ playing, onPress }: { playing: boolean; onPress: () => void }) {
@@ -189,37 +243,5 @@ function PlayButton({ playing, onPress }: { playing: boolean; onPress: () => voi
     >
       {playing ? <PauseIcon /> : <PlayIcon />}
     </IconButton>
-  );
-}
-
-/** Between all there is and the last five minutes. Both are named; where there is less room, only the one that is shown. */
-function RangeButton({
-  range,
-  windowMs,
-  onRange,
-}: {
-  range: Range;
-  windowMs: number;
-  onRange: (range: Range) => void;
-}) {
-  const text = usePastText();
-  const lengths = { recent: spanWords(RECENT_MS), all: spanWords(windowMs) };
-  const other = range === 'all' ? 'recent' : 'all';
-  const name = text.showLast(lengths[other]);
-  return (
-    <button
-      type="button"
-      className="segments range"
-      aria-label={name}
-      title={name}
-      data-testid="range"
-      onClick={() => onRange(other)}
-    >
-      {(['recent', 'all'] as const).map((each) => (
-        <span key={each} data-on={each === range}>
-          {lengths[each]}
-        </span>
-      ))}
-    </button>
   );
 }

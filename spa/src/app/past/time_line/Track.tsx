@@ -5,34 +5,33 @@ import { useStore } from '../../state/use_store.ts';
 import { hundredthsWords } from '../../status/moment_words.ts';
 import { usePastText } from '../../text/past.ts';
 import { loopStart } from './loop_start.ts';
-import { whatWords } from './marks.ts';
 import { playTrackKey } from './past_keys.ts';
+import type { Tick } from './scale/ticks.ts';
 import { Scrubber } from './scrubber.ts';
-import { useSpoken, whenWords } from './spoken.ts';
-import { TrackPicture } from './TrackPicture.tsx';
-import { msAt, pxAt, type View } from './track_view.ts';
-
-/** Half of the width of the playhead's time, CSS px. */
-const TIME_PX = 45;
-/** The room that most words at a place need beside it, CSS px. */
-const TIP_PX = 230;
+import { useSpoken } from './spoken.ts';
+import { type Hover, msAt, pxAt, TIME_PX, type View } from './track_view.ts';
 
 /** The track: all of the time that is shown, its movement and marks, and the playhead. Pressed or dragged, and by arrow keys,
  *  it goes into the past. */
 export function Track({
+  part,
   controls,
   playhead,
   timeline,
   view,
+  ticks,
   heightPx,
   nowMs,
   open,
   onHold,
 }: {
+  /** What draws it, once it has come. */
+  part: typeof import('./line_part.ts') | null;
   controls: PastControls;
   playhead: Playhead;
   timeline: Timeline;
   view: View;
+  ticks: readonly Tick[];
   heightPx: number;
   /** The moment of now. */
   nowMs: number;
@@ -104,13 +103,16 @@ export function Track({
       onPointerLeave={() => setHover(null)}
       onKeyDown={onKey}
     >
-      <TrackPicture
-        timeline={timeline}
-        view={view}
-        heightPx={heightPx}
-        open={open}
-        loop={draft ?? playhead.loop}
-      />
+      {part !== null && (
+        <part.TrackPicture
+          timeline={timeline}
+          view={view}
+          ticks={ticks}
+          heightPx={heightPx}
+          open={open}
+          loop={draft ?? playhead.loop}
+        />
+      )}
       {startMs !== null && (
         <i className="loop-start" style={{ transform: `translateX(${pxAt(view, startMs)}px)` }} />
       )}
@@ -135,66 +137,18 @@ export function Track({
           )}
         </div>
       )}
-      {hover !== null && (
-        <Tip {...{ timeline, view, playhead, nowMs, hover }} headPx={open && past ? headPx + timePx : null} />
+      {hover !== null && part !== null && (
+        <part.Tip
+          {...{ timeline, view, playhead, nowMs, hover }}
+          headPx={open && past ? headPx + timePx : null}
+        />
       )}
     </div>
   );
 }
 
-/** Where a pointer is on the track, CSS px. `touch`: it covers what is there. */
-interface Hover {
-  readonly xPx: number;
-  readonly touch: boolean;
-}
-
 const xOf = (event: PointerEvent) => event.clientX - event.currentTarget.getBoundingClientRect().left;
 const hoverOf = (event: PointerEvent): Hover => ({ xPx: xOf(event), touch: event.pointerType === 'touch' });
-
-/** The moment under the pointer, and what is marked there. */
-function Tip({
-  timeline,
-  view,
-  playhead,
-  nowMs,
-  hover: { xPx, touch },
-  headPx,
-}: {
-  timeline: Timeline;
-  view: View;
-  playhead: Playhead;
-  nowMs: number;
-  hover: Hover;
-  /** The middle of the playhead's time in the same row; null: there is none. */
-  headPx: number | null;
-}) {
-  const momentMs = msAt(view, xPx);
-  const what = whatWords(timeline, view, xPx, momentMs);
-  const placePx = Math.min(view.widthPx, Math.max(0, xPx));
-  const part = (100 * placePx) / view.widthPx;
-  const shift = headPx === null || touch ? `-${part}%` : besideShift(part, placePx, headPx, view.widthPx);
-  return (
-    <p
-      className="track-tip"
-      style={{ left: `${part}%`, transform: `translateX(${shift})` }}
-      data-touch={touch}
-      data-testid="tip"
-    >
-      {whenWords(playhead, momentMs, nowMs)}
-      {what !== '' && <b> {what}</b>}
-    </p>
-  );
-}
-
-/** How far the words at a place are moved so that they stay beside the playhead's time: on the side where the place is if
- *  there is room, else on the other. `part`: of the line, percent. */
-function besideShift(part: number, xPx: number, headPx: number, widthPx: number): string {
-  const hasRoom = { left: headPx > TIP_PX, right: widthPx - headPx > TIP_PX };
-  const isRight = xPx < headPx ? !hasRoom.left : hasRoom.right;
-  return isRight
-    ? `max(-${part}%, ${headPx + TIME_PX - xPx}px)`
-    : `min(-${part}%, ${headPx - TIME_PX - xPx}px - 100%)`;
-}
 
 function nextFrame(run: () => void): () => void {
   const asked = requestAnimationFrame(run);

@@ -1,36 +1,39 @@
 import { memo, useId } from 'react';
-import type { Span, Timeline } from '../../../past/past_types.ts';
-import { formatClock, formatClockSeconds } from '../../../twin/format.ts';
-import { drawnMarks } from './marks.ts';
+import type { Mark, Span, Timeline } from '../../../past/past_types.ts';
+import { countOf } from './marks.ts';
 import { movementPath } from './movement.ts';
-import { pxAt, ticksOf, type View } from './track_view.ts';
+import type { Tick } from './scale/ticks.ts';
+import { contains, pxAt, textPxOf, type View } from './track_view.ts';
 
-/** Where things lie in the track's height, CSS px. Open, the playhead's time has a row above the curve and the ticks' times
- *  have one below it. */
-export const OPEN = { topPx: 22, belowPx: 16 } as const;
-const SLIM = { topPx: 6, belowPx: 6 } as const;
+/** Where the curve begins in the track's height, CSS px. Open, the playhead's time has a row above it. */
+const TOP_PX = { open: 22, slim: 4 } as const;
 
 const MARK_PX = 5.4;
-/** Half a label's width, and what a word over a span needs. */
-const LABEL_PX = { clock: 17, seconds: 26, word: 60 } as const;
+/** A number in place of several marks. */
+const COUNT_PX = { height: 13, around: 8, digit: 6.4, half: 11 } as const;
+/** What a word over a span needs, and what a repeated span has at least. */
+const LEAST_PX = { word: 60, loop: 12 } as const;
 
 /** What lies on the track and moves only with the time: movement, words, loop, ticks and marks. */
 export const TrackPicture = memo(function TrackPicture({
   timeline,
   view,
+  ticks,
   heightPx,
   open,
   loop,
 }: {
   timeline: Timeline;
   view: View;
+  ticks: readonly Tick[];
   heightPx: number;
   open: boolean;
   loop: Span | null;
 }) {
   const id = useId();
-  const { topPx, belowPx } = open ? OPEN : SLIM;
-  const basePx = Math.max(topPx, heightPx - belowPx);
+  const topPx = TOP_PX[open ? 'open' : 'slim'];
+  const textPx = textPxOf(heightPx, open);
+  const basePx = Math.max(topPx, heightPx - textPx - 5);
   const mostBytesPerS = timeline.movement.reduce((most, { bytesPerS }) => Math.max(most, bytesPerS), 1);
   const path = movementPath(timeline.movement, view, { basePx, heightPx: basePx - topPx, mostBytesPerS });
   const words = timeline.words.filter(({ fromMs, toMs }) => toMs > view.fromMs && fromMs < view.toMs);
@@ -60,33 +63,77 @@ export const TrackPicture = memo(function TrackPicture({
           </g>
         ))}
       </g>
-      {loop !== null && <Loop {...between(loop)} topPx={topPx} basePx={basePx} />}
+      {timeline.unknown
+        ?.filter(({ fromMs, toMs }) => toMs > view.fromMs && fromMs < view.toMs)
+        .map((day) => (
+          <path
+            key={day.fromMs}
+            className="track-unknown"
+            d={`M${between(day).x} ${(topPx + basePx) / 2}h${between(day).width}`}
+          />
+        ))}
+      {loop !== null && <Loop {...widened(between(loop))} topPx={topPx} basePx={basePx} />}
       <path className="track-base" d={`M${between(view).x} ${basePx + 0.5}h${between(view).width}`} />
-      <Ticks view={view} basePx={basePx} labels={open} />
+      <Ticks {...{ view, ticks, basePx, textPx }} />
       {open &&
         words.map((span) => {
           const { x, width } = between(span);
-          return width < LABEL_PX.word ? null : (
+          return width < LEAST_PX.word ? null : (
             <text key={span.fromMs} className="track-said" x={x + width / 2} y={(topPx + basePx) / 2 + 4}>
               {span.word === 'silent' ? 'STALE' : 'OFFLINE'}
             </text>
           );
         })}
-      {drawnMarks(timeline.marks, view).map(({ xPx, level, exact }) => (
+      {drawnMarks(timeline.marks, view).map(({ xPx, level, exact, count }) => (
         <g
           key={`${level} ${xPx}`}
           className="track-mark"
           data-level={level}
           data-exact={exact}
-          transform={`translate(${xPx.toFixed(1)} ${topPx + MARK_PX + 1})`}
+          transform={`translate(${inside(xPx, count, view.widthPx).toFixed(1)} ${topPx + MARK_PX + 1})`}
         >
           {exact && <path className="track-stem" d={`M0 0V${basePx - topPx - MARK_PX - 1}`} />}
-          <path d={level === 'fault' ? OCTAGON : TRIANGLE} />
+          {level === 'fault' && count > 1 ? (
+            <Count count={count} />
+          ) : (
+            <path d={level === 'fault' ? OCTAGON : TRIANGLE} />
+          )}
         </g>
       ))}
     </svg>
   );
 });
+
+/** Marks of one kind nearer than this are drawn as one, CSS px; where that is a number, which is wider, nearer than this. */
+const TOGETHER_PX = { mark: 12, count: 24 } as const;
+
+export interface DrawnMark {
+  readonly xPx: number;
+  readonly level: Mark['level'];
+  readonly exact: boolean;
+  /** How many it stands for. */
+  readonly count: number;
+}
+
+/** The marks that are drawn, cautions first, so that faults lie over them. */
+export function drawnMarks(marks: readonly Mark[], view: View): DrawnMark[] {
+  const drawn: DrawnMark[] = [];
+  for (const level of ['caution', 'fault'] as const) {
+    let last: DrawnMark | undefined;
+    for (const mark of marks) {
+      if (mark.level !== level || !contains(view, mark.atMs)) continue;
+      const xPx = pxAt(view, mark.atMs);
+      const count = countOf(mark);
+      const besidePx = TOGETHER_PX[level === 'fault' && (last?.count ?? 1) > 1 ? 'count' : 'mark'];
+      if (last !== undefined && xPx - last.xPx < besidePx) {
+        last = { ...last, exact: last.exact || mark.exact, count: last.count + count };
+        drawn.pop();
+      } else last = { xPx, level, exact: mark.exact, count };
+      drawn.push(last);
+    }
+  }
+  return drawn;
+}
 
 const OCTAGON = octagon(MARK_PX);
 const TRIANGLE = `M0 ${-MARK_PX}L${MARK_PX} ${MARK_PX - 0.5}H${-MARK_PX}Z`;
@@ -94,6 +141,33 @@ const TRIANGLE = `M0 ${-MARK_PX}L${MARK_PX} ${MARK_PX - 0.5}H${-MARK_PX}Z`;
 function octagon(r: number): string {
   const s = 0.414 * r;
   return `M${-s} ${-r}H${s}L${r} ${-s}V${s}L${s} ${r}H${-s}L${-r} ${s}V${-s}Z`;
+}
+
+/** How many faults began here, where there is no room for a mark of each. */
+function Count({ count }: { count: number }) {
+  const words = count > 99 ? '99+' : String(count);
+  const { height, around, digit } = COUNT_PX;
+  const width = around + digit * words.length;
+  return (
+    <>
+      <rect x={-width / 2} y={-height / 2} width={width} height={height} rx="4" />
+      <text className="track-count" y="3.8">
+        {words}
+      </text>
+    </>
+  );
+}
+
+/** A number is not cut at an end of the line. */
+function inside(xPx: number, count: number, widthPx: number): number {
+  const half = count > 1 ? COUNT_PX.half : 0;
+  return Math.max(half, Math.min(widthPx - half, xPx));
+}
+
+/** What seconds long is on a line of hours is seen, too. */
+function widened({ x, width }: { x: number; width: number }) {
+  const more = Math.max(0, LEAST_PX.loop - width);
+  return { x: x - more / 2, width: width + more };
 }
 
 function Hatch({ id, path }: { id: string; path: string }) {
@@ -115,27 +189,30 @@ function Loop({ x, width, topPx, basePx }: { x: number; width: number; topPx: nu
   );
 }
 
-function Ticks({ view, basePx, labels }: { view: View; basePx: number; labels: boolean }) {
-  const offsetMs = -new Date(view.toMs).getTimezoneOffset() * 60_000;
-  const { ticks, labelS } = ticksOf(view, offsetMs);
-  const write = labelS < 60 ? formatClockSeconds : formatClock;
-  const halfPx = labelS < 60 ? LABEL_PX.seconds : LABEL_PX.clock;
+function Ticks({
+  view,
+  ticks,
+  basePx,
+  textPx,
+}: {
+  view: View;
+  ticks: readonly Tick[];
+  basePx: number;
+  textPx: number;
+}) {
   let path = '';
-  for (const { atMs, labelled } of ticks)
-    path += `M${Math.round(pxAt(view, atMs)) + 0.5} ${basePx}v${labelled && labels ? 5 : 3}`;
-  const written = labels ? ticks.filter(({ labelled }) => labelled) : [];
+  for (const { atMs, label } of ticks)
+    path += `M${Math.round(pxAt(view, atMs)) + 0.5} ${basePx}v${label === null ? 3 : 4}`;
   return (
-    <g className="track-ticks">
+    <g className="track-ticks" style={{ fontSize: textPx }}>
       <path d={path} />
-      {written.map(({ atMs }) => {
-        const x = pxAt(view, atMs);
-        if (x < halfPx || x > view.widthPx - halfPx) return null;
-        return (
-          <text key={atMs} x={x} y={basePx + 14.5}>
-            {write(atMs)}
+      {ticks.map(({ atMs, label }) =>
+        label === null ? null : (
+          <text key={atMs} data-day={!/^\d\d:/.test(label)} x={pxAt(view, atMs)} y={basePx + textPx + 1}>
+            {label}
           </text>
-        );
-      })}
+        ),
+      )}
     </g>
   );
 }

@@ -7,6 +7,7 @@ import { Sign } from '../../status/Chip.tsx';
 import { hundredthsWords } from '../../status/moment_words.ts';
 import { more } from '../../text/more.ts';
 import { usePastText } from '../../text/past.ts';
+import { momentSheet } from './jump/moment_sheet.ts';
 import { loopStart, pressLoop } from './loop_start.ts';
 import { FrameBackIcon, FrameOnIcon, LoopIcon, NextFaultIcon, PreviousFaultIcon } from './past_icons.tsx';
 import { speedWords, whenWords } from './spoken.ts';
@@ -51,11 +52,17 @@ export function TransportBar({
           <NextFaultIcon />
         </Press>
       </div>
-      <p className="transport-moment">
+      <button
+        type="button"
+        className="transport-moment"
+        title={text.jump}
+        aria-haspopup="dialog"
+        onClick={() => momentSheet.set(controls)}
+      >
         {playhead.recorded === null ? <PastIcon /> : <Sign word="RECORDED" />}
         <span data-testid="moment">{preciseWords(playhead, nowMs)}</span>
         {playhead.note === 'loading' && <span className="transport-loading">{more().pastLoading}</span>}
-      </p>
+      </button>
       <div className="transport-part">
         <Speeds speed={playhead.speed} onSpeed={(speed) => controls.setSpeed(speed)} />
         <LoopButton controls={controls} playhead={playhead} />

@@ -12,6 +12,13 @@ export const PauseIcon = () => (
   </Icon>
 );
 
+/** A leaf of a calendar. */
+export const JumpIcon = () => (
+  <Icon>
+    <path d="M4.5 7.5a2 2 0 0 1 2-2h11a2 2 0 0 1 2 2v10a2 2 0 0 1-2 2h-11a2 2 0 0 1-2-2zM4.5 10.5h15M8.5 3.5v4M15.5 3.5v4M12 13v2.6l1.8 1" />
+  </Icon>
+);
+
 /** One frame: a triangle that points the way, and a bar. */
 export const FrameBackIcon = () => (
   <Icon>

@@ -9,7 +9,9 @@ export const PAST_KEYS = [
   ['[ ]', 'keySpeed'],
   ['O', 'keyLoop'],
   ['E', 'keyLive'],
+  ['G', 'keyJump'],
   ['← →', 'keyOnLine'],
   ['PageUp PageDown', 'keyMinute'],
   ['Home End', 'keyEnds'],
+  ['+ -', 'keyScale'],
 ] as const satisfies readonly (readonly [string, keyof More])[];

@@ -1,6 +1,8 @@
 import { useEffect } from 'react';
 import { type PastControls, SPEEDS } from '../../../past/past_types.ts';
+import { momentSheet } from './jump/moment_sheet.ts';
 import { pressLoop } from './loop_start.ts';
+import { arrowMs, shownMs, stepScale } from './scale/scales.ts';
 
 type Key = Pick<KeyboardEvent, 'key' | 'code' | 'repeat' | 'shiftKey'>;
 
@@ -49,6 +51,9 @@ export function playPastKey(controls: PastControls, event: Key): boolean {
     case 'e':
       controls.goLive();
       return !live;
+    case 'g':
+      if (!event.repeat) momentSheet.set(controls);
+      return true;
     case 'o':
       if (!event.repeat && !live) pressLoop(controls);
       return true;
@@ -63,12 +68,14 @@ export function playTrackKey(controls: PastControls, nowMs: number, { key, shift
   if (by !== undefined) {
     const arrow = key.startsWith('Arrow');
     const { at, momentMs } = controls.playhead;
-    const toMs = momentMs + by * (arrow && shiftKey ? 10_000 : 1000);
+    const toMs = momentMs + by * (arrow && shiftKey ? 10 : 1) * arrowMs(shownMs(controls));
     if (toMs < nowMs) controls.seek(Math.max(toMs, controls.timeline?.fromMs ?? toMs));
     else if (at === 'past') controls.goLive();
     return true;
   }
-  if (key === 'Home') controls.seek(controls.timeline?.fromMs ?? controls.playhead.momentMs);
+  if (key === '+' || key === '=') stepScale(controls, -1);
+  else if (key === '-') stepScale(controls, 1);
+  else if (key === 'Home') controls.seek(controls.timeline?.fromMs ?? controls.playhead.momentMs);
   else if (key === 'End') controls.goLive();
   else return false;
   return true;

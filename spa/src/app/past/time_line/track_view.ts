@@ -1,13 +1,9 @@
 import type { Span } from '../../../past/past_types.ts';
 
-/** What the short range shows, ms. */
-export const RECENT_MS = 300_000;
 /** No line is shorter than this, ms. */
 const LEAST_MS = 60_000;
 /** How far moments stay away from the ends of the track, CSS px, so that no handle or mark is cut. */
 export const PAD_PX = 7;
-
-export type Range = 'all' | 'recent';
 
 /** A part of the time and the width over which it is drawn, CSS px. */
 export interface View extends Span {
@@ -30,54 +26,39 @@ export function msPerPx({ fromMs, toMs, widthPx }: View): number {
   return (toMs - fromMs) / Math.max(1, widthPx - 2 * PAD_PX);
 }
 
-/** The part of the time that is shown: all there is, at least a minute; or the five minutes that end now if the shown
- *  moment is in them, else five that contain it and stand still as long as they do. `before`: what was shown before. */
-export function shownSpan(whole: Span, range: Range, momentMs: number, before: Span | null): Span {
+/** The part of the time that is shown: all there is, at least a minute, if that is no more than `lengthMs`; else as much as that
+ *  which ends now if the shown moment is in it, else as much that contains it and stands still as long as it does. `before`: what
+ *  was shown before. */
+export function shownSpan(whole: Span, lengthMs: number, momentMs: number, before: Span | null): Span {
   const { fromMs, toMs } = whole;
-  const newest = { fromMs: toMs - RECENT_MS, toMs };
-  if (range === 'all') return { fromMs: Math.min(fromMs, toMs - LEAST_MS), toMs };
+  if (lengthMs >= toMs - fromMs) return { fromMs: Math.min(fromMs, toMs - LEAST_MS), toMs };
+  const newest = { fromMs: toMs - lengthMs, toMs };
   if (momentMs >= newest.fromMs) return newest;
-  const isPage = before !== null && Math.abs(before.toMs - before.fromMs - RECENT_MS) < 1;
+  const isPage = before !== null && Math.abs(before.toMs - before.fromMs - lengthMs) < 1;
   if (isPage && contains(before, momentMs)) return before;
   const part = before === null || contains(before, momentMs) ? 0.5 : momentMs > before.toMs ? 0.1 : 0.9;
-  const wanted = Math.max(fromMs, momentMs - part * RECENT_MS);
+  const wanted = Math.max(fromMs, momentMs - part * lengthMs);
   const from = Math.min(wanted, newest.fromMs, momentMs);
-  return { fromMs: from, toMs: from + RECENT_MS };
+  return { fromMs: from, toMs: from + lengthMs };
 }
 
 export function contains({ fromMs, toMs }: Span, momentMs: number): boolean {
   return momentMs >= fromMs && momentMs <= toMs;
 }
 
-/** Distances of ticks, seconds. */
-const STEPS_S = [5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 21_600, 86_400] as const;
-const LABEL_PX = 76;
-const TICK_PX = 9;
+/** From this height on a row has larger words: the screen is as large, or as far away. */
+const LARGE_PX = { open: 70, slim: 44 } as const;
 
-export interface Tick {
-  readonly atMs: number;
-  /** Whether its time is written to it. */
-  readonly labelled: boolean;
+/** How large the words below the curve are in a track of this height, CSS px. */
+export function textPxOf(heightPx: number, open: boolean): number {
+  return heightPx >= LARGE_PX[open ? 'open' : 'slim'] ? 15 : 12;
 }
 
-/** Ticks at round times of the viewer's zone, and how far apart those with a time are, seconds. `offsetMs`: of the zone, to
- *  be added to UTC. */
-export function ticksOf(view: View, offsetMs: number): { ticks: Tick[]; labelS: number } {
-  const apart = (leastPx: number) => {
-    const leastS = (leastPx * msPerPx(view)) / 1000;
-    return STEPS_S.find((step) => step >= leastS) ?? STEPS_S.at(-1)!;
-  };
-  const labelS = apart(LABEL_PX);
-  // A tick that is not part of the labels' step would stand between them at odd places.
-  const tickS = [apart(TICK_PX), ...STEPS_S].find((step) => step >= apart(TICK_PX) && labelS % step === 0)!;
-  const ticks: Tick[] = [];
-  for (let local = roundUp(view.fromMs + offsetMs, tickS * 1000); ; local += tickS * 1000) {
-    const atMs = local - offsetMs;
-    if (atMs > view.toMs) return { ticks, labelS };
-    ticks.push({ atMs, labelled: local % (labelS * 1000) === 0 });
-  }
-}
+/** Half of the width of the playhead's time, CSS px. */
+export const TIME_PX = 45;
 
-function roundUp(value: number, step: number): number {
-  return Math.ceil(value / step) * step;
+/** Where a pointer is on the track, CSS px. `touch`: it covers what is there. */
+export interface Hover {
+  readonly xPx: number;
+  readonly touch: boolean;
 }

@@ -1,0 +1,41 @@
+import type { Moments } from './moments_en.ts';
+
+/** The Korean sentences of `moments_en.ts`. */
+export const momentsKo: Moments = {
+  scale: '타임라인에 보이는 길이',
+  scaleMore: '더 긴 시간 보기 (타임라인에서 −)',
+  scaleLess: '더 짧은 시간 보기 (타임라인에서 +)',
+
+  jump: '순간으로 이동',
+  byTime: '순간',
+  byFault: '최근 고장',
+  date: '날짜',
+  time: '시각',
+  go: '이동',
+  kept: (from, to) => `${from}부터 ${to}까지 남아 있습니다(내 시간대 기준).`,
+  looking: '그때의 기록을 찾는 중입니다.',
+  wasRecorded: '이 순간은 기록되어 있습니다.',
+  nearest: (when) => `그때는 기록이 없습니다. 가장 가까운 순간은 ${when}입니다.`,
+  tooOld: (when) => `그 기록은 이제 없습니다. 가장 오래된 순간은 ${when}입니다.`,
+  toCome: '아직 오지 않은 순간입니다.',
+  days: '기록이 있는 날',
+  today: '오늘',
+  yesterday: '어제',
+  hoursOf: (day) => `${day}의 시간`,
+  hour: (clock, day) => `${day} ${clock}`,
+  hourFaults: (count) => `고장 ${count}건`,
+  dayLoading: '이 날의 기록을 찾는 중입니다.',
+  dayAway: '릴레이가 이 날의 기록을 알려 주지 않습니다.',
+  dayEmpty: '이 날에는 볼 수 있는 기록이 없습니다.',
+  olderDays: '이전 날 더 보기',
+  explainLine: '타임라인에 보이는 것',
+
+  faults: '최근 고장',
+  faultNone: '남아 있는 기록에 알려진 고장이 없습니다.',
+  faultMore: '이전 고장 더 찾기',
+  faultLooking: '고장을 찾는 중입니다.',
+  faultAway: '릴레이가 응답하지 않습니다. 알려진 것만 보입니다.',
+  faultAll: '남아 있는 고장은 이것이 전부입니다.',
+  faultMost: (count) => `최근 ${count}건입니다.`,
+  lasted: (span) => `${span} 동안`,
+};
