@@ -11,6 +11,9 @@ const LIGHT_LIMIT_KB = 40;
 const PAST_LIMIT_KB = 25;
 /** What segments are read with, once somebody looks back. */
 const PAST_READER_LIMIT_KB = 4;
+/** What saves the past, for who saves: the sheet, and what writes the files (half of it is @mcap/core). */
+const SAVE_SHEET_LIMIT_KB = 7;
+const SAVE_LIMIT_KB = 34;
 
 const dist = fileURLToPath(new URL('../dist/', import.meta.url));
 const built = existsSync(`${dist}.vite/manifest.json`);
@@ -109,7 +112,9 @@ describe.skipIf(!built)('bundle (skipped when spa/dist is not built)', () => {
     const shared = filesOf(all, entry);
     const [line, reader] = ['src/app/past/index.ts', 'src/past/relay/past_reader.ts'];
     const sizeOf = (name: string) => {
-      const files = [...filesOf(all, name)].filter((file) => /past/i.test(file) && !shared.has(file));
+      const files = [...filesOf(all, name)].filter(
+        (file) => /past|key_page/i.test(file) && !shared.has(file),
+      );
       expect(files).toContain(all[name]?.file);
       const sizes = files.map((file) => [file, kb(file)] as const);
       console.info(sizes.map(([file, size]) => `${file}: ${size.toFixed(1)} kB`).join('\n'));
@@ -118,6 +123,26 @@ describe.skipIf(!built)('bundle (skipped when spa/dist is not built)', () => {
     expect(sizeOf(line)).toBeLessThan(PAST_LIMIT_KB);
     expect(all[line]?.dynamicImports).toContain(reader);
     expect(sizeOf(reader)).toBeLessThan(PAST_READER_LIMIT_KB);
+  });
+
+  it('saving comes to nobody who does not save, its sheet in 7 kB, what writes the files in 34', () => {
+    const all = chunks();
+    const entry = Object.keys(all).find((name) => all[name]?.isEntry) ?? '';
+    const line = filesOf(all, 'src/app/past/index.ts');
+    const shared = new Set([...filesOf(all, entry), ...line]);
+    const [sheet, save] = ['src/app/past/save/SaveSheet.tsx', 'src/past/save/save.ts'];
+    const sizeOf = (name: string) => {
+      const files = [...filesOf(all, name)].filter((file) => !shared.has(file));
+      expect(files).toContain(all[name]?.file);
+      const sizes = files.map((file) => [file, kb(file)] as const);
+      console.info(sizes.map(([file, size]) => `${file}: ${size.toFixed(1)} kB`).join('\n'));
+      return sizes.reduce((sum, [, size]) => sum + size, 0);
+    };
+    expect(sizeOf(sheet)).toBeLessThan(SAVE_SHEET_LIMIT_KB);
+    expect(all[sheet]?.dynamicImports).toContain(save);
+    expect(sizeOf(save)).toBeLessThan(SAVE_LIMIT_KB);
+    for (const file of line)
+      expect(readFileSync(`${dist}${file}`, 'utf8')).not.toMatch(/ros2msg|posecast-recording/);
   });
 
   it('signing in comes to nobody who does not sign in, in 40 kB', () => {

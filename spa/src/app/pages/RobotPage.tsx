@@ -129,7 +129,7 @@ function Loaded({ live, onSettings }: { live: RobotLink; onSettings: () => void 
       )}
       {past && !presented && (
         <Suspense fallback={null}>
-          <PastBar controls={past.controls} live={live} />
+          <PastBar controls={past.controls} live={live} source={past.source} />
         </Suspense>
       )}
       <Suspense fallback={null}>

@@ -1,5 +1,6 @@
 import { tokenFor } from '../../auth/token.ts';
 import { fetchPartsAhead, LatePart } from '../../browser/late_part.ts';
+import type { PastSource } from '../../past/past_source.ts';
 import type { PastControls, PastSink, PastState } from '../../past/past_types.ts';
 import type { Coming } from '../../past/player/coming.ts';
 import { OwnTape } from '../../past/player/own_tape.ts';
@@ -24,6 +25,7 @@ const READER = new LatePart(() => import('../../past/relay/past_reader.ts'));
 /** A robot's past on the page: the controls, and a link to the robot as it was, which everything can be drawn from. */
 export interface Past {
   readonly controls: PastControls;
+  readonly source: PastSource;
   readonly link: RobotLink;
   readonly close: () => void;
 }
@@ -123,6 +125,7 @@ export function openPast(live: RobotLink, atMs: number | null): Past {
   go(atMs);
   return {
     controls: player,
+    source,
     link: {
       twin,
       client: live.client,

@@ -25,6 +25,7 @@ export const pastKo: typeof pastEn = {
   loopFrom: '여기부터 반복 (O)',
   loopTo: '여기까지 반복 (O)',
   loopOff: '반복 끝내기 (O)',
+  save: '파일로 저장… (X)',
   showLast: (span) => `최근 ${span} 보기`,
 
   explainLine: '타임라인에 보이는 것',

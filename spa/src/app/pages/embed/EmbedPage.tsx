@@ -72,7 +72,7 @@ function Shown({ live }: { live: RobotLink }) {
       )}
       {past && !presented && (
         <Suspense fallback={null}>
-          <PastBar controls={past.controls} live={live} />
+          <PastBar controls={past.controls} live={live} source={null} />
         </Suspense>
       )}
       <footer className="embed-foot">

@@ -19,17 +19,25 @@ const SHORT_MS = 360_000;
 const STEP_MS = { least: 250, most: 2000 };
 
 /** The last minutes of a robot in one line under its body: how it moved, what happened, and where in time the page is. Live it
- *  is slim; in the past it opens, with what plays it. Where nothing is known of the past there is but room. */
-export function TimeLine({ controls }: { controls: PastControls }) {
+ *  is slim; in the past it opens, with what plays it and, if `onSave` says how, saves it. Where nothing is known of the past there is
+ *  but room. */
+export function TimeLine({
+  controls,
+  onSave = null,
+}: {
+  controls: PastControls;
+  onSave?: (() => void) | null;
+}) {
   const playhead = useSyncExternalStore(controls.onChange, () => controls.playhead);
   const known = useSyncExternalStore(controls.onChange, () => controls.timeline);
   if (known === null && playhead.at === 'live') return <div className="past-room" />;
   const { momentMs } = playhead;
   const unknown = { fromMs: momentMs, toMs: momentMs, movement: [], words: [], marks: [] };
-  return <Line controls={controls} timeline={known ?? unknown} />;
+  return <Line controls={controls} timeline={known ?? unknown} onSave={onSave} />;
 }
 
-function Line({ controls, timeline }: { controls: PastControls; timeline: Timeline }) {
+function Line(props: { controls: PastControls; timeline: Timeline; onSave: (() => void) | null }) {
+  const { controls, timeline, onSave } = props;
   const text = usePastText();
   const { playhead } = controls;
   const past = playhead.at === 'past';
@@ -91,6 +99,7 @@ function Line({ controls, timeline }: { controls: PastControls; timeline: Timeli
           playhead={playhead}
           nowMs={nowMs}
           hasFaults={timeline.marks.some(({ level }) => level === 'fault')}
+          onSave={onSave}
         >
           {hasRanges && <RangeButton range={range} windowMs={windowMs} onRange={setRange} />}
         </TransportBar>
