@@ -157,6 +157,7 @@ describe('what can’t be had', () => {
     const source = { ...rig.source, segmentsIn: () => large };
     const ports = { ...rig, models: rig.models, breathe: rig.breathe, onProgress: rig.onProgress, source };
     await expect(saveSpan('csv', all(rig), ports)).rejects.toMatchObject({ why: 'too-long' });
+    await expect(measureSpan('csv', all(rig), ports)).rejects.toMatchObject({ why: 'too-long' });
   });
 
   it('a segment that is another one than was asked for counts as lost', async () => {

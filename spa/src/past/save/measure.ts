@@ -1,7 +1,7 @@
-import { PastError, type SegmentRef } from '../past_source.ts';
+import type { SegmentRef } from '../past_source.ts';
 import type { Span } from '../past_types.ts';
-import { SaveError, type SaveFormat, type SavePorts, SPAN_MS_MAX } from './save_ports.ts';
-import { loadSpan } from './saved_span.ts';
+import { SaveError, type SaveFormat, type SavePorts } from './save_ports.ts';
+import { findSegments, loadSpan } from './saved_span.ts';
 import { writeSpan } from './write_span.ts';
 
 /** Of a recording: what a segment has besides its own bytes: its first pose once more, its row and its name. */
@@ -22,15 +22,7 @@ type Ports = Pick<SavePorts, 'source' | 'models' | 'breathe' | 'signal'>;
  *  signal. */
 export async function measureSpan(format: SaveFormat, span: Span, ports: Ports): Promise<Measure> {
   const { source, signal } = ports;
-  if (span.toMs - span.fromMs > SPAN_MS_MAX) throw new SaveError('too-long');
-  try {
-    await source.loadIndex(span);
-  } catch (error) {
-    if (!(error instanceof PastError)) throw error;
-    throw new SaveError(error.why === 'away' ? 'away' : 'nothing');
-  }
-  const refs = source.segmentsIn(span);
-  if (refs.length === 0) throw new SaveError('nothing');
+  const refs = await findSegments(source, span);
   const untilMs = Math.max(...refs.map(({ toMs }) => toMs));
   const counts = refs.map((ref) => Math.round(ref.frames * shareOf(ref, span)));
   const frames = counts.reduce((sum, count) => sum + count, 0);

@@ -3,9 +3,8 @@ import type { PastSource } from '../past_source.ts';
 
 /** The longest span that is saved, ms. */
 export const SPAN_MS_MAX = 600_000;
-/** Bound of the segments of a span, which are held while it is saved. A robot that uses all of its share of a relay for ten
- *  minutes stays below it. */
-export const SEGMENTS_BYTES_MAX = 256e6;
+/** Bound of the segments of a span, which are held while it is saved: ten times those of ten minutes of the demo robot. */
+export const SEGMENTS_BYTES_MAX = 64e6;
 
 export type SaveFormat = 'csv' | 'mcap' | 'posecast';
 

@@ -20,13 +20,8 @@ export interface SavedSpan extends Span {
   readonly lostSegments: number;
 }
 
-/** Fetches the segments of a span. `onPart` is told which part of it is here, 0…1. What can't be had is left out and
- *  counted. Rejects with a `SaveError`, or with the reason of the signal. */
-export async function loadSpan(
-  { source, signal }: Pick<SavePorts, 'source' | 'signal'>,
-  span: Span,
-  onPart: (part: number) => void,
-): Promise<SavedSpan> {
+/** The segments that have a part in a span. Rejects with a `SaveError`. */
+export async function findSegments(source: SavePorts['source'], span: Span): Promise<readonly SegmentRef[]> {
   if (span.toMs - span.fromMs > SPAN_MS_MAX) throw new SaveError('too-long');
   try {
     await source.loadIndex(span);
@@ -35,7 +30,19 @@ export async function loadSpan(
     throw new SaveError(error.why === 'away' ? 'away' : 'nothing');
   }
   const refs = source.segmentsIn(span);
+  if (refs.length === 0) throw new SaveError('nothing');
   if (refs.reduce((sum, { bytes }) => sum + bytes, 0) > SEGMENTS_BYTES_MAX) throw new SaveError('too-long');
+  return refs;
+}
+
+/** Fetches the segments of a span. `onPart` is told which part of it is here, 0…1. What can't be had is left out and
+ *  counted. Rejects with a `SaveError`, or with the reason of the signal. */
+export async function loadSpan(
+  { source, signal }: Pick<SavePorts, 'source' | 'signal'>,
+  span: Span,
+  onPart: (part: number) => void,
+): Promise<SavedSpan> {
+  const refs = await findSegments(source, span);
   const found = new Array<SavedSegment | null>(refs.length).fill(null);
   const schemas = new Map<string, Schema>();
   let isAway = false;

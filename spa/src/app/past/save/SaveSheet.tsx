@@ -1,5 +1,5 @@
 import './save.css';
-import { useState } from 'react';
+import { useEffect, useState } from 'react';
 import type { PastSource } from '../../../past/past_source.ts';
 import type { PastControls } from '../../../past/past_types.ts';
 import type { SaveFormat } from '../../../past/save/save_ports.ts';
@@ -29,6 +29,7 @@ export function SaveSheet(props: {
   const span = name === 'custom' ? customSpan(fields) : spanOf(offer, name);
   const measured = useMeasure(source, robot, format, span);
   const { saving, save, cancel } = useSaving(source, robot);
+  useEffect(() => controls.attend(), [controls]); // so that it soon knows what is newest
   const isBusy = saving.at === 'work';
   /** What was said of another choice holds no longer. */
   const choose = (change: () => void) => {

@@ -26,7 +26,7 @@ export const saveEn = {
     `${frames.toLocaleString('en')} ${frames === 1 ? 'frame' : 'frames'}, about ${bytes}`,
   measuring: 'Looking what there is …',
   notYet: (moment: string) => `It reaches to ${moment}: the relay has not closed the seconds after that yet.`,
-  tooLong: 'At most ten minutes fit into a file. Choose less.',
+  tooLong: 'That is too much: a file takes ten minutes, and 64 MB of what was recorded. Choose less.',
   noSpan: 'Give a beginning, and an end after it.',
   nothing: 'Nothing is recorded there.',
   away: 'The relay does not answer. Try again.',

@@ -26,7 +26,7 @@ export const saveKo: typeof saveEn = {
   measured: (frames, bytes) => `프레임 ${frames.toLocaleString('ko')}개, 약 ${bytes}`,
   measuring: '무엇이 있는지 확인하는 중 …',
   notYet: (moment) => `${moment}까지 저장됩니다. 그 뒤 몇 초는 릴레이가 아직 마무리하지 않았습니다.`,
-  tooLong: '파일 하나에 최대 10분까지 담을 수 있습니다. 구간을 줄이세요.',
+  tooLong: '너무 깁니다. 파일 하나에 10분, 기록 64 MB까지 담을 수 있습니다. 구간을 줄이세요.',
   noSpan: '시작과 그보다 뒤인 끝을 정하세요.',
   nothing: '그 구간에는 기록이 없습니다.',
   away: '릴레이가 응답하지 않습니다. 다시 시도하세요.',
