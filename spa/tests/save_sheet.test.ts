@@ -18,6 +18,7 @@ import { FakePast, timelineOf } from './past_fake.ts';
 import { FakeSource } from './past_player_rig.ts';
 import { FROM_MS, recorded, sent } from './past_recordings.ts';
 
+const NO_MODEL = () => 'http://127.0.0.1:9/manifest.json';
 const NOW_MS = FROM_MS + 600_000;
 
 describe('what is offered', () => {
@@ -87,7 +88,9 @@ describe('the sheet', () => {
     document.body.append(host);
     root = createRoot(host);
     const past = new FakePast(FROM_MS + 20_000);
-    root.render(createElement(SaveSheet, { controls: past, source, robot: 'r', onClose: () => {} }));
+    root.render(
+      createElement(SaveSheet, { controls: past, source, manifestUrl: NO_MODEL, onClose: () => {} }),
+    );
     const find = <E extends HTMLElement>(testId: string) =>
       host.querySelector<E>(`[data-testid="${testId}"]`) ?? null;
     const says = (testId: string, words: string | RegExp) =>

@@ -11,9 +11,9 @@ const LIGHT_LIMIT_KB = 40;
 const PAST_LIMIT_KB = 25;
 /** What segments are read with, once somebody looks back. */
 const PAST_READER_LIMIT_KB = 4;
-/** What saves the past, for who saves: the sheet, and what writes the files (half of it is @mcap/core). */
+/** What saves the past, for who saves: the sheet, and what writes the files (of which @mcap/core is 15 kB and fflate 7). */
 const SAVE_SHEET_LIMIT_KB = 7;
-const SAVE_LIMIT_KB = 34;
+const SAVE_LIMIT_KB = 42;
 
 const dist = fileURLToPath(new URL('../dist/', import.meta.url));
 const built = existsSync(`${dist}.vite/manifest.json`);
@@ -125,7 +125,7 @@ describe.skipIf(!built)('bundle (skipped when spa/dist is not built)', () => {
     expect(sizeOf(reader)).toBeLessThan(PAST_READER_LIMIT_KB);
   });
 
-  it('saving comes to nobody who does not save, its sheet in 7 kB, what writes the files in 34', () => {
+  it('saving comes to nobody who does not save, its sheet in 7 kB, what writes the files in 42', () => {
     const all = chunks();
     const entry = Object.keys(all).find((name) => all[name]?.isEntry) ?? '';
     const line = filesOf(all, 'src/app/past/index.ts');

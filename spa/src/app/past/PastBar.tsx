@@ -1,6 +1,7 @@
-import { Suspense, useState, useSyncExternalStore } from 'react';
+import { Suspense, useCallback, useState, useSyncExternalStore } from 'react';
 import type { PastSource } from '../../past/past_source.ts';
 import type { PastControls } from '../../past/past_types.ts';
+import { manifestUrl } from '../../relay/addresses.ts';
 import { late, onDemand } from '../shell/late.tsx';
 import type { RobotLink } from '../state/robot_link.ts';
 import { LiveNews } from './LiveNews.tsx';
@@ -14,6 +15,8 @@ const SaveSheet = late(async () => (await import('./save/SaveSheet.tsx')).SaveSh
 export function PastBar(props: { controls: PastControls; live: RobotLink; source: PastSource | null }) {
   const { controls, live, source } = props;
   const [saving, setSaving] = useState(false);
+  const { robot } = live.twin;
+  const models = useCallback((sha256: string) => manifestUrl(robot, sha256), [robot]);
   const save = source === null ? null : () => setSaving(true);
   usePastKeys(controls, save);
   const { at } = useSyncExternalStore(controls.onChange, () => controls.playhead);
@@ -26,7 +29,7 @@ export function PastBar(props: { controls: PastControls; live: RobotLink; source
           <SaveSheet
             controls={controls}
             source={source}
-            robot={live.twin.robot}
+            manifestUrl={models}
             onClose={() => setSaving(false)}
           />
         </Suspense>

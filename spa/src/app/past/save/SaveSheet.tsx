@@ -7,6 +7,7 @@ import { Dialog } from '../../shell/Dialog.tsx';
 import { MeasureLine, Outcome, Progress } from './Outcome.tsx';
 import { SpanChoice } from './SpanChoice.tsx';
 import { useSaveText } from './save_text.ts';
+import type { ManifestUrl } from './saved_models.ts';
 import { choicesOf, customSpan, fieldsOf, offerOf, type SpanName, spanOf } from './span_choice.ts';
 import { useMeasure, useSaving } from './use_saving.ts';
 
@@ -17,18 +18,19 @@ const FORMATS = ['csv', 'mcap', 'posecast'] as const satisfies readonly SaveForm
 export function SaveSheet(props: {
   controls: PastControls;
   source: PastSource;
-  robot: string;
+  /** Has to stay the same. */
+  manifestUrl: ManifestUrl;
   onClose: () => void;
 }) {
-  const { controls, source, robot, onClose } = props;
+  const { controls, source, manifestUrl, onClose } = props;
   const text = useSaveText();
   const [offer] = useState(() => offerOf(controls));
   const [name, setName] = useState<SpanName>(choicesOf(offer)[0]!);
   const [fields, setFields] = useState(() => fieldsOf(offer));
   const [format, setFormat] = useState<SaveFormat>('csv');
   const span = name === 'custom' ? customSpan(fields) : spanOf(offer, name);
-  const measured = useMeasure(source, robot, format, span);
-  const { saving, save, cancel } = useSaving(source, robot);
+  const measured = useMeasure(source, manifestUrl, format, span);
+  const { saving, save, cancel } = useSaving(source, manifestUrl);
   useEffect(() => controls.attend(), [controls]); // so that it soon knows what is newest
   const isBusy = saving.at === 'work';
   /** What was said of another choice holds no longer. */

@@ -7,7 +7,7 @@ import type { SaveFormat, SavePorts } from '../../../past/save/save_ports.ts';
 import { useLatePart } from '../../shell/late.tsx';
 import { breaths } from './breath.ts';
 import { download } from './download.ts';
-import { savedModels } from './saved_models.ts';
+import { type ManifestUrl, savedModels } from './saved_models.ts';
 
 /** Nobody needs it who saves nothing. */
 const SAVE = new LatePart(
@@ -31,7 +31,7 @@ export type Saving =
  *  chosen. */
 export function useMeasure(
   source: PastSource,
-  robot: string,
+  manifestUrl: ManifestUrl,
   format: SaveFormat,
   span: Span | null,
 ): Measured {
@@ -43,7 +43,7 @@ export function useMeasure(
     if (part === null || toMs === 0) return;
     const leave = new AbortController();
     const { signal } = leave;
-    const models = savedModels(robot, signal);
+    const models = savedModels(manifestUrl, signal);
     let untilMs = 0;
     const tell = (found: Measured) => {
       if (!signal.aborted) setMeasured(found);
@@ -67,12 +67,12 @@ export function useMeasure(
       off();
       leave.abort();
     };
-  }, [part, source, robot, format, fromMs, toMs]);
+  }, [part, source, manifestUrl, format, fromMs, toMs]);
   return measured;
 }
 
 /** Saves, one file at a time. Leaving the component cancels. */
-export function useSaving(source: PastSource, robot: string) {
+export function useSaving(source: PastSource, manifestUrl: ManifestUrl) {
   const [saving, setSaving] = useState<Saving>({ at: 'rest' });
   const stop = useRef<AbortController | null>(null);
   const cancel = () => {
@@ -94,7 +94,7 @@ export function useSaving(source: PastSource, robot: string) {
     };
     const ports = {
       source: lent(source),
-      models: savedModels(robot, signal),
+      models: savedModels(manifestUrl, signal),
       breathe: breaths(),
       signal,
       onProgress,
