@@ -24,10 +24,18 @@ function readBlock(block: Uint8Array): Uint8Array {
     for (let more = 255; part === 15 && more === 255; length += more) more = block[at++]!;
     return length;
   };
+  let matched = -1; // where the last match begins
   while (at < block.length) {
     const token = block[at++]!;
-    for (let left = lengthOf(token >> 4); left > 0; left--) out.push(block[at++]!);
-    if (at === block.length) break; // the last one has no match
+    const literals = lengthOf(token >> 4);
+    for (let left = literals; left > 0; left--) out.push(block[at++]!);
+    if (at === block.length) {
+      // the last one has no match
+      if (matched >= 0 && (literals < 5 || matched > out.length - 12))
+        throw new Error('a match near the end');
+      break;
+    }
+    matched = out.length;
     const offset = block[at]! + 256 * block[at + 1]!;
     at += 2;
     if (offset === 0 || offset > out.length) throw new Error('a match before the beginning');

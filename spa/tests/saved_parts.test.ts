@@ -80,7 +80,7 @@ describe('a recording in one file', () => {
       { atMs: FROM_MS + 3000, event: fault(7, FROM_MS + 3000, 'jam') },
       { atMs: FROM_MS + 9100, word: 'silent' as const },
     ];
-    const rig = stage(90, {}, { happened });
+    const rig = stage(90, {}, { happened, wordBefore: 'offline' });
     const { blob, name, lost } = await saveSpan('posecast', all(rig), rig);
     expect(name).toMatch(/^r_2025-11-2\d_\d\d-\d\d-\d\d\.posecast$/);
     expect(lost).toEqual({ segments: 0, models: 0 });
@@ -97,6 +97,7 @@ describe('a recording in one file', () => {
     expect(recording.segments.flatMap(({ events }) => events.map(eventOf))).toMatchObject([
       { n: 7, text: 'jam' },
     ]);
+    expect(recording.segments[0]!.words).toEqual([{ atMs: FROM_MS, word: 'offline' }]);
     expect(recording.segments.at(-1)!.words.at(-1)).toEqual({ atMs: FROM_MS + 9100, word: 'silent' });
     const keys = decodeKeyPage(files['keys/2025-11-24T16-00Z.keys']!);
     expect(keys.poses.map(nameOf)).toEqual(rig.refs.filter(({ frames }) => frames > 0).map(nameOf));
