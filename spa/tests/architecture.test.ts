@@ -9,7 +9,7 @@ const ROOMS: Readonly<Record<string, readonly string[]>> = {
   auth: ['browser', 'relay'],
   twin: [],
   stream: ['auth', 'twin'],
-  past: ['auth', 'browser', 'relay', 'twin'],
+  past: ['auth', 'browser', 'model', 'relay', 'twin'],
   model: ['auth', 'twin'],
   overlays: ['browser', 'model', 'twin'],
   view: ['browser', 'model', 'overlays', 'twin'],

@@ -28,6 +28,18 @@ describe('keys all over the page', () => {
       expect(press(key), key).toBe(false);
   });
 
+  it('save, where something can be saved', () => {
+    let saved = 0;
+    const save = () => {
+      saved += 1;
+    };
+    expect(playPastKey(past, keyOf('x'), save)).toBe(true);
+    expect(playPastKey(past, keyOf('ㅌ', { code: 'KeyX' }), save)).toBe(true);
+    expect(saved).toBe(2);
+    expect(press('x')).toBe(false);
+    expect(past.told).toEqual([]);
+  });
+
   it('are the same where Korean letters are typed', () => {
     past.rest(100);
     expect(press('ㅓ', { code: 'KeyJ' })).toBe(true);

@@ -2,6 +2,7 @@ import {
   decodeKeyPage,
   type EventMessage,
   encodeKeyPage,
+  encodeSegment,
   type KeyPose,
   type RobotStatus,
   type Schema,
@@ -121,6 +122,10 @@ export class FakeSource implements PastSource {
     const found = this.#segments.find((each) => each.ref.take === ref.take && each.ref.index === ref.index);
     if (found === undefined) throw new PastError('gone', 'not kept');
     return found.segment;
+  }
+
+  async segmentBytes(ref: SegmentRef, signal?: AbortSignal): Promise<Uint8Array<ArrayBuffer>> {
+    return encodeSegment(await this.segment(ref, signal)).slice();
   }
 
   async schema(sha256: string): Promise<Schema> {

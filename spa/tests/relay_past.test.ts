@@ -364,6 +364,19 @@ describe('a segment', () => {
     expect(rig.takeAsked()).toEqual([path]);
   });
 
+  it('is had byte for byte, too: checked, not kept, and without its reader', async () => {
+    const { rig, source } = await withSegment(() => binary(data));
+    const [one, two] = await Promise.all([source.segmentBytes(ref), source.segmentBytes(ref)]);
+    expect(Buffer.compare(one, data)).toBe(0);
+    expect(two).toBe(one);
+    await source.segmentBytes(ref);
+    expect(rig.takeAsked()).toEqual([path, path]);
+    expect(await why(source.segmentBytes({ ...ref, sha256: sha256('x') }))).toBe('damaged');
+    expect(await why(source.segmentBytes({ ...ref, bytes: 7 }))).toBe('damaged');
+    const { source: other } = await withSegment(() => json({ next: { take: TAKE, index: 9 } }));
+    expect(await why(other.segmentBytes(ref))).toBe('gone');
+  });
+
   it('waits for its reader, which is fetched beside it', async () => {
     const rig = withPast();
     const source = await opened(rig);

@@ -17,6 +17,9 @@ const MOMENTS_LIMIT_KB = 5;
 const INCIDENTS_LIMIT_KB = 3;
 /** What segments are read with, once somebody looks back. */
 const PAST_READER_LIMIT_KB = 4;
+/** What saves the past, for who saves: the sheet, and what writes the files (of which @mcap/core is 15 kB and fflate 7). */
+const SAVE_SHEET_LIMIT_KB = 7;
+const SAVE_LIMIT_KB = 42;
 
 const dist = fileURLToPath(new URL('../dist/', import.meta.url));
 const built = existsSync(`${dist}.vite/manifest.json`);
@@ -123,7 +126,7 @@ describe.skipIf(!built)('bundle (skipped when spa/dist is not built)', () => {
     const line = Object.keys(all).find((name) => all[name]?.dynamicImports?.includes(reader)) ?? '';
     const sizeOf = (name: string, had: ReadonlySet<string> = shared) => {
       const files = [...filesOf(all, name)].filter(
-        (file) => (/past/i.test(file) || had !== shared) && !shared.has(file) && !had.has(file),
+        (file) => (/past|key_page/i.test(file) || had !== shared) && !shared.has(file) && !had.has(file),
       );
       expect(files).toContain(all[name]?.file);
       const sizes = files.map((file) => [file, kb(file)] as const);
@@ -139,6 +142,26 @@ describe.skipIf(!built)('bundle (skipped when spa/dist is not built)', () => {
     expect(sizeOf(`${folder}/line_part.ts`, had)).toBeLessThan(LINE_PART_LIMIT_KB);
     expect(sizeOf(`${folder}/jump/MomentSheet.tsx`, had)).toBeLessThan(MOMENTS_LIMIT_KB);
     expect(sizeOf(`${folder}/incidents/Incidents.tsx`, had)).toBeLessThan(INCIDENTS_LIMIT_KB);
+  });
+
+  it('saving comes to nobody who does not save, its sheet in 7 kB, what writes the files in 42', () => {
+    const all = chunks();
+    const entry = Object.keys(all).find((name) => all[name]?.isEntry) ?? '';
+    const line = filesOf(all, 'src/app/past/index.ts');
+    const shared = new Set([...filesOf(all, entry), ...line]);
+    const [sheet, save] = ['src/app/past/save/SaveSheet.tsx', 'src/past/save/save.ts'];
+    const sizeOf = (name: string) => {
+      const files = [...filesOf(all, name)].filter((file) => !shared.has(file));
+      expect(files).toContain(all[name]?.file);
+      const sizes = files.map((file) => [file, kb(file)] as const);
+      console.info(sizes.map(([file, size]) => `${file}: ${size.toFixed(1)} kB`).join('\n'));
+      return sizes.reduce((sum, [, size]) => sum + size, 0);
+    };
+    expect(sizeOf(sheet)).toBeLessThan(SAVE_SHEET_LIMIT_KB);
+    expect(all[sheet]?.dynamicImports).toContain(save);
+    expect(sizeOf(save)).toBeLessThan(SAVE_LIMIT_KB);
+    for (const file of line)
+      expect(readFileSync(`${dist}${file}`, 'utf8')).not.toMatch(/ros2msg|posecast-recording/);
   });
 
   it('signing in comes to nobody who does not sign in, in 40 kB', () => {

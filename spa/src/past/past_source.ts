@@ -52,6 +52,8 @@ export interface PastSource {
   keyAt(momentMs: number): KeyPose | null;
   /** A segment, checked against its hash. Rejects with a `PastError`. */
   segment(ref: SegmentRef, signal?: AbortSignal): Promise<Segment>;
+  /** A segment byte for byte, checked against its hash and not kept. Rejects with a `PastError`. */
+  segmentBytes(ref: SegmentRef, signal?: AbortSignal): Promise<Uint8Array<ArrayBuffer>>;
   /** A schema by its hash. Rejects with a `PastError`. */
   schema(sha256: string): Promise<Schema>;
   close(): void;

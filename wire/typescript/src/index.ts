@@ -61,13 +61,8 @@ export {
 export { encodeRecording } from './recording/writer.ts';
 export { CODE_MAX, Field, MISSING, revived, Schema } from './schema.ts';
 export { parseSchema } from './schema_parser.ts';
-export {
-  decodeKeyPage,
-  encodeKeyPage,
-  type KeyPage,
-  type KeyPose,
-  pickPose,
-} from './segment/key_page.ts';
+export { decodeKeyPage, type KeyPage, type KeyPose } from './segment/key_page.ts';
+export { encodeKeyPage, pickPose } from './segment/key_page_writer.ts';
 export { type FrameGap, type MergedFrame, mergeSegments } from './segment/merge.ts';
 export { decodeSegment } from './segment/reader.ts';
 export {

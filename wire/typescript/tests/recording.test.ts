@@ -148,7 +148,7 @@ test('events are read as live, and those of later are none', () => {
 
 test.each(packed)('a packed segment: $says', async ({ bytes: parts, says }) => {
   const data = bytes(parts.map(([digits, times]) => digits.repeat(times)).join(''));
-  const said = await unpackSegment(data).then(
+  const said = await unpackSegment(data.slice()).then(
     (segment) => `${segment.length} bytes`,
     (error: unknown) => (error instanceof SegmentError ? error.message : String(error)),
   );

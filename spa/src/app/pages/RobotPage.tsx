@@ -72,7 +72,7 @@ function Loaded({ live, onSettings }: { live: RobotLink; onSettings: () => void 
       )}
       {past && !presented && (
         <Suspense fallback={null}>
-          <PastBar controls={past.controls} live={live} twin={live.twin} />
+          <PastBar controls={past.controls} live={live} twin={live.twin} source={past.source} />
         </Suspense>
       )}
     </OneRobot>

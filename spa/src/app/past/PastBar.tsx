@@ -1,7 +1,9 @@
-import { useSyncExternalStore } from 'react';
+import { Suspense, useCallback, useState, useSyncExternalStore } from 'react';
+import type { PastSource } from '../../past/past_source.ts';
 import type { PastControls } from '../../past/past_types.ts';
+import { manifestUrl } from '../../relay/addresses.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
-import { late } from '../shell/late.tsx';
+import { late, onDemand } from '../shell/late.tsx';
 import type { RobotLink } from '../state/robot_link.ts';
 import { useStore } from '../state/use_store.ts';
 import { LiveNews } from './LiveNews.tsx';
@@ -10,6 +12,7 @@ import { usePastKeys } from './time_line/past_keys.ts';
 import { type BelowTrack, TimeLine } from './time_line/TimeLine.tsx';
 
 const MomentSheet = late(async () => (await import('./time_line/jump/MomentSheet.tsx')).MomentSheet);
+const SaveSheet = late(async () => (await import('./save/SaveSheet.tsx')).SaveSheet, onDemand);
 
 /** What stands under the body for looking back: the time line and, in the past, what goes wrong meanwhile. `live`: null where
  *  nothing is live; the rest is for a recording, see `TimeLine`. */
@@ -18,21 +21,42 @@ export function PastBar(props: {
   live: RobotLink | null;
   /** Whose names are those of what was. */
   twin: RobotTwin;
+  /** What can be saved; null where nothing is. */
+  source: PastSource | null;
+  /** Where a model's manifest is, by its hash; unless it is given, where the relay has it. */
+  manifestUrl?: (sha256: string) => string;
   /** Only its keys are there. */
   unseen?: boolean;
   slim?: boolean;
   notes?: BelowTrack | null;
 }) {
-  const { controls, live, twin, unseen = false, ...rest } = props;
-  usePastKeys(controls);
+  const { controls, live, twin, source, manifestUrl: given, unseen = false, ...rest } = props;
+  const [saving, setSaving] = useState(false);
+  const { robot } = twin;
+  const models = useCallback(
+    (sha256: string) => given?.(sha256) ?? manifestUrl(robot, sha256),
+    [given, robot],
+  );
+  const save = source === null ? null : () => setSaving(true);
+  usePastKeys(controls, save);
   const { at } = useSyncExternalStore(controls.onChange, () => controls.playhead);
   const sheet = useStore(momentSheet);
   if (unseen) return null;
   return (
     <>
       {live !== null && at === 'past' && <LiveNews live={live} controls={controls} />}
-      <TimeLine controls={controls} {...rest} />
+      <TimeLine controls={controls} onSave={save} {...rest} />
       {sheet === controls && <MomentSheet controls={controls} twin={twin} />}
+      {saving && source !== null && (
+        <Suspense fallback={null}>
+          <SaveSheet
+            controls={controls}
+            source={source}
+            manifestUrl={models}
+            onClose={() => setSaving(false)}
+          />
+        </Suspense>
+      )}
     </>
   );
 }

@@ -25,6 +25,7 @@ export const READER = new LatePart(() => import('../../past/relay/past_reader.ts
 /** A robot's past on the page: the controls, and a link to the robot as it was, which everything can be drawn from. */
 export interface Past {
   readonly controls: PastControls;
+  readonly source: PastSource;
   readonly link: RobotLink;
   readonly close: () => void;
 }
@@ -167,6 +168,7 @@ export function openPast(live: RobotLink, atMs: number | null): Past {
   const { client, manifestUrl } = live;
   return {
     controls: player,
+    source,
     link: { ...link, client, manifestUrl },
     close: () => {
       close();

@@ -456,6 +456,7 @@ export const moreKo: More = {
   keyFault: '이전 고장, 다음 고장',
   keySpeed: '느리게, 빠르게',
   keyLoop: '여기부터 반복, 여기까지 반복, 반복 끝내기',
+  keySave: '파일로 저장',
   keyLive: '실시간으로 돌아가기',
   keyOnLine: '타임라인에서: 1초, Shift와 함께 10초; 긴 타임라인에서는 더 멀리',
   keyMinute: '타임라인에서: 1분; 긴 타임라인에서는 더 멀리',

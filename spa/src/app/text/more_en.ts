@@ -332,6 +332,7 @@ export const moreEn = {
   keyFault: 'previous, next fault',
   keySpeed: 'slower, faster',
   keyLoop: 'repeat from here, up to here, no longer',
+  keySave: 'save as a file',
   keyLive: 'end the visit: back to live',
   keyOnLine: 'on the time line: 1 s; with Shift 10 s; more on a line of hours',
   keyMinute: 'on the time line: 1 min; more on a line of hours',

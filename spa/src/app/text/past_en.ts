@@ -26,6 +26,7 @@ export const pastEn = {
   loopFrom: 'Repeat from here (O)',
   loopTo: 'Repeat up to here (O)',
   loopOff: 'End repeating (O)',
+  save: 'Save as a file… (X)',
   showLast: (span: string) => `Show the last ${span}`,
 
   jump: 'Go to a moment (G)',

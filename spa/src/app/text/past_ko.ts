@@ -25,6 +25,7 @@ export const pastKo: typeof pastEn = {
   loopFrom: '여기부터 반복 (O)',
   loopTo: '여기까지 반복 (O)',
   loopOff: '반복 끝내기 (O)',
+  save: '파일로 저장… (X)',
   showLast: (span) => `최근 ${span} 보기`,
 
   jump: '순간으로 이동 (G)',

@@ -132,6 +132,17 @@ export class RecordingPast implements PastSource {
     }
   }
 
+  /** Not kept. It is not looked at, but for that it can be unpacked. */
+  async segmentBytes(ref: SegmentRef, signal?: AbortSignal): Promise<Uint8Array<ArrayBuffer>> {
+    signal?.throwIfAborted();
+    try {
+      return await this.#readBytes(ref, signal);
+    } catch (error) {
+      if (error instanceof PastError && error.why !== 'away') this.#lose(nameOf(ref));
+      throw error;
+    }
+  }
+
   async schema(sha256: string): Promise<Schema> {
     const text = this.#index.schemas.get(sha256);
     if (text === undefined)
@@ -173,9 +184,8 @@ export class RecordingPast implements PastSource {
 
   async #readSegment(ref: SegmentRef, signal: AbortSignal): Promise<Segment> {
     const path = segmentPath(ref);
-    const loading = this.#ports.loadReader();
-    const bytes = await this.#ports.files.read(path, BYTES_MAX.segment, signal);
-    const { decodeSegment, SegmentError } = await loading;
+    const bytes = await this.#readBytes(ref, signal);
+    const { decodeSegment, SegmentError } = await this.#ports.loadReader();
     let segment: Segment;
     try {
       segment = decodeSegment(bytes);
@@ -189,6 +199,20 @@ export class RecordingPast implements PastSource {
     if (!isIt || !this.#isOurs(segment.start)) throw new PastError('damaged', `${path}: another segment`);
     this.#segments.set(nameOf(ref), segment, bytes.length);
     return segment;
+  }
+
+  /** A segment byte for byte: its file may be the gzip of it. */
+  async #readBytes(ref: SegmentRef, signal?: AbortSignal): Promise<Uint8Array<ArrayBuffer>> {
+    const path = segmentPath(ref);
+    const loading = this.#ports.loadReader();
+    const packed = await this.#ports.files.read(path, BYTES_MAX.segment, signal);
+    const { unpackSegment, SegmentError } = await loading;
+    try {
+      return await unpackSegment(packed);
+    } catch (error) {
+      if (!(error instanceof SegmentError)) throw error;
+      throw new PastError('damaged', `${path}: ${error.message}`);
+    }
   }
 
   #isOurs({ robot, view }: { readonly robot: string; readonly view: string }): boolean {

@@ -136,6 +136,10 @@ export class RelayPast implements PastSource {
     );
   }
 
+  async segmentBytes(ref: SegmentRef, signal?: AbortSignal): Promise<Uint8Array<ArrayBuffer>> {
+    return await this.#shared.ask(`bytes ${nameOf(ref)}`, (stop) => this.#fetchBytes(ref, stop), signal);
+  }
+
   async schema(sha256: string): Promise<Schema> {
     return (
       this.#schemas.use(sha256) ??
@@ -297,17 +301,23 @@ export class RelayPast implements PastSource {
     const name = nameOf(ref);
     const path = `/${this.#view}/${name}`;
     const loading = this.#ports.loadReader();
-    const { bytes, isJson } = await this.#requests.get(path, signal);
-    if (isJson) throw new PastError('gone', `past${path}: not kept any more`);
-    if (bytes.length !== ref.bytes)
-      throw new PastError('damaged', `past${path}: ${bytes.length} bytes, not ${ref.bytes}`);
-    await checkHash(path, bytes, ref.sha256);
+    const bytes = await this.#fetchBytes(ref, signal);
     const { decodeSegment, SegmentError } = await loading;
     const segment = decoded(path, SegmentError, () => decodeSegment(bytes));
     if (segment.start.take !== ref.take || segment.start.index !== ref.index)
       throw new PastError('damaged', `past${path}: another segment`);
     this.#segments.set(name, segment, bytes.length);
     return segment;
+  }
+
+  async #fetchBytes(ref: SegmentRef, signal: AbortSignal): Promise<Uint8Array<ArrayBuffer>> {
+    const path = `/${this.#view}/${nameOf(ref)}`;
+    const { bytes, isJson } = await this.#requests.get(path, signal);
+    if (isJson) throw new PastError('gone', `past${path}: not kept any more`);
+    if (bytes.length !== ref.bytes)
+      throw new PastError('damaged', `past${path}: ${bytes.length} bytes, not ${ref.bytes}`);
+    await checkHash(path, bytes, ref.sha256);
+    return bytes;
   }
 
   async #fetchSchema(sha256: string, signal: AbortSignal): Promise<Schema> {

@@ -6,11 +6,11 @@ import { ENVELOPE_BYTES_MAX, refuse, SegmentError } from '../segment/segment.ts'
  * The segment's bytes, which are not looked at. What unpacks to more than a segment may have is let go of at once.
  * Rejects with SegmentError.
  */
-export async function unpackSegment(data: Uint8Array): Promise<Uint8Array> {
+export async function unpackSegment(data: Uint8Array<ArrayBuffer>): Promise<Uint8Array<ArrayBuffer>> {
   if (data[0] !== 0x1f || data[1] !== 0x8b) return data;
   const pieces: Uint8Array[] = [];
   let size = 0;
-  const reader = new Blob([data.slice()]).stream().pipeThrough(new DecompressionStream('gzip')).getReader();
+  const reader = new Blob([data]).stream().pipeThrough(new DecompressionStream('gzip')).getReader();
   try {
     for (;;) {
       const { done, value } = await reader.read();

@@ -1,7 +1,6 @@
 /** What is around a header and records: a magic number, a version, lengths, and checksums. */
 
 import { ByteReader } from './byte_reader.ts';
-import { ByteWriter } from './byte_writer.ts';
 import { crc32 } from './crc32.ts';
 import {
   CRC_BYTES,
@@ -34,25 +33,6 @@ export function openEnvelope(data: Uint8Array, kind: EnvelopeKind): Envelope {
   const count = checkRecords(data, view, at, end);
   const header = new ByteReader(data, PREFIX_BYTES, headerEnd);
   return { header, records: new ByteReader(data, at, end), count };
-}
-
-/** The whole of it. */
-export function packEnvelope(
-  kind: EnvelopeKind,
-  header: Uint8Array,
-  records: Uint8Array,
-  count: number,
-): Uint8Array {
-  const all = new ByteWriter();
-  all.bytes(Uint8Array.from([...kind.magic, kind.version]));
-  all.u32(header.length);
-  all.bytes(header);
-  all.u32(crc32(all.data));
-  all.bytes(records);
-  all.byte(0);
-  all.u32(count);
-  all.u32(crc32(records));
-  return all.data.slice();
 }
 
 /** Where the header ends, which is found undamaged. */

@@ -61,7 +61,7 @@ function Shown({ live }: { live: RobotLink }) {
       )}
       {past && !presented && (
         <Suspense fallback={null}>
-          <PastBar controls={past.controls} live={live} twin={live.twin} />
+          <PastBar controls={past.controls} live={live} twin={live.twin} source={null} />
         </Suspense>
       )}
     </Framed>

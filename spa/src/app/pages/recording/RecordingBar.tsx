@@ -15,6 +15,7 @@ import { lostWords } from './recording_words.ts';
 export function RecordingBar(props: {
   controls: PastControls;
   twin: RobotTwin;
+  manifestUrl: (sha256: string) => string;
   source: RecordingPast;
   index: RecordingIndex;
   /** The address names a moment that can't be read. */
@@ -22,12 +23,12 @@ export function RecordingBar(props: {
   /** While it is presented only its keys are there. */
   unseen: boolean;
 }) {
-  const { controls, twin, source, index, isNonsense, unseen } = props;
+  const { controls, twin, manifestUrl, source, index, isNonsense, unseen } = props;
   const { notes, segments } = index;
   const text = useRecordingText();
   const [pointed, setPointed] = useState<readonly Note[] | null>(null);
   const lost = lostWords(useLost(source), segments.length);
-  if (unseen) return <PastBar controls={controls} live={null} twin={twin} unseen />;
+  if (unseen) return <PastBar controls={controls} live={null} twin={twin} source={null} unseen />;
   return (
     <>
       {lost !== null && (
@@ -45,6 +46,8 @@ export function RecordingBar(props: {
         controls={controls}
         live={null}
         twin={twin}
+        source={source}
+        manifestUrl={manifestUrl}
         notes={
           notes.length === 0
             ? null

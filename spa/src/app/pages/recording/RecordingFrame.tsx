@@ -48,7 +48,7 @@ function Shown(props: { Frame: Frame; opened: OpenedRecording; played: PlayedRec
           {lost}
         </p>
       )}
-      <PastBar controls={controls} live={null} twin={link.twin} unseen={presented} slim />
+      <PastBar controls={controls} live={null} twin={link.twin} source={null} unseen={presented} slim />
     </Frame>
   );
 }

@@ -110,6 +110,7 @@ function Shown(props: {
         <RecordingBar
           {...{ controls, source, index }}
           twin={link.twin}
+          manifestUrl={opened.manifestUrl}
           isNonsense={onClose === null && named === 'nonsense'}
           unseen={presented}
         />

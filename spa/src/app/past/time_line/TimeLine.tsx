@@ -36,24 +36,26 @@ const LOOP_PX = 24;
 export type BelowTrack = (view: View) => ReactNode;
 
 /** The last minutes of a robot in one line under its body, or all of a recording: how it moved, what happened, and where in time
- *  the page is. Live, and where it is to stay so, it is slim; in the past it opens, with what plays it. Where nothing is known of
- *  the past there is but room. */
+ *  the page is. Live, and where it is to stay so, it is slim; in the past it opens, with what plays it and, if `onSave` says how, saves it. Where nothing
+ *  is known of the past there is but room. */
 export function TimeLine({
   controls,
   slim = false,
   notes = null,
+  onSave = null,
 }: {
   controls: PastControls;
   slim?: boolean;
   /** A recording's notes. */
   notes?: BelowTrack | null;
+  onSave?: (() => void) | null;
 }) {
   const playhead = useSyncExternalStore(controls.onChange, () => controls.playhead);
   const known = useSyncExternalStore(controls.onChange, () => controls.timeline);
   if (known === null && playhead.at === 'live') return <div className="past-room" />;
   const { momentMs } = playhead;
   const unknown = { fromMs: momentMs, toMs: momentMs, movement: [], words: [], marks: [] };
-  return <Line {...{ controls, slim, notes }} timeline={known ?? unknown} />;
+  return <Line {...{ controls, slim, notes, onSave }} timeline={known ?? unknown} />;
 }
 
 function Line(props: {
@@ -61,8 +63,9 @@ function Line(props: {
   timeline: Timeline;
   slim: boolean;
   notes: BelowTrack | null;
+  onSave: (() => void) | null;
 }) {
-  const { controls, timeline, slim, notes } = props;
+  const { controls, timeline, slim, notes, onSave } = props;
   const text = usePastText();
   const { playhead } = controls;
   const past = playhead.at === 'past';
@@ -152,6 +155,7 @@ function Line(props: {
           playhead={playhead}
           nowMs={nowMs}
           hasFaults={unknown !== undefined || timeline.marks.some(({ level }) => level === 'fault')}
+          onSave={onSave}
         >
           {part !== null && scalesOf(windowMs).length > 1 && (
             <part.ScaleChoice {...{ controls, scale, windowMs }} />

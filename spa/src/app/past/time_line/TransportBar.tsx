@@ -9,7 +9,14 @@ import { more } from '../../text/more.ts';
 import { usePastText } from '../../text/past.ts';
 import { momentSheet } from './jump/moment_sheet.ts';
 import { loopStart, pressLoop } from './loop_start.ts';
-import { FrameBackIcon, FrameOnIcon, LoopIcon, NextFaultIcon, PreviousFaultIcon } from './past_icons.tsx';
+import {
+  FrameBackIcon,
+  FrameOnIcon,
+  LoopIcon,
+  NextFaultIcon,
+  PreviousFaultIcon,
+  SaveIcon,
+} from './past_icons.tsx';
 import { speedWords, whenWords } from './spoken.ts';
 
 /** The row over the track while the past is shown: ways to other moments, the moment itself, how it is played, how much is
@@ -19,6 +26,7 @@ export function TransportBar({
   playhead,
   nowMs,
   hasFaults,
+  onSave,
   children,
 }: {
   controls: PastControls;
@@ -26,6 +34,8 @@ export function TransportBar({
   /** The moment of now. */
   nowMs: number;
   hasFaults: boolean;
+  /** null: nothing can be saved here. */
+  onSave: (() => void) | null;
   /** At the end of the row. */
   children: ReactNode;
 }) {
@@ -66,6 +76,11 @@ export function TransportBar({
       <div className="transport-part">
         <Speeds speed={playhead.speed} onSpeed={(speed) => controls.setSpeed(speed)} />
         <LoopButton controls={controls} playhead={playhead} />
+        {onSave !== null && (
+          <IconButton label={text.save} title={text.save} data-testid="save-button" onClick={onSave}>
+            <SaveIcon />
+          </IconButton>
+        )}
         {children}
       </div>
     </div>

@@ -52,3 +52,10 @@ export const LoopIcon = () => (
     <path d="M4.5 11.5V10A3.5 3.5 0 0 1 8 6.5h11M16 3.5l3 3-3 3M19.5 12.5V14a3.5 3.5 0 0 1-3.5 3.5H5M8 20.5l-3-3 3-3" />
   </Icon>
 );
+
+/** An arrow into a tray. */
+export const SaveIcon = () => (
+  <Icon>
+    <path d="M12 4v11M8 11.2l4 4 4-4M4.5 15.5V18A1.5 1.5 0 0 0 6 19.5h12a1.5 1.5 0 0 0 1.5-1.5v-2.5" />
+  </Icon>
+);

@@ -8,6 +8,7 @@ export const PAST_KEYS = [
   ['B N', 'keyFault'],
   ['[ ]', 'keySpeed'],
   ['O', 'keyLoop'],
+  ['X', 'keySave'],
   ['E', 'keyLive'],
   ['G', 'keyJump'],
   ['← →', 'keyOnLine'],

@@ -1,4 +1,4 @@
-import { useEffect } from 'react';
+import { useEffect, useRef } from 'react';
 import { type PastControls, SPEEDS } from '../../../past/past_types.ts';
 import { momentSheet } from './jump/moment_sheet.ts';
 import { pressLoop } from './loop_start.ts';
@@ -12,7 +12,7 @@ const TAKES_SPACE = 'button, a, input, summary, [role="button"], [role="tab"], [
 const TYPED_INTO = 'input:not([type="radio"], [type="checkbox"]), textarea, select, [contenteditable]';
 
 /** Handles a key that works all over the page; false if the past has no such key. */
-export function playPastKey(controls: PastControls, event: Key): boolean {
+export function playPastKey(controls: PastControls, event: Key, save: (() => void) | null = null): boolean {
   const { at, speed } = controls.playhead;
   const live = at === 'live';
   // Where Korean letters are typed, the place of the key says which it is.
@@ -54,6 +54,9 @@ export function playPastKey(controls: PastControls, event: Key): boolean {
     case 'g':
       if (!event.repeat) momentSheet.set(controls);
       return true;
+    case 'x':
+      save?.();
+      return save !== null;
     case 'o':
       if (!event.repeat && !live) pressLoop(controls);
       return true;
@@ -81,8 +84,11 @@ export function playTrackKey(controls: PastControls, nowMs: number, { key, shift
   return true;
 }
 
-/** The past's keys, all over the page, while nothing is typed and no dialog is open. null: there is no past. */
-export function usePastKeys(controls: PastControls | null): void {
+/** The past's keys, all over the page, while nothing is typed and no dialog is open. null: there is no past, or nothing to save
+ *  it with. */
+export function usePastKeys(controls: PastControls | null, save: (() => void) | null = null): void {
+  const saveNow = useRef(save);
+  saveNow.current = save;
   useEffect(() => {
     if (controls === null) return;
     let clicked: Element | null = null;
@@ -99,7 +105,7 @@ export function usePastKeys(controls: PastControls | null): void {
       const taker = takes(at);
       if (event.key === ' ' && taker !== null && (taker !== clicked || taker.matches('input'))) return;
       if (controls.timeline === null && controls.playhead.at === 'live') return;
-      if (playPastKey(controls, event)) event.preventDefault();
+      if (playPastKey(controls, event, saveNow.current)) event.preventDefault();
     };
     window.addEventListener('pointerdown', onPointer, true);
     window.addEventListener('keydown', onKey);

@@ -1,0 +1,225 @@
+import { mkdirSync } from 'node:fs';
+import path from 'node:path';
+import { McapStreamReader } from '@mcap/core';
+import { decodeRecording, decodeSegment } from '@posecast/wire';
+import { unzipSync } from 'fflate';
+import { expect, it } from 'vitest';
+import { readLz4Frame } from '../tests/lz4_reader.ts';
+import { violations } from './axe.ts';
+import type { Page, Viewport } from './driver/page.ts';
+import { until } from './driver/until.ts';
+import { showIn } from './layout/sizes.ts';
+import { liveness, whole } from './robot_page.ts';
+import { REPO, type Relay } from './stack.ts';
+import { FULL, setStage } from './stage.ts';
+
+const stage = setStage();
+
+const SHOTS = path.join(REPO, 'spa/e2e/shots');
+const PHONE = { width: 390, height: 844 };
+const LAPTOP = { width: 1440, height: 900 };
+
+/** Keeps what the page has the browser save, instead of saving it: not every driver can say where a download went. */
+const CATCH_DOWNLOADS = `(() => {
+  const blobs = new Map();
+  const make = URL.createObjectURL;
+  URL.createObjectURL = (blob) => {
+    const url = make.call(URL, blob);
+    blobs.set(url, blob);
+    return url;
+  };
+  window.downloads = [];
+  const click = HTMLAnchorElement.prototype.click;
+  HTMLAnchorElement.prototype.click = function () {
+    if (this.download) window.downloads.push({ name: this.download, blob: blobs.get(this.href) });
+    else click.call(this);
+  };
+})()`;
+
+const testId = (id: string) => `document.querySelector('[data-testid="${id}"]')`;
+const textOf = (page: Page, id: string) => page.evaluate<string>(`${testId(id)}?.textContent ?? ''`);
+
+/** A page that looks back on the demo robot, of which there are at least `seconds`. */
+async function lookBack(relay: Relay, viewport: Viewport, seconds = 12): Promise<Page> {
+  const page = await stage.newPage({ preload: CATCH_DOWNLOADS, viewport });
+  await page.open(`${relay.url}/#/r/demo`);
+  await until('LIVE', async () => (await liveness(page)) === 'LIVE', 60_000);
+  await until('a body', () => whole(page), 60_000);
+  const has = `(() => {
+    const track = ${testId('track')};
+    return track !== null && track.ariaValueMax - track.ariaValueMin >= ${seconds};
+  })()`;
+  await until(`${seconds} s of past`, () => page.evaluate<boolean>(has), 60_000);
+  await page.findByTestId('play').click();
+  await until('PAST', async () => (await liveness(page)) === 'PAST');
+  return page;
+}
+
+async function openSheet(page: Page): Promise<void> {
+  await until('a button that saves', () => page.findByTestId('save-button').visible());
+  await page.findByTestId('save-button').click();
+  await until('what there is', async () => /frames, about/.test(await textOf(page, 'save-measure')), 30_000);
+  const isClosed = async () => (await page.findByTestId('save-until').count()) === 0;
+  await until('all of it, which the relay has yet to close', isClosed, 30_000);
+}
+
+/** Saves in a format. The file's name and bytes. */
+async function save(page: Page, format: string): Promise<{ name: string; bytes: Uint8Array }> {
+  const before = await page.evaluate<number>('window.downloads.length');
+  await page.evaluate(`${testId(`save-${format}`)}.click()`);
+  const isReady = `!${testId('save-go')}?.disabled && ${testId('save-go')} !== null`;
+  await until(`${format} is measured`, () => page.evaluate<boolean>(isReady), 30_000);
+  await page.evaluate(`${testId('save-go')}.click()`);
+  await until(
+    `${format} is saved`,
+    () => page.evaluate<boolean>(`window.downloads.length === ${before + 1}`),
+    60_000,
+  );
+  await until('it says so', async () => /^Saved: /.test(await textOf(page, 'save-outcome')));
+  const name = await page.evaluate<string>('window.downloads.at(-1).name');
+  const data = await page.evaluate<string>(`new Promise((resolve) => {
+    const reader = new FileReader();
+    reader.onload = () => resolve(reader.result.slice(reader.result.indexOf(',') + 1));
+    reader.readAsDataURL(window.downloads.at(-1).blob);
+  })`);
+  return { name, bytes: Uint8Array.from(Buffer.from(data, 'base64')) };
+}
+
+it.each([LAPTOP, PHONE])(
+  'saves what is looked back on in each format, at $width px',
+  async (viewport) => {
+    const relay = await stage.stack.relay({ past: 'memory:' });
+    stage.stack.edge(relay);
+    const page = await lookBack(relay, viewport);
+    mkdirSync(SHOTS, { recursive: true });
+    await until('a button that saves', () => page.findByTestId('save-button').visible());
+    await page.screenshot(path.join(SHOTS, `save-button-${viewport.width}.png`));
+    await openSheet(page);
+    await page.screenshot(path.join(SHOTS, `save-${viewport.width}.png`));
+    expect(await violations(page)).toEqual([]);
+
+    const table = await save(page, 'csv');
+    expect(table.name).toMatch(/^demo_\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d\.csv$/);
+    const [head = '', ...rows] = new TextDecoder().decode(table.bytes).trimEnd().split('\r\n');
+    expect(head).toMatch(/^time,seconds,robot_time,ref\.WST \[rad\],/);
+    expect(rows.length).toBeGreaterThan(250);
+    const count = head.split(',').length;
+    expect(rows.filter((row) => row.split(',').length !== count)).toEqual([]);
+    const times = rows.map((row) => Date.parse(row.split(',')[0]!));
+    expect(times).toEqual([...times].sort((a, b) => a - b));
+
+    const mcap = await save(page, 'mcap');
+    const topics = topicsIn(mcap.bytes);
+    expect(topics.get('/joint_states')).toBe(rows.length);
+    expect(topics.get('/tf')).toBe(rows.length);
+    expect([...topics.keys()]).toContain('/wrench/RF');
+
+    const recorded = await save(page, 'posecast');
+    expect(recorded.name).toMatch(/\.posecast$/);
+    const files = unzipSync(recorded.bytes);
+    const recording = decodeRecording(files['recording.json']!);
+    expect(recording.robot).toBe('demo');
+    for (const { take, index, frames } of recording.segments) {
+      const { records } = decodeSegment(files[`segments/${take}/${index}.segment`]!);
+      expect(records.filter(({ kind }) => kind === 'frame').length).toBe(frames);
+    }
+    const model = `models/${recording.models[0]}/`;
+    const manifest = JSON.parse(new TextDecoder().decode(files[`${model}manifest.json`]));
+    for (const { path: file, size } of manifest.files) expect(files[model + file]?.length, file).toBe(size);
+    await page.screenshot(path.join(SHOTS, `saved-${viewport.width}.png`));
+  },
+  240_000,
+);
+
+it('saves from one moment to another, says what is too much, and what can’t be had', async () => {
+  const relay = await stage.stack.relay({ past: 'memory:' });
+  stage.stack.edge(relay);
+  const page = await lookBack(relay, LAPTOP);
+  await page.press('x');
+  await until('the sheet', async () => (await page.findByTestId('save').count()) === 1);
+  await page.evaluate(`${testId('save-span-custom')}.click()`);
+  const enter = (end: string, ms: number) =>
+    page.evaluate(`(() => {
+      const field = ${testId(`save-${end}`)};
+      const at = new Date(${ms});
+      const local = new Date(at.getTime() - at.getTimezoneOffset() * 60000).toISOString().slice(0, 19);
+      Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set.call(field, local);
+      field.dispatchEvent(new Event('input', { bubbles: true }));
+      field.dispatchEvent(new Event('change', { bubbles: true }));
+    })()`);
+  const measure = () => textOf(page, 'save-measure');
+  const toMs = Math.floor(Date.now() / 1000) * 1000 - 8000;
+  await enter('to', toMs);
+  await enter('from', toMs - 3600_000);
+  await until('too much', async () => /too much: a file takes ten minutes/.test(await measure()));
+  await enter('from', toMs + 5000);
+  await until('nothing', async () => /an end after it/.test(await measure()));
+  await enter('from', toMs - 2000);
+  await until('two seconds', async () => /:\d\d[3-7]\d frames, about/.test(await measure()));
+  await page.screenshot(path.join(SHOTS, 'save-custom.png'));
+  const { bytes } = await save(page, 'csv');
+  const lines = new TextDecoder().decode(bytes).trimEnd().split('\r\n').length;
+  expect(lines).toBeGreaterThan(30);
+  expect(lines).toBeLessThan(75);
+
+  // what cannot be had any more
+  await relay.process.kill();
+  await page.evaluate(`${testId('save-posecast')}.click()`);
+  await until('measured', () => page.evaluate<boolean>(`${testId('save-go')}?.disabled === false`), 30_000);
+  await page.evaluate(`${testId('save-go')}.click()`);
+  // segments that were fetched before are with the browser, the model is not all of it
+  const lacks = /lacks the body’s model|does not answer/;
+  await until('it says what it lacks', async () => lacks.test(await textOf(page, 'save-outcome')), 60_000);
+  page.forgive(/ERR_|WebSocket|Failed to load|NetworkError|CORS|access control/i);
+}, 240_000);
+
+it('has room for the sheet at every size, in both languages and themes', async (context) => {
+  if (!FULL) context.skip('make test-full plays it');
+  const relay = await stage.stack.relay({ past: 'memory:' });
+  stage.stack.edge(relay);
+  const page = await lookBack(relay, LAPTOP);
+  mkdirSync(SHOTS, { recursive: true });
+  for (const [language, theme] of [
+    ['en', 'dark'],
+    ['ko', 'light'],
+    ['en', 'light'],
+    ['ko', 'dark'],
+  ] as const) {
+    await showIn(page, language, theme);
+    await page.press('x');
+    await until('the sheet', async () => (await page.findByTestId('save').count()) === 1);
+    await page.evaluate(`${testId('save-span-custom')}.click()`);
+    for (const [width, height] of [
+      [390, 844],
+      [844, 390],
+      [1440, 900],
+      [1920, 1080],
+    ] as const) {
+      await page.viewport({ width, height });
+      await until(
+        'measured',
+        () => page.evaluate<boolean>(`${testId('save-go')}?.disabled === false`),
+        30_000,
+      );
+      await page.screenshot(path.join(SHOTS, `save-${language}-${theme}-${width}.png`));
+      expect(await violations(page), `${language} ${theme} ${width}`).toEqual([]);
+    }
+    await page.press('Escape');
+    await until('no sheet', async () => (await page.findByTestId('save').count()) === 0);
+  }
+}, 240_000);
+
+/** How many messages each topic has. */
+function topicsIn(bytes: Uint8Array): Map<string, number> {
+  const reader = new McapStreamReader({ decompressHandlers: { lz4: readLz4Frame } });
+  reader.append(bytes);
+  const names = new Map<number, string>();
+  const counts = new Map<string, number>();
+  for (let record = reader.nextRecord(); record !== undefined; record = reader.nextRecord()) {
+    if (record.type === 'Channel') names.set(record.id, record.topic);
+    if (record.type !== 'Message') continue;
+    const name = names.get(record.channelId)!;
+    counts.set(name, (counts.get(name) ?? 0) + 1);
+  }
+  return counts;
+}

@@ -1,0 +1,85 @@
+import type { Span } from '../../../past/past_types.ts';
+import { formatClockSeconds } from '../../../twin/format.ts';
+import { dayWords } from '../../status/moment_words.ts';
+import { bytesWords } from './bytes_words.ts';
+import type { saveEn } from './save_en.ts';
+import { useSaveText } from './save_text.ts';
+import type { Failure, Measured, Saving } from './use_saving.ts';
+
+/** Nearer to the end of the newest segment it is not worth a word, ms. */
+const NEAR_MS = 500;
+const FAILURES = {
+  nothing: 'nothing',
+  'too-long': 'tooLong',
+  away: 'away',
+  failed: 'failed',
+} as const satisfies Record<Failure, keyof typeof saveEn>;
+
+/** From when to when, and what that will give. `span`: null while none is chosen. */
+export function MeasureLine({
+  span,
+  measured,
+  nowMs,
+}: {
+  span: Span | null;
+  measured: Measured;
+  nowMs: number;
+}) {
+  const text = useSaveText();
+  const isMeasured = measured !== null && typeof measured !== 'string';
+  return (
+    <div className="save-measure" data-testid="save-measure" aria-live="polite">
+      {span === null ? (
+        <p className="save-wrong">{text.noSpan}</p>
+      ) : (
+        <>
+          <p>
+            {dayWords(span.fromMs, nowMs)} – {formatClockSeconds(span.toMs)}
+          </p>
+          {measured === null && <p className="quiet">{text.measuring}</p>}
+          {typeof measured === 'string' && <p className="save-wrong">{text[FAILURES[measured]]}</p>}
+          {isMeasured && (
+            <p className="quiet">{text.measured(measured.frames, bytesWords(measured.bytes))}</p>
+          )}
+          {isMeasured && measured.untilMs < span.toMs - NEAR_MS && (
+            <p className="quiet" data-testid="save-until">
+              {text.notYet(formatClockSeconds(measured.untilMs))}
+            </p>
+          )}
+        </>
+      )}
+    </div>
+  );
+}
+
+/** How far it is. */
+export function Progress({ part, onCancel }: { part: number; onCancel: () => void }) {
+  const text = useSaveText();
+  return (
+    <div className="save-work">
+      <progress aria-label={text.saving} value={part} data-testid="save-progress" />
+      <button type="button" className="text-button" data-testid="save-cancel" onClick={onCancel}>
+        {text.cancel}
+      </button>
+    </div>
+  );
+}
+
+/** What came of it, and what the file lacks. */
+export function Outcome({ saving }: { saving: Saving }) {
+  const text = useSaveText();
+  return (
+    <div className="save-outcome" aria-live="polite" data-testid="save-outcome" data-at={saving.at}>
+      {saving.at === 'failed' && <p className="save-wrong">{text[FAILURES[saving.why]]}</p>}
+      {saving.at === 'done' && (
+        <>
+          <p>{text.saved(saving.file.name, bytesWords(saving.file.blob.size))}</p>
+          {saving.file.lost.segments > 0 && (
+            <p className="save-wrong">{text.lostSegments(saving.file.lost.segments)}</p>
+          )}
+          {saving.file.lost.models > 0 && <p className="save-wrong">{text.lostModel}</p>}
+        </>
+      )}
+    </div>
+  );
+}

@@ -1,0 +1,82 @@
+import './save.css';
+import { useEffect, useState } from 'react';
+import type { PastSource } from '../../../past/past_source.ts';
+import type { PastControls } from '../../../past/past_types.ts';
+import type { SaveFormat } from '../../../past/save/save_ports.ts';
+import { Dialog } from '../../shell/Dialog.tsx';
+import { MeasureLine, Outcome, Progress } from './Outcome.tsx';
+import { SpanChoice } from './SpanChoice.tsx';
+import { useSaveText } from './save_text.ts';
+import type { ManifestUrl } from './saved_models.ts';
+import { choicesOf, customSpan, fieldsOf, offerOf, type SpanName, spanOf } from './span_choice.ts';
+import { useMeasure, useSaving } from './use_saving.ts';
+
+const FORMATS = ['csv', 'mcap', 'posecast'] as const satisfies readonly SaveFormat[];
+
+/** The dialog that saves a stretch of the past as a file: how much, as what, and how large it will be. What it offers is as the
+ *  page stood when it was opened. */
+export function SaveSheet(props: {
+  controls: PastControls;
+  source: PastSource;
+  /** Has to stay the same. */
+  manifestUrl: ManifestUrl;
+  onClose: () => void;
+}) {
+  const { controls, source, manifestUrl, onClose } = props;
+  const text = useSaveText();
+  const [offer] = useState(() => offerOf(controls));
+  const [name, setName] = useState<SpanName>(choicesOf(offer)[0]!);
+  const [fields, setFields] = useState(() => fieldsOf(offer));
+  const [format, setFormat] = useState<SaveFormat>('csv');
+  const span = name === 'custom' ? customSpan(fields) : spanOf(offer, name);
+  const measured = useMeasure(source, manifestUrl, format, span);
+  const { saving, save, cancel } = useSaving(source, manifestUrl);
+  useEffect(() => controls.attend(), [controls]); // so that it soon knows what is newest
+  const isBusy = saving.at === 'work';
+  /** What was said of another choice holds no longer. */
+  const choose = (change: () => void) => {
+    cancel();
+    change();
+  };
+  return (
+    <Dialog title={text.title} testId="save" onClose={onClose}>
+      <SpanChoice
+        {...{ offer, name, fields, isBusy }}
+        onName={(next) => choose(() => setName(next))}
+        onFields={(next) => choose(() => setFields(next))}
+      />
+      <fieldset className="choice save-formats" disabled={isBusy}>
+        <legend>{text.format}</legend>
+        {FORMATS.map((each) => (
+          <label key={each}>
+            <input
+              type="radio"
+              name="save-format"
+              checked={each === format}
+              data-testid={`save-${each}`}
+              onChange={() => choose(() => setFormat(each))}
+            />
+            <span>
+              <b>{text.formats[each].name}</b> {text.formats[each].what}
+            </span>
+          </label>
+        ))}
+      </fieldset>
+      <MeasureLine span={span} measured={measured} nowMs={offer.nowMs} />
+      {isBusy ? (
+        <Progress part={saving.part} onCancel={cancel} />
+      ) : (
+        <button
+          type="button"
+          className="save-go"
+          disabled={span === null || measured === null || typeof measured === 'string'}
+          data-testid="save-go"
+          onClick={() => span !== null && void save(format, span)}
+        >
+          {text.save}
+        </button>
+      )}
+      <Outcome saving={saving} />
+    </Dialog>
+  );
+}

@@ -1,0 +1,38 @@
+import { fetchBytes, fileUrl, isRecord, parseManifest } from '../../../model/bundle.ts';
+import { manifestAt } from '../../../model/files.ts';
+import { readManifest } from '../../../model/manifest.ts';
+import type { ModelFile, SavedModels } from '../../../past/save/save_ports.ts';
+
+const MANIFEST_BYTES_MAX = 4_000_000;
+const FILE_BYTES_MAX = 128_000_000;
+const FILES_MAX = 4096;
+/** As the relay's: relative, and no way out of the model's own folder. */
+const PATH = /^(?!\.{1,2}(\/|$))[\w@+=,~.-][\w @+=,~.-]*(\/(?!\.{1,2}(\/|$))[\w@+=,~.-][\w @+=,~.-]*)*$/;
+
+/** Where the manifest of a model lies, by its hash. */
+export type ManifestUrl = (sha256: string) => string;
+
+/** The models of a robot, from where its body comes from. */
+export function savedModels(manifestUrl: ManifestUrl, signal: AbortSignal): SavedModels {
+  const get = (url: string, limit: number) => fetchBytes(url, limit, signal, () => {});
+  return {
+    manifest: async (sha256) => {
+      const raw = await manifestAt(manifestUrl(sha256));
+      return raw.v === 2 ? readManifest(raw) : null;
+    },
+    files: async (sha256) => {
+      const url = manifestUrl(sha256);
+      const manifest = await get(url, MANIFEST_BYTES_MAX);
+      const raw = parseManifest(new TextDecoder().decode(manifest));
+      const listed = Array.isArray(raw.files) ? raw.files.slice(0, FILES_MAX) : [];
+      const files = listed.flatMap((entry): ModelFile[] => {
+        if (!isRecord(entry)) return [];
+        const { path, size } = entry;
+        if (typeof path !== 'string' || !PATH.test(path) || typeof size !== 'number') return [];
+        return [{ path, bytes: size, fetch: () => get(fileUrl(url, { path }), FILE_BYTES_MAX) }];
+      });
+      const first = { path: 'manifest.json', bytes: manifest.length, fetch: async () => manifest };
+      return [first, ...files.filter(({ path }) => path !== first.path)];
+    },
+  };
+}

@@ -1,0 +1,128 @@
+import { useEffect, useRef, useState } from 'react';
+import { LatePart } from '../../../browser/late_part.ts';
+import type { PastSource } from '../../../past/past_source.ts';
+import type { Span } from '../../../past/past_types.ts';
+import type { Measure, SavedFile } from '../../../past/save/save.ts';
+import type { SaveFormat, SavePorts } from '../../../past/save/save_ports.ts';
+import { useLatePart } from '../../shell/late.tsx';
+import { breaths } from './breath.ts';
+import { download } from './download.ts';
+import { type ManifestUrl, savedModels } from './saved_models.ts';
+
+/** Nobody needs it who saves nothing. */
+const SAVE = new LatePart(
+  () => import('../../../past/save/save.ts'),
+  () => false,
+);
+/** A choice that stands for so long is measured, ms. */
+const SETTLE_MS = 150;
+
+export type Failure = 'nothing' | 'too-long' | 'away' | 'failed';
+export type Measured = Measure | Failure | null;
+
+/** What is done: nothing yet, a part (0…1) of it, all, or nothing more. */
+export type Saving =
+  | { readonly at: 'rest' }
+  | { readonly at: 'work'; readonly part: number }
+  | { readonly at: 'done'; readonly file: SavedFile }
+  | { readonly at: 'failed'; readonly why: Failure };
+
+/** What saving a span would give, once that is known; looked at again while more of it comes. `span`: null while none is
+ *  chosen. */
+export function useMeasure(
+  source: PastSource,
+  manifestUrl: ManifestUrl,
+  format: SaveFormat,
+  span: Span | null,
+): Measured {
+  const part = useLatePart(SAVE);
+  const [measured, setMeasured] = useState<Measured>(null);
+  const { fromMs, toMs } = span ?? { fromMs: 0, toMs: 0 };
+  useEffect(() => {
+    setMeasured(null);
+    if (part === null || toMs === 0) return;
+    const leave = new AbortController();
+    const { signal } = leave;
+    const models = savedModels(manifestUrl, signal);
+    let untilMs = 0;
+    const tell = (found: Measured) => {
+      if (!signal.aborted) setMeasured(found);
+    };
+    const measure = async () => {
+      try {
+        const ports = { source: lent(source), models, breathe: breaths(), signal };
+        const found = await part.measureSpan(format, { fromMs, toMs }, ports);
+        untilMs = found.untilMs;
+        tell(found);
+      } catch (error) {
+        tell(whyOf(error));
+      }
+    };
+    const timer = setTimeout(measure, SETTLE_MS);
+    const off = source.onChange(() => {
+      if (untilMs > 0 && untilMs < toMs && (source.timeline?.toMs ?? 0) > untilMs) void measure();
+    });
+    return () => {
+      clearTimeout(timer);
+      off();
+      leave.abort();
+    };
+  }, [part, source, manifestUrl, format, fromMs, toMs]);
+  return measured;
+}
+
+/** Saves, one file at a time. Leaving the component cancels. */
+export function useSaving(source: PastSource, manifestUrl: ManifestUrl) {
+  const [saving, setSaving] = useState<Saving>({ at: 'rest' });
+  const stop = useRef<AbortController | null>(null);
+  const cancel = () => {
+    stop.current?.abort();
+    stop.current = null;
+    setSaving({ at: 'rest' });
+  };
+  const save = async (format: SaveFormat, span: Span) => {
+    const leave = new AbortController();
+    const { signal } = leave;
+    stop.current = leave;
+    setSaving({ at: 'work', part: 0 });
+    const { saveSpan } = await SAVE.load();
+    let shown = 0;
+    const onProgress = (part: number) => {
+      if (signal.aborted || part - shown < 0.005) return;
+      shown = part;
+      setSaving({ at: 'work', part });
+    };
+    const ports = {
+      source: lent(source),
+      models: savedModels(manifestUrl, signal),
+      breathe: breaths(),
+      signal,
+      onProgress,
+    };
+    try {
+      const file = await saveSpan(format, span, ports);
+      if (signal.aborted) return;
+      download(file.blob, file.name);
+      setSaving({ at: 'done', file });
+    } catch (error) {
+      if (!signal.aborted) setSaving({ at: 'failed', why: whyOf(error) });
+    }
+  };
+  useEffect(() => () => stop.current?.abort(), []);
+  return { saving, save, cancel };
+}
+
+/** What saving needs of a source, which may be a class. */
+function lent(source: PastSource): SavePorts['source'] {
+  return {
+    loadIndex: (span) => source.loadIndex(span),
+    segmentsIn: (span) => source.segmentsIn(span),
+    segmentBytes: (ref, signal) => source.segmentBytes(ref, signal),
+    schema: (sha256) => source.schema(sha256),
+  };
+}
+
+function whyOf(error: unknown): Failure {
+  const part = SAVE.value();
+  return part !== null && error instanceof part.SaveError ? error.why : 'failed';
+}

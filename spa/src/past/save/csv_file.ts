@@ -1,0 +1,111 @@
+import { type Field, MISSING, type Schema } from '@posecast/wire';
+import { BlobParts } from './blob_parts.ts';
+import type { SavePorts } from './save_ports.ts';
+import { framesOf, type SavedFrame } from './saved_frames.ts';
+import type { SavedSpan } from './saved_span.ts';
+
+/** Rows that are made at a time. */
+const ROWS = 32;
+const BYTE_ORDER_MARK = '\ufeff';
+/** Of a step, since one like 1/30 has no end. */
+const STEP_DIGITS_MAX = 6;
+/** No bit is set; an empty cell is no reading. */
+const NONE_SET = '0';
+const FIRST = ['time', 'seconds', 'robot_time'];
+
+/** Writes the frames of a span as a table: a row each, a column for each channel. */
+export async function writeCsv(
+  span: SavedSpan,
+  { breathe, signal }: Pick<SavePorts, 'breathe' | 'signal'>,
+  onPart: (part: number) => void,
+): Promise<{ readonly blob: Blob; readonly lostModels: number }> {
+  const file = new BlobParts();
+  const table = new CsvTable(span.schemas.values());
+  let lines = BYTE_ORDER_MARK + table.head;
+  let count = 0;
+  for (const frame of framesOf(span, onPart)) {
+    lines += table.row(frame);
+    if (++count % ROWS > 0) continue;
+    file.write(lines);
+    lines = '';
+    await breathe();
+    signal.throwIfAborted();
+  }
+  file.write(lines);
+  return { blob: file.blob('text/csv'), lostModels: 0 };
+}
+
+/** The columns of some schemas: those of the first, then what further ones have besides. */
+export class CsvTable {
+  readonly #columns = new Map<string, number>();
+  readonly #cellsOf = new Map<string, readonly Cell[]>();
+  #firstMs: number | null = null;
+
+  constructor(schemas: Iterable<Schema>) {
+    for (const schema of schemas)
+      this.#cellsOf.set(
+        schema.text,
+        schema.fields.flatMap((field) => field.labels.map((label, i) => this.#cell(schema, field, label, i))),
+      );
+  }
+
+  get head(): string {
+    return lineOf([...FIRST, ...[...this.#columns.keys()].map(cellOf)]);
+  }
+
+  row({ schema, atUs, tS, codes }: SavedFrame): string {
+    const atMs = Math.floor(atUs / 1000);
+    this.#firstMs ??= atMs;
+    const cells = new Array<string>(FIRST.length + this.#columns.size).fill('');
+    cells[0] = new Date(atMs).toISOString();
+    cells[1] = ((atMs - this.#firstMs) / 1000).toFixed(3);
+    cells[2] = tS.toFixed(3);
+    for (const { column, text } of this.#cellsOf.get(schema.text)!) cells[column] = text(codes);
+    return lineOf(cells);
+  }
+
+  #cell(schema: Schema, field: Field, label: string, i: number): Cell {
+    const unit = schema.mapping.unit(field.name, label) ?? field.unit;
+    const head = `${field.name}.${label}${unit === '' ? '' : ` [${unit}]`}`;
+    const column = this.#columns.get(head) ?? this.#columns.size;
+    this.#columns.set(head, column);
+    const at = field.start + i;
+    const text =
+      field.bits.length > 0 ? (codes: Int32Array) => cellOf(bitsOf(field, codes[at]!)) : numberOf(field, at);
+    return { column: FIRST.length + column, text };
+  }
+}
+
+interface Cell {
+  readonly column: number;
+  readonly text: (codes: Int32Array) => string;
+}
+
+/** How many decimals a number needs whose step this is: those of the step itself, of which six digits count. */
+export function decimalsOf(step: number): number {
+  const [digits, exponent] = step.toExponential().split('e') as [string, string];
+  const more = Math.max(0, digits.length - 2); // digits behind the first one, and the point
+  return Math.max(0, Math.min(more, STEP_DIGITS_MAX - 1) - Number(exponent));
+}
+
+/** The names of set bits; `|` and `\` in a name have a `\` before them. */
+function bitsOf(field: Field, code: number): string {
+  if (code === MISSING) return '';
+  const names = field.bitsSet(code).map((name) => name.replace(/[\\|]/g, '\\$&'));
+  return names.join('|') || NONE_SET;
+}
+
+function numberOf(field: Field, at: number): Cell['text'] {
+  const decimals = decimalsOf(field.scale);
+  return (codes) => field.value(codes[at]!)?.toFixed(decimals) ?? '';
+}
+
+/** A text as a cell. What a spreadsheet would take for a formula gets an apostrophe in front. */
+export function cellOf(text: string): string {
+  const safe = /^[=+\-@]/.test(text) ? `'${text}` : text;
+  return /[",\r\n]/.test(safe) ? `"${safe.replaceAll('"', '""')}"` : safe;
+}
+
+function lineOf(cells: readonly string[]): string {
+  return `${cells.join(',')}\r\n`;
+}

@@ -1,0 +1,72 @@
+import type { SegmentRef } from '../past_source.ts';
+import type { Span } from '../past_types.ts';
+import { SaveError, type SaveFormat, type SavePorts } from './save_ports.ts';
+import { findSegments, loadSpan } from './saved_span.ts';
+import { writeSpan } from './write_span.ts';
+
+/** Of a recording: what a segment has besides its own bytes: its first pose once more, its row and its name. */
+const SEGMENT_BYTES = 800;
+
+/** What there is to save of a span, before it is fetched. */
+export interface Measure {
+  readonly frames: number;
+  /** About how large the file will be. */
+  readonly bytes: number;
+  /** The end of the newest segment, unix ms: what came since is not in any yet. */
+  readonly untilMs: number;
+}
+
+type Ports = Pick<SavePorts, 'source' | 'models' | 'breathe' | 'signal'>;
+
+/** Measures what saving a span would give, from what a segment of it gives. Rejects with a `SaveError`, or with the reason of the
+ *  signal. */
+export async function measureSpan(format: SaveFormat, span: Span, ports: Ports): Promise<Measure> {
+  const { source, signal } = ports;
+  const refs = await findSegments(source, span);
+  const untilMs = Math.max(...refs.map(({ toMs }) => toMs));
+  const counts = refs.map((ref) => Math.round(ref.frames * shareOf(ref, span)));
+  const frames = counts.reduce((sum, count) => sum + count, 0);
+  if (format === 'posecast') {
+    const sum = refs.reduce((bytes, ref) => bytes + ref.bytes + SEGMENT_BYTES, 0);
+    return { frames, bytes: sum + (await modelBytes(refs, ports)), untilMs };
+  }
+  let bytes = 0;
+  const sizes = new Map<string, number>();
+  for (const [i, ref] of refs.entries()) {
+    signal.throwIfAborted();
+    if (counts[i] === 0) continue;
+    const kind = `${ref.schema} ${ref.model}`;
+    const size = sizes.get(kind) ?? (await bytesOfFrame(format, ref, ports));
+    sizes.set(kind, size);
+    bytes += counts[i]! * size;
+  }
+  return { frames, bytes, untilMs };
+}
+
+/** Which part of a segment lies in a span. */
+function shareOf({ fromMs, toMs }: SegmentRef, span: Span): number {
+  const withinMs = Math.min(toMs, span.toMs) - Math.max(fromMs, span.fromMs);
+  return toMs > fromMs ? Math.min(1, Math.max(0, withinMs / (toMs - fromMs))) : 1;
+}
+
+/** What a frame of a segment takes; 0 if it can't be had. */
+async function bytesOfFrame(format: SaveFormat, ref: SegmentRef, ports: Ports): Promise<number> {
+  const source = { ...ports.source, loadIndex: async () => {}, segmentsIn: () => [ref] };
+  try {
+    const loaded = await loadSpan({ ...ports, source }, ref, () => {});
+    const { blob } = await writeSpan(format, loaded, ports, () => {});
+    return blob.size / ref.frames;
+  } catch (error) {
+    if (error instanceof SaveError) return 0;
+    throw error;
+  }
+}
+
+async function modelBytes(refs: readonly SegmentRef[], { models }: Ports): Promise<number> {
+  let sum = 0;
+  for (const model of new Set(refs.flatMap((ref) => ref.model ?? []))) {
+    const files = await models.files(model).catch(() => []);
+    for (const { bytes } of files) sum += bytes;
+  }
+  return sum;
+}

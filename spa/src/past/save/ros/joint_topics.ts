@@ -1,0 +1,124 @@
+import { type Field, JOINT, type Schema } from '@posecast/wire';
+import { utf8Of } from './cdr_writer.ts';
+import {
+  carriedBy,
+  channelFactor,
+  compute,
+  type FrameTopic,
+  NO_READING,
+  NO_UNITS,
+  placeOf,
+  type Reading,
+  readingOf,
+  type Term,
+  unlessEmpty,
+} from './frame_topic.ts';
+import { writeHeader } from './stamp.ts';
+
+const NO_LINK = new Uint8Array();
+
+type Row = readonly Reading[] | null;
+
+/** What is commanded of joints, and what is measured. Joints go by the names that the schema's mapping has, and by those of
+ *  channels that move the joint of their own name. */
+export function jointTopicsOf(schema: Schema): FrameTopic[] {
+  const [pos, ref] = [schema.field('pos'), schema.field('ref')];
+  const [vel, effort] = [schema.field('vel'), schema.field('effort')];
+  const main = pos ?? ref;
+  const named = [pos, vel, effort].find((field) => field !== null && namesOf(schema, field).length > 0);
+  const names = namesOf(schema, named ?? null);
+  const wanted = namesOf(schema, ref);
+  return [
+    ...topicOf('/joint_references', wanted, [positionsOf(schema, ref, wanted), null, null]),
+    ...topicOf('/joint_states', names, [
+      positionsOf(schema, pos, names),
+      ratesOf(schema, vel, main, names),
+      effortsOf(schema, effort, main, names),
+    ]),
+  ];
+}
+
+/** The joints that a field moves, as the wire's mapping has them. */
+function namesOf(schema: Schema, field: Field | null): readonly string[] {
+  if (field === null) return [];
+  const own = field.labelSet === JOINT ? field.labels : [];
+  return [...new Set([...own, ...schema.mapping.joints.keys()])];
+}
+
+/** `rows`: position, velocity and effort. No topic where there is none of them. */
+function topicOf(name: string, names: readonly string[], rows: readonly [Row, Row, Row]): FrameTopic[] {
+  if (rows.every((row) => row === null)) return [];
+  const texts = names.map((joint) => utf8Of(joint));
+  return [
+    {
+      name,
+      type: 'sensor_msgs/msg/JointState',
+      carried: carriedBy(rows.flatMap((row) => row ?? [])),
+      units: NO_UNITS,
+      write: (to, atUs, values) => {
+        to.begin();
+        writeHeader(to, atUs, NO_LINK);
+        to.u32(texts.length);
+        for (const text of texts) to.utf8(text);
+        for (const row of rows) {
+          to.u32(row?.length ?? 0);
+          for (const reading of row ?? []) to.f64(compute(reading, values));
+        }
+      },
+    },
+  ];
+}
+
+function positionsOf(schema: Schema, field: Field | null, names: readonly string[]): Row {
+  if (field === null) return null;
+  return unlessEmpty(
+    names.map((name) => {
+      const how = schema.mapping.joints.get(name);
+      if (how === undefined) return readingOf(schema, field, name, 'position');
+      // what the mapping makes is rad or m
+      const terms = how.terms.map(([channel, gain]) => ({ channel: placeOf(field, channel), gain }));
+      return { terms, offset: how.offset };
+    }),
+  );
+}
+
+/** Σ ratio · speed of channel: a ratio is a gain without the unit of positions that may be in it. */
+function ratesOf(schema: Schema, field: Field | null, main: Field | null, names: readonly string[]): Row {
+  if (field === null || field.labelSet !== JOINT) return null;
+  return unlessEmpty(
+    names.map((name) => {
+      const how = schema.mapping.joints.get(name);
+      if (how === undefined) return readingOf(schema, field, name, 'velocity');
+      const terms = how.terms.map(([channel, gain]): Term => {
+        const factor = channelFactor(schema, field, channel, 'velocity');
+        const ratio = ratioOf(schema, main, channel, gain);
+        if (factor === null || ratio === null) return { channel: null, gain: 1 };
+        return { channel: placeOf(field, channel), gain: factor * ratio };
+      });
+      return { terms, offset: 0 };
+    }),
+  );
+}
+
+/** Where one channel moves one joint: effort of the channel / ratio. How several share it nobody knows. */
+function effortsOf(schema: Schema, field: Field | null, main: Field | null, names: readonly string[]): Row {
+  if (field === null || field.labelSet !== JOINT) return null;
+  const uses = [...schema.mapping.joints.values()].flatMap(({ terms }) => terms.map(([channel]) => channel));
+  return unlessEmpty(
+    names.map((name) => {
+      const how = schema.mapping.joints.get(name);
+      if (how === undefined) return readingOf(schema, field, name, 'effort');
+      const [channel, gain] = how.terms.length === 1 ? how.terms[0]! : ['', 0];
+      const factor = channelFactor(schema, field, channel, 'effort');
+      const ratio = ratioOf(schema, main, channel, gain);
+      const isShared = uses.filter((each) => each === channel).length !== 1;
+      if (factor === null || ratio === null || ratio === 0 || isShared) return NO_READING;
+      return { terms: [{ channel: placeOf(field, channel), gain: factor / ratio }], offset: 0 };
+    }),
+  );
+}
+
+function ratioOf(schema: Schema, main: Field | null, channel: string, gain: number): number | null {
+  const factor = main === null ? 1 : channelFactor(schema, main, channel, 'position');
+  return factor === null ? null : gain / factor;
+}

@@ -1,0 +1,115 @@
+import {
+  Decoder,
+  type EventMessage,
+  FrameError,
+  type MergedFrame,
+  mergeSegments,
+  parseRelayMessage,
+  type Schema,
+} from '@posecast/wire';
+import type { SavedSpan } from './saved_span.ts';
+
+/** A frame of the span. `atUs`: when the relay accepted it, unix. */
+export interface SavedFrame {
+  readonly schema: Schema;
+  readonly atUs: number;
+  /** Robot time, seconds. */
+  readonly tS: number;
+  readonly codes: Int32Array;
+}
+
+export interface SavedEvent {
+  readonly atUs: number;
+  readonly event: EventMessage;
+}
+
+/** The frames that were accepted in a span, each once: those of a run by their number, and runs among each other by time. Those
+ *  that can't be decoded are left out, as they were live. `onPart` is told which part of them has been given, 0…1. */
+export function* framesOf(span: SavedSpan, onPart: (part: number) => void = () => {}): Generator<SavedFrame> {
+  const { frames } = mergeSegments(span.segments.map(({ segment }) => segment));
+  const heads = runsOf(frames).map((run) => ({ run, at: 0, decoders: new Map<string, SchemaReader>() }));
+  for (let done = 0; done < frames.length; ) {
+    const [first] = heads.filter(({ run, at }) => at < run.length).sort((a, b) => headMs(a) - headMs(b));
+    const { run, at, decoders } = first!;
+    const { schema: sha256, atMs, copies, frame } = run[at]!;
+    first!.at += 1;
+    onPart(++done / frames.length);
+    const reader = decoders.get(sha256) ?? readerOf(span.schemas.get(sha256)!);
+    decoders.set(sha256, reader);
+    const decoded = decode(reader.decoder, [...copies, frame]);
+    const atUs = Math.round(atMs * 1000);
+    if (decoded === null || !isWithin(span, atUs)) continue;
+    yield { schema: reader.schema, atUs, tS: decoded.tS, codes: decoded.codes };
+  }
+}
+
+/** The events of a span, each once, in the order in which they were accepted. */
+export function eventsOf(span: SavedSpan): SavedEvent[] {
+  const found = new Map<string, SavedEvent>();
+  for (const { segment } of span.segments) {
+    const { start, records } = segment;
+    for (const record of records) {
+      if (record.kind !== 'event') continue;
+      const event = parseRelayMessage(record.text);
+      const atUs = start.fromMs * 1000 + record.atUs;
+      if (event?.type !== 'event' || !isWithin(span, atUs)) continue;
+      const name = `${start.numbering} ${record.text}`;
+      if (!found.has(name)) found.set(name, { atUs, event });
+    }
+  }
+  return [...found.values()].sort((a, b) => a.atUs - b.atUs);
+}
+
+/** Which model the robot had, from when on: unix µs and the manifest's hash, oldest first. */
+export function modelsOf({
+  segments,
+}: SavedSpan): { readonly atUs: number; readonly model: string | null }[] {
+  const found: { atUs: number; model: string | null }[] = [];
+  for (const { segment } of segments) {
+    const { start, records } = segment;
+    found.push({ atUs: start.fromMs * 1000, model: start.model });
+    for (const record of records)
+      if (record.kind === 'model')
+        found.push({ atUs: start.fromMs * 1000 + record.atUs, model: record.model });
+  }
+  return found.sort((a, b) => a.atUs - b.atUs);
+}
+
+interface SchemaReader {
+  readonly schema: Schema;
+  readonly decoder: Decoder;
+}
+
+function runsOf(frames: readonly MergedFrame[]): MergedFrame[][] {
+  const runs = new Map<string, MergedFrame[]>();
+  for (const frame of frames) {
+    const run = runs.get(frame.runId) ?? [];
+    runs.set(frame.runId, run);
+    run.push(frame);
+  }
+  return [...runs.values()];
+}
+
+function headMs({ run, at }: { readonly run: readonly MergedFrame[]; readonly at: number }): number {
+  return run[at]!.atMs;
+}
+
+/** Whether a moment (unix µs) lies in a span, whose ends are in it. */
+function isWithin({ fromMs, toMs }: SavedSpan, atUs: number): boolean {
+  return atUs >= fromMs * 1000 && atUs <= toMs * 1000 + 999;
+}
+
+function readerOf({ text }: Schema): SchemaReader {
+  const decoder = new Decoder(1);
+  return { schema: decoder.addSchema(text), decoder };
+}
+
+/** What the last of some frames says; null if it can't be decoded. */
+function decode(decoder: Decoder, frames: readonly Uint8Array[]) {
+  try {
+    return frames.map((frame) => decoder.decode(frame)).at(-1)!;
+  } catch (error) {
+    if (error instanceof FrameError) return null;
+    throw error;
+  }
+}

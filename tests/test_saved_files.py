@@ -1,0 +1,133 @@
+"""What the page saves is read by the programs of others, and says what the command exports."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import subprocess
+import zipfile
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from posecast_relay.export.csv_file import write_csv
+from posecast_relay.export.mcap_file import write_mcap
+from posecast_relay.export.table import TableReader
+from posecast_wire import Decoder
+from posecast_wire.recording import decode_recording
+from posecast_wire.segment import CopyRecord, FrameRecord, Segment, decode_segment
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+REPO = Path(__file__).resolve().parent.parent
+SEGMENTS = REPO / "wire" / "vectors" / "segments"
+SCHEMA = (SEGMENTS / "schema.json").read_text()
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("saved")
+    subprocess.run(["node", REPO / "spa/tests/save_files.mjs", SEGMENTS, folder], check=True)
+    return folder
+
+
+def segments_of_all() -> list[Segment]:
+    segments = [decode_segment(path.read_bytes()) for path in SEGMENTS.glob("*.pcs")]
+    return sorted(segments, key=lambda segment: segment.start.from_ms)
+
+
+def frames_of_all() -> list[tuple[int, list[float | None]]]:
+    """When each frame was accepted (unix µs), and its positions. What several segments have counts once."""
+    decoder = Decoder()
+    decoder.add_schema(SCHEMA)
+    found: dict[int, tuple[int, list[float | None]]] = {}
+    for segment in segments_of_all():
+        for record in segment.records:
+            if not isinstance(record, FrameRecord | CopyRecord):
+                continue
+            frame = decoder.decode(record.frame)
+            if isinstance(record, FrameRecord):
+                found.setdefault(
+                    record.seq, (1000 * segment.start.from_ms + record.at_us, frame.values("pos"))
+                )
+    return [found[seq] for seq in sorted(found)]
+
+
+def test_a_table_is_read_by_csv_and_is_that_of_the_command(saved: Path) -> None:
+    text = (saved / "page.csv").read_text("utf-8-sig")
+    rows = list(csv.DictReader(io.StringIO(text, newline="")))
+    frames = frames_of_all()
+    joints = Decoder().add_schema(SCHEMA).find_field("pos").labels  # type: ignore[union-attr]
+    assert len(rows) == len(frames)
+    for row, (unix_us, positions) in zip(rows, frames, strict=True):
+        assert row["time"].endswith(f".{unix_us // 1000 % 1000:03}Z")
+        cells = [row[f"pos.{joint} [rad]"] for joint in joints]
+        assert [None if cell == "" else float(cell) for cell in cells] == pytest.approx(positions)
+    exported = io.BytesIO()
+    write_csv(exported, table_of_all())
+    assert (saved / "page.csv").read_bytes() == exported.getvalue()
+
+
+def table_of_all() -> TableReader:
+    segments = [(path.name, path.read_bytes()) for path in SEGMENTS.glob("*.pcs")]
+    segments.sort(key=lambda each: decode_segment(each[1]).start.from_ms)
+    return TableReader(segments, {hashlib.sha256(SCHEMA.encode()).hexdigest(): SCHEMA})
+
+
+def test_an_mcap_file_is_read_by_mcap_and_rosbags_and_is_that_of_the_command(saved: Path) -> None:
+    store = get_typestore(Stores.EMPTY)
+    ours = io.BytesIO((saved / "page.mcap").read_bytes())
+    reader = make_reader(ours, validate_crcs=True)
+    assert reader.get_header().profile == "ros2"
+    for schema in reader.get_summary().schemas.values():  # type: ignore[union-attr]
+        assert schema.encoding == "ros2msg"
+        store.register(get_types_from_msg(schema.data.decode(), schema.name))
+    exported = io.BytesIO()
+    write_mcap(exported, table_of_all())
+    theirs = make_reader(io.BytesIO(exported.getvalue())).iter_messages(log_time_order=False)
+    counts: Counter[str] = Counter()
+    for (schema, channel, message), (_, other, wanted) in zip(
+        reader.iter_messages(log_time_order=False), theirs, strict=True
+    ):
+        assert schema is not None
+        assert (channel.topic, channel.metadata) == (other.topic, other.metadata)
+        assert (message.log_time, message.publish_time) == (wanted.log_time, wanted.publish_time)
+        found = store.deserialize_cdr(message.data, schema.name)
+        assert_same(found, store.deserialize_cdr(wanted.data, schema.name), channel.topic)
+        counts[channel.topic] += 1
+    frames = frames_of_all()
+    assert counts["/joint_states"] == counts["/joint_references"] == counts["/imu/torso"] == len(frames)
+    assert counts["/rosout"] == 4
+    with AnyReader([saved / "page.mcap"]) as bag:
+        connections = [each for each in bag.connections if each.topic == "/joint_states"]
+        connection, _, data = next(iter(bag.messages(connections)))
+        state: object = bag.deserialize(data, connection.msgtype)
+        assert getattr(state, "name")[0] == "WST"  # noqa: B009
+
+
+def assert_same(found: object, wanted: object, where: str) -> None:
+    """Equal but for the last bits."""
+    if isinstance(found, np.ndarray | float):
+        assert found == pytest.approx(wanted, abs=1e-12, nan_ok=True), where
+    elif isinstance(found, list):
+        assert isinstance(wanted, list)
+        for one, other in zip(found, wanted, strict=True):
+            assert_same(one, other, where)
+    elif hasattr(found, "__dataclass_fields__"):
+        for name in found.__dataclass_fields__:
+            assert_same(getattr(found, name), getattr(wanted, name), f"{where} {name}")
+    else:
+        assert found == wanted, where
+
+
+def test_a_recording_is_read_by_zipfile_and_the_wire(saved: Path) -> None:
+    with zipfile.ZipFile(saved / "page.posecast") as found:
+        assert found.testzip() is None
+        recording = decode_recording(found.read("recording.json"))
+        assert (recording.robot, recording.view) == ("demo", "public")
+        kept = {found.read(name) for name in found.namelist() if name.endswith(".segment")}
+    assert kept == {path.read_bytes() for path in SEGMENTS.glob("*.pcs")}
+    assert len(recording.segments) == len(kept)
