@@ -22,7 +22,7 @@ from posecast_relay.archive.deletion.tombstones import (
     put_tombstone,
 )
 from posecast_relay.archive.deletion.unnamed_sweep import NamedHashes, sweep_unnamed
-from posecast_relay.archive.names import DAY_MS, read_segment_key
+from posecast_relay.archive.names import DAY_MS, name_segment, read_segment_key
 from posecast_relay.archive.object_store import ArchiveAway, ObjectStore, open_object_store
 from posecast_relay.core.past.deletions import Deletion, Deletions
 from posecast_relay.deletion_record import make_deletion, pack_deletion
@@ -274,5 +274,12 @@ async def test_what_waits_and_what_is_being_put_is_not_there_later(tmp_path: Pat
     deletions.add(order())
     gated.gate.set()
     await world.written()
+    late = make_kept(51, SPAN[1] + 2 * MINUTE_MS)
+    await world.write(late)
+    pages = world.writer.list_open_pages()
+    assert any(late.name == known.name for page in pages for known in world.writer.find_known(page))
+    deletions.add(order(late.from_ms, late.to_ms))
+    assert not any(late.name == known.name for page in pages for known in world.writer.find_known(page))
+    await world.store.delete(name_segment(late).key)
     names: list[Any] = [read_segment_key(file) for file in world.list_files(".segment")]
     assert [name.name for name in names] == [stays.name]

@@ -91,6 +91,8 @@ async def test_a_model_is_stored_once_and_served_when_its_edge_is_away(tmp_path:
             assert models.find_data((await models.load_file("r", model.digest, path)).name) == data
         with pytest.raises((Absent, Unavailable)):
             await models.load_manifest("q", model.digest)
+    edge.models = {model.digest: Model({"other": (b"", "")})}  # it says so, and has another one already
+    await make_cache(world, edge).load_file("r", model.digest, "robot.urdf")
     with pytest.raises(Absent):
         await make_cache(world, edge).load_manifest("r", "0" * 64)
 

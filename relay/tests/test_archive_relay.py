@@ -156,7 +156,7 @@ def away(tmp_path: Path, start: Start, edges: Edges, seconds: float) -> None:
     take = int(last["take"], 16)
     wanted = {(take, index) for index in range(last["index"] + 1)}
     until("all that waited is there", lambda: wanted <= set(list_there(tmp_path / "store")) or None, 30.0)
-    until("all is well", lambda: httpx.get(f"{base}/readyz").json().get("why", "") != ready or None, 20.0)
+    until("all is well", lambda: httpx.get(f"{base}/readyz").json().get("why", "") != ready or None, 45.0)
     assert "; what is recorded waits, up to 16 MB a robot, live goes on" in relay.errors()
     assert relay.errors().count("the archive: is back; none that waited was lost") == 1
     assert relay.stop() == 0

@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from posecast_relay.archive.joined_past import JoinedPast
 from posecast_relay.archive.names import DAY_MS, PAGE_MS
 from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.core.policy.policy import Audience, Rule
 from posecast_relay.past_source_memory import MemoryPastSource
 
 from . import past_doors
-from .archive_world import ArchiveWorld, make_run
+from .archive_world import ArchiveWorld, break_store, make_run
 from .past_doors import DAY, PAGE, SCHEMA_HASH, PastDoors, address_of, link, make_kept
 
 START = past_doors.PAGE_MS
@@ -214,3 +215,21 @@ async def test_a_robot_that_was_long_gone_is_found_by_its_past(world: ArchiveWor
 
 def test_a_page_begins_where_the_tests_say() -> None:
     assert START % PAGE_MS == 0
+
+
+async def test_a_store_that_was_away_is_read_again(world: ArchiveWorld) -> None:
+    doors = world.make_doors(RULES)
+    await open_doors(doors)
+    mend = break_store(world.folder)
+    assert isinstance(doors.source, JoinedPast)
+    reader = doors.source._reader
+    for _ in range(3):  # a crowd does not ask a store that is away again and again
+        for _ in range(20):
+            assert (await doors.ask(f"public/{PAGE}")).status_code == 503
+        world.now += 0.1
+    assert reader.failures == 1
+    mend()
+    world.now += 2.0
+    assert (await doors.ask(f"public/{PAGE}")).status_code == 200
+    assert reader.find_trouble() is None
+    await doors.stop()

@@ -23,6 +23,7 @@ from posecast_relay.runtime.fan_out import FanOut
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 ROBOTS_FLAGS = {"--ca", "--certificate", "--days", "--private", "--url"}  # of `posecast-relay robots add`
+PAST_FLAGS = {"--all", "--from", "--to", "--view", "--yes"}  # of `posecast-relay past`
 EDGE_FLAGS = {"--credential", "--hz", "--relay", "--robot", "--tls-ca", "--tls-cert", "--tls-key"}
 REDIS_FLAGS = {"--pattern", "--scan"}  # of redis-cli
 PAGE = (DOCS / "OPERATIONS.md").read_text()
@@ -48,7 +49,9 @@ async def test_every_series_is_explained_and_no_other() -> None:
 
 
 def test_every_flag_is_one() -> None:
-    known = {flag.option for flag in FLAGS} | {"--help"} | ROBOTS_FLAGS | REDIS_FLAGS | EDGE_FLAGS
+    known = (
+        {flag.option for flag in FLAGS} | {"--help"} | ROBOTS_FLAGS | PAST_FLAGS | REDIS_FLAGS | EDGE_FLAGS
+    )
     assert set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", PAGE)) <= known
 
 

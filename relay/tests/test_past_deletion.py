@@ -9,9 +9,11 @@ from typing import Any
 import pytest
 from posecast_relay.core.past.deletions import KNOWN_MAX, Deletion, Deletions
 from posecast_relay.core.past.memory_store import MemoryPast
+from posecast_relay.core.past.segment_record import pack_record
 from posecast_relay.deletion_record import make_deletion, pack_deletion, unpack_deletion
 from posecast_relay.past_source_memory import MemoryPastSource
 from posecast_relay.redis.deletions.feed import KEY, RedisDeletions
+from posecast_relay.redis.past_replica import PastReplica
 from posecast_relay.redis.past_scripts import stream_key
 from posecast_relay.server.past_deletion import ObedientMemory
 
@@ -146,6 +148,20 @@ async def test_an_answer_that_is_being_made_holds_nothing_that_was_deleted() -> 
     finally:
         go_on.set()
         await doors.stop()
+
+
+def test_a_gateway_leaves_out_what_is_deleted_and_still_stands_in_redis() -> None:
+    deletions = Deletions()
+    deletions.add(order(0, 5000))
+    replica = PastReplica("r", "public", pytest.fail, deletions.cover_segment)
+    records = [pack_record(make_kept(index, PAGE_MS + 10_000 * index)) for index in range(3)]
+    told = [each for pair in zip([b"1-0", b"2-0", b"3-0"], records, strict=True) for each in pair]
+    assert replica.append(told)
+    assert replica.count == 3
+    assert [each.name.index for each in replica.kept.list_segments("r", "public")] == [1, 2]
+    replica.drop_before(b"2-0")
+    assert (replica.count, len(replica.kept)) == (2, 2)
+    assert not PastReplica("r", "public", pytest.fail, deletions.cover_segment).append(told[:2])
 
 
 async def test_a_deletion_at_one_process_reaches_redis_and_each_gateway(redis_server: Redis) -> None:

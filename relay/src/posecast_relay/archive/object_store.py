@@ -13,8 +13,10 @@ import asyncio
 import contextlib
 import os
 import re
-from collections.abc import AsyncIterator, Awaitable, Iterator
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from datetime import timedelta
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -26,6 +28,7 @@ T = TypeVar("T")
 
 CALL_S = 10.0  # a call is given up after so long
 CONNECT_S = 3.0
+THREADS = 4  # that look at a folder
 LISTED = 1000  # names in one part of a listing
 DEPTH_MAX = 8  # folders that a listing of a file store goes down; ours are five deep
 UNFINISHED = re.compile(r"#[0-9]{1,9}$", re.ASCII)  # a file that is written, until it has its name
@@ -113,6 +116,7 @@ class ObjectStore:
 
         self.folder = folder
         self._device = None if folder is None else _find_device(folder)
+        self._threads = None if folder is None else ThreadPoolExecutor(THREADS, "archive")
         self._obstore: Any = obstore
         self._store = store
         self._call_s = call_s
@@ -148,7 +152,7 @@ class ObjectStore:
         Raises ArchiveError.
         """
         if self.folder is not None and UNFINISHED.search(key):  # obstore takes that for no key
-            await self._call(asyncio.to_thread((self.folder / key).unlink, missing_ok=True))
+            await self._call(self._start(_unlink, self.folder / key))
             return
         with contextlib.suppress(FileNotFoundError):
             await self._call(self._obstore.delete_async(self._store, key))
@@ -161,7 +165,7 @@ class ObjectStore:
         await self._check_folder()
         if self.folder is not None:
             walk = _walk(self.folder / prefix, self.folder)
-            while part := await self._call(asyncio.to_thread(_take_part, walk)):
+            while part := await self._call(self._start(_take_part, walk)):
                 yield part
             return
         stream = self._obstore.list(self._store, prefix or None, chunk_size=LISTED)
@@ -176,7 +180,7 @@ class ObjectStore:
         """Return the names of the folders in a folder, sorted. Raises ArchiveError."""
         await self._check_folder()
         if self.folder is not None:
-            return await self._call(asyncio.to_thread(_list_folders, self.folder / prefix))
+            return await self._call(self._start(_list_folders, self.folder / prefix))
         asked = self._obstore.list_with_delimiter_async(self._store, prefix or None)
         found = await self._call(asked)
         return sorted(path.rstrip("/").rpartition("/")[2] for path in found["common_prefixes"])
@@ -185,7 +189,7 @@ class ObjectStore:
         """Return what the file system has left; None where that can't be known. Raises ArchiveError."""
         if self.folder is None:
             return None
-        found = await self._call(asyncio.to_thread(os.statvfs, self.folder))
+        found = await self._call(self._start(os.statvfs, self.folder))
         return FreeSpace(found.f_bavail * found.f_frsize, found.f_blocks * found.f_frsize)
 
     async def _check_folder(self) -> None:
@@ -193,9 +197,15 @@ class ObjectStore:
         would pass for a past in which there was nothing, and what is written would fill another disk.
         """
         if self.folder is not None and self._device is not None:
-            device = await self._call(asyncio.to_thread(_find_device, self.folder))
+            device = await self._call(self._start(_find_device, self.folder))
             if device != self._device:
                 raise ArchiveRefused("its folder is gone" if device is None else "its disk is not mounted")
+
+    def _start(self, call: Callable[..., T], *args: Any) -> Awaitable[T]:
+        """Call the file system beside the event loop, in threads of our own: it may hang, as one of a network
+        does, and others need the common ones.
+        """
+        return asyncio.get_running_loop().run_in_executor(self._threads, partial(call, *args))
 
     async def _call(self, asked: Awaitable[T]) -> T:
         try:
@@ -222,6 +232,10 @@ def _describe(error: Exception) -> str | None:
     if isinstance(error, OSError) and error.errno is not None:
         text += f"(os error {error.errno})"
     return next((why for form, why in REASONS if re.search(form, text)), None)
+
+
+def _unlink(path: Path) -> None:
+    path.unlink(missing_ok=True)
 
 
 def _find_device(folder: Path) -> int | None:

