@@ -71,7 +71,7 @@ export const TARGETS: ReadonlyMap<string, (bytes: Uint8Array) => Promise<unknown
     segment: refusing([SegmentError], segment),
     'key-page': refusing([SegmentError], keyPage),
     recording: refusing([RecordingError], recording),
-    'packed-segment': refusing([SegmentError], (bytes) => unpackSegment(bytes).then(digitsOf)),
+    'packed-segment': refusing([SegmentError], (bytes) => unpackSegment(bytes.slice()).then(digitsOf)),
     message: refusing([], (bytes) => parseRelayMessage(textOf(bytes))),
     manifest: refusing([BundleError], manifest),
     glb: refusing([GlbError], (bytes) => readLod(bytes, VISUALS).then(() => null)),

@@ -62,9 +62,11 @@ class RelayClient:
         self._kept = local()
         self._links: set[http.client.HTTPConnection] = set()
         self._has_answered = False
+        self._is_closed = False
 
     def close(self) -> None:
         """End what is under way, and the connections."""
+        self._is_closed = True
         self._pool.shutdown(wait=False, cancel_futures=True)
         for link in tuple(self._links):
             if link.sock is not None:
@@ -125,6 +127,8 @@ class RelayClient:
     def _exchange(self, link: http.client.HTTPConnection, path: str, bytes_max: int) -> RelayAnswer:
         try:
             link.request("GET", self._path + path, headers=self._headers)
+            if self._is_closed:  # while it was connecting, when nobody could end that
+                raise ConnectionAbortedError
             answer = link.getresponse()
             most = bytes_max if answer.status == http.HTTPStatus.OK else ERROR_BYTES_MAX
             body = answer.read(most + 1)
