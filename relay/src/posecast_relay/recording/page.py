@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import json
 import re
 import shutil
 from collections.abc import Mapping
@@ -20,6 +21,8 @@ from posecast_relay.recording.output import OutputError
 # of the built page: what FastAPI shows, what a relay alone serves, and the build's own notes
 LEFT_OUT = frozenset(("docs", "config.json"))
 ENTRIES: Mapping[str, str] = {"index.html": "", "embed/index.html": "../"}
+PARTS = ".vite/manifest.json"  # the build's own list of its files, and of what each of them imports
+FIRST_PARTS = ("src/app/pages/recording/recording_pages.ts", "src/past/relay/past_reader.ts")
 GENERAL = re.compile(r'\s*<meta (?:property="og:|name="description")[^>]*>')
 SHOWN_MAX = 500  # characters of a text that a chat reads
 TITLE = "<title>Posecast</title>"
@@ -55,10 +58,33 @@ def add_page(page: Path, folder: Path, recording: PastRecording, address: str | 
             continue
         (folder / relative).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(path, folder / relative)
+    parts = _list_first_parts(page)
     for name, home in ENTRIES.items():
         text = (page / name).read_text(encoding="utf-8")
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_text(_mark(text, home, folder, recording, address), encoding="utf-8")
+        marked = _mark(text, home, folder, recording, address)
+        if name == "index.html":  # a frame asks for nothing before it is seen
+            links = [f'  <link rel="modulepreload" crossorigin href="./{part}">\n  ' for part in parts]
+            marked = marked.replace("</head>", f"{''.join(links)}</head>", 1)
+        (folder / name).write_text(marked, encoding="utf-8")
+
+
+def _list_first_parts(page: Path) -> list[str]:
+    """The scripts that a recording's first pose waits for, besides the page's own: a browser told of them
+    fetches them side by side with that one. None where the build has left no list."""
+    try:
+        chunks = json.loads((page / PARTS).read_text(encoding="utf-8"))
+        found: dict[str, None] = {}
+        seen = {"index.html", *chunks["index.html"].get("imports", ())}
+        waiting = [name for name in FIRST_PARTS if name in chunks]
+        for name in waiting:
+            if name not in seen:
+                seen.add(name)
+                found[str(chunks[name]["file"])] = None
+                waiting.extend(chunks[name].get("imports", ()))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return []
+    return [file for file in found if re.fullmatch(r"assets/[\w.-]+\.js", file) and (page / file).is_file()]
 
 
 def _mark(page: str, home: str, folder: Path, recording: PastRecording, address: str | None) -> str:
