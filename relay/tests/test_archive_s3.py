@@ -24,7 +24,7 @@ from posecast_relay.archive.object_store import ArchiveRefused, open_object_stor
 from .s3_server import BUCKET, Proxy, S3Server
 from .stage import Model, Relay, Watcher, ZenohEdge, until
 from .test_archive_relay import POLICY, check_readable, list_shown, list_there, record
-from .test_past_deletion_relay import run_past
+from .test_past_deletion_relay import list_names, run_past
 from .test_past_relay import find_newest, write
 
 pytestmark = pytest.mark.full
@@ -135,7 +135,7 @@ def test_a_day_in_its_life(start: Start, edges: Edges, bucket: Bucket) -> None:
     assert said.stdout.splitlines()[1].split()[-1] == str(len(list_there(bucket.folder))), said
     said = run_past("delete", "--past", URL, "--robot", "r", "--all", "--yes")
     assert said.returncode == 0, said
-    until("nothing is left", lambda: not list_there(bucket.folder) or None)
+    until("nothing is left", lambda: not list_names(bucket.folder) or None)
     until("it is shown no more", lambda: not list_shown(again) or None)
     until("schema and model are gone", lambda: not [*bucket.folder.glob("r/*/*")] or None, LONG_S)
 
@@ -335,8 +335,8 @@ def test_a_deletion_that_is_killed_in_the_middle(
     count = len(list_there(bucket.folder))
     store = ("--past", URL, "--robot", "r", "--all", "--yes")
     command = subprocess.Popen([sys.executable, "-m", "posecast_relay.cli", "past", "delete", *store])
-    until("it has begun", lambda: len(list_there(bucket.folder)) < count or None, LONG_S)
+    until("it has begun", lambda: len(list_names(bucket.folder)) < count or None, LONG_S)
     command.kill()
     command.wait()
     start()
-    until("the next start finishes it", lambda: not list_there(bucket.folder) or None, LONG_S)
+    until("the next start finishes it", lambda: not list_names(bucket.folder) or None, LONG_S)

@@ -18,7 +18,7 @@ from posecast_relay.redis.past_scripts import stream_key
 from posecast_relay.server.past_deletion import ObedientMemory
 
 from .past_doors import DAY, PAGE, PAGE_MS, PastDoors, address_of, make_kept
-from .past_redis import running, until
+from .past_redis import PastFleet, running, until
 from .redis_server import Redis
 
 NOW_MS = PAGE_MS + 3_600_000
@@ -164,6 +164,14 @@ def test_a_gateway_leaves_out_what_is_deleted_and_still_stands_in_redis() -> Non
     assert not PastReplica("r", "public", pytest.fail, deletions.cover_segment).append(told[:2])
 
 
+async def ask_all(fleet: PastFleet, path: str) -> list[Any]:
+    """The same request to all; a busy machine may keep a gateway from Redis for a moment."""
+    while True:
+        answers = await fleet.ask(path)
+        if not any(answer.status_code == 503 for answer in answers):
+            return answers
+
+
 async def test_a_deletion_at_one_process_reaches_redis_and_each_gateway(redis_server: Redis) -> None:
     async with running(redis_server, None) as fleet:
         here = fleet.writer._deletions
@@ -180,20 +188,20 @@ async def test_a_deletion_at_one_process_reaches_redis_and_each_gateway(redis_se
         fleet.ingest.unix_ms = PAGE_MS + 600_000
         gone, stays = segments[2:4], [*segments[:2], *segments[4:]]
         for segment in gone:
-            assert [each.status_code for each in await fleet.ask(address_of(segment))] == [200] * 3
+            assert [each.status_code for each in await ask_all(fleet, address_of(segment))] == [200] * 3
         here.add(order(120_000, 200_000))
         await until("gateways know", lambda: all(way._deletions.count for way in ways), 30.0)
         await until("redis has no more of it", lambda: len(fleet.list_keys()) == 5 + 2 + 2, 30.0)
         for segment in gone:
-            for answer in await fleet.ask(address_of(segment)):
+            for answer in await ask_all(fleet, address_of(segment)):
                 assert answer.status_code != 200 or answer.json()["next"]
         for segment in stays:
-            answers = await fleet.ask(address_of(segment))
+            answers = await ask_all(fleet, address_of(segment))
             assert [each.content for each in answers] == [segment.data] * 3
-        index = [answer.json() for answer in await fleet.ask(f"public/{PAGE}")]
+        index = [answer.json() for answer in await ask_all(fleet, f"public/{PAGE}")]
         assert [each["index"] for each in index[1]["segments"]] == [0, 1, 4, 5]
         assert index[0] == index[1] == index[2]
-        assert (await fleet.ask(f"/q/past/{address_of(other)}"))[1].status_code == 200
+        assert (await ask_all(fleet, f"/q/past/{address_of(other)}"))[1].status_code == 200
         assert not any(name in reader._data for reader in fleet.readers for name in [g.name for g in gone])
         # what has waited all the time is not written
         before = fleet.writer.written
@@ -206,8 +214,8 @@ async def test_a_deletion_at_one_process_reaches_redis_and_each_gateway(redis_se
             lambda: {key for key in fleet.list_keys() if "{r}" in key} == {stream_key("r", "public")},
         )
         assert fleet.client.xlen(stream_key("r", "public")) == 0
+        await until("its sum is", lambda: int(fleet.client.hget("posecast:{-}:past", "r")) == 0, 30.0)
         sums = fleet.client.hgetall("posecast:{-}:past")
-        assert int(sums[b"r"]) == 0
         assert int(sums[b""]) == int(sums[b"q"]) > 0
         for way in ways:
             await way.stop()

@@ -96,7 +96,7 @@ def make_archive(settings: Settings, deletions: Deletions) -> ArchiveServices | 
         reader = ArchiveReader(quick, Dispatcher.now, Dispatcher.unix_s, deletions.cover, indexer.mend)
         writer = ArchiveWriter(store, indexer.mend, deletions.cover_segment)
         indexer.writer = writer
-    upkeep = ArchiveUpkeep(store, deletions, reader, writer)
+    upkeep = ArchiveUpkeep(store, deletions, reader, writer, None if indexer is None else indexer.mend)
     if indexer is not None:
         indexer.on_deleted = upkeep.note_expired
     return ArchiveServices(store, reader, upkeep, writer, indexer)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from posecast_relay.archive.deletion.tombstone_follower import TombstoneFollower
 from posecast_relay.archive.deletion.unnamed_sweep import NamedHashes, sweep_unnamed
 from posecast_relay.archive.models.keeper import ModelKeeper
 from posecast_relay.archive.models.source import JoinedModelSource
+from posecast_relay.archive.names import PageKey
 from posecast_relay.archive.object_store import ArchiveError, ObjectStore
 from posecast_relay.archive.reader import ArchiveReader
 from posecast_relay.archive.writer import ArchiveWriter
@@ -27,7 +28,12 @@ class ArchiveUpkeep:
     """Obeys deletions; `writer` None: in a gateway, which only reads."""
 
     def __init__(
-        self, store: ObjectStore, deletions: Deletions, reader: ArchiveReader, writer: ArchiveWriter | None
+        self,
+        store: ObjectStore,
+        deletions: Deletions,
+        reader: ArchiveReader,
+        writer: ArchiveWriter | None,
+        mend: Callable[[PageKey], None] | None,
     ) -> None:
         self._store = store
         self._reader = reader
@@ -39,7 +45,7 @@ class ArchiveUpkeep:
         self._expired: set[str] = set()  # robots of which something was too old
         self._tasks: list[asyncio.Task[None]] = []
         self._follower = TombstoneFollower(
-            store, deletions, self._compute_unix_ms, erases=writer is not None, sweep=self.sweep
+            store, deletions, self._compute_unix_ms, erases=writer is not None, sweep=self.sweep, mend=mend
         )
         deletions.on_added(self._forget)
 

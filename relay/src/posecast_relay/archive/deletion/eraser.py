@@ -13,6 +13,7 @@ from posecast_relay.archive.names import (
     SPAN_MS_MAX,
     UNFINISHED,
     ArchivedName,
+    PageKey,
     make_index_key,
     make_page_folder,
     may_be_archived,
@@ -44,12 +45,25 @@ async def find_covered(store: ObjectStore, deletion: Deletion) -> AsyncIterator[
                 yield names
 
 
-async def erase(store: ObjectStore, deletion: Deletion, progress: Progress = lambda _: None) -> Erased:
+async def erase(
+    store: ObjectStore,
+    deletion: Deletion,
+    progress: Progress = lambda _: None,
+    mend: Callable[[PageKey], None] | None = None,
+) -> Erased:
     """Delete the segments that a deletion covers, and put the indexes that tell of them right; twice does no
-    harm. `progress` is told the sum so far. Raises ArchiveError; then it may be done again.
+    harm. `progress` is told the sum so far; `mend` is told of indexes instead, where somebody else puts them
+    right one by one. Raises ArchiveError; then it may be done again.
     """
     erased = Erased(0, 0)
     span = _find_pages(deletion)
+
+    async def mend_one(view: str, page_ms: int, mended: dict[int, PageDigest | None]) -> None:
+        if mend is not None:
+            mend((deletion.robot, view, page_ms))
+        else:
+            mended[page_ms] = await mend_page(store, deletion.robot, view, page_ms)
+
     async for view, day_ms, pages in _list_days(store, deletion):
         mended: dict[int, PageDigest | None] = {}
         for page_ms in pages:
@@ -63,11 +77,11 @@ async def erase(store: ObjectStore, deletion: Deletion, progress: Progress = lam
                 erased = Erased(erased.segments + len(part), erased.bytes + sum(each.size for each in part))
                 progress(erased)
             if names:
-                mended[page_ms] = await mend_page(store, deletion.robot, view, page_ms)
+                await mend_one(view, page_ms, mended)
         # also what one who was killed has left
         for page_ms in await check_day(store, deletion.robot, view, day_ms, deletion.at_ms):
             if page_ms in span and page_ms not in mended:
-                mended[page_ms] = await mend_page(store, deletion.robot, view, page_ms)
+                await mend_one(view, page_ms, mended)
         if mended:
             await mend_day(store, deletion.robot, view, day_ms, mended)
     return erased

@@ -17,6 +17,7 @@ from posecast_relay.archive.deletion.tombstones import (
     read_age_ms,
     remove_tombstone,
 )
+from posecast_relay.archive.names import PageKey
 from posecast_relay.archive.object_store import ArchiveError, ObjectStore
 from posecast_relay.core.past.deletions import Deletion, Deletions
 
@@ -40,12 +41,15 @@ class TombstoneFollower:
         *,
         erases: bool,
         sweep: Callable[[str], Awaitable[None]] | None = None,
+        mend: Callable[[PageKey], None] | None = None,
     ) -> None:
+        """`mend` is told of ten minutes whose index is to be put right; None: it is put right here."""
         self._store = store
         self._deletions = deletions
         self._compute_unix_ms = compute_unix_ms
         self._erases = erases
         self._sweep = sweep
+        self._mend = mend
         self._read: dict[str, Deletion | None] = {}  # by key; None: it is none
         self._erased: set[str] = set()  # keys of those that were carried out here once
         self._erasing: asyncio.Task[None] | None = None
@@ -99,7 +103,7 @@ class TombstoneFollower:
         try:
             for stem, deletion in due:
                 settled = self._is_settled(stem)
-                erased = await erase(self._store, deletion)
+                erased = await erase(self._store, deletion, mend=self._mend)
                 if erased != Erased(0, 0):
                     log.info("the archive: %s: %d segments deleted", stem, erased.segments)
                 if self._sweep is not None:
