@@ -11,7 +11,7 @@ import type {
   Speed,
   Timeline,
 } from '../past_types.ts';
-import { faultBeside } from './fault_marks.ts';
+import { searchFault } from './fault_marks.ts';
 import { Fill } from './fill.ts';
 import { KeyPageFetcher } from './key_page_fetcher.ts';
 import { Loads, PAGE_MS } from './loads.ts';
@@ -34,8 +34,6 @@ const AGAIN_MS = 3000;
 /** A link's moment is not kept where nothing is recorded so near to it, ms. */
 const LINK_APART_MS = 10_000;
 const MINUTE_MS = 60_000;
-/** How many days are looked through for a fault at a press. */
-const VISIT_DAYS_MAX = 7;
 const NAMES = ['at', 'playing', 'speed', 'loop', 'note'] as const;
 
 export interface PastPorts {
@@ -521,29 +519,14 @@ export class PastPlayer implements PastControls {
     const isAgain = act === before + 1 && this.#ports.nowMs() - atMs < AGAIN_MS;
     const fromMs = isAgain ? goesMs : momentMs;
     const slackMs = !isAgain && this.#isPast && this.#clock.running ? 1000 : 1;
-    for (let tries = 0, days = 0; ; tries += 1) {
-      const mark = faultBeside(this.timeline?.marks ?? [], by, fromMs, slackMs);
-      const unknown =
-        by > 0
-          ? this.#reel.unknownAfter(fromMs, mark?.goesMs ?? Number.POSITIVE_INFINITY)
-          : this.#reel.unknownBefore(fromMs, mark?.goesMs ?? Number.NEGATIVE_INFINITY);
-      if (unknown !== null && days < VISIT_DAYS_MAX) {
-        await this.#loads.day(unknown.fromMs);
-        if (act !== this.#acts) return;
-        [days, tries] = [days + 1, -1];
-        continue;
-      }
-      if (mark === null) return;
-      if (mark.exact || tries > 1) {
-        this.#visited = { goesMs: mark.goesMs, atMs: this.#ports.nowMs(), act };
-        this.#leaveLoop(this.#keptMs(mark.goesMs));
-        this.#enter();
-        this.#jump(this.#keptMs(mark.goesMs));
-        return;
-      }
-      await this.#loads.index(Math.floor(mark.atMs / PAGE_MS));
-      if (act !== this.#acts) return;
-    }
+    const isLeft = () => act !== this.#acts;
+    const parts = { source: this.#ports.source, reel: this.#reel, loads: this.#loads };
+    const mark = await searchFault(parts, by, fromMs, slackMs, isLeft);
+    if (mark === null || isLeft()) return;
+    this.#visited = { goesMs: mark.goesMs, atMs: this.#ports.nowMs(), act };
+    this.#leaveLoop(this.#keptMs(mark.goesMs));
+    this.#enter();
+    this.#jump(this.#keptMs(mark.goesMs));
   }
 
   /** Own frames are known to be of a run now, and when they were: the playhead stays with the frame that it shows. */
