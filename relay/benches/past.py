@@ -18,6 +18,7 @@ from posecast_edge.profile.reader import load_profile
 from posecast_edge.sources.demo import BUNDLE, PROFILE, read_motion
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
+from posecast_relay.core.past.kept_segment import KeptSegment
 from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.core.past.recorder import Recorder
 from posecast_relay.core.past.stream_recording import RecordingPorts
@@ -84,6 +85,17 @@ def play(hub: Hub, frames: list[tuple[float, bytes, Snapshot | None]], played: P
             hub.take_snapshot("demo", "public", snapshot, stamp, now)
         hub.changed.clear()
     return took_ns
+
+
+def record_demo() -> list[KeptSegment]:
+    """The segments of MINUTES of the demo robot, in order."""
+    kept, drawn, played = MemoryPast(1 << 30), count(1), Played()
+    ports = RecordingPorts(kept.add, lambda: next(drawn), lambda: UNIX_S + played.now)
+    recorder = Recorder(ports, list_lookers)
+    recorder.set_policy(Policy(), 0.0)
+    play(Hub(Limits(), recorder=recorder), list(make_frames()), played)
+    recorder.close_all(1000.0 + 60 * MINUTES)
+    return kept.list_segments("demo", "public")
 
 
 def describe(name: str, took_ns: list[int]) -> float:

@@ -23,13 +23,17 @@ from .link_pose_cases import make_manifest
 VECTORS = Path(__file__).resolve().parents[2] / "wire" / "vectors" / "exports.json"
 STORE = get_typestore(Stores.ROS2_JAZZY)
 
-JOINTS = ["lift", "m1", "m2", "m3", "knee", "wrist", "finger"]
+JOINTS = ["lift", "m1", "m2", "m3", "m4", "knee", "wrist", "finger"]
 BITS = ["homed", "enabled", "a|b", "=1+1", 'so "quoted"', "back\\slash", "a, b"]
 MAPPING: dict[str, Any] = {
     "joints": {
         "hip": {"terms": [["m1", 0.5], ["m2", -0.25]], "offset": 0.2},
         "toe": {"terms": [["m3", -2.0]], "offset": 0.1},
         "knee": {"terms": [["knee", 1.0]], "offset": -0.26},
+        "hook": {"terms": [["wrist", 0.035]]},
+        "claw": {"terms": [["finger", 0.001], ["m1", 0.1]]},
+        "left grip": {"terms": [["m4", 1.0]]},
+        "right grip": {"terms": [["m4", -1.0]]},
     },
     "sensors": {
         "RF": {"kind": "wrench", "name": "right foot", "link": "foot"},

@@ -89,9 +89,13 @@ def make_manifest(boxes: bool = True) -> dict[str, Any]:
     return copy.deepcopy(manifest)
 
 
-def make_schema(fields: Mapping[str, Sequence[str]], mapping: Mapping[str, Any] = MAPPING) -> str:
-    """Fields `pos` (by CHANNELS) and others by their labels."""
-    labels = {"joint": CHANNELS, **fields}
+def make_schema(
+    fields: Mapping[str, Sequence[str]],
+    mapping: Mapping[str, Any] = MAPPING,
+    channels: Sequence[str] = CHANNELS,
+) -> str:
+    """Fields `pos` (of these channels) and others by their labels."""
+    labels = {"joint": channels, **fields}
     specs = [
         {"name": "pos", "labels": "joint", "scale": 0.001},
         *({"name": f, "labels": f, "scale": 0.001} for f in fields),
@@ -111,6 +115,8 @@ def make_cases() -> list[dict[str, Any]]:
     document = json.loads(demo)
     document["fields"] = [f for f in document["fields"] if f["name"] not in ("base", "baseq")]
     afoot = json.dumps(document, separators=(",", ":"), ensure_ascii=False)
+    thigh = {**MAPPING, "sensors": {"imu": {"kind": "imu", "name": "imu", "link": "thigh"}}}
+    copied = make_schema({}, channels=[name for name in CHANNELS if name != "toe"])
     whole, bare = make_manifest(), make_manifest(boxes=False)
     return [
         make_case("stands upright", whole, make_schema({}), 4),
@@ -119,6 +125,8 @@ def make_cases() -> list[dict[str, Any]]:
         make_case("knows roll and pitch only", whole, make_schema(tilt), 4),
         make_case("its only IMU is on the root", whole, make_schema({"quat": quat}, no_sensors), 3),
         make_case("its IMU is on a link that the model lacks", whole, make_schema({"quat": quat}, gone), 3),
+        make_case("its IMU turns with a joint", whole, make_schema({"quat": quat}, thigh), 12),
+        make_case("a joint copies another", whole, copied, 4),
         make_case("knows where its base is", whole, make_schema({"quat": quat, **base}), 8),
         make_case("the demo robot", demo_manifest, demo, 4),
         make_case("the demo robot without a base", demo_manifest, afoot, 4),

@@ -23,7 +23,7 @@ from posecast_relay.core.policy.past import list_lookers
 from posecast_relay.core.policy.policy import Audience, Policy, Principal, Rule
 from posecast_relay.core.policy.share_link import make_link
 from posecast_relay.http.app import make_app
-from posecast_relay.http.past.routes import PastDesk
+from posecast_relay.http.past.desk import PastDesk
 from posecast_relay.models.cache import ModelCache
 from posecast_relay.past_source import PastSource
 from posecast_relay.past_source_memory import MemoryPastSource
@@ -97,7 +97,13 @@ class PastDoors:
     time.
     """
 
-    def __init__(self, rules: Rules | None, source: PastSource | None = None) -> None:
+    def __init__(
+        self,
+        rules: Rules | None,
+        source: PastSource | None = None,
+        models: ModelCache | None = None,
+        has_models: bool = False,
+    ) -> None:
         limits = Limits(sweep_s=0.1)
         self.tokens = Tokens(Accounts(), {"r": KEY, "open": KEY})
         self.access = open_access(
@@ -110,7 +116,10 @@ class PastDoors:
         self.past = MemoryPast(1 << 26)
         self.source = source or MemoryPastSource(self.past)
         self.unix_ms, self.now = PAGE_MS, 0.0
-        self.desk = PastDesk(self.source, lambda: self.now, lambda: self.unix_ms / 1000)
+        self.models = models
+        self.desk = PastDesk(
+            self.source, lambda: self.now, lambda: self.unix_ms / 1000, has_models=has_models
+        )
         self.client = httpx.AsyncClient(trust_env=False, timeout=20)
 
     def allow(self, rules: Rules) -> None:
@@ -131,7 +140,8 @@ class PastDoors:
     async def start(self) -> None:
         """Serve on a free port."""
         decoded, none = DecodeCache(), SimpleNamespace()
-        models = ModelCache(EdgeModels(none, self.access.live.hub), 1)  # type: ignore[arg-type]
+        edges = EdgeModels(none, self.access.live.hub)  # type: ignore[arg-type]
+        models = self.models or ModelCache(edges, 1)
         self.app = make_app(self.access, models, decoded, None, past=self.desk)
         self.server = uvicorn.Server(
             uvicorn.Config(

@@ -49,6 +49,16 @@ def test_each_link_stands_against_its_parent() -> None:
         assert compose_poses(placed[joint.parent], pose) == child
 
 
+def test_a_joint_stays_where_it_was_when_another_schema_lacks_it() -> None:
+    poses = LinkPoses(read_model_tree(json.dumps(make_manifest()).encode()))
+    for text in (make_schema({}), make_schema({}, channels=["knee"])):
+        schema = Schema.parse(text)
+        readings = FrameReadings(schema)
+        readings.take([100] * schema.size)
+        poses.update(readings)
+    assert poses.poses[1].xyz == pytest.approx((0, 0.06, 0.48)), "lift"
+
+
 def test_no_factor_that_a_robot_wrote_stops_the_export() -> None:
     manifest = make_manifest()
     manifest["joints"][3]["mimic"] = {"joint": 2, "multiplier": 1e308, "offset": 1e308}

@@ -145,11 +145,24 @@ def test_events_come_once_and_in_time() -> None:
 
 def test_more_than_may_wait_is_read_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(table_module, "WAITING_BYTES_MAX", 20_000)
-    takes = [Take(COUNTER, take=n, segment_frames=60) for n in range(30)]
+    takes = [Take(COUNTER, take=n, run_id=n + 1, segment_frames=60) for n in range(30)]
     frames = takes[0].encode(rows_of(60))
-    rows, reader = read(in_order(*(take.record(frames, n) for n, take in enumerate(takes))))
-    assert counts(rows) == list(range(60))
+    segments = in_order(*(take.record(frames, n) for n, take in enumerate(takes)))
+    rows, reader = read(segments)
+    assert sorted(counts(rows)) == sorted(list(range(60)) * 30)
     assert reader.losses.describe() == []
+    asked = iter(segments)
+    next(TableReader(asked, schemas_of(COUNTER)).read())
+    assert len(list(asked)) > 20, "the others have not been asked for"
+
+
+def test_what_has_been_read_waits_no_longer(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(table_module, "WAITING_BYTES_MAX", 100_000)
+    first, second = Take(COUNTER, take=1, segment_frames=20), Take(COUNTER, take=2, segment_frames=20)
+    frames = first.encode(rows_of(1000))
+    lost = first.record(frames, heard=lambda i: frames[i][0] & 2 > 0 or i % 7 > 0)
+    rows, _ = read(in_order(lost, second.record(frames, 500_000)))
+    assert counts(rows) == list(range(1000))
 
 
 def long_past(seconds: int, hz: int = 60) -> Iterator[Named]:

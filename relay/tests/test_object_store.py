@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import socket
 import stat
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,10 +16,9 @@ from posecast_relay.archive.object_store import (
     ArchiveAway,
     ArchiveRefused,
     ObjectStore,
-    StoreUrlError,
-    check_store_url,
     open_object_store,
 )
+from posecast_relay.store_url import StoreUrlError, check_store_url
 
 
 @pytest.fixture
@@ -124,3 +125,19 @@ def test_a_folder_that_can_not_be_made(tmp_path: Path) -> None:
     with pytest.raises(StoreUrlError) as caught:
         open_object_store(f"file://{tmp_path}/file/x")
     assert "\n" not in str(caught.value)
+
+
+def test_without_the_extra_it_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "obstore.store", None)
+    with pytest.raises(StoreUrlError, match=r"^install posecast-relay\[archive\]$"):
+        open_object_store(f"file://{tmp_path}/store")
+
+
+def test_a_relay_whose_store_can_not_be_opened_says_so(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    command = [sys.executable, "-m", "posecast_relay.cli", "run", "--dev", "--port", "0"]
+    command += ["--zenoh-listen", "tcp/127.0.0.1:0", "--past", f"file://{tmp_path}/file/x"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"posecast-relay: --past file://{tmp_path}/file/x: ")
+    assert done.stderr.count("\n") == 1

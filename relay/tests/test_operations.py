@@ -13,6 +13,7 @@ from posecast_relay.core.breaker import Breaker
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.past.memory_store import MemoryPast
+from posecast_relay.http.archive_metrics import ArchiveFigures
 from posecast_relay.http.metrics import RelayCollector
 from posecast_relay.http.past.held_requests import HeldRequests
 from posecast_relay.redis.past_writer import RedisPastWriter
@@ -22,6 +23,7 @@ from posecast_relay.runtime.fan_out import FanOut
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 ROBOTS_FLAGS = {"--ca", "--certificate", "--days", "--private", "--url"}  # of `posecast-relay robots add`
+PAST_FLAGS = {"--all", "--from", "--to", "--view", "--yes"}  # of `posecast-relay past`
 EDGE_FLAGS = {"--credential", "--hz", "--relay", "--robot", "--tls-ca", "--tls-cert", "--tls-key"}
 REDIS_FLAGS = {"--pattern", "--scan"}  # of redis-cli
 PAGE = (DOCS / "OPERATIONS.md").read_text()
@@ -38,7 +40,8 @@ async def test_every_series_is_explained_and_no_other() -> None:
     mirror = SimpleNamespace(written=Counter(), breaker=Breaker())
     way = RedisPastWriter("redis://nowhere", 1 << 20)
     kept, held = MemoryPast(1 << 20), HeldRequests()
-    figures = RelayCollector([dispatcher], mirror, past=kept, way=way, held=held)
+    archive = SimpleNamespace(measure=lambda: ArchiveFigures(None, 0, 0, 0, 0, 0, 0, 1, 2))
+    figures = RelayCollector([dispatcher], mirror, past=kept, way=way, held=held, archive=archive)
     there = {family.name + ("_total" if family.type == "counter" else "") for family in figures.collect()}
     rows = re.findall(r"^\| `(posecast_\w+)", PAGE, re.MULTILINE)
     assert sorted(rows) == sorted(there)
@@ -46,7 +49,9 @@ async def test_every_series_is_explained_and_no_other() -> None:
 
 
 def test_every_flag_is_one() -> None:
-    known = {flag.option for flag in FLAGS} | {"--help"} | ROBOTS_FLAGS | REDIS_FLAGS | EDGE_FLAGS
+    known = (
+        {flag.option for flag in FLAGS} | {"--help"} | ROBOTS_FLAGS | PAST_FLAGS | REDIS_FLAGS | EDGE_FLAGS
+    )
     assert set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", PAGE)) <= known
 
 

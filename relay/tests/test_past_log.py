@@ -15,6 +15,7 @@ from posecast_relay.server.past_log import CROWD_EVERY_S, PastLog, describe_past
 from .past_doors import PAGE_MS, make_kept
 from .test_robots_command import robots
 
+ARCHIVE = ("--past", "file:///srv/past")
 A, S = Audience.ANYONE, Audience.SIGNED_IN
 
 
@@ -30,6 +31,26 @@ A, S = Audience.ANYONE, Audience.SIGNED_IN
         (("--past", "0"), Policy(), "the past: none is kept (--past 0)"),
         ((), Policy({"r": {A: Rule(past_s=0.0)}}), "the past: none is kept, nobody may look back"),
         (("--role", "gateway", "--store", "redis://x"), Policy(), "the past: from Redis"),
+        (
+            (*ARCHIVE, "--role", "gateway", "--store", "redis://x"),
+            Policy(),
+            "the past: from Redis; before that from file:///srv/past",
+        ),
+        (
+            ARCHIVE,
+            Policy(),
+            "the past: 30 min in memory, up to 256 MB; nothing in file:///srv/past: without --robots nobody",
+        ),
+        (
+            ARCHIVE,
+            Policy({"r": {A: Rule()}}),
+            "the past: 30 min in memory, up to 256 MB; nothing in file:///srv/past: no robot has `keep`",
+        ),
+        (
+            ARCHIVE,
+            Policy({"r": {A: Rule(past_s=864000.0)}}, {"r": 2592000.0}),
+            "the past: 31 min in memory, up to 256 MB; in file:///srv/past: r 30 d",
+        ),
     ],
 )
 def test_a_line_at_the_start_says_what_is_kept(flags: tuple[str, ...], policy: Policy, told: str) -> None:
@@ -55,6 +76,15 @@ def test_a_change_of_the_rules_is_a_line_for_each_robot_and_audience(
         "r, anyone: blackout ends",
         "r, anyone: may not look back any more",
     ]
+
+
+def test_keep_that_comes_and_goes_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    said, rules = PastLog(), {"r": {A: Rule()}}
+    for keeps_s in ({}, {"r": 86400.0}, {"r": 86400.0}, {}):
+        said.follow(Policy(rules, keeps_s))
+    kept, gone = caplog.messages
+    assert kept == "r: its past is kept in the store for 1 d"
+    assert gone.startswith("r: `keep` is gone: nothing more is written to the store, and what is there stays")
 
 
 def test_who_crowds_the_memory_is_named_once_a_minute(caplog: pytest.LogCaptureFixture) -> None:

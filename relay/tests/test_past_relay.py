@@ -164,7 +164,7 @@ def test_without_a_past(tmp_path: Path, relays: Callable[..., Relay], redis_serv
     assert httpx.get(f"http://{gateway.address}/api/v1/robots/hidden/past").status_code == 404
 
 
-def test_keep_is_refused_in_one_line(tmp_path: Path) -> None:
+def test_keep_without_a_store_is_refused_in_one_line(tmp_path: Path) -> None:
     file = tmp_path / "robots.toml"
     write(file, "[robots.r]\nkeep = '30d'\n")
     done = subprocess.run(

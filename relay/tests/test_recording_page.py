@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from posecast_relay.recording.output import OutputError
-from posecast_relay.recording.page import add_page, check_page
+from posecast_relay.recording.page import add_page, check_page, unpacks_segments
 from posecast_wire.recording import PastRecording
 
 from .past_doors import PAGE_MS, make_kept
@@ -103,6 +103,17 @@ def test_the_built_page_is_one(tmp_path: Path) -> None:
         assert " async " not in html
         for path in re.findall(r'(?:href|src)="([^"]+)"', html):  # relative, and there
             assert (tmp_path / "to" / name).parent.joinpath(path).is_file(), path
+
+
+def test_a_build_tells_whether_it_unpacks_segments(tmp_path: Path) -> None:
+    page = make_page(tmp_path / "page")
+    assert not unpacks_segments(page)
+    (page / "assets/zip-1.js").write_text('new DecompressionStream("deflate-raw")')
+    assert not unpacks_segments(page)
+    source = (REPOSITORY / "wire/typescript/src/recording/packed.ts").read_text()
+    for quote in "'\"`":
+        (page / "assets/past-1.js").write_text(source.replace("'", quote))
+        assert unpacks_segments(page)
 
 
 def test_another_folder_is_none(tmp_path: Path) -> None:

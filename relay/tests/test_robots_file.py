@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from posecast_relay.config.robots_file import RobotsError, read_robots
+from posecast_relay.config.robots_file import RobotsError, read_robots, refuse_keep
 from posecast_relay.core.policy.policy import Audience, Rule
 
 SECRET = "C" * 43
@@ -92,7 +92,7 @@ def test_an_empty_file_lets_nobody_in(tmp_path: Path) -> None:
             "[robots.r]\nkeep='1h'\n[robots.r.link]\npast='61m'",
             "[robots.r.link] past: more than `keep`, '1h'",
         ),
-        ("[robots.r]\nkeep = '30d'", "[robots.r] keep: wants an object store"),
+        ("[robots.r]\nkeep = 0", "[robots.r] keep: to keep nothing, leave it out"),
         ("[robot.hubo]", "the file: unknown field 'robot': use robots"),
         ("[robots.'*']", "robot '*': use 1 to 63"),
         ("robots = 3", "robots: want tables"),
@@ -126,3 +126,11 @@ def test_a_file_that_everybody_may_read_is_refused(tmp_path: Path) -> None:
     path.write_bytes(b"\xff")
     with pytest.raises(RobotsError, match="not UTF-8"):
         read_robots(path)
+
+
+def test_how_long_robots_are_kept(tmp_path: Path) -> None:
+    path = write(tmp_path, "[robots.r]\nkeep = '30d'\n[robots.r.link]\npast = '30d'\n[robots.s]\n")
+    robots = read_robots(path)
+    assert robots.make_policy().keeps_s == {"r": 30 * 86400.0}
+    with pytest.raises(RobotsError, match=r"\[robots.r\] keep: wants an object store"):
+        refuse_keep(robots, path)

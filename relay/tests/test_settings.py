@@ -122,6 +122,16 @@ def test_a_gateway_needs_no_publishers_and_every_role_but_all_a_store() -> None:
         parse(["run", "--role", "edge"], {})
 
 
+def test_the_past_is_kept_in_an_object_store() -> None:
+    for url in ("file:///srv/past", "s3://bucket/below", "gs://bucket", "az://box/x"):
+        assert parse(["run", "--dev", "--past", url], {}).archive == url
+    assert parse(["run", "--dev"], {}).archive is None
+    assert parse(["run", "--dev", "--past", "0"], {}).archive is None
+    for wrong in ("s3:bucket", "file://srv", "/srv/past", "s3://key:secret@bucket/x"):
+        with pytest.raises(SettingsError, match="use memory: or 0, or for an object store file:///FOLDER"):
+            parse(["run", "--dev", "--past", wrong], {})
+
+
 def test_the_past_is_kept_in_memory_or_not_at_all() -> None:
     kept = parse(["run", "--dev"], {"POSECAST_PAST": "memory:"})
     assert (kept.past, kept.past_memory) == ("memory:", 256 << 20)

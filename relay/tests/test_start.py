@@ -12,7 +12,7 @@ import pytest
 from .stage import Watcher, free_port
 
 HEAVY = ("numpy", "firebase_admin", "google", "grpc", "locust", "gevent", "httpx", "trimesh", "posecast_edge")
-REDIS = ("redis",)
+REDIS = ("redis", "obstore")
 
 
 def loaded(module: str, names: tuple[str, ...]) -> set[str]:

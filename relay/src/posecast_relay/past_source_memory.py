@@ -7,10 +7,13 @@ from collections.abc import Sequence
 from posecast_relay.core.past.kept_segment import KeptSegment
 from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.past_source import ListWaiting, Wake
+from posecast_relay.past_source_recent import RecentOnly
 
 
-class MemoryPastSource:
+class MemoryPastSource(RecentOnly):
     """A PastSource of what lies in this process: nothing has to be waited for."""
+
+    kept: MemoryPast
 
     def __init__(self, kept: MemoryPast) -> None:
         self.kept = kept
@@ -34,8 +37,6 @@ class MemoryPastSource:
         """Return them as they are."""
         return list(segments)
 
-    async def load_schema(self, segment: KeptSegment) -> str | None:
-        """Return the text of the schema that a segment names."""
-        if segment.schema is None:
-            return None
-        return self.kept.find_schema_text(segment.name.robot, segment.name.view, segment.schema)
+    async def load_schema(self, robot: str, view: str, sha256: bytes) -> str | None:
+        """Return the text of a schema that a segment of a view names."""
+        return self.kept.find_schema_text(robot, view, sha256)

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 from posecast_wire.keys import ROBOT_ID
 
+from posecast_relay.core.past.audience_letters import read_letters, write_letters
 from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
 from posecast_relay.core.policy.policy import Audience
 
@@ -25,15 +26,16 @@ KEY_CHARS_MAX = 400
 U32_MAX, WHOLE_MAX = (1 << 32) - 1, (1 << 53) - 1
 SPAN_MS_MAX = 600_000
 SEGMENT_BYTES_MAX = 3 << 20
-LETTERS = {Audience.ANYONE: "a", Audience.LINK: "l", Audience.SIGNED_IN: "s"}
-NOBODY = "x"
 INDEX_NAME, DAY_NAME = "index.json", "day.json"
 SCHEMAS, MODELS, TOMBSTONES = "schemas", "models", "tombstones"
 DAY = re.compile(r"20[0-9]{2}-[01][0-9]-[0-3][0-9]", re.ASCII)
 PAGE = re.compile(r"([01][0-9]|2[0-3])-([0-5])0", re.ASCII)
-SHA256 = re.compile(r"[0-9a-f]{64}", re.ASCII)
+UNFINISHED = re.compile(r"#[0-9]{1,9}$", re.ASCII)
 NUMBER = r"(0|[1-9][0-9]{0,15})"
 SEGMENT = re.compile(rf"{NUMBER}-{NUMBER}-([0-9a-f]{{16}})-{NUMBER}-{NUMBER}-(a?l?s?|x)\.segment", re.ASCII)
+
+
+PageKey = tuple[str, str, int]  # robot, view, and when the ten minutes begin, unix ms
 
 
 class ArchivedName(NamedTuple):
@@ -53,7 +55,7 @@ class ArchivedName(NamedTuple):
     @property
     def key(self) -> str:
         """The key, which is always the same for the same content."""
-        letters = "".join(sorted(LETTERS[each] for each in self.audiences)) or NOBODY
+        letters = write_letters(self.audiences)
         file = f"{self.from_ms}-{self.to_ms}-{self.name.take:016x}-{self.name.index}-{self.size}-{letters}"
         return f"{make_page_folder(self.name.robot, self.name.view, self.page_ms)}/{file}.segment"
 
@@ -76,13 +78,23 @@ def read_segment_key(key: str) -> ArchivedName | None:
         return None
     if not from_ms <= to_ms <= from_ms + SPAN_MS_MAX:
         return None
-    audiences = frozenset(audience for audience, letter in LETTERS.items() if letter in found[6])
+    audiences = read_letters(found[6])
     name = SegmentName(robot, view, int(found[3], 16), index)
     read = ArchivedName(name, from_ms, to_ms, size, audiences)
     try:
         return read if read.key == key else None
     except (ValueError, OverflowError):
         return None  # a time beyond the calendar
+
+
+def is_unfinished(key: str) -> bool:
+    """Whether it is what a file store has of an object of ours that is being written, or was when the process
+    was killed: it gets its name when all of it is there.
+    """
+    whole = UNFINISHED.sub("", key)
+    return whole != key and (
+        read_segment_key(whole) is not None or whole.rpartition("/")[2] in (INDEX_NAME, DAY_NAME)
+    )
 
 
 def make_view_folder(robot: str, view: str) -> str:

@@ -13,21 +13,25 @@ import asyncio
 import contextlib
 import os
 import re
-from collections.abc import AsyncIterator, Awaitable, Iterator
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from datetime import timedelta
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 from urllib.parse import unquote, urlsplit
 
+from posecast_relay.store_url import StoreUrlError, check_store_url
+
 T = TypeVar("T")
 
 CALL_S = 10.0  # a call is given up after so long
 CONNECT_S = 3.0
+THREADS = 4  # that look at a folder
 LISTED = 1000  # names in one part of a listing
 DEPTH_MAX = 8  # folders that a listing of a file store goes down; ours are five deep
-URL = re.compile(r"(?:file:///|(?:s3|gs|az)://[A-Za-z0-9][A-Za-z0-9._-]{0,62}(?:/|$))[^\s?#]*", re.ASCII)
-URL_FORM = "use file:///FOLDER, s3://BUCKET/PREFIX, gs://BUCKET/PREFIX or az://CONTAINER/PREFIX"
+UNFINISHED = re.compile(r"#[0-9]{1,9}$", re.ASCII)  # a file that is written, until it has its name
 REASONS = (  # what its library says, and what that means: refused for good, or not just now
     (r"os error (?:28|122)\)", "no space is left"),
     (r"os error 30\)", "it can only be read"),
@@ -55,10 +59,6 @@ class ArchiveRefused(ArchiveError):
     """It says no: wrong keys, no such bucket, no space, no permission. Somebody has to do something."""
 
 
-class StoreUrlError(ValueError):
-    """No URL of an object store, or what it needs is not installed. The message is one line."""
-
-
 class StoredObject(NamedTuple):
     """An object of a listing. `key`: below the store's URL, with slashes; `size`: in bytes."""
 
@@ -71,13 +71,6 @@ class FreeSpace(NamedTuple):
 
     free: int
     total: int
-
-
-def check_store_url(url: str) -> str:
-    """Return the URL if it may be that of an object store. Raises StoreUrlError."""
-    if not URL.fullmatch(url) or "/../" in f"{url}/" or (url.startswith("file:") and len(url) < 9):
-        raise StoreUrlError(URL_FORM)
-    return url.rstrip("/")
 
 
 def open_object_store(url: str, call_s: float = CALL_S) -> ObjectStore:
@@ -122,12 +115,15 @@ class ObjectStore:
         import obstore  # noqa: PLC0415 — see above
 
         self.folder = folder
+        self._device = None if folder is None else _find_device(folder)
+        self._threads = None if folder is None else ThreadPoolExecutor(THREADS, "archive")
         self._obstore: Any = obstore
         self._store = store
         self._call_s = call_s
 
     async def put(self, key: str, data: bytes) -> None:
         """Write an object, all at once, over the one of that key if there is one. Raises ArchiveError."""
+        await self._check_folder()
         await self._call(self._obstore.put_async(self._store, key, data, use_multipart=False))
 
     async def get(self, key: str) -> bytes | None:
@@ -139,6 +135,7 @@ class ObjectStore:
 
         with contextlib.suppress(FileNotFoundError):
             return await self._call(read())
+        await self._check_folder()
         return None
 
     async def get_range(self, key: str, start: int, length: int) -> bytes | None:
@@ -146,10 +143,17 @@ class ObjectStore:
         asked = self._obstore.get_range_async(self._store, key, start=start, length=length)
         with contextlib.suppress(FileNotFoundError):
             return bytes(await self._call(asked))
+        await self._check_folder()
         return None
 
     async def delete(self, key: str) -> None:
-        """Delete an object; it may be gone already. Raises ArchiveError."""
+        """Delete an object, or what is left of a `put` that was killed; it may be gone already.
+
+        Raises ArchiveError.
+        """
+        if self.folder is not None and UNFINISHED.search(key):  # obstore takes that for no key
+            await self._call(self._start(_unlink, self.folder / key))
+            return
         with contextlib.suppress(FileNotFoundError):
             await self._call(self._obstore.delete_async(self._store, key))
 
@@ -158,9 +162,10 @@ class ObjectStore:
 
         Of a folder on this machine: what hides behind links, or deeper than DEPTH_MAX, is not there.
         """
+        await self._check_folder()
         if self.folder is not None:
             walk = _walk(self.folder / prefix, self.folder)
-            while part := await self._call(asyncio.to_thread(_take_part, walk)):
+            while part := await self._call(self._start(_take_part, walk)):
                 yield part
             return
         stream = self._obstore.list(self._store, prefix or None, chunk_size=LISTED)
@@ -173,8 +178,9 @@ class ObjectStore:
 
     async def list_folders(self, prefix: str) -> list[str]:
         """Return the names of the folders in a folder, sorted. Raises ArchiveError."""
+        await self._check_folder()
         if self.folder is not None:
-            return await self._call(asyncio.to_thread(_list_folders, self.folder / prefix))
+            return await self._call(self._start(_list_folders, self.folder / prefix))
         asked = self._obstore.list_with_delimiter_async(self._store, prefix or None)
         found = await self._call(asked)
         return sorted(path.rstrip("/").rpartition("/")[2] for path in found["common_prefixes"])
@@ -183,8 +189,23 @@ class ObjectStore:
         """Return what the file system has left; None where that can't be known. Raises ArchiveError."""
         if self.folder is None:
             return None
-        found = await self._call(asyncio.to_thread(os.statvfs, self.folder))
+        found = await self._call(self._start(os.statvfs, self.folder))
         return FreeSpace(found.f_bavail * found.f_frsize, found.f_blocks * found.f_frsize)
+
+    async def _check_folder(self) -> None:
+        """Raise ArchiveRefused when the folder is gone, or a disk that was mounted there: else an empty one
+        would pass for a past in which there was nothing, and what is written would fill another disk.
+        """
+        if self.folder is not None and self._device is not None:
+            device = await self._call(self._start(_find_device, self.folder))
+            if device != self._device:
+                raise ArchiveRefused("its folder is gone" if device is None else "its disk is not mounted")
+
+    def _start(self, call: Callable[..., T], *args: Any) -> Awaitable[T]:
+        """Call the file system beside the event loop, in threads of our own: it may hang, as one of a network
+        does, and others need the common ones.
+        """
+        return asyncio.get_running_loop().run_in_executor(self._threads, partial(call, *args))
 
     async def _call(self, asked: Awaitable[T]) -> T:
         try:
@@ -211,6 +232,18 @@ def _describe(error: Exception) -> str | None:
     if isinstance(error, OSError) and error.errno is not None:
         text += f"(os error {error.errno})"
     return next((why for form, why in REASONS if re.search(form, text)), None)
+
+
+def _unlink(path: Path) -> None:
+    path.unlink(missing_ok=True)
+
+
+def _find_device(folder: Path) -> int | None:
+    """Find the file system of a folder; None when there is no such folder."""
+    try:
+        return os.stat(folder).st_dev if folder.is_dir() else None
+    except FileNotFoundError:
+        return None
 
 
 def _walk(folder: Path, root: Path, depth: int = DEPTH_MAX) -> Iterator[StoredObject]:

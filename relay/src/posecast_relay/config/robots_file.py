@@ -2,6 +2,7 @@
 
     [robots.hubo]
     secret = "…"            # by `posecast-relay robots add`; without one it may show a certificate
+    keep = "30d"            # its past stays that long in the store of `--past`; without: in memory only
     [robots.hubo.anyone]    # an audience, and what it gets; also `signed-in` and `link`
     view = "public"
     delay_s = 10
@@ -53,6 +54,7 @@ class RobotEntry:
     expires_s: float = float("inf")
     rules: Mapping[Audience, Rule] = field(default_factory=dict)
     link_key: str | None = field(default=None, repr=False)  # signs its share links
+    keep_s: float | None = None  # for how long its past is kept in an object store; None: not at all
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,9 @@ class Robots:
 
     def make_policy(self) -> Policy:
         """Return the policy that says who may watch what."""
-        return Policy({name: robot.rules for name, robot in self.enrolled.items()})
+        rules = {name: robot.rules for name, robot in self.enrolled.items()}
+        keeps = ((name, robot.keep_s) for name, robot in self.enrolled.items())
+        return Policy(rules, {name: keep_s for name, keep_s in keeps if keep_s is not None})
 
 
 def read_robots(path: Path) -> Robots:
@@ -109,6 +113,16 @@ def read_robots(path: Path) -> Robots:
         raise RobotsError(f"{path}: {str(e)[:120]}") from None
 
 
+def refuse_keep(robots: Robots, path: Path) -> None:
+    """Refuse a file in which a robot has `keep`, for a relay that has no store. Raises RobotsError."""
+    for name, robot in robots.enrolled.items():
+        if robot.keep_s is not None:
+            raise RobotsError(
+                f"{path}: [robots.{name}] keep: wants an object store: give the relay --past file:///FOLDER "
+                "or s3://BUCKET, or leave it out"
+            )
+
+
 def _robots(doc: Mapping[str, Any]) -> Robots:
     check_fields(doc, ("robots",), "the file")
     robots = doc.get("robots", {})
@@ -134,21 +148,21 @@ def _enrolled(name: str, doc: object) -> RobotEntry:
             raise RobotsError(
                 f"{where}: two delays for view {rule.view!r}: one is kept, for all who see it late"
             )
-    _check_keep(doc, rules, where)
-    return RobotEntry(secret, _unix_s(doc, "expires", where), rules, link_key)
+    keep_s = _read_keep_s(doc, rules, where)
+    return RobotEntry(secret, _unix_s(doc, "expires", where), rules, link_key, keep_s)
 
 
-def _check_keep(doc: Mapping[str, Any], rules: Mapping[Audience, Rule], where: str) -> None:
-    """Check `keep` and each `past` that it bounds. Raises RobotsError, as there is no store yet."""
+def _read_keep_s(doc: Mapping[str, Any], rules: Mapping[Audience, Rule], where: str) -> float | None:
+    """Read `keep`, and check each `past` that it bounds. Raises RobotsError."""
     keep_s = _duration_s(doc, "keep", where)
     if keep_s is None:
-        return
+        return None
+    if keep_s <= 0:
+        raise RobotsError(f"{where} keep: to keep nothing, leave it out")
     for audience, rule in rules.items():
         if rule.past_s is not None and rule.past_s > keep_s:
             raise RobotsError(f"{where[:-1]}.{audience.value}] past: more than `keep`, {doc['keep']!r}")
-    raise RobotsError(
-        f"{where} keep: wants an object store, which this version of the relay has none of: leave it out"
-    )
+    return keep_s
 
 
 def _secret(doc: Mapping[str, Any], name: str, where: str) -> str | None:

@@ -23,11 +23,18 @@ class RobotsWatcher:
     nothing: what was read last stays in force, and one line of the log says so.
     """
 
-    def __init__(self, path: Path, robots: Robots, changed: Callable[[Robots], Awaitable[None]]) -> None:
+    def __init__(
+        self,
+        path: Path,
+        robots: Robots,
+        changed: Callable[[Robots], Awaitable[None]],
+        read: Callable[[Path], Robots] = read_robots,
+    ) -> None:
         self.robots = robots
         self.refused = 0  # times that the file was wrong
         self._path = path
         self._changed = changed
+        self._read = read
         self._seen = _state(path)
         self._looked_s = time.time()
 
@@ -50,7 +57,7 @@ class RobotsWatcher:
             try:
                 if seen is not None and seen[1] == 0:
                     raise RobotsError(f"{self._path}: is empty; for no robots at all, leave a comment in it")
-                self.robots = await asyncio.to_thread(read_robots, self._path)
+                self.robots = await asyncio.to_thread(self._read, self._path)
             except RobotsError as e:
                 self.refused += 1
                 log.warning("%s; going on with what it said before", e)

@@ -12,8 +12,11 @@ from typing import NoReturn, TypeVar
 
 from posecast_relay.auth.addresses import Network, parse_networks
 from posecast_relay.auth.origins import ORIGIN
+from posecast_relay.store_url import StoreUrlError, check_store_url
 
 T = TypeVar("T")
+
+MEMORY = "memory:"  # of `--past`: nothing is kept elsewhere
 
 
 class SettingsError(ValueError):
@@ -59,6 +62,11 @@ class Settings:
     past_socket: Path | None
     log_level: str
 
+    @property
+    def archive(self) -> str | None:
+        """The URL of the object store in which the past is kept; None without one."""
+        return None if self.past in (None, MEMORY) else self.past
+
 
 def _boolean(text: str) -> bool:
     if text.lower() in ("1", "true", "yes", "on"):
@@ -87,9 +95,12 @@ def _bytes(text: str) -> int:
 
 
 def _past(text: str) -> str | None:
-    if text not in ("memory:", "0"):
-        raise ValueError("use memory: or 0")
-    return None if text == "0" else text
+    if text in (MEMORY, "0"):
+        return None if text == "0" else text
+    try:
+        return check_store_url(text)
+    except StoreUrlError as e:
+        raise ValueError(f"use memory: or 0, or for an object store {str(e).removeprefix('use ')}") from None
 
 
 def _memory(text: str) -> int:
@@ -243,7 +254,7 @@ FLAGS = (
     _Flag("max_robot_messages", _count, "600", "a second, of one robot; likewise", "N"),
     _Flag("max_robot_bytes", _bytes, "1000000", "a second, of one robot; likewise", "BYTES"),
     _Flag("model_cache_mb", _count, "256", "memory for robots' models", "MB"),
-    _Flag("past", _past, "memory:", "where what was live is kept, to be looked back on; 0: nowhere", "WHERE"),
+    _Flag("past", _past, MEMORY, "memory:, an object store's URL (file:///…, s3://…), or 0: none", "WHERE"),
     _Flag("past_memory", _memory, "256M", "for it, 16M at least; who has most loses its oldest", "SIZE"),
     _Flag("past_socket", _socket, None, "where `past delete` finds this process; see OPERATIONS.md", "PATH"),
     _Flag("log_level", _level, "warning", "debug, info, warning or error; JSON but on a terminal", "LEVEL"),

@@ -22,6 +22,11 @@ class AnswerCache:
         self._made: dict[str, tuple[float, bytes, str]] = {}
         self._bytes = 0
 
+    def has(self, name: str) -> bool:
+        """Whether the answer called `name` is fresh: then it need not be made."""
+        made = self._made.get(name)
+        return made is not None and self._now() - made[0] < FRESH_S
+
     def get_answer(
         self, request: Request, name: str, make: Callable[[], bytes], more: dict[str, str]
     ) -> Response:

@@ -15,7 +15,7 @@ from starlette.exceptions import HTTPException as StarletteHTTPException
 
 from posecast_relay.auth.access import Access
 from posecast_relay.core.policy.admission import HIDDEN
-from posecast_relay.core.policy.policy import ANYONE
+from posecast_relay.core.policy.policy import ANYONE, Grant
 from posecast_relay.http.answer_cache import AnswerCache
 from posecast_relay.http.auth import (
     OPEN,
@@ -27,12 +27,14 @@ from posecast_relay.http.auth import (
 from posecast_relay.http.gzip_cache import GzipCache
 from posecast_relay.http.link_preview import FRAME_PX, LinkPreview
 from posecast_relay.http.models import make_model_answer
-from posecast_relay.http.past.routes import PastDesk, add_past_routes
+from posecast_relay.http.past.desk import PastDesk
+from posecast_relay.http.past.routes import add_past_routes
 from posecast_relay.http.robot_state import StateReader
 from posecast_relay.http.robots import make_robot_document, make_robots_document
 from posecast_relay.http.static_page import Page
 from posecast_relay.http.thumbnails import Thumbnails
 from posecast_relay.models.cache import Absent, ModelCache, ModelFile, Unavailable
+from posecast_relay.past_source import PastAway
 from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.streaming.decode_cache import DecodeCache
 
@@ -42,6 +44,7 @@ NO_PAGE = """The relay serves, but it has no page to show: start it with --stati
 PACKED_PAGE = Path(__file__).parent.parent / "page"  # the built page, where the wheel carries it
 API = "/api/v1/robots"
 PICTURE_FRESH = "public, max-age=60"
+OLD_MODEL_FRESH = "public, max-age=3600"
 PREFLIGHT = OPEN | {
     "access-control-allow-methods": "GET, OPTIONS",
     "access-control-allow-headers": "authorization, if-none-match, last-event-id",
@@ -102,7 +105,7 @@ def make_app(
     if past is not None:
         access.on_policy(past.set_policy)
     add_past_routes(app, API, access, past)
-    _add_models(app, access, models)
+    _add_models(app, access, models, past)
     thumbnails = Thumbnails(models)
     preview = LinkPreview(access, thumbnails, public_url)
     _add_previews(app, access, models, thumbnails, preview)
@@ -180,21 +183,44 @@ def _add_robots(app: FastAPI, access: Access, decoded: DecodeCache, publish_at: 
         return Response(body, media_type="application/json", headers=headers)
 
 
-def _add_models(app: FastAPI, access: Access, models: ModelCache) -> None:
+def _add_models(app: FastAPI, access: Access, models: ModelCache, past: PastDesk | None) -> None:
     packed = GzipCache(models.room)
 
     @app.get(API + "/{robot}/model/{digest}/{path:path}", summary="A model's manifest.json and files")
     async def model(request: Request, robot: str, digest: str, path: str) -> Response:
         grant = await require_grant(access, request, robot)
+        is_old = past is not None and past.has_models and not await _announces(access, grant, digest)
+        if past is not None and is_old and not await _shows_model(past, grant, digest):
+            raise HTTPException(404, "no such model")
         if path == "manifest.json":
             found = await _load(models.load_manifest(robot, digest))
         else:
             found = await _load(models.load_file(robot, digest, path))
         answer = await make_model_answer(request, models, packed, robot, found)
+        if is_old:  # it goes with the past that names it
+            answer.headers["cache-control"] = OLD_MODEL_FRESH
         if not grant.open:
             del answer.headers["access-control-allow-origin"]
             answer.headers.update(make_sharing_headers(request, False))
         return answer
+
+
+async def _announces(access: Access, grant: Grant, digest: str) -> bool:
+    """Whether a robot has this model now, as far as it is heard here, or as the asker sees it."""
+    await access.live.open_robot(grant.robot)
+    of = access.live.hub.robots.get(grant.robot)
+    rooms = () if of is None else tuple(of.rooms.values())
+    _, own = access.find_robot(grant) or (None, None)  # a moment ago, where they see late
+    return any(room is not None and room.stream.model == digest for room in (*rooms, own))
+
+
+async def _shows_model(past: PastDesk, grant: Grant, digest: str) -> bool:
+    """Whether the asker may see a past that names this model. Raises HTTPException 503."""
+    try:
+        await past.source.refresh(grant.robot, grant.view)
+        return await past.shows_model(grant, digest)
+    except PastAway as e:
+        raise HTTPException(503, str(e), {"retry-after": "1"}) from None
 
 
 def _add_previews(

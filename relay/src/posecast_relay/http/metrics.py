@@ -15,6 +15,7 @@ from prometheus_client.registry import Collector
 from posecast_relay.core.breaker import Breaker
 from posecast_relay.core.histogram import BOUNDS_S, Histogram
 from posecast_relay.core.past.recorder import Recorder
+from posecast_relay.http.archive_metrics import ArchiveStats, describe_archive
 from posecast_relay.runtime.dispatcher import Dispatcher
 
 EVICTIONS = (Close.HALF_OPEN, Close.NO_ACK, Close.EVENTS_FULL)
@@ -73,6 +74,7 @@ class RelayCollector(Collector):
         past: PastStats | None = None,
         way: PastWayStats | None = None,
         held: HeldStats | None = None,
+        archive: ArchiveStats | None = None,
     ) -> None:
         """`dispatchers`: the live one first, then that of the delayed viewers.
 
@@ -86,6 +88,7 @@ class RelayCollector(Collector):
         self._past = past
         self._way = way
         self._held = held
+        self._archive = archive
 
     def collect(self) -> Iterable[Metric]:
         """Yield all metrics with their present values."""
@@ -172,6 +175,8 @@ class RelayCollector(Collector):
             yield from _describe_way(self._way)
         if self._held is not None:
             yield from _describe_held(self._held)
+        if self._archive is not None:
+            yield from describe_archive(self._archive)
 
 
 def _describe_mirror(mirror: MirrorStats) -> Iterable[Metric]:
@@ -249,13 +254,14 @@ def start_metrics(
     past: PastStats | None = None,
     way: PastWayStats | None = None,
     held: HeldStats | None = None,
+    archive: ArchiveStats | None = None,
 ) -> tuple[int, Callable[[], None]]:
     """Serve metrics on `host`:`port` (0 = any free); returns the port and a function that stops it.
 
     Raises OSError when the port is in use.
     """
     registry = CollectorRegistry()
-    registry.register(RelayCollector(dispatchers, mirror, refused, past, way, held))
+    registry.register(RelayCollector(dispatchers, mirror, refused, past, way, held, archive))
     server, thread = start_http_server(port, host, registry)
 
     def stop() -> None:

@@ -8,14 +8,14 @@ import sys
 import time
 from collections.abc import Mapping
 
-from posecast_relay.archive.eraser import Erased, erase, find_covered
+from posecast_relay.archive.deletion.eraser import Erased, erase, find_covered
+from posecast_relay.archive.deletion.tombstones import put_tombstone
 from posecast_relay.archive.object_store import ObjectStore
-from posecast_relay.archive.tombstones import put_tombstone
 from posecast_relay.config.settings import SettingsError
 from posecast_relay.core.past.deletions import Deletion
 from posecast_relay.deletion_record import make_deletion, pack_deletion
 from posecast_relay.past_command.location import add_location, add_robot, open_store
-from posecast_relay.past_command.progress import ProgressLine
+from posecast_relay.past_command.progress import CommandProgress
 from posecast_relay.past_command.relay_socket import ask_relay
 from posecast_relay.past_command.times import TimeError, read_time, write_time
 
@@ -51,7 +51,7 @@ def run(asked: argparse.Namespace) -> None:
 
 async def _delete(store: ObjectStore, deletion: Deletion, what: str, is_sure: bool) -> None:
     segments, size = 0, 0
-    with ProgressLine() as progress:
+    with CommandProgress() as progress:
         async for names in find_covered(store, deletion):
             segments += len(names)
             size += sum(each.size for each in names)
@@ -59,7 +59,7 @@ async def _delete(store: ObjectStore, deletion: Deletion, what: str, is_sure: bo
     found = f"{segments:,} segments, {size:,} bytes" if segments else "there is nothing of it in the store"
     _confirm(is_sure, f"{what}: {found}.")
     await put_tombstone(store, deletion)  # also where there is nothing: relays may have it in memory
-    with ProgressLine() as progress:
+    with CommandProgress() as progress:
 
         def show(erased: Erased) -> None:
             progress.show(f"{erased.segments:,} of {segments:,} segments deleted")

@@ -25,25 +25,24 @@ from posecast_relay.export.csv_file import TooManyColumnsError
 from posecast_relay.export.mcap_file import McapMissingError
 from posecast_relay.export.span import ExportedSpan
 from posecast_relay.export.table_file import write_table
-from posecast_relay.http.app import PACKED_PAGE
 from posecast_relay.past_command.location import open_store
 from posecast_relay.past_command.moments import read_moment, write_moment
-from posecast_relay.past_command.progress import ProgressLine
+from posecast_relay.past_command.progress import CommandProgress
 from posecast_relay.past_command.times import TimeError
 from posecast_relay.recording.collector import Collection, Collector, Description, NothingThere
 from posecast_relay.recording.http_source import HttpSource
 from posecast_relay.recording.notes import NotesError, place_notes, read_notes
 from posecast_relay.recording.output import OutputError, check_place, open_place
-from posecast_relay.recording.page import add_page, check_page
-from posecast_relay.recording.source import RecordingSource, SourceError
+from posecast_relay.recording.page import add_page, check_page, unpacks_segments
+from posecast_relay.recording.source import PastUnreadable, RecordingSource
 from posecast_relay.recording.store_source import StoreSource
 from posecast_relay.recording.zip_file import pack_recording
 
 HELP = "write a stretch of the past as files: a folder to play it, .posecast, .csv or .mcap"
 RELAY = "http://127.0.0.1:8080"
-CHECKOUT_PAGE = Path(__file__).resolve().parents[4] / "spa/dist"
+PACKAGE = Path(__file__).resolve().parents[1]
+PAGES = (PACKAGE / "page", PACKAGE.parents[2] / "spa/dist")  # as it is packed in, and in a checkout
 FILES = (".posecast", ".csv", ".mcap")
-PACKS_FOLDERS = False  # as soon as the page takes both
 TOKEN_BYTES_MAX = 16_384
 TOKEN = re.compile(r"[!-~]+")
 URL = re.compile(r"https?://[!-~]+")
@@ -105,7 +104,7 @@ def run(asked: argparse.Namespace) -> None:
         raise SettingsError(f"--notes {e}") from None
     except (
         OutputError,
-        SourceError,
+        PastUnreadable,
         NothingThere,
         RecordingError,
         McapMissingError,
@@ -122,8 +121,11 @@ def _export(
     with open_place(asked.out, asked.replace) as place:
         folder = place if page is not None else place.with_name("collected")
         folder.mkdir()
-        collector = Collector(source, folder, packs=PACKS_FOLDERS and page is not None)
-        recording = asyncio.run(_collect(collector, asked, source, about))
+        collector = Collector(source, folder, packs=page is not None and unpacks_segments(page))
+        try:
+            recording = asyncio.run(_collect(collector, asked, source, about))
+        except asyncio.CancelledError:
+            raise KeyboardInterrupt from None
         written, warnings = _write(
             asked, ExportedSpan(folder, recording, asked.from_ms, asked.to_ms), place, page
         )
@@ -141,8 +143,12 @@ def _export(
 async def _collect(
     collector: Collector, asked: argparse.Namespace, source: RecordingSource, about: Description
 ) -> PastRecording:
+    task = asyncio.current_task()
+    assert task is not None
+    for signal_ in (signal.SIGINT, signal.SIGTERM):
+        asyncio.get_running_loop().add_signal_handler(signal_, task.cancel)
     there = await source.find_span()  # by which a relay also says which view it is
-    with ProgressLine() as progress:
+    with CommandProgress() as progress:
         collector.report = lambda found: progress.show(
             f"{found.done:,} of {found.total:,} segments, {found.size / 1e6:.1f} MB"
         )
@@ -179,7 +185,7 @@ def _write(
 
 
 def _open_source(asked: argparse.Namespace) -> HttpSource | StoreSource:
-    """Where the past is. Raises SettingsError, SourceError."""
+    """Where the past is. Raises SettingsError, PastUnreadable."""
     past = asked.past if asked.past is not None or asked.relay is not None else asked.stored
     if asked.relay is not None and past is not None:
         raise SettingsError("--relay: not with --past: the one or the other")
@@ -211,7 +217,7 @@ def _find_page(asked: argparse.Namespace) -> Path | None:
         if asked.out.suffix != ".posecast" and asked.notes is not None:
             raise SettingsError(f"--notes: a file {asked.out.suffix} has no place for them")
         return None
-    places = (PACKED_PAGE, CHECKOUT_PAGE) if asked.page is None else (asked.page,)
+    places = PAGES if asked.page is None else (asked.page,)
     found = next((page for page in places if (page / "index.html").is_file()), places[0])
     if asked.page is None and not (found / "index.html").is_file():
         raise SettingsError("--page: no built page is packed in here: name the folder of one")

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from posecast_relay.archive.names import DAY_MS, read_segment_key, write_day
 from posecast_relay.archive.object_store import ObjectStore
 from posecast_relay.past_command.location import add_location, add_robot, open_store
-from posecast_relay.past_command.progress import ProgressLine
+from posecast_relay.past_command.progress import CommandProgress
 from posecast_relay.past_command.relay_socket import RelayAway, ask_relay
 from posecast_relay.past_command.times import write_time
 
@@ -73,7 +73,7 @@ async def sum_store(store: ObjectStore, robot: str | None) -> dict[Key, KeptSum]
     """Sum up what a store has of a robot, or of all, by day. Raises ArchiveError."""
     sums: dict[Key, KeptSum] = {}
     looked = 0
-    with ProgressLine() as progress:
+    with CommandProgress() as progress:
         async for part in store.list_objects(robot or ""):
             looked += len(part)
             progress.show(f"{looked:,} objects looked at")

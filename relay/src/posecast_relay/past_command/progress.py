@@ -10,7 +10,7 @@ AFTER_S = 1.0
 EVERY_S = 0.2
 
 
-class ProgressLine:
+class CommandProgress:
     """A line on stderr that is written anew, and gone at the end of the context. None where nobody looks."""
 
     def __init__(self) -> None:
@@ -26,7 +26,7 @@ class ProgressLine:
             sys.stderr.write(f"\r\x1b[K{text}")
             sys.stderr.flush()
 
-    def __enter__(self) -> ProgressLine:
+    def __enter__(self) -> CommandProgress:
         return self
 
     def __exit__(

@@ -99,7 +99,7 @@ class Collector:
     async def collect(self, from_ms: int, to_ms: int, about: Description) -> PastRecording:
         """Write every segment that lies at least partly within the span (unix ms), and what they need.
 
-        Raises NothingThere, SourceError, RecordingError, and OSError when it can't be written.
+        Raises NothingThere, PastUnreadable, RecordingError, and OSError when it can't be written.
         """
         listed = await self._list(from_ms, to_ms)
         found = self.found

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import http.client
 import math
 import re
+import socket
 import ssl
 from concurrent.futures import ThreadPoolExecutor
 from threading import local
@@ -14,7 +16,7 @@ from urllib.parse import urlsplit
 
 from posecast_wire.checked import loads, make_visible
 
-from posecast_relay.recording.source import SourceError
+from posecast_relay.recording.source import PastUnreadable
 
 AT_ONCE = 8  # requests
 TIMEOUT_S = 20.0  # of one; a relay holds a request for 8 s at most
@@ -39,7 +41,7 @@ class RelayClient:
     nowhere else."""
 
     def __init__(self, address: str, token: str | None) -> None:
-        """Raises SourceError when `address` is none."""
+        """Raises PastUnreadable when `address` is none."""
         self.address = address.rstrip("/")
         parts = urlsplit(self.address) if ADDRESS.fullmatch(address) else None
         try:
@@ -47,7 +49,7 @@ class RelayClient:
                 raise ValueError
         except ValueError:
             shown = make_visible(address)
-            raise SourceError(
+            raise PastUnreadable(
                 f"{shown}: no address of a relay: use http://HOST:PORT or https://HOST"
             ) from None
         self._is_secure = parts.scheme.lower() == "https"
@@ -58,14 +60,21 @@ class RelayClient:
         self._trust = ssl.create_default_context() if self._is_secure else None
         self._pool = ThreadPoolExecutor(AT_ONCE, "export")
         self._kept = local()
+        self._links: set[http.client.HTTPConnection] = set()
         self._has_answered = False
+        self._is_closed = False
 
     def close(self) -> None:
-        """Let go of the threads; what is under way is left alone."""
+        """End what is under way, and the connections."""
+        self._is_closed = True
         self._pool.shutdown(wait=False, cancel_futures=True)
+        for link in tuple(self._links):
+            if link.sock is not None:
+                with contextlib.suppress(OSError):
+                    link.sock.shutdown(socket.SHUT_RDWR)  # wakes the thread that reads
 
     async def ask(self, path: str, bytes_max: int) -> RelayAnswer:
-        """Return the answer to a GET, once nothing stands in the way that may pass. Raises SourceError."""
+        """Return the answer to a GET, once nothing stands in the way that may pass. Raises PastUnreadable."""
         loop = asyncio.get_running_loop()
         end_s = loop.time() + AGAIN_S
         wait_s = WAIT_S
@@ -93,9 +102,9 @@ class RelayClient:
             raise self.refuse(path, f"answers more than {bytes_max} bytes")
         return answer
 
-    def refuse(self, path: str, why: str) -> SourceError:
+    def refuse(self, path: str, why: str) -> PastUnreadable:
         """Make the error for what was asked."""
-        return SourceError(f"{self.address}{path}: {why}")
+        return PastUnreadable(f"{self.address}{path}: {why}")
 
     def _get(self, path: str, bytes_max: int) -> RelayAnswer:
         """Ask once, or twice where a connection that was kept has ended meanwhile. Raises OSError and
@@ -107,6 +116,7 @@ class RelayClient:
             except (ConnectionError, http.client.RemoteDisconnected):
                 pass
         self._kept.link = link = self._connect()
+        self._links.add(link)
         return self._exchange(link, path, bytes_max)
 
     def _connect(self) -> http.client.HTTPConnection:
@@ -117,8 +127,13 @@ class RelayClient:
     def _exchange(self, link: http.client.HTTPConnection, path: str, bytes_max: int) -> RelayAnswer:
         try:
             link.request("GET", self._path + path, headers=self._headers)
+            if self._is_closed:  # while it was connecting, when nobody could end that
+                raise ConnectionAbortedError
             answer = link.getresponse()
-            body = answer.read((bytes_max if answer.status == http.HTTPStatus.OK else ERROR_BYTES_MAX) + 1)
+            most = bytes_max if answer.status == http.HTTPStatus.OK else ERROR_BYTES_MAX
+            body = answer.read(most + 1)
+            if len(body) <= most and answer.length:  # bytes that are still to come, and do not
+                raise http.client.IncompleteRead(body, answer.length)
             if not answer.isclosed():  # not read to its end: nothing can follow on this connection
                 self._drop(link)
             kind = (answer.getheader("content-type") or "").partition(";")[0].strip().lower()
@@ -129,6 +144,7 @@ class RelayClient:
 
     def _drop(self, link: http.client.HTTPConnection) -> None:
         link.close()
+        self._links.discard(link)
         self._kept.link = None
 
 

@@ -31,7 +31,7 @@ class HttpSource:
     """The past of a robot at a relay, as the bearer of a token may see it, or anyone without one."""
 
     def __init__(self, relay: str, robot: str, view: str | None, token: str | None) -> None:
-        """`relay`: `http://…` or `https://…`; `view` None: the one that the asker gets. Raises SourceError
+        """`relay`: `http://…` or `https://…`; `view` None: the one that the asker gets. Raises PastUnreadable
         when `relay` is no address."""
         self.robot = robot
         self._view = view
@@ -49,7 +49,7 @@ class HttpSource:
         self._client.close()
 
     async def find_span(self) -> SourceSpan | None:
-        """Return from when to when one may look back. Raises SourceError, also where one never may."""
+        """Return from when to when one may look back. Raises PastUnreadable, also where one never may."""
         path = f"{self._base}/past" + ("" if self._view is None else f"?view={quote(self._view, safe='')}")
         doc = await self._ask_json(path)
         view, from_ms, to_ms = (doc.get(name) for name in ("view", "from_ms", "to_ms"))
@@ -68,7 +68,7 @@ class HttpSource:
 
     async def list_segments(self, from_ms: int, to_ms: int) -> list[ListedSegment]:
         """Read the index of each ten minutes of a span, on days of which there is something. Raises
-        SourceError."""
+        PastUnreadable."""
         found: dict[tuple[int, int], ListedSegment] = {}
         for page_ms in range(from_ms - from_ms % PAGE_MS, to_ms, PAGE_MS):
             if self._days is not None and page_ms - page_ms % DAY_MS not in self._days:
@@ -79,23 +79,23 @@ class HttpSource:
         return [*found.values()]
 
     async def load_segment(self, segment: ListedSegment) -> bytes | None:
-        """Ask for a segment. Raises SourceError."""
+        """Ask for a segment. Raises PastUnreadable."""
         path = f"{self._base}/past/{self.view}/{segment.take:016x}/{segment.index}"
         answer = await self._ask(path, ENVELOPE_BYTES_MAX, segment.sha256)
         return None if answer is None or answer.type != OCTETS else answer.body
 
     async def load_schema(self, sha256: str) -> str | None:
-        """Ask for a schema. Raises SourceError."""
+        """Ask for a schema. Raises PastUnreadable."""
         answer = await self._ask(f"{self._base}/past/{self.view}/schema/{sha256}", SCHEMA_BYTES_MAX, sha256)
         return None if answer is None else answer.body.decode(errors="replace")
 
     async def load_manifest(self, model: str) -> bytes | None:
-        """Ask for a manifest. Raises SourceError."""
+        """Ask for a manifest. Raises PastUnreadable."""
         answer = await self._ask(f"{self._base}/model/{model}/manifest.json", MANIFEST_BYTES_MAX, model)
         return None if answer is None else answer.body
 
     async def load_model_file(self, model: str, path: str, sha256: str, size: int) -> bytes | None:
-        """Ask for a model's file. Raises SourceError."""
+        """Ask for a model's file. Raises PastUnreadable."""
         answer = await self._ask(f"{self._base}/model/{model}/{quote(path)}", size, sha256)
         return None if answer is None else answer.body
 

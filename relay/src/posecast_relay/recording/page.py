@@ -24,6 +24,9 @@ EARLY = re.compile(r'\s*<script type="module" async [^>]*></script>')  # asks a 
 GENERAL = re.compile(r'\s*<meta (?:property="og:|name="description")[^>]*>')
 SHOWN_MAX = 500  # characters of a text that a chat reads
 TITLE = "<title>Posecast</title>"
+UNPACKS = re.compile(
+    rb"new DecompressionStream\([\"'`]gzip[\"'`]\)"
+)  # of wire/typescript/src/recording/packed.ts
 
 
 def check_page(page: Path) -> None:
@@ -35,6 +38,11 @@ def check_page(page: Path) -> None:
             is_page = False
         if not is_page:
             raise OutputError(f"--page {page}: no built page: {name} is not one of Posecast's")
+
+
+def unpacks_segments(page: Path) -> bool:
+    """Whether this build of the page reads segments that are gzip, which one of before did not."""
+    return any(UNPACKS.search(file.read_bytes()) for file in sorted((page / "assets").glob("*.js")))
 
 
 def add_page(page: Path, folder: Path, recording: PastRecording, address: str | None) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 
-class SourceError(Exception):
+class PastUnreadable(Exception):
     """The past can't be read there. The message is one line that says what was asked and why not."""
 
 
@@ -30,8 +30,8 @@ class ListedSegment:
 
 
 class RecordingSource(Protocol):
-    """The past of one robot and view, as one audience may see it. Every call raises SourceError when it can't
-    be read, or ArchiveError of a store; what is not there, or not there any more, is None."""
+    """The past of one robot and view, as one audience may see it. Every call raises PastUnreadable when it
+    can't be read, or ArchiveError of a store; what is not there, or not there any more, is None."""
 
     @property
     def robot(self) -> str:

@@ -8,9 +8,10 @@ from collections.abc import AsyncIterator
 from posecast_wire.schema import TEXT_BYTES_MAX as SCHEMA_BYTES_MAX
 from posecast_wire.segment.envelope import ENVELOPE_BYTES_MAX
 
+from posecast_relay.archive.deletion.tombstones import get_tombstone, list_tombstones
+from posecast_relay.archive.models.keeper import MANIFEST, make_model_key
 from posecast_relay.archive.names import (
     DAY_MS,
-    MODELS,
     PAGE_MS,
     ArchivedName,
     make_day_folder,
@@ -22,7 +23,6 @@ from posecast_relay.archive.names import (
     read_segment_key,
 )
 from posecast_relay.archive.object_store import ObjectStore
-from posecast_relay.archive.tombstones import get_tombstone, list_tombstones
 from posecast_relay.core.past.deletions import Deletion
 from posecast_relay.core.policy.policy import Audience
 from posecast_relay.models.manifest import BYTES_MAX as MANIFEST_BYTES_MAX
@@ -86,12 +86,12 @@ class StoreSource:
 
     async def load_manifest(self, model: str) -> bytes | None:
         """Read a manifest; None also for one that is damaged."""
-        data = await self._read(f"{self.robot}/{MODELS}/{model}/manifest.json", MANIFEST_BYTES_MAX)
+        data = await self._read(make_model_key(self.robot, model, MANIFEST), MANIFEST_BYTES_MAX)
         return None if data is None or _hash(data) != model else data
 
     async def load_model_file(self, model: str, path: str, sha256: str, size: int) -> bytes | None:
         """Read a model's file; None also for one that is damaged."""
-        data = await self._read(f"{self.robot}/{MODELS}/{model}/{path}", size)
+        data = await self._read(make_model_key(self.robot, model, path), size)
         return None if data is None or _hash(data) != sha256 else data
 
     async def _list_days(self) -> list[int]:

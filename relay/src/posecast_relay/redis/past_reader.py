@@ -21,6 +21,7 @@ from posecast_relay.core.past.deletions import Deletion, Deletions
 from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
 from posecast_relay.core.past.memory_store import MemoryPast, TakeSpan
 from posecast_relay.past_source import ListWaiting, PastAway, Wake
+from posecast_relay.past_source_recent import RecentOnly
 from posecast_relay.redis.client import REDIS_ERRORS, RedisClient, cancel_tasks, name_error
 from posecast_relay.redis.past_replica import PastReplica
 from posecast_relay.redis.past_scripts import LOOK, schema_key, segment_key, stream_key
@@ -45,7 +46,7 @@ AWAY = "the past can't be read just now: ask again"
 TOO_MUCH = "there is more past of this robot than --past-memory holds here"
 
 
-class RedisPast:
+class RedisPast(RecentOnly):
     """A PastSource, and the KeptPast of it, that knows what is in Redis. `now`: the core's clock in seconds;
     `bytes_max`: for all that it knows of segments, without their bytes.
     """
@@ -89,6 +90,10 @@ class RedisPast:
     def find(self, name: SegmentName) -> KeptSegment | None:
         """Return the segment of this name; None when it is not known."""
         return self._get(name.robot, name.view).find(name)
+
+    def find_oldest(self, robot: str, view: str) -> KeptSegment | None:
+        """Return the segment of a view that was added first of those that are known."""
+        return self._get(robot, view).find_oldest(robot, view)
 
     def list_segments(
         self, robot: str, view: str, from_ms: int = 0, to_ms: int | None = None
@@ -148,11 +153,9 @@ class RedisPast:
                 replica.drop(segment.name)
         return whole
 
-    async def load_schema(self, segment: KeptSegment) -> str | None:
-        """Return the text of the schema that a segment names; None when it is gone. Raises PastAway."""
-        robot, schema = segment.name.robot, segment.schema
-        if schema is None:
-            return None
+    async def load_schema(self, robot: str, view: str, sha256: bytes) -> str | None:  # noqa: ARG002
+        """Return the text of a schema that a segment names; None when it is gone. Raises PastAway."""
+        schema = sha256
         self._check()
         known = self._schemas.get((robot, schema))
         if known is not None:

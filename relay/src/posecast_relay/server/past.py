@@ -1,7 +1,7 @@
 """The past of a process: who records it, where it is kept and read, and for how long.
 
-all, ingest   record in memory, and hand what they keep on to Redis when there is one
-gateway       reads it from Redis
+all, ingest   record in memory, and hand what they keep on to Redis and the archive, where there are such
+gateway       reads it from Redis, and what is older from the archive
 """
 
 from __future__ import annotations
@@ -21,9 +21,15 @@ from posecast_relay.core.past.deletions import Deletions
 from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.core.past.recorder import Recorder
 from posecast_relay.core.past.stream_recording import RecordingPorts
-from posecast_relay.core.policy.past import compute_kept_longest_s, compute_kept_s, list_lookers
+from posecast_relay.core.policy.past import (
+    compute_kept_longest_s,
+    compute_kept_s,
+    compute_recent_s,
+    list_lookers,
+)
 from posecast_relay.core.policy.policy import Policy
-from posecast_relay.http.past.routes import PastDesk
+from posecast_relay.http.past.desk import PastDesk
+from posecast_relay.models.cache import ModelCache, ModelSource
 from posecast_relay.past_source import PastSource
 from posecast_relay.past_source_memory import MemoryPastSource
 from posecast_relay.runtime.dispatcher import Dispatcher
@@ -35,6 +41,7 @@ if TYPE_CHECKING:
     from posecast_relay.redis.deletions.feed import RedisDeletions
     from posecast_relay.redis.past_reader import RedisPast
     from posecast_relay.redis.past_writer import RedisPastWriter
+    from posecast_relay.server.archive import ArchiveServices
 
 FORGET_EVERY_S = 5.0
 
@@ -53,15 +60,33 @@ class PastServices:
     deletions: Deletions = field(default_factory=Deletions)
     told: RedisDeletions | None = None  # the way of deletions through Redis
     socket: PastSocket | None = None
+    archive: ArchiveServices | None = None
 
     @property
     def way(self) -> RedisPastWriter | RedisPast | None:
         """The way to Redis, or from there."""
         return self.writer or self.reader
 
+    @property
+    def written_archive(self) -> ArchiveServices | None:
+        """The archive, where this process writes it."""
+        return None if self.archive is None or self.archive.writer is None else self.archive
+
     def make_desk(self, dispatcher: Dispatcher) -> PastDesk:
         """Make what the routes of the past need."""
-        return PastDesk(self.source, dispatcher.now, dispatcher.unix_s, self.deletions)
+        return PastDesk(
+            *(self.source, dispatcher.now, dispatcher.unix_s, self.deletions),
+            has_models=self.archive is not None,
+        )
+
+    def join_models(self, live: ModelSource) -> ModelSource:
+        """Return a source of models that also has those of the past, where they are kept."""
+        return live if self.archive is None else self.archive.upkeep.join_models(live)
+
+    def keep_models(self, models: ModelCache) -> None:
+        """Keep the models that the past names, where it is kept in a store."""
+        if self.archive is not None and self.kept is not None:
+            self.archive.upkeep.keep_models(models, self.kept)
 
     async def run(self, access: Access, now: Callable[[], float]) -> None:
         """Open the way to Redis and the socket for `past`, and drop what nobody may ask for any more, until
@@ -71,6 +96,8 @@ class PastServices:
             self.way.start()
         if self.told is not None:
             self.told.start()
+        if self.archive is not None:
+            self.archive.start()
         async with self.socket or contextlib.nullcontext():
             await self._follow(access, now)
 
@@ -86,11 +113,14 @@ class PastServices:
 
     def forget(self, policy: Policy, now: float) -> None:
         """Drop what nobody may ask for any more by this policy."""
+        kept_s = compute_kept_s if self.archive is None else compute_recent_s
         if self.kept is not None:
-            self.kept.forget_older(partial(compute_kept_s, policy), now)
+            self.kept.forget_older(partial(kept_s, policy), now)
         if self.writer is not None:
-            self.writer.set_window(compute_kept_longest_s(policy))
+            self.writer.set_window(compute_kept_longest_s(policy, kept_s))
             self.writer.set_robots(policy.rules or ())
+        if self.archive is not None:
+            self.archive.set_policy(policy)
 
     async def stop(self, now: float) -> None:
         """Close the open segments, and the way to Redis behind them."""
@@ -100,6 +130,8 @@ class PastServices:
             await self.way.stop()
         if self.told is not None:
             await self.told.stop()
+        if self.archive is not None:
+            await self.archive.stop()
 
 
 def make_past_services(settings: Settings, port: int = 0) -> PastServices | None:
@@ -111,11 +143,17 @@ def make_past_services(settings: Settings, port: int = 0) -> PastServices | None
         from posecast_relay.redis.deletions.feed import RedisDeletions  # noqa: PLC0415
 
         told = RedisDeletions(settings.store, deletions)
+    archive: ArchiveServices | None = None
+    if settings.archive is not None:
+        from posecast_relay.server.archive import make_archive  # noqa: PLC0415 — seldom wanted
+
+        archive = make_archive(settings, deletions)
     if settings.role == "gateway":
         from posecast_relay.redis.past_reader import RedisPast  # noqa: PLC0415 — half of the time to start
 
         reader = RedisPast(settings.store, settings.past_memory, Dispatcher.now, deletions)
-        return PastServices(reader, reader=reader, deletions=deletions, told=told)
+        source = reader if archive is None else archive.join(reader)
+        return PastServices(source, reader=reader, deletions=deletions, told=told, archive=archive)
     kept = MemoryPast(settings.past_memory)
     memory = ObedientMemory(kept, deletions)
     ports = RecordingPorts(memory.add, lambda: secrets.randbits(64), time.time)
@@ -125,8 +163,20 @@ def make_past_services(settings: Settings, port: int = 0) -> PastServices | None
 
         writer = RedisPastWriter(settings.store, settings.past_memory, deletions)
         kept.on_added(writer.keep)
+    if archive is not None and archive.writer is not None:
+        kept.on_added(archive.writer.keep)
+    memory_source = MemoryPastSource(kept)
     path = find_socket_path(settings.past_socket, port)
     return PastServices(
-        *(MemoryPastSource(kept), kept, Recorder(ports, list_lookers), writer, None, deletions, told),
+        *(
+            memory_source if archive is None else archive.join(memory_source),
+            kept,
+            Recorder(ports, list_lookers),
+            writer,
+            None,
+            deletions,
+            told,
+        ),
         socket=None if path is None else PastSocket(path, kept, deletions),
+        archive=archive,
     )

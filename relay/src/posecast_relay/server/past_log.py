@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from posecast_relay.config.robots_file import format_duration
 from posecast_relay.config.settings import Settings
 from posecast_relay.core.past.memory_store import MemoryPast
-from posecast_relay.core.policy.past import compute_kept_longest_s
+from posecast_relay.core.policy.past import compute_kept_longest_s, compute_kept_s, compute_recent_s
 from posecast_relay.core.policy.policy import Audience, Policy, Rule
 
 log = logging.getLogger("posecast_relay")
@@ -20,12 +20,27 @@ def describe_past(settings: Settings, policy: Policy) -> str:
     """Describe in a line whether and for how long the past is kept."""
     if settings.past is None:
         return "the past: none is kept (--past 0)"
+    archive = describe_archive(settings, policy)
     if settings.role == "gateway":
-        return "the past: from Redis"
-    kept_s = compute_kept_longest_s(policy)
+        return "the past: from Redis" + archive
+    kept_s = compute_kept_longest_s(policy, compute_recent_s if settings.archive else compute_kept_s)
     if not kept_s:
         return "the past: none is kept, nobody may look back (`past` in the file of robots)"
-    return f"the past: {format_duration(kept_s)} in memory, up to {settings.past_memory >> 20} MB"
+    return f"the past: {format_duration(kept_s)} in memory, up to {settings.past_memory >> 20} MB{archive}"
+
+
+def describe_archive(settings: Settings, policy: Policy) -> str:
+    """Describe which robots are kept in the object store; nothing where there is none."""
+    if settings.archive is None:
+        return ""
+    if settings.role == "gateway":
+        return f"; before that from {settings.archive}"
+    if policy.rules is None:
+        return f"; nothing in {settings.archive}: without --robots nobody has said of what (`keep`)"
+    if not policy.keeps_s:
+        return f"; nothing in {settings.archive}: no robot has `keep` in the file of robots"
+    kept = ", ".join(f"{robot} {format_duration(keep_s)}" for robot, keep_s in policy.keeps_s.items())
+    return f"; in {settings.archive}: {kept:.200}"
 
 
 class PastLog:
@@ -46,6 +61,8 @@ class PastLog:
             for audience in Audience:
                 for line in _list_changes(audience, old.get(audience), new.get(audience)):
                     log.info("%s, %s: %s", robot, audience.value, line)
+            if before.keeps_s.get(robot) != policy.keeps_s.get(robot):
+                _tell_keep(robot, policy.keeps_s.get(robot))
 
     def report_crowding(self, kept: MemoryPast, now: float) -> None:
         """Tell of each robot that has lost its oldest since memory is full, once a minute."""
@@ -61,6 +78,17 @@ class PastLog:
                 robot,
                 reach,
             )
+
+
+def _tell_keep(robot: str, keep_s: float | None) -> None:
+    if keep_s is not None:
+        log.warning("%s: its past is kept in the store for %s", robot, format_duration(keep_s))
+        return
+    log.warning(
+        "%s: `keep` is gone: nothing more is written to the store, and what is there stays until `keep` is "
+        "given again or `posecast-relay past delete` is used",
+        robot,
+    )
 
 
 def _list_changes(audience: Audience, old: Rule | None, new: Rule | None) -> Iterator[str]:

@@ -23,7 +23,7 @@ import zenoh
 from posecast_relay.auth.access import Access, open_access
 from posecast_relay.auth.addresses import Addresses
 from posecast_relay.auth.tokens import Accounts, Tokens
-from posecast_relay.config.robots_file import Robots, RobotsError, read_robots
+from posecast_relay.config.robots_file import Robots
 from posecast_relay.config.robots_watcher import RobotsWatcher
 from posecast_relay.config.settings import Settings, StartError
 from posecast_relay.core.delayed_hub import DelayedHub
@@ -32,7 +32,7 @@ from posecast_relay.core.limits import Limits
 from posecast_relay.core.roster import Headcount
 from posecast_relay.http.app import make_app
 from posecast_relay.http.metrics import start_metrics
-from posecast_relay.http.past.routes import PastDesk
+from posecast_relay.http.past.desk import PastDesk
 from posecast_relay.logging import LoopExceptionHandler, start_logging
 from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.runtime.fan_out import FanOut
@@ -40,6 +40,7 @@ from posecast_relay.runtime.io_uring import IoUring
 from posecast_relay.server.listener import BACKLOG, listen
 from posecast_relay.server.past import PastServices, make_past_services
 from posecast_relay.server.past_log import describe_past
+from posecast_relay.server.robots import load_robots, make_reader
 from posecast_relay.server.roles import RoleServices, make_role_services
 from posecast_relay.streaming.decode_cache import DecodeCache
 from posecast_relay.streaming.http_connection import make_plain_http_protocol
@@ -109,7 +110,7 @@ def run(settings: Settings) -> None:
     sys.setswitchinterval(SWITCH_S)
     start_logging(settings.log_level)
     logging.getLogger("websockets").setLevel(logging.WARNING)  # else two lines for every viewer
-    robots = _robots(settings)
+    robots = load_robots(settings)
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
         runner.get_loop().set_exception_handler(LoopExceptionHandler())
         runner.run(_serve(settings, robots))
@@ -127,7 +128,7 @@ async def _serve(settings: Settings, robots: Robots | None) -> None:
     limits, headcount, past = _limits(settings), Headcount(), make_past_services(settings, port)
     hub = Hub(limits, headcount, None if past is None else past.recorder)
     delayed = None if robots is None else DelayedHub(limits, headcount)
-    services = make_role_services(settings, router, hub, tuple if delayed is None else delayed.list_robots)
+    services = make_role_services(settings, router, hub, past, delayed.list_robots if delayed else tuple)
     access = _access(settings, robots, services, hub, delayed)
     dispatcher = access.live
     mirror = _mirror(settings, access)
@@ -204,15 +205,6 @@ def _find_publish_at(settings: Settings, router: RouterSession | None) -> str | 
     """
     tells = settings.dev and settings.role == "all"
     return router.endpoints[0] if router is not None and tells else None
-
-
-def _robots(settings: Settings) -> Robots | None:
-    if settings.robots is None:
-        return None
-    try:
-        return read_robots(settings.robots)
-    except RobotsError as e:
-        raise StartError(f"--robots {e}") from None
 
 
 def _limits(settings: Settings) -> Limits:
@@ -322,7 +314,7 @@ def _follow(
         if router is not None:
             await services.admit(_admitted(settings, to))
 
-    watch = RobotsWatcher(settings.robots, robots, changed)
+    watch = RobotsWatcher(settings.robots, robots, changed, make_reader(settings))
 
     async def follow() -> None:
         await asyncio.gather(watch.run(), access.recheck_accounts())
@@ -380,10 +372,10 @@ def _metrics(
     if settings.metrics_port is None:
         return lambda: None
     refused = int if refusals is None else lambda: refusals.count
-    kept, way = (None, None) if past is None else (past.kept, past.way)
+    kept, way, archive = (None, None, None) if past is None else (past.kept, past.way, past.written_archive)
     held = None if desk is None else desk.held
     port, stop = start_metrics(
-        settings.host, settings.metrics_port, access.dispatchers, mirror, refused, kept, way, held
+        settings.host, settings.metrics_port, access.dispatchers, mirror, refused, kept, way, held, archive
     )
     log.info("metrics on http://%s:%d/metrics", settings.host, port)
     return stop

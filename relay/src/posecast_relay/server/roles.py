@@ -16,13 +16,16 @@ from posecast_relay.core.hub import Hub
 from posecast_relay.core.policy.policy import PUBLIC
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.http.robots import make_robot_summary
-from posecast_relay.models.cache import ModelCache
+from posecast_relay.models.cache import ModelCache, ModelSource
 from posecast_relay.runtime.dispatcher import Dispatcher, RobotSource
+from posecast_relay.server.past import PastServices
 from posecast_relay.store import StateStore
 from posecast_relay.store_memory import MemoryStore
 from posecast_relay.zenoh.ingest import ZenohIngest
 from posecast_relay.zenoh.models import EdgeModels
 from posecast_relay.zenoh.router import RouterSession
+
+JoinModels = Callable[[ModelSource], ModelSource]
 
 
 @dataclass(frozen=True)
@@ -41,16 +44,35 @@ class RoleServices:
 
 
 def make_role_services(
-    settings: Settings, router: RouterSession | None, hub: Hub, pinned: Callable[[], Iterable[str]]
+    settings: Settings,
+    router: RouterSession | None,
+    hub: Hub,
+    past: PastServices | None,
+    pinned: Callable[[], Iterable[str]] = tuple,
 ) -> RoleServices:
     """Make the services of the role that `settings` asks for.
 
-    `router` is None for a gateway only. `pinned` names robots that a gateway hears even if nobody watches.
+    `router` is None for a gateway only. `past` may have models as well, and keeps those that it names.
+    `pinned` names robots that a gateway hears even if nobody watches.
     """
+    if past is None:
+        return _make(settings, router, hub, pinned, lambda live: live)
+    services = _make(settings, router, hub, pinned, past.join_models)
+    past.keep_models(services.models)
+    return services
+
+
+def _make(
+    settings: Settings,
+    router: RouterSession | None,
+    hub: Hub,
+    pinned: Callable[[], Iterable[str]],
+    join_models: JoinModels,
+) -> RoleServices:
     cache_bytes = settings.model_cache_mb << 20
     if router is None:
-        return _gateway(settings.store, hub, cache_bytes, pinned)
-    models = ModelCache(EdgeModels(router, hub), cache_bytes)
+        return _gateway(settings.store, hub, cache_bytes, pinned, join_models)
+    models = ModelCache(join_models(EdgeModels(router, hub)), cache_bytes)
     ingest = ZenohIngest(router)
     if settings.store == "memory://":
 
@@ -88,7 +110,9 @@ def _describe_robot(robot: Robot) -> dict[str, Any]:
     return make_robot_summary(robot, robot.rooms.get(PUBLIC), Dispatcher.now())
 
 
-def _gateway(url: str, hub: Hub, cache_bytes: int, pinned: Callable[[], Iterable[str]]) -> RoleServices:
+def _gateway(
+    url: str, hub: Hub, cache_bytes: int, pinned: Callable[[], Iterable[str]], join_models: JoinModels
+) -> RoleServices:
     from posecast_relay.redis.gateway import RedisGateway  # noqa: PLC0415
     from posecast_relay.redis.models import RedisModels  # noqa: PLC0415 — half of the time to start
 
@@ -96,5 +120,5 @@ def _gateway(url: str, hub: Hub, cache_bytes: int, pinned: Callable[[], Iterable
         """Do nothing: nobody publishes here."""
 
     gateway = RedisGateway(url, hub, Dispatcher.now, pinned)
-    models = ModelCache(RedisModels(gateway.link, hub), cache_bytes)
+    models = ModelCache(join_models(RedisModels(gateway.link, hub)), cache_bytes)
     return RoleServices(models, gateway, gateway, gateway.start, gateway.stop, admit)

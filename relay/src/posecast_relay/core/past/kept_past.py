@@ -14,6 +14,9 @@ class KeptPast(Protocol):
     def find(self, name: SegmentName) -> KeptSegment | None:
         """Return the segment of this name; None when it is not here, not yet or no more."""
 
+    def find_oldest(self, robot: str, view: str) -> KeptSegment | None:
+        """Return the segment of a view that was added first of those that are here."""
+
     def list_segments(
         self, robot: str, view: str, from_ms: int = 0, to_ms: int | None = None
     ) -> list[KeptSegment]:

@@ -157,6 +157,11 @@ class MemoryPast:
         segments = self._list_view(robot, view)
         return segments[-1] if segments else None
 
+    def find_oldest(self, robot: str, view: str) -> KeptSegment | None:
+        """Return the segment that was added first of those that are here."""
+        segments = self._list_view(robot, view)
+        return segments[0] if segments else None
+
     def list_segments(
         self, robot: str, view: str, from_ms: int = 0, to_ms: int | None = None
     ) -> list[KeptSegment]:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from posecast_relay.core.past.kept_past import KeptPast
 from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
 from posecast_relay.core.past.memory_store import TakeSpan
-from posecast_relay.core.policy.past import PastWindow, find_past_window, judge_past
+from posecast_relay.core.policy.past import PastWindow, Recorded, find_past_window, judge_past
 from posecast_relay.core.policy.policy import Grant
 from posecast_relay.core.policy.unseen import Unseen
 
@@ -63,6 +63,10 @@ class PastReader:
                 return NotYet(segment.to_ms + round(1000 * grant.delay_s))
         return NotYet()
 
+    def shows(self, grant: Grant, recorded: Recorded, unix_ms: int) -> bool:
+        """Whether they may see all of a stretch of the grant's view that was recorded."""
+        return self._judge(grant, recorded, find_past_window(grant, unix_ms))
+
     def find_schema(self, grant: Grant, sha256: bytes, unix_ms: int) -> KeptSegment | None:
         """Return the newest segment that they may see and that names this schema."""
         shown = reversed(self.list_shown(grant, unix_ms))
@@ -74,8 +78,8 @@ class PastReader:
             self._judge(grant, segment, window) for segment in self._walk_take(grant, span, index - 1, window)
         )
 
-    def _judge(self, grant: Grant, segment: KeptSegment, window: PastWindow) -> bool:
-        return judge_past(grant, segment, window) and not self._unseen.has(grant, segment)
+    def _judge(self, grant: Grant, recorded: Recorded, window: PastWindow) -> bool:
+        return judge_past(grant, recorded, window) and not self._unseen.has(grant, recorded)
 
     def _is_for(self, grant: Grant, segment: KeptSegment) -> bool:
         """Whether they may see it when it is due."""

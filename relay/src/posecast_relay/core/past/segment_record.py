@@ -88,12 +88,21 @@ def read_record(robot: str, view: str, doc: object) -> KeptSegment:
         model=None if doc.get("model") is None else _hex(doc, "model", SHA256),
         data=b"",
         sha256=bytes.fromhex(_hex(doc, "sha256", SHA256)),
-        events=tuple(PastEvent(*pair) for pair in _pairs(doc, "events", _is_event)),
+        events=tuple(PastEvent(*pair) for pair in _pairs(doc, "events", is_event)),
         words=tuple(PastWord(at, cast(RobotStatus, word)) for at, word in _pairs(doc, "words", _is_word)),
         faults=_whole(doc, "faults", U32_MAX),
         audiences=_audiences(doc),
         elsewhere_bytes=_whole(doc, "bytes", SEGMENT_BYTES_MAX),
     )
+
+
+def is_event(text: str) -> bool:
+    """Whether it is an event, numbered: an index writes it anew without taking it apart."""
+    try:
+        doc = loads(text)
+    except ValueError:
+        return False
+    return isinstance(doc, dict) and type(doc.get("n")) is int and text[0] == "{" and text[-1] == "}"
 
 
 def dump_json(doc: object) -> bytes:
@@ -124,12 +133,6 @@ def _pairs(doc: dict[str, Any], name: str, is_text: Callable[[str], bool]) -> li
         if not whole or not 0 <= pair[0] <= WHOLE_MAX or not isinstance(pair[1], str) or not is_text(pair[1]):
             raise ValueError(f"record: {name} are none")
     return [(at, text) for at, text in found]
-
-
-def _is_event(text: str) -> bool:
-    """Whether it is an event, numbered: an index writes it anew without taking it apart."""
-    doc = loads(text)
-    return isinstance(doc, dict) and type(doc.get("n")) is int and text[0] == "{" and text[-1] == "}"
 
 
 def _is_word(text: str) -> bool:

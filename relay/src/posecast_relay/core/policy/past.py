@@ -6,10 +6,24 @@ is written later opens nothing of before, and one that is taken back closes ever
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from posecast_relay.core.policy.policy import EVERYBODY, FULL_HZ, PUBLIC, Audience, Grant, Policy, Rule
+from posecast_relay.core.policy.policy import (
+    DELAY_MAX_S,
+    EVERYBODY,
+    FULL_HZ,
+    PAST_S,
+    PUBLIC,
+    Audience,
+    Grant,
+    Policy,
+    Rule,
+)
+
+RECENT_S = PAST_S + DELAY_MAX_S
+ComputeKept = Callable[[Policy, str, str], float]
 
 
 class Recorded(Protocol):
@@ -75,13 +89,21 @@ def compute_kept_s(policy: Policy, robot: str, view: str) -> float:
     )
 
 
-def compute_kept_longest_s(policy: Policy) -> float:
+def compute_recent_s(policy: Policy, robot: str, view: str) -> float:
+    """Return for how many seconds a segment of this view is kept in memory or Redis when there is an archive:
+    no longer than RECENT_S where the robot's past is in that.
+    """
+    kept_s = compute_kept_s(policy, robot, view)
+    return min(kept_s, RECENT_S) if robot in policy.keeps_s else kept_s
+
+
+def compute_kept_longest_s(policy: Policy, kept_s: ComputeKept = compute_kept_s) -> float:
     """Return the longest time in seconds for which any segment may still be asked for."""
     if policy.rules is None:
         return max(rule.compute_past_s(audience) for audience, rule in EVERYBODY.items())
     return max(
         (
-            compute_kept_s(policy, robot, view)
+            kept_s(policy, robot, view)
             for robot, rules in policy.rules.items()
             for view in {PUBLIC, *(rule.view for rule in rules.values())}
         ),

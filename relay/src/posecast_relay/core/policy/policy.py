@@ -95,9 +95,13 @@ EVERYBODY: Mapping[Audience, Rule] = {Audience.ANYONE: Rule()}
 
 @dataclass(frozen=True)
 class Policy:
-    """The rules of all robots. `rules` None: every robot's public view is open, as with --dev."""
+    """The rules of all robots. `rules` None: every robot's public view is open, as with --dev.
+
+    `keeps_s`: for how many seconds the past of a robot stays in an object store, by robot; of others nothing.
+    """
 
     rules: Rules | None = None
+    keeps_s: Mapping[str, float] = field(default_factory=dict)
 
     def find_rules(self, robot: str) -> Mapping[Audience, Rule]:
         """Return the rules of one robot by audience; empty for a robot that is not named."""

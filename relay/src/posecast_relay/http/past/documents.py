@@ -9,9 +9,11 @@ from typing import Literal
 from posecast_wire.messages import RobotStatus
 from pydantic import BaseModel, ConfigDict
 
+from posecast_relay.core.past.day_index import MinuteRow
 from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
 from posecast_relay.core.policy.policy import Grant
-from posecast_relay.http.past.address import DAY_MS, MINUTE_MS, PastSpan, write_day, write_minute
+from posecast_relay.http.past.address import PastSpan, write_day, write_minute
+from posecast_relay.http.past.extent import PastExtent
 from posecast_relay.plain_json import json_bytes
 
 INDEX_BYTES_MAX = 1 << 20  # of one page's answer; what is beyond is asked for with `after`
@@ -111,32 +113,32 @@ class NextSegment(_Document):
     next: NamedSegment
 
 
-def make_summary(grant: Grant, shown: Sequence[KeptSegment]) -> bytes:
+def make_summary(grant: Grant, extent: PastExtent) -> bytes:
     """Return how far back somebody may look, as JSON."""
     return json_bytes(
         {
             "view": grant.view,
-            "from_ms": min((segment.from_ms for segment in shown), default=None),
-            "to_ms": max((segment.to_ms for segment in shown), default=None),
+            "from_ms": extent.from_ms,
+            "to_ms": extent.to_ms,
             "past_ms": round(1000 * grant.past_s),
             "delay_ms": round(1000 * grant.delay_s),
-            "newest": _name(shown[-1].name) if shown else None,
-            "days": [write_day(DAY_MS * day) for day in sorted({each.from_ms // DAY_MS for each in shown})],
+            "newest": None if extent.newest is None else _name(extent.newest),
+            "days": [write_day(day_ms) for day_ms in extent.days_ms],
         }
     )
 
 
 def make_no_summary(grant: Grant) -> bytes:
     """Return that nobody may look back at all, as JSON."""
-    return make_summary(replace(grant, past_s=0.0), [])
+    return make_summary(replace(grant, past_s=0.0), PastExtent())
 
 
-def make_day(view: str, day: PastSpan, shown: Iterable[KeptSegment]) -> bytes:
+def make_day(view: str, day: PastSpan, shown: Iterable[MinuteRow]) -> bytes:
     """Return what there is in each minute of a day, as JSON."""
-    minutes: dict[int, list[KeptSegment]] = {}
-    for segment in shown:
-        minutes.setdefault(segment.from_ms // MINUTE_MS, []).append(segment)
-    found = [_sum_minute(MINUTE_MS * minute, segments) for minute, segments in sorted(minutes.items())]
+    minutes: dict[int, list[MinuteRow]] = {}
+    for row in shown:
+        minutes.setdefault(row.at_ms, []).append(row)
+    found = [_sum_minute(at_ms, rows) for at_ms, rows in sorted(minutes.items())]
     return json_bytes({"view": view, "day": write_day(day.from_ms), "minutes": found})
 
 
@@ -164,13 +166,13 @@ def _name(name: SegmentName) -> dict[str, object]:
     return {"take": f"{name.take:016x}", "index": name.index}
 
 
-def _sum_minute(at_ms: int, segments: Sequence[KeptSegment]) -> dict[str, object]:
+def _sum_minute(at_ms: int, rows: Sequence[MinuteRow]) -> dict[str, object]:
     return {
         "minute": write_minute(at_ms),
-        "bytes": sum(segment.size for segment in segments),
-        "frames": sum(segment.frames for segment in segments),
-        "word": max((word.word for segment in segments for word in segment.words), key=WORDS.index),
-        "faults": sum(segment.faults for segment in segments),
+        "bytes": sum(row.bytes for row in rows),
+        "frames": sum(row.frames for row in rows),
+        "word": max((row.word for row in rows), key=WORDS.index),
+        "faults": sum(row.faults for row in rows),
     }
 
 

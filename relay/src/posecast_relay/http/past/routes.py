@@ -10,21 +10,17 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Awaitable, Callable
-from functools import partial
 from http import HTTPStatus
 from typing import Any, NoReturn, TypeVar
 
 from fastapi import FastAPI, HTTPException, Request, Response
 
 from posecast_relay.auth.access import Access
-from posecast_relay.core.past.deletions import Deletion, Deletions
 from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
-from posecast_relay.core.past.past_reader import NotYet, PastReader
+from posecast_relay.core.past.past_reader import NotYet
 from posecast_relay.core.policy.admission import HIDDEN
 from posecast_relay.core.policy.past import find_past_window
-from posecast_relay.core.policy.policy import Grant, Policy
-from posecast_relay.core.policy.unseen import Unseen
-from posecast_relay.http.answer_cache import AnswerCache
+from posecast_relay.core.policy.policy import Grant
 from posecast_relay.http.auth import OPEN, require_grant
 from posecast_relay.http.etags import has_already
 from posecast_relay.http.past import documents
@@ -39,9 +35,8 @@ from posecast_relay.http.past.address import (
     read_span,
     read_take,
 )
-from posecast_relay.http.past.held_requests import HeldRequests
-from posecast_relay.http.past.key_pages import KeyPages
-from posecast_relay.past_source import PastAway, PastSource
+from posecast_relay.http.past.desk import PastDesk, ShownPage
+from posecast_relay.past_source import PastAway
 
 T = TypeVar("T")
 
@@ -84,43 +79,6 @@ HELD: dict[int | str, dict[str, Any]] = HAD | {
 }
 
 
-class PastDesk:
-    """The past of a process as its routes need it: where it is read, who waits for more, and the time.
-
-    `now` is the core's clock in seconds, `unix_s` the wall clock, by which the times of segments are told.
-    """
-
-    def __init__(
-        self,
-        source: PastSource,
-        now: Callable[[], float],
-        unix_s: Callable[[], float],
-        deletions: Deletions | None = None,
-    ) -> None:
-        self.source = source
-        self.deletions = deletions or Deletions()
-        self.deletions.on_added(self._forget)
-        self.unseen = Unseen(knows_all=not source.is_older)
-        self.reader = PastReader(source.kept, self.unseen)
-        self.held = HeldRequests()
-        self.answers = AnswerCache(now)
-        self.keys = KeyPages()
-        self._unix_s = unix_s
-        source.follow(self.held.list_waiting, self.held.wake)
-
-    def set_policy(self, policy: Policy) -> None:
-        """Note what the rules that are in force from now on take back."""
-        self.unseen.set_policy(policy, self.compute_unix_ms())
-
-    def _forget(self, deletion: Deletion) -> None:
-        self.answers.clear()
-        self.keys.forget(deletion.robot)
-
-    def compute_unix_ms(self) -> int:
-        """Return the time now, in unix ms."""
-        return math.floor(1000 * self._unix_s())
-
-
 def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | None) -> None:
     """Add the routes below `{api}/{robot}/past`. `desk` None: no past is kept in this process."""
     api += "/{robot}/past"
@@ -130,11 +88,10 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
         if desk is None:
             return await _tell_no_past(access, request, robot, view)
         grant, at = await _enter(access, desk, request, robot, view)
-
-        def make() -> bytes:
-            return documents.make_summary(grant, at.reader.list_shown(grant, at.compute_unix_ms()))
-
-        return at.answers.get_answer(request, _key(grant, "past"), make, _share(grant, 1.0))
+        name, body = _key(grant, "past"), b""
+        if not at.answers.has(name):
+            body = documents.make_summary(grant, await _wait(at.find_extent(grant)))
+        return at.answers.get_answer(request, name, lambda: body, _share(grant, 1.0))
 
     @app.get(
         api + "/{view}/schema/{sha256}",
@@ -143,13 +100,12 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
     )
     async def schema(request: Request, robot: str, view: str, sha256: str) -> Response:
         grant, at = await _enter(access, desk, request, robot, view)
-        unix_ms = at.compute_unix_ms()
-        found = at.reader.find_schema(grant, _read(read_sha256, sha256), unix_ms)
-        text = None if found is None else await _wait(at.source.load_schema(found))
-        if found is None or text is None or at.deletions.cover_segment(found):
+        found = await _wait(at.find_schema(grant, _read(read_sha256, sha256)))
+        if found is None:
             _refuse(grant, "no such schema in the past, as far as it is for you")
-        headers = _share(grant, find_past_window(grant, unix_ms).compute_left_s(found.from_ms))
-        return _send(request, text.encode(), "application/json", sha256, headers)
+        text, from_ms = found
+        left_s = find_past_window(grant, at.compute_unix_ms()).compute_left_s(from_ms)
+        return _send(request, text.encode(), "application/json", sha256, _share(grant, left_s))
 
     @app.get(
         api + "/{view}/{span}",
@@ -158,14 +114,13 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
     )
     async def index(request: Request, robot: str, view: str, span: str, after: str | None = None) -> Response:
         grant, at = await _enter(access, desk, request, robot, view)
-        asked, unix_ms = _read(read_span, span), at.compute_unix_ms()
-        shown = partial(at.reader.list_shown, grant, unix_ms, asked.from_ms, asked.to_ms)
+        asked = _read(read_span, span)
         if asked.is_day:
-            made = lambda: documents.make_day(view, asked, shown())  # noqa: E731
-            return at.answers.get_answer(request, _key(grant, span), made, _share(grant, 1.0))
+            return await _send_day(request, at, grant, asked, span)
         since = None if after is None else _read(read_after, after)
-        headers = _share(grant, _compute_page_s(grant, asked, shown(), unix_ms))
-        made = lambda: documents.make_page(view, asked, _list_after(shown(), since))  # noqa: E731
+        page = await _wait(at.list_page(grant, asked))
+        headers = _share(grant, _compute_page_s(grant, asked, page, at.compute_unix_ms()))
+        made = lambda: documents.make_page(view, asked, _list_after(page.segments, since))  # noqa: E731
         return at.answers.get_answer(request, _key(grant, f"{span}?{after}"), made, headers)
 
     @app.get(
@@ -176,10 +131,10 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
     async def key_page(request: Request, robot: str, view: str, page: str, every: str = "1") -> Response:
         grant, at = await _enter(access, desk, request, robot, view)
         asked, step = _read(read_page, page), _read(read_every, every)
-        unix_ms = at.compute_unix_ms()
-        shown = at.reader.list_shown(grant, unix_ms, asked.from_ms, asked.to_ms)
+        found = await _wait(at.list_page(grant, asked))
+        shown = found.segments
         body = await _make_key_page(at, grant, asked, shown, step)
-        headers = _share(grant, _compute_page_s(grant, asked, shown, unix_ms))
+        headers = _share(grant, _compute_page_s(grant, asked, found, at.compute_unix_ms()))
         return _send(request, body, BINARY, hashlib.sha256(body).hexdigest()[:16], headers)
 
     @app.get(
@@ -188,11 +143,11 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
     async def segment(request: Request, robot: str, view: str, take: str, index: str) -> Response:
         grant, at = await _enter(access, desk, request, robot, view)
         name = _read(read_take, take), _read(read_index, index)
-        found = await _find(at, grant, name)
+        found = await _wait(at.find_segment(grant, *name))
         if isinstance(found, NotYet) and request.method == "GET":
             await _hold(at, grant, name, access.live.now)
             grant, at = await _enter(access, desk, request, robot, view)  # it may have ended meanwhile
-            found = await _find(at, grant, name)
+            found = await _wait(at.find_segment(grant, *name))
         match found:
             case None:
                 _refuse(grant, "no such segment, as far as it is for you")
@@ -254,25 +209,19 @@ async def _enter(
             raise HTTPException(HTTPStatus.NOT_IMPLEMENTED, NOT_KEPT)
         await _wait(desk.source.refresh(grant.robot, grant.view))
         await access.live.open_robot(grant.robot)
-        if access.find_robot(grant) is None and not desk.reader.list_shown(grant, desk.compute_unix_ms()):
+        if access.find_robot(grant) is None and not await _wait(desk.has_any(grant)):
             raise HTTPException(HTTPStatus.NOT_FOUND, HIDDEN)
     except HTTPException as e:
         raise HTTPException(e.status_code, e.detail, NO_STORE | dict(e.headers or {})) from None
     return grant, desk
 
 
-async def _find(
-    desk: PastDesk, grant: Grant, name: tuple[int, int]
-) -> KeptSegment | SegmentName | NotYet | None:
-    """Return the segment of this name with its bytes, or what there is instead. Raises HTTPException 503."""
-    found = desk.reader.find_segment(grant, *name, desk.compute_unix_ms())
-    if not isinstance(found, KeptSegment):
-        return found
-    whole = await _wait(desk.source.load([found]))
-    if whole and not desk.deletions.cover_segment(found):  # it may have been, meanwhile
-        return whole[0]
-    found = desk.reader.find_segment(grant, *name, desk.compute_unix_ms())  # it is gone, or damaged
-    return None if isinstance(found, KeptSegment) else found
+async def _send_day(request: Request, desk: PastDesk, grant: Grant, day: PastSpan, text: str) -> Response:
+    """Answer with a day by minutes. Raises HTTPException 503."""
+    name, body = _key(grant, text), b""
+    if not desk.answers.has(name):
+        body = documents.make_day(grant.view, day, await _wait(desk.list_minutes(grant, day)))
+    return desk.answers.get_answer(request, name, lambda: body, _share(grant, 1.0))
 
 
 async def _hold(desk: PastDesk, grant: Grant, name: tuple[int, int], now: Callable[[], float]) -> None:
@@ -343,12 +292,12 @@ def _list_after(shown: list[KeptSegment], since: tuple[int, int] | None) -> list
     return shown[newest + 1 :]
 
 
-def _compute_page_s(grant: Grant, page: PastSpan, shown: list[KeptSegment], unix_ms: int) -> float:
+def _compute_page_s(grant: Grant, page: PastSpan, found: ShownPage, unix_ms: int) -> float:
     """Return for how long the index of ten minutes stays as it is, in seconds."""
     window = find_past_window(grant, unix_ms)
-    if not shown or window.to_ms < page.to_ms + CLOSED_MS:
+    if not found.segments or not found.is_whole or window.to_ms < page.to_ms + CLOSED_MS:
         return 1.0
-    return max(1.0, min(window.compute_left_s(segment.from_ms) for segment in shown))
+    return max(1.0, min(window.compute_left_s(segment.from_ms) for segment in found.segments))
 
 
 def _tells(*models: type) -> dict[int | str, dict[str, Any]]:

@@ -45,8 +45,8 @@ async def list_tombstones(store: ObjectStore) -> TombstoneNames:
     stems: dict[str, set[str]] = {}
     async for part in store.list_objects(TOMBSTONES):
         for each in part:
-            if KEY.fullmatch(each.key):
-                stem, _, kind = each.key.rpartition(".")
+            stem, _, kind = each.key.rpartition(".")
+            if KEY.fullmatch(each.key) and (kind == "done" or 0 < each.size <= RECORD_BYTES_MAX):
                 stems.setdefault(stem, set()).add(kind)
     found = sorted(
         (stem for stem, kinds in stems.items() if "json" in kinds), key=lambda stem: -read_age_ms(stem, 0)
@@ -71,7 +71,7 @@ async def get_tombstone(store: ObjectStore, stem: str) -> Deletion | None:
 
     Raises ArchiveError, and ValueError when it is none, or lies under another one's name.
     """
-    data = await store.get_range(f"{stem}.json", 0, RECORD_BYTES_MAX + 1)
+    data = await store.get(f"{stem}.json")
     if data is None:
         return None
     deletion = unpack_deletion(data)

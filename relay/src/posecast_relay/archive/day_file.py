@@ -1,0 +1,174 @@
+"""A day's summary in an object store: read, made of the indexes of its ten minutes where it lacks some, and
+written; and one way to put all of it right after something was added or deleted.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import defaultdict
+from dataclasses import dataclass
+
+from posecast_relay.archive.names import (
+    DAY_MS,
+    PAGE_MS,
+    ArchivedName,
+    is_unfinished,
+    make_day_folder,
+    make_day_key,
+    make_index_key,
+    make_view_folder,
+    read_day,
+    read_page,
+    read_segment_key,
+)
+from posecast_relay.archive.object_store import ObjectStore
+from posecast_relay.archive.page_index import Known, list_page, load_page, pack_index
+from posecast_relay.core.past.day_index import DayIndex, PageDigest, digest_page, pack_day, unpack_day
+
+PAGES_AT_ONCE = 4
+DAYS_MAX = 40_000  # folders that are looked at
+KILLED_MS = 3_600_000  # after the end of a day nobody writes to it any more
+OWN_FOLDERS = 200  # of a day that are looked at: there are 144 ten minutes in one
+
+
+@dataclass(frozen=True)
+class LoadedDay:
+    """A day. `is_written`: the file says the same."""
+
+    day: DayIndex
+    is_written: bool
+
+
+async def list_days(store: ObjectStore, robot: str, view: str) -> list[int]:
+    """Return when the days begin of which there is a folder, unix ms, oldest first. Raises ArchiveError."""
+    names = await store.list_folders(make_view_folder(robot, view))
+    days = (read_day(name) for name in names[-DAYS_MAX:])
+    return sorted(day for day in days if day is not None)
+
+
+async def list_pages(store: ObjectStore, robot: str, view: str, day_ms: int) -> list[int]:
+    """Return when the ten minutes of a day begin of which there is a folder, unix ms. Raises ArchiveError."""
+    names = await store.list_folders(make_day_folder(robot, view, day_ms))
+    pages = (read_page(name) for name in names[:OWN_FOLDERS])
+    return sorted(day_ms + page for page in pages if page is not None)
+
+
+async def load_day(store: ObjectStore, robot: str, view: str, day_ms: int) -> LoadedDay:
+    """Load what is known of a day; ten minutes that its file lacks are loaded one by one, and what it has too
+    many is left out. Raises ArchiveError.
+    """
+    written, folders = await asyncio.gather(
+        _read_day_file(store, robot, view, day_ms), list_pages(store, robot, view, day_ms)
+    )
+    known = {} if written is None else written.pages
+    pages = {at_ms: known[at_ms] for at_ms in folders if at_ms in known}
+    lacking = [at_ms for at_ms in folders if at_ms not in known]
+    for at in range(0, len(lacking), PAGES_AT_ONCE):
+        part = lacking[at : at + PAGES_AT_ONCE]
+        loaded = await asyncio.gather(*(load_page(store, robot, view, at_ms) for at_ms in part))
+        for at_ms, page in zip(part, loaded, strict=True):
+            if page.segments:
+                pages[at_ms] = digest_page(at_ms, page.segments)
+    return LoadedDay(DayIndex(robot, view, day_ms, pages), pages == known and written is not None)
+
+
+async def mend_page(
+    store: ObjectStore, robot: str, view: str, page_ms: int, known: Known | None = None
+) -> PageDigest | None:
+    """Write the index of ten minutes if it says anything else than is there, or delete it where there is
+    nothing. Return what is there; None for nothing. Raises ArchiveError.
+    """
+    page = await load_page(store, robot, view, page_ms, known)
+    if not page.segments:
+        if (await list_page(store, robot, view, page_ms)).index_bytes is not None:
+            await store.delete(make_index_key(robot, view, page_ms))
+        return None
+    if not page.is_indexed:
+        data = await asyncio.to_thread(pack_index, robot, view, page_ms, page.segments)
+        await store.put(make_index_key(robot, view, page_ms), data)
+    return await asyncio.to_thread(digest_page, page_ms, page.segments)
+
+
+async def mend_day(
+    store: ObjectStore, robot: str, view: str, day_ms: int, pages: dict[int, PageDigest | None]
+) -> None:
+    """Write the summary of a day anew, with what is known now of some of its ten minutes; delete it where
+    there is nothing. Raises ArchiveError.
+    """
+    written = await _read_day_file(store, robot, view, day_ms)
+    loaded = written or (await load_day(store, robot, view, day_ms)).day
+    day = DayIndex(robot, view, day_ms, dict(loaded.pages))
+    for at_ms, digest in pages.items():
+        if digest is None:
+            day.pages.pop(at_ms, None)
+        else:
+            day.pages[at_ms] = digest
+    if written is not None and day.pages == written.pages:
+        return
+    key = make_day_key(robot, view, day_ms)
+    if day.pages:
+        await store.put(key, await asyncio.to_thread(pack_day, day))
+    elif written is not None:
+        await store.delete(key)
+
+
+async def check_day(
+    store: ObjectStore, robot: str, view: str, day_ms: int, unix_ms: int | None = None
+) -> list[int]:
+    """Return those ten minutes of a day of which listing, index and summary disagree. Raises ArchiveError.
+
+    Given the time now, `unix_ms`, what processes left that were killed while they wrote is deleted.
+    """
+    written = await _read_day_file(store, robot, view, day_ms)
+    known = {} if written is None else written.pages
+    sizes: defaultdict[int, list[int]] = defaultdict(lambda: [0, 0, 0])  # segments, bytes, indexes
+    folder = make_day_folder(robot, view, day_ms)
+    async for part in store.list_objects(folder):
+        for each in part:
+            name = read_segment_key(each.key)
+            if name is not None and name.size == each.size:
+                sums = sizes[name.page_ms]
+                sums[0] += 1
+                sums[1] += each.size
+            elif is_unfinished(each.key):
+                if unix_ms is not None and unix_ms > day_ms + DAY_MS + KILLED_MS:
+                    await store.delete(each.key)
+            elif (at_ms := _read_index_key(each.key, folder, day_ms)) is not None:
+                sizes[at_ms][2] += 1
+    wrong = {at_ms for at_ms in known if at_ms not in sizes}
+    for at_ms, (count, size, indexes) in sizes.items():
+        digest = known.get(at_ms)
+        said = (0, 0) if digest is None else (digest.count, digest.bytes)
+        if said != (count, size) or indexes != bool(count):
+            wrong.add(at_ms)
+    return sorted(wrong)
+
+
+async def delete_page(store: ObjectStore, robot: str, view: str, page_ms: int) -> list[ArchivedName]:
+    """Delete ten minutes: segments, then the index; what is foreign stays. Return what is gone.
+
+    Raises ArchiveError; then it may be done again.
+    """
+    listing = await list_page(store, robot, view, page_ms)
+    for key in (*(name.key for name in listing.names), *listing.unfinished):
+        await store.delete(key)
+    if listing.index_bytes is not None:
+        await store.delete(make_index_key(robot, view, page_ms))
+    return list(listing.names)
+
+
+def _read_index_key(key: str, folder: str, day_ms: int) -> int | None:
+    """Read the key of an index of ten minutes of a day: when they begin, unix ms."""
+    below = key.removeprefix(f"{folder}/").split("/")
+    at_ms = read_page(below[0]) if len(below) == 2 and below[1] == "index.json" else None
+    return None if at_ms is None else day_ms + at_ms - at_ms % PAGE_MS
+
+
+async def _read_day_file(store: ObjectStore, robot: str, view: str, day_ms: int) -> DayIndex | None:
+    data = await store.get(make_day_key(robot, view, day_ms))
+    if data is None:
+        return None
+    try:
+        return await asyncio.to_thread(unpack_day, robot, view, day_ms, data)
+    except ValueError:
+        return None  # it is made anew

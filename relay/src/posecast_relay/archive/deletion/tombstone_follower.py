@@ -1,0 +1,115 @@
+"""Follows the tombstones of a store: what was ordered there reaches this process within seconds, and who
+records carries it out, also what somebody else has left undone.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable
+
+from posecast_relay.archive.deletion.eraser import Erased, erase
+from posecast_relay.archive.deletion.tombstones import (
+    KEPT_MS,
+    get_tombstone,
+    list_tombstones,
+    put_done,
+    read_age_ms,
+    remove_tombstone,
+)
+from posecast_relay.archive.object_store import ArchiveError, ObjectStore
+from posecast_relay.core.past.deletions import Deletion, Deletions
+
+log = logging.getLogger("posecast_relay")
+
+EVERY_S = 3.0
+SETTLED_MS = 60_000  # by then every process has obeyed, and what was on its way to the store is there
+READ_AT_ONCE = 16
+
+
+class TombstoneFollower:
+    """Puts the tombstones of a store into `deletions`. `erases`: also deletes there what they cover, and then
+    calls `sweep` with the robot; a gateway only reads. `compute_unix_ms`: the time now.
+    """
+
+    def __init__(
+        self,
+        store: ObjectStore,
+        deletions: Deletions,
+        compute_unix_ms: Callable[[], int],
+        *,
+        erases: bool,
+        sweep: Callable[[str], Awaitable[None]] | None = None,
+    ) -> None:
+        self._store = store
+        self._deletions = deletions
+        self._compute_unix_ms = compute_unix_ms
+        self._erases = erases
+        self._sweep = sweep
+        self._read: dict[str, Deletion | None] = {}  # by key; None: it is none
+        self._erased: set[str] = set()  # keys of those that were carried out here once
+        self._erasing: asyncio.Task[None] | None = None
+
+    async def run(self) -> None:
+        """Follow until cancelled. While the store is away it is tried again; its other users say so."""
+        try:
+            while True:
+                try:
+                    await self.look()
+                except ArchiveError as e:
+                    log.debug("tombstones: %s", e)
+                except Exception as e:  # a mistake of ours
+                    log.error("tombstones", exc_info=e)
+                await asyncio.sleep(EVERY_S)
+        finally:
+            if self._erasing is not None:
+                self._erasing.cancel()
+
+    async def look(self) -> None:
+        """Read what is new, and begin to carry it out. Raises ArchiveError."""
+        names = await list_tombstones(self._store)
+        self._read = {stem: self._read[stem] for stem in names.all if stem in self._read}
+        new = [stem for stem in names.all if stem not in self._read]
+        for at in range(0, len(new), READ_AT_ONCE):
+            await asyncio.gather(*(self._take(stem) for stem in new[at : at + READ_AT_ONCE]))
+        if not self._erases or (self._erasing is not None and not self._erasing.done()):
+            return
+        open_ = [(stem, of) for stem in names.all if stem not in names.done and (of := self._read.get(stem))]
+        old = [stem for stem in names.all if read_age_ms(stem, self._compute_unix_ms()) > KEPT_MS]
+        self._erased.intersection_update(names.all)
+        due = [(stem, of) for stem, of in open_ if stem not in self._erased or self._is_settled(stem)]
+        if due or old:
+            self._erasing = asyncio.create_task(self._carry_out(due, old), name="deletions in the store")
+
+    def _is_settled(self, stem: str) -> bool:
+        return read_age_ms(stem, self._compute_unix_ms()) >= SETTLED_MS
+
+    async def _take(self, stem: str) -> None:
+        try:
+            deletion = await get_tombstone(self._store, stem)
+        except ValueError as e:
+            log.warning("tombstones: passed over: %s: %.200s", stem, e)
+            deletion = None
+        self._read[stem] = deletion
+        if deletion is not None:
+            self._deletions.add(deletion)
+
+    async def _carry_out(self, due: list[tuple[str, Deletion]], old: list[str]) -> None:
+        """Beside the looks: what is new is obeyed meanwhile."""
+        try:
+            for stem, deletion in due:
+                settled = self._is_settled(stem)
+                erased = await erase(self._store, deletion)
+                if erased != Erased(0, 0):
+                    log.info("the archive: %s: %d segments deleted", stem, erased.segments)
+                if self._sweep is not None:
+                    await self._sweep(deletion.robot)
+                self._erased.add(stem)
+                if settled:  # nothing of it can come any more
+                    await put_done(self._store, stem)
+            for stem in old:
+                await remove_tombstone(self._store, stem)
+        except ArchiveError as e:
+            log.debug("deletions in the store: %s", e)  # its other users say so; the next look begins anew
+        except Exception as e:  # a mistake of ours
+            log.error("deletions in the store", exc_info=e)

@@ -1,0 +1,90 @@
+"""Deletes the schemas and models of a robot in a store that no segment names any more."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import NamedTuple
+
+from posecast_relay.archive.day_file import check_day, list_days, load_day, mend_day, mend_page
+from posecast_relay.archive.names import MODELS, SCHEMAS
+from posecast_relay.archive.object_store import ObjectStore
+from posecast_relay.archive.retention import list_views
+
+SCHEMA_FILE = re.compile(r"([0-9a-f]{64})\.json", re.ASCII)
+SHA256 = re.compile(r"[0-9a-f]{64}", re.ASCII)
+
+
+class NamedHashes(NamedTuple):
+    """SHA-256 of schemas and models, hexadecimal."""
+
+    schemas: frozenset[str]
+    models: frozenset[str]
+
+
+ListInUse = Callable[[str], NamedHashes]
+
+
+async def sweep_unnamed(store: ObjectStore, robot: str, list_in_use: ListInUse, unix_ms: int) -> NamedHashes:
+    """Delete what no segment of a robot names, and return what is gone. Raises ArchiveError.
+
+    `list_in_use` tells what segments name that are on their way to the store: a schema is there before them.
+    """
+    there = NamedHashes(await _list_schemas(store, robot), await _list_models(store, robot))
+    if _subtract(there, await _list_named(store, robot, unix_ms, is_sure=False), list_in_use(robot)) == (
+        *(frozenset(), frozenset()),
+    ):
+        return NamedHashes(frozenset(), frozenset())
+    # a summary may be older than the segments: now it counts
+    named = await _list_named(store, robot, unix_ms, is_sure=True)
+    gone = _subtract(there, named, list_in_use(robot))
+    for sha256 in sorted(gone.schemas - list_in_use(robot).schemas):
+        await store.delete(f"{robot}/{SCHEMAS}/{sha256}.json")
+    for sha256 in sorted(gone.models - list_in_use(robot).models):
+        await _delete_model(store, robot, sha256)
+    return gone
+
+
+def _subtract(there: NamedHashes, *named: NamedHashes) -> NamedHashes:
+    schemas = there.schemas.difference(*(each.schemas for each in named))
+    return NamedHashes(schemas, there.models.difference(*(each.models for each in named)))
+
+
+async def _list_named(store: ObjectStore, robot: str, unix_ms: int, *, is_sure: bool) -> NamedHashes:
+    """Return what the segments name; `is_sure`: the days are compared with their segments before."""
+    schemas: set[str] = set()
+    models: set[str] = set()
+    for view in await list_views(store, robot):
+        for day_ms in await list_days(store, robot, view):
+            if is_sure:
+                wrong = await check_day(store, robot, view, day_ms, unix_ms)
+                mended = {page_ms: await mend_page(store, robot, view, page_ms) for page_ms in wrong}
+                if mended:
+                    await mend_day(store, robot, view, day_ms, mended)
+            day = (await load_day(store, robot, view, day_ms)).day
+            schemas |= day.find_schemas()
+            models |= set(day.find_models())
+    return NamedHashes(frozenset(schemas), frozenset(models))
+
+
+async def _list_schemas(store: ObjectStore, robot: str) -> frozenset[str]:
+    found: set[str] = set()
+    folder = f"{robot}/{SCHEMAS}/"
+    async for part in store.list_objects(folder.rstrip("/")):
+        names = (SCHEMA_FILE.fullmatch(each.key.removeprefix(folder)) for each in part)
+        found |= {name[1] for name in names if name}
+    return frozenset(found)
+
+
+async def _list_models(store: ObjectStore, robot: str) -> frozenset[str]:
+    folders = await store.list_folders(f"{robot}/{MODELS}")
+    return frozenset(name for name in folders if SHA256.fullmatch(name))
+
+
+async def _delete_model(store: ObjectStore, robot: str, sha256: str) -> None:
+    """The manifest first: without it there is no model, and whoever is killed here leaves no half of one."""
+    folder = f"{robot}/{MODELS}/{sha256}"
+    await store.delete(f"{folder}/manifest.json")
+    async for part in store.list_objects(folder):
+        for each in part:
+            await store.delete(each.key)

@@ -1,0 +1,200 @@
+"""Keeps the indexes of an object store right, and deletes what is too old: in the background, one at a time.
+
+An index is written when its ten minutes are over and when the process stops. After a start the days are
+looked through, the newest first: where listing and index disagree, as after a crash, it is made anew.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import time
+from collections.abc import Callable, Mapping
+
+from posecast_relay.archive.day_file import check_day, list_days, load_day, mend_day, mend_page
+from posecast_relay.archive.free_space import SpaceWatch
+from posecast_relay.archive.names import DAY_MS, PAGE_MS, PageKey
+from posecast_relay.archive.object_store import ArchiveError, ObjectStore
+from posecast_relay.archive.retention import SPARE_MS, delete_old, list_views
+from posecast_relay.archive.writer import ArchiveWriter
+
+log = logging.getLogger("posecast_relay")
+
+LOOK_S = 1.0  # between two looks at what is to be done
+ENDED_S = 15.0  # between two looks for ten minutes that are over
+SPACE_S = 10.0  # between two looks at the free space
+RETAIN_S = 600.0  # between two looks for what is too old
+WALK_S = 2.0  # between two days that are looked through
+RETRY_S = (1.0, 30.0)  # the first and the longest pause after a failure
+STOP_S = 3.0  # for indexes when the process stops
+PAGES_MAX = 10_000  # that wait; further ones are found when days are looked through next
+
+DayKey = tuple[str, str, int]  # robot, view, and when the day begins, unix ms
+
+
+class Indexer:
+    """What has to be done in a store beside writing segments. `unix_s` reads the wall clock."""
+
+    def __init__(
+        self,
+        store: ObjectStore,
+        unix_s: Callable[[], float] = time.time,
+        on_deleted: Callable[[str], None] = lambda _robot: None,
+    ) -> None:
+        """`on_deleted` is told of each robot of which something was too old and is gone."""
+        self.mended = 0  # indexes, since the process began
+        self.expired = 0  # segments that were deleted since they were too old
+        self.failures = 0
+        self.space = SpaceWatch(store)
+        self.writer: ArchiveWriter | None = None
+        self._store = store
+        self._unix_s = unix_s
+        self.on_deleted = on_deleted
+        self._keeps: Mapping[str, float] = {}
+        self._pages: dict[PageKey, None] = {}  # to be mended
+        self._to_walk: list[DayKey] | None = None  # days to be looked through; None: to be found out
+        self._bytes: dict[DayKey, int] = {}  # of the days that were looked through or written to
+        self._retain_at = self._walk_at = self._space_at = self._ended_at = float("-inf")
+        self._task: asyncio.Task[None] | None = None
+
+    @property
+    def stored_bytes(self) -> int:
+        """How many bytes the segments in the store have, as far as they were looked through."""
+        return sum(list(self._bytes.values()))  # another thread may ask
+
+    def set_keeps(self, keeps_s: Mapping[str, float]) -> None:
+        """Set which robots are kept, each for how many seconds. Nothing is deleted of others."""
+        if dict(keeps_s) != dict(self._keeps):
+            self._retain_at = float("-inf")
+            self._to_walk = None
+        self._keeps = dict(keeps_s)
+
+    def mend(self, page: PageKey) -> None:
+        """Have the index of ten minutes compared with what is there, and made anew where it differs."""
+        if len(self._pages) < PAGES_MAX:
+            self._pages[page] = None
+
+    def start(self) -> None:
+        """Start the task that does all this."""
+        self._task = asyncio.create_task(self._work(), name="the archive's indexes")
+
+    async def stop(self, stop_s: float = STOP_S) -> None:
+        """Write the indexes of what was written, if that is soon done; then end."""
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.gather(self._task, return_exceptions=True)
+        if self.writer is not None:
+            self.writer.end_pages(1 << 62)
+            for page in self.writer.list_open_pages():
+                self.mend(page)
+        with contextlib.suppress(TimeoutError, ArchiveError):  # it is found after the next start
+            async with asyncio.timeout(stop_s):
+                await self._mend_all()
+
+    async def _work(self) -> None:
+        pause_s = RETRY_S[0]
+        while True:
+            try:
+                await self.do_due()
+            except ArchiveError:  # whoever writes says so
+                self.failures += 1
+                await asyncio.sleep(pause_s)
+                pause_s = min(2 * pause_s, RETRY_S[1])
+                continue
+            except Exception as e:  # a mistake of ours: the rest is done all the same
+                log.error("the archive: an index", exc_info=e)
+                await asyncio.sleep(RETRY_S[1])
+                continue
+            pause_s = RETRY_S[0]
+            await asyncio.sleep(LOOK_S)
+
+    async def do_due(self) -> None:
+        """Do what is due now. Raises ArchiveError when the store does not; then the rest is done later."""
+        now = time.monotonic()
+        if now >= self._space_at:
+            self._space_at = now + SPACE_S
+            await self.space.look()
+        if self.writer is not None and now >= self._ended_at:
+            self._ended_at = now + ENDED_S
+            self.writer.end_pages(round(1000 * self._unix_s()) - PAGE_MS - SPARE_MS)
+        await self._mend_all()
+        if now >= self._retain_at:
+            await self.delete_old()
+            self._retain_at = now + RETAIN_S
+        if now >= self._walk_at:
+            self._walk_at = now + WALK_S
+            await self._walk()
+
+    async def delete_old(self) -> None:
+        """Delete what is older than it is to be kept. Raises ArchiveError."""
+        unix_ms = round(1000 * self._unix_s())
+        for robot, keep_s in self._keeps.items():
+            count = 0
+            async for view, day_ms, gone in delete_old(self._store, robot, keep_s, unix_ms):
+                count += len(gone)
+                left = self._bytes.pop((robot, view, day_ms), 0) - sum(name.size for name in gone)
+                if left > 0:
+                    self._bytes[robot, view, day_ms] = left
+            self.expired += count
+            if count:
+                log.info("the archive: %s: %d segments were older than `keep` and are deleted", robot, count)
+                self.on_deleted(robot)
+
+    async def walk_all(self) -> None:
+        """Look through all days now. Raises ArchiveError."""
+        self._to_walk = None
+        while self._to_walk is None or self._to_walk:
+            await self._walk()
+
+    async def _walk(self) -> None:
+        """Look through one more day."""
+        if self._to_walk is None:
+            found: list[DayKey] = []
+            for robot in self._keeps:
+                for view in await list_views(self._store, robot):
+                    found += [(robot, view, day_ms) for day_ms in await list_days(self._store, robot, view)]
+            self._to_walk = sorted(found, key=lambda day: day[2])
+        if not self._to_walk:
+            return
+        robot, view, _ = day = self._to_walk[-1]
+        for page_ms in await check_day(self._store, *day, round(1000 * self._unix_s())):
+            self.mend((robot, view, page_ms))
+        await self._mend_all()
+        await self._sum_day(day)
+        if self._to_walk and self._to_walk[-1] == day:
+            self._to_walk.pop()
+
+    async def _mend_all(self) -> None:
+        """Mend what waits, day by day."""
+        while self._pages:
+            robot, view, page_ms = next(iter(self._pages))
+            day_ms = page_ms - page_ms % DAY_MS
+            view_pages = [page for page in self._pages if page[:2] == (robot, view)]
+            of_day = [page for page in view_pages if 0 <= page[2] - day_ms < DAY_MS]
+            for page in of_day:
+                del self._pages[page]  # what is noted from now on is done once more
+            try:
+                await self._mend_pages((robot, view, day_ms), of_day)
+            except ArchiveError:
+                self._pages.update(dict.fromkeys(of_day))
+                raise
+
+    async def _mend_pages(self, day: DayKey, pages: list[PageKey]) -> None:
+        digests = {}
+        for page in pages:
+            known = None if self.writer is None else self.writer.find_known(page)
+            digests[page[2]] = await mend_page(self._store, *page, known)
+            self.mended += 1
+        await mend_day(self._store, *day, digests)
+        for page in pages:
+            if self.writer is not None:
+                self.writer.forget_known(page)
+        await self._sum_day(day)
+
+    async def _sum_day(self, day: DayKey) -> None:
+        size = (await load_day(self._store, *day)).day.bytes
+        if size:
+            self._bytes[day] = size
+        else:
+            self._bytes.pop(day, None)

@@ -1,0 +1,1 @@
+"""Models in an object store: kept as long as a segment there names them."""

@@ -1,0 +1,159 @@
+"""Keeps models in an object store: each that a kept segment names, once, fetched in the background.
+
+    {robot}/models/{sha256}/manifest.json   written last: where it is, the files are
+    {robot}/models/{sha256}/{path}          each file that the manifest names
+
+`sha256` is that of the manifest. What a robot's models take is bounded by MODELS_BYTES; one that does not fit
+is not kept, and the log says so once.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import logging
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Collection
+
+from posecast_relay.archive.names import MODELS
+from posecast_relay.archive.object_store import ArchiveError, ObjectStore
+from posecast_relay.core.past.kept_segment import KeptSegment
+from posecast_relay.models.cache import Absent, ModelCache, Unavailable
+
+log = logging.getLogger("posecast_relay")
+
+MODELS_BYTES = 64 << 20  # of one robot
+RETRY_S = 15.0  # after a model could not be fetched or written; then the next segment begins anew
+KNOWN_MAX = 10_000  # models that are there, or can't be
+WAITING_MAX = 1000
+MANIFEST = "manifest.json"
+
+ModelName = tuple[str, str]  # robot, SHA-256 of the manifest
+
+
+def make_model_key(robot: str, digest: str, path: str) -> str:
+    """Return the key of a model's file, or of its manifest, by its path."""
+    return f"{robot}/{MODELS}/{digest}/{path}"
+
+
+class ModelKeeper:
+    """Stores the models that segments name, one at a time. `models`: where they are fetched."""
+
+    def __init__(
+        self,
+        store: ObjectStore,
+        models: ModelCache,
+        now: Callable[[], float] = time.monotonic,
+        bytes_max: int = MODELS_BYTES,
+    ) -> None:
+        self.stored = 0  # models, since the process began
+        self._store = store
+        self._models = models
+        self._now = now
+        self._bytes_max = bytes_max
+        self._robots: Collection[str] = ()  # that are kept
+        self._known: OrderedDict[ModelName, None] = OrderedDict()  # that are there, or too large
+        self._waiting: OrderedDict[ModelName, None] = OrderedDict()
+        self._again_at: dict[ModelName, float] = {}
+        self._storing: ModelName | None = None
+        self._task: asyncio.Task[None] | None = None
+
+    def set_robots(self, robots: Collection[str]) -> None:
+        """Set which robots are kept."""
+        self._robots = frozenset(robots)
+
+    def keep(self, segment: KeptSegment) -> None:
+        """See to it that the model is there that a segment names; returns at once."""
+        if segment.model is None or segment.name.robot not in self._robots:
+            return
+        name = segment.name.robot, segment.model
+        if name in self._known or name in self._waiting or name == self._storing:
+            return
+        if self._now() < self._again_at.get(name, 0.0) or len(self._waiting) >= WAITING_MAX:
+            return
+        self._waiting[name] = None
+        if self._task is None or self._task.done():
+            self._task = asyncio.create_task(self._work(), name="models to the archive")
+
+    def forget(self, robot: str) -> None:
+        """Store the models of a robot again where they are named: some may have been deleted."""
+        for name in [name for name in self._known if name[0] == robot]:
+            del self._known[name]
+
+    def find_storing(self, robot: str) -> set[str]:
+        """Return the models of a robot that are being stored, or wait for it."""
+        names = {*self._waiting, *(() if self._storing is None else (self._storing,))}
+        return {digest for of, digest in names if of == robot}
+
+    async def stop(self) -> None:
+        """End, also in the middle of a model: the next process stores it."""
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.gather(self._task, return_exceptions=True)
+
+    async def _work(self) -> None:
+        while self._waiting:
+            name, _ = self._waiting.popitem(last=False)
+            self._storing, (robot, digest) = name, name
+            try:
+                await self._store_model(robot, digest)
+                self._note_known(name)
+            except (ArchiveError, Absent, Unavailable) as e:  # the store and the robot say so themselves
+                log.info("the archive: model %.12s of %s: %s", digest, robot, e)
+                self._note_failure(name)
+            except Exception as e:  # a mistake of ours, at this model
+                log.error("the archive: model %.12s of %s", digest, robot, exc_info=e)
+                self._note_failure(name)
+            finally:
+                self._storing = None
+
+    def _note_known(self, name: ModelName) -> None:
+        self._again_at.pop(name, None)
+        self._known[name] = None
+        while len(self._known) > KNOWN_MAX:
+            self._known.popitem(last=False)
+
+    def _note_failure(self, name: ModelName) -> None:
+        if len(self._again_at) >= KNOWN_MAX:
+            self._again_at.clear()
+        self._again_at[name] = self._now() + RETRY_S
+
+    async def _store_model(self, robot: str, digest: str) -> None:
+        """The manifest goes last. Raises ArchiveError, Absent or Unavailable."""
+        there = await self._store.get(make_model_key(robot, digest, MANIFEST))
+        if there is not None and hashlib.sha256(there).hexdigest() == digest:
+            return
+        entries = await self._models.load_entries(robot, digest)
+        paths = sorted(path for path in entries if path != MANIFEST)  # no route leads to a file of that name
+        size = sum(entries[path].size for path in paths)
+        others = await self._sum_others(robot, digest)
+        if size + others > self._bytes_max:
+            log.warning(
+                "the archive: a model of %s has %.1f MB, and %.1f MB of its models are kept: "
+                "more than %d MB in all; it is not kept",
+                robot,
+                size / (1 << 20),
+                others / (1 << 20),
+                self._bytes_max >> 20,
+            )
+            return
+        for path in paths:
+            found = await self._models.load_file(robot, digest, path)
+            await self._put(make_model_key(robot, digest, path), found.name, found.size)
+        manifest = await self._models.load_manifest(robot, digest)
+        await self._put(make_model_key(robot, digest, MANIFEST), manifest.name, manifest.size)
+        self.stored += 1
+        log.info("the archive: a model of %s is kept: %d files, %d bytes", robot, len(paths), size)
+
+    async def _put(self, key: str, name: str, size: int) -> None:
+        data = self._models.copy_piece(name, 0, size)
+        if data is None:
+            raise Unavailable("this model had to give way to other robots'")
+        await self._store.put(key, data)
+
+    async def _sum_others(self, robot: str, digest: str) -> int:
+        own, total = f"{robot}/{MODELS}/{digest}/", 0
+        async for part in self._store.list_objects(f"{robot}/{MODELS}"):
+            total += sum(each.size for each in part if not each.key.startswith(own))
+        return total

@@ -1,0 +1,230 @@
+"""The index of ten minutes in an object store: read, made of the segments where it lacks some, and written.
+
+What the listing says counts. An index is a way to know more without reading the segments: what it lacks is
+read, what it has too much is passed over. So whatever happens to it, the past is the segments that are there.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import logging
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+from posecast_wire.checked import loads
+from posecast_wire.segment import EventRecord, FrameRecord, SegmentError, WordRecord, decode_segment
+
+from posecast_relay.archive.names import (
+    INDEX_NAME,
+    PAGE_MS,
+    ArchivedName,
+    is_unfinished,
+    make_index_key,
+    make_page_folder,
+    name_segment,
+    read_segment_key,
+)
+from posecast_relay.archive.object_store import ObjectStore
+from posecast_relay.core.past.kept_segment import KeptSegment, PastEvent, PastWord
+from posecast_relay.core.past.segment_record import dump_json, is_event, make_record, read_record
+
+log = logging.getLogger("posecast_relay")
+
+VERSION = 1
+INDEX_BYTES_MAX = 16 << 20
+SEGMENTS_MAX = 20_000  # of ten minutes; further ones are passed over
+READ_AT_ONCE = 8
+
+Known = Mapping[ArchivedName, KeptSegment]
+
+
+@dataclass(frozen=True)
+class PageListing:
+    """What lies in the folder of ten minutes: segments by their names, and the size of the index, if any.
+
+    `unfinished`: keys of what was being written when a process was killed, or is just now.
+    """
+
+    names: tuple[ArchivedName, ...]
+    index_bytes: int | None
+    unfinished: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class LoadedPage:
+    """Ten minutes. `segments`: all that can be read, without their bytes, in order; `is_indexed`: the index
+    says the same.
+    """
+
+    segments: tuple[KeptSegment, ...]
+    is_indexed: bool
+
+
+async def list_page(store: ObjectStore, robot: str, view: str, page_ms: int) -> PageListing:
+    """List the segments of ten minutes; what is foreign is passed over. Raises ArchiveError."""
+    folder = make_page_folder(robot, view, page_ms)
+    names: list[ArchivedName] = []
+    index_bytes: int | None = None
+    unfinished: list[str] = []
+    async for part in store.list_objects(folder):
+        for each in part:
+            if each.key == f"{folder}/{INDEX_NAME}":
+                index_bytes = each.size
+            elif (name := read_segment_key(each.key)) is not None and each.size == name.size:
+                names.append(name)
+            elif is_unfinished(each.key):
+                unfinished.append(each.key)
+        if len(names) > SEGMENTS_MAX:
+            break
+    return PageListing(tuple(names[:SEGMENTS_MAX]), index_bytes, tuple(unfinished))
+
+
+async def load_page(
+    store: ObjectStore, robot: str, view: str, page_ms: int, known: Known | None = None
+) -> LoadedPage:
+    """Load what is known of ten minutes from the index, and read the segments that it lacks. `known`: what
+    need not be read. Raises ArchiveError.
+    """
+    listing = await list_page(store, robot, view, page_ms)
+    indexed: dict[ArchivedName, KeptSegment] = {}
+    if listing.index_bytes is not None and listing.index_bytes <= INDEX_BYTES_MAX:
+        data = await store.get(make_index_key(robot, view, page_ms))
+        if data is not None:
+            indexed = await asyncio.to_thread(_unpack_known, robot, view, page_ms, data)
+    found = indexed | dict(known or {})
+    lacking = [name for name in listing.names if name not in found]
+    found |= await _read_records(store, lacking)
+    there = [found[name] for name in listing.names if name in found]
+    there.sort(key=lambda segment: (segment.from_ms, segment.name.take, segment.name.index))
+    readable = {name for name in listing.names if name in found}
+    return LoadedPage(tuple(there), set(indexed) == readable and listing.index_bytes is not None)
+
+
+def pack_index(robot: str, view: str, page_ms: int, segments: Iterable[KeptSegment]) -> bytes:
+    """Encode the index of ten minutes. Raises ValueError when there is something that is no JSON."""
+    records = [make_record(segment) for segment in segments]
+    return dump_json({"v": VERSION, "robot": robot, "view": view, "page_ms": page_ms, "segments": records})
+
+
+def unpack_index(robot: str, view: str, page_ms: int, data: bytes) -> list[KeptSegment]:
+    """Read the index of these ten minutes; a record that is none is left out, one that stands there twice
+    counts once. Raises ValueError when it is none, or of others.
+    """
+    if len(data) > INDEX_BYTES_MAX:
+        raise ValueError("index: too long")
+    doc = loads(data)
+    if not isinstance(doc, dict) or doc.get("v") != VERSION:
+        raise ValueError("index: of another version")
+    if [doc.get(name) for name in ("robot", "view", "page_ms")] != [robot, view, page_ms]:
+        raise ValueError("index: of another robot, view or time")
+    records = doc.get("segments")
+    if not isinstance(records, list):
+        raise ValueError("index: segments are none")
+    found: dict[ArchivedName, KeptSegment] = {}
+    for record in records[:SEGMENTS_MAX]:
+        try:
+            segment = read_record(robot, view, record)
+        except ValueError:
+            continue  # it is read anew
+        if segment.from_ms - segment.from_ms % PAGE_MS == page_ms:
+            found[name_segment(segment)] = segment
+    return list(found.values())
+
+
+def make_segment_record(name: ArchivedName, data: bytes) -> KeptSegment:
+    """Make what an index tells of a segment from its name and its bytes, which are left out.
+
+    Raises SegmentError when they are damaged, or those of another segment.
+    """
+    segment = decode_segment(data)
+    start = segment.start
+    if (start.robot, start.view, start.take, start.index) != (
+        *(name.name.robot, name.name.view),
+        *(name.name.take, name.name.index),
+    ) or (start.from_ms, segment.to_ms, len(data)) != (name.from_ms, name.to_ms, name.size):
+        raise SegmentError("a segment under the name of another")
+    events = [each for each in segment.records if isinstance(each, EventRecord) and is_event(each.text)]
+    words = [each for each in segment.records if isinstance(each, WordRecord)]
+    frames = [each for each in segment.records if isinstance(each, FrameRecord)]
+    return KeptSegment(
+        name=name.name,
+        run=start.run_id,
+        from_ms=start.from_ms,
+        to_ms=segment.to_ms,
+        frames=len(frames),
+        first_seq=frames[0].seq if frames else 0,
+        last_seq=frames[-1].seq if frames else 0,
+        missing=start.missing,
+        schema=None if start.schema is None else bytes.fromhex(start.schema),
+        model=start.model,
+        data=b"",
+        sha256=hashlib.sha256(data).digest(),
+        events=tuple(PastEvent(start.from_ms + each.at_us // 1000, each.text) for each in events),
+        words=(
+            PastWord(start.from_ms, start.word),
+            *(PastWord(start.from_ms + each.at_us // 1000, each.word) for each in words),
+        ),
+        faults=sum(_is_fault(each.text) for each in events),
+        audiences=name.audiences,
+        elsewhere_bytes=len(data),
+    )
+
+
+def forget_bytes(segment: KeptSegment) -> KeptSegment:
+    """Return a segment without its bytes and its schema's text, as an index has it."""
+    return replace(segment, data=b"", schema_text=None, elsewhere_bytes=segment.size)
+
+
+def _is_fault(text: str) -> bool:
+    """Whether an event tells that a fault began."""
+    try:
+        doc = loads(text)
+    except ValueError:
+        return False
+    return isinstance(doc, dict) and doc.get("level") == "fault" and doc.get("state") == "on"
+
+
+def _unpack_known(robot: str, view: str, page_ms: int, data: bytes) -> dict[ArchivedName, KeptSegment]:
+    try:
+        return {name_segment(segment): segment for segment in unpack_index(robot, view, page_ms, data)}
+    except ValueError:
+        return {}  # it is made anew
+
+
+async def _read_records(store: ObjectStore, names: list[ArchivedName]) -> dict[ArchivedName, KeptSegment]:
+    """Read segments for what an index would tell of them; those that are damaged are left out."""
+    found: dict[ArchivedName, KeptSegment] = {}
+    for at in range(0, len(names), READ_AT_ONCE):
+        part = names[at : at + READ_AT_ONCE]
+        read = await asyncio.gather(*(store.get(name.key) for name in part))
+        there = [(name, data) for name, data in zip(part, read, strict=True) if data is not None]
+        found |= await asyncio.to_thread(_make_records, there)
+    return found
+
+
+def _make_records(read: list[tuple[ArchivedName, bytes]]) -> dict[ArchivedName, KeptSegment]:
+    found: dict[ArchivedName, KeptSegment] = {}
+    for name, data in read:
+        try:
+            found[name] = make_segment_record(name, data)
+        except SegmentError as e:
+            PASSED_OVER.report(name, str(e))
+    return found
+
+
+class _PassedOver:
+    """Says of each robot once that something in the store can't be read, and counts."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._told: set[str] = set()
+
+    def report(self, name: ArchivedName, why: str) -> None:
+        self.count += 1
+        if name.name.robot not in self._told and len(self._told) < 1000:
+            self._told.add(name.name.robot)
+            log.warning("the archive: passed over: %s: %.200s", name.key, why)
+
+
+PASSED_OVER = _PassedOver()

@@ -1,0 +1,255 @@
+"""Writes closed segments to an object store: several robots at once, each in order, beside all that is live.
+
+What waits is bounded in bytes, for each robot and for all. When the store is slow, full or away it is tried
+again with growing pauses; beyond the bounds the oldest are dropped and counted, and the past has a gap there.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import Counter, deque
+from collections.abc import Callable, Mapping
+from itertools import islice
+
+from posecast_relay.archive.names import ArchivedName, PageKey, make_schema_key, may_be_archived, name_segment
+from posecast_relay.archive.object_store import ArchiveError, ObjectStore
+from posecast_relay.archive.page_index import Known, forget_bytes
+from posecast_relay.core.past.kept_segment import KeptSegment
+
+log = logging.getLogger("posecast_relay")
+
+ROBOT_BYTES = 16 << 20  # of one robot that wait
+ALL_BYTES = 128 << 20  # of all robots
+ROBOTS_AT_ONCE = 16  # that are written
+PUTS_AT_ONCE = 4  # of one robot, where so many wait
+BACKOFF_S = (0.5, 10.0)  # the first and the longest pause after a failure
+STOP_S = 2.0  # for what waits when the process stops
+SCHEMAS_MAX = 10_000  # that are known to be there
+RECENT_MAX = 2000  # segments of one view of which is known what an index tells
+
+
+class ArchiveWriter:
+    """Writes the segments of those robots that are to be kept. `on_page_ended` is told of ten minutes when
+    something later has been written of their view: their index can be made.
+    """
+
+    def __init__(
+        self,
+        store: ObjectStore,
+        on_page_ended: Callable[[PageKey], None] = lambda _page: None,
+        is_deleted: Callable[[KeptSegment], bool] = lambda _segment: False,
+        robot_bytes: int = ROBOT_BYTES,
+        all_bytes: int = ALL_BYTES,
+        backoff_s: tuple[float, float] = BACKOFF_S,
+    ) -> None:
+        self.written = 0  # segments
+        self.written_bytes = 0
+        self.dropped = 0  # segments that did not get there
+        self.failures = 0  # calls that the store did not carry out
+        self.waiting_bytes = 0
+        self._store = store
+        self._on_page_ended = on_page_ended
+        self._is_deleted = is_deleted
+        self._robot_bytes, self._all_bytes, self._backoff_s = robot_bytes, all_bytes, backoff_s
+        self._keeps: Mapping[str, float] = {}
+        self._waiting: dict[str, deque[KeptSegment]] = {}  # by robot, the oldest first
+        self._sizes: Counter[str] = Counter()  # of those, by robot
+        self._schemas: dict[tuple[str, bytes], None] = {}  # by robot, the ones that are there
+        self._recent: dict[PageKey, dict[ArchivedName, KeptSegment]] = {}
+        self._open: dict[PageKey, None] = {}  # the ten minutes that are written to
+        self._tasks: dict[str, asyncio.Task[None]] = {}  # by robot, those that write
+        self._trouble: dict[str, str] = {}  # by robot, why it can't be written just now
+        self._turns = asyncio.Semaphore(ROBOTS_AT_ONCE)
+        self._dropped_before = 0  # what `dropped` was when all was well last
+        self._refused_views: set[tuple[str, str]] = set()
+        self._stopping = False
+
+    # ---- what comes ------------------------------------------------------------------
+
+    def set_keeps(self, keeps_s: Mapping[str, float]) -> None:
+        """Set which robots are kept, each for how many seconds. What waits of others is dropped."""
+        self._keeps = keeps_s
+        for robot in [robot for robot in self._waiting if robot not in keeps_s]:
+            while self._waiting.get(robot):
+                self._take_oldest(robot)
+
+    def keep(self, segment: KeptSegment) -> None:
+        """Take a segment that has just closed; returns at once."""
+        robot, view = segment.name.robot, segment.name.view
+        if robot not in self._keeps:
+            return
+        if not may_be_archived(robot, view):
+            if (robot, view) not in self._refused_views:
+                self._refused_views.add((robot, view))
+                log.warning("the archive: %s/%s: not kept: a folder of ours has that name", robot, view)
+            return
+        self._waiting.setdefault(robot, deque()).append(segment)
+        self._add(robot, segment.cost_bytes)
+        while self._sizes[robot] > self._robot_bytes:
+            self._drop_oldest(robot)
+        while self.waiting_bytes > self._all_bytes:
+            self._drop_oldest(max(self._sizes, key=self._sizes.__getitem__))
+        if robot not in self._tasks and not self._stopping and robot in self._waiting:
+            self._tasks[robot] = asyncio.create_task(self._write_robot(robot), name=f"the archive: {robot}")
+
+    def drop_waiting(self, is_gone: Callable[[KeptSegment], bool]) -> None:
+        """Drop those that wait and are to be there no more, and what is known of such as are there; they are
+        not counted.
+        """
+        for robot, segments in list(self._waiting.items()):
+            kept = [segment for segment in segments if not is_gone(segment)]
+            while self._waiting.get(robot):
+                self._take_oldest(robot)
+            for segment in kept:
+                self._waiting.setdefault(robot, deque()).append(segment)
+                self._add(robot, segment.cost_bytes)
+        for recent in self._recent.values():
+            for name in [name for name, segment in recent.items() if is_gone(segment)]:
+                del recent[name]
+
+    def list_waiting(self, robot: str) -> list[KeptSegment]:
+        """Return the segments of a robot that wait, or are being written."""
+        return list(self._waiting.get(robot, ()))
+
+    def find_known(self, page: PageKey) -> Known:
+        """Return what an index tells of the segments of ten minutes that were written a moment ago."""
+        return self._recent.get(page, {})
+
+    def forget_known(self, page: PageKey) -> None:
+        """Forget these, since their index is written; not while they are written to."""
+        if page not in self._open:
+            self._recent.pop(page, None)
+
+    def end_pages(self, before_ms: int) -> None:
+        """Note that ten minutes that began before `before_ms`, unix, are over: nothing is recorded now."""
+        self._end([page for page in self._open if page[2] < before_ms])
+
+    def _end(self, pages: list[PageKey]) -> None:
+        for page in pages:
+            del self._open[page]
+            self._on_page_ended(page)
+
+    def list_open_pages(self) -> list[PageKey]:
+        """Return the ten minutes of which something was written whose index was not."""
+        return list(self._recent)
+
+    def find_trouble(self) -> str | None:
+        """Return why something can't be written just now; None when all is well. Without addresses."""
+        return next(iter(list(self._trouble.values())), None)  # another thread may ask
+
+    async def stop(self, stop_s: float = STOP_S) -> None:
+        """Write what waits, if that is soon done; then end."""
+        self._stopping = True
+        tasks = list(self._tasks.values())
+        if tasks:
+            await asyncio.wait(tasks, timeout=stop_s)
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        if lost := sum(map(len, self._waiting.values())):
+            log.warning("the archive: %d segments were not written before the end", lost)
+
+    # ---- what waits --------------------------------------------------------------------
+
+    def _add(self, robot: str, size: int) -> None:
+        self.waiting_bytes += size
+        self._sizes[robot] += size
+
+    def _take_oldest(self, robot: str) -> KeptSegment:
+        segments = self._waiting[robot]
+        segment = segments.popleft()
+        self._add(robot, -segment.cost_bytes)
+        if not segments:
+            del self._waiting[robot], self._sizes[robot]
+        return segment
+
+    def _drop_oldest(self, robot: str) -> None:
+        self._take_oldest(robot)
+        self.dropped += 1
+
+    # ---- to the store ------------------------------------------------------------------
+
+    async def _write_robot(self, robot: str) -> None:
+        """Write what waits of a robot, then end."""
+        pause_s = self._backoff_s[0]
+        try:
+            while waiting := self._waiting.get(robot):
+                # one by one while it keeps up; a store that is slow is asked for several at once
+                batch = list(islice(waiting, PUTS_AT_ONCE))
+                async with self._turns:
+                    results = await asyncio.gather(*map(self._write, batch), return_exceptions=True)
+                pairs = list(zip(batch, results, strict=True))
+                self._take_done(robot, {id(each) for each, e in pairs if not isinstance(e, ArchiveError)})
+                for segment, error in pairs:
+                    if error is not None and not isinstance(error, ArchiveError):  # a mistake of ours
+                        log.error("the archive: %s/%s", robot, segment.name.view, exc_info=error)
+                        self.dropped += 1
+                failed = [str(error) for error in results if isinstance(error, ArchiveError)]
+                if failed:
+                    self.failures += len(failed)
+                    self._note_failure(robot, failed[0])
+                    await asyncio.sleep(pause_s)
+                    pause_s = min(2 * pause_s, self._backoff_s[1])
+                else:
+                    pause_s = self._backoff_s[0]
+                    self._note_success(robot)
+        finally:
+            self._tasks.pop(robot, None)
+
+    def _take_done(self, robot: str, done: set[int]) -> None:
+        """Remove what is written, if it still waits: it may have been dropped meanwhile."""
+        kept: list[KeptSegment] = []
+        while done and self._waiting.get(robot):
+            segment = self._take_oldest(robot)
+            if id(segment) in done:
+                done.discard(id(segment))
+            else:
+                kept.append(segment)
+        for segment in reversed(kept):
+            self._waiting.setdefault(robot, deque()).appendleft(segment)
+            self._add(robot, segment.cost_bytes)
+
+    async def _write(self, segment: KeptSegment) -> None:
+        name = name_segment(segment)
+        robot, view, schema = segment.name.robot, segment.name.view, segment.schema
+        if self._is_deleted(segment):
+            return
+        if schema is not None and (robot, schema) not in self._schemas and segment.schema_text is not None:
+            await self._store.put(make_schema_key(robot, schema), segment.schema_text.encode())
+            self._schemas[robot, schema] = None
+            while len(self._schemas) > SCHEMAS_MAX:
+                del self._schemas[next(iter(self._schemas))]
+        await self._store.put(name.key, segment.data)
+        if self._is_deleted(segment):  # meanwhile
+            await self._store.delete(name.key)
+            return
+        self.written += 1
+        self.written_bytes += segment.size
+        page = robot, view, name.page_ms
+        recent = self._recent.setdefault(page, {})
+        if len(recent) < RECENT_MAX:
+            recent[name] = forget_bytes(segment)
+        self._open[page] = None
+        self._end([each for each in self._open if each[:2] == (robot, view) and each[2] < name.page_ms])
+
+    def forget_schemas(self, robot: str) -> None:
+        """Write the schemas of a robot again where they are named: some may have been deleted."""
+        for known in [known for known in self._schemas if known[0] == robot]:
+            del self._schemas[known]
+
+    def _note_failure(self, robot: str, why: str) -> None:
+        if not self._trouble:
+            self._dropped_before = self.dropped
+            log.warning(
+                "the archive: %s; what is recorded waits, up to %d MB a robot, live goes on",
+                why,
+                self._robot_bytes >> 20,
+            )
+        self._trouble[robot] = why
+
+    def _note_success(self, robot: str) -> None:
+        if self._trouble.pop(robot, None) is not None and not self._trouble:
+            lost = self.dropped - self._dropped_before
+            told = f"{lost} segments were dropped" if lost else "none that waited was lost"
+            log.warning("the archive: is back; %s", told)

@@ -1,0 +1,292 @@
+"""What is known of a day of one robot's view without reading its segments: minute by minute, and of each ten
+minutes which takes, schemas and models there are.
+
+It is made of segments alone, so it can be made again at any time. What is read is not trusted: whatever is
+malformed raises ValueError with a message of one line.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, TypeVar, get_args
+
+from posecast_wire.checked import loads
+from posecast_wire.messages import RobotStatus
+
+from posecast_relay.core.past.audience_letters import read_letters, write_letters
+from posecast_relay.core.past.kept_segment import KeptSegment
+from posecast_relay.core.past.memory_store import PAGE_MS, TakeSpan
+from posecast_relay.core.past.segment_record import dump_json
+from posecast_relay.core.policy.policy import Audience
+
+T = TypeVar("T")
+
+VERSION = 1
+DAY_MS, MINUTE_MS = 86_400_000, 60_000
+DAY_BYTES_MAX = 8 << 20
+ROWS_MAX = 4096  # of one kind, of ten minutes
+U32_MAX, WHOLE_MAX = (1 << 32) - 1, (1 << 53) - 1
+LONGEST_MS = 1_200_000  # from the beginning of ten minutes to the end of what began in them
+ROW_BYTES, PAGE_BYTES = 320, 1200  # of Python's own
+WORDS: tuple[RobotStatus, ...] = get_args(RobotStatus)
+TAKE = re.compile("[0-9a-f]{16}", re.ASCII)
+SHA256 = re.compile("[0-9a-f]{64}", re.ASCII)
+
+
+class MinuteRow(NamedTuple):
+    """The segments that begin in one minute and have the same audiences.
+
+    `at_ms`: the minute; `from_ms`, `to_ms`: when the first begins and the last ends, unix; `word`: the worst;
+    `faults`: how many began.
+    """
+
+    at_ms: int
+    audiences: frozenset[Audience]
+    segments: int
+    bytes: int
+    frames: int
+    word: RobotStatus
+    faults: int
+    from_ms: int
+    to_ms: int
+
+
+class HashSpan(NamedTuple):
+    """A schema or model, and the newest segment of some audiences that names it: from when to when, unix
+    ms."""
+
+    sha256: str
+    audiences: frozenset[Audience]
+    from_ms: int
+    to_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class PageDigest:
+    """What is known of ten minutes from `at_ms` on, unix. `count`, `bytes`: of all their segments."""
+
+    at_ms: int
+    count: int
+    bytes: int
+    takes: tuple[TakeSpan, ...]
+    minutes: tuple[MinuteRow, ...]
+    schemas: tuple[HashSpan, ...]
+    models: tuple[HashSpan, ...]
+
+
+@dataclass
+class DayIndex:
+    """What is known of the day (UTC) from `day_ms` on, unix: its ten minutes, by when they begin."""
+
+    robot: str
+    view: str
+    day_ms: int
+    pages: dict[int, PageDigest] = field(default_factory=dict)
+
+    @property
+    def bytes(self) -> int:
+        """How many bytes its segments have."""
+        return sum(page.bytes for page in self.pages.values())
+
+    @property
+    def cost_bytes(self) -> int:
+        """How many bytes of memory it takes, about."""
+        rows = sum(len(page.minutes) + len(page.takes) + len(page.schemas) for page in self.pages.values())
+        return ROW_BYTES * rows + PAGE_BYTES * len(self.pages)
+
+    def list_pages(self) -> list[PageDigest]:
+        """Return its ten minutes in order."""
+        return [self.pages[at_ms] for at_ms in sorted(self.pages)]
+
+    def list_minutes(self) -> Iterator[MinuteRow]:
+        """Yield its minutes in order."""
+        for page in self.list_pages():
+            yield from page.minutes
+
+    def list_schemas(self) -> Iterator[HashSpan]:
+        """Yield the schemas that its segments name, those of the last ten minutes first."""
+        for page in reversed(self.list_pages()):
+            yield from page.schemas
+
+    def list_models(self) -> Iterator[HashSpan]:
+        """Yield the models that its segments name, those of the last ten minutes first."""
+        for page in reversed(self.list_pages()):
+            yield from page.models
+
+    def find_schemas(self) -> set[str]:
+        """Return the SHA-256 of all schemas that its segments name."""
+        return {span.sha256 for page in self.pages.values() for span in page.schemas}
+
+    def find_models(self) -> dict[str, frozenset[Audience]]:
+        """Return the SHA-256 of all models that its segments name, and who could see such a segment."""
+        found: dict[str, frozenset[Audience]] = {}
+        for page in self.pages.values():
+            for span in page.models:
+                found[span.sha256] = found.get(span.sha256, frozenset()) | span.audiences
+        return found
+
+
+def digest_page(at_ms: int, segments: Sequence[KeptSegment]) -> PageDigest:
+    """Make the digest of the ten minutes from `at_ms` on, unix, of all segments that begin in them."""
+    minutes: dict[tuple[int, str], list[KeptSegment]] = {}
+    takes: dict[int, TakeSpan] = {}
+    schemas: dict[tuple[str, str], HashSpan] = {}
+    models: dict[tuple[str, str], HashSpan] = {}
+    for segment in sorted(segments, key=lambda each: (each.from_ms, each.name.take, each.name.index)):
+        letters = write_letters(segment.audiences)
+        minutes.setdefault((segment.from_ms // MINUTE_MS, letters), []).append(segment)
+        take, index = segment.name.take, segment.name.index
+        span = takes.get(take, TakeSpan(take, index, index))
+        takes[take] = TakeSpan(take, min(span.first_index, index), max(span.last_index, index))
+        schema = None if segment.schema is None else segment.schema.hex()
+        for found, sha256 in ((schemas, schema), (models, segment.model)):
+            if sha256 is not None:
+                found[sha256, letters] = HashSpan(sha256, segment.audiences, segment.from_ms, segment.to_ms)
+    rows = tuple(_sum_minute(MINUTE_MS * minute, minutes[minute, of]) for minute, of in sorted(minutes))
+    size = sum(segment.size for segment in segments)
+    spans = tuple(takes.values())
+    return PageDigest(
+        at_ms, len(segments), size, spans, rows, tuple(schemas.values()), tuple(models.values())
+    )
+
+
+def _sum_minute(at_ms: int, segments: Sequence[KeptSegment]) -> MinuteRow:
+    return MinuteRow(
+        at_ms,
+        segments[0].audiences,
+        len(segments),
+        sum(segment.size for segment in segments),
+        sum(segment.frames for segment in segments),
+        max((word.word for segment in segments for word in segment.words), key=WORDS.index, default="online"),
+        sum(segment.faults for segment in segments),
+        min(segment.from_ms for segment in segments),
+        max(segment.to_ms for segment in segments),
+    )
+
+
+def sum_minutes(segments: Iterable[KeptSegment]) -> list[MinuteRow]:
+    """Sum segments up by minute and audiences."""
+    minutes: dict[tuple[int, str], list[KeptSegment]] = {}
+    for segment in segments:
+        key = segment.from_ms // MINUTE_MS, write_letters(segment.audiences)
+        minutes.setdefault(key, []).append(segment)
+    return [_sum_minute(MINUTE_MS * minute, minutes[minute, of]) for minute, of in sorted(minutes)]
+
+
+def pack_day(day: DayIndex) -> bytes:
+    """Encode a day as JSON; times count from the beginning of the ten minutes."""
+    return dump_json(
+        {
+            "v": VERSION,
+            "robot": day.robot,
+            "view": day.view,
+            "day_ms": day.day_ms,
+            "pages": [_write_page(page) for page in day.list_pages()],
+        }
+    )
+
+
+def unpack_day(robot: str, view: str, day_ms: int, data: bytes) -> DayIndex:
+    """Read a day of this robot and view. Raises ValueError when it is none, or of another."""
+    if len(data) > DAY_BYTES_MAX:
+        raise ValueError("day: too long")
+    doc = loads(data)
+    if not isinstance(doc, dict) or doc.get("v") != VERSION:
+        raise ValueError("day: of another version")
+    if [doc.get(name) for name in ("robot", "view", "day_ms")] != [robot, view, day_ms]:
+        raise ValueError("day: of another robot, view or day")
+    pages = _list(doc.get("pages"), DAY_MS // PAGE_MS)
+    read = [_read_page(page, day_ms) for page in pages]
+    return DayIndex(robot, view, day_ms, {page.at_ms: page for page in read})
+
+
+def _write_page(page: PageDigest) -> dict[str, object]:
+    def write_hashes(spans: tuple[HashSpan, ...]) -> list[object]:
+        return [
+            (each.sha256, write_letters(each.audiences), each.from_ms - page.at_ms, each.to_ms - page.at_ms)
+            for each in spans
+        ]
+
+    return {
+        "at_ms": page.at_ms,
+        "count": page.count,
+        "bytes": page.bytes,
+        "takes": [(f"{each.take:016x}", each.first_index, each.last_index) for each in page.takes],
+        "minutes": [
+            (
+                *((row.at_ms - page.at_ms) // MINUTE_MS, write_letters(row.audiences), row.segments),
+                *(row.bytes, row.frames, row.word, row.faults),
+                *(row.from_ms - page.at_ms, row.to_ms - page.at_ms),
+            )
+            for row in page.minutes
+        ],
+        "schemas": write_hashes(page.schemas),
+        "models": write_hashes(page.models),
+    }
+
+
+def _read_page(doc: object, day_ms: int) -> PageDigest:
+    if not isinstance(doc, dict):
+        raise ValueError("day: ten minutes are none")
+    at_ms = _whole(doc.get("at_ms"))
+    if at_ms % PAGE_MS or not day_ms <= at_ms < day_ms + DAY_MS:
+        raise ValueError("day: ten minutes of another day")
+
+    def read_rows(name: str, width: int, read: Callable[[list[Any]], T]) -> tuple[T, ...]:
+        rows = _list(doc.get(name), ROWS_MAX)
+        if not all(isinstance(row, list) and len(row) == width for row in rows):
+            raise ValueError(f"day: {name} are none")
+        return tuple(read(row) for row in rows)
+
+    def read_span(row: Sequence[Any]) -> tuple[int, int]:
+        from_ms, to_ms = _whole(row[0], PAGE_MS), _whole(row[1], LONGEST_MS)
+        if from_ms > to_ms:
+            raise ValueError("day: it ends before it begins")
+        return at_ms + from_ms, at_ms + to_ms
+
+    def read_hash(row: list[Any]) -> HashSpan:
+        return HashSpan(_text(row[0], SHA256), _letters(row[1]), *read_span(row[2:]))
+
+    def read_minute(row: list[Any]) -> MinuteRow:
+        if row[5] not in WORDS:
+            raise ValueError("day: a word is none")
+        count, size, frames, faults = (_whole(row[n]) for n in (2, 3, 4, 6))
+        minute_ms, audiences = at_ms + MINUTE_MS * _whole(row[0], 9), _letters(row[1])
+        return MinuteRow(minute_ms, audiences, count, size, frames, row[5], faults, *read_span(row[7:]))
+
+    def read_take(row: list[Any]) -> TakeSpan:
+        return TakeSpan(int(_text(row[0], TAKE), 16), _whole(row[1], U32_MAX), _whole(row[2], U32_MAX))
+
+    return PageDigest(
+        at_ms,
+        _whole(doc.get("count")),
+        _whole(doc.get("bytes")),
+        read_rows("takes", 3, read_take),
+        read_rows("minutes", 9, read_minute),
+        read_rows("schemas", 4, read_hash),
+        read_rows("models", 4, read_hash),
+    )
+
+
+def _whole(found: object, most: int = WHOLE_MAX) -> int:
+    if type(found) is not int or not 0 <= found <= most:
+        raise ValueError("day: a number is none")
+    return found
+
+
+def _text(found: object, form: re.Pattern[str]) -> str:
+    if not isinstance(found, str) or not form.fullmatch(found):
+        raise ValueError("day: a text is none")
+    return found
+
+
+def _letters(found: object) -> frozenset[Audience]:
+    return read_letters(found if isinstance(found, str) else "")
+
+
+def _list(found: object, most: int) -> list[Any]:
+    if not isinstance(found, list) or len(found) > most:
+        raise ValueError("day: a list is none")
+    return found

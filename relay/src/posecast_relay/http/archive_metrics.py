@@ -1,0 +1,55 @@
+"""What Prometheus is told of the past in an object store."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple, Protocol
+
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+
+
+class ArchiveFigures(NamedTuple):
+    """The state of an archive. `stored_bytes`: as far as it was looked through; `free_bytes`, `disk_bytes`:
+    None where nobody can know; the counters since the process began.
+    """
+
+    trouble: str | None
+    written: int
+    dropped: int
+    expired: int
+    failures: int
+    waiting_bytes: int
+    stored_bytes: int
+    free_bytes: int | None
+    disk_bytes: int | None
+
+
+class ArchiveStats(Protocol):
+    """An archive that can be measured, from any thread."""
+
+    def measure(self) -> ArchiveFigures:
+        """Return its state now."""
+
+
+def describe_archive(archive: ArchiveStats) -> Iterable[Metric]:
+    """Yield its metrics with their present values."""
+    now = archive.measure()
+    yield GaugeMetricFamily(
+        "posecast_archive_up", "Whether the past can be kept in the store", 0 if now.trouble else 1
+    )
+    fates = CounterMetricFamily(
+        "posecast_archive_segments", "Segments for the store by what became of them", labels=["fate"]
+    )
+    for fate, count in (("written", now.written), ("dropped", now.dropped), ("expired", now.expired)):
+        fates.add_metric([fate], count)
+    yield fates
+    yield CounterMetricFamily(
+        "posecast_archive_failures", "Calls that the store did not carry out", now.failures
+    )
+    yield GaugeMetricFamily(
+        "posecast_archive_waiting_bytes", "Memory that waits to be written", now.waiting_bytes
+    )
+    yield GaugeMetricFamily("posecast_archive_bytes", "What the segments in the store take", now.stored_bytes)
+    if now.free_bytes is not None and now.disk_bytes is not None:
+        yield GaugeMetricFamily("posecast_archive_free_bytes", "What its disk has left", now.free_bytes)
+        yield GaugeMetricFamily("posecast_archive_disk_bytes", "What its disk holds in all", now.disk_bytes)

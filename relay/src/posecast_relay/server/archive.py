@@ -1,0 +1,102 @@
+"""The archive of a process: where robots are heard it is written, and read wherever the past is read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from posecast_relay.archive.indexer import Indexer
+from posecast_relay.archive.joined_past import JoinedPast
+from posecast_relay.archive.object_store import ObjectStore, open_object_store
+from posecast_relay.archive.reader import ArchiveReader
+from posecast_relay.archive.writer import ArchiveWriter
+from posecast_relay.config.settings import Settings, StartError
+from posecast_relay.core.past.deletions import Deletions
+from posecast_relay.core.policy.policy import Policy
+from posecast_relay.http.archive_metrics import ArchiveFigures
+from posecast_relay.past_source import PastSource
+from posecast_relay.runtime.dispatcher import Dispatcher
+from posecast_relay.server.archive_upkeep import ArchiveUpkeep
+from posecast_relay.store_url import StoreUrlError
+
+READ_S = 3.0  # for a call on behalf of somebody who waits for the answer
+
+
+@dataclass(frozen=True)
+class ArchiveServices:
+    """What reads an object store; where robots are heard, also what writes it and keeps its indexes."""
+
+    store: ObjectStore
+    reader: ArchiveReader
+    upkeep: ArchiveUpkeep
+    writer: ArchiveWriter | None = None
+    indexer: Indexer | None = None
+
+    def join(self, front: PastSource) -> PastSource:
+        """Return a past of what is recent in `front` and of what is older in the store."""
+        return JoinedPast(front, self.reader, self.find_trouble)
+
+    def find_trouble(self) -> str | None:
+        """Return why the store can't be written, or that it is nearly full; None when all is well."""
+        trouble = None if self.writer is None else self.writer.find_trouble()
+        return trouble or (None if self.indexer is None else self.indexer.space.find_trouble())
+
+    def measure(self) -> ArchiveFigures:
+        """Return its state now. From any thread."""
+        writer, indexer = self.writer, self.indexer
+        space = None if indexer is None else indexer.space.space
+        return ArchiveFigures(
+            trouble=None if writer is None else writer.find_trouble(),
+            written=0 if writer is None else writer.written,
+            dropped=0 if writer is None else writer.dropped,
+            expired=0 if indexer is None else indexer.expired,
+            failures=(0 if writer is None else writer.failures)
+            + (0 if indexer is None else indexer.failures),
+            waiting_bytes=0 if writer is None else writer.waiting_bytes,
+            stored_bytes=0 if indexer is None else indexer.stored_bytes,
+            free_bytes=None if space is None else space.free,
+            disk_bytes=None if space is None else space.total,
+        )
+
+    def set_policy(self, policy: Policy) -> None:
+        """Set which robots are kept, and for how long."""
+        self.upkeep.set_keeps(policy.keeps_s)
+        if self.writer is not None and self.indexer is not None:
+            self.writer.set_keeps(policy.keeps_s)
+            self.indexer.set_keeps(policy.keeps_s)
+
+    def start(self) -> None:
+        """Start what runs in the background."""
+        self.upkeep.start()
+        if self.indexer is not None:
+            self.indexer.start()
+
+    async def stop(self) -> None:
+        """Write what waits and its indexes, if that is soon done; then end."""
+        await self.upkeep.stop()
+        if self.writer is not None and self.indexer is not None:
+            await self.writer.stop()
+            await self.indexer.stop()
+
+
+def make_archive(settings: Settings, deletions: Deletions) -> ArchiveServices | None:
+    """Make the archive that `settings` asks for; None without one. Raises StartError."""
+    if settings.archive is None:
+        return None
+    try:
+        store = open_object_store(settings.archive)
+        quick = open_object_store(settings.archive, READ_S)
+    except StoreUrlError as e:
+        raise StartError(f"--past {settings.archive}: {e}") from None
+    writer: ArchiveWriter | None = None
+    indexer: Indexer | None = None
+    if settings.role == "gateway":
+        reader = ArchiveReader(quick, Dispatcher.now, Dispatcher.unix_s, deletions.cover)
+    else:
+        indexer = Indexer(store, Dispatcher.unix_s)
+        reader = ArchiveReader(quick, Dispatcher.now, Dispatcher.unix_s, deletions.cover, indexer.mend)
+        writer = ArchiveWriter(store, indexer.mend, deletions.cover_segment)
+        indexer.writer = writer
+    upkeep = ArchiveUpkeep(store, deletions, reader, writer)
+    if indexer is not None:
+        indexer.on_deleted = upkeep.note_expired
+    return ArchiveServices(store, reader, upkeep, writer, indexer)

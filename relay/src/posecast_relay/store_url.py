@@ -1,0 +1,19 @@
+"""URLs of object stores: which there are, without opening one."""
+
+from __future__ import annotations
+
+import re
+
+URL = re.compile(r"(?:file:///|(?:s3|gs|az)://[A-Za-z0-9][A-Za-z0-9._-]{0,62}(?:/|$))[^\s?#]*", re.ASCII)
+URL_FORM = "use file:///FOLDER, s3://BUCKET/PREFIX, gs://BUCKET/PREFIX or az://CONTAINER/PREFIX"
+
+
+class StoreUrlError(ValueError):
+    """No URL of an object store, or what it needs is not installed. The message is one line."""
+
+
+def check_store_url(url: str) -> str:
+    """Return the URL if it may be that of an object store. Raises StoreUrlError."""
+    if not URL.fullmatch(url) or "/../" in f"{url}/" or (url.startswith("file:") and len(url) < 9):
+        raise StoreUrlError(URL_FORM)
+    return url.rstrip("/")

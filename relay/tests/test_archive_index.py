@@ -1,0 +1,294 @@
+"""Indexes of an archive: what is recorded, what the segments say, what is found after anything went wrong."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from posecast_relay.archive.day_file import check_day, list_days, load_day
+from posecast_relay.archive.names import (
+    DAY_MS,
+    PAGE_MS,
+    make_day_key,
+    make_index_key,
+    name_segment,
+    read_segment_key,
+)
+from posecast_relay.archive.page_index import (
+    forget_bytes,
+    load_page,
+    make_segment_record,
+    pack_index,
+    unpack_index,
+)
+from posecast_relay.core.past.audience_letters import read_letters, write_letters
+from posecast_relay.core.past.day_index import DayIndex, digest_page, pack_day, sum_minutes, unpack_day
+from posecast_relay.core.past.day_reach import reach_day
+from posecast_relay.core.past.kept_segment import KeptSegment
+from posecast_relay.core.policy.policy import Audience
+from posecast_wire.segment import SegmentError
+
+from . import past_doors
+from .archive_world import ArchiveWorld, make_run
+from .past_doors import make_kept
+
+START = past_doors.PAGE_MS
+DAY_START = START - START % DAY_MS
+
+
+def test_what_is_read_from_a_segment_is_what_was_recorded() -> None:
+    segment = make_kept(3, START + 1234, missing=0, faults=0)
+    found = make_segment_record(name_segment(segment), segment.data)
+    assert found == replace(forget_bytes(segment), events=found.events)
+    assert [(each.at_ms, each.text) for each in found.events] == [
+        (each.at_ms, each.text) for each in segment.events
+    ]
+
+
+def test_bytes_under_the_name_of_another_are_refused() -> None:
+    one, other = make_kept(0, START), make_kept(1, START)
+    with pytest.raises(SegmentError, match="under the name of another"):
+        make_segment_record(name_segment(other), one.data)
+    with pytest.raises(SegmentError):
+        make_segment_record(name_segment(one), one.data[:-5])
+
+
+def test_an_index_is_read_as_it_was_written_and_that_of_others_is_refused() -> None:
+    segments = [forget_bytes(each) for each in make_run(5)]
+    data = pack_index("r", "public", START, segments)
+    assert unpack_index("r", "public", START, data) == segments
+    for robot, view, page_ms in (
+        ("s", "public", START),
+        ("r", "all", START),
+        ("r", "public", START + PAGE_MS),
+    ):
+        with pytest.raises(ValueError, match="of another"):
+            unpack_index(robot, view, page_ms, data)
+    doc = json.loads(data)
+    doc["segments"][1]["take"] = "no take"
+    doc["segments"][2]["from"] += PAGE_MS
+    doc["segments"][2]["to"] += PAGE_MS
+    left = unpack_index("r", "public", START, json.dumps(doc).encode())
+    assert [each.name.index for each in left] == [0, 3, 4]
+    for wrong in (b"", b"[]", b"{}", b"{", b"null", data[:-3], b'{"v":1,"segments":3}'):
+        with pytest.raises(ValueError, match=r"index|Expecting|Unterminated|object"):
+            unpack_index("r", "public", START, wrong)
+
+
+AUDIENCES = st.frozensets(st.sampled_from(Audience))
+
+
+@given(st.lists(st.tuples(st.integers(0, PAGE_MS - 1), AUDIENCES), max_size=30))
+@settings(max_examples=50, deadline=None)
+def test_a_day_is_read_as_it_was_written(found: list[tuple[int, frozenset[Audience]]]) -> None:
+    segments = [
+        make_small(n, START + at, audiences)
+        for n, (at, audiences) in enumerate(found)
+    ]  # fmt: skip
+    digest = digest_page(START, segments)
+    day = DayIndex("r", "public", DAY_START, {START: digest})
+    assert unpack_day("r", "public", DAY_START, pack_day(day)) == day
+    assert sum(row.segments for row in digest.minutes) == digest.count == len(segments)
+    assert sorted(digest.minutes) == sorted(sum_minutes(segments))
+    seen = frozenset().union(*(audiences for _, audiences in found)) if found else frozenset()
+    assert day.find_models() == ({"ab" * 32: seen} if found else {})
+    for span in reach_day(day).spans:
+        own = [each for each in segments if each.audiences == span.audiences]
+        assert (span.from_ms, span.to_ms) == (min(e.from_ms for e in own), max(e.to_ms for e in own))
+
+
+def make_small(index: int, from_ms: int, audiences: frozenset[Audience]) -> KeptSegment:
+    """What an index tells of a segment of 9 ms."""
+    name = replace(SEGMENT.name, index=index)
+    return replace(
+        SEGMENT, name=name, from_ms=from_ms, to_ms=from_ms + 9, audiences=audiences, model="ab" * 32
+    )
+
+
+SEGMENT = forget_bytes(make_kept(0, START))
+
+
+def test_a_day_of_another_or_damaged_is_refused() -> None:
+    day = DayIndex("r", "public", DAY_START, {START: digest_page(START, make_run(3))})
+    data = pack_day(day)
+    for robot, view, day_ms in (("s", "public", DAY_START), ("r", "x", DAY_START), ("r", "public", 0)):
+        with pytest.raises(ValueError, match="day: of another"):
+            unpack_day(robot, view, day_ms, data)
+    doc = json.loads(data)
+    page = doc["pages"][0]
+    for change in (
+        {"at_ms": START + 1},
+        {"at_ms": START + DAY_MS},
+        {"count": -1},
+        {"takes": [["x", 0, 1]]},
+        {"takes": 3},
+        {"minutes": [[0, "als", 1, 1, 1, "dead", 0, 0, 0]]},
+        {"minutes": [[0, "xa", 1, 1, 1, "online", 0, 0, 0]]},
+        {"minutes": [[0, "", 1, 1, 1, "online", 0, 0, 0]]},
+        {"minutes": [[10, "a", 1, 1, 1, "online", 0, 0, 0]]},
+        {"minutes": [[0, "a", 1, 1, 1, "online", 0, 5, 4]]},
+        {"schemas": [["no hash", "a", 0, 1]]},
+    ):
+        with pytest.raises(ValueError, match=r"^day: |^audiences"):
+            unpack_day("r", "public", DAY_START, json.dumps(doc | {"pages": [page | change]}).encode())
+
+
+def test_letters() -> None:
+    assert write_letters([]) == "x"
+    assert read_letters("x") == frozenset()
+    for text in ("", "b", "aa", "sl", "ax"):
+        with pytest.raises(ValueError, match="audiences"):
+            read_letters(text)
+
+
+async def test_indexes_are_written_when_ten_minutes_are_over_and_at_the_end(tmp_path: Path) -> None:
+    world = ArchiveWorld(tmp_path / "store")
+    segments = make_run(200)  # thirteen minutes
+    await world.indexer.do_due()  # there is nothing to look through
+    await world.write(*segments)
+    await world.indexer.do_due()
+    assert world.list_files("index.json") == [make_index_key("r", "public", START)]
+    await world.index()
+    assert world.list_files("index.json") == [
+        make_index_key("r", "public", START),
+        make_index_key("r", "public", START + PAGE_MS),
+    ]
+    page = await load_page(world.store, "r", "public", START)
+    assert page.is_indexed
+    assert page.segments == tuple(forget_bytes(each) for each in segments[:150])
+    day = await load_day(world.store, "r", "public", DAY_START)
+    assert day.is_written
+    assert day.day.bytes == sum(each.size for each in segments) == world.indexer.stored_bytes
+    assert await check_day(world.store, "r", "public", DAY_START) == []
+
+
+async def test_ten_minutes_in_which_the_robot_went_silent_are_over_too(tmp_path: Path) -> None:
+    world = ArchiveWorld(tmp_path / "store")
+    await world.indexer.do_due()
+    await world.write(*make_run(5))
+    await world.indexer.do_due()
+    assert world.list_files("index.json") == []
+    world.unix_ms += PAGE_MS + 20_000
+    world.indexer._ended_at = float("-inf")
+    await world.indexer.do_due()
+    assert len(world.list_files("index.json")) == 1
+
+
+def delete_index(world: ArchiveWorld) -> None:
+    (world.folder / make_index_key("r", "public", START)).unlink()
+
+
+def damage_index(world: ArchiveWorld) -> None:
+    (world.folder / make_index_key("r", "public", START)).write_bytes(b'{"v":1,"robot":"r"')
+
+
+def swap_index(world: ArchiveWorld) -> None:
+    other = [forget_bytes(each) for each in make_run(3, robot="s")]
+    path = world.folder / make_index_key("r", "public", START)
+    path.write_bytes(pack_index("s", "public", START, other))
+
+
+def delete_day(world: ArchiveWorld) -> None:
+    (world.folder / make_day_key("r", "public", START)).unlink()
+
+
+def empty_day(world: ArchiveWorld) -> None:
+    path = world.folder / make_day_key("r", "public", START)
+    path.write_bytes(pack_day(DayIndex("r", "public", DAY_START)))
+
+
+def delete_segments(world: ArchiveWorld) -> None:
+    for key in world.list_files(".segment")[10:20]:
+        (world.folder / key).unlink()
+
+
+def delete_all(world: ArchiveWorld) -> None:
+    for key in world.list_files(".segment"):
+        (world.folder / key).unlink()
+
+
+def damage_segment(world: ArchiveWorld) -> None:
+    delete_index(world)
+    path = world.folder / world.list_files(".segment")[7]
+    path.write_bytes(path.read_bytes()[:-1] + b"x")
+
+
+def cut_segment(world: ArchiveWorld) -> None:
+    path = world.folder / world.list_files(".segment")[7]
+    path.write_bytes(path.read_bytes()[:100])
+
+
+def put_foreign(world: ArchiveWorld) -> None:
+    folder = (world.folder / make_index_key("r", "public", START)).parent
+    (folder / "notes.txt").write_text("mine")
+    (folder / "0-1-x.segment").write_text("mine")
+    (folder.parent / "25-00").mkdir()
+    (folder.parent.parent / "2026-99-99").mkdir()
+    (folder.parent.parent / "README").write_text("mine")
+
+
+@pytest.mark.parametrize(
+    "harm",
+    [delete_index, damage_index, swap_index, delete_day, empty_day, delete_segments, delete_all,
+     damage_segment, cut_segment, put_foreign],
+)  # fmt: skip
+async def test_whatever_happens_to_the_indexes_the_past_is_the_segments(
+    tmp_path: Path, harm: Callable[[ArchiveWorld], None]
+) -> None:
+    world = ArchiveWorld(tmp_path / "store")
+    await world.write(*make_run(60))
+    await world.index()
+    harm(world)
+    foreign = {key for key in world.list_files() if key.endswith(("notes.txt", "x.segment", "README"))}
+    there = [name for key in world.list_files(".segment") if (name := read_segment_key(key)) is not None]
+    readable = [
+        name.name.index
+        for name in there
+        if (data := (world.folder / name.key).read_bytes()) and len(data) == name.size and data[-1:] != b"x"
+    ]
+    page = await world.make_reader().load_page("r", "public", START)  # at once, without any index
+    assert [each.name.index for each in page] == sorted(readable)
+    day = await world.make_reader().load_day("r", "public", DAY_START)
+    if harm not in (delete_segments, cut_segment, delete_all, damage_segment):  # there it has to be mended
+        assert [row.segments for row in day.list_minutes()] == [r.segments for r in sum_minutes(page)]
+    fresh = ArchiveWorld(world.folder)
+    fresh.unix_ms = START + PAGE_MS + 70_000
+    await fresh.indexer.walk_all()
+    await fresh.make_reader().load_page("r", "public", START)  # who reads sees what is in an index
+    await fresh.index()
+    if harm is not damage_segment:
+        assert await check_day(fresh.store, "r", "public", DAY_START) == []
+    loaded = await load_page(fresh.store, "r", "public", START)
+    assert loaded.is_indexed is bool(readable)
+    day = (await load_day(fresh.store, "r", "public", DAY_START)).day
+    assert list(day.list_minutes()) == sum_minutes(loaded.segments)
+    assert foreign <= set(fresh.list_files())
+
+
+async def test_ten_thousand_foreign_files_harm_nothing(tmp_path: Path) -> None:
+    world = ArchiveWorld(tmp_path / "store")
+    await world.write(*make_run(3))
+    folder = (world.folder / make_index_key("r", "public", START)).parent
+    for n in range(10_000):
+        (folder / f"{n}.jpg").touch()
+    await world.index()
+    page = await world.make_reader().load_page("r", "public", START)
+    assert [each.name.index for each in page] == [0, 1, 2]
+
+
+async def test_two_that_write_one_robot_lose_nothing_of_each_other(tmp_path: Path) -> None:
+    one, two = ArchiveWorld(tmp_path / "store"), ArchiveWorld(tmp_path / "store")
+    await one.write(*make_run(20))
+    await two.write(*make_run(20, START + 2000, take=0xB))
+    await one.index()
+    await two.index()
+    page = await load_page(one.store, "r", "public", START)
+    assert page.is_indexed
+    assert len(page.segments) == 40
+    assert (await load_day(one.store, "r", "public", DAY_START)).day.pages[START].count == 40
+    assert await list_days(one.store, "r", "public") == [DAY_START]

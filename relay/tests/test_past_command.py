@@ -1,0 +1,234 @@
+"""`posecast-relay past`: what it prints, asks and refuses, over a store in a folder and a relay's socket."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+import json
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from posecast_relay.config.settings import SettingsError
+from posecast_relay.core.past.deletions import Deletions
+from posecast_relay.core.past.memory_store import MemoryPast
+from posecast_relay.past_command.main import run_past
+from posecast_relay.past_command.progress import CommandProgress
+from posecast_relay.past_command.times import TimeError, read_time, write_time
+from posecast_relay.server.past_deletion import ObedientMemory
+from posecast_relay.server.past_socket import PastSocket
+
+from .archive_world import ArchiveWorld, make_run
+from .past_doors import PAGE_MS, make_kept
+
+DAY_MS = 86_400_000
+
+
+@pytest.fixture(autouse=True)
+def korea(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """This machine's zone is nine hours ahead."""
+    monkeypatch.setenv("TZ", "Asia/Seoul")
+    monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
+    time.tzset()
+    yield
+    monkeypatch.undo()
+    time.tzset()
+
+
+@pytest.mark.parametrize(
+    ("text", "unix_ms"),
+    [
+        ("2026-11-18T11:20:00Z", PAGE_MS),
+        ("2026-11-18t11:20z", PAGE_MS),
+        ("2026-11-18T20:20:00.250+09:00", PAGE_MS + 250),
+        ("2026-11-18", PAGE_MS - 20 * 3_600_000 - 20 * 60_000),
+    ],
+)
+def test_times_are_read_as_people_write_them(text: str, unix_ms: int) -> None:
+    assert read_time(text) == unix_ms
+    if "t" in text.lower():
+        assert read_time(text, is_end=True) == unix_ms
+        assert write_time(unix_ms) == "2026-11-18T11:20:00Z"
+    else:
+        assert read_time(text, is_end=True) == unix_ms + DAY_MS
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("", "now", "18.11.2026", "2026-11-18T11:20", "2026-11-18 11:20Z", "2026-13-01", "2026-02-30"),
+        *("1969-12-30", "2026-11-18T25:00Z", "2026-11-18T11:20:00.1234Z", "٢٠٢٦-11-18", "0001-01-01"),
+        "9999-12-31T23:59:59Z",
+    ],
+)
+def test_what_is_no_time_gets_a_line(text: str) -> None:
+    with pytest.raises(TimeError, match=r"^(use|there is no such) [ -~]+$"):
+        read_time(text)
+
+
+async def fill(folder: Path) -> None:
+    """Two views of one robot, over midnight, one of another, and something that is not ours."""
+    world = ArchiveWorld(folder, ("r", "other-robot"))
+    midnight = PAGE_MS - PAGE_MS % DAY_MS + DAY_MS
+    await world.write(*make_run(4, midnight - 8000), make_kept(0, PAGE_MS, view="staff"))
+    await world.write(make_kept(0, PAGE_MS, robot="other-robot"))
+    await world.index()
+    (folder / "r" / "notes.txt").write_text("mine")
+
+
+def run(*argv: str) -> None:
+    """The command, with nothing in its environment."""
+    run_past(argv, {})
+
+
+def test_list_prints_aligned_columns(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    asyncio.run(fill(tmp_path))
+    store = f"file://{tmp_path}"
+    run("list", "--past", store)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split() == ["robot", "view", "from", "to", "bytes", "segments"]
+    assert [line.split()[:4] for line in lines[1:]] == [
+        ["other-robot", "public", "2026-11-18T11:20:00Z", "2026-11-18T11:20:04Z"],
+        ["r", "public", "2026-11-18T23:59:52Z", "2026-11-19T00:00:08Z"],
+        ["r", "staff", "2026-11-18T11:20:00Z", "2026-11-18T11:20:04Z"],
+    ]
+    assert len({len(line) for line in lines}) == 1
+    assert lines[2].split()[-1] == "4"
+    run_past(["list", "--robot", "r", "--view", "public", "--days"], {"POSECAST_PAST": store})
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[2] for line in lines] == ["day", "2026-11-18", "2026-11-19"]
+    run("list", "--past", store, "--robot", "nobody")
+    assert capsys.readouterr().out == "nothing is kept of nobody\n"
+
+
+def test_what_can_not_be_asked_for_so_gets_one_line(tmp_path: Path) -> None:
+    store = ("--past", f"file://{tmp_path}", "--robot", "r")
+    whole = ("--from", "2026-11-18", "--to", "2026-11-19")
+    for argv, why in (
+        (("list", "--past", "0"), "--past 0: then nothing is kept"),
+        (("list", "--past", "ftp://x"), "--past 'ftp://x': use file:///FOLDER, s3://"),
+        (("list", "--past", f"file://{tmp_path}/absent"), "there is no such folder"),
+        (("delete", *store), "give --from and --to, or --all"),
+        (("delete", *store, "--from", "2026-11-18"), "give --from and --to, or --all"),
+        (("delete", *store, "--all", *whole), "give either --all, or --from and --to"),
+        (("delete", *store, *whole[2:], "--from", "2026-11-20"), "is not before"),
+        (("delete", *store, "--from", "2999-01-01", "--to", "2999-01-02"), "that is still to come"),
+        (("delete", *store, "--from", "yesterday", "--to", "2026-11-19"), "--from 'yesterday': use a day"),
+        (("delete", "--past", f"file://{tmp_path}", "--all"), "--robot"),
+        (("delete", *store[:2], "--robot", "../x", "--all"), "use 1 to 63 of a-z"),
+        (("delete", *store, *whole), "nobody can be asked here: give --yes"),
+        (("empty",), "invalid choice"),
+    ):
+        with pytest.raises(SettingsError) as told:
+            run(*argv)
+        assert why in str(told.value), argv
+        assert "\n" not in str(told.value)
+    assert not (tmp_path / "absent").exists()
+
+
+class Keyboard(io.StringIO):
+    """Somebody at a terminal."""
+
+    def isatty(self) -> bool:
+        """It is one."""
+        return True
+
+
+def test_it_asks_before_it_deletes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asyncio.run(fill(tmp_path))
+    span = ("--from", "2026-11-18T00:00Z", "--to", "2026-11-19T00:00Z")
+    argv = ("delete", "--past", f"file://{tmp_path}", "--robot", "r", *span)
+    count = len(list(tmp_path.rglob("*.segment")))
+    for answer in ("", "n\n", "never\n"):
+        monkeypatch.setattr(sys, "stdin", Keyboard(answer))
+        with pytest.raises(SystemExit) as ended:
+            run(*argv)
+        assert ended.value.code == 1
+        asked = capsys.readouterr().err
+        assert asked.startswith("r, each view, 2026-11-18T00:00:00Z to 2026-11-19T00:00:00Z: 3 segments, "), (
+            asked
+        )
+        assert asked.endswith("posecast-relay: nothing was deleted\n")
+    assert not (tmp_path / "tombstones").exists()
+    assert len(list(tmp_path.rglob("*.segment"))) == count
+    monkeypatch.setattr(sys, "stdin", Keyboard("y\n"))
+    run(*argv)
+    assert capsys.readouterr().out.startswith("deleted: 3 segments, ")
+    assert len(list(tmp_path.rglob("*.segment"))) == count - 3
+    run(*argv, "--yes")
+    assert "there was nothing of it in the store" in capsys.readouterr().out
+    assert len(list((tmp_path / "tombstones" / "r").glob("*.json"))) == 2  # memory may have had it
+
+
+def test_a_store_that_does_not_let_it_in_is_one_line_and_status_1(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("ACCESS_KEY_ID", "SECRET_ACCESS_KEY"):
+        monkeypatch.setenv(f"AWS_{name}", "none")
+    monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")  # nobody is there
+    with pytest.raises(SystemExit) as ended:
+        run("list", "--past", "s3://bucket/lab")
+    assert ended.value.code == 1
+    told = capsys.readouterr().err
+    assert told.startswith("posecast-relay: the store of the past: ")
+    assert told.count("\n") == 1
+
+
+def test_without_store_and_socket_it_says_what_to_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail() -> str:
+        with pytest.raises(SystemExit) as ended:
+            run("list")
+        assert ended.value.code == 1
+        return capsys.readouterr().err
+
+    assert "which past? Name the store (--past URL)" in fail()
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    (tmp_path / "posecast-relay-1.sock").touch()
+    assert "no relay answers at" in fail()
+    (tmp_path / "posecast-relay-2.sock").touch()
+    assert "several relays are here" in fail()
+
+
+async def test_strangers_at_the_socket_are_answered_or_let_go(tmp_path: Path) -> None:
+    kept, deletions = MemoryPast(1 << 26), Deletions()
+    ObedientMemory(kept, deletions)
+    kept.add(make_kept(0, PAGE_MS), 0.0)
+    path = tmp_path / "s"
+
+    async def ask(line: bytes) -> bytes:
+        reader, writer = await asyncio.open_unix_connection(str(path))
+        writer.write(line)
+        answer = await reader.read()
+        writer.close()
+        return answer
+
+    async with PastSocket(path, kept, deletions):
+        for line in (b"\n", b"{}\n", b"\xff\n", b'{"do":"delete"}\n', b'{"do":"delete","deletion":"{}"}\n'):
+            assert list(json.loads(await ask(line))) == ["error"], line
+        assert await ask(b"x" * 200_000) == b""
+        assert len(json.loads(await ask(b'{"do":"list"}\n'))["rows"]) == 1
+    assert len(kept) == 1
+    assert not path.exists()
+
+
+def test_progress_is_for_a_terminal_and_for_what_takes_a_while(monkeypatch: pytest.MonkeyPatch) -> None:
+    for is_terminal, waited_s, shown in (
+        (True, 0.5, ""),
+        (False, 2.0, ""),
+        (True, 2.0, "\r\x1b[Khalf\r\x1b[K"),
+    ):
+        stderr = Keyboard() if is_terminal else io.StringIO()
+        monkeypatch.setattr(sys, "stderr", stderr)
+        now_s = 100.0
+        monkeypatch.setattr(time, "monotonic", lambda: now_s)  # noqa: B023
+        with CommandProgress() as progress:
+            now_s += waited_s
+            progress.show("half")
+            progress.show("more")  # too soon after
+        assert stderr.getvalue() == shown
