@@ -1,4 +1,4 @@
-import { fetchBytes, fileUrl, isRecord, parseManifest } from '../../../model/bundle.ts';
+import { BundleError, fetchBytes, fileUrl, isRecord, parseManifest } from '../../../model/bundle.ts';
 import { manifestAt } from '../../../model/files.ts';
 import { readManifest } from '../../../model/manifest.ts';
 import type { ModelFile, SavedModels } from '../../../past/save/save_ports.ts';
@@ -6,6 +6,7 @@ import type { ModelFile, SavedModels } from '../../../past/save/save_ports.ts';
 const MANIFEST_BYTES_MAX = 4_000_000;
 const FILE_BYTES_MAX = 128_000_000;
 const FILES_MAX = 4096;
+const PATH_MAX = 200; // characters
 /** As the relay's: relative, and no way out of the model's own folder. */
 const PATH = /^(?!\.{1,2}(\/|$))[\w@+=,~.-][\w @+=,~.-]*(\/(?!\.{1,2}(\/|$))[\w@+=,~.-][\w @+=,~.-]*)*$/;
 
@@ -28,8 +29,15 @@ export function savedModels(manifestUrl: ManifestUrl, signal: AbortSignal): Save
       const files = listed.flatMap((entry): ModelFile[] => {
         if (!isRecord(entry)) return [];
         const { path, size } = entry;
-        if (typeof path !== 'string' || !PATH.test(path) || typeof size !== 'number') return [];
-        return [{ path, bytes: size, fetch: () => get(fileUrl(url, { path }), FILE_BYTES_MAX) }];
+        if (typeof path !== 'string' || path.length > PATH_MAX || !PATH.test(path)) return [];
+        if (typeof size !== 'number') return [];
+        const fetch = async () => {
+          const bytes = await get(fileUrl(url, { path }), FILE_BYTES_MAX);
+          if (bytes.length !== size)
+            throw new BundleError(`${path}: ${bytes.length} bytes instead of ${size}`);
+          return bytes;
+        };
+        return [{ path, bytes: size, fetch }];
       });
       const first = { path: 'manifest.json', bytes: manifest.length, fetch: async () => manifest };
       return [first, ...files.filter(({ path }) => path !== first.path)];

@@ -14,7 +14,7 @@ import { writeHeader } from './stamp.ts';
 const WORLDS = ['world', 'posecast_world'] as const;
 
 /** The links of a model as transforms, each against its parent, the root against `world`: where the page shows them. A joint
- *  or base without a reading stays where it was last known. */
+ *  or base without a reading stays where it was last known; so does what the body's IMU says. */
 export class LinkFrames {
   readonly #body: SavedBody;
   readonly #root = new RootPose();
@@ -27,6 +27,8 @@ export class LinkFrames {
   readonly #parentFromLink = new Float64Array(16);
   #readers: { readonly schema: Schema; readonly poser: Poser; readonly imus: ImuTable } | null = null;
   #base: Base | null = null;
+  /** The last reading of the body's IMU. */
+  #worldFromSensor: Quat | null = null;
 
   constructor(manifest: Manifest) {
     this.#body = new SavedBody(manifest);
@@ -66,13 +68,16 @@ export class LinkFrames {
     if (this.#readers?.schema !== schema) {
       this.#readers = { schema, poser: new Poser(schema, 'pos'), imus: new ImuTable(schema) };
       this.#base = null;
+      this.#worldFromSensor = null;
     }
     const { poser, imus } = this.#readers;
     imus.read(codes);
     const pose = poser.pose(codes);
     this.#body.setJoints(pose.joints);
     this.#base = pose.base ?? this.#base;
-    this.#root.update({ ...pose, base: this.#base, lean: imus.body === null ? null : { ...imus.body } });
+    this.#worldFromSensor = imus.body?.worldFromSensor ?? this.#worldFromSensor;
+    const lean = imus.body === null ? null : { ...imus.body, worldFromSensor: this.#worldFromSensor };
+    this.#root.update({ ...pose, base: this.#base, lean });
     const { xyz, quat_wxyz } = this.#root.root((link) => this.#body.rootTurn(link));
     const [x, y, z] = xyz ?? [0, 0, -this.#body.lowest(quat_wxyz)];
     return [x, y, z, ...quat_wxyz];
