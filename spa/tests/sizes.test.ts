@@ -14,12 +14,12 @@ const PAST_LIMIT_KB = 25;
 /** What draws the line, and what one goes to a moment by: once there is a line, or somebody asks. */
 const LINE_PART_LIMIT_KB = 6;
 const MOMENTS_LIMIT_KB = 5;
-const INCIDENTS_LIMIT_KB = 3;
+const INCIDENTS_LIMIT_KB = 4;
 /** What segments are read with, once somebody looks back. */
 const PAST_READER_LIMIT_KB = 4;
 /** What saves the past, for who saves: the sheet, and what writes the files (of which @mcap/core is 15 kB and fflate 7). */
 const SAVE_SHEET_LIMIT_KB = 7;
-const SAVE_LIMIT_KB = 42;
+const SAVE_LIMIT_KB = 47;
 
 const dist = fileURLToPath(new URL('../dist/', import.meta.url));
 const built = existsSync(`${dist}.vite/manifest.json`);
@@ -118,7 +118,7 @@ describe.skipIf(!built)('bundle (skipped when spa/dist is not built)', () => {
       expect(readFileSync(`${dist}${file}`, 'utf8')).not.toMatch(/WebGLRenderer|three\.core/);
   });
 
-  it('the time line comes where there is a past, in 25 kB, and its parts by themselves, in 3 to 6', () => {
+  it('the time line comes where there is a past, in 25 kB, and its parts by themselves, in 4 to 6', () => {
     const all = chunks();
     const entry = Object.keys(all).find((name) => all[name]?.isEntry) ?? '';
     const shared = filesOf(all, entry);
@@ -144,7 +144,7 @@ describe.skipIf(!built)('bundle (skipped when spa/dist is not built)', () => {
     expect(sizeOf(`${folder}/incidents/Incidents.tsx`, had)).toBeLessThan(INCIDENTS_LIMIT_KB);
   });
 
-  it('saving comes to nobody who does not save, its sheet in 7 kB, what writes the files in 42', () => {
+  it('saving comes to nobody who does not save, its sheet in 7 kB, what writes the files in 47', () => {
     const all = chunks();
     const entry = Object.keys(all).find((name) => all[name]?.isEntry) ?? '';
     const line = filesOf(all, 'src/app/past/index.ts');

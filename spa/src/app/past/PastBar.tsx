@@ -6,11 +6,11 @@ import type { RobotTwin } from '../../twin/robot.ts';
 import { late, onDemand } from '../shell/late.tsx';
 import type { RobotLink } from '../state/robot_link.ts';
 import { useStore } from '../state/use_store.ts';
-import { LiveNews } from './LiveNews.tsx';
 import { momentSheet } from './time_line/jump/moment_sheet.ts';
 import { usePastKeys } from './time_line/past_keys.ts';
 import { type BelowTrack, TimeLine } from './time_line/TimeLine.tsx';
 
+const LiveNews = late(async () => (await import('./LiveNews.tsx')).LiveNews);
 const MomentSheet = late(async () => (await import('./time_line/jump/MomentSheet.tsx')).MomentSheet);
 const SaveSheet = late(async () => (await import('./save/SaveSheet.tsx')).SaveSheet, onDemand);
 

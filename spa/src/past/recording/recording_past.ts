@@ -6,6 +6,7 @@ import {
   SchemaError,
   type Segment,
   segmentPath,
+  unpackSegment,
 } from '@posecast/wire';
 import { PastError, type PastSource, type SegmentRef } from '../past_source.ts';
 import type { Span, Timeline } from '../past_types.ts';
@@ -206,7 +207,7 @@ export class RecordingPast implements PastSource {
     const path = segmentPath(ref);
     const loading = this.#ports.loadReader();
     const packed = await this.#ports.files.read(path, BYTES_MAX.segment, signal);
-    const { unpackSegment, SegmentError } = await loading;
+    const { SegmentError } = await loading;
     try {
       return await unpackSegment(packed);
     } catch (error) {

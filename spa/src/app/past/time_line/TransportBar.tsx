@@ -9,6 +9,7 @@ import { more } from '../../text/more.ts';
 import { usePastText } from '../../text/past.ts';
 import { momentSheet } from './jump/moment_sheet.ts';
 import { loopStart, pressLoop } from './loop_start.ts';
+import { speedWords, whenWords } from './spoken.ts';
 import {
   FrameBackIcon,
   FrameOnIcon,
@@ -16,8 +17,7 @@ import {
   NextFaultIcon,
   PreviousFaultIcon,
   SaveIcon,
-} from './past_icons.tsx';
-import { speedWords, whenWords } from './spoken.ts';
+} from './transport_icons.tsx';
 
 /** The row over the track while the past is shown: ways to other moments, the moment itself, how it is played, how much is
  *  shown. Where there is less room, less of it is shown. */
