@@ -60,7 +60,9 @@ it('the line has times at rest, which can be read and do not lie over one anothe
   ] as const) {
     await page.viewport({ width, height });
     const labels = await until(`times at ${width} px`, async () => {
-      const found = await page.evaluate<Label[]>(`innerWidth !== ${width} ? [] :
+      const found = await page.evaluate<
+        Label[]
+      >(`innerWidth !== ${width} || Math.abs(document.querySelector('.track-picture').clientWidth - ${testId('track')}.clientWidth) > 1 ? [] :
         [...document.querySelectorAll('.track-ticks text')].map((label) => {
           const { left, right, top, bottom } = label.getBoundingClientRect();
           return { words: label.textContent, left, right, top, bottom, px: parseFloat(getComputedStyle(label).fontSize) };
