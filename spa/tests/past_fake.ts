@@ -1,3 +1,4 @@
+import type { EventMessage } from '@posecast/wire';
 import type { Mark, PastControls, PastEvent, Playhead, Span, Timeline } from '../src/past/past_types.ts';
 
 /** A time line of ten minutes before `toMs`, all of it recorded, with marks some minutes before its end. */
@@ -17,6 +18,7 @@ export class FakePast implements PastControls {
   readonly #listeners = new Set<() => void>();
   readonly #originMs: number;
   timeline: Timeline | null;
+  heard: readonly EventMessage[] = [];
   playhead: Playhead;
 
   /** Moments are written down as seconds before `originMs`, the newest moment. */

@@ -136,6 +136,10 @@ export class PastPlayer implements PastControls {
     return this.#ports.source.timeline;
   }
 
+  get heard(): readonly EventMessage[] {
+    return this.#ports.heard();
+  }
+
   get nowMs(): number {
     if (this.#recorded !== null) return this.#recorded.toMs;
     const pageMs = this.#ports.nowMs();

@@ -1,3 +1,4 @@
+import { Fragment } from 'react';
 import { firstPaint } from '../../../browser/first_paint.ts';
 import { LatePart } from '../../../browser/late_part.ts';
 import type { Fault } from '../../../twin/alarms/fault_log.ts';
@@ -39,9 +40,7 @@ export function FaultLine({ link, onMore }: { link: RobotLink; onMore: () => voi
   const rest = [
     told?.aged ? '' : whenWords(first, log.occurrences.newestMs(first.key) ?? first.firstMs, nowMs),
     sentences?.timesWords(log, first, nowMs),
-  ]
-    .filter(Boolean)
-    .join(' · ');
+  ].filter(Boolean);
   const acknowledge = open.length > 1 ? text.acknowledgeAll : text.acknowledge;
   return (
     <div className="fault-line" data-testid="fault-line" data-faults={counted} data-told={told !== undefined}>
@@ -58,8 +57,12 @@ export function FaultLine({ link, onMore }: { link: RobotLink; onMore: () => voi
         {told?.code}
         {told?.code && ' · '}
         {told?.bit && <FlagTerm source={first.source} bit={told.bit} />}
-        {told?.bit && rest !== '' && ' · '}
-        {rest}
+        {rest.map((words, i) => (
+          <Fragment key={words}>
+            {(i > 0 || told?.bit) && ' · '}
+            <span className="fault-words">{words}</span>
+          </Fragment>
+        ))}
       </span>
       {open.length > 1 && (
         <button type="button" className="text-button more" title={text.alarms} onClick={onMore}>

@@ -1,5 +1,6 @@
 import { useEffect, useState, useSyncExternalStore } from 'react';
 import { builtModelAt } from '../../../model/files.ts';
+import type { PastControls } from '../../../past/past_types.ts';
 import { type LostParts, RecordingPast } from '../../../past/recording/recording_past.ts';
 import { nowMs } from '../../../stream/clock.ts';
 import { RobotTwin } from '../../../twin/robot.ts';
@@ -23,6 +24,8 @@ const NO_STREAM: Connection = {
   wishAll: () => {},
   rest: () => {},
 };
+
+const NONE: PastControls['heard'] = [];
 
 /** A recording that is played: as a `Past` is, and what of it is lost. */
 export interface PlayedRecording extends Past {
@@ -65,7 +68,7 @@ function play(
   const { player, link, close } = playPast(
     {
       ...{ twin, source, own: new OwnTape(), recorded: recordedAs(source.span) },
-      heard: () => [],
+      heard: () => NONE,
       model: () => index.models[0] ?? null,
       onLook: () => {},
     },

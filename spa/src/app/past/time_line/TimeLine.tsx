@@ -105,6 +105,9 @@ function Line(props: {
   // biome-ignore lint/correctness/useExhaustiveDependencies: unknown, it says what there is to fetch
   useEffect(() => controls.look({ fromMs, toMs }), [controls, fromMs, toMs, unknown]);
 
+  const { heard } = controls;
+  const drawn = useMemo(() => part?.withHeard(timeline, heard) ?? timeline, [part, timeline, heard]);
+
   const { loop } = playhead;
   // biome-ignore lint/correctness/useExhaustiveDependencies: the loop alone, whoever chooses a scale then may see what is longer
   useEffect(() => {
@@ -154,7 +157,7 @@ function Line(props: {
           controls={controls}
           playhead={playhead}
           nowMs={nowMs}
-          hasFaults={unknown !== undefined || timeline.marks.some(({ level }) => level === 'fault')}
+          hasFaults={unknown !== undefined || drawn.marks.some(({ level }) => level === 'fault')}
           onSave={onSave}
         >
           {part !== null && scalesOf(windowMs).length > 1 && (
@@ -167,7 +170,7 @@ function Line(props: {
         <div className="track-room" ref={room}>
           {widthPx > 0 && (
             <Track
-              {...{ part, controls, playhead, timeline, view, ticks, heightPx, nowMs, open }}
+              {...{ part, controls, playhead, timeline: drawn, view, ticks, heightPx, nowMs, open }}
               onHold={(hold) => setHeld(hold ? { view, open } : null)}
             />
           )}
