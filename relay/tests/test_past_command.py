@@ -232,3 +232,31 @@ def test_progress_is_for_a_terminal_and_for_what_takes_a_while(monkeypatch: pyte
             progress.show("half")
             progress.show("more")  # too soon after
         assert stderr.getvalue() == shown
+
+
+async def test_a_relay_with_a_store_deletes_nothing_from_memory_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    kept, deletions = MemoryPast(1 << 26), Deletions()
+    ObedientMemory(kept, deletions)
+    kept.add(make_kept(0, PAGE_MS), 0.0)
+    socket = ("--past-socket", str(tmp_path / "s"))
+    deletion = '{"do":"delete","deletion":"{}"}\n'
+    async with PastSocket(tmp_path / "s", kept, deletions, "s3://bucket/lab"):
+        with pytest.raises(SystemExit) as ended:
+            await asyncio.to_thread(run, "delete", *socket, "--robot", "r", "--all", "--yes")
+        assert ended.value.code == 1
+        told = capsys.readouterr()
+        assert told.out == ""
+        assert told.err.startswith("posecast-relay: nothing was deleted: ")
+        assert told.err.endswith("give --past s3://bucket/lab\n")
+        await asyncio.to_thread(run, "list", *socket)
+        told = capsys.readouterr()
+        assert told.out.splitlines()[1].split()[:2] == ["r", "public"]
+        assert told.err.startswith("posecast-relay: this is only what the relay has in memory; ")
+        assert told.err.endswith("give --past s3://bucket/lab\n")
+        reader, writer = await asyncio.open_unix_connection(str(tmp_path / "s"))
+        writer.write(deletion.encode())
+        assert "in a store too" in json.loads(await reader.read())["error"]
+        writer.close()
+    assert len(kept) == 1

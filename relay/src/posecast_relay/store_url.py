@@ -12,6 +12,15 @@ class StoreUrlError(ValueError):
     """No URL of an object store, or what it needs is not installed. The message is one line."""
 
 
+def is_store_url(text: str) -> bool:
+    """Whether this may be the URL of an object store."""
+    try:
+        check_store_url(text)
+    except StoreUrlError:
+        return False
+    return True
+
+
 def check_store_url(url: str) -> str:
     """Return the URL if it may be that of an object store. Raises StoreUrlError."""
     if not URL.fullmatch(url) or "/../" in f"{url}/" or (url.startswith("file:") and len(url) < 9):

@@ -16,7 +16,7 @@ from posecast_relay.core.past.deletions import Deletion
 from posecast_relay.deletion_record import make_deletion, pack_deletion
 from posecast_relay.past_command.location import add_location, add_robot, open_store
 from posecast_relay.past_command.progress import CommandProgress
-from posecast_relay.past_command.relay_socket import ask_relay
+from posecast_relay.past_command.relay_socket import ask_relay, find_relay_store
 from posecast_relay.past_command.times import TimeError, read_time, write_time
 
 HELP = "delete of a robot's past: in the store, in Redis, and in the memory of running relays within 10 s"
@@ -42,6 +42,14 @@ def run(asked: argparse.Namespace) -> None:
     store = open_store(asked)
     what = _describe(deletion, asked.all)
     if store is None:
+        kept_at = find_relay_store(asked.past_socket)
+        if kept_at is not None:
+            print(
+                "posecast-relay: nothing was deleted: this relay keeps the past in a store too, "
+                f"and what is ordered there reaches its memory: give --past {kept_at}",
+                file=sys.stderr,
+            )
+            raise SystemExit(1)
         _confirm(asked.yes, f"{what}, in the memory of the relay and in its Redis.")
         told = ask_relay(asked.past_socket, {"do": "delete", "deletion": pack_deletion(deletion).decode()})
         print(f"deleted from memory: {told.get('segments')} segments, {told.get('bytes')} bytes. {LATER}")

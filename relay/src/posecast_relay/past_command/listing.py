@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -11,7 +12,7 @@ from posecast_relay.archive.names import DAY_MS, read_segment_key, write_day
 from posecast_relay.archive.object_store import ObjectStore
 from posecast_relay.past_command.location import add_location, add_robot, open_store
 from posecast_relay.past_command.progress import CommandProgress
-from posecast_relay.past_command.relay_socket import RelayAway, ask_relay
+from posecast_relay.past_command.relay_socket import RelayAway, ask_relay, find_relay_store
 from posecast_relay.past_command.times import write_time
 
 HELP = "what is kept of the past: from, to, bytes and segments of each robot and view (UTC)"
@@ -49,6 +50,13 @@ def run(asked: argparse.Namespace) -> None:
     if store is None:
         days = _read_rows(ask_relay(asked.past_socket, {"do": "list"}).get("rows"))
         days = {key: found for key, found in days.items() if asked.robot in (None, key[0])}
+        kept_at = find_relay_store(asked.past_socket)
+        if kept_at is not None:
+            print(
+                "posecast-relay: this is only what the relay has in memory; for what is in its store give "
+                f"--past {kept_at}",
+                file=sys.stderr,
+            )
     else:
         days = asyncio.run(sum_store(store, asked.robot))
     rows = [["robot", "view", *(["day"] if asked.days else []), "from", "to", "bytes", "segments"]]

@@ -10,6 +10,7 @@ from typing import Any
 from posecast_wire.checked import loads
 
 from posecast_relay.plain_json import json_bytes
+from posecast_relay.store_url import is_store_url
 
 PATIENCE_S = 10.0
 ANSWER_BYTES_MAX = 64 << 20
@@ -42,6 +43,17 @@ def ask_relay(given: Path | None, question: dict[str, object]) -> dict[str, Any]
         why = found.get("error") if isinstance(found, dict) else "no answer"
         raise RelayAway(f"{path}: {why}")
     return found
+
+
+def find_relay_store(given: Path | None) -> str | None:
+    """Return the URL of the store in which a relay keeps the past, beside its memory; None when it has none.
+
+    Raises RelayAway.
+    """
+    store = ask_relay(given, {"do": "where"}).get("store")
+    if store is not None and not (isinstance(store, str) and is_store_url(store)):
+        raise RelayAway("the relay's answer is of another version")
+    return store
 
 
 def _find_only() -> Path:

@@ -177,6 +177,6 @@ def make_past_services(settings: Settings, port: int = 0) -> PastServices | None
             deletions,
             told,
         ),
-        socket=None if path is None else PastSocket(path, kept, deletions),
+        socket=None if path is None else PastSocket(path, kept, deletions, settings.archive),
         archive=archive,
     )

@@ -4,7 +4,11 @@ A Unix socket that only the relay's own user may open: `--past-socket`, else `po
 $XDG_RUNTIME_DIR, else none. One line of JSON asks, one answers:
 
     {"do": "list"}                          {"rows": [[robot, view, day, from_ms, to_ms, bytes, segments], …]}
+    {"do": "where"}                         {"store": "s3://BUCKET/PREFIX"}, or null: there is only memory
     {"do": "delete", "deletion": "{…}"}     {"segments": 12, "bytes": 34567}, or {"error": "…"}
+
+A relay that keeps the past in a store too deletes nothing by this way, since the store would keep it: what is
+ordered in the store itself reaches memory as well.
 """
 
 from __future__ import annotations
@@ -32,12 +36,13 @@ DAY_MS = 86_400_000
 
 
 class PastSocket:
-    """Takes orders at `path` while it is open."""
+    """Takes orders at `path` while it is open. `store`: the URL of the store that has the past as well."""
 
-    def __init__(self, path: Path, kept: MemoryPast, deletions: Deletions) -> None:
+    def __init__(self, path: Path, kept: MemoryPast, deletions: Deletions, store: str | None = None) -> None:
         self._path = path
         self._kept = kept
         self._deletions = deletions
+        self._store = store
         self._server: asyncio.Server | None = None
 
     async def __aenter__(self) -> PastSocket:
@@ -77,7 +82,11 @@ class PastSocket:
             doc = loads(line)
             if isinstance(doc, dict) and doc.get("do") == "list":
                 return json_bytes({"rows": self._list()})
+            if isinstance(doc, dict) and doc.get("do") == "where":
+                return json_bytes({"store": self._store})
             if isinstance(doc, dict) and doc.get("do") == "delete":
+                if self._store is not None:
+                    return json_bytes({"error": f"its past is in a store too: give --past {self._store}"})
                 before = len(self._kept), self._kept.bytes
                 self._deletions.add(unpack_deletion(str(doc.get("deletion")).encode()))
                 return json_bytes(
@@ -85,7 +94,7 @@ class PastSocket:
                 )
         except ValueError as e:
             return json_bytes({"error": str(e)})
-        return json_bytes({"error": "want list or delete"})
+        return json_bytes({"error": "want list, where or delete"})
 
     def _list(self) -> list[list[object]]:
         rows: dict[tuple[str, str, int], list[int]] = {}
