@@ -19,6 +19,8 @@ from typing import Any
 
 import pytest
 from posecast_edge.cli.settings import Settings, parse_settings
+from posecast_relay.config.settings import Settings as RelaySettings
+from posecast_relay.config.settings import parse as parse_relay_settings
 
 from tests.conftest import BIN, until
 from tests.namespaces import Namespace
@@ -26,6 +28,7 @@ from tests.namespaces import Namespace
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = (ROOT / "docs" / "INSTALL.md").read_text(encoding="utf-8")
 UNIT = ROOT / "infra" / "systemd" / "posecast-edge@.service"
+RELAY_UNIT = ROOT / "infra" / "systemd" / "posecast-relay.service"
 UV = ROOT / ".tools" / "bin" / "uv"
 # what a stranger's machine has; above all no PIP_FIND_LINKS and nothing of the make that runs these tests
 PLAIN = {
@@ -218,13 +221,13 @@ def test_a_robot_reaches_a_relay_on_another_machine(stack: Any, tmp_path: Path) 
 
 
 def test_the_service_reads_settings_that_exist(tmp_path: Path) -> None:
-    (text,) = blocks("ini")
+    (text,) = (b for b in blocks("ini") if "POSECAST_RELAY=" in b)
     given = dict(line.split("=", 1) for line in text.splitlines())
     fixed = dict(re.findall(r"(POSECAST_\w+)=(\S+)", UNIT.read_text(encoding="utf-8")))
     assert fixed == {"POSECAST_ROBOT": "%i"}
     # the account is made anew at each start: what is not everybody's it reads by its group
     (group,) = re.findall(r"^SupplementaryGroups=(\w+)$", UNIT.read_text(encoding="utf-8"), re.MULTILINE)
-    (steps,) = (b for b in blocks("sh") if "systemctl" in b)
+    (steps,) = (b for b in blocks("sh") if "systemctl enable --now posecast-edge" in b)
     path = given["POSECAST_CREDENTIAL"]
     assert steps.startswith(
         f"groupadd --system {group}\ninstall -D -m 640 -g {group} hubo.credential {path}\n"
@@ -238,19 +241,53 @@ def test_the_service_reads_settings_that_exist(tmp_path: Path) -> None:
     assert set(given) <= known
 
 
-def test_systemd_takes_the_unit(tmp_path: Path) -> None:
+def test_the_relays_service_reads_settings_that_exist(tmp_path: Path) -> None:
+    unit = RELAY_UNIT.read_text(encoding="utf-8")
+    fixed = dict(re.findall(r"(POSECAST_\w+)=(\S+)", unit))
+    (text,) = (b for b in blocks("ini") if "POSECAST_ZENOH_LISTEN=" in b)
+    given = fixed | dict(line.split("=", 1) for line in text.splitlines())
+    (steps,) = (b for b in blocks("sh") if "systemctl enable --now posecast-relay" in b)
+
+    def is_set(name: str, value: str) -> bool:
+        return f"\n{name}={value}\n" in unit
+
+    # the folder is on the disk, so neither a mount that failed nor one that is missing is written beside
+    folder = Path(fixed["POSECAST_PAST"].removeprefix("file://"))
+    assert is_set("RequiresMountsFor", str(folder.parent))
+    assert is_set("ReadWritePaths", str(folder))
+    assert is_set("UMask", "0077")
+    (user,) = re.findall(r"^User=(\S+)$", unit, re.MULTILINE)
+    assert f"install -d -m 700 -o {user} -g {user} {folder} /var/lib/{user}\n" in steps
+    assert is_set("StateDirectory", user)
+    assert is_set("RuntimeDirectory", user)
+    assert fixed["POSECAST_PAST_SOCKET"].startswith(f"/run/{user}/")
+    here = dict(given, POSECAST_PAST_SOCKET=str(tmp_path / "past.sock"))
+    for name, value in given.items():
+        if value.startswith(f"/var/lib/{user}/"):
+            here[name] = str(tmp_path / Path(value).name)
+            Path(here[name]).touch(0o600)
+    read = parse_relay_settings(["run"], here)
+    assert read.archive == fixed["POSECAST_PAST"]
+    known = {f"POSECAST_{name.upper()}" for name in RelaySettings.__dataclass_fields__}
+    assert set(given) <= known
+
+
+@pytest.mark.parametrize(
+    ("unit", "instance"), [(UNIT, "posecast-edge@hubo.service"), (RELAY_UNIT, RELAY_UNIT.name)]
+)
+def test_systemd_takes_the_unit(unit: Path, instance: str, tmp_path: Path) -> None:
     if shutil.which("systemd-analyze") is None:
         pytest.skip("no systemd-analyze here")
-    unit = tmp_path / UNIT.name
     # verify wants the program to be there
-    unit.write_text(UNIT.read_text(encoding="utf-8").replace("/opt/posecast/bin/posecast-edge", "/bin/true"))
+    text = re.sub(r"/opt/posecast/bin/\S+", "/bin/true", unit.read_text(encoding="utf-8"))
+    (tmp_path / unit.name).write_text(text, encoding="utf-8")
     done = subprocess.run(
-        ["systemd-analyze", "verify", "--man=no", str(unit.with_name("posecast-edge@hubo.service"))],
+        ["systemd-analyze", "verify", "--man=no", str(tmp_path / instance)],
         capture_output=True,
         text=True,
         check=False,
     )
-    ours = [line for line in done.stderr.splitlines() if "posecast-edge" in line]
+    ours = [line for line in done.stderr.splitlines() if unit.stem in line]
     assert ours == []
 
 
