@@ -17,7 +17,15 @@ const TEXT = new TextDecoder();
 
 const rigOf = (files: FilesHere) => {
   const { source, clock } = opened(files);
-  return { rig: new Rig(source, recordedAs(source.span)), source, clock, files };
+  return {
+    rig: new Rig(
+      source,
+      recordedAs(source.span, (momentMs) => source.isLostAt(momentMs)),
+    ),
+    source,
+    clock,
+    files,
+  };
 };
 const why = (promise: Promise<unknown>) =>
   promise.then(
@@ -184,6 +192,7 @@ describe('parts that are lost', () => {
     expect(source.lost).toEqual({ count: 1, isNewer: false });
     const inGap = source.timeline.movement.filter(({ fromMs }) => fromMs === FROM_MS + 6000);
     expect(inGap).toEqual([]);
+    expect([5000, 7000, 9000].map((ms) => source.isLostAt(FROM_MS + ms))).toEqual([false, true, false]);
     expect(source.timeline.movement.length).toBe(SEGMENTS.length - 1);
   });
 

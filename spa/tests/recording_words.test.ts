@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { noteMarks, noteShownAt, TOGETHER_PX } from '../src/app/pages/recording/notes.ts';
+import { noteMarks, noteShownAt, noteWords, TOGETHER_PX } from '../src/app/pages/recording/notes.ts';
 import {
   lengthWords,
   lostWords,
@@ -18,7 +18,7 @@ import { RobotTwin } from '../src/twin/robot.ts';
 
 /** In the zone of whoever runs the test. */
 const FROM_MS = new Date(2026, 10, 12, 14, 0, 0, 0).getTime();
-const RECORDED = recordedAs({ fromMs: FROM_MS, toMs: FROM_MS + 1_500_000 });
+const RECORDED = recordedAs({ fromMs: FROM_MS, toMs: FROM_MS + 1_500_000 }, () => false);
 const head = (more: Partial<Playhead> = {}): Playhead => ({
   ...{
     at: 'past',
@@ -56,6 +56,21 @@ describe('a recording says that it is one', () => {
     expect(stageWords(verdict, LINK, Date.now())).toMatch(/The pose of then is on its way\.$/);
     expect(isClaim(verdict.word)).toBe(false);
     expect(isThen(verdict.word)).toBe(true);
+  });
+
+  it('and that the part of a moment is missing, however near the pose before is', () => {
+    const playhead = head({
+      recorded: recordedAs({ fromMs: FROM_MS, toMs: FROM_MS + 1_500_000 }, (ms) => ms > FROM_MS + 120_000),
+    });
+    const twin = { state: { atMs: playhead.momentMs - 2000 } } as unknown as RobotTwin;
+    const watch = new PastWatch(
+      twin,
+      () => playhead.momentMs,
+      () => ({ playhead, nowMs: RECORDED.toMs }),
+      'RECORDED',
+    );
+    expect(isOld(watch.verdict())).toBe(true);
+    expect(stageWords(watch.verdict(), LINK, 0)).toMatch(/This part of the recording is missing\.$/);
   });
 
   it('with the word of then in second place', () => {
@@ -115,4 +130,10 @@ describe('notes', () => {
       expect(xPx - marks[i]!.xPx).toBeGreaterThanOrEqual(TOGETHER_PX);
     });
   });
+});
+
+it('a note keeps its lines, and what is invisible in them is shown', () => {
+  expect(noteWords({ atMs: 0, text: 'The left knee.\r\nCompare it\u200b.\n' })).toBe(
+    'The left knee.\nCompare it\\u{200b}.',
+  );
 });

@@ -14,6 +14,7 @@ import {
   spanOf,
 } from '../src/app/past/save/span_choice.ts';
 import { PastError } from '../src/past/past_source.ts';
+import type { Playhead } from '../src/past/past_types.ts';
 import { FakePast, timelineOf } from './past_fake.ts';
 import { FakeSource } from './past_player_rig.ts';
 import { FROM_MS, recorded, sent } from './past_recordings.ts';
@@ -34,6 +35,21 @@ describe('what is offered', () => {
   it('is no more than there is', () => {
     const past = new FakePast(NOW_MS, timelineOf(NOW_MS, 2));
     expect(spanOf(offerOf(past), '10').fromMs).toBe(NOW_MS - 120_000);
+  });
+
+  it('is all of a short recording, and of a long one the minutes from the shown moment on', () => {
+    const recorded = { fromMs: 0, toMs: NOW_MS } as Playhead['recorded'];
+    const short = new FakePast(NOW_MS, timelineOf(NOW_MS, 3));
+    short.set({ at: 'past', playing: false, momentMs: NOW_MS - 180_000, recorded });
+    expect(choicesOf(offerOf(short))).toEqual(['all', 'custom']);
+    expect(spanOf(offerOf(short), 'all')).toEqual({ fromMs: NOW_MS - 180_000, toMs: NOW_MS });
+    const long = new FakePast(NOW_MS, timelineOf(NOW_MS, 50));
+    const momentMs = NOW_MS - 50 * 60_000;
+    long.set({ at: 'past', playing: false, momentMs, recorded });
+    expect(choicesOf(offerOf(long))).toEqual(['1', '5', '10', 'custom']);
+    expect(spanOf(offerOf(long), '5')).toEqual({ fromMs: momentMs, toMs: momentMs + 300_000 });
+    long.set({ momentMs: NOW_MS });
+    expect(spanOf(offerOf(long), '5')).toEqual({ fromMs: NOW_MS - 300_000, toMs: NOW_MS });
   });
 
   it('is what is repeated, first of all', () => {

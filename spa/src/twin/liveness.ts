@@ -65,6 +65,8 @@ export interface Recorded {
   within(momentMs: number): string;
   /** The line over the body. `words`: of `when` and more. */
   note(words: string): string;
+  /** What is said of a moment whose part is missing or damaged; null of others, as far as that is known. */
+  gap(momentMs: number): string | null;
   /** Says that it has not the moment that a link names. */
   lacks(askedMs: number, momentMs: number): string;
 }

@@ -5,6 +5,8 @@ import type { Watch } from '../state/liveness_watch.ts';
 
 /** No segment is longer, and the first pose of one stands for all of it at first. */
 const NEAR_MS = 7000;
+/** Where a part is missing, a pose of before stands for no more than this, ms. */
+const GAP_NEAR_MS = 500;
 const WAS = { online: null, silent: 'STALE', offline: 'OFFLINE' } as const;
 type ThenWord = keyof typeof WAS;
 
@@ -52,8 +54,9 @@ export class PastWatch implements Watch {
   verdict(): Verdict {
     const momentMs = this.#momentMs();
     const { state } = this.#twin;
-    const isHere = state !== null && (this.#was !== null || Math.abs(state.atMs - momentMs) < NEAR_MS);
     const { playhead, nowMs } = this.#past();
+    const nearMs = (playhead.recorded?.gap(momentMs) ?? null) === null ? NEAR_MS : GAP_NEAR_MS;
+    const isHere = state !== null && (this.#was !== null || Math.abs(state.atMs - momentMs) < nearMs);
     // the pose of then is shown until a live one is here
     const toldMs = playhead.at === 'past' ? playhead.momentMs : momentMs;
     const askedMs = playhead.note === 'not-kept' ? playhead.askedMs : null;

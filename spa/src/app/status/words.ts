@@ -142,7 +142,10 @@ export function stageWords(verdict: Verdict, link: Link, nowMs: number): string 
     const { askedMs = null, momentMs = 0, isHere = true, recorded = null } = verdict.past ?? {};
     const lacks = askedMs && (recorded?.lacks(askedMs, momentMs) ?? notKeptWords(askedMs, momentMs, nowMs));
     const words = (lacks ?? clock) + ago;
-    return (recorded?.note(words) ?? say().pastNote(words)) + (isHere || lacks ? '' : say().pastComing);
+    return (
+      (recorded?.note(words) ?? say().pastNote(words)) +
+      (isHere || lacks ? '' : (recorded?.gap(momentMs) ?? say().pastComing))
+    );
   }
   if (verdict.word !== 'STALE') return null;
   if (verdict.cause === 'no connection') return connectionWords(link, nowMs);

@@ -107,6 +107,12 @@ export class RecordingPast implements PastSource {
     return found;
   }
 
+  /** Whether a part that has this moment is known to be missing or damaged. */
+  isLostAt(momentMs: number): boolean {
+    if (this.#losses.size === 0) return false;
+    return this.segmentsIn({ fromMs: momentMs, toMs: momentMs }).some((ref) => this.#losses.has(nameOf(ref)));
+  }
+
   async loadKeys({ fromMs, toMs }: Span): Promise<void> {
     const [firstMs, lastMs] = [Math.max(fromMs, this.span.fromMs), Math.min(toMs - 1, this.span.toMs)];
     for (let pageMs = firstMs - (firstMs % PAGE_MS); pageMs <= lastMs; pageMs += PAGE_MS) {

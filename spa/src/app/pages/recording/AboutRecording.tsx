@@ -3,6 +3,7 @@ import type { RecordingIndex } from '../../../past/recording/recording_index.ts'
 import type { RecordingPast } from '../../../past/recording/recording_past.ts';
 import { isolated } from '../../../twin/names.ts';
 import { Dialog } from '../../shell/Dialog.tsx';
+import { noteWords } from './notes.ts';
 import { useLost } from './recording_link.ts';
 import { useRecordingText } from './recording_text.ts';
 import { lengthWords, lostWords, recordedWords } from './recording_words.ts';
@@ -48,7 +49,7 @@ export function AboutRecording(props: {
             {text.notes}
           </h3>
           <ol>
-            {notes.map(({ atMs, text: said }, i) => (
+            {notes.map((note, i) => (
               // biome-ignore lint/suspicious/noArrayIndexKey: they never change, and two may be alike
               <li key={i}>
                 <button
@@ -56,11 +57,11 @@ export function AboutRecording(props: {
                   data-testid="go-to-note"
                   onClick={() => {
                     onClose();
-                    controls.seek(atMs);
+                    controls.seek(note.atMs);
                   }}
                 >
-                  <time>{lengthWords(atMs - fromMs)}</time>
-                  <span>{isolated(said)}</span>
+                  <time>{lengthWords(note.atMs - fromMs)}</time>
+                  <span className="note-words">{noteWords(note)}</span>
                 </button>
               </li>
             ))}

@@ -1,7 +1,6 @@
 import type { Note } from '../../../past/recording/recording_index.ts';
-import { isolated } from '../../../twin/names.ts';
 import type { View } from '../../past/index.ts';
-import { noteMarks } from './notes.ts';
+import { noteMarks, noteWords } from './notes.ts';
 import { useRecordingText } from './recording_text.ts';
 import { recordedWords } from './recording_words.ts';
 
@@ -24,7 +23,7 @@ export function NoteMarks({
     <fieldset className="note-marks">
       <legend className="unseen">{text.notes}</legend>
       {noteMarks(notes, view).map(({ xPx, notes: here }) => {
-        const said = here.map((note) => isolated(note.text)).join(' · ');
+        const said = here.map(noteWords).join(' · ');
         const first = here[0]!;
         return (
           <button

@@ -2,11 +2,10 @@ import { useState, useSyncExternalStore } from 'react';
 import type { PastControls } from '../../../past/past_types.ts';
 import type { Note, RecordingIndex } from '../../../past/recording/recording_index.ts';
 import type { RecordingPast } from '../../../past/recording/recording_past.ts';
-import { isolated } from '../../../twin/names.ts';
 import type { RobotTwin } from '../../../twin/robot.ts';
 import { PastBar } from '../../past/index.ts';
 import { NoteMarks } from './NoteMarks.tsx';
-import { noteShownAt } from './notes.ts';
+import { noteShownAt, noteWords } from './notes.ts';
 import { useLost } from './recording_link.ts';
 import { useRecordingText } from './recording_text.ts';
 import { lostWords } from './recording_words.ts';
@@ -79,7 +78,7 @@ function Caption({
   const shown = pointed ?? [noteShownAt(notes, momentMs)].filter((note) => note !== null);
   return (
     <p className="note-caption" role="status" data-testid="note-caption">
-      {shown.map(({ text }) => isolated(text)).join(' · ')}
+      {shown.map(noteWords).join(' · ')}
     </p>
   );
 }

@@ -1,4 +1,5 @@
 import type { Note } from '../../../past/recording/recording_index.ts';
+import { isolated } from '../../../twin/names.ts';
 import { pxAt, type View } from '../../past/index.ts';
 
 /** A note is shown for so long after its moment, ms. */
@@ -10,6 +11,15 @@ export const TOGETHER_PX = 26;
 export interface NoteMark {
   readonly xPx: number;
   readonly notes: readonly Note[];
+}
+
+/** A note's words, line by line, ready to show (`isolated`). */
+export function noteWords({ text }: Note): string {
+  return text
+    .trim()
+    .split(/\r\n?|\n/)
+    .map(isolated)
+    .join('\n');
 }
 
 /** The newest note at or before a moment, if it was not long ago. `notes`: ascending. */

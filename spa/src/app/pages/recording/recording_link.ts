@@ -67,7 +67,12 @@ function play(
   if (model !== null) builtModelAt(manifestUrl(model)).catch(() => {}); // whoever shows it asks again, and says what is wrong
   const { player, link, close } = playPast(
     {
-      ...{ twin, source, own: new OwnTape(), recorded: recordedAs(source.span) },
+      ...{
+        twin,
+        source,
+        own: new OwnTape(),
+        recorded: recordedAs(source.span, (momentMs) => source.isLostAt(momentMs)),
+      },
       heard: () => NONE,
       model: () => index.models[0] ?? null,
       onLook: () => {},

@@ -38,14 +38,15 @@ export function lengthWords(ms: number): string {
   return hours > 0 ? `${hours}:${two(minutes)}:${two(seconds)}` : `${minutes}:${two(seconds)}`;
 }
 
-/** How a recording tells its moments. */
-export function recordedAs({ fromMs, toMs }: Span): Recorded {
+/** How a recording tells its moments. `isLostAt`: whether it is known that the part of a moment can't be played. */
+export function recordedAs({ fromMs, toMs }: Span, isLostAt: (momentMs: number) => boolean): Recorded {
   return {
     fromMs,
     toMs,
     when: recordedWords,
     within: (momentMs) => recordingText().within(lengthWords(momentMs - fromMs), lengthWords(toMs - fromMs)),
     note: (words) => recordingText().note(words),
+    gap: (momentMs) => (isLostAt(momentMs) ? recordingText().gap : null),
     lacks: (askedMs, momentMs) => recordingText().lacks(recordedWords(askedMs), formatClockSeconds(momentMs)),
   };
 }

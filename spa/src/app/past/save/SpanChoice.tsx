@@ -16,7 +16,7 @@ export function SpanChoice(props: {
   const text = useSaveText();
   const { minutes } = useText();
   const label = (each: SpanName) =>
-    each === 'loop' ? text.loop : each === 'custom' ? text.fromTo : minutes(Number(each));
+    each === 'loop' || each === 'all' ? text[each] : each === 'custom' ? text.fromTo : minutes(Number(each));
   const bounds = { min: fieldOf(offer.oldestMs), max: fieldOf(offer.nowMs + 1000), step: 1 };
   return (
     <fieldset className="choice" disabled={isBusy}>

@@ -3,6 +3,7 @@ export const saveEn = {
   title: 'Save as a file',
   span: 'How much',
   loop: 'Loop',
+  all: 'All of it',
   fromTo: 'From – to',
   from: 'From',
   to: 'To',

@@ -5,6 +5,7 @@ export const saveKo: typeof saveEn = {
   title: '파일로 저장',
   span: '구간',
   loop: '반복 구간',
+  all: '전체',
   fromTo: '직접 지정',
   from: '시작',
   to: '끝',

@@ -18,6 +18,7 @@ export const recordingEn = {
     `${asked} is not in this recording; this is the nearest there is, ${shown}`,
 
   // ---- what is lost
+  gap: ' This part of the recording is missing.',
   lost: (count: number, parts: number) =>
     count === 1
       ? `1 of ${parts} parts is missing or damaged.`

@@ -15,6 +15,7 @@ export const recordingKo: typeof recordingEn = {
   within: (at, length) => `${length} 중 ${at}`,
   lacks: (asked, shown) => `${asked}은(는) 이 녹화에 없어 가장 가까운 ${shown}을(를) 보여 줍니다`,
 
+  gap: ' 녹화의 이 부분이 없습니다.',
   lost: (count, parts) => `${parts}개 부분 중 ${count}개가 없거나 손상되었습니다.`,
   someNewer: '그중 일부는 더 새로운 Posecast가 만들었습니다.',
   noMoment: '링크가 가리키는 순간이 없어 처음을 보여 줍니다.',

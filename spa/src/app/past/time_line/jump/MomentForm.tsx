@@ -24,7 +24,7 @@ export function MomentForm({ controls, onGo }: { controls: PastControls; onGo: (
   const unknown = useDay(controls, timeline, momentMs);
   if (timeline === null) return null;
   const { nowMs } = controls;
-  const { fromMs } = timeline;
+  const fromMs = Math.floor(timeline.fromMs / 1000) * 1000; // as fields have it
   const nearestMs = Number.isNaN(momentMs) ? null : nearestRecorded(timeline, momentMs);
   // what is newest is told a little later
   const isNewest = momentMs >= timeline.toMs && nowMs - timeline.toMs < NEWEST_MS;
