@@ -11,9 +11,25 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from posecast_relay.recording.output import OutputError, check_place, open_place
+from mcap.writer import Writer
+from posecast_relay.recording.output import PAGE_FILES, PAGE_FOLDERS, OutputError, check_place, open_place
+from posecast_wire.recording import PastRecording, RecordedSegment, encode_recording
 
-RECORDING = '{"format":"posecast-recording","version":1}'
+FROM_MS = 1_795_000_000_000
+SEGMENT = RecordedSegment(7, 9, 0, FROM_MS, FROM_MS + 1000, 0, 0, 0, 100, None, None, 0)
+RECORDING = encode_recording(
+    PastRecording(
+        robot="r",
+        view="public",
+        from_ms=FROM_MS,
+        to_ms=FROM_MS + 1000,
+        segments=(SEGMENT,),
+        schemas={},
+        models=(),
+        notes=(),
+    )
+).decode()
+CSV = "\ufefftime,seconds,robot_time,a\r\n"
 WRITER = """
 import sys, time
 from pathlib import Path
@@ -80,26 +96,120 @@ def test_what_is_there_stays_unless_it_is_to_be_replaced_and_is_an_export(tmp_pa
     make_folder(tmp_path / "lecture", RECORDING + " ", replace=True)
     assert (tmp_path / "lecture/recording.json").read_text() == RECORDING + " "
 
+    for name, text in FOREIGN_FILES.items():
+        (tmp_path / name).write_text(text)
     (tmp_path / "photos").mkdir()
     (tmp_path / "photos/1.jpg").write_text("x")
-    (tmp_path / "notes.csv").write_text("a,b\n")
-    (tmp_path / "x.posecast").write_text("x")
-    (tmp_path / "x.mcap").write_text("x")
     (tmp_path / "link").symlink_to("lecture")
-    (tmp_path / "other").mkdir()
-    (tmp_path / "other/recording.json").write_text("{}")
-    for name in ("photos", "notes.csv", "x.posecast", "x.mcap", "link", "other"):
+    (tmp_path / "c.csv").write_text(CSV)
+    (tmp_path / "link.csv").symlink_to("c.csv")
+    (tmp_path / "ten").mkdir()
+    (tmp_path / "ten/recording.json").write_text("0123456789")
+    for name in ("photos", "link", "link.csv", "ten", *FOREIGN_FILES):
         assert refusal(tmp_path / name, replace=True) == "is no earlier export, and stays as it is"
     assert (tmp_path / "photos/1.jpg").read_text() == "x"
+    for name, text in FOREIGN_FILES.items():
+        assert (tmp_path / name).read_text() == text
+
+
+FOREIGN_FILES = {
+    "notes.csv": "a,b\n",
+    "times.csv": "\ufefftime,place\n",
+    "x.posecast": "x",
+    "x.mcap": "x",
+    "other.mcap": "\x89MCAP0\r\n",
+    "plain": RECORDING,
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [("CNAME", "uni.example"), ("lecture-notes.md", "mine"), (".git/HEAD", "ref"), ("keys", "")],
+)
+def test_an_export_with_somebodys_own_files_in_it_stays(tmp_path: Path, name: str, text: str) -> None:
+    make_folder(tmp_path / "h2")
+    (tmp_path / "h2" / name).parent.mkdir(exist_ok=True)
+    (tmp_path / "h2" / name).write_text(text)
+    shown = name.partition("/")[0]
+    assert refusal(tmp_path / "h2", replace=True) == (
+        f"holds {shown}, which no export wrote: move it away or name another folder"
+    )
+    assert (tmp_path / "h2" / name).read_text() == text
+    assert (tmp_path / "h2/recording.json").read_text() == RECORDING
+    assert list_names(tmp_path) == ["h2"]
+
+
+def test_a_link_in_an_export_is_somebodys_own(tmp_path: Path) -> None:
+    make_folder(tmp_path / "h2")
+    (tmp_path / "h2/recording.json").rename(tmp_path / "kept.json")
+    (tmp_path / "h2/recording.json").symlink_to("../kept.json")
+    assert refusal(tmp_path / "h2", replace=True).startswith("holds recording.json, which no export wrote")
+    (tmp_path / "h2/recording.json").unlink()
+    (tmp_path / "h2/recording.json").write_text(RECORDING)
+    (tmp_path / "h2/models").symlink_to("..")
+    assert refusal(tmp_path / "h2", replace=True).startswith("holds models, which no export wrote")
+
+
+def write_beside(target: Path, replace: bool) -> None:
+    with open_place(target, replace) as place:
+        place.write_text(CSV)
+        target.write_text("mine")
+
+
+def test_what_comes_to_lie_there_meanwhile_stays(tmp_path: Path) -> None:
+    for name, replace in (("lecture", True), ("x.csv", False)):
+        with pytest.raises(OutputError):
+            write_beside(tmp_path / name, replace)
+        assert (tmp_path / name).read_text() == "mine"
+    assert list_names(tmp_path) == ["lecture", "x.csv"]
+
+
+def test_all_that_an_export_has_is_known(tmp_path: Path) -> None:
+    make_folder(tmp_path / "lecture")
+    for name in ("segments", "keys", "models", *PAGE_FOLDERS):
+        (tmp_path / "lecture" / name).mkdir()
+    for name in PAGE_FILES:
+        (tmp_path / "lecture" / name).touch()
+    check_place(tmp_path / "lecture", True)
 
 
 def test_files_of_ours_are_known(tmp_path: Path) -> None:
-    (tmp_path / "x.csv").write_text("\ufefftime,seconds\r\n")
-    (tmp_path / "x.mcap").write_bytes(b"\x89MCAP0\r\n")
+    (tmp_path / "x.csv").write_text(CSV)
+    with (tmp_path / "x.mcap").open("wb") as file:
+        Writer(file).start(profile="ros2", library="posecast")
     with zipfile.ZipFile(tmp_path / "x.posecast", "w") as packed:
         packed.writestr("recording.json", RECORDING)
+        packed.writestr("models/a/manifest.json", "{}")
     for name in ("x.csv", "x.mcap", "x.posecast"):
         check_place(tmp_path / name, True)
+    with zipfile.ZipFile(tmp_path / "x.posecast", "a") as packed:
+        packed.writestr("notes.md", "mine")
+    with (tmp_path / "x.mcap").open("wb") as file:
+        Writer(file).start(profile="ros2", library="rosbag2")
+    for name in ("x.mcap", "x.posecast"):
+        assert refusal(tmp_path / name, replace=True) == "is no earlier export, and stays as it is"
+
+
+def test_the_hidden_folder_is_nobody_elses(tmp_path: Path) -> None:
+    (tmp_path / ".lecture.part").mkdir()
+    (tmp_path / ".lecture.part/mine").touch()
+    make_folder(tmp_path / "lecture")
+    assert list_names(tmp_path) == [".lecture.part", "lecture"]
+    assert list_names(tmp_path / ".lecture.part") == ["mine"]
+    beside = tmp_path / ".new.posecast-part"
+    beside.mkdir()
+    (beside / "mine").touch()
+    (beside / "made").mkdir()
+    assert refusal(tmp_path / "new") == (
+        ".new.posecast-part beside it holds mine, which no export wrote: move it away"
+    )
+    assert list_names(beside) == ["made", "mine"]
+    beside.rename(tmp_path / "elsewhere")
+    beside.symlink_to("elsewhere")
+    assert refusal(tmp_path / "new") == (
+        ".new.posecast-part beside it is no folder of an export: move it away"
+    )
+    assert list_names(tmp_path / "elsewhere") == ["made", "mine"]
 
 
 def start_writer(target: Path) -> subprocess.Popen[str]:
@@ -123,8 +233,8 @@ def test_two_at_once_and_one_that_is_killed(tmp_path: Path) -> None:
 
 def test_what_was_being_replaced_by_one_that_was_killed_comes_back(tmp_path: Path) -> None:
     make_folder(tmp_path / "lecture")
-    (tmp_path / ".lecture.part").mkdir()
-    (tmp_path / "lecture").rename(tmp_path / ".lecture.part/old")
+    (tmp_path / ".lecture.posecast-part").mkdir()
+    (tmp_path / "lecture").rename(tmp_path / ".lecture.posecast-part/old")
     assert refusal(tmp_path / "lecture") == "is there already; --replace puts a new one there"
     assert list_names(tmp_path) == ["lecture"]
 

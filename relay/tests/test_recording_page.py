@@ -8,7 +8,7 @@ import zlib
 from pathlib import Path
 
 import pytest
-from posecast_relay.recording.output import OutputError
+from posecast_relay.recording.output import PAGE_FILES, PAGE_FOLDERS, OutputError
 from posecast_relay.recording.page import add_page, check_page, unpacks_segments
 from posecast_wire.recording import PastRecording
 
@@ -102,6 +102,13 @@ def test_the_built_page_is_one(tmp_path: Path) -> None:
         assert tags(html)["posecast-recording"] == f"{'../' if at == '..' else ''}recording.json"
         for path in re.findall(r'(?:href|src)="([^"]+)"', html):  # relative, and there
             assert (tmp_path / "to" / name).parent.joinpath(path).is_file(), path
+
+
+def test_all_of_the_page_is_known() -> None:
+    build, ours = REPOSITORY / "spa", PAGE_FILES | PAGE_FOLDERS | {"docs", "config.json", ".vite"}
+    for folder in (build / "public", build / "dist"):
+        names = {path.name for path in folder.glob("*") if path.suffix != ".gz"}
+        assert names <= ours
 
 
 def test_a_build_tells_whether_it_unpacks_segments(tmp_path: Path) -> None:

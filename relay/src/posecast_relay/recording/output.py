@@ -7,16 +7,34 @@ import fcntl
 import os
 import shutil
 import zipfile
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from posecast_wire.checked import loads
-from posecast_wire.recording import RECORDING_FILE
-from posecast_wire.recording.contents import FORMAT, RECORDING_BYTES_MAX
+from posecast_wire.checked import make_visible
+from posecast_wire.recording import RECORDING_FILE, decode_recording
+from posecast_wire.recording.contents import RECORDING_BYTES_MAX
 
-MADE, OLD = "made", "old"
-HEAD_BYTES = 16
-HEADS = {".csv": "\ufefftime,".encode(), ".mcap": b"\x89MCAP0\r\n"}
+MADE, OLD, COLLECTED = "made", "old", "collected"  # all that an export ever has in its hidden folder
+FOLDERS = frozenset(("segments", "keys", "models"))
+PAGE_FOLDERS = frozenset(("assets", "embed"))
+PAGE_FILES = frozenset(
+    (
+        "apple-touch-icon.png",
+        "favicon.svg",
+        "icon-192.png",
+        "icon-512.png",
+        "index.html",
+        "licenses.json",
+        "manifest.webmanifest",
+    )
+)
+CSV_HEAD = "\ufefftime,seconds,robot_time".encode()
+MCAP_MAGIC = b"\x89MCAP0\r\n"
+MCAP_NAMES = b"\x04\0\0\0ros2\x08\0\0\0posecast"  # profile and library, after a record's opcode and length
+HEAD_BYTES = 64
+NAME_SHOWN = 80  # characters of a name in a line
+NO_EXPORT = "is no earlier export, and stays as it is"
 
 
 class OutputError(Exception):
@@ -33,8 +51,9 @@ def check_place(target: Path, replace: bool) -> None:
         return
     if not replace:
         raise OutputError(f"{target}: is there already; --replace puts a new one there")
-    if not _is_export(target):
-        raise OutputError(f"{target}: is no earlier export, and stays as it is")
+    why = _find_foreign(target)
+    if why is not None:
+        raise OutputError(f"{target}: {why}")
 
 
 @contextlib.contextmanager
@@ -46,16 +65,17 @@ def open_place(target: Path, replace: bool) -> Iterator[Path]:
     Raises OutputError, also for an OSError in the block.
     """
     _check_parent(target)
-    beside = target.parent / f".{target.name}.part"
+    beside = target.parent / f".{target.name}.posecast-part"
     try:
         with _locked(beside, target):
             try:
                 _restore(beside / OLD, target)
                 check_place(target, replace)
                 yield beside / MADE
+                check_place(target, replace)  # somebody may have put something there meanwhile
                 _move(beside, target)
             finally:
-                shutil.rmtree(beside, ignore_errors=True)
+                _clear(beside, target)
     except OSError as e:
         why = (e.strerror or str(e)).lower()
         raise OutputError(f"{target}: {why}; nothing of it is left") from None
@@ -69,6 +89,8 @@ def _check_parent(target: Path) -> None:
 @contextlib.contextmanager
 def _locked(beside: Path, target: Path) -> Iterator[None]:
     """Hold the folder for ourselves, empty but for what a killed process was about to replace."""
+    if beside.is_symlink() or (os.path.lexists(beside) and not beside.is_dir()):
+        raise OutputError(f"{target}: {_name(beside)} beside it is no folder of an export: move it away")
     beside.mkdir(exist_ok=True)
     folder = os.open(beside, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
     try:
@@ -76,7 +98,12 @@ def _locked(beside: Path, target: Path) -> Iterator[None]:
             fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise OutputError(f"{target}: another process is just writing it") from None
-        for left in beside.iterdir():
+        found = sorted(beside.iterdir())
+        for left in found:
+            if left.name not in (MADE, OLD, COLLECTED):
+                why = f"holds {_name(left)}, which no export wrote: move it away"
+                raise OutputError(f"{target}: {_name(beside)} beside it {why}")
+        for left in found:
             if left.name != OLD:
                 _remove(left)
         yield
@@ -106,6 +133,17 @@ def _move(beside: Path, target: Path) -> None:
         raise
 
 
+def _clear(beside: Path, target: Path) -> None:
+    """Remove the hidden folder; what was about to be replaced stays in it when it can't be put back."""
+    with contextlib.suppress(OSError):
+        _restore(beside / OLD, target)
+    for name in (MADE, COLLECTED):
+        with contextlib.suppress(OSError):
+            _remove(beside / name)
+    with contextlib.suppress(OSError):
+        beside.rmdir()
+
+
 def _remove(path: Path) -> None:
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path)
@@ -113,22 +151,75 @@ def _remove(path: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def _is_export(path: Path) -> bool:
-    """Whether something is what this command writes: it begins so, or says so."""
+def _find_foreign(path: Path) -> str | None:
+    """Why something is not what this command writes, and nothing else; None when it is."""
     try:
-        if path.suffix in HEADS and path.is_file():
-            with path.open("rb") as file:
-                return file.read(HEAD_BYTES).startswith(HEADS[path.suffix])
-        doc = loads(_read_index(path))
-    except (OSError, KeyError, ValueError, zipfile.BadZipFile, NotImplementedError, RuntimeError):
-        return False
-    return not path.is_symlink() and isinstance(doc, dict) and doc.get("format") == FORMAT
+        if path.is_symlink():
+            return NO_EXPORT
+        if path.is_dir():
+            return _find_foreign_entry(path)
+        return None if path.is_file() and _is_file_of_ours(path) else NO_EXPORT
+    except (
+        OSError,
+        ValueError,
+        EOFError,
+        KeyError,
+        NotImplementedError,
+        RuntimeError,
+        zipfile.BadZipFile,
+        zlib.error,
+    ):
+        return NO_EXPORT
 
 
-def _read_index(path: Path) -> bytes:
-    """`recording.json` of a folder or a ZIP; nothing of one that is too large."""
-    if path.is_dir():
-        with (path / RECORDING_FILE).open("rb") as file:
-            return file.read(RECORDING_BYTES_MAX)
-    with zipfile.ZipFile(path) as packed, packed.open(RECORDING_FILE) as entry:
-        return entry.read(RECORDING_BYTES_MAX)
+def _find_foreign_entry(folder: Path) -> str | None:
+    """The same of a folder, by what lies in it."""
+    with os.scandir(folder) as found:
+        entries = sorted(found, key=lambda entry: entry.name)
+    if RECORDING_FILE not in (entry.name for entry in entries):
+        return NO_EXPORT
+    for entry in entries:
+        if entry.name in FOLDERS | PAGE_FOLDERS:
+            is_ours = entry.is_dir(follow_symlinks=False)
+        else:
+            is_ours = entry.name in PAGE_FILES | {RECORDING_FILE} and entry.is_file(follow_symlinks=False)
+        if not is_ours:
+            return (
+                f"holds {_name(Path(entry.name))}, which no export wrote: move it away or name another folder"
+            )
+    with (folder / RECORDING_FILE).open("rb") as file:
+        decode_recording(file.read(RECORDING_BYTES_MAX + 1))
+    return None
+
+
+def _is_file_of_ours(path: Path) -> bool:
+    """Whether a file begins as this command's do. Raises ValueError, and what zipfile raises."""
+    with path.open("rb") as file:
+        head = file.read(HEAD_BYTES)
+    match path.suffix.lower():
+        case ".csv":
+            return head.startswith((CSV_HEAD + b",", CSV_HEAD + b"\r\n"))
+        case ".mcap":
+            after = len(MCAP_MAGIC) + 9
+            return head.startswith(MCAP_MAGIC + b"\1") and head[after:].startswith(MCAP_NAMES)
+        case ".posecast":
+            return _is_packed_recording(path)
+    return False
+
+
+def _is_packed_recording(path: Path) -> bool:
+    """Whether a ZIP holds a recording, which is its first entry, and nothing but what belongs to one."""
+    with zipfile.ZipFile(path) as packed:
+        entries = packed.infolist()
+        first = entries[0] if entries else None
+        if first is None or first.filename != RECORDING_FILE or first.header_offset != 0:
+            return False
+        if any(each.filename.partition("/")[0] not in FOLDERS for each in entries[1:]):
+            return False
+        with packed.open(first) as entry:
+            decode_recording(entry.read(RECORDING_BYTES_MAX + 1))
+    return True
+
+
+def _name(path: Path) -> str:
+    return make_visible(path.name[:NAME_SHOWN])

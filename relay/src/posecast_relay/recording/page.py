@@ -16,10 +16,8 @@ from posecast_wire.recording import RECORDING_FILE, PastRecording, model_path
 from posecast_relay.logging import visible
 from posecast_relay.models.manifest import ManifestError, read_manifest
 from posecast_relay.models.picture import PictureError, PictureSize, read_picture_size
-from posecast_relay.recording.output import OutputError
+from posecast_relay.recording.output import PAGE_FILES, PAGE_FOLDERS, OutputError
 
-# of the built page: what FastAPI shows, what a relay alone serves, and the build's own notes
-LEFT_OUT = frozenset(("docs", "config.json"))
 ENTRIES: Mapping[str, str] = {"index.html": "", "embed/index.html": "../"}
 PARTS = ".vite/manifest.json"  # the build's own list of its files, and of what each of them imports
 FIRST_PARTS = ("src/app/pages/recording/recording_pages.ts", "src/past/relay/past_reader.ts")
@@ -48,11 +46,14 @@ def unpacks_segments(page: Path) -> bool:
 
 
 def add_page(page: Path, folder: Path, recording: PastRecording, address: str | None) -> None:
-    """Copy the page into a recording's folder. `address`: where it is to lie, as chats want it whole for the
-    picture. Raises OSError."""
+    """Copy the page into a recording's folder: what a build of ours has, but not what FastAPI shows, what a
+    relay alone serves, or the build's own notes. So whatever else lies in such a folder is somebody's own.
+
+    `address`: where it is to lie, as chats want it whole for the picture. Raises OSError.
+    """
     for path in sorted(page.rglob("*")):
         relative = path.relative_to(page)
-        if relative.parts[0] in LEFT_OUT or path.suffix == ".gz" or not path.is_file():
+        if relative.parts[0] not in PAGE_FILES | PAGE_FOLDERS or path.suffix == ".gz" or not path.is_file():
             continue
         if any(part.startswith(".") for part in relative.parts) or relative.as_posix() in ENTRIES:
             continue
