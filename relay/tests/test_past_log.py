@@ -51,6 +51,18 @@ A, S = Audience.ANYONE, Audience.SIGNED_IN
             Policy({"r": {A: Rule(past_s=864000.0)}}, {"r": 2592000.0}),
             "the past: 31 min in memory, up to 256 MB; in file:///srv/past: r 30 d",
         ),
+        (
+            ARCHIVE,
+            Policy({"hubo": {S: Rule(past_s=0.0)}, "r": {A: Rule()}}, {"hubo": 2592000.0, "r": 86400.0}),
+            "the past: 30 min in memory, up to 256 MB; in file:///srv/past: r 1 d; keep of 'hubo' has no "
+            "effect: nobody may look back on it; give an audience `past`",
+        ),
+        (
+            ARCHIVE,
+            Policy({"r": {A: Rule(past_s=0.0), S: Rule("lab", past_s=86400.0)}}, {"r": 86400.0}),
+            "the past: 31 min in memory, up to 256 MB; in file:///srv/past: r 1 d; view 'public': keep of "
+            "'r' has no effect: nobody may look back on it",
+        ),
     ],
 )
 def test_a_line_at_the_start_says_what_is_kept(flags: tuple[str, ...], policy: Policy, told: str) -> None:
@@ -85,6 +97,21 @@ def test_keep_that_comes_and_goes_is_told(caplog: pytest.LogCaptureFixture) -> N
     kept, gone = caplog.messages
     assert kept == "r: its past is kept in the store for 1 d"
     assert gone.startswith("r: `keep` is gone: nothing more is written to the store, and what is there stays")
+
+
+def test_keep_without_effect_is_told_on_each_change(caplog: pytest.LogCaptureFixture) -> None:
+    said, keeps_s = PastLog(), {"hubo": 86400.0}
+    for past_s in (0.0, 0.0, None):
+        said.follow(Policy({"hubo": {S: Rule(past_s=past_s)}}, keeps_s if past_s == 0.0 else {}))
+    caplog.clear()
+    policy = Policy({"hubo": {S: Rule(past_s=0.0)}}, keeps_s)
+    said.follow(policy)
+    told = "keep of 'hubo' has no effect: nobody may look back on it; give an audience `past`"
+    assert caplog.messages == [told]
+    said.follow(policy)
+    assert caplog.messages == [told]
+    said.follow(Policy({"hubo": {S: Rule(past_s=0.0), A: Rule(past_s=0.0)}}, keeps_s))
+    assert caplog.messages == [told, told]
 
 
 def test_who_crowds_the_memory_is_named_once_a_minute(caplog: pytest.LogCaptureFixture) -> None:

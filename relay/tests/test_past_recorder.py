@@ -88,7 +88,30 @@ def test_only_those_who_could_see_all_of_it_may_look_back() -> None:
     world.recorder.set_policy(Policy({"r": OPEN}), world.now)
     stream(world, edge, 2.2)
     both = frozenset((Audience.ANYONE, Audience.LINK))
-    assert [each.audiences for each in world.close()] == [frozenset((Audience.LINK,)), both, both]
+    assert [each.audiences for each in world.close()] == [frozenset((Audience.LINK,)), both, both, both]
+
+
+@pytest.mark.parametrize("dark", [BLACK, {}], ids=["some saw it", "nobody saw it"])
+def test_no_pose_of_the_dark_is_shown_to_who_may_look_again(dark: dict[Audience, Rule]) -> None:
+    world = TapedWorld()
+    world.recorder.set_policy(Policy({"r": OPEN}), world.now)
+    edge = on_air(world)
+    stream(world, edge, 1.0)
+    world.recorder.set_policy(Policy({"r": dark}), world.now)
+    stream(world, edge, 0.5, key_every=1000)  # begins with a KEY, which is dark
+    world.recorder.set_policy(Policy({"r": OPEN}), world.now)
+    world.hear_event(edge, source="RKN", text="jam", state="on")
+    for _ in range(15):
+        world.pass_time(1 / 30)
+        world.hear(edge, edge.frame(world.now))
+    lit_ms = 1000 * world.read_unix_s()
+    stream(world, edge, 0.5)
+    shown = [each for each in world.close() if Audience.ANYONE in each.audiences and each.frames]
+    after = [each for each in shown if each.from_ms >= lit_ms - 1]
+    assert len(shown) == 2
+    assert len(after) == 1
+    assert after[0].frames == 15
+    assert not [record for record in decode_segment(after[0].data).records if isinstance(record, CopyRecord)]
 
 
 def test_what_nobody_may_see_is_not_recorded() -> None:

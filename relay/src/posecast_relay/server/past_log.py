@@ -8,12 +8,18 @@ from collections.abc import Iterator
 from posecast_relay.config.robots_file import format_duration
 from posecast_relay.config.settings import Settings
 from posecast_relay.core.past.memory_store import MemoryPast
-from posecast_relay.core.policy.past import compute_kept_longest_s, compute_kept_s, compute_recent_s
+from posecast_relay.core.policy.past import (
+    compute_kept_longest_s,
+    compute_kept_s,
+    compute_recent_s,
+    list_idle_keeps,
+)
 from posecast_relay.core.policy.policy import Audience, Policy, Rule
 
 log = logging.getLogger("posecast_relay")
 
 CROWD_EVERY_S = 60.0  # one line of a robot
+IDLE_TOLD = 5  # robots of which nothing is kept that the line at the start names
 
 
 def describe_past(settings: Settings, policy: Policy) -> str:
@@ -25,7 +31,8 @@ def describe_past(settings: Settings, policy: Policy) -> str:
         return "the past: from Redis" + archive
     kept_s = compute_kept_longest_s(policy, compute_recent_s if settings.archive else compute_kept_s)
     if not kept_s:
-        return "the past: none is kept, nobody may look back (`past` in the file of robots)"
+        told = "the past: none is kept, nobody may look back (`past` in the file of robots)"
+        return told + archive if policy.keeps_s else told
     return f"the past: {format_duration(kept_s)} in memory, up to {settings.past_memory >> 20} MB{archive}"
 
 
@@ -39,8 +46,19 @@ def describe_archive(settings: Settings, policy: Policy) -> str:
         return f"; nothing in {settings.archive}: without --robots nobody has said of what (`keep`)"
     if not policy.keeps_s:
         return f"; nothing in {settings.archive}: no robot has `keep` in the file of robots"
-    kept = ", ".join(f"{robot} {format_duration(keep_s)}" for robot, keep_s in policy.keeps_s.items())
-    return f"; in {settings.archive}: {kept:.200}"
+    idle = list_idle_keeps(policy)
+    kept = ", ".join(
+        f"{robot} {format_duration(keep_s)}"
+        for robot, keep_s in policy.keeps_s.items()
+        if (robot, None) not in idle
+    )
+    told = f"; in {settings.archive}: {kept:.200}" if kept else f"; nothing in {settings.archive}"
+    return "; ".join([told, *(_describe_idle(*each) for each in idle[:IDLE_TOLD])])
+
+
+def _describe_idle(robot: str, view: str | None) -> str:
+    of, what = repr(robot), "keep" if view is None else f"view {view!r}: keep"
+    return f"{what} of {of} has no effect: nobody may look back on it; give an audience `past`"
 
 
 class PastLog:
@@ -52,17 +70,23 @@ class PastLog:
         self._told_at: dict[str, float] = {}
 
     def follow(self, policy: Policy) -> None:
-        """Tell which audiences a change of the rules hides a robot from, or lets look back otherwise."""
+        """Tell which audiences a change of the rules hides a robot from, or lets look back otherwise, and
+        whose `keep` has no effect. The first ones are told by `describe_past`.
+        """
         before, self._policy = self._policy, policy
         if before is None:
             return
+        idle = list_idle_keeps(policy)
         for robot in sorted({*(before.rules or ()), *(policy.rules or ())}):
             old, new = before.find_rules(robot), policy.find_rules(robot)
             for audience in Audience:
                 for line in _list_changes(audience, old.get(audience), new.get(audience)):
                     log.info("%s, %s: %s", robot, audience.value, line)
-            if before.keeps_s.get(robot) != policy.keeps_s.get(robot):
+            if before.keeps_s.get(robot) != policy.keeps_s.get(robot) and (robot, None) not in idle:
                 _tell_keep(robot, policy.keeps_s.get(robot))
+        if before != policy:
+            for each in idle:
+                log.warning("%s", _describe_idle(*each))
 
     def report_crowding(self, kept: MemoryPast, now: float) -> None:
         """Tell of each robot that has lost its oldest since memory is full, once a minute."""

@@ -30,6 +30,7 @@ class Recorder:
         self._list_lookers = list_lookers
         self._policy: Policy | None = None
         self._recordings: dict[Room, StreamRecording | None] = {}  # None: nobody may look back on it
+        self._hidden: set[Room] = set()  # nobody could before the newest policy
         self._due = TimerQueue[StreamRecording]()
         self._reports: list[tuple[str, Exception]] = []
 
@@ -45,6 +46,7 @@ class Recorder:
 
     def set_policy(self, policy: Policy, now: float) -> None:
         """Set who may see what. What nobody may look back on is recorded no longer."""
+        is_first = self._policy is None
         self._policy = policy
         for room, recording in list(self._recordings.items()):
             try:
@@ -53,6 +55,8 @@ class Recorder:
                     recording.set_audiences(audiences, now)
                     continue
                 del self._recordings[room]
+                if not is_first:
+                    self._hidden.add(room)
                 if recording is not None:
                     recording.drop()
             except Exception as error:
@@ -126,6 +130,7 @@ class Recorder:
         for room in robot.rooms.values():
             try:
                 recording = self._recordings.pop(room, None)
+                self._hidden.discard(room)
                 if recording is not None:
                     recording.close(now)
             except Exception as error:
@@ -149,7 +154,9 @@ class Recorder:
             self._recordings[room] = None
             return None
         word = robot.compute_status(room, now)
-        recording = StreamRecording(room, self._ports, audiences, word, event_n, now)
+        is_hidden = room in self._hidden
+        self._hidden.discard(room)
+        recording = StreamRecording(room, self._ports, audiences, word, event_n, now, is_hidden=is_hidden)
         self._recordings[room] = recording
         return recording
 

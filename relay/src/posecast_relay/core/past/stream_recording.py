@@ -36,7 +36,8 @@ class RecordingPorts(NamedTuple):
 class StreamRecording:
     """One stream's recording. Each `take_…` comes at the moment at which the stream has accepted something.
 
-    `word`: the robot's status now; `event_n`: the newest event that is not to come by `take_event`.
+    `word`: the robot's status now; `event_n`: the newest event that is not to come by `take_event`;
+    `is_hidden`: nobody could see what the stream accepted before, so it is recorded from the next KEY on.
     """
 
     def __init__(
@@ -47,11 +48,15 @@ class StreamRecording:
         word: RobotStatus,
         event_n: int,
         now: float,
+        *,
+        is_hidden: bool = False,
     ) -> None:
         self.room = room
         self._stream = stream = room.stream
         self._ports = ports
         self._audiences = audiences
+        # those of them who could see the KEY that the newest frames name, too
+        self._seen = frozenset[Audience]() if is_hidden else audiences
         self._word = word
         self._info = stream.info
         self._model = stream.model
@@ -70,8 +75,11 @@ class StreamRecording:
         return NEVER if self._open is None else self._open.due_at
 
     def set_audiences(self, audiences: frozenset[Audience], now: float) -> None:
-        """Set who may look back on what is live now. What nobody could see all of is dropped."""
+        """Set who may look back on what is live now. What nobody could see all of is dropped. Who is new gets
+        what begins with the next KEY: frames before that would show them the last pose that was hidden.
+        """
         self._audiences = audiences
+        self._seen &= audiences
         if self._open is not None:
             self._open.narrow(audiences)
             if not self._open.audiences:
@@ -81,6 +89,11 @@ class StreamRecording:
     def take_frame(self, frame: StoredFrame, late_s: float, now: float) -> None:
         """Record a frame. `late_s`: its lateness in seconds, as viewers are told."""
         at_us = self._follow(now, self._stream.event_n)
+        if frame.is_key and self._seen != self._audiences:
+            self.close(now)
+            self._seen = self._audiences
+        if not self._seen:
+            return
         before = self._open
         if before is not None and (
             before.schema is not self._stream.schema or not before.takes_frame(frame, self._stream.ref, at_us)
@@ -99,15 +112,19 @@ class StreamRecording:
     def take_event(self, event: Event, doc: dict[str, object], now: float) -> None:
         """Record an event, which the stream has just numbered. `doc`: what it says."""
         at_us = self._follow(now, event.n - 1)
-        self._make_room(2 * len(event.text), now)
-        is_fault = doc.get("level") == "fault" and doc.get("state") == "on"
-        self._enter(at_us, now).append_event(event.text, at_us, is_fault)
+        if self._seen:
+            self._make_room(2 * len(event.text), now)
+            is_fault = doc.get("level") == "fault" and doc.get("state") == "on"
+            self._enter(at_us, now).append_event(event.text, at_us, is_fault)
         self._event_n = event.n
         self._faults.record_event(doc, event.text)
 
     def take_description(self, now: float) -> None:
         """Record the stream's info and model, as far as they have changed."""
         info, model = self._stream.info, self._stream.model
+        if not self._seen:
+            self._info, self._model = info, model
+            return
         if info is not self._info and info != self._info:
             at_us = self._follow(now, self._stream.event_n)
             self._make_room(sum(2 * (len(name) + len(text)) + 8 for name, text in info.items()), now)
@@ -121,7 +138,8 @@ class StreamRecording:
 
     def take_word(self, word: RobotStatus, now: float) -> None:
         """Record the robot's status, if it has changed."""
-        if word == self._word:
+        if word == self._word or not self._seen:
+            self._word = word
             return
         at_us = self._follow(now, self._stream.event_n)
         self._make_room(8, now)
@@ -201,5 +219,5 @@ class StreamRecording:
                 info=self._info,
                 open_faults=self._faults.list_texts(),
             )
-            self._open = OpenSegment(start, at_us, now, schema, self._audiences)
+            self._open = OpenSegment(start, at_us, now, schema, self._seen)
         return self._open

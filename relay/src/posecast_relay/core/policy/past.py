@@ -89,6 +89,23 @@ def compute_kept_s(policy: Policy, robot: str, view: str) -> float:
     )
 
 
+def list_idle_keeps(policy: Policy) -> list[tuple[str, str | None]]:
+    """Return of what nothing is kept in an object store though the file of robots has `keep`, since nobody
+    may look back on it: robots, with a view of theirs, or None where it is all of them. A blackout ends.
+    """
+    found: list[tuple[str, str | None]] = []
+    for robot in policy.keeps_s:
+        rules = policy.find_rules(robot)
+        views = sorted({rule.view for rule in rules.values()})
+        looked = {
+            rule.view
+            for audience, rule in rules.items()
+            if rule.viewers != 0 and rule.compute_past_s(audience) > 0
+        }
+        found += [(robot, view) for view in views if view not in looked] if looked else [(robot, None)]
+    return found
+
+
 def compute_recent_s(policy: Policy, robot: str, view: str) -> float:
     """Return for how many seconds a segment of this view is kept in memory or Redis when there is an archive:
     no longer than RECENT_S where the robot's past is in that.
