@@ -287,7 +287,7 @@ def test_an_end_in_the_middle_leaves_the_earlier_one(tmp_path: Path, station: St
         relay.process.send_signal(signal.SIGSTOP)  # it answers no more
         with subprocess.Popen([*command, *arguments], stderr=subprocess.PIPE, text=True) as writer:
             try:
-                until("it has begun", (tmp_path / ".lecture.part/made").is_dir)
+                until("it has begun", (tmp_path / ".lecture.posecast-part/made").is_dir)
                 writer.send_signal(how)
                 _, said = writer.communicate(timeout=30)
             finally:

@@ -117,7 +117,6 @@ FOREIGN_FILES = {
     "times.csv": "\ufefftime,place\n",
     "x.posecast": "x",
     "x.mcap": "x",
-    "other.mcap": "\x89MCAP0\r\n",
     "plain": RECORDING,
 }
 
