@@ -69,6 +69,12 @@ def test_a_line_at_the_start_says_what_is_kept(flags: tuple[str, ...], policy: P
     assert describe_past(parse(["run", "--dev", *flags], {}), policy).startswith(told)
 
 
+def test_a_folder_made_just_now_is_new() -> None:
+    policy = Policy({"r": {A: Rule()}}, {"r": 86400.0})
+    told = describe_past(parse(["run", "--dev", *ARCHIVE], {}), policy, is_new=True)
+    assert told.endswith("; in file:///srv/past (new, empty): r 1 d")
+
+
 def test_a_relay_that_starts_says_it(relays: Any) -> None:
     relay = relays()
     assert relay.process.stdout.readline() == b"the past: 30 min in memory, up to 256 MB\n"

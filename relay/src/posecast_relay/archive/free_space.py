@@ -20,6 +20,7 @@ class SpaceWatch:
         self._store = store
         self._least_bytes = least_bytes
         self._is_low = False
+        self._rule = ""  # the one by which it is low
 
     async def look(self) -> None:
         """Measure, and write a line to the log when it has become low, or is no more."""
@@ -31,21 +32,28 @@ class SpaceWatch:
             return
         low = self._is_below(CALM if self._is_low else 1.0)
         if low != self._is_low:
-            self._is_low = low
-            left = self.space.free >> 20
-            share = 100 * self.space.free / max(1, self.space.total)
-            log.warning(
-                "the archive: %s: %d MB (%d %%) are left",
-                "the disk is nearly full" if low else "the disk has room again",
-                left,
-                share,
-            )
+            self._is_low, self._rule = low, self._find_rule()
+            what = "the disk is nearly full" if low else "the disk has room again"
+            log.warning("the archive: %s: %s", what, self._describe())
 
     def find_trouble(self) -> str | None:
         """Return that little is left; None when there is enough, or nobody knows."""
-        if not self._is_low or self.space is None:
-            return None
-        return f"the disk is nearly full: {100 * self.space.free // max(1, self.space.total)} % is left"
+        return f"the disk is nearly full: {self._describe()}" if self._is_low else None
+
+    def _describe(self) -> str:
+        assert self.space is not None
+        free, total = self.space
+        left = f"{free >> 20} MB, {100 * free // max(1, total)} % of it"
+        return f"{self._rule} is left, {left}" if self._is_low else left
+
+    def _find_rule(self) -> str:
+        assert self.space is not None
+        is_few = self.space.free < self._least_bytes
+        return (
+            f"less than {self._least_bytes / (1 << 30):g} GiB"
+            if is_few
+            else f"less than {100 * LEAST_SHARE:g} %"
+        )
 
     def _is_below(self, factor: float) -> bool:
         assert self.space is not None

@@ -12,9 +12,10 @@ import logging
 import time
 from collections.abc import Callable, Mapping
 
+from posecast_relay.archive.background_trouble import BackgroundTrouble
 from posecast_relay.archive.day_file import check_day, list_days, load_day, mend_day, mend_page
 from posecast_relay.archive.free_space import SpaceWatch
-from posecast_relay.archive.names import DAY_MS, PAGE_MS, PageKey
+from posecast_relay.archive.names import DAY_MS, PAGE_MS, TOMBSTONES, PageKey
 from posecast_relay.archive.object_store import ArchiveError, ObjectStore
 from posecast_relay.archive.retention import SPARE_MS, delete_old, list_views
 from posecast_relay.archive.writer import ArchiveWriter
@@ -28,6 +29,7 @@ RETAIN_S = 600.0  # between two looks for what is too old
 WALK_S = 2.0  # between two days that are looked through
 RETRY_S = (1.0, 30.0)  # the first and the longest pause after a failure
 STOP_S = 3.0  # for indexes when the process stops
+PROBE_KEY = f"{TOMBSTONES}/.probe"  # written and deleted once
 PAGES_MAX = 10_000  # that wait; further ones are found when days are looked through next
 
 DayKey = tuple[str, str, int]  # robot, view, and when the day begins, unix ms
@@ -47,6 +49,7 @@ class Indexer:
         self.expired = 0  # segments that were deleted since they were too old
         self.failures = 0
         self.space = SpaceWatch(store)
+        self.trouble = BackgroundTrouble(lambda: self.writer is not None and bool(self.writer.find_trouble()))
         self.writer: ArchiveWriter | None = None
         self._store = store
         self._unix_s = unix_s
@@ -55,7 +58,7 @@ class Indexer:
         self._pages: dict[PageKey, None] = {}  # to be mended
         self._to_walk: list[DayKey] | None = None  # days to be looked through; None: to be found out
         self._bytes: dict[DayKey, int] = {}  # of the days that were looked through or written to
-        self._retain_at = self._walk_at = self._space_at = self._ended_at = float("-inf")
+        self._retain_at = self._walk_at = self._space_at = self._ended_at = self._probe_at = float("-inf")
         self._task: asyncio.Task[None] | None = None
 
     @property
@@ -97,8 +100,9 @@ class Indexer:
         while True:
             try:
                 await self.do_due()
-            except ArchiveError:  # whoever writes says so
+            except ArchiveError as e:
                 self.failures += 1
+                self.trouble.note_failure("indexes", str(e))
                 await asyncio.sleep(pause_s)
                 pause_s = min(2 * pause_s, RETRY_S[1])
                 continue
@@ -107,6 +111,7 @@ class Indexer:
                 await asyncio.sleep(RETRY_S[1])
                 continue
             pause_s = RETRY_S[0]
+            self.trouble.note_success("indexes")
             await asyncio.sleep(LOOK_S)
 
     async def do_due(self) -> None:
@@ -115,6 +120,8 @@ class Indexer:
         if now >= self._space_at:
             self._space_at = now + SPACE_S
             await self.space.look()
+        if now >= self._probe_at:
+            self._probe_at = now + RETRY_S[1] if await self._finds_trouble() else float("inf")
         if self.writer is not None and now >= self._ended_at:
             self._ended_at = now + ENDED_S
             self.writer.end_pages(round(1000 * self._unix_s()) - PAGE_MS - SPARE_MS)
@@ -125,6 +132,20 @@ class Indexer:
         if now >= self._walk_at:
             self._walk_at = now + WALK_S
             await self._walk()
+
+    async def _finds_trouble(self) -> bool:
+        """Try whether the store can be written: it is said before anything is recorded. What can be done in a
+        store that is full is done all the same.
+        """
+        try:
+            await self._store.put(PROBE_KEY, b"")
+            await self._store.delete(PROBE_KEY)
+        except ArchiveError as e:
+            self.failures += 1
+            self.trouble.note_failure("writing", str(e))
+            return True
+        self.trouble.note_success("writing")
+        return False
 
     async def delete_old(self) -> None:
         """Delete what is older than it is to be kept. Raises ArchiveError."""

@@ -32,6 +32,14 @@ THREADS = 4  # that look at a folder
 LISTED = 1000  # names in one part of a listing
 DEPTH_MAX = 8  # folders that a listing of a file store goes down; ours are five deep
 UNFINISHED = re.compile(r"#[0-9]{1,9}$", re.ASCII)  # a file that is written, until it has its name
+NO_ENTRY = "our keys are not accepted"
+S3_KEYS = (  # by one of these an S3 store lets us in; else by what its cloud gives this machine
+    "AWS_ACCESS_KEY_ID",
+    "AWS_CONTAINER_CREDENTIALS_RELATIVE_URI",
+    "AWS_CONTAINER_CREDENTIALS_FULL_URI",
+    "AWS_WEB_IDENTITY_TOKEN_FILE",
+    "AWS_SKIP_SIGNATURE",
+)
 REASONS = (  # what its library says, and what that means: refused for good, or not just now
     (r"os error (?:28|122)\)", "no space is left"),
     (r"os error 30\)", "it can only be read"),
@@ -41,7 +49,7 @@ REASONS = (  # what its library says, and what that means: refused for good, or 
     (
         r"InvalidAccessKeyId|SignatureDoesNotMatch|AccessDenied|AuthenticationFailed|40[13] |"
         r"Unauthenticated|PermissionDenied|[Mm]issing (?:credentials|region)|[Cc]redential",
-        "our keys are not accepted",
+        NO_ENTRY,
     ),
     (r"os error \d+\)", "the file system reports an error"),
 )
@@ -73,8 +81,9 @@ class FreeSpace(NamedTuple):
     total: int
 
 
-def open_object_store(url: str, call_s: float = CALL_S) -> ObjectStore:
-    """Open the store at a URL; a folder is made. Nothing else is asked of it yet.
+def open_object_store(url: str, call_s: float = CALL_S, *, makes_folder: bool = True) -> ObjectStore:
+    """Open the store at a URL; a folder that isn't there is made for this user alone, or with `makes_folder`
+    False refused. Nothing else is asked of it yet.
 
     Raises StoreUrlError when that is none, when it can't be opened, or obstore isn't installed.
     """
@@ -85,10 +94,17 @@ def open_object_store(url: str, call_s: float = CALL_S) -> ObjectStore:
     except ImportError:
         raise StoreUrlError("install posecast-relay[archive]") from None
     folder: Path | None = None
+    opened: Any
     try:
         if url.startswith("file:"):
             folder = Path(unquote(urlsplit(url).path))
-            return ObjectStore(LocalStore(folder, mkdir=True, automatic_cleanup=True), call_s, folder)
+            is_new = not folder.exists()
+            if is_new and not makes_folder:
+                raise StoreUrlError("there is no such folder")
+            if is_new:
+                folder.mkdir(mode=0o700, parents=True)
+            opened = LocalStore(folder, automatic_cleanup=True)
+            return ObjectStore(opened, call_s, folder, is_new=is_new)
         options: dict[str, Any] = {
             "timeout": timedelta(seconds=call_s),
             "connect_timeout": timedelta(seconds=CONNECT_S),
@@ -96,10 +112,19 @@ def open_object_store(url: str, call_s: float = CALL_S) -> ObjectStore:
         if _endpoint().startswith("http://"):  # whoever names it so has decided on that
             options["allow_http"] = True
         retry: Any = {"max_retries": 1, "retry_timeout": timedelta(seconds=call_s)}
-        opened: Any = from_url(url, client_options=options, retry_config=retry)  # type: ignore[call-overload]
-        return ObjectStore(opened, call_s)
+        opened = from_url(url, client_options=options, retry_config=retry)  # type: ignore[call-overload]
+        return ObjectStore(opened, call_s, hint=_find_hint(url))
+    except StoreUrlError:
+        raise
     except (BaseError, ValueError, OSError) as e:
         raise StoreUrlError(_describe(e) or "it can't be opened") from None
+
+
+def _find_hint(url: str) -> str:
+    """Say what to set where an S3 store gets no keys from the environment; nothing where it gets some."""
+    if not url.startswith("s3:") or any(os.environ.get(name) for name in S3_KEYS):
+        return ""
+    return "; there are no keys for it here: set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY"
 
 
 def _endpoint() -> str:
@@ -110,8 +135,20 @@ def _endpoint() -> str:
 class ObjectStore:
     """Objects by key. A `put` is whole or not at all; keys have slashes, and begin below the store's URL."""
 
-    def __init__(self, store: Any, call_s: float = CALL_S, folder: Path | None = None) -> None:
-        """`store`: obstore's; `folder`: where it lies, when that is on this machine."""
+    def __init__(
+        self,
+        store: Any,
+        call_s: float = CALL_S,
+        folder: Path | None = None,
+        *,
+        is_new: bool = False,
+        hint: str = "",
+    ) -> None:
+        """`store`: obstore's; `folder`: where it lies, when that is on this machine; `is_new`: it was made
+        just now; `hint`: what ends the message when it lets nobody in.
+        """
+        self.is_new = is_new
+        self._hint = hint
         import obstore  # noqa: PLC0415 — see above
 
         self.folder = folder
@@ -124,7 +161,12 @@ class ObjectStore:
     async def put(self, key: str, data: bytes) -> None:
         """Write an object, all at once, over the one of that key if there is one. Raises ArchiveError."""
         await self._check_folder()
-        await self._call(self._obstore.put_async(self._store, key, data, use_multipart=False))
+        try:
+            await self._call(self._obstore.put_async(self._store, key, data, use_multipart=False))
+        except FileNotFoundError:
+            raise ArchiveRefused(
+                "there is no such bucket" if self.folder is None else "its folder is gone"
+            ) from None
 
     async def get(self, key: str) -> bytes | None:
         """Return an object's bytes; None when there is none of that key. Raises ArchiveError."""
@@ -189,7 +231,11 @@ class ObjectStore:
         """Return what the file system has left; None where that can't be known. Raises ArchiveError."""
         if self.folder is None:
             return None
-        found = await self._call(self._start(os.statvfs, self.folder))
+        await self._check_folder()
+        try:
+            found = await self._call(self._start(os.statvfs, self.folder))
+        except FileNotFoundError:  # a moment later
+            raise ArchiveRefused("its folder is gone") from None
         return FreeSpace(found.f_bavail * found.f_frsize, found.f_blocks * found.f_frsize)
 
     async def _check_folder(self) -> None:
@@ -218,12 +264,12 @@ class ObjectStore:
         except StopAsyncIteration:
             raise
         except TimeoutError:
-            raise ArchiveAway(f"no answer within {self._call_s:g} s") from None
+            raise ArchiveAway(f"no answer within {self._call_s:g} s{self._hint}") from None
         except Exception as e:  # obstore's have a base of their own; whatever it is, live must not notice
             why = _describe(e)
             if why is not None:
-                raise ArchiveRefused(why) from None
-            raise ArchiveAway(f"does not answer ({type(e).__name__})") from None
+                raise ArchiveRefused(why + (self._hint if why == NO_ENTRY else "")) from None
+            raise ArchiveAway(f"does not answer ({type(e).__name__}){self._hint}") from None
 
 
 def _describe(error: Exception) -> str | None:

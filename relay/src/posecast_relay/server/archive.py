@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from posecast_relay.archive.background_trouble import BackgroundTrouble
 from posecast_relay.archive.indexer import Indexer
 from posecast_relay.archive.joined_past import JoinedPast
 from posecast_relay.archive.object_store import ObjectStore, open_object_store
@@ -28,6 +29,7 @@ class ArchiveServices:
     store: ObjectStore
     reader: ArchiveReader
     upkeep: ArchiveUpkeep
+    trouble: BackgroundTrouble
     writer: ArchiveWriter | None = None
     indexer: Indexer | None = None
 
@@ -36,16 +38,21 @@ class ArchiveServices:
         return JoinedPast(front, self.reader, self.find_trouble)
 
     def find_trouble(self) -> str | None:
-        """Return why the store can't be written, or that it is nearly full; None when all is well."""
+        """Return why the store can't be used, or that it is nearly full; None when all is well."""
+        return self._find_store_trouble() or (
+            None if self.indexer is None else self.indexer.space.find_trouble()
+        )
+
+    def _find_store_trouble(self) -> str | None:
         trouble = None if self.writer is None else self.writer.find_trouble()
-        return trouble or (None if self.indexer is None else self.indexer.space.find_trouble())
+        return trouble or self.trouble.find_trouble()
 
     def measure(self) -> ArchiveFigures:
         """Return its state now. From any thread."""
         writer, indexer = self.writer, self.indexer
         space = None if indexer is None else indexer.space.space
         return ArchiveFigures(
-            trouble=None if writer is None else writer.find_trouble(),
+            trouble=self._find_store_trouble(),
             written=0 if writer is None else writer.written,
             dropped=0 if writer is None else writer.dropped,
             expired=0 if indexer is None else indexer.expired,
@@ -83,8 +90,8 @@ def make_archive(settings: Settings, deletions: Deletions) -> ArchiveServices | 
     if settings.archive is None:
         return None
     try:
-        store = open_object_store(settings.archive)
-        quick = open_object_store(settings.archive, READ_S)
+        store = open_object_store(settings.archive, makes_folder=settings.role != "gateway")
+        quick = open_object_store(settings.archive, READ_S, makes_folder=False)
     except StoreUrlError as e:
         raise StartError(f"--past {settings.archive}: {e}") from None
     writer: ArchiveWriter | None = None
@@ -96,7 +103,9 @@ def make_archive(settings: Settings, deletions: Deletions) -> ArchiveServices | 
         reader = ArchiveReader(quick, Dispatcher.now, Dispatcher.unix_s, deletions.cover, indexer.mend)
         writer = ArchiveWriter(store, indexer.mend, deletions.cover_segment)
         indexer.writer = writer
-    upkeep = ArchiveUpkeep(store, deletions, reader, writer, None if indexer is None else indexer.mend)
+    trouble = BackgroundTrouble() if indexer is None else indexer.trouble
+    mend = None if indexer is None else indexer.mend
+    upkeep = ArchiveUpkeep(store, deletions, reader, writer, mend, trouble)
     if indexer is not None:
         indexer.on_deleted = upkeep.note_expired
-    return ArchiveServices(store, reader, upkeep, writer, indexer)
+    return ArchiveServices(store, reader, upkeep, trouble, writer, indexer)

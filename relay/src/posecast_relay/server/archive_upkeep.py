@@ -6,6 +6,7 @@ import asyncio
 import logging
 from collections.abc import Callable, Mapping
 
+from posecast_relay.archive.background_trouble import BackgroundTrouble
 from posecast_relay.archive.deletion.tombstone_follower import TombstoneFollower
 from posecast_relay.archive.deletion.unnamed_sweep import NamedHashes, sweep_unnamed
 from posecast_relay.archive.models.keeper import ModelKeeper
@@ -34,6 +35,7 @@ class ArchiveUpkeep:
         reader: ArchiveReader,
         writer: ArchiveWriter | None,
         mend: Callable[[PageKey], None] | None,
+        trouble: BackgroundTrouble,
     ) -> None:
         self._store = store
         self._reader = reader
@@ -45,7 +47,11 @@ class ArchiveUpkeep:
         self._expired: set[str] = set()  # robots of which something was too old
         self._tasks: list[asyncio.Task[None]] = []
         self._follower = TombstoneFollower(
-            store, deletions, self._compute_unix_ms, erases=writer is not None, sweep=self.sweep, mend=mend
+            *(store, deletions, self._compute_unix_ms),
+            erases=writer is not None,
+            sweep=self.sweep,
+            mend=mend,
+            trouble=trouble,
         )
         deletions.on_added(self._forget)
 

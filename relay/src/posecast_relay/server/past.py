@@ -134,6 +134,11 @@ class PastServices:
             await self.archive.stop()
 
 
+def is_store_new(past: PastServices | None) -> bool:
+    """Whether the store of a process is a folder that was made just now."""
+    return past is not None and past.archive is not None and past.archive.store.is_new
+
+
 def make_past_services(settings: Settings, port: int = 0) -> PastServices | None:
     """Make the past of the role that `settings` asks for; None with `--past 0`. `port`: where it listens."""
     if settings.past is None:

@@ -22,11 +22,11 @@ CROWD_EVERY_S = 60.0  # one line of a robot
 IDLE_TOLD = 5  # robots of which nothing is kept that the line at the start names
 
 
-def describe_past(settings: Settings, policy: Policy) -> str:
-    """Describe in a line whether and for how long the past is kept."""
+def describe_past(settings: Settings, policy: Policy, *, is_new: bool = False) -> str:
+    """Describe in a line whether and for how long the past is kept; `is_new`: in a folder made just now."""
     if settings.past is None:
         return "the past: none is kept (--past 0)"
-    archive = describe_archive(settings, policy)
+    archive = describe_archive(settings, policy, " (new, empty)" if is_new else "")
     if settings.role == "gateway":
         return "the past: from Redis" + archive
     kept_s = compute_kept_longest_s(policy, compute_recent_s if settings.archive else compute_kept_s)
@@ -36,23 +36,24 @@ def describe_past(settings: Settings, policy: Policy) -> str:
     return f"the past: {format_duration(kept_s)} in memory, up to {settings.past_memory >> 20} MB{archive}"
 
 
-def describe_archive(settings: Settings, policy: Policy) -> str:
-    """Describe which robots are kept in the object store; nothing where there is none."""
+def describe_archive(settings: Settings, policy: Policy, remark: str = "") -> str:
+    """Describe which robots are kept in the object store; nothing where there is none. `remark`: of it."""
     if settings.archive is None:
         return ""
     if settings.role == "gateway":
         return f"; before that from {settings.archive}"
+    at = f"{settings.archive}{remark}"
     if policy.rules is None:
-        return f"; nothing in {settings.archive}: without --robots nobody has said of what (`keep`)"
+        return f"; nothing in {at}: without --robots nobody has said of what (`keep`)"
     if not policy.keeps_s:
-        return f"; nothing in {settings.archive}: no robot has `keep` in the file of robots"
+        return f"; nothing in {at}: no robot has `keep` in the file of robots"
     idle = list_idle_keeps(policy)
     kept = ", ".join(
         f"{robot} {format_duration(keep_s)}"
         for robot, keep_s in policy.keeps_s.items()
         if (robot, None) not in idle
     )
-    told = f"; in {settings.archive}: {kept:.200}" if kept else f"; nothing in {settings.archive}"
+    told = f"; in {at}: {kept:.200}" if kept else f"; nothing in {at}"
     return "; ".join([told, *(_describe_idle(*each) for each in idle[:IDLE_TOLD])])
 
 

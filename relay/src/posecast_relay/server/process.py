@@ -38,7 +38,7 @@ from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.runtime.io_uring import IoUring
 from posecast_relay.server.listener import BACKLOG, listen
-from posecast_relay.server.past import PastServices, make_past_services
+from posecast_relay.server.past import PastServices, is_store_new, make_past_services
 from posecast_relay.server.past_log import describe_past
 from posecast_relay.server.robots import load_robots, make_reader
 from posecast_relay.server.roles import RoleServices, make_role_services
@@ -152,7 +152,7 @@ async def _serve(settings: Settings, robots: Robots | None) -> None:
         gc.collect()
         gc.freeze()
         gc.set_threshold(50_000, 20, 100)
-        print(line, describe_past(settings, access.policy), sep="\n", flush=True)
+        print(line, describe_past(settings, access.policy, is_new=is_store_new(past)), sep="\n", flush=True)
 
     def cut(count: int) -> None:
         dispatcher.handshakes["never asked"] += count

@@ -8,6 +8,7 @@ import asyncio
 import logging
 from collections.abc import Awaitable, Callable
 
+from posecast_relay.archive.background_trouble import BackgroundTrouble
 from posecast_relay.archive.deletion.eraser import Erased, erase
 from posecast_relay.archive.deletion.tombstones import (
     KEPT_MS,
@@ -42,26 +43,31 @@ class TombstoneFollower:
         erases: bool,
         sweep: Callable[[str], Awaitable[None]] | None = None,
         mend: Callable[[PageKey], None] | None = None,
+        trouble: BackgroundTrouble | None = None,
     ) -> None:
-        """`mend` is told of ten minutes whose index is to be put right; None: it is put right here."""
+        """`mend` is told of ten minutes whose index is to be put right; None: it is put right here. `trouble`
+        is told whether the store does what it is asked to.
+        """
         self._store = store
         self._deletions = deletions
         self._compute_unix_ms = compute_unix_ms
         self._erases = erases
         self._sweep = sweep
         self._mend = mend
+        self._trouble = trouble or BackgroundTrouble()
         self._read: dict[str, Deletion | None] = {}  # by key; None: it is none
         self._erased: set[str] = set()  # keys of those that were carried out here once
         self._erasing: asyncio.Task[None] | None = None
 
     async def run(self) -> None:
-        """Follow until cancelled. While the store is away it is tried again; its other users say so."""
+        """Follow until cancelled. While the store is away it is tried again."""
         try:
             while True:
                 try:
                     await self.look()
+                    self._trouble.note_success("deletions ordered")
                 except ArchiveError as e:
-                    log.debug("tombstones: %s", e)
+                    self._trouble.note_failure("deletions ordered", str(e))
                 except Exception as e:  # a mistake of ours
                     log.error("tombstones", exc_info=e)
                 await asyncio.sleep(EVERY_S)
@@ -113,7 +119,8 @@ class TombstoneFollower:
                     await put_done(self._store, stem)
             for stem in old:
                 await remove_tombstone(self._store, stem)
-        except ArchiveError as e:
-            log.debug("deletions in the store: %s", e)  # its other users say so; the next look begins anew
+            self._trouble.note_success("deletions")
+        except ArchiveError as e:  # the next look begins anew
+            self._trouble.note_failure("deletions", str(e))
         except Exception as e:  # a mistake of ours
             log.error("deletions in the store", exc_info=e)
