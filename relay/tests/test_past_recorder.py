@@ -101,7 +101,7 @@ def test_no_pose_of_the_dark_is_shown_to_who_may_look_again(dark: dict[Audience,
     stream(world, edge, 0.5, key_every=1000)  # begins with a KEY, which is dark
     world.recorder.set_policy(Policy({"r": OPEN}), world.now)
     world.hear_event(edge, source="RKN", text="jam", state="on")
-    for _ in range(15):
+    for _ in range(240):  # longer than a segment
         world.pass_time(1 / 30)
         world.hear(edge, edge.frame(world.now))
     lit_ms = 1000 * world.read_unix_s()
