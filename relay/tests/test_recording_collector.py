@@ -174,7 +174,7 @@ def test_a_model_is_written_as_far_as_it_is_there(tmp_path: Path) -> None:
         {
             "low.glb": (b"low", "model/gltf-binary"),
             "gone.glb": (b"gone", "model/gltf-binary"),
-            "low.glb/below": (b"x", ""),
+            "low.glb/below.png": (b"x", ""),
             "manifest.json": (b"{}", "application/json"),
         }
     )
@@ -193,10 +193,21 @@ def test_a_model_is_written_as_far_as_it_is_there(tmp_path: Path) -> None:
         [
             f"models/{unknown}/manifest.json: not kept any more",
             f"models/{model.name}/gone.glb: not kept any more",
-            f"models/{model.name}/low.glb/below: another file stands in its way",
+            f"models/{model.name}/low.glb/below.png: another file stands in its way",
             f"models/{model.name}/manifest.json: another file stands in its way",
         ]
     )
+
+
+def test_nothing_but_what_a_model_is_made_of_comes_to_its_host(tmp_path: Path) -> None:
+    page = b"<script>alert(1)</script>"
+    strange = ["x.html", "x.HTM", "a/x.svg", ".htaccess", "noname", "x.html.glb", "x.php.png", "sw.js"]
+    fine = ["High.GLB", "wheel.front.stl", "skins/v1.2.jpeg", "x.html/y.png"]
+    model = KeptModel(dict.fromkeys((*strange, *fine), (page, "text/html")))
+    _, found = collect(KeptSource(record(2.0, model.name), [model]), tmp_path / "to")
+    folder = tmp_path / "to/models" / model.name
+    assert list_files(folder) == sorted([*fine, "manifest.json"])
+    assert found.lost == [f"models/{model.name}/x.html: no file that a model is made of and 7 more"]
 
 
 def test_what_no_recording_may_hold_is_refused(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import dataclass, field
@@ -43,6 +44,16 @@ AHEAD = 16  # segments that are asked for before it is their turn
 SEGMENT_MS_MAX = 600_000  # so long before a span a segment may begin that reaches into it
 PAGE_MS = 600_000
 KEY_PAGE_BYTES_MAX = 100_000
+# what a model is made of; whatever else a robot names would be served beside the page, as HTML for instance
+MODEL_SUFFIXES = frozenset(
+    (
+        *(".glb", ".gltf", ".bin", ".stl", ".obj", ".mtl", ".dae", ".ply", ".urdf", ".json"),
+        *(".png", ".jpg", ".jpeg", ".webp", ".bmp", ".gif", ".tga", ".tif", ".tiff", ".dds", ".ktx2"),
+    )
+)
+ACTIVE = re.compile(  # before another suffix: a host that does not know the last one goes by this
+    r"\.(?:[sxp]?html?|php\d?|phar|cgi|pl|py|aspx?|jspx?|svgz?|xml|xslt?|m?js|css)\.", re.IGNORECASE
+)
 LOST_SHOWN = 5  # lines about what is not in it
 
 
@@ -221,6 +232,11 @@ class Collector:
             found.lose(model_path(model, "manifest.json"), str(e))
             return
         self._write(model_path(model, "manifest.json"), manifest)
+        strange = [path for path in entries if not _is_of_a_model(path)]
+        if strange:
+            more = f" and {len(strange) - 1} more" if len(strange) > 1 else ""
+            found.lose(model_path(model, strange[0]), f"no file that a model is made of{more}")
+        entries = {path: entry for path, entry in entries.items() if _is_of_a_model(path)}
         for path, entry in entries.items():
             if path == "manifest.json" or any(
                 part.as_posix() in entries for part in PurePosixPath(path).parents
@@ -238,6 +254,12 @@ class Collector:
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_bytes(data)
         self.found.size += len(data)
+
+
+def _is_of_a_model(path: str) -> bool:
+    """Whether a file is of a kind that models are made of, by its name, by which hosts tell what it is."""
+    name = PurePosixPath(path)
+    return name.suffix.lower() in MODEL_SUFFIXES and not ACTIVE.search(name.name)
 
 
 def _list_models(segment: Segment) -> list[str]:
