@@ -39,6 +39,8 @@ async def test_put_get_list_delete(store: ObjectStore) -> None:
     assert await store.get("r/public/none") is None
     assert await store.get_range("r/public/a", 2, 3) == b"765"
     assert await store.get_range("r/public/none", 2, 3) is None
+    assert await store.get_range("r/other/b", 0, 3) == b""
+    assert await store.get_range("r/public/a", 10, 3) == b""
     assert await list_all(store) == {"r/public/a": 10, "r/other/b": 0}
     assert await list_all(store, "r/public") == {"r/public/a": 10}
     assert await list_all(store, "nothing/here") == {}

@@ -138,6 +138,31 @@ def test_what_is_deleted_or_foreign_is_not_there(
     assert [each.index for each in one.segments] == [21]
 
 
+def test_what_is_empty_is_passed_over_as_damaged(
+    tmp_path: Path, store: ObjectStore, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = KeptModel({"a.glb": (b"12345", "")})
+    kept = record(20.0, model.name)
+    asyncio.run(fill(store, kept))
+    asyncio.run(store.put(name_segment(kept[1]).key, b""))
+    asyncio.run(store.put(make_model_key("r", model.name, "manifest.json"), model.manifest))
+    asyncio.run(store.put(make_model_key("r", model.name, "a.glb"), b""))
+    assert len(export(tmp_path).segments) == len(kept) - 1
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 2
+    assert "/1.segment: byte 0: " in said[0]
+    assert said[1].endswith(f"models/{model.name}/a.glb: not kept any more")
+    asyncio.run(store.put(make_model_key("r", model.name, "manifest.json"), b""))
+    assert len(export(tmp_path).segments) == len(kept) - 1
+    assert capsys.readouterr().err.splitlines()[1].endswith("/manifest.json: not kept any more")
+    schema = kept[0].schema
+    assert schema is not None
+    asyncio.run(store.put(make_schema_key("r", schema), b""))
+    with pytest.raises(SystemExit):
+        export(tmp_path)
+    assert "the schema that it names is not there" in capsys.readouterr().err
+
+
 async def test_the_span_is_from_the_first_day_to_the_last(store: ObjectStore) -> None:
     source = StoreSource(store, "r", "public", Audience.ANYONE)
     assert await source.find_span() is None

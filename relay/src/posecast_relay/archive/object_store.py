@@ -32,6 +32,7 @@ THREADS = 4  # that look at a folder
 LISTED = 1000  # names in one part of a listing
 DEPTH_MAX = 8  # folders that a listing of a file store goes down; ours are five deep
 UNFINISHED = re.compile(r"#[0-9]{1,9}$", re.ASCII)  # a file that is written, until it has its name
+NO_SPACE = "no space is left"
 NO_ENTRY = "our keys are not accepted"
 S3_KEYS = (  # by one of these an S3 store lets us in; else by what its cloud gives this machine
     "AWS_ACCESS_KEY_ID",
@@ -41,7 +42,7 @@ S3_KEYS = (  # by one of these an S3 store lets us in; else by what its cloud gi
     "AWS_SKIP_SIGNATURE",
 )
 REASONS = (  # what its library says, and what that means: refused for good, or not just now
-    (r"os error (?:28|122)\)", "no space is left"),
+    (r"os error (?:28|122)\)", NO_SPACE),
     (r"os error 30\)", "it can only be read"),
     (r"os error (?:1|13)\)", "permission denied"),
     (r"os error (?:20|21|17|36)\)", "something else lies where an object is to be"),
@@ -150,7 +151,9 @@ class ObjectStore:
         self.is_new = is_new
         self._hint = hint
         import obstore  # noqa: PLC0415 — see above
+        from obstore.exceptions import GenericError  # noqa: PLC0415
 
+        self._general_error: type[Exception] = GenericError
         self.folder = folder
         self._device = None if folder is None else _find_device(folder)
         self._threads = None if folder is None else ThreadPoolExecutor(THREADS, "archive")
@@ -181,10 +184,22 @@ class ObjectStore:
         return None
 
     async def get_range(self, key: str, start: int, length: int) -> bytes | None:
-        """Return some of an object's bytes; None when there is none of that key. Raises ArchiveError."""
-        asked = self._obstore.get_range_async(self._store, key, start=start, length=length)
+        """Return some of an object's bytes, none where it ends before `start`; None when there is none of
+        that key. Raises ArchiveError."""
+
+        async def read() -> bytes:
+            try:
+                return bytes(
+                    await self._obstore.get_range_async(self._store, key, start=start, length=length)
+                )
+            except self._general_error:  # for one, where there are no bytes from `start` on
+                head = await self._obstore.head_async(self._store, key)
+                if head["size"] <= start:
+                    return b""
+                raise
+
         with contextlib.suppress(FileNotFoundError):
-            return bytes(await self._call(asked))
+            return await self._call(read())
         await self._check_folder()
         return None
 
