@@ -11,12 +11,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from posecast_relay.archive.object_store import NO_SPACE, ArchiveRefused, ObjectStore
 from posecast_relay.config.settings import SettingsError
 from posecast_relay.core.past.deletions import Deletions
 from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.past_command.main import run_past
 from posecast_relay.past_command.progress import CommandProgress
-from posecast_relay.past_command.times import TimeError, read_time, write_time
 from posecast_relay.server.past_deletion import ObedientMemory
 from posecast_relay.server.past_socket import PastSocket
 
@@ -35,37 +35,6 @@ def korea(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     yield
     monkeypatch.undo()
     time.tzset()
-
-
-@pytest.mark.parametrize(
-    ("text", "unix_ms"),
-    [
-        ("2026-11-18T11:20:00Z", PAGE_MS),
-        ("2026-11-18t11:20z", PAGE_MS),
-        ("2026-11-18T20:20:00.250+09:00", PAGE_MS + 250),
-        ("2026-11-18", PAGE_MS - 20 * 3_600_000 - 20 * 60_000),
-    ],
-)
-def test_times_are_read_as_people_write_them(text: str, unix_ms: int) -> None:
-    assert read_time(text) == unix_ms
-    if "t" in text.lower():
-        assert read_time(text, is_end=True) == unix_ms
-        assert write_time(unix_ms) == "2026-11-18T11:20:00Z"
-    else:
-        assert read_time(text, is_end=True) == unix_ms + DAY_MS
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        *("", "now", "18.11.2026", "2026-11-18T11:20", "2026-11-18 11:20Z", "2026-13-01", "2026-02-30"),
-        *("1969-12-30", "2026-11-18T25:00Z", "2026-11-18T11:20:00.1234Z", "٢٠٢٦-11-18", "0001-01-01"),
-        "9999-12-31T23:59:59Z",
-    ],
-)
-def test_what_is_no_time_gets_a_line(text: str) -> None:
-    with pytest.raises(TimeError, match=r"^(use|there is no such) [ -~]+$"):
-        read_time(text)
 
 
 async def fill(folder: Path) -> None:
@@ -105,6 +74,7 @@ def test_list_prints_aligned_columns(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 def test_what_can_not_be_asked_for_so_gets_one_line(tmp_path: Path) -> None:
     store = ("--past", f"file://{tmp_path}", "--robot", "r")
+    (tmp_path / "r").mkdir()
     whole = ("--from", "2026-11-18", "--to", "2026-11-19")
     for argv, why in (
         (("list", "--past", "0"), "--past 0: then nothing is kept"),
@@ -115,7 +85,7 @@ def test_what_can_not_be_asked_for_so_gets_one_line(tmp_path: Path) -> None:
         (("delete", *store, "--all", *whole), "give either --all, or --from and --to"),
         (("delete", *store, *whole[2:], "--from", "2026-11-20"), "is not before"),
         (("delete", *store, "--from", "2999-01-01", "--to", "2999-01-02"), "that is still to come"),
-        (("delete", *store, "--from", "yesterday", "--to", "2026-11-19"), "--from 'yesterday': use a day"),
+        (("delete", *store, "--from", "yesterday", "--to", "2026-11-19"), "--from 'yesterday': use 2026"),
         (("delete", "--past", f"file://{tmp_path}", "--all"), "--robot"),
         (("delete", *store[:2], "--robot", "../x", "--all"), "use 1 to 63 of a-z"),
         (("delete", *store, *whole), "nobody can be asked here: give --yes"),
@@ -149,9 +119,10 @@ def test_it_asks_before_it_deletes(
             run(*argv)
         assert ended.value.code == 1
         asked = capsys.readouterr().err
-        assert asked.startswith("r, each view, 2026-11-18T00:00:00Z to 2026-11-19T00:00:00Z: 3 segments, "), (
-            asked
-        )
+        assert asked.startswith(
+            "r, each view, 2026-11-18T09:00:00+09:00 to 2026-11-19T09:00:00+09:00 "
+            "(2026-11-18T00:00:00Z to 2026-11-19T00:00:00Z): 3 segments, "
+        ), asked
         assert asked.endswith("posecast-relay: nothing was deleted\n")
     assert not (tmp_path / "tombstones").exists()
     assert len(list(tmp_path.rglob("*.segment"))) == count
@@ -260,3 +231,52 @@ async def test_a_relay_with_a_store_deletes_nothing_from_memory_alone(
         assert "in a store too" in json.loads(await reader.read())["error"]
         writer.close()
     assert len(kept) == 1
+
+
+async def test_a_robot_that_is_nowhere_is_no_robot(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    await fill(tmp_path / "store")
+    argv = ("delete", "--past", f"file://{tmp_path}/store", "--all", "--yes", "--robot")
+    with pytest.raises(SystemExit) as ended:
+        await asyncio.to_thread(run, *argv, "dmeo")
+    assert ended.value.code == 1
+    told = capsys.readouterr()
+    assert told.err.startswith(
+        "posecast-relay: no robot 'dmeo' in the store, there are other-robot, r; nothing "
+    )
+    assert told.out == ""
+    assert not (tmp_path / "store" / "tombstones").exists()
+    kept = MemoryPast(1 << 26)
+    kept.add(make_kept(0, PAGE_MS, robot="dmeo"), 0.0)
+    async with PastSocket(tmp_path / "s", kept, Deletions(), f"file://{tmp_path}/store"):
+        await asyncio.to_thread(run, *argv, "dmeo", "--past-socket", str(tmp_path / "s"))
+    assert len(list((tmp_path / "store" / "tombstones" / "dmeo").glob("*.json"))) == 1
+
+
+def test_on_a_full_disk_the_segments_go_first(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asyncio.run(fill(tmp_path))
+    put, room = ObjectStore.put, [False]
+
+    async def refuse(self: ObjectStore, key: str, data: bytes) -> None:
+        is_full = not room[0] or len(list(tmp_path.rglob("*.segment"))) > 1
+        if key.startswith("tombstones") and is_full:
+            raise ArchiveRefused(NO_SPACE)
+        await put(self, key, data)
+
+    monkeypatch.setattr(ObjectStore, "put", refuse)
+    argv = ("delete", "--past", f"file://{tmp_path}", "--robot", "r", "--all", "--yes")
+    with pytest.raises(SystemExit) as ended:
+        run(*argv)
+    assert ended.value.code == 1
+    told = capsys.readouterr().err
+    assert told.startswith(
+        "posecast-relay: 5 segments are deleted from the store, but no space is left in it "
+    )
+    asyncio.run(fill(tmp_path))
+    room[0] = True
+    run(*argv)
+    assert capsys.readouterr().out.startswith("deleted: 5 segments, ")
+    assert len(list((tmp_path / "tombstones" / "r").glob("*.json"))) == 1

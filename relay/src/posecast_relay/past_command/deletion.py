@@ -10,14 +10,15 @@ from collections.abc import Mapping
 
 from posecast_relay.archive.deletion.eraser import Erased, erase, find_covered
 from posecast_relay.archive.deletion.tombstones import put_tombstone
-from posecast_relay.archive.object_store import ObjectStore
+from posecast_relay.archive.names import TOMBSTONES
+from posecast_relay.archive.object_store import NO_SPACE, ArchiveError, ArchiveRefused, ObjectStore
 from posecast_relay.config.settings import SettingsError
 from posecast_relay.core.past.deletions import Deletion
 from posecast_relay.deletion_record import make_deletion, pack_deletion
 from posecast_relay.past_command.location import add_location, add_robot, open_store
+from posecast_relay.past_command.moments import TimeError, read_moment, write_span
 from posecast_relay.past_command.progress import CommandProgress
-from posecast_relay.past_command.relay_socket import ask_relay, find_relay_store
-from posecast_relay.past_command.times import TimeError, read_time, write_time
+from posecast_relay.past_command.relay_socket import RelayAway, ask_relay, find_relay_store
 
 HELP = "delete of a robot's past: in the store, in Redis, and in the memory of running relays within 10 s"
 LATER = "Relays that run obey within 10 s, caches of what anyone could see within the hour."
@@ -27,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser, environ: Mapping[str, str]) -
     """Add the arguments of the command."""
     add_location(parser, environ)
     add_robot(parser, required=True)
-    form = "ISO 8601 with a zone, as 2026-11-22T14:20:00Z, or a day of this machine's zone, as 2026-11-22"
+    form = "2026-11-22T14:20 with or without a zone, 14:20 of today, or a day as 2026-11-22"
     parser.add_argument("--from", dest="from_", metavar="TIME", help=f"{form}: its beginning")
     parser.add_argument("--to", metavar="TIME", help="likewise; a day: its end")
     parser.add_argument("--all", action="store_true", help="instead of both: whatever there is until now")
@@ -54,10 +55,11 @@ def run(asked: argparse.Namespace) -> None:
         told = ask_relay(asked.past_socket, {"do": "delete", "deletion": pack_deletion(deletion).decode()})
         print(f"deleted from memory: {told.get('segments')} segments, {told.get('bytes')} bytes. {LATER}")
         return
-    asyncio.run(_delete(store, deletion, what, asked.yes))
+    asyncio.run(_delete(store, deletion, what, asked))
 
 
-async def _delete(store: ObjectStore, deletion: Deletion, what: str, is_sure: bool) -> None:
+async def _delete(store: ObjectStore, deletion: Deletion, what: str, asked: argparse.Namespace) -> None:
+    await _check_robot(store, asked)
     segments, size = 0, 0
     with CommandProgress() as progress:
         async for names in find_covered(store, deletion):
@@ -65,18 +67,60 @@ async def _delete(store: ObjectStore, deletion: Deletion, what: str, is_sure: bo
             size += sum(each.size for each in names)
             progress.show(f"{segments:,} segments found")
     found = f"{segments:,} segments, {size:,} bytes" if segments else "there is nothing of it in the store"
-    _confirm(is_sure, f"{what}: {found}.")
-    await put_tombstone(store, deletion)  # also where there is nothing: relays may have it in memory
+    _confirm(asked.yes, f"{what}: {found}.")
+    is_ordered = True
+    try:
+        await put_tombstone(store, deletion)  # also where there is nothing: relays may have it in memory
+    except ArchiveRefused as e:
+        if str(e) != NO_SPACE:
+            raise
+        is_ordered = False  # what is deleted makes room for it
     with CommandProgress() as progress:
 
         def show(erased: Erased) -> None:
             progress.show(f"{erased.segments:,} of {segments:,} segments deleted")
 
         erased = await erase(store, deletion, show)
+    if not is_ordered:
+        await _order_late(store, deletion, erased)
     if erased.segments:
         print(f"deleted: {erased.segments:,} segments, {erased.bytes:,} bytes. {LATER}")
     else:
         print(f"{what}: there was nothing of it in the store. {LATER}")
+
+
+async def _order_late(store: ObjectStore, deletion: Deletion, erased: Erased) -> None:
+    try:
+        await put_tombstone(store, deletion)
+    except ArchiveError as e:
+        print(
+            f"posecast-relay: {erased.segments:,} segments are deleted from the store, but {e} in it for the "
+            "order by which relays delete from memory: make room and give the command again",
+            file=sys.stderr,
+        )
+        raise SystemExit(1) from None
+
+
+async def _check_robot(store: ObjectStore, asked: argparse.Namespace) -> None:
+    """End with status 1 when neither the store nor the relay on this machine has a robot."""
+    there = [name for name in await store.list_folders("") if name != TOMBSTONES]
+    if asked.robot in there or _has_in_memory(asked):
+        return
+    others = f"there are {', '.join(there):.200}" if there else "there is none"
+    print(
+        f"posecast-relay: no robot {asked.robot!r} in the store, {others}; nothing was deleted. Of one that "
+        "only a relay's memory has: name that relay's socket as well (--past-socket PATH)",
+        file=sys.stderr,
+    )
+    raise SystemExit(1)
+
+
+def _has_in_memory(asked: argparse.Namespace) -> bool:
+    try:
+        rows = ask_relay(asked.past_socket, {"do": "list"}).get("rows")
+    except RelayAway:
+        return False
+    return isinstance(rows, list) and any(isinstance(row, list) and row[:1] == [asked.robot] for row in rows)
 
 
 def _read_span(asked: argparse.Namespace, now_ms: int) -> tuple[int, int]:
@@ -97,14 +141,14 @@ def _read_span(asked: argparse.Namespace, now_ms: int) -> tuple[int, int]:
 
 def _read(text: str, where: str, *, is_end: bool) -> int:
     try:
-        return read_time(text, is_end=is_end)
+        return read_moment(text, is_end=is_end)
     except TimeError as e:
         raise SettingsError(f"{where} {text!r}: {e}") from None
 
 
 def _describe(deletion: Deletion, is_all: bool) -> str:
     view = "each view" if deletion.view is None else f"view {deletion.view}"
-    span = "all until now" if is_all else f"{write_time(deletion.from_ms)} to {write_time(deletion.to_ms)}"
+    span = "all until now" if is_all else write_span(deletion.from_ms, deletion.to_ms)
     return f"{deletion.robot}, {view}, {span}"
 
 

@@ -26,9 +26,8 @@ from posecast_relay.export.mcap_file import McapMissingError
 from posecast_relay.export.span import ExportedSpan
 from posecast_relay.export.table_file import write_table
 from posecast_relay.past_command.location import open_store
-from posecast_relay.past_command.moments import read_moment, write_moment
+from posecast_relay.past_command.moments import TimeError, read_moment, write_moment
 from posecast_relay.past_command.progress import CommandProgress
-from posecast_relay.past_command.times import TimeError
 from posecast_relay.recording.collector import Collection, Collector, Description, NothingThere
 from posecast_relay.recording.http_source import HttpSource
 from posecast_relay.recording.notes import NotesError, place_notes, read_notes

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from posecast_relay.archive.names import DAY_MS, read_segment_key, write_day
 from posecast_relay.archive.object_store import ObjectStore
 from posecast_relay.past_command.location import add_location, add_robot, open_store
+from posecast_relay.past_command.moments import write_moment_utc
 from posecast_relay.past_command.progress import CommandProgress
 from posecast_relay.past_command.relay_socket import RelayAway, ask_relay, find_relay_store
-from posecast_relay.past_command.times import write_time
 
 HELP = "what is kept of the past: from, to, bytes and segments of each robot and view (UTC)"
 
@@ -66,7 +66,7 @@ def run(asked: argparse.Namespace) -> None:
             rows.append(
                 [
                     *(robot, view, *([write_day(DAY_MS * day)] if asked.days else [])),
-                    *(write_time(found.from_ms), write_time(found.to_ms)),
+                    *(write_moment_utc(found.from_ms), write_moment_utc(found.to_ms)),
                     *(f"{found.bytes:,}", f"{found.segments:,}"),
                 ]
             )

@@ -1,37 +1,58 @@
-"""Reads moments as somebody at this machine would say them."""
+"""Reads moments as somebody at this machine would say them, and writes them so that they can be read."""
 
 from __future__ import annotations
 
 import re
-from datetime import datetime
-
-from posecast_relay.past_command.times import TimeError, read_time
+from datetime import UTC, datetime, timedelta
 
 FORM = "use 2026-11-22T14:20, with or without a zone, 14:20 of today, or a day as 2026-11-22"
 CLOCK = re.compile(r"([01]?\d|2[0-3]):[0-5]\d(:[0-5]\d(\.\d{1,3})?)?", re.ASCII)
-LOCAL = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d{1,3})?)?", re.ASCII | re.IGNORECASE)
+DAY = re.compile(r"\d{4}-\d\d-\d\d", re.ASCII)
+MOMENT = re.compile(
+    r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d{1,3})?)?(Z|[+-]\d\d:?\d\d)?", re.ASCII | re.IGNORECASE
+)
+MS_MAX = 253_370_764_800_000  # the year 9999
+
+
+class TimeError(ValueError):
+    """No time. The message is one line that says how to write one."""
 
 
 def read_moment(text: str, *, is_end: bool = False) -> int:
-    """Read a moment, unix ms: as `read_time` does, without a zone in that of this machine, or a time of
-    today. Raises TimeError.
+    """Read a moment, unix ms: ISO 8601, without a zone in that of this machine; a time of today; or a day, of
+    which it is the beginning, or the end with `is_end`. Raises TimeError.
     """
-    clock = CLOCK.fullmatch(text)
-    said = (
-        f"{datetime.now().astimezone():%Y-%m-%d}T{text.zfill(len(text) + (text[1] == ':'))}"
-        if clock
-        else text
-    )
+    if CLOCK.fullmatch(text):
+        text = f"{datetime.now().astimezone():%Y-%m-%d}T{text.zfill(len(text) + (text[1] == ':'))}"
     try:
-        if not LOCAL.fullmatch(said):
-            return read_time(said, is_end=is_end)
-        return read_time(datetime.fromisoformat(said.upper()).astimezone().isoformat(timespec="milliseconds"))
+        if DAY.fullmatch(text):
+            at = datetime.fromisoformat(text) + timedelta(days=1 if is_end else 0)
+        elif MOMENT.fullmatch(text):
+            at = datetime.fromisoformat(text.upper())
+        else:
+            raise TimeError(FORM)
+        aware = at if at.tzinfo is not None else at.astimezone()
+        unix_ms = (aware - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(milliseconds=1)
     except TimeError:
-        raise TimeError(FORM) from None
+        raise
     except (ValueError, OverflowError, OSError):
         raise TimeError(f"there is no such time: {FORM}") from None
+    if not 0 <= unix_ms <= MS_MAX:
+        raise TimeError("use a time from 1970 on")
+    return unix_ms
 
 
 def write_moment(unix_ms: int) -> str:
     """Write a moment in this machine's own zone, to the second, as `read_moment` reads it."""
-    return datetime.fromtimestamp(unix_ms // 1000).astimezone().isoformat()
+    return datetime.fromtimestamp(min(unix_ms, MS_MAX) // 1000).astimezone().isoformat()
+
+
+def write_moment_utc(unix_ms: int) -> str:
+    """Write a moment in UTC, to the second, as `read_moment` reads it."""
+    return datetime.fromtimestamp(min(unix_ms, MS_MAX) // 1000, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+def write_span(from_ms: int, to_ms: int) -> str:
+    """Write a span in this machine's own zone, and in UTC where that is another."""
+    local, utc = (f"{write(from_ms)} to {write(to_ms)}" for write in (write_moment, write_moment_utc))
+    return utc if local.replace("+00:00", "Z") == utc else f"{local} ({utc})"
