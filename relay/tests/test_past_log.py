@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import logging
+import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 from posecast_relay.config.settings import parse
+from posecast_relay.core.past.deletions import Deletions
 from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.core.policy.policy import Audience, Policy, Rule
+from posecast_relay.deletion_record import make_deletion
+from posecast_relay.server.past_deletion import ObedientMemory
 from posecast_relay.server.past_log import CROWD_EVERY_S, PastLog, describe_past
 
 from .past_doors import PAGE_MS, make_kept
@@ -139,3 +143,14 @@ def test_robots_add_says_who_may_look_back(tmp_path: Path) -> None:
     open_, private = (robots(path, "add", *more).stderr for more in (("hubo",), ("g1", "--private")))
     assert "Who may watch 'hubo': anyone: public (30 min back)." in open_
     assert "Who may watch 'g1': nobody." in private
+
+
+def test_a_deletion_is_a_line_at_the_default_level(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.WARNING)
+    kept, deletions = MemoryPast(1 << 26), Deletions()
+    ObedientMemory(kept, deletions)
+    kept.add(make_kept(0, PAGE_MS), 0.0)
+    deletions.add(make_deletion("r", None, PAGE_MS, PAGE_MS + 1000, time.time_ns() // 1_000_000))
+    deletions.add(make_deletion("old", None, PAGE_MS, PAGE_MS + 1000, PAGE_MS))
+    span = "2026-11-18T11:20:00Z to 2026-11-18T11:20:01Z"
+    assert caplog.messages == [f"past delete: r, all views, {span}: deleted: 1 segments left memory"]

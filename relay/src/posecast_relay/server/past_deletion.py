@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import time
 from datetime import UTC, datetime
 
 from posecast_relay.core.past.deletions import Deletion, Deletions
@@ -20,6 +21,7 @@ class ObedientMemory:
     def __init__(self, kept: MemoryPast, deletions: Deletions) -> None:
         self._kept = kept
         self._deletions = deletions
+        self._began_ms = time.time_ns() // 1_000_000
         deletions.on_added(self._delete)
 
     def add(self, segment: KeptSegment, now: float) -> None:
@@ -29,7 +31,9 @@ class ObedientMemory:
 
     def _delete(self, deletion: Deletion) -> None:
         gone = self._kept.delete(deletion)
-        log.info("the past: %s: %d segments left memory", describe_deletion(deletion), len(gone))
+        is_new = deletion.at_ms >= self._began_ms  # others were told by who was there
+        level = logging.WARNING if gone or is_new else logging.INFO
+        log.log(level, "past delete: %s: %d segments left memory", describe_deletion(deletion), len(gone))
 
 
 def describe_deletion(deletion: Deletion) -> str:

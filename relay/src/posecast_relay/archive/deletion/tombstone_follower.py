@@ -111,7 +111,7 @@ class TombstoneFollower:
                 settled = self._is_settled(stem)
                 erased = await erase(self._store, deletion, mend=self._mend)
                 if erased != Erased(0, 0):
-                    log.info("the archive: %s: %d segments deleted", stem, erased.segments)
+                    log.warning("past delete: %s: %d segments left the store", stem, erased.segments)
                 if self._sweep is not None:
                     await self._sweep(deletion.robot)
                 self._erased.add(stem)
