@@ -114,12 +114,34 @@ async def test_a_server_that_is_away_or_silent(monkeypatch: pytest.MonkeyPatch, 
 
 @pytest.mark.parametrize(
     "url",
-    ["file://", "file:///", "file://host/x", "/tmp/x", "s3:/b", "s3://", "http://x/y", "s3://b?x=1",
+    ["file://", "file:///", "s3:/b", "s3://", "http://x/y", "s3://b?x=1",
      "file:///a/../../etc", "s3://b\n", "redis://x", "s3://key:secret@b/x"],
 )  # fmt: skip
 def test_what_is_no_url_of_a_store(url: str) -> None:
     with pytest.raises(StoreUrlError, match=r"^use file:///FOLDER"):
         check_store_url(url)
+
+
+@pytest.mark.parametrize(
+    ("url", "told"),
+    [
+        ("/tmp/x", "write file:///tmp/x"),
+        ("file://localhost/x", "name no host: write file:///FOLDER, with three slashes"),
+        ("file://host/x", "want three slashes, and a folder from the root on: file:///FOLDER"),
+        ("file:x", "want three slashes, and a folder from the root on: file:///FOLDER"),
+        ("file:///a b", "no space can stand in a URL: write %20 for it"),
+    ],
+)
+def test_a_url_of_a_folder_that_is_nearly_right(url: str, told: str) -> None:
+    with pytest.raises(StoreUrlError) as caught:
+        check_store_url(url)
+    assert str(caught.value) == told
+
+
+def test_a_file_is_no_folder(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(StoreUrlError, match=r"^a file lies there, no folder$"):
+        open_object_store(f"file://{tmp_path}/file")
 
 
 def test_a_folder_that_can_not_be_made(tmp_path: Path) -> None:

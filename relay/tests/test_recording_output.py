@@ -248,3 +248,15 @@ def test_a_file_that_may_not_grow_is_a_full_disk(tmp_path: Path) -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert str(caught.value) == f"{tmp_path}/x.csv: file too large; nothing of it is left"
     assert list_names(tmp_path) == []
+
+
+def test_an_empty_folder_is_taken(tmp_path: Path) -> None:
+    target = tmp_path / "lecture"
+    target.mkdir()
+    check_place(target, replace=False)
+    with open_place(target, replace=False) as place:
+        place.mkdir()
+        (place / "a").touch()
+    assert [path.name for path in tmp_path.rglob("*")] == ["lecture", "a"]
+    with pytest.raises(OutputError, match="is there already"):
+        check_place(target, replace=False)

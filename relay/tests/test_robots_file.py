@@ -81,6 +81,7 @@ def test_an_empty_file_lets_nobody_in(tmp_path: Path) -> None:
         ("[robots.r.anyone]\nframes=['https://a', 'https://a; script-src *']", "frames: number 2 is no"),
         ("[robots.r.link]\nframes=[]", "[robots.r.link] frames: only for `anyone`"),
         ("[robots.r.anyone]\ndelay_s=1\n[robots.r.link]\ndelay_s=2", "[robots.r]: two delays for view"),
+        ('[robots.r]\nkeep = "30"', '[robots.r] keep: want a time like "90s", "30m", "12h" or "30d"'),
         ("[robots.r.anyone]\npast = 30", '[robots.r.anyone] past: want a time like "90s", "30m"'),
         ("[robots.r.anyone]\npast = true", "[robots.r.anyone] past: want a time"),
         ("[robots.r.anyone]\npast = '-1s'", "[robots.r.anyone] past: want a time"),

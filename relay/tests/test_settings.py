@@ -127,9 +127,11 @@ def test_the_past_is_kept_in_an_object_store() -> None:
         assert parse(["run", "--dev", "--past", url], {}).archive == url
     assert parse(["run", "--dev"], {}).archive is None
     assert parse(["run", "--dev", "--past", "0"], {}).archive is None
-    for wrong in ("s3:bucket", "file://srv", "/srv/past", "s3://key:secret@bucket/x"):
+    for wrong in ("s3:bucket", "s3://key:secret@bucket/x"):
         with pytest.raises(SettingsError, match="use memory: or 0, or for an object store file:///FOLDER"):
             parse(["run", "--dev", "--past", wrong], {})
+    with pytest.raises(SettingsError, match=r"^--past '/srv/past': write file:///srv/past$"):
+        parse(["run", "--dev", "--past", "/srv/past"], {})
 
 
 def test_the_past_is_kept_in_memory_or_not_at_all() -> None:

@@ -24,5 +24,20 @@ def is_store_url(text: str) -> bool:
 def check_store_url(url: str) -> str:
     """Return the URL if it may be that of an object store. Raises StoreUrlError."""
     if not URL.fullmatch(url) or "/../" in f"{url}/" or (url.startswith("file:") and len(url) < 9):
-        raise StoreUrlError(URL_FORM)
+        raise StoreUrlError(_find_remedy(url) or URL_FORM)
     return url.rstrip("/")
+
+
+def _find_remedy(url: str) -> str | None:
+    """Say what is wrong with the URL of a folder, or a path; None when it is neither, or nobody knows."""
+    if re.fullmatch(r"/[^\s/][^\s?#]*", url):
+        return f"write file://{url}"
+    if not url.startswith(("file:", "/")):
+        return None
+    if re.search(r"[^\S\r\n]", url) and "\n" not in url:
+        return "no space can stand in a URL: write %20 for it"
+    if url.startswith(("file://localhost/", "file://127.0.0.1/")):
+        return "name no host: write file:///FOLDER, with three slashes"
+    if re.match(r"file:(?://)?[^/]", url):
+        return "want three slashes, and a folder from the root on: file:///FOLDER"
+    return None

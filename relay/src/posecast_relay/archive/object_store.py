@@ -100,6 +100,8 @@ def open_object_store(url: str, call_s: float = CALL_S, *, makes_folder: bool = 
         if url.startswith("file:"):
             folder = Path(unquote(urlsplit(url).path))
             is_new = not folder.exists()
+            if not is_new and not folder.is_dir():
+                raise StoreUrlError("a file lies there, no folder")
             if is_new and not makes_folder:
                 raise StoreUrlError("there is no such folder")
             if is_new:

@@ -227,7 +227,8 @@ def _duration_s(doc: Mapping[str, Any], name: str, where: str) -> float | None:
     found = DURATION.fullmatch(value) if isinstance(value, str) else None
     seconds = float(int(found[1]) * DURATION_UNITS_S[found[2]]) if found is not None else -1.0
     if not 0 <= seconds <= DURATION_MAX_S:
-        raise RobotsError(f'{where} {name}: want a time like "90s", "30m", "12h" or "30d", or 0')
+        zero = "" if name == "keep" else ", or 0"
+        raise RobotsError(f'{where} {name}: want a time like "90s", "30m", "12h" or "30d"{zero}')
     return seconds
 
 

@@ -100,7 +100,10 @@ def _past(text: str) -> str | None:
     try:
         return check_store_url(text)
     except StoreUrlError as e:
-        raise ValueError(f"use memory: or 0, or for an object store {str(e).removeprefix('use ')}") from None
+        told = str(e)
+        if not told.startswith("use "):  # it is known what was meant
+            raise ValueError(told) from None
+        raise ValueError(f"use memory: or 0, or for an object store {told.removeprefix('use ')}") from None
 
 
 def _memory(text: str) -> int:

@@ -42,6 +42,27 @@ RELAY = "http://127.0.0.1:8080"
 PACKAGE = Path(__file__).resolve().parents[1]
 PAGES = (PACKAGE / "page", PACKAGE.parents[2] / "spa/dist")  # as it is packed in, and in a checkout
 FILES = (".posecast", ".csv", ".mcap")
+FOREIGN = frozenset(  # of files that somebody may want here, and would get as folders of that name
+    [
+        ".avi",
+        ".bag",
+        ".db3",
+        ".gif",
+        ".gz",
+        ".html",
+        ".json",
+        ".mkv",
+        ".mov",
+        ".mp4",
+        ".parquet",
+        ".tar",
+        ".tgz",
+        ".txt",
+        ".webm",
+        ".xlsx",
+        ".zip",
+    ]
+)
 TOKEN_BYTES_MAX = 16_384
 TOKEN = re.compile(r"[!-~]+")
 URL = re.compile(r"https?://[!-~]+")
@@ -169,7 +190,8 @@ def _write(
     asked: argparse.Namespace, span: ExportedSpan, place: Path, page: Path | None
 ) -> tuple[str, Sequence[str]]:
     """Write what was asked for, and return what is in it and what is not."""
-    segments = f"{len(span.recording.segments):,} segments"
+    count = len(span.recording.segments)
+    segments = f"{count:,} segment{'' if count == 1 else 's'}"
     if page is not None:
         add_page(page, place, span.recording, asked.url)
         return segments, ()
@@ -277,6 +299,8 @@ def _read_out(text: str) -> Path:
     path = Path(text)
     if path.name in ("", ".."):
         raise argparse.ArgumentTypeError("name a new folder or file")
+    if path.suffix.lower() in FOREIGN or (path.suffix not in FILES and path.suffix.lower() in FILES):
+        raise argparse.ArgumentTypeError(f"use {', '.join(FILES)}, or the name of a folder")
     return path
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 from pathlib import Path
-from urllib.parse import unquote, urlsplit
 
 from posecast_wire import check_name
 
@@ -45,9 +44,7 @@ def open_store(asked: argparse.Namespace) -> ObjectStore | None:
         raise SettingsError("--past 0: then nothing is kept; name a store, or memory:")
     try:
         url = check_store_url(asked.past)
-        if url.startswith("file:") and not Path(unquote(urlsplit(url).path)).is_dir():
-            raise StoreUrlError("there is no such folder")  # which a relay would make
-        return open_object_store(url)
+        return open_object_store(url, makes_folder=False)
     except StoreUrlError as e:
         raise SettingsError(f"--past {asked.past!r}: {e}") from None
 

@@ -87,6 +87,8 @@ class RelayClient:
             except (OSError, http.client.HTTPException) as e:
                 why = describe_error(e)
                 if not self._has_answered:  # nobody is there, or it is another address
+                    if isinstance(e, ConnectionRefusedError):
+                        why += "; is it another address? --relay URL"
                     raise self.refuse(path, why) from None
             else:
                 self._has_answered = True

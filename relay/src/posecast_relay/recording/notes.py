@@ -94,7 +94,8 @@ def _read_at(value: object, where: str) -> datetime | timedelta:
     found = OFFSET.fullmatch(value) if isinstance(value, str) else None
     if found is not None:
         return timedelta(hours=int(found[1] or 0), minutes=int(found[2]), seconds=float(found[3]))
-    raise NotesError(f"{where}: at: {AT_FORM}")
+    told = f" '{make_visible(value[:40])}':" if isinstance(value, str) else ""
+    raise NotesError(f"{where}: at:{told} {AT_FORM}")
 
 
 def _read_text(value: object, where: str) -> str:

@@ -47,7 +47,7 @@ def check_place(target: Path, replace: bool) -> None:
     Raises OutputError.
     """
     _check_parent(target)
-    if not os.path.lexists(target):
+    if not os.path.lexists(target) or _is_empty_folder(target):
         return
     if not replace:
         raise OutputError(f"{target}: is there already; --replace puts a new one there")
@@ -79,6 +79,13 @@ def open_place(target: Path, replace: bool) -> Iterator[Path]:
     except OSError as e:
         why = (e.strerror or str(e)).lower()
         raise OutputError(f"{target}: {why}; nothing of it is left") from None
+
+
+def _is_empty_folder(path: Path) -> bool:
+    try:
+        return path.is_dir() and not path.is_symlink() and next(path.iterdir(), None) is None
+    except OSError:
+        return False
 
 
 def _check_parent(target: Path) -> None:
