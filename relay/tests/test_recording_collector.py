@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from posecast_relay.core.past.kept_segment import KeptSegment
 from posecast_relay.recording.collector import NothingThere
+from posecast_relay.recording.source import ListedSegment, PastDamaged
 from posecast_wire.key_page import decode_key_page, encode_key_page
 from posecast_wire.recording import (
     PastRecording,
@@ -208,6 +209,37 @@ def test_nothing_but_what_a_model_is_made_of_comes_to_its_host(tmp_path: Path) -
     folder = tmp_path / "to/models" / model.name
     assert list_files(folder) == sorted([*fine, "manifest.json"])
     assert found.lost == [f"models/{model.name}/x.html: no file that a model is made of and 7 more"]
+
+
+class DamagedSource(KeptSource):
+    """Whose answers for one model's file and one segment are of no use."""
+
+    async def load_segment(self, segment: ListedSegment) -> bytes | None:
+        """As a proxy that is not meant to be there."""
+        if segment.index == 1:
+            raise PastDamaged("no segment: its Content-Type is text/html, not application/octet-stream")
+        return await super().load_segment(segment)
+
+    async def load_model_file(self, model: str, path: str, sha256: str, size: int) -> bytes | None:
+        """As a relay that answers too much."""
+        if path == "bad.glb":
+            raise PastDamaged(f"http://relay/{path}: answers more than {size} bytes")
+        return await super().load_model_file(model, path, sha256, size)
+
+
+def test_a_damaged_model_or_segment_is_told_in_a_line_and_the_rest_is_there(tmp_path: Path) -> None:
+    kind = "model/gltf-binary"
+    bad = KeptModel({"fine.glb": (b"fine", kind), "bad.glb": (b"bad", kind)})
+    kept = record(20.0, bad.name)
+    recording, found = collect(DamagedSource(kept, [bad]), tmp_path / "to")
+    assert len(recording.segments) == len(kept) - 1
+    assert found.lost == [
+        f"{name_of(kept[1])}: no segment: its Content-Type is text/html, not application/octet-stream",
+        f"models/{bad.name}/: left out: http://relay/bad.glb: answers more than 3 bytes",
+    ]
+    files = list_files(tmp_path / "to")
+    assert not [path for path in files if path.startswith("models/")]
+    assert sum((tmp_path / "to" / path).stat().st_size for path in files) == found.size
 
 
 def test_what_no_recording_may_hold_is_refused(tmp_path: Path) -> None:

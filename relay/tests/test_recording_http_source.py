@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import dataclasses
+import hashlib
 import json
 import threading
+import time
 from collections.abc import AsyncIterator, Callable, Iterator
 from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -17,7 +20,7 @@ from posecast_relay.http.past import documents
 from posecast_relay.recording import http_client, http_source
 from posecast_relay.recording.collector import Collector
 from posecast_relay.recording.http_source import HttpSource
-from posecast_relay.recording.source import ListedSegment, PastUnreadable
+from posecast_relay.recording.source import ListedSegment, PastDamaged, PastUnreadable
 from posecast_wire.recording import PastRecording
 
 from .past_doors import PAGE_MS, PastDoors, link
@@ -233,6 +236,55 @@ async def test_a_segment_that_is_not_there_any_more() -> None:
     with answering(gone) as (source, _):
         for _ in said:
             assert await source.load_segment(SEGMENT) is None
+
+
+async def test_a_segment_of_another_content_type_says_so() -> None:
+    def mistaken(answer: Answers, before: int) -> None:
+        answer.send(200, b"segment", content_type="text/html")
+
+    named = dataclasses.replace(SEGMENT, sha256=hashlib.sha256(b"segment").hexdigest())
+    with answering(mistaken) as (source, _), pytest.raises(PastDamaged) as caught:
+        await source.load_segment(named)
+    assert str(caught.value) == "no segment: its Content-Type is text/html, not application/octet-stream"
+
+
+@pytest.mark.parametrize(
+    "head", [b"HTTP/1.1 200 OK\r\ncontent-length: 9000\r\n\r\n", b"HTTP/1.1 200 OK\r\nx: "]
+)
+async def test_an_answer_in_drops_is_given_up(monkeypatch: pytest.MonkeyPatch, head: bytes) -> None:
+    monkeypatch.setattr(http_client, "SLOW_S", 0.3)
+    monkeypatch.setattr(http_client, "AGAIN_S", 0.1)
+
+    def drip(answer: Answers, before: int) -> None:
+        if before == 0:
+            answer.send(404)
+            return
+        with contextlib.suppress(OSError):
+            answer.wfile.write(head)
+            for _ in range(8000):
+                answer.wfile.write(b"x")
+                time.sleep(0.01)
+
+    with answering(drip) as (source, _):
+        assert await source.load_schema("5c" * 32) is None
+        with pytest.raises(PastUnreadable) as caught:
+            await asyncio.wait_for(source.load_schema("5c" * 32), 10)
+    assert "cut short: after 0.3 s it was slower than 10 kB/s" in str(caught.value)
+
+
+async def test_a_connection_is_kept_for_the_next_answer() -> None:
+    ports: set[int] = set()
+
+    def whole(answer: Answers, before: int) -> None:
+        ports.add(answer.client_address[1])
+        answer.send(200, b"text" * 50_000)
+
+    sha256 = hashlib.sha256(b"text" * 50_000).hexdigest()
+    with answering(whole) as (source, asked):
+        for _ in range(20):
+            assert await source.load_schema(sha256) == "text" * 50_000
+    assert len(asked) == 20
+    assert len(ports) <= http_client.AT_ONCE
 
 
 def send_ok(body: bytes, answer: Answers, _: int) -> None:

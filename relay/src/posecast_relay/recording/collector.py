@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import re
+import shutil
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import dataclass, field
@@ -38,7 +39,7 @@ from posecast_wire.segment import (
 )
 
 from posecast_relay.models.manifest import ManifestError, read_manifest
-from posecast_relay.recording.source import ListedSegment, RecordingSource
+from posecast_relay.recording.source import ListedSegment, PastDamaged, RecordingSource
 
 AHEAD = 16  # segments that are asked for before it is their turn
 SEGMENT_MS_MAX = 600_000  # so long before a span a segment may begin that reaches into it
@@ -74,6 +75,7 @@ class Description(NamedTuple):
 class Collection:
     """What has been collected so far: `done` segments of `total`, `size` bytes in all. `lost`: one line for
     each thing that is not in it, and why; of many the first few, and `lost_count` how many they are.
+    `damaged`: why a segment is not in it, until that is told; `awaited`: what is asked for just now.
     """
 
     total: int = 0
@@ -84,6 +86,8 @@ class Collection:
     size: int = 0
     lost: list[str] = field(default_factory=list)
     lost_count: int = 0
+    damaged: dict[tuple[int, int], str] = field(default_factory=dict)
+    awaited: str = ""
 
     def lose(self, what: str, why: str) -> None:
         """Note that something is not in it."""
@@ -93,7 +97,7 @@ class Collection:
 
 
 class Collector:
-    """Collects the past of `source` into `folder`, which is empty. `report` is called after each segment.
+    """Collects the past of `source` into `folder`, which is empty. `report` is called around each wait.
 
     `packs`: segments are written as gzip, where that makes them smaller: by a sixth.
     """
@@ -119,7 +123,8 @@ class Collector:
         notes = tuple(about.place_notes(begin_ms, end_ms))
         async for each, data in self._load(listed):
             if data is None:
-                found.lose(segment_path(each.take, each.index), "gone before it could be read")
+                why = found.damaged.pop((each.take, each.index), "gone before it could be read")
+                found.lose(segment_path(each.take, each.index), why)
             else:
                 await self._take(each, data)
             found.done += 1
@@ -128,7 +133,13 @@ class Collector:
         if not found.segments:
             raise NothingThere(f"not one of {found.total} segments could be read; {found.lost[0]}")
         for model in list(found.models):
-            await self._take_model(model)
+            before = found.size
+            try:
+                await self._take_model(model)
+            except PastDamaged as e:
+                found.lose(model_path(model, ""), f"left out: {e}")
+                found.size = before
+                shutil.rmtree(self._folder / model_path(model, ""), ignore_errors=True)
         recording = PastRecording(
             robot=self._source.robot,
             view=self._source.view,
@@ -169,7 +180,12 @@ class Collector:
                 if not waiting:
                     return
                 first, task = waiting[0]
-                data = await task
+                self._wait_for(segment_path(first.take, first.index))
+                data: bytes | None = None
+                try:
+                    data = await task
+                except PastDamaged as e:
+                    self.found.damaged[first.take, first.index] = str(e)
                 waiting.popleft()
                 yield first, data
         finally:
@@ -222,6 +238,7 @@ class Collector:
     async def _take_model(self, model: str) -> None:
         """Write a model's files, as far as they are there."""
         found = self.found
+        self._wait_for(model_path(model, "manifest.json"))
         manifest = await self._source.load_manifest(model)
         if manifest is None:
             found.lose(model_path(model, "manifest.json"), "not kept any more")
@@ -243,11 +260,16 @@ class Collector:
             ):
                 found.lose(model_path(model, path), "another file stands in its way")
                 continue
+            self._wait_for(model_path(model, path))
             data = await self._source.load_model_file(model, path, entry.sha256, entry.size)
             if data is None:
                 found.lose(model_path(model, path), "not kept any more")
             else:
                 self._write(model_path(model, path), data)
+
+    def _wait_for(self, path: str) -> None:
+        self.found.awaited = path
+        self.report(self.found)
 
     def _write(self, path: str, data: bytes) -> None:
         file = self._folder / path

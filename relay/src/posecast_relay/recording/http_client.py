@@ -9,22 +9,30 @@ import math
 import re
 import socket
 import ssl
+import time
 from concurrent.futures import ThreadPoolExecutor
-from threading import local
+from threading import Event, Timer, local
 from typing import NamedTuple
 from urllib.parse import urlsplit
 
 from posecast_wire.checked import loads, make_visible
 
-from posecast_relay.recording.source import PastUnreadable
+from posecast_relay.recording.source import PastDamaged, PastUnreadable
 
 AT_ONCE = 8  # requests
 TIMEOUT_S = 20.0  # of one; a relay holds a request for 8 s at most
+# an answer that comes in drops is given up, though none of its waits is long: it has so long, and for its
+SLOW_S, SLOW_BYTES_S = 60.0, 10_000  # bytes at this pace
+READ_BYTES = 65_536
 AGAIN_S = 60.0  # for so long what may pass (503, a lost connection) is asked again
 WAIT_S, WAIT_S_MAX = 0.25, 10.0  # before that
 ERROR_BYTES_MAX = 4096
 BUSY = (429, 502, 503, 504)
 ADDRESS = re.compile(r"https?://[^\s/?#@]+(/[^\s?#]*)?", re.ASCII | re.IGNORECASE)
+
+
+class SlowAnswerError(http.client.HTTPException):
+    """An answer came too slowly to wait for its end."""
 
 
 class RelayAnswer(NamedTuple):
@@ -101,7 +109,7 @@ class RelayClient:
             await asyncio.sleep(pause_s)
             wait_s = min(2 * wait_s, WAIT_S_MAX)
         if len(answer.body) > bytes_max:
-            raise self.refuse(path, f"answers more than {bytes_max} bytes")
+            raise PastDamaged(str(self.refuse(path, f"answers more than {bytes_max} bytes")))
         return answer
 
     def refuse(self, path: str, why: str) -> PastUnreadable:
@@ -131,9 +139,10 @@ class RelayClient:
             link.request("GET", self._path + path, headers=self._headers)
             if self._is_closed:  # while it was connecting, when nobody could end that
                 raise ConnectionAbortedError
-            answer = link.getresponse()
+            began_s = time.monotonic()
+            answer = _await_head(link)
             most = bytes_max if answer.status == http.HTTPStatus.OK else ERROR_BYTES_MAX
-            body = answer.read(most + 1)
+            body = _read_body(answer, most + 1, began_s)
             if len(body) <= most and answer.length:  # bytes that are still to come, and do not
                 raise http.client.IncompleteRead(body, answer.length)
             if not answer.isclosed():  # not read to its end: nothing can follow on this connection
@@ -148,6 +157,46 @@ class RelayClient:
         link.close()
         self._links.discard(link)
         self._kept.link = None
+
+
+def _await_head(link: http.client.HTTPConnection) -> http.client.HTTPResponse:
+    """The head of an answer, which has SLOW_S: then its connection ends. Raises as `getresponse`, and
+    SlowAnswerError."""
+    is_late = Event()
+
+    def end() -> None:
+        is_late.set()
+        if link.sock is not None:
+            with contextlib.suppress(OSError):
+                link.sock.shutdown(socket.SHUT_RDWR)
+
+    timer = Timer(SLOW_S, end)
+    timer.daemon = True
+    timer.start()
+    try:
+        answer = link.getresponse()
+    except Exception:
+        if is_late.is_set():
+            raise SlowAnswerError from None
+        raise
+    finally:
+        timer.cancel()
+    if is_late.is_set():  # what ends in the middle of a head reads like a whole one
+        raise SlowAnswerError
+    return answer
+
+
+def _read_body(answer: http.client.HTTPResponse, most: int, began_s: float) -> bytes:
+    """Up to `most` bytes. Raises as `read`, and SlowAnswerError."""
+    body = bytearray()
+    while len(body) < most and (part := answer.read1(min(READ_BYTES, most - len(body)))):
+        body += part
+        if time.monotonic() - began_s > SLOW_S + len(body) / SLOW_BYTES_S:
+            raise SlowAnswerError
+        if answer.length == 0:
+            answer.read()  # by which it knows that it is over, and its connection may be kept
+            break
+    return bytes(body)
 
 
 def read_reason(answer: RelayAnswer) -> str:
@@ -166,6 +215,8 @@ def describe_error(error: Exception) -> str:
         return f"no answer within {TIMEOUT_S:g} s"
     if isinstance(error, OSError):
         return (error.strerror or str(error) or type(error).__name__).lower()
+    if isinstance(error, SlowAnswerError):
+        return f"cut short: after {SLOW_S:g} s it was slower than {SLOW_BYTES_S // 1000} kB/s"
     return "no answer of HTTP" if not isinstance(error, http.client.IncompleteRead) else "cut short"
 
 

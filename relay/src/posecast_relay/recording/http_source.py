@@ -8,7 +8,7 @@ import time
 from http import HTTPStatus
 from urllib.parse import quote
 
-from posecast_wire.checked import loads
+from posecast_wire.checked import loads, make_visible
 from posecast_wire.keys import ROBOT_ID
 from posecast_wire.messages import COUNT_MAX
 from posecast_wire.schema import TEXT_BYTES_MAX as SCHEMA_BYTES_MAX
@@ -18,12 +18,13 @@ from posecast_wire.segment.frame_chain import SEQS
 from posecast_relay.archive.names import DAY_MS, PAGE_MS, read_day
 from posecast_relay.models.manifest import BYTES_MAX as MANIFEST_BYTES_MAX
 from posecast_relay.recording.http_client import RelayAnswer, RelayClient, read_reason
-from posecast_relay.recording.source import ListedSegment, SourceSpan
+from posecast_relay.recording.source import ListedSegment, PastDamaged, SourceSpan
 
 PAGE_BYTES_MAX = 4 << 20  # of one answer; a relay sends the index of ten minutes in parts of 1 MiB
 PARTS_MAX = 1000  # that one index may have
 SHA256 = re.compile(r"[0-9a-f]{64}")
 TAKE = re.compile(r"[0-9a-f]{16}")
+NEXT, NEXT_WITHIN = b'"next"', 16  # in what a relay answers for a segment that is gone
 OCTETS = "application/octet-stream"
 
 
@@ -82,7 +83,12 @@ class HttpSource:
         """Ask for a segment. Raises PastUnreadable."""
         path = f"{self._base}/past/{self.view}/{segment.take:016x}/{segment.index}"
         answer = await self._ask(path, ENVELOPE_BYTES_MAX, segment.sha256)
-        return None if answer is None or answer.type != OCTETS else answer.body
+        if answer is None or (answer.type != OCTETS and NEXT in answer.body[:NEXT_WITHIN]):
+            return None
+        if answer.type != OCTETS:
+            kind = make_visible(answer.type) if answer.type else "none"
+            raise PastDamaged(f"no segment: its Content-Type is {kind}, not {OCTETS}")
+        return answer.body
 
     async def load_schema(self, sha256: str) -> str | None:
         """Ask for a schema. Raises PastUnreadable."""
@@ -125,10 +131,11 @@ class HttpSource:
                 return None
             if answer.status != HTTPStatus.OK:
                 raise self._client.refuse(path, read_reason(answer))
-            is_json = answer.type != OCTETS and b'"next"' in answer.body[:16]
+            is_json = answer.type != OCTETS and NEXT in answer.body[:NEXT_WITHIN]
             if is_json or sha256 in (None, hashlib.sha256(answer.body).hexdigest()):
                 return answer
-        raise self._client.refuse(path, "damaged twice on its way: its SHA-256 is another")
+        why = "damaged twice on its way: its SHA-256 is another"
+        raise PastDamaged(str(self._client.refuse(path, why)))
 
     async def _ask_json(self, path: str) -> dict[str, object]:
         answer = await self._client.ask(path, PAGE_BYTES_MAX)

@@ -10,6 +10,10 @@ class PastUnreadable(Exception):
     """The past can't be read there. The message is one line that says what was asked and why not."""
 
 
+class PastDamaged(PastUnreadable):
+    """One answer is of no use: others may be. The message is as of any."""
+
+
 class SourceSpan(NamedTuple):
     """From when to when there is something, unix ms."""
 
