@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import argparse
 import re
 import struct
 import zlib
 from pathlib import Path
 
 import pytest
+from posecast_relay.past_command.export import add_arguments
 from posecast_relay.recording.output import PAGE_FILES, PAGE_FOLDERS, OutputError
 from posecast_relay.recording.page import add_page, check_page, unpacks_segments
 from posecast_wire.recording import PastRecording
@@ -120,6 +122,17 @@ def test_a_build_tells_whether_it_unpacks_segments(tmp_path: Path) -> None:
     for quote in "'\"`":
         (page / "assets/past-1.js").write_text(source.replace("'", quote))
         assert unpacks_segments(page)
+
+
+@pytest.mark.parametrize(
+    "address", ["https://uni.example/7?x=1", "https://uni.example/#7", "ftp://x", "https://"]
+)
+def test_an_address_to_which_no_path_can_be_added(address: str) -> None:
+    parser = argparse.ArgumentParser(exit_on_error=False)
+    add_arguments(parser, {})
+    with pytest.raises(argparse.ArgumentError) as caught:
+        parser.parse_args(["--url", address])
+    assert str(caught.value) == "argument --url: use https://HOST/PATH, without ? and #"
 
 
 def test_another_folder_is_none(tmp_path: Path) -> None:

@@ -65,7 +65,7 @@ FOREIGN = frozenset(  # of files that somebody may want here, and would get as f
 )
 TOKEN_BYTES_MAX = 16_384
 TOKEN = re.compile(r"[!-~]+")
-URL = re.compile(r"https?://[!-~]+")
+URL = re.compile(r"https?://(?:(?![?#])[!-~])+")
 
 
 def add_arguments(parser: argparse.ArgumentParser, environ: Mapping[str, str]) -> None:
@@ -170,7 +170,8 @@ async def _collect(
     there = await source.find_span()  # by which a relay also says which view it is
     with CommandProgress() as progress:
         collector.report = lambda found: progress.show(
-            f"{found.done:,} of {found.total:,} segments, {found.size / 1e6:.1f} MB"
+            f"{found.done:,} of {found.total:,} segments, {found.size / 1e6:.1f} MB, "
+            f"waits for {make_visible(found.awaited)}"
         )
         try:
             if there is None:
@@ -306,5 +307,5 @@ def _read_out(text: str) -> Path:
 
 def _read_url(text: str) -> str:
     if not URL.fullmatch(text):
-        raise argparse.ArgumentTypeError("use https://HOST/PATH")
+        raise argparse.ArgumentTypeError("use https://HOST/PATH, without ? and #")
     return text
