@@ -186,6 +186,22 @@ async def test_what_comes_later_is_deleted_too_until_it_is_settled(tmp_path: Pat
     assert world.list_files() == [f for f in world.list_files() if f.startswith("r/schemas/")]
 
 
+async def test_what_is_ordered_in_the_future_deletes_nothing_that_is_to_come(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    world = ArchiveWorld(tmp_path)
+    await world.write(make_kept(0, SPAN[0]))
+    late = dataclasses.replace(order(), to_ms=NOW_MS + DAY_MS, at_ms=NOW_MS + DAY_MS)
+    await put_tombstone(world.store, late)
+    deletions = Deletions()
+    follower = TombstoneFollower(world.store, deletions, lambda: NOW_MS, erases=True)
+    await look(follower)
+    await look(follower)
+    assert deletions.count == 0
+    assert world.list_files(".segment")
+    assert caplog.text.count("ordered later than it is by this machine's clock") == 1
+
+
 async def test_a_gateway_only_reads(tmp_path: Path) -> None:
     world = ArchiveWorld(tmp_path)
     await world.write(make_kept(0, SPAN[0]))

@@ -27,6 +27,7 @@ log = logging.getLogger("posecast_relay")
 EVERY_S = 3.0
 SETTLED_MS = 60_000  # by then every process has obeyed, and what was on its way to the store is there
 READ_AT_ONCE = 16
+CLOCKS_APART_MS = 60_000  # of the machine that ordered it and of this one
 
 
 class TombstoneFollower:
@@ -99,6 +100,10 @@ class TombstoneFollower:
             deletion = await get_tombstone(self._store, stem)
         except ValueError as e:
             log.warning("tombstones: passed over: %s: %.200s", stem, e)
+            deletion = None
+        if deletion is not None and deletion.at_ms > self._compute_unix_ms() + CLOCKS_APART_MS:
+            # else all that is recorded until then would be lost, for a clock that is set wrong
+            log.warning("tombstones: passed over: %s: ordered later than it is by this machine's clock", stem)
             deletion = None
         self._read[stem] = deletion
         if deletion is not None:
