@@ -5,6 +5,7 @@ Environment: PORT (8080), HOST (127.0.0.1; 0.0.0.0 prints a link and a QR code f
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import socket
@@ -61,6 +62,19 @@ def announce(url: str, *, qr: bool) -> None:
     print("  Ctrl-C ends it.", flush=True)
 
 
+def is_taken(host: str, port: str) -> bool:
+    """Whether something listens there already: what answers would be its robot, not ours."""
+    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_STREAM) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, int(port)))
+        except OSError as e:
+            return e.errno == errno.EADDRINUSE
+        except (ValueError, OverflowError):
+            return False  # the relay says what is wrong with it
+    return False
+
+
 def end(children: list[subprocess.Popen[bytes]]) -> None:
     for child in reversed(children):
         if child.poll() is None:
@@ -91,6 +105,12 @@ def main(arguments: list[str]) -> int:
         "--relay",
         UPLINK,
     ]
+    if is_taken(host, port):
+        print(
+            f"Port {port} is taken: end what listens there, or give another one: PORT=8081 make demo",
+            file=sys.stderr,
+        )
+        return 2
     local = f"http://127.0.0.1:{port}"
     for ending in (signal.SIGINT, signal.SIGTERM):  # also where a shell had SIGINT ignored
         signal.signal(ending, stop)
