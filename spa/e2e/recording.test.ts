@@ -186,6 +186,12 @@ it.each([LAPTOP, PHONE])(
       await page.open('about:blank');
       await page.open(`${host.url}${PREFIX}#/?t=hello`);
       await until('no moment', async () => /names no moment/.test(await textOf(page, 'past-note')), 30_000);
+      await isRecorded(page);
+      await until('a picture of that', () =>
+        page.evaluate<boolean>(
+          "window.witnessed.some(([, word, body]) => word === 'RECORDED' && body !== null)",
+        ),
+      );
       expect(await robot.lies(page)).toEqual([]);
       const seen = await page.evaluate<[number, string, ...(number | null)[]][]>('window.witnessed');
       const forged = seen.map(([atMs, word, ...rest]) => [atMs, word.replace('RECORDED', 'LIVE'), ...rest]);
