@@ -1,6 +1,8 @@
 import type { EventMessage } from '@posecast/wire';
 import { expect, it } from 'vitest';
 import { withHeard } from '../src/app/past/time_line/incidents/heard_marks.ts';
+import type { PastSource } from '../src/past/past_source.ts';
+import { listEvents } from '../src/past/player/recent_events.ts';
 import { timelineOf } from './past_fake.ts';
 
 const TO_MS = Date.UTC(2026, 10, 22, 14, 10);
@@ -47,5 +49,16 @@ it('where events are lacking, minutes before the gap stay', () => {
   expect(placesOf(withHeard(timeline, heard).marks)).toEqual([
     [3 * MIN, false],
     [MIN, true],
+  ]);
+});
+
+it('what was heard is listed before a segment has it, and once', () => {
+  const recorded = { ...heardAt(1, MIN), atMs: TO_MS - MIN };
+  const source = { segmentsIn: () => [{ events: [recorded] }] } as unknown as PastSource;
+  const span = { fromMs: TO_MS - 2 * MIN, toMs: TO_MS };
+  const heard = [heardAt(0, 3 * MIN), heardAt(1, MIN), heardAt(2, 5000), heardAt(3, 4000, { at: null })];
+  expect(listEvents(source, heard, span).map(({ n, atMs }) => [n, TO_MS - atMs])).toEqual([
+    [1, MIN],
+    [2, 5000],
   ]);
 });

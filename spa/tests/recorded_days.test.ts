@@ -120,7 +120,7 @@ describe('the last faults', () => {
     ...{ level: 'fault', source: 'RKN', text: 'jam', state: 'on', ...more },
   });
   const list = (events: readonly PastEvent[], more: Partial<Timeline> = {}, sinceMs = 0) =>
-    listIncidents({ eventsIn: () => events }, line([], more), sinceMs);
+    listIncidents({ eventsIn: () => events, nowMs: NOON }, line([], more), sinceMs);
 
   it('come newest first, with how long they lasted and how often they came lately', () => {
     const events = [

@@ -176,7 +176,7 @@ export class PastPlayer implements PastControls {
   }
 
   eventsIn(span: Span): readonly PastEvent[] {
-    return listEvents(this.#ports.source, span);
+    return listEvents(this.#ports.source, this.heard, span);
   }
 
   async loadEvents(momentMs: number): Promise<boolean> {

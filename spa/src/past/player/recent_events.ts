@@ -10,10 +10,16 @@ const MINUTE_MS = 60_000;
 export const RECENT_MS = 600_000;
 const EVENTS_MAX = 100;
 
-/** The known events of a span, oldest first: takes that overlap tell of the same ones. */
-export function listEvents(source: PastSource, { fromMs, toMs }: Span): readonly PastEvent[] {
-  const events = source.segmentsIn({ fromMs, toMs }).flatMap((ref) => ref.events);
-  const within = events.filter(({ atMs }) => atMs >= fromMs && atMs <= toMs);
+/** The known events of a span, oldest first: takes that overlap tell of the same ones. `heard`: those that the live stream has
+ *  told, of which the newest are in no segment yet. */
+export function listEvents(
+  source: PastSource,
+  heard: readonly EventMessage[],
+  { fromMs, toMs }: Span,
+): readonly PastEvent[] {
+  const told = heard.flatMap((event) => (event.at === null ? [] : [{ ...event, atMs: 1000 * event.at }]));
+  const recorded = source.segmentsIn({ fromMs, toMs }).flatMap((ref) => ref.events);
+  const within = [...told, ...recorded].filter(({ atMs }) => atMs >= fromMs && atMs <= toMs);
   const once = new Map(within.map((event) => [nameOf(event), event]));
   return [...once.values()].sort((a, b) => a.atMs - b.atMs);
 }

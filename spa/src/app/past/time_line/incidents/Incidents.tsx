@@ -33,10 +33,12 @@ export function Incidents({
 }) {
   const text = useMomentsText();
   const timeline = useSyncExternalStore(controls.onChange, () => controls.timeline);
+  const { heard } = controls;
   const { state, hole, search } = useSearch(controls);
+  // biome-ignore lint/correctness/useExhaustiveDependencies: heard, the newest events are among them
   const incidents = useMemo(
     () => (timeline === null ? [] : listIncidents(controls, timeline, hole?.untilMs ?? timeline.fromMs)),
-    [controls, timeline, hole?.untilMs],
+    [controls, timeline, heard, hole?.untilMs],
   );
   const isFull = incidents.length >= INCIDENTS_MAX;
   const status = () => {

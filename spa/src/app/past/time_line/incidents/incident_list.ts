@@ -34,13 +34,16 @@ export function newestHole({ marks, unknown = [] }: Timeline, given: ReadonlySet
 
 /** The last faults behind a moment, newest first. */
 export function listIncidents(
-  controls: Pick<PastControls, 'eventsIn'>,
+  controls: Pick<PastControls, 'eventsIn' | 'nowMs'>,
   timeline: Timeline,
   sinceMs: number,
 ): readonly Incident[] {
   const begun = new Map<string, number>();
   const incidents: (Incident & { event: PastEvent; lastedMs: number | null })[] = [];
-  const events = controls.eventsIn({ fromMs: timeline.fromMs, toMs: timeline.toMs });
+  const events = controls.eventsIn({
+    fromMs: timeline.fromMs,
+    toMs: Math.max(timeline.toMs, controls.nowMs),
+  });
   for (const event of events) {
     if (event.level !== 'fault') continue;
     const key = keyOf(event);
