@@ -45,6 +45,7 @@ AT_OTHER_TIMES = {
     "Access.renew",
     "Addresses.leave",  # of an address that is counted: not of this machine's own
     "EventStream.end",
+    *("AnswerCache.clear", "AnswerCache.has"),  # of the past, which the victim does not ask for
     "LiveSocket.pause_writing",  # what it is given when it comes pauses the connection before it is one
 }
 # a viewer, or an event stream, is told why it ends; who asks over HTTP gets an answer

@@ -30,6 +30,10 @@ OTHERS_OBJECTS = {
     ("logging.py", "threading.excepthook"),
     ("logging.py", "self._timer.daemon"),  # a threading.Timer takes it nowhere else
     ("server/process.py", "last.daemon"),
+    ("recording/http_client.py", "timer.daemon"),
+    ("recording/http_client.py", "self._kept.link"),  # threading.local
+    ("recording/zip_file.py", "entry.create_system"),  # zipfile.ZipInfo
+    ("recording/zip_file.py", "entry.external_attr"),
     ("zenoh/auth_failures.py", "sys.stdout"),
     ("runtime/io_uring.py", "self._syscall.restype"),  # ctypes
     ("streaming/http_connection.py", "cycle.disconnected"),  # uvicorn's own protocol does so

@@ -38,13 +38,7 @@ DayKey = tuple[str, str, int]  # robot, view, and when the day begins, unix ms
 class Indexer:
     """What has to be done in a store beside writing segments. `unix_s` reads the wall clock."""
 
-    def __init__(
-        self,
-        store: ObjectStore,
-        unix_s: Callable[[], float] = time.time,
-        on_deleted: Callable[[str], None] = lambda _robot: None,
-    ) -> None:
-        """`on_deleted` is told of each robot of which something was too old and is gone."""
+    def __init__(self, store: ObjectStore, unix_s: Callable[[], float] = time.time) -> None:
         self.mended = 0  # indexes, since the process began
         self.expired = 0  # segments that were deleted since they were too old
         self.failures = 0
@@ -53,7 +47,7 @@ class Indexer:
         self.writer: ArchiveWriter | None = None
         self._store = store
         self._unix_s = unix_s
-        self.on_deleted = on_deleted
+        self._on_deleted: Callable[[str], None] = lambda _robot: None
         self._keeps: Mapping[str, float] = {}
         self._pages: dict[PageKey, None] = {}  # to be mended
         self._to_walk: list[DayKey] | None = None  # days to be looked through; None: to be found out
@@ -65,6 +59,10 @@ class Indexer:
     def stored_bytes(self) -> int:
         """How many bytes the segments in the store have, as far as they were looked through."""
         return sum(list(self._bytes.values()))  # another thread may ask
+
+    def on_deleted(self, listener: Callable[[str], None]) -> None:
+        """Tell `listener` of each robot of which something was too old and is gone, from now on."""
+        self._on_deleted = listener
 
     def set_keeps(self, keeps_s: Mapping[str, float]) -> None:
         """Set which robots are kept, each for how many seconds. Nothing is deleted of others."""
@@ -160,7 +158,7 @@ class Indexer:
             self.expired += count
             if count:
                 log.info("the archive: %s: %d segments were older than `keep` and are deleted", robot, count)
-                self.on_deleted(robot)
+                self._on_deleted(robot)
 
     async def walk_all(self) -> None:
         """Look through all days now. Raises ArchiveError."""

@@ -169,9 +169,11 @@ async def _collect(
         asyncio.get_running_loop().add_signal_handler(signal_, task.cancel)
     there = await source.find_span()  # by which a relay also says which view it is
     with CommandProgress() as progress:
-        collector.report = lambda found: progress.show(
-            f"{found.done:,} of {found.total:,} segments, {found.size / 1e6:.1f} MB, "
-            f"waits for {make_visible(found.awaited)}"
+        collector.report_to(
+            lambda found: progress.show(
+                f"{found.done:,} of {found.total:,} segments, {found.size / 1e6:.1f} MB, "
+                f"waits for {make_visible(found.awaited)}"
+            )
         )
         try:
             if there is None:
@@ -224,8 +226,7 @@ def _open_source(asked: argparse.Namespace) -> HttpSource | StoreSource:
         return HttpSource(asked.relay or RELAY, asked.robot, asked.view, token)
     if asked.token_file is not None:
         raise SettingsError("--token-file: is for a relay; a store is read with its own keys")
-    asked.past = past
-    store = open_store(asked)
+    store = open_store(argparse.Namespace(**vars(asked) | {"past": past}))
     assert store is not None  # no memory
     return StoreSource(store, asked.robot, asked.view or PUBLIC, audience or Audience.ANYONE)
 

@@ -97,19 +97,23 @@ class Collection:
 
 
 class Collector:
-    """Collects the past of `source` into `folder`, which is empty. `report` is called around each wait.
+    """Collects the past of `source` into `folder`, which is empty. Each wait is reported, see `report_to`.
 
     `packs`: segments are written as gzip, where that makes them smaller: by a sixth.
     """
 
     def __init__(self, source: RecordingSource, folder: Path, *, packs: bool = False) -> None:
         self._packs = packs
-        self.report: Callable[[Collection], None] = lambda _: None
+        self._report: Callable[[Collection], None] = lambda _: None
         self._source = source
         self._folder = folder
         self._poses: list[KeyPose] = []
         self._page_ms = 0
         self.found = Collection()
+
+    def report_to(self, listener: Callable[[Collection], None]) -> None:
+        """Call `listener` around each wait, from now on."""
+        self._report = listener
 
     async def collect(self, from_ms: int, to_ms: int, about: Description) -> PastRecording:
         """Write every segment that lies at least partly within the span (unix ms), and what they need.
@@ -128,7 +132,7 @@ class Collector:
             else:
                 await self._take(each, data)
             found.done += 1
-            self.report(found)
+            self._report(found)
         self._write_key_page()
         if not found.segments:
             raise NothingThere(f"not one of {found.total} segments could be read; {found.lost[0]}")
@@ -269,7 +273,7 @@ class Collector:
 
     def _wait_for(self, path: str) -> None:
         self.found.awaited = path
-        self.report(self.found)
+        self._report(self.found)
 
     def _write(self, path: str, data: bytes) -> None:
         file = self._folder / path

@@ -107,5 +107,5 @@ def make_archive(settings: Settings, deletions: Deletions) -> ArchiveServices | 
     mend = None if indexer is None else indexer.mend
     upkeep = ArchiveUpkeep(store, deletions, reader, writer, mend, trouble)
     if indexer is not None:
-        indexer.on_deleted = upkeep.note_expired
+        indexer.on_deleted(upkeep.note_expired)
     return ArchiveServices(store, reader, upkeep, trouble, writer, indexer)
