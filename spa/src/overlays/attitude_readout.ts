@@ -11,15 +11,16 @@ type Lean = Pick<ShownAttitude, 'roll' | 'pitch'> & { readonly angle: AngleUnit 
 
 /** Shows roll and pitch as numbers and as the bubble of a spirit level, in the host's place for them. */
 export class AttitudeReadout {
-  readonly #root = document.createElement('div');
+  /** The element in the host; hidden without a reading. */
+  readonly root = document.createElement('div');
   readonly #bubble = document.createElementNS(SVG, 'circle');
   readonly #roll = document.createTextNode('');
   readonly #pitch = document.createTextNode('');
 
   constructor(host: HTMLElement) {
-    this.#root.className = 'stage-level';
-    this.#root.dataset.testid = 'level';
-    this.#root.hidden = true;
+    this.root.className = 'stage-level';
+    this.root.dataset.testid = 'level';
+    this.root.hidden = true;
     const glass = document.createElementNS(SVG, 'svg');
     glass.setAttribute('viewBox', '-17 -17 34 34');
     glass.setAttribute('aria-hidden', 'true');
@@ -43,13 +44,13 @@ export class AttitudeReadout {
       value.append(text);
       list.append(term, value);
     }
-    this.#root.append(glass, list);
-    host.append(this.#root);
+    this.root.append(glass, list);
+    host.append(this.root);
   }
 
   /** Shows a lean, or that it has no reading now; null hides the readout (the robot has no such sensor). */
   show(lean: Lean | null): void {
-    this.#root.hidden = lean === null;
+    this.root.hidden = lean === null;
     if (lean === null) return;
     const { roll, pitch, angle } = lean;
     const display = displayOf('rad', angle);
@@ -73,6 +74,6 @@ export class AttitudeReadout {
   }
 
   dispose(): void {
-    this.#root.remove();
+    this.root.remove();
   }
 }

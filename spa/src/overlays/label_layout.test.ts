@@ -46,6 +46,16 @@ describe('the layout of labels', () => {
     }
   });
 
+  it('covers no words that stand over the picture, also where it stood before they came', () => {
+    const words = { left: 440, top: 380, right: 560, bottom: 420 };
+    const layout = new LabelLayout();
+    expect(layout.place([label('l', 430, 400)], [], ROOM).get('l')).toMatchObject({ x: 440, y: 391 });
+    const { x, y } = layout.place([label('l', 430, 400)], [], ROOM, [words]).get('l')!;
+    expect(x + WIDE <= words.left || x >= words.right || y + HIGH <= words.top || y >= words.bottom).toBe(
+      true,
+    );
+  });
+
   it('covers no arrow, its own or another’s, with a line to its point where it had to go farther away', () => {
     const point: Spot = { x: 420, y: 300 };
     const lines: Line[] = [

@@ -51,7 +51,8 @@ export interface PlacedLabel {
   readonly leader: Line | null;
 }
 
-interface Box {
+/** A part of the picture, CSS px. */
+export interface Box {
   readonly left: number;
   readonly top: number;
   readonly right: number;
@@ -82,16 +83,23 @@ const SLOTS = slotsFor(INNER_COST);
 const SLOTS_NEAR_MIDDLE = slotsFor(INNER_COST_NEAR_MIDDLE);
 
 /**
- * Places labels beside what they name: over no line that is drawn there, over no other label, within the picture's free part,
+ * Places labels beside what they name: over no line that is drawn there, over no other label or words, within the picture's free part,
  * each on its outer side if there is room. A label keeps its place beside its point until something comes into it, so none
  * flickers. The first label chooses first. The cost grows with the number of labels, each trying at most 190 places.
  */
 export class LabelLayout {
   readonly #kept = new Map<string, { slot: Slot; outer: 1 | -1 }>();
 
-  /** `lines`: what is drawn and must be seen. Labels without room anywhere stand where they cover least. */
-  place(labels: readonly LabelBox[], lines: readonly Line[], room: LabelRoom): Map<string, PlacedLabel> {
+  /** `lines`: what is drawn and must be seen; `words`: what stands over the picture already. Labels without room anywhere stand
+   *  where they cover least. */
+  place(
+    labels: readonly LabelBox[],
+    lines: readonly Line[],
+    room: LabelRoom,
+    words: readonly Box[] = [],
+  ): Map<string, PlacedLabel> {
     const taken = new CoveredCells();
+    for (const box of words) taken.add(box);
     for (const line of lines) taken.addLine(line);
     const placed = new Map<string, PlacedLabel>();
     for (const label of labels) {

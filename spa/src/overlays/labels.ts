@@ -1,7 +1,7 @@
 import type { Level } from '@posecast/wire';
 import { type Line, noteLines } from '../browser/drawn_lines.ts';
 import type { Vec3 } from '../twin/rotation.ts';
-import { type LabelBox, LabelLayout, type LabelRoom } from './label_layout.ts';
+import { type Box, type LabelBox, LabelLayout, type LabelRoom } from './label_layout.ts';
 
 /** Most labels at one time, so that a robot with 200 deviating joints does not fill the picture with words. */
 export const MOST_LABELS = 16;
@@ -9,6 +9,8 @@ export const MOST_LABELS = 16;
 const LETTER_PX = 6.7;
 const FRAME_PX = 28;
 const HIGH_PX = 19;
+/** How often it is looked where other words are: that makes the browser lay out the page, ms. */
+const LOOK_EVERY_MS = 500;
 
 /** Projects a point of the world to the picture, CSS px; null behind the camera. */
 export type LabelPlace = (at: Vec3) => { x: number; y: number } | null;
@@ -46,9 +48,14 @@ export class OverlayLabels {
   readonly #layer = document.createElement('div');
   readonly #elements = new Map<string, LabelElement>();
   readonly #layout = new LabelLayout();
+  readonly #words: HTMLElement;
   #room = '';
+  #taken: readonly Box[] = [];
+  #lookedMs = Number.NEGATIVE_INFINITY;
 
-  constructor(host: HTMLElement) {
+  /** `words`: an element over the same picture that no label may cover. */
+  constructor(host: HTMLElement, words: HTMLElement) {
+    this.#words = words;
     this.#layer.className = 'sign-labels';
     this.#layer.setAttribute('aria-hidden', 'true');
     host.append(this.#layer);
@@ -98,7 +105,7 @@ export class OverlayLabels {
       const { wide, high } = measured(element);
       if (wide > 0) boxes.push({ key, wide, high, point, middle: place(middle)?.x ?? room.width / 2 });
     }
-    const placed = this.#layout.place(boxes, lines, room);
+    const placed = this.#layout.place(boxes, lines, room, this.#listTaken(nowMs));
     for (const [key, element] of this.#elements) {
       const found = placed.get(key);
       const at = found === undefined ? '' : `translate(${found.x}px, ${found.y}px)`;
@@ -114,6 +121,19 @@ export class OverlayLabels {
   dispose(): void {
     this.#layer.remove();
     this.#elements.clear();
+  }
+
+  #listTaken(nowMs: number): readonly Box[] {
+    if (nowMs - this.#lookedMs < LOOK_EVERY_MS) return this.#taken;
+    this.#lookedMs = nowMs;
+    const { left, top } = this.#layer.getBoundingClientRect();
+    const words = this.#words.getBoundingClientRect();
+    const box = {
+      ...{ left: words.left - left, top: words.top - top },
+      ...{ right: words.right - left, bottom: words.bottom - top },
+    };
+    this.#taken = words.width > 0 ? [box] : [];
+    return this.#taken;
   }
 
   #make(key: string) {

@@ -94,3 +94,13 @@ it('words go where their points are; behind the eye they are hidden', () => {
   made.placeLabels(() => null, room);
   expect(words()[0]!.hidden).toBe(true);
 });
+
+it('words cover neither roll nor pitch', () => {
+  const { made, words, level } = board();
+  level().getBoundingClientRect = () => new DOMRect(100, 20, 160, 60);
+  made.show({ figure: sampleLeg() }, standing(450, 'fault'), MANNER);
+  settle(made);
+  made.placeLabels(() => ({ x: 150, y: 50 }), { width: 400, height: 300, top: 0, free: 300 });
+  const [x = 0, y = 0] = (words()[0]!.style.transform.match(/-?\d+/g) ?? []).map(Number);
+  expect(x >= 260 || x <= 40 || y >= 80 || y <= 1, `at ${x}, ${y}`).toBe(true);
+});

@@ -26,8 +26,8 @@ export class Overlay {
   #old = true;
 
   constructor(host: HTMLElement, tones: OverlayColors) {
-    this.#labels = new OverlayLabels(host);
     this.#readout = new AttitudeReadout(host.parentElement ?? host);
+    this.#labels = new OverlayLabels(host, this.#readout.root);
     this.#tones = tones;
   }
 
