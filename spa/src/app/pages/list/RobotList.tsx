@@ -164,7 +164,7 @@ function Card(props: {
   const age = robot.ageMs !== null && word !== 'LIVE' && !old ? ` ${formatSpan(robot.ageMs)}` : '';
   const text = useText();
   const rest = useListText();
-  const cause = old ? `: ${text.noConnection}` : word === 'STALE' ? `: ${text.robotSilent}` : '';
+  const cause = old ? text.noConnection : word === 'STALE' ? text.robotSilent : '';
   return (
     <li>
       <a
@@ -194,8 +194,7 @@ function Card(props: {
             <Sign word={word} />
             <b>{word}</b>
             <span className="chip-detail">
-              {age}
-              {cause}
+              {age !== '' && cause !== '' ? `${age}: ${cause}` : age || cause}
             </span>
           </span>
           {robot.viewers !== null && robot.viewers > 0 && (
