@@ -218,10 +218,11 @@ class ArchiveReader:
         if self._now() < self._failed_at + self._pause_s:
             raise PastAway(AWAY)
         forgotten = self._forgotten
-        task: asyncio.Task[T] | None = self._asked.get(key)
+        asked = cache, key, forgotten  # a day has the key of its first ten minutes
+        task: asyncio.Task[T] | None = self._asked.get(asked)
         if task is None:
-            task = self._asked[key] = asyncio.create_task(self._ask(ask), name="the archive")
-            task.add_done_callback(partial(self._forget_asked, key))
+            task = self._asked[asked] = asyncio.create_task(self._ask(ask), name="the archive")
+            task.add_done_callback(partial(self._forget_asked, asked))
         value = await asyncio.shield(task)
         if forgotten == self._forgotten:
             cache.put(key, value, measure(value), self._now() + good_s)
