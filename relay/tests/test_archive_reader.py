@@ -5,7 +5,10 @@ from __future__ import annotations
 import asyncio
 from pathlib import Path
 
+import pytest
 from posecast_relay.archive.names import DAY_MS
+from posecast_relay.archive.object_store import ObjectStore
+from posecast_relay.archive.reader import OLD_S
 
 from . import past_doors
 from .archive_world import ArchiveWorld, make_run, until
@@ -46,3 +49,37 @@ async def test_who_asks_after_a_deletion_does_not_get_what_was_read_before(tmp_p
     await until("it is read anew", lambda: reads == 2, 2.0)
     gate.set()
     await asyncio.gather(before, after)
+
+
+async def test_ten_minutes_without_an_index_are_read_once_and_then_what_is_new(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world = ArchiveWorld(tmp_path)
+    run = make_run(40)
+    await world.write(*run[:30])
+    gets, get = list[str](), ObjectStore.get
+
+    async def count(store: ObjectStore, key: str) -> bytes | None:
+        gets.append(key)
+        return await get(store, key)
+
+    monkeypatch.setattr(ObjectStore, "get", count)
+
+    async def look() -> tuple[int, int]:
+        world.now += OLD_S / 2
+        gets.clear()
+        (reach,) = await world.reader.load_reaches("r", "public", 0, START + DAY_MS)
+        day = await world.reader.load_day("r", "public", DAY_START)
+        segments = await world.reader.load_page("r", "public", START)
+        assert [page.count for page in day.list_pages()] == [len(segments)]
+        assert max(span.last_index for span in reach.takes.values()) == len(segments) - 1
+        return len(segments), sum(key.endswith(".segment") for key in gets)
+
+    assert await look() == (30, 30)
+    await world.write(*run[30:])
+    assert await look() == (40, 10)
+    assert await look() == (40, 0)
+    world.reader.forget("r")
+    assert await look() == (40, 40)
+    await world.index()
+    assert await look() == (40, 0)
