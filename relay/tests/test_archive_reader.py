@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
-from posecast_relay.archive.names import DAY_MS
+from posecast_relay.archive import joined_past
+from posecast_relay.archive.names import DAY_MS, PAGE_MS
 from posecast_relay.archive.object_store import ObjectStore
 from posecast_relay.archive.reader import OLD_S
+from posecast_relay.core.past.kept_segment import KeptSegment
+from posecast_relay.core.past.memory_store import MemoryPast
+from posecast_relay.core.policy.policy import Audience, Rule
+from posecast_relay.past_source_memory import MemoryPastSource
 
 from . import past_doors
 from .archive_world import ArchiveWorld, make_run, until
@@ -83,3 +89,33 @@ async def test_ten_minutes_without_an_index_are_read_once_and_then_what_is_new(
     assert await look() == (40, 40)
     await world.index()
     assert await look() == (40, 0)
+
+
+async def test_who_plays_an_older_past_costs_no_more_than_the_segments(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world = ArchiveWorld(tmp_path)
+    older, newer = make_run(20), make_run(20, START + PAGE_MS, take=5)
+    await world.write(*older)
+    await world.index()
+    front = MemoryPast(1 << 26)
+    for segment in newer:
+        front.add(segment, 0.0)
+    world.unix_ms = START + 2 * PAGE_MS
+    doors = world.make_doors({"r": {Audience.ANYONE: Rule(past_s=86400.0)}}, MemoryPastSource(front))
+    await doors.start()
+    put_together, times = joined_past._put_together, 0
+
+    def count(*parts: Iterable[KeptSegment]) -> MemoryPast:
+        nonlocal times
+        times += 1
+        return put_together(*parts)
+
+    monkeypatch.setattr(joined_past, "_put_together", count)
+    for segment in (*older, *newer):
+        assert (await doors.ask(past_doors.address_of(segment))).content == segment.data
+    assert times == 0
+    after = f"public/{older[0].name.take:016x}/{len(older)}"
+    assert (await doors.ask(after)).json()["next"] == {"take": f"{5:016x}", "index": 0}
+    assert times == 1
+    await doors.stop()
