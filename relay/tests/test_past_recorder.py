@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from posecast_relay.core.actions import Fault
 from posecast_relay.core.past.open_segment import OpenSegment
+from posecast_relay.core.past.stream_recording import StreamRecording
 from posecast_relay.core.policy.policy import Audience, Policy, Rule
 from posecast_wire.segment import CopyRecord, decode_segment
 
@@ -21,6 +22,10 @@ def stream(world: TapedWorld, edge: Any, seconds: float, key_every: int = 30) ->
     for n in range(round(seconds * 30)):
         world.pass_time(1 / 30)
         world.hear(edge, edge.frame(world.now, force_key=n % key_every == 0))
+
+
+def fail(*_: object) -> None:
+    raise ZeroDivisionError("injected")
 
 
 def test_a_segment_ends_with_a_key_a_second_after_its_beginning_or_after_six() -> None:
@@ -111,6 +116,48 @@ def test_no_pose_of_the_dark_is_shown_to_who_may_look_again(dark: dict[Audience,
     assert not [record for record in decode_segment(shown.data).records if isinstance(record, CopyRecord)]
 
 
+@pytest.mark.parametrize("dark", [BLACK, {}], ids=["some saw it", "nobody saw it"])
+def test_a_fault_shows_no_pose_of_the_dark_either(
+    dark: dict[Audience, Rule], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world = TapedWorld()
+    world.recorder.set_policy(Policy({"r": OPEN}), world.now)
+    edge = on_air(world)
+    stream(world, edge, 1.0)
+    world.recorder.set_policy(Policy({"r": dark}), world.now)
+    stream(world, edge, 0.5, key_every=1000)
+    world.recorder.set_policy(Policy({"r": OPEN}), world.now)
+    with monkeypatch.context() as patch:
+        patch.setattr(StreamRecording, "take_frame", fail)
+        world.hear(edge, edge.frame(world.now))
+    assert len(world.recorder.take_faults()) == world.recorder.faults.pop("ZeroDivisionError") == 1
+    for _ in range(30):
+        world.pass_time(1 / 30)
+        world.hear(edge, edge.frame(world.now))
+    lit_ms = 1000 * world.read_unix_s()
+    stream(world, edge, 0.5)
+    (shown,) = [each for each in world.close() if Audience.ANYONE in each.audiences]
+    assert (shown.frames, shown.from_ms >= lit_ms - 1) == (15, True)
+    assert {each.audiences for each in world.segments if not dark} <= {frozenset(OPEN)}
+
+
+def test_what_is_withheld_between_two_audiences_is_not_told_as_lost() -> None:
+    world = TapedWorld()
+    world.recorder.set_policy(Policy({"r": {Audience.ANYONE: Rule()}}), world.now)
+    edge = on_air(world)
+    stream(world, edge, 0.5)
+    world.pass_time(2.5)  # it is silent, so nothing is open
+    world.recorder.set_policy(Policy({"r": {Audience.LINK: Rule()}}), world.now)
+    for _ in range(30):  # each names a KEY that those with a link did not see
+        world.pass_time(1 / 30)
+        world.hear(edge, edge.frame(world.now))
+    stream(world, edge, 0.5)
+    before, after = world.close()
+    assert (before.audiences, after.audiences) == ({Audience.ANYONE}, {Audience.LINK})
+    assert before.name.take != after.name.take
+    assert (after.name.index, after.missing, after.frames) == (0, 0, 15)
+
+
 def test_what_nobody_may_see_is_not_recorded() -> None:
     world = TapedWorld()
     edge = on_air(world)
@@ -158,10 +205,6 @@ def test_a_fault_ends_one_recording_and_nothing_live(monkeypatch: pytest.MonkeyP
     edge = on_air(world)
     _, screen = world.join()
     stream(world, edge, 0.5)
-
-    def fail(*_: object) -> None:
-        raise ZeroDivisionError("injected")
-
     with monkeypatch.context() as patch:
         patch.setattr(OpenSegment, "append_frame", fail)
         world.hear(edge, edge.frame(world.now))

@@ -6,11 +6,12 @@ from __future__ import annotations
 
 import asyncio
 from collections import defaultdict
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 
 from posecast_relay.archive.names import (
     DAY_MS,
-    PAGE_MS,
+    INDEX_NAME,
     ArchivedName,
     is_unfinished,
     make_day_folder,
@@ -22,13 +23,15 @@ from posecast_relay.archive.names import (
     read_segment_key,
 )
 from posecast_relay.archive.object_store import ObjectStore
-from posecast_relay.archive.page_index import Known, list_page, load_page, pack_index
+from posecast_relay.archive.page_index import Known, LoadedPage, list_page, load_page, pack_index
 from posecast_relay.core.past.day_index import DayIndex, PageDigest, digest_page, pack_day, unpack_day
 
 PAGES_AT_ONCE = 4
 DAYS_MAX = 40_000  # folders that are looked at
 KILLED_MS = 3_600_000  # after the end of a day nobody writes to it any more
 OWN_FOLDERS = 200  # of a day that are looked at: there are 144 ten minutes in one
+
+LoadPage = Callable[[ObjectStore, str, str, int], Awaitable[LoadedPage]]
 
 
 @dataclass(frozen=True)
@@ -53,9 +56,11 @@ async def list_pages(store: ObjectStore, robot: str, view: str, day_ms: int) -> 
     return sorted(day_ms + page for page in pages if page is not None)
 
 
-async def load_day(store: ObjectStore, robot: str, view: str, day_ms: int) -> LoadedDay:
-    """Load what is known of a day; ten minutes that its file lacks are loaded one by one, and what it has too
-    many is left out. Raises ArchiveError.
+async def load_day(
+    store: ObjectStore, robot: str, view: str, day_ms: int, load: LoadPage = load_page
+) -> LoadedDay:
+    """Load what is known of a day; ten minutes that its file lacks are loaded one by one by `load`, and what
+    it has too many is left out. Raises ArchiveError.
     """
     written, folders = await asyncio.gather(
         _read_day_file(store, robot, view, day_ms), list_pages(store, robot, view, day_ms)
@@ -65,7 +70,7 @@ async def load_day(store: ObjectStore, robot: str, view: str, day_ms: int) -> Lo
     lacking = [at_ms for at_ms in folders if at_ms not in known]
     for at in range(0, len(lacking), PAGES_AT_ONCE):
         part = lacking[at : at + PAGES_AT_ONCE]
-        loaded = await asyncio.gather(*(load_page(store, robot, view, at_ms) for at_ms in part))
+        loaded = await asyncio.gather(*(load(store, robot, view, at_ms) for at_ms in part))
         for at_ms, page in zip(part, loaded, strict=True):
             if page.segments:
                 pages[at_ms] = digest_page(at_ms, page.segments)
@@ -160,8 +165,8 @@ async def delete_page(store: ObjectStore, robot: str, view: str, page_ms: int) -
 def _read_index_key(key: str, folder: str, day_ms: int) -> int | None:
     """Read the key of an index of ten minutes of a day: when they begin, unix ms."""
     below = key.removeprefix(f"{folder}/").split("/")
-    at_ms = read_page(below[0]) if len(below) == 2 and below[1] == "index.json" else None
-    return None if at_ms is None else day_ms + at_ms - at_ms % PAGE_MS
+    at_ms = read_page(below[0]) if len(below) == 2 and below[1] == INDEX_NAME else None
+    return None if at_ms is None else day_ms + at_ms
 
 
 async def _read_day_file(store: ObjectStore, robot: str, view: str, day_ms: int) -> DayIndex | None:

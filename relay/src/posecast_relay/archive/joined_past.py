@@ -14,7 +14,7 @@ from posecast_relay.core.past.day_index import DAY_MS, DayIndex, PageDigest
 from posecast_relay.core.past.day_reach import DayReach
 from posecast_relay.core.past.kept_past import KeptPast
 from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
-from posecast_relay.core.past.memory_store import MemoryPast
+from posecast_relay.core.past.memory_store import MemoryPast, TakeSpan
 from posecast_relay.core.policy.policy import Audience
 from posecast_relay.past_source import ListWaiting, PastAway, PastSource, ReachedPast, Wake
 
@@ -87,7 +87,7 @@ class JoinedPast:
         archived: list[KeptSegment] = []
         for page_ms in pages:
             archived += await self._reader.load_page(name.robot, name.view, page_ms)
-        return _put_together(archived, self.kept.list_segments(name.robot, name.view))
+        return _AroundSegment(name.robot, name.view, archived, self.kept)
 
     async def load_reaches(self, robot: str, view: str, from_ms: int, to_ms: int) -> list[DayReach]:
         """Return of which days between these there is more than what is recent. Raises PastAway."""
@@ -176,6 +176,53 @@ class JoinedPast:
                 if found is not None:
                     return found
         return None
+
+
+class _AroundSegment:
+    """What is known of the ten minutes around a segment that somebody asks for, and of what is recent.
+
+    The segment itself is found without more: whoever plays an older past asks for one after the other. All of
+    it is put together only when that one is not for them.
+    """
+
+    def __init__(self, robot: str, view: str, archived: Sequence[KeptSegment], recent: KeptPast) -> None:
+        self._robot = robot
+        self._view = view
+        self._archived = archived
+        self._recent = recent
+        self._together: MemoryPast | None = None
+
+    @property
+    def _whole(self) -> MemoryPast:
+        if self._together is None:
+            recent = self._recent.list_segments(self._robot, self._view)
+            self._together = _put_together(self._archived, recent)
+        return self._together
+
+    def find(self, name: SegmentName) -> KeptSegment | None:
+        """Return the segment of this name; None when it is not here."""
+        if self._together is not None:
+            return self._together.find(name)
+        found = (each for each in self._archived if each.name.index == name.index and each.name == name)
+        return self._recent.find(name) or next(found, None)
+
+    def find_oldest(self, robot: str, view: str) -> KeptSegment | None:
+        """Return the segment that began first."""
+        return self._whole.find_oldest(robot, view)
+
+    def list_segments(
+        self, robot: str, view: str, from_ms: int = 0, to_ms: int | None = None
+    ) -> list[KeptSegment]:
+        """Return the segments that begin from `from_ms` on and before `to_ms`, unix; None: all later."""
+        return self._whole.list_segments(robot, view, from_ms, to_ms)
+
+    def list_takes(self, robot: str, view: str) -> list[TakeSpan]:
+        """Return the takes of which there is something, in the order in which they began."""
+        return self._whole.list_takes(robot, view)
+
+    def list_after(self, name: SegmentName) -> list[KeptSegment]:
+        """Return the segments that began after the one of this name."""
+        return self._whole.list_after(name)
 
 
 def _put_together(archived: Iterable[KeptSegment], recent: Iterable[KeptSegment]) -> MemoryPast:

@@ -26,7 +26,7 @@ from posecast_relay.archive.names import (
     name_segment,
 )
 from posecast_relay.archive.object_store import ArchiveError, ObjectStore
-from posecast_relay.archive.page_index import load_page
+from posecast_relay.archive.page_index import Known, LoadedPage, load_page
 from posecast_relay.core.past.day_index import LONGEST_MS, DayIndex, digest_page
 from posecast_relay.core.past.day_reach import DayReach, reach_day
 from posecast_relay.core.past.kept_segment import OBJECT_BYTES, KeptSegment, SegmentName
@@ -36,7 +36,7 @@ T = TypeVar("T")
 log = logging.getLogger("posecast_relay")
 
 PAGES_BYTES, DAYS_BYTES, REACHES_BYTES = 32 << 20, 16 << 20, 16 << 20
-DATA_BYTES, SCHEMAS_BYTES = 16 << 20, 4 << 20
+DATA_BYTES, SCHEMAS_BYTES, UNINDEXED_BYTES = 16 << 20, 4 << 20, 16 << 20
 AT_ONCE = 16  # things that are read
 TURN_S = 2.0  # to wait for one's turn among these
 ASKED_S = 6.0  # for one of them, which may take many calls
@@ -73,6 +73,7 @@ class ArchiveReader:
         self._is_deleted = is_deleted
         self._mend = mend
         self._pages: ExpiringCache[tuple[KeptSegment, ...]] = ExpiringCache(PAGES_BYTES)
+        self._unindexed: ExpiringCache[Known] = ExpiringCache(UNINDEXED_BYTES)
         self._days: ExpiringCache[DayIndex] = ExpiringCache(DAYS_BYTES)
         self._reaches: ExpiringCache[DayReach] = ExpiringCache(REACHES_BYTES)
         self._lists: ExpiringCache[list[int]] = ExpiringCache(REACHES_BYTES)
@@ -94,7 +95,10 @@ class ArchiveReader:
     def forget(self, robot: str) -> None:
         """Forget all that is known of a robot, of which something was deleted."""
         self._forgotten += 1
-        for cache in (self._pages, self._days, self._reaches, self._lists, self._schemas):
+        for cache in (
+            *(self._pages, self._unindexed, self._days),
+            *(self._reaches, self._lists, self._schemas),
+        ):
             cache.forget(lambda key: isinstance(key, tuple) and key[0] == robot)
         self._data.forget(lambda key: isinstance(key, SegmentName) and key.robot == robot)
 
@@ -161,7 +165,7 @@ class ArchiveReader:
         )
 
     async def _read_day(self, robot: str, view: str, day_ms: int) -> DayIndex:
-        day = (await load_day(self._store, robot, view, day_ms)).day
+        day = (await load_day(self._store, robot, view, day_ms, self._load_page)).day
         for page_ms in list(day.pages):
             if self._is_deleted(robot, view, page_ms, page_ms + LONGEST_MS):
                 segments = await self._read_page(robot, view, page_ms)  # without what is deleted
@@ -169,7 +173,7 @@ class ArchiveReader:
         return day
 
     async def _read_page(self, robot: str, view: str, page_ms: int) -> tuple[KeptSegment, ...]:
-        page = await load_page(self._store, robot, view, page_ms)
+        page = await self._load_page(self._store, robot, view, page_ms)
         is_over = 1000 * self._unix_s() > page_ms + PAGE_MS + CLOSED_MS
         if not page.is_indexed and is_over and page.segments:
             self._mend((robot, view, page_ms))
@@ -178,6 +182,17 @@ class ArchiveReader:
             for segment in page.segments
             if not self._is_deleted(robot, view, segment.from_ms, segment.to_ms)
         )
+
+    async def _load_page(self, store: ObjectStore, robot: str, view: str, page_ms: int) -> LoadedPage:
+        """Load what is known of ten minutes. As long as they have no index, which today's last ones never
+        have, only those segments are read that were not there before: none ever changes.
+        """
+        key, forgotten = (robot, view, page_ms), self._forgotten
+        page = await load_page(store, *key, self._unindexed.find(key, self._now()))
+        if not page.is_indexed and forgotten == self._forgotten:
+            known = {name_segment(segment): segment for segment in page.segments}
+            self._unindexed.put(key, known, _measure_page(page.segments), self._now() + OLD_S)
+        return page
 
     async def _load_segment(self, segment: KeptSegment) -> KeptSegment | None:
         async def ask() -> bytes:
@@ -218,10 +233,11 @@ class ArchiveReader:
         if self._now() < self._failed_at + self._pause_s:
             raise PastAway(AWAY)
         forgotten = self._forgotten
-        task: asyncio.Task[T] | None = self._asked.get(key)
+        asked = cache, key, forgotten  # a day has the key of its first ten minutes
+        task: asyncio.Task[T] | None = self._asked.get(asked)
         if task is None:
-            task = self._asked[key] = asyncio.create_task(self._ask(ask), name="the archive")
-            task.add_done_callback(partial(self._forget_asked, key))
+            task = self._asked[asked] = asyncio.create_task(self._ask(ask), name="the archive")
+            task.add_done_callback(partial(self._forget_asked, asked))
         value = await asyncio.shield(task)
         if forgotten == self._forgotten:
             cache.put(key, value, measure(value), self._now() + good_s)

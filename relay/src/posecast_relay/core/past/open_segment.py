@@ -24,16 +24,8 @@ class OpenSegment:
     `began_at`: seconds of the core's clock; `schema`: the one that `start.schema` is the hash of.
     """
 
-    def __init__(
-        self,
-        start: SegmentStart,
-        at_us: int,
-        began_at: float,
-        schema: Schema | None,
-        audiences: frozenset[Audience],
-    ) -> None:
+    def __init__(self, start: SegmentStart, at_us: int, began_at: float, schema: Schema | None) -> None:
         self.due_at = began_at + LENGTH_S
-        self.audiences = audiences
         self.schema = schema
         self._from_us = 1000 * start.from_ms
         self._began_us = at_us
@@ -49,10 +41,6 @@ class OpenSegment:
     def frames(self) -> int:
         """How many frames it holds, without copies."""
         return self._writer.frames
-
-    def narrow(self, audiences: frozenset[Audience]) -> None:
-        """Keep only those of its audiences who are among these."""
-        self.audiences &= audiences
 
     def takes_frame(self, frame: StoredFrame, ref: StoredFrame | None, at_us: int) -> bool:
         """Whether it goes on with this frame; else the next one begins with it. `ref`: the newest REF."""
@@ -113,8 +101,10 @@ class OpenSegment:
         self._writer.append_word(word, at_us - self._from_us)
         self._words.append(PastWord(at_us // 1000, word))
 
-    def close(self, at_us: int) -> KeptSegment:
-        """Return it, closed at `at_us`, or when it was due if that is earlier."""
+    def close(self, at_us: int, audiences: frozenset[Audience]) -> KeptSegment:
+        """Return it, closed at `at_us`, or when it was due if that is earlier. `audiences`: who could see all
+        of it live.
+        """
         writer, start = self._writer, self._writer.start
         end_us = max(min(at_us, self._began_us + round(LENGTH_S * 1e6)), self._from_us + writer.at_us)
         data = writer.close(end_us // 1000)
@@ -135,6 +125,6 @@ class OpenSegment:
             events=tuple(self._events),
             words=tuple(self._words),
             faults=self._faults,
-            audiences=self.audiences,
+            audiences=audiences,
             schema_text=None if self.schema is None else self.schema.text,
         )

@@ -30,7 +30,8 @@ class Recorder:
         self._list_lookers = list_lookers
         self._policy: Policy | None = None
         self._recordings: dict[Room, StreamRecording | None] = {}  # None: nobody may look back on it
-        self._hidden: set[Room] = set()  # nobody could before the newest policy
+        # who could see its last KEY, where a stream is not recorded just now; all, where nothing is said
+        self._seen: dict[Room, frozenset[Audience]] = {}
         self._due = TimerQueue[StreamRecording]()
         self._reports: list[tuple[str, Exception]] = []
 
@@ -56,7 +57,7 @@ class Recorder:
                     continue
                 del self._recordings[room]
                 if not is_first:
-                    self._hidden.add(room)
+                    self._seen[room] = frozenset()
                 if recording is not None:
                     recording.drop()
             except Exception as error:
@@ -130,7 +131,7 @@ class Recorder:
         for room in robot.rooms.values():
             try:
                 recording = self._recordings.pop(room, None)
-                self._hidden.discard(room)
+                self._seen.pop(room, None)
                 if recording is not None:
                     recording.close(now)
             except Exception as error:
@@ -154,15 +155,16 @@ class Recorder:
             self._recordings[room] = None
             return None
         word = robot.compute_status(room, now)
-        is_hidden = room in self._hidden
-        self._hidden.discard(room)
-        recording = StreamRecording(room, self._ports, audiences, word, event_n, now, is_hidden=is_hidden)
+        seen = self._seen.get(room, audiences)
+        recording = StreamRecording(room, self._ports, audiences, word, event_n, now, seen)
         self._recordings[room] = recording
+        self._seen.pop(room, None)
         return recording
 
     def _end_after_fault(self, room: Room, error: Exception) -> None:
         recording = self._recordings.pop(room, None)
         if recording is not None:
+            self._seen[room] = recording.seen
             recording.drop()
         self.faults[type(error).__name__] += 1
         if len(self._reports) < FAULTS_MAX:

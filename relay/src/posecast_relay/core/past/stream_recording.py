@@ -37,7 +37,7 @@ class StreamRecording:
     """One stream's recording. Each `take_…` comes at the moment at which the stream has accepted something.
 
     `word`: the robot's status now; `event_n`: the newest event that is not to come by `take_event`;
-    `is_hidden`: nobody could see what the stream accepted before, so it is recorded from the next KEY on.
+    `seen`: who could see the KEY that its newest frames name; for others it begins with the next one.
     """
 
     def __init__(
@@ -48,15 +48,13 @@ class StreamRecording:
         word: RobotStatus,
         event_n: int,
         now: float,
-        *,
-        is_hidden: bool = False,
+        seen: frozenset[Audience],
     ) -> None:
         self.room = room
         self._stream = stream = room.stream
         self._ports = ports
         self._audiences = audiences
-        # those of them who could see the KEY that the newest frames name, too
-        self._seen = frozenset[Audience]() if is_hidden else audiences
+        self._seen = seen & audiences  # for whom the open segment is
         self._word = word
         self._info = stream.info
         self._model = stream.model
@@ -74,17 +72,20 @@ class StreamRecording:
         """When the open segment has to be closed, seconds of the core's clock; NEVER without one."""
         return NEVER if self._open is None else self._open.due_at
 
+    @property
+    def seen(self) -> frozenset[Audience]:
+        """Those who may look back and could see the KEY that the newest frames name."""
+        return self._seen
+
     def set_audiences(self, audiences: frozenset[Audience], now: float) -> None:
         """Set who may look back on what is live now. What nobody could see all of is dropped. Who is new gets
         what begins with the next KEY: frames before that would show them the last pose that was hidden.
         """
         self._audiences = audiences
         self._seen &= audiences
-        if self._open is not None:
-            self._open.narrow(audiences)
-            if not self._open.audiences:
-                self._open = None
-                self._begin_take(now)
+        if not self._seen:  # a take of before would call lost what is withheld
+            self._open = None
+            self._begin_take(now)
 
     def take_frame(self, frame: StoredFrame, late_s: float, now: float) -> None:
         """Record a frame. `late_s`: its lateness in seconds, as viewers are told."""
@@ -157,7 +158,7 @@ class StreamRecording:
         segment, self._open = self._open, None
         if segment is not None:
             self._index += 1
-            self._ports.keep(segment.close(self._compute_at_us(now)), now)
+            self._ports.keep(segment.close(self._compute_at_us(now), self._seen), now)
 
     def _follow(self, now: float, event_n: int) -> int:
         """What a new record's time is, in µs of the take. Before, what has ended is closed."""
@@ -219,5 +220,5 @@ class StreamRecording:
                 info=self._info,
                 open_faults=self._faults.list_texts(),
             )
-            self._open = OpenSegment(start, at_us, now, schema, self._seen)
+            self._open = OpenSegment(start, at_us, now, schema)
         return self._open
