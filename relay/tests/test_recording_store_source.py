@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import os
+import subprocess
+import sys
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -206,3 +208,22 @@ def test_a_store_that_says_no_is_one_line(
     with pytest.raises(SystemExit):
         export(tmp_path)
     assert "nothing in this span; there is nothing at all" in capsys.readouterr().err
+
+
+def test_an_end_while_it_is_written_leaves_nothing(tmp_path: Path, store: ObjectStore) -> None:
+    asyncio.run(fill(store, record(4.0)))
+    command = """
+import os, signal, sys
+from posecast_relay.past_command import export, main
+
+export.pack_recording = lambda *_: os.kill(os.getpid(), signal.SIGTERM)
+main.run_past(sys.argv[1:], {})
+"""
+    asked = ["export", "--robot", "r", "--from", "2026-01-01", "--to", "2099-01-01"]
+    asked += ["--past", f"file://{tmp_path}/store", "-o", str(tmp_path / "x.posecast")]
+    done = subprocess.run(
+        [sys.executable, "-c", command, *asked], capture_output=True, text=True, timeout=60, check=False
+    )
+    said = f"posecast-relay: {tmp_path}/x.posecast: interrupted; nothing of it is left\n"
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", said)
+    assert os.listdir(tmp_path) == ["store"]

@@ -7,11 +7,11 @@ what the one lost comes from the other. Segments wait for that as long as clocks
 
 from __future__ import annotations
 
-from bisect import insort
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
+from heapq import heappop, heappush
 from typing import NamedTuple
 
 from posecast_wire import Decoder, FrameError, Schema, SchemaError
@@ -115,7 +115,7 @@ class TableReader:
         self._schemas = _Schemas(schemas)
         self._span_us = (1000 * from_ms, 1000 * to_ms + 999)
         self._runs: dict[int, _Run] = {}
-        self._events: list[TableEvent] = []  # in order of time
+        self._events: list[TableEvent] = []  # a heap
         self._event_keys: dict[tuple[str, str], None] = {}
         self._waiting_bytes = 0
 
@@ -156,7 +156,7 @@ class TableReader:
         for record in opened.events:
             event = TableEvent(1000 * start.from_ms + record.at_us, record.text)
             if self._is_new(start.numbering, event):
-                insort(self._events, event)
+                heappush(self._events, event)
                 self._waiting_bytes += RECORD_BYTES + len(event.text)
         if not opened.frames:
             return
@@ -188,7 +188,7 @@ class TableReader:
             if self._events and (head_us is None or self._events[0].unix_us <= head_us):
                 if limit_us is not None and self._events[0].unix_us >= limit_us:
                     return
-                event = self._events.pop(0)
+                event = heappop(self._events)
                 self._waiting_bytes -= RECORD_BYTES + len(event.text)
                 yield event
                 continue

@@ -25,8 +25,8 @@ class WrittenTable:
 
 def write_table(file: BinaryIO, kind: TableFormat, span: ExportedSpan) -> WrittenTable:
     """Write the frames that were accepted in the span (and in MCAP the events), and return what there was.
-    What can't be read is passed over. Raises OSError, TooManyColumnsError, and
-    McapMissingError without the extra `export`."""
+    What can't be read is passed over. Raises OSError, TooManyColumnsError,
+    TooManyTopicsError, and McapMissingError without the extra `export`."""
     table = TableReader(span.read_segments(), span.recording.schemas, span.from_ms, span.to_ms)
     frames = write_csv(file, table) if kind == "csv" else write_mcap(file, table, span.find_model_file)
     return WrittenTable(frames, table.losses.describe())

@@ -22,7 +22,7 @@ from posecast_relay.archive.names import PAGE_MS
 from posecast_relay.config.settings import SettingsError
 from posecast_relay.core.policy.policy import PUBLIC, Audience
 from posecast_relay.export.csv_file import TooManyColumnsError
-from posecast_relay.export.mcap_file import McapMissingError
+from posecast_relay.export.mcap_file import McapMissingError, TooManyTopicsError
 from posecast_relay.export.span import ExportedSpan
 from posecast_relay.export.table_file import write_table
 from posecast_relay.past_command.location import open_store
@@ -109,7 +109,7 @@ def run(asked: argparse.Namespace) -> None:
     done."""
     if asked.from_ms >= asked.to_ms:
         raise SettingsError("--from: is not before --to")
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that what is half written goes
+    _catch_sigterm()
     try:
         notes = [] if asked.notes is None else read_notes(asked.notes)
         about = Description(asked.title, asked.author, asked.licence, partial(place_notes, notes))
@@ -129,10 +129,16 @@ def run(asked: argparse.Namespace) -> None:
         RecordingError,
         McapMissingError,
         TooManyColumnsError,
+        TooManyTopicsError,
     ) as e:
         _end(str(e))
     except KeyboardInterrupt:
         _end(f"{asked.out}: interrupted; nothing of it is left")
+
+
+def _catch_sigterm() -> None:
+    """Let SIGTERM raise KeyboardInterrupt, so that what is half written goes."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
 
 
 def _export(
@@ -146,6 +152,8 @@ def _export(
             recording = asyncio.run(_collect(collector, asked, source, about))
         except asyncio.CancelledError:
             raise KeyboardInterrupt from None
+        finally:
+            _catch_sigterm()  # a loop that ends gives it back to the system
         written, warnings = _write(
             asked, ExportedSpan(folder, recording, asked.from_ms, asked.to_ms), place, page
         )
