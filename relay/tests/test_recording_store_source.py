@@ -62,6 +62,13 @@ def export(folder: Path, *arguments: str, out: str = "x.posecast") -> PastRecord
     return recording
 
 
+def list_lost(capsys: pytest.CaptureFixture[str]) -> list[str]:
+    """The lines about what could not be read, before the one about the span, which is of decades."""
+    *lost, span = capsys.readouterr().err.splitlines()
+    assert ": there is nothing before 20" in span
+    return lost
+
+
 @pytest.fixture
 def store(tmp_path: Path) -> ObjectStore:
     """A store in a folder."""
@@ -131,7 +138,7 @@ def test_what_is_deleted_or_foreign_is_not_there(
     asyncio.run(keep())
     recording = export(tmp_path)
     assert [each.index for each in recording.segments] == [0, 1, 4, 5, 6, 7, 8, 9, 20, 21, 22]
-    said = capsys.readouterr().err.splitlines()
+    said = list_lost(capsys)
     assert len(said) == 2
     take = kept[0].name.take
     assert f"segments/{take:016x}/30.segment: is of r/public, take {take:016x}, index 0" in said[0]
@@ -150,7 +157,7 @@ def test_what_is_empty_is_passed_over_as_damaged(
     asyncio.run(store.put(make_model_key("r", model.name, "manifest.json"), model.manifest))
     asyncio.run(store.put(make_model_key("r", model.name, "a.glb"), b""))
     assert len(export(tmp_path).segments) == len(kept) - 1
-    said = capsys.readouterr().err.splitlines()
+    said = list_lost(capsys)
     assert len(said) == 2
     assert "/1.segment: byte 0: " in said[0]
     assert said[1].endswith(f"models/{model.name}/a.glb: not kept any more")

@@ -27,6 +27,8 @@ from posecast_wire.segment import (
 )
 from posecast_wire.segment.frame_chain import SEQS
 
+from posecast_relay.export.held_time import HeldTime
+
 CLOCKS_US = 2_000_000  # by so much the clocks of two recorders may differ; what comes later still is left out
 WAITING_BYTES_MAX = 64 << 20  # of segments that wait; beyond, the oldest frames don't wait any longer
 EVENTS_MAX = 4096  # the newest, by which an event that two takes have is known
@@ -100,7 +102,8 @@ class TableReader:
 
     `segments`: a name to tell of each, and its bytes, by the moment at which they begin; `schemas`: their
     texts by SHA-256 (64 hexadecimal digits); `from_ms`, `to_ms`: unix, only what came in between counts, the
-    ends included. What can't be read is passed over and counted in `losses`.
+    ends included. What can't be read is passed over and counted in `losses`; `held` knows the time that rows
+    cover.
     """
 
     def __init__(
@@ -111,6 +114,7 @@ class TableReader:
         to_ms: int = YEARS_MS,
     ) -> None:
         self.losses = TableLosses()
+        self.held = HeldTime()
         self._segments = segments
         self._schemas = _Schemas(schemas)
         self._span_us = (1000 * from_ms, 1000 * to_ms + 999)
@@ -130,6 +134,8 @@ class TableReader:
         low_us, high_us = self._span_us
         for found in self._read_all():
             if low_us <= found.unix_us <= high_us:
+                if isinstance(found, TableRow):
+                    self.held.add(found.unix_us // 1000, found.unix_us // 1000)
                 yield found
 
     def _read_all(self) -> Iterator[TableRow | TableEvent]:
