@@ -23,6 +23,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PAGE = (ROOT / "docs/RECORDINGS.md").read_text()
 COMMANDS = re.findall(r"^    (posecast-relay past export .*)$", PAGE, re.MULTILINE)
 SPAN = {"--from": "2026-01-01", "--to": "2099-01-01"}  # instead of a lecture's
+BEYOND = r"posecast-relay: \S+: there is nothing before \S+, nothing after \S+\n"
 
 pytestmark = pytest.mark.skipif(not (ROOT / "spa/dist/index.html").exists(), reason="no built page")
 
@@ -54,7 +55,8 @@ def export_all(folder: Path, relay: str) -> None:
             timeout=120,
             check=False,
         )
-        assert (done.returncode, done.stderr) == (0, ""), command
+        assert done.returncode == 0, (command, done.stderr)
+        assert re.fullmatch(BEYOND, done.stderr), (command, done.stderr)
 
 
 def test_what_the_page_says_is_so(stack: Any, tmp_path: Path) -> None:

@@ -11,8 +11,10 @@ from typing import Any
 
 import pytest
 from mcap.reader import make_reader
+from posecast_relay.export import mcap_file
 from posecast_relay.export.cdr import CdrMessage
 from posecast_relay.export.link_poses import FrameReadings, LinkPose, LinkPoses, compose_poses
+from posecast_relay.export.mcap_file import TooManyTopicsError
 from posecast_relay.export.model_tree import read_model_tree
 from posecast_relay.export.ros_topics import make_topic_part
 from posecast_relay.export.table import TableReader, TableRow
@@ -22,7 +24,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from .export_cases import VECTORS, make_rows, make_schema, to_json
-from .export_stage import EVENT, Named, Take, hash_of, mcap_of, messages_of, schemas_of
+from .export_stage import EVENT, FROM_MS, Named, Take, hash_of, mcap_of, messages_of, schemas_of
 from .link_pose_cases import make_manifest
 
 CASES = json.loads(VECTORS.read_text())["cases"]
@@ -272,3 +274,20 @@ def test_units_are_worth_what_they_are() -> None:
     assert find_factor("effort", "mNm") == 1e-3
     assert find_factor("effort", "A") is None
     assert find_factor("position", "rad/s") is None
+
+
+def test_topics_without_end_are_refused_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    texts = [
+        build_schema_text("r", {"joint": ["a"]}, [{"name": name, "labels": "joint"}])
+        for name in ("one", "two", "three")
+    ]
+    segments: list[Named] = []
+    for i, text in enumerate(texts):
+        take = Take(text, i, i + 1, FROM_MS + 10_000 * i)
+        segments += take.record(take.encode([[0.5]] * 3))
+    monkeypatch.setattr(mcap_file, "CHANNELS_MAX", 3)
+    assert len({topic for topic, *_ in messages_of(mcap_of(segments, *texts)[0])}) == 3
+    monkeypatch.setattr(mcap_file, "CHANNELS_MAX", 2)
+    with pytest.raises(TooManyTopicsError) as caught:
+        mcap_of(segments, *texts)
+    assert str(caught.value) == "more than 2 topics: take a shorter span"

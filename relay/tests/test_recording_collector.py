@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from posecast_relay.core.past.kept_segment import KeptSegment
+from posecast_relay.recording import collector
 from posecast_relay.recording.collector import NothingThere
 from posecast_relay.recording.source import ListedSegment, PastDamaged
 from posecast_wire.key_page import decode_key_page, encode_key_page
@@ -258,3 +259,14 @@ def test_packed_segments_unpack_to_what_they_were(tmp_path: Path) -> None:
     for each in kept:
         assert unpack_segment((tmp_path / "to" / name_of(each)).read_bytes()) == each.data
     assert [each.size for each in recording.segments] == [len(each.data) for each in kept]
+
+
+@pytest.mark.parametrize(("hashes", "most"), [("schemas", 0), ("models", 1)])
+def test_more_schemas_or_models_than_an_index_may_name_are_refused_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hashes: str, most: int
+) -> None:
+    monkeypatch.setattr(collector, "HASHES_MAX", most)
+    monkeypatch.setattr(collector, "_list_models", lambda _: ["5c" * 32, "ab" * 32])
+    with pytest.raises(RecordingError, match=rf"^{hashes}: more than {most}: export a shorter span$"):
+        collect(KeptSource(record(8.0)), tmp_path / "to")
+    assert list_files(tmp_path / "to") == []

@@ -87,6 +87,7 @@ text = "minutes"
             "[[note]]\nat = '61:00:00'\ntext = 'x'\n",
             ", line 1: at: not within the recording, which is from 2026-",
         ),
+        ("[[note]]\nat = 0001-01-01T00:00:00\ntext = 'x'\n", ", line 1: at: there is no such time"),
         ("[[note]]\nat = '-1:00'\ntext = 'x'\n", ", line 1: at: '-1:00': use at = "),
         ("[[note]]\nat = '0:61:00'\ntext = 'x'\n", ", line 1: at: '0:61:00': use at = "),
         ("[[note]]\nat = 2026-11-18T11:19:59Z\ntext = 'x'\n", ", line 1: at: not within the recording"),

@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import os
+import subprocess
+import sys
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -58,6 +60,13 @@ def export(folder: Path, *arguments: str, out: str = "x.posecast") -> PastRecord
         assert packed.testzip() is None
     (folder / out).unlink()
     return recording
+
+
+def list_lost(capsys: pytest.CaptureFixture[str]) -> list[str]:
+    """The lines about what could not be read, before the one about the span, which is of decades."""
+    *lost, span = capsys.readouterr().err.splitlines()
+    assert ": there is nothing before 20" in span
+    return lost
 
 
 @pytest.fixture
@@ -129,7 +138,7 @@ def test_what_is_deleted_or_foreign_is_not_there(
     asyncio.run(keep())
     recording = export(tmp_path)
     assert [each.index for each in recording.segments] == [0, 1, 4, 5, 6, 7, 8, 9, 20, 21, 22]
-    said = capsys.readouterr().err.splitlines()
+    said = list_lost(capsys)
     assert len(said) == 2
     take = kept[0].name.take
     assert f"segments/{take:016x}/30.segment: is of r/public, take {take:016x}, index 0" in said[0]
@@ -148,7 +157,7 @@ def test_what_is_empty_is_passed_over_as_damaged(
     asyncio.run(store.put(make_model_key("r", model.name, "manifest.json"), model.manifest))
     asyncio.run(store.put(make_model_key("r", model.name, "a.glb"), b""))
     assert len(export(tmp_path).segments) == len(kept) - 1
-    said = capsys.readouterr().err.splitlines()
+    said = list_lost(capsys)
     assert len(said) == 2
     assert "/1.segment: byte 0: " in said[0]
     assert said[1].endswith(f"models/{model.name}/a.glb: not kept any more")
@@ -206,3 +215,22 @@ def test_a_store_that_says_no_is_one_line(
     with pytest.raises(SystemExit):
         export(tmp_path)
     assert "nothing in this span; there is nothing at all" in capsys.readouterr().err
+
+
+def test_an_end_while_it_is_written_leaves_nothing(tmp_path: Path, store: ObjectStore) -> None:
+    asyncio.run(fill(store, record(4.0)))
+    command = """
+import os, signal, sys
+from posecast_relay.past_command import export, main
+
+export.pack_recording = lambda *_: os.kill(os.getpid(), signal.SIGTERM)
+main.run_past(sys.argv[1:], {})
+"""
+    asked = ["export", "--robot", "r", "--from", "2026-01-01", "--to", "2099-01-01"]
+    asked += ["--past", f"file://{tmp_path}/store", "-o", str(tmp_path / "x.posecast")]
+    done = subprocess.run(
+        [sys.executable, "-c", command, *asked], capture_output=True, text=True, timeout=60, check=False
+    )
+    said = f"posecast-relay: {tmp_path}/x.posecast: interrupted; nothing of it is left\n"
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", said)
+    assert os.listdir(tmp_path) == ["store"]

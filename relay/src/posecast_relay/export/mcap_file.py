@@ -23,6 +23,7 @@ LIBRARY = "posecast"
 WORLD = ("world", "posecast_world")  # the second where a link is called like the first
 LEVELS = {"fault": ros.ERROR, "caution": ros.WARN, "info": ros.INFO}
 NS_MAX = (1 << 64) - 1  # of MCAP: up to 2554
+CHANNELS_MAX = (1 << 16) - 1  # of MCAP: a topic, its type and its units
 MODELS_MAX = 8  # whose trees are remembered
 
 FindModel = Callable[[str], bytes | None]
@@ -32,12 +33,16 @@ class McapMissingError(RuntimeError):
     """The extra `export` is not installed; the text says how to install it."""
 
 
+class TooManyTopicsError(ValueError):
+    """The schemas of a table differ so much that a file can't have the topics of all; one line."""
+
+
 def write_mcap(file: BinaryIO, table: TableReader, find_model: FindModel = lambda _: None) -> int:
     """Write the frames and events of a table and return how many frames there are; see docs/RECORDINGS.md,
     MCAP.
 
     `find_model`: a manifest by its SHA-256, hexadecimal; None where it is not kept. Without one there is no
-    /tf, and a line in the table's losses says so. Raises McapMissingError, OSError.
+    /tf, and a line in the table's losses says so. Raises McapMissingError, OSError, TooManyTopicsError.
     """
     try:
         from mcap.writer import CompressionType, Writer  # noqa: PLC0415 — an extra
@@ -115,6 +120,8 @@ class _MessageWriter:
     ) -> None:
         key = (topic, type_name, units)
         if key not in self._channels:
+            if len(self._channels) >= CHANNELS_MAX:
+                raise TooManyTopicsError(f"more than {CHANNELS_MAX} topics: take a shorter span")
             if type_name not in self._types:
                 definition = ros.write_definition(type_name)
                 self._types[type_name] = self._writer.register_schema(type_name, "ros2msg", definition)

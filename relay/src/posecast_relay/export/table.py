@@ -7,11 +7,11 @@ what the one lost comes from the other. Segments wait for that as long as clocks
 
 from __future__ import annotations
 
-from bisect import insort
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
+from heapq import heappop, heappush
 from typing import NamedTuple
 
 from posecast_wire import Decoder, FrameError, Schema, SchemaError
@@ -26,6 +26,8 @@ from posecast_wire.segment import (
     decode_segment,
 )
 from posecast_wire.segment.frame_chain import SEQS
+
+from posecast_relay.export.held_time import HeldTime
 
 CLOCKS_US = 2_000_000  # by so much the clocks of two recorders may differ; what comes later still is left out
 WAITING_BYTES_MAX = 64 << 20  # of segments that wait; beyond, the oldest frames don't wait any longer
@@ -100,7 +102,8 @@ class TableReader:
 
     `segments`: a name to tell of each, and its bytes, by the moment at which they begin; `schemas`: their
     texts by SHA-256 (64 hexadecimal digits); `from_ms`, `to_ms`: unix, only what came in between counts, the
-    ends included. What can't be read is passed over and counted in `losses`.
+    ends included. What can't be read is passed over and counted in `losses`; `held` knows the time that rows
+    cover.
     """
 
     def __init__(
@@ -111,11 +114,12 @@ class TableReader:
         to_ms: int = YEARS_MS,
     ) -> None:
         self.losses = TableLosses()
+        self.held = HeldTime()
         self._segments = segments
         self._schemas = _Schemas(schemas)
         self._span_us = (1000 * from_ms, 1000 * to_ms + 999)
         self._runs: dict[int, _Run] = {}
-        self._events: list[TableEvent] = []  # in order of time
+        self._events: list[TableEvent] = []  # a heap
         self._event_keys: dict[tuple[str, str], None] = {}
         self._waiting_bytes = 0
 
@@ -130,6 +134,8 @@ class TableReader:
         low_us, high_us = self._span_us
         for found in self._read_all():
             if low_us <= found.unix_us <= high_us:
+                if isinstance(found, TableRow):
+                    self.held.add(found.unix_us // 1000, found.unix_us // 1000)
                 yield found
 
     def _read_all(self) -> Iterator[TableRow | TableEvent]:
@@ -156,7 +162,7 @@ class TableReader:
         for record in opened.events:
             event = TableEvent(1000 * start.from_ms + record.at_us, record.text)
             if self._is_new(start.numbering, event):
-                insort(self._events, event)
+                heappush(self._events, event)
                 self._waiting_bytes += RECORD_BYTES + len(event.text)
         if not opened.frames:
             return
@@ -188,7 +194,7 @@ class TableReader:
             if self._events and (head_us is None or self._events[0].unix_us <= head_us):
                 if limit_us is not None and self._events[0].unix_us >= limit_us:
                     return
-                event = self._events.pop(0)
+                event = heappop(self._events)
                 self._waiting_bytes -= RECORD_BYTES + len(event.text)
                 yield event
                 continue

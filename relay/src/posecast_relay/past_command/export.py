@@ -10,7 +10,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import NoReturn
+from typing import NamedTuple, NoReturn
 
 from posecast_wire import check_name
 from posecast_wire.checked import is_unicode, make_visible
@@ -22,11 +22,12 @@ from posecast_relay.archive.names import PAGE_MS
 from posecast_relay.config.settings import SettingsError
 from posecast_relay.core.policy.policy import PUBLIC, Audience
 from posecast_relay.export.csv_file import TooManyColumnsError
-from posecast_relay.export.mcap_file import McapMissingError
+from posecast_relay.export.held_time import GAP_MS, HeldTime
+from posecast_relay.export.mcap_file import McapMissingError, TooManyTopicsError
 from posecast_relay.export.span import ExportedSpan
 from posecast_relay.export.table_file import write_table
 from posecast_relay.past_command.location import open_store
-from posecast_relay.past_command.moments import TimeError, read_moment, write_moment
+from posecast_relay.past_command.moments import TimeError, read_moment, write_length, write_moment
 from posecast_relay.past_command.progress import CommandProgress
 from posecast_relay.recording.collector import Collection, Collector, Description, NothingThere
 from posecast_relay.recording.http_source import HttpSource
@@ -109,7 +110,7 @@ def run(asked: argparse.Namespace) -> None:
     done."""
     if asked.from_ms >= asked.to_ms:
         raise SettingsError("--from: is not before --to")
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that what is half written goes
+    _catch_sigterm()
     try:
         notes = [] if asked.notes is None else read_notes(asked.notes)
         about = Description(asked.title, asked.author, asked.licence, partial(place_notes, notes))
@@ -129,10 +130,16 @@ def run(asked: argparse.Namespace) -> None:
         RecordingError,
         McapMissingError,
         TooManyColumnsError,
+        TooManyTopicsError,
     ) as e:
         _end(str(e))
     except KeyboardInterrupt:
         _end(f"{asked.out}: interrupted; nothing of it is left")
+
+
+def _catch_sigterm() -> None:
+    """Let SIGTERM raise KeyboardInterrupt, so that what is half written goes."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
 
 
 def _export(
@@ -146,17 +153,18 @@ def _export(
             recording = asyncio.run(_collect(collector, asked, source, about))
         except asyncio.CancelledError:
             raise KeyboardInterrupt from None
-        written, warnings = _write(
-            asked, ExportedSpan(folder, recording, asked.from_ms, asked.to_ms), place, page
-        )
+        finally:
+            _catch_sigterm()  # a loop that ends gives it back to the system
+        span = ExportedSpan(folder, recording, asked.from_ms, asked.to_ms)
+        written = _write(asked, span, place, page)
         size = _measure(place)
-    for line in (*_tell_lost(collector.found), *warnings):
+    lines = (*_tell_lost(collector.found), *written.warnings, *_tell_lacks(written.held, span))
+    for line in lines:
         print(f"posecast-relay: {asked.out}: {line}", file=sys.stderr)
-    seconds = (recording.to_ms - recording.from_ms + 500) // 1000
-    length = f"{seconds // 3600}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
+    held = written.held
     print(
-        f"{asked.out}: {recording.robot}/{recording.view}, {length} from {write_moment(recording.from_ms)}, "
-        f"{written}, {size:,} bytes"
+        f"{asked.out}: {recording.robot}/{recording.view}, {write_length(held.to_ms - held.from_ms)} from "
+        f"{write_moment(held.from_ms)}, {written.what}, {size:,} bytes"
     )
 
 
@@ -189,23 +197,35 @@ async def _collect(
             raise NothingThere(f"{source.robot}/{source.view}, {span}: {e}; there is {what}") from None
 
 
-def _write(
-    asked: argparse.Namespace, span: ExportedSpan, place: Path, page: Path | None
-) -> tuple[str, Sequence[str]]:
-    """Write what was asked for, and return what is in it and what is not."""
-    count = len(span.recording.segments)
-    segments = f"{count:,} segment{'' if count == 1 else 's'}"
+class _Written(NamedTuple):
+    """`what` is in a file or a folder, of which time, and a line about each thing that is not in it."""
+
+    what: str
+    held: HeldTime
+    warnings: Sequence[str] = ()
+
+
+def _write(asked: argparse.Namespace, span: ExportedSpan, place: Path, page: Path | None) -> _Written:
+    """Write what was asked for."""
     if page is not None:
         add_page(page, place, span.recording, asked.url)
-        return segments, ()
+        return _sum_segments(span.recording)
     if asked.out.suffix == ".posecast":
         pack_recording(span.folder, span.recording, place)
-        return segments, ()
+        return _sum_segments(span.recording)
     with place.open("wb") as file:
         table = write_table(file, "csv" if asked.out.suffix == ".csv" else "mcap", span)
     if not table.frames:
         raise NothingThere(f"{asked.out}: no frames in this span")
-    return f"{table.frames:,} frames", table.warnings
+    return _Written(f"{table.frames:,} frames", table.held, table.warnings)
+
+
+def _sum_segments(recording: PastRecording) -> _Written:
+    held = HeldTime()
+    for each in [each for each in recording.segments if each.frames] or recording.segments:
+        held.add(each.from_ms, each.to_ms)
+    count = len(recording.segments)
+    return _Written(f"{count:,} segment{'' if count == 1 else 's'}", held)
 
 
 def _open_source(asked: argparse.Namespace) -> HttpSource | StoreSource:
@@ -252,6 +272,19 @@ def _tell_lost(found: Collection) -> list[str]:
     """What is not in it."""
     more = found.lost_count - len(found.lost)
     return [*found.lost, *([f"and {more:,} more like these"] if more else [])]
+
+
+def _tell_lacks(held: HeldTime, span: ExportedSpan) -> list[str]:
+    """In one line which parts of the span that was asked for are not in it; none where it is there whole."""
+    lacks: list[str] = []
+    if held.from_ms - span.from_ms > GAP_MS:
+        lacks.append(f"before {write_moment(held.from_ms)}")
+    if span.to_ms - held.to_ms > GAP_MS:
+        lacks.append(f"after {write_moment(held.to_ms)}")
+    if held.gaps:
+        of = "" if held.gaps == 1 else f" in {held.gaps:,} gaps, the first"
+        lacks.append(f"for {write_length(held.gaps_ms)}{of} from {write_moment(held.gap_from_ms)}")
+    return [f"there is nothing {', nothing '.join(lacks)}"] if lacks else []
 
 
 def _measure(place: Path) -> int:

@@ -52,6 +52,12 @@ def write_moment_utc(unix_ms: int) -> str:
     return datetime.fromtimestamp(min(unix_ms, MS_MAX) // 1000, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
+def write_length(ms: int) -> str:
+    """Write how long something lasts, to the second: 0:02:05."""
+    seconds = (ms + 500) // 1000
+    return f"{seconds // 3600}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
+
+
 def write_span(from_ms: int, to_ms: int) -> str:
     """Write a span in this machine's own zone, and in UTC where that is another."""
     local, utc = (f"{write(from_ms)} to {write(to_ms)}" for write in (write_moment, write_moment_utc))

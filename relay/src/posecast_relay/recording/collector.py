@@ -28,7 +28,7 @@ from posecast_wire.recording import (
     pack_segment,
     segment_path,
 )
-from posecast_wire.recording.contents import SEGMENTS_MAX
+from posecast_wire.recording.contents import HASHES_MAX, SEGMENTS_MAX
 from posecast_wire.segment import (
     EventRecord,
     ModelRecord,
@@ -38,12 +38,12 @@ from posecast_wire.segment import (
     decode_segment,
 )
 
+from posecast_relay.archive.names import PAGE_MS
 from posecast_relay.models.manifest import ManifestError, read_manifest
 from posecast_relay.recording.source import ListedSegment, PastDamaged, RecordingSource
 
 AHEAD = 16  # segments that are asked for before it is their turn
 SEGMENT_MS_MAX = 600_000  # so long before a span a segment may begin that reaches into it
-PAGE_MS = 600_000
 KEY_PAGE_BYTES_MAX = 100_000
 # what a model is made of; whatever else a robot names would be served beside the page, as HTML for instance
 MODEL_SUFFIXES = frozenset(
@@ -218,6 +218,9 @@ class Collector:
                 return
             found.schemas[start.schema] = text
         found.models.update(dict.fromkeys(_list_models(segment)))
+        for what, hashes in (("schemas", found.schemas), ("models", found.models)):
+            if len(hashes) > HASHES_MAX:  # the index would be refused at the end, and they are in memory
+                raise RecordingError(f"{what}: more than {HASHES_MAX}: export a shorter span")
         found.segments.append(_describe(segment, len(data)))
         self._write(path, pack_segment(data) if self._packs else data)
         pose = pick_pose(segment)

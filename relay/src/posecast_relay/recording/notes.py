@@ -90,7 +90,10 @@ def _read_note(entry: Mapping[str, object], where: str) -> Note:
 
 def _read_at(value: object, where: str) -> datetime | timedelta:
     if isinstance(value, datetime):
-        return value if value.tzinfo is not None else value.astimezone()
+        try:
+            return value if value.tzinfo is not None else value.astimezone()
+        except (ValueError, OverflowError, OSError):  # in this machine's zone, of another year than 1 to 9999
+            raise NotesError(f"{where}: at: there is no such time") from None
     found = OFFSET.fullmatch(value) if isinstance(value, str) else None
     if found is not None:
         return timedelta(hours=int(found[1] or 0), minutes=int(found[2]), seconds=float(found[3]))
