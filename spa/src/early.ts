@@ -23,8 +23,12 @@ const settled = accessSettled();
 const recording = recordingUrl();
 const embedded = document.documentElement.dataset.page === 'embed';
 if (recording !== null) {
-  if (!embedded) early.answer = fetch(recording, { credentials: 'omit' });
-  early.answer?.catch(() => {}); // it is asked for again, which says what is wrong
+  if (!embedded) {
+    const stop = new AbortController();
+    const answer = fetch(recording, { credentials: 'omit', signal: stop.signal });
+    answer.catch(() => {}); // it is asked for again, which says what is wrong
+    early.request = { answer, stop };
+  }
 } else if (route.page === 'robot' && !embedded) {
   const { robot } = route;
   const start = () =>

@@ -1,6 +1,6 @@
 import { describe, expect, it } from 'vitest';
-import { OWN_BYTES_MAX, OwnTape } from '../src/past/player/own_tape.ts';
-import { readerOf, type TapeFrame } from '../src/past/player/tape.ts';
+import { OWN_BYTES_MAX, OwnTape } from '../src/past/player/tape/own_tape.ts';
+import { readerOf, type TapeFrame } from '../src/past/player/tape/tape.ts';
 import { FROM_MS, fault, RUN, SCHEMA, type Sent, schemaOf, sent } from './past_recordings.ts';
 
 /** Ahead of the relay's clock, ms. */

@@ -1,8 +1,8 @@
 import { createHash } from 'node:crypto';
 import { describe, expect, it } from 'vitest';
 import type { PastSink, Span } from '../src/past/past_types.ts';
-import { OwnTape } from '../src/past/player/own_tape.ts';
 import { PastPlayer } from '../src/past/player/past_player.ts';
+import { OwnTape } from '../src/past/player/tape/own_tape.ts';
 import { Month, type MonthOptions } from './past_month.ts';
 import { FakeSink } from './past_player_rig.ts';
 import { recorded, SCHEMA, sent } from './past_recordings.ts';

@@ -10,8 +10,8 @@ import {
 } from '@posecast/wire';
 import { PastError, type PastSource, type SegmentRef } from '../src/past/past_source.ts';
 import type { Mark, PastSink, PastState, Span, Timeline } from '../src/past/past_types.ts';
-import { OwnTape } from '../src/past/player/own_tape.ts';
 import { PastPlayer } from '../src/past/player/past_player.ts';
+import { OwnTape } from '../src/past/player/tape/own_tape.ts';
 import type { Recorded } from '../src/twin/liveness.ts';
 import { FROM_MS, refOf, SCHEMA, SCHEMA_SHA, type Sent } from './past_recordings.ts';
 

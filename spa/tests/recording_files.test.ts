@@ -1,9 +1,11 @@
 import { strToU8, zipSync } from 'fflate';
-import { describe, expect, it } from 'vitest';
+import { describe, expect, it, vi } from 'vitest';
+import { fetchRecording } from '../src/app/pages/recording/opened_recording.ts';
 import { FetchedFiles } from '../src/past/recording/fetched_files.ts';
 import { FolderFiles, inChosenFolder } from '../src/past/recording/folder_files.ts';
 import { ENTRIES_MAX, openPosecastFile } from '../src/past/recording/posecast_file.ts';
 import type { RecordingFiles } from '../src/past/recording/recording_files.ts';
+import { early } from '../src/relay/recording_address.ts';
 import { PageClock } from './past_rig.ts';
 
 const MOST = 100_000;
@@ -63,6 +65,44 @@ describe('files on a web server', () => {
     expect(answers).toEqual([]);
     expect(new Set(asked)).toEqual(new Set(['https://host.example/a/b/segments/1/2.segment']));
     expect(clock.waiting).toBe(0);
+  });
+
+  it('are away, not damaged, when the host says nothing more in the middle', async () => {
+    const clock = new PageClock();
+    const silent = (signal: AbortSignal): Response =>
+      new Response(
+        new ReadableStream({
+          start: (stream) => {
+            stream.enqueue(strToU8('half'));
+            signal.addEventListener('abort', () => stream.error(signal.reason));
+          },
+        }),
+      );
+    const files = new FetchedFiles('https://host.example/', {
+      fetch: async (_, init) => silent(init.signal!),
+      later: clock.later,
+    });
+    const coming = read(files, 'a');
+    await clock.pass(50_000);
+    expect(await coming).toBe('away');
+  });
+
+  it('are asked for anew when nobody answers what was asked before the page had come', async () => {
+    vi.useFakeTimers();
+    const stop = new AbortController();
+    const answer = new Promise<Response>((_, reject) => {
+      stop.signal.addEventListener('abort', () => reject(stop.signal.reason));
+    });
+    early.request = { answer, stop };
+    vi.stubGlobal('fetch', async () => new Response('no', { status: 404 }));
+    const opening = fetchRecording('https://host.example/recording.json').catch(
+      (error: { why: string }) => error.why,
+    );
+    await vi.advanceTimersByTimeAsync(30_000);
+    expect(stop.signal.aborted).toBe(true);
+    expect(await opening).toBe('gone');
+    vi.unstubAllGlobals();
+    vi.useRealTimers();
   });
 
   it('are not read any further than they may be long', async () => {

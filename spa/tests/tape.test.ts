@@ -1,5 +1,12 @@
 import { describe, expect, it, vi } from 'vitest';
-import { firstPlace, newestAt, readerOf, TAPE_BYTES_MAX, Tape, TapePart } from '../src/past/player/tape.ts';
+import {
+  firstPlace,
+  newestAt,
+  readerOf,
+  TAPE_BYTES_MAX,
+  Tape,
+  TapePart,
+} from '../src/past/player/tape/tape.ts';
 import { FakeSource } from './past_player_rig.ts';
 import { FROM_MS, fault, RUN, recorded, SCHEMA, type Sent, schemaOf, sent } from './past_recordings.ts';
 

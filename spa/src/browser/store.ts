@@ -22,3 +22,13 @@ export function createStore<T>(first: T): Store<T> {
     },
   };
 }
+
+/** Gives each of some objects a store of its own, for as long as the object is there. */
+export function storePer<K extends object, T>(first: T): (key: K) => Store<T> {
+  const stores = new WeakMap<K, Store<T>>();
+  return (key) => {
+    const known = stores.get(key) ?? createStore(first);
+    stores.set(key, known);
+    return known;
+  };
+}

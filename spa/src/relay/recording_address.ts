@@ -6,5 +6,9 @@ export function recordingUrl(): string | null {
   return meta === null ? null : new URL(meta.content, window.location.href.replace(/[?#].*$/, '')).href;
 }
 
-/** The answer to a request for that address which was made before the code came that reads it; null if there is none. */
-export const early: { answer: Promise<Response> | null } = { answer: null };
+/** A request for that address which was made before the code came that reads its answer; null if there is none. */
+export const early: {
+  request: { readonly answer: Promise<Response>; readonly stop: AbortController } | null;
+} = {
+  request: null,
+};

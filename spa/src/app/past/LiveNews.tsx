@@ -1,3 +1,4 @@
+import './live_news.css';
 import { useEffect, useState } from 'react';
 import type { PastControls } from '../../past/past_types.ts';
 import { isolated } from '../../twin/names.ts';

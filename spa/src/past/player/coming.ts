@@ -1,9 +1,9 @@
 import type { PastSource } from '../past_source.ts';
 import { thinned } from './fill.ts';
-import { type Loads, PAGE_MS } from './loads.ts';
-import type { OwnTape } from './own_tape.ts';
-import type { Reel } from './reel.ts';
-import { nameOfRef, type Tape, type TapeFrame } from './tape.ts';
+import { type Loads, PAGE_MS } from './tape/loads.ts';
+import type { OwnTape } from './tape/own_tape.ts';
+import type { Reel } from './tape/reel.ts';
+import { nameOfRef, type Tape, type TapeFrame } from './tape/tape.ts';
 
 /** How far it looks, ms. */
 export const COMING_MS = 30_000;

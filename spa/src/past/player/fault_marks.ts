@@ -1,7 +1,7 @@
 import type { PastSource } from '../past_source.ts';
 import type { Mark } from '../past_types.ts';
-import { type Loads, PAGE_MS } from './loads.ts';
-import type { Reel } from './reel.ts';
+import { type Loads, PAGE_MS } from './tape/loads.ts';
+import type { Reel } from './tape/reel.ts';
 
 /** How long before a fault one looks at it, ms. */
 export const BEFORE_FAULT_MS = 2000;
@@ -15,7 +15,7 @@ const TRIES_MAX = 2;
 type Fault = Mark & { readonly goesMs: number };
 
 interface SearchParts {
-  readonly source: PastSource;
+  readonly ports: { readonly source: PastSource };
   readonly reel: Reel;
   readonly loads: Loads;
 }
@@ -23,7 +23,7 @@ interface SearchParts {
 /** The fault after or before a moment, exactly if that can be had; null if there is none. Fetches what has to be known of it: days,
  *  and its ten minutes. `isLeft`: nobody waits for it any more. */
 export async function searchFault(
-  { source, reel, loads }: SearchParts,
+  { ports: { source }, reel, loads }: SearchParts,
   by: 1 | -1,
   fromMs: number,
   slackMs: number,

@@ -1,9 +1,9 @@
 import type { PastSource } from '../past_source.ts';
 import type { PastSink, PastState, Span } from '../past_types.ts';
-import type { Loads } from './loads.ts';
-import type { OwnTape } from './own_tape.ts';
-import type { Reel } from './reel.ts';
-import type { Tape, TapeFrame } from './tape.ts';
+import type { Loads } from './tape/loads.ts';
+import type { OwnTape } from './tape/own_tape.ts';
+import type { Reel } from './tape/reel.ts';
+import type { Tape, TapeFrame } from './tape/tape.ts';
 
 /** Least time between two states that a plot is filled with, ms. */
 export const FILL_EVERY_MS = 100;

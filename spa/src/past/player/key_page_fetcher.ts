@@ -1,6 +1,6 @@
 import type { PastSource } from '../past_source.ts';
 import type { Span } from '../past_types.ts';
-import { type Loads, nameOfDay, PAGE_MS } from './loads.ts';
+import { type Loads, nameOfDay, PAGE_MS } from './tape/loads.ts';
 
 /** Of how many ten minutes first poses are fetched when somebody looks; those of others when a finger comes there. */
 const ATTENDED_PAGES = 6;
@@ -11,7 +11,8 @@ const COARSE_MS = 2 * 3_600_000;
 
 /** Fetches what the line and a drag along it need: days, index and first poses, page by page. */
 export class KeyPageFetcher {
-  #isAttended = false;
+  /** Whether somebody may drag soon. */
+  isAttended = false;
   #isAsked = false;
   #isBusy = false;
   #sight: Span = { fromMs: 0, toMs: 0 };
@@ -26,21 +27,17 @@ export class KeyPageFetcher {
 
   /** Somebody may drag soon. Returns whether that is news. */
   attend(): boolean {
-    const isNew = !this.#isAttended;
-    this.#isAttended = true;
+    const isNew = !this.isAttended;
+    this.isAttended = true;
     if (isNew) void this.fetch();
     return isNew;
-  }
-
-  get isAttended(): boolean {
-    return this.#isAttended;
   }
 
   /** Fetches the newest pages, once, the newest first. Does nothing while no timeline is known, nobody may drag, or the line
    *  is so long that a drag needs what it comes to rest at alone. */
   async fetch(): Promise<void> {
     const { timeline } = this.source;
-    if (timeline === null || this.#isAsked || !this.#isAttended || this.#isCoarse) return;
+    if (timeline === null || this.#isAsked || !this.isAttended || this.#isCoarse) return;
     this.#isAsked = true;
     const newest = Math.floor(timeline.toMs / PAGE_MS);
     const oldest = Math.max(Math.floor(timeline.fromMs / PAGE_MS), newest - ATTENDED_PAGES + 1);

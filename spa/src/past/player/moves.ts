@@ -1,5 +1,5 @@
 import type { Projector } from './projector.ts';
-import { APART_MS, type Pending, type Reel } from './reel.ts';
+import { APART_MS, type Pending, type Reel } from './tape/reel.ts';
 
 /** How far something went. */
 export interface Move {

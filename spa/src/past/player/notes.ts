@@ -1,5 +1,5 @@
 import type { PastNote } from '../past_types.ts';
-import { PATIENCE_MS, type Pending } from './reel.ts';
+import { PATIENCE_MS, type Pending } from './tape/reel.ts';
 
 /** How long a note stays that nothing else ends, ms. */
 const NOTE_MS = 5000;

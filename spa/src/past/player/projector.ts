@@ -1,9 +1,9 @@
 import { type EventMessage, FrameError, type KeyPose, type RobotStatus } from '@posecast/wire';
 import type { PastSink } from '../past_types.ts';
-import { type Happening, type Situation, Teller } from './happenings.ts';
-import type { OwnTape } from './own_tape.ts';
-import type { Near, Next } from './reel.ts';
-import type { SchemaReader, TapeFrame, TapePart } from './tape.ts';
+import { type Happening, type Situation, Teller } from './tape/happenings.ts';
+import type { OwnTape } from './tape/own_tape.ts';
+import type { Near, Next } from './tape/reel.ts';
+import type { SchemaReader, TapeFrame, TapePart } from './tape/tape.ts';
 
 /** Shows frames and what happens around them to a sink, and knows what it has shown since the newest jump. */
 export class Projector {

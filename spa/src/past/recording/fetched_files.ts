@@ -1,3 +1,4 @@
+import { answerBytes } from '../answer_bytes.ts';
 import { PastError } from '../past_source.ts';
 import type { RecordingFiles } from './recording_files.ts';
 
@@ -53,7 +54,7 @@ export class FetchedFiles implements RecordingFiles {
       const { status } = response;
       if (status === 200) {
         tried = 'cut';
-        return await readBody(response, path, most, heard);
+        return await answerBytes(response, path, most, heard);
       }
       await response.body?.cancel();
       if (status >= 400 && status < 500 && status !== 429)
@@ -62,32 +63,9 @@ export class FetchedFiles implements RecordingFiles {
     } catch (error) {
       signal?.throwIfAborted();
       if (error instanceof PastError) throw error;
-      return tried;
+      return silent.signal.aborted ? 'no answer' : tried;
     } finally {
       calledOff();
     }
   }
-}
-
-async function readBody(
-  response: Response,
-  path: string,
-  most: number,
-  heard: () => void,
-): Promise<Uint8Array<ArrayBuffer>> {
-  const reader = response.body?.getReader();
-  const pieces: Uint8Array<ArrayBuffer>[] = [];
-  let size = 0;
-  for (;;) {
-    const { value } = (await reader?.read()) ?? {};
-    if (value === undefined) break;
-    heard();
-    size += value.length;
-    if (size > most) {
-      await reader?.cancel();
-      throw new PastError('damaged', `${path}: more than ${most} bytes`);
-    }
-    pieces.push(value);
-  }
-  return new Uint8Array(await new Blob(pieces).arrayBuffer());
 }

@@ -1,4 +1,5 @@
 import type { Schema } from '@posecast/wire';
+import { answerBytes } from '../answer_bytes.ts';
 import { PastError } from '../past_source.ts';
 
 /** What segments and pages of KEYs are read with. */
@@ -81,7 +82,7 @@ export class PastRequests {
       const { status } = response;
       if (status === 200) {
         const isJson = response.headers.get('content-type')?.startsWith('application/json') ?? false;
-        return { bytes: await readBody(response, path), isJson };
+        return { bytes: await answerBytes(response, `past${path}`, BYTES_MAX), isJson };
       }
       await response.body?.cancel();
       if (status >= 400 && status !== 429 && (status < 500 || status === 501))
@@ -95,21 +96,4 @@ export class PastRequests {
       inTime();
     }
   }
-}
-
-async function readBody(response: Response, path: string): Promise<Uint8Array<ArrayBuffer>> {
-  const reader = response.body?.getReader();
-  const pieces: Uint8Array<ArrayBuffer>[] = [];
-  let size = 0;
-  for (;;) {
-    const { value } = (await reader?.read()) ?? {};
-    if (value === undefined) break;
-    size += value.length;
-    if (size > BYTES_MAX) {
-      await reader?.cancel();
-      throw new PastError('damaged', `past${path}: more than ${BYTES_MAX} bytes`);
-    }
-    pieces.push(value);
-  }
-  return new Uint8Array(await new Blob(pieces).arrayBuffer());
 }

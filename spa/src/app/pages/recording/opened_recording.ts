@@ -29,9 +29,11 @@ export async function fetchRecording(url: string): Promise<OpenedRecording> {
   const folder = new URL('.', url).href;
   const files = new FetchedFiles(folder, {
     fetch: (file, init) => {
-      const { answer } = early;
-      early.answer = null; // only the first request is for it
-      return answer ?? fetch(file, init);
+      const { request } = early;
+      early.request = null; // only the first is for it
+      if (request === null) return fetch(file, init);
+      init.signal?.addEventListener('abort', () => request.stop.abort());
+      return request.answer;
     },
     later: (ms, run) => {
       const timer = setTimeout(run, ms);

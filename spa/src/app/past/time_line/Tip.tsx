@@ -3,7 +3,7 @@ import type { Playhead, Timeline } from '../../../past/past_types.ts';
 import { flagWords } from '../../../twin/format.ts';
 import { isolated } from '../../../twin/names.ts';
 import { pastText } from '../../text/past.ts';
-import { countOf, markNear, marksNear } from './marks.ts';
+import { markNear, marksNear } from './marks.ts';
 import { whenWords } from './spoken.ts';
 import { contains, type Hover, msAt, msPerPx, TIME_PX, type View } from './track_view.ts';
 
@@ -60,9 +60,9 @@ export function whatWords(timeline: Timeline, view: View, xPx: number, momentMs:
   const text = pastText();
   const first = markNear(timeline.marks, view, xPx);
   if (first !== null) {
-    if (!first.exact) return text.faultsWithin(countOf(first));
+    if (!first.exact) return text.faultsWithin(first.count ?? 1);
     const what = `${isolated(first.source)} ${isolated(flagWords(first.text))}`;
-    const more = marksNear(timeline.marks, view, xPx).reduce((sum, mark) => sum + countOf(mark), -1);
+    const more = marksNear(timeline.marks, view, xPx).reduce((sum, { count = 1 }) => sum + count, -1);
     return more === 0 ? what : text.andMore(what, more);
   }
   const word = timeline.words.find((span) => contains(span, momentMs))?.word;

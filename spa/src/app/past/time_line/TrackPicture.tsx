@@ -1,6 +1,6 @@
+import './track_picture.css';
 import { memo, useId } from 'react';
 import type { Mark, Span, Timeline } from '../../../past/past_types.ts';
-import { countOf } from './marks.ts';
 import { movementPath } from './movement.ts';
 import type { Tick } from './scale/ticks.ts';
 import { contains, pxAt, textPxOf, type View } from './track_view.ts';
@@ -123,7 +123,7 @@ export function drawnMarks(marks: readonly Mark[], view: View): DrawnMark[] {
     for (const mark of marks) {
       if (mark.level !== level || !contains(view, mark.atMs)) continue;
       const xPx = pxAt(view, mark.atMs);
-      const count = countOf(mark);
+      const { count = 1 } = mark;
       const besidePx = TOGETHER_PX[level === 'fault' && (last?.count ?? 1) > 1 ? 'count' : 'mark'];
       if (last !== undefined && xPx - last.xPx < besidePx) {
         last = { ...last, exact: last.exact || mark.exact, count: last.count + count };

@@ -1,15 +1,9 @@
-import { createStore, type Store } from '../../../browser/store.ts';
+import { storePer } from '../../../browser/store.ts';
 import type { PastControls } from '../../../past/past_types.ts';
 import { LEAST_LOOP_MS } from './scrubber.ts';
 
-const starts = new WeakMap<PastControls, Store<number | null>>();
-
 /** Where somebody said that a loop starts who has not yet said where it ends, unix ms. */
-export function loopStart(controls: PastControls): Store<number | null> {
-  const known = starts.get(controls) ?? createStore<number | null>(null);
-  starts.set(controls, known);
-  return known;
-}
+export const loopStart = storePer<PastControls, number | null>(null);
 
 /** The first press says where the loop starts, the second where it ends, the third ends it. */
 export function pressLoop(controls: PastControls): void {

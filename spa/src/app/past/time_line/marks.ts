@@ -6,10 +6,6 @@ const NEAR_PX = 10;
 /** A tap on a mark shows what led to it, ms. */
 export const BEFORE_MS = 2000;
 
-export function countOf({ count = 1 }: Mark): number {
-  return count;
-}
-
 /** The mark that a tap means: the nearest fault, else the nearest caution; null if none is near. */
 export function markNear(marks: readonly Mark[], view: View, xPx: number): Mark | null {
   const near = marksNear(marks, view, xPx);

@@ -1,4 +1,4 @@
-import { createStore, type Store } from '../../../../browser/store.ts';
+import { storePer } from '../../../../browser/store.ts';
 import type { PastControls } from '../../../../past/past_types.ts';
 
 const MINUTE_MS = 60_000;
@@ -30,14 +30,8 @@ export function scaleIn(windowMs: number, chosen: number | null): number {
   return scaleFor(scales, wanted);
 }
 
-const chosen = new WeakMap<PastControls, Store<number | null>>();
-
 /** The scale that somebody chose; null before. */
-export function chosenScale(controls: PastControls): Store<number | null> {
-  const known = chosen.get(controls) ?? createStore<number | null>(null);
-  chosen.set(controls, known);
-  return known;
-}
+export const chosenScale = storePer<PastControls, number | null>(null);
 
 /** How much is shown, ms. */
 export function shownMs(controls: PastControls): number {

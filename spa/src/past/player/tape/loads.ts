@@ -1,5 +1,5 @@
-import { PastError, type PastSource, type SegmentRef } from '../past_source.ts';
-import type { Span } from '../past_types.ts';
+import { PastError, type PastSource, type SegmentRef } from '../../past_source.ts';
+import type { Span } from '../../past_types.ts';
 import { nameOfRef, readerOf, type SchemaReader, type Tape, TapePart } from './tape.ts';
 
 /** How long after a try that failed the next one comes, ms. */

@@ -1,6 +1,6 @@
 import { Decoder, FrameError, parseRelayMessage, type Schema, type Segment } from '@posecast/wire';
-import type { SegmentRef } from '../past_source.ts';
-import type { PastState } from '../past_types.ts';
+import type { SegmentRef } from '../../past_source.ts';
+import type { PastState } from '../../past_types.ts';
 import { type Happening, type Situation, situationAfter } from './happenings.ts';
 
 /** Bound of what is held of segments: their bytes and the codes of their frames. What is farthest from the playhead is

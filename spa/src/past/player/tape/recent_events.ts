@@ -1,6 +1,6 @@
 import type { EventMessage } from '@posecast/wire';
-import type { PastSource } from '../past_source.ts';
-import type { PastEvent, Span } from '../past_types.ts';
+import type { PastSource } from '../../past_source.ts';
+import type { PastEvent, Span } from '../../past_types.ts';
 import { inOrder, nameOf } from './happenings.ts';
 import { PAGE_MS } from './loads.ts';
 

@@ -1,5 +1,5 @@
 import type { EventMessage, RobotStatus, Schema } from '@posecast/wire';
-import type { PastSink, PastState } from '../past_types.ts';
+import type { PastSink, PastState } from '../../past_types.ts';
 
 /** Most events that are remembered as told. */
 const TOLD_EVENTS_MAX = 500;

@@ -1,5 +1,5 @@
 import type { EventMessage, RobotStatus, Schema } from '@posecast/wire';
-import type { RobotState } from '../../twin/robot.ts';
+import type { RobotState } from '../../../twin/robot.ts';
 import { type Change, type Happening, nameOf, type Situation, situationAfter } from './happenings.ts';
 import { firstPlace, type TapeFrame } from './tape.ts';
 

@@ -1,5 +1,5 @@
-import type { PastSource, SegmentRef } from '../past_source.ts';
-import type { Span } from '../past_types.ts';
+import type { PastSource, SegmentRef } from '../../past_source.ts';
+import type { Span } from '../../past_types.ts';
 import type { Situation } from './happenings.ts';
 import { type LoadState, type Loads, nameOfDay, PAGE_MS } from './loads.ts';
 import type { Alignment, OwnTape } from './own_tape.ts';

@@ -1,0 +1,225 @@
+import type { EventMessage } from '@posecast/wire';
+import type { Recorded } from '../../twin/liveness.ts';
+import type { PastSource } from '../past_source.ts';
+import type { PastNote, PastSink, Playhead, Span, Timeline } from '../past_types.ts';
+import { PastNotes } from './notes.ts';
+import { PlayheadClock } from './playhead.ts';
+import { relayAhead } from './relay_now.ts';
+import type { OwnTape } from './tape/own_tape.ts';
+import type { Pending } from './tape/reel.ts';
+
+/** Between two calls of the listeners while playing, ms. */
+const CHANGE_EVERY_MS = 100;
+const NAMES = ['at', 'playing', 'speed', 'loop', 'note'] as const;
+
+export interface PastPorts {
+  readonly source: PastSource;
+  /** What the page itself received. */
+  readonly own: OwnTape;
+  readonly sink: PastSink;
+  /** The events that the live stream has told, as far as they are remembered. */
+  readonly heard: () => readonly EventMessage[];
+  /** The page's clock, which never steps back. */
+  readonly nowMs: () => number;
+  /** Runs something some ms later. Returns a function that cancels it. */
+  readonly schedule: (run: () => void, afterMs: number) => () => void;
+  /** A recording, at whose end it rests; null or none where the present comes after the past. */
+  readonly recorded?: Recorded | null;
+}
+
+/** Where a player is in time and where it is to be, within what is kept; and tells whoever listens. */
+export class PlayheadState {
+  readonly clock = new PlayheadClock();
+  readonly recorded: Recorded | null;
+  isPast: boolean;
+  loop: Span | null = null;
+  /** A finger is down. `isNewest`: at the newest end. */
+  scrubbing: { isNewest: boolean } | null = null;
+  /** The moment whose exact state is not shown yet. */
+  wantedMs: number | null = null;
+  /** The moment that a link names, while it is what is wanted or shown. */
+  askedMs: number | null = null;
+  /** Frames to go. */
+  steps = 0;
+  /** When something was last shown, page's clock. */
+  shownMs = 0;
+  /** Counts the moments that were wanted. */
+  wants = 0;
+  /** Counts what somebody did: what was looked for before is obsolete. */
+  acts = 0;
+  /** The newest visit to a fault: to where, when by the page's clock, and as which of the acts. */
+  visited = { goesMs: 0, atMs: Number.NEGATIVE_INFINITY, act: 0 };
+  readonly #ports: PastPorts;
+  readonly #notes = new PastNotes();
+  readonly #listeners = new Set<() => void>();
+  /** How far the relay's clock is ahead of the page's. */
+  #aheadMs = Number.NEGATIVE_INFINITY;
+  #playhead: Playhead;
+  #changedMs = 0;
+
+  constructor(ports: PastPorts) {
+    const { recorded = null, nowMs } = ports;
+    this.#ports = ports;
+    this.recorded = recorded;
+    this.isPast = recorded !== null;
+    if (recorded !== null) this.clock.set(recorded.fromMs, nowMs());
+    this.#playhead = this.#read();
+  }
+
+  /** As it was last told. */
+  get playhead(): Playhead {
+    return this.#playhead;
+  }
+
+  get timeline(): Timeline | null {
+    return this.#ports.source.timeline;
+  }
+
+  /** The moment of now; of a recording its end. */
+  get nowMs(): number {
+    if (this.recorded !== null) return this.recorded.toMs;
+    const pageMs = this.#ports.nowMs();
+    const toMs = this.timeline?.toMs ?? Number.NEGATIVE_INFINITY;
+    this.#aheadMs = relayAhead(this.#aheadMs, { toMs }, this.#playhead, pageMs);
+    return pageMs + this.#aheadMs;
+  }
+
+  get oldestMs(): number {
+    return this.timeline?.fromMs ?? Number.NEGATIVE_INFINITY;
+  }
+
+  /** The newest moment that is known. */
+  get newestMs(): number {
+    const { own, nowMs } = this.#ports;
+    const recordedMs = this.timeline?.toMs ?? Number.NEGATIVE_INFINITY;
+    if (!this.isPast && this.timeline !== null) own.guess(recordedMs);
+    const newestMs = Math.max(recordedMs, own.newest?.atMs ?? Number.NEGATIVE_INFINITY);
+    return Number.isFinite(newestMs) ? newestMs : nowMs();
+  }
+
+  /** The shown moment; in the present the newest. */
+  get hereMs(): number {
+    return this.isPast ? this.clock.momentMs : this.newestMs;
+  }
+
+  /** Whether a recording is at its end. */
+  get hasEnded(): boolean {
+    return this.recorded !== null && this.clock.momentMs >= this.recorded.toMs;
+  }
+
+  /** The nearest moment that is kept. */
+  keptMs(momentMs: number): number {
+    return Math.max(Math.min(momentMs, this.newestMs), this.oldestMs);
+  }
+
+  /** Somebody did something, so what was said before holds no longer. */
+  act(): void {
+    this.acts += 1;
+    this.#notes.forget();
+    this.askedMs = null;
+  }
+
+  /** Who goes out of what is repeated is told that it ends. */
+  leaveLoop(momentMs: number): void {
+    if (this.loop === null || (momentMs >= this.loop.fromMs && momentMs <= this.loop.toMs)) return;
+    this.loop = null;
+    this.say('unlooped');
+  }
+
+  enter(): void {
+    if (this.isPast) return;
+    this.isPast = true;
+    this.clock.run(this.#ports.nowMs());
+    this.#ports.source.follow('near');
+  }
+
+  leave(): void {
+    this.wantedMs = null;
+    this.isPast = false;
+    this.loop = null;
+    this.scrubbing = null;
+    this.clock.running = false;
+    this.clock.speed = 1;
+  }
+
+  /** Puts the playhead at a moment, from which it goes on now. */
+  move(momentMs: number): void {
+    this.clock.set(momentMs, this.#ports.nowMs());
+  }
+
+  rest(): void {
+    this.clock.running = false;
+    this.#notes.rest();
+  }
+
+  want(momentMs: number): void {
+    this.#show(momentMs);
+    this.wantedMs = momentMs;
+    this.wants += 1;
+    this.steps = 0;
+  }
+
+  /** What was wanted is shown, at this moment. */
+  arrive(momentMs: number): void {
+    this.#show(momentMs);
+    this.wantedMs = null;
+    this.#changedMs = Number.NEGATIVE_INFINITY; // it is told at once
+  }
+
+  say(note: PastNote): void {
+    this.#notes.say(note, this.#ports.nowMs());
+  }
+
+  /** Something is waited for that is on its way. */
+  wait(pending: readonly Pending[]): void {
+    this.#notes.wait(pending, this.#ports.nowMs());
+  }
+
+  /** Fetches what is pending, and waits for it; without any nothing is waited for. */
+  await(pending: readonly Pending[]): void {
+    for (const each of pending) each.begin();
+    if (pending.length === 0) this.#notes.rest();
+    else this.wait(pending);
+  }
+
+  readonly onChange = (listener: () => void): (() => void) => {
+    this.#listeners.add(listener);
+    return () => this.#listeners.delete(listener);
+  };
+
+  /** Tells the listeners what has changed: a moment that only goes on not too often. */
+  publish(always = false): void {
+    const [before, now] = [this.#playhead, this.#read()];
+    const nowMs = this.#ports.nowMs();
+    if (!always && NAMES.every((name) => before[name] === now[name])) {
+      const goesOn = now.playing && this.scrubbing === null && this.wantedMs === null;
+      if (before.momentMs === now.momentMs || (goesOn && nowMs - this.#changedMs < CHANGE_EVERY_MS)) return;
+    }
+    this.#changedMs = nowMs;
+    this.#playhead = now;
+    for (const listener of this.#listeners) listener();
+  }
+
+  close(): void {
+    this.isPast = false;
+    this.#listeners.clear();
+  }
+
+  #show(momentMs: number): void {
+    this.move(momentMs);
+    this.shownMs = this.#ports.nowMs();
+    this.#notes.rest();
+  }
+
+  #read(): Playhead {
+    const { momentMs, running: playing, speed } = this.clock;
+    const said = {
+      note: this.#notes.read(this.#ports.nowMs()),
+      askedMs: this.askedMs,
+      recorded: this.recorded,
+    };
+    if (!this.isPast)
+      return { at: 'live', momentMs: this.newestMs, playing: true, speed: 1, loop: null, ...said };
+    return { at: 'past', momentMs, playing, speed, loop: this.loop, ...said };
+  }
+}

@@ -1,0 +1,142 @@
+import type { Fill } from './fill.ts';
+import type { KeyPageFetcher } from './key_page_fetcher.ts';
+import { LINK_NOTE_MS } from './notes.ts';
+import type { PastPorts, PlayheadState } from './playhead_state.ts';
+import type { Projector } from './projector.ts';
+import type { Loads } from './tape/loads.ts';
+import { pageBefore } from './tape/recent_events.ts';
+import type { Reel } from './tape/reel.ts';
+import type { Tape, TapeFrame } from './tape/tape.ts';
+
+/** A link's moment is not kept where nothing is recorded so near to it, ms. */
+const LINK_APART_MS = 10_000;
+const MINUTE_MS = 60_000;
+
+/** What goes to a moment and what plays on from there have in common. */
+export interface PlayerParts {
+  readonly ports: PastPorts;
+  readonly state: PlayheadState;
+  readonly tape: Tape;
+  readonly loads: Loads;
+  readonly reel: Reel;
+  readonly projector: Projector;
+  readonly keyFetcher: KeyPageFetcher;
+  readonly fill: Fill;
+  /** Shows what is wanted as far as it is here, and fetches what is not. */
+  readonly work: () => void;
+  readonly goLive: () => void;
+}
+
+/** Goes to a moment. What is on its way for others is called off. */
+export function jump(parts: PlayerParts, momentMs: number): void {
+  const { ports, state, loads, keyFetcher, work } = parts;
+  state.scrubbing = null;
+  keyFetcher.stop();
+  want(parts, momentMs);
+  const near = { fromMs: momentMs - MINUTE_MS, toMs: momentMs + MINUTE_MS / 2 };
+  loads.keepOnly(ports.source.segmentsIn(near));
+  work();
+}
+
+export function want(parts: PlayerParts, momentMs: number): void {
+  parts.fill.stop();
+  parts.state.want(momentMs);
+}
+
+/** Shows what is here of the wanted moment. */
+export function showWanted(parts: PlayerParts, momentMs: number): void {
+  if (parts.state.scrubbing === null) showAt(parts, momentMs);
+  else scrub(parts, momentMs);
+}
+
+/** Goes to the nearest moment that is kept if one is not. */
+export function hasLeft(parts: PlayerParts, momentMs: number): boolean {
+  const { ports, state, goLive } = parts;
+  const keptMs = state.keptMs(momentMs);
+  if (state.timeline === null || keptMs === momentMs) return false;
+  const { askedMs } = state;
+  if (askedMs !== null && askedMs > state.nowMs && state.recorded === null) {
+    goLive();
+    state.askedMs = askedMs;
+    state.say('not-come');
+    ports.schedule(() => state.publish(), LINK_NOTE_MS);
+    return true;
+  }
+  if (askedMs !== null) state.say('not-kept');
+  else if (keptMs > momentMs) state.say('resumed');
+  jump(parts, keptMs);
+  return true;
+}
+
+/** Shows a moment exactly or nearly. */
+function scrub(parts: PlayerParts, momentMs: number): void {
+  const { reel, projector } = parts;
+  const { frame, situation } = reel.at(momentMs);
+  const { cursor } = projector;
+  if (frame === null || situation === null) showKey(parts, momentMs);
+  else if (frame.seq !== cursor?.seq || frame.runId !== cursor.runId)
+    projector.show(frame, momentMs, situation);
+}
+
+/** Shows a moment exactly, as soon as that is here. */
+function showAt(parts: PlayerParts, momentMs: number): void {
+  if (hasLeft(parts, momentMs)) return;
+  const { state, reel, projector, fill } = parts;
+  const { askedMs } = state;
+  const { frame, situation, pending, isDamaged } = reel.at(momentMs);
+  for (const each of pending) each.begin();
+  const isUnknown = state.timeline === null && (frame === null || askedMs !== null);
+  if (situation === null || isUnknown) {
+    state.wait(pending);
+    showKey(parts, momentMs);
+    return;
+  }
+  if (askedMs !== null && situation.word === 'online' && goNearer(parts, momentMs, frame)) return;
+  const shownMs = Math.max(momentMs, frame?.atMs ?? 0);
+  projector.show(frame, shownMs, situation);
+  state.arrive(shownMs);
+  if (isDamaged) state.say('damaged');
+  const isApart = frame === null || Math.abs((askedMs ?? momentMs) - frame.atMs) > LINK_APART_MS;
+  if (askedMs !== null && isApart && situation.word === 'online') state.say('not-kept');
+  if (frame !== null) fill.soon(frame);
+  void recall(parts, shownMs);
+}
+
+/** From a moment that was named, at which nothing was recorded, goes to what was, before it or after, if that is not near. */
+function goNearer(parts: PlayerParts, momentMs: number, before: TapeFrame | null): boolean {
+  const agoMs = before === null ? Number.POSITIVE_INFINITY : momentMs - before.atMs;
+  if (agoMs <= LINK_APART_MS) return false;
+  const nextMs = parts.reel.nextMs(null, momentMs);
+  const nearestMs = nextMs !== null && nextMs - momentMs < agoMs ? nextMs : (before?.atMs ?? momentMs);
+  if (nearestMs === momentMs) return false;
+  jump(parts, nearestMs);
+  return true;
+}
+
+/** Learns which faults there were in the ten minutes before, as far as another page has them, and shows the moment again
+ *  with them. */
+async function recall(parts: PlayerParts, shownMs: number): Promise<void> {
+  const { ports, state, loads } = parts;
+  const page = pageBefore(ports.source, shownMs);
+  const { wants } = state;
+  if (page === null || loads.stateOf(`index ${page}`) === 'ready') return;
+  await loads.index(page);
+  if (wants !== state.wants || !state.isPast || state.steps !== 0) return;
+  if (loads.stateOf(`index ${page}`) === 'ready') jump(parts, state.clock.momentMs);
+}
+
+/** Shows the first pose of a segment near a moment. */
+function showKey(parts: PlayerParts, momentMs: number): void {
+  const { ports, loads, projector, work } = parts;
+  const { source } = ports;
+  const pose = source.keyAt(momentMs);
+  if (pose === null) return;
+  const reader = loads.knownReader(pose.schema);
+  if (reader === null) {
+    loads.reader(pose.schema).then(work, () => undefined);
+    return;
+  }
+  const refs = source.segmentsIn({ fromMs: pose.atMs - MINUTE_MS, toMs: pose.atMs });
+  const word = refs.flatMap(({ words }) => words).findLast(({ atMs }) => atMs <= pose.atMs)?.word ?? null;
+  projector.showKey(pose, reader, word);
+}
