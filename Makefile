@@ -91,7 +91,7 @@ fix: .venv/.ready node_modules/.ready ## what the linters can mend by themselves
 	npx --no-install biome check --write
 
 unit: setup ## Python and TypeScript tests without a browser
-	@for package in redis-server nginx; do tools/need $$package || exit; done
+	@for package in redis-server nginx rsync; do tools/need $$package || exit; done
 	$(PYTEST) -m "not full"
 	npm test --silent -w wire/typescript
 	npm test --silent -w spa
@@ -110,7 +110,7 @@ test: setup ## all tests CI runs: those without and those with a browser side by
 	@$(MAKE) --no-print-directory --jobs=2 --output-sync=target unit e2e
 
 test-full: setup ## the long rest as well, and every browser test in each of the three engines
-	@for package in $(E2E_NEEDS) nginx; do tools/need $$package || exit; done
+	@for package in $(E2E_NEEDS) nginx rsync; do tools/need $$package || exit; done
 	$(PYTEST)
 	npm test --silent -w wire/typescript
 	POSECAST_FULL=1 npm test --silent -w spa

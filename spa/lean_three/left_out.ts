@@ -1,5 +1,8 @@
 import type { KnownMacros } from './shader_text.ts';
 
+/** The version of three.js that these lists are for. For another one: look through them, then change this. */
+export const VERSION = '0.187.0';
+
 /*
  * What of three.js the page does without. The scene (`src/three`) draws meshes, instances and lines of five materials in the
  * light of a sky and two suns, with one kind of shadow. three.js can do far more, and its renderer refers to all of it by
@@ -60,7 +63,7 @@ export const USED_BY_THE_SCENE: readonly string[] = [
 
 /** Kinds of things that the scene never makes: the renderer's questions `….isSprite` are answered with false. */
 export const KINDS: readonly string[] = [
-  ...['isBatchedMesh', 'isSkinnedMesh', 'isSprite', 'isPoints', 'isLOD', 'isLineLoop', 'isClippingGroup'],
+  ...['isBatchedMesh', 'isSkinnedMesh', 'isSprite', 'isPoints', 'isLOD', 'isLineLoop'],
   ...['isArrayCamera', 'isXRRenderTarget', 'isWebGLCubeRenderTarget', 'isWebGLArrayRenderTarget'],
   ...[
     'isSpriteMaterial',
@@ -73,13 +76,7 @@ export const KINDS: readonly string[] = [
   ...['isLineDashedMaterial', 'isNodeMaterial', 'isRawShaderMaterial'],
   ...['isPointLight', 'isSpotLight', 'isRectAreaLight', 'isSunLight', 'isAmbientLight', 'isLightProbe'],
   ...['isLightProbeGrid', 'isFog', 'isFogExp2'],
-  ...[
-    'isVideoTexture',
-    'isVideoFrameTexture',
-    'isCompressedTexture',
-    'isCompressedArrayTexture',
-    'isCubeTexture',
-  ],
+  ...['isVideoTexture', 'isCompressedTexture', 'isCompressedArrayTexture', 'isCubeTexture'],
   ...[
     'isCompressedCubeTexture',
     'isData3DTexture',
@@ -87,7 +84,7 @@ export const KINDS: readonly string[] = [
     'isPMREMTexture',
     'isExternalTexture',
   ],
-  ...['isFramebufferTexture', 'isHTMLTexture', 'isArrayTexture', 'isCubeDepthTexture', 'isGLBufferAttribute'],
+  ...['isFramebufferTexture', 'isHTMLTexture', 'isGLBufferAttribute'],
 ];
 
 /** Properties that the scene never sets: the renderer reads what they are by themselves. */

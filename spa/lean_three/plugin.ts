@@ -2,11 +2,8 @@ import { readFileSync } from 'node:fs';
 import { createRequire } from 'node:module';
 import path from 'node:path';
 import type { Plugin } from 'vite';
-import { KINDS, MACROS, MEMBERS, METHODS, PROPERTIES, STAND_INS } from './left_out.ts';
+import { KINDS, MACROS, MEMBERS, METHODS, PROPERTIES, STAND_INS, VERSION } from './left_out.ts';
 import { type LeanShaders, leanShaders } from './shaders.ts';
-
-/** The version whose files the lists in `left_out.ts` name. */
-const VERSION = '0.187.0';
 
 /** Builds three.js from its modules instead of from the one file of its package, without what `left_out.ts` lists. In the
  *  build only: the dev server and the unit tests have three.js whole. */
@@ -23,7 +20,9 @@ export function leanThree(scene: string): Plugin {
     buildStart() {
       const { version } = JSON.parse(readFileSync(path.join(root, 'package.json'), 'utf8'));
       if (version !== VERSION)
-        throw new Error(`three.js ${version}: go through lean_three/left_out.ts, which is for ${VERSION}`);
+        throw new Error(
+          `three.js ${version}: the lists of lean_three/left_out.ts are for ${VERSION}: look through them and change VERSION there`,
+        );
       shaders = leanShaders(src, scene);
     },
     resolveId: (name) => (name === 'three' ? path.join(src, 'Three.js') : null),
