@@ -89,6 +89,9 @@ class KeptSource:
         """As a relay."""
         return self.models[model].files.get(path)
 
+    async def close(self) -> None:
+        """Nothing is held open."""
+
 
 def collect(
     source: KeptSource,

@@ -30,8 +30,6 @@ OTHERS_OBJECTS = {
     ("logging.py", "threading.excepthook"),
     ("logging.py", "self._timer.daemon"),  # a threading.Timer takes it nowhere else
     ("server/process.py", "last.daemon"),
-    ("recording/http_client.py", "timer.daemon"),
-    ("recording/http_client.py", "self._kept.link"),  # threading.local
     ("recording/zip_file.py", "entry.create_system"),  # zipfile.ZipInfo
     ("recording/zip_file.py", "entry.external_attr"),
     ("zenoh/auth_failures.py", "sys.stdout"),

@@ -9,7 +9,7 @@ import hashlib
 import json
 import threading
 import time
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncIterator, Callable
 from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -49,7 +49,7 @@ async def collect(doors: PastDoors, folder: Path, token: str | None = None) -> P
         folder.mkdir()
         return await Collector(source, folder).collect(PAGE_MS - 1_800_000, PAGE_MS + 1_800_000, NO_WORDS)
     finally:
-        source.close()
+        await source.close()
 
 
 async def test_nothing_of_another_audience(doors: PastDoors, tmp_path: Path) -> None:
@@ -90,13 +90,13 @@ async def test_a_past_that_is_not_there(doors: PastDoors) -> None:
             await source.find_span()
         assert str(caught.value).startswith(f"{at}/api/v1/robots/{robot}/past")
         assert says in str(caught.value)
-        source.close()
+        await source.close()
     doors.allow({"r": {Audience.ANYONE: Rule(past_s=0.0)}})
     source = HttpSource(at, "r", None, None)
     with pytest.raises(PastUnreadable) as caught:
         await source.find_span()
     assert str(caught.value).endswith("/past: no past is kept there, or none that you may see")
-    source.close()
+    await source.close()
 
 
 Script = Callable[["Answers", int], None]
@@ -126,8 +126,8 @@ class Answers(BaseHTTPRequestHandler):
         """Silence."""
 
 
-@contextlib.contextmanager
-def answering(script: Script) -> Iterator[tuple[HttpSource, list[str]]]:
+@contextlib.asynccontextmanager
+async def answering(script: Script) -> AsyncIterator[tuple[HttpSource, list[str]]]:
     """A source at a server that follows a script, and what that was asked."""
     asked: list[str] = []
     handler = type("Scripted", (Answers,), {"script": staticmethod(script), "asked": asked})
@@ -138,7 +138,7 @@ def answering(script: Script) -> Iterator[tuple[HttpSource, list[str]]]:
     try:
         yield source, asked
     finally:
-        source.close()
+        await source.close()
         server.shutdown()
         server.server_close()
         thread.join()
@@ -158,7 +158,7 @@ def busy_first(answer: Answers, before: int) -> None:
 
 async def test_what_may_pass_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(http_client, "WAIT_S", 0.01)
-    with answering(busy_first) as (source, asked):
+    async with answering(busy_first) as (source, asked):
         assert await source.find_span() == (PAGE_MS, PAGE_MS + 1)
         assert await source.find_span() == (PAGE_MS, PAGE_MS + 1)
         assert asked == ["/below/api/v1/robots/r/past?view=public"] * 4
@@ -167,7 +167,7 @@ async def test_what_may_pass_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> 
 async def test_at_last_it_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(http_client, "AGAIN_S", 0.05)
     monkeypatch.setattr(http_client, "WAIT_S", 0.01)
-    with answering(lambda answer, _: answer.send(503, b'{"error":"away"}')) as (source, asked):
+    async with answering(lambda answer, _: answer.send(503, b'{"error":"away"}')) as (source, asked):
         with pytest.raises(PastUnreadable) as caught:
             await source.find_span()
         assert str(caught.value).endswith("/past?view=public: for 0.05 s: away")
@@ -195,7 +195,7 @@ SEGMENT = ListedSegment(10, 0, PAGE_MS, PAGE_MS + 1, "5c" * 32)
     ],
 )
 async def test_an_odd_answer_is_one_line(script: Script, says: str) -> None:
-    with answering(script) as (source, asked):
+    async with answering(script) as (source, asked):
         with pytest.raises(PastUnreadable) as caught:
             await source.find_span()
         said = str(caught.value)
@@ -208,7 +208,7 @@ async def test_bytes_of_another_hash_are_asked_for_twice_and_refused() -> None:
     def lying(answer: Answers, before: int) -> None:
         answer.send(200, b"other", content_type="application/octet-stream")
 
-    with answering(lying) as (source, asked):
+    async with answering(lying) as (source, asked):
         for load in (
             source.load_segment(SEGMENT),
             source.load_schema("5c" * 32),
@@ -233,7 +233,7 @@ async def test_a_segment_that_is_not_there_any_more() -> None:
         status, body, kind = said[before]
         answer.send(status, body, content_type=kind)
 
-    with answering(gone) as (source, _):
+    async with answering(gone) as (source, _):
         for _ in said:
             assert await source.load_segment(SEGMENT) is None
 
@@ -243,8 +243,9 @@ async def test_a_segment_of_another_content_type_says_so() -> None:
         answer.send(200, b"segment", content_type="text/html")
 
     named = dataclasses.replace(SEGMENT, sha256=hashlib.sha256(b"segment").hexdigest())
-    with answering(mistaken) as (source, _), pytest.raises(PastDamaged) as caught:
-        await source.load_segment(named)
+    async with answering(mistaken) as (source, _):
+        with pytest.raises(PastDamaged) as caught:
+            await source.load_segment(named)
     assert str(caught.value) == "no segment: its Content-Type is text/html, not application/octet-stream"
 
 
@@ -265,7 +266,7 @@ async def test_an_answer_in_drops_is_given_up(monkeypatch: pytest.MonkeyPatch, h
                 answer.wfile.write(b"x")
                 time.sleep(0.01)
 
-    with answering(drip) as (source, _):
+    async with answering(drip) as (source, _):
         assert await source.load_schema("5c" * 32) is None
         with pytest.raises(PastUnreadable) as caught:
             await asyncio.wait_for(source.load_schema("5c" * 32), 10)
@@ -280,7 +281,7 @@ async def test_a_connection_is_kept_for_the_next_answer() -> None:
         answer.send(200, b"text" * 50_000)
 
     sha256 = hashlib.sha256(b"text" * 50_000).hexdigest()
-    with answering(whole) as (source, asked):
+    async with answering(whole) as (source, asked):
         for _ in range(20):
             assert await source.load_schema(sha256) == "text" * 50_000
     assert len(asked) == 20
@@ -298,7 +299,7 @@ async def test_an_index_that_goes_on_for_ever_or_lies_is_refused(monkeypatch: py
     def endless(answer: Answers, _: int) -> None:
         answer.send(200, json.dumps({"segments": [entry], "more": True}).encode())
 
-    with answering(endless) as (source, asked):
+    async with answering(endless) as (source, asked):
         with pytest.raises(PastUnreadable) as caught:
             await source.list_segments(PAGE_MS, PAGE_MS + 1)
         assert str(caught.value).endswith(": an index without an end")
@@ -306,8 +307,9 @@ async def test_an_index_that_goes_on_for_ever_or_lies_is_refused(monkeypatch: py
     for wrong in ({"take": "A" * 16}, {"index": -1}, {"index": 1 << 32}, {"from_ms": 1.5}, {"sha256": None}):
         body = json.dumps({"segments": [entry | wrong], "more": False}).encode()
         script = partial(send_ok, body)
-        with answering(script) as (source, _), pytest.raises(PastUnreadable):
-            await source.list_segments(PAGE_MS, PAGE_MS + 1)
+        async with answering(script) as (source, _):
+            with pytest.raises(PastUnreadable):
+                await source.list_segments(PAGE_MS, PAGE_MS + 1)
 
 
 async def test_requests_are_bounded_and_an_end_does_not_wait() -> None:
@@ -317,11 +319,11 @@ async def test_requests_are_bounded_and_an_end_does_not_wait() -> None:
         release.wait(20)
         answer.send(404)
 
-    with answering(hold) as (source, asked):
+    async with answering(hold) as (source, asked):
         tasks = [asyncio.create_task(source.load_segment(SEGMENT)) for _ in range(30)]
         while len(asked) < http_client.AT_ONCE:
             await asyncio.sleep(0.01)
-        source.close()
+        await source.close()
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)

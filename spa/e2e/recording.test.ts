@@ -241,7 +241,7 @@ it.skipIf(!existsSync(NGINX))(
 );
 
 it('parts that are missing, cut or swapped are gaps that the page counts', async () => {
-  const { lecture } = await recorded(24);
+  const { lecture } = await recorded(20);
   const at = (n: number) => path.join(lecture.at, lecture.segments[n]!);
   rmSync(at(1));
   writeFileSync(at(3), readFileSync(at(3)).subarray(0, 500));

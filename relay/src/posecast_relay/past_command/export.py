@@ -116,11 +116,7 @@ def run(asked: argparse.Namespace) -> None:
         about = Description(asked.title, asked.author, asked.licence, partial(place_notes, notes))
         page = _find_page(asked)
         check_place(asked.out, asked.replace)
-        source = _open_source(asked)
-        try:
-            _export(asked, source, about, page)
-        finally:
-            source.close()
+        _export(asked, _open_source(asked), about, page)
     except NotesError as e:
         raise SettingsError(f"--notes {e}") from None
     except (
@@ -150,7 +146,7 @@ def _export(
         folder.mkdir()
         collector = Collector(source, folder, packs=page is not None and unpacks_segments(page))
         try:
-            recording = asyncio.run(_collect(collector, asked, source, about))
+            recording = asyncio.run(_collect_and_close(collector, asked, source, about))
         except asyncio.CancelledError:
             raise KeyboardInterrupt from None
         finally:
@@ -166,6 +162,15 @@ def _export(
         f"{asked.out}: {recording.robot}/{recording.view}, {write_length(held.to_ms - held.from_ms)} from "
         f"{write_moment(held.from_ms)}, {written.what}, {size:,} bytes"
     )
+
+
+async def _collect_and_close(
+    collector: Collector, asked: argparse.Namespace, source: RecordingSource, about: Description
+) -> PastRecording:
+    try:
+        return await _collect(collector, asked, source, about)
+    finally:
+        await source.close()
 
 
 async def _collect(

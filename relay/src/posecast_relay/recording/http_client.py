@@ -1,29 +1,24 @@
-"""Asks a relay by HTTP: connections that are kept, answers that are bounded; what may pass is asked again."""
+"""Asks a relay by HTTP: answers that are bounded in bytes and in time; what may pass is asked again."""
 
 from __future__ import annotations
 
 import asyncio
-import contextlib
-import http.client
 import math
+import os
 import re
 import socket
 import ssl
-import time
-from concurrent.futures import ThreadPoolExecutor
-from threading import Event, Timer, local
 from typing import NamedTuple
-from urllib.parse import urlsplit
 
+import httpx
 from posecast_wire.checked import loads, make_visible
 
 from posecast_relay.recording.source import PastDamaged, PastUnreadable
 
 AT_ONCE = 8  # requests
-TIMEOUT_S = 20.0  # of one; a relay holds a request for 8 s at most
+TIMEOUT_S = 20.0  # of a wait; a relay holds a request for 8 s at most
 # an answer that comes in drops is given up, though none of its waits is long: it has so long, and for its
 SLOW_S, SLOW_BYTES_S = 60.0, 10_000  # bytes at this pace
-READ_BYTES = 65_536
 AGAIN_S = 60.0  # for so long what may pass (503, a lost connection) is asked again
 WAIT_S, WAIT_S_MAX = 0.25, 10.0  # before that
 ERROR_BYTES_MAX = 4096
@@ -31,12 +26,8 @@ BUSY = (429, 502, 503, 504)
 ADDRESS = re.compile(r"https?://[^\s/?#@]+(/[^\s?#]*)?", re.ASCII | re.IGNORECASE)
 
 
-class SlowAnswerError(http.client.HTTPException):
-    """An answer came too slowly to wait for its end."""
-
-
 class RelayAnswer(NamedTuple):
-    """What a relay answered, whole. `body` may be one byte longer than was allowed: then it is too long."""
+    """What a relay answered, whole. `body` may be longer than was allowed: then it is not whole."""
 
     status: int
     type: str
@@ -51,35 +42,31 @@ class RelayClient:
     def __init__(self, address: str, token: str | None) -> None:
         """Raises PastUnreadable when `address` is none."""
         self.address = address.rstrip("/")
-        parts = urlsplit(self.address) if ADDRESS.fullmatch(address) else None
         try:
-            if parts is None or not parts.hostname or parts.port == 0:
+            if not ADDRESS.fullmatch(address) or not 0 < (httpx.URL(self.address).port or 1) < 1 << 16:
                 raise ValueError
-        except ValueError:
+            if not httpx.URL(self.address).host:
+                raise ValueError
+        except (ValueError, httpx.InvalidURL):
             shown = make_visible(address)
             raise PastUnreadable(
                 f"{shown}: no address of a relay: use http://HOST:PORT or https://HOST"
             ) from None
-        self._is_secure = parts.scheme.lower() == "https"
-        self._host, self._port, self._path = parts.hostname, parts.port, parts.path
-        self._headers = {"accept": "*/*", "user-agent": "posecast-relay past export"}
+        headers = {"accept": "*/*", "accept-encoding": "identity", "user-agent": "posecast-relay past export"}
         if token is not None:
-            self._headers["authorization"] = f"Bearer {token}"
-        self._trust = ssl.create_default_context() if self._is_secure else None
-        self._pool = ThreadPoolExecutor(AT_ONCE, "export")
-        self._kept = local()
-        self._links: set[http.client.HTTPConnection] = set()
+            headers["authorization"] = f"Bearer {token}"
+        self._http = httpx.AsyncClient(
+            headers=headers,
+            timeout=httpx.Timeout(TIMEOUT_S, pool=None),
+            verify=ssl.create_default_context(),
+            trust_env=False,
+        )
+        self._gate = asyncio.Semaphore(AT_ONCE)
         self._has_answered = False
-        self._is_closed = False
 
-    def close(self) -> None:
-        """End what is under way, and the connections."""
-        self._is_closed = True
-        self._pool.shutdown(wait=False, cancel_futures=True)
-        for link in tuple(self._links):
-            if link.sock is not None:
-                with contextlib.suppress(OSError):
-                    link.sock.shutdown(socket.SHUT_RDWR)  # wakes the thread that reads
+    async def close(self) -> None:
+        """End what is left of connections."""
+        await self._http.aclose()
 
     async def ask(self, path: str, bytes_max: int) -> RelayAnswer:
         """Return the answer to a GET, once nothing stands in the way that may pass. Raises PastUnreadable."""
@@ -89,13 +76,17 @@ class RelayClient:
         while True:
             pause_s = wait_s
             try:
-                answer = await loop.run_in_executor(self._pool, self._get, path, bytes_max)
-            except ssl.SSLCertVerificationError as e:
-                raise self.refuse(path, f"its certificate is not trusted: {e.verify_message}") from None
-            except (OSError, http.client.HTTPException) as e:
-                why = describe_error(e)
+                async with self._gate:
+                    answer = await self._get(path, bytes_max)
+            except (httpx.HTTPError, TimeoutError) as e:
+                cause = find_cause(e)
+                if isinstance(cause, ssl.SSLCertVerificationError):
+                    raise self.refuse(
+                        path, f"its certificate is not trusted: {cause.verify_message}"
+                    ) from None
+                why = describe_error(e, cause)
                 if not self._has_answered:  # nobody is there, or it is another address
-                    if isinstance(e, ConnectionRefusedError):
+                    if isinstance(cause, ConnectionRefusedError):
                         why += "; is it another address? --relay URL"
                     raise self.refuse(path, why) from None
             else:
@@ -116,87 +107,21 @@ class RelayClient:
         """Make the error for what was asked."""
         return PastUnreadable(f"{self.address}{path}: {why}")
 
-    def _get(self, path: str, bytes_max: int) -> RelayAnswer:
-        """Ask once, or twice where a connection that was kept has ended meanwhile. Raises OSError and
-        HTTPException."""
-        kept: http.client.HTTPConnection | None = getattr(self._kept, "link", None)
-        if kept is not None:
-            try:
-                return self._exchange(kept, path, bytes_max)
-            except (ConnectionError, http.client.RemoteDisconnected):
-                pass
-        self._kept.link = link = self._connect()
-        self._links.add(link)
-        return self._exchange(link, path, bytes_max)
-
-    def _connect(self) -> http.client.HTTPConnection:
-        if self._trust is not None:
-            return http.client.HTTPSConnection(self._host, self._port, timeout=TIMEOUT_S, context=self._trust)
-        return http.client.HTTPConnection(self._host, self._port, timeout=TIMEOUT_S)
-
-    def _exchange(self, link: http.client.HTTPConnection, path: str, bytes_max: int) -> RelayAnswer:
-        try:
-            link.request("GET", self._path + path, headers=self._headers)
-            if self._is_closed:  # while it was connecting, when nobody could end that
-                raise ConnectionAbortedError
-            began_s = time.monotonic()
-            answer = _await_head(link)
-            most = bytes_max if answer.status == http.HTTPStatus.OK else ERROR_BYTES_MAX
-            body = _read_body(answer, most + 1, began_s)
-            if len(body) <= most and answer.length:  # bytes that are still to come, and do not
-                raise http.client.IncompleteRead(body, answer.length)
-            if not answer.isclosed():  # not read to its end: nothing can follow on this connection
-                self._drop(link)
-            kind = (answer.getheader("content-type") or "").partition(";")[0].strip().lower()
-            return RelayAnswer(answer.status, kind, answer.getheader("retry-after") or "", body)
-        except BaseException:
-            self._drop(link)
-            raise
-
-    def _drop(self, link: http.client.HTTPConnection) -> None:
-        link.close()
-        self._links.discard(link)
-        self._kept.link = None
-
-
-def _await_head(link: http.client.HTTPConnection) -> http.client.HTTPResponse:
-    """The head of an answer, which has SLOW_S: then its connection ends. Raises as `getresponse`, and
-    SlowAnswerError."""
-    is_late = Event()
-
-    def end() -> None:
-        is_late.set()
-        if link.sock is not None:
-            with contextlib.suppress(OSError):
-                link.sock.shutdown(socket.SHUT_RDWR)
-
-    timer = Timer(SLOW_S, end)
-    timer.daemon = True
-    timer.start()
-    try:
-        answer = link.getresponse()
-    except Exception:
-        if is_late.is_set():
-            raise SlowAnswerError from None
-        raise
-    finally:
-        timer.cancel()
-    if is_late.is_set():  # what ends in the middle of a head reads like a whole one
-        raise SlowAnswerError
-    return answer
-
-
-def _read_body(answer: http.client.HTTPResponse, most: int, began_s: float) -> bytes:
-    """Up to `most` bytes. Raises as `read`, and SlowAnswerError."""
-    body = bytearray()
-    while len(body) < most and (part := answer.read1(min(READ_BYTES, most - len(body)))):
-        body += part
-        if time.monotonic() - began_s > SLOW_S + len(body) / SLOW_BYTES_S:
-            raise SlowAnswerError
-        if answer.length == 0:
-            answer.read()  # by which it knows that it is over, and its connection may be kept
-            break
-    return bytes(body)
+    async def _get(self, path: str, bytes_max: int) -> RelayAnswer:
+        body = bytearray()
+        async with (
+            asyncio.timeout(SLOW_S) as limit,
+            self._http.stream("GET", self.address + path) as answer,
+        ):
+            end_s = limit.when() or 0.0
+            most = bytes_max if answer.status_code == httpx.codes.OK else ERROR_BYTES_MAX
+            async for part in answer.aiter_raw():
+                body += part
+                limit.reschedule(end_s + len(body) / SLOW_BYTES_S)
+                if len(body) > most:
+                    break
+        kind = answer.headers.get("content-type", "").partition(";")[0].strip().lower()
+        return RelayAnswer(answer.status_code, kind, answer.headers.get("retry-after", ""), bytes(body))
 
 
 def read_reason(answer: RelayAnswer) -> str:
@@ -209,15 +134,27 @@ def read_reason(answer: RelayAnswer) -> str:
     return make_visible(said) if isinstance(said, str) and said else f"status {answer.status}"
 
 
-def describe_error(error: Exception) -> str:
+def find_cause(error: BaseException) -> BaseException:
+    """Return what the system said, where an error of the library is of that."""
+    while not isinstance(error, OSError) or not error.strerror:
+        several = error.exceptions if isinstance(error, BaseExceptionGroup) else ()
+        inner = several[0] if several else error.__cause__ or error.__context__
+        if inner is None:
+            break
+        error = inner
+    return error
+
+
+def describe_error(error: Exception, cause: BaseException) -> str:
     """Return why there was no answer, in a few words."""
     if isinstance(error, TimeoutError):
-        return f"no answer within {TIMEOUT_S:g} s"
-    if isinstance(error, OSError):
-        return (error.strerror or str(error) or type(error).__name__).lower()
-    if isinstance(error, SlowAnswerError):
         return f"cut short: after {SLOW_S:g} s it was slower than {SLOW_BYTES_S // 1000} kB/s"
-    return "no answer of HTTP" if not isinstance(error, http.client.IncompleteRead) else "cut short"
+    if isinstance(error, httpx.TimeoutException):
+        return f"no answer within {TIMEOUT_S:g} s"
+    if isinstance(cause, OSError):
+        is_system = cause.errno and not isinstance(cause, socket.gaierror | ssl.SSLError)
+        return (os.strerror(cause.errno or 0) if is_system else cause.strerror or str(cause)).lower()
+    return "cut short" if isinstance(error, httpx.RemoteProtocolError) else "no answer of HTTP"
 
 
 def _read_seconds(text: str, otherwise_s: float) -> float:

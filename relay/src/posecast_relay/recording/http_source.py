@@ -45,9 +45,9 @@ class HttpSource:
         """The view's name; of the one that the asker gets, once `find_span` has asked."""
         return self._view or ""
 
-    def close(self) -> None:
+    async def close(self) -> None:
         """End what is left of connections."""
-        self._client.close()
+        await self._client.close()
 
     async def find_span(self) -> SourceSpan | None:
         """Return from when to when one may look back. Raises PastUnreadable, also where one never may."""

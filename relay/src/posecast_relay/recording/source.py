@@ -63,3 +63,6 @@ class RecordingSource(Protocol):
 
     async def load_model_file(self, model: str, path: str, sha256: str, size: int) -> bytes | None:
         """Return a file that the manifest names with this path, SHA-256 and size in bytes."""
+
+    async def close(self) -> None:
+        """End what is left of connections."""

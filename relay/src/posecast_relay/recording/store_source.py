@@ -44,7 +44,7 @@ class StoreSource:
         self._keys: dict[tuple[int, int], str] = {}
         self._deletions: list[Deletion] | None = None
 
-    def close(self) -> None:
+    async def close(self) -> None:
         """Nothing is held open."""
 
     async def find_span(self) -> SourceSpan | None:
