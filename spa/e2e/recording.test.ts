@@ -241,12 +241,13 @@ it.skipIf(!existsSync(NGINX))(
 );
 
 it('parts that are missing, cut or swapped are gaps that the page counts', async () => {
-  const { lecture } = await recorded(20);
+  const { lecture } = await recorded(24);
   const at = (n: number) => path.join(lecture.at, lecture.segments[n]!);
+  expect(lecture.segments.length).toBeGreaterThan(5); // the last one stays: at the end is a pose
   rmSync(at(1));
-  writeFileSync(at(3), readFileSync(at(3)).subarray(0, 500));
-  renameSync(at(5), `${at(5)}.x`);
-  writeFileSync(at(5), readFileSync(at(0)));
+  writeFileSync(at(2), readFileSync(at(2)).subarray(0, 500));
+  renameSync(at(4), `${at(4)}.x`);
+  writeFileSync(at(4), readFileSync(at(0)));
   const host = await Host.open(lecture.at, PREFIX);
   try {
     const page = await newPage();

@@ -196,6 +196,14 @@ describe('parts that are lost', () => {
     expect(source.timeline.movement.length).toBe(SEGMENTS.length - 1);
   });
 
+  it('the last one is a gap up to the end, where it rests', async () => {
+    const last = SEGMENTS.length - 1;
+    const { missing, rig } = await played(({ files }) => void files.delete(pathOf(last)));
+    expect(missing).toEqual(range(20 * last, 200));
+    expect(rig.player.playhead).toMatchObject({ at: 'past', playing: false, momentMs: FROM_MS + 19_900 });
+    expect(rig.player.playhead.loop).toBeNull();
+  });
+
   it('two that are swapped are two gaps', async () => {
     const { missing, source } = await played(({ files }) => {
       const [one, two] = [files.get(pathOf(2))!, files.get(pathOf(5))!];
