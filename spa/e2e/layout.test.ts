@@ -8,6 +8,7 @@ import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { exportPast } from './exported.ts';
 import { Host } from './host.ts';
+import { tooSmall } from './layout/legible.ts';
 import { type Language, lookEverywhere, SIZES, Wrongs } from './layout/sizes.ts';
 import { chipText, liveness } from './robot_page.ts';
 import { DEMO, demoAt } from './sign_words.ts';
@@ -201,6 +202,11 @@ it('nor on the page of a recording, with notes as near to each other as they may
     for (let i = 0; i < 3; i += 1) await page.press('l'); // over the part that is missing
     await page.evaluate(`[...document.querySelectorAll('[data-testid=note-mark]')].at(-1).click()`);
     await lookEverywhere(page, 'recording', wrongs, PLAYED);
+    await page.press('p');
+    await has(page, 'present-note');
+    await lookEverywhere(page, 'a presented recording', wrongs, PLAYED);
+    expect(await tooSmall(page)).toEqual([]);
+    await page.press('p');
     await page.findByTestId('about-button').click();
     await has(page, 'about-recording');
     await lookEverywhere(page, 'about a recording', wrongs, TWO);

@@ -4,6 +4,7 @@ import { expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { findWrong } from './layout/findings.ts';
+import { tooSmall } from './layout/legible.ts';
 import { readShown } from './layout/shown.ts';
 import { DEMO, demoAt } from './sign_words.ts';
 import { REPO } from './stack.ts';
@@ -18,31 +19,12 @@ const PROJECTORS = [
   { width: 1920, height: 1080 },
   { width: 3840, height: 2160 },
 ];
-/** Of the picture's height. */
-const LEAST_PART = 0.022;
 
 const presented = (page: Page) =>
   page.evaluate<boolean>(
     `document.querySelector('[data-present=true]') !== null && document.querySelector('[data-testid=presentation]') !== null`,
   );
 const hash = (page: Page) => page.evaluate<string>('location.hash');
-
-/** Texts whose letters are lower than they must be, and what of the bars is still there. */
-function tooSmall(page: Page): Promise<string[]> {
-  return page.evaluate<string[]>(`(() => {
-    const small = [];
-    const walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
-    for (let node = walk.nextNode(); node !== null; node = walk.nextNode()) {
-      const element = node.parentElement;
-      if (node.data.trim() === '' || element.closest('.unseen, noscript') || !element.checkVisibility({ visibilityProperty: true, opacityProperty: true })) continue;
-      const px = parseFloat(getComputedStyle(element).fontSize) * (element.currentCSSZoom ?? 1);
-      if (px < ${LEAST_PART} * innerHeight) small.push(px + ' px: ' + node.data.trim());
-    }
-    for (const bar of document.querySelectorAll('.top, .split-panel, .sheet, .stage-tools, .embed-foot, .stage-note'))
-      if (bar.checkVisibility()) small.push('a bar: ' + bar.className);
-    return small;
-  })()`);
-}
 
 /** What lies over the body. */
 function overBody(page: Page): Promise<string[]> {

@@ -1,16 +1,26 @@
 import { existsSync, mkdirSync, readFileSync, renameSync, rmSync, writeFileSync } from 'node:fs';
 import path from 'node:path';
-import { strToU8, zipSync } from 'fflate';
 import { expect, it } from 'vitest';
 import { freePort } from './driver/free_port.ts';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { type Exported, exportPast } from './exported.ts';
+import type { Exported } from './exported.ts';
 import { Host } from './host.ts';
-import { chipText, liveness, whole } from './robot_page.ts';
-import { REPO, type Relay } from './stack.ts';
+import {
+  isRecorded,
+  LAPTOP,
+  NEAR_MS,
+  newPage,
+  recorded,
+  shown,
+  TOLD,
+  testId,
+  textOf,
+} from './recording_page.ts';
+import { chipText, liveness } from './robot_page.ts';
+import { REPO } from './stack.ts';
 import { setStage } from './stage.ts';
-import { ClockRobot, WITNESS } from './truth.ts';
+import { WITNESS } from './truth.ts';
 
 /** In the light view, whose pictures come often. */
 const stage = setStage({ webgl: false });
@@ -18,41 +28,8 @@ const stage = setStage({ webgl: false });
 const NGINX = '/usr/sbin/nginx';
 const PREFIX = '/~somebody/lecture/';
 const PHONE = { width: 390, height: 844 };
-const LAPTOP = { width: 1440, height: 900 };
 const SHOTS = path.join(REPO, 'spa/e2e/shots');
-/** From the joint to the relay, on a machine that does much else. */
-const NEAR_MS = 1000;
-const TOLD = {
-  title: 'How a robot tells the time',
-  author: 'A. Lecturer',
-  licence: 'CC BY 4.0',
-  notes: [
-    [3, 'Both hands move.'],
-    [4, 'Watch the left one.'],
-    [12, 'Here it is a quarter round.'],
-  ],
-} as const;
 
-const testId = (id: string) => `document.querySelector('[data-testid="${id}"]')`;
-const textOf = (page: Page, id: string) => page.evaluate<string>(`${testId(id)}?.textContent ?? ''`);
-const isRecorded = (page: Page) =>
-  until('RECORDED, with a body', async () => (await liveness(page)) === 'RECORDED' && whole(page), 60_000);
-
-interface Shown {
-  readonly seq: number;
-  readonly momentMs: number | null;
-  /** How far the robot's hands are from that moment, ms. */
-  readonly offMs: number;
-}
-const shown = (page: Page) =>
-  page.evaluate<Shown>(`(() => {
-    const { twin, scene } = window.posecast;
-    const { RKN, LKN } = scene.linkPoses();
-    const angle = (matrix) => Math.atan2(matrix[4], matrix[0]);
-    const turn = Math.atan2(angle(RKN), angle(LKN)) / (2 * Math.PI);
-    const off = Math.abs((twin.moment_ms % 60000) - ((turn + 1) % 1) * 60000);
-    return { seq: twin.seq, momentMs: twin.moment_ms, offMs: Math.min(off, 60000 - off) };
-  })()`);
 const atEnd =
   (page: Page, { toMs }: Exported) =>
   async () =>
@@ -65,27 +42,14 @@ const askedOf = (page: Page) =>
     .map((url) => new URL(url).pathname)
     .filter((name) => !/\/assets\/|\/$|index\.html$|favicon|icon-|webmanifest/.test(name));
 
-async function recorded(seconds: number, name?: string) {
-  const relay = await stage.stack.relay({ past: 'memory:' });
-  const robot = new ClockRobot(stage.stack, relay);
-  const lecture = await exportPast(stage.stack, relay, seconds, TOLD, name);
-  return { relay, robot, lecture };
-}
-
-async function newPage(viewport = LAPTOP, preload = '') {
-  const page = await stage.newPage({ viewport, preload });
-  page.forgive(/WebGL/);
-  return page;
-}
-
 it.each([LAPTOP, PHONE])(
   'an export plays on a host of plain files, below a path, at $width px',
   async (viewport) => {
-    const { robot, lecture, relay } = await recorded(20);
+    const { robot, lecture, relay } = await recorded(stage.stack, 20);
     await relay.process.kill(); // nobody is needed any more
     const host = await Host.open(lecture.at, PREFIX);
     try {
-      const page = await newPage(viewport, WITNESS);
+      const page = await newPage(stage, viewport, WITNESS);
       await page.open(`${host.url}${PREFIX}`);
       await isRecorded(page);
       await until('its first pose', async () => {
@@ -149,6 +113,7 @@ it.each([LAPTOP, PHONE])(
       await page.press('p');
       await until('presented', async () => (await page.findByTestId('presentation').count()) === 1);
       expect(await textOf(page, 'present-word')).toMatch(/^RECORDED/);
+      expect(await textOf(page, 'presentation')).toContain(TOLD.title);
       const still = (await shown(page)).seq;
       await page.press('Space');
       await until('it plays', async () => (await shown(page)).seq > still + 5);
@@ -162,6 +127,11 @@ it.each([LAPTOP, PHONE])(
       await page.evaluate(`[...document.querySelectorAll('[data-testid="note-mark"]')].at(-1).click()`);
       await until('its caption', async () => (await textOf(page, 'note-caption')).includes(TOLD.notes[2][1]));
       expect((await shown(page)).momentMs).toBe(lecture.fromMs + 12_000);
+      await page.press('p');
+      await until('the note in large', async () => (await textOf(page, 'present-note')) === TOLD.notes[2][1]);
+      await page.screenshot(path.join(SHOTS, `recording-presented-${viewport.width}.png`));
+      await page.press('Escape');
+      await until('no longer', async () => (await page.findByTestId('presentation').count()) === 0);
       await page.findByTestId('about-button').click();
       await until('about it', async () => (await page.findByTestId('about-recording').count()) === 1);
       const about = await textOf(page, 'about-recording');
@@ -207,7 +177,7 @@ it.each([LAPTOP, PHONE])(
 it.skipIf(!existsSync(NGINX))(
   'nginx serves it from a folder of its own, knowing nothing of it',
   async () => {
-    const { lecture } = await recorded(12);
+    const { lecture } = await recorded(stage.stack, 12);
     const made = stage.stack.folder();
     const port = await freePort();
     const kept = ['client_body', 'proxy', 'fastcgi', 'uwsgi', 'scgi'].map(
@@ -227,7 +197,7 @@ it.skipIf(!existsSync(NGINX))(
         () => false,
       ),
     );
-    const page = await newPage(PHONE);
+    const page = await newPage(stage, PHONE);
     await page.open(url);
     await isRecorded(page);
     const first = await shown(page);
@@ -241,7 +211,7 @@ it.skipIf(!existsSync(NGINX))(
 );
 
 it('parts that are missing, cut or swapped are gaps that the page counts', async () => {
-  const { lecture } = await recorded(24);
+  const { lecture } = await recorded(stage.stack, 24);
   const at = (n: number) => path.join(lecture.at, lecture.segments[n]!);
   expect(lecture.segments.length).toBeGreaterThan(5); // the last one stays: at the end is a pose
   rmSync(at(1));
@@ -250,7 +220,7 @@ it('parts that are missing, cut or swapped are gaps that the page counts', async
   writeFileSync(at(4), readFileSync(at(0)));
   const host = await Host.open(lecture.at, PREFIX);
   try {
-    const page = await newPage();
+    const page = await newPage(stage);
     page.forgive(/404/);
     await page.open(`${host.url}${PREFIX}`);
     await isRecorded(page);
@@ -268,11 +238,11 @@ it('parts that are missing, cut or swapped are gaps that the page counts', async
 }, 240_000);
 
 it('with its host gone it plays what it has, says so, and goes on when the host is back', async () => {
-  const { lecture } = await recorded(30);
+  const { lecture } = await recorded(stage.stack, 30);
   let host = await Host.open(lecture.at, PREFIX);
   const { port } = host;
   try {
-    const page = await newPage();
+    const page = await newPage(stage);
     page.forgive(/ERR_|Failed to (load|fetch)|NetworkError|CORS|access control|load failed/i);
     await page.open(`${host.url}${PREFIX}`);
     await isRecorded(page);
@@ -293,7 +263,7 @@ it('with its host gone it plays what it has, says so, and goes on when the host 
 }, 240_000);
 
 it('in a frame of another page it has its chip, a button that plays it and a slim line', async () => {
-  const { lecture } = await recorded(12);
+  const { lecture } = await recorded(stage.stack, 12);
   const host = await Host.open(lecture.at, PREFIX);
   const course = stage.stack.folder();
   writeFileSync(
@@ -303,7 +273,7 @@ it('in a frame of another page it has its chip, a button that plays it and a sli
      <iframe src="${host.url}${PREFIX}embed/index.html?origin=ORIGIN" title="Lecture" width="640" height="400"></iframe>`,
   );
   const around = await Host.open(course);
-  const page = await newPage({ width: 700, height: 480 });
+  const page = await newPage(stage, { width: 700, height: 480 });
   page.allow(new URL(host.url).host);
   page.allow(new URL(around.url).host);
   try {
@@ -332,70 +302,3 @@ it('in a frame of another page it has its chip, a button that plays it and a sli
     await around.close();
   }
 }, 240_000);
-
-/** Puts files into an input the way a person's choice does. */
-const choose = (id: string, files: ReadonlyMap<string, Uint8Array>): string => `(() => {
-  const chosen = new DataTransfer();
-  for (const [name, text] of ${JSON.stringify([...files].map(([name, bytes]) => [name, Buffer.from(bytes).toString('base64')]))})
-    chosen.items.add(new File([Uint8Array.from(atob(text), (c) => c.charCodeAt(0))], name));
-  const input = ${testId(id)};
-  input.files = chosen.files;
-  input.dispatchEvent(new Event('change', { bubbles: true }));
-})()`;
-
-async function listOf(relay: Relay): Promise<Page> {
-  const page = await newPage();
-  await page.open(`${relay.url}/#/`);
-  await until('the list', async () => (await page.findByTestId('choose-zip').count()) === 1, 30_000);
-  return page;
-}
-
-it('a .posecast file that is chosen is shown, and what is none says so in one sentence', async () => {
-  const { relay, lecture } = await recorded(12, 'lecture.posecast');
-  const page = await listOf(relay);
-  const bytes = readFileSync(lecture.at);
-  const refusal = () => textOf(page, 'drop-refused');
-  for (const [name, file, says] of [
-    ['cut.posecast', bytes.subarray(0, bytes.length >> 1), /can’t be read/],
-    ['empty.posecast', Buffer.from(zipOf({ 'x.txt': 'x' })), /no recording in this file/],
-    ['newer.posecast', Buffer.from(zipOf({ 'recording.json': newer })), /newer Posecast/],
-    ['odd.posecast', Buffer.from(zipOf({ 'recording.json': '{"format":' })), /recording\.json is damaged/],
-    ['recording.json', Buffer.from('{}'), /whole folder/],
-  ] as const) {
-    await page.evaluate(choose('choose-zip', new Map([[name, file]])));
-    await until(name, async () => says.test(await refusal()), 30_000);
-  }
-  const before = page.requested.length;
-  await page.evaluate(choose('choose-zip', new Map([['lecture.posecast', bytes]])));
-  await isRecorded(page);
-  const first = await shown(page);
-  expect(first.offMs).toBeLessThan(NEAR_MS);
-  await page.press('Space');
-  await until('it plays', async () => (await shown(page)).seq > first.seq + 10);
-  const sent = page.requested.slice(before).filter((url) => !/\/assets\/|api\/v1\/robots$/.test(url));
-  expect(sent, 'nothing of it is asked for elsewhere').toEqual([]);
-  expect(await page.evaluate<string>('location.hash')).not.toMatch(/t=/);
-  await page.findByRole('button', 'Close the recording').click();
-  await until('the list', async () => (await page.findByTestId('choose-zip').count()) === 1);
-}, 240_000);
-
-it('a folder that is dropped is shown, on the page of a robot too', async (context) => {
-  stage.needs(context, 'files');
-  const { relay, lecture } = await recorded(12);
-  const page = await listOf(relay);
-  await page.dropFiles({ x: 400, y: 300 }, [lecture.at]);
-  await isRecorded(page);
-  expect((await shown(page)).offMs).toBeLessThan(NEAR_MS);
-  await page.open(`${relay.url}/#/r/demo`);
-  await until('LIVE', async () => (await liveness(page)) === 'LIVE', 60_000);
-  await page.dropFiles({ x: 400, y: 300 }, [lecture.at]);
-  await isRecorded(page);
-  await page.findByRole('button', 'Close the recording').click();
-  await until('LIVE again', async () => (await liveness(page)) === 'LIVE', 60_000);
-}, 240_000);
-
-const newer = '{"format": "posecast-recording", "version": 2}';
-
-function zipOf(files: Readonly<Record<string, string>>): Uint8Array {
-  return zipSync(Object.fromEntries(Object.entries(files).map(([name, text]) => [name, strToU8(text)])));
-}

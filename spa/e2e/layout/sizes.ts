@@ -63,7 +63,7 @@ export async function lookEverywhere(
   }
 }
 
-/** Puts language and theme in force as a link does, without a reload. Again if need be: the page writes its address itself, and on
+/** Puts language and theme in force as a link does, without a reload; what is presented stays so. Again if need be: the page writes its address itself, and on
  *  a busy machine may do so before it has read what was set. */
 export async function showIn(page: Page, language: Language, theme: string): Promise<void> {
   const inForce = () =>
@@ -74,7 +74,7 @@ export async function showIn(page: Page, language: Language, theme: string): Pro
     `${language} ${theme}`,
     async () => {
       await page.evaluate(
-        `(() => { location.hash = location.hash.split('?')[0] + '?language=${language}&theme=${theme}'; })()`,
+        `(() => { location.hash = location.hash.split('?')[0] + '?language=${language}&theme=${theme}' + (/[?&]present/.test(location.hash) ? '&present' : ''); })()`,
       );
       return until('in force', inForce, 3000).catch(() => false);
     },

@@ -51,6 +51,7 @@ function Loaded({ live, onSettings }: { live: RobotLink; onSettings: () => void 
       link={link}
       live={live}
       title={robot}
+      name={name}
       head={
         <>
           <a className="icon-button" href="#/" aria-label={text.allRobots}>
@@ -86,6 +87,10 @@ export function OneRobot(props: {
   live: RobotLink | null;
   /** Of the window, behind the word of what was. */
   title: string;
+  /** Of what is presented, ready to show (`isolated`). */
+  name: string;
+  /** What somebody wrote about this moment, while it is presented. */
+  note?: ReactNode;
   /** The way to where one came from, and the name. */
   head: ReactNode;
   /** null: what is shown can't be shared. */
@@ -176,7 +181,7 @@ export function OneRobot(props: {
         <Explanations link={link} />
       </Suspense>
       <Suspense fallback={null}>
-        {presented && <Presentation link={link} />}
+        {presented && <Presentation link={link} name={props.name} note={props.note} />}
         {sheet === 'share' && share?.(() => setSheet(null))}
         {sheet === 'keys' && <KeysSheet onClose={() => setSheet(null)} />}
       </Suspense>

@@ -1,5 +1,5 @@
 import './present.css';
-import { useEffect, useSyncExternalStore } from 'react';
+import { type ReactNode, useEffect, useSyncExternalStore } from 'react';
 import { recordingUrl } from '../../relay/recording_address.ts';
 import { home } from '../../relay/relay.ts';
 import { nowMs } from '../../stream/clock.ts';
@@ -19,8 +19,10 @@ import { Cross } from './Cross.tsx';
 import { OpenFaultSentences } from './OpenFaultSentences.tsx';
 
 /** What stands beside the robot while it is presented, legible from the last row: its state with its age, the joint that
- *  is looked at, its faults as sentences, and where everybody can see it. Escape or the cross ends presenting. */
-export function Presentation({ link }: { link: RobotLink }) {
+ *  is looked at, its faults as sentences, and where everybody can see it. Escape or the cross ends presenting. `name`: of what
+ *  is shown, ready to show (`isolated`); `note`: what somebody wrote about this moment. */
+export function Presentation(props: { link: RobotLink; name: string; note?: ReactNode }) {
+  const { link, name, note } = props;
   const text = usePresentText();
   useVersion(link);
   useZoom();
@@ -35,14 +37,19 @@ export function Presentation({ link }: { link: RobotLink }) {
     <div className="presentation" data-testid="presentation">
       <div className="present-left">
         <div className="present-head">
-          <h2 className="present-name">{link.twin.name}</h2>
+          <h2 className="present-name" title={name}>
+            {name}
+          </h2>
           <Cross what={text.leavePresenting} onPress={() => present(false)} />
         </div>
         <State link={link} />
         <ChosenJoint link={link} />
       </div>
       <OpenFaultSentences link={link} />
-      <Address link={link} />
+      <div className="present-right">
+        {note}
+        <Address link={link} />
+      </div>
     </div>
   );
 }

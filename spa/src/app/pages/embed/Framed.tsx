@@ -14,7 +14,7 @@ import { connectParent } from './parent.ts';
 const Presentation = late(async () => (await import('../../present/Presentation.tsx')).Presentation);
 
 /** One robot, as it is or was, in a frame: body, state and origin. */
-export function Framed({ link, live, whole, name, children }: FrameProps) {
+export function Framed({ link, live, whole, name, note, children }: FrameProps) {
   useEffect(() => {
     showLink(link);
     return () => showLink(null);
@@ -44,7 +44,7 @@ export function Framed({ link, live, whole, name, children }: FrameProps) {
       </footer>
       {presented && (
         <Suspense fallback={null}>
-          <Presentation link={link} />
+          <Presentation link={link} name={name} note={note} />
         </Suspense>
       )}
       <Announcer link={link} />

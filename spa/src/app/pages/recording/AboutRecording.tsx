@@ -3,7 +3,7 @@ import type { RecordingIndex } from '../../../past/recording/recording_index.ts'
 import type { RecordingPast } from '../../../past/recording/recording_past.ts';
 import { isolated } from '../../../twin/names.ts';
 import { Dialog } from '../../shell/Dialog.tsx';
-import { noteWords } from './notes.ts';
+import { noteWords } from './notes/notes.ts';
 import { useLost } from './recording_link.ts';
 import { useRecordingText } from './recording_text.ts';
 import { lengthWords, lostWords, recordedWords } from './recording_words.ts';

@@ -4,8 +4,8 @@ import type { Note, RecordingIndex } from '../../../past/recording/recording_ind
 import type { RecordingPast } from '../../../past/recording/recording_past.ts';
 import type { RobotTwin } from '../../../twin/robot.ts';
 import { PastBar } from '../../past/index.ts';
-import { NoteMarks } from './NoteMarks.tsx';
-import { noteShownAt, noteWords } from './notes.ts';
+import { NoteMarks } from './notes/NoteMarks.tsx';
+import { noteShownAt, noteWords } from './notes/notes.ts';
 import { useLost } from './recording_link.ts';
 import { useRecordingText } from './recording_text.ts';
 import { lostWords } from './recording_words.ts';

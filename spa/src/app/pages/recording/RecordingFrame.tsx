@@ -4,6 +4,7 @@ import { PastBar } from '../../past/index.ts';
 import { usePresenting } from '../../state/presenting.ts';
 import { useVersion } from '../../state/robot_link.ts';
 import type { FrameProps } from './frame_props.ts';
+import { PresentedNote } from './notes/PresentedNote.tsx';
 import type { OpenedRecording } from './opened_recording.ts';
 import { type PlayedRecording, useLost, useRecording } from './recording_link.ts';
 import { useRecordingText } from './recording_text.ts';
@@ -35,14 +36,19 @@ function Opened({ Frame, opened }: { Frame: Frame; opened: OpenedRecording }) {
 function Shown(props: { Frame: Frame; opened: OpenedRecording; played: PlayedRecording }) {
   const { Frame, opened, played } = props;
   const { link, controls, source } = played;
-  const { title, segments } = opened.index;
+  const { title, segments, notes } = opened.index;
   useVersion(link);
   const presented = usePresenting();
   const lost = lostWords(useLost(source), segments.length);
   const { search, hash } = window.location;
   const name = title === null ? link.twin.name : isolated(title);
   return (
-    <Frame link={link} live={link} whole={`index.html${search}${hash}`} name={name}>
+    <Frame
+      {...{ link, name }}
+      live={link}
+      whole={`index.html${search}${hash}`}
+      note={<PresentedNote controls={controls} notes={notes} />}
+    >
       {lost !== null && (
         <p className="embed-lost" role="status" data-testid="recording-lost">
           {lost}

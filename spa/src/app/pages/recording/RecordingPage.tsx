@@ -7,6 +7,7 @@ import { late } from '../../shell/late.tsx';
 import { usePresenting } from '../../state/presenting.ts';
 import { type RobotLink, useVersion } from '../../state/robot_link.ts';
 import type { OneRobot } from '../RobotPage.tsx';
+import { PresentedNote } from './notes/PresentedNote.tsx';
 import type { OpenedRecording } from './opened_recording.ts';
 import { RecordingBar } from './RecordingBar.tsx';
 import { type PlayedRecording, useRecording } from './recording_link.ts';
@@ -77,6 +78,8 @@ function Shown(props: {
         link={link}
         live={onClose === null ? link : null}
         title={title}
+        name={title}
+        note={<PresentedNote controls={controls} notes={index.notes} />}
         head={
           <>
             {onClose !== null && (

@@ -1,8 +1,8 @@
-import type { Note } from '../../../past/recording/recording_index.ts';
-import type { View } from '../../past/index.ts';
+import type { Note } from '../../../../past/recording/recording_index.ts';
+import type { View } from '../../../past/index.ts';
+import { useRecordingText } from '../recording_text.ts';
+import { recordedWords } from '../recording_words.ts';
 import { noteMarks, noteWords } from './notes.ts';
-import { useRecordingText } from './recording_text.ts';
-import { recordedWords } from './recording_words.ts';
 
 /** The notes of a recording in a row under its time line. Each is a button that tells its note when it is pointed at, and
  *  leads to its moment when it is pressed. */

@@ -1,0 +1,79 @@
+import { readFileSync } from 'node:fs';
+import { strToU8, zipSync } from 'fflate';
+import { expect, it } from 'vitest';
+import type { Page } from './driver/page.ts';
+import { until } from './driver/until.ts';
+import { isRecorded, NEAR_MS, newPage, recorded, shown, testId, textOf } from './recording_page.ts';
+import { liveness } from './robot_page.ts';
+import type { Relay } from './stack.ts';
+import { setStage } from './stage.ts';
+
+/** In the light view, whose pictures come often. */
+const stage = setStage({ webgl: false });
+
+/** Puts files into an input the way a person's choice does. */
+const choose = (id: string, files: ReadonlyMap<string, Uint8Array>): string => `(() => {
+  const chosen = new DataTransfer();
+  for (const [name, text] of ${JSON.stringify([...files].map(([name, bytes]) => [name, Buffer.from(bytes).toString('base64')]))})
+    chosen.items.add(new File([Uint8Array.from(atob(text), (c) => c.charCodeAt(0))], name));
+  const input = ${testId(id)};
+  input.files = chosen.files;
+  input.dispatchEvent(new Event('change', { bubbles: true }));
+})()`;
+
+async function listOf(relay: Relay): Promise<Page> {
+  const page = await newPage(stage);
+  await page.open(`${relay.url}/#/`);
+  await until('the list', async () => (await page.findByTestId('choose-zip').count()) === 1, 30_000);
+  return page;
+}
+
+it('a .posecast file that is chosen is shown, and what is none says so in one sentence', async () => {
+  const { relay, lecture } = await recorded(stage.stack, 12, 'lecture.posecast');
+  const page = await listOf(relay);
+  const bytes = readFileSync(lecture.at);
+  const refusal = () => textOf(page, 'drop-refused');
+  for (const [name, file, says] of [
+    ['cut.posecast', bytes.subarray(0, bytes.length >> 1), /can’t be read/],
+    ['empty.posecast', Buffer.from(zipOf({ 'x.txt': 'x' })), /no recording in this file/],
+    ['newer.posecast', Buffer.from(zipOf({ 'recording.json': newer })), /newer Posecast/],
+    ['odd.posecast', Buffer.from(zipOf({ 'recording.json': '{"format":' })), /recording\.json is damaged/],
+    ['recording.json', Buffer.from('{}'), /whole folder/],
+  ] as const) {
+    await page.evaluate(choose('choose-zip', new Map([[name, file]])));
+    await until(name, async () => says.test(await refusal()), 30_000);
+  }
+  const before = page.requested.length;
+  await page.evaluate(choose('choose-zip', new Map([['lecture.posecast', bytes]])));
+  await isRecorded(page);
+  const first = await shown(page);
+  expect(first.offMs).toBeLessThan(NEAR_MS);
+  await page.press('Space');
+  await until('it plays', async () => (await shown(page)).seq > first.seq + 10);
+  const sent = page.requested.slice(before).filter((url) => !/\/assets\/|api\/v1\/robots$/.test(url));
+  expect(sent, 'nothing of it is asked for elsewhere').toEqual([]);
+  expect(await page.evaluate<string>('location.hash')).not.toMatch(/t=/);
+  await page.findByRole('button', 'Close the recording').click();
+  await until('the list', async () => (await page.findByTestId('choose-zip').count()) === 1);
+}, 240_000);
+
+it('a folder that is dropped is shown, on the page of a robot too', async (context) => {
+  stage.needs(context, 'files');
+  const { relay, lecture } = await recorded(stage.stack, 12);
+  const page = await listOf(relay);
+  await page.dropFiles({ x: 400, y: 300 }, [lecture.at]);
+  await isRecorded(page);
+  expect((await shown(page)).offMs).toBeLessThan(NEAR_MS);
+  await page.open(`${relay.url}/#/r/demo`);
+  await until('LIVE', async () => (await liveness(page)) === 'LIVE', 60_000);
+  await page.dropFiles({ x: 400, y: 300 }, [lecture.at]);
+  await isRecorded(page);
+  await page.findByRole('button', 'Close the recording').click();
+  await until('LIVE again', async () => (await liveness(page)) === 'LIVE', 60_000);
+}, 240_000);
+
+const newer = '{"format": "posecast-recording", "version": 2}';
+
+function zipOf(files: Readonly<Record<string, string>>): Uint8Array {
+  return zipSync(Object.fromEntries(Object.entries(files).map(([name, text]) => [name, strToU8(text)])));
+}
