@@ -202,6 +202,19 @@ it('nor on the page of a recording, with notes as near to each other as they may
     for (let i = 0; i < 3; i += 1) await page.press('l'); // over the part that is missing
     await page.evaluate(`[...document.querySelectorAll('[data-testid=note-mark]')].at(-1).click()`);
     await lookEverywhere(page, 'recording', wrongs, PLAYED);
+    await page.viewport({ width: 1440, height: 900 });
+    await page.evaluate(`document.querySelector('[data-testid=note-caption] button').focus()`);
+    await page.press('Enter');
+    await until('all of it', () =>
+      page.evaluate<boolean>(`(() => {
+        const caption = document.querySelector('[data-testid=note-caption]');
+        const range = document.createRange();
+        range.selectNodeContents(caption);
+        return range.getBoundingClientRect().bottom <= caption.getBoundingClientRect().bottom;
+      })()`),
+    );
+    await lookEverywhere(page, 'an opened note', wrongs, TWO);
+    await page.press('Escape');
     await page.press('p');
     await has(page, 'present-note');
     await lookEverywhere(page, 'a presented recording', wrongs, PLAYED);
@@ -213,7 +226,16 @@ it('nor on the page of a recording, with notes as near to each other as they may
     await page.press('Escape');
     await page.open(`${host.url}/embed/index.html?1`);
     await has(page, 'play');
-    await lookEverywhere(page, 'a framed recording', wrongs, TWO);
+    const noted = new Date(lecture.fromMs + 33_050).toISOString();
+    await page.evaluate(`location.hash = '#/?t=${noted}'`);
+    await until('its note', () =>
+      page.evaluate<boolean>(`document.querySelector('[data-testid=note-caption]').textContent.length > 100`),
+    );
+    await lookEverywhere(page, 'a framed recording', wrongs, [
+      ...TWO,
+      { width: 640, height: 400 },
+      { width: 320, height: 240 },
+    ]);
     expect(wrongs.lines).toEqual([]);
   } finally {
     await host.close();

@@ -293,6 +293,14 @@ it('in a frame of another page it has its chip, a button that plays it and a sli
     await isRecorded(page);
     expect(await page.findByTestId('transport').count()).toBe(0);
     expect(await page.findByTestId('note-mark').count()).toBe(0);
+    expect(await textOf(page, 'note-caption')).toBe('');
+    await page.open('about:blank');
+    const noted = new Date(lecture.fromMs + 4000 + 50).toISOString();
+    await page.open(`${host.url}${PREFIX}embed/index.html#/?t=${noted}`);
+    await isRecorded(page);
+    await until('the note', async () => (await textOf(page, 'note-caption')) === TOLD.notes[1][1], 30_000);
+    expect(await page.evaluate<number>(`${testId('note-caption')}.clientHeight`)).toBeLessThan(60);
+    await page.screenshot(path.join(SHOTS, 'recording-framed-note.png'));
     const first = await shown(page);
     await page.findByTestId('play').click();
     await until('it plays', async () => (await shown(page)).seq > first.seq + 10);

@@ -5,7 +5,7 @@ import {
   lostWords,
   recordedAs,
   unreadableWords,
-} from '../src/app/pages/recording/recording_words.ts';
+} from '../src/app/pages/recording/words/recording_words.ts';
 import { PastWatch } from '../src/app/past/past_watch.ts';
 import { spokenOf } from '../src/app/past/time_line/spoken.ts';
 import { preciseWords } from '../src/app/past/time_line/TransportBar.tsx';

@@ -4,7 +4,7 @@ import type { Page } from '../driver/page.ts';
 import type { Shown } from './findings.ts';
 
 /** Where a text that is cut can be read whole: a title says it, or what it stands in shows it when it is opened. */
-const OPENS = 'tr[data-label], .card, .fault-what';
+const OPENS = 'tr[data-label], .card, .fault-what, .note-caption button';
 /** In the scene, where they follow the robot's limbs. */
 const OF_SCENE = '.sign-labels';
 

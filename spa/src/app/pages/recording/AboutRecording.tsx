@@ -5,8 +5,8 @@ import { isolated } from '../../../twin/names.ts';
 import { Dialog } from '../../shell/Dialog.tsx';
 import { noteWords } from './notes/notes.ts';
 import { useLost } from './recording_link.ts';
-import { useRecordingText } from './recording_text.ts';
-import { lengthWords, lostWords, recordedWords } from './recording_words.ts';
+import { useRecordingText } from './words/recording_text.ts';
+import { lengthWords, lostWords, recordedWords } from './words/recording_words.ts';
 
 /** The dialog that says what a recording is of, by whom, and with which notes; each note leads to its moment. */
 export function AboutRecording(props: {

@@ -1,14 +1,14 @@
-import { useState, useSyncExternalStore } from 'react';
+import { useState } from 'react';
 import type { PastControls } from '../../../past/past_types.ts';
 import type { Note, RecordingIndex } from '../../../past/recording/recording_index.ts';
 import type { RecordingPast } from '../../../past/recording/recording_past.ts';
 import type { RobotTwin } from '../../../twin/robot.ts';
 import { PastBar } from '../../past/index.ts';
+import { NoteCaption } from './notes/NoteCaption.tsx';
 import { NoteMarks } from './notes/NoteMarks.tsx';
-import { noteShownAt, noteWords } from './notes/notes.ts';
 import { useLost } from './recording_link.ts';
-import { useRecordingText } from './recording_text.ts';
-import { lostWords } from './recording_words.ts';
+import { useRecordingText } from './words/recording_text.ts';
+import { lostWords } from './words/recording_words.ts';
 
 /** What stands under the body of a recording: what is lost of it, the note of the moment, and the time line. */
 export function RecordingBar(props: {
@@ -40,7 +40,7 @@ export function RecordingBar(props: {
           {text.noMoment}
         </p>
       )}
-      {notes.length > 0 && <Caption controls={controls} notes={notes} pointed={pointed} />}
+      {notes.length > 0 && <NoteCaption controls={controls} notes={notes} pointed={pointed} />}
       <PastBar
         controls={controls}
         live={null}
@@ -61,24 +61,5 @@ export function RecordingBar(props: {
         }
       />
     </>
-  );
-}
-
-/** The notes that are pointed at, else the one of the shown moment. Its room stays when there is none. */
-function Caption({
-  controls,
-  notes,
-  pointed,
-}: {
-  controls: PastControls;
-  notes: readonly Note[];
-  pointed: readonly Note[] | null;
-}) {
-  const { momentMs } = useSyncExternalStore(controls.onChange, () => controls.playhead);
-  const shown = pointed ?? [noteShownAt(notes, momentMs)].filter((note) => note !== null);
-  return (
-    <p className="note-caption" role="status" data-testid="note-caption">
-      {shown.map(noteWords).join(' · ')}
-    </p>
   );
 }

@@ -4,16 +4,17 @@ import { PastBar } from '../../past/index.ts';
 import { usePresenting } from '../../state/presenting.ts';
 import { useVersion } from '../../state/robot_link.ts';
 import type { FrameProps } from './frame_props.ts';
+import { NoteCaption } from './notes/NoteCaption.tsx';
 import { PresentedNote } from './notes/PresentedNote.tsx';
 import type { OpenedRecording } from './opened_recording.ts';
 import { type PlayedRecording, useLost, useRecording } from './recording_link.ts';
-import { useRecordingText } from './recording_text.ts';
-import { lostWords, unreadableWords } from './recording_words.ts';
 import { useFetched } from './use_fetched.ts';
+import { useRecordingText } from './words/recording_text.ts';
+import { lostWords, unreadableWords } from './words/recording_words.ts';
 
 type Frame = ComponentType<FrameProps>;
 
-/** A recording in a frame of another site's page: body, state, origin, and a slim line that plays it. `Frame` is that of a robot,
+/** A recording in a frame of another site's page: body, state, origin, and a slim line that plays it, with the note that is due over it. `Frame` is that of a robot,
  *  handed in as a page's `Layout` is. */
 export function RecordingFrame({ Frame }: { Frame: Frame }) {
   useRecordingText();
@@ -54,6 +55,7 @@ function Shown(props: { Frame: Frame; opened: OpenedRecording; played: PlayedRec
           {lost}
         </p>
       )}
+      {notes.length > 0 && !presented && <NoteCaption controls={controls} notes={notes} />}
       <PastBar controls={controls} live={null} twin={link.twin} source={null} unseen={presented} slim />
     </Frame>
   );

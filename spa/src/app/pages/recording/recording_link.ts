@@ -11,7 +11,7 @@ import type { Connection } from '../../state/robot_link.ts';
 import { selectJoint } from '../../state/selection.ts';
 import { clearTraces } from '../../state/traces.ts';
 import type { OpenedRecording } from './opened_recording.ts';
-import { recordedAs } from './recording_words.ts';
+import { recordedAs } from './words/recording_words.ts';
 
 /** Nothing comes over it, and nothing is asked of it. */
 const NO_STREAM: Connection = {

@@ -36,5 +36,7 @@ export const recordingEn = {
   recordedAt: 'Recorded',
   length: 'Length',
   notes: 'Notes',
+  openNote: 'Show the whole note',
+  closeNote: 'Show less of the note (Esc)',
   close: 'Close the recording',
 };

@@ -29,5 +29,7 @@ export const recordingKo: typeof recordingEn = {
   recordedAt: '녹화 시각',
   length: '길이',
   notes: '메모',
+  openNote: '메모 전체 보기',
+  closeNote: '메모 접기 (Esc)',
   close: '녹화 닫기',
 };

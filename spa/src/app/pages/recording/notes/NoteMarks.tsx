@@ -1,7 +1,7 @@
 import type { Note } from '../../../../past/recording/recording_index.ts';
 import type { View } from '../../../past/index.ts';
-import { useRecordingText } from '../recording_text.ts';
-import { recordedWords } from '../recording_words.ts';
+import { useRecordingText } from '../words/recording_text.ts';
+import { recordedWords } from '../words/recording_words.ts';
 import { noteMarks, noteWords } from './notes.ts';
 
 /** The notes of a recording in a row under its time line. Each is a button that tells its note when it is pointed at, and

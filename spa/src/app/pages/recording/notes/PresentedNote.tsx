@@ -1,7 +1,7 @@
 import './notes.css';
 import type { PastControls } from '../../../../past/past_types.ts';
 import type { Note } from '../../../../past/recording/recording_index.ts';
-import { useRecordingText } from '../recording_text.ts';
+import { useRecordingText } from '../words/recording_text.ts';
 import { noteWords } from './notes.ts';
 import { useDueNote } from './use_due_note.ts';
 

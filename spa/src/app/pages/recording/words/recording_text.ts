@@ -1,5 +1,5 @@
-import { korean, useText } from '../../text/language.ts';
-import { recordingEn } from '../../text/recording/recording_en.ts';
+import { korean, useText } from '../../../text/language.ts';
+import { recordingEn } from '../../../text/recording/recording_en.ts';
 
 /** The sentences of `recording_en.ts`, in the language in force. For code outside components; in a component use
  *  `useRecordingText`. */

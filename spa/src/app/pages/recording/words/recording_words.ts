@@ -1,11 +1,11 @@
-import { PastError } from '../../../past/past_source.ts';
-import type { Span } from '../../../past/past_types.ts';
-import { IndexError } from '../../../past/recording/recording_index.ts';
-import type { LostParts } from '../../../past/recording/recording_past.ts';
-import { formatClockSeconds } from '../../../twin/format.ts';
-import type { Recorded } from '../../../twin/liveness.ts';
-import { isolated } from '../../../twin/names.ts';
-import { dayWords } from '../../status/moment_words.ts';
+import { PastError } from '../../../../past/past_source.ts';
+import type { Span } from '../../../../past/past_types.ts';
+import { IndexError } from '../../../../past/recording/recording_index.ts';
+import type { LostParts } from '../../../../past/recording/recording_past.ts';
+import { formatClockSeconds } from '../../../../twin/format.ts';
+import type { Recorded } from '../../../../twin/liveness.ts';
+import { isolated } from '../../../../twin/names.ts';
+import { dayWords } from '../../../status/moment_words.ts';
 import { recordingText } from './recording_text.ts';
 
 /** Why a recording can't be opened, in one sentence. */
