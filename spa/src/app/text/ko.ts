@@ -450,6 +450,7 @@ export const moreKo: More = {
   keyFirst: '처음 시점',
   keyClose: '가운데 있는 것에 다가가기',
   keysOfPast: '과거 (기록이 있는 로봇)',
+  keysOfRecording: '녹화',
   keyPlay: '재생, 일시 정지',
   keyFrame: '한 프레임 뒤로, 앞으로',
   keyTen: '10초 뒤로, 앞으로',
@@ -461,6 +462,7 @@ export const moreKo: More = {
   keyOnLine: '타임라인에서: 1초, Shift와 함께 10초; 긴 타임라인에서는 더 멀리',
   keyMinute: '타임라인에서: 1분; 긴 타임라인에서는 더 멀리',
   keyEnds: '타임라인에서: 가장 오래된 순간, 실시간',
+  keyRecordedEnds: '타임라인에서: 처음, 끝',
   keyScale: '타임라인에서: 더 짧은 시간, 더 긴 시간',
   keyJump: '날짜와 시각, 또는 고장으로 이동',
 };

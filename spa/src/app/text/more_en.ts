@@ -326,6 +326,7 @@ export const moreEn = {
   keyFirst: 'first view',
   keyClose: 'close to what is in the middle',
   keysOfPast: 'The past, where a robot has one',
+  keysOfRecording: 'The recording',
   keyPlay: 'play, pause',
   keyFrame: 'one frame back, on',
   keyTen: '10 s back, on',
@@ -337,6 +338,7 @@ export const moreEn = {
   keyOnLine: 'on the time line: 1 s; with Shift 10 s; more on a line of hours',
   keyMinute: 'on the time line: 1 min; more on a line of hours',
   keyEnds: 'on the time line: the oldest, live',
+  keyRecordedEnds: 'on the time line: the beginning, the end',
   keyScale: 'on the time line: less, more of the time',
   keyJump: 'go to a day and time, or to a fault',
   // ---- side by side

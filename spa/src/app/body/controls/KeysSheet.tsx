@@ -1,4 +1,4 @@
-import { PAST_KEYS } from '../../past/time_line/past_key_list.ts';
+import { PAST_KEYS, RECORDING_KEYS } from '../../past/time_line/past_key_list.ts';
 import { Dialog } from '../../shell/Dialog.tsx';
 import { pastControls } from '../../state/moment.ts';
 import { useMore } from '../../text/more.ts';
@@ -9,7 +9,10 @@ import { CameraKeys } from './CameraKeys.tsx';
 export function KeysSheet({ onClose }: { onClose: () => void }) {
   const rest = useMore();
   const { keyPresent } = usePresentText();
-  const isRecorded = pastControls.get()?.playhead.recorded != null; // which has no present
+  const [played, playedKeys] =
+    pastControls.get()?.playhead.recorded == null
+      ? [rest.keysOfPast, PAST_KEYS]
+      : [rest.keysOfRecording, RECORDING_KEYS];
   const ofPage = [
     ['T', rest.keyNumbers],
     ['F', rest.keyFullscreen],
@@ -33,10 +36,10 @@ export function KeysSheet({ onClose }: { onClose: () => void }) {
           ))}
         </dl>
       </section>
-      <section className="keys" aria-label={rest.keysOfPast}>
-        <h3 className="quiet">{rest.keysOfPast}</h3>
+      <section className="keys" aria-label={played}>
+        <h3 className="quiet">{played}</h3>
         <dl>
-          {PAST_KEYS.filter(([, does]) => does !== 'keyLive' || !isRecorded).map(([key, does]) => (
+          {playedKeys.map(([key, does]) => (
             <div key={key}>
               <dt>{key}</dt>
               <dd>{rest[does]}</dd>

@@ -16,3 +16,8 @@ export const PAST_KEYS = [
   ['Home End', 'keyEnds'],
   ['+ -', 'keyScale'],
 ] as const satisfies readonly (readonly [string, keyof More])[];
+
+/** The keys of a recording, which has no present. */
+export const RECORDING_KEYS = PAST_KEYS.filter(([, does]) => does !== 'keyLive').map(
+  ([key, does]) => [key, does === 'keyEnds' ? 'keyRecordedEnds' : does] as const,
+);
