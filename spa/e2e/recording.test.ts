@@ -36,6 +36,16 @@ const atEnd =
     (await shown(page)).momentMs === toMs;
 const playName = (page: Page) => page.evaluate<string>(`${testId('play')}.ariaLabel`);
 
+/** The colour of the table's numbers, and that of what is old. */
+const numberColors = (page: Page) =>
+  page.evaluate<[string, string]>(`(() => {
+    const probe = document.body.appendChild(document.createElement('i'));
+    probe.style.color = 'var(--stale)';
+    const colors = [document.querySelector('.joints td'), probe].map((element) => getComputedStyle(element).color);
+    probe.remove();
+    return colors;
+  })()`);
+
 /** What the page asked for besides its own files. */
 const askedOf = (page: Page) =>
   page.requested
@@ -224,6 +234,16 @@ it('parts that are missing, cut or swapped are gaps that the page counts', async
     page.forgive(/404/);
     await page.open(`${host.url}${PREFIX}`);
     await isRecorded(page);
+    const [fresh, grey] = await numberColors(page);
+    expect(fresh).not.toBe(grey);
+    const { segments } = JSON.parse(readFileSync(path.join(lecture.at, 'recording.json'), 'utf8'));
+    const lostMs = lecture.fromMs + segments[2][2] + 500;
+    await page.evaluate(`location.hash = '#/?t=${new Date(lostMs).toISOString()}'`);
+    await until('a lost part', async () => /part .* is missing/.test(await textOf(page, 'stage-note')));
+    await until('its numbers grey with the body', async () => (await numberColors(page))[0] === grey);
+    await page.screenshot(path.join(SHOTS, 'recording-gap.png'));
+    await page.evaluate(`location.hash = '#/?t=${new Date(lecture.fromMs).toISOString()}'`);
+    await until('its first pose', async () => (await numberColors(page))[0] === fresh);
     await page.press(']');
     await page.press(']');
     await page.press('Space');

@@ -7,7 +7,7 @@ const SVG = 'http://www.w3.org/2000/svg';
 const FULL_RAD = 0.35;
 const RIM = 11;
 
-type Lean = Pick<ShownAttitude, 'roll' | 'pitch'> & { readonly angle: AngleUnit };
+type Lean = Pick<ShownAttitude, 'roll' | 'pitch'> & { readonly angle: AngleUnit; readonly old: boolean };
 
 /** Shows roll and pitch as numbers and as the bubble of a spirit level, in the host's place for them. */
 export class AttitudeReadout {
@@ -52,7 +52,8 @@ export class AttitudeReadout {
   show(lean: Lean | null): void {
     this.root.hidden = lean === null;
     if (lean === null) return;
-    const { roll, pitch, angle } = lean;
+    const { roll, pitch, angle, old } = lean;
+    this.root.dataset.old = String(old);
     const display = displayOf('rad', angle);
     const unit = angle === 'deg' ? '°' : ' rad';
     const said = (value: number | null) => formatNumber(value, display) + (value === null ? '' : unit);

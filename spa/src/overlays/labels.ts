@@ -22,6 +22,8 @@ export interface OverlayLabel {
   readonly level: Level;
   /** Shown without emphasis, because it is no trouble: a joint that yields on purpose, or has no reading. */
   readonly quiet: boolean;
+  /** Shown in grey, as its strokes are: it is of a pose that is no longer the robot's own. */
+  readonly old: boolean;
   /** The point that it belongs to (world, metres). */
   readonly at: Vec3;
   /** The middle of its robot (world, metres). The label stands on the outer side of its point. */
@@ -72,12 +74,13 @@ export class OverlayLabels {
       this.#elements.delete(key);
     }
     for (const label of shown) {
-      const { key, text, level, quiet } = label;
+      const { key, text, level, quiet, old } = label;
       const element = this.#elements.get(key) ?? this.#make(key);
       if (element.text.data !== text) element.text.data = text;
       const { dataset } = element.root;
       if (dataset.level !== level) dataset.level = level;
       if (dataset.quiet !== String(quiet)) dataset.quiet = String(quiet);
+      if (dataset.old !== String(old)) dataset.old = String(old);
       element.label = label;
     }
   }

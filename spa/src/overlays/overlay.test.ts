@@ -43,7 +43,7 @@ function settle(made: Overlay): void {
 }
 
 it('makes a picture when there is news, and only then', () => {
-  const { made } = board();
+  const { made, words } = board();
   const bearer = { figure: sampleLeg() };
   expect(made.make()).toBe(false);
   made.show(bearer, standing(300, 'ok'), MANNER);
@@ -53,7 +53,9 @@ it('makes a picture when there is news, and only then', () => {
   made.show(bearer, standing(300, 'ok'), MANNER);
   expect(made.make(), 'the same again').toBe(false);
   made.show(bearer, standing(300, 'ok'), { ...MANNER, live: false });
+  expect(words()[0]?.dataset.old).toBe('false');
   expect(made.make(), 'grey now').toBe(true);
+  expect(words()[0]?.dataset.old).toBe('true');
   made.show(bearer, null);
   expect(made.make()).toBe(true);
   expect(made.strokes.count).toBe(0);

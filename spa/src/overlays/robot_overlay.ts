@@ -80,9 +80,10 @@ export class RobotOverlay {
     };
   }
 
-  /** The body's lean and the unit to show it in; null for a robot without a sensor for it. */
-  get lean(): (ShownAttitude & { readonly angle: AngleUnit }) | null {
-    return this.#readings.body === null ? null : { ...this.#attitude.shown, angle: this.#manner.angle };
+  /** The body's lean, the unit to show it in and whether it is of an old pose; null for a robot without a sensor for it. */
+  get lean(): (ShownAttitude & { readonly angle: AngleUnit; readonly old: boolean }) | null {
+    const { angle, live } = this.#manner;
+    return this.#readings.body === null ? null : { ...this.#attitude.shown, angle, old: !live };
   }
 
   /** Takes the newest readings and their style. */
@@ -131,7 +132,7 @@ export class RobotOverlay {
   /** The labels for the strokes of the newest `draw`. */
   labels(): OverlayLabel[] {
     const middle = this.#middle();
-    const labels = this.#wrenches.shown.flatMap((wrench) => wrenchLabel(wrench, middle, this.#manner.words));
+    const labels = this.#wrenches.shown.flatMap((wrench) => wrenchLabel(wrench, middle, this.#manner));
     for (const { channel, error, unit, compliant, at, lines } of this.#deviations.shown) {
       if (at === null) continue;
       const display = displayOf(unit, this.#manner.angle);
@@ -145,6 +146,7 @@ export class RobotOverlay {
         text,
         level: compliant ? 'ok' : 'caution',
         quiet: compliant,
+        old: !this.#manner.live,
         at,
         middle,
         lines,
@@ -174,7 +176,7 @@ const QUIET_SWEEP = 0.35;
 function wrenchLabel(
   { site, name, force, moment, tip, lines }: ShownWrench,
   middle: Vec3,
-  words: OverlayWords,
+  { words, live }: OverlayStyle,
 ): OverlayLabel[] {
   const parts: string[] = [];
   if (force !== null) parts.push(said(force.value, 'N', 0));
@@ -189,6 +191,7 @@ function wrenchLabel(
       text: unread ? words.withoutReading(name) : parts.join(' · '),
       level: RANK[f] < RANK[m] ? f : m,
       quiet: unread,
+      old: !live,
       at: tip,
       middle,
       lines,

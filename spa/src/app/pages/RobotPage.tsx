@@ -11,7 +11,7 @@ import { late, lateAfterBody, onDemand } from '../shell/late.tsx';
 import { SIDE_BY_SIDE, useMedia } from '../shell/media.ts';
 import { heightPx, type SheetHeight } from '../shell/sheet_heights.ts';
 import { followPresentLinks, present, usePresenting } from '../state/presenting.ts';
-import { type RobotLink, useRobotLink, useVersion, useWord } from '../state/robot_link.ts';
+import { type RobotLink, useIsOld, useRobotLink, useVersion, useWord } from '../state/robot_link.ts';
 import { onSelection, selection } from '../state/selection.ts';
 import { changeSettings, useSettings } from '../state/settings.ts';
 import { Chip } from '../status/Chip.tsx';
@@ -139,6 +139,7 @@ export function OneRobot(props: {
       className="robot-page"
       ref={page}
       data-word={word ?? ''}
+      data-old={useIsOld(link)}
       data-fullscreen={fullscreen}
       data-present={presented}
       data-testid="robot-page"

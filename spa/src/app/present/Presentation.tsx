@@ -8,7 +8,7 @@ import { QrCode } from '../share/QrCode.tsx';
 import { useNow } from '../shell/now.ts';
 import { formatMoment, shownMoment, useShownSecond } from '../state/moment.ts';
 import { present } from '../state/presenting.ts';
-import { type RobotLink, useConnection, useVersion, useWord } from '../state/robot_link.ts';
+import { type RobotLink, useConnection, useIsOld, useVersion, useWord } from '../state/robot_link.ts';
 import { robotHref } from '../state/route.ts';
 import { Sign } from '../status/Chip.tsx';
 import { chipWords, stageWords } from '../status/words.ts';
@@ -34,7 +34,7 @@ export function Presentation(props: { link: RobotLink; name: string; note?: Reac
     return () => window.removeEventListener('keydown', leave);
   }, []);
   return (
-    <div className="presentation" data-testid="presentation">
+    <div className="presentation" data-old={useIsOld(link)} data-testid="presentation">
       <div className="present-left">
         <div className="present-head">
           <h2 className="present-name" title={name}>

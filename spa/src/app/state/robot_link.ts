@@ -5,7 +5,7 @@ import type { PastState } from '../../past/past_types.ts';
 import { manifestUrl, streamUrl, WANTED_HZ } from '../../relay/addresses.ts';
 import { type Link, StreamClient } from '../../stream/client.ts';
 import { nowMs } from '../../stream/clock.ts';
-import type { Word } from '../../twin/liveness.ts';
+import { isOld, type Word } from '../../twin/liveness.ts';
 import { RobotTwin } from '../../twin/robot.ts';
 import { FaultKeeper } from './fault_keeper.ts';
 import { HistoryKeeper } from './history_keeper.ts';
@@ -95,6 +95,12 @@ export function useConnection({ client }: RobotLink): Link {
 /** The robot's liveness in one word; null while nothing is known. The component is drawn again when it changes. */
 export function useWord({ watch }: RobotLink): Word | null {
   return useSyncExternalStore(watch.onWord, () => watch.word);
+}
+
+/** Whether the shown pose was no longer the robot's own at the time that is shown. The component is drawn again when that
+ *  changes. */
+export function useIsOld({ watch }: RobotLink): boolean {
+  return useSyncExternalStore(watch.onWord, () => isOld(watch.verdict()));
 }
 
 /** A number that grows whenever anything about the robots but their frames changes: schema, model, limits, info, events,
