@@ -172,7 +172,7 @@ it('nor on the other pages', async () => {
 it('nor on the page of a recording, with notes as near to each other as they may be and parts that are lost', async () => {
   const relay = await stage.stack.relay({ past: 'memory:' });
   stage.stack.edge(relay, { model: DEMO.model }); // its faults begin at 20 s, and at 32
-  const long = 'Here the right knee is pushed, and what follows is told at some length. '.repeat(5);
+  const long = 'Here the right knee is pushed, and what follows is told at some length. '.repeat(10);
   const lecture = await exportPast(stage.stack, relay, 45, {
     title: 'How a robot keeps its balance when it is pushed from behind',
     author: 'A. Lecturer',
@@ -203,7 +203,12 @@ it('nor on the page of a recording, with notes as near to each other as they may
     await page.evaluate(`[...document.querySelectorAll('[data-testid=note-mark]')].at(-1).click()`);
     await lookEverywhere(page, 'recording', wrongs, PLAYED);
     await page.viewport({ width: 1440, height: 900 });
-    await page.evaluate(`document.querySelector('[data-testid=note-caption] button').focus()`);
+    await until('a button that opens it', () =>
+      page.evaluate<boolean>(`(() => {
+        document.querySelector('[data-testid=note-caption] button')?.focus();
+        return document.activeElement.matches('[data-testid=note-caption] button');
+      })()`),
+    );
     await page.press('Enter');
     await until('all of it', () =>
       page.evaluate<boolean>(`(() => {
