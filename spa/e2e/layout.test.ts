@@ -222,6 +222,7 @@ it('nor on the page of a recording, with notes as near to each other as they may
     await page.press('Escape');
     await page.press('p');
     await has(page, 'present-note');
+    await until('in the address', () => page.evaluate<boolean>('/present/.test(location.hash)'));
     await lookEverywhere(page, 'a presented recording', wrongs, PLAYED);
     expect(await tooSmall(page)).toEqual([]);
     await page.press('p');
