@@ -4,7 +4,7 @@ import { type Loads, PAGE_MS } from './tape/loads.ts';
 import type { Reel } from './tape/reel.ts';
 
 /** How long before a fault one looks at it, ms. */
-export const BEFORE_FAULT_MS = 2000;
+const BEFORE_FAULT_MS = 2000;
 /** Faults that began within this of another are one event with it, ms. */
 const ONE_EVENT_MS = 2000;
 /** How many days are looked through for one. */

@@ -3,7 +3,7 @@ import { hasLeft, jump, type PlayerParts } from './seeking.ts';
 import { PAGE_MS } from './tape/loads.ts';
 
 /** Longest time that a gap is played through, ms. */
-export const GAP_MS = 2000;
+const GAP_MS = 2000;
 const MINUTE_MS = 60_000;
 
 /** Plays up to now. */

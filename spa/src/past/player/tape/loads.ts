@@ -3,7 +3,7 @@ import type { Span } from '../../past_types.ts';
 import { nameOfRef, readerOf, type SchemaReader, type Tape, TapePart } from './tape.ts';
 
 /** How long after a try that failed the next one comes, ms. */
-export const RETRY_MS = 2000;
+const RETRY_MS = 2000;
 const SCHEMAS_MAX = 8;
 /** Of a page of the index and of first poses. */
 export const PAGE_MS = 600_000;

@@ -7,7 +7,7 @@ import { PAGE_MS } from './loads.ts';
 const MINUTE_MS = 60_000;
 
 /** How far back they go, ms. */
-export const RECENT_MS = 600_000;
+const RECENT_MS = 600_000;
 const EVENTS_MAX = 100;
 
 /** The known events of a span, oldest first: takes that overlap tell of the same ones. `heard`: those that the live stream has

@@ -48,7 +48,7 @@ export function sensorTopicsOf(schema: Schema, rootLink: string | null): FrameTo
 }
 
 /** A site's name as a part of a topic's: letters, digits and _, the first no digit; numbered where another site has it. */
-export function topicPart(site: string, taken: readonly string[]): string {
+function topicPart(site: string, taken: readonly string[]): string {
   const name = site.replace(/[^A-Za-z0-9_]/gu, '_').replace(/^(?=\d|$)/, '_');
   let part = name;
   for (let n = 2; taken.includes(part); n++) part = `${name}_${n}`;
