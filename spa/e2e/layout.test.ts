@@ -12,6 +12,7 @@ import { tooSmall } from './layout/legible.ts';
 import { type Language, lookEverywhere, SIZES, Wrongs } from './layout/sizes.ts';
 import { chipText, liveness } from './robot_page.ts';
 import { DEMO, demoAt } from './sign_words.ts';
+import { REPO } from './stack.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
@@ -225,6 +226,10 @@ it('nor on the page of a recording, with notes as near to each other as they may
     await until('in the address', () => page.evaluate<boolean>('/present/.test(location.hash)'));
     await lookEverywhere(page, 'a presented recording', wrongs, PLAYED);
     expect(await tooSmall(page)).toEqual([]);
+    await page.viewport({ width: 390, height: 844 });
+    const bodyPx = () => page.evaluate<number>(`document.querySelector('.stage').clientHeight`);
+    await until('room for the body', async () => (await bodyPx()) > 150);
+    await page.screenshot(path.join(REPO, 'spa/e2e/shots/recording-presented-long.png'));
     await page.press('p');
     await page.findByTestId('about-button').click();
     await has(page, 'about-recording');
