@@ -12,8 +12,8 @@ from posecast_relay.archive.models.source import JoinedModelSource
 from posecast_relay.core.policy.policy import Audience, Rule
 from posecast_relay.models.cache import Absent, ModelCache, Unavailable
 
-from .archive_world import ArchiveWorld, make_run, until
-from .past_doors import PAGE_MS, PastDoors
+from .archive_world import ArchiveWorld, make_run
+from .past_doors import PAGE_MS, PastDoors, until
 from .stage import Model
 
 FILES = {"robot.urdf": (b"<robot/>" * 9, "application/xml"), "meshes/a b.glb": (b"glTF" * 99_999, "")}

@@ -16,7 +16,8 @@ from posecast_relay.config.settings import StartError, parse
 from posecast_relay.core.past.deletions import Deletions
 from posecast_relay.server.archive import ArchiveServices, make_archive
 
-from .archive_world import ArchiveWorld, until
+from .archive_world import ArchiveWorld
+from .past_doors import until
 
 RELAY = ("run", "--dev", "--past")
 

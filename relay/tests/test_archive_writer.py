@@ -13,8 +13,8 @@ from posecast_relay.archive.names import name_segment, read_segment_key
 from posecast_relay.archive.writer import PUTS_AT_ONCE, ROBOTS_AT_ONCE, ArchiveWriter
 from posecast_relay.core.past.kept_segment import KeptSegment
 
-from .archive_world import ArchiveWorld, GatedStore, break_store, make_run, until
-from .past_doors import PAGE_MS, SCHEMA, SCHEMA_HASH, make_kept
+from .archive_world import ArchiveWorld, GatedStore, break_store, make_run
+from .past_doors import PAGE_MS, SCHEMA, SCHEMA_HASH, make_kept, until
 
 
 def read_written(world: ArchiveWorld, robot: str = "r") -> list[int]:
