@@ -126,7 +126,7 @@ async def test_a_model_that_does_not_fit_is_not_stored_and_one_line_says_so(
     for _ in range(3):
         await keeping.keep(second.digest)
     assert keeping.keeper.stored == 1
-    assert caplog.text.count("it is not kept") == 1
+    assert caplog.text.count(" is not kept: ") == 1
     assert not [file for file in world.list_files() if second.digest in file]
 
 

@@ -134,7 +134,7 @@ async def test_what_was_lost_meanwhile_is_said(tmp_path: Path, caplog: pytest.Lo
         mend()
         await world.written()
         await until("it is said", lambda: world.writer.find_trouble() is None)
-    assert caplog.records[-1].message == "the archive: is back; 15 segments were dropped"
+    assert caplog.records[-1].message == "the archive: is back; dropped 15 segments"
     assert read_written(world)[-5:] == list(range(15, 20))
 
 
@@ -213,7 +213,7 @@ async def test_a_view_whose_name_is_ours_has_no_place(
         world.writer.keep(make_kept(n, PAGE_MS, view="models"))
     assert world.writer.waiting_bytes == 0
     assert [record.message for record in caplog.records] == [
-        "the archive: r/models: not kept: a folder of ours has that name"
+        "the archive: r/models: not kept: the archive uses a folder of that name"
     ]
 
 

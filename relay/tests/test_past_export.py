@@ -254,7 +254,7 @@ def test_one_line_for_all_that_is_wrong(
         (["--from", "25:00"], 2, "argument --from: '25:00': use"),
         (["--from", "2026-01-02", "--to", "2026-01-01"], 2, "--from is not before --to"),
         (["--title", "a\nb"], 2, "argument --title: use 1 to 500 characters in one line"),
-        (["--relay", "127.0.0.1"], 1, "127.0.0.1: no address of a relay: use http://HOST:PORT"),
+        (["--relay", "127.0.0.1"], 1, "127.0.0.1: not the address of a relay: use http://HOST:PORT"),
         (
             ["--relay", f"http://127.0.0.1:{free_port()}"],
             1,
@@ -267,7 +267,11 @@ def test_one_line_for_all_that_is_wrong(
         ),
         (["--notes", "none.toml"], 2, "--notes none.toml: no such file or directory"),
         (["--page", str(tmp_path)], 2, "--page: is for a folder; a file .posecast has no page"),
-        (["-o", str(tmp_path / "lecture"), "--page", str(tmp_path)], 1, "no built page: index.html is not"),
+        (
+            ["-o", str(tmp_path / "lecture"), "--page", str(tmp_path)],
+            1,
+            "not a built page: index.html is not",
+        ),
         (["-o", str(tmp_path / "x.csv"), "--notes", os.devnull], 2, "--notes: a file .csv has no place"),
         (["-o", "/no/where"], 1, "/no/where: there is no folder /no"),
         (["-o", ".."], 2, "argument -o/--out: name a new folder or file"),

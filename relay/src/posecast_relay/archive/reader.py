@@ -1,7 +1,7 @@
 """Reads the past in an object store, as it is asked for: days, ten minutes, segments. It writes nothing.
 
-What was read is kept for a while, in bounded memory; who asks for the same meanwhile gets the same answer.
-When the store does not answer, whoever asks is told so, soon.
+What was read is cached in bounded memory, and what several ask for at once is read once. When the store does
+not answer, requests fail within seconds.
 """
 
 from __future__ import annotations
@@ -260,7 +260,7 @@ class ArchiveReader:
         self._pause_s = 0.0
         if self._trouble is not None:
             self._trouble = None
-            log.warning("the archive: can be read again")
+            log.warning("the archive: it can be read again")
         return found
 
     def _note_failure(self, error: ArchiveError) -> None:
@@ -269,7 +269,7 @@ class ArchiveReader:
             self._pause_s = min(max(2 * self._pause_s, PAUSE_S[0]), PAUSE_S[1])
         self._failed_at = self._now()
         if self._trouble is None:
-            log.warning("the archive: %s; who asks for what is only there is told, live goes on", error)
+            log.warning("the archive: %s; requests for what only it has are refused, live goes on", error)
         self._trouble = str(error)
 
 
