@@ -7,7 +7,7 @@ import { until } from './driver/until.ts';
 import { chipText, liveness, RECORD, whole } from './robot_page.ts';
 import { REPO } from './stack.ts';
 import { FULL, setStage } from './stage.ts';
-import { ClockRobot, WITNESS } from './truth.ts';
+import { ClockRobot, shown, WITNESS } from './truth.ts';
 
 const stage = setStage();
 
@@ -17,29 +17,8 @@ const LAPTOP = { width: 1366, height: 768 };
 /** From the joint to the relay, on a machine that does much else. */
 const NEAR_MS = 1000;
 
-interface Shown {
-  readonly seq: number;
-  readonly momentMs: number | null;
-  /** What the robot's hands say, ms of a round. */
-  readonly handsMs: number;
-}
-
 const is = (page: Page, word: string) => async () => (await liveness(page)) === word;
 const testId = (id: string) => `document.querySelector('[data-testid="${id}"]')`;
-const shown = (page: Page) =>
-  page.evaluate<Shown>(`(() => {
-    const { twin, scene } = window.posecast;
-    const { RKN, LKN } = scene.linkPoses();
-    const angle = (matrix) => Math.atan2(matrix[4], matrix[0]);
-    const turn = Math.atan2(angle(RKN), angle(LKN)) / (2 * Math.PI);
-    return { seq: twin.seq, momentMs: twin.moment_ms, handsMs: ((turn + 1) % 1) * 60000 };
-  })()`);
-
-/** How far the shown pose is from its moment, ms. */
-const offMs = ({ momentMs, handsMs }: Shown) => {
-  const off = Math.abs((momentMs! % 60000) - handsMs);
-  return Math.min(off, 60000 - off);
-};
 
 /** Waits until a line of at least so many seconds can be looked back on. */
 async function rewindable(page: Page, seconds: number): Promise<void> {
@@ -88,7 +67,7 @@ it.each(FULL ? [LAPTOP, PHONE] : [LAPTOP])(
     await page.press('Space');
     const rests = async () => {
       const [one, two] = [await shown(page), await shown(page)];
-      return one.momentMs === two.momentMs && offMs(one) < NEAR_MS;
+      return one.momentMs === two.momentMs && one.offMs < NEAR_MS;
     };
     await until('it rests, at the pose of its moment', rests);
     await page.screenshot(path.join(SHOTS, `past-${viewport.width}.png`));
@@ -101,7 +80,7 @@ it.each(FULL ? [LAPTOP, PHONE] : [LAPTOP])(
     await until('the next but one', async () => (await shown(page)).seq === seq + 2);
     await page.press(',');
     await until('the one before', async () => (await shown(page)).seq === seq + 1);
-    expect(offMs(await shown(page))).toBeLessThan(NEAR_MS);
+    expect((await shown(page)).offMs).toBeLessThan(NEAR_MS);
 
     // a link to the moment
     const link = await until('a moment in the address', async () => {
@@ -137,7 +116,7 @@ it.each(FULL ? [LAPTOP, PHONE] : [LAPTOP])(
     });
     await relay.process.kill();
     await tapAt(page, 0.2);
-    await until('a pose near its moment', async () => offMs(await shown(page)) < 1000);
+    await until('a pose near its moment', async () => (await shown(page)).offMs < 1000);
     expect(await liveness(page)).toBe('PAST');
     await page.findByTestId('to-live').click();
     await until('STALE', is(page, 'STALE'));

@@ -185,6 +185,26 @@ function toldMs(sine: number | null, cosine: number | null, nowMs: number): numb
   return withinMs + roundMs * Math.round((nowMs - withinMs) / roundMs);
 }
 
+/** What a page shows of a `ClockRobot` of the past. */
+interface Shown {
+  readonly seq: number;
+  readonly momentMs: number | null;
+  /** How far the robot's hands are from that moment, ms. */
+  readonly offMs: number;
+}
+
+/** What a page shows of a `ClockRobot` just now. */
+export function shown(page: Page): Promise<Shown> {
+  return page.evaluate<Shown>(`(() => {
+    const { twin, scene } = window.posecast;
+    const { RKN, LKN } = scene.linkPoses();
+    const angle = (matrix) => Math.atan2(matrix[4], matrix[0]);
+    const turn = Math.atan2(angle(RKN), angle(LKN)) / (2 * Math.PI);
+    const off = Math.abs((twin.moment_ms % ${ROUND_S * 1000}) - ((turn + 1) % 1) * ${ROUND_S * 1000});
+    return { seq: twin.seq, momentMs: twin.moment_ms, offMs: Math.min(off, ${ROUND_S * 1000} - off) };
+  })()`);
+}
+
 /** How old the body's pose was while it was LIVE, of half and of nearly all pictures, ms. */
 export async function ageOfLive(page: Page): Promise<{ p50: number; p99: number }> {
   const seen = await page.evaluate<Seen[]>('window.witnessed');

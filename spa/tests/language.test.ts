@@ -3,7 +3,7 @@ import { en } from '../src/app/text/en.ts';
 import { ko, moreKo, pastKo } from '../src/app/text/ko.ts';
 import { say, wantedLanguage } from '../src/app/text/language.ts';
 import { moreEn } from '../src/app/text/more_en.ts';
-import { pastEn } from '../src/app/text/past_en.ts';
+import { pastEn } from '../src/app/text/past/past_en.ts';
 
 afterEach(() => {
   expect(say(), 'a test changes no language').toBe(en);

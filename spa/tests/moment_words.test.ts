@@ -4,23 +4,12 @@ import { preciseWords } from '../src/app/past/time_line/TransportBar.tsx';
 import { agoWords, momentWords, notKeptWords } from '../src/app/status/moment_words.ts';
 import { ko } from '../src/app/text/ko.ts';
 import type { Playhead } from '../src/past/past_types.ts';
+import { playheadAt } from './past_fake.ts';
 
 /** In the zone of whoever runs the test. */
 const NOON = new Date(2026, 10, 22, 14, 4, 7, 250).getTime();
 const MIN = 60_000;
-const head = (more: Partial<Playhead>): Playhead => ({
-  ...{
-    at: 'past',
-    momentMs: NOON,
-    playing: true,
-    speed: 1,
-    loop: null,
-    note: null,
-    askedMs: null,
-    recorded: null,
-  },
-  ...more,
-});
+const head = (more: Partial<Playhead>) => playheadAt(NOON, more);
 
 describe('a moment in words', () => {
   it('is a time and how long ago it was', () => {

@@ -12,6 +12,23 @@ export function timelineOf(toMs: number, minutes = 10, marks: readonly Partial<M
   };
 }
 
+/** A playhead that plays at a moment of the past, but for what is given. */
+export function playheadAt(momentMs: number, more: Partial<Playhead> = {}): Playhead {
+  return {
+    ...{
+      at: 'past',
+      momentMs,
+      playing: true,
+      speed: 1,
+      loop: null,
+      note: null,
+      askedMs: null,
+      recorded: null,
+    },
+    ...more,
+  };
+}
+
 /** Controls that write down what they were told, and a playhead that goes where it is told. */
 export class FakePast implements PastControls {
   readonly told: string[] = [];
@@ -25,16 +42,7 @@ export class FakePast implements PastControls {
   constructor(originMs: number, timeline: Timeline | null = timelineOf(originMs)) {
     this.#originMs = originMs;
     this.timeline = timeline;
-    this.playhead = {
-      at: 'live',
-      momentMs: originMs,
-      playing: true,
-      speed: 1,
-      loop: null,
-      note: null,
-      askedMs: null,
-      recorded: null,
-    };
+    this.playhead = playheadAt(originMs, { at: 'live' });
   }
 
   get nowMs(): number {

@@ -15,23 +15,12 @@ import type { Playhead } from '../src/past/past_types.ts';
 import { IndexError } from '../src/past/recording/recording_index.ts';
 import { isClaim, isOld, isThen } from '../src/twin/liveness.ts';
 import { RobotTwin } from '../src/twin/robot.ts';
+import { playheadAt } from './past_fake.ts';
 
 /** In the zone of whoever runs the test. */
 const FROM_MS = new Date(2026, 10, 12, 14, 0, 0, 0).getTime();
 const RECORDED = recordedAs({ fromMs: FROM_MS, toMs: FROM_MS + 1_500_000 }, () => false);
-const head = (more: Partial<Playhead> = {}): Playhead => ({
-  ...{
-    at: 'past',
-    momentMs: FROM_MS + 127_250,
-    playing: true,
-    speed: 1,
-    loop: null,
-    note: null,
-    askedMs: null,
-  },
-  recorded: RECORDED,
-  ...more,
-});
+const head = (more: Partial<Playhead> = {}) => playheadAt(FROM_MS + 127_250, { recorded: RECORDED, ...more });
 const LINK = { hz: 0, roundTripMs: null, by: 'websocket', phase: 'open', ending: null } as never;
 const watchOf = (playhead: Playhead) => {
   const twin = new RobotTwin('demo', 0);

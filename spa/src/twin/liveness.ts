@@ -72,7 +72,7 @@ export interface Recorded {
 }
 
 /** What is shown in PAST and RECORDED. */
-export interface PastMoment {
+interface PastMoment {
   /** Unix ms by the relay's clock. */
   readonly momentMs: number;
   /** The moment that a link asked for, if this one is shown because that one is not kept. */

@@ -55,11 +55,19 @@ function AccountDialog({ name, onClose }: { name: string | null; onClose: () => 
           <p className="quiet">{text.whySignIn}</p>
           <label>
             {text.email}
-            <input name="email" type="email" autoComplete="username" required data-testid="email" />
+            <input
+              className="dialog-field"
+              name="email"
+              type="email"
+              autoComplete="username"
+              required
+              data-testid="email"
+            />
           </label>
           <label>
             {text.password}
             <input
+              className="dialog-field"
               name="password"
               type="password"
               autoComplete="current-password"
@@ -72,7 +80,7 @@ function AccountDialog({ name, onClose }: { name: string | null; onClose: () => 
               {wrong}
             </p>
           )}
-          <button type="submit" className="account-go" disabled={busy} data-testid="sign-in-go">
+          <button type="submit" className="dialog-go" disabled={busy} data-testid="sign-in-go">
             {text.signIn}
           </button>
         </form>
@@ -81,7 +89,7 @@ function AccountDialog({ name, onClose }: { name: string | null; onClose: () => 
           <p>{text.signedInAs(name)}</p>
           <button
             type="button"
-            className="account-go"
+            className="dialog-go"
             disabled={busy}
             data-testid="sign-out"
             onClick={() => during(async () => (await import('../../auth/account.ts')).signOut())}

@@ -3,11 +3,12 @@ import { isThen } from '../../twin/liveness.ts';
 import { Body } from '../body/Body.tsx';
 import { loadPanel } from '../numbers/load_panel.ts';
 import type { Tab } from '../numbers/Panel.tsx';
+import { PastBelowBody } from '../past/PastBelowBody.tsx';
 import { missedMoment, useMomentNamed, usePast, useShown } from '../past/use_past.ts';
 import { showLink } from '../shell/debug_api.ts';
 import { useFullscreen } from '../shell/fullscreen.ts';
 import { BackIcon, FullscreenIcon, IconButton, PanelIcon, SettingsIcon, ShareIcon } from '../shell/icons.tsx';
-import { late, lateAfterBody, onDemand } from '../shell/late.tsx';
+import { late, lateAfterBody } from '../shell/late.tsx';
 import { SIDE_BY_SIDE, useMedia } from '../shell/media.ts';
 import { heightPx, type SheetHeight } from '../shell/sheet_heights.ts';
 import { followPresentLinks, present, usePresenting } from '../state/presenting.ts';
@@ -24,8 +25,6 @@ const Announcer = lateAfterBody(async () => (await import('../status/Announcer.t
 const Explanations = lateAfterBody(async () => (await import('../explain/Explanations.tsx')).Explanations);
 const ShareSheet = late(async () => (await import('../share/ShareSheet.tsx')).ShareSheet);
 const Presentation = late(async () => (await import('../present/Presentation.tsx')).Presentation);
-const NoPast = late(async () => (await import('../past/NoPast.tsx')).NoPast, onDemand);
-const PastBar = late(async () => (await import('../past/index.ts')).PastBar, onDemand);
 const KeysSheet = late(async () => (await import('../body/controls/KeysSheet.tsx')).KeysSheet);
 
 const PANEL_LEAST_PX = 320;
@@ -65,16 +64,7 @@ function Loaded({ live, onSettings }: { live: RobotLink; onSettings: () => void 
       onSettings={onSettings}
     >
       {past === undefined && !presented && <div className="past-room" />}
-      {missed !== null && !presented && (
-        <Suspense fallback={null}>
-          <NoPast why={missed} />
-        </Suspense>
-      )}
-      {past && !presented && (
-        <Suspense fallback={null}>
-          <PastBar controls={past.controls} live={live} twin={live.twin} source={past.source} />
-        </Suspense>
-      )}
+      <PastBelowBody past={past} missed={missed} live={live} source={past?.source ?? null} />
     </OneRobot>
   );
 }

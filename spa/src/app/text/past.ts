@@ -1,5 +1,5 @@
 import { korean, useText } from './language.ts';
-import { pastEn } from './past_en.ts';
+import { pastEn } from './past/past_en.ts';
 
 /** The sentences of `past_en.ts`, in the language in force. For code outside components; in a component use
  *  `usePastText`. */

@@ -6,9 +6,9 @@ import type { Reel } from './tape/reel.ts';
 import type { Tape, TapeFrame } from './tape/tape.ts';
 
 /** Least time between two states that a plot is filled with, ms. */
-export const FILL_EVERY_MS = 100;
+const FILL_EVERY_MS = 100;
 /** How far back a plot is filled, ms. */
-export const FILL_MS = 60_000;
+const FILL_MS = 60_000;
 /** After a jump, it is begun this much later, ms: another jump may follow. */
 const AFTER_MS = 250;
 

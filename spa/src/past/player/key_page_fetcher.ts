@@ -2,22 +2,22 @@ import type { PastSource } from '../past_source.ts';
 import type { Span } from '../past_types.ts';
 import { type Loads, nameOfDay, PAGE_MS } from './tape/loads.ts';
 
-/** Of how many ten minutes first poses are fetched when somebody looks; those of others when a finger comes there. */
+/** How many pages are fetched ahead of a drag, the newest; the others when a finger comes there. */
 const ATTENDED_PAGES = 6;
 /** A finger that has not moved for so long rests, ms. */
 const REST_MS = 150;
-/** Over a longer line a finger crosses a minute with every few pixels, ms. */
+/** Along a line longer than this a finger crosses a minute every few pixels, ms. */
 const COARSE_MS = 2 * 3_600_000;
 
-/** Fetches what the line and a drag along it need: days, index and first poses, page by page. */
+/** Fetches what the time line and a drag along it need: days, and the index and first poses, a page of ten minutes at a time. */
 export class KeyPageFetcher {
   /** Whether somebody may drag soon. */
   isAttended = false;
   #isAsked = false;
   #isBusy = false;
-  #sight: Span = { fromMs: 0, toMs: 0 };
-  #isLooking = false;
-  #unrest = (): void => undefined;
+  #shown: Span = { fromMs: 0, toMs: 0 };
+  #isFetchingDays = false;
+  #cancelRest = (): void => undefined;
 
   constructor(
     private readonly source: PastSource,
@@ -34,7 +34,7 @@ export class KeyPageFetcher {
   }
 
   /** Fetches the newest pages, once, the newest first. Does nothing while no timeline is known, nobody may drag, or the line
-   *  is so long that a drag needs what it comes to rest at alone. */
+   *  is so long that a drag needs only what it comes to rest at. */
   async fetch(): Promise<void> {
     const { timeline } = this.source;
     if (timeline === null || this.#isAsked || !this.isAttended || this.#isCoarse) return;
@@ -50,32 +50,32 @@ export class KeyPageFetcher {
 
   /** The line shows a span. */
   look(span: Span): void {
-    this.#sight = span;
+    this.#shown = span;
     void this.fetch();
     void this.fetchDays();
   }
 
   /** Fetches the unknown days that the line shows, the newest first, one by one. */
   async fetchDays(): Promise<void> {
-    if (this.#isLooking) return;
-    this.#isLooking = true;
+    if (this.#isFetchingDays) return;
+    this.#isFetchingDays = true;
     const tried = new Set<string>();
     const isWanted = ({ fromMs, toMs }: Span) =>
-      fromMs < this.#sight.toMs && toMs > this.#sight.fromMs && !tried.has(nameOfDay(fromMs));
+      fromMs < this.#shown.toMs && toMs > this.#shown.fromMs && !tried.has(nameOfDay(fromMs));
     for (let day = this.#unknown(isWanted); day !== null; day = this.#unknown(isWanted)) {
       tried.add(nameOfDay(day.fromMs));
       await this.loads.day(day.fromMs);
     }
-    this.#isLooking = false;
+    this.#isFetchingDays = false;
   }
 
-  /** Fetches what is near a moment for a finger there. Where it crosses a page with every few pixels, a pose of each minute
-   *  alone, and only once it rests; else all of its page, unless another one is on its way. */
+  /** Fetches the page of a moment where a finger is, unless another page is on its way. Along a long line fetches only a pose
+   *  of each minute, once the finger rests. */
   async want(momentMs: number): Promise<void> {
     this.stop();
     const page = Math.floor(momentMs / PAGE_MS);
     if (this.#isCoarse) {
-      this.#unrest = this.schedule(() => void this.loads.keys(page, true), REST_MS);
+      this.#cancelRest = this.schedule(() => void this.loads.keys(page, true), REST_MS);
       return;
     }
     if (this.#isBusy || !['none', 'away'].includes(this.loads.stateOf(`keys ${page}`))) return;
@@ -86,11 +86,11 @@ export class KeyPageFetcher {
 
   /** No finger is down. */
   stop(): void {
-    this.#unrest();
+    this.#cancelRest();
   }
 
   get #isCoarse(): boolean {
-    return this.#sight.toMs - this.#sight.fromMs > COARSE_MS;
+    return this.#shown.toMs - this.#shown.fromMs > COARSE_MS;
   }
 
   #unknown(isWanted: (day: Span) => boolean): Span | null {

@@ -1,7 +1,7 @@
 import type { Projector } from './projector.ts';
 import { APART_MS, type Pending, type Reel } from './tape/reel.ts';
 
-/** How far something went. */
+/** How far playing or a step has come. */
 export interface Move {
   /** The moment that is shown now. */
   readonly momentMs: number;
@@ -9,8 +9,8 @@ export interface Move {
   readonly blockers: readonly Pending[];
 }
 
-/** Shows all between two moments, as far as it is here. */
-export function play(
+/** Shows all frames between two moments, up to where one has still to come. */
+export function playSpan(
   reel: Reel,
   projector: Projector,
   fromMs: number,
@@ -38,8 +38,8 @@ export function play(
   };
 }
 
-/** Shows the frame behind the one that is shown, if there is one. */
-export function stepOn(reel: Reel, projector: Projector, fromMs: number): Move {
+/** Shows the frame after the shown one, if there is one. */
+export function stepForward(reel: Reel, projector: Projector, fromMs: number): Move {
   const momentMs = projector.cursor?.atMs ?? fromMs;
   const nextMs = reel.nextMs(projector.cursor, momentMs) ?? momentMs;
   const near = reel.near({ fromMs: momentMs - APART_MS, toMs: nextMs + APART_MS });
@@ -50,7 +50,7 @@ export function stepOn(reel: Reel, projector: Projector, fromMs: number): Move {
   return { momentMs: next.frame.atMs, blockers };
 }
 
-/** Shows the frame before it, with what was so then. */
+/** Shows the frame before the shown one, with the situation of then. */
 export function stepBack(reel: Reel, projector: Projector, fromMs: number): Move {
   const { cursor } = projector;
   if (cursor === null) return { momentMs: fromMs, blockers: [] };

@@ -3,10 +3,10 @@ import { PATIENCE_MS, type Pending } from './tape/reel.ts';
 
 /** How long a note stays that nothing else ends, ms. */
 const NOTE_MS = 5000;
-/** How long one about a link stays: it can be read twice while the page opens, ms. */
+/** How long a note about a link stays, ms: it can be read twice while the page opens. */
 export const LINK_NOTE_MS = 15_000;
 
-/** What the person has to be told; times by the page's clock. */
+/** Which note the viewer is shown; times by the page's clock. */
 export class PastNotes {
   #said: { note: PastNote; sinceMs: number } | null = null;
   /** Since when something is waited for. */
@@ -22,13 +22,13 @@ export class PastNotes {
     this.#said = null;
   }
 
-  /** Something is waited for: these. */
+  /** These are waited for. */
   wait(pending: readonly Pending[], nowMs: number): void {
     this.#waitingMs ??= nowMs;
     this.#isAway = pending.some(({ state }) => state === 'away');
   }
 
-  /** Nothing is. */
+  /** Nothing is waited for any more. */
   rest(): void {
     this.#waitingMs = null;
     this.#isAway = false;

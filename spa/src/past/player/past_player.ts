@@ -1,6 +1,6 @@
 import type { EventMessage } from '@posecast/wire';
 import type { PastControls, PastEvent, Playhead, Span, Speed, Timeline } from '../past_types.ts';
-import { visit } from './fault_visits.ts';
+import { visitFault } from './fault_visits.ts';
 import { Fill } from './fill.ts';
 import { KeyPageFetcher } from './key_page_fetcher.ts';
 import { type PastPorts, PlayheadState } from './playhead_state.ts';
@@ -49,7 +49,7 @@ export class PastPlayer implements PastControls {
     return this.#state.playhead;
   }
 
-  /** The shown moment as of the newest `tick`; `playhead` is told less often. */
+  /** The shown moment as of the newest `tick`; `playhead` is updated less often. */
   get momentMs(): number {
     return this.#state.clock.momentMs;
   }
@@ -59,7 +59,7 @@ export class PastPlayer implements PastControls {
     return this.#state.isPast && this.#state.wantedMs === null ? this.#parts.projector.cursor : null;
   }
 
-  /** Makes what looks beyond the shown frame, with what has been loaded here. */
+  /** Creates a part that reads frames around the shown one, such as `Coming`, from what this player has loaded. */
   extend<T>(Part: new (ports: PastPorts, tape: Tape, reel: Reel, loads: Loads) => T): T {
     const { ports, tape, reel, loads } = this.#parts;
     return new Part(ports, tape, reel, loads);
@@ -201,7 +201,7 @@ export class PastPlayer implements PastControls {
 
   visitFault(by: 1 | -1): void {
     this.#state.act();
-    void visit(this.#parts, by);
+    void visitFault(this.#parts, by);
   }
 
   goLive(): void {
@@ -230,7 +230,7 @@ export class PastPlayer implements PastControls {
     jump(this.#parts, momentMs);
   }
 
-  /** Shows what has come to be shown by now. */
+  /** Shows what is due by now. */
   tick(): void {
     const state = this.#state;
     this.#work();
@@ -249,7 +249,7 @@ export class PastPlayer implements PastControls {
     state.publish();
   }
 
-  /** Own frames are known to be of a run now, and when they were: the playhead stays with the frame that it shows. */
+  /** A segment has told the run and the moments of the page's own frames: moves the playhead along with the frame that it shows. */
   #align({ formerRun, runId, byMs }: Alignment): void {
     const { projector, state } = this.#parts;
     const { cursor } = projector;

@@ -8,46 +8,47 @@ import { relayAhead } from './relay_now.ts';
 import type { OwnTape } from './tape/own_tape.ts';
 import type { Pending } from './tape/reel.ts';
 
-/** Between two calls of the listeners while playing, ms. */
+/** Least time between two calls of the listeners while only the moment goes on, ms. */
 const CHANGE_EVERY_MS = 100;
-const NAMES = ['at', 'playing', 'speed', 'loop', 'note'] as const;
+/** What the listeners are told of at once when it changes. */
+const TOLD_AT_ONCE = ['at', 'playing', 'speed', 'loop', 'note'] as const;
 
 export interface PastPorts {
   readonly source: PastSource;
   /** What the page itself received. */
   readonly own: OwnTape;
   readonly sink: PastSink;
-  /** The events that the live stream has told, as far as they are remembered. */
+  /** The remembered events of the live stream. */
   readonly heard: () => readonly EventMessage[];
   /** The page's clock, which never steps back. */
   readonly nowMs: () => number;
   /** Runs something some ms later. Returns a function that cancels it. */
   readonly schedule: (run: () => void, afterMs: number) => () => void;
-  /** A recording, at whose end it rests; null or none where the present comes after the past. */
+  /** The recording that is played, at whose end the player rests; null or left out where the past leads up to the present. */
   readonly recorded?: Recorded | null;
 }
 
-/** Where a player is in time and where it is to be, within what is kept; and tells whoever listens. */
+/** Where a player is in time, and where it is to go. Tells its listeners of changes. */
 export class PlayheadState {
   readonly clock = new PlayheadClock();
   readonly recorded: Recorded | null;
   isPast: boolean;
   loop: Span | null = null;
-  /** A finger is down. `isNewest`: at the newest end. */
+  /** Set while a finger drags. `isNewest`: it is at the newest end of the time line. */
   scrubbing: { isNewest: boolean } | null = null;
-  /** The moment whose exact state is not shown yet. */
+  /** The moment to go to, until its exact state is shown. */
   wantedMs: number | null = null;
-  /** The moment that a link names, while it is what is wanted or shown. */
+  /** The moment that a link named, until the viewer goes elsewhere. */
   askedMs: number | null = null;
-  /** Frames to go. */
+  /** How many frames are still to be stepped; less than 0: back. */
   steps = 0;
-  /** When something was last shown, page's clock. */
+  /** When something was last shown, by the page's clock. */
   shownMs = 0;
-  /** Counts the moments that were wanted. */
+  /** Counts the moments that were wanted: what is fetched for an earlier one is obsolete. */
   wants = 0;
-  /** Counts what somebody did: what was looked for before is obsolete. */
+  /** Counts what the viewer did: what is searched for an earlier act is obsolete. */
   acts = 0;
-  /** The newest visit to a fault: to where, when by the page's clock, and as which of the acts. */
+  /** The newest visit to a fault: where it went, when by the page's clock, and the number of the act. */
   visited = { goesMs: 0, atMs: Number.NEGATIVE_INFINITY, act: 0 };
   readonly #ports: PastPorts;
   readonly #notes = new PastNotes();
@@ -66,7 +67,7 @@ export class PlayheadState {
     this.#playhead = this.#read();
   }
 
-  /** As it was last told. */
+  /** As the listeners were last told. */
   get playhead(): Playhead {
     return this.#playhead;
   }
@@ -75,7 +76,7 @@ export class PlayheadState {
     return this.#ports.source.timeline;
   }
 
-  /** The moment of now; of a recording its end. */
+  /** The present by the relay's clock; of a recording its end. */
   get nowMs(): number {
     if (this.recorded !== null) return this.recorded.toMs;
     const pageMs = this.#ports.nowMs();
@@ -112,20 +113,21 @@ export class PlayheadState {
     return Math.max(Math.min(momentMs, this.newestMs), this.oldestMs);
   }
 
-  /** Somebody did something, so what was said before holds no longer. */
+  /** The viewer did something: notes about what came before end. */
   act(): void {
     this.acts += 1;
     this.#notes.forget();
     this.askedMs = null;
   }
 
-  /** Who goes out of what is repeated is told that it ends. */
+  /** Ends the loop, with a note, if a moment lies outside of it. */
   leaveLoop(momentMs: number): void {
     if (this.loop === null || (momentMs >= this.loop.fromMs && momentMs <= this.loop.toMs)) return;
     this.loop = null;
     this.say('unlooped');
   }
 
+  /** Leaves the present for the past, which plays from there. */
   enter(): void {
     if (this.isPast) return;
     this.isPast = true;
@@ -133,6 +135,7 @@ export class PlayheadState {
     this.#ports.source.follow('near');
   }
 
+  /** Goes back to the present. */
   leave(): void {
     this.wantedMs = null;
     this.isPast = false;
@@ -147,11 +150,13 @@ export class PlayheadState {
     this.clock.set(momentMs, this.#ports.nowMs());
   }
 
+  /** Stops playing. */
   rest(): void {
     this.clock.running = false;
     this.#notes.rest();
   }
 
+  /** Puts the playhead at a moment that is still to be shown. */
   want(momentMs: number): void {
     this.#show(momentMs);
     this.wantedMs = momentMs;
@@ -159,7 +164,7 @@ export class PlayheadState {
     this.steps = 0;
   }
 
-  /** What was wanted is shown, at this moment. */
+  /** What was wanted is shown now, and is of this moment. */
   arrive(momentMs: number): void {
     this.#show(momentMs);
     this.wantedMs = null;
@@ -170,13 +175,13 @@ export class PlayheadState {
     this.#notes.say(note, this.#ports.nowMs());
   }
 
-  /** Something is waited for that is on its way. */
+  /** Waits for what is on its way. */
   wait(pending: readonly Pending[]): void {
     this.#notes.wait(pending, this.#ports.nowMs());
   }
 
-  /** Fetches what is pending, and waits for it; without any nothing is waited for. */
-  await(pending: readonly Pending[]): void {
+  /** Fetches what is pending and waits for it. If there is none, nothing is waited for any more. */
+  fetchAndWait(pending: readonly Pending[]): void {
     for (const each of pending) each.begin();
     if (pending.length === 0) this.#notes.rest();
     else this.wait(pending);
@@ -187,11 +192,11 @@ export class PlayheadState {
     return () => this.#listeners.delete(listener);
   };
 
-  /** Tells the listeners what has changed: a moment that only goes on not too often. */
+  /** Calls the listeners if something has changed, or `always`; while only the moment goes on, every `CHANGE_EVERY_MS`. */
   publish(always = false): void {
     const [before, now] = [this.#playhead, this.#read()];
     const nowMs = this.#ports.nowMs();
-    if (!always && NAMES.every((name) => before[name] === now[name])) {
+    if (!always && TOLD_AT_ONCE.every((name) => before[name] === now[name])) {
       const goesOn = now.playing && this.scrubbing === null && this.wantedMs === null;
       if (before.momentMs === now.momentMs || (goesOn && nowMs - this.#changedMs < CHANGE_EVERY_MS)) return;
     }

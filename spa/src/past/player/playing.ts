@@ -1,9 +1,9 @@
-import { play, stepBack, stepOn } from './moves.ts';
-import { hasLeft, jump, type PlayerParts } from './seeking.ts';
+import { playSpan, stepBack, stepForward } from './moves.ts';
+import { jump, leaveUnkept, type PlayerParts } from './seeking.ts';
 import { PAGE_MS } from './tape/loads.ts';
 
-/** Longest time that a gap is played through, ms. */
-export const GAP_MS = 2000;
+/** A gap is played through for at most so long; then the rest of it is skipped, ms. */
+const GAP_MS = 2000;
 const MINUTE_MS = 60_000;
 
 /** Plays up to now. */
@@ -14,25 +14,25 @@ export function playOn(parts: PlayerParts): void {
   const looped = loop?.toMs ?? recorded?.toMs ?? Number.POSITIVE_INFINITY;
   reel.near({ fromMs: clock.momentMs, toMs: clock.target(nowMs) }); // may move the playhead
   const targetMs = Math.min(clock.target(nowMs), looped);
-  const { momentMs, blockers, hasShown, isDamaged } = play(reel, projector, clock.momentMs, targetMs);
+  const { momentMs, blockers, hasShown, isDamaged } = playSpan(reel, projector, clock.momentMs, targetMs);
   clock.set(momentMs, nowMs);
-  state.await(blockers);
+  state.fetchAndWait(blockers);
   if (isDamaged) state.say('damaged');
   prefetch(parts);
   if (loop === null && state.hasEnded) state.rest();
   else if (momentMs >= looped) jump(parts, loop!.fromMs);
   else if (hasShown) state.shownMs = nowMs;
-  else if (momentMs >= state.oldestMs || !hasLeft(parts, momentMs))
-    pass(parts, blockers.length > 0, momentMs, nowMs);
+  else if (momentMs >= state.oldestMs || !leaveUnkept(parts, momentMs))
+    passGap(parts, blockers.length > 0, momentMs, nowMs);
 }
 
-/** Goes frame by frame, as far as frames are here. */
+/** Takes the steps that were asked for, frame by frame, as far as frames are here. */
 export function goSteps(parts: PlayerParts): void {
   const { state, reel, projector, fill } = parts;
   while (state.steps !== 0) {
-    const step = state.steps > 0 ? stepOn : stepBack;
+    const step = state.steps > 0 ? stepForward : stepBack;
     const { momentMs, blockers } = step(reel, projector, state.clock.momentMs);
-    state.await(blockers);
+    state.fetchAndWait(blockers);
     if (blockers.length > 0) return;
     state.move(momentMs);
     if (state.steps < 0 && projector.cursor !== null) fill.soon(projector.cursor);
@@ -40,8 +40,8 @@ export function goSteps(parts: PlayerParts): void {
   }
 }
 
-/** Passes over what is long empty. At the end comes what is live. */
-function pass(parts: PlayerParts, isHeld: boolean, momentMs: number, nowMs: number): void {
+/** Skips a gap that has been played for long enough. Where nothing comes after it, begins the loop anew or goes live. */
+function passGap(parts: PlayerParts, isHeld: boolean, momentMs: number, nowMs: number): void {
   const { state, reel, projector, goLive } = parts;
   const { clock, loop } = state;
   const isLong = nowMs - state.shownMs >= GAP_MS;
@@ -49,7 +49,7 @@ function pass(parts: PlayerParts, isHeld: boolean, momentMs: number, nowMs: numb
   const nextMs = reel.nextMs(projector.cursor, momentMs);
   const isFar = nextMs === null || nextMs - momentMs > GAP_MS;
   const unknown = isFar ? reel.unknownAfter(momentMs, nextMs ?? Number.POSITIVE_INFINITY) : null;
-  if (unknown !== null) state.await([reel.dayOf(unknown)]);
+  if (unknown !== null) state.fetchAndWait([reel.dayOf(unknown)]);
   else if (nextMs === null) {
     if (loop !== null) jump(parts, loop.fromMs);
     else if (isLong || momentMs >= state.newestMs) goLive();

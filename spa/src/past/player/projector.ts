@@ -11,7 +11,7 @@ export class Projector {
   cursor: TapeFrame | null = null;
   readonly #teller: Teller;
   readonly #own: OwnTape;
-  /** The first pose that is shown meanwhile. */
+  /** The first pose of a segment that is shown until the frame is here. */
   #key: KeyPose | null = null;
   /** What happened up to the newest jump's moment is part of its situation. */
   #jumpMs = 0;
@@ -19,7 +19,7 @@ export class Projector {
   #told = new WeakMap<TapePart, number>();
   #ownToldMs = 0;
 
-  /** `listRecent` returns the events before a moment that whoever comes then is to know. */
+  /** `listRecent` returns the events before a moment that a viewer who joined then would have been told. */
   constructor(
     sink: PastSink,
     own: OwnTape,

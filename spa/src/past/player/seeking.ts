@@ -8,11 +8,11 @@ import { pageBefore } from './tape/recent_events.ts';
 import type { Reel } from './tape/reel.ts';
 import type { Tape, TapeFrame } from './tape/tape.ts';
 
-/** A link's moment is not kept where nothing is recorded so near to it, ms. */
+/** The moment of a link counts as not kept unless something was recorded this near to it, ms. */
 const LINK_APART_MS = 10_000;
 const MINUTE_MS = 60_000;
 
-/** What goes to a moment and what plays on from there have in common. */
+/** What seeking, playing and visits to faults share. */
 export interface PlayerParts {
   readonly ports: PastPorts;
   readonly state: PlayheadState;
@@ -27,7 +27,7 @@ export interface PlayerParts {
   readonly goLive: () => void;
 }
 
-/** Goes to a moment. What is on its way for others is called off. */
+/** Goes to a moment, and calls off the segments that are on their way for others. */
 export function jump(parts: PlayerParts, momentMs: number): void {
   const { ports, state, loads, keyFetcher, work } = parts;
   state.scrubbing = null;
@@ -38,19 +38,21 @@ export function jump(parts: PlayerParts, momentMs: number): void {
   work();
 }
 
+/** Makes a moment the wanted one. Plots are no longer filled for the one before. */
 export function want(parts: PlayerParts, momentMs: number): void {
   parts.fill.stop();
   parts.state.want(momentMs);
 }
 
-/** Shows what is here of the wanted moment. */
+/** Shows the wanted moment as far as it is here: exactly at rest, nearly while a finger drags. */
 export function showWanted(parts: PlayerParts, momentMs: number): void {
   if (parts.state.scrubbing === null) showAt(parts, momentMs);
   else scrub(parts, momentMs);
 }
 
-/** Goes to the nearest moment that is kept if one is not. */
-export function hasLeft(parts: PlayerParts, momentMs: number): boolean {
+/** Where a moment is not kept, goes to the nearest that is; where a link names one that is still to come, goes live. Returns
+ *  whether it went. */
+export function leaveUnkept(parts: PlayerParts, momentMs: number): boolean {
   const { ports, state, goLive } = parts;
   const keptMs = state.keptMs(momentMs);
   if (state.timeline === null || keptMs === momentMs) return false;
@@ -68,7 +70,7 @@ export function hasLeft(parts: PlayerParts, momentMs: number): boolean {
   return true;
 }
 
-/** Shows a moment exactly or nearly. */
+/** Shows the frame of a moment if that is here, else the first pose of a segment near it. */
 function scrub(parts: PlayerParts, momentMs: number): void {
   const { reel, projector } = parts;
   const { frame, situation } = reel.at(momentMs);
@@ -78,9 +80,9 @@ function scrub(parts: PlayerParts, momentMs: number): void {
     projector.show(frame, momentMs, situation);
 }
 
-/** Shows a moment exactly, as soon as that is here. */
+/** Shows a moment exactly as soon as all of it is here; until then the first pose of a segment near it. */
 function showAt(parts: PlayerParts, momentMs: number): void {
-  if (hasLeft(parts, momentMs)) return;
+  if (leaveUnkept(parts, momentMs)) return;
   const { state, reel, projector, fill } = parts;
   const { askedMs } = state;
   const { frame, situation, pending, isDamaged } = reel.at(momentMs);
@@ -99,10 +101,11 @@ function showAt(parts: PlayerParts, momentMs: number): void {
   const isApart = frame === null || Math.abs((askedMs ?? momentMs) - frame.atMs) > LINK_APART_MS;
   if (askedMs !== null && isApart && situation.word === 'online') state.say('not-kept');
   if (frame !== null) fill.soon(frame);
-  void recall(parts, shownMs);
+  void recallFaults(parts, shownMs);
 }
 
-/** From a moment that was named, at which nothing was recorded, goes to what was, before it or after, if that is not near. */
+/** From the moment of a link goes to the nearest one that was recorded, before or after it. Does nothing where `before` is near
+ *  enough. Returns whether it went. */
 function goNearer(parts: PlayerParts, momentMs: number, before: TapeFrame | null): boolean {
   const agoMs = before === null ? Number.POSITIVE_INFINITY : momentMs - before.atMs;
   if (agoMs <= LINK_APART_MS) return false;
@@ -113,9 +116,8 @@ function goNearer(parts: PlayerParts, momentMs: number, before: TapeFrame | null
   return true;
 }
 
-/** Learns which faults there were in the ten minutes before, as far as another page has them, and shows the moment again
- *  with them. */
-async function recall(parts: PlayerParts, shownMs: number): Promise<void> {
+/** Fetches the recent faults of a moment where another page has them, and shows the moment again with them. */
+async function recallFaults(parts: PlayerParts, shownMs: number): Promise<void> {
   const { ports, state, loads } = parts;
   const page = pageBefore(ports.source, shownMs);
   const { wants } = state;

@@ -9,7 +9,7 @@ export const ENTRIES_MAX = 250_000;
 /** Bound of its list of entries; with the longest names that a recording has, these are so many. */
 const LIST_BYTES_MAX = 40_000_000;
 /** What all entries together may say that they unpack to. */
-export const UNPACKED_BYTES_MAX = 64e9;
+const UNPACKED_BYTES_MAX = 64e9;
 /** Deflate can't shrink anything by more. */
 const GROWTH_MAX = 1032;
 

@@ -1,5 +1,9 @@
 /** Compresses as an LZ4 frame, as MCAP's chunks may be: message after message repeats its names and most of its numbers. Greedy,
- *  with a table of where four bytes were seen last; about as fast as what it compresses is made. */
+ *  with a table of where four bytes were seen last; about as fast as what it compresses is made.
+ *
+ *  It is our own since npm has no maintained library for it that is small: lz4js is CommonJS without upkeep (its tools are of 2016)
+ *  and takes 5 MiB as soon as it is imported, lz4-browser brings Node's Buffer along (12 kB gzip), @rinsuki/lz4-ts writes no frames,
+ *  and the others are WebAssembly or native. */
 
 /** Magic number; version 1 with independent blocks of at most 4 MiB and without checksums (MCAP has its own); checksum of
  *  these two bytes. */

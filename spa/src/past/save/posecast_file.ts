@@ -53,7 +53,7 @@ export async function writePosecast(
 }
 
 /** What `recording.json` says of a span. It begins with its first segment and ends with its last. */
-export function recordingOf({ segments, schemas }: SavedSpan, models: readonly string[]): PastRecording {
+function recordingOf({ segments, schemas }: SavedSpan, models: readonly string[]): PastRecording {
   const { robot, view } = segments[0]!.segment.start;
   const begins = segments.map(({ segment }) => segment.start.fromMs);
   const ends = segments.map(({ segment }) => segment.toMs);

@@ -1,12 +1,12 @@
-import { Suspense, useEffect, useState } from 'react';
+import { useEffect, useState } from 'react';
 import { recordingUrl } from '../../../relay/recording_address.ts';
 import { relayChoice } from '../../../relay/relay.ts';
+import { PastBelowBody } from '../../past/PastBelowBody.tsx';
 import { missedMoment, useMomentNamed, usePast, useShown } from '../../past/use_past.ts';
 import { RobotFigure } from '../../shell/icons.tsx';
 import { late, onDemand } from '../../shell/late.tsx';
 import { useThemeOnRoot } from '../../shell/theme.ts';
 import { useHash } from '../../state/hash.ts';
-import { usePresenting } from '../../state/presenting.ts';
 import { type RobotLink, useRobotLink } from '../../state/robot_link.ts';
 import { useMore } from '../../text/more.ts';
 import { loadRecording } from '../recording/load_recording.ts';
@@ -15,8 +15,6 @@ import { framedRobot } from './framed_robot.ts';
 import './embed.css';
 import { isolated } from '../../../twin/names.ts';
 
-const NoPast = late(async () => (await import('../../past/NoPast.tsx')).NoPast, onDemand);
-const PastBar = late(async () => (await import('../../past/index.ts')).PastBar, onDemand);
 const RecordingFrame = late(async () => (await loadRecording()).RecordingFrame, onDemand);
 
 /** One robot embedded in another site's page: body, state and origin. Nothing is requested until it is on the screen.
@@ -45,7 +43,6 @@ function Shown({ live }: { live: RobotLink }) {
   const past = usePast(live, named === 'moment');
   const missed = missedMoment(named, past);
   const link = useShown(live, past);
-  const presented = usePresenting();
   const { search, hash } = window.location;
   return (
     <Framed
@@ -54,16 +51,7 @@ function Shown({ live }: { live: RobotLink }) {
       whole={`${search}${hash || `#/r/${link.twin.robot}`}`}
       name={link.twin.name}
     >
-      {missed !== null && !presented && (
-        <Suspense fallback={null}>
-          <NoPast why={missed} />
-        </Suspense>
-      )}
-      {past && !presented && (
-        <Suspense fallback={null}>
-          <PastBar controls={past.controls} live={live} twin={live.twin} source={null} />
-        </Suspense>
-      )}
+      <PastBelowBody past={past} missed={missed} live={live} source={null} />
     </Framed>
   );
 }

@@ -31,7 +31,7 @@ async function show(read: (code: typeof import('./local_files.ts')) => Promise<L
 }
 
 /** Opens a robot or a recording from dropped things. Never rejects: the page shows why they were refused. */
-export function openDropped(things: readonly (FileSystemEntry | File)[]): Promise<void> {
+function openDropped(things: readonly (FileSystemEntry | File)[]): Promise<void> {
   return show(({ readDropped }) => readDropped(things));
 }
 

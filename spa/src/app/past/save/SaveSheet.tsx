@@ -68,7 +68,7 @@ export function SaveSheet(props: {
       ) : (
         <button
           type="button"
-          className="save-go"
+          className="dialog-go"
           disabled={span === null || measured === null || typeof measured === 'string'}
           data-testid="save-go"
           onClick={() => span !== null && void save(format, span)}

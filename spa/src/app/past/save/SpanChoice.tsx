@@ -41,6 +41,7 @@ export function SpanChoice(props: {
             <label key={end}>
               {text[end]}
               <input
+                className="dialog-field"
                 type="datetime-local"
                 value={fields[end]}
                 data-testid={`save-${end}`}

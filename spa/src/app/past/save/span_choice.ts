@@ -60,7 +60,7 @@ export function fieldOf(momentMs: number): string {
 }
 
 /** The moment in such a field; null while it is none. */
-export function momentOf(field: string): number | null {
+function momentOf(field: string): number | null {
   const ms = Date.parse(field);
   return Number.isFinite(ms) ? ms : null;
 }

@@ -3,7 +3,7 @@ import type { Span } from '../../../past/past_types.ts';
 /** No line is shorter than this, ms. */
 const LEAST_MS = 60_000;
 /** How far moments stay away from the ends of the track, CSS px, so that no handle or mark is cut. */
-export const PAD_PX = 7;
+const PAD_PX = 7;
 
 /** A part of the time and the width over which it is drawn, CSS px. */
 export interface View extends Span {

@@ -3,9 +3,9 @@ import type { Span } from '../../past_types.ts';
 import { nameOfRef, readerOf, type SchemaReader, type Tape, TapePart } from './tape.ts';
 
 /** How long after a try that failed the next one comes, ms. */
-export const RETRY_MS = 2000;
+const RETRY_MS = 2000;
 const SCHEMAS_MAX = 8;
-/** Of a page of the index and of first poses. */
+/** How long a page of the index or of first poses is, ms. */
 export const PAGE_MS = 600_000;
 const DAY_MS = 86_400_000;
 /** How far apart first poses are where a day is looked through, ms. */
@@ -103,7 +103,7 @@ export class Loads {
     return made;
   }
 
-  /** Ends what is on its way of segments, but for some. */
+  /** Aborts all segments that are on their way, but for these. */
   keepOnly(refs: readonly SegmentRef[]): void {
     const kept = new Set(refs.map(nameOfRef));
     for (const [name, load] of this.#loads) {

@@ -4,7 +4,7 @@ import { type Change, type Happening, nameOf, type Situation, situationAfter } f
 import { firstPlace, type TapeFrame } from './tape.ts';
 
 /** How far it goes back, ms. */
-export const OWN_MS = 60_000;
+const OWN_MS = 60_000;
 /** Bound of the codes, and of what happened; the oldest are dropped. */
 export const OWN_BYTES_MAX = 8e6;
 const HAPPENINGS_MAX = 2000;

@@ -6,8 +6,8 @@ import { PAGE_MS } from './loads.ts';
 
 const MINUTE_MS = 60_000;
 
-/** How far back they go, ms. */
-export const RECENT_MS = 600_000;
+/** How far back recent events go, ms. */
+const RECENT_MS = 600_000;
 const EVENTS_MAX = 100;
 
 /** The known events of a span, oldest first: takes that overlap tell of the same ones. `heard`: those that the live stream has
@@ -24,8 +24,8 @@ export function listEvents(
   return [...once.values()].sort((a, b) => a.atMs - b.atMs);
 }
 
-/** The ten minutes of the index that are needed to know the faults before a moment, and are not its own; null if none began
- *  there, as far as is known by minutes. */
+/** The number of the page before a moment's own, if it has to be fetched to know the recent faults of that moment; null if by the
+ *  time line's marks none began there. */
 export function pageBefore({ timeline }: PastSource, momentMs: number): number | null {
   const sinceMs = momentMs - RECENT_MS;
   const endMs = momentMs - (momentMs % PAGE_MS);
@@ -36,8 +36,8 @@ export function pageBefore({ timeline }: PastSource, momentMs: number): number |
   return isUnknown === true ? Math.floor(sinceMs / PAGE_MS) : null;
 }
 
-/** The newest events before a moment, oldest first, as far as they are known: what somebody would have been told who came
- *  then. `heard`: those that the live stream has told. */
+/** The newest events before a moment, oldest first, as far as they are known: what a viewer who joined then would
+ *  have been told. `heard`: those that the live stream has told. */
 export function listRecentEvents(
   source: PastSource,
   heard: readonly EventMessage[],

@@ -22,7 +22,8 @@ export const PATIENCE_MS = 300;
 /** Own frames that are farther behind a moment do not show it, ms. */
 const OWN_APART_MS = 1500;
 
-/** Something that may hold frames and is not here: a segment, or ten minutes of the index (then `take` is empty). */
+/** Something that may hold frames and is not here: a segment, ten minutes of the index, or a day (`take` is
+ *  empty for both of these). */
 export interface Pending extends Span {
   readonly take: string;
   readonly index: number;
@@ -106,7 +107,7 @@ export class Reel {
     });
   }
 
-  /** When the next thing is or is said to be, whether a frame or not; null if nothing is known. */
+  /** The moment of the next frame or happening, known exactly or by the index; null if none is known. */
   nextMs(cursor: TapeFrame | null, momentMs: number): number | null {
     const near = this.near({ fromMs: momentMs - APART_MS, toMs: momentMs + SEGMENT_MS });
     const behind = [
@@ -203,23 +204,24 @@ export class Reel {
     return { refs: behind === undefined ? refs : [...refs, behind], pages };
   }
 
-  /** The newest day before a moment, down to another one, of which nothing is known. */
+  /** The newest day of which nothing is known, before a moment and back to `sinceMs`; null if there is none. */
   unknownBefore(momentMs: number, sinceMs: number): Span | null {
     return this.#unknown(sinceMs, momentMs).at(-1) ?? null;
   }
 
-  /** The oldest day behind a moment, up to another one, of which nothing is known. */
+  /** The oldest day of which nothing is known, after a moment and up to `untilMs`; null if there is none. */
   unknownAfter(momentMs: number, untilMs: number): Span | null {
     return this.#unknown(momentMs, untilMs)[0] ?? null;
   }
 
-  /** Where a day can't be had, what is known has to do. */
+  /** The unknown days of a span, without those that can't be had: there, what is known has to do. */
   #unknown(fromMs: number, toMs: number): readonly Span[] {
     const days = this.source.timeline?.unknown ?? [];
     const isLost = (day: Span) => ['gone', 'damaged'].includes(this.loads.stateOf(nameOfDay(day.fromMs)));
     return days.filter((day) => day.toMs > fromMs && day.fromMs < toMs && !isLost(day));
   }
 
+  /** A day that is still to be fetched. */
   dayOf({ fromMs, toMs }: Span): Pending {
     const span = { fromMs, toMs, take: '', index: 0 };
     return this.#pending(span, nameOfDay(fromMs), () => void this.loads.day(fromMs));

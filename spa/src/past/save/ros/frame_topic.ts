@@ -1,6 +1,7 @@
 import { type Field, MISSING, type Schema } from '@posecast/wire';
 import type { CdrWriter } from './cdr_writer.ts';
 import type { MessageType } from './definitions.ts';
+import { writeHeader } from './stamp.ts';
 import { factorOf, type Quantity } from './units.ts';
 
 /** Gain · channel. `channel`: its place in the code vector; null for one that no frame has. */
@@ -29,6 +30,27 @@ export interface FrameTopic {
 
 export const NO_READING: Reading = { terms: [{ channel: null, gain: 1 }], offset: 0 };
 export const NO_UNITS: ReadonlyMap<string, string> = new Map();
+
+/** Writes what follows the header of a message. */
+export type WriteBody = (to: CdrWriter, values: Float64Array) => void;
+
+/** A topic whose messages begin with a header that names a link, or with no bytes none. */
+export function stampedTopic(
+  name: string,
+  type: MessageType,
+  link: Uint8Array,
+  carried: ReadonlySet<number>,
+  writeBody: WriteBody,
+): FrameTopic {
+  return {
+    ...{ name, type, carried, units: NO_UNITS },
+    write: (to, atUs, values) => {
+      to.begin();
+      writeHeader(to, atUs, link);
+      writeBody(to, values);
+    },
+  };
+}
 
 /** Writes the value of each channel in its own unit, NaN where there is no reading. */
 export function valuesOf(schema: Schema, codes: Int32Array, into: Float64Array): void {

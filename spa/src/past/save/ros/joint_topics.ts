@@ -6,14 +6,14 @@ import {
   compute,
   type FrameTopic,
   NO_READING,
-  NO_UNITS,
   placeOf,
   type Reading,
   readingOf,
+  stampedTopic,
   type Term,
   unlessEmpty,
+  type WriteBody,
 } from './frame_topic.ts';
-import { writeHeader } from './stamp.ts';
 
 const NO_LINK = new Uint8Array();
 
@@ -49,24 +49,16 @@ function namesOf(schema: Schema, field: Field | null): readonly string[] {
 function topicOf(name: string, names: readonly string[], rows: readonly [Row, Row, Row]): FrameTopic[] {
   if (rows.every((row) => row === null)) return [];
   const texts = names.map((joint) => utf8Of(joint));
-  return [
-    {
-      name,
-      type: 'sensor_msgs/msg/JointState',
-      carried: carriedBy(rows.flatMap((row) => row ?? [])),
-      units: NO_UNITS,
-      write: (to, atUs, values) => {
-        to.begin();
-        writeHeader(to, atUs, NO_LINK);
-        to.u32(texts.length);
-        for (const text of texts) to.utf8(text);
-        for (const row of rows) {
-          to.u32(row?.length ?? 0);
-          for (const reading of row ?? []) to.f64(compute(reading, values));
-        }
-      },
-    },
-  ];
+  const carried = carriedBy(rows.flatMap((row) => row ?? []));
+  const writeBody: WriteBody = (to, values) => {
+    to.u32(texts.length);
+    for (const text of texts) to.utf8(text);
+    for (const row of rows) {
+      to.u32(row?.length ?? 0);
+      for (const reading of row ?? []) to.f64(compute(reading, values));
+    }
+  };
+  return [stampedTopic(name, 'sensor_msgs/msg/JointState', NO_LINK, carried, writeBody)];
 }
 
 function positionsOf(schema: Schema, field: Field | null, names: readonly string[]): Row {

@@ -6,12 +6,12 @@ import {
   compute,
   type FrameTopic,
   NO_READING,
-  NO_UNITS,
   type Reading,
   readingOf,
+  stampedTopic,
   unlessEmpty,
+  type WriteBody,
 } from './frame_topic.ts';
-import { writeHeader } from './stamp.ts';
 import type { Quantity } from './units.ts';
 
 /** What comes behind the point in the labels of a sensor's field, in the order of the message, and what it measures. */
@@ -48,7 +48,7 @@ export function sensorTopicsOf(schema: Schema, rootLink: string | null): FrameTo
 }
 
 /** A site's name as a part of a topic's: letters, digits and _, the first no digit; numbered where another site has it. */
-export function topicPart(site: string, taken: readonly string[]): string {
+function topicPart(site: string, taken: readonly string[]): string {
   const name = site.replace(/[^A-Za-z0-9_]/gu, '_').replace(/^(?=\d|$)/, '_');
   let part = name;
   for (let n = 2; taken.includes(part); n++) part = `${name}_${n}`;
@@ -95,38 +95,22 @@ function imuTopic(schema: Schema, site: string, name: string, link: Uint8Array):
   const isTilt = unlessEmpty(quat) === null && unlessEmpty(tilt) !== null;
   const carried = carriedBy([...quat, ...gyro, ...acc]);
   if (carried.size === 0 && !isTilt) return [];
-  const topic: FrameTopic = {
-    name,
-    type: 'sensor_msgs/msg/Imu',
-    carried,
-    units: NO_UNITS,
-    write: (to, atUs, values) => {
-      to.begin();
-      writeHeader(to, atUs, link);
-      if (isTilt) writeTilt(to, tilt, values);
-      else writeReadings(to, quat, values);
-      for (const readings of [gyro, acc]) writeReadings(to, readings, values);
-    },
+  const writeBody: WriteBody = (to, values) => {
+    if (isTilt) writeTilt(to, tilt, values);
+    else writeReadings(to, quat, values);
+    for (const each of [gyro, acc]) writeReadings(to, each, values);
   };
-  return [topic];
+  return [stampedTopic(name, 'sensor_msgs/msg/Imu', link, carried, writeBody)];
 }
 
 function wrenchTopic(schema: Schema, site: string, name: string, link: Uint8Array): FrameTopic[] {
   const readings = WRENCH.flatMap((field) => readingsOf(schema, field, site));
   const carried = carriedBy(readings);
   if (carried.size === 0) return [];
-  const topic: FrameTopic = {
-    name,
-    type: 'geometry_msgs/msg/WrenchStamped',
-    carried,
-    units: NO_UNITS,
-    write: (to, atUs, values) => {
-      to.begin();
-      writeHeader(to, atUs, link);
-      for (const reading of readings) to.f64(compute(reading, values));
-    },
+  const writeBody: WriteBody = (to, values) => {
+    for (const reading of readings) to.f64(compute(reading, values));
   };
-  return [topic];
+  return [stampedTopic(name, 'geometry_msgs/msg/WrenchStamped', link, carried, writeBody)];
 }
 
 /** Numbers and their covariance. */

@@ -61,7 +61,7 @@ export function halfPx(words: string, textPx: number): number {
 }
 
 /** A day: "22 Nov". */
-export function dateWords(atMs: number): string {
+function dateWords(atMs: number): string {
   const at = new Date(atMs);
   return say().date(at.toLocaleDateString(languageTag(), { month: 'short' }), at.getDate(), null);
 }

@@ -3,13 +3,13 @@ import type { Mark } from '../past_types.ts';
 import { type Loads, PAGE_MS } from './tape/loads.ts';
 import type { Reel } from './tape/reel.ts';
 
-/** How long before a fault one looks at it, ms. */
-export const BEFORE_FAULT_MS = 2000;
+/** A visit to a fault begins so long before it, ms. */
+const BEFORE_FAULT_MS = 2000;
 /** Faults that began within this of another are one event with it, ms. */
 const ONE_EVENT_MS = 2000;
-/** How many days are looked through for one. */
+/** Most days that are fetched in search of a fault. */
 const DAYS_MAX = 7;
-/** How often the ten minutes of one are asked for. */
+/** How often the ten minutes around a fault are asked for, while only its minute is known. */
 const TRIES_MAX = 2;
 
 type Fault = Mark & { readonly goesMs: number };
@@ -20,14 +20,14 @@ interface SearchParts {
   readonly loads: Loads;
 }
 
-/** The fault after or before a moment, exactly if that can be had; null if there is none. Fetches what has to be known of it: days,
- *  and its ten minutes. `isLeft`: nobody waits for it any more. */
+/** Finds the next fault from a moment (`by` 1) or the previous one (-1), with its exact moment if that can be had; null if there is
+ *  none. Fetches the unknown days on the way, and the ten minutes around the fault. Once `isObsolete` it gives up with null. */
 export async function searchFault(
   { ports: { source }, reel, loads }: SearchParts,
   by: 1 | -1,
   fromMs: number,
   slackMs: number,
-  isLeft: () => boolean,
+  isObsolete: () => boolean,
 ): Promise<Fault | null> {
   for (let tries = 0, days = 0; ; ) {
     const mark = faultBeside(source.timeline?.marks ?? [], by, fromMs, slackMs);
@@ -43,12 +43,12 @@ export async function searchFault(
       tries += 1;
       await loads.index(Math.floor(mark.atMs / PAGE_MS));
     }
-    if (isLeft()) return null;
+    if (isObsolete()) return null;
   }
 }
 
-/** The fault after or before a moment, with the moment to go to; null if there is none. `slackMs`: as near as that it
- *  counts as where one comes from. Faults of one event count as the first of them. */
+/** The fault after or before a moment, with the moment to go to; null if there is none. On the way back, one that is within
+ *  `slackMs` is passed over as the one just seen. Of the faults of one event only the first counts. */
 function faultBeside(marks: readonly Mark[], by: 1 | -1, momentMs: number, slackMs: number): Fault | null {
   const faults: Fault[] = [];
   for (const mark of marks) {

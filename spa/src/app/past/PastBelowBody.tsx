@@ -1,0 +1,27 @@
+import type { PastSource } from '../../past/past_source.ts';
+import { late, onDemand } from '../shell/late.tsx';
+import { usePresenting } from '../state/presenting.ts';
+import type { RobotLink } from '../state/robot_link.ts';
+import type { Past } from './past_link.ts';
+
+const NoPast = late(async () => (await import('./NoPast.tsx')).NoPast, onDemand);
+const PastBar = late(async () => (await import('./index.ts')).PastBar, onDemand);
+
+/** What stands below the body of a robot that may have a past: what plays it, and why the moment that a link names can't be
+ *  shown. */
+export function PastBelowBody(props: {
+  live: RobotLink;
+  past: Past | null | undefined;
+  missed: 'noPast' | 'noMoment' | null;
+  /** What can be saved; null where nothing is. */
+  source: PastSource | null;
+}) {
+  const { live, past, missed, source } = props;
+  if (usePresenting()) return null;
+  return (
+    <>
+      {missed !== null && <NoPast why={missed} />}
+      {past && <PastBar controls={past.controls} live={live} twin={live.twin} source={source} />}
+    </>
+  );
+}
