@@ -20,31 +20,11 @@ from posecast_relay.export.mcap_file import write_mcap
 from posecast_relay.export.table import TableReader
 from posecast_wire import Encoder, Quantiser, Schema
 
-from relay.tests.export_stage import FROM_MS, Named, Take, hash_of, schemas_of
+from relay.tests.export_stage import FROM_MS, Named, Nowhere, Take, hash_of, schemas_of
 
 HZ = 30
 MINUTE = 60 * HZ  # frames
 GROWTH_MB = 2.0
-
-
-class Nowhere(io.RawIOBase):
-    """A file that remembers its size alone."""
-
-    size = 0
-
-    def writable(self) -> bool:
-        """It is."""
-        return True
-
-    def tell(self) -> int:
-        """How many bytes there are."""
-        return self.size
-
-    def write(self, data: object) -> int:
-        """Count them."""
-        count = len(data)  # type: ignore[arg-type]
-        self.size += count
-        return count
 
 
 def make_frames(schema: Schema) -> list[bytes]:

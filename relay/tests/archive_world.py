@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,7 @@ from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.past_source import PastSource
 from posecast_relay.past_source_memory import MemoryPastSource
 
-from .past_doors import PAGE_MS, PastDoors, Rules, make_kept
+from .past_doors import PAGE_MS, PastDoors, Rules, make_kept, until
 
 QUICK_S = (0.01, 0.05)  # pauses after a failure
 KEEP_S = 30 * 86400.0
@@ -82,14 +81,6 @@ class ArchiveWorld:
         return sorted(
             path.relative_to(self.folder).as_posix() for path in files if path.name.endswith(ending)
         )
-
-
-async def until(what: str, probe: Callable[[], object], deadline_s: float = 10.0) -> None:
-    """Wait for something to be true."""
-    end_s = time.monotonic() + deadline_s
-    while not probe():
-        assert time.monotonic() < end_s, f"not within {deadline_s:g} s: {what}"
-        await asyncio.sleep(0.005)
 
 
 class GatedStore(ObjectStore):

@@ -6,7 +6,7 @@ import asyncio
 import hashlib
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import SimpleNamespace
 from typing import Any
 
@@ -181,10 +181,15 @@ class PastDoors:
 
     async def until_held(self, count: int) -> None:
         """Wait until so many requests are held."""
-        end_s = time.monotonic() + 10
-        while self.desk.held.count != count:
-            assert time.monotonic() < end_s, f"{self.desk.held.count} held, not {count}"
-            await asyncio.sleep(0.005)
+        await until(f"{count} requests are held", lambda: self.desk.held.count == count)
+
+
+async def until(what: str, probe: Callable[[], object], deadline_s: float = 10.0) -> None:
+    """Wait for something to be true."""
+    end_s = time.monotonic() + deadline_s
+    while not probe():
+        assert time.monotonic() < end_s, f"not within {deadline_s:g} s: {what}"
+        await asyncio.sleep(0.005)
 
 
 def address_of(segment: KeptSegment) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import itertools
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any
 
@@ -14,21 +14,12 @@ from posecast_relay.redis.past_reader import RedisPast
 from posecast_relay.redis.past_scripts import LEDGER
 from posecast_relay.redis.past_writer import RedisPastWriter
 
-from .past_doors import PastDoors, Rules
+from .past_doors import PastDoors, Rules, until
 from .redis_cluster import Cluster
 from .redis_server import Redis
 
 WINDOW_S = 1800.0
 BYTES_MAX = 1 << 26
-
-
-async def until(what: str, probe: Callable[[], object], deadline_s: float = 10.0) -> None:
-    """Wait for something to be true."""
-    loop = asyncio.get_running_loop()
-    end_s = loop.time() + deadline_s
-    while not probe():
-        assert loop.time() < end_s, f"not within {deadline_s:g} s: {what}"
-        await asyncio.sleep(0.005)
 
 
 class PastFleet:

@@ -12,8 +12,8 @@ from posecast_relay.archive.models.source import JoinedModelSource
 from posecast_relay.core.policy.policy import Audience, Rule
 from posecast_relay.models.cache import Absent, ModelCache, Unavailable
 
-from .archive_world import ArchiveWorld, make_run, until
-from .past_doors import PAGE_MS, PastDoors
+from .archive_world import ArchiveWorld, make_run
+from .past_doors import PAGE_MS, PastDoors, until
 from .stage import Model
 
 FILES = {"robot.urdf": (b"<robot/>" * 9, "application/xml"), "meshes/a b.glb": (b"glTF" * 99_999, "")}
@@ -126,7 +126,7 @@ async def test_a_model_that_does_not_fit_is_not_stored_and_one_line_says_so(
     for _ in range(3):
         await keeping.keep(second.digest)
     assert keeping.keeper.stored == 1
-    assert caplog.text.count("it is not kept") == 1
+    assert caplog.text.count(" is not kept: ") == 1
     assert not [file for file in world.list_files() if second.digest in file]
 
 

@@ -17,7 +17,8 @@ from posecast_relay.core.policy.policy import Audience, Rule
 from posecast_relay.past_source_memory import MemoryPastSource
 
 from . import past_doors
-from .archive_world import ArchiveWorld, make_run, until
+from .archive_world import ArchiveWorld, make_run
+from .past_doors import until
 
 START = past_doors.PAGE_MS
 DAY_START = START - START % DAY_MS

@@ -16,7 +16,8 @@ from posecast_relay.config.settings import StartError, parse
 from posecast_relay.core.past.deletions import Deletions
 from posecast_relay.server.archive import ArchiveServices, make_archive
 
-from .archive_world import ArchiveWorld, until
+from .archive_world import ArchiveWorld
+from .past_doors import until
 
 RELAY = ("run", "--dev", "--past")
 
@@ -50,8 +51,8 @@ async def test_a_store_that_can_only_be_read_is_told_of_without_a_robot(
     await archive.indexer.do_due()
     assert archive.measure().trouble is None
     assert [record.message for record in caplog.records if "disk" not in record.message] == [
-        "the archive: it can only be read; tried again until it is possible",
-        "the archive: the store does what it is asked to again",
+        "the archive: it can only be read; retried until it works",
+        "the archive: the store works again",
     ]
 
 
@@ -83,7 +84,7 @@ async def test_a_folder_that_is_gone_is_told_of_once_and_is_no_mistake_of_ours(
     finally:
         await world.indexer.stop()
     told = [record.message for record in caplog.records if "disk" not in record.message]
-    assert told[0] == "the archive: its folder is gone; tried again until it is possible"
+    assert told[0] == "the archive: its folder is gone; retried until it works"
     assert len(told) == 2
     assert all(record.levelno == logging.WARNING for record in caplog.records)
 

@@ -13,8 +13,8 @@ from posecast_relay.archive.names import name_segment, read_segment_key
 from posecast_relay.archive.writer import PUTS_AT_ONCE, ROBOTS_AT_ONCE, ArchiveWriter
 from posecast_relay.core.past.kept_segment import KeptSegment
 
-from .archive_world import ArchiveWorld, GatedStore, break_store, make_run, until
-from .past_doors import PAGE_MS, SCHEMA, SCHEMA_HASH, make_kept
+from .archive_world import ArchiveWorld, GatedStore, break_store, make_run
+from .past_doors import PAGE_MS, SCHEMA, SCHEMA_HASH, make_kept, until
 
 
 def read_written(world: ArchiveWorld, robot: str = "r") -> list[int]:
@@ -134,7 +134,7 @@ async def test_what_was_lost_meanwhile_is_said(tmp_path: Path, caplog: pytest.Lo
         mend()
         await world.written()
         await until("it is said", lambda: world.writer.find_trouble() is None)
-    assert caplog.records[-1].message == "the archive: is back; 15 segments were dropped"
+    assert caplog.records[-1].message == "the archive: is back; dropped 15 segments"
     assert read_written(world)[-5:] == list(range(15, 20))
 
 
@@ -213,7 +213,7 @@ async def test_a_view_whose_name_is_ours_has_no_place(
         world.writer.keep(make_kept(n, PAGE_MS, view="models"))
     assert world.writer.waiting_bytes == 0
     assert [record.message for record in caplog.records] == [
-        "the archive: r/models: not kept: a folder of ours has that name"
+        "the archive: r/models: not kept: the archive uses a folder of that name"
     ]
 
 

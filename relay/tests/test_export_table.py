@@ -16,7 +16,7 @@ from posecast_relay.export.table import TableEvent, TableReader, TableRow
 from posecast_wire import Encoder, Schema, build_schema_text
 from posecast_wire.segment import SegmentStart, SegmentWriter
 
-from .export_stage import EVENT, FROM_MS, Named, Take, hash_of, in_order, schemas_of
+from .export_stage import EVENT, FROM_MS, Named, Nowhere, Take, hash_of, in_order, schemas_of
 
 COUNTER = build_schema_text("counter", {"joint": ["n", "m"]}, [{"name": "pos", "labels": "joint"}])
 
@@ -181,28 +181,12 @@ def long_past(seconds: int, hz: int = 60) -> Iterator[Named]:
         yield f"{k}", writer.close(FROM_MS + 1000 * k + 999)
 
 
-class Counted(io.RawIOBase):
-    """A file that remembers its size alone."""
-
-    size = 0
-
-    def writable(self) -> bool:
-        return True
-
-    def tell(self) -> int:
-        return self.size
-
-    def write(self, data: object) -> int:
-        self.size += len(data)  # type: ignore[arg-type]
-        return len(data)  # type: ignore[arg-type]
-
-
 @pytest.mark.parametrize("kind", ["csv", "mcap"])
 def test_memory_does_not_grow_with_length(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("posecast_relay.export.mcap_file.CHUNK_BYTES", 1 << 16)
 
     def find_peak_bytes(seconds: int) -> int:
-        file = io.BufferedWriter(Counted())
+        file = io.BufferedWriter(Nowhere())
         table = TableReader(long_past(seconds), schemas_of(COUNTER))
         tracemalloc.start()
         count = write_csv(file, table) if kind == "csv" else write_mcap(file, table)

@@ -52,6 +52,16 @@ def run(*argv: str) -> None:
     run_past(argv, {})
 
 
+def fail(capsys: pytest.CaptureFixture[str], *argv: str) -> str:
+    """What a command that fails says: status 1, and nothing on stdout."""
+    with pytest.raises(SystemExit) as ended:
+        run(*argv)
+    assert ended.value.code == 1
+    told = capsys.readouterr()
+    assert told.out == ""
+    return told.err
+
+
 def test_list_prints_aligned_columns(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     asyncio.run(fill(tmp_path))
     store = f"file://{tmp_path}"
@@ -77,18 +87,18 @@ def test_what_can_not_be_asked_for_so_gets_one_line(tmp_path: Path) -> None:
     (tmp_path / "r").mkdir()
     whole = ("--from", "2026-11-18", "--to", "2026-11-19")
     for argv, why in (
-        (("list", "--past", "0"), "--past 0: then nothing is kept"),
+        (("list", "--past", "0"), "--past 0: keeps nothing"),
         (("list", "--past", "ftp://x"), "--past 'ftp://x': use file:///FOLDER, s3://"),
         (("list", "--past", f"file://{tmp_path}/absent"), "there is no such folder"),
         (("delete", *store), "give --from and --to, or --all"),
         (("delete", *store, "--from", "2026-11-18"), "give --from and --to, or --all"),
         (("delete", *store, "--all", *whole), "give either --all, or --from and --to"),
         (("delete", *store, *whole[2:], "--from", "2026-11-20"), "is not before"),
-        (("delete", *store, "--from", "2999-01-01", "--to", "2999-01-02"), "that is still to come"),
+        (("delete", *store, "--from", "2999-01-01", "--to", "2999-01-02"), "this is in the future"),
         (("delete", *store, "--from", "yesterday", "--to", "2026-11-19"), "--from 'yesterday': use 2026"),
         (("delete", "--past", f"file://{tmp_path}", "--all"), "--robot"),
         (("delete", *store[:2], "--robot", "../x", "--all"), "use 1 to 63 of a-z"),
-        (("delete", *store, *whole), "nobody can be asked here: give --yes"),
+        (("delete", *store, *whole), "there is no terminal to ask for confirmation: give --yes"),
         (("empty",), "invalid choice"),
     ):
         with pytest.raises(SettingsError) as told:
@@ -115,10 +125,7 @@ def test_it_asks_before_it_deletes(
     count = len(list(tmp_path.rglob("*.segment")))
     for answer in ("", "n\n", "never\n"):
         monkeypatch.setattr(sys, "stdin", Keyboard(answer))
-        with pytest.raises(SystemExit) as ended:
-            run(*argv)
-        assert ended.value.code == 1
-        asked = capsys.readouterr().err
+        asked = fail(capsys, *argv)
         assert asked.startswith(
             "r, each view, 2026-11-18T09:00:00+09:00 to 2026-11-19T09:00:00+09:00 "
             "(2026-11-18T00:00:00Z to 2026-11-19T00:00:00Z): 3 segments, "
@@ -141,10 +148,7 @@ def test_a_store_that_does_not_let_it_in_is_one_line_and_status_1(
     for name in ("ACCESS_KEY_ID", "SECRET_ACCESS_KEY"):
         monkeypatch.setenv(f"AWS_{name}", "none")
     monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")  # nobody is there
-    with pytest.raises(SystemExit) as ended:
-        run("list", "--past", "s3://bucket/lab")
-    assert ended.value.code == 1
-    told = capsys.readouterr().err
+    told = fail(capsys, "list", "--past", "s3://bucket/lab")
     assert told.startswith("posecast-relay: the store of the past: ")
     assert told.count("\n") == 1
 
@@ -152,18 +156,12 @@ def test_a_store_that_does_not_let_it_in_is_one_line_and_status_1(
 def test_without_store_and_socket_it_says_what_to_name(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fail() -> str:
-        with pytest.raises(SystemExit) as ended:
-            run("list")
-        assert ended.value.code == 1
-        return capsys.readouterr().err
-
-    assert "which past? Name the store (--past URL)" in fail()
+    assert "which past? Name the store (--past URL)" in fail(capsys, "list")
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     (tmp_path / "posecast-relay-1.sock").touch()
-    assert "no relay answers at" in fail()
+    assert "no relay answers at" in fail(capsys, "list")
     (tmp_path / "posecast-relay-2.sock").touch()
-    assert "several relays are here" in fail()
+    assert "several relays run here" in fail(capsys, "list")
 
 
 async def test_strangers_at_the_socket_are_answered_or_let_go(tmp_path: Path) -> None:
@@ -214,13 +212,10 @@ async def test_a_relay_with_a_store_deletes_nothing_from_memory_alone(
     socket = ("--past-socket", str(tmp_path / "s"))
     deletion = '{"do":"delete","deletion":"{}"}\n'
     async with PastSocket(tmp_path / "s", kept, deletions, "s3://bucket/lab"):
-        with pytest.raises(SystemExit) as ended:
-            await asyncio.to_thread(run, "delete", *socket, "--robot", "r", "--all", "--yes")
-        assert ended.value.code == 1
-        told = capsys.readouterr()
-        assert told.out == ""
-        assert told.err.startswith("posecast-relay: nothing was deleted: ")
-        assert told.err.endswith("give --past s3://bucket/lab\n")
+        argv = ("delete", *socket, "--robot", "r", "--all", "--yes")
+        refusal = await asyncio.to_thread(fail, capsys, *argv)
+        assert refusal.startswith("posecast-relay: nothing was deleted: ")
+        assert refusal.endswith("give --past s3://bucket/lab\n")
         await asyncio.to_thread(run, "list", *socket)
         told = capsys.readouterr()
         assert told.out.splitlines()[1].split()[:2] == ["r", "public"]
@@ -238,14 +233,8 @@ async def test_a_robot_that_is_nowhere_is_no_robot(
 ) -> None:
     await fill(tmp_path / "store")
     argv = ("delete", "--past", f"file://{tmp_path}/store", "--all", "--yes", "--robot")
-    with pytest.raises(SystemExit) as ended:
-        await asyncio.to_thread(run, *argv, "dmeo")
-    assert ended.value.code == 1
-    told = capsys.readouterr()
-    assert told.err.startswith(
-        "posecast-relay: no robot 'dmeo' in the store, there are other-robot, r; nothing "
-    )
-    assert told.out == ""
+    told = await asyncio.to_thread(fail, capsys, *argv, "dmeo")
+    assert told.startswith("posecast-relay: the store has no robot 'dmeo', only other-robot, r; nothing ")
     assert not (tmp_path / "store" / "tombstones").exists()
     kept = MemoryPast(1 << 26)
     kept.add(make_kept(0, PAGE_MS, robot="dmeo"), 0.0)
@@ -268,13 +257,9 @@ def test_on_a_full_disk_the_segments_go_first(
 
     monkeypatch.setattr(ObjectStore, "put", refuse)
     argv = ("delete", "--past", f"file://{tmp_path}", "--robot", "r", "--all", "--yes")
-    with pytest.raises(SystemExit) as ended:
-        run(*argv)
-    assert ended.value.code == 1
-    told = capsys.readouterr().err
-    assert told.startswith(
-        "posecast-relay: 5 segments are deleted from the store, but no space is left in it "
-    )
+    told = fail(capsys, *argv)
+    assert told.startswith("posecast-relay: deleted 5 segments from the store, but ")
+    assert "(no space is left)" in told
     asyncio.run(fill(tmp_path))
     room[0] = True
     run(*argv)

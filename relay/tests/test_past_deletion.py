@@ -17,8 +17,8 @@ from posecast_relay.redis.past_replica import PastReplica
 from posecast_relay.redis.past_scripts import stream_key
 from posecast_relay.server.past_deletion import ObedientMemory
 
-from .past_doors import DAY, PAGE, PAGE_MS, PastDoors, address_of, make_kept
-from .past_redis import PastFleet, running, until
+from .past_doors import DAY, PAGE, PAGE_MS, PastDoors, address_of, make_kept, until
+from .past_redis import PastFleet, running
 from .redis_server import Redis
 
 NOW_MS = PAGE_MS + 3_600_000

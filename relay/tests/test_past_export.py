@@ -213,7 +213,10 @@ def test_what_is_private_needs_a_token_and_a_word(
     out = ["-o", str(tmp_path / "x.posecast"), "--relay", f"http://{relay.address}"]
     refused = partial(run_refused, capsys, *out)
     assert "/api/v1/robots/r/past: " in refused()[1]
-    assert refused("--as", "link") == (2, "--as link: a relay asks for a token of theirs: --token-file FILE")
+    assert refused("--as", "link") == (
+        2,
+        "--as link: a relay needs a token of such a viewer: --token-file FILE",
+    )
     with_token = ["--token-file", str(tmp_path / "token")]
     for audience in ([], ["--as", "anyone"]):
         status, said = refused(*with_token, *audience)
@@ -249,9 +252,9 @@ def test_one_line_for_all_that_is_wrong(
         (["--from", "yesterday"], 2, "argument --from: 'yesterday': use 2026-11-22T14:20"),
         (["--to", "2026-02-30"], 2, "argument --to: '2026-02-30': "),
         (["--from", "25:00"], 2, "argument --from: '25:00': use"),
-        (["--from", "2026-01-02", "--to", "2026-01-01"], 2, "--from: is not before --to"),
+        (["--from", "2026-01-02", "--to", "2026-01-01"], 2, "--from is not before --to"),
         (["--title", "a\nb"], 2, "argument --title: use 1 to 500 characters in one line"),
-        (["--relay", "127.0.0.1"], 1, "127.0.0.1: no address of a relay: use http://HOST:PORT"),
+        (["--relay", "127.0.0.1"], 1, "127.0.0.1: not the address of a relay: use http://HOST:PORT"),
         (
             ["--relay", f"http://127.0.0.1:{free_port()}"],
             1,
@@ -264,12 +267,16 @@ def test_one_line_for_all_that_is_wrong(
         ),
         (["--notes", "none.toml"], 2, "--notes none.toml: no such file or directory"),
         (["--page", str(tmp_path)], 2, "--page: is for a folder; a file .posecast has no page"),
-        (["-o", str(tmp_path / "lecture"), "--page", str(tmp_path)], 1, "no built page: index.html is not"),
+        (
+            ["-o", str(tmp_path / "lecture"), "--page", str(tmp_path)],
+            1,
+            "not a built page: index.html is not",
+        ),
         (["-o", str(tmp_path / "x.csv"), "--notes", os.devnull], 2, "--notes: a file .csv has no place"),
         (["-o", "/no/where"], 1, "/no/where: there is no folder /no"),
         (["-o", ".."], 2, "argument -o/--out: name a new folder or file"),
         (["--as", "everybody"], 2, "argument --as: invalid choice: 'everybody'"),
-        (["--past", "file:///tmp"], 2, "--relay: not with --past: the one or the other"),
+        (["--past", "file:///tmp"], 2, "give either --relay or --past"),
     ]
     for arguments, expected, says in wrong:
         status, said = refused(*out, *arguments)

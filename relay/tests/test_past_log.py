@@ -153,4 +153,4 @@ def test_a_deletion_is_a_line_at_the_default_level(caplog: pytest.LogCaptureFixt
     deletions.add(make_deletion("r", None, PAGE_MS, PAGE_MS + 1000, time.time_ns() // 1_000_000))
     deletions.add(make_deletion("old", None, PAGE_MS, PAGE_MS + 1000, PAGE_MS))
     span = "2026-11-18T11:20:00Z to 2026-11-18T11:20:01Z"
-    assert caplog.messages == [f"past delete: r, all views, {span}: deleted: 1 segments left memory"]
+    assert caplog.messages == [f"past delete: r, all views, {span}: deleted 1 segment from memory"]

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 from posecast_relay.core.actions import Fault
+from posecast_relay.core.past.kept_segment import KeptSegment
 from posecast_relay.core.past.open_segment import OpenSegment
 from posecast_relay.core.past.stream_recording import StreamRecording
 from posecast_relay.core.policy.policy import Audience, Policy, Rule
@@ -96,30 +97,8 @@ def test_only_those_who_could_see_all_of_it_may_look_back() -> None:
     assert [each.audiences for each in world.close()] == [frozenset((Audience.LINK,)), both, both, both]
 
 
-@pytest.mark.parametrize("dark", [BLACK, {}], ids=["some saw it", "nobody saw it"])
-def test_no_pose_of_the_dark_is_shown_to_who_may_look_again(dark: dict[Audience, Rule]) -> None:
-    world = TapedWorld()
-    world.recorder.set_policy(Policy({"r": OPEN}), world.now)
-    edge = on_air(world)
-    stream(world, edge, 1.0)
-    world.recorder.set_policy(Policy({"r": dark}), world.now)
-    stream(world, edge, 0.5, key_every=1000)  # begins with a KEY, which is dark
-    world.recorder.set_policy(Policy({"r": OPEN}), world.now)
-    world.hear_event(edge, source="RKN", text="jam", state="on")
-    for _ in range(240):  # longer than a segment
-        world.pass_time(1 / 30)
-        world.hear(edge, edge.frame(world.now))
-    lit_ms = 1000 * world.read_unix_s()
-    stream(world, edge, 0.5)
-    (shown,) = [each for each in world.close() if Audience.ANYONE in each.audiences]
-    assert (shown.frames, shown.from_ms >= lit_ms - 1) == (15, True)
-    assert not [record for record in decode_segment(shown.data).records if isinstance(record, CopyRecord)]
-
-
-@pytest.mark.parametrize("dark", [BLACK, {}], ids=["some saw it", "nobody saw it"])
-def test_a_fault_shows_no_pose_of_the_dark_either(
-    dark: dict[Audience, Rule], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def leave_the_dark(dark: dict[Audience, Rule]) -> tuple[TapedWorld, Any]:
+    """A robot that is seen again, after half a second in the dark that begins with a KEY."""
     world = TapedWorld()
     world.recorder.set_policy(Policy({"r": OPEN}), world.now)
     edge = on_air(world)
@@ -127,17 +106,39 @@ def test_a_fault_shows_no_pose_of_the_dark_either(
     world.recorder.set_policy(Policy({"r": dark}), world.now)
     stream(world, edge, 0.5, key_every=1000)
     world.recorder.set_policy(Policy({"r": OPEN}), world.now)
-    with monkeypatch.context() as patch:
-        patch.setattr(StreamRecording, "take_frame", fail)
-        world.hear(edge, edge.frame(world.now))
-    assert len(world.recorder.take_faults()) == world.recorder.faults.pop("ZeroDivisionError") == 1
-    for _ in range(30):
+    return world, edge
+
+
+def close_after_next_key(world: TapedWorld, edge: Any, frames: int) -> KeptSegment:
+    """The one segment that anyone may see, which begins with the first KEY after so many frames without."""
+    for _ in range(frames):
         world.pass_time(1 / 30)
         world.hear(edge, edge.frame(world.now))
     lit_ms = 1000 * world.read_unix_s()
     stream(world, edge, 0.5)
     (shown,) = [each for each in world.close() if Audience.ANYONE in each.audiences]
     assert (shown.frames, shown.from_ms >= lit_ms - 1) == (15, True)
+    return shown
+
+
+@pytest.mark.parametrize("dark", [BLACK, {}], ids=["some saw it", "nobody saw it"])
+def test_no_pose_of_the_dark_is_shown_to_who_may_look_again(dark: dict[Audience, Rule]) -> None:
+    world, edge = leave_the_dark(dark)
+    world.hear_event(edge, source="RKN", text="jam", state="on")
+    shown = close_after_next_key(world, edge, 240)  # longer than a segment
+    assert not [record for record in decode_segment(shown.data).records if isinstance(record, CopyRecord)]
+
+
+@pytest.mark.parametrize("dark", [BLACK, {}], ids=["some saw it", "nobody saw it"])
+def test_a_fault_shows_no_pose_of_the_dark_either(
+    dark: dict[Audience, Rule], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world, edge = leave_the_dark(dark)
+    with monkeypatch.context() as patch:
+        patch.setattr(StreamRecording, "take_frame", fail)
+        world.hear(edge, edge.frame(world.now))
+    assert len(world.recorder.take_faults()) == world.recorder.faults.pop("ZeroDivisionError") == 1
+    close_after_next_key(world, edge, 30)
     assert {each.audiences for each in world.segments if not dark} <= {frozenset(OPEN)}
 
 

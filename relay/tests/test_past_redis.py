@@ -22,8 +22,8 @@ from posecast_relay.redis.past_scripts import (
     stream_key,
 )
 
-from .past_doors import DAY, PAGE, PAGE_MS, SCHEMA, SCHEMA_HASH, TAKE, address_of, link, make_kept
-from .past_redis import running, until
+from .past_doors import DAY, PAGE, PAGE_MS, SCHEMA, SCHEMA_HASH, TAKE, address_of, link, make_kept, until
+from .past_redis import running
 from .redis_server import Redis
 
 A, S, L = Audience.ANYONE, Audience.SIGNED_IN, Audience.LINK

@@ -6,8 +6,8 @@ import pytest
 from posecast_relay.redis import past_writer
 from posecast_relay.redis.past_writer import RedisPastWriter
 
-from .past_doors import PAGE_MS, make_kept
-from .past_redis import running, until
+from .past_doors import PAGE_MS, make_kept, until
+from .past_redis import running
 from .redis_server import Redis
 
 

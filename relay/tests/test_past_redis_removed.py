@@ -14,8 +14,8 @@ from posecast_relay.redis.past_scripts import (
     stream_key,
 )
 
-from .past_doors import PAGE, PAGE_MS, SCHEMA_HASH, address_of
-from .past_redis import running, until
+from .past_doors import PAGE, PAGE_MS, SCHEMA_HASH, address_of, until
+from .past_redis import running
 from .redis_server import Redis
 
 RULES = {"r": {Audience.ANYONE: Rule()}, "open": {Audience.ANYONE: Rule()}}

@@ -167,7 +167,7 @@ def test_what_is_gone_damaged_or_swapped_is_left_out_and_named(tmp_path: Path) -
     source.schemas.clear()
     with pytest.raises(NothingThere) as caught:
         collect(source, tmp_path / "nothing")
-    assert "not one of 6 segments could be read; segments/" in str(caught.value)
+    assert "no segment of 6 could be read; the first: segments/" in str(caught.value)
     assert len(caught.value.args) == 1
 
 
@@ -195,8 +195,8 @@ def test_a_model_is_written_as_far_as_it_is_there(tmp_path: Path) -> None:
         [
             f"models/{unknown}/manifest.json: not kept any more",
             f"models/{model.name}/gone.glb: not kept any more",
-            f"models/{model.name}/low.glb/below.png: another file stands in its way",
-            f"models/{model.name}/manifest.json: another file stands in its way",
+            f"models/{model.name}/low.glb/below.png: its path collides with another file's",
+            f"models/{model.name}/manifest.json: its path collides with another file's",
         ]
     )
 
@@ -209,7 +209,7 @@ def test_nothing_but_what_a_model_is_made_of_comes_to_its_host(tmp_path: Path) -
     _, found = collect(KeptSource(record(2.0, model.name), [model]), tmp_path / "to")
     folder = tmp_path / "to/models" / model.name
     assert list_files(folder) == sorted([*fine, "manifest.json"])
-    assert found.lost == [f"models/{model.name}/x.html: no file that a model is made of and 7 more"]
+    assert found.lost == [f"models/{model.name}/x.html: not a file of a model and 7 more"]
 
 
 class DamagedSource(KeptSource):
@@ -218,13 +218,13 @@ class DamagedSource(KeptSource):
     async def load_segment(self, segment: ListedSegment) -> bytes | None:
         """As a proxy that is not meant to be there."""
         if segment.index == 1:
-            raise PastDamaged("no segment: its Content-Type is text/html, not application/octet-stream")
+            raise PastDamaged("not a segment: its Content-Type is text/html, not application/octet-stream")
         return await super().load_segment(segment)
 
     async def load_model_file(self, model: str, path: str, sha256: str, size: int) -> bytes | None:
-        """As a relay that answers too much."""
+        """As a relay whose answers are too long."""
         if path == "bad.glb":
-            raise PastDamaged(f"http://relay/{path}: answers more than {size} bytes")
+            raise PastDamaged(f"http://relay/{path}: the answer is over {size} bytes")
         return await super().load_model_file(model, path, sha256, size)
 
 
@@ -235,8 +235,8 @@ def test_a_damaged_model_or_segment_is_told_in_a_line_and_the_rest_is_there(tmp_
     recording, found = collect(DamagedSource(kept, [bad]), tmp_path / "to")
     assert len(recording.segments) == len(kept) - 1
     assert found.lost == [
-        f"{name_of(kept[1])}: no segment: its Content-Type is text/html, not application/octet-stream",
-        f"models/{bad.name}/: left out: http://relay/bad.glb: answers more than 3 bytes",
+        f"{name_of(kept[1])}: not a segment: its Content-Type is text/html, not application/octet-stream",
+        f"models/{bad.name}/: left out: http://relay/bad.glb: the answer is over 3 bytes",
     ]
     files = list_files(tmp_path / "to")
     assert not [path for path in files if path.startswith("models/")]

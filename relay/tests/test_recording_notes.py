@@ -76,7 +76,7 @@ text = "minutes"
             ": Expected newline or end of document after a statement (at line 2, column 10)",
         ),
         (b"\xff", ": not UTF-8"),
-        ("title = 'x'\n", ": title: there is nothing but [[note]]"),
+        ("title = 'x'\n", ": title: only [[note]] may stand here"),
         ("note = 1\n", ": note: begin each with [[note]]"),
         ("[note]\nat = '1:00'\n", ": note: begin each with [[note]]"),
         ("[[note]]\nat = '0:01'\ntext = 'x'\n\n[[note]]\ntext = 'x'\n", ", line 5: at: use at = 2026-"),
@@ -100,7 +100,7 @@ text = "minutes"
         ("[[note]]\nat = '0:01'\ntext = \"a\\u0007\"\n", ", line 1: text: write 1 to 2000 characters"),
         (
             "[[note]]\nat = '0:01'\ntext = 'x'\nby = 'me'\n",
-            ", line 1: by: a note has at and text, nothing else",
+            ", line 1: by: a note has only at and text",
         ),
         ("note = [{at = '0:01', text = 'x'}, {at = '0:01'}]\n", ", note 2: text: write 1 to 2000 characters"),
         ("[[note]]\nat = '0:01'\ntext = 'x'\n" * 1001, ": 1001 notes, 1000 allowed"),

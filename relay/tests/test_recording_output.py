@@ -92,7 +92,7 @@ def test_what_breaks_off_leaves_nothing(tmp_path: Path, error: BaseException) ->
 def test_what_is_there_stays_unless_it_is_to_be_replaced_and_is_an_export(tmp_path: Path) -> None:
     assert refusal(tmp_path / "no/where") == f"there is no folder {tmp_path}/no"
     make_folder(tmp_path / "lecture")
-    assert refusal(tmp_path / "lecture") == "is there already; --replace puts a new one there"
+    assert refusal(tmp_path / "lecture") == "already exists; give --replace to replace it"
     make_folder(tmp_path / "lecture", RECORDING + " ", replace=True)
     assert (tmp_path / "lecture/recording.json").read_text() == RECORDING + " "
 
@@ -106,7 +106,7 @@ def test_what_is_there_stays_unless_it_is_to_be_replaced_and_is_an_export(tmp_pa
     (tmp_path / "ten").mkdir()
     (tmp_path / "ten/recording.json").write_text("0123456789")
     for name in ("photos", "link", "link.csv", "ten", *FOREIGN_FILES):
-        assert refusal(tmp_path / name, replace=True) == "is no earlier export, and stays as it is"
+        assert refusal(tmp_path / name, replace=True) == "is not an earlier export, and is left as it is"
     assert (tmp_path / "photos/1.jpg").read_text() == "x"
     for name, text in FOREIGN_FILES.items():
         assert (tmp_path / name).read_text() == text
@@ -186,7 +186,7 @@ def test_files_of_ours_are_known(tmp_path: Path) -> None:
     with (tmp_path / "x.mcap").open("wb") as file:
         Writer(file).start(profile="ros2", library="rosbag2")
     for name in ("x.mcap", "x.posecast"):
-        assert refusal(tmp_path / name, replace=True) == "is no earlier export, and stays as it is"
+        assert refusal(tmp_path / name, replace=True) == "is not an earlier export, and is left as it is"
 
 
 def test_the_hidden_folder_is_nobody_elses(tmp_path: Path) -> None:
@@ -206,7 +206,7 @@ def test_the_hidden_folder_is_nobody_elses(tmp_path: Path) -> None:
     beside.rename(tmp_path / "elsewhere")
     beside.symlink_to("elsewhere")
     assert refusal(tmp_path / "new") == (
-        ".new.posecast-part beside it is no folder of an export: move it away"
+        ".new.posecast-part beside it is not the folder of an export: move it away"
     )
     assert list_names(tmp_path / "elsewhere") == ["made", "mine"]
 
@@ -221,7 +221,7 @@ def start_writer(target: Path) -> subprocess.Popen[str]:
 def test_two_at_once_and_one_that_is_killed(tmp_path: Path) -> None:
     make_folder(tmp_path / "lecture")
     writer = start_writer(tmp_path / "lecture")
-    assert refusal(tmp_path / "lecture", replace=True) == "another process is just writing it"
+    assert refusal(tmp_path / "lecture", replace=True) == "another process is writing it"
     writer.send_signal(signal.SIGKILL)
     writer.wait()
     assert (tmp_path / "lecture/recording.json").read_text() == RECORDING
@@ -234,7 +234,7 @@ def test_what_was_being_replaced_by_one_that_was_killed_comes_back(tmp_path: Pat
     make_folder(tmp_path / "lecture")
     (tmp_path / ".lecture.posecast-part").mkdir()
     (tmp_path / "lecture").rename(tmp_path / ".lecture.posecast-part/old")
-    assert refusal(tmp_path / "lecture") == "is there already; --replace puts a new one there"
+    assert refusal(tmp_path / "lecture") == "already exists; give --replace to replace it"
     assert list_names(tmp_path) == ["lecture"]
 
 
@@ -258,5 +258,5 @@ def test_an_empty_folder_is_taken(tmp_path: Path) -> None:
         place.mkdir()
         (place / "a").touch()
     assert [path.name for path in tmp_path.rglob("*")] == ["lecture", "a"]
-    with pytest.raises(OutputError, match="is there already"):
+    with pytest.raises(OutputError, match="already exists"):
         check_place(target, replace=False)

@@ -141,6 +141,6 @@ def test_another_folder_is_none(tmp_path: Path) -> None:
     (page / "embed/index.html").write_text("<title>Other</title>")
     with pytest.raises(OutputError) as caught:
         check_page(page)
-    assert str(caught.value) == f"--page {page}: no built page: embed/index.html is not one of Posecast's"
+    assert str(caught.value) == f"--page {page}: not a built page: embed/index.html is not Posecast's"
     with pytest.raises(OutputError):
         check_page(tmp_path)

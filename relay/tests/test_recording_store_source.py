@@ -169,7 +169,7 @@ def test_what_is_empty_is_passed_over_as_damaged(
     asyncio.run(store.put(make_schema_key("r", schema), b""))
     with pytest.raises(SystemExit):
         export(tmp_path)
-    assert "the schema that it names is not there" in capsys.readouterr().err
+    assert "its schema is missing" in capsys.readouterr().err
 
 
 async def test_the_span_is_from_the_first_day_to_the_last(store: ObjectStore) -> None:

@@ -1,4 +1,4 @@
-"""What the work in the background meets in a store, also while no robot is on air: said once."""
+"""Reports once why background work in a store fails, also while no robot is on air."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ log = logging.getLogger("posecast_relay")
 
 
 class BackgroundTrouble:
-    """Why each part of the work in the background can't be done just now. `is_told`: whether somebody else
-    has told that the store is away.
+    """Why parts of the background work fail just now. `is_told`: whether the log already says that the store
+    is away.
     """
 
     def __init__(self, is_told: Callable[[], bool] = lambda: False) -> None:
@@ -20,13 +20,13 @@ class BackgroundTrouble:
     def note_failure(self, part: str, why: str) -> None:
         """Note that a part could not be done, and say so when all was well before."""
         if not self._why and not self._is_told():
-            log.warning("the archive: %s; tried again until it is possible", why)
+            log.warning("the archive: %s; retried until it works", why)
         self._why[part] = why
 
     def note_success(self, part: str) -> None:
         """Note that a part was done, and say so when nothing is wrong any more."""
         if self._why.pop(part, None) is not None and not self._why:
-            log.warning("the archive: the store does what it is asked to again")
+            log.warning("the archive: the store works again")
 
     def find_trouble(self) -> str | None:
         """Return why something can't be done; None when all is well. From any thread."""

@@ -1,7 +1,7 @@
 """Keeps the indexes of an object store right, and deletes what is too old: in the background, one at a time.
 
 An index is written when its ten minutes are over and when the process stops. After a start the days are
-looked through, the newest first: where listing and index disagree, as after a crash, it is made anew.
+looked through, the newest first: an index that disagrees with the listing, as after a crash, is made anew.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from posecast_relay.archive.names import DAY_MS, PAGE_MS, TOMBSTONES, PageKey
 from posecast_relay.archive.object_store import ArchiveError, ObjectStore
 from posecast_relay.archive.retention import SPARE_MS, delete_old, list_views
 from posecast_relay.archive.writer import ArchiveWriter
+from posecast_relay.counted import write_count
 
 log = logging.getLogger("posecast_relay")
 
@@ -40,7 +41,7 @@ class Indexer:
 
     def __init__(self, store: ObjectStore, unix_s: Callable[[], float] = time.time) -> None:
         self.mended = 0  # indexes, since the process began
-        self.expired = 0  # segments that were deleted since they were too old
+        self.expired = 0  # segments that were deleted because they were too old
         self.failures = 0
         self.space = SpaceWatch(store)
         self.trouble = BackgroundTrouble(lambda: self.writer is not None and bool(self.writer.find_trouble()))
@@ -157,7 +158,8 @@ class Indexer:
                     self._bytes[robot, view, day_ms] = left
             self.expired += count
             if count:
-                log.info("the archive: %s: %d segments were older than `keep` and are deleted", robot, count)
+                segments = write_count(count, "segment")
+                log.info("the archive: %s: deleted %s older than `keep`", robot, segments)
                 self._on_deleted(robot)
 
     async def walk_all(self) -> None:

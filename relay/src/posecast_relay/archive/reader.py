@@ -1,7 +1,7 @@
 """Reads the past in an object store, as it is asked for: days, ten minutes, segments. It writes nothing.
 
-What was read is kept for a while, in bounded memory; who asks for the same meanwhile gets the same answer.
-When the store does not answer, whoever asks is told so, soon.
+What was read is cached in bounded memory, and what several ask for at once is read once. When the store does
+not answer, requests fail within seconds.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import time
 from collections.abc import Awaitable, Callable, Hashable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from posecast_relay.archive.day_file import list_days, load_day
 from posecast_relay.archive.expiring_cache import ExpiringCache
@@ -31,6 +31,7 @@ from posecast_relay.core.past.day_index import LONGEST_MS, DayIndex, digest_page
 from posecast_relay.core.past.day_reach import DayReach, reach_day
 from posecast_relay.core.past.kept_segment import OBJECT_BYTES, KeptSegment, SegmentName
 from posecast_relay.past_source import PastAway
+from posecast_relay.shared_tasks import SharedTasks
 
 T = TypeVar("T")
 log = logging.getLogger("posecast_relay")
@@ -79,7 +80,7 @@ class ArchiveReader:
         self._lists: ExpiringCache[list[int]] = ExpiringCache(REACHES_BYTES)
         self._data: ExpiringCache[bytes] = ExpiringCache(DATA_BYTES)
         self._schemas: ExpiringCache[str] = ExpiringCache(SCHEMAS_BYTES)
-        self._asked: dict[Hashable, asyncio.Task[Any]] = {}
+        self._asked = SharedTasks("the archive")
         self._turns = asyncio.Semaphore(AT_ONCE)
         self._forgotten = 0  # times that something was: what was read before that is not kept
         self._failed_at = float("-inf")
@@ -234,11 +235,7 @@ class ArchiveReader:
             raise PastAway(AWAY)
         forgotten = self._forgotten
         asked = cache, key, forgotten  # a day has the key of its first ten minutes
-        task: asyncio.Task[T] | None = self._asked.get(asked)
-        if task is None:
-            task = self._asked[asked] = asyncio.create_task(self._ask(ask), name="the archive")
-            task.add_done_callback(partial(self._forget_asked, asked))
-        value = await asyncio.shield(task)
+        value = await self._asked.run(asked, partial(self._ask, ask))
         if forgotten == self._forgotten:
             cache.put(key, value, measure(value), self._now() + good_s)
         return value
@@ -263,7 +260,7 @@ class ArchiveReader:
         self._pause_s = 0.0
         if self._trouble is not None:
             self._trouble = None
-            log.warning("the archive: can be read again")
+            log.warning("the archive: it can be read again")
         return found
 
     def _note_failure(self, error: ArchiveError) -> None:
@@ -272,13 +269,8 @@ class ArchiveReader:
             self._pause_s = min(max(2 * self._pause_s, PAUSE_S[0]), PAUSE_S[1])
         self._failed_at = self._now()
         if self._trouble is None:
-            log.warning("the archive: %s; who asks for what is only there is told, live goes on", error)
+            log.warning("the archive: %s; requests for what only it has are refused, live goes on", error)
         self._trouble = str(error)
-
-    def _forget_asked(self, key: Hashable, task: asyncio.Task[Any]) -> None:
-        self._asked.pop(key, None)
-        if not task.cancelled():
-            task.exception()  # whoever asked may have gone
 
 
 def _measure_page(segments: tuple[KeptSegment, ...]) -> int:

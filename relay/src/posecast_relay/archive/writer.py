@@ -16,6 +16,7 @@ from posecast_relay.archive.names import ArchivedName, PageKey, make_schema_key,
 from posecast_relay.archive.object_store import ArchiveError, ObjectStore
 from posecast_relay.archive.page_index import Known, forget_bytes
 from posecast_relay.core.past.kept_segment import KeptSegment
+from posecast_relay.counted import write_count
 
 log = logging.getLogger("posecast_relay")
 
@@ -82,7 +83,9 @@ class ArchiveWriter:
         if not may_be_archived(robot, view):
             if (robot, view) not in self._refused_views:
                 self._refused_views.add((robot, view))
-                log.warning("the archive: %s/%s: not kept: a folder of ours has that name", robot, view)
+                log.warning(
+                    "the archive: %s/%s: not kept: the archive uses a folder of that name", robot, view
+                )
             return
         self._waiting.setdefault(robot, deque()).append(segment)
         self._add(robot, segment.cost_bytes)
@@ -148,7 +151,7 @@ class ArchiveWriter:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
         if lost := sum(map(len, self._waiting.values())):
-            log.warning("the archive: %d segments were not written before the end", lost)
+            log.warning("the archive: stopped before %s could be written", write_count(lost, "segment"))
 
     # ---- what waits --------------------------------------------------------------------
 
@@ -251,5 +254,5 @@ class ArchiveWriter:
     def _note_success(self, robot: str) -> None:
         if self._trouble.pop(robot, None) is not None and not self._trouble:
             lost = self.dropped - self._dropped_before
-            told = f"{lost} segments were dropped" if lost else "none that waited was lost"
+            told = f"dropped {write_count(lost, 'segment')}" if lost else "none that waited was lost"
             log.warning("the archive: is back; %s", told)

@@ -14,7 +14,7 @@ TRANSFORMS = "tf2_msgs/msg/TFMessage"
 LOG = "rcl_interfaces/msg/Log"
 NUMBERS = "std_msgs/msg/Float64MultiArray"
 
-DEBUG, INFO, WARN, ERROR, FATAL = 10, 20, 30, 40, 50  # of a Log
+INFO, WARN, ERROR = 20, 30, 40  # of a Log
 
 _PARTS: Mapping[str, str] = {
     "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",

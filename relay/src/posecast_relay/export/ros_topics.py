@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -180,15 +180,12 @@ def _list_joints(schema: Schema, f: Field) -> dict[str, JointMap | None]:
 def _list_positions(schema: Schema, f: Field | None, names: Sequence[str]) -> list[RosNumber] | None:
     if f is None:
         return None
-    numbers: list[RosNumber] = []
-    for name in names:
-        how = schema.mapping.joints.get(name)
-        if how is None:
-            numbers.append(_make_number(schema, f, name, "position"))
-            continue
+
+    def make_mapped(how: JointMap) -> RosNumber:
         terms = tuple(ChannelTerm(_place(f, channel), gain) for channel, gain in how.terms)
-        numbers.append(RosNumber(terms, how.offset))
-    return _unless_empty(numbers)
+        return RosNumber(terms, how.offset)
+
+    return _list_joint_numbers(schema, f, names, "position", make_mapped)
 
 
 def _list_rates(
@@ -197,20 +194,17 @@ def _list_rates(
     """Σ ratio · speed of channel: a ratio is a gain without the unit of positions that may be in it."""
     if f is None or f.label_set != JOINT:
         return None
-    numbers: list[RosNumber] = []
-    for name in names:
-        how = schema.mapping.joints.get(name)
-        if how is None:
-            numbers.append(_make_number(schema, f, name, "velocity"))
-            continue
+
+    def make_mapped(how: JointMap) -> RosNumber:
         terms: list[ChannelTerm] = []
         for channel, gain in how.terms:
             factor = _find_factor(schema, f, channel, "velocity")
             ratio = _find_ratio(schema, main, channel, gain)
             known = factor is not None and ratio is not None
             terms.append(ChannelTerm(_place(f, channel) if known else None, (factor or 0.0) * (ratio or 0.0)))
-        numbers.append(RosNumber(tuple(terms)))
-    return _unless_empty(numbers)
+        return RosNumber(tuple(terms))
+
+    return _list_joint_numbers(schema, f, names, "velocity", make_mapped)
 
 
 def _list_efforts(
@@ -220,19 +214,32 @@ def _list_efforts(
     if f is None or f.label_set != JOINT:
         return None
     uses = [channel for how in schema.mapping.joints.values() for channel, _ in how.terms]
-    numbers: list[RosNumber] = []
-    for name in names:
-        how = schema.mapping.joints.get(name)
-        if how is None:
-            numbers.append(_make_number(schema, f, name, "effort"))
-            continue
+
+    def make_mapped(how: JointMap) -> RosNumber:
         channel, gain = how.terms[0] if len(how.terms) == 1 else ("", 0.0)
         factor = _find_factor(schema, f, channel, "effort")
         ratio = _find_ratio(schema, main, channel, gain)
         if factor is None or not ratio or uses.count(channel) != 1:
-            numbers.append(NOTHING)
-        else:
-            numbers.append(RosNumber((ChannelTerm(_place(f, channel), factor / ratio),)))
+            return NOTHING
+        return RosNumber((ChannelTerm(_place(f, channel), factor / ratio),))
+
+    return _list_joint_numbers(schema, f, names, "effort", make_mapped)
+
+
+def _list_joint_numbers(
+    schema: Schema,
+    f: Field,
+    names: Sequence[str],
+    quantity: Quantity,
+    make_mapped: Callable[[JointMap], RosNumber],
+) -> list[RosNumber] | None:
+    """A number for each joint: by `make_mapped` where the mapping has the joint, else the channel of that
+    name. None where no number has a channel."""
+    joints = schema.mapping.joints
+    numbers = [
+        _make_number(schema, f, name, quantity) if (how := joints.get(name)) is None else make_mapped(how)
+        for name in names
+    ]
     return _unless_empty(numbers)
 
 

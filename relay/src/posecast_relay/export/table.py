@@ -27,6 +27,7 @@ from posecast_wire.segment import (
 )
 from posecast_wire.segment.frame_chain import SEQS
 
+from posecast_relay.counted import write_count
 from posecast_relay.export.held_time import HeldTime
 
 CLOCKS_US = 2_000_000  # by so much the clocks of two recorders may differ; what comes later still is left out
@@ -86,7 +87,7 @@ class TableLosses:
     def describe(self) -> list[str]:
         """One line for what was passed over, and one for each other thing; none when all is there."""
         parts = [
-            f"{count} {noun}{'s' if count != 1 else ''}"
+            write_count(count, noun)
             for count, noun in ((self.segments, "segment"), (self.frames, "frame"))
             if count
         ]

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import gzip
+from functools import partial
 from typing import cast
 
 from posecast_relay.models.memory import ModelMemory
+from posecast_relay.shared_tasks import SharedTasks
 
 WORTH = 0.95  # what shrinks less travels as it is
 LEVEL = 6
@@ -22,7 +24,7 @@ class GzipCache:
     def __init__(self, room: ModelMemory) -> None:
         self._room = room
         self._turn = asyncio.Semaphore(AT_ONCE)
-        self._under_way: dict[str, asyncio.Task[int]] = {}
+        self._under_way = SharedTasks("pack")
 
     async def pack(self, robot: str, name: str) -> int:
         """Compress `name`, keep it as `make_packed_name(name)`, and return its size in bytes.
@@ -32,11 +34,7 @@ class GzipCache:
         known = cast("bytes | None", self._room.get(make_packed_name(name)))
         if known is not None:
             return len(known)
-        task = self._under_way.get(name)
-        if task is None:
-            task = self._under_way[name] = asyncio.create_task(self._pack(robot, name), name="pack")
-            task.add_done_callback(lambda _: self._under_way.pop(name))
-        return await asyncio.shield(task)
+        return await self._under_way.run(name, partial(self._pack, robot, name))
 
     async def _pack(self, robot: str, name: str) -> int:
         async with self._turn:

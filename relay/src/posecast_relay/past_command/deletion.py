@@ -1,4 +1,4 @@
-"""`posecast-relay past delete`: deletes of a robot's past, wherever it is."""
+"""`posecast-relay past delete`: deletes a robot's past, or a span of it, wherever it is kept."""
 
 from __future__ import annotations
 
@@ -14,29 +14,31 @@ from posecast_relay.archive.names import TOMBSTONES
 from posecast_relay.archive.object_store import NO_SPACE, ArchiveError, ArchiveRefused, ObjectStore
 from posecast_relay.config.settings import SettingsError
 from posecast_relay.core.past.deletions import Deletion
+from posecast_relay.counted import write_count
 from posecast_relay.deletion_record import make_deletion, pack_deletion
+from posecast_relay.past_command.failure import CommandFailed
 from posecast_relay.past_command.location import add_location, add_robot, open_store
 from posecast_relay.past_command.moments import TimeError, read_moment, write_span
 from posecast_relay.past_command.progress import CommandProgress
-from posecast_relay.past_command.relay_socket import RelayAway, ask_relay, find_relay_store
+from posecast_relay.past_command.relay_socket import OTHER_VERSION, RelayAway, ask_relay, find_relay_store
 
-HELP = "delete of a robot's past: in the store, in Redis, and in the memory of running relays within 10 s"
-LATER = "Relays that run obey within 10 s, caches of what anyone could see within the hour."
+HELP = "delete a robot's past, or a span of it: in the store, in Redis and, within 10 s, in running relays"
+LATER = "Running relays delete it within 10 s; caches of what anyone could see, within an hour."
 
 
 def add_arguments(parser: argparse.ArgumentParser, environ: Mapping[str, str]) -> None:
     """Add the arguments of the command."""
     add_location(parser, environ)
     add_robot(parser, required=True)
-    form = "2026-11-22T14:20 with or without a zone, 14:20 of today, or a day as 2026-11-22"
-    parser.add_argument("--from", dest="from_", metavar="TIME", help=f"{form}: its beginning")
-    parser.add_argument("--to", metavar="TIME", help="likewise; a day: its end")
-    parser.add_argument("--all", action="store_true", help="instead of both: whatever there is until now")
-    parser.add_argument("--yes", action="store_true", help="don't ask")
+    form = "2026-11-22T14:20 with or without a zone, 14:20 for today, or 2026-11-22 for the start of that day"
+    parser.add_argument("--from", dest="from_", metavar="TIME", help=f"start of the span: {form}")
+    parser.add_argument("--to", metavar="TIME", help="end of the span, likewise; a day means its end")
+    parser.add_argument("--all", action="store_true", help="instead of --from and --to: everything until now")
+    parser.add_argument("--yes", action="store_true", help="do not ask for confirmation")
 
 
 def run(asked: argparse.Namespace) -> None:
-    """Delete what was asked for. Raises SettingsError, ArchiveError, RelayAway; after a no SystemExit 1."""
+    """Delete what was asked for. Raises SettingsError, ArchiveError, RelayAway, CommandFailed."""
     now_ms = time.time_ns() // 1_000_000
     from_ms, to_ms = _read_span(asked, now_ms)
     deletion = make_deletion(asked.robot, asked.view, from_ms, to_ms, now_ms)
@@ -45,15 +47,16 @@ def run(asked: argparse.Namespace) -> None:
     if store is None:
         kept_at = find_relay_store(asked.past_socket)
         if kept_at is not None:
-            print(
-                "posecast-relay: nothing was deleted: this relay keeps the past in a store too, "
-                f"and what is ordered there reaches its memory: give --past {kept_at}",
-                file=sys.stderr,
+            raise CommandFailed(
+                "nothing was deleted: this relay also keeps the past in a store, and deletes from its memory "
+                f"what is deleted there: give --past {kept_at}"
             )
-            raise SystemExit(1)
         _confirm(asked.yes, f"{what}, in the memory of the relay and in its Redis.")
         told = ask_relay(asked.past_socket, {"do": "delete", "deletion": pack_deletion(deletion).decode()})
-        print(f"deleted from memory: {told.get('segments')} segments, {told.get('bytes')} bytes. {LATER}")
+        segments, size = told.get("segments"), told.get("bytes")
+        if not isinstance(segments, int) or not isinstance(size, int):
+            raise RelayAway(OTHER_VERSION)
+        print(f"deleted from memory: {_write_sum(segments, size)}. {LATER}")
         return
     asyncio.run(_delete(store, deletion, what, asked))
 
@@ -65,8 +68,8 @@ async def _delete(store: ObjectStore, deletion: Deletion, what: str, asked: argp
         async for names in find_covered(store, deletion):
             segments += len(names)
             size += sum(each.size for each in names)
-            progress.show(f"{segments:,} segments found")
-    found = f"{segments:,} segments, {size:,} bytes" if segments else "there is nothing of it in the store"
+            progress.show(f"{write_count(segments, 'segment')} found")
+    found = _write_sum(segments, size) if segments else "there is nothing of it in the store"
     _confirm(asked.yes, f"{what}: {found}.")
     is_ordered = True
     try:
@@ -78,13 +81,13 @@ async def _delete(store: ObjectStore, deletion: Deletion, what: str, asked: argp
     with CommandProgress() as progress:
 
         def show(erased: Erased) -> None:
-            progress.show(f"{erased.segments:,} of {segments:,} segments deleted")
+            progress.show(f"deleted {erased.segments:,} of {write_count(segments, 'segment')}")
 
         erased = await erase(store, deletion, show)
     if not is_ordered:
         await _order_late(store, deletion, erased)
     if erased.segments:
-        print(f"deleted: {erased.segments:,} segments, {erased.bytes:,} bytes. {LATER}")
+        print(f"deleted: {_write_sum(erased.segments, erased.bytes)}. {LATER}")
     else:
         print(f"{what}: there was nothing of it in the store. {LATER}")
 
@@ -93,26 +96,22 @@ async def _order_late(store: ObjectStore, deletion: Deletion, erased: Erased) ->
     try:
         await put_tombstone(store, deletion)
     except ArchiveError as e:
-        print(
-            f"posecast-relay: {erased.segments:,} segments are deleted from the store, but {e} in it for the "
-            "order by which relays delete from memory: make room and give the command again",
-            file=sys.stderr,
-        )
-        raise SystemExit(1) from None
+        raise CommandFailed(
+            f"deleted {write_count(erased.segments, 'segment')} from the store, but relays can't be told to "
+            f"delete them from memory ({e}): make room and run the command again"
+        ) from None
 
 
 async def _check_robot(store: ObjectStore, asked: argparse.Namespace) -> None:
-    """End with status 1 when neither the store nor the relay on this machine has a robot."""
+    """Raise CommandFailed when neither the store nor the relay on this machine has the robot."""
     there = [name for name in await store.list_folders("") if name != TOMBSTONES]
     if asked.robot in there or _has_in_memory(asked):
         return
-    others = f"there are {', '.join(there):.200}" if there else "there is none"
-    print(
-        f"posecast-relay: no robot {asked.robot!r} in the store, {others}; nothing was deleted. Of one that "
-        "only a relay's memory has: name that relay's socket as well (--past-socket PATH)",
-        file=sys.stderr,
+    robots = f"only {', '.join(there):.200}" if there else "nor any other"
+    raise CommandFailed(
+        f"the store has no robot {asked.robot!r}, {robots}; nothing was deleted. If only a relay has it in "
+        "memory, name that relay's socket as well (--past-socket PATH)"
     )
-    raise SystemExit(1)
 
 
 def _has_in_memory(asked: argparse.Namespace) -> bool:
@@ -135,7 +134,7 @@ def _read_span(asked: argparse.Namespace, now_ms: int) -> tuple[int, int]:
     if from_ms >= to_ms:
         raise SettingsError(f"--from {asked.from_} is not before --to {asked.to}")
     if from_ms >= now_ms:
-        raise SettingsError(f"--from {asked.from_}: that is still to come")
+        raise SettingsError(f"--from {asked.from_}: this is in the future")
     return from_ms, to_ms
 
 
@@ -144,6 +143,10 @@ def _read(text: str, where: str, *, is_end: bool) -> int:
         return read_moment(text, is_end=is_end)
     except TimeError as e:
         raise SettingsError(f"{where} {text!r}: {e}") from None
+
+
+def _write_sum(segments: int, size: int) -> str:
+    return f"{write_count(segments, 'segment')}, {write_count(size, 'byte')}"
 
 
 def _describe(deletion: Deletion, is_all: bool) -> str:
@@ -156,9 +159,8 @@ def _confirm(is_sure: bool, what: str) -> None:
     if is_sure:
         return
     if not sys.stdin.isatty():
-        raise SettingsError("nobody can be asked here: give --yes to delete without a question")
-    sys.stderr.write(f"{what}\nDelete it? It can't be brought back. [y/N] ")
+        raise SettingsError("there is no terminal to ask for confirmation: give --yes")
+    sys.stderr.write(f"{what}\nDelete it? This can't be undone. [y/N] ")
     sys.stderr.flush()
     if sys.stdin.readline().strip().lower() not in ("y", "yes"):
-        print("posecast-relay: nothing was deleted", file=sys.stderr)
-        raise SystemExit(1)
+        raise CommandFailed("nothing was deleted")

@@ -1,4 +1,4 @@
-"""`posecast-relay past export`: a stretch of the past as files, for any static host or for other programs."""
+"""`posecast-relay past export`: writes a span of the past as files, for a static host or other programs."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ import sys
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple, NoReturn
+from typing import NamedTuple
 
-from posecast_wire import check_name
 from posecast_wire.checked import is_unicode, make_visible
 from posecast_wire.recording import PastRecording, RecordingError
 from posecast_wire.recording.contents import TITLE_CHARACTERS_MAX
@@ -21,12 +20,14 @@ from posecast_wire.recording.reader import CONTROLS
 from posecast_relay.archive.names import PAGE_MS
 from posecast_relay.config.settings import SettingsError
 from posecast_relay.core.policy.policy import PUBLIC, Audience
+from posecast_relay.counted import write_count
 from posecast_relay.export.csv_file import TooManyColumnsError
 from posecast_relay.export.held_time import GAP_MS, HeldTime
 from posecast_relay.export.mcap_file import McapMissingError, TooManyTopicsError
 from posecast_relay.export.span import ExportedSpan
 from posecast_relay.export.table_file import write_table
-from posecast_relay.past_command.location import open_store
+from posecast_relay.past_command.failure import CommandFailed
+from posecast_relay.past_command.location import open_store, read_name
 from posecast_relay.past_command.moments import TimeError, read_moment, write_length, write_moment
 from posecast_relay.past_command.progress import CommandProgress
 from posecast_relay.recording.collector import Collection, Collector, Description, NothingThere
@@ -38,12 +39,12 @@ from posecast_relay.recording.source import PastUnreadable, RecordingSource
 from posecast_relay.recording.store_source import StoreSource
 from posecast_relay.recording.zip_file import pack_recording
 
-HELP = "write a stretch of the past as files: a folder to play it, .posecast, .csv or .mcap"
+HELP = "write a span of the past as files: a folder that plays in a browser, .posecast, .csv or .mcap"
 RELAY = "http://127.0.0.1:8080"
 PACKAGE = Path(__file__).resolve().parents[1]
 PAGES = (PACKAGE / "page", PACKAGE.parents[2] / "spa/dist")  # as it is packed in, and in a checkout
 FILES = (".posecast", ".csv", ".mcap")
-FOREIGN = frozenset(  # of files that somebody may want here, and would get as folders of that name
+FOREIGN = frozenset(  # formats that are not written here: without this, a folder would get that name
     [
         ".avi",
         ".bag",
@@ -72,44 +73,54 @@ URL = re.compile(r"https?://(?:(?![?#])[!-~])+")
 def add_arguments(parser: argparse.ArgumentParser, environ: Mapping[str, str]) -> None:
     """Add the arguments of the command."""
     add = parser.add_argument
-    add("--robot", metavar="ID", type=_read_name, required=True, help="of this robot")
-    add("--view", metavar="VIEW", type=_read_name, help="of this view; else the one that its viewers get")
+    add("--robot", metavar="ID", type=read_name, required=True, help="the robot")
+    add("--view", metavar="VIEW", type=read_name, help="the view; else the one that viewers get")
     for flag, is_end in (("--from", False), ("--to", True)):
         told = (
-            "2026-11-22T14:20 with or without a zone, or 14:20 of today; rounded outwards to whole segments"
+            f"{'end' if is_end else 'start'} of the span: 2026-11-22T14:20 with or without a zone, or 14:20 "
+            "for today; rounded outwards to whole segments"
         )
         read = partial(_read_moment, is_end=is_end)
         add(flag, dest=f"{flag[2:]}_ms", metavar="T", type=read, required=True, help=told)
-    told = "a file *.posecast, *.csv or *.mcap; else a folder that any static host serves"
+    told = "a file *.posecast, *.csv or *.mcap, or a folder for any static host"
     add("-o", "--out", dest="out", metavar="PATH", type=_read_out, required=True, help=told)
-    add("--replace", action="store_true", help="put it where an earlier export lies")
-    add("--relay", metavar="URL", help=f"a running relay [{RELAY}]")
-    add("--past", metavar="URL", default=None, help="or a store, as the relay's --past [POSECAST_PAST]")
-    told = "anyone, signed-in or link: the recording holds what they could see; else anyone"
+    add("--replace", action="store_true", help="replace an earlier export at that place")
+    add("--relay", metavar="URL", help=f"export from a running relay [{RELAY}]")
+    add(
+        "--past",
+        metavar="URL",
+        default=None,
+        help="or from a store, as the relay's --past [POSECAST_PAST]",
+    )
+    told = "anyone, signed-in or link: export what they could see [anyone]"
     add("--as", dest="audience", choices=[each.value for each in Audience], metavar="WHO", help=told)
-    add("--token-file", metavar="FILE", type=Path, help="of a relay: a token of who may see it")
+    add(
+        "--token-file",
+        metavar="FILE",
+        type=Path,
+        help="for a relay: the token of a viewer who may see it",
+    )
     for flag, told in (
-        ("--title", "of the recording"),
+        ("--title", "title of the recording"),
         ("--author", "who made it"),
         ("--licence", "what others may do with it"),
     ):
         add(flag, metavar="TEXT", type=_read_heading, help=told)
-    add("--notes", metavar="FILE", type=Path, help="a TOML file of notes at moments")
-    add("--page", metavar="DIR", type=Path, help="of a folder: the built page; else the one packed in")
+    add("--notes", metavar="FILE", type=Path, help="a TOML file with notes at moments")
+    add("--page", metavar="DIR", type=Path, help="for a folder: the built page [the one in this package]")
     add(
         "--url",
         metavar="URL",
         type=_read_url,
-        help="of a folder: where it will lie; chats need it for a picture",
+        help="for a folder: its later address, which chats need to show a picture",
     )
     parser.set_defaults(stored=environ.get("POSECAST_PAST"))
 
 
 def run(asked: argparse.Namespace) -> None:
-    """Export a stretch of the past. Raises SettingsError, ArchiveError, and SystemExit 1 when it could not be
-    done."""
+    """Export a span of the past. Raises SettingsError, ArchiveError, CommandFailed."""
     if asked.from_ms >= asked.to_ms:
-        raise SettingsError("--from: is not before --to")
+        raise SettingsError("--from is not before --to")
     _catch_sigterm()
     try:
         notes = [] if asked.notes is None else read_notes(asked.notes)
@@ -128,9 +139,9 @@ def run(asked: argparse.Namespace) -> None:
         TooManyColumnsError,
         TooManyTopicsError,
     ) as e:
-        _end(str(e))
+        raise CommandFailed(str(e)) from None
     except KeyboardInterrupt:
-        _end(f"{asked.out}: interrupted; nothing of it is left")
+        raise CommandFailed(f"{asked.out}: interrupted; nothing of it is left") from None
 
 
 def _catch_sigterm() -> None:
@@ -184,8 +195,8 @@ async def _collect(
     with CommandProgress() as progress:
         collector.report_to(
             lambda found: progress.show(
-                f"{found.done:,} of {found.total:,} segments, {found.size / 1e6:.1f} MB, "
-                f"waits for {make_visible(found.awaited)}"
+                f"{found.done:,} of {write_count(found.total, 'segment')}, {found.size / 1e6:.1f} MB, "
+                f"waiting for {make_visible(found.awaited)}"
             )
         )
         try:
@@ -222,29 +233,28 @@ def _write(asked: argparse.Namespace, span: ExportedSpan, place: Path, page: Pat
         table = write_table(file, "csv" if asked.out.suffix == ".csv" else "mcap", span)
     if not table.frames:
         raise NothingThere(f"{asked.out}: no frames in this span")
-    return _Written(f"{table.frames:,} frames", table.held, table.warnings)
+    return _Written(write_count(table.frames, "frame"), table.held, table.warnings)
 
 
 def _sum_segments(recording: PastRecording) -> _Written:
     held = HeldTime()
     for each in [each for each in recording.segments if each.frames] or recording.segments:
         held.add(each.from_ms, each.to_ms)
-    count = len(recording.segments)
-    return _Written(f"{count:,} segment{'' if count == 1 else 's'}", held)
+    return _Written(write_count(len(recording.segments), "segment"), held)
 
 
 def _open_source(asked: argparse.Namespace) -> HttpSource | StoreSource:
     """Where the past is. Raises SettingsError, PastUnreadable."""
     past = asked.past if asked.past is not None or asked.relay is not None else asked.stored
     if asked.relay is not None and past is not None:
-        raise SettingsError("--relay: not with --past: the one or the other")
+        raise SettingsError("give either --relay or --past")
     audience = None if asked.audience is None else Audience(asked.audience)
     if past in (None, "", "0", "memory:"):
         if asked.token_file is None and audience not in (None, Audience.ANYONE):
-            raise SettingsError(f"--as {audience}: a relay asks for a token of theirs: --token-file FILE")
+            raise SettingsError(f"--as {audience}: a relay needs a token of such a viewer: --token-file FILE")
         if asked.token_file is not None and audience in (None, Audience.ANYONE):
             raise SettingsError(
-                "--token-file: the recording will hold what this token may see, for whoever gets it: "
+                "--token-file: whoever gets the recording will see what this token may see: "
                 "say --as signed-in or --as link"
             )
         token = None if asked.token_file is None else _read_token(asked.token_file)
@@ -268,7 +278,7 @@ def _find_page(asked: argparse.Namespace) -> Path | None:
     places = PAGES if asked.page is None else (asked.page,)
     found = next((page for page in places if (page / "index.html").is_file()), places[0])
     if asked.page is None and not (found / "index.html").is_file():
-        raise SettingsError("--page: no built page is packed in here: name the folder of one")
+        raise SettingsError("--page: this package has no built page: name the folder of one")
     check_page(found)
     return found
 
@@ -298,11 +308,6 @@ def _measure(place: Path) -> int:
     return sum(path.stat().st_size for path in place.rglob("*") if path.is_file())
 
 
-def _end(why: str) -> NoReturn:
-    print(f"posecast-relay: {why}", file=sys.stderr)
-    raise SystemExit(1) from None
-
-
 def _read_token(file: Path) -> str:
     try:
         with file.open("rb") as opened:
@@ -311,15 +316,8 @@ def _read_token(file: Path) -> str:
         raise SettingsError(f"--token-file {file}: {(e.strerror or str(e)).lower()}") from None
     token = raw.decode("latin-1").strip()
     if len(raw) > TOKEN_BYTES_MAX or not TOKEN.fullmatch(token):
-        raise SettingsError(f"--token-file {file}: holds no token: one line, without blanks")
+        raise SettingsError(f"--token-file {file}: holds no token, which is one line without spaces")
     return token
-
-
-def _read_name(text: str) -> str:
-    try:
-        return check_name("name", text)
-    except ValueError as e:
-        raise argparse.ArgumentTypeError(str(e)) from None
 
 
 def _read_moment(text: str, is_end: bool) -> int:

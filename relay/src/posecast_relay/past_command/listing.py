@@ -10,12 +10,13 @@ from dataclasses import dataclass
 
 from posecast_relay.archive.names import DAY_MS, read_segment_key, write_day
 from posecast_relay.archive.object_store import ObjectStore
+from posecast_relay.counted import write_count
 from posecast_relay.past_command.location import add_location, add_robot, open_store
 from posecast_relay.past_command.moments import write_moment_utc
 from posecast_relay.past_command.progress import CommandProgress
-from posecast_relay.past_command.relay_socket import RelayAway, ask_relay, find_relay_store
+from posecast_relay.past_command.relay_socket import OTHER_VERSION, RelayAway, ask_relay, find_relay_store
 
-HELP = "what is kept of the past: from, to, bytes and segments of each robot and view (UTC)"
+HELP = "list what is kept of the past: from, to, bytes and segments of each robot and view (UTC)"
 
 
 @dataclass
@@ -41,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser, environ: Mapping[str, str]) -
     """Add the arguments of the command."""
     add_location(parser, environ)
     add_robot(parser, required=False)
-    parser.add_argument("--days", action="store_true", help="a line for each day (UTC)")
+    parser.add_argument("--days", action="store_true", help="print a line for each day (UTC)")
 
 
 def run(asked: argparse.Namespace) -> None:
@@ -53,7 +54,7 @@ def run(asked: argparse.Namespace) -> None:
         kept_at = find_relay_store(asked.past_socket)
         if kept_at is not None:
             print(
-                "posecast-relay: this is only what the relay has in memory; for what is in its store give "
+                "posecast-relay: this is only what the relay has in memory; to list its store, give "
                 f"--past {kept_at}",
                 file=sys.stderr,
             )
@@ -84,7 +85,7 @@ async def sum_store(store: ObjectStore, robot: str | None) -> dict[Key, KeptSum]
     with CommandProgress() as progress:
         async for part in store.list_objects(robot or ""):
             looked += len(part)
-            progress.show(f"{looked:,} objects looked at")
+            progress.show(f"looked at {write_count(looked, 'object')}")
             for each in part:
                 found = read_segment_key(each.key)
                 if found is not None:
@@ -101,7 +102,7 @@ def _read_rows(rows: object) -> dict[Key, KeptSum]:
             for robot, view, day, from_ms, to_ms, size, segments in rows  # type: ignore[attr-defined]
         }
     except (TypeError, ValueError):
-        raise RelayAway("the relay's answer is of another version") from None
+        raise RelayAway(OTHER_VERSION) from None
 
 
 def _sum_views(days: Mapping[Key, KeptSum]) -> dict[Key, KeptSum]:

@@ -1,4 +1,4 @@
-"""Where the past is that a command is about: in an object store, or in a running relay's memory."""
+"""Where a command finds the past: in an object store, or in a running relay's memory."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ def add_location(parser: argparse.ArgumentParser, environ: Mapping[str, str]) ->
         "--past",
         metavar="URL",
         default=environ.get("POSECAST_PAST") or "memory:",
-        help="the store, as the relay's --past; memory: what a relay on this machine keeps [POSECAST_PAST]",
+        help="URL of the store, as the relay's --past; memory: asks a relay on this machine [POSECAST_PAST]",
     )
     parser.add_argument(
         "--past-socket",
         metavar="PATH",
         type=Path,
         default=environ.get("POSECAST_PAST_SOCKET"),
-        help="with memory: the relay's; else the one in $XDG_RUNTIME_DIR [POSECAST_PAST_SOCKET]",
+        help="socket of that relay; else the only one in $XDG_RUNTIME_DIR [POSECAST_PAST_SOCKET]",
     )
 
 
 def add_robot(parser: argparse.ArgumentParser, *, required: bool) -> None:
     """Add the arguments that name a robot and a view."""
-    parser.add_argument("--robot", metavar="ID", type=_read_name, required=required, help="of this robot")
-    parser.add_argument("--view", metavar="VIEW", type=_read_name, help="of this view; else of each")
+    parser.add_argument("--robot", metavar="ID", type=read_name, required=required, help="only this robot")
+    parser.add_argument("--view", metavar="VIEW", type=read_name, help="only this view")
 
 
 def open_store(asked: argparse.Namespace) -> ObjectStore | None:
@@ -41,7 +41,7 @@ def open_store(asked: argparse.Namespace) -> ObjectStore | None:
     if asked.past == "memory:":
         return None
     if asked.past == "0":
-        raise SettingsError("--past 0: then nothing is kept; name a store, or memory:")
+        raise SettingsError("--past 0: keeps nothing; name a store, or memory:")
     try:
         url = check_store_url(asked.past)
         return open_object_store(url, makes_folder=False)
@@ -49,7 +49,8 @@ def open_store(asked: argparse.Namespace) -> ObjectStore | None:
         raise SettingsError(f"--past {asked.past!r}: {e}") from None
 
 
-def _read_name(text: str) -> str:
+def read_name(text: str) -> str:
+    """Read the name of a robot or a view, for argparse."""
     try:
         return check_name("name", text)
     except ValueError as e:

@@ -1,6 +1,6 @@
-"""`posecast-relay past`: lists what is kept of the past, exports and deletes of it.
+"""`posecast-relay past`: lists, exports and deletes what is kept of the past.
 
-Exit status 0: done; 1: the store or the relay did not do it, or you said no; 2: it can't be asked for so.
+Exit status 0: done; 1: it failed, or you answered no; 2: wrong arguments.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import NamedTuple, NoReturn
 from posecast_relay.archive.object_store import ArchiveError
 from posecast_relay.config.settings import SettingsError
 from posecast_relay.past_command import deletion, export, listing
+from posecast_relay.past_command.failure import CommandFailed
 from posecast_relay.past_command.relay_socket import RelayAway
 
 
@@ -57,6 +58,6 @@ def run_past(argv: Sequence[str], environ: Mapping[str, str]) -> None:
     except ArchiveError as e:
         print(f"posecast-relay: the store of the past: {e}", file=sys.stderr)
         raise SystemExit(1) from None
-    except RelayAway as e:
+    except (RelayAway, CommandFailed) as e:
         print(f"posecast-relay: {e}", file=sys.stderr)
         raise SystemExit(1) from None

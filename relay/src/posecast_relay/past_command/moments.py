@@ -1,4 +1,4 @@
-"""Reads moments as somebody at this machine would say them, and writes them so that they can be read."""
+"""Reads and writes moments as people at this machine do: in its time zone, unless they name another."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MS_MAX = 253_370_764_800_000  # the year 9999
 
 
 class TimeError(ValueError):
-    """No time. The message is one line that says how to write one."""
+    """A text is not a time. The message is one line that says how to write one."""
 
 
 def read_moment(text: str, *, is_end: bool = False) -> int:

@@ -1,4 +1,4 @@
-"""Says how far something has come, on a terminal and where it takes more than a second."""
+"""Shows how far a command has come: on a terminal, when it takes more than a second."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ EVERY_S = 0.2
 
 
 class CommandProgress:
-    """A line on stderr that is written anew, and gone at the end of the context. None where nobody looks."""
+    """A line on stderr that is overwritten, and erased when the context ends; only on a terminal."""
 
     def __init__(self) -> None:
         self._shows = sys.stderr.isatty()
@@ -19,7 +19,7 @@ class CommandProgress:
         self._shown = False
 
     def show(self, text: str) -> None:
-        """Show how far it has come, if it is time to."""
+        """Show how far it has come, unless the last line is newer than EVERY_S."""
         now_s = time.monotonic()
         if self._shows and now_s >= self._next_s:
             self._next_s, self._shown = now_s + EVERY_S, True

@@ -14,6 +14,7 @@ from posecast_relay.store_url import is_store_url
 
 PATIENCE_S = 10.0
 ANSWER_BYTES_MAX = 64 << 20
+OTHER_VERSION = "the relay's answer is of another version"
 
 
 class RelayAway(RuntimeError):
@@ -32,13 +33,13 @@ def ask_relay(given: Path | None, question: dict[str, object]) -> dict[str, Any]
             while part := opened.recv(1 << 16):
                 answer += part
                 if len(answer) > ANSWER_BYTES_MAX:
-                    raise RelayAway(f"{path}: it answers too much")
+                    raise RelayAway(f"{path}: its answer is too long")
     except OSError as e:
         raise RelayAway(f"no relay answers at {path}: {(e.strerror or str(e)).lower()}") from None
     try:
         found = loads(bytes(answer))
     except ValueError:
-        raise RelayAway(f"{path}: no relay of ours answers there") from None
+        raise RelayAway(f"{path}: what answers there is no Posecast relay") from None
     if not isinstance(found, dict) or "error" in found:
         why = found.get("error") if isinstance(found, dict) else "no answer"
         raise RelayAway(f"{path}: {why}")
@@ -52,7 +53,7 @@ def find_relay_store(given: Path | None) -> str | None:
     """
     store = ask_relay(given, {"do": "where"}).get("store")
     if store is not None and not (isinstance(store, str) and is_store_url(store)):
-        raise RelayAway("the relay's answer is of another version")
+        raise RelayAway(OTHER_VERSION)
     return store
 
 
@@ -62,5 +63,5 @@ def _find_only() -> Path:
     if len(found) == 1:
         return found[0]
     if found:
-        raise RelayAway(f"several relays are here, name one: --past-socket {' or '.join(map(str, found))}")
+        raise RelayAway(f"several relays run here, name one: --past-socket {' or '.join(map(str, found))}")
     raise RelayAway("which past? Name the store (--past URL) or a relay's socket (--past-socket PATH)")

@@ -42,24 +42,24 @@ from posecast_relay.archive.names import PAGE_MS
 from posecast_relay.models.manifest import ManifestError, read_manifest
 from posecast_relay.recording.source import ListedSegment, PastDamaged, RecordingSource
 
-AHEAD = 16  # segments that are asked for before it is their turn
-SEGMENT_MS_MAX = 600_000  # so long before a span a segment may begin that reaches into it
+AHEAD = 16  # segments that are asked for ahead of their turn
+SEGMENT_MS_MAX = 600_000  # a segment that reaches into a span begins at most so long before it
 KEY_PAGE_BYTES_MAX = 100_000
-# what a model is made of; whatever else a robot names would be served beside the page, as HTML for instance
+# the files of a model; anything else that a robot names, as HTML, would be served beside the page
 MODEL_SUFFIXES = frozenset(
     (
         *(".glb", ".gltf", ".bin", ".stl", ".obj", ".mtl", ".dae", ".ply", ".urdf", ".json"),
         *(".png", ".jpg", ".jpeg", ".webp", ".bmp", ".gif", ".tga", ".tif", ".tiff", ".dds", ".ktx2"),
     )
 )
-ACTIVE = re.compile(  # before another suffix: a host that does not know the last one goes by this
+ACTIVE = re.compile(  # a suffix before the last: a host that does not know the last one goes by it
     r"\.(?:[sxp]?html?|php\d?|phar|cgi|pl|py|aspx?|jspx?|svgz?|xml|xslt?|m?js|css)\.", re.IGNORECASE
 )
 LOST_SHOWN = 5  # lines about what is not in it
 
 
 class NothingThere(Exception):
-    """There is nothing in the span. The message is one line that says what there is."""
+    """The span is empty. The message is one line that says what there is."""
 
 
 class Description(NamedTuple):
@@ -135,7 +135,7 @@ class Collector:
             self._report(found)
         self._write_key_page()
         if not found.segments:
-            raise NothingThere(f"not one of {found.total} segments could be read; {found.lost[0]}")
+            raise NothingThere(f"no segment of {found.total:,} could be read; the first: {found.lost[0]}")
         for model in list(found.models):
             before = found.size
             try:
@@ -198,7 +198,7 @@ class Collector:
             await asyncio.gather(*(task for _, task in waiting), return_exceptions=True)
 
     async def _take(self, listed: ListedSegment, data: bytes) -> None:
-        """Write a segment, unless it is none, or another one."""
+        """Write a segment, unless it can't be read or is not the one that was listed."""
         found, path = self.found, segment_path(listed.take, listed.index)
         try:
             segment = decode_segment(data)
@@ -214,7 +214,7 @@ class Collector:
         if start.schema is not None and start.schema not in found.schemas:
             text = await self._source.load_schema(start.schema)
             if text is None:
-                found.lose(path, "the schema that it names is not there")
+                found.lose(path, "its schema is missing")
                 return
             found.schemas[start.schema] = text
         found.models.update(dict.fromkeys(_list_models(segment)))
@@ -243,7 +243,7 @@ class Collector:
         self._write(key_page_path(self._page_ms), data)
 
     async def _take_model(self, model: str) -> None:
-        """Write a model's files, as far as they are there."""
+        """Write those files of a model that there are."""
         found = self.found
         self._wait_for(model_path(model, "manifest.json"))
         manifest = await self._source.load_manifest(model)
@@ -259,13 +259,13 @@ class Collector:
         strange = [path for path in entries if not _is_of_a_model(path)]
         if strange:
             more = f" and {len(strange) - 1} more" if len(strange) > 1 else ""
-            found.lose(model_path(model, strange[0]), f"no file that a model is made of{more}")
+            found.lose(model_path(model, strange[0]), f"not a file of a model{more}")
         entries = {path: entry for path, entry in entries.items() if _is_of_a_model(path)}
         for path, entry in entries.items():
             if path == "manifest.json" or any(
                 part.as_posix() in entries for part in PurePosixPath(path).parents
             ):
-                found.lose(model_path(model, path), "another file stands in its way")
+                found.lose(model_path(model, path), "its path collides with another file's")
                 continue
             self._wait_for(model_path(model, path))
             data = await self._source.load_model_file(model, path, entry.sha256, entry.size)

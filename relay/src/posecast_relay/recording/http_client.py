@@ -1,4 +1,4 @@
-"""Asks a relay by HTTP: answers that are bounded in bytes and in time; what may pass is asked again."""
+"""Asks a relay by HTTP. Answers are bounded in bytes and time; what fails for a while is asked again."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from posecast_relay.recording.source import PastDamaged, PastUnreadable
 
 AT_ONCE = 8  # requests
 TIMEOUT_S = 20.0  # of a wait; a relay holds a request for 8 s at most
-# an answer that comes in drops is given up, though none of its waits is long: it has so long, and for its
-SLOW_S, SLOW_BYTES_S = 60.0, 10_000  # bytes at this pace
-AGAIN_S = 60.0  # for so long what may pass (503, a lost connection) is asked again
-WAIT_S, WAIT_S_MAX = 0.25, 10.0  # before that
+# an answer that only trickles in is given up after SLOW_S, and the time that its bytes take at SLOW_BYTES_S
+SLOW_S, SLOW_BYTES_S = 60.0, 10_000
+AGAIN_S = 60.0  # for so long a request is repeated after a 503 or a lost connection
+WAIT_S, WAIT_S_MAX = 0.25, 10.0  # before it is repeated: at first, and at most
 ERROR_BYTES_MAX = 4096
 BUSY = (429, 502, 503, 504)
 ADDRESS = re.compile(r"https?://[^\s/?#@]+(/[^\s?#]*)?", re.ASCII | re.IGNORECASE)
@@ -36,11 +36,11 @@ class RelayAnswer(NamedTuple):
 
 
 class RelayClient:
-    """Asks the relay at `address`, with a token if there is one. Redirects are not followed: a token goes
-    nowhere else."""
+    """Asks the relay at `address`, with a token if there is one. Redirects are not followed: the
+    token goes nowhere else."""
 
     def __init__(self, address: str, token: str | None) -> None:
-        """Raises PastUnreadable when `address` is none."""
+        """Raises PastUnreadable when `address` is not the address of a relay."""
         self.address = address.rstrip("/")
         try:
             if not ADDRESS.fullmatch(address) or not 0 < (httpx.URL(self.address).port or 1) < 1 << 16:
@@ -50,7 +50,7 @@ class RelayClient:
         except (ValueError, httpx.InvalidURL):
             shown = make_visible(address)
             raise PastUnreadable(
-                f"{shown}: no address of a relay: use http://HOST:PORT or https://HOST"
+                f"{shown}: not the address of a relay: use http://HOST:PORT or https://HOST"
             ) from None
         headers = {"accept": "*/*", "accept-encoding": "identity", "user-agent": "posecast-relay past export"}
         if token is not None:
@@ -69,7 +69,7 @@ class RelayClient:
         await self._http.aclose()
 
     async def ask(self, path: str, bytes_max: int) -> RelayAnswer:
-        """Return the answer to a GET, once nothing stands in the way that may pass. Raises PastUnreadable."""
+        """Return the answer to a GET; repeat it while the relay is busy or away. Raises PastUnreadable."""
         loop = asyncio.get_running_loop()
         end_s = loop.time() + AGAIN_S
         wait_s = WAIT_S
@@ -96,11 +96,11 @@ class RelayClient:
                 why = read_reason(answer)
                 pause_s = _read_seconds(answer.retry_after, wait_s)
             if loop.time() + pause_s > end_s:
-                raise self.refuse(path, f"for {AGAIN_S:g} s: {why}")
+                raise self.refuse(path, f"gave up after {AGAIN_S:g} s: {why}")
             await asyncio.sleep(pause_s)
             wait_s = min(2 * wait_s, WAIT_S_MAX)
         if len(answer.body) > bytes_max:
-            raise PastDamaged(str(self.refuse(path, f"answers more than {bytes_max} bytes")))
+            raise PastDamaged(str(self.refuse(path, f"the answer is over {bytes_max} bytes")))
         return answer
 
     def refuse(self, path: str, why: str) -> PastUnreadable:
@@ -135,7 +135,7 @@ def read_reason(answer: RelayAnswer) -> str:
 
 
 def find_cause(error: BaseException) -> BaseException:
-    """Return what the system said, where an error of the library is of that."""
+    """Return the operating system's error behind an error of the library; else the innermost one."""
     while not isinstance(error, OSError) or not error.strerror:
         several = error.exceptions if isinstance(error, BaseExceptionGroup) else ()
         inner = several[0] if several else error.__cause__ or error.__context__
@@ -148,13 +148,13 @@ def find_cause(error: BaseException) -> BaseException:
 def describe_error(error: Exception, cause: BaseException) -> str:
     """Return why there was no answer, in a few words."""
     if isinstance(error, TimeoutError):
-        return f"cut short: after {SLOW_S:g} s it was slower than {SLOW_BYTES_S // 1000} kB/s"
+        return f"too slow: under {SLOW_BYTES_S // 1000} kB/s after {SLOW_S:g} s"
     if isinstance(error, httpx.TimeoutException):
         return f"no answer within {TIMEOUT_S:g} s"
     if isinstance(cause, OSError):
         is_system = cause.errno and not isinstance(cause, socket.gaierror | ssl.SSLError)
         return (os.strerror(cause.errno or 0) if is_system else cause.strerror or str(cause)).lower()
-    return "cut short" if isinstance(error, httpx.RemoteProtocolError) else "no answer of HTTP"
+    return "cut short" if isinstance(error, httpx.RemoteProtocolError) else "the answer is not HTTP"
 
 
 def _read_seconds(text: str, otherwise_s: float) -> float:

@@ -55,7 +55,7 @@ class HttpSource:
         doc = await self._ask_json(path)
         view, from_ms, to_ms = (doc.get(name) for name in ("view", "from_ms", "to_ms"))
         if not isinstance(view, str) or not ROBOT_ID.fullmatch(view):
-            raise self._client.refuse(path, "no answer of a relay (view)")
+            raise self._client.refuse(path, "not the answer of a relay (view)")
         self._view = view
         if doc.get("past_ms") == 0:
             raise self._client.refuse(path, "no past is kept there, or none that you may see")
@@ -65,7 +65,7 @@ class HttpSource:
             self._days = frozenset(read_day(str(day)) for day in _read_list(doc.get("days")))
             return SourceSpan(_read_count(from_ms), _read_count(to_ms))
         except ValueError:
-            raise self._client.refuse(path, "no answer of a relay (from_ms, to_ms, days)") from None
+            raise self._client.refuse(path, "not the answer of a relay (from_ms, to_ms, days)") from None
 
     async def list_segments(self, from_ms: int, to_ms: int) -> list[ListedSegment]:
         """Read the index of each ten minutes of a span, on days of which there is something. Raises
@@ -87,7 +87,7 @@ class HttpSource:
             return None
         if answer.type != OCTETS:
             kind = make_visible(answer.type) if answer.type else "none"
-            raise PastDamaged(f"no segment: its Content-Type is {kind}, not {OCTETS}")
+            raise PastDamaged(f"not a segment: its Content-Type is {kind}, not {OCTETS}")
         return answer.body
 
     async def load_schema(self, sha256: str) -> str | None:
@@ -116,12 +116,12 @@ class HttpSource:
             try:
                 part = [_read_entry(entry) for entry in _read_list(doc.get("segments"))]
             except ValueError:
-                raise self._client.refuse(path, "no answer of a relay (segments)") from None
+                raise self._client.refuse(path, "not the answer of a relay (segments)") from None
             listed += part
             if doc.get("more") is not True or not part:
                 return listed
             path = f"{page}?after={part[-1].take:016x},{part[-1].index}"
-        raise self._client.refuse(path, "an index without an end")
+        raise self._client.refuse(path, "the index does not end")
 
     async def _ask(self, path: str, bytes_max: int, sha256: str | None) -> RelayAnswer | None:
         """The answer, whose bytes have this SHA-256; None where there is nothing (any more) for us."""
@@ -134,7 +134,7 @@ class HttpSource:
             is_json = answer.type != OCTETS and NEXT in answer.body[:NEXT_WITHIN]
             if is_json or sha256 in (None, hashlib.sha256(answer.body).hexdigest()):
                 return answer
-        why = "damaged twice on its way: its SHA-256 is another"
+        why = "damaged twice in transit: its SHA-256 does not match"
         raise PastDamaged(str(self._client.refuse(path, why)))
 
     async def _ask_json(self, path: str) -> dict[str, object]:
@@ -146,7 +146,7 @@ class HttpSource:
         except ValueError:
             doc = None
         if not isinstance(doc, dict):
-            raise self._client.refuse(path, "no answer of a relay")
+            raise self._client.refuse(path, "not the answer of a relay")
         return doc
 
 

@@ -49,7 +49,7 @@ def read_notes(file: Path) -> list[Note]:
         raise NotesError(f"{file}: {make_visible(str(e))}") from None
     for name in doc:
         if name != "note":
-            raise NotesError(f"{file}: {make_visible(name)}: there is nothing but [[note]]")
+            raise NotesError(f"{file}: {make_visible(name)}: only [[note]] may stand here")
     entries = doc.get("note", [])
     if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
         raise NotesError(f"{file}: note: begin each with [[note]]")
@@ -84,7 +84,7 @@ def place_notes(notes: Sequence[Note], from_ms: int, to_ms: int) -> list[Recordi
 def _read_note(entry: Mapping[str, object], where: str) -> Note:
     for name in entry:
         if name not in ("at", "text"):
-            raise NotesError(f"{where}: {make_visible(name)}: a note has at and text, nothing else")
+            raise NotesError(f"{where}: {make_visible(name)}: a note has only at and text")
     return Note(where, _read_at(entry.get("at"), where), _read_text(entry.get("text"), where))
 
 

@@ -1,4 +1,4 @@
-"""Where an export comes to lie: made beside its place under another name, put there whole or not at all."""
+"""Where an export is written: beside its place under another name, then moved there whole, or not at all."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from posecast_wire.checked import make_visible
 from posecast_wire.recording import RECORDING_FILE, decode_recording
 from posecast_wire.recording.contents import RECORDING_BYTES_MAX
 
-MADE, OLD, COLLECTED = "made", "old", "collected"  # all that an export ever has in its hidden folder
+MADE, OLD, COLLECTED = "made", "old", "collected"  # the entries that a hidden folder of ours can have
 FOLDERS = frozenset(("segments", "keys", "models"))
 PAGE_FOLDERS = frozenset(("assets", "embed"))
 PAGE_FILES = frozenset(
@@ -34,15 +34,15 @@ MCAP_MAGIC = b"\x89MCAP0\r\n"
 MCAP_NAMES = b"\x04\0\0\0ros2\x08\0\0\0posecast"  # profile and library, after a record's opcode and length
 HEAD_BYTES = 64
 NAME_SHOWN = 80  # characters of a name in a line
-NO_EXPORT = "is no earlier export, and stays as it is"
+NO_EXPORT = "is not an earlier export, and is left as it is"
 
 
 class OutputError(Exception):
-    """An export can't come to lie where it should. The message is one line that names the place."""
+    """An export can't be written to its place. The message is one line that names the place."""
 
 
 def check_place(target: Path, replace: bool) -> None:
-    """Look whether an export may come to lie at `target`. `replace`: where an earlier one lies.
+    """Check that an export may be written to `target`. `replace`: also over an earlier one.
 
     Raises OutputError.
     """
@@ -50,7 +50,7 @@ def check_place(target: Path, replace: bool) -> None:
     if not os.path.lexists(target) or _is_empty_folder(target):
         return
     if not replace:
-        raise OutputError(f"{target}: is there already; --replace puts a new one there")
+        raise OutputError(f"{target}: already exists; give --replace to replace it")
     why = _find_foreign(target)
     if why is not None:
         raise OutputError(f"{target}: {why}")
@@ -58,10 +58,10 @@ def check_place(target: Path, replace: bool) -> None:
 
 @contextlib.contextmanager
 def open_place(target: Path, replace: bool) -> Iterator[Path]:
-    """Yield a path beside `target` at which to make a folder or a file; when the block ends without an
-    exception it is moved to `target`, where an earlier export gives way if `replace`.
+    """Yield a path beside `target` at which to make a folder or a file. When the block ends without an
+    exception it is moved to `target`, in place of an earlier export if `replace`; otherwise it is removed.
 
-    Otherwise nothing is left. What a process that was killed has left there is removed by the next one.
+    What a killed process has left there is removed by the next one.
     Raises OutputError, also for an OSError in the block.
     """
     _check_parent(target)
@@ -97,14 +97,14 @@ def _check_parent(target: Path) -> None:
 def _locked(beside: Path, target: Path) -> Iterator[None]:
     """Hold the folder for ourselves, empty but for what a killed process was about to replace."""
     if beside.is_symlink() or (os.path.lexists(beside) and not beside.is_dir()):
-        raise OutputError(f"{target}: {_name(beside)} beside it is no folder of an export: move it away")
+        raise OutputError(f"{target}: {_name(beside)} beside it is not the folder of an export: move it away")
     beside.mkdir(exist_ok=True)
     folder = os.open(beside, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
     try:
         try:
             fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise OutputError(f"{target}: another process is just writing it") from None
+            raise OutputError(f"{target}: another process is writing it") from None
         found = sorted(beside.iterdir())
         for left in found:
             if left.name not in (MADE, OLD, COLLECTED):
@@ -159,7 +159,7 @@ def _remove(path: Path) -> None:
 
 
 def _find_foreign(path: Path) -> str | None:
-    """Why something is not what this command writes, and nothing else; None when it is."""
+    """Why `path` is not, or not only, what this command writes; None when it is."""
     try:
         if path.is_symlink():
             return NO_EXPORT

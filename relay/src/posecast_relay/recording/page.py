@@ -1,4 +1,4 @@
-"""Puts the built page into a recording's folder, told what it is to play and what a chat shows of it."""
+"""Copies the built page into a recording's folder, and marks it with what to play and what chats show."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ def check_page(page: Path) -> None:
         except (OSError, ValueError):
             is_page = False
         if not is_page:
-            raise OutputError(f"--page {page}: no built page: {name} is not one of Posecast's")
+            raise OutputError(f"--page {page}: not a built page: {name} is not Posecast's")
 
 
 def unpacks_segments(page: Path) -> bool:
-    """Whether this build of the page reads segments that are gzip, which one of before did not."""
+    """Whether this build of the page reads segments packed as gzip; older builds do not."""
     return any(UNPACKS.search(file.read_bytes()) for file in sorted((page / "assets").glob("*.js")))
 
 

@@ -1,4 +1,4 @@
-"""The port to whatever keeps a past that is to be exported: a running relay, or an object store."""
+"""The port through which an export reads the past: from a running relay, or an object store."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ class PastUnreadable(Exception):
 
 
 class PastDamaged(PastUnreadable):
-    """One answer is of no use: others may be. The message is as of any."""
+    """One part of the past is damaged; others may be fine."""
 
 
 class SourceSpan(NamedTuple):

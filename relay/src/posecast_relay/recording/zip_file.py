@@ -1,4 +1,4 @@
-"""Packs a recording's folder into one file `.posecast`: the same bytes of the same recording, every time."""
+"""Packs a recording's folder into one `.posecast` file. The same recording always gives the same bytes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 from posecast_wire.recording import RECORDING_FILE, PastRecording, segment_path
 
-WORTH_IT = 0.95  # of its bytes an entry may have at most when deflated, else it is stored
+WORTH_IT = 0.95  # an entry is deflated if that leaves less than this share of its bytes, else stored
 DEFLATE_UP_TO_BYTES = 64 << 20
 UNIX, PLAIN_FILE = 3, 0o100644 << 16
 

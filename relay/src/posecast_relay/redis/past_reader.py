@@ -25,6 +25,7 @@ from posecast_relay.past_source_recent import RecentOnly
 from posecast_relay.redis.client import REDIS_ERRORS, RedisClient, cancel_tasks, name_error
 from posecast_relay.redis.past_replica import PastReplica
 from posecast_relay.redis.past_scripts import LOOK, schema_key, segment_key, stream_key
+from posecast_relay.shared_tasks import SharedTasks
 
 T = TypeVar("T")
 log = logging.getLogger("posecast_relay")
@@ -64,7 +65,7 @@ class RedisPast(RecentOnly):
         self._data_bytes = 0
         self._schemas: OrderedDict[tuple[str, bytes], str] = OrderedDict()  # by robot
         self._told: set[str] = set()  # robots of which something was passed over
-        self._asked: dict[Hashable, asyncio.Task[Any]] = {}
+        self._asked = SharedTasks("the past")
         self._turns = asyncio.Semaphore(AT_ONCE)
         self._list_waiting: ListWaiting = tuple
         self._wake: Wake = lambda _robot, _view: None
@@ -185,7 +186,7 @@ class RedisPast(RecentOnly):
 
     async def stop(self) -> None:
         """Close all connections."""
-        await cancel_tasks(self._task, *self._asked.values())
+        await cancel_tasks(self._task, *self._asked.list_running())
         await self.link.close()
 
     # ---- the connection --------------------------------------------------------------
@@ -239,17 +240,7 @@ class RedisPast(RecentOnly):
 
     async def _share(self, key: Hashable, ask: Callable[[], Awaitable[T]]) -> T:
         """Wait for what somebody asks for already, or ask. Raises PastAway."""
-        task = self._asked.get(key)
-        if task is None:
-            task = self._asked[key] = asyncio.create_task(self._ask(ask), name="the past")
-            task.add_done_callback(partial(self._forget, key))
-        found: T = await asyncio.shield(task)
-        return found
-
-    def _forget(self, key: Hashable, task: asyncio.Task[Any]) -> None:
-        del self._asked[key]
-        if not task.cancelled():
-            task.exception()  # whoever asked may have gone
+        return await self._asked.run(key, partial(self._ask, ask))
 
     async def _ask(self, ask: Callable[[], Awaitable[T]]) -> T:
         """What Redis does to one exchange it does to all; what our own code does ends this one."""

@@ -20,6 +20,7 @@ from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.past.deletions import Deletion, Deletions
 from posecast_relay.core.past.kept_segment import OBJECT_BYTES, KeptSegment
 from posecast_relay.core.past.segment_record import pack_record
+from posecast_relay.counted import write_count
 from posecast_relay.redis.client import Call, RedisClient, cancel_tasks
 from posecast_relay.redis.deletions.span import delete_span
 from posecast_relay.redis.past_scripts import (
@@ -185,7 +186,7 @@ class RedisPastWriter:
             self._failed = False
             self.link.forget_failures()
             lost = self.dropped - self._dropped_before
-            told = f"gateways lack {lost} segments" if lost else "none that waited was lost"
+            told = f"gateways lack {write_count(lost, 'segment')}" if lost else "none that waited was lost"
             log.warning("the past: redis is back; %s", told)
         self._dropped_before = self.dropped
 

@@ -17,6 +17,7 @@ from posecast_relay.archive.reader import ArchiveReader
 from posecast_relay.archive.writer import ArchiveWriter
 from posecast_relay.core.past.deletions import Deletion, Deletions
 from posecast_relay.core.past.memory_store import MemoryPast
+from posecast_relay.counted import write_count
 from posecast_relay.models.cache import ModelCache, ModelSource
 from posecast_relay.runtime.dispatcher import Dispatcher
 
@@ -95,8 +96,8 @@ class ArchiveUpkeep:
         gone = await sweep_unnamed(self._store, robot, self._list_in_use, self._compute_unix_ms())
         if gone.schemas or gone.models:
             self._forget_named(robot)
-            told = len(gone.schemas), len(gone.models)
-            log.info("the archive: %s: %d schemas and %d models that nothing names are gone", robot, *told)
+            schemas, models = write_count(len(gone.schemas), "schema"), write_count(len(gone.models), "model")
+            log.info("the archive: %s: deleted %s and %s that no segment names", robot, schemas, models)
 
     async def _sweep_expired(self) -> None:
         while True:

@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from posecast_relay.core.past.deletions import Deletion, Deletions
 from posecast_relay.core.past.kept_segment import KeptSegment
 from posecast_relay.core.past.memory_store import MemoryPast
+from posecast_relay.counted import write_count
 
 log = logging.getLogger("posecast_relay")
 
@@ -33,13 +34,14 @@ class ObedientMemory:
         gone = self._kept.delete(deletion)
         is_new = deletion.at_ms >= self._began_ms  # others were told by who was there
         level = logging.WARNING if gone or is_new else logging.INFO
-        log.log(level, "past delete: %s: %d segments left memory", describe_deletion(deletion), len(gone))
+        count = write_count(len(gone), "segment")
+        log.log(level, "past delete: %s: deleted %s from memory", describe_deletion(deletion), count)
 
 
 def describe_deletion(deletion: Deletion) -> str:
     """Describe in a few words what is deleted."""
     view = "all views" if deletion.view is None else f"view {deletion.view}"
-    return f"{deletion.robot}, {view}, {_write(deletion.from_ms)} to {_write(deletion.to_ms)}: deleted"
+    return f"{deletion.robot}, {view}, {_write(deletion.from_ms)} to {_write(deletion.to_ms)}"
 
 
 def _write(unix_ms: int) -> str:

@@ -1,5 +1,5 @@
-"""Follows the tombstones of a store: what was ordered there reaches this process within seconds, and who
-records carries it out, also what somebody else has left undone.
+"""Follows the tombstones of a store: this process learns of deletions within seconds. One that records also
+carries them out, and finishes what another process has left undone.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from posecast_relay.archive.deletion.tombstones import (
 from posecast_relay.archive.names import PageKey
 from posecast_relay.archive.object_store import ArchiveError, ObjectStore
 from posecast_relay.core.past.deletions import Deletion, Deletions
+from posecast_relay.counted import write_count
 
 log = logging.getLogger("posecast_relay")
 
@@ -103,7 +104,7 @@ class TombstoneFollower:
             deletion = None
         if deletion is not None and deletion.at_ms > self._compute_unix_ms() + CLOCKS_APART_MS:
             # else all that is recorded until then would be lost, for a clock that is set wrong
-            log.warning("tombstones: passed over: %s: ordered later than it is by this machine's clock", stem)
+            log.warning("tombstones: passed over: %s: it is dated later than now by the clock here", stem)
             deletion = None
         self._read[stem] = deletion
         if deletion is not None:
@@ -116,7 +117,8 @@ class TombstoneFollower:
                 settled = self._is_settled(stem)
                 erased = await erase(self._store, deletion, mend=self._mend)
                 if erased != Erased(0, 0):
-                    log.warning("past delete: %s: %d segments left the store", stem, erased.segments)
+                    count = write_count(erased.segments, "segment")
+                    log.warning("past delete: %s: deleted %s from the store", stem, count)
                 if self._sweep is not None:
                     await self._sweep(deletion.robot)
                 self._erased.add(stem)

@@ -19,6 +19,7 @@ from collections.abc import Callable, Collection
 from posecast_relay.archive.names import MODELS
 from posecast_relay.archive.object_store import ArchiveError, ObjectStore
 from posecast_relay.core.past.kept_segment import KeptSegment
+from posecast_relay.counted import write_count
 from posecast_relay.models.cache import Absent, ModelCache, Unavailable
 
 log = logging.getLogger("posecast_relay")
@@ -130,8 +131,8 @@ class ModelKeeper:
         others = await self._sum_others(robot, digest)
         if size + others > self._bytes_max:
             log.warning(
-                "the archive: a model of %s has %.1f MB, and %.1f MB of its models are kept: "
-                "more than %d MB in all; it is not kept",
+                "the archive: %s: a model of %.1f MB is not kept: with %.1f MB of its other models "
+                "it is over %d MB",
                 robot,
                 size / (1 << 20),
                 others / (1 << 20),
@@ -144,12 +145,14 @@ class ModelKeeper:
         manifest = await self._models.load_manifest(robot, digest)
         await self._put(make_model_key(robot, digest, MANIFEST), manifest.name, manifest.size)
         self.stored += 1
-        log.info("the archive: a model of %s is kept: %d files, %d bytes", robot, len(paths), size)
+        log.info(
+            "the archive: a model of %s is kept: %s, %d bytes", robot, write_count(len(paths), "file"), size
+        )
 
     async def _put(self, key: str, name: str, size: int) -> None:
         data = self._models.copy_piece(name, 0, size)
         if data is None:
-            raise Unavailable("this model had to give way to other robots'")
+            raise Unavailable("the relay needed its memory for other robots' models")
         await self._store.put(key, data)
 
     async def _sum_others(self, robot: str, digest: str) -> int:
