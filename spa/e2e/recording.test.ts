@@ -6,24 +6,15 @@ import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import type { Exported } from './exported.ts';
 import { Host } from './host.ts';
-import {
-  isRecorded,
-  LAPTOP,
-  NEAR_MS,
-  newPage,
-  recorded,
-  shown,
-  TOLD,
-  testId,
-  textOf,
-} from './recording_page.ts';
+import { isRecorded, LAPTOP, NEAR_MS, newPage, setLecture, TOLD, testId, textOf } from './recording_page.ts';
 import { chipText, liveness } from './robot_page.ts';
 import { REPO } from './stack.ts';
-import { setStage } from './stage.ts';
-import { WITNESS } from './truth.ts';
+import { FULL, setStage } from './stage.ts';
+import { shown, WITNESS } from './truth.ts';
 
 /** In the light view, whose pictures come often. */
 const stage = setStage({ webgl: false });
+const shared = setLecture(24);
 
 const NGINX = '/usr/sbin/nginx';
 const PREFIX = '/~somebody/lecture/';
@@ -52,11 +43,10 @@ const askedOf = (page: Page) =>
     .map((url) => new URL(url).pathname)
     .filter((name) => !/\/assets\/|\/$|index\.html$|favicon|icon-|webmanifest/.test(name));
 
-it.each([LAPTOP, PHONE])(
+it.each(FULL ? [LAPTOP, PHONE] : [PHONE])(
   'an export plays on a host of plain files, below a path, at $width px',
   async (viewport) => {
-    const { robot, lecture, relay } = await recorded(stage.stack, 20);
-    await relay.process.kill(); // nobody is needed any more
+    const lecture = shared.copy(stage.stack);
     const host = await Host.open(lecture.at, PREFIX);
     try {
       const page = await newPage(stage, viewport, WITNESS);
@@ -172,10 +162,10 @@ it.each([LAPTOP, PHONE])(
           "window.witnessed.some(([, word, body]) => word === 'RECORDED' && body !== null)",
         ),
       );
-      expect(await robot.lies(page)).toEqual([]);
+      expect(await shared.robot.lies(page)).toEqual([]);
       const seen = await page.evaluate<[number, string, ...(number | null)[]][]>('window.witnessed');
       const forged = seen.map(([atMs, word, ...rest]) => [atMs, word.replace('RECORDED', 'LIVE'), ...rest]);
-      const lies = await robot.lies({ evaluate: async () => forged } as never);
+      const lies = await shared.robot.lies({ evaluate: async () => forged } as never);
       expect(lies.join(), 'a recorded pose that is called live is a lie').toMatch(/LIVE of another moment/);
     } finally {
       await host.close();
@@ -187,7 +177,7 @@ it.each([LAPTOP, PHONE])(
 it.skipIf(!existsSync(NGINX))(
   'nginx serves it from a folder of its own, knowing nothing of it',
   async () => {
-    const { lecture } = await recorded(stage.stack, 12);
+    const lecture = shared.copy(stage.stack);
     const made = stage.stack.folder();
     const port = await freePort();
     const kept = ['client_body', 'proxy', 'fastcgi', 'uwsgi', 'scgi'].map(
@@ -221,7 +211,7 @@ it.skipIf(!existsSync(NGINX))(
 );
 
 it('parts that are missing, cut or swapped are gaps that the page counts', async () => {
-  const { lecture } = await recorded(stage.stack, 24);
+  const lecture = shared.copy(stage.stack);
   const at = (n: number) => path.join(lecture.at, lecture.segments[n]!);
   expect(lecture.segments.length).toBeGreaterThan(5); // the last one stays: at the end is a pose
   rmSync(at(1));
@@ -258,7 +248,7 @@ it('parts that are missing, cut or swapped are gaps that the page counts', async
 }, 240_000);
 
 it('with its host gone it plays what it has, says so, and goes on when the host is back', async () => {
-  const { lecture } = await recorded(stage.stack, 30);
+  const lecture = shared.copy(stage.stack);
   let host = await Host.open(lecture.at, PREFIX);
   const { port } = host;
   try {
@@ -283,7 +273,7 @@ it('with its host gone it plays what it has, says so, and goes on when the host 
 }, 240_000);
 
 it('in a frame of another page it has its chip, a button that plays it and a slim line', async () => {
-  const { lecture } = await recorded(stage.stack, 12);
+  const lecture = shared.copy(stage.stack);
   const host = await Host.open(lecture.at, PREFIX);
   const course = stage.stack.folder();
   writeFileSync(

@@ -3,10 +3,11 @@ import { strToU8, zipSync } from 'fflate';
 import { expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { isRecorded, NEAR_MS, newPage, recorded, shown, testId, textOf } from './recording_page.ts';
+import { isRecorded, NEAR_MS, newPage, recorded, testId, textOf } from './recording_page.ts';
 import { liveness } from './robot_page.ts';
 import type { Relay } from './stack.ts';
 import { setStage } from './stage.ts';
+import { shown } from './truth.ts';
 
 /** In the light view, whose pictures come often. */
 const stage = setStage({ webgl: false });

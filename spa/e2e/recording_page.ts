@@ -1,10 +1,13 @@
 /** What the tests of recordings have in common. */
 
+import { cpSync } from 'node:fs';
+import path from 'node:path';
+import { afterAll, beforeAll } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { exportPast, type Told } from './exported.ts';
+import { type Exported, exportPast, type Told } from './exported.ts';
 import { liveness, whole } from './robot_page.ts';
-import type { Stack } from './stack.ts';
+import { Stack } from './stack.ts';
 import type { Stage } from './stage.ts';
 import { ClockRobot } from './truth.ts';
 
@@ -27,22 +30,6 @@ export const textOf = (page: Page, id: string) => page.evaluate<string>(`${testI
 export const isRecorded = (page: Page) =>
   until('RECORDED, with a body', async () => (await liveness(page)) === 'RECORDED' && whole(page), 60_000);
 
-export interface Shown {
-  readonly seq: number;
-  readonly momentMs: number | null;
-  /** How far the robot's hands are from that moment, ms. */
-  readonly offMs: number;
-}
-export const shown = (page: Page) =>
-  page.evaluate<Shown>(`(() => {
-    const { twin, scene } = window.posecast;
-    const { RKN, LKN } = scene.linkPoses();
-    const angle = (matrix) => Math.atan2(matrix[4], matrix[0]);
-    const turn = Math.atan2(angle(RKN), angle(LKN)) / (2 * Math.PI);
-    const off = Math.abs((twin.moment_ms % 60000) - ((turn + 1) % 1) * 60000);
-    return { seq: twin.seq, momentMs: twin.moment_ms, offMs: Math.min(off, 60000 - off) };
-  })()`);
-
 /** A robot that tells the time, and an export of its first seconds. */
 export async function recorded(stack: Stack, seconds: number, name?: string) {
   const relay = await stack.relay({ past: 'memory:' });
@@ -55,4 +42,34 @@ export async function newPage(stage: Stage, viewport = LAPTOP, preload = '') {
   const page = await stage.newPage({ viewport, preload });
   page.forgive(/WebGL/);
   return page;
+}
+
+/** One export for all tests of a file, which takes its seconds once; the relay that it is of has ended. Call once at the top
+ *  of the file. */
+export function setLecture(seconds: number) {
+  const stack = new Stack();
+  let made: Awaited<ReturnType<typeof recorded>> | null = null;
+  const all = () => {
+    if (made === null) throw new Error('nothing is exported yet');
+    return made;
+  };
+
+  beforeAll(async () => {
+    made = await recorded(stack, seconds);
+    await made.relay.process.kill(); // nobody is needed any more
+  }, 120_000);
+
+  afterAll(() => stack.down());
+
+  return {
+    get robot(): ClockRobot {
+      return all().robot;
+    },
+    /** A copy that a test may damage, in a folder of its own. */
+    copy(ofTest: Stack): Exported {
+      const at = path.join(ofTest.folder(), 'lecture');
+      cpSync(all().lecture.at, at, { recursive: true });
+      return { ...all().lecture, at };
+    },
+  };
 }
