@@ -12,6 +12,7 @@ from posecast_relay.archive.joined_past import JoinedPast
 from posecast_relay.archive.names import DAY_MS, PAGE_MS
 from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.core.policy.policy import Audience, Rule
+from posecast_relay.http.past import routes
 from posecast_relay.past_source_memory import MemoryPastSource
 
 from . import past_doors
@@ -30,6 +31,12 @@ PATHS = (
     *(f"public/{10:016x}/0", f"public/{10:016x}/149", f"public/{10:016x}/150", f"public/{10:016x}/170"),
     *(f"public/{10:016x}/199", f"public/{9:016x}/0", f"public/{11:016x}/3"),
 )
+
+
+@pytest.fixture(autouse=True)
+def short_holds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No test here waits for what does not come."""
+    monkeypatch.setattr(routes, "HOLD_S", 0.05)
 
 
 @pytest.fixture
