@@ -1,6 +1,6 @@
 # Every target sets up what it needs; `make` alone lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers load attack faults soak gallery pictures explained compose-test dist clean unit e2e browsers
+.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers load attack faults soak gallery pictures explained compose-test dist clean unit python typescript page e2e browsers
 SHELL := /bin/bash
 export UV_PYTHON_DOWNLOADS := never
 export PYTHONDONTWRITEBYTECODE := 1
@@ -90,12 +90,15 @@ fix: .venv/.ready node_modules/.ready ## what the linters can mend by themselves
 	$(BIN)/ruff format .
 	npx --no-install biome check --write
 
-unit: setup ## Python and TypeScript tests without a browser
+unit: python typescript fuzz ## tests without a browser
+
+python: setup
 	@for package in redis-server nginx rsync; do tools/need $$package || exit; done
 	$(PYTEST) -m "not full"
+
+typescript: setup
 	npm test --silent -w wire/typescript
 	npm test --silent -w spa
-	$(BIN)/python -m fuzz
 
 e2e: setup ## the whole path in real browsers: all of it in Chromium, a smoke in Firefox and WebKitGTK
 	@for package in $(E2E_NEEDS); do tools/need $$package || exit; done
@@ -106,8 +109,11 @@ e2e: setup ## the whole path in real browsers: all of it in Chromium, a smoke in
 fuzz: .venv/.ready node_modules/.ready ## strangers' bytes for every reader on a boundary (SECONDS=3600 for an hour)
 	$(BIN)/python -m fuzz --seconds $(or $(SECONDS),60)
 
-test: setup ## all tests CI runs: those without and those with a browser side by side, since most of them wait
-	@$(MAKE) --no-print-directory --jobs=2 --output-sync=target unit e2e
+test: setup ## all tests CI runs: Python's and the page's side by side, since most of them wait
+	@$(MAKE) --no-print-directory --jobs=2 --output-sync=target python page
+	@$(MAKE) --no-print-directory fuzz
+
+page: typescript e2e
 
 test-full: setup ## the long rest as well, and every browser test in each of the three engines
 	@for package in $(E2E_NEEDS) nginx rsync; do tools/need $$package || exit; done
