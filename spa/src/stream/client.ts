@@ -20,6 +20,8 @@ export interface Link {
   /** Measured frames per second. */
   hz: number;
   roundTripMs: number | null;
+  /** How far what is shown lies behind now; null: not at all. */
+  behindMs: number | null;
   problem: Problem | null;
 }
 
@@ -32,6 +34,7 @@ const UNKNOWN: Link = {
   rateReason: null,
   hz: 0,
   roundTripMs: null,
+  behindMs: null,
   problem: null,
 };
 
@@ -45,9 +48,10 @@ export class StreamClient {
   #seen = true;
   #resting = false;
 
-  constructor(twin: RobotTwin, url: string, hz: number) {
+  /** `lane`: where its segments are read instead of a socket; null: nowhere. */
+  constructor(twin: RobotTwin, url: string, hz: number, lane: string | null = null) {
     this.#twin = twin;
-    const { worker, messages } = takeStream(url, hz);
+    const { worker, messages } = takeStream(url, hz, lane);
     this.#worker = worker;
     this.#worker.onmessage = (event: MessageEvent<FromStream>) => this.#accept(event.data);
     this.#worker.onerror = (event) => {
@@ -158,6 +162,9 @@ export class StreamClient {
             ? { problem: null }
             : {}),
         });
+        return;
+      case 'behind':
+        this.#set({ behindMs: message.ms });
         return;
       case 'problem':
         this.#set({ problem: message.problem });

@@ -111,6 +111,8 @@ export function causeWords(cause: Cause | null, link?: Pick<Link, 'ending'>): st
       return say()[SHORT_ENDINGS[link?.ending?.code ?? 0] ?? 'noConnection'];
     case 'relay degraded':
       return say().relayDegraded;
+    case 'waiting for the next part':
+      return say().nextPart;
   }
 }
 
