@@ -6,10 +6,11 @@
 
 import { adoptPath } from './app/state/path.ts';
 import { parseRoute } from './app/state/route.ts';
+import { manifestUrl } from './auth/lane.ts';
 import { takeToken } from './auth/link_token.ts';
 import { accessSettled } from './auth/settled.ts';
 import { builtModelAt } from './model/files.ts';
-import { manifestUrl, streamUrl, WANTED_HZ } from './relay/addresses.ts';
+import { streamUrl, WANTED_HZ } from './relay/addresses.ts';
 import { early, recordingUrl } from './relay/recording_address.ts';
 import { ELSEWHERE, wasSignedIn } from './relay/relay.ts';
 import { startEarly } from './stream/early_stream.ts';

@@ -20,6 +20,8 @@ export interface Link {
   /** Measured frames per second. */
   hz: number;
   roundTripMs: number | null;
+  /** How far what is shown lies behind now; null: not at all. */
+  behindMs: number | null;
   problem: Problem | null;
 }
 
@@ -32,8 +34,18 @@ const UNKNOWN: Link = {
   rateReason: null,
   hz: 0,
   roundTripMs: null,
+  behindMs: null,
   problem: null,
 };
+
+/** By less than this, what is measured of a lane differs from part to part, ms. */
+const STEADY_MS = 750;
+
+/** How far behind is told: what was told before, until it is wrong by more than a part's trembling. So neither the seconds on the
+ *  page nor the moments of what it received go to and fro. */
+export function steadyBehindMs(beforeMs: number | null, ms: number | null): number | null {
+  return beforeMs !== null && ms !== null && Math.abs(ms - beforeMs) < STEADY_MS ? beforeMs : ms;
+}
 
 /** The page's end of the stream: feeds the worker's messages to the twin, and tells it whether the page is visible. */
 export class StreamClient {
@@ -158,6 +170,9 @@ export class StreamClient {
             ? { problem: null }
             : {}),
         });
+        return;
+      case 'behind':
+        this.#set({ behindMs: steadyBehindMs(this.link.behindMs, message.ms) });
         return;
       case 'problem':
         this.#set({ problem: message.problem });

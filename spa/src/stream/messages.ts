@@ -26,6 +26,8 @@ export type FromStream =
   | { kind: 'rate'; hz: number; reason: string | null }
   /** Measured: frames a second, and the round trip to the relay (null until known). */
   | { kind: 'pace'; hz: number; roundTripMs: number | null }
+  /** How far what is shown lies behind now, ms; null: not at all. */
+  | { kind: 'behind'; ms: number | null }
   | { kind: 'problem'; problem: Problem };
 
 /** Why the stream can't be read. `newer`: the relay speaks another version of the wire format. */

@@ -7,7 +7,7 @@
 
 /** PAST: what is shown is from then, and nothing is said of now. RECORDED: likewise, and from files, which have no now. */
 export type Word = 'LIVE' | 'HOLDING' | 'STALE' | 'OFFLINE' | 'PAST' | 'RECORDED';
-export type Cause = 'robot silent' | 'no connection' | 'relay degraded';
+export type Cause = 'robot silent' | 'no connection' | 'relay degraded' | 'waiting for the next part';
 
 export const STALE_AFTER_MS = 1500;
 /** The limit while no poses are asked for: the relay then speaks once a second, and the network may delay that by

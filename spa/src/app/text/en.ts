@@ -15,6 +15,8 @@ export const en = {
   shortForbidden: 'not shared',
   shortAbsent: 'no such robot',
   relayDegraded: 'relay degraded',
+  nextPart: 'waiting for the next part',
+  behind: (span: string) => `${span} behind`,
   overShare: 'robot sends too much',
   notOnAir: 'This robot is not on air. The page goes on by itself when it comes.',
   offlineSince: (clock: string) =>

@@ -21,6 +21,8 @@ export const ko: Text = {
   shortForbidden: '공유되지 않음',
   shortAbsent: '로봇 없음',
   relayDegraded: '릴레이 장애',
+  nextPart: '다음 부분을 기다리는 중',
+  behind: (span) => `${span} 늦음`,
   overShare: '로봇이 너무 많이 보냄',
   notOnAir: '이 로봇은 지금 나와 있지 않습니다. 나타나면 페이지가 스스로 이어집니다.',
   offlineSince: (clock) => `${clock}부터 오프라인입니다. 로봇이 돌아오면 페이지가 스스로 이어집니다.`,

@@ -27,6 +27,13 @@ export const moreEn = {
   holdsStill: (span: string) =>
     `The robot holds still: position, reference and flags have not changed for ${span}. The link is fine.`,
   explainSilent: 'The relay is there, but the robot sends nothing new. What you see is its last pose.',
+  explainNextPart:
+    'The next part of the stream is overdue: the relay, or a cache on the way, is slow or does not answer. The page goes on by itself when it comes.',
+  explainFull: (span: string) =>
+    `As many people watch as the relay has places for. You see the same, ${span} later, by way of a cache; a place is taken as soon as one is free.`,
+  explainCached: (span: string) =>
+    `This page reads the robot by way of a cache. You see the same as others, ${span} later.`,
+  explainDelayed: (span: string) => `Whoever runs this robot shows it ${span} late.`,
   explainDegraded: 'The relay is there, but it cannot pass on what the robot does now.',
   explainOverShare: 'The robot sends more than its share of the relay, so some of its frames are dropped.',
   explainLost: 'This page has lost the relay. What you see is the last pose that came through.',
