@@ -57,9 +57,10 @@ export class StreamClient {
   #seen = true;
   #resting = false;
 
-  constructor(twin: RobotTwin, url: string, hz: number) {
+  /** `lane`: where its segments are read instead of a socket; null: nowhere. */
+  constructor(twin: RobotTwin, url: string, hz: number, lane: string | null = null) {
     this.#twin = twin;
-    const { worker, messages } = takeStream(url, hz);
+    const { worker, messages } = takeStream(url, hz, lane);
     this.#worker = worker;
     this.#worker.onmessage = (event: MessageEvent<FromStream>) => this.#accept(event.data);
     this.#worker.onerror = (event) => {

@@ -45,6 +45,8 @@ export type ToStream =
       hz: number;
       visible: boolean;
       token: string | undefined;
+      /** Where segments are read instead of a socket, without a token: `…/api/v1/robots/{robot}/past`. null: a socket. */
+      lane: string | null;
       /** How long the device has slept, as counted by the page's clock (`clock.ts`), ms. */
       sleptMs: number;
     }

@@ -9,8 +9,10 @@ import { QUIET_AFTER_MS, STALE_AFTER_MS } from '../twin/liveness.ts';
 import { Acknowledgements } from './acknowledgements.ts';
 import { retryDelayMs } from './backoff.ts';
 import { FrameReader } from './frame_reader.ts';
+import { behindMsOf } from './hello_limits.ts';
 import { Lateness, lowerHz, Silence } from './lateness.ts';
 import type { Action, Ending, FromStream, Phase } from './messages.ts';
+import { RateWish } from './rate_wish.ts';
 import { type Transport, TransportChoice } from './transport.ts';
 
 /** A status comes at least once a second: when three are missing, the socket is dead although it did not close. */
@@ -19,10 +21,6 @@ export const SILENT_LIMIT_MS = 3000;
 export const CONNECT_LIMIT_MS = 8000;
 const PING_EVERY_MS = 5000;
 const PACE_EVERY_MS = 1000;
-/** Least time between two rate requests, so that a person flipping through tabs does not flood the relay. */
-const RATE_EVERY_MS = 500;
-/** The same on server-sent events, where every other rate needs a new connection. */
-const REASK_EVERY_MS = 2000;
 /** After a connection has lasted this long, the next failure starts the backoff from the beginning. */
 const WORKED_MS = 5000;
 /** Reasons for a rate that the page need not explain. */
@@ -44,7 +42,7 @@ const SLOW_NETWORK = 'slow network';
 export class Session {
   readonly #url: string;
   #token: string | undefined;
-  readonly #wantedHz: number;
+  readonly #wish: RateWish;
   readonly #random: () => number;
 
   #phase: Phase = 'ended';
@@ -56,18 +54,13 @@ export class Session {
   #retryAtMs: number | null = null;
   #failures = 0;
   #bye: (Ending & { retryS: number | null }) | null = null;
-  #visible = true;
   #reading = this.#newReading();
   #acknowledgements = new Acknowledgements();
   #pingMs = Number.NEGATIVE_INFINITY;
   #roundTripMs: number | null = null;
-  #askedHz: number;
-  #askedMs = Number.NEGATIVE_INFINITY;
   #paceMs = 0;
   readonly #choice: TransportChoice;
   readonly #lateness = new Lateness();
-  /** Lowered rate for a slow network, on events only; null: the full rate. */
-  #slowHz: number | null = null;
   /** Whether a text message has come on this connection. */
   #greeted = false;
   #actions: Action[] = [];
@@ -75,9 +68,7 @@ export class Session {
   constructor(url: string, hz: number, visible: boolean, random: () => number, token?: string) {
     this.#url = url;
     this.#token = token;
-    this.#wantedHz = hz;
-    this.#askedHz = hz;
-    this.#visible = visible;
+    this.#wish = new RateWish(hz, visible);
     this.#random = random;
     this.#choice = new TransportChoice(random, !url.startsWith('ws'));
   }
@@ -111,8 +102,8 @@ export class Session {
   /** The WebSocket that was tried beside the server-sent events has opened: it carries the stream from now on. */
   moved(nowMs: number): Action[] {
     this.#choice.now = 'websocket';
-    this.#slowHz = null;
-    this.#begin(nowMs, this.#wantedHz);
+    this.#wish.slowHz = null;
+    this.#begin(nowMs, this.#wish.wantedHz);
     return this.opened(nowMs);
   }
 
@@ -163,10 +154,10 @@ export class Session {
         this.#wishRate(nowMs);
         this.#measure(nowMs);
         if (this.#greeted && this.#choice.shouldTryWebSocket(nowMs))
-          this.#actions.push({ do: 'try', url: this.#address('websocket', this.#wantedHz) });
-        if (this.#choice.now === 'events' && this.#askedHz > 0 && this.#lateness.tooLate(nowMs)) {
-          this.#slowHz = lowerHz(this.#askedHz);
-          this.#reask(nowMs, this.#slowHz); // closing the old connection drops the old poses on their way
+          this.#actions.push({ do: 'try', url: this.#address('websocket', this.#wish.wantedHz) });
+        if (this.#choice.now === 'events' && this.#wish.askedHz > 0 && this.#lateness.tooLate(nowMs)) {
+          this.#wish.slowHz = lowerHz(this.#wish.askedHz);
+          this.#reask(nowMs, this.#wish.slowHz); // closing the old connection drops the old poses on their way
         }
       }
     } else if (this.#phase === 'connecting' && this.#choice.isOverdue(nowMs)) {
@@ -183,7 +174,7 @@ export class Session {
 
   /** A hidden page asks for no poses at all; status and events keep coming. */
   visibility(nowMs: number, visible: boolean): Action[] {
-    this.#visible = visible;
+    this.#wish.visible = visible;
     if (visible) this.#reading.resumed();
     this.#wishRate(nowMs);
     return this.#take();
@@ -226,8 +217,8 @@ export class Session {
 
   /** The person asks for the full rate, whatever the network or the relay lowered it to. */
   wishAll(nowMs: number): Action[] {
-    this.#slowHz = null;
-    this.#askedHz = Number.NaN;
+    this.#wish.slowHz = null;
+    this.#wish.askedHz = Number.NaN;
     this.#wishRate(nowMs);
     return this.#take();
   }
@@ -265,19 +256,15 @@ export class Session {
     this.#phase = 'connecting';
     this.#retryAtMs = null;
     const by = this.#choice.chooseNext(nowMs);
-    if (!this.#onEvents) this.#slowHz = null;
-    this.#begin(nowMs, by === 'websocket' ? this.#wantedHz : this.#wishedHz);
+    if (!this.#onEvents) this.#wish.slowHz = null;
+    this.#begin(nowMs, by === 'websocket' ? this.#wish.wantedHz : this.#wish.hz);
     this.#link(null);
-    this.#actions.push({ do: 'connect', by, url: this.#address(by, this.#askedHz) });
+    this.#actions.push({ do: 'connect', by, url: this.#address(by, this.#wish.askedHz) });
   }
 
   /** The transport is one-way (events or mirror): nothing can be sent to the relay. */
   get #onEvents(): boolean {
     return this.#choice.now !== 'websocket';
-  }
-
-  get #wishedHz(): number {
-    return this.#visible ? (this.#slowHz ?? this.#wantedHz) : 0;
   }
 
   #address(by: Transport, hz: number): string {
@@ -291,7 +278,7 @@ export class Session {
   #reask(nowMs: number, hz: number): void {
     this.#begin(nowMs, hz);
     this.#heardMs = nowMs;
-    this.#askedMs = nowMs;
+    this.#wish.recordAsked(nowMs, hz);
     this.#actions.push({ do: 'connect', by: 'events', url: this.#address('events', hz) });
   }
 
@@ -306,7 +293,7 @@ export class Session {
     this.#reading = this.#newReading();
     this.#acknowledgements = new Acknowledgements();
     this.#roundTripMs = null;
-    this.#askedHz = askedHz;
+    this.#wish.askedHz = askedHz;
   }
 
   #lost(nowMs: number, ending: Ending, retryS: number | null): void {
@@ -325,8 +312,13 @@ export class Session {
       case 'hello':
         if (message.wire !== WIRE_VERSION)
           this.#post({ kind: 'problem', problem: { what: 'newer', detail: String(message.wire) } });
-        this.#post({ kind: 'rate', hz: message.hz, reason: this.#slowHz === null ? null : SLOW_NETWORK });
+        this.#post({
+          kind: 'rate',
+          hz: message.hz,
+          reason: this.#wish.slowHz === null ? null : SLOW_NETWORK,
+        });
         this.#post({ kind: 'model', hash: message.model });
+        this.#post({ kind: 'behind', ms: behindMsOf(message) });
         return;
       case 'rate': {
         const reason = AS_WISHED.has(message.reason) ? null : message.reason;
@@ -357,7 +349,7 @@ export class Session {
   }
 
   get #oldAfterMs(): number {
-    return this.#visible ? STALE_AFTER_MS : QUIET_AFTER_MS;
+    return this.#wish.visible ? STALE_AFTER_MS : QUIET_AFTER_MS;
   }
 
   /** How long data that arrive now were delayed, ms. Only events are measured: on a WebSocket the relay waits for
@@ -378,16 +370,14 @@ export class Session {
   }
 
   #wishRate(nowMs: number): void {
-    const hz = this.#wishedHz;
-    if (this.#choice.now === 'mirror') return;
-    const everyMs = this.#onEvents ? REASK_EVERY_MS : RATE_EVERY_MS;
-    if (this.#phase !== 'open' || hz === this.#askedHz || nowMs - this.#askedMs < everyMs) return;
+    if (this.#choice.now === 'mirror' || this.#phase !== 'open') return;
+    if (!this.#wish.isDue(nowMs, this.#onEvents)) return;
+    const { hz } = this.#wish;
     if (this.#onEvents) {
       this.#reask(nowMs, hz);
       return;
     }
-    this.#askedHz = hz;
-    this.#askedMs = nowMs;
+    this.#wish.recordAsked(nowMs, hz);
     this.#send({ type: 'rate', hz });
   }
 

@@ -1,5 +1,6 @@
 /** What carries a stream: a WebSocket; server-sent events over plain HTTP, where no WebSocket gets through; or a copy
- *  of the relay's data in a database (`mirror`). */
+ *  of the relay's data in a database (`mirror`); or what the relay has just recorded, part by part, which any HTTP cache
+ *  may hold for everybody (`segments`). */
 export type Transport = 'websocket' | 'events' | 'mirror' | 'segments';
 
 /** After this many failed openings, or this long without a working WebSocket, the stream is asked for over plain HTTP.

@@ -30,6 +30,8 @@ export interface Status {
   overShare: boolean;
   /** When it arrived, viewer's clock. */
   atMs: number;
+  /** In a stream that comes in parts: when all that is here has been shown, viewer's clock. */
+  endsMs?: number;
 }
 
 /** All that a verdict is based on. Times are milliseconds of the viewer's own clock, which never steps back. */
@@ -164,7 +166,10 @@ export function judge(evidence: Evidence, nowMs: number): Verdict {
   const shownMs = pictureMs(evidence);
   const staleMs = watchingMs === null ? QUIET_AFTER_MS : STALE_AFTER_MS; // without poses, only status tells
   if (linkMs >= staleMs) return verdict('STALE', 'no connection');
-  if (ageMs === null || ageMs >= staleMs) return verdict('STALE', 'robot silent');
+  if (ageMs === null || ageMs >= staleMs) {
+    const isOver = status.endsMs !== undefined && nowMs >= status.endsMs;
+    return verdict('STALE', isOver ? 'waiting for the next part' : 'robot silent');
+  }
   // The robot is fine, but the shown pose may still be an old one.
   if (watchingMs !== null) {
     const shownAgeMs = nowMs - (shownMs ?? watchingMs);
