@@ -1,5 +1,5 @@
 import { useEffect, useState, useSyncExternalStore } from 'react';
-import { manifestUrl } from '../../auth/lane.ts';
+import { laneUrl, manifestUrl } from '../../auth/lane.ts';
 import { fetchPartsAhead, setAway } from '../../browser/late_part.ts';
 import { retryNow } from '../../browser/retry.ts';
 import type { PastState } from '../../past/past_types.ts';
@@ -43,7 +43,7 @@ export function useRobotLink(robot: string): RobotLink | null {
   useEffect(() => {
     const twin = new RobotTwin(robot, nowMs());
     loadOwnLimits(twin);
-    const client = new StreamClient(twin, streamUrl(robot), WANTED_HZ);
+    const client = new StreamClient(twin, streamUrl(robot), WANTED_HZ, laneUrl(robot));
     const watch = new LivenessWatch(
       twin,
       () => client.wake(),

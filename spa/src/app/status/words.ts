@@ -1,11 +1,11 @@
 import type { Link } from '../../stream/client.ts';
 import type { Ending } from '../../stream/messages.ts';
-import { formatClock, formatClockSeconds, formatSpan } from '../../twin/format.ts';
+import { formatClock, formatSpan } from '../../twin/format.ts';
 import { type Cause, isClaim, isThen, type Verdict } from '../../twin/liveness.ts';
 import { isolated } from '../../twin/names.ts';
 import type { Text } from '../text/en.ts';
 import { say } from '../text/language.ts';
-import { agoWords, notKeptWords, spanWords } from './moment_words.ts';
+import { spanWords } from './moment_words.ts';
 
 /** Sentences about the state of the robot, the connection and loading. */
 
@@ -73,20 +73,10 @@ function stateWords(verdict: Verdict, link: Link, nowMs: number): Omit<ChipWords
       };
     case 'PAST':
     case 'RECORDED': {
-      const { clock, ago } = pastWords(verdict);
+      const { clock = '', ago = '' } = verdict.past?.words(verdict, nowMs) ?? {};
       return { word: verdict.word, detail: clock, more: ago };
     }
   }
-}
-
-/** When what is shown was, and what the robot was then if it was not live: "14:02:07", " · 2 min ago · was STALE"; of a
- *  recording "12 Nov 2026 14:02:07", " · 3:05 of 25:00". */
-function pastWords({ past, ageMs }: Pick<Verdict, 'past' | 'ageMs'>): { clock: string; ago: string } {
-  if (past === null) return { clock: '', ago: '' };
-  const { momentMs, was, recorded } = past;
-  const ago = ` · ${recorded?.within(momentMs) ?? agoWords(ageMs ?? 0)}`;
-  const clock = recorded?.when(momentMs) ?? formatClockSeconds(momentMs);
-  return { clock, ago: was === null ? ago : `${ago} · ${say().was(was)}` };
 }
 
 function paceWords(link: Link): string {
@@ -156,16 +146,7 @@ export function stageWords(verdict: Verdict, link: Link, nowMs: number): string 
     if (verdict.ageMs === null) return say().notOnAir;
     return say().offlineSince(formatClock(nowMs - verdict.ageMs));
   }
-  if (isThen(verdict.word)) {
-    const { clock, ago } = pastWords(verdict);
-    const { askedMs = null, momentMs = 0, isHere = true, recorded = null } = verdict.past ?? {};
-    const lacks = askedMs && (recorded?.lacks(askedMs, momentMs) ?? notKeptWords(askedMs, momentMs, nowMs));
-    const words = (lacks ?? clock) + ago;
-    return (
-      (recorded?.note(words) ?? say().pastNote(words)) +
-      (isHere || lacks ? '' : (recorded?.gap(momentMs) ?? say().pastComing))
-    );
-  }
+  if (isThen(verdict.word)) return verdict.past?.words(verdict, nowMs).note ?? null;
   if (verdict.word !== 'STALE') return null;
   if (verdict.cause === 'no connection') return connectionWords(link, nowMs);
   const since = verdict.ageMs === null ? say().noPoseYet : say().staleFor(formatSpan(verdict.ageMs));

@@ -11,6 +11,15 @@ export const moreEn = {
   notCome: (asked: string) => `${asked} has not come yet; this is live.`,
 
   // ---- what has to be told of the past that is shown
+  /** `word`: STALE or OFFLINE, what the robot was at a moment of the past. */
+  was: (word: string) => `was ${word}`,
+  pastNote: (when: string) => `The past: ${when}.`,
+  /** `asked`: the moment that a link names; `shown`: the clock of the one that is shown. */
+  notKept: (asked: string, shown: string) =>
+    `${asked} is not kept any more; this is the oldest there is, ${shown}`,
+  notRecordedAt: (asked: string, shown: string) =>
+    `${asked} was not recorded; this is the nearest there is, ${shown}`,
+  pastComing: ' The pose of then is on its way.',
   pastLoading: 'Loading',
   pastResumed: 'That moment is no longer kept; it goes on at the oldest there is.',
   pastDamaged: 'A part did not arrive as it was recorded, and was passed over.',
