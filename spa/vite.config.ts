@@ -33,7 +33,7 @@ const SHARED_CHUNKS = [
   { name: 'react', test: /node_modules\/react\// },
   {
     name: 'relay',
-    test: /spa\/src\/(auth\/token|browser\/(storage|store)|past\/past_source|relay\/(as_anyone|recording_address|relay)|stream\/clock)\.ts$/,
+    test: /spa\/src\/(auth\/(lane|token)|browser\/(storage|store)|past\/past_source|relay\/(addresses|as_anyone|recording_address|relay)|stream\/clock)\.ts$/,
   },
   {
     name: 'values',
@@ -48,6 +48,10 @@ const SHARED_CHUNKS = [
     name: 'three.core',
     test: /three\/src\/(?!loaders|animation|extras|math\/(?:I|i)nterpolant|objects\/(?:SkinnedMesh|Bone|Skeleton|Points|LineLoop)|lights\/(?:Ambient|Point|Spot)|materials\/(?:MeshPh|Points))/,
   },
+  // The list says little, and needs no more.
+  { name: 'list_words', test: /spa\/src\/app\/text\/list(_en)?\.ts$/ },
+  // What late parts say: all of them need it, and who plays the past has it by then.
+  { name: 'more', test: /spa\/src\/app\/(text\/(more|more_en)|status\/past_words)\.ts$/ },
   { name: 'manifest', test: /spa\/src\/model\/(bundle|files|lod_cache|manifest)\.ts$/ },
   { name: 'cells', test: /spa\/src\/app\/.*\/(cells\.ts|fault_words\.ts|FlagTerm\.tsx)$/ },
 ];

@@ -1,7 +1,8 @@
 import { describe, expect, it } from 'vitest';
 import { spokenOf } from '../src/app/past/time_line/spoken.ts';
 import { preciseWords } from '../src/app/past/time_line/TransportBar.tsx';
-import { agoWords, momentWords, notKeptWords } from '../src/app/status/moment_words.ts';
+import { agoWords, momentWords } from '../src/app/status/moment_words.ts';
+import { notKeptWords } from '../src/app/status/past_words.ts';
 import { ko } from '../src/app/text/ko.ts';
 import type { Playhead } from '../src/past/past_types.ts';
 import { playheadAt } from './past_fake.ts';

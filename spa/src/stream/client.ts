@@ -38,6 +38,15 @@ const UNKNOWN: Link = {
   problem: null,
 };
 
+/** By less than this, what is measured of a lane differs from part to part, ms. */
+const STEADY_MS = 750;
+
+/** How far behind is told: what was told before, until it is wrong by more than a part's trembling. So neither the seconds on the
+ *  page nor the moments of what it received go to and fro. */
+export function steadyBehindMs(beforeMs: number | null, ms: number | null): number | null {
+  return beforeMs !== null && ms !== null && Math.abs(ms - beforeMs) < STEADY_MS ? beforeMs : ms;
+}
+
 /** The page's end of the stream: feeds the worker's messages to the twin, and tells it whether the page is visible. */
 export class StreamClient {
   link: Link = UNKNOWN;
@@ -164,7 +173,7 @@ export class StreamClient {
         });
         return;
       case 'behind':
-        this.#set({ behindMs: message.ms });
+        this.#set({ behindMs: steadyBehindMs(this.link.behindMs, message.ms) });
         return;
       case 'problem':
         this.#set({ problem: message.problem });

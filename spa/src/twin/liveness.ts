@@ -85,6 +85,19 @@ interface PastMoment {
   readonly isHere: boolean;
   /** The recording; null in PAST. */
   readonly recorded: Recorded | null;
+  /** Says what is shown. It comes with what plays the past, which few viewers load. `nowMs`: Unix ms by the page's clock. */
+  readonly words: (verdict: Pick<Verdict, 'past' | 'ageMs'>, nowMs: number) => PastWords;
+}
+
+/** A moment of the past in words. */
+export interface PastWords {
+  /** "14:02:07"; of a recording "12 Nov 2026 14:02:07". */
+  readonly clock: string;
+  /** How long ago that was, and what the robot was then if it was not live: " · 2 min ago · was STALE"; of a recording how far
+   *  into it: " · 3:05 of 25:00". */
+  readonly ago: string;
+  /** The line over the body. */
+  readonly note: string;
 }
 
 export interface Verdict {

@@ -37,9 +37,3 @@ export function spanWords(ms: number): string {
   const days = Math.round(ms / 86_400_000);
   return days >= 2 ? text.days(days) : text.hours(Math.round(ms / 3_600_000));
 }
-
-/** Says that the moment that a link names is not kept, and which is shown instead. */
-export function notKeptWords(askedMs: number, momentMs: number, nowMs: number): string {
-  const [asked, clock] = [dayWords(askedMs, nowMs), formatClockSeconds(momentMs)];
-  return momentMs > askedMs ? say().notKept(asked, clock) : say().notRecordedAt(asked, clock);
-}
