@@ -5,7 +5,7 @@ import { type Cause, isClaim, isThen, type Verdict } from '../../twin/liveness.t
 import { isolated } from '../../twin/names.ts';
 import type { Text } from '../text/en.ts';
 import { say } from '../text/language.ts';
-import { spanWords } from './moment_words.ts';
+import { spanWords } from './span_words.ts';
 
 /** Sentences about the state of the robot, the connection and loading. */
 

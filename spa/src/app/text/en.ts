@@ -23,13 +23,10 @@ export const en = {
     `Offline since ${clock}. The page goes on by itself when the robot is back.`,
   noPoseYet: 'No pose yet',
   staleFor: (span: string) => `Stale for ${span}`,
-  ago: (span: string) => `${span} ago`,
   seconds: (count: number) => `${count} s`,
   minutes: (count: number) => `${count} min`,
   hours: (count: number) => `${count} h`,
   days: (count: number) => `${count} days`,
-  date: (month: string, day: number, year: number | null) =>
-    year === null ? `${day} ${month}` : `${day} ${month} ${year}`,
   tryingAgain: (what: string) => `${what} Trying again.`,
   tryingAgainIn: (what: string, seconds: number) => `${what} Trying again in ${seconds} s.`,
   tryNow: 'Try now',

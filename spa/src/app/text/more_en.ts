@@ -11,6 +11,8 @@ export const moreEn = {
   notCome: (asked: string) => `${asked} has not come yet; this is live.`,
 
   // ---- what has to be told of the past that is shown
+  date: (month: string, day: number, year: number | null) =>
+    year === null ? `${day} ${month}` : `${day} ${month} ${year}`,
   /** `word`: STALE or OFFLINE, what the robot was at a moment of the past. */
   was: (word: string) => `was ${word}`,
   pastNote: (when: string) => `The past: ${when}.`,

@@ -56,6 +56,7 @@ export const moreKo: More = {
   notKept: (asked, shown) => `${asked} 기록은 이제 없어, 남아 있는 가장 오래된 순간을 보여 줍니다, ${shown}`,
   notRecordedAt: (asked, shown) => `${asked}에는 기록이 없어, 가장 가까운 순간을 보여 줍니다, ${shown}`,
   pastComing: ' 그때의 자세를 불러오는 중입니다.',
+  date: (month, day, year) => (year === null ? `${month} ${day}일` : `${year}년 ${month} ${day}일`),
   notHeardYet: '릴레이: 아직 응답이 없습니다.',
   lastHeard: (ago) => `릴레이: ${ago} 전에 마지막으로 응답했습니다.`,
   connectingToRelay: '릴레이에 연결하고 있습니다.',
