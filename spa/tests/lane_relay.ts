@@ -219,7 +219,8 @@ export class LaneRelay {
     let [takes, index, runId, eventN] = [0, 0, '', 0];
     let take = '';
     let word: RobotStatus = 'offline';
-    let [key, ref]: (TrueFrame | null)[] = [null, null];
+    let key: TrueFrame | null = null;
+    let ref: TrueFrame | null = null;
     let open: {
       readonly start: SegmentStart;
       readonly beganMs: number;

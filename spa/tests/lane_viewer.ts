@@ -1,5 +1,5 @@
 import { Lane, type LaneAction } from '../src/stream/lane/lane.ts';
-import type { KnownBefore } from '../src/stream/lane/part_player.ts';
+import type { KnownBefore } from '../src/stream/lane_port.ts';
 import type { FromStream } from '../src/stream/messages.ts';
 import { judge, type Verdict } from '../src/twin/liveness.ts';
 import { RobotTwin } from '../src/twin/robot.ts';
@@ -41,7 +41,7 @@ export class LaneViewer {
   readonly #relay: LaneRelay;
   readonly #network: LaneNetwork;
   readonly #skewMs = 86_400_000 * 3 - 12_345;
-  #answer: { readonly atMs: number; readonly then: () => LaneAction[] } | null = null;
+  #answer: { readonly atMs: number; readonly tell: () => LaneAction[] } | null = null;
 
   constructor(
     relay: LaneRelay,
@@ -79,7 +79,7 @@ export class LaneViewer {
       const answer = this.#answer;
       if (answer !== null && answer.atMs <= nextMs) {
         this.#answer = null;
-        this.#do(answer.then());
+        this.#do(answer.tell());
       } else this.#do(this.#lane.tick(this.#clock(nextMs)));
       const verdict = judge(this.twin.evidence, this.#clock(nextMs));
       this.words.push({ atMs: nextMs, verdict });
@@ -113,18 +113,24 @@ export class LaneViewer {
     const isIn = (spans: readonly Span[]) =>
       spans.some(({ fromMs, toMs }) => arrivesMs >= fromMs && arrivesMs < toMs);
     const fail = (atMs: number) => {
-      this.#answer = { atMs, then: () => this.#lane.failed(this.#clock(this.nowMs), 'cut') };
+      this.#answer = { atMs, tell: () => this.#lane.failed(this.#clock(this.nowMs), 'cut') };
     };
-    if (isIn(cuts)) return fail(arrivesMs + wayMs());
+    if (isIn(cuts)) {
+      fail(arrivesMs + wayMs());
+      return;
+    }
     const found = this.#relay.answer(path, arrivesMs);
     const cut = cuts.find(({ fromMs }) => fromMs > arrivesMs && fromMs < found.atMs);
-    if (cut !== undefined) return fail(cut.fromMs);
+    if (cut !== undefined) {
+      fail(cut.fromMs);
+      return;
+    }
     const dark = blackouts.find(({ fromMs, toMs }) => toMs > arrivesMs && fromMs < found.atMs);
     const refused = { status: 404, isJson: true, retryMs: null, dateMs: null, bytes: new Uint8Array() };
     const answer = dark === undefined && !isIn(blackouts) ? found.answer : refused;
     this.#answer = {
       atMs: found.atMs + wayMs(),
-      then: () => this.#lane.answered(this.#clock(this.nowMs), answer),
+      tell: () => this.#lane.answered(this.#clock(this.nowMs), answer),
     };
   }
 

@@ -160,6 +160,7 @@ export class StreamClient {
         this.#set({ hz: message.hz, roundTripMs: message.roundTripMs });
         return;
       case 'link':
+        if (this.link.by === 'segments' && message.by !== 'segments') twin.acceptCatchUp();
         twin.acceptConnection(message.phase === 'open', nowMs());
         this.#set({
           by: message.by,

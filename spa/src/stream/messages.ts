@@ -65,6 +65,7 @@ export type ToStream =
 
 /** What a `Session` asks its worker to do; a list of actions is performed in order. */
 export type Action =
+  /** `segments`: the address of the lane and, where a relay has named that, after a space the stream's. */
   | { do: 'connect'; by: Transport; url: string }
   /** Open a WebSocket beside the present connection; if it opens, it takes over. */
   | { do: 'try'; url: string }

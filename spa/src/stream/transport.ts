@@ -11,7 +11,8 @@ export const WITHOUT_MS = 5000;
 const TRY_AGAIN_MS = 30_000;
 const SELDOM_MS = 300_000;
 
-/** Which transport the next connection takes, and when a stream on server-sent events tries a WebSocket beside them.
+/** Which transport the next connection takes, and when a stream on server-sent events or in segments tries a WebSocket beside
+ *  them.
  *  Pure: without a socket or a clock. */
 export class TransportChoice {
   /** The transport of the newest connection. A mirror never changes to another. */
@@ -31,9 +32,10 @@ export class TransportChoice {
   }
 
   /** Chooses the transport for a new connection. After failed WebSockets the two transports take turns until one works.
-   *  */
-  chooseNext(nowMs: number): Transport {
-    if (this.now === 'mirror') return this.now;
+   *  `inLane`: this viewer reads segments, and no WebSocket is tried beside them. */
+  chooseNext(nowMs: number, inLane = false): Transport {
+    if (inLane) this.enterLane(Number.POSITIVE_INFINITY, 0);
+    if (inLane || this.now === 'mirror') return this.now;
     this.#withoutMs ??= nowMs;
     const endMs = this.#withoutMs + WITHOUT_MS;
     const doubted = this.#failed >= FAILED_OPENINGS || nowMs >= endMs;
@@ -41,6 +43,13 @@ export class TransportChoice {
     this.#deadlineMs = nowMs < endMs ? endMs : nowMs + WITHOUT_MS;
     this.retrySoon(nowMs); // a relay that was only away for a moment takes WebSockets again
     return this.now;
+  }
+
+  /** The relay is full, so segments are read. A WebSocket is tried after one to two times `retryMs`, then ever more seldom. */
+  enterLane(nowMs: number, retryMs: number): void {
+    this.now = 'segments';
+    this.#tryAgainMs = retryMs;
+    this.#tryAtMs = nowMs + retryMs * (1 + this.#random());
   }
 
   /** Whether an opening WebSocket has taken so long that events should be tried instead. */
@@ -51,7 +60,7 @@ export class TransportChoice {
   /** The newest connection ended before the relay said anything on it. */
   recordFailure(): void {
     if (this.now === 'websocket') this.#failed += 1;
-    else this.#eventsWork = false;
+    else if (this.now === 'events') this.#eventsWork = false;
   }
 
   /** The relay has said something on the newest connection. */
@@ -64,14 +73,17 @@ export class TransportChoice {
 
   /** Something has changed outside (back online, back from sleep): a WebSocket is tried at once. */
   retrySoon(nowMs: number): void {
+    if (this.now === 'segments') return; // a full relay is not asked by everybody at once
     this.#tryAtMs = nowMs;
     this.#tryAgainMs = TRY_AGAIN_MS;
   }
 
-  /** Whether a stream on server-sent events tries a WebSocket now; if so, the next try is put off. */
+  /** Whether a stream on server-sent events or in segments tries a WebSocket now; if so, the next try is put off. */
   shouldTryWebSocket(nowMs: number): boolean {
-    if (this.now !== 'events' || nowMs < this.#tryAtMs) return false;
-    this.#tryAtMs = nowMs + this.#tryAgainMs * (0.5 + this.#random()); // viewers behind one proxy don't try in step
+    const inLane = this.now === 'segments';
+    if (!(inLane || this.now === 'events') || nowMs < this.#tryAtMs) return false;
+    // viewers behind one proxy don't try in step
+    this.#tryAtMs = nowMs + this.#tryAgainMs * ((inLane ? 1 : 0.5) + this.#random());
     this.#tryAgainMs = Math.min(SELDOM_MS, 2 * this.#tryAgainMs);
     return true;
   }

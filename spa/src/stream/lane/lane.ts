@@ -1,8 +1,9 @@
 import { decodeSegment, type RobotStatus, type Segment, SegmentError } from '@posecast/wire';
+import type { KnownBefore } from '../lane_port.ts';
 import type { FromStream } from '../messages.ts';
-import { RateMeter } from '../rate_meter.ts';
+import { RateMeter } from '../pacing/rate_meter.ts';
 import { type LaneAnswer, type PartName, readBeginning, readNext } from './answers.ts';
-import { type KnownBefore, PartPlayer } from './part_player.ts';
+import { PartPlayer } from './part_player.ts';
 import { PlayClock } from './play_clock.ts';
 import { RequestPace } from './request_pace.ts';
 

@@ -1,7 +1,7 @@
-import type { FromStream } from '../messages.ts';
+import type { LaneHandlers, OpenLane } from '../lane_port.ts';
 import type { LaneAnswer } from './answers.ts';
 import { Lane, type LaneAction } from './lane.ts';
-import type { KnownBefore } from './part_player.ts';
+import { type LaneAddress, readLaneAddress } from './lane_address.ts';
 
 /** The longest answer is a segment: a MiB each of header and records, and a little. */
 const BYTES_MAX = 3_000_000;
@@ -9,29 +9,17 @@ const BYTES_MAX = 3_000_000;
 const TICK_MS = 250;
 const LEAST_WAIT_MS = 1;
 
-/** Callbacks and settings for `openLane`. */
-export interface LaneHandlers {
-  /** Passed in, not imported, as for `openEventStream`: this file is bundled by itself. */
-  nowMs(): number;
-  readonly hz: number;
-  readonly isVisible: boolean;
-  readonly before: KnownBefore;
-  post(message: FromStream): void;
-  opened(): void;
-  closed(code: number, reason: string): void;
+/** Reads a robot in parts. `url`: see `Action`. No token is sent, nor any header of our own, which would cost other origins a
+ *  question before each request. Has the same face as that of `sse.ts`. */
+export function openEventStream(url: string, _token: unknown, handlers: LaneHandlers): OpenLane {
+  const [lane = '', streamUrl] = url.split(' ');
+  const address = readLaneAddress(lane, streamUrl);
+  if (address !== null) return openLane(address, handlers);
+  queueMicrotask(() => handlers.closed(1006, 'the address is not one for segments'));
+  return { setVisible: () => {}, wake: () => {}, close: () => {} };
 }
 
-/** A lane that runs. */
-export interface OpenLane {
-  setVisible(isVisible: boolean): void;
-  wake(): void;
-  close(): void;
-}
-
-/** Reads a robot in parts. `url`: the address of its past, or of a view's: `…/robots/{robot}/past` or `…/past/{view}`. No token
- *  is sent, nor any header of our own, which would cost other origins a question before each request. */
-export function openLane(url: string, handlers: LaneHandlers): OpenLane {
-  const [, base = url, view = null] = /^(.*\/past)(?:\/([^/]*))?$/.exec(url) ?? [];
+function openLane({ pastUrl, view }: LaneAddress, handlers: LaneHandlers): OpenLane {
   const { nowMs, hz, isVisible, before } = handlers;
   const lane = new Lane({ view, hz, isVisible, before, random: Math.random });
   let request = new AbortController();
@@ -64,7 +52,7 @@ export function openLane(url: string, handlers: LaneHandlers): OpenLane {
     request = new AbortController();
     const { signal } = request;
     const tell = (then: () => readonly LaneAction[]) => !signal.aborted && perform(then());
-    get(base + path, signal).then(
+    get(pastUrl + path, signal).then(
       (answer) => tell(() => lane.answered(nowMs(), answer)),
       (error: unknown) =>
         tell(() => lane.failed(nowMs(), error instanceof Error ? error.message : 'no answer')),

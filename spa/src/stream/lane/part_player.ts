@@ -1,9 +1,9 @@
 import type { RobotStatus, Segment, SegmentRecord } from '@posecast/wire';
+import type { KnownBefore } from '../lane_port.ts';
 import type { FromStream } from '../messages.ts';
 import type { PlayClock } from './play_clock.ts';
 import { PoseReader } from './pose_reader.ts';
-import type { ShownFrame } from './shown_frames.ts';
-import { type EventMark, ToldEvents } from './told_events.ts';
+import { ToldEvents } from './told_events.ts';
 
 /** What came so long ago was held up on this device: it is dated now. */
 const HELD_UP_MS = 50;
@@ -17,12 +17,6 @@ interface Part {
   next: number;
   /** What the clock's shift was for it, where the clock has begun anew since; null: what it is. */
   shiftMs: number | null;
-}
-
-/** What the page knows from before. */
-export interface KnownBefore {
-  readonly frame: ShownFrame | null;
-  readonly event: EventMark | null;
 }
 
 /** Plays parts one after the other: each record when its time has come, in the order in which the relay accepted them. */

@@ -1,8 +1,9 @@
 import { Decoder, type Frame, FrameError, type Schema, SchemaError } from '@posecast/wire';
 import { poseDiffers } from '../../twin/pose_change.ts';
 import type { RobotState } from '../../twin/robot.ts';
+import type { ShownFrame } from '../lane_port.ts';
 import type { FromStream } from '../messages.ts';
-import { type ShownFrame, ShownFrames } from './shown_frames.ts';
+import { ShownFrames } from './shown_frames.ts';
 
 /** After a longer pause between frames the pose may have moved meanwhile, so it counts as changed. */
 const GAP_MS = 2500;

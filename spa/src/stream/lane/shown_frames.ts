@@ -1,11 +1,4 @@
-/** The newest frame that the page has shown. */
-export interface ShownFrame {
-  readonly schemaId: number;
-  readonly seq: number;
-  readonly tS: number;
-  /** When it came, viewer's clock. */
-  readonly atMs: number;
-}
+import type { ShownFrame } from '../lane_port.ts';
 
 /** A frame of a part. `atMs`: when the relay accepted it, unix ms; `liveMs`: by when a socket would have brought it, viewer's
  *  clock. */

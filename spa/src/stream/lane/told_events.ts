@@ -1,7 +1,5 @@
 import { type EventMessage, parseRelayMessage } from '@posecast/wire';
-
-/** Where an event stands among those of its relay. */
-export type EventMark = Pick<EventMessage, 'n' | 'at'>;
+import type { EventMark } from '../lane_port.ts';
 
 /** Picks the events that the page has not been told. A number that falls back in time means to it that the relay has lost
  *  count, so an old one must not come again. */
