@@ -86,6 +86,11 @@ export class LaneViewer {
     }
   }
 
+  /** How far behind it said to be. */
+  behindAt(atMs: number): number {
+    return this.behinds.findLast((told) => told.atMs <= atMs)?.ms ?? Number.NaN;
+  }
+
   setVisible(isVisible: boolean): void {
     this.twin.acceptWatching(isVisible, this.#clock(this.nowMs));
     this.#do(this.#lane.visibility(this.#clock(this.nowMs), isVisible));

@@ -13,8 +13,8 @@ export function helloPosts({ wire, hz, model, limits }: Hello, isSlowed: boolean
     { kind: 'model', hash: model },
     { kind: 'behind', ms: delayS > 0 ? 1000 * delayS : null },
   ];
-  if (wire === WIRE_VERSION) return posts;
-  return [{ kind: 'problem', problem: { what: 'newer', detail: String(wire) } }, ...posts];
+  if (wire !== WIRE_VERSION) posts.push({ kind: 'problem', problem: { what: 'newer', detail: `${wire}` } });
+  return posts;
 }
 
 export function ratePost({ hz, reason }: RateGranted): FromStream {

@@ -149,7 +149,7 @@ export class Session {
   /** The socket closed, or never opened (then the code is the browser's 1006). */
   closed(nowMs: number, code: number, reason: string): Action[] {
     const bye = this.#bye;
-    if (bye?.code === Close.FULL && bye.lane) this.#enterLane(nowMs, bye.lane, bye.retry_s);
+    if (bye?.code === Close.FULL && bye.lane) this.#connect(nowMs, bye);
     else this.#lost(nowMs, bye ?? { code, reason }, bye?.retry_s ?? null);
     return this.#take();
   }
@@ -255,24 +255,19 @@ export class Session {
     this.#post({ kind: 'link', by, phase, retryAtMs, ending });
   }
 
-  #connect(nowMs: number): void {
+  /** `full`: the relay has no place; what anyone may see is read in the lane that it names, until a WebSocket gets one. */
+  #connect(nowMs: number, full?: Bye): void {
     this.#phase = 'connecting';
     this.#retryAtMs = null;
-    const by = this.#choice.chooseNext(nowMs, this.#lane !== undefined && !this.#token);
+    const by = full
+      ? this.#choice.enterLane(nowMs, 1000 * (full.retry_s ?? WAIT_S))
+      : this.#choice.chooseNext(nowMs, this.#lane !== undefined && !this.#token);
     if (!this.#onEvents) this.#wish.slowHz = null;
     this.#begin(nowMs, by === 'websocket' ? this.#wish.wantedHz : this.#wish.hz);
     this.#link(null);
-    const url = by === 'segments' ? this.#lane : this.#address(by, this.#wish.askedHz);
-    this.#actions.push({ do: 'connect', by, url: url ?? '' });
-  }
-
-  /** The relay has no place, and what anyone may see is read in segments until a WebSocket gets one. */
-  #enterLane(nowMs: number, lane: string, retryS: number | null): void {
-    this.#phase = 'connecting';
-    this.#choice.enterLane(nowMs, 1000 * (retryS ?? WAIT_S));
-    this.#begin(nowMs, this.#wish.hz);
-    this.#link(null);
-    this.#actions.push({ do: 'connect', by: 'segments', url: `${lane} ${this.#url}` });
+    const lane = full ? `${full.lane} ${this.#url}` : `${this.#lane}`;
+    const url = by === 'segments' ? lane : this.#address(by, this.#wish.askedHz);
+    this.#actions.push({ do: 'connect', by, url });
   }
 
   get #inLane(): boolean {

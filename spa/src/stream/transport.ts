@@ -34,8 +34,8 @@ export class TransportChoice {
   /** Chooses the transport for a new connection. After failed WebSockets the two transports take turns until one works.
    *  `inLane`: this viewer reads segments, and no WebSocket is tried beside them. */
   chooseNext(nowMs: number, inLane = false): Transport {
-    if (inLane) this.enterLane(Number.POSITIVE_INFINITY, 0);
-    if (inLane || this.now === 'mirror') return this.now;
+    if (inLane) return this.enterLane(Number.POSITIVE_INFINITY, 0);
+    if (this.now === 'mirror') return this.now;
     this.#withoutMs ??= nowMs;
     const endMs = this.#withoutMs + WITHOUT_MS;
     const doubted = this.#failed >= FAILED_OPENINGS || nowMs >= endMs;
@@ -46,10 +46,11 @@ export class TransportChoice {
   }
 
   /** The relay is full, so segments are read. A WebSocket is tried after one to two times `retryMs`, then ever more seldom. */
-  enterLane(nowMs: number, retryMs: number): void {
+  enterLane(nowMs: number, retryMs: number): Transport {
     this.now = 'segments';
     this.#tryAgainMs = retryMs;
     this.#tryAtMs = nowMs + retryMs * (1 + this.#random());
+    return this.now;
   }
 
   /** Whether an opening WebSocket has taken so long that events should be tried instead. */

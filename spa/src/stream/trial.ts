@@ -1,19 +1,12 @@
 /** A relay tells a status right after its hello. Who says more before is none. */
 const HEARD_MAX = 10;
 
-/** What the worker lends to a trial. */
-export interface TrialPorts {
-  /** Whether a message is a status, which no refusal has. */
-  isStatus(data: string | ArrayBuffer): boolean;
-  /** The relay has let it in; it has said this so far. */
-  accepted(socket: WebSocket, heard: readonly MessageEvent<string | ArrayBuffer>[]): void;
-}
-
-/** Tries a WebSocket beside the stream that runs. `token`: is sent first. */
+/** Tries a WebSocket beside the stream that runs. `token`: is sent first. `accepted` is called when the relay has let it in, with
+ *  what it has said so far. */
 export function tryWebSocket(
   url: string,
   token: string | undefined,
-  { isStatus, accepted }: TrialPorts,
+  accepted: (socket: WebSocket, heard: readonly MessageEvent<string | ArrayBuffer>[]) => void,
 ): WebSocket {
   const tried = new WebSocket(url);
   tried.binaryType = 'arraybuffer';
@@ -21,7 +14,16 @@ export function tryWebSocket(
   if (token) tried.onopen = () => tried.send(JSON.stringify({ type: 'auth', token }));
   tried.onmessage = (event: MessageEvent<string | ArrayBuffer>) => {
     if (heard.push(event) > HEARD_MAX) tried.close();
-    if (isStatus(event.data)) accepted(tried, heard);
+    else if (isStatus(event.data)) accepted(tried, heard);
   };
   return tried;
+}
+
+/** A relay that refuses says no status. */
+function isStatus(data: string | ArrayBuffer): boolean {
+  try {
+    return typeof data === 'string' && JSON.parse(data).type === 'status';
+  } catch {
+    return false;
+  }
 }

@@ -1,5 +1,5 @@
 /// <reference lib="webworker" />
-import { parseRelayMessage, WIRE_VERSION } from '@posecast/wire';
+import { WIRE_VERSION } from '@posecast/wire';
 import { nowMs, setSlept } from './clock.ts';
 import laneUrl from './lane/lane_script.ts?worker&url';
 import type { EventMark, LaneHandlers, OpenLane, ShownFrame } from './lane_port.ts';
@@ -41,10 +41,10 @@ function post(message: FromStream): void {
   if (message.kind === 'behind') behindMs = message.ms ?? 0;
   if (message.kind === 'event') told = message.event;
   if (message.kind === 'state') {
-    const { schemaId, seq, tS, atMs } = message.state;
+    const { schemaId, seq, tS } = message.state;
     if (seq === overlap?.seq && tS === overlap.tS && schemaId === overlap.schemaId) return;
     overlap = null;
-    shown = { schemaId, seq, tS, atMs: atMs - behindMs };
+    shown = message.state;
     const now = states.put(message);
     if (now !== null) handOver(now);
     return;
@@ -65,7 +65,7 @@ function perform(actions: readonly Action[]): void {
         else read(action.url, action.by);
         break;
       case 'try':
-        void attempt(action.url);
+        attempt(action.url);
         break;
       case 'send':
         if (socket?.readyState === WebSocket.OPEN) socket.send(action.text);
@@ -133,12 +133,10 @@ function read(url: string, by: Transport): void {
       if (events !== mine) return;
       const handlers = {
         nowMs,
-        ...{
-          wireVersion: WIRE_VERSION,
-          hz: wantedHz,
-          isVisible: visible,
-          before: { frame: shown, event: told },
-        },
+        wireVersion: WIRE_VERSION,
+        hz: wantedHz,
+        isVisible: visible,
+        before: { frame: shown && { ...shown, atMs: shown.atMs - behindMs }, event: told },
         opened: () => unlessLeft((to) => to.opened(nowMs())),
         heard: () => unlessLeft((to) => to.heard(nowMs())),
         event: ({ name, data, writtenMs }: StreamEvent) =>
@@ -160,14 +158,12 @@ function read(url: string, by: Transport): void {
   );
 }
 /** Tries a WebSocket beside what runs, one at a time. It takes over when the relay has let it in. */
-async function attempt(url: string): Promise<void> {
+function attempt(url: string): void {
   const beside = events;
-  const { tryWebSocket } = await import('./trial.ts');
-  if (events !== beside || session === null) return;
-  trial?.close();
-  trial = tryWebSocket(url, token, {
-    isStatus: (data) => typeof data === 'string' && parseRelayMessage(data)?.type === 'status',
-    accepted: (tried, heard) => {
+  void import('./trial.ts').then(({ tryWebSocket }) => {
+    if (events !== beside) return;
+    trial?.close();
+    trial = tryWebSocket(url, token, (tried, heard) => {
       if (trial !== tried || session === null) return;
       trial = null; // so that it is not dropped
       overlap = shown;
@@ -175,7 +171,7 @@ async function attempt(url: string): Promise<void> {
       own(tried);
       perform(session.moved(nowMs()));
       for (const each of heard) tried.onmessage?.(each);
-    },
+    });
   });
 }
 

@@ -120,7 +120,7 @@ export class Lane {
 
   /** Plays what is due, and asks for what is due. */
   tick(nowMs: number): LaneAction[] {
-    if (this.#isOver) return [];
+    if (this.#isOver) return this.#take();
     if (this.#askedMs !== null && nowMs - this.#askedMs >= ANSWER_LIMIT_MS)
       this.#fail(nowMs, null, 'no answer');
     this.#clock.slew(nowMs);
@@ -292,6 +292,7 @@ export class Lane {
 
   /** Hands the parts that wait to the player, as soon as their schema is here. Then the next one is wanted. */
   #goOn(nowMs: number): void {
+    let isOver = false;
     for (let first = this.#waiting[0]; first !== undefined; first = this.#waiting[0]) {
       const { segment, ...came } = first;
       const { start, toMs } = segment;
@@ -302,7 +303,7 @@ export class Lane {
       this.#waiting.shift();
       const isNewTake = this.#last?.take !== start.take;
       const { shiftMs } = this.#clock;
-      const isOver = lastWordOf(segment) !== 'online';
+      isOver = lastWordOf(segment) !== 'online';
       const anew = this.#clock.arrive({ fromMs: start.fromMs, toMs, ...came, isNewTake, isOver });
       this.#player.add(segment, anew && !Number.isNaN(shiftMs) ? shiftMs : null);
       this.#last = { take: start.take, index: start.index };
@@ -312,6 +313,9 @@ export class Lane {
     }
     const last = this.#last;
     if (last !== null) this.#wanted = { what: 'part', name: { take: last.take, index: last.index + 1 } };
+    // a part of long ago, from before a sleep: others have come since
+    const isOld = nowMs - this.#player.endsMs > Math.max(LOST_MS, 2 * this.#clock.spanMs);
+    if (isOld && !isOver) this.#wanted = { what: 'beginning' };
     this.#tellBehind();
   }
 

@@ -5,7 +5,8 @@ const REASK_EVERY_MS = 2000;
 
 /** The frame rate that a viewer wishes for, and the one that it has asked for. */
 export class RateWish {
-  readonly #wantedHz: number;
+  /** While somebody looks and the network is fine. */
+  readonly wantedHz: number;
   /** A hidden page asks for no poses at all. */
   visible: boolean;
   /** Lowered rate for a slow network, on events only; null: the full rate. */
@@ -15,18 +16,13 @@ export class RateWish {
   #askedMs = Number.NEGATIVE_INFINITY;
 
   constructor(wantedHz: number, visible: boolean) {
-    this.#wantedHz = wantedHz;
+    this.wantedHz = wantedHz;
     this.visible = visible;
     this.askedHz = wantedHz;
   }
 
-  /** While somebody looks and the network is fine. */
-  get wantedHz(): number {
-    return this.#wantedHz;
-  }
-
   get hz(): number {
-    return this.visible ? (this.slowHz ?? this.#wantedHz) : 0;
+    return this.visible ? (this.slowHz ?? this.wantedHz) : 0;
   }
 
   /** Whether another rate is to be asked for now. */
