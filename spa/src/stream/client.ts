@@ -38,13 +38,14 @@ const UNKNOWN: Link = {
   problem: null,
 };
 
-/** By less than this, what is measured of a lane differs from part to part, ms. */
+/** How far from the told second what is measured of a lane may come to be, ms. */
 const STEADY_MS = 750;
 
-/** How far behind is told: what was told before, until it is wrong by more than a part's trembling. So neither the seconds on the
- *  page nor the moments of what it received go to and fro. */
+/** How far behind is told: what was told before, as long as its whole second is nearly right. So the seconds on the page do not
+ *  go to and fro with the tenths that differ from part to part. */
 export function steadyBehindMs(beforeMs: number | null, ms: number | null): number | null {
-  return beforeMs !== null && ms !== null && Math.abs(ms - beforeMs) < STEADY_MS ? beforeMs : ms;
+  if (beforeMs === null || ms === null) return ms;
+  return Math.abs(ms - 1000 * Math.round(beforeMs / 1000)) < STEADY_MS ? beforeMs : ms;
 }
 
 /** The page's end of the stream: feeds the worker's messages to the twin, and tells it whether the page is visible. */

@@ -1,3 +1,4 @@
+import '../styles/tools.css';
 import './row.css';
 import { type RefObject, useCallback, useEffect, useRef, useState } from 'react';
 import { manifestUrl } from '../../auth/lane.ts';
