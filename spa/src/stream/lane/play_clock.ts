@@ -1,5 +1,5 @@
 /** How much faster or slower than the robot the lane plays while its delay changes: nobody sees it. */
-const GENTLE = 0.05;
+const GENTLE = 0.08;
 /** By so much a part should come before its time. */
 const MARGIN_MS = 80;
 /** A part that is later than this is not waited for again: the playhead jumps to where it should be. */
@@ -13,7 +13,7 @@ const ENOUGH = 5;
 const LATE_ONES = 1;
 const LONG_ONES = 2;
 /** While the clock is new, and after stalls, the playhead may jump ahead by more than this; else it goes gently. */
-const JUMP_MS = 1000;
+const JUMP_MS = 700;
 const NEW_PARTS = 3;
 /** By so much a part of a new take may come sooner or later than others did, if it is told by the same clock. */
 const SAME_MS = 2000;
