@@ -64,7 +64,8 @@ def is_told(found: Refusal | None) -> str | None:
 def test_only_who_may_see_the_same_as_anyone_and_undelayed_is_told_the_lane() -> None:
     cases: list[tuple[Rule | None, str | None]] = [
         (Rule(), None),
-        (Rule(past_s=1.0), None),
+        (Rule(past_s=15.0), None),
+        (Rule(past_s=14.0), NO_LOOK_BACK),
         (Rule(hz=60.0, viewers=5), None),
         (Rule(past_s=0.0), NO_LOOK_BACK),
         (Rule(hz=59.9), NOT_ALL),
