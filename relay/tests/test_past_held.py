@@ -10,7 +10,7 @@ import pytest
 from posecast_relay.core.policy.policy import Audience, Policy, Rule
 from posecast_relay.http.metrics import RelayCollector
 from posecast_relay.http.past import routes
-from posecast_relay.http.past.held_requests import HELD_MAX, HeldRequests
+from posecast_relay.http.past.held_requests import HELD_MAX, WOKEN_PER_TURN, HeldRequests
 from posecast_relay.redis.gateway import GRACE_S
 
 from .past_doors import PAGE_MS, TAKE, PastDoors, address_of, link, until
@@ -243,6 +243,34 @@ async def test_what_may_be_seen_is_judged_anew_when_it_is_there(doors: PastDoors
     for view in ("public", "lab"):
         doors.keep(1, PAGE_MS + 4000, view=view, audiences=frozenset(Audience))
     assert [answer.status_code for answer in await asyncio.gather(*asked)] == [404, 401]
+
+
+async def test_who_waits_is_let_go_a_few_at_a_time_so_that_live_goes_on() -> None:
+    held, over = HeldRequests(), 0
+
+    async def hold() -> None:
+        nonlocal over
+        with held.hold():
+            await held.wait("r", "public", 60)
+            over += 1
+
+    tasks = [asyncio.create_task(hold()) for _ in range(100)]
+    await asyncio.sleep(0)
+    for _ in range(3):  # once more, before all have gone
+        held.wake("r", "public")
+    held.wake_all()
+    tasks[-1].cancel()
+    most = 0
+    async with asyncio.timeout(10):
+        while held.count:
+            before = over
+            await asyncio.sleep(0)
+            most = max(most, over - before)
+    assert over == 99
+    assert most <= WOKEN_PER_TURN
+    assert not held._woken
+    assert not held._waiting
+    await asyncio.gather(*tasks, return_exceptions=True)
 
 
 async def test_a_million_who_want_to_wait_leave_nothing_behind() -> None:
