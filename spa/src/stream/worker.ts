@@ -15,7 +15,11 @@ const TICK_MS = 250;
 
 declare const self: DedicatedWorkerGlobalScope & {
   /** From `lane/lane_script.ts`, once that is loaded. */
-  openLane: (url: string, token: unknown, handlers: LaneHandlers) => OpenLane;
+  lane: {
+    openEventStream(url: string, token: unknown, handlers: LaneHandlers): OpenLane;
+    /** It posts by itself. */
+    deliver(): never;
+  };
 };
 
 type StateMessage = Extract<FromStream, { kind: 'state' }>;
@@ -41,8 +45,8 @@ function post(message: FromStream): void {
   if (message.kind === 'behind') behindMs = message.ms ?? 0;
   if (message.kind === 'event') told = message.event;
   if (message.kind === 'state') {
-    const { schemaId, seq, tS } = message.state;
-    if (seq === overlap?.seq && tS === overlap.tS && schemaId === overlap.schemaId) return;
+    const { seq, tS } = message.state;
+    if (seq === overlap?.seq && tS === overlap.tS) return;
     overlap = null;
     shown = message.state;
     const now = states.put(message);
@@ -124,12 +128,9 @@ function read(url: string, by: Transport): void {
     ? import('./firebase_mirror.ts')
     : by === 'events'
       ? import('./sse.ts')
-      : import(/* @vite-ignore */ laneUrl).then(() => ({
-          openEventStream: self.openLane,
-          frameBytes: () => null,
-        }))
+      : import(/* @vite-ignore */ laneUrl).then(() => self.lane)
   ).then(
-    ({ openEventStream, frameBytes }) => {
+    ({ openEventStream, deliver }) => {
       if (events !== mine) return;
       const handlers = {
         nowMs,
@@ -139,12 +140,7 @@ function read(url: string, by: Transport): void {
         before: { frame: shown && { ...shown, atMs: shown.atMs - behindMs }, event: told },
         opened: () => unlessLeft((to) => to.opened(nowMs())),
         heard: () => unlessLeft((to) => to.heard(nowMs())),
-        event: ({ name, data, writtenMs }: StreamEvent) =>
-          unlessLeft((to) => {
-            if (Number.isFinite(writtenMs)) to.stamped(nowMs(), writtenMs);
-            const frame = name === 'frame' ? frameBytes(data) : null;
-            return frame === null ? to.text(nowMs(), data) : to.binary(nowMs(), frame);
-          }),
+        event: (event: StreamEvent) => unlessLeft((to) => deliver(event, nowMs(), to)),
         post: (message: FromStream) => events === mine && post(message),
         closed: (code: number, reason: string) =>
           unlessLeft((to) => {
@@ -154,7 +150,7 @@ function read(url: string, by: Transport): void {
       };
       Object.assign(mine, openEventStream(url, token, handlers));
     },
-    () => unlessLeft((to) => to.closed(nowMs(), 1006, 'the reader of events did not come')),
+    () => unlessLeft((to) => to.closed(nowMs(), 1006, 'its reader did not come')),
   );
 }
 /** Tries a WebSocket beside what runs, one at a time. It takes over when the relay has let it in. */
