@@ -124,10 +124,15 @@ it('a relay that is full refuses nobody: who comes then sees the same, behind, a
 
   // the first leaves
   await first.close();
-  await until('a place', async () => {
-    await nudge(second);
-    return (await carrier(second)) === 'websocket';
-  });
+  const isPlaced = async () => (await carrier(second)) === 'websocket';
+  await until(
+    'a place',
+    async () => {
+      await nudge(second);
+      return until('a place', isPlaced, 3000).catch(() => false);
+    },
+    60_000,
+  );
   await until('no longer behind', async () => !/behind/.test(await chipText(second)));
   expect(await behindMs(second)).toBeNull();
   await goesOn(second);
