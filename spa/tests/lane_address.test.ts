@@ -1,77 +1,62 @@
-import { afterEach, beforeEach, expect, it, vi } from 'vitest';
+import { expect, it } from 'vitest';
+import { readBeginning, readNext } from '../src/stream/lane/answers.ts';
+import { readLaneAddress } from '../src/stream/lane/lane_address.ts';
 
-const HOME = 'https://page.example/';
-const ROBOT = 'robots/demo';
+const STREAM = 'wss://relay.example/base/api/v1/robots/demo/live';
+const PAST = 'https://relay.example/base/api/v1/robots/demo/past';
 
-/** The modules as a page has them that was opened at this address beside this `config.json`. */
-async function opened(search: string, config: object) {
-  vi.resetModules();
-  vi.stubGlobal('window', {
-    location: { href: `${HOME}${search}#/r/demo`, search, hash: '#/r/demo' },
-    localStorage: { getItem: () => null },
-  });
-  vi.stubGlobal('location', { search });
-  vi.stubGlobal('fetch', async () => ({ ok: true, json: async () => config }));
-  const [lane, token, addresses, relay] = await Promise.all([
-    import('../src/auth/lane.ts'),
-    import('../src/auth/token.ts'),
-    import('../src/relay/addresses.ts'),
-    import('../src/relay/relay.ts'),
-  ]);
-  await relay.relaySettled();
-  return { ...lane, ...token, ...addresses };
-}
-
-beforeEach(() => {
-  vi.stubGlobal('document', { documentElement: { dataset: {} }, querySelector: () => null });
-});
-afterEach(() => vi.unstubAllGlobals());
-
-it('takes a socket, and all from the relay, unless something says otherwise', async () => {
-  const page = await opened('', { relay: 'https://relay.example' });
-  expect(page.laneUrl('demo')).toBeNull();
-  expect(page.pastUrl('demo')).toBe(`https://relay.example/api/v1/${ROBOT}/past`);
-  expect(page.manifestUrl('demo', 'abc')).toBe(
-    `https://relay.example/api/v1/${ROBOT}/model/abc/manifest.json`,
-  );
+it('reads the lane that a relay names, beside the stream', () => {
+  expect(readLaneAddress('past/public', STREAM)).toEqual({ pastUrl: PAST, view: 'public' });
+  expect(readLaneAddress(`${PAST}/slow-view`, STREAM)).toEqual({ pastUrl: PAST, view: 'slow-view' });
+  expect(readLaneAddress('past/public?token=x#y', STREAM)).toEqual({ pastUrl: PAST, view: 'public' });
 });
 
-it('reads past and model where the config has its lane, and lists robots at the relay', async () => {
-  const page = await opened('', { relay: 'https://relay.example', lane: 'https://cdn.example' });
-  expect(page.laneUrl('demo')).toBe(`https://cdn.example/api/v1/${ROBOT}/past`);
-  expect(page.pastUrl('demo')).toBe(page.laneUrl('demo'));
-  expect(page.manifestUrl('demo', 'abc')).toBe(`https://cdn.example/api/v1/${ROBOT}/model/abc/manifest.json`);
-  expect(page.apiUrl('robots')).toBe('https://relay.example/api/v1/robots');
-  expect(page.streamUrl('demo')).toBe(`wss://relay.example/api/v1/${ROBOT}/live`);
+it.each([
+  'https://elsewhere.example/base/api/v1/robots/demo/past/public',
+  '//elsewhere.example/past/public',
+  'http://relay.example/base/api/v1/robots/demo/past/public',
+  '../other/past/public',
+  'past/../../other/past/public',
+  'past/%2e%2e/%2e%2e/other/past/public',
+  'past',
+  'past/',
+  'past/a/b',
+  'past/Public',
+  'javascript:past/public',
+  'https://[',
+])('takes no lane that lies elsewhere: %s', (lane) => {
+  expect(readLaneAddress(lane, STREAM)).toBeNull();
 });
 
-it('takes a socket with a token, and sends that to the relay alone', async () => {
-  const page = await opened('', { relay: 'https://relay.example', lane: 'https://cdn.example' });
-  const inLane = page.pastUrl('demo');
-  page.setAccountToken('T');
-  expect(page.laneUrl('demo')).toBeNull();
-  expect(page.tokenFor(page.pastUrl('demo'))).toBe('T');
-  expect(page.manifestUrl('demo', 'abc')).toContain('https://relay.example/');
-  expect(page.tokenFor(inLane), 'asked for before somebody signed in').toBeUndefined();
-
-  page.setAccountToken('');
-  page.setLinkToken('L1.demo.1900000000.abcdefgh.signature');
-  expect(page.laneUrl('demo')).toBeNull();
-  expect(page.laneUrl('other'), 'which the link is not for').not.toBeNull();
-  expect(page.tokenFor(inLane)).toBeUndefined();
+it('takes a lane that the page was told wherever it is', () => {
+  const pastUrl = 'https://cdn.example/api/v1/robots/demo/past';
+  expect(readLaneAddress(pastUrl, undefined)).toEqual({ pastUrl, view: null });
+  expect(readLaneAddress('undefined', undefined)).toBeNull();
 });
 
-it('keeps tokens for a relay whose lane lies above it on the same host', async () => {
-  const page = await opened('', { relay: 'https://host.example/relay', lane: 'https://host.example' });
-  page.setAccountToken('T');
-  expect(page.tokenFor(page.pastUrl('demo'))).toBe('T');
-  expect(page.tokenFor(`https://host.example/api/v1/${ROBOT}/past`)).toBeUndefined();
-});
-
-it('reads in segments at the relay itself where the address says so', async () => {
-  const page = await opened('?lane=segments', {});
-  expect(page.laneUrl('demo')).toBe(`${HOME}api/v1/${ROBOT}/past`);
-  page.setAccountToken('T');
-  expect(page.laneUrl('demo')).toBeNull();
-  expect(page.tokenFor(page.pastUrl('demo'))).toBe('T');
+it('reads what a relay answers, and nothing else', () => {
+  const answer = (value: unknown, isJson = true) => {
+    const bytes = new TextEncoder().encode(typeof value === 'string' ? value : JSON.stringify(value));
+    return { status: 200, isJson, retryMs: null, dateMs: null, bytes };
+  };
+  const newest = { take: '0a1364173aea1949', index: 7 };
+  const told = { view: 'public', past_ms: 1000, delay_ms: 5000, newest };
+  const read = { view: 'public', isKept: true, delayMs: 5000, newest };
+  expect(readBeginning(answer(told))).toEqual(read);
+  expect(readBeginning(answer({ ...told, past_ms: 0 }))?.isKept).toBe(false);
+  expect(readBeginning(answer({ ...told, delay_ms: -1 }))?.delayMs).toBe(0);
+  for (const wrong of [
+    null,
+    7,
+    { take: newest.take },
+    { ...newest, index: -1 },
+    { ...newest, index: 0.5 },
+    { ...newest, take: '../../x' },
+  ])
+    expect(readBeginning(answer({ ...told, newest: wrong }))?.newest).toBeNull();
+  for (const wrong of [{ ...told, view: '../x' }, { ...told, past_ms: '1' }, [], 'null', '{', '7'])
+    expect(readBeginning(answer(wrong))).toBeNull();
+  expect(readBeginning(answer(told, false))).toBeNull();
+  expect(readNext(answer({ next: newest }))).toEqual(newest);
+  expect(readNext(answer({ next: { take: 'x', index: 0 } }))).toBeNull();
 });

@@ -37,7 +37,8 @@ export class LaneViewer {
   /** When the first part was there. */
   openMs = Number.NaN;
   nowMs: number;
-  readonly #lane: Lane;
+  #lane: Lane;
+  readonly #random: () => number;
   readonly #relay: LaneRelay;
   readonly #network: LaneNetwork;
   readonly #skewMs = 86_400_000 * 3 - 12_345;
@@ -53,15 +54,8 @@ export class LaneViewer {
     this.#relay = relay;
     this.#network = network;
     this.nowMs = joinsMs;
-    const { frame } = before;
-    const seen = frame === null ? null : { ...frame, atMs: this.#clock(frame.atMs) };
-    this.#lane = new Lane({
-      view: null,
-      hz: 30,
-      isVisible: true,
-      before: { ...before, frame: seen },
-      random,
-    });
+    this.#random = random;
+    this.#lane = this.#begin(before);
     this.twin = new RobotTwin('small', this.#clock(joinsMs));
     this.#do(this.#lane.start(this.#clock(joinsMs)));
   }
@@ -86,6 +80,22 @@ export class LaneViewer {
     }
   }
 
+  /** After its end: the page opens the lane anew, which is told what was shown before. */
+  reopen(joinsMs: number): void {
+    this.run(joinsMs, true);
+    this.ends.length = 0;
+    const { state, events } = this.twin;
+    const frame = state && { ...state, atMs: state.atMs - this.#skewMs - this.behindAt(this.nowMs) };
+    this.#lane = this.#begin({ frame, event: events.at(-1) ?? null });
+    this.#do(this.#lane.start(this.#clock(this.nowMs)));
+  }
+
+  #begin(before: KnownBefore): Lane {
+    const frame = before.frame && { ...before.frame, atMs: this.#clock(before.frame.atMs) };
+    const settings = { view: null, hz: 30, isVisible: true, random: this.#random };
+    return new Lane({ ...settings, before: { ...before, frame } });
+  }
+
   /** How far behind it said to be. */
   behindAt(atMs: number): number {
     return this.behinds.findLast((told) => told.atMs <= atMs)?.ms ?? Number.NaN;
@@ -106,8 +116,10 @@ export class LaneViewer {
       else if (action.do === 'open') {
         this.openMs = this.nowMs;
         this.twin.acceptConnection(true, this.#clock(this.nowMs));
-      } else if (action.do === 'end') this.ends.push(action);
-      else this.#accept(action.message);
+      } else if (action.do === 'end') {
+        this.ends.push(action);
+        this.twin.acceptConnection(false, this.#clock(this.nowMs));
+      } else this.#accept(action.message);
     }
   }
 

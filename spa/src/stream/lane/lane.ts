@@ -30,6 +30,8 @@ const FAILURES_MAX = 4;
 const MISSED_MAX = 3;
 /** Parts without a frame that are passed over to find a pose to begin with. */
 const BACK_MAX = 2;
+/** Frames played at once that may count as shown: a timer is a little late. More are caught up with. */
+const SHOWN_MAX = 4;
 const PACE_EVERY_MS = 1000;
 /** A smaller change of how far behind the page is, is not told. */
 const BEHIND_STEP_MS = 250;
@@ -179,7 +181,8 @@ export class Lane {
 
   #play(nowMs: number): void {
     const vouches = this.#failures < FAILURES_DOUBTED || nowMs < this.#player.endsMs;
-    for (let count = this.#player.play(nowMs, vouches); count > 0; count--) this.#meter.recordArrival(nowMs);
+    const frames = this.#player.play(nowMs, vouches);
+    for (let count = Math.min(frames, SHOWN_MAX); count > 0; count--) this.#meter.recordArrival(nowMs);
     if (!this.#isOpen || nowMs - this.#toldPaceMs < PACE_EVERY_MS) return;
     this.#toldPaceMs = nowMs;
     this.#post({ kind: 'pace', hz: this.#meter.hz(nowMs), roundTripMs: null });
