@@ -49,6 +49,8 @@ export class PlayClock {
   /** How many parts came since the clock began. */
   #parts = 0;
   #stalls = 0;
+  /** How long before its arrival the first part ended; null: not longer than a part. */
+  #firstAgoMs: number | null = null;
 
   /** Takes note of a part. Returns whether the clock has begun anew, so that it does not hold for parts of before. */
   arrive(part: Arrival): boolean {
@@ -63,6 +65,7 @@ export class PlayClock {
       this.#parts = 0;
       this.#atMs = atMs;
       this.shiftMs = firstShiftMs(part);
+      this.#firstAgoMs = isLikely(part) ? part.agoMs : null;
       this.#remember(spanMs, closeMs);
     } else if (!this.isFound) {
       const soonestMs = Math.min(closeMs, this.closeMs);
@@ -118,10 +121,12 @@ export class PlayClock {
     return Math.min(...this.#spansMs.slice(-3));
   }
 
-  /** How far what is shown lies behind the relay. While that is not known: at most. `wayMs`: how long an answer is on its way. */
+  /** How far what is shown lies behind the relay. While that is not known: by the relay's own time of its first answer, which
+   *  is told in whole seconds, or at most. `wayMs`: how long an answer is on its way. */
   behindMs(wayMs: number): number {
     const knownMs = this.shiftMs - this.closeMs + wayMs;
-    return this.isFound ? knownMs : knownMs + Math.max(...this.#spansMs);
+    if (this.isFound) return knownMs;
+    return knownMs + (this.#firstAgoMs === null ? Math.max(...this.#spansMs) : this.#firstAgoMs + 500);
   }
 
   /** So late that all but the latest of the last parts would have come in time. */
@@ -133,11 +138,15 @@ export class PlayClock {
 
 /** Where the first part is begun: at its beginning, or nearer to its end where the next one is expected sooner. A robot that has
  *  gone since is shown as it was at last. */
-function firstShiftMs({ fromMs, toMs, atMs, agoMs, isOver }: Arrival): number {
-  const spanMs = toMs - fromMs;
+function firstShiftMs(part: Arrival): number {
+  const { fromMs, toMs, atMs, agoMs, isOver } = part;
   if (isOver) return atMs - toMs - Math.max(0, agoMs ?? 0);
-  const isLikely = agoMs !== null && agoMs >= 0 && agoMs < 2 * spanMs + SAME_MS;
-  return atMs - fromMs - (isLikely ? Math.max(0, Math.min(spanMs, agoMs - MARGIN_MS)) : 0);
+  return atMs - fromMs - (isLikely(part) ? Math.max(0, Math.min(toMs - fromMs, agoMs! - MARGIN_MS)) : 0);
+}
+
+/** Whether the newest part can have ended so long ago. */
+function isLikely({ fromMs, toMs, agoMs }: Arrival): boolean {
+  return agoMs !== null && agoMs >= 0 && agoMs < 2 * (toMs - fromMs) + SAME_MS;
 }
 
 function remember(list: number[], value: number): void {
