@@ -116,7 +116,7 @@ test: setup ## all tests CI runs: Python's and the page's side by side, since mo
 page: typescript e2e
 
 test-full: setup ## the long rest as well, and every browser test in each of the three engines
-	@for package in $(E2E_NEEDS) nginx rsync; do tools/need $$package || exit; done
+	@for package in $(E2E_NEEDS) nginx varnish rsync; do tools/need $$package || exit; done
 	$(PYTEST)
 	npm test --silent -w wire/typescript
 	POSECAST_FULL=1 npm test --silent -w spa
