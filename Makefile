@@ -1,6 +1,6 @@
 # Every target sets up what it needs; `make` alone lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers load attack faults soak gallery pictures explained compose-test dist clean unit python typescript page e2e browsers
+.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers lane load attack faults soak gallery pictures explained compose-test dist clean unit python typescript page e2e browsers
 SHELL := /bin/bash
 export UV_PYTHON_DOWNLOADS := never
 export PYTHONDONTWRITEBYTECODE := 1
@@ -141,6 +141,10 @@ bench: .venv/.ready ## the relay beside a bare send() loop, FastAPI and websocke
 peers: setup ## the relay beside Socket.IO, ws, Tornado, foxglove-sdk, Mosquitto and NATS (5 minutes)
 	benches/peers/install
 	$(BIN)/python -m benches.peers.run
+
+lane: setup ## a robot's segments through nginx and Varnish to 5,000 viewers each (needs cc; 15 minutes, SHORT=1 four)
+	@for package in nginx varnish; do tools/need $$package || exit; done
+	$(BIN)/python -m relay.benches.lane.run $(if $(SHORT),--short) $(if $(WRITE),--write)
 
 load: setup ## a lecture, a flash crowd, a fleet and slow phones against a relay of their own (4 minutes)
 	$(BIN)/python -m posecast_loadtests
