@@ -224,10 +224,11 @@ def _access(
 ) -> Access:
     addresses = Addresses(settings.max_per_address, settings.trusted_proxies)
     ports = (hub, delayed, services.store, FanOut(_ring()), services.source)
+    has_past = settings.past is not None
     if robots is None:
-        return open_access(*ports, addresses=addresses)
+        return open_access(*ports, addresses=addresses, has_past=has_past)
     tokens = Tokens(_accounts(settings), robots.find_link_keys())
-    return open_access(*ports, robots.make_policy(), tokens, settings.origins, addresses)
+    return open_access(*ports, robots.make_policy(), tokens, settings.origins, addresses, has_past)
 
 
 def _accounts(settings: Settings) -> Accounts | None:
