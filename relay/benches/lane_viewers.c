@@ -3,11 +3,12 @@
  *
  *   lane_viewers --port P --robot NAME --viewers N [--host 127.0.0.1] [--view public] [--join 4] [--sources 64] [--seconds 600]
  *
- * A viewer asks where the past ends (`/past?view=`), gets the newest segment, and then each next one when it is due: the
- * last one's `to` and its usual duration, less 0.1 to 0.9 s (AHEAD), so that a request is held for a second at most.
- * 204 → again after Retry-Ms and up to a quarter more; 200 with JSON → the segment that it names; anything else, and a
- * connection that breaks → again after 1 to 2 s, then twice that … up to 32 s. Connections are kept and opened anew when
- * their server has ended them. All have come after --join seconds.
+ * A viewer asks where the past ends (`/past?view=`), gets the newest segment, and then each next one 0.8 s before it is due
+ * by what came before (the page's rule, spa/src/stream/lane/lane.ts): the last one's end, the shortest of the last three
+ * durations, the least time from an end to the arrival of the last ten. Until a request was held it asks at once. 204 → again after Retry-Ms; 200 with JSON → the
+ * segment that it names; anything else, and a connection that breaks → again after 0 to 2 s, then twice that … up to 32 s.
+ * Each request is under way for 0 to 0.2 s more, drawn anew, as over a network. Connections are kept, and opened anew when their server has ended
+ * them. All have come after --join seconds.
  *
  * Each line on standard input prints what was counted since the last one as a JSON object, with the line as `name`, and
  * begins anew; the end of standard input, or --seconds, prints the last one and ends. The exit status is then 0.
@@ -42,12 +43,16 @@
 #define SLOT_MS 5
 #define SLOTS 16384u /* of SLOT_MS: 81 s, longer than any wait */
 #define PATIENCE_S 30.0 /* for an answer */
-#define USUAL_MS 4000
-#define AHEAD_MS 100
-#define AHEAD_SPREAD_MS 800
+#define AHEAD_MS 800
+#define WAY_MS 200 /* at most */
 #define RETRY_MS 1000
-#define BACK_OFF_MS 1000
-#define BACK_OFFS 5 /* times it doubles */
+#define EMPTY_MS 3000
+#define BACK_OFF_MS 2000 /* at most, the first time */
+#define BACK_OFFS 4 /* times it doubles */
+#define HELD_US 300000
+#define FOUND_AFTER 3
+#define SPANS 3
+#define CLOSES 10
 #define PACKET 1448u
 #define RECORD 16384u
 
@@ -56,11 +61,12 @@ enum phase { RESTING, CONNECTING, ASKED };
 struct viewer {
     int fd;
     enum phase phase;
+    uint8_t found, told_not_yet; /* a request was held: so it is known when segments come */
     uint8_t knows, begun, used, errors; /* knows what to ask for; has a segment; the connection has answered; in a row */
-    uint8_t lasted_at;
     uint64_t take, run;
     uint32_t index, last_seq, run_known;
-    uint32_t lasted_ms[3]; /* of the newest segments */
+    uint32_t arrived; /* segments, in all */
+    int64_t spans_ms[SPANS], closes_ms[CLOSES]; /* of the newest ones: duration, and arrival less end */
     uint64_t asked_ns, slot;
     int64_t body_left;
     uint32_t head_size, kept_size, got, mine; /* mine: segments since the last report */
@@ -114,17 +120,17 @@ static void wait_ms(struct viewer *v, int64_t ms) {
     slots[slot % SLOTS] = (int)(v - viewers);
 }
 
-static uint32_t usual_ms(const struct viewer *v) { /* the longest of the last three: some are cut short */
-    uint32_t most = 0;
-    for (int i = 0; i < 3; i++)
-        if (v->lasted_ms[i] > most) most = v->lasted_ms[i];
-    return most ? most : USUAL_MS;
+static int64_t least_of(const int64_t *ms, uint32_t known, uint32_t most) {
+    int64_t least = ms[0];
+    for (uint32_t i = 1; i < known && i < most; i++)
+        if (ms[i] < least) least = ms[i];
+    return least;
 }
 
 static void back_off(struct viewer *v) {
     int64_t ms = (int64_t)BACK_OFF_MS << v->errors;
     if (v->errors < BACK_OFFS) v->errors++;
-    wait_ms(v, ms + draw(ms));
+    wait_ms(v, draw(ms));
 }
 
 static void hang_up(struct viewer *v) {
@@ -253,12 +259,18 @@ static void take_segment(struct viewer *v, size_t head, size_t body) {
         }
         v->run = s.run, v->run_known = 1, v->last_seq = (uint32_t)s.last_seq;
     }
-    histogram_add(&waited, (now_ns() - v->asked_ns) / 1000);
+    uint64_t took_us = (now_ns() - v->asked_ns) / 1000;
+    histogram_add(&waited, took_us);
     v->begun = 1;
-    v->lasted_ms[v->lasted_at++ % 3] = (uint32_t)s.lasted_ms;
+    v->found |= took_us > HELD_US || v->told_not_yet || v->arrived >= FOUND_AFTER;
+    v->told_not_yet = 0;
+    int64_t now_ms = (int64_t)(us / 1000), to_ms = (int64_t)(s.from_ms + s.lasted_ms);
+    v->spans_ms[v->arrived % SPANS] = (int64_t)s.lasted_ms;
+    v->closes_ms[v->arrived % CLOSES] = now_ms - to_ms;
+    v->arrived++;
     v->index++;
-    int64_t due_ms = (int64_t)(s.from_ms + s.lasted_ms + usual_ms(v)) - (int64_t)(us / 1000);
-    wait_ms(v, due_ms - AHEAD_MS - draw(AHEAD_SPREAD_MS));
+    int64_t due_ms = to_ms + least_of(v->closes_ms, v->arrived, CLOSES) + least_of(v->spans_ms, v->arrived, SPANS) - AHEAD_MS;
+    wait_ms(v, (v->found && due_ms > now_ms ? due_ms - now_ms : 0) + draw(WAY_MS));
 }
 
 /* Of `{"next":{"take":"…","index":n}}` or of a summary's `newest`. */
@@ -271,14 +283,14 @@ static void take_name(struct viewer *v) {
     at = strstr(text, v->knows ? "\"next\":{" : "\"newest\":{");
     if (!at || sscanf(strchr(at, '{'), "{\"take\":\"%16" SCNx64 "\",\"index\":%u}", &take, &index) != 2) {
         seen.unreadable += v->knows; /* a summary: there is nothing yet */
-        wait_ms(v, RETRY_MS + draw(RETRY_MS / 4));
+        wait_ms(v, EMPTY_MS / 2 + draw(EMPTY_MS));
         return;
     }
     int same = v->knows && take == v->take && index == v->index;
     if (v->knows) seen.nexts++;
     else seen.summaries++;
     v->take = take, v->index = index, v->knows = 1;
-    wait_ms(v, same ? RETRY_MS + draw(RETRY_MS / 4) : 0);
+    wait_ms(v, (same ? RETRY_MS : 0) + draw(WAY_MS));
 }
 
 static long find_number(const struct viewer *v, const char *name) { /* a header's; -1: it isn't there */
@@ -306,9 +318,9 @@ static void take_answer(struct viewer *v) {
     if (status == 200 || status == 204) v->errors = 0;
     if (status == 204) {
         long ms = find_number(v, "retry-ms");
-        seen.not_yet++;
-        if (ms < 0 || ms > 60000) ms = RETRY_MS;
-        wait_ms(v, ms + draw(ms / 4 + 1));
+        seen.not_yet++, v->told_not_yet = 1;
+        if (ms < RETRY_MS || ms > 60000) ms = RETRY_MS;
+        wait_ms(v, ms + draw(WAY_MS));
     } else if (status == 200 && v->kept_size && v->kept[0] == '{') take_name(v);
     else if (status == 200) take_segment(v, head, body);
     else {

@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import re
+import signal
 import sys
 import time
 from collections.abc import Iterator
@@ -31,6 +31,7 @@ from relay.benches.lane.measure import (
     measure_steady,
     measure_trouble,
 )
+from relay.benches.lane.page import PAGE, fill
 from relay.benches.lane.robot import read_feed
 from relay.benches.lane.stage import LaneStage, Row, set_stage
 from relay.benches.lane.table import (
@@ -48,7 +49,6 @@ from relay.benches.stamps import make_stamps
 from tools import bars
 
 OUT = ROOT / "out" / "lane"
-PAGE = ROOT / "docs" / "BENCHMARKS.md"
 MEASURED = Path(__file__).with_name("measured.json")
 SCENARIOS = ("steady", "trouble", "bytes")
 
@@ -100,16 +100,6 @@ def play(stage: LaneStage, place: Place, plan: LanePlan, scenarios: tuple[str, .
     progress("")
 
 
-def fill(page: str, blocks: dict[str, str]) -> str:
-    """The page with its blocks made anew. ValueError when a marker is missing."""
-    for name, block in blocks.items():
-        pattern = rf"(<!-- {name}: .*? -->\n).*?(<!-- /{name} -->)"
-        page, found = re.subn(pattern, rf"\g<1>\n{block}\n\n\g<2>", page, flags=re.DOTALL)
-        if found != 1:
-            raise ValueError(f"BENCHMARKS.md: {found} blocks called {name!r}, one is needed")
-    return page
-
-
 def sum_up(rows: list[Row], about: dict[str, Any]) -> dict[str, Any]:
     """What arithmetic elsewhere stands on: bytes a second, and each answer's headers and body."""
     live = pick(rows, scenario="bytes", cache="WebSocket")[0]
@@ -131,6 +121,7 @@ def sum_up(rows: list[Row], about: dict[str, Any]) -> dict[str, Any]:
 def measure(asked: argparse.Namespace) -> dict[str, Any]:
     """Run it: the machine, and all rows. CannotStart, NoCompiler."""
     plan, about, began = make_plan(asked), machine(), time.monotonic()
+    signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))  # ends what it has started
     place = prepare(asked.out)
     make_stamps(place.stamps)
     with set_stage(place, asked.caches.split(",")) as stage:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from statistics import median
 
 from relay.benches.lane.measure import HELD_S
+from relay.benches.lane.page import markdown
 from relay.benches.lane.robot import KEY_INTERVAL_S
 from relay.benches.lane.stage import Row
 from relay.benches.table import Goal, spread
@@ -46,11 +47,6 @@ def trouble(row: Row) -> float:
     """What may not happen to a viewer: refused, cut off, a frame twice or missing, nothing at all."""
     counts = (row[name] for name in ("gaps", "repeats", "lost", "silent", "unreadable"))
     return float(sum(counts) + sum(row["refused"].values()) + (row["least"] == 0))
-
-
-def markdown(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
-    table = [f"| {' | '.join(head)} |", f"|{'---|' * len(head)}"]
-    return "\n".join([*table, *(f"| {' | '.join(line)} |" for line in lines)])
 
 
 STEADY = ["viewers of each node", "through", "origin requests a segment and node"]
