@@ -146,8 +146,9 @@ lane: setup ## a robot's segments through nginx and Varnish to 5,000 viewers eac
 	@for package in nginx varnish; do tools/need $$package || exit; done
 	$(BIN)/python -m relay.benches.lane.run $(if $(SHORT),--short) $(if $(WRITE),--write)
 
-load: setup ## a lecture, a flash crowd, a fleet and slow phones against a relay of their own (4 minutes)
+load: setup ## a lecture, a flash crowd, a fleet, slow phones and a hall against a relay of their own (5 minutes)
 	$(BIN)/python -m posecast_loadtests
+	$(BIN)/python -m posecast_loadtests.hall
 
 gallery: .venv/.ready ## every robot of the packages installed here, or in FOLDERS="…", built and drawn on sheets in gallery/
 	$(BIN)/python -m tools.gallery $(FOLDERS)

@@ -13,6 +13,7 @@ from relay.benches.lane.robot import KEY_INTERVAL_S
 from relay.benches.lane.stage import JOIN_S, ROBOT, Crowd, LaneStage, Row, crowds, read_cpu_s
 from relay.benches.servers import CannotStart, Place
 
+HZ = 30
 HELD_S = 8.0  # the relay holds a request for so long
 SETTLE_S = JOIN_S + 6.0  # all have joined, and each has got a segment that it waited for
 # what lies around the bytes of the socket, as docs/SCALING.md reckons
@@ -108,7 +109,10 @@ def measure_trouble(stage: LaneStage, place: Place, viewers: int, plan: LanePlan
 
 
 def measure_bytes(stage: LaneStage, place: Place, seconds: float) -> list[Row]:
-    """Few viewers of each node, and as many of WebSockets, side by side: the same frames for all."""
+    """Few viewers of each node, and as many of WebSockets, side by side: the same frames for all.
+
+    A window has a part of a segment more or less than another: so bytes are those of a frame, times HZ.
+    """
     viewers = 20
     command = [str(place.binaries["viewers"]), "--port", str(stage.relay_port), "--stamps", str(place.stamps)]
     command += ["--path", f"/api/v1/robots/{ROBOT}/live?hz=30", "--viewers", str(viewers)]
@@ -125,8 +129,17 @@ def measure_bytes(stage: LaneStage, place: Place, seconds: float) -> list[Row]:
     if not told[0]:
         raise CannotStart("the WebSocket viewers said nothing")
     live: Row = json.loads(told[0])
-    live |= {"scenario": "bytes", "cache": "WebSocket"}
+    live |= {"scenario": "bytes", "cache": "WebSocket", "frames": live["messages"]}
     # a status rides in the packet of a frame, and is among what was received
     around = live["messages"] * (TLS_RECORD_BYTES + PACKET_BYTES)
-    live["bytes_s"] = (live["received"] + around) / viewers / live["wall_s"]
-    return [live, *rows]
+    live["parts_s"] = spread_bytes(live, live["bytes"], live["received"] - live["bytes"], around)
+    for row in rows:
+        around = row["records"] * TLS_RECORD_BYTES + row["packets"] * PACKET_BYTES
+        beside = row["heads"] + row["bodies"] - row["segment_bodies"]
+        row["parts_s"] = spread_bytes(row, row["segment_bodies"], beside, around)
+    return [row | {"bytes_s": sum(row["parts_s"])} for row in (live, *rows)]
+
+
+def spread_bytes(row: Row, *parts: float) -> list[float]:
+    """Of all viewers' bytes those of one in a second, at HZ frames."""
+    return [part / row["frames"] * HZ for part in parts]

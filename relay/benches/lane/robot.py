@@ -29,6 +29,7 @@ from relay.benches.stamps import Stamps
 from wire.python.benches.bytes_per_frame import SHARED, rows
 
 KEY_INTERVAL_S = 4.0  # the agent's
+LATE_MAX_S = 0.5  # after a pause it does not catch up
 SET = SHARED / "telemetry" / "mixed.npz"
 Rows = Sequence[Sequence[float | None]]
 
@@ -104,7 +105,7 @@ def main() -> None:
         if stamps is not None:
             stamps.note(seq)
         publisher.put(frame, attachment=attachment())
-        due = max(due + 1 / asked.hz, now)
+        due = max(due + 1 / asked.hz, now - LATE_MAX_S)  # a late frame makes the next one no later
 
 
 if __name__ == "__main__":

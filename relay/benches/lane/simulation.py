@@ -1,9 +1,9 @@
 """A million viewers of the lane behind 200 cache nodes, as a discrete simulation: what the origin is asked.
 
-`python -m relay.benches.lane.simulation [--viewers 1000000] [--nodes 200]`: viewers who join over a minute, with
-delays of their own and clocks that run wrong, ask as the page does (spa/src/stream/lane/lane.ts). Nodes collapse
-requests for one name and keep "not yet" for a second. The origin holds a request for 8 s, and 300 of them at
-once. Prints a table as Markdown; `--write` puts it into docs/BENCHMARKS.md. Nothing runs in real time.
+`python -m relay.benches.lane.simulation [--viewers 1000000] [--nodes 200]`: viewers who join over a minute,
+with delays of their own and clocks that run wrong, ask as the page does (spa/src/stream/lane/lane.ts). Nodes
+collapse requests for one name and keep "not yet" for a second. The origin holds a request for 8 s, and 300 of
+them at once. Prints a table as Markdown; `--write` puts it into docs/BENCHMARKS.md.
 """
 
 from __future__ import annotations
