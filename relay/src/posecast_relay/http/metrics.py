@@ -54,6 +54,7 @@ class HeldStats(Protocol):
 
     count: int
     turned_away: int
+    answers: Counter[str]
 
 
 @runtime_checkable
@@ -222,6 +223,9 @@ def _describe_held(held: HeldStats) -> Iterable[Metric]:
     yield GaugeMetricFamily("posecast_past_held_requests", text, held.count)
     text = "Of such, answered at once since so many wait"
     yield CounterMetricFamily("posecast_past_turned_away_requests", text, held.turned_away)
+    given = {"segment": 0, "next": 0, "not yet": 0, "none": 0} | held.answers
+    text = "Requests for a segment by what they got"
+    yield _make_labelled("posecast_past_segment_requests", text, "result", given, CounterMetricFamily)
 
 
 def _make_histogram(name: str, text: str, times: Histogram) -> Metric:
