@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import shutil
 import subprocess
 import sys
 import threading
 import time
+import urllib.request
 from collections import Counter
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -20,6 +23,7 @@ import pytest
 from posecast_wire import Encoder, Schema, build_schema_text
 from posecast_wire.segment import FrameRecord, Segment, SegmentStart, encode_segment
 
+from relay.benches.lane.caches import start_nginx
 from relay.benches.lane.origin import CountedApp, OriginRequest, TimedCall, name_kind, read_requests
 from relay.benches.lane.page import PAGE, fill
 from relay.benches.lane.run import MEASURED
@@ -70,6 +74,7 @@ class LaneStandIn(BaseHTTPRequestHandler):
         self.send_response(status)
         self.send_header("content-length", f"{len(body)}")
         self.send_header("retry-ms", "1000")
+        self.send_header("cache-control", "public, max-age=1")
         self.end_headers()
         self.wfile.write(body)
 
@@ -169,6 +174,35 @@ def test_bytes_that_are_no_segment_are_unreadable(lane_viewers: str) -> None:
 def test_options_have_bounds(lane_viewers: str, wrong: tuple[str, str]) -> None:
     command = [lane_viewers, "--port", "1", "--robot", "bench", "--viewers", "1", *wrong]
     assert subprocess.run(command, capture_output=True, timeout=10, check=False).returncode == 2
+
+
+# ---- a node -----------------------------------------------------------------------------
+
+
+def test_nobody_begins_where_the_past_ended_long_ago(tmp_path: Path) -> None:
+    """What nginx has kept of a moment ago is no beginning, and a crowd asks for the new one once."""
+    if shutil.which("nginx", path=f"{os.environ['PATH']}:/usr/sbin") is None:
+        pytest.skip("no nginx here")
+    script = {"?view=public": [(200, newest(1)), (200, newest(7))]}
+    core = sorted(os.sched_getaffinity(0))[-1]
+    with (
+        (tmp_path / "log").open("wb") as log,
+        stand_in(script) as (port, asked),
+        start_nginx(f"127.0.0.1:{port}", core, log) as node,
+    ):
+        address = f"http://127.0.0.1:{node.port}/api/v1/robots/bench/past?view=public"
+
+        def ask(_: int) -> int:
+            with urllib.request.urlopen(address, timeout=20) as answer:
+                return int(json.load(answer)["newest"]["index"])
+
+        assert ask(0) == 1
+        began_s = int(time.time())
+        while time.time() < began_s + 2:  # until what was said holds no longer
+            time.sleep(0.02)
+        with ThreadPoolExecutor(16) as crowd:
+            assert set(crowd.map(ask, range(32))) == {7}
+    assert asked["/api/v1/robots/bench/past?view=public"] <= 1 + 2  # a second may have ended among them
 
 
 # ---- the origin ------------------------------------------------------------------------
