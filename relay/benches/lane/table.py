@@ -28,6 +28,15 @@ def list_caches(rows: Iterable[Row]) -> list[str]:
     return list(dict.fromkeys(row["cache"] for row in rows if row["cache"] != "WebSocket"))
 
 
+def count_segments(row: Row) -> float:
+    """How many segments there were for a node: those that it got, but in a steady window its KEY intervals.
+
+    So a node that asks for old ones as well is found out.
+    """
+    steady = row["scenario"] == "steady"
+    return float(round(row["wall_s"] / KEY_INTERVAL_S) if steady else row["origin"]["segments"])
+
+
 def requests_a_segment(row: Row) -> float:
     """Of the origin and one node. In a pause there is "not yet", one while a request is held: not counted.
 
@@ -35,7 +44,7 @@ def requests_a_segment(row: Row) -> float:
     """
     origin = row["origin"]
     asked = origin["segment"] + origin["other"] + (origin["not-yet"] if row["scenario"] == "steady" else 0)
-    return float(asked / max(1, origin["segments"]))
+    return float(asked / max(1.0, count_segments(row)))
 
 
 def request_ms(row: Row) -> float:
