@@ -1,6 +1,6 @@
 # Every target sets up what it needs; `make` alone lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers load attack faults soak gallery pictures explained compose-test dist clean unit python typescript page e2e browsers
+.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers lane load attack faults soak gallery pictures explained compose-test dist clean unit python typescript page e2e browsers
 SHELL := /bin/bash
 export UV_PYTHON_DOWNLOADS := never
 export PYTHONDONTWRITEBYTECODE := 1
@@ -142,8 +142,13 @@ peers: setup ## the relay beside Socket.IO, ws, Tornado, foxglove-sdk, Mosquitto
 	benches/peers/install
 	$(BIN)/python -m benches.peers.run
 
-load: setup ## a lecture, a flash crowd, a fleet and slow phones against a relay of their own (4 minutes)
+lane: setup ## a robot's segments through nginx and Varnish to 5,000 viewers each (needs cc; 15 minutes, SHORT=1 four)
+	@for package in nginx varnish; do tools/need $$package || exit; done
+	$(BIN)/python -m relay.benches.lane.run $(if $(SHORT),--short) $(if $(WRITE),--write)
+
+load: setup ## a lecture, a flash crowd, a fleet, slow phones and a hall against a relay of their own (5 minutes)
 	$(BIN)/python -m posecast_loadtests
+	$(BIN)/python -m posecast_loadtests.hall
 
 gallery: .venv/.ready ## every robot of the packages installed here, or in FOLDERS="…", built and drawn on sheets in gallery/
 	$(BIN)/python -m tools.gallery $(FOLDERS)
