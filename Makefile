@@ -132,8 +132,9 @@ browsers: setup ## the README's table of browsers, as found on this machine
 
 # ---- figures -----------------------------------------------------------------
 
-bytes: .venv/.ready ## bytes per frame on the shared telemetry sets
+bytes: .venv/.ready ## bytes per frame and per segment on the shared telemetry sets
 	$(BIN)/python wire/python/benches/bytes_per_frame.py
+	$(BIN)/python -m tools.segment_bytes
 
 bench: .venv/.ready ## the relay beside a bare send() loop, FastAPI and websockets (needs cc; 20 to 40 minutes)
 	$(BIN)/python -m relay.benches.bench
