@@ -42,7 +42,8 @@ from posecast_relay.redis.guard import (
     STORED,
 )
 from posecast_relay.redis.messages import unpack_events
-from posecast_relay.redis.write_calls import WrittenState, gives_way, make_presence_call, make_state_call
+from posecast_relay.redis.stream_updates import WrittenState
+from posecast_relay.redis.write_calls import gives_way, make_presence_call, make_state_call
 
 T = TypeVar("T")
 
