@@ -124,7 +124,7 @@ class JoinedCollector(Collector):
         before = self._told.get(number)
         if before is not None and before.process != process:
             for name, samples in before.samples.items():
-                self._ended.setdefault(name, Counter()).update(samples)  # type: ignore[arg-type]
+                self._ended.setdefault(name, Counter()).update(samples)
         self._told[number] = _Told(process, found)
 
     def _join(self, family: Metric, answering: Iterable[int]) -> Metric:

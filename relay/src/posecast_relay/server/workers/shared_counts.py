@@ -19,6 +19,7 @@ ROWS, PLACES = 2048, 8
 HEAD = 2  # words: state, time of the last sign of life in ns
 WORDS = HEAD + 2 * ROWS * PLACES  # of a worker's part; a word has 8 bytes
 DOWN, SERVING = 0, 1
+BEAT_S = 1.0  # between two signs of life
 FRESH_NS = 5_000_000_000  # who gave no sign of life for so long does not serve
 
 
@@ -62,9 +63,12 @@ class SharedCounts:
 
     def set_state(self, state: int) -> None:
         """Say whether this worker serves, and that it lives."""
-        base = self._number * WORDS
-        self._words[base + 1] = time.monotonic_ns()
-        self._words[base] = state
+        self.beat()
+        self._words[self._number * WORDS] = state
+
+    def beat(self) -> None:
+        """Say that this worker lives."""
+        self._words[self._number * WORDS + 1] = time.monotonic_ns()
 
     def list_missing(self) -> list[int]:
         """Return the numbers of the workers that don't serve now."""
