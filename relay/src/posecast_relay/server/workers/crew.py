@@ -40,7 +40,7 @@ class Crew:
     def __init__(self, settings: Settings, argv: Sequence[str], port: int) -> None:
         """Raises StartError when there is no room for what they share."""
         try:
-            self._folder = Path(tempfile.mkdtemp(prefix="posecast-"))
+            self._folder = Path(tempfile.mkdtemp(prefix="posecast-relay-"))
             memory = open_shared_memory(settings.workers)
             self.counts = SharedCounts(memory, settings.workers, 0)
         except OSError as e:
@@ -50,6 +50,7 @@ class Crew:
         self._place = place
         self.supervisor = Supervisor(argv, place, self.counts)
         self._feed: Feed | None = None
+        self._door: asyncio.Server | None = None
         self._tasks: list[asyncio.Task[None]] = []
 
     def join_store(self, store: StateStore, hub: Hub) -> StateStore:
@@ -101,6 +102,8 @@ class Crew:
         for task in self._tasks:
             task.cancel()
         self.supervisor.stop()
+        if self._door is not None:
+            self._door.close()
         if self._feed is not None:
             self._feed.stop()
         shutil.rmtree(self._folder, ignore_errors=True)
@@ -126,4 +129,4 @@ class Crew:
             state = server.server_state
             return config.http_protocol_class(config=config, server_state=state, app_state={})  # type: ignore[call-arg]
 
-        await asyncio.get_running_loop().create_unix_server(make, path=str(self._place.door))
+        self._door = await asyncio.get_running_loop().create_unix_server(make, path=str(self._place.door))
