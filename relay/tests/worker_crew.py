@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import re
-from contextlib import AsyncExitStack
+import socket
+from contextlib import AsyncExitStack, suppress
+from functools import partial
+from http.client import HTTPConnection
 from pathlib import Path
 
 import httpx
@@ -18,7 +21,17 @@ def list_pids(relay: Relay) -> list[int]:
     return [first, *map(int, children)]
 
 
-def find_pid(relay: Relay, port: int) -> int:
+def connect_to(relay: Relay, pid: int) -> socket.socket:
+    """A connection that the process `pid` has accepted; those that the kernel gave to others are closed."""
+    for _ in range(200):
+        sock = socket.create_connection(("127.0.0.1", relay.http))
+        if until("accepted", partial(_find_pid, relay, sock.getsockname()[1])) == pid:
+            return sock
+        sock.close()
+    raise AssertionError("the kernel gives it no connection")
+
+
+def _find_pid(relay: Relay, port: int) -> int | None:
     """The process of this relay that has the connection from a local port."""
     inode = ""
     for line in Path("/proc/net/tcp").read_text().splitlines()[1:]:
@@ -27,40 +40,29 @@ def find_pid(relay: Relay, port: int) -> int:
             inode = rest[6]
     for pid in list_pids(relay):
         for each in Path(f"/proc/{pid}/fd").iterdir():
-            try:
-                name = str(each.readlink())
-            except OSError:
-                continue
-            if name == f"socket:[{inode}]":
-                return pid
-    raise AssertionError("no process has this connection")
+            with suppress(OSError):
+                if str(each.readlink()) == f"socket:[{inode}]":
+                    return pid
+    return None
 
 
 async def watch_at(
     relay: Relay, pid: int, stack: AsyncExitStack, query: str = "", robot: str = "r"
 ) -> Watcher:
-    """A viewer of the process `pid`: others, whom the kernel gave to another one, leave at once."""
-    for _ in range(100):
-        watcher = Watcher(relay.url(robot, query))
-        await watcher.__aenter__()
-        assert watcher.connection is not None
-        if find_pid(relay, watcher.connection.transport.get_extra_info("sockname")[1]) == pid:
-            stack.push_async_exit(watcher)
-            return watcher
-        await watcher.__aexit__()
-    raise AssertionError("the kernel gives it no connection")
+    """A viewer at the process `pid`."""
+    return await stack.enter_async_context(Watcher(relay.url(robot, query), sock=connect_to(relay, pid)))
 
 
 def ask_at(relay: Relay, pid: int, path: str, **headers: str) -> httpx.Response:
     """The answer of the process `pid`."""
-    for _ in range(100):
-        client = httpx.Client(base_url=f"http://{relay.address}", timeout=20, headers=headers)
-        with client, client.stream("GET", path) as answer:
-            port = answer.extensions["network_stream"].get_extra_info("client_addr")[1]
-            if find_pid(relay, port) == pid:
-                answer.read()
-                return answer
-    raise AssertionError("the kernel gives it no connection")
+    connection = HTTPConnection("127.0.0.1", relay.http, timeout=20)
+    connection.sock = connect_to(relay, pid)
+    try:
+        connection.request("GET", path, headers=headers)
+        answer = connection.getresponse()
+        return httpx.Response(answer.status, headers=answer.getheaders(), content=answer.read())
+    finally:
+        connection.close()
 
 
 def await_ready(relay: Relay) -> None:

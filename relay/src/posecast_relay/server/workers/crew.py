@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import shutil
+import socket
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -31,6 +33,7 @@ from posecast_relay.server.workers.supervisor import Supervisor
 from posecast_relay.server.workers.worker_place import WorkerPlace
 from posecast_relay.store import StateStore
 
+PREFIX = "posecast-relay-"
 LOOK_S = 0.05
 
 
@@ -40,7 +43,8 @@ class Crew:
     def __init__(self, settings: Settings, argv: Sequence[str], port: int) -> None:
         """Raises StartError when there is no room for what they share."""
         try:
-            self._folder = Path(tempfile.mkdtemp(prefix="posecast-relay-"))
+            _remove_left()
+            self._folder = Path(tempfile.mkdtemp(prefix=PREFIX))
             memory = open_shared_memory(settings.workers)
             self.counts = SharedCounts(memory, settings.workers, 0)
         except OSError as e:
@@ -130,3 +134,13 @@ class Crew:
             return config.http_protocol_class(config=config, server_state=state, app_state={})  # type: ignore[call-arg]
 
         self._door = await asyncio.get_running_loop().create_unix_server(make, path=str(self._place.door))
+
+
+def _remove_left() -> None:
+    """Remove the folders that relays have left which were killed."""
+    for door in Path(tempfile.gettempdir()).glob(f"{PREFIX}*/http"):
+        with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX) as probe:
+            try:
+                probe.connect(str(door))
+            except ConnectionRefusedError:  # nobody listens there any more
+                shutil.rmtree(door.parent, ignore_errors=True)
