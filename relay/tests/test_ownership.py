@@ -37,6 +37,8 @@ OTHERS_OBJECTS = {
     ("streaming/http_connection.py", "cycle.disconnected"),  # uvicorn's own protocol does so
     ("streaming/http_connection.py", "self.answering.disconnected"),
     ("streaming/http_connection.py", "self.cycle.keep_alive"),
+    ("streaming/http_connection.py", "cycle.keep_alive"),
+    ("streaming/http_connection.py", "cycle.default_headers"),
     ("streaming/websocket.py", "self._ws.parser_exc"),  # else it holds itself in a circle
 }
 

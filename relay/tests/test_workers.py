@@ -183,6 +183,11 @@ async def test_a_worker_that_was_killed_comes_back(relays: Relays, edges: Edges)
         new = [await watch_at(relay, list_pids(relay)[1], stack) for _ in range(2)]  # their places are free
         for watcher in new:
             await watcher.until("frames", lambda v: len(v.frames) > 5)
+        for pid in list_pids(relay):  # wherever somebody is told `full`, they are told the lane
+            refused = await watch_at(relay, pid, stack)
+            await refused.until("an end", lambda v: v.closed)
+            assert refused.told("bye")[0]["lane"] == "past/public"
+        assert read_metric(port, "posecast_lane_viewers_total") == 2
         assert stays.closed is None
         assert stays.most_missed(seq) < 10
         assert read_metric(port, "posecast_delivered_frames_total") >= delivered + 10

@@ -12,6 +12,7 @@ from posecast_wire import Close
 from posecast_relay.core.actions import Action, CloseConnection, Fault, Persist
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.past.recorder import Recorder
+from posecast_relay.core.policy.admission import Refusal
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
 from posecast_relay.core.timer_queue import TimerQueue
@@ -97,6 +98,7 @@ class Roster:
         self.headcount.include(self.viewers, self.previews)
         self.endings: Counter[int] = Counter()  # of viewers, by close code
         self.preview_endings: Counter[int] = Counter()  # of previews, whom nobody misses, likewise
+        self.sent_to_lane = 0  # of the viewers that were refused
         self.delivered = 0  # by rooms that are forgotten; and so on
         self.skipped = 0
         self.degraded = False  # no robot is heard of, for a reason of this relay's own
@@ -228,6 +230,11 @@ class Roster:
     def count_ending(self, close: int, is_preview: bool) -> None:
         """Count that a viewer was let go or refused, by its close code; a preview apart from the viewers."""
         (self.preview_endings if is_preview else self.endings)[close] += 1
+
+    def count_refusal(self, refusal: Refusal, is_preview: bool) -> None:
+        """Count that somebody was not let in: by the close code, and if they were told the lane."""
+        self.count_ending(refusal.close, is_preview)
+        self.sent_to_lane += refusal.lane is not None
 
     def remove_ended(self, actions: list[Action]) -> list[Action]:
         """Remove and count the viewers that these actions close. Returns the actions unchanged."""

@@ -37,6 +37,11 @@ def cut_unread(sock: socket.socket, after_ms: int) -> None:
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, after_ms)
 
 
+def peer_of(transport: asyncio.BaseTransport) -> str:
+    """Of whom, as an address; empty where there is none."""
+    return str((transport.get_extra_info("peername") or ("",))[0])
+
+
 def descriptor_of(transport: asyncio.Transport) -> int:
     """Of the socket, when all that is written to it goes out as it is; else −1."""
     sock = transport.get_extra_info("socket")

@@ -53,10 +53,11 @@ def make_access(
     store, source = ports
     addresses = Addresses(settings.max_per_address, settings.trusted_proxies, elsewhere)
     given = (hub, delayed, store, FanOut(_ring()), source)
+    has_past = settings.past is not None
     if robots is None:
-        return open_access(*given, addresses=addresses)
+        return open_access(*given, addresses=addresses, has_past=has_past)
     tokens = Tokens(_accounts(settings), robots.find_link_keys())
-    return open_access(*given, robots.make_policy(), tokens, settings.origins, addresses)
+    return open_access(*given, robots.make_policy(), tokens, settings.origins, addresses, has_past)
 
 
 async def follow_robots(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -18,6 +19,7 @@ class HeldRequests:
         self._released = False
         self.count = 0  # held now
         self.turned_away = 0  # answered at once, as so many were held
+        self.answers: Counter[str] = Counter()  # of all requests for segments, held or not, by what they got
 
     @contextmanager
     def hold(self) -> Iterator[bool]:
@@ -61,8 +63,12 @@ class HeldRequests:
             if not woken.done():
                 woken.set_result(None)
 
+    def wake_all(self) -> None:
+        """Let all look again, since the rules have changed."""
+        for robot, view in self._waiting:
+            self.wake(robot, view)
+
     def release(self) -> None:
         """Let all go, and hold none any more, since the relay stops."""
         self._released = True
-        for robot, view in self._waiting:
-            self.wake(robot, view)
+        self.wake_all()

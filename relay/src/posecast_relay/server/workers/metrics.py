@@ -32,7 +32,8 @@ SUMMED = frozenset(
     "posecast_" + name
     for name in (
         *("viewers", "previews", "faults", "delivered_frames", "skipped_frames", "handshakes"),
-        *("endings", "preview_endings", "evictions", "tasks", "fan_out_seconds", "loop_lag_seconds"),
+        *("endings", "preview_endings", "lane_viewers", "evictions", "tasks"),
+        *("fan_out_seconds", "loop_lag_seconds"),
     )
 )
 LEAST = frozenset(("posecast_ceiling_hz",))
