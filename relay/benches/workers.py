@@ -232,8 +232,9 @@ def search(sizes: tuple[int, int], guess: int, bench: Bench, rows: list[dict[str
                 continue
             rows.append(row)
             shares = ", ".join(f"{share:.2f}" for share in row["shares"])
-            seen = f"p99 {row['p99_ms']:7.1f} ms, {row['delivered']:.1%} of the frames, {row['cpu_us']:.2f} µs each"
-            print(f"  {size} × {row['viewers']:5} viewers: {seen}; shares of a core {shares}", flush=True)
+            seen = f"p99 {row['p99_ms']:7.1f} ms, {row['delivered']:.1%} of the frames"
+            cost = f"{row['cpu_us']:.2f} µs of CPU each; shares of a core {shares}"
+            print(f"  {size} × {row['viewers']:5} viewers: {seen}, {cost}", flush=True)
             ladder.record(row["fits"])
     return {size: ladder.fits or 0 for size, ladder in ladders.items()}
 

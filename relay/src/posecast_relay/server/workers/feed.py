@@ -136,7 +136,12 @@ class Feed:
             while True:
                 kind, robot, _ = await read_message(reader)
                 listener.take(kind, robot)
-        except (EOFError, OSError, ValueError):  # the worker is gone
+        except (
+            EOFError,
+            OSError,
+            ValueError,
+            asyncio.CancelledError,
+        ):  # the worker is gone, or the relay ends
             pass
         finally:
             self._listeners.discard(listener)
