@@ -145,6 +145,7 @@ async def test_requests_that_are_held_do_not_hold_up_the_end(
         relay.process.send_signal(signal.SIGTERM)
         answers = await asyncio.gather(*held)
     assert {answer.status_code for answer in answers} <= {200, 204}
+    assert {answer.headers["connection"] for answer in answers} == {"close"}  # on to another relay
     assert relay.stop() == 0
 
 

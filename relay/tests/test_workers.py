@@ -54,6 +54,20 @@ async def test_viewers_of_all_workers_see_the_same_robot(relays: Relays, edges: 
             assert ask_at(relay, pid, f"{API}/r").json()["viewers"] == 4
             manifest = ask_at(relay, pid, f"{API}/r/model/{edge.model.digest}/manifest.json")
             assert manifest.content == edge.model.manifest
+            assert manifest.headers["access-control-allow-origin"] == "*"
+            head = ask_at(relay, pid, f"{API}/r", "HEAD")
+            assert (head.status_code, head.content) == (200, b"")
+            assert int(head.headers["content-length"]) > 100
+            listed = ask_at(relay, pid, API)
+            had = ask_at(relay, pid, API, **{"if-none-match": listed.headers["etag"]})
+            assert (
+                had.status_code == 304 or had.headers["etag"] != listed.headers["etag"]
+            )  # a second has passed
+            assert "publish_at" in listed.json()
+            assert "publish_at" not in ask_at(relay, pid, API, **{"x-forwarded-for": "10.0.0.1"}).json()
+            assert "publish_at" not in ask_at(relay, pid, API, host="elsewhere.example").json()
+            assert ask_at(relay, pid, f"{API}/r/state", "POST").status_code == 405
+            assert ask_at(relay, pid, f"{API}/r/live.sse", "HEAD").status_code == 405
             assert ask_at(relay, pid, "/nothing").status_code == 404
         newest = await asyncio.to_thread(await_segment, relay, edge)
         address = f"{API}/r/past/public/{newest['take']}/{newest['index']}"

@@ -53,12 +53,12 @@ async def watch_at(
     return await stack.enter_async_context(Watcher(relay.url(robot, query), sock=connect_to(relay, pid)))
 
 
-def ask_at(relay: Relay, pid: int, path: str, **headers: str) -> httpx.Response:
+def ask_at(relay: Relay, pid: int, path: str, method: str = "GET", **headers: str) -> httpx.Response:
     """The answer of the process `pid`."""
     connection = HTTPConnection("127.0.0.1", relay.http, timeout=20)
     connection.sock = connect_to(relay, pid)
     try:
-        connection.request("GET", path, headers=headers)
+        connection.request(method, path, headers=headers)
         answer = connection.getresponse()
         return httpx.Response(answer.status, headers=answer.getheaders(), content=answer.read())
     finally:

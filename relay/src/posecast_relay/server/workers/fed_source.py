@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -114,23 +114,34 @@ class FedSource:
     async def _look(self) -> None:
         while True:
             await asyncio.sleep(LOOK_S)
-            for robot in self._pinned():
-                self.subscribe(robot)
-            now = self._now()
-            for robot, wanted_at in tuple(self._wanted_at.items()):
-                of = self._dispatcher.hub.robots.get(robot)
-                if of is not None and of.has_viewers():
-                    self._wanted_at[robot] = now
-                elif now - wanted_at > GRACE_S:
-                    del self._wanted_at[robot]
-                    self._ask(Kind.LEAVE, robot)
-                    self._said.forget_robot(robot)
+            with self._guarded("who watches"):
+                for robot in self._pinned():
+                    self.subscribe(robot)
+                self._leave_unwatched(self._now())
+
+    def _leave_unwatched(self, now: float) -> None:
+        for robot, wanted_at in tuple(self._wanted_at.items()):
+            of = self._dispatcher.hub.robots.get(robot)
+            if of is not None and of.has_viewers():
+                self._wanted_at[robot] = now
+            elif now - wanted_at > GRACE_S:
+                del self._wanted_at[robot]
+                self._ask(Kind.LEAVE, robot)
+                self._said.forget_robot(robot)
+
+    @contextlib.contextmanager
+    def _guarded(self, where: str) -> Iterator[None]:
+        """What our own code fails at here is reported; it is tried again soon."""
+        try:
+            yield
+        except Exception as e:
+            self._dispatcher.report_fault(where, e)
 
     # ---- what is heard ------------------------------------------------------
 
     async def _listen(self) -> None:
         while True:
-            with contextlib.suppress(OSError, EOFError):
+            with self._guarded("the feed"), contextlib.suppress(OSError, EOFError):
                 reader, writer = await asyncio.open_unix_connection(self._path, limit=STATE_BYTES_MAX)
                 try:
                     await self._follow(reader, writer)

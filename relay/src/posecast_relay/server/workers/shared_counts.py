@@ -24,10 +24,14 @@ FRESH_NS = 5_000_000_000  # who gave no sign of life for so long does not serve
 
 
 def open_shared_memory(workers: int) -> int:
-    """Return the descriptor of a memory for so many workers, without a name."""
-    with tempfile.TemporaryFile(prefix="posecast-") as file:
-        file.truncate(workers * WORDS * 8)
-        return os.dup(file.fileno())
+    """Return the descriptor of a memory for so many workers. Raises OSError."""
+    if hasattr(os, "memfd_create"):
+        memory = os.memfd_create("posecast", os.MFD_CLOEXEC)
+    else:  # not on macOS
+        with tempfile.TemporaryFile(prefix="posecast-") as file:
+            memory = os.dup(file.fileno())
+    os.ftruncate(memory, workers * WORDS * 8)
+    return memory
 
 
 class SharedCounts:
