@@ -57,6 +57,8 @@ export class StreamClient {
   readonly #leave = new AbortController();
   #seen = true;
   #resting = false;
+  /** What lies behind no longer comes, and is still shown until something else does. */
+  #leavesBehind = false;
 
   /** `lane`: where its segments are read instead of a socket; null: nowhere. */
   constructor(twin: RobotTwin, url: string, hz: number, lane: string | null = null) {
@@ -106,7 +108,7 @@ export class StreamClient {
   }
 
   #watch(): void {
-    const visible = this.#seen && !this.#resting;
+    const visible = this.#watches;
     this.#tell({ kind: 'visible', visible });
     this.#twin.acceptWatching(visible, nowMs());
   }
@@ -127,6 +129,16 @@ export class StreamClient {
     this.#tell({ kind: 'close' });
   }
 
+  get #watches(): boolean {
+    return this.#seen && !this.#resting;
+  }
+
+  #leaveBehind(): void {
+    if (!this.#leavesBehind) return;
+    this.#leavesBehind = false;
+    this.#set({ behindMs: null });
+  }
+
   #tell(message: ToStream): void {
     this.#worker.postMessage(message);
   }
@@ -137,9 +149,11 @@ export class StreamClient {
       case 'state':
         twin.acceptState(message.state);
         this.#tell({ kind: 'taken' });
+        this.#leaveBehind();
         return;
       case 'status':
         twin.acceptStatus(message.status);
+        if (!this.#watches) this.#leaveBehind(); // no pose will come
         return;
       case 'schema':
         twin.acceptSchema(revived(message.schema));
@@ -175,7 +189,8 @@ export class StreamClient {
         });
         return;
       case 'behind':
-        this.#set({ behindMs: steadyBehindMs(this.link.behindMs, message.ms) });
+        this.#leavesBehind = message.ms === null && this.link.behindMs !== null;
+        if (!this.#leavesBehind) this.#set({ behindMs: steadyBehindMs(this.link.behindMs, message.ms) });
         return;
       case 'problem':
         this.#set({ problem: message.problem });

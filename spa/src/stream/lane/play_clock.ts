@@ -57,6 +57,8 @@ export class PlayClock {
   #stalls = 0;
   /** So many parts more come while the clock is new. */
   #newParts = 0;
+  /** How long before its arrival the first part ended; null: not longer than a part. */
+  #firstAgoMs: number | null = null;
 
   /** Takes note of a part. Returns whether the clock has begun anew, so that it does not hold for parts of before. */
   arrive(part: Arrival): boolean {
@@ -72,6 +74,7 @@ export class PlayClock {
       this.#newParts = NEW_PARTS;
       this.#atMs = atMs;
       this.shiftMs = firstShiftMs(part);
+      this.#firstAgoMs = isLikely(part) ? part.agoMs : null;
       this.#remember(spanMs, closeMs);
     } else if (!this.isFound) {
       const soonestMs = Math.min(closeMs, this.closeMs);
@@ -140,10 +143,12 @@ export class PlayClock {
     return Math.min(...this.#spansMs.slice(-3));
   }
 
-  /** How far what is shown lies behind the relay. While that is not known: at most. `wayMs`: how long an answer is on its way. */
+  /** How far what is shown lies behind the relay. While that is not known: by the relay's own time of its first answer, which
+   *  is told in whole seconds, or at most. `wayMs`: how long an answer is on its way. */
   behindMs(wayMs: number): number {
     const knownMs = this.shiftMs - this.closeMs + wayMs;
-    return this.isFound ? knownMs : knownMs + Math.max(...this.#spansMs);
+    if (this.isFound) return knownMs;
+    return knownMs + (this.#firstAgoMs === null ? Math.max(...this.#spansMs) : this.#firstAgoMs + 500);
   }
 
   /** So late that the next part comes in time if it is as long as others, and not later than almost all of them. */
@@ -160,11 +165,15 @@ function nthMost(values: readonly number[], out: number): number {
 
 /** Where the first part is begun: at its beginning, or nearer to its end where the next one is expected sooner. A robot that has
  *  gone since is shown as it was at last. */
-function firstShiftMs({ fromMs, toMs, atMs, agoMs, isOver }: Arrival): number {
-  const spanMs = toMs - fromMs;
+function firstShiftMs(part: Arrival): number {
+  const { fromMs, toMs, atMs, agoMs, isOver } = part;
   if (isOver) return atMs - toMs - Math.max(0, agoMs ?? 0);
-  const isLikely = agoMs !== null && agoMs >= 0 && agoMs < 2 * spanMs + SAME_MS;
-  return atMs - fromMs - (isLikely ? Math.max(0, Math.min(spanMs, agoMs - MARGIN_MS)) : 0);
+  return atMs - fromMs - (isLikely(part) ? Math.max(0, Math.min(toMs - fromMs, agoMs! - MARGIN_MS)) : 0);
+}
+
+/** Whether the newest part can have ended so long ago. */
+function isLikely({ fromMs, toMs, agoMs }: Arrival): boolean {
+  return agoMs !== null && agoMs >= 0 && agoMs < 2 * (toMs - fromMs) + SAME_MS;
 }
 
 function remember(list: number[], value: number): void {
