@@ -116,7 +116,7 @@ test: setup ## all tests CI runs: Python's and the page's side by side, since mo
 page: typescript e2e
 
 test-full: setup ## the long rest as well, and every browser test in each of the three engines
-	@for package in $(E2E_NEEDS) nginx rsync; do tools/need $$package || exit; done
+	@for package in $(E2E_NEEDS) nginx varnish rsync; do tools/need $$package || exit; done
 	$(PYTEST)
 	npm test --silent -w wire/typescript
 	POSECAST_FULL=1 npm test --silent -w spa
@@ -132,8 +132,9 @@ browsers: setup ## the README's table of browsers, as found on this machine
 
 # ---- figures -----------------------------------------------------------------
 
-bytes: .venv/.ready ## bytes per frame on the shared telemetry sets
+bytes: .venv/.ready ## bytes per frame and per segment on the shared telemetry sets
 	$(BIN)/python wire/python/benches/bytes_per_frame.py
+	$(BIN)/python -m tools.segment_bytes
 
 bench: .venv/.ready ## the relay beside a bare send() loop, FastAPI and websockets (needs cc; 20 to 40 minutes)
 	$(BIN)/python -m relay.benches.bench

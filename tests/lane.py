@@ -105,7 +105,7 @@ class Origin:
     refuses: bool = False
     asked: list[str] = field(default_factory=list)
     answered: list[tuple[str, Answer]] = field(default_factory=list)
-    connections: int = 0
+    heads: list[bytes] = field(default_factory=list)
 
     async def start(self) -> int:
         """Listen; the port."""
@@ -126,13 +126,13 @@ class Origin:
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         host, _, port = self.address.rpartition(":")
-        self.connections += 1
         relay_reader, relay_writer = await asyncio.open_connection(host, int(port))
         with suppress(OSError, EOFError, asyncio.CancelledError):
             while True:
                 request = await reader.readuntil(b"\r\n\r\n")
                 path = request.split(b" ")[1].decode()
                 self.asked.append(path)
+                self.heads.append(request.lower())
                 if self.refuses:
                     break
                 relay_writer.write(request)

@@ -304,7 +304,11 @@ async def test_the_answers_are_as_the_relay_gave_them(cache: Cache) -> None:
     cookies = await link.ask(path, cookie="a=b")
     assert cookies.headers["x-cache"] == "HIT"
     assert cache.origin.asked == [path]
-    assert (await link.ask(f"{ROBOT}/past/public/{0:016x}/0")).status == 404
+    said = {"cookie": "a=b", "x-forwarded-for": "192.0.2.1"}
+    assert (await link.ask(f"{ROBOT}/past/public/{0:016x}/0", **said)).status == 404
+    assert b"cookie" not in cache.origin.heads[-1]
+    forwarded = re.findall(rb"x-forwarded-for: (.*)\r", cache.origin.heads[-1])
+    assert [each.split(b", ")[-1] for each in forwarded] == [b"127.0.0.1"], "by its own eyes"
 
 
 async def test_who_shows_a_token_is_neither_answered_from_it_nor_kept(cache: Cache, world: World) -> None:
