@@ -30,7 +30,7 @@ from posecast_relay.core.policy.lane import (
     NO_LOOK_BACK,
     NOT_ALL,
     NOT_OPEN,
-    LanePace,
+    RetryPace,
     explain_no_lane,
     find_lane,
 )
@@ -154,7 +154,7 @@ def test_the_hub_tells_it_and_counts_whom_it_told() -> None:
 
 
 def test_the_more_are_sent_to_the_lane_the_later_they_may_come_again() -> None:
-    pace, now = LanePace(), 0.0
+    pace, now = RetryPace(), 0.0
     assert {pace.choose_retry_s(30.0, now) for _ in range(600)} == {30.0}
     told = [pace.choose_retry_s(30.0, now) for _ in range(4400)]  # 5,000 at once
     assert told == sorted(told)
@@ -164,7 +164,7 @@ def test_the_more_are_sent_to_the_lane_the_later_they_may_come_again() -> None:
     # a crowd that comes again after one to two times as long: its tries grow with its root at most
     tries = {}
     for crowd in (1000, 16_000):
-        pace = LanePace()
+        pace = RetryPace()
         due = [(n / 1000, n) for n in range(crowd)]
         heapq.heapify(due)
         late = 0

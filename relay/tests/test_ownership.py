@@ -29,7 +29,7 @@ OTHERS_OBJECTS = {
     ("logging.py", "sys.unraisablehook"),
     ("logging.py", "threading.excepthook"),
     ("logging.py", "self._timer.daemon"),  # a threading.Timer takes it nowhere else
-    ("server/process.py", "last.daemon"),
+    ("server/http_server.py", "last.daemon"),
     ("recording/zip_file.py", "entry.create_system"),  # zipfile.ZipInfo
     ("recording/zip_file.py", "entry.external_attr"),
     ("zenoh/auth_failures.py", "sys.stdout"),

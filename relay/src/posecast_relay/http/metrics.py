@@ -266,13 +266,15 @@ def start_metrics(
     way: PastWayStats | None = None,
     held: HeldStats | None = None,
     archive: ArchiveStats | None = None,
+    join: Callable[[Collector], Collector] | None = None,
 ) -> tuple[int, Callable[[], None]]:
     """Serve metrics on `host`:`port` (0 = any free); returns the port and a function that stops it.
 
-    Raises OSError when the port is in use.
+    `join` adds those of other processes of this relay. Raises OSError when the port is in use.
     """
     registry = CollectorRegistry()
-    registry.register(RelayCollector(dispatchers, mirror, refused, past, way, held, archive))
+    own = RelayCollector(dispatchers, mirror, refused, past, way, held, archive)
+    registry.register(own if join is None else join(own))
     server, thread = start_http_server(port, host, registry)
 
     def stop() -> None:

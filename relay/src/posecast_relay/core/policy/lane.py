@@ -49,7 +49,7 @@ def explain_no_lane(policy: Policy, robot: str, view: str | None) -> str | None:
     return None if rule.compute_past_s(Audience.ANYONE) >= LANE_PAST_S else NO_LOOK_BACK
 
 
-class LanePace:
+class RetryPace:
     """When those who are sent to the lane are to try a stream again: the more they are the more seldom.
 
     Else what a full relay has to do would grow with all who read the lane, though caches serve these.
