@@ -64,7 +64,8 @@ def is_told(found: Refusal | None) -> str | None:
 def test_only_who_may_see_the_same_as_anyone_and_undelayed_is_told_the_lane() -> None:
     cases: list[tuple[Rule | None, str | None]] = [
         (Rule(), None),
-        (Rule(past_s=1.0), None),
+        (Rule(past_s=15.0), None),
+        (Rule(past_s=14.0), NO_LOOK_BACK),
         (Rule(hz=60.0, viewers=5), None),
         (Rule(past_s=0.0), NO_LOOK_BACK),
         (Rule(hz=59.9), NOT_ALL),
@@ -255,3 +256,32 @@ async def test_a_hall_behind_one_address_is_told_the_lane_and_takes_nobodys_plac
         ) as other:
             await other.recv()
         await first.recv()
+
+
+async def test_who_comes_again_and_again_while_it_is_full_leaves_nothing_behind(relays: Any) -> None:
+    port = free_port()
+    relay = relays("--max-viewers", "1", "--metrics-port", str(port))
+
+    def measure() -> list[float]:
+        names = ("posecast_tasks", "posecast_viewers", 'posecast_robots{state="offline"}')
+        return [read_metric(port, re.escape(name)) for name in names]
+
+    async with Watcher(relay.url()) as viewer:
+        await viewer.until("it is in", lambda v: v.texts)
+        before = await asyncio.to_thread(measure)
+        for n in range(10):
+            told = await asyncio.gather(*(hear(relay, robot=f"r{10 * n + k}") for k in range(10)))
+            told += await asyncio.gather(*(hear_events(relay, robot=f"r{10 * n + k}") for k in range(10)))
+            assert {each["lane"] for each in told} == {LANE}
+        assert viewer.closed is None
+    assert await asyncio.to_thread(read_metric, port, "posecast_lane_viewers_total") == 200
+
+    def is_as_before() -> bool:
+        return measure() == [before[0], 0, 0]
+
+    await asyncio.to_thread(until, "nothing is left of them", is_as_before)
+    assert relay.errors().count("full, 1 viewers") == 1
+    assert httpx.get(f"http://{relay.address}/api/v1/robots").json() == {
+        "robots": [],
+        "publish_at": relay.zenoh,
+    }

@@ -54,6 +54,7 @@ class HeldStats(Protocol):
 
     count: int
     turned_away: int
+    answers: Counter[str]
 
 
 @runtime_checkable
@@ -222,6 +223,9 @@ def _describe_held(held: HeldStats) -> Iterable[Metric]:
     yield GaugeMetricFamily("posecast_past_held_requests", text, held.count)
     text = "Of such, answered at once since so many wait"
     yield CounterMetricFamily("posecast_past_turned_away_requests", text, held.turned_away)
+    given = {"segment": 0, "next": 0, "not yet": 0, "none": 0} | held.answers
+    text = "Requests for a segment by what they got"
+    yield _make_labelled("posecast_past_segment_requests", text, "result", given, CounterMetricFamily)
 
 
 def _make_histogram(name: str, text: str, times: Histogram) -> Metric:
@@ -262,13 +266,15 @@ def start_metrics(
     way: PastWayStats | None = None,
     held: HeldStats | None = None,
     archive: ArchiveStats | None = None,
+    join: Callable[[Collector], Collector] | None = None,
 ) -> tuple[int, Callable[[], None]]:
     """Serve metrics on `host`:`port` (0 = any free); returns the port and a function that stops it.
 
-    Raises OSError when the port is in use.
+    `join` adds those of other processes of this relay. Raises OSError when the port is in use.
     """
     registry = CollectorRegistry()
-    registry.register(RelayCollector(dispatchers, mirror, refused, past, way, held, archive))
+    own = RelayCollector(dispatchers, mirror, refused, past, way, held, archive)
+    registry.register(own if join is None else join(own))
     server, thread = start_http_server(port, host, registry)
 
     def stop() -> None:

@@ -245,8 +245,17 @@ class HttpConnection(HttpToolsProtocol):
         self, cycle: RequestResponseCycle, app: Any, scope: Any, receive: Any, send: Any
     ) -> None:
         """Run the application. It ends when the client has left, and an error in it ends this connection."""
+
+        async def send_now(message: Any) -> None:
+            if message["type"] == "http.response.start":
+                # uvicorn's Date is of when it was asked: for caches a held answer would be old at once
+                cycle.default_headers = self.server_state.default_headers
+                if self.access.live.draining:  # who asks again on this connection would ask a relay that goes
+                    cycle.keep_alive = False
+            await send(message)
+
         try:
-            await app(scope, receive, send)
+            await app(scope, receive, send_now)
         except asyncio.CancelledError:
             if not cycle.disconnected:  # the relay stops
                 cycle.disconnected = True

@@ -9,11 +9,13 @@ from __future__ import annotations
 from posecast_relay.core.policy.past import shows_all
 from posecast_relay.core.policy.policy import Audience, Policy
 
+LANE_PAST_S = 15.0  # a segment lasts 6 s at most, and who waits for the next one may come 9 s late
+
 NO_PAST = "this process keeps no past (--past 0)"
 NOT_OPEN = "it is not open to anyone"
 DELAYED = "anyone sees it with a delay"
 NOT_ALL = "anyone gets fewer frames than there are (`hz`)"
-NO_LOOK_BACK = "nobody may look back on what anyone sees (`past`)"
+NO_LOOK_BACK = f"anyone may not look back on it for {LANE_PAST_S:g} s (`past`)"
 CAPPED = "as many viewers watch it as its own rule allows (`viewers`)"
 
 
@@ -39,4 +41,4 @@ def explain_no_lane(policy: Policy, robot: str, view: str | None) -> str | None:
         return DELAYED
     if not shows_all(rule):
         return NOT_ALL
-    return None if rule.compute_past_s(Audience.ANYONE) > 0 else NO_LOOK_BACK
+    return None if rule.compute_past_s(Audience.ANYONE) >= LANE_PAST_S else NO_LOOK_BACK
