@@ -1,6 +1,6 @@
 # Every target sets up what it needs; `make` alone lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers load attack faults soak gallery pictures explained compose-test dist clean unit python python-a python-b typescript page e2e browsers
+.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers lane load attack faults soak gallery pictures explained compose-test dist clean unit python python-a python-b typescript page e2e browsers
 SHELL := /bin/bash
 export UV_PYTHON_DOWNLOADS := never
 export PYTHONDONTWRITEBYTECODE := 1
@@ -129,7 +129,7 @@ test: setup ## all tests CI runs: both halves of Python's and the page's side by
 page: typescript e2e
 
 test-full: setup ## the long rest as well, and every browser test in each of the three engines
-	@for package in $(E2E_NEEDS) nginx rsync; do tools/need $$package || exit; done
+	@for package in $(E2E_NEEDS) nginx varnish rsync; do tools/need $$package || exit; done
 	$(PYTEST)
 	npm test --silent -w wire/typescript
 	POSECAST_FULL=1 npm test --silent -w spa
@@ -156,8 +156,13 @@ peers: setup ## the relay beside Socket.IO, ws, Tornado, foxglove-sdk, Mosquitto
 	benches/peers/install
 	$(BIN)/python -m benches.peers.run
 
-load: setup ## a lecture, a flash crowd, a fleet and slow phones against a relay of their own (4 minutes)
+lane: setup ## a robot's segments through nginx and Varnish to 5,000 viewers each (needs cc; 15 minutes, SHORT=1 four)
+	@for package in nginx varnish; do tools/need $$package || exit; done
+	$(BIN)/python -m relay.benches.lane.run $(if $(SHORT),--short) $(if $(WRITE),--write)
+
+load: setup ## a lecture, a flash crowd, a fleet, slow phones and a hall against a relay of their own (5 minutes)
 	$(BIN)/python -m posecast_loadtests
+	$(BIN)/python -m posecast_loadtests.hall
 
 gallery: .venv/.ready ## every robot of the packages installed here, or in FOLDERS="…", built and drawn on sheets in gallery/
 	$(BIN)/python -m tools.gallery $(FOLDERS)

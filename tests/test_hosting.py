@@ -166,7 +166,11 @@ def test_nginx_before_a_relay_adds_nothing_and_holds_nothing_back(
     flags = ("--static", str(DIST), "--robots", str(robots), "--trusted-proxies", "127.0.0.1")
     _, address, zenoh = stack.relay(flags=flags)
     stack.edge(zenoh, "--source", "demo")
-    at = site("nginx-relay.conf", **{"127.0.0.1:8080": address})
+    lane = {
+        "/etc/nginx/nginx-lane.rules": str(HOSTING / "nginx-lane.rules"),
+        "/var/cache/posecast": str(tmp_path / "kept"),
+    }
+    at = site("nginx-relay.conf", **{"127.0.0.1:8080": address}, **lane)
     until("the robot is on air", lambda: at.get("/api/v1/robots/demo/state")[0] == 200)
 
     for path in ("/", "/embed/demo", "/embed/", "/api/v1/robots/demo", "/config.json"):

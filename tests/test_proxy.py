@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import shutil
 import socket
 import ssl
 import time
@@ -22,6 +24,7 @@ from tests.namespaces import Namespace
 
 ROOT = Path(__file__).resolve().parent.parent
 CADDY = BIN / "caddy"
+NGINX = shutil.which("nginx")
 SLOW = 400
 PER_ADDRESS = 3
 UNREAD_S = 3  # instead of the two minutes that the file says
@@ -65,6 +68,23 @@ class Site:
         return found
 
 
+def set_up_cache(folder: Path) -> tuple[str, ...]:
+    """The command that starts nginx as the Compose file's cache."""
+    text = (ROOT / "infra/cache.conf").read_text()
+    for old, new in {
+        "/tmp/": f"{folder}/",
+        "/dev/stderr": "stderr",
+        "listen 8080": "listen 127.0.0.1:8090",
+        "http://relay:8080": "http://127.0.0.1:8080",
+        "/etc/nginx/nginx-lane.rules": f"{ROOT}/infra/hosting/nginx-lane.rules",
+    }.items():
+        assert old in text, old
+        text = text.replace(old, new)
+    (folder / "cache.conf").write_text(text)
+    user = "" if os.getuid() else "user root;"  # nobody else may read a test's folder
+    return "nginx", "-c", str(folder / "cache.conf"), "-g", f"daemon off; {user}"
+
+
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     """A relay, its demo robot and the proxy before them, for all tests of this file."""
@@ -79,6 +99,8 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     settings = {
         "SITE": "localhost",
         "VIEWERS_AT": "127.0.0.1",
+        "LANE_AT": "127.0.0.1" if NGINX else "",
+        "LANE_PORT": "8090",
         "PAGE": page,
         "XDG_DATA_HOME": str(folder),
         "XDG_CONFIG_HOME": str(folder),
@@ -91,6 +113,9 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         relay = place.run(lambda: stack.relay(port=8080, zenoh_port=7447, flags=limits))
         place.run(lambda: stack.edge(relay[2], "--source", "demo"))
         proxy = place.run(lambda: stack.start("proxy", "env", *words, *caddy))
+        if NGINX:
+            cache = set_up_cache(folder)
+            place.run(lambda: stack.start("cache", *cache))
 
         def authority() -> bool:
             assert proxy.process.poll() is None, proxy.log
@@ -113,6 +138,24 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
             part.stop()
             print(part.log[-3000:])
         place.close()
+
+
+@pytest.mark.skipif(NGINX is None, reason="no nginx here: apt-get install nginx")
+def test_only_the_lane_goes_through_the_cache(site: Site) -> None:
+    past = "/api/v1/robots/demo/past"
+    until("there is a segment", lambda: json.loads(site.get(past)[2]).get("newest"))
+    newest = json.loads(site.get(past)[2])["newest"]
+    segment = f"{past}/public/{newest['take']}/{newest['index']}"
+    itself = site.get(f"http://127.0.0.1:8080{segment}")
+    for kept in ("MISS", "HIT"):
+        status, headers, body = site.get(segment)
+        assert (status, headers["x-cache"], body) == (200, kept, itself[2])
+        for name in ("cache-control", "etag", "access-control-allow-origin", "x-content-type-options"):
+            assert headers.get_all(name) is not None
+            assert len(headers.get_all(name) or []) == 1, name
+    assert site.get(segment, authorization="Bearer x")[1]["x-cache"] == "BYPASS"
+    for path in ("/api/v1/robots/demo", "/api/v1/robots", "/"):
+        assert site.get(path)[1]["x-cache"] is None, path
 
 
 def test_page_and_routes_over_tls(site: Site) -> None:

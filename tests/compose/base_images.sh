@@ -4,7 +4,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 missing=()
-for image in node:22-bookworm-slim python:3.11-slim-bookworm caddy:2 redis:7; do
+for image in node:22-bookworm-slim python:3.11-slim-bookworm caddy:2 redis:7 nginx:1; do
   docker image inspect "$image" >/dev/null 2>&1 || timeout 20 docker pull --quiet "$image" >/dev/null 2>&1 || missing+=("$image")
 done
 [ ${#missing[@]} -gt 0 ] || exit 0
@@ -12,7 +12,7 @@ echo "made of Debian's packages, because they can't be pulled: ${missing[*]}"
 tools/need mmdebstrap
 root=$(mktemp -d)
 trap 'rm -rf "$root"' EXIT
-packages=ca-certificates,python3,python3-venv,python3-dev,g++,redis-server,wget
+packages=ca-certificates,python3,python3-venv,python3-dev,g++,redis-server,wget,curl,nginx-light
 mmdebstrap --quiet --variant=minbase --include=$packages bookworm "$root/debian"
 # how this machine reaches its package registries, for the builds
 for file in /etc/ssl/certs/ca-certificates.crt /etc/pip.conf /etc/npmrc; do

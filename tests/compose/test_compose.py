@@ -241,6 +241,32 @@ def test_three_gateways_serve_one_robot(cloud: Any) -> None:
     cloud.until_moves()
 
 
+def test_the_lane_goes_through_a_cache(cloud: Any) -> None:
+    def ask(path: str) -> Any:
+        with urllib.request.urlopen(cloud.url + path, timeout=15, context=cloud.trust) as answer:
+            answer.read()
+            return answer.headers
+
+    past = "/api/v1/robots/demo/past"
+    assert ask(past)["x-cache"] is None, "without a cache the relay itself answers"
+    words = ("--profile", "demo", "--profile", "cache", "up", "--detach", "--wait")
+    try:
+        cloud.project.compose(*words, limit_s=180, LANE_AT="cache")
+        cloud.until_moves()
+        until("there is a segment", lambda: cloud.get(past)["newest"])
+        newest = cloud.get(past)["newest"]
+        segment = f"{past}/public/{newest['take']}/{newest['index']}"
+        assert [ask(segment)["x-cache"] for _ in range(2)] == ["MISS", "HIT"]
+        assert ask("/api/v1/robots/demo")["x-cache"] is None
+        (cache,) = cloud.project.containers("cache")
+        host = cloud.project.inspect(cache)["HostConfig"]
+        assert (host["ReadonlyRootfs"], host["CapDrop"]) == (True, ["ALL"])
+    finally:
+        cloud.project.compose(*words[:2], "up", "--detach", "--wait", limit_s=180)
+        cloud.project.compose("--profile", "cache", "rm", "--stop", "--force", "cache")
+    cloud.until_moves()
+
+
 def viewers(container: str) -> int:
     """Of one process, as its metrics say."""
     ask = "import urllib.request as u; print(u.urlopen('http://127.0.0.1:9100/metrics').read().decode())"

@@ -1,0 +1,380 @@
+"""The lane through real caches, set as infra/hosting says: a relay is asked once for a segment."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import re
+import resource
+import shutil
+import signal
+import ssl
+import subprocess
+import urllib.request
+from collections import Counter
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import BIN, Part, Stack, free_port, until
+from tests.lane import ROBOT, Follower, Link, Origin, until_true
+
+HOSTING = Path(__file__).resolve().parent.parent / "infra/hosting"
+CROWD = 100
+THOUSAND = 1100  # nginx counts to 1023
+PAST_S = 12  # how far back anyone may look
+HOLD_S = 8
+
+pytestmark = [pytest.mark.skipif(shutil.which("openssl") is None, reason="no openssl here")]
+KINDS = [
+    pytest.param(
+        "nginx", marks=pytest.mark.skipif(not shutil.which("nginx"), reason="no nginx: apt-get install nginx")
+    ),
+    pytest.param(
+        "varnish",
+        marks=[
+            pytest.mark.full,
+            pytest.mark.skipif(not shutil.which("varnishd"), reason="no varnishd: apt-get install varnish"),
+        ],
+    ),
+]
+
+
+@dataclass
+class World:
+    """A relay with a robot on air, whose segments last a second."""
+
+    stack: Stack
+    address: str
+    zenoh: str
+    token: str
+    edge: Part
+
+    def set_on_air(self) -> None:
+        """Begin a new run of the robot."""
+        self.edge = self.stack.edge(self.zenoh, "--source", "demo", "--key-interval", "1")
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
+    """One for all tests of this file."""
+    folder = tmp_path_factory.mktemp("lane")
+    robots, stack = folder / "robots.toml", Stack(folder)
+
+    def manage(*words: str) -> str:
+        command = [f"{BIN}/posecast-relay", "robots", *words, "--robots", str(robots)]
+        return subprocess.run(command, check=True, capture_output=True, text=True).stdout
+
+    manage("add", "demo", "--private")
+    with robots.open("a") as file:
+        file.write(f'[robots.demo.anyone]\npast = "{PAST_S}s"\n[robots.demo.link]\npast = "{PAST_S}s"\n')
+    token = manage("link", "demo").strip().rpartition("=")[2]
+    try:
+        flags = ("--robots", str(robots), "--trusted-proxies", "127.0.0.1")
+        _, address, zenoh = stack.relay(flags=flags)
+        edge = stack.edge(zenoh, "--source", "demo", "--key-interval", "1")
+
+        def has_past() -> bool:
+            try:
+                with urllib.request.urlopen(f"http://{address}{ROBOT}/past", timeout=5) as answer:
+                    return json.load(answer)["newest"] is not None
+            except OSError:
+                return False
+
+        until("there is a segment", has_past)
+        yield World(stack, address, zenoh, token, edge)
+    finally:
+        for part in reversed(stack.parts):
+            part.stop()
+            print(part.log[-3000:])
+
+
+@dataclass
+class Cache:
+    """One before a relay, and what it has asked the relay."""
+
+    origin: Origin
+    port: int
+    trust: ssl.SSLContext | None
+
+    def connect(self) -> Link:
+        """A connection of its own."""
+        return Link(self.port, self.trust)
+
+    async def find_next(self) -> str:
+        """The address of the segment that comes next."""
+        asker = Follower(Link(int(self.origin.address.rpartition(":")[2])))
+        task = asyncio.create_task(asker.follow())
+        await until_true("there is a segment", lambda: len(asker.got) >= 2)
+        task.cancel()
+        take, index = asker.got[-1]
+        return f"{ROBOT}/past/public/{take}/{index + 1}"
+
+
+def set_up_nginx(folder: Path, relay: str) -> tuple[tuple[str, ...], int, ssl.SSLContext | None]:
+    """The command, the port, and whom to trust."""
+    new = "req -x509 -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -days 2 -subj /CN=localhost"
+    names = "-addext subjectAltName=DNS:localhost -keyout privkey.pem -out fullchain.pem"
+    subprocess.run(["openssl", *new.split(), *names.split()], cwd=folder, check=True, capture_output=True)
+    port = free_port()
+    instead = {
+        "listen 443": f"listen 127.0.0.1:{port}",
+        "/etc/posecast": str(folder),
+        "server relay.example:443": f"server {relay}",
+        "set $lane_relay https": "set $lane_relay http",
+        "/var/cache/posecast": f"{folder}/kept",
+        "/etc/nginx/nginx-lane.rules": str(HOSTING / "nginx-lane.rules"),
+    }
+    (folder / "lane.conf").write_text(replace_all((HOSTING / "nginx-lane.conf").read_text(), instead))
+    kinds = ("client_body", "proxy", "fastcgi", "uwsgi", "scgi")
+    places = "".join(f"{kind}_temp_path {folder}/{kind};" for kind in kinds)
+    user = "" if os.getuid() else "user root;"  # nobody else may read a test's folder
+    (folder / "nginx.conf").write_text(
+        f"{user} pid {folder}/pid; daemon off; worker_processes 2; error_log {folder}/errors;"
+        "events { worker_connections 4000; }"
+        f"http {{ access_log off; {places} include {folder}/lane.conf; }}"
+    )
+    command = ("nginx", "-p", str(folder), "-c", str(folder / "nginx.conf"))
+    return command, port, ssl.create_default_context(cafile=str(folder / "fullchain.pem"))
+
+
+def set_up_varnish(folder: Path, relay: str) -> tuple[tuple[str, ...], int, ssl.SSLContext | None]:
+    """The same."""
+    host, _, at = relay.rpartition(":")
+    instead = {'.host = "127.0.0.1"': f'.host = "{host}"', '.port = "8080"': f'.port = "{at}"'}
+    text = (HOSTING / "varnish.vcl").read_text()
+    (folder / "lane.vcl").write_text(replace_all(text, instead))
+    flags = re.findall(r"^#   varnishd (.*)$", text, re.MULTILINE)[0]
+    port = free_port()
+    at_home = {
+        "/etc/varnish/varnish.vcl": str(folder / "lane.vcl"),
+        ":6081": f"127.0.0.1:{port}",
+        "malloc,1g": "malloc,64m",
+    }
+    return (
+        ("varnishd", "-F", "-j", "none", "-n", str(folder / "work"), *replace_all(flags, at_home).split()),
+        port,
+        None,
+    )
+
+
+def replace_all(text: str, instead: dict[str, str]) -> str:
+    """All of them must be there."""
+    for old, new in instead.items():
+        assert old in text, old
+        text = text.replace(old, new)
+    return text
+
+
+@pytest.fixture(scope="module", autouse=True)
+def many_files() -> Iterator[None]:
+    """As many as the machine lets one have."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (hard if hard < 65536 else max(soft, 65536), hard))
+    yield
+    resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+
+@pytest.fixture(params=KINDS)
+async def cache(request: pytest.FixtureRequest, world: World, tmp_path: Path) -> AsyncIterator[Cache]:
+    """Each kind, empty."""
+    origin = Origin(world.address)
+    relay = f"127.0.0.1:{await origin.start()}"
+    set_up = {"nginx": set_up_nginx, "varnish": set_up_varnish}[request.param]
+    command, port, trust = set_up(tmp_path, relay)
+    part = Stack(tmp_path).start(request.param, *command)
+    made = Cache(origin, port, trust)
+
+    async def is_up() -> bool:
+        assert part.process.poll() is None, part.log
+        try:
+            return (await made.connect().ask("/")).status == 404  # it serves the lane and nothing else
+        except OSError:
+            return False
+
+    try:
+        for _ in range(1000):
+            if await is_up():
+                break
+            await asyncio.sleep(0.02)
+        assert await is_up()
+        assert origin.asked == []
+        yield made
+    finally:
+        part.stop()
+        origin.stop()
+        print(part.log[-3000:])
+
+
+@asynccontextmanager
+async def play_crowd(cache: Cache) -> AsyncIterator[list[Follower]]:
+    """Many who follow at the same time."""
+    crowd = [Follower(cache.connect()) for _ in range(CROWD)]
+    tasks = [asyncio.create_task(one.follow()) for one in crowd]
+    try:
+        yield crowd
+        assert [task.exception() for task in tasks if task.done()] == []
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def test_a_relay_is_asked_once_for_a_segment(cache: Cache, world: World) -> None:
+    async with play_crowd(cache) as crowd:
+        await until_true("all follow", lambda: all(len(one.got) >= 4 for one in crowd))
+        world.edge.process.send_signal(signal.SIGSTOP)
+        await until_true("not yet, says the relay", lambda: cache.origin.count(204) > 0)
+        shown = {one.got[-1] for one in crowd}
+        world.edge.process.send_signal(signal.SIGCONT)
+        await until_true("it goes on", lambda: all(one.got[-1] not in shown for one in crowd))
+        last = max(take for one in crowd for take, _ in one.got)
+        before = {one.got[-1][0] for one in crowd}
+        world.edge.stop()
+        world.set_on_air()
+        again = lambda: all(one.got[-1][0] not in before and one.got[-1][1] > 1 for one in crowd)  # noqa: E731
+        await until_true("all follow the next run", again)
+
+    for one in crowd:
+        assert one.refused == []
+        for (take, index), (next_take, next_index) in zip(one.got, one.got[1:], strict=False):
+            assert (next_take, next_index) == (take, index + 1) or (next_take != take and next_index == 0)
+    given = Counter(cache.origin.list_segments())
+    assert len(given) >= 8, last
+    assert set(given.values()) == {1}
+    # apart from that: one answer for each hold in a pause, one where a take ends, one a second to who begins
+    assert cache.origin.count(204) <= 3
+    rest = Counter(path for path, answer in cache.origin.answered if path not in given)
+    print(f"{len(given)} segments, one request each; besides: {dict(rest)}")
+
+
+async def test_of_a_thousand_who_wait_none_goes_to_the_relay_as_well(cache: Cache, world: World) -> None:
+    path = await cache.find_next()
+    world.edge.process.send_signal(signal.SIGSTOP)  # it will be held
+    try:
+        links = [cache.connect() for _ in range(THOUSAND)]
+        for some in (links[at : at + 100] for at in range(0, THOUSAND, 100)):
+            await asyncio.gather(*(link.send(path) for link in some))
+    finally:
+        world.edge.process.send_signal(signal.SIGCONT)
+    answers = await asyncio.gather(*(link.receive() for link in links))
+    assert cache.origin.asked in ([path], [path] * 2)  # twice where it was "not yet" at first
+    assert len(cache.origin.asked) == 1 + cache.origin.count(204)
+    assert len({answer.body for answer in answers if answer.is_segment}) <= 1
+    for link in links:
+        link.cut()
+
+
+async def test_who_asked_first_may_leave(cache: Cache, world: World) -> None:
+    path = await cache.find_next()
+    world.edge.process.send_signal(signal.SIGSTOP)  # it will be held
+    try:
+        first = cache.connect()
+        await first.send(path)
+        await until_true("the relay is asked", lambda: cache.origin.asked == [path])
+        first.cut()
+        others = [asyncio.create_task(cache.connect().ask(path)) for _ in range(20)]
+        left = cache.connect()
+        await left.send(path)
+        left.cut()
+    finally:
+        world.edge.process.send_signal(signal.SIGCONT)
+    answers = await asyncio.gather(*others)
+    assert len({answer.body for answer in answers}) == 1
+    assert {answer.is_segment for answer in answers} == {True}
+    assert cache.origin.asked == [path]
+
+
+async def test_the_answers_are_as_the_relay_gave_them(cache: Cache) -> None:
+    link = cache.connect()
+    path = await cache.find_next()
+    first, second = await link.ask(path), await link.ask(path)
+    ((_, itself),) = cache.origin.answered
+    for answer, kept in ((first, "MISS"), (second, "HIT")):
+        assert (answer.status, answer.body, answer.headers["x-cache"]) == (200, itself.body, kept)
+        for name in ("cache-control", "etag", "date", "access-control-allow-origin", "content-type"):
+            assert answer.headers[name] == itself.headers[name], name
+        assert "set-cookie" not in answer.headers
+    had = await link.ask(path, **{"if-none-match": first.headers["etag"]})
+    assert (had.status, had.body) == (304, b"")
+    cookies = await link.ask(path, cookie="a=b")
+    assert cookies.headers["x-cache"] == "HIT"
+    assert cache.origin.asked == [path]
+    said = {"cookie": "a=b", "x-forwarded-for": "192.0.2.1"}
+    assert (await link.ask(f"{ROBOT}/past/public/{0:016x}/0", **said)).status == 404
+    assert b"cookie" not in cache.origin.heads[-1]
+    forwarded = re.findall(rb"x-forwarded-for: (.*)\r", cache.origin.heads[-1])
+    assert [each.split(b", ")[-1] for each in forwarded] == [b"127.0.0.1"], "by its own eyes"
+
+
+async def test_who_shows_a_token_is_neither_answered_from_it_nor_kept(cache: Cache, world: World) -> None:
+    link = cache.connect()
+    path = await cache.find_next()
+    shown = {"authorization": f"Bearer {world.token}"}
+    own = [await link.ask(path, **shown) for _ in range(2)]
+    public = [await link.ask(path) for _ in range(2)]
+    own.append(await link.ask(path, **shown))
+    assert {answer.body for answer in own} == {answer.body for answer in public}
+    for answer in own:
+        assert answer.is_segment
+        assert answer.headers["cache-control"] == "private, no-store"
+        assert answer.headers["x-cache"] in {"BYPASS", "MISS"}
+    assert [answer.headers["x-cache"] for answer in public] == ["MISS", "HIT"]
+    assert {answer.headers["cache-control"].partition(",")[0] for answer in public} == {"public"}
+    assert cache.origin.asked == [path] * 4
+    bad = await link.ask(path, authorization="Bearer wrong")
+    assert bad.status == 401
+
+
+async def test_made_up_addresses_fill_nothing(cache: Cache) -> None:
+    link = cache.connect()
+    summary = f"{ROBOT}/past?view=public"
+    for path in (f"{summary}&n=1", f"{summary}&view=other", f"{summary}&n=1"):
+        assert (await link.ask(path)).headers["x-cache"] in {"BYPASS", "MISS"}, path
+    assert len(cache.origin.asked) == 3
+    assert (await link.ask(f"{ROBOT}/past?token=x")).status == 400
+    for path in (
+        "/",
+        "/api/v1/robots",
+        ROBOT,
+        f"{ROBOT}/live",
+        f"{ROBOT}/live.sse",
+        f"{ROBOT}/pasture",
+        "/readyz",
+    ):
+        assert (await link.ask(path)).status == 404, path
+    assert len(cache.origin.asked) == 4, "the rest is refused here"
+
+
+async def test_what_has_left_the_window_is_gone_from_the_cache_as_well(cache: Cache) -> None:
+    link, relay = cache.connect(), Link(int(cache.origin.address.rpartition(":")[2]))
+    path = await cache.find_next()
+    answer = await link.ask(path)
+    fresh_s = int(answer.headers["cache-control"].partition("max-age=")[2])
+    assert 0 < fresh_s < PAST_S
+    for one in (relay, link):  # in the cache a second or two later: it counts whole ones
+        for _ in range(200 if one is relay else 30):
+            if not (answer := await one.ask(path)).is_segment:
+                break
+            await asyncio.sleep(0.1)
+        assert not answer.is_segment
+        assert answer.headers["cache-control"] == "public, max-age=1"
+
+
+async def test_a_relay_that_does_not_answer_is_asked_by_few(cache: Cache) -> None:
+    path = await cache.find_next()
+    cache.origin.refuses = True
+    answers = await asyncio.gather(*(cache.connect().ask(path) for _ in range(50)))
+    assert {answer.status for answer in answers} <= {502, 503}
+    assert len(cache.origin.asked) <= 5
+    cache.origin.refuses = False
+    link = cache.connect()
+    for _ in range(100):
+        if (answer := await link.ask(path)).status == 200:
+            break
+        await asyncio.sleep(0.1)
+    assert answer.is_segment
