@@ -124,6 +124,28 @@ describe('a page in the lane', () => {
     expect(wordsOf(viewer, viewer.openMs + 10)).toEqual(['OFFLINE', 'LIVE']);
   });
 
+  it('joins near the place where it should be, if answers tell when they were made', () => {
+    for (const joinsMs of [22_000, 23_000, 24_000, 25_000]) {
+      const { viewer } = watch({ tellsDate: true }, joinsMs);
+      viewer.run(60_000);
+      expectOnce(viewer.shown);
+      const behind = viewer.shown.map(({ atMs, acceptedMs }) => atMs - acceptedMs);
+      expect(quantile(behind, 1)).toBeLessThanOrEqual(KEY_MS + 1700);
+      expect(wordsOf(viewer, viewer.openMs)).toEqual(['LIVE']);
+    }
+  });
+
+  it('knows how long a robot has been gone, if answers tell when they were made', () => {
+    const { viewer } = watch({ tellsDate: true, pauses: [{ fromMs: 20_500, toMs: 70_000 }] }, 50_000);
+    viewer.run(55_000);
+    const { verdict, atMs } = viewer.words.at(-1)!;
+    expect(verdict.word).toBe('OFFLINE');
+    expect(Math.abs((verdict.ageMs ?? 0) - (atMs - 20_500))).toBeLessThan(1500);
+    viewer.run(88_000);
+    expect(wordsOf(viewer, viewer.openMs + 10)).toEqual(['OFFLINE', 'LIVE']);
+    expectOnce(viewer.shown);
+  });
+
   it('follows another run, whose frames are numbered from the beginning again', () => {
     const { relay, viewer } = watch({ restartsMs: [40_700, 41_900, 55_000] }, 22_000);
     viewer.run(85_000);

@@ -21,6 +21,7 @@ it.each([
   'past',
   'past/',
   'past/a/b',
+  'past//relay.example/base/api/v1/robots/demo/past',
   'past/Public',
   'javascript:past/public',
   'https://[',

@@ -29,6 +29,8 @@ export interface LaneStory {
   /** An event about so often. */
   readonly eventEveryMs?: number;
   readonly lateMs?: (atMs: number) => number;
+  /** Its answers say when they were made, to a second. */
+  readonly tellsDate?: boolean;
   /** From then on between KEYs. */
   readonly laterKeyMs?: { readonly atMs: number; readonly keyMs: number };
 }
@@ -88,6 +90,12 @@ export class LaneRelay {
 
   /** What is answered to a request that arrives at `atMs`, and when; null: it is held until then, and then given up. */
   answer(path: string, atMs: number): { readonly atMs: number; readonly answer: LaneAnswer } {
+    const found = this.#answer(path, atMs);
+    const dateMs = this.#story.tellsDate ? 1000 * Math.floor((UNIX_MS + found.atMs) / 1000) : null;
+    return { ...found, answer: { ...found.answer, dateMs } };
+  }
+
+  #answer(path: string, atMs: number): { readonly atMs: number; readonly answer: LaneAnswer } {
     const json = (value: unknown, at = atMs) => ({
       atMs: at,
       answer: {

@@ -1,5 +1,5 @@
 /** How much faster or slower than the robot the lane plays while its delay changes: nobody sees it. */
-const GENTLE = 0.05;
+const GENTLE = 0.08;
 /** By so much a part should come before its time. */
 const MARGIN_MS = 80;
 /** A part that is later than this is not waited for again: the playhead jumps to where it should be. */
@@ -8,6 +8,13 @@ const STALL_MS = 1000;
 const STALLS_MAX = 4;
 /** Parts that the delay is judged by. */
 const REMEMBERED = 10;
+/** Of so many or more, some don't count: those that were late by chance, or longer, as one after a pause is. */
+const ENOUGH = 5;
+const LATE_ONES = 1;
+const LONG_ONES = 2;
+/** While the clock is new, and after stalls, the playhead may jump ahead by more than this; else it goes gently. */
+const JUMP_MS = 700;
+const NEW_PARTS = 3;
 /** By so much a part of a new take may come sooner or later than others did, if it is told by the same clock. */
 const SAME_MS = 2000;
 /** Parts after the first of which none was waited for; then the place counts as found. */
@@ -41,14 +48,15 @@ export class PlayClock {
   shiftMs = Number.NaN;
   /** Whether the place of the playhead is known, and not only a bound for it. */
   isFound = false;
-  /** Of each part: its arrival less its beginning, and less its end. Newest last. */
-  #lagsMs: number[] = [];
+  /** Of the last parts: the arrival less the end, and how long each is. Newest last. */
   #closesMs: number[] = [];
   #spansMs: number[] = [];
   #atMs = 0;
   /** How many parts came since the clock began. */
   #parts = 0;
   #stalls = 0;
+  /** So many parts more come while the clock is new. */
+  #newParts = 0;
   /** How long before its arrival the first part ended; null: not longer than a part. */
   #firstAgoMs: number | null = null;
 
@@ -60,22 +68,26 @@ export class PlayClock {
     const isFirst = Number.isNaN(this.shiftMs);
     const isAnew = isFirst || (part.isNewTake && Math.abs(closeMs - this.closeMs) > SAME_MS);
     if (isAnew) {
-      this.#lagsMs = this.#closesMs = [];
+      this.#closesMs = [];
       this.isFound = false;
       this.#parts = 0;
+      this.#newParts = NEW_PARTS;
       this.#atMs = atMs;
       this.shiftMs = firstShiftMs(part);
       this.#firstAgoMs = isLikely(part) ? part.agoMs : null;
       this.#remember(spanMs, closeMs);
     } else if (!this.isFound) {
       const soonestMs = Math.min(closeMs, this.closeMs);
-      this.#lagsMs = this.#closesMs = []; // what came before says nothing
+      this.#closesMs = []; // what came before says nothing
       this.#remember(spanMs, soonestMs);
       const lagMs = spanMs + closeMs;
       if (part.isOver && !part.wasHeld) this.shiftMs = Math.min(this.shiftMs, firstShiftMs(part));
       else this.shiftMs = lagMs > this.shiftMs ? lagMs : Math.min(this.shiftMs, lagMs + MARGIN_MS);
     } else {
-      if (part.isNewTake) this.#lagsMs = this.#closesMs = [];
+      if (part.isNewTake) {
+        this.#closesMs = [];
+        this.#newParts = NEW_PARTS;
+      }
       this.#wait(spanMs, closeMs);
     }
     if (part.wasHeld || ++this.#parts > FOUND_AFTER) this.isFound = true;
@@ -86,18 +98,28 @@ export class PlayClock {
   #wait(spanMs: number, closeMs: number): void {
     const isFirstOfTake = this.#closesMs.length === 0;
     const lateMs = isFirstOfTake ? 0 : closeMs - this.closeMs;
+    if (lateMs > STALL_MS && spanMs + closeMs <= this.shiftMs) {
+      remember(this.#spansMs, spanMs); // it was asked for late, since it is shorter than those before
+      return;
+    }
     this.#stalls = lateMs > STALL_MS ? this.#stalls + 1 : 0;
-    if (this.#stalls > STALLS_MAX) this.#lagsMs = this.#closesMs = [];
+    if (this.#stalls > 0) this.#newParts = NEW_PARTS;
+    if (this.#stalls > STALLS_MAX) this.#closesMs = [];
     else if (this.#stalls > 0) {
       this.shiftMs = Math.max(this.shiftMs, spanMs + this.closeMs);
       return;
     }
     this.#remember(spanMs, closeMs);
     this.shiftMs = Math.max(this.shiftMs, spanMs + closeMs);
+    if (this.#newParts === 0) return;
+    this.#newParts--;
+    const wantedMs = Math.max(...this.#spansMs.slice(-NEW_PARTS)) + closeMs + MARGIN_MS;
+    if (this.shiftMs <= wantedMs + JUMP_MS) return;
+    this.shiftMs = wantedMs;
+    this.#closesMs = [closeMs];
   }
 
   #remember(spanMs: number, closeMs: number): void {
-    remember(this.#lagsMs, spanMs + closeMs);
     remember(this.#closesMs, closeMs);
     remember(this.#spansMs, spanMs);
   }
@@ -106,7 +128,7 @@ export class PlayClock {
   slew(nowMs: number): void {
     const mostMs = GENTLE * Math.max(0, nowMs - this.#atMs);
     this.#atMs = nowMs;
-    if (!this.isFound || this.#lagsMs.length === 0) return;
+    if (!this.isFound || this.#closesMs.length === 0) return;
     const offMs = this.#wantedMs - this.shiftMs;
     this.shiftMs += Math.max(-mostMs, Math.min(mostMs, offMs));
   }
@@ -129,11 +151,16 @@ export class PlayClock {
     return knownMs + (this.#firstAgoMs === null ? Math.max(...this.#spansMs) : this.#firstAgoMs + 500);
   }
 
-  /** So late that all but the latest of the last parts would have come in time. */
+  /** So late that the next part comes in time if it is as long as others, and not later than almost all of them. */
   get #wantedMs(): number {
-    const sorted = [...this.#lagsMs].sort((a, b) => b - a);
-    return (sorted.length < 5 ? sorted[0]! : sorted[1]!) + MARGIN_MS;
+    return nthMost(this.#spansMs, LONG_ONES) + nthMost(this.#closesMs, LATE_ONES) + MARGIN_MS;
   }
+}
+
+/** The greatest value but for `out` of them; of few values the greatest. */
+function nthMost(values: readonly number[], out: number): number {
+  const sorted = [...values].sort((a, b) => b - a);
+  return sorted[sorted.length < ENOUGH ? 0 : out] ?? 0;
 }
 
 /** Where the first part is begun: at its beginning, or nearer to its end where the next one is expected sooner. A robot that has
