@@ -1,6 +1,6 @@
 # Every target sets up what it needs; `make` alone lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers load attack faults soak gallery pictures explained compose-test dist clean unit python typescript page e2e browsers
+.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers lane load attack faults soak gallery pictures explained compose-test dist clean unit python typescript page e2e browsers
 SHELL := /bin/bash
 export UV_PYTHON_DOWNLOADS := never
 export PYTHONDONTWRITEBYTECODE := 1
@@ -132,8 +132,9 @@ browsers: setup ## the README's table of browsers, as found on this machine
 
 # ---- figures -----------------------------------------------------------------
 
-bytes: .venv/.ready ## bytes per frame on the shared telemetry sets
+bytes: .venv/.ready ## bytes per frame and per segment on the shared telemetry sets
 	$(BIN)/python wire/python/benches/bytes_per_frame.py
+	$(BIN)/python -m tools.segment_bytes
 
 bench: .venv/.ready ## the relay beside a bare send() loop, FastAPI and websockets (needs cc; 20 to 40 minutes)
 	$(BIN)/python -m relay.benches.bench
@@ -142,8 +143,13 @@ peers: setup ## the relay beside Socket.IO, ws, Tornado, foxglove-sdk, Mosquitto
 	benches/peers/install
 	$(BIN)/python -m benches.peers.run
 
-load: setup ## a lecture, a flash crowd, a fleet and slow phones against a relay of their own (4 minutes)
+lane: setup ## a robot's segments through nginx and Varnish to 5,000 viewers each (needs cc; 15 minutes, SHORT=1 four)
+	@for package in nginx varnish; do tools/need $$package || exit; done
+	$(BIN)/python -m relay.benches.lane.run $(if $(SHORT),--short) $(if $(WRITE),--write)
+
+load: setup ## a lecture, a flash crowd, a fleet, slow phones and a hall against a relay of their own (5 minutes)
 	$(BIN)/python -m posecast_loadtests
+	$(BIN)/python -m posecast_loadtests.hall
 
 gallery: .venv/.ready ## every robot of the packages installed here, or in FOLDERS="…", built and drawn on sheets in gallery/
 	$(BIN)/python -m tools.gallery $(FOLDERS)

@@ -33,7 +33,7 @@ const SHARED_CHUNKS = [
   { name: 'react', test: /node_modules\/react\// },
   {
     name: 'relay',
-    test: /spa\/src\/(auth\/token|browser\/(storage|store)|past\/past_source|relay\/(as_anyone|recording_address|relay)|stream\/clock)\.ts$/,
+    test: /spa\/src\/(auth\/(lane|token)|browser\/(storage|store)|past\/past_source|relay\/(addresses|as_anyone|recording_address|relay)|stream\/clock)\.ts$/,
   },
   {
     name: 'values',
@@ -41,13 +41,17 @@ const SHARED_CHUNKS = [
   },
   {
     name: 'settings',
-    test: /spa\/src\/(app\/(state\/(settings|use_store)|status\/moment_words|text\/language)|browser\/(drawn_lines|first_paint|late_part|retry)|app\/shell\/media)\.ts$/,
+    test: /spa\/src\/(app\/(state\/(settings|use_store)|status\/span_words|text\/language)|browser\/(drawn_lines|first_paint|late_part|retry)|app\/shell\/media)\.ts$/,
   },
   {
     // All of three.js but what only readers of mesh files need: a scene is one file of it, and its own.
     name: 'three.core',
     test: /three\/src\/(?!loaders|animation|extras|math\/(?:I|i)nterpolant|objects\/(?:SkinnedMesh|Bone|Skeleton|Points|LineLoop)|lights\/(?:Ambient|Point|Spot)|materials\/(?:MeshPh|Points))/,
   },
+  // The list says little, and needs no more.
+  { name: 'list_words', test: /spa\/src\/app\/text\/list(_en)?\.ts$/ },
+  // What late parts say: all of them need it, and who plays the past has it by then.
+  { name: 'more', test: /spa\/src\/app\/(text\/(more|more_en)|status\/(moment_words|past_words))\.ts$/ },
   { name: 'manifest', test: /spa\/src\/model\/(bundle|files|lod_cache|manifest)\.ts$/ },
   { name: 'cells', test: /spa\/src\/app\/.*\/(cells\.ts|fault_words\.ts|FlagTerm\.tsx)$/ },
 ];

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import yaml
 from posecast_relay.config.settings import FLAGS, parse
-from posecast_relay.server.process import END_S
+from posecast_relay.server.http_server import END_S
 
 CLOUD = Path(__file__).resolve().parent.parent / "infra/cloud"
 BASE = CLOUD / "kubernetes"

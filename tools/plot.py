@@ -9,8 +9,8 @@ from xml.sax.saxutils import escape
 
 WIDTH, HEIGHT = 640, 320
 LEFT, RIGHT, TOP, BOTTOM = 64, 150, 34, 44
-COLOURS = ("#0b7285", "#c2410c", "#6d28d9", "#4d7c0f", "#9d174d")
-DASHES = ("", "7 4", "2 3", "10 3 2 3", "4 2")  # colour is never the only difference
+COLOURS = ("#0b7285", "#c2410c", "#6d28d9", "#4d7c0f", "#9d174d", "#1f2937")
+DASHES = ("", "7 4", "2 3", "10 3 2 3", "4 2", "1 4")  # colour is never the only difference
 SUFFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
 BAR, GAP = 18, 8
 

@@ -43,6 +43,9 @@ import { DAY_MS, readDay, readPage, readSummary } from '../../spa/src/past/relay
 import { PastIndex } from '../../spa/src/past/relay/past_index.ts';
 import { chooseRelay, readConfig } from '../../spa/src/relay/config.ts';
 import { MirrorReader } from '../../spa/src/stream/firebase_mirror.ts';
+import { type LaneAnswer, readBeginning, readNext } from '../../spa/src/stream/lane/answers.ts';
+import { Lane } from '../../spa/src/stream/lane/lane.ts';
+import { readLaneAddress } from '../../spa/src/stream/lane/lane_address.ts';
 import { frameBytes, SseParser } from '../../spa/src/stream/sse.ts';
 import { DropError } from '../../spa/src/urdf/local_files.ts';
 import { modelOf, UrdfError } from '../../spa/src/urdf/manifest.ts';
@@ -84,6 +87,7 @@ export const TARGETS: ReadonlyMap<string, (bytes: Uint8Array) => Promise<unknown
     embed: refusing([], (bytes) => embedded(textOf(bytes))),
     events: refusing([RangeError], events),
     mirror: refusing([RangeError], mirror),
+    lane: refusing([], lane),
     past: refusing([PastError], (bytes) => past(jsonOf(textOf(bytes)))),
   } satisfies Record<string, Reader>),
 );
@@ -318,6 +322,24 @@ function past(json: unknown): unknown {
   const { timeline } = index;
   if (refused.length === 3) throw refused[0];
   return [timeline?.movement.length, timeline?.words.length, timeline?.marks.length];
+}
+
+/** The address of a lane, a line end, and what its relay answers, to each question the same. */
+function lane(bytes: Uint8Array): unknown {
+  const end = bytes.indexOf(0x0a) < 0 ? bytes.length : bytes.indexOf(0x0a);
+  const robot = 'https://relay/api/v1/robots/demo/';
+  const address = readLaneAddress(textOf(bytes.subarray(0, end)), 'wss://relay/api/v1/robots/demo/live');
+  if (address !== null && address.pastUrl !== `${robot}past`) throw new Error(`a lane at ${address.pastUrl}`);
+  const body = bytes.subarray(end + 1);
+  const answers = [true, false].map((isJson): LaneAnswer => {
+    return { status: 200, isJson, retryMs: null, dateMs: null, bytes: body };
+  });
+  const before = { frame: null, event: null };
+  const read = new Lane({ view: address?.view ?? null, hz: 30, isVisible: true, before, random: () => 0.5 });
+  const did = read.start(0).map((action) => action.do);
+  for (let i = 1; i < 9; i++)
+    for (const action of read.answered(1000 * i, answers[i % 2]!)) did.push(action.do);
+  return [address?.view, readBeginning(answers[0]!), readNext(answers[0]!), did];
 }
 
 function dayBefore(atMs: number): number {

@@ -36,4 +36,5 @@ TARGETS = (
     target("events", 1 << 17),
     target("mirror", 1 << 16),
     target("past", 1 << 17),
+    target("lane", 1 << 17),
 )

@@ -85,7 +85,7 @@ class Page:
         if doc["type"] != "schema":
             self.told.append(doc)
 
-    def end(self, close: Close, reason: str, retry_s: float | None) -> None:
+    def end(self, close: Close, reason: str, retry_s: float | None, lane: str | None = None) -> None:
         """Outlet."""
         self.ended = f"{close.name}: {reason}"
 

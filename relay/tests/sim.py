@@ -78,6 +78,7 @@ class Screen:
         self.pings = 0
         self.writes = 0
         self.ended: tuple[Close, str, float | None] | None = None
+        self.lane: str | None = None
         self.was_cut: Close | None = None
 
     def write(self, data: bytes) -> None:
@@ -99,9 +100,9 @@ class Screen:
         if len(self.frames) > before:
             self.states.append(self.frames[-1])
 
-    def end(self, close: Close, reason: str, retry_s: float | None) -> None:
+    def end(self, close: Close, reason: str, retry_s: float | None, lane: str | None = None) -> None:
         """Outlet."""
-        self.ended = close, reason, retry_s
+        self.ended, self.lane = (close, reason, retry_s), lane
 
     def cut(self, close: Close) -> None:
         """Outlet."""
@@ -129,8 +130,8 @@ class World:
                 case Send(data, viewers):
                     for viewer in viewers:
                         viewer.outlet.write(data)
-                case CloseConnection(viewer, close, reason, retry_s):
-                    viewer.outlet.end(close, reason, retry_s)
+                case CloseConnection(viewer, close, reason, retry_s, lane):
+                    viewer.outlet.end(close, reason, retry_s, lane)
                 case Abort(viewer, close):
                     viewer.outlet.cut(close)
                 case RequestSnapshot(robot, views):

@@ -278,8 +278,10 @@ class ZenohEdge:
 class Watcher:
     """A viewer: decodes, acknowledges as our page does, remembers when what came."""
 
-    def __init__(self, url: str, acks: bool = True) -> None:
+    def __init__(self, url: str, acks: bool = True, sock: socket.socket | None = None) -> None:
+        """`sock`: a connection to the relay that is there already."""
         self.url = url
+        self._sock = sock
         self.acks = acks
         self.texts: list[dict[str, Any]] = []
         self.frames: list[tuple[float, Frame]] = []
@@ -289,7 +291,7 @@ class Watcher:
         self._task: asyncio.Task[None] | None = None
 
     async def __aenter__(self) -> Watcher:
-        self.connection = await websockets.connect(self.url)
+        self.connection = await websockets.connect(self.url, sock=self._sock)
         self._task = asyncio.create_task(self._watch(self.connection))
         return self
 

@@ -45,6 +45,7 @@ AT_OTHER_TIMES = {
     "Access.renew",
     "Addresses.leave",  # of an address that is counted: not of this machine's own
     "EventStream.end",
+    *("Access.tell_full", "Access._explain_no_lane", "_Http._turn_away"),  # where there is no place
     *("AnswerCache.clear", "AnswerCache.has"),  # of the past, which the victim does not ask for
     "LiveSocket.pause_writing",  # what it is given when it comes pauses the connection before it is one
 }

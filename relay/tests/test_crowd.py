@@ -87,7 +87,7 @@ def has_events(n: int, viewer: Watcher) -> bool:
     return len(viewer.told("event")) == n
 
 
-async def test_a_full_event_lane_ends_a_viewer_that_does_not_read(relays: Any, edges: Any) -> None:
+async def test_a_full_event_queue_ends_a_viewer_that_does_not_read(relays: Any, edges: Any) -> None:
     port = free_port()
     relay = relays("--metrics-port", str(port))
     edge = edges(relay.zenoh)

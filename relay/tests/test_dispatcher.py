@@ -125,7 +125,7 @@ class Broken(Screen):
         """Outlet."""
         raise ArithmeticError("write")
 
-    def end(self, close: Close, reason: str, retry_s: float | None) -> None:
+    def end(self, close: Close, reason: str, retry_s: float | None, lane: str | None = None) -> None:
         """Outlet."""
         raise ArithmeticError("end")
 

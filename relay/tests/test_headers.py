@@ -65,7 +65,7 @@ def test_no_header_twice_leaves_anybody_without_an_answer(relays: Any) -> None:
 
 
 def test_the_line_that_the_proxy_added_is_the_one_that_counts(relays: Any) -> None:
-    relay: Relay = relays("--max-per-address", "1", "--trusted-proxies", "127.0.0.1")
+    relay: Relay = relays("--max-per-address", "1", "--trusted-proxies", "127.0.0.1", "--past", "0")
     for stream, taken in (("live?hz=0", 101), ("live.sse?hz=0", 200)):
         with ExitStack() as stack:
 

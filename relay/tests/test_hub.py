@@ -69,7 +69,7 @@ def test_events_wait_for_a_viewer_that_has_not_drained_and_come_first() -> None:
     assert not viewer.blocked
 
 
-def test_a_full_event_lane_ends_the_viewer_with_its_reason_and_nobody_else() -> None:
+def test_a_full_event_queue_ends_the_viewer_with_its_reason_and_nobody_else() -> None:
     world = World(Limits(reliable_queue=10))
     edge = world.on_air()
     slow, slow_screen = world.join()

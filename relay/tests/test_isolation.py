@@ -255,7 +255,7 @@ def test_every_module_of_the_core_is_named_here_or_has_no_part_in_serving() -> N
         if not module.ispkg
     }
     apart = {"actions", "timer_queue", "limits", "histogram", "drain", "load_shedder"}  # nobody's
-    apart |= {"policy.policy", "policy.share_link", "policy.admission", "policy.unseen"}
+    apart |= {"policy.policy", "policy.share_link", "policy.admission", "policy.lane", "policy.unseen"}
     apart |= {"policy.past", "past.kept_segment", "past.memory_store", "past.kept_past", "past.past_reader"}
     apart |= {"past.audience_letters", "past.day_index", "past.day_reach", "past.deletions"}
     apart |= {"past.segment_record"}

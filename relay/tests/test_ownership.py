@@ -29,7 +29,7 @@ OTHERS_OBJECTS = {
     ("logging.py", "sys.unraisablehook"),
     ("logging.py", "threading.excepthook"),
     ("logging.py", "self._timer.daemon"),  # a threading.Timer takes it nowhere else
-    ("server/process.py", "last.daemon"),
+    ("server/http_server.py", "last.daemon"),
     ("recording/zip_file.py", "entry.create_system"),  # zipfile.ZipInfo
     ("recording/zip_file.py", "entry.external_attr"),
     ("zenoh/auth_failures.py", "sys.stdout"),
@@ -37,6 +37,8 @@ OTHERS_OBJECTS = {
     ("streaming/http_connection.py", "cycle.disconnected"),  # uvicorn's own protocol does so
     ("streaming/http_connection.py", "self.answering.disconnected"),
     ("streaming/http_connection.py", "self.cycle.keep_alive"),
+    ("streaming/http_connection.py", "cycle.keep_alive"),
+    ("streaming/http_connection.py", "cycle.default_headers"),
     ("streaming/websocket.py", "self._ws.parser_exc"),  # else it holds itself in a circle
 }
 

@@ -10,10 +10,10 @@ import pytest
 from posecast_relay.core.policy.policy import Audience, Policy, Rule
 from posecast_relay.http.metrics import RelayCollector
 from posecast_relay.http.past import routes
-from posecast_relay.http.past.held_requests import HELD_MAX, HeldRequests
+from posecast_relay.http.past.held_requests import HELD_MAX, WOKEN_PER_TURN, HeldRequests
 from posecast_relay.redis.gateway import GRACE_S
 
-from .past_doors import PAGE_MS, TAKE, PastDoors, address_of, link
+from .past_doors import PAGE_MS, TAKE, PastDoors, address_of, link, until
 
 A, L = Audience.ANYONE, Audience.LINK
 NEXT = f"public/{TAKE:016x}/1"
@@ -133,6 +133,104 @@ async def test_all_are_let_go_when_the_relay_stops(doors: PastDoors) -> None:
     assert doors.desk.held.turned_away == 0
 
 
+async def test_who_waits_is_judged_anew_at_once_when_the_rules_change(doors: PastDoors) -> None:
+    doors.keep(0, PAGE_MS, view="lab")
+    anyone = [asyncio.create_task(doors.ask(NEXT)) for _ in range(5)]
+    holder = asyncio.create_task(doors.ask(f"lab/{TAKE:016x}/1", link("r")))
+    await doors.until_held(6)
+    doors.access.set_policy(Policy({"r": {A: Rule(past_s=900), L: Rule("lab", past_s=600)}}))
+    asked = doors.desk.held.count
+    doors.access.set_policy(Policy({"r": {A: Rule(blackout=True), L: Rule("lab", past_s=600)}}))
+    assert asked == 6
+    assert {answer.status_code for answer in await asyncio.gather(*anyone)} == {404}
+    await doors.until_held(1)  # for the link nothing has changed
+    dark = doors.keep(1, PAGE_MS + 4000, audiences=frozenset())
+    assert (await doors.ask(NEXT)).status_code == 404
+    doors.allow({"r": {A: Rule(), L: Rule("lab", past_s=600)}})
+    doors.unix_ms = PAGE_MS + 30_000
+    again = asyncio.create_task(doors.ask(NEXT))  # what is dark has no answer, and the next one is to come
+    await doors.until_held(2)
+    doors.keep(2, PAGE_MS + 8000)
+    assert (await again).json() == {"next": {"take": f"{TAKE:016x}", "index": 2}}
+    assert (await doors.ask(address_of(dark))).json()["next"]["index"] == 2
+    segment = doors.keep(1, PAGE_MS + 4000, view="lab", audiences=frozenset({L}))
+    assert (await holder).content == segment.data
+
+
+async def test_what_is_not_the_next_one_is_not_held(doors: PastDoors) -> None:
+    doors.keep(7, PAGE_MS, take=0xC)  # of another recorder
+    for path in (
+        f"public/{TAKE:016x}/2",
+        f"public/{TAKE:016x}/4294967295",
+        f"public/{0xC:016x}/9",
+        f"public/{0xD:016x}/0",
+    ):
+        assert (await doors.ask(path)).status_code == 404, path
+    assert (await doors.ask("/new/past/" + NEXT)).status_code == 404  # a robot that was never here
+    held = [asyncio.create_task(doors.ask(f"public/{0xC:016x}/8")), asyncio.create_task(doors.ask(NEXT))]
+    await doors.until_held(1)  # the first take is over, the other one goes on
+    assert (await held[1]).json() == {"next": {"take": f"{0xC:016x}", "index": 7}}
+    segment = doors.keep(8, PAGE_MS + 4000, take=0xC)
+    assert (await held[0]).content == segment.data
+    assert doors.desk.held.answers == {"none": 4, "next": 1, "segment": 1}
+
+
+async def test_what_caches_go_by(doors: PastDoors, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A Date of when it was asked would make what was held old before it comes."""
+    held = asyncio.create_task(doors.ask(NEXT))
+    await doors.until_held(1)
+    before = (await doors.ask("")).headers["date"]
+    async with asyncio.timeout(10):
+        while (await doors.ask("")).headers["date"] == before:
+            await asyncio.sleep(0.05)
+    now = (await doors.ask("")).headers["date"]
+    doors.keep(1, PAGE_MS + 4000)
+    segment = await held
+    assert segment.headers["date"] >= now > before
+    monkeypatch.setattr(routes, "HOLD_S", 0.02)
+    not_yet = await doors.ask(f"public/{TAKE:016x}/2")
+    doors.keep(0, PAGE_MS + 4000, take=0xB)
+    following = await doors.ask(f"public/{TAKE:016x}/2")
+    assert [each.status_code for each in (segment, not_yet, following)] == [200, 204, 200]
+    for answer in (segment, not_yet, following):
+        assert answer.headers["cache-control"].startswith("public, max-age=")
+        assert answer.headers["access-control-allow-origin"] == "*"
+        assert len(answer.headers.get_list("date")) == 1
+        assert not {"vary", "set-cookie", "age", "expires", "pragma"} & set(answer.headers)
+
+
+async def test_a_thousand_who_are_held_and_leave_take_nobodys_place(doors: PastDoors) -> None:
+    head = f"GET /api/v1/robots/r/past/{NEXT} HTTP/1.1\r\nHost: x\r\n\r\n".encode()
+    for _ in range(3):
+        links = [await asyncio.open_connection("127.0.0.1", doors.port) for _ in range(334)]
+        for _, writer in links:
+            writer.write(head)
+        await doors.until_held(HELD_MAX)
+        for _, writer in links:
+            writer.transport.abort()
+        await doors.until_held(0)
+    assert not doors.desk.held._waiting
+    await until("no request is under way", lambda: not doors.server.server_state.tasks)
+    held = [asyncio.create_task(doors.ask(NEXT)) for _ in range(20)]
+    await doors.until_held(20)
+    segment = doors.keep(1, PAGE_MS + 4000)
+    assert {answer.content for answer in await asyncio.gather(*held)} == {segment.data}
+
+
+async def test_a_relay_that_goes_closes_the_connection_on_which_it_answers(doors: PastDoors) -> None:
+    """So that a proxy's next request goes to another relay."""
+    held = asyncio.create_task(doors.ask(NEXT))
+    await doors.until_held(1)
+    assert "connection" not in (await doors.ask("")).headers
+    doors.desk.held.release()
+    doors.access.live.drain()
+    for answer in (await held, await doors.ask(NEXT), await doors.ask(f"public/{TAKE:016x}/0")):
+        assert answer.headers["connection"] == "close"
+        assert answer.headers["cache-control"].startswith("public, max-age=")
+    assert (await held).status_code == 204
+    assert doors.desk.held.count == 0
+
+
 async def test_what_may_be_seen_is_judged_anew_when_it_is_there(doors: PastDoors) -> None:
     doors.keep(0, PAGE_MS, view="lab")
     asked = [
@@ -145,6 +243,34 @@ async def test_what_may_be_seen_is_judged_anew_when_it_is_there(doors: PastDoors
     for view in ("public", "lab"):
         doors.keep(1, PAGE_MS + 4000, view=view, audiences=frozenset(Audience))
     assert [answer.status_code for answer in await asyncio.gather(*asked)] == [404, 401]
+
+
+async def test_who_waits_is_let_go_a_few_at_a_time_so_that_live_goes_on() -> None:
+    held, over = HeldRequests(), 0
+
+    async def hold() -> None:
+        nonlocal over
+        with held.hold():
+            await held.wait("r", "public", 60)
+            over += 1
+
+    tasks = [asyncio.create_task(hold()) for _ in range(100)]
+    await asyncio.sleep(0)
+    for _ in range(3):  # once more, before all have gone
+        held.wake("r", "public")
+    held.wake_all()
+    tasks[-1].cancel()
+    most = 0
+    async with asyncio.timeout(10):
+        while held.count:
+            before = over
+            await asyncio.sleep(0)
+            most = max(most, over - before)
+    assert over == 99
+    assert most <= WOKEN_PER_TURN
+    assert not held._woken
+    assert not held._waiting
+    await asyncio.gather(*tasks, return_exceptions=True)
 
 
 async def test_a_million_who_want_to_wait_leave_nothing_behind() -> None:

@@ -248,7 +248,7 @@ async def test_a_dead_redis_is_said_at_once_and_comes_back(redis_server: Redis) 
             assert refused.status_code == 503
             assert refused.headers["retry-after"] == "1"
             assert "retry-after" in refused.headers["access-control-expose-headers"]
-            assert refused.headers["cache-control"] == "private, no-store"
+            assert refused.headers["cache-control"] == "public, max-age=1"
             assert refused.json()["error"] == past_reader.AWAY
         assert fleet.readers[0].losses == 1
         ready = await fleet.gateways[0].ask_ready()

@@ -99,7 +99,9 @@ def test_a_blackout_and_a_stop(
     assert before.status_code == 200
     write(file, "[robots.r.anyone]\nblackout = true\n")
     until("all of it is closed", lambda: httpx.get(address).status_code == 404)
-    assert httpx.get(address).headers["cache-control"] == "private, no-store"
+    assert httpx.get(address).headers["cache-control"] == "public, max-age=1"
+    by_token = httpx.get(address, headers={"authorization": "Bearer x"})
+    assert by_token.headers["cache-control"] == "private, no-store"
     write(file, "[robots.r.anyone]\nview = 'public'\n")
     until("what was before is open again", lambda: httpx.get(address).status_code == 200)
     assert httpx.get(address).content == before.content
@@ -143,6 +145,7 @@ async def test_requests_that_are_held_do_not_hold_up_the_end(
         relay.process.send_signal(signal.SIGTERM)
         answers = await asyncio.gather(*held)
     assert {answer.status_code for answer in answers} <= {200, 204}
+    assert {answer.headers["connection"] for answer in answers} == {"close"}  # on to another relay
     assert relay.stop() == 0
 
 

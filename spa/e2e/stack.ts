@@ -41,6 +41,8 @@ export interface RelayOptions {
   readonly viewFrames?: number;
   /** Where it keeps the past; '0': nowhere. */
   readonly past?: string;
+  /** How many viewers it has places for. */
+  readonly maxViewers?: number;
   /** One that breaks a promise (`tests/faults/broken_relay.py`). */
   readonly breaks?: string;
 }
@@ -190,6 +192,7 @@ export class Stack {
       ...(options.origins === undefined ? [] : ['--origins', options.origins]),
       ...(options.past === undefined ? [] : ['--past', options.past]),
       ...(options.viewFrames === undefined ? [] : ['--max-view-frames', String(options.viewFrames)]),
+      ...(options.maxViewers === undefined ? [] : ['--max-viewers', String(options.maxViewers)]),
     ];
     const { accounts } = options;
     const env = accounts === undefined ? {} : { FIREBASE_AUTH_EMULATOR_HOST: accounts.emulator };

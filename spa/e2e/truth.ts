@@ -24,6 +24,8 @@ const ROUNDING_MS = 100;
 /** From picture to picture, at most; what the page's machine took longer is no fault of the page's, for so long. */
 const PICTURE_MS = 100;
 const CATCHING_UP_MS = 5000;
+/** How far behind is told in whole seconds, and told anew only when that is off by more. */
+const BEHIND_ROUNDING_MS = 1250;
 /** A first pose of its segment stands for a moment until the segment is here. */
 const A_SEGMENT_MS = 6000 + ON_ITS_WAY_MS;
 
@@ -37,7 +39,8 @@ const URDF = `<robot name="clock">
   ${joint('RKN')}${joint('LKN')}
 </robot>`;
 
-/** What was to be seen after a picture: the chip's word, the two joints by body and by table, and the moment of the past. */
+/** What was to be seen after a picture: the chip's word, the two joints by body and by table, the moment of the past, and how many
+ *  seconds behind the chip says that all this is. */
 type Seen = readonly [atMs: number, word: string, ...joints: (number | null)[]];
 
 /** Runs before the page's own scripts: notes what is to be seen after each picture. */
@@ -52,7 +55,11 @@ export const WITNESS = `(() => {
   const note = () => {
     const links = window.posecast?.scene?.linkPoses?.() ?? {};
     const word = document.querySelector('[data-testid="liveness"]')?.dataset.state ?? '';
-    seen.push([Date.now(), word, angle(links.RKN), angle(links.LKN), cell('RKN'), cell('LKN'), window.posecast?.twin?.moment_ms ?? null]);
+    const behind = document.querySelector('[data-testid="behind"]')?.textContent.match(/^\\d+(?= ?[s초])/);
+    seen.push([
+      Date.now(), word, angle(links.RKN), angle(links.LKN), cell('RKN'), cell('LKN'),
+      window.posecast?.twin?.moment_ms ?? null, behind ? Number(behind[0]) : null,
+    ]);
   };
   const look = () => {
     setTimeout(note); // when all that this picture changes is changed
@@ -92,6 +99,7 @@ export class ClockRobot {
     const worst = new Map<string, number>();
     let otherwiseMs = Number.NEGATIVE_INFINITY;
     let before = '';
+    let behindSinceMs = Number.POSITIVE_INFINITY;
     const heldUp = new HeldUp();
     for (const [atMs, word, ...joints] of seen) {
       heldUp.look(atMs);
@@ -104,11 +112,21 @@ export class ClockRobot {
         continue;
       }
       if (!isClaim(word)) continue;
+      const behindMs = 1000 * (joints[5] ?? 0);
+      behindSinceMs = behindMs === 0 ? Number.POSITIVE_INFINITY : Math.min(behindSinceMs, atMs);
+      const leastMs = atMs - behindSinceMs > A_SEGMENT_MS ? behindMs : 0; // at first it is told how far at most
       for (const [where, sine, cosine] of [
         ['body', joints[0], joints[1]],
         ['table', joints[2], joints[3]],
       ] as const) {
-        const lie = this.#lie(atMs, word, otherwiseMs, toldMs(sine ?? null, cosine ?? null, atMs), heldUp.ms);
+        const lie = this.#lie(
+          atMs,
+          word,
+          otherwiseMs,
+          toldMs(sine ?? null, cosine ?? null, atMs),
+          heldUp.ms,
+          { behindMs, leastMs },
+        );
         if (lie === null) continue;
         const what = `${where}: ${word} ${lie[0]}`;
         worst.set(what, Math.max(lie[1], worst.get(what) ?? lie[1]));
@@ -118,10 +136,11 @@ export class ClockRobot {
   }
 
   /** Whether it had stood for so long that it may be called that, as far as can be known by now. */
-  #stood(atMs: number): boolean {
+  #stood(atMs: number, withinMs: number): boolean {
     return this.#stands.some(
       ({ fromMs, toMs }) =>
-        atMs - fromMs > HOLDING_AFTER_MS - ROUNDING_MS && atMs < toMs + STALE_AFTER_MS + ON_ITS_WAY_MS,
+        atMs - fromMs > HOLDING_AFTER_MS - ROUNDING_MS - withinMs &&
+        atMs < toMs + STALE_AFTER_MS + ON_ITS_WAY_MS + withinMs,
     );
   }
 
@@ -131,16 +150,22 @@ export class ClockRobot {
     otherwiseMs: number,
     poseMs: number | null,
     heldUpMs: number,
+    { behindMs, leastMs }: { readonly behindMs: number; readonly leastMs: number },
   ): [string, number] | null {
     if (poseMs === null) return null; // not there yet, or between two poses
+    const roundingMs = behindMs === 0 ? 0 : BEHIND_ROUNDING_MS;
     const stand = this.#stands.find(({ fromMs }) => Math.abs(fromMs - poseMs) < ROUNDING_MS);
     const between = this.#stands.some(({ fromMs, toMs }) => poseMs > fromMs && poseMs < toMs);
     if (between && stand === undefined) return null; // it never was there: on its way from where it stood
     const trueUntilMs = stand?.toMs ?? poseMs;
     const oldMs = atMs - trueUntilMs;
-    if (oldMs > STALE_AFTER_MS + ON_ITS_WAY_MS + heldUpMs) return ['with an old pose', oldMs];
-    if (trueUntilMs < otherwiseMs - ON_ITS_WAY_MS - heldUpMs) return ['again with a pose from before', oldMs];
-    if (word === 'HOLDING' && !this.#stood(atMs)) return ['while it moved', oldMs];
+    if (oldMs > behindMs + roundingMs + STALE_AFTER_MS + ON_ITS_WAY_MS + heldUpMs)
+      return ['with an old pose', oldMs];
+    if (stand === undefined && oldMs < leastMs - roundingMs)
+      return ['said to be behind with a new pose', oldMs];
+    if (trueUntilMs + behindMs + roundingMs < otherwiseMs - ON_ITS_WAY_MS - heldUpMs)
+      return ['again with a pose from before', oldMs];
+    if (word === 'HOLDING' && !this.#stood(atMs - behindMs, roundingMs)) return ['while it moved', oldMs];
     return null;
   }
 }

@@ -6,13 +6,18 @@
 
 import { adoptPath } from './app/state/path.ts';
 import { parseRoute } from './app/state/route.ts';
+import { laneUrl, manifestUrl } from './auth/lane.ts';
 import { takeToken } from './auth/link_token.ts';
 import { accessSettled } from './auth/settled.ts';
 import { builtModelAt } from './model/files.ts';
-import { manifestUrl, streamUrl, WANTED_HZ } from './relay/addresses.ts';
+import { streamUrl, WANTED_HZ } from './relay/addresses.ts';
 import { early, recordingUrl } from './relay/recording_address.ts';
 import { ELSEWHERE, wasSignedIn } from './relay/relay.ts';
-import { startEarly } from './stream/early_stream.ts';
+import { prepareStream, startEarly } from './stream/early_stream.ts';
+
+/** So long the stream waits for `config.json`, which may tell it to take no socket; its own code rarely comes sooner. A page whose
+ *  host is slow to say so begins without. */
+const PATIENCE_MS = 1000;
 
 performance.mark('posecast:early');
 adoptPath();
@@ -31,15 +36,22 @@ if (recording !== null) {
   }
 } else if (route.page === 'robot' && !embedded) {
   const { robot } = route;
-  const start = () =>
-    startEarly(streamUrl(robot), WANTED_HZ, (hash) => {
+  let begun = '';
+  const begin = () => {
+    const [url, lane] = [streamUrl(robot), laneUrl(robot)];
+    if (begun === `${url} ${lane}`) return;
+    begun = `${url} ${lane}`;
+    const onModel = (hash: string) => {
       builtModelAt(manifestUrl(robot, hash)).catch(() => {}); // the page asks again, and says what is wrong
-    });
-  const first = streamUrl(robot);
-  // Most pages are served by their relay: they need not wait for a file that says so, nor for anybody's token.
+    };
+    startEarly(url, WANTED_HZ, onModel, lane);
+  };
+  prepareStream(); // side by side with what is waited for
+  // Most pages are served by their relay: they need not wait for long, nor for anybody's token.
   const elsewhere = ELSEWHERE.test(window.location.search) || wasSignedIn();
-  if (!elsewhere) start();
+  const timer = elsewhere ? undefined : setTimeout(begin, PATIENCE_MS);
   settled.then(({ base }) => {
-    if (base !== null && (elsewhere || streamUrl(robot) !== first)) start();
+    clearTimeout(timer);
+    if (base !== null) begin();
   });
 }

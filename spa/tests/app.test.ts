@@ -171,6 +171,7 @@ describe('words', () => {
     rateReason: null,
     hz: 29.8,
     roundTripMs: 42,
+    behindMs: null,
     problem: null,
   };
   const verdict = (changed: Partial<Verdict>): Verdict => ({

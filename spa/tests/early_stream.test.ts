@@ -34,7 +34,9 @@ it('keeps what an early stream said for the page that takes it, and tells the mo
   const hashes: string[] = [];
   startEarly('ws://r', 30, (hash) => hashes.push(hash));
   const [worker] = FakeWorker.made;
-  expect(worker?.told).toEqual([{ kind: 'open', url: 'ws://r', hz: 30, visible: true, sleptMs: 0 }]);
+  expect(worker?.told).toEqual([
+    { kind: 'open', url: 'ws://r', hz: 30, visible: true, lane: null, sleptMs: 0 },
+  ]);
   worker?.says(rate);
   worker?.says({ kind: 'model', hash: 'abc' });
   expect(hashes).toEqual(['abc']);

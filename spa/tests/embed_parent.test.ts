@@ -7,11 +7,22 @@ import { settings } from '../src/app/state/settings.ts';
 import type { BodyView } from '../src/view/body_view.ts';
 
 const COURSE = 'https://course.example';
+const LIVE = { robot: 'demo', word: 'LIVE', cause: null, age_ms: 12, moment_ms: null };
 const parent = { postMessage: vi.fn() };
 let hear: (event: object) => void = () => {};
 let tellWord: () => void = () => {};
+let tellLink: () => void = () => {};
 const link = {
   twin: { robot: 'demo' },
+  client: {
+    link: { behindMs: null as number | null },
+    onChange: (listener: () => void) => {
+      tellLink = listener;
+      return () => {
+        tellLink = () => {};
+      };
+    },
+  },
   watch: {
     verdict: () => ({ word: 'LIVE', cause: null, ageMs: 12 }),
     onWord: (listener: () => void) => {
@@ -43,12 +54,29 @@ it('tells the page around it, and no other, how the robot is', () => {
   const end = connectParent(link);
   tellWord();
   expect(parent.postMessage.mock.calls).toEqual([
-    [{ posecast: 'ready', robot: 'demo', word: 'LIVE', cause: null, age_ms: 12, moment_ms: null }, COURSE],
-    [{ posecast: 'liveness', robot: 'demo', word: 'LIVE', cause: null, age_ms: 12, moment_ms: null }, COURSE],
+    [{ posecast: 'ready', ...LIVE, behind_ms: null }, COURSE],
+    [{ posecast: 'liveness', ...LIVE, behind_ms: null }, COURSE],
   ]);
   end();
   tellWord();
   expect(parent.postMessage).toHaveBeenCalledTimes(2);
+});
+
+it('tells how far behind it is, when that changes', () => {
+  const end = connectParent(link);
+  parent.postMessage.mockClear();
+  tellLink();
+  expect(parent.postMessage).not.toHaveBeenCalled();
+  Object.assign(link.client.link, { behindMs: 4300 });
+  tellLink();
+  tellLink();
+  expect(parent.postMessage.mock.calls).toEqual([
+    [{ posecast: 'liveness', ...LIVE, behind_ms: 4300 }, COURSE],
+  ]);
+  end();
+  Object.assign(link.client.link, { behindMs: null });
+  tellLink();
+  expect(parent.postMessage).toHaveBeenCalledTimes(1);
 });
 
 it('hears the page around it, and no other', () => {

@@ -1,5 +1,5 @@
 import { expect, it } from 'vitest';
-import { Lateness, lowerHz } from '../src/stream/lateness.ts';
+import { Lateness, lowerHz } from '../src/stream/pacing/lateness.ts';
 
 it('is how much later than the quickest of its connection something came, by two clocks that share nothing', () => {
   const lateness = new Lateness();

@@ -86,6 +86,20 @@ describe('the table of causes', () => {
     expect(judge(frozen, NOW)).toMatchObject({ word: 'STALE', cause: 'no connection' });
   });
 
+  it('a stream in parts whose next part does not come: of the robot nothing is known', () => {
+    const over = status({ atMs: NOW - 100, ageMs: 1399, endsMs: NOW - 1400 });
+    const waits = { status: over, freshMs: NOW - 1499, shownMs: NOW - 1499 };
+    expect(judge(evidence(waits), NOW)).toMatchObject({ word: 'LIVE', cause: null });
+    expect(judge(evidence(waits), NOW + 1)).toMatchObject({
+      word: 'STALE',
+      cause: 'waiting for the next part',
+    });
+    const silent = evidence({ ...waits, status: { ...over, robot: 'silent' } });
+    expect(judge(silent, NOW + 1)).toMatchObject({ word: 'STALE', cause: 'robot silent' });
+    const within = evidence({ ...waits, status: { ...over, endsMs: NOW + 500 } });
+    expect(judge(within, NOW + 1)).toMatchObject({ word: 'STALE', cause: 'robot silent' });
+  });
+
   it('a relay that cannot vouch for what it serves', () => {
     const degraded = evidence({ status: status({ degraded: true }) });
     expect(judge(degraded, NOW)).toMatchObject({ word: 'STALE', cause: 'relay degraded' });

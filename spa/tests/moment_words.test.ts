@@ -1,8 +1,10 @@
 import { describe, expect, it } from 'vitest';
 import { spokenOf } from '../src/app/past/time_line/spoken.ts';
 import { preciseWords } from '../src/app/past/time_line/TransportBar.tsx';
-import { agoWords, momentWords, notKeptWords } from '../src/app/status/moment_words.ts';
+import { agoWords, momentWords } from '../src/app/status/moment_words.ts';
+import { notKeptWords } from '../src/app/status/past_words.ts';
 import { ko } from '../src/app/text/ko.ts';
+import { moreKo } from '../src/app/text/more_ko.ts';
 import type { Playhead } from '../src/past/past_types.ts';
 import { playheadAt } from './past_fake.ts';
 
@@ -26,11 +28,11 @@ describe('a moment in words', () => {
   });
 
   it('is told in Korean in Korean order', () => {
-    expect(ko.date('11월', 22, null)).toBe('11월 22일');
-    expect(ko.date('11월', 22, 2026)).toBe('2026년 11월 22일');
-    expect(ko.ago(ko.seconds(8))).toBe('8초 전');
-    expect(ko.ago(ko.minutes(30))).toBe('30분 전');
-    expect(ko.ago(ko.hours(2))).toBe('2시간 전');
+    expect(moreKo.date('11월', 22, null)).toBe('11월 22일');
+    expect(moreKo.date('11월', 22, 2026)).toBe('2026년 11월 22일');
+    expect(moreKo.ago(ko.seconds(8))).toBe('8초 전');
+    expect(moreKo.ago(ko.minutes(30))).toBe('30분 전');
+    expect(moreKo.ago(ko.hours(2))).toBe('2시간 전');
   });
 
   it('names the moment that a link asks for, with its day, where it is not kept', () => {

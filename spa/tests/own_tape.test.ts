@@ -31,6 +31,23 @@ describe('OwnTape', () => {
     expect(tape.bytes).toBe(601 * 4 * SCHEMA.size);
   });
 
+  it('has what came behind at the moments at which the relay had it, also where a socket was before', () => {
+    const frames = sent(80);
+    const tape = tapeOf(frames.slice(0, 40));
+    const behindMs = 4000;
+    for (const { seq, tS, codes, atMs } of frames.slice(40))
+      tape.push(
+        SCHEMA,
+        {
+          ...{ schemaId: SCHEMA.id, seq, tS, codes, freshMs: 0, bornMs: 0, changedMs: 0, lateMs: 0 },
+          atMs: atMs + PAGE_MS + behindMs,
+        },
+        behindMs,
+      );
+    expect(tape.since(0).map(({ atMs }) => atMs - PAGE_MS)).toEqual(frames.map(({ atMs }) => atMs));
+    expect(tape.align(asRecorded(frames))?.byMs, 'one difference of the clocks').toBe(-PAGE_MS);
+  });
+
   it('keeps to its bound', () => {
     const schema = schemaOf(4000);
     const [one] = sent(1, { schema }) as [Sent];

@@ -35,6 +35,21 @@ describe('playing a stream between its frames', () => {
     },
   );
 
+  it('shows at once what is seconds newer: the stream came behind, and does no longer', () => {
+    const playout = new Playout(ONE);
+    const BEHIND_MS = 4000;
+    for (let i = 0; i < 60; i += 1)
+      playout.push({ seq: i, tS: i / 30, atMs: BEHIND_MS + (i * 1000) / 30 }, [i]);
+    const atMs = BEHIND_MS + 2000;
+    playout.push({ seq: 180, tS: 6, atMs }, [180]);
+    playout.sample(atMs + 1);
+    expect(playout.shown[0]).toBe(180);
+    playout.push({ seq: 181, tS: 181 / 30, atMs: atMs + 1000 / 30 }, [181]);
+    playout.sample(atMs + 150);
+    expect(playout.shown[0], 'and goes on').toBe(181);
+    expect(playout.delayMs).toBeLessThan(100);
+  });
+
   it.each([
     ['30 Hz', { ...HALL, hz: 30 }],
     ['a perfect network', { ...HALL, jitterMs: 0, loss: 0 }],

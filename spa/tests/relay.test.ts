@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { chooseRelay, readConfig } from '../src/relay/config.ts';
+import { chooseRelay, furtherSources, readConfig } from '../src/relay/config.ts';
 
 const HOME = 'https://pages.example/robots/';
 const NOTHING = readConfig(null);
@@ -54,8 +54,8 @@ describe('the relay', () => {
   });
 
   it('has a config that may be anything', () => {
-    for (const odd of [null, [], 'x', 7, { relay: 7, relays: 'x' }]) {
-      expect(readConfig(odd)).toEqual({ relay: null, relays: [], accounts: null, database: null });
+    for (const odd of [null, [], 'x', 7, { relay: 7, relays: 'x', lane: 7 }]) {
+      expect(readConfig(odd)).toEqual(NOTHING);
     }
   });
 
@@ -64,6 +64,7 @@ describe('the relay', () => {
     expect(chooseRelay(HOME, '?source=firebase', config)).toEqual({
       base: HOME,
       mirror: 'https://lab-default-rtdb.firebaseio.com/',
+      lane: null,
       refused: null,
     });
     expect(chooseRelay(HOME, '', config).mirror).toBeNull();
@@ -74,9 +75,45 @@ describe('the relay', () => {
       ['?source=firebase', readConfig({ firebase: { databaseURL: 'http://lab.firebaseio.com' } })],
       ['?source=firebase', readConfig({ firebase: 'https://lab.firebaseio.com' })],
     ] as const) {
-      expect(chooseRelay(HOME, search, of)).toEqual({ base: null, mirror: null, refused: search });
+      expect(chooseRelay(HOME, search, of)).toEqual({
+        base: null,
+        mirror: null,
+        lane: null,
+        refused: search,
+      });
     }
     expect(chooseRelay(HOME, '?source=firebase&relay=https://evil.example', config).base).toBeNull();
+  });
+
+  it('is read by way of a cache where config.json names one, or the address asks for it', () => {
+    const cached = readConfig({
+      relay: 'https://relay.example',
+      relays: ['https://other.example'],
+      lane: 'https://cdn.example/lab',
+      firebase: { databaseURL: 'https://lab.firebaseio.com' },
+    });
+    const lane = (search: string, config = cached) => chooseRelay(HOME, search, config).lane;
+    expect(lane('')).toBe('https://cdn.example/lab/');
+    expect(lane('?lane=segments')).toBe('https://cdn.example/lab/');
+    expect(lane('?lane=https://evil.example'), 'the address names no cache').toBe('https://cdn.example/lab/');
+    expect(lane('?relay=https://other.example'), "the cache is another relay's").toBeNull();
+    expect(lane('?relay=https://other.example&lane=segments')).toBe('https://other.example/');
+    expect(lane('?source=firebase'), 'a mirror has no segments').toBeNull();
+    expect(lane('?lane=segments', NOTHING)).toBe(HOME);
+    for (const search of ['', '?lane=', '?lane=1', '?lane=https://evil.example'])
+      expect(lane(search, NOTHING), search).toBeNull();
+    for (const bad of ['http://cdn.example', 'javascript:alert(1)', 'https://', 7])
+      expect(lane('', readConfig({ lane: bad })), String(bad)).toBeNull();
+    expect(lane('', readConfig({ lane: '/cached' }))).toBe('https://pages.example/cached/');
+  });
+
+  it('and its cache are among those that the browser lets the page talk to', () => {
+    const sources = (said: object, search = '') =>
+      furtherSources(chooseRelay(HOME, search, readConfig(said)), null).trim();
+    expect(sources({ relay: 'https://relay.example' })).toBe('');
+    expect(sources({ lane: 'https://cdn.example/lab' })).toBe('https://cdn.example');
+    expect(sources({ lane: "https://cdn.example/'self' *; script-src *" })).toBe('https://cdn.example');
+    expect(sources({ lane: 'https://cdn.example' }, '?relay=https://evil.example')).toBe('');
   });
 
   it('signs people in only where config.json names a project', () => {

@@ -296,10 +296,26 @@ describe('what the relay says', () => {
     expect(posts).toEqual([
       { kind: 'rate', hz: 10, reason: null },
       { kind: 'model', hash },
+      { kind: 'behind', ms: null },
       { kind: 'rate', hz: 5, reason: 'slow network' },
       { kind: 'info', kv: new Map([['mode', 'walking']]) },
       { kind: 'event', event: expect.objectContaining({ n: 1, source: 'RKN' }) },
     ]);
+  });
+
+  it('tells a delayed audience how far behind it is', () => {
+    const rig = opened();
+    const hello = {
+      type: 'hello',
+      wire: 1,
+      server_time: 1,
+      robot: 'small',
+      view: 'public',
+      hz: 10,
+      model: null,
+    };
+    rig.say({ ...hello, limits: { delay_s: 300 } });
+    expect(rig.posts('behind')).toEqual([{ kind: 'behind', ms: 300_000 }]);
   });
 
   it('may be more than this page knows, or nonsense', () => {

@@ -46,7 +46,7 @@ def _run(argv: Sequence[str]) -> None:
     settings = parse(argv, os.environ)
     from posecast_relay.server.process import run  # noqa: PLC0415 — --help and a wrong flag answer at once
 
-    run(settings)
+    run(settings, argv)
 
 
 if __name__ == "__main__":

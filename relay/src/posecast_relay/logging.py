@@ -66,12 +66,18 @@ def _shows_tracebacks() -> bool:
 class JsonLines(logging.Formatter):
     """`{"ts": …, "level": …, "event": …}` and what is known of the connection."""
 
+    def __init__(self, worker: int | None = None) -> None:
+        """`worker`: the number of this process among those of its relay, where there are several."""
+        super().__init__()
+        self._more: dict[str, object] = {} if worker is None else {"worker": worker}
+
     def format(self, record: logging.LogRecord) -> str:
         """One line, whatever is in it."""
         doc: dict[str, object] = {
             "ts": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
             "level": record.levelname.lower(),
             "event": _event(record),
+            **self._more,
         }
         for name in MEMBERS:
             if hasattr(record, name):
@@ -83,10 +89,14 @@ class JsonLines(logging.Formatter):
 
 
 class _Plain(logging.Formatter):
+    def __init__(self, worker: int | None) -> None:
+        super().__init__()
+        self._name = "" if worker is None else f" worker {worker}"
+
     def format(self, record: logging.LogRecord) -> str:
         at = self.formatTime(record)
         known = " ".join(f"{m}={visible(str(getattr(record, m)))}" for m in MEMBERS if hasattr(record, m))
-        line = f"{at} {record.levelname} {record.name}: {_event(record)} {known}".rstrip()
+        line = f"{at} {record.levelname} {record.name}{self._name}: {_event(record)} {known}".rstrip()
         if record.exc_info and _shows_tracebacks():
             line += "\n" + self.formatException(record.exc_info)
         return line
@@ -136,10 +146,13 @@ class _Stderr(logging.StreamHandler[Any]):
             self.release()
 
 
-def start_logging(level: str) -> None:
-    """Log to stderr from `level` on, including errors in threads and in callbacks of libraries."""
+def start_logging(level: str, worker: int | None = None) -> None:
+    """Log to stderr from `level` on, including errors in threads and in callbacks of libraries.
+
+    `worker`: the number of this process among those of its relay, where there are several.
+    """
     handler = _Stderr()
-    handler.setFormatter(_Plain() if sys.stderr.isatty() else JsonLines())
+    handler.setFormatter(_Plain(worker) if sys.stderr.isatty() else JsonLines(worker))
     logging.basicConfig(level=level.upper(), handlers=[handler])
     logging.captureWarnings(True)
 

@@ -49,8 +49,11 @@ class PastSource(Protocol):
     def find_trouble(self) -> str | None:
         """Return why it can't be read just now; None when it can. Public: without addresses."""
 
-    async def refresh(self, robot: str, view: str) -> None:
-        """Bring up to date what is known of a view. Raises PastAway."""
+    async def refresh(self, robot: str, view: str, *, anew: bool = False) -> None:
+        """Bring up to date what is known of a view: as of a moment ago, or `anew`, as of now.
+
+        Raises PastAway.
+        """
 
     async def reach_span(self, robot: str, view: str, from_ms: int, to_ms: int) -> ReachedPast:
         """Return what is known of the ten minutes from `from_ms` to `to_ms`, unix; more may be in it.

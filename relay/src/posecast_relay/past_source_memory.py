@@ -30,7 +30,7 @@ class MemoryPastSource(RecentOnly):
     def find_trouble(self) -> None:
         """Return None: what lies here can be read."""
 
-    async def refresh(self, robot: str, view: str) -> None:
+    async def refresh(self, robot: str, view: str, *, anew: bool = False) -> None:
         """Do nothing: all is here."""
 
     async def load(self, segments: Sequence[KeptSegment]) -> list[KeptSegment]:

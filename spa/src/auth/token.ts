@@ -1,4 +1,5 @@
 import { createStore } from '../browser/store.ts';
+import { isElsewhereInLane } from '../relay/relay.ts';
 
 /** The tokens of this page: that of the share link with which it was opened (for one robot), and that of the signed-in
  *  account. Neither is ever put into an address. */
@@ -18,8 +19,10 @@ export function setAccountToken(token: string): void {
 /** Calls a listener when the account or its token changes. Returns a function that removes it. */
 export const onAccountToken = account.subscribe;
 
-/** The token for a URL at this relay: the share link's for its robot, else the account's; undefined without one. */
+/** The token for a URL at this relay: the share link's for its robot, else the account's; undefined without one. A lane is for
+ *  what anyone may see, and may lead to another's caches: none ever goes there. */
 export function tokenFor(url: string): string | undefined {
+  if (isElsewhereInLane(url)) return undefined;
   const robot = held.split('.')[1];
   if (robot && url.includes(`/api/v1/robots/${robot}/`)) return held;
   return (/\/api\/v1\/robots(\/|$)/.test(url) && account.get()) || undefined;

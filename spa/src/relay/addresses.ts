@@ -15,7 +15,3 @@ export function streamUrl(robot: string): string {
   if (mirror !== null) return `${mirror}posecast/${robot}.json`;
   return apiUrl(`robots/${robot}/live`).replace(/^http/, 'ws');
 }
-
-export function manifestUrl(robot: string, modelHash: string): string {
-  return apiUrl(`robots/${robot}/model/${modelHash}/manifest.json`);
-}

@@ -14,28 +14,37 @@ export interface Config {
   readonly relay: string | null;
   /** Further relays that `?relay=` may name. */
   readonly relays: readonly string[];
+  /** The address at which `relay` is read through a cache, by viewers without a token; null: none. */
+  readonly lane: string | null;
   /** The Firebase project in which people sign in; null: no accounts. */
   readonly accounts: Accounts | null;
   /** Address of a mirror in a Firebase Realtime Database, for `?source=firebase`. */
   readonly database: string | null;
 }
 
-/** The chosen relay. `base` and `mirror` end with a slash; `base` is null when the address asks for something that is
- *  not allowed, which `refused` names. */
+/** The chosen relay. `base`, `mirror` and `lane` end with a slash; `base` is null when the address asks for something that is
+ *  not allowed, which `refused` names. `lane`: where who has no token reads instead of the relay, in segments; null: everybody
+ *  takes a socket. */
 export type Choice =
-  | { readonly base: string; readonly mirror: string | null; readonly refused: null }
-  | { readonly base: null; readonly mirror: null; readonly refused: string };
+  | {
+      readonly base: string;
+      readonly mirror: string | null;
+      readonly lane: string | null;
+      readonly refused: null;
+    }
+  | { readonly base: null; readonly mirror: null; readonly lane: null; readonly refused: string };
 
 const NEAR = /^http:\/\/(localhost|127\.0\.0\.1):\d+$/;
 
 /** Reads a config of unknown origin; invalid members are left out. */
 export function readConfig(body: unknown): Config {
-  const { relay, relays, firebase } = fieldsOf(body);
+  const { relay, relays, lane, firebase } = fieldsOf(body);
   const isText = (value: unknown): value is string => typeof value === 'string';
   const { databaseURL, apiKey, projectId, emulator } = fieldsOf(firebase);
   return {
     relay: isText(relay) ? relay : null,
     relays: Array.isArray(relays) ? relays.filter(isText) : [],
+    lane: isText(lane) ? lane : null,
     accounts:
       isText(apiKey) && isText(projectId)
         ? { apiKey, projectId, emulator: isText(emulator) ? emulator.match(NEAR)?.[0] : undefined }
@@ -54,14 +63,19 @@ export function chooseRelay(home: string, search: string, config: Config): Choic
   const own = addressOf(config.relay, home) ?? home;
   const source = query.get('source');
   const mirror = source === 'firebase' ? addressOf(config.database, home) : null;
-  if (source && mirror === null) return { base: null, mirror, refused: `?source=${source}`.slice(0, 80) };
+  if (source && mirror === null) return refusal(`?source=${source}`);
   const asked = query.get('relay');
-  if (!asked) return { base: own, mirror, refused: null };
-  const wanted = addressOf(asked, home);
+  const wanted = asked ? addressOf(asked, home) : own;
   const allowed = [home, own, ...config.relays.map((relay) => addressOf(relay, home))];
-  return wanted !== null && allowed.includes(wanted)
-    ? { base: wanted, mirror, refused: null }
-    : { base: null, mirror: null, refused: (wanted ?? asked).slice(0, 80) };
+  if (wanted === null || !allowed.includes(wanted)) return refusal(wanted ?? asked ?? '');
+  // The config's lane leads to the config's relay. Any other value of `?lane=` is left alone: it names a way, not a robot.
+  const cached = wanted === own ? addressOf(config.lane, home) : null;
+  const lane = cached ?? (query.get('lane') === 'segments' ? wanted : null);
+  return { base: wanted, mirror, lane: mirror === null ? lane : null, refused: null };
+}
+
+function refusal(asked: string): Choice {
+  return { base: null, mirror: null, lane: null, refused: asked.slice(0, 80) };
 }
 
 /** Normalises an address to an http(s) folder without query or fragment; null when a page may not read it, for example
@@ -82,9 +96,10 @@ function addressOf(text: string | null, home: string): string | null {
 const GOOGLE = 'https://identitytoolkit.googleapis.com https://securetoken.googleapis.com';
 
 /** Further hosts that the page talks to, as sources for a Content-Security-Policy. */
-export function furtherSources(mirror: string | null, accounts: Accounts | null): string {
+export function furtherSources({ mirror, lane }: Choice, accounts: Accounts | null): string {
   // Firebase databases redirect to a server with another name.
   const database = mirror === null ? '' : `${mirror} https://*.firebaseio.com https://*.firebasedatabase.app`;
   const signIn = accounts === null ? '' : (accounts.emulator ?? GOOGLE);
-  return `${database} ${signIn}`;
+  const cache = lane === null ? '' : new URL(lane).origin;
+  return `${database} ${signIn} ${cache}`;
 }

@@ -12,8 +12,8 @@ import { recordingUrl } from './recording_address.ts';
  *  get much time. Meanwhile the stream from the own origin has already started (`early.ts`). */
 const CONFIG_LATE_MS = 30_000;
 
-/** Matches an address that asks for another source than the page's own origin. */
-export const ELSEWHERE = /[?&](relay|source)=/;
+/** Matches an address that asks for another source than the page's own origin, or for another way to it. */
+export const ELSEWHERE = /[?&](relay|source|lane)=/;
 
 /** Storage key of the name of the account that is signed in. */
 export const ACCOUNT = 'posecast.account';
@@ -31,7 +31,13 @@ export function home(): string {
 
 /** The chosen relay; before `relaySettled` resolves, the page's own origin. */
 export function relayChoice(): Choice {
-  return choice ?? { base: home(), mirror: null, refused: null };
+  return choice ?? { base: home(), mirror: null, lane: null, refused: null };
+}
+
+/** Whether a URL is read by way of a lane with another address than the relay's. */
+export function isElsewhereInLane(url: string): boolean {
+  const { base = null, lane = null } = choice ?? {};
+  return lane !== null && lane !== base && url.startsWith(`${lane}api/v1/`);
 }
 
 /** Resolves to the chosen relay; asks once. From then on a content policy limits whom the page may talk to. A recording has no
@@ -58,7 +64,7 @@ export function relaySettled(): Promise<Choice> {
       const config = readConfig(body);
       settled = chooseRelay(home(), search, config);
       if (document.documentElement.dataset.page !== 'embed' && !asAnyone()) accounts = config.accounts;
-      further = furtherSources(settled.mirror, accounts);
+      further = furtherSources(settled, accounts);
     }
     choice = settled;
     if (import.meta.env.PROD && settled.base !== null) allowOnly(new URL(settled.base), further);

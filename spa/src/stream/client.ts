@@ -20,6 +20,8 @@ export interface Link {
   /** Measured frames per second. */
   hz: number;
   roundTripMs: number | null;
+  /** How far what is shown lies behind now; null: not at all. */
+  behindMs: number | null;
   problem: Problem | null;
 }
 
@@ -32,8 +34,19 @@ const UNKNOWN: Link = {
   rateReason: null,
   hz: 0,
   roundTripMs: null,
+  behindMs: null,
   problem: null,
 };
+
+/** How far from the told second what is measured of a lane may come to be, ms. */
+const STEADY_MS = 750;
+
+/** How far behind is told: what was told before, as long as its whole second is nearly right. So the seconds on the page do not
+ *  go to and fro with the tenths that differ from part to part. */
+export function steadyBehindMs(beforeMs: number | null, ms: number | null): number | null {
+  if (beforeMs === null || ms === null) return ms;
+  return Math.abs(ms - 1000 * Math.round(beforeMs / 1000)) < STEADY_MS ? beforeMs : ms;
+}
 
 /** The page's end of the stream: feeds the worker's messages to the twin, and tells it whether the page is visible. */
 export class StreamClient {
@@ -44,10 +57,13 @@ export class StreamClient {
   readonly #leave = new AbortController();
   #seen = true;
   #resting = false;
+  /** What lies behind no longer comes, and is still shown until something else does. */
+  #leavesBehind = false;
 
-  constructor(twin: RobotTwin, url: string, hz: number) {
+  /** `lane`: where its segments are read instead of a socket; null: nowhere. */
+  constructor(twin: RobotTwin, url: string, hz: number, lane: string | null = null) {
     this.#twin = twin;
-    const { worker, messages } = takeStream(url, hz);
+    const { worker, messages } = takeStream(url, hz, lane);
     this.#worker = worker;
     this.#worker.onmessage = (event: MessageEvent<FromStream>) => this.#accept(event.data);
     this.#worker.onerror = (event) => {
@@ -92,7 +108,7 @@ export class StreamClient {
   }
 
   #watch(): void {
-    const visible = this.#seen && !this.#resting;
+    const visible = this.#watches;
     this.#tell({ kind: 'visible', visible });
     this.#twin.acceptWatching(visible, nowMs());
   }
@@ -113,6 +129,16 @@ export class StreamClient {
     this.#tell({ kind: 'close' });
   }
 
+  get #watches(): boolean {
+    return this.#seen && !this.#resting;
+  }
+
+  #leaveBehind(): void {
+    if (!this.#leavesBehind) return;
+    this.#leavesBehind = false;
+    this.#set({ behindMs: null });
+  }
+
   #tell(message: ToStream): void {
     this.#worker.postMessage(message);
   }
@@ -123,9 +149,11 @@ export class StreamClient {
       case 'state':
         twin.acceptState(message.state);
         this.#tell({ kind: 'taken' });
+        this.#leaveBehind();
         return;
       case 'status':
         twin.acceptStatus(message.status);
+        if (!this.#watches) this.#leaveBehind(); // no pose will come
         return;
       case 'schema':
         twin.acceptSchema(revived(message.schema));
@@ -147,6 +175,7 @@ export class StreamClient {
         this.#set({ hz: message.hz, roundTripMs: message.roundTripMs });
         return;
       case 'link':
+        if (this.link.by === 'segments' && message.by !== 'segments') twin.acceptCatchUp();
         twin.acceptConnection(message.phase === 'open', nowMs());
         this.#set({
           by: message.by,
@@ -158,6 +187,10 @@ export class StreamClient {
             ? { problem: null }
             : {}),
         });
+        return;
+      case 'behind':
+        this.#leavesBehind = message.ms === null && this.link.behindMs !== null;
+        if (!this.#leavesBehind) this.#set({ behindMs: steadyBehindMs(this.link.behindMs, message.ms) });
         return;
       case 'problem':
         this.#set({ problem: message.problem });

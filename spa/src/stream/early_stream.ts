@@ -15,14 +15,25 @@ export interface StartedStream {
 /** When more messages than this wait, the page is assumed not to come: worker and messages are dropped. */
 const MAX_MESSAGES = 200;
 
-let early: { readonly url: string; readonly worker: Worker; readonly messages: FromStream[] } | null = null;
+let early: {
+  readonly url: string;
+  readonly lane: string | null;
+  readonly worker: Worker;
+  readonly messages: FromStream[];
+} | null = null;
 
-/** Starts the stream at `url` early. `onModel` gets every model hash that comes before the page takes it over. */
-export function startEarly(url: string, hz: number, onModel: (hash: string) => void): void {
+/** Starts the stream at `url` early. `onModel` gets every model hash that comes before the page takes it over. `lane`: where
+ *  its segments are read instead (see `ToStream`). */
+export function startEarly(
+  url: string,
+  hz: number,
+  onModel: (hash: string) => void,
+  lane: string | null = null,
+): void {
   abandon();
-  const worker = start(url, hz);
+  const worker = start(url, hz, lane);
   const messages: FromStream[] = [];
-  early = { url, worker, messages };
+  early = { url, lane, worker, messages };
   worker.onmessage = ({ data }: MessageEvent<FromStream>) => {
     messages.push(data);
     if (data.kind === 'model' && data.hash !== null) onModel(data.hash);
@@ -31,12 +42,12 @@ export function startEarly(url: string, hz: number, onModel: (hash: string) => v
   worker.onerror = abandon; // the page starts another, and tells if that fails, too
 }
 
-/** Hands over the stream at `url`: the one started early if it has the same address, else a new one. */
-export function takeStream(url: string, hz: number): StartedStream {
+/** Hands over the stream at `url`: the one started early if it has the same address and the same lane, else a new one. */
+export function takeStream(url: string, hz: number, lane: string | null = null): StartedStream {
   const taken = early;
-  if (taken?.url !== url) {
+  if (taken?.url !== url || taken.lane !== lane) {
     abandon();
-    return { worker: start(url, hz), messages: [] };
+    return { worker: start(url, hz, lane), messages: [] };
   }
   early = null;
   return taken;
@@ -59,13 +70,14 @@ function load(): Worker {
   return new Worker(new URL('./worker.ts', import.meta.url), { type: 'module', name: 'stream' });
 }
 
-function start(url: string, hz: number): Worker {
+function start(url: string, hz: number, lane: string | null): Worker {
   const worker = spare ?? load();
   spare = null;
   worker.onerror = null;
   const token = tokenFor(url);
   const visible = !document.hidden;
-  worker.postMessage({ kind: 'open', url, hz, visible, token, sleptMs: countSleep() } satisfies ToStream);
+  const sleptMs = countSleep();
+  worker.postMessage({ kind: 'open', url, hz, visible, token, lane, sleptMs } satisfies ToStream);
   return worker;
 }
 

@@ -1,6 +1,12 @@
-import { type EventsHandlers, frameBytes, openEventStream as openStream, type StreamEvent } from './sse.ts';
+import {
+  deliver,
+  type EventsHandlers,
+  frameBytes,
+  openEventStream as openStream,
+  type StreamEvent,
+} from './sse.ts';
 
-export { frameBytes };
+export { deliver };
 
 /** How often a relay writes to its mirror. */
 const MIRROR_HZ = 2;

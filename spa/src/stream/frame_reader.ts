@@ -1,7 +1,7 @@
 import { Decoder, type Frame, FrameError, type RelayMessage, type Schema, SchemaError } from '@posecast/wire';
 import { poseDiffers } from '../twin/pose_change.ts';
 import type { FromStream } from './messages.ts';
-import { RateMeter } from './rate_meter.ts';
+import { RateMeter } from './pacing/rate_meter.ts';
 
 /** After a longer pause between frames the pose may have moved meanwhile, so it counts as changed. */
 const GAP_MS = 2500;

@@ -26,6 +26,8 @@ export type FromStream =
   | { kind: 'rate'; hz: number; reason: string | null }
   /** Measured: frames a second, and the round trip to the relay (null until known). */
   | { kind: 'pace'; hz: number; roundTripMs: number | null }
+  /** How far what is shown lies behind now, ms; null: not at all. */
+  | { kind: 'behind'; ms: number | null }
   | { kind: 'problem'; problem: Problem };
 
 /** Why the stream can't be read. `newer`: the relay speaks another version of the wire format. */
@@ -43,6 +45,8 @@ export type ToStream =
       hz: number;
       visible: boolean;
       token: string | undefined;
+      /** Where segments are read instead of a socket, without a token: `…/api/v1/robots/{robot}/past`. null: a socket. */
+      lane: string | null;
       /** How long the device has slept, as counted by the page's clock (`clock.ts`), ms. */
       sleptMs: number;
     }
@@ -61,6 +65,7 @@ export type ToStream =
 
 /** What a `Session` asks its worker to do; a list of actions is performed in order. */
 export type Action =
+  /** `segments`: the address of the lane and, where a relay has named that, after a space the stream's. */
   | { do: 'connect'; by: Transport; url: string }
   /** Open a WebSocket beside the present connection; if it opens, it takes over. */
   | { do: 'try'; url: string }

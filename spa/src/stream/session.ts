@@ -1,33 +1,30 @@
 import {
+  type Bye,
+  Close,
   parseRelayMessage,
   type RelayMessage,
   retryOf,
   type ViewerMessage,
-  WIRE_VERSION,
 } from '@posecast/wire';
 import { QUIET_AFTER_MS, STALE_AFTER_MS } from '../twin/liveness.ts';
-import { Acknowledgements } from './acknowledgements.ts';
-import { retryDelayMs } from './backoff.ts';
 import { FrameReader } from './frame_reader.ts';
-import { Lateness, lowerHz, Silence } from './lateness.ts';
 import type { Action, Ending, FromStream, Phase } from './messages.ts';
+import { Acknowledgements } from './pacing/acknowledgements.ts';
+import { retryDelayMs, WAIT_S } from './pacing/backoff.ts';
+import { Lateness, lowerHz, Silence } from './pacing/lateness.ts';
+import { RateWish } from './pacing/rate_wish.ts';
+import { RoundTrip } from './pacing/round_trip.ts';
+import { helloPosts, ratePost } from './relay_posts.ts';
+import { streamAddress } from './stream_address.ts';
 import { type Transport, TransportChoice } from './transport.ts';
 
 /** A status comes at least once a second: when three are missing, the socket is dead although it did not close. */
 export const SILENT_LIMIT_MS = 3000;
 /** A connection that has not opened within this time has failed. */
 export const CONNECT_LIMIT_MS = 8000;
-const PING_EVERY_MS = 5000;
 const PACE_EVERY_MS = 1000;
-/** Least time between two rate requests, so that a person flipping through tabs does not flood the relay. */
-const RATE_EVERY_MS = 500;
-/** The same on server-sent events, where every other rate needs a new connection. */
-const REASK_EVERY_MS = 2000;
 /** After a connection has lasted this long, the next failure starts the backoff from the beginning. */
 const WORKED_MS = 5000;
-/** Reasons for a rate that the page need not explain. */
-const AS_WISHED = new Set(['', 'asked', 'recovered']);
-const SLOW_NETWORK = 'slow network';
 
 /**
  * One viewer's connection to one robot as a pure state machine, without a socket, a timer or a clock: each method takes
@@ -39,12 +36,13 @@ const SLOW_NETWORK = 'slow network';
  *
  * `TransportChoice` picks the transport at every connecting. Server-sent events are one-way: another rate needs another
  * connection, and the phase stays `open` meanwhile. A mirror (any address that is not a WebSocket's) has one fixed
- * rate.
+ * rate. Who is told a lane by a full relay is `connecting` to it at once; it posts what it shows by itself (`lane/`).
  */
 export class Session {
   readonly #url: string;
   #token: string | undefined;
-  readonly #wantedHz: number;
+  readonly #lane: string | undefined;
+  readonly #wish: RateWish;
   readonly #random: () => number;
 
   #phase: Phase = 'ended';
@@ -55,29 +53,31 @@ export class Session {
   readonly #silence = new Silence();
   #retryAtMs: number | null = null;
   #failures = 0;
-  #bye: (Ending & { retryS: number | null }) | null = null;
-  #visible = true;
-  #reading = this.#newReading();
+  #bye: Bye | null = null;
   #acknowledgements = new Acknowledgements();
-  #pingMs = Number.NEGATIVE_INFINITY;
-  #roundTripMs: number | null = null;
-  #askedHz: number;
-  #askedMs = Number.NEGATIVE_INFINITY;
+  #roundTrip = new RoundTrip();
   #paceMs = 0;
   readonly #choice: TransportChoice;
   readonly #lateness = new Lateness();
-  /** Lowered rate for a slow network, on events only; null: the full rate. */
-  #slowHz: number | null = null;
   /** Whether a text message has come on this connection. */
   #greeted = false;
   #actions: Action[] = [];
+  readonly #post = (message: FromStream) => this.#actions.push({ do: 'post', message });
+  #reading = new FrameReader(this.#post);
 
-  constructor(url: string, hz: number, visible: boolean, random: () => number, token?: string) {
+  /** `lane`: where the robot's past is read instead by who has no token. */
+  constructor(
+    url: string,
+    hz: number,
+    visible: boolean,
+    random: () => number,
+    token?: string,
+    lane?: string,
+  ) {
     this.#url = url;
     this.#token = token;
-    this.#wantedHz = hz;
-    this.#askedHz = hz;
-    this.#visible = visible;
+    this.#lane = lane;
+    this.#wish = new RateWish(hz, visible);
     this.#random = random;
     this.#choice = new TransportChoice(random, !url.startsWith('ws'));
   }
@@ -100,7 +100,7 @@ export class Session {
     this.#phase = 'open';
     this.#sinceMs = nowMs;
     this.#heardMs = nowMs - (stoodMs > STALE_AFTER_MS ? stoodMs : 0);
-    this.#pingMs = Number.NEGATIVE_INFINITY; // at once: the age on the chip needs it
+    this.#roundTrip = new RoundTrip(); // at once: the age on the chip needs it
     this.#paceMs = nowMs;
     this.#link(null);
     if (this.#token && !this.#onEvents) this.#send({ type: 'auth', token: this.#token });
@@ -108,11 +108,11 @@ export class Session {
     return this.#take();
   }
 
-  /** The WebSocket that was tried beside the server-sent events has opened: it carries the stream from now on. */
+  /** The WebSocket that was tried beside server-sent events or segments was let in: it carries the stream from now on. */
   moved(nowMs: number): Action[] {
     this.#choice.now = 'websocket';
-    this.#slowHz = null;
-    this.#begin(nowMs, this.#wantedHz);
+    this.#wish.slowHz = null;
+    this.#begin(nowMs, this.#wish.wantedHz);
     return this.opened(nowMs);
   }
 
@@ -148,25 +148,27 @@ export class Session {
 
   /** The socket closed, or never opened (then the code is the browser's 1006). */
   closed(nowMs: number, code: number, reason: string): Action[] {
-    this.#lost(nowMs, this.#bye ?? { code, reason }, this.#bye?.retryS ?? null);
+    const bye = this.#bye;
+    if (bye?.code === Close.FULL && bye.lane) this.#connect(nowMs, bye);
+    else this.#lost(nowMs, bye ?? { code, reason }, bye?.retry_s ?? null);
     return this.#take();
   }
 
   tick(nowMs: number): Action[] {
     this.#aliveMs = nowMs;
     if (this.#phase === 'open') {
-      if (nowMs - this.#heardMs > SILENT_LIMIT_MS) {
+      if (this.#inLane) this.#tryWebSocket(nowMs);
+      else if (nowMs - this.#heardMs > SILENT_LIMIT_MS) {
         this.#actions.push({ do: 'drop' });
         this.#lost(nowMs, { code: 4408, reason: 'silent' }, null);
       } else {
         this.#acknowledge(nowMs);
         this.#wishRate(nowMs);
         this.#measure(nowMs);
-        if (this.#greeted && this.#choice.shouldTryWebSocket(nowMs))
-          this.#actions.push({ do: 'try', url: this.#address('websocket', this.#wantedHz) });
-        if (this.#choice.now === 'events' && this.#askedHz > 0 && this.#lateness.tooLate(nowMs)) {
-          this.#slowHz = lowerHz(this.#askedHz);
-          this.#reask(nowMs, this.#slowHz); // closing the old connection drops the old poses on their way
+        if (this.#greeted) this.#tryWebSocket(nowMs);
+        if (this.#choice.now === 'events' && this.#wish.askedHz > 0 && this.#lateness.tooLate(nowMs)) {
+          this.#wish.slowHz = lowerHz(this.#wish.askedHz);
+          this.#reask(nowMs, this.#wish.slowHz); // closing the old connection drops the old poses on their way
         }
       }
     } else if (this.#phase === 'connecting' && this.#choice.isOverdue(nowMs)) {
@@ -183,7 +185,7 @@ export class Session {
 
   /** A hidden page asks for no poses at all; status and events keep coming. */
   visibility(nowMs: number, visible: boolean): Action[] {
-    this.#visible = visible;
+    this.#wish.visible = visible;
     if (visible) this.#reading.resumed();
     this.#wishRate(nowMs);
     return this.#take();
@@ -203,7 +205,7 @@ export class Session {
     this.#choice.retrySoon(nowMs);
     if (this.#phase === 'connecting') return this.#take();
     if (this.#phase === 'open') {
-      if (nowMs - this.#heardMs <= SILENT_LIMIT_MS / 2) return this.#take();
+      if (this.#inLane || nowMs - this.#heardMs <= SILENT_LIMIT_MS / 2) return this.#take();
       this.#actions.push({ do: 'drop' });
     }
     this.#failures = 0;
@@ -226,8 +228,8 @@ export class Session {
 
   /** The person asks for the full rate, whatever the network or the relay lowered it to. */
   wishAll(nowMs: number): Action[] {
-    this.#slowHz = null;
-    this.#askedHz = Number.NaN;
+    this.#wish.slowHz = null;
+    this.#wish.askedHz = Number.NaN;
     this.#wishRate(nowMs);
     return this.#take();
   }
@@ -244,54 +246,53 @@ export class Session {
     return actions;
   }
 
-  #post(message: FromStream): void {
-    this.#actions.push({ do: 'post', message });
-  }
-
   #send(message: ViewerMessage): void {
     this.#actions.push({ do: 'send', text: JSON.stringify(message) });
   }
 
-  #newReading(): FrameReader {
-    return new FrameReader((message) => this.#post(message));
-  }
-
   #link(ending: Ending | null): void {
-    const by = this.#choice.now;
-    this.#post({ kind: 'link', by, phase: this.#phase, retryAtMs: this.#retryAtMs, ending });
+    const [by, phase, retryAtMs] = [this.#choice.now, this.#phase, this.#retryAtMs];
+    this.#post({ kind: 'link', by, phase, retryAtMs, ending });
   }
 
-  #connect(nowMs: number): void {
+  /** `full`: the relay has no place; what anyone may see is read in the lane that it names, until a WebSocket gets one. */
+  #connect(nowMs: number, full?: Bye): void {
     this.#phase = 'connecting';
     this.#retryAtMs = null;
-    const by = this.#choice.chooseNext(nowMs);
-    if (!this.#onEvents) this.#slowHz = null;
-    this.#begin(nowMs, by === 'websocket' ? this.#wantedHz : this.#wishedHz);
+    const by = full
+      ? this.#choice.enterLane(nowMs, 1000 * (full.retry_s ?? WAIT_S))
+      : this.#choice.chooseNext(nowMs, this.#lane !== undefined && !this.#token);
+    if (!this.#onEvents) this.#wish.slowHz = null;
+    this.#begin(nowMs, by === 'websocket' ? this.#wish.wantedHz : this.#wish.hz);
     this.#link(null);
-    this.#actions.push({ do: 'connect', by, url: this.#address(by, this.#askedHz) });
+    const lane = full ? `${full.lane} ${this.#url}` : `${this.#lane}`;
+    const url = by === 'segments' ? lane : this.#address(by, this.#wish.askedHz);
+    this.#actions.push({ do: 'connect', by, url });
   }
 
-  /** The transport is one-way (events or mirror): nothing can be sent to the relay. */
+  get #inLane(): boolean {
+    return this.#choice.now === 'segments';
+  }
+
+  #tryWebSocket(nowMs: number): void {
+    if (this.#choice.shouldTryWebSocket(nowMs))
+      this.#actions.push({ do: 'try', url: this.#address('websocket', this.#wish.wantedHz) });
+  }
+
+  /** The transport is one-way (events, segments or mirror): nothing can be sent to the relay. */
   get #onEvents(): boolean {
     return this.#choice.now !== 'websocket';
   }
 
-  get #wishedHz(): number {
-    return this.#visible ? (this.#slowHz ?? this.#wantedHz) : 0;
-  }
-
   #address(by: Transport, hz: number): string {
-    if (by === 'mirror') return this.#url;
-    // On events the token goes in a header.
-    if (by === 'events') return `${this.#url.replace(/^ws/, 'http')}.sse?hz=${hz}`;
-    return `${this.#url}?hz=${hz}${this.#token ? '&auth=1' : ''}`;
+    return streamAddress(this.#url, by, hz, Boolean(this.#token));
   }
 
   /** Reconnects for another rate on events. The page is not told: until the new answer comes, its pose just ages. */
   #reask(nowMs: number, hz: number): void {
     this.#begin(nowMs, hz);
     this.#heardMs = nowMs;
-    this.#askedMs = nowMs;
+    this.#wish.recordAsked(nowMs, hz);
     this.#actions.push({ do: 'connect', by: 'events', url: this.#address('events', hz) });
   }
 
@@ -303,14 +304,15 @@ export class Session {
     this.#greeted = false;
     this.#lateness.begin(nowMs);
     // The relay keeps per connection what we were given: a new one starts from nothing on both sides.
-    this.#reading = this.#newReading();
+    this.#reading = new FrameReader(this.#post);
     this.#acknowledgements = new Acknowledgements();
-    this.#roundTripMs = null;
-    this.#askedHz = askedHz;
+    this.#wish.askedHz = askedHz;
   }
 
-  #lost(nowMs: number, ending: Ending, retryS: number | null): void {
+  #lost(nowMs: number, { code, reason }: Ending, retryS: number | null): void {
     if (this.#phase === 'ended' || this.#phase === 'waiting') return;
+    // what a lane refuses a socket may still get, unless there is to be none
+    const ending = { code: this.#inLane && this.#lane === undefined ? 1006 : code, reason };
     if (this.#phase === 'open' && nowMs - this.#sinceMs >= WORKED_MS) this.#failures = 0;
     if (!this.#greeted) this.#choice.recordFailure();
     const delayMs = retryDelayMs(retryOf(ending.code), this.#failures, this.#random(), retryS);
@@ -323,22 +325,16 @@ export class Session {
   #understand(nowMs: number, message: RelayMessage): void {
     switch (message.type) {
       case 'hello':
-        if (message.wire !== WIRE_VERSION)
-          this.#post({ kind: 'problem', problem: { what: 'newer', detail: String(message.wire) } });
-        this.#post({ kind: 'rate', hz: message.hz, reason: this.#slowHz === null ? null : SLOW_NETWORK });
-        this.#post({ kind: 'model', hash: message.model });
+        for (const post of helloPosts(message, this.#wish.slowHz !== null)) this.#post(post);
         return;
-      case 'rate': {
-        const reason = AS_WISHED.has(message.reason) ? null : message.reason;
-        this.#post({ kind: 'rate', hz: message.hz, reason });
+      case 'rate':
+        this.#post(ratePost(message));
         return;
-      }
       case 'pong':
-        this.#roundTripMs = Math.max(0, nowMs - message.t);
-        if (message.t >= this.#pingMs) this.#silence.end(); // the pong came after all of the backlog
+        if (this.#roundTrip.pong(nowMs, message.t)) this.#silence.end(); // the pong came after all of the backlog
         return;
       case 'bye':
-        this.#bye = { code: message.code, reason: message.reason, retryS: message.retry_s };
+        this.#bye = message;
         return;
       default:
         this.#reading.message(nowMs, this.#lateMs(nowMs), message);
@@ -357,7 +353,7 @@ export class Session {
   }
 
   get #oldAfterMs(): number {
-    return this.#visible ? STALE_AFTER_MS : QUIET_AFTER_MS;
+    return this.#wish.visible ? STALE_AFTER_MS : QUIET_AFTER_MS;
   }
 
   /** How long data that arrive now were delayed, ms. Only events are measured: on a WebSocket the relay waits for
@@ -367,34 +363,31 @@ export class Session {
   }
 
   #ping(nowMs: number): void {
-    this.#pingMs = nowMs;
-    this.#send({ type: 'ping', t: nowMs });
+    this.#send(this.#roundTrip.ping(nowMs));
   }
 
   #acknowledge(nowMs: number): void {
     if (this.#phase !== 'open' || this.#onEvents) return;
-    const n = this.#acknowledgements.takeDue(nowMs, this.#roundTripMs);
+    const n = this.#acknowledgements.takeDue(nowMs, this.#roundTrip.ms);
     if (n !== null) this.#send({ type: 'ack', n });
   }
 
   #wishRate(nowMs: number): void {
-    const hz = this.#wishedHz;
-    if (this.#choice.now === 'mirror') return;
-    const everyMs = this.#onEvents ? REASK_EVERY_MS : RATE_EVERY_MS;
-    if (this.#phase !== 'open' || hz === this.#askedHz || nowMs - this.#askedMs < everyMs) return;
+    if (this.#choice.now === 'mirror' || this.#inLane || this.#phase !== 'open') return;
+    if (!this.#wish.isDue(nowMs, this.#onEvents)) return;
+    const { hz } = this.#wish;
     if (this.#onEvents) {
       this.#reask(nowMs, hz);
       return;
     }
-    this.#askedHz = hz;
-    this.#askedMs = nowMs;
+    this.#wish.recordAsked(nowMs, hz);
     this.#send({ type: 'rate', hz });
   }
 
   #measure(nowMs: number): void {
-    if (!this.#onEvents && nowMs - this.#pingMs >= PING_EVERY_MS) this.#ping(nowMs);
+    if (!this.#onEvents && this.#roundTrip.isDue(nowMs)) this.#ping(nowMs);
     if (nowMs - this.#paceMs < PACE_EVERY_MS) return;
     this.#paceMs = nowMs;
-    this.#post({ kind: 'pace', hz: this.#reading.hz(nowMs), roundTripMs: this.#roundTripMs });
+    this.#post({ kind: 'pace', hz: this.#reading.hz(nowMs), roundTripMs: this.#roundTrip.ms });
   }
 }

@@ -76,6 +76,20 @@ export function frameBytes(base64: string): Uint8Array | null {
   }
 }
 
+/** What takes the events of a stream. */
+export interface EventTaker<T> {
+  stamped(nowMs: number, writtenMs: number): void;
+  text(nowMs: number, text: string): T;
+  binary(nowMs: number, frame: Uint8Array): T;
+}
+
+/** Hands an event over that has come now. */
+export function deliver<T>({ name, data, writtenMs }: StreamEvent, nowMs: number, to: EventTaker<T>): T {
+  if (Number.isFinite(writtenMs)) to.stamped(nowMs, writtenMs);
+  const frame = name === 'frame' ? frameBytes(data) : null;
+  return frame === null ? to.text(nowMs, data) : to.binary(nowMs, frame);
+}
+
 /** Callbacks and settings for `openEventStream`. */
 export interface EventsHandlers {
   /** Passed in, not imported: WebKit runs the worker's script a second time for a chunk that imports from it. */

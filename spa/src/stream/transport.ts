@@ -1,6 +1,7 @@
 /** What carries a stream: a WebSocket; server-sent events over plain HTTP, where no WebSocket gets through; or a copy
- *  of the relay's data in a database (`mirror`). */
-export type Transport = 'websocket' | 'events' | 'mirror';
+ *  of the relay's data in a database (`mirror`); or what the relay has just recorded, part by part, which any HTTP cache
+ *  may hold for everybody (`segments`). */
+export type Transport = 'websocket' | 'events' | 'mirror' | 'segments';
 
 /** After this many failed openings, or this long without a working WebSocket, the stream is asked for over plain HTTP.
  *  */
@@ -10,7 +11,8 @@ export const WITHOUT_MS = 5000;
 const TRY_AGAIN_MS = 30_000;
 const SELDOM_MS = 300_000;
 
-/** Which transport the next connection takes, and when a stream on server-sent events tries a WebSocket beside them.
+/** Which transport the next connection takes, and when a stream on server-sent events or in segments tries a WebSocket beside
+ *  them.
  *  Pure: without a socket or a clock. */
 export class TransportChoice {
   /** The transport of the newest connection. A mirror never changes to another. */
@@ -30,8 +32,9 @@ export class TransportChoice {
   }
 
   /** Chooses the transport for a new connection. After failed WebSockets the two transports take turns until one works.
-   *  */
-  chooseNext(nowMs: number): Transport {
+   *  `inLane`: this viewer reads segments, and no WebSocket is tried beside them. */
+  chooseNext(nowMs: number, inLane = false): Transport {
+    if (inLane) return this.enterLane(Number.POSITIVE_INFINITY, 0);
     if (this.now === 'mirror') return this.now;
     this.#withoutMs ??= nowMs;
     const endMs = this.#withoutMs + WITHOUT_MS;
@@ -39,6 +42,14 @@ export class TransportChoice {
     this.now = doubted && (this.now === 'websocket' || this.#eventsWork) ? 'events' : 'websocket';
     this.#deadlineMs = nowMs < endMs ? endMs : nowMs + WITHOUT_MS;
     this.retrySoon(nowMs); // a relay that was only away for a moment takes WebSockets again
+    return this.now;
+  }
+
+  /** The relay is full, so segments are read. A WebSocket is tried after one to two times `retryMs`, then ever more seldom. */
+  enterLane(nowMs: number, retryMs: number): Transport {
+    this.now = 'segments';
+    this.#tryAgainMs = retryMs;
+    this.#tryAtMs = nowMs + retryMs * (1 + this.#random());
     return this.now;
   }
 
@@ -50,7 +61,7 @@ export class TransportChoice {
   /** The newest connection ended before the relay said anything on it. */
   recordFailure(): void {
     if (this.now === 'websocket') this.#failed += 1;
-    else this.#eventsWork = false;
+    else if (this.now === 'events') this.#eventsWork = false;
   }
 
   /** The relay has said something on the newest connection. */
@@ -63,14 +74,17 @@ export class TransportChoice {
 
   /** Something has changed outside (back online, back from sleep): a WebSocket is tried at once. */
   retrySoon(nowMs: number): void {
+    if (this.now === 'segments') return; // a full relay is not asked by everybody at once
     this.#tryAtMs = nowMs;
     this.#tryAgainMs = TRY_AGAIN_MS;
   }
 
-  /** Whether a stream on server-sent events tries a WebSocket now; if so, the next try is put off. */
+  /** Whether a stream on server-sent events or in segments tries a WebSocket now; if so, the next try is put off. */
   shouldTryWebSocket(nowMs: number): boolean {
-    if (this.now !== 'events' || nowMs < this.#tryAtMs) return false;
-    this.#tryAtMs = nowMs + this.#tryAgainMs * (0.5 + this.#random()); // viewers behind one proxy don't try in step
+    const inLane = this.now === 'segments';
+    if (!(inLane || this.now === 'events') || nowMs < this.#tryAtMs) return false;
+    // viewers behind one proxy don't try in step
+    this.#tryAtMs = nowMs + this.#tryAgainMs * ((inLane ? 1 : 0.5) + this.#random());
     this.#tryAgainMs = Math.min(SELDOM_MS, 2 * this.#tryAgainMs);
     return true;
   }

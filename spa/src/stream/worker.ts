@@ -1,29 +1,54 @@
 /// <reference lib="webworker" />
 import { WIRE_VERSION } from '@posecast/wire';
 import { nowMs, setSlept } from './clock.ts';
+import laneUrl from './lane/lane_script.ts?worker&url';
+import type { EventMark, LaneHandlers, OpenLane, ShownFrame } from './lane_port.ts';
 import { Mailbox } from './mailbox.ts';
 import type { Action, FromStream, ToStream } from './messages.ts';
 import { Session } from './session.ts';
 import type { StreamEvent } from './sse.ts';
+import type { Transport } from './transport.ts';
 
 /** The worker thread that owns the socket: it performs the session's actions and reports events to the session. */
 
 const TICK_MS = 250;
 
-declare const self: DedicatedWorkerGlobalScope;
+declare const self: DedicatedWorkerGlobalScope & {
+  /** From `lane/lane_script.ts`, once that is loaded. */
+  lane: {
+    openEventStream(url: string, token: unknown, handlers: LaneHandlers): OpenLane;
+    /** It posts by itself. */
+    deliver(): never;
+  };
+};
 
 type StateMessage = Extract<FromStream, { kind: 'state' }>;
 
 const states = new Mailbox<StateMessage>();
 let session: Session | null = null;
 let socket: WebSocket | null = null;
-/** A WebSocket that is tried while server-sent events carry the stream. */
+/** A WebSocket that is tried while server-sent events or segments carry the stream. */
 let trial: WebSocket | null = null;
-let events: { close(): void } | null = null;
+/** What runs instead of a WebSocket. */
+let events: ({ close(): void } & Partial<OpenLane>) | null = null;
 let token: string | undefined;
+let visible = true;
+let wantedHz = 0;
+/** What the page has been shown, for a lane that goes on after a socket, and the other way round. */
+let behindMs = 0;
+let shown: ShownFrame | null = null;
+let told: EventMark | null = null;
+/** After a lane, what comes once more over the socket. */
+let overlap: ShownFrame | null = null;
 
 function post(message: FromStream): void {
+  if (message.kind === 'behind') behindMs = message.ms ?? 0;
+  if (message.kind === 'event') told = message.event;
   if (message.kind === 'state') {
+    const { seq, tS } = message.state;
+    if (seq === overlap?.seq && tS === overlap.tS) return;
+    overlap = null;
+    shown = message.state;
     const now = states.put(message);
     if (now !== null) handOver(now);
     return;
@@ -41,7 +66,7 @@ function perform(actions: readonly Action[]): void {
     switch (action.do) {
       case 'connect':
         if (action.by === 'websocket') connect(action.url);
-        else read(action.url, action.by === 'mirror');
+        else read(action.url, action.by);
         break;
       case 'try':
         attempt(action.url);
@@ -91,52 +116,59 @@ function own(opened: WebSocket): void {
   };
 }
 
-/** Opens events or a mirror. Their readers are loaded on demand, because most viewers need neither. */
-function read(url: string, mirrored: boolean): void {
+/** Opens events, a mirror or segments. Their readers are loaded on demand, because most viewers need none of them. */
+function read(url: string, by: Transport): void {
   drop();
   const mine = { close: () => {} };
   events = mine;
   const unlessLeft = (then: (session: Session) => readonly Action[]) => {
     if (events === mine && session !== null) perform(then(session));
   };
-  (mirrored ? import('./firebase_mirror.ts') : import('./sse.ts')).then(
-    ({ openEventStream, frameBytes }) => {
+  (by === 'mirror'
+    ? import('./firebase_mirror.ts')
+    : by === 'events'
+      ? import('./sse.ts')
+      : import(/* @vite-ignore */ laneUrl).then(() => self.lane)
+  ).then(
+    ({ openEventStream, deliver }) => {
       if (events !== mine) return;
-      const hear = ({ name, data, writtenMs }: StreamEvent) =>
-        unlessLeft((to) => {
-          if (Number.isFinite(writtenMs)) to.stamped(nowMs(), writtenMs);
-          const frame = name === 'frame' ? frameBytes(data) : null;
-          return frame === null ? to.text(nowMs(), data) : to.binary(nowMs(), frame);
-        });
-      mine.close = openEventStream(url, token, {
+      const handlers = {
         nowMs,
         wireVersion: WIRE_VERSION,
+        hz: wantedHz,
+        isVisible: visible,
+        before: { frame: shown && { ...shown, atMs: shown.atMs - behindMs }, event: told },
         opened: () => unlessLeft((to) => to.opened(nowMs())),
         heard: () => unlessLeft((to) => to.heard(nowMs())),
-        event: hear,
-        closed: (code, reason) =>
+        event: (event: StreamEvent) => unlessLeft((to) => deliver(event, nowMs(), to)),
+        post: (message: FromStream) => events === mine && post(message),
+        closed: (code: number, reason: string) =>
           unlessLeft((to) => {
             events = null;
             return to.closed(nowMs(), code, reason);
           }),
-      }).close;
+      };
+      Object.assign(mine, openEventStream(url, token, handlers));
     },
-    () => unlessLeft((to) => to.closed(nowMs(), 1006, 'the reader of events did not come')),
+    () => unlessLeft((to) => to.closed(nowMs(), 1006, 'its reader did not come')),
   );
 }
-
-/** One at a time; one that does not open is replaced by the next. */
+/** Tries a WebSocket beside what runs, one at a time. It takes over when the relay has let it in. */
 function attempt(url: string): void {
-  trial?.close();
-  const tried = new WebSocket(url);
-  trial = tried;
-  tried.onopen = () => {
-    if (trial !== tried || session === null) return;
-    trial = null; // so that it is not dropped
-    drop();
-    own(tried);
-    perform(session.moved(nowMs()));
-  };
+  const beside = events;
+  void import('./trial.ts').then(({ tryWebSocket }) => {
+    if (events !== beside) return;
+    trial?.close();
+    trial = tryWebSocket(url, token, (tried, heard) => {
+      if (trial !== tried || session === null) return;
+      trial = null; // so that it is not dropped
+      overlap = shown;
+      drop();
+      own(tried);
+      perform(session.moved(nowMs()));
+      for (const each of heard) tried.onmessage?.(each);
+    });
+  });
 }
 
 function drop(): void {
@@ -150,8 +182,9 @@ self.onmessage = (event: MessageEvent<ToStream>) => {
   switch (message.kind) {
     case 'open':
       setSlept(message.sleptMs);
-      token = message.token;
-      session = new Session(message.url, message.hz, message.visible, Math.random, message.token);
+      ({ token, visible } = message);
+      wantedHz = message.hz;
+      session = new Session(message.url, wantedHz, visible, Math.random, token, message.lane ?? undefined);
       perform(session.start(nowMs()));
       break;
     case 'taken': {
@@ -164,13 +197,16 @@ self.onmessage = (event: MessageEvent<ToStream>) => {
       perform(session?.renew(nowMs(), token) ?? []);
       break;
     case 'visible':
-      perform(session?.visibility(nowMs(), message.visible) ?? []);
+      visible = message.visible;
+      events?.setVisible?.(visible);
+      perform(session?.visibility(nowMs(), visible) ?? []);
       break;
     case 'doubt':
       perform(session?.doubt(nowMs(), message.sinceMs) ?? []);
       break;
     case 'wake':
       setSlept(message.sleptMs);
+      events?.wake?.();
       perform(session?.wake(nowMs()) ?? []);
       break;
     case 'wish-all':

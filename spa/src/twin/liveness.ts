@@ -7,7 +7,7 @@
 
 /** PAST: what is shown is from then, and nothing is said of now. RECORDED: likewise, and from files, which have no now. */
 export type Word = 'LIVE' | 'HOLDING' | 'STALE' | 'OFFLINE' | 'PAST' | 'RECORDED';
-export type Cause = 'robot silent' | 'no connection' | 'relay degraded';
+export type Cause = 'robot silent' | 'no connection' | 'relay degraded' | 'waiting for the next part';
 
 export const STALE_AFTER_MS = 1500;
 /** The limit while no poses are asked for: the relay then speaks once a second, and the network may delay that by
@@ -30,6 +30,8 @@ export interface Status {
   overShare: boolean;
   /** When it arrived, viewer's clock. */
   atMs: number;
+  /** In a stream that comes in parts: when all that is here has been shown, viewer's clock. */
+  endsMs?: number;
 }
 
 /** All that a verdict is based on. Times are milliseconds of the viewer's own clock, which never steps back. */
@@ -83,6 +85,19 @@ interface PastMoment {
   readonly isHere: boolean;
   /** The recording; null in PAST. */
   readonly recorded: Recorded | null;
+  /** Says what is shown. It comes with what plays the past, which few viewers load. `nowMs`: Unix ms by the page's clock. */
+  readonly words: (verdict: Pick<Verdict, 'past' | 'ageMs'>, nowMs: number) => PastWords;
+}
+
+/** A moment of the past in words. */
+export interface PastWords {
+  /** "14:02:07"; of a recording "12 Nov 2026 14:02:07". */
+  readonly clock: string;
+  /** How long ago that was, and what the robot was then if it was not live: " · 2 min ago · was STALE"; of a recording how far
+   *  into it: " · 3:05 of 25:00". */
+  readonly ago: string;
+  /** The line over the body. */
+  readonly note: string;
 }
 
 export interface Verdict {
@@ -164,7 +179,10 @@ export function judge(evidence: Evidence, nowMs: number): Verdict {
   const shownMs = pictureMs(evidence);
   const staleMs = watchingMs === null ? QUIET_AFTER_MS : STALE_AFTER_MS; // without poses, only status tells
   if (linkMs >= staleMs) return verdict('STALE', 'no connection');
-  if (ageMs === null || ageMs >= staleMs) return verdict('STALE', 'robot silent');
+  if (ageMs === null || ageMs >= staleMs) {
+    const isOver = status.endsMs !== undefined && nowMs >= status.endsMs;
+    return verdict('STALE', isOver ? 'waiting for the next part' : 'robot silent');
+  }
   // The robot is fine, but the shown pose may still be an old one.
   if (watchingMs !== null) {
     const shownAgeMs = nowMs - (shownMs ?? watchingMs);

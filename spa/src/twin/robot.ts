@@ -151,6 +151,11 @@ export class RobotTwin {
     this.#changed();
   }
 
+  /** What came lay behind, and comes without delay from now on: what was fresh says nothing of now. */
+  acceptCatchUp(): void {
+    this.evidence.freshMs = this.evidence.otherwiseMs = null;
+  }
+
   /** Notes whether poses are asked for; a hidden page asks for none. */
   acceptWatching(watching: boolean, nowMs: number): void {
     this.#watching = watching;

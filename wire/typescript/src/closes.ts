@@ -74,7 +74,7 @@ export const ENDINGS: ReadonlyMap<number, Ending> = /* @__PURE__ */ new Map(
       [4408, 'half-open', 'the viewer no longer answered'],
       [4409, 'no acknowledgement', 'the viewer no longer acknowledged frames'],
       [4429, 'too many messages', 'the viewer sent messages too fast'],
-      [4430, 'event lane full', 'the viewer was too slow for the events'],
+      [4430, 'event queue full', 'the viewer was too slow for the events'],
     ] as const
   ).map(([code, name, meaning]) => [code, { name, meaning, retry: retryOf(code) }]),
 );

@@ -4,6 +4,8 @@ import { isObject, parseJson } from './checked.ts';
 
 /** Bound for times of any clock, positive and negative: 31,700 years, so that milliseconds still fit a double. */
 const TIME_MAX_S = 1e12;
+/** Characters of the address of a lane. */
+const LANE_MAX = 300;
 
 export type RobotStatus = 'online' | 'silent' | 'offline';
 export type EventLevel = 'fault' | 'caution' | 'info';
@@ -76,12 +78,16 @@ export interface Pong {
   readonly t: number;
 }
 
-/** Why the relay closes now. `retry_s`: see the retry rule of `code`. */
+/**
+ * Why the relay closes now. `retry_s`: see the retry rule of `code`. `lane`: where to read on meanwhile, as
+ * segments by HTTP; to be resolved against the stream's address, and taken only on its origin, below its robot.
+ */
 export interface Bye {
   readonly type: 'bye';
   readonly code: number;
   readonly reason: string;
   readonly retry_s: number | null;
+  readonly lane?: string;
 }
 
 export type RelayMessage =
@@ -233,5 +239,7 @@ function pong(r: Reader): Pong | null {
 function bye(r: Reader): Bye | null {
   const code = r.number('code');
   const retry_s = r.number('retry_s') ?? null;
-  return code === undefined ? null : { type: 'bye', code, reason: r.text('reason') ?? '', retry_s };
+  const lane = r.text('lane');
+  const told = lane !== undefined && lane.length <= LANE_MAX ? { lane } : {};
+  return code === undefined ? null : { type: 'bye', code, reason: r.text('reason') ?? '', retry_s, ...told };
 }

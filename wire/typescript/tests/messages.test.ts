@@ -12,6 +12,8 @@ test.each([
   { type: 'model', hash: HASH },
   { type: 'pong', t: 5 },
   { type: 'bye', code: 1012, reason: 'drain', retry_s: 8 },
+  { type: 'bye', code: 1013, reason: 'full', retry_s: 30, lane: 'past/public' },
+  { type: 'bye', code: 1013, reason: 'full', retry_s: null, lane: 'x'.repeat(300) },
 ])('reads $type', (message) => {
   expect(parseRelayMessage(JSON.stringify(message))).toEqual(message);
   expect(parseRelayMessage(JSON.stringify({ ...message, more: [1] }))).toEqual(message);
@@ -78,6 +80,14 @@ test('a time that no calendar knows is none', () => {
     '{"type":"event","n":1,"t":1,"at":1e13,"level":"fault","source":"RKN","text":"jam","state":"on"}';
   expect(parseRelayMessage(text)).toMatchObject({ n: 1, at: null });
 });
+
+test.each([null, 7, true, ['past/public'], { at: 'past/public' }, 'x'.repeat(301)])(
+  'a lane %j is none',
+  (lane) => {
+    const bye = { type: 'bye', code: 1013, reason: 'full', retry_s: 30 };
+    expect(parseRelayMessage(JSON.stringify({ ...bye, lane }))).toStrictEqual(bye);
+  },
+);
 
 test('of a member named twice the last counts', () => {
   expect(parseRelayMessage('{"type":"bye","t":"x","type":"pong","t":-0.0}')).toEqual({ type: 'pong', t: -0 });

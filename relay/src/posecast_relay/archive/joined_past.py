@@ -57,9 +57,9 @@ class JoinedPast:
         troubles = (self._front.find_trouble(), own and f"the archive: {own}")
         return "; ".join(filter(None, troubles)) or None
 
-    async def refresh(self, robot: str, view: str) -> None:
+    async def refresh(self, robot: str, view: str, *, anew: bool = False) -> None:
         """Bring up to date what is known of the recent past of a view. Raises PastAway."""
-        await self._front.refresh(robot, view)
+        await self._front.refresh(robot, view, anew=anew)
 
     async def reach_span(self, robot: str, view: str, from_ms: int, to_ms: int) -> ReachedPast:
         """Return what is known of the ten minutes from `from_ms` to `to_ms`, unix. Raises PastAway."""

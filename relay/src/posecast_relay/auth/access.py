@@ -16,6 +16,7 @@ from posecast_relay.auth.tokens import Tokens, Unverifiable
 from posecast_relay.core.delayed_hub import DelayedHub
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.policy.admission import REFUSALS, Applicant, Refusal, admit
+from posecast_relay.core.policy.lane import CAPPED, NO_PAST, explain_no_lane
 from posecast_relay.core.policy.policy import ANYONE, Audience, Grant, Policy, Principal
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
@@ -44,15 +45,19 @@ class Access:
         tokens: Tokens | None = None,
         origins: Collection[str] = (),
         addresses: Addresses | None = None,
+        has_past: bool = False,
     ) -> None:
+        """`has_past`: whether this process answers for the past, so that a full one can tell the lane."""
         self.live = live
         self.later = later
         self.policy = policy
         self.tokens = tokens
         self.origins = origins
+        self.has_past = has_past
         self.addresses = Addresses(live.hub.limits.per_address) if addresses is None else addresses
         self._renewals: set[asyncio.Task[None]] = set()
         self._followers: list[Callable[[Policy], None]] = []
+        self._told_full: set[str | None] = set()  # why there was no lane; None: there was one
         if later is not None:
             self._delayed.set_delays(policy.find_delays_s())
         self._tell_recorder()
@@ -72,7 +77,7 @@ class Access:
         """Return why an applicant is refused, as far as can be told already; None while nothing speaks
         against it.
         """
-        decision = admit(applicant, self.policy)
+        decision = admit(applicant, self.policy, self.has_past)
         return decision if isinstance(decision, Refusal) else None
 
     def judge(self, applicant: Applicant) -> Grant | Refusal:
@@ -80,7 +85,7 @@ class Access:
 
         The applicant has been identified, or can't be.
         """
-        decision = admit(applicant, self.policy)
+        decision = admit(applicant, self.policy, self.has_past)
         assert decision is not None
         return decision
 
@@ -172,6 +177,21 @@ class Access:
         self._followers.append(follow)
         follow(self.policy)
 
+    def tell_full(self, viewer: Viewer, lane: str | None) -> None:
+        """Log that there is no place for a viewer, and what it gets instead: once for each reason."""
+        why = None if lane else self._explain_no_lane(viewer)
+        if viewer.is_preview or why in self._told_full:
+            return
+        self._told_full.add(why)
+        fate = "are sent to its lane" if why is None else f"are refused, and no lane since {why}"
+        most = self.live.hub.limits.viewers
+        log.warning("full, %d viewers (--max-viewers): further ones of %r %s", most, viewer.robot, fate)
+
+    def _explain_no_lane(self, viewer: Viewer) -> str:
+        if not self.has_past:
+            return NO_PAST
+        return explain_no_lane(self.policy, viewer.robot, viewer.asked_view) or CAPPED
+
     def _tell_recorder(self) -> None:
         """Tell what records the live hub who may look back on it."""
         if self.live.hub.recorder is not None:
@@ -247,18 +267,23 @@ def open_access(
     tokens: Tokens | None = None,
     origins: Collection[str] = (),
     addresses: Addresses | None = None,
+    has_past: bool = False,
 ) -> Access:
     """Create the dispatchers of a process, one for each hub, and the access control in front of them."""
 
     def renew(viewer: Viewer, token: str) -> None:
         access.renew(viewer, token)  # made below: the two know each other
 
+    def tell_full(viewer: Viewer, lane: str | None) -> None:
+        access.tell_full(viewer, lane)
+
     if delayed is None:
-        live, later = Dispatcher(hub, store, fan_out, source, renew), None
+        live, later = Dispatcher(hub, store, fan_out, source, renew, full=tell_full), None
     else:
-        later = Dispatcher(delayed, MemoryStore(), fan_out, verify=renew)
-        live = Dispatcher(hub, store, fan_out, source, renew, partial(_record_for_later, hub, delayed, later))
-    access = Access(live, policy, later, tokens, origins, addresses)
+        later = Dispatcher(delayed, MemoryStore(), fan_out, verify=renew, full=tell_full)
+        record = partial(_record_for_later, hub, delayed, later)
+        live = Dispatcher(hub, store, fan_out, source, renew, record, tell_full)
+    access = Access(live, policy, later, tokens, origins, addresses, has_past)
     return access
 
 

@@ -6,6 +6,8 @@ import ipaddress
 from collections import Counter
 from collections.abc import Sequence
 
+from posecast_relay.core.roster import CountsElsewhere
+
 Network = ipaddress.IPv4Network | ipaddress.IPv6Network
 FORWARDED_MAX = 4000  # letters of the header; what stands further left anybody may have written
 OWN_V6 = "::/64"
@@ -57,9 +59,13 @@ class Addresses:
     Previews are counted apart, since they take no viewer's place.
     """
 
-    def __init__(self, most: int, trusted: Sequence[Network] = ()) -> None:
+    def __init__(
+        self, most: int, trusted: Sequence[Network] = (), elsewhere: CountsElsewhere | None = None
+    ) -> None:
+        """`elsewhere`: what other processes of this relay count, if there are any."""
         self.most = most
         self.trusted = trusted
+        self._elsewhere = elsewhere
         self._open: Counter[str] = Counter()
 
     def enter(self, peer: str, forwarded: str | None, is_preview: bool = False) -> str | None:
@@ -72,9 +78,12 @@ class Addresses:
             return ""
         if is_preview:
             address += " (previews)"
-        if self._open[address] >= self.most:
+        others = 0 if self._elsewhere is None else self._elsewhere.count_elsewhere(f"address {address}")
+        if self._open[address] + others >= self.most:
             return None
         self._open[address] += 1
+        if self._elsewhere is not None:
+            self._elsewhere.add(f"address {address}", 1)
         return address
 
     def leave(self, address: str) -> None:
@@ -82,6 +91,8 @@ class Addresses:
         if not address:
             return
         self._open[address] -= 1
+        if self._elsewhere is not None:
+            self._elsewhere.add(f"address {address}", -1)
         if self._open[address] <= 0:
             del self._open[address]
 

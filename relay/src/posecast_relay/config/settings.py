@@ -16,6 +16,7 @@ from posecast_relay.store_url import StoreUrlError, check_store_url
 
 T = TypeVar("T")
 
+WORKERS_MAX = 64
 MEMORY = "memory:"  # of `--past`: nothing is kept elsewhere
 
 
@@ -49,6 +50,7 @@ class Settings:
     firebase_database: str | None
     static: Path | None
     public_url: str | None
+    workers: int
     max_viewers: int
     max_per_address: int
     max_robots: int
@@ -85,6 +87,12 @@ def _port(text: str) -> int:
 def _count(text: str) -> int:
     if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= 1_000_000:
         raise ValueError("use a number from 1 to 1000000")
+    return int(text)
+
+
+def _workers(text: str) -> int:
+    if not text.isascii() or not text.isdigit() or not 1 <= int(text[:4]) <= WORKERS_MAX:
+        raise ValueError(f"use a number from 1 to {WORKERS_MAX}")
     return int(text)
 
 
@@ -249,6 +257,7 @@ FLAGS = (
     _Flag("firebase_database", _database, None, "mirror of what anyone may see, 2 Hz; one relay each", "URL"),
     _Flag("static", _directory, None, "the built page; default: the one packed in, if any", "DIR"),
     _Flag("public_url", _public_url, None, "where people open the page; chats want it for pictures", "URL"),
+    _Flag("workers", _workers, "1", "processes that serve viewers on the port: a core each", "N"),
     _Flag("max_viewers", _count, "5000", "further ones are told `full`", "N"),
     _Flag("max_per_address", _count, "2000", "streams; a lecture hall may stand behind one", "N"),
     _Flag("max_connection_age", _seconds, None, "viewers connect anew after this, give or take a tenth", "S"),
@@ -323,6 +332,8 @@ def parse(argv: Sequence[str], environ: Mapping[str, str]) -> Settings:
     settings = Settings(**values)  # type: ignore[arg-type]
     if settings.role != "all" and settings.store == "memory://":
         raise SettingsError(f"--role {settings.role}: needs --store redis://…, where the roles meet")
+    if settings.role == "ingest" and settings.workers > 1:
+        raise SettingsError(f"--workers {settings.workers}: not with --role ingest, which serves no viewers")
     if not settings.dev and settings.robots is None:
         raise SettingsError(
             "give --robots FILE (who may publish and watch), or --dev: anybody on loopback, seen by everybody"

@@ -21,12 +21,16 @@ class Send:
 
 @dataclass(slots=True)
 class CloseConnection:
-    """Send this viewer `bye` with the reason, then close. The core has removed it already."""
+    """Send this viewer `bye` with the reason, then close. The core has removed it already.
+
+    `lane`: where it may read on, as an address to be resolved against that of the stream.
+    """
 
     viewer: Viewer
     close: Close
     reason: str
     retry_s: float | None
+    lane: str | None = None
 
 
 @dataclass(slots=True)

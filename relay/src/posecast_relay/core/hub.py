@@ -122,20 +122,15 @@ class Hub(Uplink):
         occupancy = self._count_occupancy(grant)
         refusal = find_no_room(grant, occupancy)
         if refusal is not None:
-            self.count_ending(refusal.close, viewer.is_preview)
-            return [CloseConnection(viewer, refusal.close, refusal.reason, refusal.retry_s)]
+            told = self.count_refusal(refusal, viewer.is_preview, now)
+            return [CloseConnection(viewer, told.close, told.reason, told.retry_s, told.lane)]
         out = [] if viewer.is_preview else self._make_room(grant, occupancy)
-        if grant is not None:
-            self.admitted[grant.robot, grant.by] += 1
-            self.admitted_previews[grant.robot, grant.by] += grant.is_preview
-        if viewer.is_preview:
-            self.previews[viewer] = None
         viewer.set_rate(min(viewer.asked_hz, self.load.ceiling_hz))
         robot = self.robots.get(viewer.robot)
         if robot is None:  # it may come later; bounded by the number of viewers
             robot = self.robots[viewer.robot] = Robot(viewer.robot, self.limits)
         room = robot.get_room(viewer.view)
-        self.viewers[viewer] = room
+        self.add_viewer(viewer, room)
         self.statuses.setdefault(room, robot.compute_status(room, now))
         room.set_degraded(self.degraded or robot.degraded)
         watch: list[Action] = [] if robot.has_viewers() else [SubscribeRobot(robot.name)]
@@ -145,9 +140,9 @@ class Hub(Uplink):
         by = None if grant is None else (grant.robot, grant.by)
         return Occupancy(
             *(self.headcount.count_viewers(), self.limits.viewers),
-            *((0,) if by is None else (self.admitted[by],)),
+            *((0,) if by is None else (self.count_audience(by),)),
             previews=self.headcount.count_previews(),
-            previews_of_audience=0 if by is None else self.admitted_previews[by],
+            previews_of_audience=0 if by is None else self.count_audience(by, previews=True),
             is_draining=self.draining is not None,
         )
 
@@ -367,10 +362,12 @@ class Hub(Uplink):
             out += self.guard(viewer, partial(self._check_deadlines, viewer, now, pings))
         if pings:
             out.append(Send(messages.PING, pings))
-        for preview in tuple(self.previews):
-            if self.headcount.count_viewers() <= self.limits.viewers:
-                break
-            out += self._end_preview(preview, FULL)
+        for preview in tuple(self.previews):  # another hub, or another process, took a viewer in their place
+            grant = preview.grant
+            if self.headcount.count_viewers() > self.limits.viewers:
+                out += self._end_preview(preview, FULL)
+            elif grant and grant.viewers and self.count_audience((grant.robot, grant.by)) > grant.viewers:
+                out += self._end_preview(preview, ROBOT_FULL)
         self._sweeps += 1
         is_full = self.publishers >= self.limits.robots
         if is_full or self._sweeps % FORGET_EVERY == 0:

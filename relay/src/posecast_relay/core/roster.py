@@ -4,24 +4,39 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sized
+from dataclasses import replace
 from functools import partial
+from typing import Protocol
 
 from posecast_wire import Close
 
 from posecast_relay.core.actions import Action, CloseConnection, Fault, Persist
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.past.recorder import Recorder
+from posecast_relay.core.policy.admission import Refusal
+from posecast_relay.core.policy.lane import RetryPace
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
 from posecast_relay.core.timer_queue import TimerQueue
 from posecast_relay.core.viewer.viewer import Viewer
 
 
-class Headcount:
-    """Counts the viewers of all hubs of one process, which share one limit."""
+class CountsElsewhere(Protocol):
+    """What other processes of this relay count by name, and where this one tells them its own counts."""
 
-    def __init__(self) -> None:
+    def add(self, name: str, change: int) -> None:
+        """Count so many more, or fewer, here."""
+
+    def count_elsewhere(self, name: str) -> int:
+        """Return how many the other processes have."""
+
+
+class Headcount:
+    """Counts the viewers of all hubs of one process, which share one limit; and of `elsewhere`, if given."""
+
+    def __init__(self, elsewhere: CountsElsewhere | None = None) -> None:
         self._hubs: list[tuple[Sized, Sized]] = []
+        self._elsewhere = elsewhere
 
     def include(self, viewers: Sized, previews: Sized) -> None:
         """Add a collection of viewers, and of the previews among them; sizes are read at every count."""
@@ -29,11 +44,38 @@ class Headcount:
 
     def count_viewers(self) -> int:
         """Return how many viewers all hubs have now, previews included."""
-        return sum(len(viewers) for viewers, _ in self._hubs)
+        return sum(len(viewers) for viewers, _ in self._hubs) + self._count_elsewhere("viewers")
 
     def count_previews(self) -> int:
         """Return how many of them are previews."""
-        return sum(len(previews) for _, previews in self._hubs)
+        return sum(len(previews) for _, previews in self._hubs) + self._count_elsewhere("previews")
+
+    def count_audience_elsewhere(self, by: tuple[str, str], previews: bool = False) -> int:
+        """Return how many viewers, or only previews, of a robot and audience other processes have."""
+        return self._count_elsewhere(_name_audience(by, previews))
+
+    def record(self, viewer: Viewer, change: int) -> None:
+        """Tell other processes that a viewer has come (`change` 1) or gone (-1)."""
+        if self._elsewhere is None:
+            return
+        names = ["viewers", "previews" if viewer.is_preview else name_robot(viewer.robot)]
+        if viewer.grant is not None:
+            by = viewer.robot, viewer.grant.by
+            names += [_name_audience(by, previews) for previews in (False, True)[: 1 + viewer.is_preview]]
+        for name in names:
+            self._elsewhere.add(name, change)
+
+    def _count_elsewhere(self, name: str) -> int:
+        return 0 if self._elsewhere is None else self._elsewhere.count_elsewhere(name)
+
+
+def name_robot(robot: str) -> str:
+    """Return the name under which processes count a robot's viewers, without previews."""
+    return f"robot {robot}"
+
+
+def _name_audience(by: tuple[str, str], previews: bool) -> str:
+    return f"{'previews' if previews else 'audience'} {by[0]} {by[1]}"
 
 
 class Roster:
@@ -58,6 +100,8 @@ class Roster:
         self.headcount.include(self.viewers, self.previews)
         self.endings: Counter[int] = Counter()  # of viewers, by close code
         self.preview_endings: Counter[int] = Counter()  # of previews, whom nobody misses, likewise
+        self.sent_to_lane = 0  # of the viewers that were refused
+        self._retry_pace = RetryPace()
         self.delivered = 0  # by rooms that are forgotten; and so on
         self.skipped = 0
         self.degraded = False  # no robot is heard of, for a reason of this relay's own
@@ -93,6 +137,11 @@ class Roster:
             return None
         return robot, robot.get_room(view)
 
+    def count_audience(self, by: tuple[str, str], previews: bool = False) -> int:
+        """Return how many viewers, or only previews, of a robot and audience there are in all processes."""
+        here = self.admitted_previews if previews else self.admitted
+        return here[by] + self.headcount.count_audience_elsewhere(by, previews)
+
     def plan_flush(self, room: Room) -> None:
         """Plan the next `flush` of a room, and move `wake_at` forward if needed."""
         self.flushes.put(room, room.find_wake_at())
@@ -113,11 +162,22 @@ class Roster:
             self.statuses.pop(room, None)
             self.changed.pop(room, None)
 
+    def add_viewer(self, viewer: Viewer, room: Room) -> None:
+        """Add a viewer to those who are counted; it is to join this room."""
+        if viewer.grant is not None:
+            self.admitted[viewer.robot, viewer.grant.by] += 1
+            self.admitted_previews[viewer.robot, viewer.grant.by] += viewer.is_preview
+        if viewer.is_preview:
+            self.previews[viewer] = None
+        self.viewers[viewer] = room
+        self.headcount.record(viewer, 1)
+
     def remove_viewer(self, viewer: Viewer) -> None:
         """Remove a viewer whose connection is gone. Does nothing when it was removed before."""
         room = self.viewers.pop(viewer, None)
         if room is None:
             return
+        self.headcount.record(viewer, -1)
         room.leave(viewer)
         self.previews.pop(viewer, None)
         if viewer.grant is not None:
@@ -173,6 +233,17 @@ class Roster:
     def count_ending(self, close: int, is_preview: bool) -> None:
         """Count that a viewer was let go or refused, by its close code; a preview apart from the viewers."""
         (self.preview_endings if is_preview else self.endings)[close] += 1
+
+    def count_refusal(self, refusal: Refusal, is_preview: bool, now: float) -> Refusal:
+        """Count that somebody is not let in, by the close code, and if they are told the lane.
+
+        Returns what they are told: when many are sent to the lane, to come again more seldom.
+        """
+        self.count_ending(refusal.close, is_preview)
+        if refusal.lane is None or refusal.retry_s is None:
+            return refusal
+        self.sent_to_lane += 1
+        return replace(refusal, retry_s=self._retry_pace.choose_retry_s(refusal.retry_s, now))
 
     def remove_ended(self, actions: list[Action]) -> list[Action]:
         """Remove and count the viewers that these actions close. Returns the actions unchanged."""

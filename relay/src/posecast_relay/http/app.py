@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Awaitable
+from collections.abc import Awaitable, Callable
 from functools import partial
 from pathlib import Path
 
@@ -66,12 +66,14 @@ def make_app(
     public_url: str | None = None,
     publish_at: str | None = None,
     past: PastDesk | None = None,
+    find_missing: Callable[[], str | None] = lambda: None,
 ) -> FastAPI:
     """Make the relay's HTTP application. WebSocket upgrades never reach it.
 
     `public_url`: where people open the page, without a slash at its end; None when nobody has said so.
     `publish_at`: where anybody on this machine may publish; None when nobody may without a credential.
-    `past`: where the past of this process is; None when it keeps none.
+    `past`: where the past of this process is; None when it keeps none. `find_missing` returns what is not
+    ready yet beside this process.
     """
     # FastAPI's own /docs loads its scripts from another origin; the built page brings them (spa/public/docs).
     # Without a default answer it tells of a 422 that never comes: all parameters are texts that we read.
@@ -109,7 +111,7 @@ def make_app(
     thumbnails = Thumbnails(models)
     preview = LinkPreview(access, thumbnails, public_url)
     _add_previews(app, access, models, thumbnails, preview)
-    _add_health(app, access.live, past)
+    _add_health(app, access.live, past, find_missing)
 
     @app.get("/api/{_rest:path}", include_in_schema=False)
     async def no_such_route(_rest: str) -> Response:
@@ -130,7 +132,9 @@ def make_app(
     return app
 
 
-def _add_health(app: FastAPI, dispatcher: Dispatcher, past: PastDesk | None) -> None:
+def _add_health(
+    app: FastAPI, dispatcher: Dispatcher, past: PastDesk | None, find_missing: Callable[[], str | None]
+) -> None:
     @app.get("/livez", summary="The process answers")
     async def livez() -> PlainTextResponse:
         return PlainTextResponse("ok\n")
@@ -139,6 +143,8 @@ def _add_health(app: FastAPI, dispatcher: Dispatcher, past: PastDesk | None) -> 
     async def readyz() -> JSONResponse:
         if dispatcher.draining:
             return JSONResponse({"status": "draining"}, 503)
+        if missing := find_missing():
+            return JSONResponse({"status": "starting", "why": missing}, 503)
         live, past_ = dispatcher.store.find_trouble(), None if past is None else past.source.find_trouble()
         why = "; ".join(filter(None, (live, past_ and f"the past: {past_}")))
         return JSONResponse({"status": "degraded", "why": why} if why else {"status": "ready"})

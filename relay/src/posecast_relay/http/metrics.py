@@ -14,6 +14,7 @@ from prometheus_client.registry import Collector
 
 from posecast_relay.core.breaker import Breaker
 from posecast_relay.core.histogram import BOUNDS_S, Histogram
+from posecast_relay.core.hub import Hub
 from posecast_relay.core.past.recorder import Recorder
 from posecast_relay.http.archive_metrics import ArchiveStats, describe_archive
 from posecast_relay.runtime.dispatcher import Dispatcher
@@ -53,6 +54,7 @@ class HeldStats(Protocol):
 
     count: int
     turned_away: int
+    answers: Counter[str]
 
 
 @runtime_checkable
@@ -97,8 +99,6 @@ class RelayCollector(Collector):
         rooms = [room for robot in everywhere for room in list(robot.rooms.values())]
         previews = sum(len(each.previews) for each in self._hubs)
         viewers = sum(len(each.viewers) for each in self._hubs) - previews
-        endings: Counter[int] = sum((Counter(each.endings) for each in self._hubs), Counter())
-        preview_endings: Counter[int] = sum((Counter(each.preview_endings) for each in self._hubs), Counter())
         now = self._dispatcher.now()
         yield GaugeMetricFamily("posecast_viewers", "Viewers connected", viewers)
         yield GaugeMetricFamily("posecast_previews", "Cards of lists that move: no viewers", previews)
@@ -137,14 +137,7 @@ class RelayCollector(Collector):
         yield _make_labelled(
             "posecast_handshakes", "Requests for a stream", "result", shaken, CounterMetricFamily
         )
-        for name, text, ended in (
-            ("posecast_endings", "Viewers let go, by close code", endings),
-            ("posecast_preview_endings", "Cards of lists let go, by close code", preview_endings),
-        ):
-            by_code = {str(int(code)): count for code, count in ended.items()}
-            yield _make_labelled(name, text, "code", by_code, CounterMetricFamily)
-        evicted = sum(endings[code] for code in EVICTIONS)
-        yield CounterMetricFamily("posecast_evictions", "Viewers cut because they did not keep up", evicted)
+        yield from _describe_endings(self._hubs)
         yield GaugeMetricFamily(
             "posecast_ceiling_hz", "Rate that overload leaves; +Inf = all", hub.load.ceiling_hz
         )
@@ -177,6 +170,21 @@ class RelayCollector(Collector):
             yield from _describe_held(self._held)
         if self._archive is not None:
             yield from describe_archive(self._archive)
+
+
+def _describe_endings(hubs: Sequence[Hub]) -> Iterable[Metric]:
+    endings: Counter[int] = sum((Counter(each.endings) for each in hubs), Counter())
+    preview_endings: Counter[int] = sum((Counter(each.preview_endings) for each in hubs), Counter())
+    for name, text, ended in (
+        ("posecast_endings", "Viewers let go, by close code", endings),
+        ("posecast_preview_endings", "Cards of lists let go, by close code", preview_endings),
+    ):
+        by_code = {str(int(code)): count for code, count in ended.items()}
+        yield _make_labelled(name, text, "code", by_code, CounterMetricFamily)
+    laned = sum(each.sent_to_lane for each in hubs)
+    yield CounterMetricFamily("posecast_lane_viewers", "Of those told full, who were told the lane", laned)
+    evicted = sum(endings[code] for code in EVICTIONS)
+    yield CounterMetricFamily("posecast_evictions", "Viewers cut because they did not keep up", evicted)
 
 
 def _describe_mirror(mirror: MirrorStats) -> Iterable[Metric]:
@@ -215,6 +223,9 @@ def _describe_held(held: HeldStats) -> Iterable[Metric]:
     yield GaugeMetricFamily("posecast_past_held_requests", text, held.count)
     text = "Of such, answered at once since so many wait"
     yield CounterMetricFamily("posecast_past_turned_away_requests", text, held.turned_away)
+    given = {"segment": 0, "next": 0, "not yet": 0, "none": 0} | held.answers
+    text = "Requests for a segment by what they got"
+    yield _make_labelled("posecast_past_segment_requests", text, "result", given, CounterMetricFamily)
 
 
 def _make_histogram(name: str, text: str, times: Histogram) -> Metric:
@@ -255,13 +266,15 @@ def start_metrics(
     way: PastWayStats | None = None,
     held: HeldStats | None = None,
     archive: ArchiveStats | None = None,
+    join: Callable[[Collector], Collector] | None = None,
 ) -> tuple[int, Callable[[], None]]:
     """Serve metrics on `host`:`port` (0 = any free); returns the port and a function that stops it.
 
-    Raises OSError when the port is in use.
+    `join` adds those of other processes of this relay. Raises OSError when the port is in use.
     """
     registry = CollectorRegistry()
-    registry.register(RelayCollector(dispatchers, mirror, refused, past, way, held, archive))
+    own = RelayCollector(dispatchers, mirror, refused, past, way, held, archive)
+    registry.register(own if join is None else join(own))
     server, thread = start_http_server(port, host, registry)
 
     def stop() -> None:

@@ -120,15 +120,20 @@ class RedisPast(RecentOnly):
         """Look often at the views that `list_waiting` returns, and `wake` when there is something new."""
         self._list_waiting, self._wake = list_waiting, wake
 
-    async def refresh(self, robot: str, view: str) -> None:
-        """Bring up to date what is known of a view. Raises PastAway."""
+    async def refresh(self, robot: str, view: str, *, anew: bool = False) -> None:
+        """Bring up to date what is known of a view: FRESH_S old at most, or `anew`, by a look of now.
+
+        Raises PastAway.
+        """
         key = robot, view
-        self._check()
-        replica = self._views.get(key)
-        if replica is not None and self._now() - replica.looked_at < FRESH_S:
-            self._views.move_to_end(key)
-            return
-        await self._share(key, partial(self._look, robot, view))
+        since_s = self._now() - (0 if anew else FRESH_S)
+        for _ in range(2):  # a look that is under way may have begun before
+            self._check()
+            replica = self._views.get(key)
+            if replica is not None and replica.looked_at > since_s:
+                self._views.move_to_end(key)
+                return
+            await self._share(key, partial(self._look, robot, view))
 
     async def load(self, segments: Sequence[KeptSegment]) -> list[KeptSegment]:
         """Return these segments with their bytes, without those that are gone or damaged. Raises PastAway."""

@@ -30,7 +30,7 @@ from posecast_relay.redis.client import (
     status_key,
     writer_key,
 )
-from posecast_relay.redis.directory import BOARD, RedisDirectory
+from posecast_relay.redis.directory import BOARD, CountBeside, Now, RedisDirectory, count_none
 from posecast_relay.redis.guard import (
     CLAIM,
     GUARD,
@@ -42,9 +42,11 @@ from posecast_relay.redis.guard import (
     STORED,
 )
 from posecast_relay.redis.messages import unpack_events
-from posecast_relay.redis.write_calls import WrittenState, gives_way, make_presence_call, make_state_call
+from posecast_relay.redis.stream_updates import WrittenState
+from posecast_relay.redis.write_calls import gives_way, make_presence_call, make_state_call
 
 T = TypeVar("T")
+Describe = Callable[[Robot], dict[str, Any]]
 
 log = logging.getLogger("posecast_relay")
 
@@ -68,7 +70,7 @@ class RedisStore:
     """Writes all streams to Redis. `describe` returns a robot's document for the directory."""
 
     def __init__(
-        self, url: str, hub: Hub, now: Callable[[], float], describe: Callable[[Robot], dict[str, Any]]
+        self, url: str, hub: Hub, now: Now, describe: Describe, count_beside: CountBeside = count_none
     ) -> None:
         self.failures = 0
         self.losses = 0  # times that Redis, having been there, was not any more
@@ -77,6 +79,7 @@ class RedisStore:
         self._hub = hub
         self._now = now
         self._describe = describe
+        self._count_beside = count_beside
         self._dirty: dict[Stream, None] = {}
         self._written: dict[Stream, WrittenState] = {}
         self._turns: dict[str, _Turn] = {}  # by robot
@@ -352,10 +355,12 @@ class RedisStore:
             del self._tokens[name]
         await self._exchange(mine)
         for of_mine in heard:
-            of_mine.set_followed(self.directory.count_viewers_elsewhere(of_mine.name) > 0)
+            others = self.directory.count_viewers_elsewhere(of_mine.name)
+            of_mine.set_followed(others + self._count_beside(of_mine.name) > 0)
 
     async def _exchange(self, mine: Iterable[Robot]) -> None:
-        viewers = {r.name: r.count_viewers() for r in self._hub.robots.values() if r.has_viewers()}
+        beside, robots = self._count_beside, self._hub.robots.values()
+        viewers = {r.name: n for r in robots if (n := r.count_viewers() + beside(r.name)) > 0}
         found = {robot.name: self._run_guarded(robot.name, partial(self._describe, robot)) for robot in mine}
         told = {name: document for name, document in found.items() if document is not None}
         try:

@@ -26,6 +26,7 @@ from posecast_relay.core.actions import (
 from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.load_shedder import NO_CEILING
+from posecast_relay.core.policy.admission import FULL
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.core.viewer.viewer import Viewer
 from posecast_relay.runtime.fan_out import SLICE, FanOut
@@ -86,14 +87,18 @@ class Dispatcher:
         source: RobotSource | None = None,
         verify: Callable[[Viewer, str], None] = _ignore,
         changed: Callable[[Stream], None] = _ignore,
+        full: Callable[[Viewer, str | None], None] = _ignore,
     ) -> None:
-        """`verify` is called with a viewer and its new token, `changed` with each stream that has changed."""
+        """`verify` is called with a viewer and its new token, `changed` with each stream that has changed,
+        `full` with each viewer for whom this process has no place, and the lane that it is told.
+        """
         self.hub = hub
         self.store = store
         self._fan_out = fan_out
         self._source = NoSource() if source is None else source
         self._verify = verify
         self._changed = changed
+        self._full = full
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.TimerHandle | None = None
         self._armed_at = float("inf")
@@ -236,8 +241,10 @@ class Dispatcher:
                     self.store.keep(stream)
                 finally:
                     self._changed(stream)
-            case CloseConnection(viewer, close, reason, retry_s):
-                viewer.outlet.end(close, reason, retry_s)
+            case CloseConnection(viewer, close, reason, retry_s, lane):
+                viewer.outlet.end(close, reason, retry_s, lane)
+                if reason == FULL.reason:
+                    self._full(viewer, lane)
                 _log_ended(viewer, close, reason)
             case Abort(viewer, close):
                 viewer.outlet.cut(close)

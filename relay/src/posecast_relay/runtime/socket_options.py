@@ -25,7 +25,7 @@ def use_small_buffers(transport: asyncio.Transport) -> None:
 def leave_unsent(transport: asyncio.Transport) -> None:
     """What the peer does not take waits in the transport: a kernel would swallow megabytes of it."""
     sock = transport.get_extra_info("socket")
-    if sock is not None and hasattr(socket, "TCP_NOTSENT_LOWAT"):
+    if sock is not None and sock.family != socket.AF_UNIX and hasattr(socket, "TCP_NOTSENT_LOWAT"):
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, UNSENT_BYTES)
     transport.set_write_buffer_limits(high=0)
 
@@ -35,6 +35,11 @@ def cut_unread(sock: socket.socket, after_ms: int) -> None:
     listener: whoever connects to it."""
     if hasattr(socket, "TCP_USER_TIMEOUT"):  # not on macOS
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, after_ms)
+
+
+def peer_of(transport: asyncio.BaseTransport) -> str:
+    """Of whom, as an address; empty where there is none."""
+    return str((transport.get_extra_info("peername") or ("",))[0])
 
 
 def descriptor_of(transport: asyncio.Transport) -> int:

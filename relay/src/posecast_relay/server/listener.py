@@ -2,19 +2,33 @@
 
 from __future__ import annotations
 
+import contextlib
+import logging
+import resource
 import socket
 
 from posecast_relay.config.settings import StartError
 from posecast_relay.runtime.socket_options import cut_unread
 
+log = logging.getLogger("posecast_relay")
+
+SPARE_FILES = 1000  # beside the viewers' sockets
 BACKLOG = 4096  # a lecture hall opens the link at once
 # An answer (a file of the page, a model) that nobody reads is kept so long; at a kilobyte a second some of it
 # is always read. Streams have limits of their own.
 UNREAD_MS = 120_000
 
 
-def listen(host: str, port: int) -> socket.socket:
-    """Open a listening socket; port 0 means any free one. Raises StartError when it can't be opened."""
+def listen(host: str, port: int, is_first: bool = False, is_shared: bool = False) -> socket.socket:
+    """Open a listening socket; port 0 means any free one. Raises StartError when it can't be opened.
+
+    `is_shared`: other processes of this user may listen there as well; each gets a part of the connections.
+    `is_first`: likewise, but nobody listens there yet.
+    """
+    if is_first:
+        with listen(host, port) as alone:  # which fails where the workers of another relay share the port
+            port = alone.getsockname()[1]
+        return listen(host, port, is_shared=True)
     try:
         family, kind, proto, _, address = socket.getaddrinfo(
             host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
@@ -23,6 +37,8 @@ def listen(host: str, port: int) -> socket.socket:
     except OSError as e:
         raise StartError(f"--host {host}: {e.strerror}") from None
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    if is_shared:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
     cut_unread(listener, UNREAD_MS)
     try:
         listener.bind(address)
@@ -31,3 +47,17 @@ def listen(host: str, port: int) -> socket.socket:
         listener.close()
         raise StartError(f"http://{host}:{port}: {(e.strerror or str(e)).lower()}") from None
     return listener
+
+
+def allow_sockets(viewers: int) -> None:
+    """Raise the limit of open files, usually 1,024, so that each viewer can have a socket."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = viewers + SPARE_FILES
+    if hard != resource.RLIM_INFINITY:
+        wanted = min(wanted, hard)
+    if soft != resource.RLIM_INFINITY and soft < wanted:
+        with contextlib.suppress(OSError, ValueError):
+            resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+            soft = wanted
+    if soft != resource.RLIM_INFINITY and soft < viewers + SPARE_FILES:
+        log.warning("only %d open files allowed: fewer viewers than --max-viewers %d", soft, viewers)

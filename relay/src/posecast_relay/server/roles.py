@@ -14,6 +14,7 @@ from typing import Any
 from posecast_relay.config.settings import Settings
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.policy.policy import PUBLIC
+from posecast_relay.core.roster import CountsElsewhere, name_robot
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.http.robots import make_robot_summary
 from posecast_relay.models.cache import ModelCache, ModelSource
@@ -49,15 +50,16 @@ def make_role_services(
     hub: Hub,
     past: PastServices | None,
     pinned: Callable[[], Iterable[str]] = tuple,
+    elsewhere: CountsElsewhere | None = None,
 ) -> RoleServices:
     """Make the services of the role that `settings` asks for.
 
     `router` is None for a gateway only. `past` may have models as well, and keeps those that it names.
-    `pinned` names robots that a gateway hears even if nobody watches.
+    `pinned` names robots that a gateway hears even if nobody watches. `elsewhere`: what other workers count.
     """
     if past is None:
-        return _make(settings, router, hub, pinned, lambda live: live)
-    services = _make(settings, router, hub, pinned, past.join_models)
+        return _make(settings, router, hub, pinned, lambda live: live, elsewhere)
+    services = _make(settings, router, hub, pinned, past.join_models, elsewhere)
     past.keep_models(services.models)
     return services
 
@@ -68,6 +70,7 @@ def _make(
     hub: Hub,
     pinned: Callable[[], Iterable[str]],
     join_models: JoinModels,
+    elsewhere: CountsElsewhere | None,
 ) -> RoleServices:
     cache_bytes = settings.model_cache_mb << 20
     if router is None:
@@ -83,14 +86,19 @@ def _make(
             ingest.stop()
 
         return RoleServices(models, MemoryStore(), ingest, start, stop, ingest.admit)
-    return _with_redis(settings.store, hub, models, ingest)
+    return _with_redis(settings.store, hub, models, ingest, elsewhere)
 
 
-def _with_redis(url: str, hub: Hub, models: ModelCache, ingest: ZenohIngest) -> RoleServices:
+def _with_redis(
+    url: str, hub: Hub, models: ModelCache, ingest: ZenohIngest, elsewhere: CountsElsewhere | None
+) -> RoleServices:
     from posecast_relay.redis.models import ModelUploader  # noqa: PLC0415 — half of the time to start
     from posecast_relay.redis.store import RedisStore  # noqa: PLC0415
 
-    store = RedisStore(url, hub, Dispatcher.now, _describe_robot)
+    def count_beside(robot: str) -> int:
+        return 0 if elsewhere is None else elsewhere.count_elsewhere(name_robot(robot))
+
+    store = RedisStore(url, hub, Dispatcher.now, _describe_robot, count_beside)
     porter = ModelUploader(store.link, hub, models)
 
     async def start(dispatcher: Dispatcher) -> None:

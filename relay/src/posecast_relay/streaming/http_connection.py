@@ -20,7 +20,7 @@ from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol, RequestResp
 from posecast_relay.auth.access import Access
 from posecast_relay.auth.addresses import find_real_address
 from posecast_relay.runtime.boundary import isolated
-from posecast_relay.runtime.socket_options import leave_unsent
+from posecast_relay.runtime.socket_options import leave_unsent, peer_of
 from posecast_relay.streaming.pending_requests import PendingRequests
 
 HEAD_BYTES = 16 << 10  # request line and header lines; more: 431
@@ -223,9 +223,10 @@ class HttpConnection(HttpToolsProtocol):
 
     def _start_asgi_task(self, cycle: RequestResponseCycle, app: Any) -> None:
         """Answer the request when its turn has come."""
-        peer = (self.transport.get_extra_info("peername") or ("",))[0]
         address = find_real_address(
-            peer, self.find_header(cycle, b"x-forwarded-for"), self.access.addresses.trusted
+            peer_of(self.transport),
+            self.find_header(cycle, b"x-forwarded-for"),
+            self.access.addresses.trusted,
         )
         line = f"{address} health" if cycle.scope["raw_path"] in HEALTH else address
         self.answering = cycle
@@ -244,8 +245,17 @@ class HttpConnection(HttpToolsProtocol):
         self, cycle: RequestResponseCycle, app: Any, scope: Any, receive: Any, send: Any
     ) -> None:
         """Run the application. It ends when the client has left, and an error in it ends this connection."""
+
+        async def send_now(message: Any) -> None:
+            if message["type"] == "http.response.start":
+                # uvicorn's Date is of when it was asked: for caches a held answer would be old at once
+                cycle.default_headers = self.server_state.default_headers
+                if self.access.live.draining:  # who asks again on this connection would ask a relay that goes
+                    cycle.keep_alive = False
+            await send(message)
+
         try:
-            await app(scope, receive, send)
+            await app(scope, receive, send_now)
         except asyncio.CancelledError:
             if not cycle.disconnected:  # the relay stops
                 cycle.disconnected = True

@@ -23,7 +23,7 @@ from posecast_relay.core.viewer import messages
 from posecast_relay.core.viewer.viewer import Viewer
 from posecast_relay.runtime.boundary import FAULT, isolated, isolated_task
 from posecast_relay.runtime.dispatcher import Dispatcher
-from posecast_relay.runtime.socket_options import cut_unread, use_small_buffers
+from posecast_relay.runtime.socket_options import cut_unread, peer_of, use_small_buffers
 from posecast_relay.streaming.decode_cache import DecodeCache
 from posecast_relay.streaming.encodings import Encoding, EventStreamEncoding, JsonEncoding
 from posecast_relay.streaming.handshake_queue import HandshakeQueue
@@ -90,7 +90,7 @@ class EventStream(asyncio.Protocol):
         sock = self._transport.get_extra_info("socket")
         if sock is not None:
             cut_unread(sock, USER_TIMEOUT_MS)
-        self._transport.write(HEAD % (f"access-control-allow-origin: {pages}\r\n".encode() if pages else b""))
+        self._transport.write(_make_head(pages))
         self._dispatcher.join(self._viewer)
 
     # ---- asyncio ----------------------------------------------------------
@@ -136,13 +136,11 @@ class EventStream(asyncio.Protocol):
         except Exception as e:
             self.end_after_fault(e)
 
-    def end(self, close: Close, reason: str, retry_s: float | None) -> None:
+    def end(self, close: Close, reason: str, retry_s: float | None, lane: str | None = None) -> None:
         """Tell the viewer why, and when to come again, then close. `retry_s` is in seconds."""
         if self._closing is not None:
             return
-        ((_, bye),) = messages.split_messages(messages.make_bye(close, reason, retry_s))
-        wait_ms = _choose_wait_ms(close, retry_s)
-        self._transport.write(b"event: bye\ndata: " + bye + b"\nretry: %d\n\n" % wait_ms)
+        self._transport.write(_make_bye(close, reason, retry_s, lane))
         self._transport.close()
         self._closing = asyncio.get_running_loop().call_later(CLOSING_S, self._transport.abort)
 
@@ -165,6 +163,16 @@ class EventStream(asyncio.Protocol):
                 self.end(Close.INTERNAL_ERROR, FAULT, None)
         except Exception:
             self._transport.abort()
+
+
+def _make_head(pages: str | None) -> bytes:
+    """Make the head of a response whose events pages of the origin `pages` may read; None: of its own."""
+    return HEAD % (f"access-control-allow-origin: {pages}\r\n".encode() if pages else b"")
+
+
+def _make_bye(close: Close, reason: str, retry_s: float | None, lane: str | None) -> bytes:
+    ((_, bye),) = messages.split_messages(messages.make_bye(close, reason, retry_s, lane))
+    return b"event: bye\ndata: " + bye + b"\nretry: %d\n\n" % _choose_wait_ms(close, retry_s)
 
 
 def _choose_wait_ms(close: Close, retry_s: float | None) -> int:
@@ -248,14 +256,14 @@ class _Http(HttpConnection):
         if isinstance(grant, Refusal):
             self.refuse(grant.status, grant.reason)
             return
-        peer = (self.transport.get_extra_info("peername") or ("",))[0]
+        pages = "*" if grant.open else self._header(b"origin")  # that one was let in
+        peer = peer_of(self.transport)
         address = self.access.enter_address(applicant, peer, self._header(b"x-forwarded-for"))
         if isinstance(address, Refusal):
-            self.refuse(address.status, address.reason)
+            self._turn_away(address, applicant, pages)
             return
         self.connections.discard(self)
         form, dispatcher = self.forms[asked.decoded], self.access.find_dispatcher(grant)
-        pages = "*" if grant.open else self._header(b"origin")  # that one was let in
         left = partial(self.access.addresses.leave, address)
         try:
             stream = EventStream(self.transport, self.connections, dispatcher, form, asked, grant, left)
@@ -263,6 +271,18 @@ class _Http(HttpConnection):
             left()
             raise
         stream.start(pages)
+
+    def _turn_away(self, refusal: Refusal, applicant: Applicant, pages: str | None) -> None:
+        """Refuse a stream; by one that says nothing else where its reader has to be told the lane."""
+        if refusal.at_door:
+            self.refuse(refusal.status, refusal.reason)
+            return
+        dispatcher = self.access.live
+        told = dispatcher.hub.count_refusal(refusal, applicant.is_preview, dispatcher.now())
+        dispatcher.handshakes["told to go"] += 1
+        bye = _make_bye(told.close, told.reason, told.retry_s, told.lane)
+        self.transport.write(_make_head(pages) + bye)
+        self.transport.close()
 
 
 def make_http_protocol(of: Access, decoded: DecodeCache) -> type[_Http]:

@@ -27,7 +27,7 @@ from posecast_relay.core.policy.policy import ANYONE
 from posecast_relay.core.viewer import messages
 from posecast_relay.core.viewer.viewer import Viewer
 from posecast_relay.runtime.boundary import FAULT, isolated, isolated_task
-from posecast_relay.runtime.socket_options import descriptor_of, use_small_buffers
+from posecast_relay.runtime.socket_options import descriptor_of, peer_of, use_small_buffers
 from posecast_relay.streaming.decode_cache import DecodeCache
 from posecast_relay.streaming.encodings import Encoding, JsonEncoding, JsonOutlet
 from posecast_relay.streaming.request import BadRequest, StreamRequest, join_all, read_bearer, read_target
@@ -180,17 +180,16 @@ class LiveSocket(asyncio.Protocol):
         # a page's origin is looked at even where nobody verifies tokens
         is_foreign = not self.access.may_show(origin, host)
         applicant = self._applicant = asked.make_applicant(asked.auth or token is not None, is_foreign)
-        peer = (self._transport.get_extra_info("peername") or ("",))[0]
-        address = self.access.enter_address(applicant, peer, forwarded)
-        if isinstance(address, Refusal):
+        address = self.access.enter_address(applicant, peer_of(self._transport), forwarded)
+        if isinstance(address, Refusal) and address.at_door:
             self._reject(address.status, address.reason, address.retry_s)
             return
-        self._address = address
+        crowded, self._address = (address, None) if isinstance(address, Refusal) else (None, address)
         self._ws.send_response(self._ws.accept(request))
         self._send_own()
         if self._ws.state is not OPEN:
             self.dispatcher.handshakes["refused"] += 1
-        elif (refusal := self.access.find_refusal(applicant)) is not None:
+        elif (refusal := crowded or self.access.find_refusal(applicant)) is not None:
             self._refuse_entry(refusal)
         elif self.access.tokens is not None and applicant.shows_token:
             self._wait_for_token(asked, token)
@@ -231,9 +230,10 @@ class LiveSocket(asyncio.Protocol):
     @isolated
     def _refuse_entry(self, refusal: Refusal) -> None:
         self._waits_no_more()
-        self.dispatcher.hub.count_ending(refusal.close, self._applicant.is_preview)
+        is_preview, now = self._applicant.is_preview, self.dispatcher.now()
+        told = self.dispatcher.hub.count_refusal(refusal, is_preview, now)
         self.dispatcher.handshakes["told to go"] += 1
-        self.end(refusal.close, refusal.reason, refusal.retry_s)
+        self.end(told.close, told.reason, told.retry_s, told.lane)
 
     def _enter(self, asked: StreamRequest, applicant: Applicant) -> None:
         self._waits_no_more()
@@ -308,13 +308,13 @@ class LiveSocket(asyncio.Protocol):
         if not self._over:
             self._transport.write(data)
 
-    def end(self, close: Close, reason: str, retry_s: float | None) -> None:
+    def end(self, close: Close, reason: str, retry_s: float | None, lane: str | None = None) -> None:
         """Tell the viewer why, and close. If it does not answer in CLOSING_S seconds, it is cut off."""
         if self._ws.state is not OPEN:
             return
         if close is Close.TOO_MANY:
             self._read_no_more()
-        self._transport.write(messages.make_bye(close, reason, retry_s))
+        self._transport.write(messages.make_bye(close, reason, retry_s, lane))
         self._write_no_more()
         self._ws.send_close(close, reason[:100])
         self._send_own()

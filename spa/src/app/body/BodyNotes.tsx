@@ -1,3 +1,4 @@
+import '../styles/tools.css';
 import { useMemo } from 'react';
 import type { ModelReport } from '../../model/report.ts';
 import { LostReadings } from '../../twin/sensors/lost_readings.ts';

@@ -1,3 +1,4 @@
+import '../styles/tools.css';
 import { Suspense, useRef, useState } from 'react';
 import type { BodyView } from '../../view/body_view.ts';
 import { late } from '../shell/late.tsx';

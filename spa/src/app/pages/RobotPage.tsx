@@ -12,10 +12,18 @@ import { late, lateAfterBody } from '../shell/late.tsx';
 import { SIDE_BY_SIDE, useMedia } from '../shell/media.ts';
 import { heightPx, type SheetHeight } from '../shell/sheet_heights.ts';
 import { followPresentLinks, present, usePresenting } from '../state/presenting.ts';
-import { type RobotLink, useIsOld, useRobotLink, useVersion, useWord } from '../state/robot_link.ts';
+import {
+  type RobotLink,
+  useBehindMs,
+  useIsOld,
+  useRobotLink,
+  useVersion,
+  useWord,
+} from '../state/robot_link.ts';
 import { onSelection, selection } from '../state/selection.ts';
 import { changeSettings, useSettings } from '../state/settings.ts';
 import { Chip } from '../status/Chip.tsx';
+import { behindWords } from '../status/words.ts';
 import { say, useText } from '../text/language.ts';
 
 const Panel = late(async () => (await loadPanel()).Panel);
@@ -96,9 +104,13 @@ export function OneRobot(props: {
   }, [link]);
   const text = useText();
   const word = useWord(link);
+  const behindMs = useBehindMs(link);
+  const behind = behindWords({ word }, { behindMs });
   useEffect(() => {
-    document.title = `${isThen(word) ? `${word} · ` : ''}${title} · Posecast`;
-  }, [title, word]);
+    document.title = [isThen(word) ? word : behind, title, 'Posecast']
+      .filter((part) => part !== '')
+      .join(' · ');
+  }, [title, word, behind]);
   const { panelOpen } = useSettings();
   const page = useRef<HTMLDivElement>(null);
   useVersion(link);

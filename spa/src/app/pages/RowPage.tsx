@@ -1,6 +1,7 @@
+import '../styles/tools.css';
 import './row.css';
 import { type RefObject, useCallback, useEffect, useRef, useState } from 'react';
-import { manifestUrl } from '../../relay/addresses.ts';
+import { manifestUrl } from '../../auth/lane.ts';
 import type { RowMember, RowView } from '../../view/body_view.ts';
 import { bindBody } from '../body/body_link.ts';
 import { CameraViews } from '../body/CameraViews.tsx';

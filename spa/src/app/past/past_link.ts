@@ -1,3 +1,4 @@
+import { pastUrl } from '../../auth/lane.ts';
 import { tokenFor } from '../../auth/token.ts';
 import { fetchPartsAhead, LatePart } from '../../browser/late_part.ts';
 import type { PastSource } from '../../past/past_source.ts';
@@ -6,7 +7,6 @@ import type { Coming } from '../../past/player/coming.ts';
 import { PastPlayer } from '../../past/player/past_player.ts';
 import { OwnTape } from '../../past/player/tape/own_tape.ts';
 import { RelayPast } from '../../past/relay/relay_past.ts';
-import { apiUrl } from '../../relay/addresses.ts';
 import { nowMs } from '../../stream/clock.ts';
 import { isClaim, type Recorded } from '../../twin/liveness.ts';
 import { RobotTwin } from '../../twin/robot.ts';
@@ -142,7 +142,7 @@ export function openPast(live: RobotLink, atMs: number | null): Past {
   const { robot } = live.twin;
   const twin = new RobotTwin(robot, nowMs());
   const own = new OwnTape();
-  const source = new RelayPast(apiUrl(`robots/${robot}/past`), {
+  const source = new RelayPast(pastUrl(robot), {
     fetch: (url, init) => fetch(url, init),
     tokenFor,
     loadReader: () => READER.load(),
@@ -183,13 +183,15 @@ export function schedule(run: () => void, afterMs: number): () => void {
 }
 
 /** Records what comes of the live stream. Returns a function that stops it. */
-function recordOwn(own: OwnTape, { twin, watch }: RobotLink): () => void {
+function recordOwn(own: OwnTape, { twin, watch, client }: RobotLink): () => void {
+  // what comes behind is recorded at the moment at which the relay had it, as the relay's own past has it
+  const behindMs = () => client.link.behindMs ?? 0;
   const state = () => {
-    if (twin.schema !== null && twin.state !== null) own.push(twin.schema, twin.state);
+    if (twin.schema !== null && twin.state !== null) own.push(twin.schema, twin.state, behindMs());
   };
   let info: ReadonlyMap<string, string> | null = null;
   const change = () => {
-    const atMs = nowMs();
+    const atMs = nowMs() - behindMs();
     own.model(twin.modelHash, atMs);
     if (twin.info !== info) own.info(twin.info, atMs);
     info = twin.info;
@@ -197,9 +199,9 @@ function recordOwn(own: OwnTape, { twin, watch }: RobotLink): () => void {
   };
   const word = () => {
     const said = watch.verdict();
-    if (said.cause === 'robot silent') own.word('silent', nowMs());
-    else if (said.word === 'OFFLINE') own.word('offline', nowMs());
-    else if (isClaim(said.word)) own.word('online', nowMs());
+    if (said.cause === 'robot silent') own.word('silent', nowMs() - behindMs());
+    else if (said.word === 'OFFLINE') own.word('offline', nowMs() - behindMs());
+    else if (isClaim(said.word)) own.word('online', nowMs() - behindMs());
   };
   const ends = [twin.onState(state), twin.onChange(change), watch.onWord(word)];
   change();

@@ -2,6 +2,7 @@ import type { PastControls } from '../../past/past_types.ts';
 import { isOld, type Verdict } from '../../twin/liveness.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import type { Watch } from '../state/liveness_watch.ts';
+import { pastWords } from '../status/past_words.ts';
 
 /** No segment is longer, and the first pose of one stands for all of it at first. */
 const NEAR_MS = 7000;
@@ -67,7 +68,14 @@ export class PastWatch implements Watch {
       ageMs: playhead.recorded === null ? Math.max(0, nowMs - toldMs) : null,
       linkMs: null,
       unchangedMs: null,
-      past: { momentMs: toldMs, askedMs, was: this.#was, isHere, recorded: playhead.recorded },
+      past: {
+        momentMs: toldMs,
+        askedMs,
+        was: this.#was,
+        isHere,
+        recorded: playhead.recorded,
+        words: pastWords,
+      },
     };
   }
 }

@@ -1,8 +1,8 @@
 import { useCallback, useEffect, useRef, useState, useSyncExternalStore } from 'react';
+import { pastUrl } from '../../auth/lane.ts';
 import { tokenFor } from '../../auth/token.ts';
 import { firstPaint } from '../../browser/first_paint.ts';
 import { LatePart } from '../../browser/late_part.ts';
-import { apiUrl } from '../../relay/addresses.ts';
 import { relayChoice } from '../../relay/relay.ts';
 import { useHash } from '../state/hash.ts';
 import { momentIn } from '../state/moment.ts';
@@ -100,7 +100,7 @@ export function useShown(live: RobotLink, past: Past | null | undefined): RobotL
 }
 
 async function hasPast(robot: string): Promise<boolean> {
-  const url = apiUrl(`robots/${robot}/past`);
+  const url = pastUrl(robot);
   const token = tokenFor(url);
   try {
     const answer = await fetch(

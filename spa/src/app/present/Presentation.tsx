@@ -61,13 +61,13 @@ function State({ link }: { link: RobotLink }) {
   useShownSecond(); // with the time line
   const connection = useConnection(link);
   const verdict = link.watch.verdict();
-  const { word, detail, more, warning } = chipWords(verdict, connection, nowMs());
+  const { word, detail, more, behind, warning } = chipWords(verdict, connection, nowMs());
   const why = stageWords(verdict, connection, nowMs());
   return (
     <>
       <p className="present-word" data-testid="present-word" data-state={verdict.word ?? ''}>
         <Sign word={verdict.word} />
-        <b>{word}</b> <span>{detail}</span>
+        <b>{word}</b> <span>{[detail, behind].filter((part) => part !== '').join(' · ')}</span>
       </p>
       <p className="present-why">{why ?? more.replace(/^[ ·:]+/, '')}</p>
       {warning !== '' && <p className="present-warning">{warning}</p>}
@@ -90,6 +90,7 @@ function Address({ link }: { link: RobotLink }) {
   });
   const query = new URLSearchParams(window.location.search);
   query.delete('origin'); // of the page around a frame
+  query.delete('lane'); // how this page reads the robot, not what it shows
   const place = recordingUrl() === null ? robotHref(link.twin.robot) : '#/';
   const address = `${home()}${query.size > 0 ? `?${query}` : ''}${place}${
     shownMs === null ? '' : `?t=${formatMoment(shownMs)}`

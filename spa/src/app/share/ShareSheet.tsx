@@ -35,7 +35,7 @@ export function ShareSheet({
     const timer = setInterval(() => setAt(window.location.href), SETTLE_MS);
     return () => clearInterval(timer);
   }, []);
-  const link = named === null ? at : linkAt(named, at);
+  const link = sharedLink(at, named);
   const { hostname } = window.location;
   const onlyHere = /^(localhost|127\.|\[::1\])/.test(hostname);
   return (
@@ -97,10 +97,15 @@ function usePathOf(robot: string | null): string | null {
   return known;
 }
 
-/** The view of the address `at`, at the address `page`. */
-function linkAt(page: string, at: string): string {
-  const { search, hash } = new URL(at);
-  return `${page}${search}${hash}`;
+/** The address of the view that stands at the address `at`; below `page`, unless that is null. Without the way by which this
+ *  page reads the robot: others take their own. */
+export function sharedLink(at: string, page: string | null): string {
+  const { origin, pathname, search, hash } = new URL(at);
+  const kept = search
+    .slice(1)
+    .split('&')
+    .filter((part) => part !== '' && !part.startsWith('lane='));
+  return `${page ?? origin + pathname}${kept.length === 0 ? '' : `?${kept.join('&')}`}${hash}`;
 }
 
 /** Whether this page uses a token for the robot, so that people without one may see less. */

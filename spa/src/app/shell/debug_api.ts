@@ -25,8 +25,11 @@ interface DebugApi {
   readonly link: {
     /** The frame rate that the relay granted, Hz; null until it has said so. */
     readonly granted_hz: number | null;
-    /** The transport in use: `websocket`, `events` (server-sent events over HTTP) or `mirror` (a database). */
+    /** The transport in use: `websocket`, `events` (server-sent events over HTTP), `mirror` (a database) or `segments` (the
+     *  relay's past, read as it grows). */
     readonly carrier: string;
+    /** How far what is shown lies behind now, ms; null: not at all. */
+    readonly behind_ms: number | null;
   } | null;
   readonly scene: (Omit<BodyView, 'load' | 'play' | 'setPose' | 'dispose'> & Partial<OfOneView>) | null;
   /** What tables, card and plots have cost so far: the number of writes, and the script time for them, ms. */
@@ -86,8 +89,8 @@ export function installDebugApi(): void {
     },
     get link() {
       if (link === null) return null;
-      const { grantedHz, by } = link.client.link;
-      return { granted_hz: grantedHz, carrier: by };
+      const { grantedHz, by, behindMs } = link.client.link;
+      return { granted_hz: grantedHz, carrier: by, behind_ms: behindMs };
     },
     get scene() {
       return scene;

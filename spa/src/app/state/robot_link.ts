@@ -1,8 +1,9 @@
 import { useEffect, useState, useSyncExternalStore } from 'react';
+import { laneUrl, manifestUrl } from '../../auth/lane.ts';
 import { fetchPartsAhead, setAway } from '../../browser/late_part.ts';
 import { retryNow } from '../../browser/retry.ts';
 import type { PastState } from '../../past/past_types.ts';
-import { manifestUrl, streamUrl, WANTED_HZ } from '../../relay/addresses.ts';
+import { streamUrl, WANTED_HZ } from '../../relay/addresses.ts';
 import { type Link, StreamClient } from '../../stream/client.ts';
 import { nowMs } from '../../stream/clock.ts';
 import { isOld, type Word } from '../../twin/liveness.ts';
@@ -42,7 +43,7 @@ export function useRobotLink(robot: string): RobotLink | null {
   useEffect(() => {
     const twin = new RobotTwin(robot, nowMs());
     loadOwnLimits(twin);
-    const client = new StreamClient(twin, streamUrl(robot), WANTED_HZ);
+    const client = new StreamClient(twin, streamUrl(robot), WANTED_HZ, laneUrl(robot));
     const watch = new LivenessWatch(
       twin,
       () => client.wake(),
@@ -89,6 +90,14 @@ export function useConnection({ client }: RobotLink): Link {
   return useSyncExternalStore(
     (listener) => client.onChange(listener),
     () => client.link,
+  );
+}
+
+/** How far what the page shows of the stream lies behind now, ms; null: not at all. The component is drawn again when it changes. */
+export function useBehindMs({ client }: RobotLink): number | null {
+  return useSyncExternalStore(
+    (listener) => client.onChange(listener),
+    () => client.link.behindMs,
   );
 }
 

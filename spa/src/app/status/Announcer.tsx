@@ -26,6 +26,7 @@ export function Announcer({ link }: { link: RobotLink }) {
         name,
         verdict: link.watch.verdict(),
         ending: link.client.link.ending,
+        behindMs: link.client.link.behindMs,
         readings: known ? (reader?.read(state.codes, limits, ALL) ?? null) : null,
         faults: link.faults.faults() ?? [],
       });

@@ -22,7 +22,7 @@ export function Chip({ link }: { link: RobotLink }) {
   const explanation = useId();
 
   const verdict = link.watch.verdict();
-  const { word, detail, more, warning } = chipWords(verdict, connection, nowMs());
+  const { word, detail, more, behind, warning } = chipWords(verdict, connection, nowMs());
   return (
     <div className="chip-around" ref={around}>
       <button
@@ -41,6 +41,11 @@ export function Chip({ link }: { link: RobotLink }) {
           <span className="chip-detail">
             {detail}
             <span className="chip-more">{more}</span>
+          </span>
+        )}
+        {behind !== '' && (
+          <span className="chip-behind" data-testid="behind">
+            {behind}
           </span>
         )}
         {warning !== '' && <span className="chip-warning">{warning}</span>}

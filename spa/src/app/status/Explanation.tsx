@@ -1,3 +1,5 @@
+import { laneUrl } from '../../auth/lane.ts';
+import { isClaim } from '../../twin/liveness.ts';
 import { useCatalogue } from '../explain/catalogue.ts';
 import { type RobotLink, useConnection } from '../state/robot_link.ts';
 import { useMore } from '../text/more.ts';
@@ -8,10 +10,13 @@ export function Explanation({ link }: { link: RobotLink }) {
   const connection = useConnection(link);
   const text = useMore();
   const catalogue = useCatalogue();
-  const told = catalogue?.words[link.watch.verdict().word ?? ''];
+  const verdict = link.watch.verdict();
+  const isBehind = connection.behindMs !== null && isClaim(verdict.word);
+  const told = catalogue?.words[isBehind ? 'BEHIND' : (verdict.word ?? '')];
+  const isLaneChosen = laneUrl(link.twin.robot) !== null;
   return (
     <>
-      {explanationWords(link.watch.verdict(), connection).map((line, i) => (
+      {explanationWords(verdict, connection, isLaneChosen).map((line, i) => (
         <p key={i === 0 ? 'first' : line.split(':')[0]}>{line}</p>
       ))}
       {told !== undefined && (

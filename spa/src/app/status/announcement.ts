@@ -1,14 +1,14 @@
 import type { Link } from '../../stream/client.ts';
 import type { Fault } from '../../twin/alarms/fault_log.ts';
 import { displayOf, formatNumber } from '../../twin/format.ts';
-import type { Verdict } from '../../twin/liveness.ts';
+import { isClaim, type Verdict } from '../../twin/liveness.ts';
 import { isolated } from '../../twin/names.ts';
 import type { OverlayReadings } from '../../twin/overlay/reader.ts';
 import { leanOf } from '../../twin/sensors/imus.ts';
 import type { Arrow, Wrench } from '../../twin/sensors/wrenches.ts';
 import { more } from '../text/more.ts';
 import { faultWords } from './fault_words.ts';
-import { causeWords, warningWords } from './words.ts';
+import { behindWords, causeWords, warningWords } from './words.ts';
 
 /** The text that screen readers are given about a robot. */
 export interface Announcement {
@@ -24,6 +24,8 @@ export interface AnnouncementInput {
   verdict: Pick<Verdict, 'word' | 'cause' | 'overShare'>;
   /** Why the connection ended, if it did. */
   ending?: Link['ending'];
+  /** How far what is shown lies behind now, ms; null: not at all. */
+  behindMs?: Link['behindMs'];
   /** The overlay's readings of the newest frame; null before any. */
   readings: Pick<OverlayReadings, 'wrenches' | 'body'> | null;
   faults: readonly Fault[];
@@ -46,6 +48,7 @@ export function announcement({
   name,
   verdict,
   ending = null,
+  behindMs = null,
   readings,
   faults,
 }: AnnouncementInput): Announcement {
@@ -54,14 +57,16 @@ export function announcement({
   const reasons = [causeWords(verdict.cause, { ending }), warningWords(verdict)].filter(
     (reason) => reason !== '',
   );
-  const state = more().spokenState(word, reasons.length === 0 ? null : reasons.join(', '));
+  const behind = behindWords(verdict, { behindMs });
+  const said = behind === '' ? reasons : [behind, ...reasons];
+  const state = more().spokenState(word, said.length === 0 ? null : said.join(', '));
   // The last values of a robot that is not live would sound like its present ones.
-  const present = word === 'LIVE' || word === 'HOLDING';
-  const parts = present ? [posture(readings), ...forces(readings), ...faulted(faults)] : [];
+  const parts = isClaim(word) ? [posture(readings), ...forces(readings), ...faulted(faults)] : [];
   const told = parts.filter((part) => part.text !== '');
   return {
     text: [`${name}: ${state}`, ...told.map(({ text }) => text)].join('; '),
-    gist: [state, ...told.map(({ gist }) => gist)].join('; '),
+    // a second more or less behind is not announced again
+    gist: [word, behind === '' ? '' : 'behind', ...reasons, ...told.map(({ gist }) => gist)].join('; '),
   };
 }
 

@@ -3,16 +3,20 @@ import { formatSpan } from '../../twin/format.ts';
 import type { Verdict } from '../../twin/liveness.ts';
 import { isolated } from '../../twin/names.ts';
 import { more } from '../text/more.ts';
-import { endingWords } from './words.ts';
+import { behindSpan, endingWords } from './words.ts';
 
-/** The lines of the explanation that the state chip opens: the state first, then the connection. */
-export function explanationWords(verdict: Verdict, link: Link): string[] {
+/** The lines of the explanation that the state chip opens: the state first, then the connection. `isLaneChosen`: the page reads
+ *  in segments because it was told to, not because the relay is full. */
+export function explanationWords(verdict: Verdict, link: Link, isLaneChosen = false): string[] {
   const text = more();
   const unwritten = link.by === 'mirror' && verdict.cause === 'relay degraded';
   const lines = [unwritten ? text.explainUnwritten : stateWords(verdict, link)];
   if (verdict.word === 'RECORDED') return lines; // there is no relay
   if (verdict.overShare) lines.push(text.explainOverShare);
-  lines.push(verdict.linkMs === null ? text.notHeardYet : text.lastHeard(formatSpan(verdict.linkMs)));
+  if (link.behindMs !== null) lines.push(whyBehind(link.by, link.behindMs, isLaneChosen));
+  if (link.by !== 'segments')
+    // a cache may answer for it
+    lines.push(verdict.linkMs === null ? text.notHeardYet : text.lastHeard(formatSpan(verdict.linkMs)));
   if (link.by === 'events' && link.phase === 'open') lines.push(text.explainEvents);
   if (link.by === 'mirror') lines.push(text.explainMirror);
   if (link.roundTripMs !== null) lines.push(text.roundTrip(formatSpan(link.roundTripMs)));
@@ -34,6 +38,7 @@ function stateWords({ word, cause, unchangedMs }: Verdict, { ending }: Link): st
     case 'STALE':
       if (cause === 'robot silent') return text.explainSilent;
       if (cause === 'no connection' && ending !== null) return endingWords(ending);
+      if (cause === 'waiting for the next part') return text.explainNextPart;
       return cause === 'relay degraded' ? text.explainDegraded : text.explainLost;
     case 'OFFLINE':
       return text.explainOffline;
@@ -42,6 +47,12 @@ function stateWords({ word, cause, unchangedMs }: Verdict, { ending }: Link): st
     case 'RECORDED':
       return text.explainRecorded;
   }
+}
+
+function whyBehind(by: Link['by'], behindMs: number, isLaneChosen: boolean): string {
+  const { explainDelayed, explainCached, explainFull } = more();
+  const say = by !== 'segments' ? explainDelayed : isLaneChosen ? explainCached : explainFull;
+  return say(behindSpan(behindMs));
 }
 
 function rateWords(reason: string): string {

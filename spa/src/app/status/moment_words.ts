@@ -1,5 +1,7 @@
 import { formatClockSeconds } from '../../twin/format.ts';
-import { languageTag, say } from '../text/language.ts';
+import { languageTag } from '../text/language.ts';
+import { more } from '../text/more.ts';
+import { spanWords } from './span_words.ts';
 
 /** A moment in the viewer's time zone and how long ago it was: "14:02:07 · 2 min ago"; with the date if that was not
  *  today. */
@@ -20,26 +22,11 @@ export function dayWords(momentMs: number, nowMs: number): string {
   const at = new Date(momentMs);
   const year = at.getFullYear();
   const month = at.toLocaleDateString(languageTag(), { month: 'short' });
-  const date = say().date(month, at.getDate(), year === new Date(nowMs).getFullYear() ? null : year);
+  const date = more().date(month, at.getDate(), year === new Date(nowMs).getFullYear() ? null : year);
   return `${date} ${formatClockSeconds(momentMs)}`;
 }
 
 /** "2 min ago"; at least a second. */
 export function agoWords(ageMs: number): string {
-  return say().ago(spanWords(Math.max(1000, ageMs)));
-}
-
-/** A duration in whole units: "9 s", "2 min". */
-export function spanWords(ms: number): string {
-  const text = say();
-  if (ms < 119_500) return text.seconds(Math.round(ms / 1000));
-  if (ms < 7_170_000) return text.minutes(Math.round(ms / 60_000));
-  const days = Math.round(ms / 86_400_000);
-  return days >= 2 ? text.days(days) : text.hours(Math.round(ms / 3_600_000));
-}
-
-/** Says that the moment that a link names is not kept, and which is shown instead. */
-export function notKeptWords(askedMs: number, momentMs: number, nowMs: number): string {
-  const [asked, clock] = [dayWords(askedMs, nowMs), formatClockSeconds(momentMs)];
-  return momentMs > askedMs ? say().notKept(asked, clock) : say().notRecordedAt(asked, clock);
+  return more().ago(spanWords(Math.max(1000, ageMs)));
 }

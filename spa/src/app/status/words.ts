@@ -1,11 +1,11 @@
 import type { Link } from '../../stream/client.ts';
 import type { Ending } from '../../stream/messages.ts';
-import { formatClock, formatClockSeconds, formatSpan } from '../../twin/format.ts';
-import { type Cause, isThen, type Verdict } from '../../twin/liveness.ts';
+import { formatClock, formatSpan } from '../../twin/format.ts';
+import { type Cause, isClaim, isThen, type Verdict } from '../../twin/liveness.ts';
 import { isolated } from '../../twin/names.ts';
 import type { Text } from '../text/en.ts';
 import { say } from '../text/language.ts';
-import { agoWords, notKeptWords } from './moment_words.ts';
+import { spanWords } from './span_words.ts';
 
 /** Sentences about the state of the robot, the connection and loading. */
 
@@ -17,13 +17,20 @@ export interface ChipWords {
   detail: string;
   /** A further detail that narrow screens leave out. */
   more: string;
+  /** How far what is called LIVE or HOLDING lies behind now: "4 s behind". It is shown on every screen: without it the word
+   *  would say too much. */
+  behind: string;
   /** A problem that can exist in any state, also in LIVE. It is shown on every screen. */
   warning: string;
 }
 
 /** The texts of the state chip. `nowMs`: Unix ms by the page's clock. */
 export function chipWords(verdict: Verdict, link: Link, nowMs: number): ChipWords {
-  return { ...stateWords(verdict, link, nowMs), warning: warningWords(verdict) };
+  return {
+    ...stateWords(verdict, link, nowMs),
+    behind: behindWords(verdict, link),
+    warning: warningWords(verdict),
+  };
 }
 
 /** The warning that the robot sends more than its share of the relay; empty if it does not. */
@@ -31,7 +38,17 @@ export function warningWords({ overShare }: Pick<Verdict, 'overShare'>): string 
   return overShare ? say().overShare : '';
 }
 
-function stateWords(verdict: Verdict, link: Link, nowMs: number): Omit<ChipWords, 'warning'> {
+/** "4 s behind", beside a word that claims the present; empty where nothing lies behind. */
+export function behindWords({ word }: Pick<Verdict, 'word'>, { behindMs }: Pick<Link, 'behindMs'>): string {
+  return behindMs === null || !isClaim(word) ? '' : say().behind(behindSpan(behindMs));
+}
+
+/** How far behind, in whole seconds: from one part of a lane to the next the tenths differ, and tell nobody anything. */
+export function behindSpan(behindMs: number): string {
+  return spanWords(Math.max(1000, behindMs));
+}
+
+function stateWords(verdict: Verdict, link: Link, nowMs: number): Omit<ChipWords, 'behind' | 'warning'> {
   const { ageMs, unchangedMs } = verdict;
   switch (verdict.word) {
     case null:
@@ -56,20 +73,10 @@ function stateWords(verdict: Verdict, link: Link, nowMs: number): Omit<ChipWords
       };
     case 'PAST':
     case 'RECORDED': {
-      const { clock, ago } = pastWords(verdict);
+      const { clock = '', ago = '' } = verdict.past?.words(verdict, nowMs) ?? {};
       return { word: verdict.word, detail: clock, more: ago };
     }
   }
-}
-
-/** When what is shown was, and what the robot was then if it was not live: "14:02:07", " · 2 min ago · was STALE"; of a
- *  recording "12 Nov 2026 14:02:07", " · 3:05 of 25:00". */
-function pastWords({ past, ageMs }: Pick<Verdict, 'past' | 'ageMs'>): { clock: string; ago: string } {
-  if (past === null) return { clock: '', ago: '' };
-  const { momentMs, was, recorded } = past;
-  const ago = ` · ${recorded?.within(momentMs) ?? agoWords(ageMs ?? 0)}`;
-  const clock = recorded?.when(momentMs) ?? formatClockSeconds(momentMs);
-  return { clock, ago: was === null ? ago : `${ago} · ${say().was(was)}` };
 }
 
 function paceWords(link: Link): string {
@@ -87,7 +94,7 @@ function delayWords(link: Link): string {
   const delay = delayMs(link);
   if (link.by === 'events') return ` · ${say().overHttp}`;
   if (link.by === 'mirror') return ` · ${say().mirror}`;
-  return delay === null ? '' : ` · ${formatSpan(delay)}`;
+  return delay === null || link.behindMs !== null ? '' : ` · ${formatSpan(delay)}`;
 }
 
 /** Why there is no connection, in a word or two, by the close code; for others `noConnection` is all there is to say. */
@@ -111,6 +118,8 @@ export function causeWords(cause: Cause | null, link?: Pick<Link, 'ending'>): st
       return say()[SHORT_ENDINGS[link?.ending?.code ?? 0] ?? 'noConnection'];
     case 'relay degraded':
       return say().relayDegraded;
+    case 'waiting for the next part':
+      return say().nextPart;
   }
 }
 
@@ -137,16 +146,7 @@ export function stageWords(verdict: Verdict, link: Link, nowMs: number): string 
     if (verdict.ageMs === null) return say().notOnAir;
     return say().offlineSince(formatClock(nowMs - verdict.ageMs));
   }
-  if (isThen(verdict.word)) {
-    const { clock, ago } = pastWords(verdict);
-    const { askedMs = null, momentMs = 0, isHere = true, recorded = null } = verdict.past ?? {};
-    const lacks = askedMs && (recorded?.lacks(askedMs, momentMs) ?? notKeptWords(askedMs, momentMs, nowMs));
-    const words = (lacks ?? clock) + ago;
-    return (
-      (recorded?.note(words) ?? say().pastNote(words)) +
-      (isHere || lacks ? '' : (recorded?.gap(momentMs) ?? say().pastComing))
-    );
-  }
+  if (isThen(verdict.word)) return verdict.past?.words(verdict, nowMs).note ?? null;
   if (verdict.word !== 'STALE') return null;
   if (verdict.cause === 'no connection') return connectionWords(link, nowMs);
   const since = verdict.ageMs === null ? say().noPoseYet : say().staleFor(formatSpan(verdict.ageMs));

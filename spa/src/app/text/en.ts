@@ -15,28 +15,18 @@ export const en = {
   shortForbidden: 'not shared',
   shortAbsent: 'no such robot',
   relayDegraded: 'relay degraded',
+  nextPart: 'waiting for the next part',
+  behind: (span: string) => `${span} behind`,
   overShare: 'robot sends too much',
   notOnAir: 'This robot is not on air. The page goes on by itself when it comes.',
   offlineSince: (clock: string) =>
     `Offline since ${clock}. The page goes on by itself when the robot is back.`,
   noPoseYet: 'No pose yet',
   staleFor: (span: string) => `Stale for ${span}`,
-  ago: (span: string) => `${span} ago`,
   seconds: (count: number) => `${count} s`,
   minutes: (count: number) => `${count} min`,
   hours: (count: number) => `${count} h`,
   days: (count: number) => `${count} days`,
-  date: (month: string, day: number, year: number | null) =>
-    year === null ? `${day} ${month}` : `${day} ${month} ${year}`,
-  /** `word`: STALE or OFFLINE, what the robot was at a moment of the past. */
-  was: (word: string) => `was ${word}`,
-  pastNote: (when: string) => `The past: ${when}.`,
-  /** `asked`: the moment that a link names; `shown`: the clock of the one that is shown. */
-  notKept: (asked: string, shown: string) =>
-    `${asked} is not kept any more; this is the oldest there is, ${shown}`,
-  notRecordedAt: (asked: string, shown: string) =>
-    `${asked} was not recorded; this is the nearest there is, ${shown}`,
-  pastComing: ' The pose of then is on its way.',
   tryingAgain: (what: string) => `${what} Trying again.`,
   tryingAgainIn: (what: string, seconds: number) => `${what} Trying again in ${seconds} s.`,
   tryNow: 'Try now',

@@ -11,6 +11,17 @@ export const moreEn = {
   notCome: (asked: string) => `${asked} has not come yet; this is live.`,
 
   // ---- what has to be told of the past that is shown
+  date: (month: string, day: number, year: number | null) =>
+    year === null ? `${day} ${month}` : `${day} ${month} ${year}`,
+  /** `word`: STALE or OFFLINE, what the robot was at a moment of the past. */
+  was: (word: string) => `was ${word}`,
+  pastNote: (when: string) => `The past: ${when}.`,
+  /** `asked`: the moment that a link names; `shown`: the clock of the one that is shown. */
+  notKept: (asked: string, shown: string) =>
+    `${asked} is not kept any more; this is the oldest there is, ${shown}`,
+  notRecordedAt: (asked: string, shown: string) =>
+    `${asked} was not recorded; this is the nearest there is, ${shown}`,
+  pastComing: ' The pose of then is on its way.',
   pastLoading: 'Loading',
   pastResumed: 'That moment is no longer kept; it goes on at the oldest there is.',
   pastDamaged: 'A part did not arrive as it was recorded, and was passed over.',
@@ -27,6 +38,13 @@ export const moreEn = {
   holdsStill: (span: string) =>
     `The robot holds still: position, reference and flags have not changed for ${span}. The link is fine.`,
   explainSilent: 'The relay is there, but the robot sends nothing new. What you see is its last pose.',
+  explainNextPart:
+    'The next part of the stream is overdue: the relay, or a cache on the way, is slow or does not answer. The page goes on by itself when it comes.',
+  explainFull: (span: string) =>
+    `As many people watch as the relay has places for. You see the same, ${span} later, by way of a cache; a place is taken as soon as one is free.`,
+  explainCached: (span: string) =>
+    `This page reads the robot by way of a cache. You see the same as others, ${span} later.`,
+  explainDelayed: (span: string) => `Whoever runs this robot shows it ${span} late.`,
   explainDegraded: 'The relay is there, but it cannot pass on what the robot does now.',
   explainOverShare: 'The robot sends more than its share of the relay, so some of its frames are dropped.',
   explainLost: 'This page has lost the relay. What you see is the last pose that came through.',

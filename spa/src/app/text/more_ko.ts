@@ -51,6 +51,12 @@ export const moreKo: More = {
   backTo3d: '3D로 돌아가기',
   try3d: '3D 다시 시도',
   lightView: '간단한 화면',
+  was: (word) => `당시 ${word}`,
+  pastNote: (when) => `지난 모습: ${when}.`,
+  notKept: (asked, shown) => `${asked} 기록은 이제 없어, 남아 있는 가장 오래된 순간을 보여 줍니다, ${shown}`,
+  notRecordedAt: (asked, shown) => `${asked}에는 기록이 없어, 가장 가까운 순간을 보여 줍니다, ${shown}`,
+  pastComing: ' 그때의 자세를 불러오는 중입니다.',
+  date: (month, day, year) => (year === null ? `${month} ${day}일` : `${year}년 ${month} ${day}일`),
   notHeardYet: '릴레이: 아직 응답이 없습니다.',
   lastHeard: (ago) => `릴레이: ${ago} 전에 마지막으로 응답했습니다.`,
   connectingToRelay: '릴레이에 연결하고 있습니다.',
@@ -58,6 +64,13 @@ export const moreKo: More = {
   holdsStill: (span) =>
     `로봇이 멈춰 있습니다. ${span} 동안 위치, 기준값, 플래그가 그대로입니다. 연결은 정상입니다.`,
   explainSilent: '릴레이는 있지만 로봇이 새 데이터를 보내지 않습니다. 지금 보이는 것은 마지막 자세입니다.',
+  explainNextPart:
+    '다음 부분이 늦어지고 있습니다. 릴레이나 중간의 캐시가 느리거나 응답하지 않습니다. 도착하면 페이지가 스스로 이어집니다.',
+  explainFull: (span) =>
+    `릴레이의 자리만큼 사람들이 보고 있습니다. 같은 모습이 캐시를 거쳐 ${span} 늦게 보이며, 자리가 나면 바로 옮겨 갑니다.`,
+  explainCached: (span) =>
+    `이 페이지는 캐시를 거쳐 로봇을 읽습니다. 다른 사람들과 같은 모습이 ${span} 늦게 보입니다.`,
+  explainDelayed: (span) => `이 로봇은 운영자가 일부러 ${span} 늦게 보여 줍니다.`,
   explainDegraded: '릴레이는 있지만 로봇의 현재 상태를 전달하지 못합니다.',
   explainOverShare: '로봇이 릴레이에서 제 몫보다 많이 보내어 일부 프레임이 버려집니다.',
   explainLost: '릴레이와 연결이 끊겼습니다. 지금 보이는 것은 마지막으로 받은 자세입니다.',

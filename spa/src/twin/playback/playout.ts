@@ -70,14 +70,16 @@ export class Playout {
     const before = this.#newest;
     if (before !== null && stamp.seq === before.seq && stamp.tS === before.tS) return false; // told again on rejoining
     const backwards = before !== null && (stamp.tS <= before.tS || stamp.seq <= before.seq);
-    if (backwards) this.#arrivals = new Arrivals();
+    // from a stream that lies behind to one that does not: what is known of the arrivals holds no more
+    const leaps = before !== null && (stamp.tS - before.tS) * 1000 - (stamp.atMs - before.atMs) > GAP_MS;
+    if (backwards || leaps) this.#arrivals = new Arrivals();
     this.#newest = stamp;
     const goal = this.#complete(values);
     const known = this.#newestGoal;
     const moves = known === null || goal.some((value, i) => !Object.is(value, known[i]));
     this.#newestGoal = goal;
     const { lineMs, moveMs } = this.#arrivals.add(stamp, moves);
-    const gap = before === null || backwards || stamp.atMs - before.atMs > GAP_MS;
+    const gap = before === null || backwards || leaps || stamp.atMs - before.atMs > GAP_MS;
     if (gap || this.#raw) return this.#jump(goal) || moves;
     if (!moves) return false;
     this.#move(goal, lineMs, moveMs, this.#playhead(stamp.atMs));

@@ -63,7 +63,7 @@ ENDINGS: dict[Close, Ending] = {
     Close.HALF_OPEN: Ending("half-open", "the viewer no longer answered", Retry.BACKOFF),
     Close.NO_ACK: Ending("no acknowledgement", "the viewer no longer acknowledged frames", Retry.BACKOFF),
     Close.TOO_MANY: Ending("too many messages", "the viewer sent messages too fast", Retry.WAIT),
-    Close.EVENTS_FULL: Ending("event lane full", "the viewer was too slow for the events", Retry.BACKOFF),
+    Close.EVENTS_FULL: Ending("event queue full", "the viewer was too slow for the events", Retry.BACKOFF),
 }
 
 

@@ -106,14 +106,22 @@ class Pong(TypedDict):
     t: float
 
 
-class Bye(TypedDict):
-    """Why the relay closes the connection. `retry_s`: see the retry rule of `code`; None if the relay
-    suggests nothing."""
-
+class _ByeBase(TypedDict):
     type: Literal["bye"]
     code: int
     reason: str
     retry_s: float | None
+
+
+class Bye(_ByeBase, total=False):
+    """Why the relay closes the connection. `retry_s`: see the retry rule of `code`; None if the relay
+    suggests nothing.
+
+    `lane`: where this viewer may read on without a connection, as segments by HTTP; an address that is
+    resolved against that of the stream.
+    """
+
+    lane: str
 
 
 class DecodedFrame(TypedDict):

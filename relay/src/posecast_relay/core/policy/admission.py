@@ -11,6 +11,7 @@ from http import HTTPStatus
 
 from posecast_wire import Close
 
+from posecast_relay.core.policy.lane import find_lane
 from posecast_relay.core.policy.policy import Grant, Policy, Principal
 
 HIDDEN = "no such robot here, or not for you"
@@ -25,7 +26,7 @@ class Refusal:
     """Why somebody is not let in: as a close code and as an HTTP status, in words, and when to try again.
 
     `at_door`: before there is a stream, so a WebSocket is answered by the status as well. `retry_s` None: the
-    close code alone says whether to try again.
+    close code alone says whether to try again. `lane`: where to read on meanwhile.
     """
 
     close: Close
@@ -33,6 +34,7 @@ class Refusal:
     reason: str
     retry_s: float | None = None
     at_door: bool = False
+    lane: str | None = None
 
 
 # What a page of another origin, or an address, may not: they end before a WebSocket begins.
@@ -97,10 +99,11 @@ class Applicant:
     is_preview: bool = False  # they want a picture that moves now and then, and give way to viewers
 
 
-def admit(applicant: Applicant, policy: Policy) -> Grant | Refusal | None:
+def admit(applicant: Applicant, policy: Policy, has_past: bool = False) -> Grant | Refusal | None:
     """Return what an applicant may see of a robot, or why they are refused.
 
-    None: there is no reason to refuse, but the robot or the applicant is not known yet.
+    None: there is no reason to refuse, but the robot or the applicant is not known yet. `has_past`: whether
+    this process answers for the past, so that there can be a lane.
 
     The order is that of cost: what stands in the request, then who asks, then what that one may see. Whether
     there is room is judged when they join, by `find_no_room`.
@@ -108,7 +111,9 @@ def admit(applicant: Applicant, policy: Policy) -> Grant | Refusal | None:
     if applicant.shows_token and applicant.is_foreign:
         return FOREIGN
     if applicant.is_crowded:
-        return CROWDED
+        lane = _find_lane(applicant, policy) if has_past else None
+        # a browser does not see why it is turned away at the door: they are let in to be told the lane
+        return CROWDED if lane is None else replace(CROWDED, at_door=False, lane=lane)
     if applicant.bad_name is not None:
         return Refusal(Close.ABSENT, HTTPStatus.NOT_FOUND, applicant.bad_name)
     found: Grant | Close | None = None
@@ -118,7 +123,16 @@ def admit(applicant: Applicant, policy: Policy) -> Grant | Refusal | None:
         found = policy.judge(applicant.who, applicant.robot, applicant.view)
     if applicant.is_preview and isinstance(found, Grant):
         found = replace(found, hz=min(found.hz, PREVIEW_HZ), is_preview=True, past_s=0.0)
+    if has_past and isinstance(found, Grant):
+        found = replace(found, lane=_find_lane(applicant, policy))
     return REFUSALS[found] if isinstance(found, Close) else found
+
+
+def _find_lane(applicant: Applicant, policy: Policy) -> str | None:
+    """Return the lane of what anyone may see of what they ask for. A picture in a list has none."""
+    if applicant.robot is None or applicant.bad_name is not None or applicant.is_preview:
+        return None
+    return find_lane(policy, applicant.robot, applicant.view)
 
 
 def find_no_room(grant: Grant | None, occupancy: Occupancy) -> Refusal | None:
@@ -126,14 +140,15 @@ def find_no_room(grant: Grant | None, occupancy: Occupancy) -> Refusal | None:
 
     A viewer has the place of a preview as well: whoever counts ends one then. A preview has free places only.
     The last step of admission, and its own function: only a hub counts viewers, and only at that moment.
+    Who would find room but for the bound of the whole relay is told the lane, where there is one.
     """
     if occupancy.is_draining:
         return DRAINING
     stays = grant is not None and grant.is_preview
     here = occupancy.viewers - (0 if stays else occupancy.previews)
-    if here >= occupancy.viewers_max:
-        return FULL
     of_audience = occupancy.of_audience - (0 if stays else occupancy.previews_of_audience)
-    if grant is not None and grant.viewers is not None and of_audience >= grant.viewers:
-        return ROBOT_FULL
-    return None
+    is_capped = grant is not None and grant.viewers is not None and of_audience >= grant.viewers
+    if here >= occupancy.viewers_max:
+        lane = None if grant is None or is_capped else grant.lane
+        return FULL if lane is None else replace(FULL, lane=lane)
+    return ROBOT_FULL if is_capped else None

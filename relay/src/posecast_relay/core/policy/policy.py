@@ -82,6 +82,7 @@ class Grant:
     who: Principal
     is_preview: bool = False  # a card in a list: counted as no viewer, and the first to go
     past_s: float = 0.0  # how far back from what is shown now; 0: not at all
+    lane: str | None = None  # where they read on when the relay has no place for them
 
     @property
     def open(self) -> bool:

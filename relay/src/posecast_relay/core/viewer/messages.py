@@ -130,7 +130,12 @@ def make_pong(t: float) -> bytes:
     return make_json(doc)
 
 
-def make_bye(code: int, reason: str, retry_s: float | None) -> bytes:
-    """Make `bye`: why the connection ends, and in how many seconds to try again."""
+def make_bye(code: int, reason: str, retry_s: float | None, lane: str | None = None) -> bytes:
+    """Make `bye`: why the connection ends, in how many seconds to try again, and where to read on meanwhile.
+
+    `lane`: an address to be resolved against that of the stream.
+    """
     doc: Bye = {"type": "bye", "code": code, "reason": reason, "retry_s": retry_s}
+    if lane is not None:
+        doc["lane"] = lane
     return make_json(doc)

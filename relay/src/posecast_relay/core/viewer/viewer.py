@@ -25,7 +25,7 @@ class Outlet(Protocol):
     def write(self, data: bytes) -> None:
         """Write these bytes to the socket."""
 
-    def end(self, close: Close, reason: str, retry_s: float | None) -> None:
+    def end(self, close: Close, reason: str, retry_s: float | None, lane: str | None = None) -> None:
         """Send `bye`, then close."""
 
     def cut(self, close: Close) -> None:

@@ -54,6 +54,7 @@ class PastDesk:
     ) -> None:
         """`has_models`: models of the past are kept as well, for who may see a past that names them."""
         self.source = source
+        self.policy: Policy | None = None
         self.deletions = deletions or Deletions()
         self.deletions.on_added(self._forget)
         self.has_models = has_models
@@ -66,8 +67,10 @@ class PastDesk:
         source.follow(self.held.list_waiting, self.held.wake)
 
     def set_policy(self, policy: Policy) -> None:
-        """Note what the rules that are in force from now on take back."""
+        """Note what the rules that are in force from now on take back. Who waits for more is judged anew."""
+        self.policy = policy
         self.unseen.set_policy(policy, self.compute_unix_ms())
+        self.held.wake_all()
 
     def compute_unix_ms(self) -> int:
         """Return the time now, in unix ms."""

@@ -35,7 +35,8 @@ from posecast_relay.http.past.address import (
     read_span,
     read_take,
 )
-from posecast_relay.http.past.desk import PastDesk, ShownPage
+from posecast_relay.http.past.desk import Found, PastDesk, ShownPage
+from posecast_relay.http.past.refusals import NO_STORE, tell_caches
 from posecast_relay.past_source import PastAway
 
 T = TypeVar("T")
@@ -50,8 +51,7 @@ NO_ROUTE = (
     "VIEW/schema/SHA256, with a VIEW as public, a DAY as 2026-11-22, ten MINUTES as 2026-11-22T14:20Z"
 )
 READABLE = {"access-control-expose-headers": "etag, retry-ms, retry-after"}  # for pages of other origins
-NO_STORE = {"cache-control": "private, no-store"}
-BUSY = NO_STORE | READABLE | {"retry-after": "1"}
+BUSY = READABLE | {"retry-after": "1"}
 BINARY = "application/octet-stream"
 HAD: dict[int | str, dict[str, Any]] = {304: {"description": "You have it"}}
 ERRORS: dict[int | str, dict[str, Any]] = {
@@ -84,6 +84,7 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
     api += "/{robot}/past"
 
     @app.get(api, summary="How far back you may look", responses=ERRORS | _tells(documents.PastSummary))
+    @tell_caches
     async def past(request: Request, robot: str, view: str | None = None) -> Response:
         if desk is None:
             return await _tell_no_past(access, request, robot, view)
@@ -98,6 +99,7 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
         summary="The text of a schema that a segment names",
         responses=BELOW | HAD,
     )
+    @tell_caches
     async def schema(request: Request, robot: str, view: str, sha256: str) -> Response:
         grant, at = await _enter(access, desk, request, robot, view)
         found = await _wait(at.find_schema(grant, _read(read_sha256, sha256)))
@@ -112,6 +114,7 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
         summary="A day by minutes (2026-11-22), or the index of ten minutes (2026-11-22T14:20Z)",
         responses=BELOW | _tells(documents.PastPage, documents.PastDay),
     )
+    @tell_caches
     async def index(request: Request, robot: str, view: str, span: str, after: str | None = None) -> Response:
         grant, at = await _enter(access, desk, request, robot, view)
         asked = _read(read_span, span)
@@ -128,6 +131,7 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
         summary="The first pose of each segment of ten minutes, or of each n-th: every",
         responses=BELOW | KEYS,
     )
+    @tell_caches
     async def key_page(request: Request, robot: str, view: str, page: str, every: str = "1") -> Response:
         grant, at = await _enter(access, desk, request, robot, view)
         asked, step = _read(read_page, page), _read(read_every, every)
@@ -140,28 +144,19 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
     @app.get(
         api + "/{view}/{take}/{index}", summary="A segment; the next one is held", responses=BELOW | HELD
     )
+    @tell_caches
     async def segment(request: Request, robot: str, view: str, take: str, index: str) -> Response:
         grant, at = await _enter(access, desk, request, robot, view)
         name = _read(read_take, take), _read(read_index, index)
-        found = await _wait(at.find_segment(grant, *name))
+        found = await _find(at, grant, name)
         if isinstance(found, NotYet) and request.method == "GET":
-            await _hold(at, grant, name, access.live.now)
-            grant, at = await _enter(access, desk, request, robot, view)  # it may have ended meanwhile
-            found = await _wait(at.find_segment(grant, *name))
-        match found:
-            case None:
-                _refuse(grant, "no such segment, as far as it is for you")
-            case NotYet():
-                headers = _share(grant, 1.0) | {"retry-ms": f"{RETRY_MS}"}
-                return Response(status_code=HTTPStatus.NO_CONTENT, headers=headers)
-            case SegmentName():
-                return Response(
-                    documents.make_next(found), headers=_share(grant, 1.0), media_type="application/json"
-                )
-            case KeptSegment():
-                window = find_past_window(grant, at.compute_unix_ms())
-                headers = _share(grant, window.compute_left_s(found.from_ms))
-                return _send(request, found.data, BINARY, found.sha256.hex(), headers)
+            with at.held.hold() as may_wait:
+                until_s, waits = access.live.now() + HOLD_S, may_wait
+                while waits and isinstance(found, NotYet):
+                    waits = await _hold(at, grant, name, access.live.now, until_s)
+                    grant, at = await _enter(access, desk, request, robot, view)  # it may be another now
+                    found = await _wait(at.find_segment(grant, *name))
+        return _answer(request, at, grant, found)
 
     _refuse_others(app, api)
 
@@ -181,38 +176,28 @@ async def _make_key_page(
 
 def _refuse_others(app: FastAPI, api: str) -> None:
     @app.get(api + "/{_rest:path}", include_in_schema=False)
-    async def no_such_route(_rest: str) -> Response:
+    @tell_caches
+    async def no_such_route(request: Request, _rest: str) -> Response:  # noqa: ARG001
         raise HTTPException(HTTPStatus.NOT_FOUND, NO_ROUTE)
 
 
 async def _tell_no_past(access: Access, request: Request, robot: str, view: str | None) -> Response:
     """Say that nobody may look back: no error, for every page would have it in its console."""
-    grant = await _require_grant(access, request, robot, view)
+    grant = await require_grant(access, request, robot, view)
     return Response(documents.make_no_summary(grant), media_type="application/json", headers=NO_STORE)
-
-
-async def _require_grant(access: Access, request: Request, robot: str, view: str | None) -> Grant:
-    """Return what the asker may see. Raises HTTPException; never cached."""
-    try:
-        return await require_grant(access, request, robot, view)
-    except HTTPException as e:
-        raise HTTPException(e.status_code, e.detail, NO_STORE | dict(e.headers or {})) from None
 
 
 async def _enter(
     access: Access, desk: PastDesk | None, request: Request, robot: str, view: str | None
 ) -> tuple[Grant, PastDesk]:
-    """Return what the asker may see, and where the past is. Raises HTTPException; never cached."""
-    grant = await _require_grant(access, request, robot, view)
-    try:
-        if desk is None:
-            raise HTTPException(HTTPStatus.NOT_IMPLEMENTED, NOT_KEPT)
-        await _wait(desk.source.refresh(grant.robot, grant.view))
-        await access.live.open_robot(grant.robot)
-        if access.find_robot(grant) is None and not await _wait(desk.has_any(grant)):
-            raise HTTPException(HTTPStatus.NOT_FOUND, HIDDEN)
-    except HTTPException as e:
-        raise HTTPException(e.status_code, e.detail, NO_STORE | dict(e.headers or {})) from None
+    """Return what the asker may see, and where the past is. Raises HTTPException."""
+    grant = await require_grant(access, request, robot, view)
+    if desk is None:
+        raise HTTPException(HTTPStatus.NOT_IMPLEMENTED, NOT_KEPT)
+    await _wait(desk.source.refresh(grant.robot, grant.view))
+    await access.live.open_robot(grant.robot)
+    if access.find_robot(grant) is None and not await _wait(desk.has_any(grant)):
+        raise HTTPException(HTTPStatus.NOT_FOUND, HIDDEN)
     return grant, desk
 
 
@@ -224,20 +209,58 @@ async def _send_day(request: Request, desk: PastDesk, grant: Grant, day: PastSpa
     return desk.answers.get_answer(request, name, lambda: body, _share(grant, 1.0))
 
 
-async def _hold(desk: PastDesk, grant: Grant, name: tuple[int, int], now: Callable[[], float]) -> None:
-    """Wait until a segment may be there; HOLD_S at most, and not at all when too many wait."""
-    with desk.held.hold() as may_wait:
-        until_s = now() + HOLD_S
-        waits = may_wait
-        while waits and (left_s := until_s - now()) > 0:
-            unix_ms = desk.compute_unix_ms()
-            found = desk.reader.find_segment(grant, *name, unix_ms)
-            if not isinstance(found, NotYet):
-                return
-            if found.due_ms is not None:
-                left_s = min(left_s, (found.due_ms - unix_ms + 1) / 1000)
-            waits = await desk.held.wait(grant.robot, grant.view, left_s)
-            await _wait(desk.source.refresh(grant.robot, grant.view))
+async def _find(desk: PastDesk, grant: Grant, name: tuple[int, int]) -> Found:
+    """Return a segment, or what there is instead. Raises HTTPException 503.
+
+    Of a name that this gateway does not know another one may have told a moment ago: it looks once more.
+    """
+    found = await _wait(desk.find_segment(grant, *name))
+    if found is None and grant.past_s > 0:
+        await _wait(desk.source.refresh(grant.robot, grant.view, anew=True))
+        found = await _wait(desk.find_segment(grant, *name))
+    return found
+
+
+async def _hold(
+    desk: PastDesk, grant: Grant, name: tuple[int, int], now: Callable[[], float], until_s: float
+) -> bool:
+    """Wait until a segment may be there or the rules are others; until `until_s` at most, seconds of `now`.
+
+    False when there was or is nothing to wait for. Raises HTTPException 503.
+    """
+    rules, has_waited = desk.policy, False
+    while (left_s := until_s - now()) > 0 and desk.policy is rules:
+        unix_ms = desk.compute_unix_ms()
+        found = desk.reader.find_segment(grant, *name, unix_ms)
+        if not isinstance(found, NotYet):
+            return has_waited
+        if found.due_ms is not None:
+            left_s = min(left_s, (found.due_ms - unix_ms + 1) / 1000)
+        if not await desk.held.wait(grant.robot, grant.view, left_s):
+            return False
+        has_waited = True
+        await _wait(desk.source.refresh(grant.robot, grant.view))
+    return left_s > 0
+
+
+def _answer(request: Request, desk: PastDesk, grant: Grant, found: Found) -> Response:
+    """Answer with a segment, or with what there is instead. Raises HTTPException 404."""
+    answers = desk.held.answers
+    if found is None:
+        answers["none"] += 1
+        _refuse(grant, "no such segment, as far as it is for you")
+    if isinstance(found, NotYet):
+        answers["not yet"] += 1
+        headers = _share(grant, 1.0) | {"retry-ms": f"{RETRY_MS}"}
+        return Response(status_code=HTTPStatus.NO_CONTENT, headers=headers)
+    if isinstance(found, SegmentName):
+        answers["next"] += 1
+        body, headers = documents.make_next(found), _share(grant, 1.0)
+        return Response(body, headers=headers, media_type="application/json")
+    answers["segment"] += 1
+    window = find_past_window(grant, desk.compute_unix_ms())
+    headers = _share(grant, window.compute_left_s(found.from_ms))
+    return _send(request, found.data, BINARY, found.sha256.hex(), headers)
 
 
 async def _wait(asked: Awaitable[T]) -> T:
@@ -252,7 +275,7 @@ def _read(read: Callable[[str], T], text: str) -> T:
     try:
         return read(text)
     except AddressError as e:
-        raise HTTPException(HTTPStatus.BAD_REQUEST, str(e), NO_STORE) from None
+        raise HTTPException(HTTPStatus.BAD_REQUEST, str(e)) from None
 
 
 def _refuse(grant: Grant, reason: str) -> NoReturn:
@@ -261,10 +284,14 @@ def _refuse(grant: Grant, reason: str) -> NoReturn:
 
 
 def _share(grant: Grant, fresh_s: float) -> dict[str, str]:
-    """Make the headers that say who may read an answer, and for how long caches may keep it."""
+    """Make the headers that say who may read an answer, and for how long caches may keep it.
+
+    A second at least, while it may be asked for: what may not be kept at all each of a crowd asks us for.
+    """
     if not grant.open:
         return NO_STORE
-    return OPEN | READABLE | {"cache-control": f"public, max-age={math.floor(min(fresh_s, FRESH_S_MAX))}"}
+    kept_s = max(1, math.floor(min(fresh_s, FRESH_S_MAX)))
+    return OPEN | READABLE | {"cache-control": f"public, max-age={kept_s}"}
 
 
 def _send(request: Request, body: bytes, type_: str, name: str, headers: dict[str, str]) -> Response:

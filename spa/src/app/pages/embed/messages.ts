@@ -8,7 +8,7 @@ export type ParentRequest =
   | { posecast: 'select'; joint: string | null }
   | { posecast: 'set'; changed: Partial<Pick<Settings, 'shown' | 'load' | 'angle' | 'theme'>> };
 
-/** What a frame tells: once when it is ready, then whenever the word changes. */
+/** What a frame tells: once when it is ready, then whenever the word changes, or how far what it shows lies behind. */
 export interface Told {
   posecast: 'ready' | 'liveness';
   robot: string;
@@ -16,6 +16,8 @@ export interface Told {
   word: string | null;
   cause: string | null;
   age_ms: number | null;
+  /** How far what is called LIVE or HOLDING lies behind now, ms; null: not at all. */
+  behind_ms: number | null;
   /** The moment of the past that is shown, unix ms; null unless the word is PAST. */
   moment_ms: number | null;
 }

@@ -1,3 +1,4 @@
+import { isClaim } from '../../../twin/liveness.ts';
 import { shownScene } from '../../shell/debug_api.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
 import { selectJoint } from '../../state/selection.ts';
@@ -5,14 +6,15 @@ import { applyLinkSettings } from '../../state/settings.ts';
 import { type ParentRequest, parentOrigin, readParentRequest, type Told } from './messages.ts';
 
 /** Talks with the page around this frame if the address names its origin. Returns a function that stops it. */
-export function connectParent({ twin, watch }: RobotLink): () => void {
+export function connectParent({ twin, watch, client }: RobotLink): () => void {
   const origin = parentOrigin(window.location.search);
   if (origin === null || window.parent === window) return () => {};
 
   const tell = (posecast: Told['posecast']) => {
     const { word, cause, ageMs, past } = watch.verdict();
     const moment_ms = past?.momentMs ?? null;
-    const told: Told = { posecast, robot: twin.robot, word, cause, age_ms: ageMs, moment_ms };
+    const behind_ms = isClaim(word) ? client.link.behindMs : null;
+    const told: Told = { posecast, robot: twin.robot, word, cause, age_ms: ageMs, behind_ms, moment_ms };
     window.parent.postMessage(told, origin);
   };
   const hear = (event: MessageEvent<unknown>) => {
@@ -21,11 +23,19 @@ export function connectParent({ twin, watch }: RobotLink): () => void {
     if (wish !== null) grant(wish);
   };
   window.addEventListener('message', hear);
-  const leave = watch.onWord(() => tell('liveness'));
+  let { behindMs } = client.link;
+  const leave = [
+    watch.onWord(() => tell('liveness')),
+    client.onChange(() => {
+      if (client.link.behindMs === behindMs) return;
+      ({ behindMs } = client.link);
+      tell('liveness');
+    }),
+  ];
   tell('ready');
   return () => {
     window.removeEventListener('message', hear);
-    leave();
+    for (const off of leave) off();
   };
 }
 

@@ -1,8 +1,9 @@
 import { useEffect, useRef, useState } from 'react';
+import { manifestUrl } from '../../../auth/lane.ts';
 import { tokenFor } from '../../../auth/token.ts';
 import { manifestAt } from '../../../model/files.ts';
 import { readManifest } from '../../../model/manifest.ts';
-import { manifestUrl, streamUrl } from '../../../relay/addresses.ts';
+import { streamUrl } from '../../../relay/addresses.ts';
 import { PreviewStream } from '../../../stream/preview/preview_stream.ts';
 import { type Pose, Poser } from '../../../twin/playback/pose.ts';
 import { withoutHeading } from '../../../twin/rotation.ts';

@@ -24,8 +24,9 @@ export function useMovingCard(list: RefObject<HTMLElement | null>, answerMs: num
   const reduced = useMedia('(prefers-reduced-motion: reduce), (prefers-reduced-data: reduce)');
   const pointed = useMedia('(hover: hover)');
   const line = (navigator as { connection?: Line }).connection;
-  // a mirror is read by nobody but the robot's own page
-  const may = mayMove(line, answerMs, reduced) && relayChoice().mirror === null;
+  // a mirror is read by nobody but the robot's own page, and where a lane is chosen nobody but who has a token takes a socket
+  const { mirror, lane } = relayChoice();
+  const may = mayMove(line, answerMs, reduced) && mirror === null && lane === null;
   useEffect(() => {
     const { current } = list;
     if (!may || current === null) return;

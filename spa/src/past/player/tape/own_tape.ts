@@ -48,15 +48,15 @@ export class OwnTape {
   #isMeasured = false;
   readonly #events = new Set<string>();
 
-  /** Adds a state of the live stream. Its codes are copied. */
-  push(schema: Schema, state: RobotState): void {
+  /** Adds a state of the live stream, which came so far behind. Its codes are copied. */
+  push(schema: Schema, state: RobotState, behindMs = 0): void {
     if (state.schemaId !== schema.id) return;
     const { seq, tS } = state;
     const before = this.#frames.at(-1);
     const rises = before !== undefined && before.schemaId === schema.id && ((seq - before.seq) | 0) > 0;
     if (!rises && this.#frames.some((known) => known.seq === seq && known.tS === tS)) return;
     const run = rises ? before.run : { runId: `own ${++this.#runs}`, isKnown: false };
-    const atMs = Math.max(state.atMs - (state.lateMs ?? 0), before?.atMs ?? 0);
+    const atMs = Math.max(state.atMs - (state.lateMs ?? 0) - behindMs, before?.atMs ?? 0);
     const codes = state.codes.slice(0, schema.size);
     this.#frames.push({ run, schema, schemaId: schema.id, seq, tS, codes, atMs, lateMs: 0 });
     this.#bytes += codes.byteLength;

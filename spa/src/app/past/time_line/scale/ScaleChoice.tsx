@@ -1,6 +1,6 @@
 import './scale.css';
 import type { PastControls } from '../../../../past/past_types.ts';
-import { spanWords } from '../../../status/moment_words.ts';
+import { spanWords } from '../../../status/span_words.ts';
 import { useMomentsText } from '../../../text/moments.ts';
 import { usePastText } from '../../../text/past.ts';
 import { ALL, chosenScale, scalesOf, stepScale } from './scales.ts';

@@ -1,6 +1,7 @@
 import type { Span } from '../../../../past/past_types.ts';
 import { formatClock, formatClockSeconds } from '../../../../twin/format.ts';
-import { languageTag, say } from '../../../text/language.ts';
+import { languageTag } from '../../../text/language.ts';
+import { more } from '../../../text/more.ts';
 
 /** A mark on the line's lower edge; most have no words. */
 export interface Tick {
@@ -63,7 +64,7 @@ export function halfPx(words: string, textPx: number): number {
 /** A day: "22 Nov". */
 function dateWords(atMs: number): string {
   const at = new Date(atMs);
-  return say().date(at.toLocaleDateString(languageTag(), { month: 'short' }), at.getDate(), null);
+  return more().date(at.toLocaleDateString(languageTag(), { month: 'short' }), at.getDate(), null);
 }
 
 /** What is cut at an end of the line is left out. */

@@ -3,7 +3,8 @@ import type { Retry } from '@posecast/wire';
 const FIRST_CEILING_MS = 500;
 const LAST_CEILING_MS = 30_000;
 const SPREAD_S = 10;
-const WAIT_S = 30;
+/** The wait of a full relay that asks for none. */
+export const WAIT_S = 30;
 
 /**
  * Milliseconds to wait before the next try; null: don't retry unasked. The wait is random between 0 and a ceiling that

@@ -1,0 +1,96 @@
+"""Makes what a process that hears a robot tells others of it: updates of a stream, its whole state, presence.
+
+Pure: by Redis (`write_calls.py`) and between the workers of one relay the same goes out.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from posecast_relay.core.replica_messages import Presence, StreamUpdate
+from posecast_relay.core.state.robot import Robot
+from posecast_relay.core.state.stream import StoredFrame, Stream
+from posecast_relay.redis.messages import dump
+
+Value = bytes | str | int
+
+
+class WrittenState(NamedTuple):
+    """The part of a stream's state that others have been told."""
+
+    generation: int
+    key: StoredFrame
+    ref: StoredFrame | None
+    version: int
+    event_n: int
+    is_heard: bool
+
+
+def describe_written(stream: Stream, generation: int) -> WrittenState:
+    """Return what others know of a stream once they have been told all of it. It has a KEY."""
+    assert stream.key is not None
+    is_heard = stream.live_at is not None
+    return WrittenState(generation, stream.key, stream.ref, stream.version, stream.event_n, is_heard)
+
+
+def make_update(
+    stream: Stream,
+    before: WrittenState | None,
+    generation: int,
+    names: tuple[str, str],
+    now: float,
+    sent_s: float | None,
+) -> StreamUpdate:
+    """Make the message that tells of a stream what others lack. It has a KEY.
+
+    `before`: what they were told last; None: nothing. `names`: of the version and of the numbering.
+    """
+    key, newest, ref = stream.key, stream.newest, stream.ref
+    assert key is not None
+    assert newest is not None
+    # what others lack, bases first; frames that were never live here come by the whole state alone
+    age_s = stream.compute_age_s(now)
+    lacking: list[StoredFrame] = []
+    if age_s is not None:
+        bases = [key if before is None or key is not before.key else None]
+        bases.append(ref if ref is not None and (before is None or ref is not before.ref) else None)
+        lacking = [base for base in bases if base is not None and base is not newest] + [newest]
+    told_n = before.event_n if before is not None else 0
+    return StreamUpdate(
+        stream.view,
+        generation,
+        stream.run_id,
+        *names,
+        max(0.0, age_s or 0.0),
+        tuple((compute_ns(held), held.payload) for held in lacking),
+        tuple(event.text for event in stream.events if event.n > told_n),
+        sent_s,
+    )
+
+
+def list_lasting_values(stream: Stream, names: tuple[str, str], is_heard: bool) -> list[Value]:
+    """List what of a state changes seldom: names and values in turns, as `unpack_state` reads them."""
+    assert stream.key is not None
+    values: list[Value] = ["run", f"{stream.run_id:016x}"]
+    values += ["schema", stream.schema.text if stream.schema else ""]
+    values += ["key", stream.key.payload, "info", dump(stream.info), "model", stream.model or ""]
+    values += ["events", "[" + ",".join(event.text for event in stream.events) + "]"]
+    values += ["version", names[0], "numbering", names[1]]
+    return [*values, "heard", "1" if is_heard else "0"]
+
+
+def make_presence(robot: Robot, now: float, sent_s: float | None) -> Presence:
+    """Make the message that tells whether a robot is there, and how old its frames are."""
+    ages_s: dict[str, float | None] = {}
+    newest: dict[str, tuple[int, int]] = {}
+    for view, room in robot.rooms.items():
+        age_s, held = room.stream.compute_age_s(now), room.stream.newest
+        ages_s[view] = None if age_s is None else max(0.0, age_s)
+        if held is not None:
+            newest[view] = held.run_id, held.seq
+    return Presence(robot.liveness.token, ages_s, newest, sent_s)
+
+
+def compute_ns(held: StoredFrame) -> int:
+    """Return the edge's nanoseconds since its run began, of a frame."""
+    return round(held.stamp_s * 1e9)

@@ -1,0 +1,97 @@
+"""Who may see what in a process, by its settings and by the file of robots, which it follows."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable
+
+from posecast_relay.auth.access import Access, open_access
+from posecast_relay.auth.addresses import Addresses
+from posecast_relay.auth.tokens import Accounts, Tokens
+from posecast_relay.config.robots_file import Robots
+from posecast_relay.config.robots_watcher import RobotsWatcher
+from posecast_relay.config.settings import Settings, StartError
+from posecast_relay.core.delayed_hub import DelayedHub
+from posecast_relay.core.hub import Hub
+from posecast_relay.core.limits import Limits
+from posecast_relay.core.roster import CountsElsewhere
+from posecast_relay.runtime.dispatcher import RobotSource
+from posecast_relay.runtime.fan_out import FanOut
+from posecast_relay.runtime.io_uring import IoUring
+from posecast_relay.server.robots import make_reader
+from posecast_relay.store import StateStore
+
+log = logging.getLogger("posecast_relay")
+
+
+def make_limits(settings: Settings) -> Limits:
+    """Make the core's bounds."""
+    return Limits(
+        viewers=settings.max_viewers,
+        per_address=settings.max_per_address,
+        robots=settings.max_robots,
+        view_frames_per_s=settings.max_view_frames,
+        robot_messages_per_s=settings.max_robot_messages,
+        robot_bytes_per_s=settings.max_robot_bytes,
+        max_age_s=settings.max_connection_age or float("inf"),
+    )
+
+
+def make_access(
+    settings: Settings,
+    robots: Robots | None,
+    ports: tuple[StateStore, RobotSource],
+    hub: Hub,
+    delayed: DelayedHub | None,
+    elsewhere: CountsElsewhere | None = None,
+) -> Access:
+    """Make the access control of a process. `elsewhere`: what other processes of this relay count.
+
+    Raises StartError where accounts can't be known.
+    """
+    store, source = ports
+    addresses = Addresses(settings.max_per_address, settings.trusted_proxies, elsewhere)
+    given = (hub, delayed, store, FanOut(_ring()), source)
+    has_past = settings.past is not None
+    if robots is None:
+        return open_access(*given, addresses=addresses, has_past=has_past)
+    tokens = Tokens(_accounts(settings), robots.find_link_keys())
+    return open_access(*given, robots.make_policy(), tokens, settings.origins, addresses, has_past)
+
+
+async def follow_robots(
+    settings: Settings,
+    robots: Robots | None,
+    access: Access,
+    admit: Callable[[Robots], Awaitable[None]] | None,
+) -> None:
+    """Follow the file of robots, until cancelled; return at once without one. `admit`: lets them publish."""
+    if settings.robots is None or robots is None:
+        return
+
+    async def changed(to: Robots) -> None:
+        if access.tokens is not None:
+            access.tokens.set_link_keys(to.find_link_keys())
+        access.set_policy(to.make_policy())
+        if admit is not None:
+            await admit(to)
+
+    watch = RobotsWatcher(settings.robots, robots, changed, make_reader(settings))
+    await asyncio.gather(watch.run(), access.recheck_accounts())
+
+
+def _accounts(settings: Settings) -> Accounts | None:
+    if settings.firebase_project is None:
+        return None
+    try:
+        from posecast_relay.auth.firebase import Firebase  # noqa: PLC0415 — a second to load
+    except ImportError:
+        raise StartError("--firebase-project: install posecast-relay[firebase]") from None
+    return Firebase(settings.firebase_project, settings.firebase_revoked)
+
+
+def _ring() -> IoUring | None:
+    ring = IoUring.open()
+    log.info("frames go out %s", "by io_uring" if ring else "one write() each: io_uring is not allowed here")
+    return ring

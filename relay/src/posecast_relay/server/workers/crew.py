@@ -1,0 +1,146 @@
+"""The first worker's part in a relay of several: where the others find it, and what they are together."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import shutil
+import socket
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import uvicorn
+from prometheus_client.registry import Collector
+
+from posecast_relay.auth.access import Access
+from posecast_relay.config.settings import Settings, StartError
+from posecast_relay.core.hub import Hub
+from posecast_relay.runtime.dispatcher import Dispatcher
+from posecast_relay.server.http_server import RelayServer
+from posecast_relay.server.workers.feed import Feed, FeedStore
+from posecast_relay.server.workers.metrics import JoinedCollector
+from posecast_relay.server.workers.private_door import make_private_http_protocol
+from posecast_relay.server.workers.shared_counts import (
+    BEAT_S,
+    DOWN,
+    SERVING,
+    SharedCounts,
+    open_shared_memory,
+)
+from posecast_relay.server.workers.supervisor import Supervisor
+from posecast_relay.server.workers.worker_place import WorkerPlace
+from posecast_relay.store import StateStore
+
+PREFIX = "posecast-relay-"
+LOOK_S = 0.05
+
+
+class Crew:
+    """The workers of a relay, as the first one sees them. `argv`: what it was started with."""
+
+    def __init__(self, settings: Settings, argv: Sequence[str], port: int) -> None:
+        """Raises StartError when there is no room for what they share."""
+        try:
+            _remove_left()
+            self._folder = Path(tempfile.mkdtemp(prefix=PREFIX))
+            memory = open_shared_memory(settings.workers)
+            self.counts = SharedCounts(memory, settings.workers, 0)
+        except OSError as e:
+            raise StartError(f"--workers {settings.workers}: {(e.strerror or str(e)).lower()}") from None
+        self._settings = settings
+        place = WorkerPlace(0, settings.workers, port, str(self._folder), memory, -1)
+        self._place = place
+        self.supervisor = Supervisor(argv, place, self.counts)
+        self._feed: Feed | None = None
+        self._door: asyncio.Server | None = None
+        self._tasks: list[asyncio.Task[None]] = []
+
+    def join_store(self, store: StateStore, hub: Hub) -> StateStore:
+        """Return the store that feeds the other workers as well. Gateways read Redis, each by itself."""
+        if self._settings.role == "gateway":
+            return store
+        self._feed = Feed(self._place.feed, hub, Dispatcher.now, self.counts)
+        return FeedStore(store, self._feed, self.counts)
+
+    def join_metrics(self, own: Collector) -> Collector:
+        """Return the metrics of all workers."""
+        workers, missing = self._settings.workers, self.counts.list_missing
+        return JoinedCollector(own, self._folder, workers, missing, lambda: self.supervisor.restarts)
+
+    def find_missing(self) -> str | None:
+        """Return who does not serve; None when all do."""
+        missing = self.counts.list_missing()
+        if not missing:
+            return None
+        return f"not serving: worker {', '.join(map(str, missing))} of {self._settings.workers}"
+
+    async def start(self, server: RelayServer, app: Any, access: Access) -> None:
+        """Open the private door and the feed, and start the others. Raises StartError."""
+        try:
+            if self._feed is not None:
+                await self._feed.start()
+            await self._open_door(server, app, access)
+        except OSError as e:
+            raise StartError(f"--workers {self._settings.workers}: {self._folder}: {e}") from None
+        server.before_leaving(self.supervisor.drain)
+        server.end_after(lambda: self.supervisor.is_over)
+        self.supervisor.start()
+        self._tasks.append(asyncio.create_task(self._beat(), name="sign of life"))
+
+    def tell_when_serving(self, tell: Callable[[], None]) -> None:
+        """Call `tell` once, when all workers serve."""
+
+        async def wait() -> None:
+            while self.counts.list_missing():
+                await asyncio.sleep(LOOK_S)
+            tell()
+
+        self.counts.set_state(SERVING)
+        self._tasks.append(asyncio.create_task(wait(), name="all serve"))
+
+    def stop(self) -> None:
+        """End all of it."""
+        self.counts.set_state(DOWN)
+        for task in self._tasks:
+            task.cancel()
+        self.supervisor.stop()
+        if self._door is not None:
+            self._door.close()
+        if self._feed is not None:
+            self._feed.stop()
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    async def _beat(self) -> None:
+        while True:
+            await asyncio.sleep(BEAT_S)
+            self.counts.beat()
+
+    async def _open_door(self, server: uvicorn.Server, app: Any, access: Access) -> None:
+        config = uvicorn.Config(
+            app,
+            ws="none",
+            http=make_private_http_protocol(access),
+            lifespan="off",
+            log_config=None,
+            access_log=False,
+            server_header=False,
+        )
+        config.load()
+
+        def make() -> asyncio.Protocol:
+            state = server.server_state
+            return config.http_protocol_class(config=config, server_state=state, app_state={})  # type: ignore[call-arg]
+
+        self._door = await asyncio.get_running_loop().create_unix_server(make, path=str(self._place.door))
+
+
+def _remove_left() -> None:
+    """Remove the folders that relays have left which were killed."""
+    for door in Path(tempfile.gettempdir()).glob(f"{PREFIX}*/http"):
+        with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX) as probe:
+            try:
+                probe.connect(str(door))
+            except ConnectionRefusedError:  # nobody listens there any more
+                shutil.rmtree(door.parent, ignore_errors=True)

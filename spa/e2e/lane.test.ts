@@ -1,0 +1,212 @@
+import { mkdirSync } from 'node:fs';
+import path from 'node:path';
+import { describe, expect, it } from 'vitest';
+import { freePort } from './driver/free_port.ts';
+import type { Page } from './driver/page.ts';
+import { until } from './driver/until.ts';
+import { chips, chipText, liveness, RECORD, whole } from './robot_page.ts';
+import { REPO, type Relay } from './stack.ts';
+import { FULL, setStage } from './stage.ts';
+import { ClockRobot, WITNESS } from './truth.ts';
+
+const stage = setStage();
+const SHOTS = path.join(REPO, 'spa/e2e/shots');
+
+/** A part is some four seconds, unless its robot's word changes. */
+const BEHIND_MS = { least: 1000, most: 9000 };
+/** From the joint to the screen, on a machine that does much else. */
+const NEAR_MS = 1500;
+
+const SMALL = { width: 600, height: 500 };
+/** Two pages that draw in 3D by software are too much for one machine. */
+const LIGHT = `try { localStorage.setItem('posecast.settings', '{"body":"light"}') } catch {}`;
+
+/** Runs before the page's own scripts: notes when each frame is first shown, and by what it came. */
+const SHOWN = `(() => {
+  const shown = (window.shownFrames = []);
+  const look = () => {
+    const { twin, link } = window.posecast ?? {};
+    const last = shown.at(-1);
+    if (twin?.seq != null && (last === undefined || last.seq !== twin.seq))
+      shown.push({ seq: twin.seq, tS: twin.t_s, atMs: Date.now(), by: link.carrier, behindMs: link.behind_ms });
+  };
+  setInterval(look, 10); // not with the pictures: of those a busy machine has few
+})()`;
+
+interface Shown {
+  readonly seq: number;
+  readonly tS: number;
+  readonly atMs: number;
+  readonly by: string;
+  readonly behindMs: number | null;
+}
+
+const shownFrames = (page: Page) => page.evaluate<Shown[]>('window.shownFrames');
+const carrier = (page: Page) => page.evaluate<string | null>('window.posecast?.link?.carrier ?? null');
+const behindMs = (page: Page) => page.evaluate<number | null>('window.posecast?.link?.behind_ms ?? null');
+const title = (page: Page) => page.evaluate<string>('document.title');
+
+async function watching(relay: { url: string }, by: 'websocket' | 'segments', search = ''): Promise<Page> {
+  const page = await stage.newPage({ viewport: SMALL, preload: `${LIGHT};${RECORD};${WITNESS};${SHOWN}` });
+  await page.open(`${relay.url}/${search}#/r/demo`);
+  await until(
+    `LIVE by ${by}`,
+    async () => (await liveness(page)) === 'LIVE' && (await carrier(page)) === by,
+    60_000,
+  );
+  await until('a body', () => whole(page), 60_000);
+  return page;
+}
+
+/** Waits until the page has shown so many frames more. */
+async function goesOn(page: Page, frames = 60): Promise<void> {
+  const before = (await shownFrames(page)).length;
+  await until(
+    `${frames} frames more`,
+    async () => (await shownFrames(page)).length >= before + frames,
+    60_000,
+  );
+}
+
+/** A place may be free for long before a page tries again by itself; coming back online is a reason to. */
+const nudge = (page: Page) => page.evaluate(`window.dispatchEvent(new Event('online'))`);
+
+/** The frames of this page rise, each once, whatever they came by. */
+async function expectRising(page: Page): Promise<void> {
+  const shown = await shownFrames(page);
+  const fallen = shown.filter((frame, i) => i > 0 && frame.seq <= shown[i - 1]!.seq);
+  expect(fallen, 'a frame that is shown again, or one from before').toEqual([]);
+}
+
+/** The words of this page since it was first LIVE. */
+async function wordsSince(page: Page): Promise<string[]> {
+  const said = (await chips(page)).map(({ state }) => state);
+  return said.slice(said.indexOf('LIVE'));
+}
+
+it('a relay that is full refuses nobody: who comes then sees the same, behind, and takes a place when one is free', async () => {
+  const relay = await stage.stack.relay({ past: 'memory:', maxViewers: 1 });
+  const robot = new ClockRobot(stage.stack, relay);
+  const first = await watching(relay, 'websocket');
+  expect(await chipText(first)).not.toMatch(/behind/);
+  const second = await watching(relay, 'segments');
+  await until('how far behind', async () => / s behind$/.test(await chipText(second)));
+  expect(await chipText(second)).toMatch(/^LIVE(\d+ Hz)?\d s behind$/);
+  expect(await title(second)).toMatch(/^\d s behind · /);
+  await goesOn(second, 120);
+
+  // each frame is the robot's own, so much earlier: a page shows what it has time for, hence between two of the other's
+  const ofFirst = await shownFrames(first);
+  const both = (await shownFrames(second)).slice(-100).flatMap((frame) => {
+    const i = ofFirst.findIndex(({ seq }) => seq >= frame.seq);
+    const [before, after] = [ofFirst[i - 1], ofFirst[i]];
+    return before === undefined || after === undefined ? [] : [{ before, frame, after }];
+  });
+  expect(both.length).toBeGreaterThan(50);
+  const isBetween = ({ before, frame, after }: (typeof both)[number]) =>
+    before.tS < frame.tS && frame.tS <= after.tS && (frame.seq === after.seq) === (frame.tS === after.tS);
+  expect(both.filter((each) => !isBetween(each))).toEqual([]);
+  const off = both.filter(({ before, frame, after }) => {
+    const toldMs = frame.behindMs ?? 0;
+    const isTold = toldMs > BEHIND_MS.least && toldMs < BEHIND_MS.most;
+    return (
+      !isTold || frame.atMs - toldMs < before.atMs - NEAR_MS || frame.atMs - toldMs > after.atMs + NEAR_MS
+    );
+  });
+  expect(off.length, JSON.stringify(off.slice(0, 3))).toBeLessThan(both.length / 20);
+  expect((await chips(second)).map(({ text }) => text).join(' ')).not.toMatch(/full/);
+
+  // why
+  await second.findByTestId('liveness').click();
+  const explained = () => second.findByTestId('liveness-explained').text();
+  await until('why', async () => /As many people watch as the relay has places for/.test(await explained()));
+  await second.press('Escape');
+
+  // the first leaves
+  await first.close();
+  const isPlaced = async () => (await carrier(second)) === 'websocket';
+  await until(
+    'a place',
+    async () => {
+      await nudge(second);
+      return until('a place', isPlaced, 3000).catch(() => false);
+    },
+    60_000,
+  );
+  await until('no longer behind', async () => !/behind/.test(await chipText(second)));
+  expect(await behindMs(second)).toBeNull();
+  await goesOn(second);
+  expect(await title(second)).not.toMatch(/behind/);
+  expect(await wordsSince(second), 'LIVE all the while').toEqual(['LIVE']);
+
+  // and comes back
+  const again = await watching(relay, 'segments');
+  await goesOn(again);
+  for (const page of [second, again]) {
+    await expectRising(page);
+    expect(await robot.lies(page)).toEqual([]);
+  }
+  expect(again.errors.length + second.errors.length).toBe(0);
+});
+
+describe.skipIf(!FULL)('in the lane', () => {
+  /** A relay whose only place is taken, and a page in the lane. */
+  async function inLane(relay: Relay): Promise<{ robot: ClockRobot; first: Page; page: Page }> {
+    const robot = new ClockRobot(stage.stack, relay);
+    const first = await watching(relay, 'websocket');
+    return { robot, first, page: await watching(relay, 'segments') };
+  }
+
+  it('a robot that pauses, stands, and goes on is what it was, so much later', async () => {
+    const relay = await stage.stack.relay({ past: 'memory:', maxViewers: 1 });
+    const { robot, page } = await inLane(relay);
+    await goesOn(page);
+    robot.source.signal('SIGSTOP');
+    await until('STALE', async () => (await liveness(page)) === 'STALE', 30_000);
+    await until('as the robot is', async () => /robot silent/.test(await chipText(page)), 30_000);
+    expect(await chipText(page)).not.toMatch(/behind/);
+    robot.source.signal('SIGCONT');
+    await until('LIVE again', async () => (await liveness(page)) === 'LIVE', 30_000);
+    robot.stand();
+    await until('HOLDING', async () => (await liveness(page)) === 'HOLDING', 30_000);
+    expect(await chipText(page)).toMatch(/^HOLDING\d+(\.\d)? s\d s behind$/);
+    robot.go();
+    await until('LIVE again', async () => (await liveness(page)) === 'LIVE', 30_000);
+    await goesOn(page);
+    await expectRising(page);
+    expect(await robot.lies(page)).toEqual([]);
+  });
+
+  it('a relay that is replaced is found again within seconds', async () => {
+    const [httpPort, zenohPort] = [await freePort(), await freePort()];
+    const options = { past: 'memory:', maxViewers: 1, httpPort, zenohPort };
+    const relay = await stage.stack.relay(options);
+    const { robot, first, page } = await inLane(relay);
+    for (const one of [first, page])
+      one.forgive(/WebSocket|Failed to load resource|NetworkError|ERR_|status of 50|CORS|Could not connect/);
+    await goesOn(page);
+    await relay.process.stop();
+    await until('STALE', async () => (await liveness(page)) === 'STALE', 30_000);
+    await stage.stack.relay(options);
+    await until('LIVE again', async () => (await liveness(page)) === 'LIVE', 60_000);
+    await goesOn(page);
+    expect(await robot.lies(page)).toEqual([]);
+  });
+
+  it('looks back, and Live leads back to the lane', async () => {
+    const relay = await stage.stack.relay({ past: 'memory:', maxViewers: 1 });
+    const { robot, page } = await inLane(relay);
+    await goesOn(page, 300);
+    await page.press('j');
+    await until('PAST', async () => (await liveness(page)) === 'PAST');
+    expect(await chipText(page)).not.toMatch(/behind/);
+    mkdirSync(SHOTS, { recursive: true });
+    await page.screenshot(path.join(SHOTS, `lane-past-${stage.browser.engine}.png`));
+    await page.press('e');
+    await until('LIVE', async () => (await liveness(page)) === 'LIVE');
+    await until('behind', async () => / s behind$/.test(await chipText(page)));
+    expect(await carrier(page)).toBe('segments');
+    await goesOn(page);
+    expect(await robot.lies(page)).toEqual([]);
+  });
+});

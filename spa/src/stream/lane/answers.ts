@@ -1,0 +1,62 @@
+/** Reads what a relay answers about its newest parts (`docs/PROTOCOL.md`, *The past*). What is not as it stands there is null. */
+
+/** The name of a part: its take, 16 hexadecimal digits, and its index in it. */
+export interface PartName {
+  readonly take: string;
+  readonly index: number;
+}
+
+/** An answer that came whole. `retryMs`: when the relay wants to be asked again, if it says so. */
+export interface LaneAnswer {
+  readonly status: number;
+  readonly isJson: boolean;
+  readonly retryMs: number | null;
+  /** When it was made or handed on, unix ms, to a second, by the clock of the relay or of a cache; null: it does not say. */
+  readonly dateMs: number | null;
+  readonly bytes: Uint8Array;
+}
+
+/** Where a lane begins. `newest`: null where nothing is recorded (yet). `delayMs`: so late is all of it for this audience. */
+export interface LaneBeginning {
+  readonly view: string;
+  readonly newest: PartName | null;
+  readonly delayMs: number;
+  readonly isKept: boolean;
+}
+
+const INDEX_MAX = 2 ** 32 - 1;
+const DELAY_MS_MAX = 1e9;
+
+export function readBeginning(answer: LaneAnswer): LaneBeginning | null {
+  const doc = membersOf(answer);
+  const { view, past_ms, delay_ms } = doc;
+  if (typeof view !== 'string' || !/^[a-z0-9][a-z0-9-]{0,62}$/.test(view)) return null;
+  if (typeof past_ms !== 'number') return null;
+  const delayMs = typeof delay_ms === 'number' && delay_ms > 0 && delay_ms < DELAY_MS_MAX ? delay_ms : 0;
+  return { view, newest: nameOf(doc.newest), delayMs, isKept: past_ms > 0 };
+}
+
+/** The part that comes instead of the one that was asked for. */
+export function readNext(answer: LaneAnswer): PartName | null {
+  return nameOf(membersOf(answer).next);
+}
+
+function membersOf({ bytes, isJson }: LaneAnswer): Record<string, unknown> {
+  try {
+    return isJson ? fieldsOf(JSON.parse(new TextDecoder().decode(bytes))) : {};
+  } catch {
+    return {};
+  }
+}
+
+function nameOf(value: unknown): PartName | null {
+  const { take, index } = fieldsOf(value);
+  if (typeof take !== 'string' || !/^[0-9a-f]{16}$/.test(take)) return null;
+  return typeof index === 'number' && Number.isInteger(index) && index >= 0 && index <= INDEX_MAX
+    ? { take, index }
+    : null;
+}
+
+function fieldsOf(value: unknown): Record<string, unknown> {
+  return typeof value === 'object' && value !== null ? (value as Record<string, unknown>) : {};
+}

@@ -1,0 +1,382 @@
+import { decodeSegment, type RobotStatus, type Segment, SegmentError } from '@posecast/wire';
+import type { KnownBefore } from '../lane_port.ts';
+import type { FromStream } from '../messages.ts';
+import { RateMeter } from '../pacing/rate_meter.ts';
+import { type LaneAnswer, type PartName, readBeginning, readNext } from './answers.ts';
+import { PartPlayer } from './part_player.ts';
+import { PlayClock } from './play_clock.ts';
+import { RequestPace } from './request_pace.ts';
+
+/** The next part is asked for so long before it is expected: the relay holds the request until it is there. */
+const AHEAD_MS = 800;
+/** An answer that took longer was held. */
+const HELD_MS = 300;
+/** The relay holds a request for 8 s at most. */
+export const ANSWER_LIMIT_MS = 12_000;
+/** Where the next part comes no sooner, the lane begins anew with the newest. */
+const LOST_MS = 10_000;
+/** While more than this waits to be shown nothing is asked for. */
+const ENOUGH_MS = 12_000;
+const RETRY_MS = 1000;
+const RETRY_MS_MAX = 30_000;
+/** Nothing is recorded yet, so a robot may come at any moment. */
+const EMPTY_MS = 3000;
+/** A failure is answered after random(0 … this × 2^failures). */
+const SPREAD_MS = 2000;
+/** After so many failures the robot's word no longer holds, and after so many more the lane ends. */
+const FAILURES_DOUBTED = 2;
+const FAILURES_MAX = 4;
+/** Of parts that were missed at most so many are fetched, for their events; else the lane goes on with the newest. */
+const MISSED_MAX = 3;
+/** Parts without a frame that are passed over to find a pose to begin with. */
+const BACK_MAX = 2;
+/** Frames played at once that may count as shown: a timer is a little late. More are caught up with. */
+const SHOWN_MAX = 4;
+const PACE_EVERY_MS = 1000;
+/** A smaller change of how far behind the page is, is not told. */
+const BEHIND_STEP_MS = 250;
+
+type Wanted =
+  | { readonly what: 'beginning' }
+  | { readonly what: 'part'; readonly name: PartName }
+  | { readonly what: 'schema'; readonly sha256: string };
+
+/** What a lane asks for. `do: 'end'`: nothing more comes, for that reason, in the codes of the close table (wire/SPEC.md). */
+export type LaneAction =
+  /** Get this, below the address of the robot's past. An earlier request that is still open is given up. */
+  | { readonly do: 'ask'; readonly path: string }
+  | { readonly do: 'post'; readonly message: FromStream }
+  /** The relay has answered: the stream is open. */
+  | { readonly do: 'open' }
+  | { readonly do: 'end'; readonly code: number; readonly reason: string };
+
+interface Waiting {
+  readonly segment: Segment;
+  readonly wasHeld: boolean;
+  readonly agoMs: number | null;
+  readonly atMs: number;
+}
+
+export interface LaneSettings {
+  /** null: as the relay says. */
+  readonly view: string | null;
+  readonly hz: number;
+  readonly isVisible: boolean;
+  readonly before: KnownBefore;
+  /** In [0, 1). */
+  readonly random: () => number;
+}
+
+/**
+ * A robot's stream in parts (segments, wire/SPEC.md §10), read one after the other by HTTP, so that caches answer whoever
+ * watches. A pure state machine: times are ms of the viewer's clock, and each method returns what is to be done. At most one
+ * request is open.
+ *
+ * It asks where the lane begins, then for the newest part, then for each next one a moment before it is due. Whatever fails
+ * leads back to the beginning after a random time, so that thousands of pages don't ask at once.
+ */
+export class Lane {
+  readonly #settings: LaneSettings;
+  readonly #clock = new PlayClock();
+  readonly #player: PartPlayer;
+  readonly #pace = new RequestPace();
+  readonly #meter = new RateMeter();
+  #view: string | null;
+  #delayMs = 0;
+  #wanted: Wanted = { what: 'beginning' };
+  #dueMs = 0;
+  /** When the open request was sent; null: none is open. */
+  #askedMs: number | null = null;
+  /** The quickest answer to a request that was not held. */
+  #roundTripMs = Number.POSITIVE_INFINITY;
+  #heardMs = 0;
+  #failures = 0;
+  #schema: string | null = null;
+  /** Parts that wait for what must be here before them: a schema, or a part with a pose. In the order in which they are played. */
+  #waiting: Waiting[] = [];
+  #last: PartName | null = null;
+  #wasToldNotYet = false;
+  #isOpen = false;
+  #isOver = false;
+  #toldBehindMs = Number.NaN;
+  #toldPaceMs = Number.NEGATIVE_INFINITY;
+  #actions: LaneAction[] = [];
+
+  constructor(settings: LaneSettings) {
+    const { view, isVisible, before } = settings;
+    this.#settings = settings;
+    this.#view = view;
+    this.#player = new PartPlayer(this.#clock, isVisible, before, (message) => this.#post(message));
+  }
+
+  start(nowMs: number): LaneAction[] {
+    this.#heardMs = nowMs;
+    return this.tick(nowMs);
+  }
+
+  /** When `tick` is to be called at the latest. */
+  get nextMs(): number {
+    const asksMs = this.#askedMs === null ? this.#dueMs : this.#askedMs + ANSWER_LIMIT_MS;
+    return Math.min(this.#player.nextMs, asksMs);
+  }
+
+  /** Plays what is due, and asks for what is due. */
+  tick(nowMs: number): LaneAction[] {
+    if (this.#isOver) return this.#take();
+    if (this.#askedMs !== null && nowMs - this.#askedMs >= ANSWER_LIMIT_MS)
+      this.#fail(nowMs, null, 'no answer');
+    this.#clock.slew(nowMs);
+    this.#play(nowMs);
+    this.#ask(nowMs);
+    return this.#take();
+  }
+
+  /** The open request was answered. */
+  answered(nowMs: number, answer: LaneAnswer): LaneAction[] {
+    if (this.#isOver || this.#askedMs === null) return [];
+    const tookMs = nowMs - this.#askedMs;
+    this.#askedMs = null;
+    this.#dueMs = nowMs;
+    const { status } = answer;
+    const wanted = this.#wanted;
+    if (status === 401 || status === 403) this.#end(status + 4000, 'the relay shows it to others only');
+    else if (status === 204 && wanted.what === 'part') this.#wait(nowMs, answer.retryMs);
+    else if (status !== 200) this.#fail(nowMs, answer.retryMs, `answered ${status}`);
+    else if (wanted.what === 'part') this.#takePart(nowMs, wanted.name, answer, tookMs);
+    else {
+      this.#roundTripMs = Math.min(this.#roundTripMs, tookMs);
+      if (wanted.what === 'beginning') this.#begin(nowMs, answer);
+      else this.#takeSchema(nowMs, wanted.sha256, answer);
+    }
+    return this.tick(nowMs);
+  }
+
+  /** The open request failed on its way. */
+  failed(nowMs: number, reason: string): LaneAction[] {
+    if (this.#isOver || this.#askedMs === null) return [];
+    this.#fail(nowMs, null, reason);
+    return this.tick(nowMs);
+  }
+
+  visibility(nowMs: number, isVisible: boolean): LaneAction[] {
+    this.#player.setVisible(isVisible);
+    return this.tick(nowMs);
+  }
+
+  /** Something changed outside: a failure is not waited out. */
+  wake(nowMs: number): LaneAction[] {
+    if (this.#failures > 0) this.#dueMs = Math.min(this.#dueMs, nowMs + SPREAD_MS * this.#settings.random());
+    return this.tick(nowMs);
+  }
+
+  #take(): LaneAction[] {
+    const actions = this.#actions;
+    this.#actions = [];
+    return actions;
+  }
+
+  #post(message: FromStream): void {
+    this.#actions.push({ do: 'post', message });
+  }
+
+  #play(nowMs: number): void {
+    const vouches = this.#failures < FAILURES_DOUBTED || nowMs < this.#player.endsMs;
+    const frames = this.#player.play(nowMs, vouches);
+    for (let count = Math.min(frames, SHOWN_MAX); count > 0; count--) this.#meter.recordArrival(nowMs);
+    if (!this.#isOpen || nowMs - this.#toldPaceMs < PACE_EVERY_MS) return;
+    this.#toldPaceMs = nowMs;
+    this.#post({ kind: 'pace', hz: this.#meter.hz(nowMs), roundTripMs: null });
+    this.#tellBehind();
+  }
+
+  #tellBehind(): void {
+    if (Number.isNaN(this.#clock.shiftMs)) return;
+    const ms = Math.round(this.#clock.behindMs(this.#wayMs / 2) + this.#delayMs);
+    if (Math.abs(ms - this.#toldBehindMs) < BEHIND_STEP_MS) return;
+    this.#toldBehindMs = ms;
+    this.#post({ kind: 'behind', ms });
+  }
+
+  /** How long a request and its answer are on their way, if it is not held; 0: not known. */
+  get #wayMs(): number {
+    return Number.isFinite(this.#roundTripMs) ? this.#roundTripMs : 0;
+  }
+
+  #ask(nowMs: number): void {
+    if (this.#isOver || this.#askedMs !== null) return;
+    if (this.#wanted.what === 'part' && this.#player.endsMs - nowMs > ENOUGH_MS) {
+      this.#dueMs = Math.max(this.#dueMs, this.#player.endsMs - ENOUGH_MS);
+    }
+    this.#dueMs = Math.max(this.#dueMs, this.#pace.whenFree(nowMs));
+    if (nowMs < this.#dueMs) return;
+    // after a sleep the next part is one of long ago
+    if (this.#last !== null && this.#wanted.what === 'part' && nowMs - this.#heardMs > LOST_MS)
+      this.#wanted = { what: 'beginning' };
+    this.#askedMs = nowMs;
+    this.#pace.recordRequest(nowMs);
+    this.#actions.push({ do: 'ask', path: this.#pathOf(this.#wanted) });
+  }
+
+  #pathOf(wanted: Wanted): string {
+    if (wanted.what === 'beginning') return this.#view === null ? '' : `?view=${this.#view}`;
+    const below =
+      wanted.what === 'part' ? `${wanted.name.take}/${wanted.name.index}` : `schema/${wanted.sha256}`;
+    return `/${this.#view}/${below}`;
+  }
+
+  #begin(nowMs: number, answer: LaneAnswer): void {
+    const beginning = readBeginning(answer);
+    if (beginning === null) {
+      this.#fail(nowMs, null, 'no description of a past');
+      return;
+    }
+    if (!beginning.isKept) {
+      this.#end(1006, 'the relay keeps nothing that could be read in parts');
+      return;
+    }
+    this.#recover(nowMs);
+    this.#view = beginning.view;
+    this.#delayMs = beginning.delayMs;
+    const { newest } = beginning;
+    if (newest === null) {
+      this.#dueMs = nowMs + EMPTY_MS * (0.5 + this.#settings.random());
+      this.#open();
+      if (this.#last === null) this.#tellNothing(nowMs);
+      return;
+    }
+    this.#wanted = { what: 'part', name: this.#goOnFrom(newest) };
+  }
+
+  /** The part after the last one, unless the newest is so much further that the robot was shown as it is now too late. */
+  #goOnFrom(newest: PartName): PartName {
+    const last = this.#last;
+    if (last === null || last.take !== newest.take) return newest;
+    const by = newest.index - last.index;
+    return by >= -1 && by <= MISSED_MAX ? { take: last.take, index: last.index + 1 } : newest;
+  }
+
+  #takePart(nowMs: number, name: PartName, answer: LaneAnswer, tookMs: number): void {
+    if (answer.isJson) {
+      const next = readNext(answer);
+      if (next === null || (next.take === name.take && next.index <= name.index)) {
+        this.#fail(nowMs, null, 'no name of a next part');
+        return;
+      }
+      this.#recover(nowMs);
+      this.#wanted = { what: 'part', name: next };
+      return;
+    }
+    const segment = decoded(answer.bytes);
+    if (segment === null || segment.start.take !== name.take || segment.start.index !== name.index) {
+      this.#wanted = { what: 'part', name: { take: name.take, index: name.index + 1 } };
+      this.#fail(nowMs, null, 'a damaged part', true);
+      return;
+    }
+    this.#recover(nowMs);
+    const wasHeld = this.#wasToldNotYet || tookMs > HELD_MS + this.#wayMs;
+    this.#wasToldNotYet = false;
+    const agoMs = answer.dateMs === null ? null : answer.dateMs - segment.toMs - this.#delayMs;
+    this.#waiting.unshift({ segment, wasHeld, agoMs, atMs: nowMs });
+    const hasPose = segment.records.some(({ kind }) => kind === 'frame');
+    if (this.#last === null && !hasPose && name.index > 0 && this.#waiting.length <= BACK_MAX) {
+      this.#wanted = { what: 'part', name: { take: name.take, index: name.index - 1 } };
+      return;
+    }
+    this.#goOn(nowMs);
+  }
+
+  #takeSchema(nowMs: number, sha256: string, answer: LaneAnswer): void {
+    const wrong = this.#player.addSchema(new TextDecoder().decode(answer.bytes));
+    if (wrong !== null) this.#post({ kind: 'problem', problem: { what: 'schema', detail: wrong } });
+    this.#recover(nowMs);
+    this.#schema = sha256;
+    this.#goOn(nowMs);
+  }
+
+  /** Hands the parts that wait to the player, as soon as their schema is here. Then the next one is wanted. */
+  #goOn(nowMs: number): void {
+    let isOver = false;
+    for (let first = this.#waiting[0]; first !== undefined; first = this.#waiting[0]) {
+      const { segment, ...came } = first;
+      const { start, toMs } = segment;
+      if (start.schema !== null && start.schema !== this.#schema) {
+        this.#wanted = { what: 'schema', sha256: start.schema };
+        return;
+      }
+      this.#waiting.shift();
+      const isNewTake = this.#last?.take !== start.take;
+      const { shiftMs } = this.#clock;
+      isOver = lastWordOf(segment) !== 'online';
+      const anew = this.#clock.arrive({ fromMs: start.fromMs, toMs, ...came, isNewTake, isOver });
+      this.#player.add(segment, anew && !Number.isNaN(shiftMs) ? shiftMs : null);
+      this.#last = { take: start.take, index: start.index };
+      this.#open();
+      const dueMs = toMs + this.#clock.closeMs + this.#clock.spanMs - AHEAD_MS;
+      this.#dueMs = this.#clock.isFound ? Math.max(nowMs, dueMs) : nowMs;
+    }
+    const last = this.#last;
+    if (last !== null) this.#wanted = { what: 'part', name: { take: last.take, index: last.index + 1 } };
+    // a part of long ago, from before a sleep: others have come since
+    const isOld = nowMs - this.#player.endsMs > Math.max(LOST_MS, 2 * this.#clock.spanMs);
+    if (isOld && !isOver) this.#wanted = { what: 'beginning' };
+    this.#tellBehind();
+  }
+
+  #open(): void {
+    if (this.#isOpen) return;
+    this.#isOpen = true;
+    this.#actions.push({ do: 'open' });
+    this.#post({ kind: 'rate', hz: this.#settings.hz, reason: null });
+  }
+
+  /** Nothing is recorded: the robot has not been here for as long as the relay keeps anything. */
+  #tellNothing(nowMs: number): void {
+    const robot = { robot: 'offline', ageMs: null, seq: null } as const;
+    this.#post({ kind: 'status', status: { ...robot, degraded: false, overShare: false, atMs: nowMs } });
+  }
+
+  #wait(nowMs: number, retryMs: number | null): void {
+    this.#recover(nowMs);
+    this.#wasToldNotYet = true;
+    this.#dueMs = nowMs + Math.min(RETRY_MS_MAX, Math.max(RETRY_MS, retryMs ?? 0));
+  }
+
+  #recover(nowMs: number): void {
+    this.#heardMs = nowMs;
+    this.#failures = 0;
+  }
+
+  /** `goesOn`: what is wanted is known; else the lane's beginning is asked for. */
+  #fail(nowMs: number, retryMs: number | null, reason: string, goesOn = false): void {
+    this.#askedMs = null;
+    this.#waiting = [];
+    const spreadMs = SPREAD_MS * 2 ** this.#failures * this.#settings.random();
+    this.#failures++;
+    if (this.#failures >= FAILURES_MAX && !(nowMs < this.#player.endsMs)) {
+      this.#end(1006, reason);
+      return;
+    }
+    if (!goesOn) this.#wanted = { what: 'beginning' };
+    this.#dueMs = nowMs + Math.min(RETRY_MS_MAX, (retryMs ?? 0) + spreadMs);
+  }
+
+  #end(code: number, reason: string): void {
+    this.#isOver = true;
+    this.#actions.push({ do: 'end', code, reason });
+  }
+}
+
+function lastWordOf({ start, records }: Segment): RobotStatus {
+  const last = records.findLast((record) => record.kind === 'word');
+  return last?.kind === 'word' ? last.word : start.word;
+}
+
+/** The segment; null if it is none. */
+function decoded(bytes: Uint8Array): Segment | null {
+  try {
+    return decodeSegment(bytes);
+  } catch (error) {
+    if (error instanceof SegmentError) return null;
+    throw error;
+  }
+}

@@ -1,0 +1,199 @@
+import type { RobotStatus, Segment, SegmentRecord } from '@posecast/wire';
+import type { KnownBefore } from '../lane_port.ts';
+import type { FromStream } from '../messages.ts';
+import type { PlayClock } from './play_clock.ts';
+import { PoseReader } from './pose_reader.ts';
+import { ToldEvents } from './told_events.ts';
+
+/** What came so long ago was held up on this device: it is dated now. */
+const HELD_UP_MS = 50;
+/** Parts that wait to be played; one more than ever do, unless the device sleeps. The oldest are played at once then. */
+const PARTS_MAX = 4;
+const STATUS_EVERY_MS = 500;
+
+interface Part {
+  readonly segment: Segment;
+  /** The next record to be played; -1: its beginning. */
+  next: number;
+  /** What the clock's shift was for it, where the clock has begun anew since; null: what it is. */
+  shiftMs: number | null;
+}
+
+/** Plays parts one after the other: each record when its time has come, in the order in which the relay accepted them. */
+export class PartPlayer {
+  readonly #clock: PlayClock;
+  readonly #post: (message: FromStream) => void;
+  readonly #poses: PoseReader;
+  readonly #events: ToldEvents;
+  #parts: Part[] = [];
+  #isVisible: boolean;
+  #word: RobotStatus = 'offline';
+  #lastFrame: { readonly seq: number; readonly bornMs: number } | null = null;
+  #infoText = '';
+  #model: string | null | undefined;
+  #hasBegun = false;
+  #eventN = 0;
+  /** When all that is here has been shown, viewer's clock; of the last part, where none waits. */
+  #endsMs = Number.NaN;
+  #statusMs = Number.NEGATIVE_INFINITY;
+
+  constructor(
+    clock: PlayClock,
+    isVisible: boolean,
+    before: KnownBefore,
+    post: (message: FromStream) => void,
+  ) {
+    this.#clock = clock;
+    this.#isVisible = isVisible;
+    this.#poses = new PoseReader(before.frame);
+    this.#events = new ToldEvents(before.event);
+    this.#post = post;
+  }
+
+  /** Learns a schema from its text. Returns what is wrong with it; null: nothing. */
+  addSchema(text: string): string | null {
+    return this.#poses.addSchema(text);
+  }
+
+  /** Takes the next part. `shiftMs`: the clock's shift of before, if it has begun anew with this part; else null. */
+  add(segment: Segment, shiftMs: number | null): void {
+    if (shiftMs !== null) for (const part of this.#parts) part.shiftMs ??= shiftMs;
+    this.#parts.push({ segment, next: -1, shiftMs: null });
+  }
+
+  /** When the next record is due, or all has been shown, viewer's clock. */
+  get nextMs(): number {
+    const [part] = this.#parts;
+    return part === undefined ? Number.POSITIVE_INFINITY : this.#dueMs(part);
+  }
+
+  /** When all that is here has been shown, viewer's clock; NaN before the first part. */
+  get endsMs(): number {
+    const part = this.#parts.at(-1);
+    return part === undefined ? this.#endsMs : part.segment.toMs + this.#shiftOf(part);
+  }
+
+  get word(): RobotStatus {
+    return this.#word;
+  }
+
+  /** Plays what is due. Of several frames only the newest is shown. `vouches`: whether the relay is heard, so that the robot's
+   *  word still holds. Returns how many frames there were. */
+  play(nowMs: number, vouches: boolean): number {
+    const wordBefore = this.#word;
+    let frames = 0;
+    for (let part = this.#parts[0]; part !== undefined; part = this.#parts[0]) {
+      const isSurplus = this.#parts.length > PARTS_MAX;
+      if (!isSurplus && this.#dueMs(part) > nowMs) break;
+      const record = part.segment.records[part.next];
+      if (part.next < 0) this.#begin(part);
+      else if (record === undefined) {
+        this.#endsMs = part.segment.toMs + this.#shiftOf(part);
+        this.#parts.shift();
+        continue;
+      } else frames += this.#play(part, record, nowMs);
+      part.next++;
+    }
+    if (this.#isVisible) this.#poses.post(this.#post);
+    const isDue = nowMs - this.#statusMs >= STATUS_EVERY_MS || this.#word !== wordBefore;
+    if (this.#hasBegun && vouches && isDue) this.#tellStatus(nowMs);
+    return frames;
+  }
+
+  /** A hidden page is shown no poses. */
+  setVisible(isVisible: boolean): void {
+    this.#isVisible = isVisible;
+    this.#statusMs = Number.NEGATIVE_INFINITY; // told at once
+  }
+
+  #dueMs(part: Part): number {
+    const { segment, next } = part;
+    const record = segment.records[next];
+    const atMs =
+      next < 0 ? segment.start.fromMs : record === undefined ? segment.toMs : timeOf(segment, record);
+    return atMs + this.#shiftOf(part);
+  }
+
+  #shiftOf(part: Part): number {
+    return part.shiftMs ?? this.#clock.shiftMs;
+  }
+
+  /** What the robot was when a part begins: told as far as it is new. Open faults are, where parts before are missing. */
+  #begin({ segment: { start } }: Part): void {
+    this.#word = start.word;
+    this.#tellModel(start.model);
+    this.#tellInfo(start.info);
+    if (!this.#hasBegun || start.eventN !== this.#eventN)
+      for (const text of start.openFaults) this.#tellEvent(text);
+    this.#eventN = start.eventN;
+    this.#hasBegun = true;
+  }
+
+  /** Plays a record. Returns how many frames it is that are to be shown. */
+  #play(part: Part, record: SegmentRecord, nowMs: number): number {
+    const { segment } = part;
+    switch (record.kind) {
+      case 'frame': {
+        const acceptedMs = timeOf(segment, record);
+        const dueMs = acceptedMs + this.#shiftOf(part);
+        const atMs = nowMs - dueMs > HELD_UP_MS ? nowMs : dueMs;
+        const lateMs = record.lateUs / 1000 + (atMs - dueMs);
+        const liveMs = acceptedMs + this.#clock.closeMs;
+        const frame = { bytes: record.frame, runId: segment.start.runId, acceptedMs, liveMs, atMs, lateMs };
+        this.#lastFrame = { seq: record.seq, bornMs: atMs - lateMs };
+        return this.#poses.addFrame(frame, this.#clock.isFound) ? 1 : 0;
+      }
+      case 'copy':
+        this.#poses.addCopy(record.frame);
+        return 0;
+      case 'event':
+        this.#tellEvent(record.text);
+        return 0;
+      case 'info':
+        this.#tellInfo(record.info);
+        return 0;
+      case 'model':
+        this.#tellModel(record.model);
+        return 0;
+      case 'word':
+        this.#word = record.word;
+        return 0;
+    }
+  }
+
+  #tellEvent(text: string): void {
+    const event = this.#events.take(text);
+    if (event === null) return;
+    this.#eventN = Math.max(this.#eventN, event.n);
+    this.#post({ kind: 'event', event });
+  }
+
+  #tellModel(hash: string | null): void {
+    if (this.#model === hash) return;
+    this.#model = hash;
+    this.#post({ kind: 'model', hash });
+  }
+
+  #tellInfo(kv: ReadonlyMap<string, string>): void {
+    const text = JSON.stringify([...kv]);
+    if (this.#infoText === text || (this.#infoText === '' && kv.size === 0)) return;
+    this.#infoText = text;
+    this.#post({ kind: 'info', kv });
+  }
+
+  #tellStatus(nowMs: number): void {
+    this.#statusMs = nowMs;
+    const last = this.#lastFrame;
+    const ageMs = last === null ? null : Math.max(0, nowMs - last.bornMs);
+    const robot = { robot: this.#word, ageMs, seq: last?.seq ?? null };
+    this.#post({
+      kind: 'status',
+      status: { ...robot, degraded: false, overShare: false, atMs: nowMs, endsMs: this.endsMs },
+    });
+  }
+}
+
+/** When the relay accepted a record, unix ms. */
+function timeOf({ start }: Segment, { atUs }: SegmentRecord): number {
+  return start.fromMs + atUs / 1000;
+}

@@ -1,0 +1,25 @@
+/** Requests that may follow one another at once: where a lane begins, its newest part, the schema, the next part. */
+const BURST = 4;
+const EVERY_MS = 1000;
+
+/** Lets through one request a second on average, and a few at once after a rest, whatever the relay answers. */
+export class RequestPace {
+  #left = BURST;
+  #atMs = Number.NEGATIVE_INFINITY;
+
+  /** When the next request may be sent. */
+  whenFree(nowMs: number): number {
+    this.#refill(nowMs);
+    return this.#left >= 1 ? nowMs : nowMs + (1 - this.#left) * EVERY_MS;
+  }
+
+  recordRequest(nowMs: number): void {
+    this.#refill(nowMs);
+    this.#left -= 1;
+  }
+
+  #refill(nowMs: number): void {
+    this.#left = Math.min(BURST, this.#left + (nowMs - this.#atMs) / EVERY_MS);
+    this.#atMs = nowMs;
+  }
+}
