@@ -17,7 +17,8 @@ const BEHIND_MS = { least: 1000, most: 9000 };
 /** From the joint to the screen, on a machine that does much else. */
 const NEAR_MS = 1500;
 
-const SMALL = { width: 600, height: 500 };
+/** Few pixels, and the table beside them. */
+const SMALL = { width: 1100, height: 420 };
 /** Two pages that draw in 3D by software are too much for one machine. */
 const LIGHT = `try { localStorage.setItem('posecast.settings', '{"body":"light"}') } catch {}`;
 

@@ -99,7 +99,6 @@ export class ClockRobot {
     const worst = new Map<string, number>();
     let otherwiseMs = Number.NEGATIVE_INFINITY;
     let before = '';
-    let behindSinceMs = Number.POSITIVE_INFINITY;
     const heldUp = new HeldUp();
     for (const [atMs, word, ...joints] of seen) {
       heldUp.look(atMs);
@@ -113,8 +112,6 @@ export class ClockRobot {
       }
       if (!isClaim(word)) continue;
       const behindMs = 1000 * (joints[5] ?? 0);
-      behindSinceMs = behindMs === 0 ? Number.POSITIVE_INFINITY : Math.min(behindSinceMs, atMs);
-      const leastMs = atMs - behindSinceMs > A_SEGMENT_MS ? behindMs : 0; // at first it is told how far at most
       for (const [where, sine, cosine] of [
         ['body', joints[0], joints[1]],
         ['table', joints[2], joints[3]],
@@ -125,7 +122,7 @@ export class ClockRobot {
           otherwiseMs,
           toldMs(sine ?? null, cosine ?? null, atMs),
           heldUp.ms,
-          { behindMs, leastMs },
+          behindMs,
         );
         if (lie === null) continue;
         const what = `${where}: ${word} ${lie[0]}`;
@@ -150,7 +147,7 @@ export class ClockRobot {
     otherwiseMs: number,
     poseMs: number | null,
     heldUpMs: number,
-    { behindMs, leastMs }: { readonly behindMs: number; readonly leastMs: number },
+    behindMs: number,
   ): [string, number] | null {
     if (poseMs === null) return null; // not there yet, or between two poses
     const roundingMs = behindMs === 0 ? 0 : BEHIND_ROUNDING_MS;
@@ -161,8 +158,6 @@ export class ClockRobot {
     const oldMs = atMs - trueUntilMs;
     if (oldMs > behindMs + roundingMs + STALE_AFTER_MS + ON_ITS_WAY_MS + heldUpMs)
       return ['with an old pose', oldMs];
-    if (stand === undefined && oldMs < leastMs - roundingMs)
-      return ['said to be behind with a new pose', oldMs];
     if (trueUntilMs + behindMs + roundingMs < otherwiseMs - ON_ITS_WAY_MS - heldUpMs)
       return ['again with a pose from before', oldMs];
     if (word === 'HOLDING' && !this.#stood(atMs - behindMs, roundingMs)) return ['while it moved', oldMs];

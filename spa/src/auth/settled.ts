@@ -1,4 +1,5 @@
 import { accounts, relaySettled, wasSignedIn } from '../relay/relay.ts';
+import { withholdTokens } from './token.ts';
 
 let asking: ReturnType<typeof relaySettled> | null = null;
 
@@ -6,6 +7,7 @@ let asking: ReturnType<typeof relaySettled> | null = null;
  *  now. Later calls get the same result. */
 export function accessSettled(): ReturnType<typeof relaySettled> {
   asking ??= relaySettled().then(async (choice) => {
+    if (choice.lane !== null && choice.lane !== choice.base) withholdTokens(`${choice.lane}api/v1/`);
     if (accounts !== null && wasSignedIn()) {
       await import('./account.ts').then(({ restoreSession }) => restoreSession()).catch(() => {}); // then without an account
     }

@@ -1,14 +1,19 @@
 import { createStore } from '../browser/store.ts';
-import { isElsewhereInLane } from '../relay/relay.ts';
 
 /** The tokens of this page: that of the share link with which it was opened (for one robot), and that of the signed-in
  *  account. Neither is ever put into an address. */
 
 let held = '';
 const account = createStore('');
+let withheldBelow: string | null = null;
 
 export function setLinkToken(token: string): void {
   held = token;
+}
+
+/** Withholds all tokens from what lies below an address. */
+export function withholdTokens(below: string): void {
+  withheldBelow = below;
 }
 
 /** Sets the account's token; '' when nobody is signed in. */
@@ -22,7 +27,7 @@ export const onAccountToken = account.subscribe;
 /** The token for a URL at this relay: the share link's for its robot, else the account's; undefined without one. A lane is for
  *  what anyone may see, and may lead to another's caches: none ever goes there. */
 export function tokenFor(url: string): string | undefined {
-  if (isElsewhereInLane(url)) return undefined;
+  if (withheldBelow !== null && url.startsWith(withheldBelow)) return undefined;
   const robot = held.split('.')[1];
   if (robot && url.includes(`/api/v1/robots/${robot}/`)) return held;
   return (/\/api\/v1\/robots(\/|$)/.test(url) && account.get()) || undefined;

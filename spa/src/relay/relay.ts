@@ -34,12 +34,6 @@ export function relayChoice(): Choice {
   return choice ?? { base: home(), mirror: null, lane: null, refused: null };
 }
 
-/** Whether a URL is read by way of a lane with another address than the relay's. */
-export function isElsewhereInLane(url: string): boolean {
-  const { base = null, lane = null } = choice ?? {};
-  return lane !== null && lane !== base && url.startsWith(`${lane}api/v1/`);
-}
-
 /** Resolves to the chosen relay; asks once. From then on a content policy limits whom the page may talk to. A recording has no
  *  relay: nothing is asked, and its own origin is all that it reads. */
 export function relaySettled(): Promise<Choice> {

@@ -38,6 +38,9 @@ const UNKNOWN: Link = {
   problem: null,
 };
 
+/** By then the table, which is written a few times a second, shows a new pose as well. */
+const ALL_SHOW_MS = 300;
+
 /** How far from the told second what is measured of a lane may come to be, ms. */
 const STEADY_MS = 750;
 
@@ -59,6 +62,8 @@ export class StreamClient {
   #resting = false;
   /** What lies behind no longer comes, and is still shown until something else does. */
   #leavesBehind = false;
+  /** When the first pose came after it; null: none yet. */
+  #nowSinceMs: number | null = null;
 
   /** `lane`: where its segments are read instead of a socket; null: nowhere. */
   constructor(twin: RobotTwin, url: string, hz: number, lane: string | null = null) {
@@ -149,7 +154,8 @@ export class StreamClient {
       case 'state':
         twin.acceptState(message.state);
         this.#tell({ kind: 'taken' });
-        this.#leaveBehind();
+        this.#nowSinceMs ??= nowMs();
+        if (nowMs() - this.#nowSinceMs >= ALL_SHOW_MS) this.#leaveBehind();
         return;
       case 'status':
         twin.acceptStatus(message.status);
@@ -190,6 +196,7 @@ export class StreamClient {
         return;
       case 'behind':
         this.#leavesBehind = message.ms === null && this.link.behindMs !== null;
+        this.#nowSinceMs = null;
         if (!this.#leavesBehind) this.#set({ behindMs: steadyBehindMs(this.link.behindMs, message.ms) });
         return;
       case 'problem':
