@@ -146,14 +146,15 @@ it('a relay that is full refuses nobody: who comes then sees the same, behind, a
   expect(await title(second)).not.toMatch(/behind/);
   expect(await wordsSince(second), 'LIVE all the while').toEqual(['LIVE']);
 
+  await expectRising(second);
+  expect(await robot.lies(second)).toEqual([]);
+  if (!FULL) return;
+
   // and comes back
   const again = await watching(relay, 'segments');
   await goesOn(again);
-  for (const page of [second, again]) {
-    await expectRising(page);
-    expect(await robot.lies(page)).toEqual([]);
-  }
-  expect(again.errors.length + second.errors.length).toBe(0);
+  await expectRising(again);
+  expect(await robot.lies(again)).toEqual([]);
 });
 
 describe.skipIf(!FULL)('in the lane', () => {
