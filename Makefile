@@ -1,6 +1,6 @@
 # Every target sets up what it needs; `make` alone lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers lane load attack faults soak gallery pictures explained compose-test dist clean unit python typescript page e2e browsers
+.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers lane load attack faults soak gallery pictures explained compose-test dist clean unit python python-a python-b typescript page e2e browsers
 SHELL := /bin/bash
 export UV_PYTHON_DOWNLOADS := never
 export PYTHONDONTWRITEBYTECODE := 1
@@ -16,6 +16,10 @@ DEMO  := edge-agent/src/posecast_edge/demo_bundle
 DIST  ?= dist
 # A test that loses against a busy machine is played once more, and named.
 PYTEST := $(BIN)/pytest --reruns 1 -rR
+# two halves that take about as long
+PYTHON_A := relay/tests wire/python/tests loadtests/tests fuzz/tests
+PYTHON_B := edge-agent/tests tests
+PYTHON_NEEDS := for package in redis-server nginx rsync; do tools/need $$package || exit; done
 E2E    := npm run --silent e2e -w spa -- --retry=1
 
 help: ## list the targets
@@ -92,9 +96,16 @@ fix: .venv/.ready node_modules/.ready ## what the linters can mend by themselves
 
 unit: python typescript fuzz ## tests without a browser
 
-python: setup
-	@for package in redis-server nginx rsync; do tools/need $$package || exit; done
-	$(PYTEST) -m "not full"
+# under --jobs side by side, since most of them wait
+python: python-a python-b
+
+python-a: setup
+	@$(PYTHON_NEEDS)
+	$(PYTEST) -m "not full" $(PYTHON_A)
+
+python-b: setup
+	@$(PYTHON_NEEDS)
+	$(PYTEST) -m "not full" $(PYTHON_B)
 
 typescript: setup
 	npm test --silent -w wire/typescript
@@ -109,8 +120,10 @@ e2e: setup ## the whole path in real browsers: all of it in Chromium, a smoke in
 fuzz: .venv/.ready node_modules/.ready ## strangers' bytes for every reader on a boundary (SECONDS=3600 for an hour)
 	$(BIN)/python -m fuzz --seconds $(or $(SECONDS),60)
 
-test: setup ## all tests CI runs: Python's and the page's side by side, since most of them wait
-	@$(MAKE) --no-print-directory --jobs=2 --output-sync=target python page
+test: setup ## all tests CI runs: both halves of Python's and the page's side by side, since most of them wait
+	@# once, before two ask for the same package
+	@$(PYTHON_NEEDS)
+	@$(MAKE) --no-print-directory --jobs=3 --output-sync=target python-a python-b page
 	@$(MAKE) --no-print-directory fuzz
 
 page: typescript e2e

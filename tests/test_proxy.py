@@ -73,7 +73,6 @@ def set_up_cache(folder: Path) -> tuple[str, ...]:
     text = (ROOT / "infra/cache.conf").read_text()
     for old, new in {
         "/tmp/": f"{folder}/",
-        "/dev/stderr": "stderr",
         "listen 8080": "listen 127.0.0.1:8090",
         "http://relay:8080": "http://127.0.0.1:8080",
         "/etc/nginx/nginx-lane.rules": f"{ROOT}/infra/hosting/nginx-lane.rules",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+import tomllib
 from collections import Counter, defaultdict
 from pathlib import Path
 
@@ -49,3 +50,9 @@ def test_no_folder_is_crowded() -> None:
     counts = Counter(path.parent.relative_to(REPO) for path in SOURCES)
     crowded = {str(folder) for folder, count in counts.items() if count > FILES_MAX}
     assert crowded <= {"loadtests/src/posecast_loadtests"}
+
+
+def test_the_two_halves_of_pythons_tests_are_all_of_them() -> None:
+    halves = re.findall(r"^PYTHON_[AB] := (.+)$", (REPO / "Makefile").read_text(), re.MULTILINE)
+    paths = tomllib.loads((REPO / "pyproject.toml").read_text())["tool"]["pytest"]["ini_options"]["testpaths"]
+    assert sorted(" ".join(halves).split()) == sorted(paths)

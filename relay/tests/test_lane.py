@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import heapq
 import json
 import re
 from dataclasses import replace
@@ -29,6 +30,7 @@ from posecast_relay.core.policy.lane import (
     NO_LOOK_BACK,
     NOT_ALL,
     NOT_OPEN,
+    RetryPace,
     explain_no_lane,
     find_lane,
 )
@@ -151,6 +153,30 @@ def test_the_hub_tells_it_and_counts_whom_it_told() -> None:
     }  # fmt: skip
 
 
+def test_the_more_are_sent_to_the_lane_the_later_they_may_come_again() -> None:
+    pace, now = RetryPace(), 0.0
+    assert {pace.choose_retry_s(30.0, now) for _ in range(600)} == {30.0}
+    told = [pace.choose_retry_s(30.0, now) for _ in range(4400)]  # 5,000 at once
+    assert told == sorted(told)
+    assert told[-1] == 250.0
+    assert max(pace.choose_retry_s(30.0, now) for _ in range(100_000)) == 600.0
+    assert pace.choose_retry_s(30.0, now + 3600.0) == 30.0
+    # a crowd that comes again after one to two times as long: its tries grow with its root at most
+    tries = {}
+    for crowd in (1000, 16_000):
+        pace = RetryPace()
+        due = [(n / 1000, n) for n in range(crowd)]
+        heapq.heapify(due)
+        late = 0
+        while due[0][0] < 1200.0:
+            at, n = due[0]
+            heapq.heapreplace(due, (at + pace.choose_retry_s(30.0, at) * (1 + n % 97 / 97), n))
+            late += at >= 600.0
+        tries[crowd] = late / 600.0
+    assert tries[1000] <= 1000 / 40.0
+    assert tries[16_000] <= 4 * tries[1000]
+
+
 # ---- through real sockets -------------------------------------------------------
 
 
@@ -269,12 +295,12 @@ async def test_who_comes_again_and_again_while_it_is_full_leaves_nothing_behind(
     async with Watcher(relay.url()) as viewer:
         await viewer.until("it is in", lambda v: v.texts)
         before = await asyncio.to_thread(measure)
-        for n in range(10):
+        for n in range(5):
             told = await asyncio.gather(*(hear(relay, robot=f"r{10 * n + k}") for k in range(10)))
             told += await asyncio.gather(*(hear_events(relay, robot=f"r{10 * n + k}") for k in range(10)))
             assert {each["lane"] for each in told} == {LANE}
         assert viewer.closed is None
-    assert await asyncio.to_thread(read_metric, port, "posecast_lane_viewers_total") == 200
+    assert await asyncio.to_thread(read_metric, port, "posecast_lane_viewers_total") == 100
 
     def is_as_before() -> bool:
         return measure() == [before[0], 0, 0]

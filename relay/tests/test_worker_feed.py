@@ -158,13 +158,25 @@ async def test_a_robot_that_began_anew_is_followed(two: _Two) -> None:
     await two.until("the same frame", two.agrees)
     two.edge = Edge(0xF, schema(), began_s=time.monotonic())
     await two.until("the new run", lambda: two.second.robots["r"].runs.current == 0xF and two.agrees())
+    doc = b'{"type":"event","t":1.0,"level":"fault","source":"RKN","text":"hot","state":"on"}'
+
+    def happen() -> None:
+        stamp = two.edge.stamp(time.monotonic())
+        two.here.carry_out(two.first.take_event("r", "public", doc, stamp, 1.0, 1.0))
+
+    def has_events(count: int) -> bool:
+        stream = two.find(two.second)
+        return stream is not None and len(stream.events) == count
+
+    for _ in range(2):
+        happen()
+    await two.until("its events", lambda: has_events(2))
     robot = two.first.robots["r"]
     two.first.drop_robot(robot)  # as after an hour: then it comes back, and its events begin at 1
     two.edge = Edge(0x10, schema(), began_s=time.monotonic())
     await two.until("another run", lambda: two.second.robots["r"].runs.current == 0x10 and two.agrees())
-    doc = b'{"type":"event","t":1.0,"level":"fault","source":"RKN","text":"hot","state":"on"}'
-    two.here.carry_out(two.first.take_event("r", "public", doc, two.edge.stamp(time.monotonic()), 1.0, 1.0))
-    await two.until("its event", lambda: len(two.find(two.second).events) == 1)  # type: ignore[union-attr]
+    happen()
+    await two.until("its event", lambda: has_events(1))
 
 
 async def test_a_worker_that_takes_nothing_is_cut_and_told_all_anew(

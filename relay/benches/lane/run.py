@@ -36,6 +36,7 @@ from relay.benches.lane.robot import read_feed
 from relay.benches.lane.stage import LaneStage, Row, set_stage
 from relay.benches.lane.table import (
     find_goals,
+    list_caches,
     list_crowds,
     make_bytes,
     make_goals,
@@ -113,7 +114,10 @@ def sum_up(rows: list[Row], about: dict[str, Any]) -> dict[str, Any]:
         "lane_bytes_s": {row["cache"]: round(row["bytes_s"]) for row in lane},
         "segment_bytes": round(lane[0]["segment_bodies"] / lane[0]["segments"]),
         "header_bytes": {row["cache"]: round(row["segment_heads"] / row["segments"]) for row in lane},
-        "behind_p95_s": {row["cache"]: round(row["age_ms"]["p95"] / 1e3, 2) for row in steady},
+        "behind_p95_s": {
+            cache: round(median(row["age_ms"]["p95"] for row in pick(steady, cache=cache)) / 1e3, 2)
+            for cache in list_caches(rows)
+        },
         "origin_cpu_ms_a_segment": round(median(map(request_ms, steady)), 2),
     }
 

@@ -63,7 +63,6 @@ STEADY += [
     "origin's CPU for one",
     "all of the origin's CPU in that time",
     "the node's core",
-    "bytes a viewer and s",
     "behind p50",
     "behind p95",
     "max",

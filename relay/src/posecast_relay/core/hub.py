@@ -122,8 +122,8 @@ class Hub(Uplink):
         occupancy = self._count_occupancy(grant)
         refusal = find_no_room(grant, occupancy)
         if refusal is not None:
-            self.count_refusal(refusal, viewer.is_preview)
-            return [CloseConnection(viewer, refusal.close, refusal.reason, refusal.retry_s, refusal.lane)]
+            told = self.count_refusal(refusal, viewer.is_preview, now)
+            return [CloseConnection(viewer, told.close, told.reason, told.retry_s, told.lane)]
         out = [] if viewer.is_preview else self._make_room(grant, occupancy)
         viewer.set_rate(min(viewer.asked_hz, self.load.ceiling_hz))
         robot = self.robots.get(viewer.robot)

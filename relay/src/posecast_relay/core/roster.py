@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sized
+from dataclasses import replace
 from functools import partial
 from typing import Protocol
 
@@ -13,6 +14,7 @@ from posecast_relay.core.actions import Action, CloseConnection, Fault, Persist
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.past.recorder import Recorder
 from posecast_relay.core.policy.admission import Refusal
+from posecast_relay.core.policy.lane import RetryPace
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
 from posecast_relay.core.timer_queue import TimerQueue
@@ -99,6 +101,7 @@ class Roster:
         self.endings: Counter[int] = Counter()  # of viewers, by close code
         self.preview_endings: Counter[int] = Counter()  # of previews, whom nobody misses, likewise
         self.sent_to_lane = 0  # of the viewers that were refused
+        self._retry_pace = RetryPace()
         self.delivered = 0  # by rooms that are forgotten; and so on
         self.skipped = 0
         self.degraded = False  # no robot is heard of, for a reason of this relay's own
@@ -231,10 +234,16 @@ class Roster:
         """Count that a viewer was let go or refused, by its close code; a preview apart from the viewers."""
         (self.preview_endings if is_preview else self.endings)[close] += 1
 
-    def count_refusal(self, refusal: Refusal, is_preview: bool) -> None:
-        """Count that somebody was not let in: by the close code, and if they were told the lane."""
+    def count_refusal(self, refusal: Refusal, is_preview: bool, now: float) -> Refusal:
+        """Count that somebody is not let in, by the close code, and if they are told the lane.
+
+        Returns what they are told: when many are sent to the lane, to come again more seldom.
+        """
         self.count_ending(refusal.close, is_preview)
-        self.sent_to_lane += refusal.lane is not None
+        if refusal.lane is None or refusal.retry_s is None:
+            return refusal
+        self.sent_to_lane += 1
+        return replace(refusal, retry_s=self._retry_pace.choose_retry_s(refusal.retry_s, now))
 
     def remove_ended(self, actions: list[Action]) -> list[Action]:
         """Remove and count the viewers that these actions close. Returns the actions unchanged."""

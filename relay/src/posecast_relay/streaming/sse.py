@@ -278,9 +278,9 @@ class _Http(HttpConnection):
             self.refuse(refusal.status, refusal.reason)
             return
         dispatcher = self.access.live
-        dispatcher.hub.count_refusal(refusal, applicant.is_preview)
+        told = dispatcher.hub.count_refusal(refusal, applicant.is_preview, dispatcher.now())
         dispatcher.handshakes["told to go"] += 1
-        bye = _make_bye(refusal.close, refusal.reason, refusal.retry_s, refusal.lane)
+        bye = _make_bye(told.close, told.reason, told.retry_s, told.lane)
         self.transport.write(_make_head(pages) + bye)
         self.transport.close()
 

@@ -230,9 +230,10 @@ class LiveSocket(asyncio.Protocol):
     @isolated
     def _refuse_entry(self, refusal: Refusal) -> None:
         self._waits_no_more()
-        self.dispatcher.hub.count_refusal(refusal, self._applicant.is_preview)
+        is_preview, now = self._applicant.is_preview, self.dispatcher.now()
+        told = self.dispatcher.hub.count_refusal(refusal, is_preview, now)
         self.dispatcher.handshakes["told to go"] += 1
-        self.end(refusal.close, refusal.reason, refusal.retry_s, refusal.lane)
+        self.end(told.close, told.reason, told.retry_s, told.lane)
 
     def _enter(self, asked: StreamRequest, applicant: Applicant) -> None:
         self._waits_no_more()
