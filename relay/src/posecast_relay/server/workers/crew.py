@@ -72,7 +72,7 @@ class Crew:
         return JoinedCollector(own, self._folder, workers, missing, lambda: self.supervisor.restarts)
 
     def find_missing(self) -> MissingPart | None:
-        """Return who does not serve; None when all do. Before all have served once the relay has not begun."""
+        """Return who does not serve; None when all do. A relay has begun when all have served."""
         missing = self.counts.list_missing()
         if not missing:
             return None
