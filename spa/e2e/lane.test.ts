@@ -14,6 +14,7 @@ const SHOTS = path.join(REPO, 'spa/e2e/shots');
 
 /** A part is some four seconds, unless its robot's word changes. */
 const BEHIND_MS = { least: 1000, most: 9000 };
+const FIRST_PART_MS = 7000;
 /** From the joint to the screen, on a machine that does much else. */
 const NEAR_MS = 1500;
 
@@ -94,7 +95,12 @@ it('a relay that is full refuses nobody: who comes then sees the same, behind, a
   await until('how far behind', async () => / s behind$/.test(await chipText(second)));
   expect(await chipText(second)).toMatch(/^LIVE(\d+ Hz)?\d s behind$/);
   expect(await title(second)).toMatch(/^\d s behind · /);
-  await goesOn(second, 120);
+  // of the first part it is known only how far behind it is at most
+  await until('the second part', async () => {
+    const shown = await shownFrames(second);
+    return (shown.at(-1)?.atMs ?? 0) - shown[0]!.atMs > FIRST_PART_MS;
+  });
+  await goesOn(second, 100);
 
   // each frame is the robot's own, so much earlier: a page shows what it has time for, hence between two of the other's
   const ofFirst = await shownFrames(first);
@@ -140,14 +146,15 @@ it('a relay that is full refuses nobody: who comes then sees the same, behind, a
   expect(await title(second)).not.toMatch(/behind/);
   expect(await wordsSince(second), 'LIVE all the while').toEqual(['LIVE']);
 
+  await expectRising(second);
+  expect(await robot.lies(second)).toEqual([]);
+  if (!FULL) return;
+
   // and comes back
   const again = await watching(relay, 'segments');
   await goesOn(again);
-  for (const page of [second, again]) {
-    await expectRising(page);
-    expect(await robot.lies(page)).toEqual([]);
-  }
-  expect(again.errors.length + second.errors.length).toBe(0);
+  await expectRising(again);
+  expect(await robot.lies(again)).toEqual([]);
 });
 
 describe.skipIf(!FULL)('in the lane', () => {

@@ -17,6 +17,8 @@ const JUMP_MS = 700;
 const NEW_PARTS = 3;
 /** By so much a part of a new take may come sooner or later than others did, if it is told by the same clock. */
 const SAME_MS = 2000;
+/** The relay tells its time without fractions. */
+const WHOLE_SECOND_MS = 1000;
 /** Parts after the first of which none was waited for; then the place counts as found. */
 const FOUND_AFTER = 3;
 
@@ -55,10 +57,10 @@ export class PlayClock {
   /** How many parts came since the clock began. */
   #parts = 0;
   #stalls = 0;
+  /** How long before its arrival the first part ended, to half a second; null: not known. */
+  #firstAgoMs: number | null = null;
   /** So many parts more come while the clock is new. */
   #newParts = 0;
-  /** How long before its arrival the first part ended; null: not longer than a part. */
-  #firstAgoMs: number | null = null;
 
   /** Takes note of a part. Returns whether the clock has begun anew, so that it does not hold for parts of before. */
   arrive(part: Arrival): boolean {
@@ -74,7 +76,8 @@ export class PlayClock {
       this.#newParts = NEW_PARTS;
       this.#atMs = atMs;
       this.shiftMs = firstShiftMs(part);
-      this.#firstAgoMs = isLikely(part) ? part.agoMs : null;
+      const agoMs = (part.agoMs ?? Number.NaN) + WHOLE_SECOND_MS / 2;
+      this.#firstAgoMs = Math.abs(agoMs) <= WHOLE_SECOND_MS / 2 || isLikely(part) ? Math.max(0, agoMs) : null;
       this.#remember(spanMs, closeMs);
     } else if (!this.isFound) {
       const soonestMs = Math.min(closeMs, this.closeMs);
@@ -148,7 +151,7 @@ export class PlayClock {
   behindMs(wayMs: number): number {
     const knownMs = this.shiftMs - this.closeMs + wayMs;
     if (this.isFound) return knownMs;
-    return knownMs + (this.#firstAgoMs === null ? Math.max(...this.#spansMs) : this.#firstAgoMs + 500);
+    return knownMs + (this.#firstAgoMs ?? Math.max(...this.#spansMs));
   }
 
   /** So late that the next part comes in time if it is as long as others, and not later than almost all of them. */

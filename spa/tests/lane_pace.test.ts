@@ -1,0 +1,26 @@
+import { expect, it } from 'vitest';
+import { Lane, type LaneAction } from '../src/stream/lane/lane.ts';
+
+it('asks a relay that sends it in circles once a second, after four times at once', () => {
+  const before = { frame: null, event: null };
+  const lane = new Lane({ view: 'public', hz: 30, isVisible: true, before, random: () => 0.5 });
+  const takes = ['a'.repeat(16), 'b'.repeat(16)];
+  let asked = 0;
+  const answer = () => {
+    const name = { take: takes[asked % 2], index: 0 };
+    const text = JSON.stringify({ view: 'public', past_ms: 1000, delay_ms: 0, newest: name, next: name });
+    const bytes = new TextEncoder().encode(text);
+    return { status: 200, isJson: true, retryMs: null, dateMs: null, bytes };
+  };
+  const follow = (nowMs: number, actions: readonly LaneAction[]): void => {
+    for (const { do: what } of actions) {
+      if (what !== 'ask') continue;
+      asked += 1;
+      if (asked < 1000) follow(nowMs, lane.answered(nowMs, answer()));
+    }
+  };
+  follow(0, lane.start(0));
+  expect(asked).toBe(4);
+  for (let nowMs = 250; nowMs <= 20_000; nowMs += 250) follow(nowMs, lane.tick(nowMs));
+  expect(asked).toBe(24);
+});
