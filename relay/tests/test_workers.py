@@ -205,7 +205,7 @@ async def test_a_worker_that_was_killed_comes_back(relays: Relays, edges: Edges)
             assert refused.told("bye")[0]["lane"] == "past/public"
         assert read_metric(port, "posecast_lane_viewers_total") == 2
         assert stays.closed is None
-        assert stays.most_missed(seq) < 10
+        assert stays.most_missed(seq) < 30  # a second: to start a worker takes longer
         assert read_metric(port, "posecast_delivered_frames_total") >= delivered + 10
     assert "worker 1 has ended, status -9: starting it again" in relay.errors()
 
