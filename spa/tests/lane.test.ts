@@ -50,10 +50,10 @@ function wordsOf(viewer: LaneViewer, fromMs: number, toMs = Number.POSITIVE_INFI
 }
 
 /** Requests in any ten seconds. */
-function expectFew(viewer: LaneViewer): void {
+function expectFew(viewer: LaneViewer, most = 14): void {
   const at = viewer.requests.map(({ atMs }) => atMs);
   for (const ms of at)
-    expect(at.filter((each) => each >= ms && each < ms + 10_000).length).toBeLessThanOrEqual(14);
+    expect(at.filter((each) => each >= ms && each < ms + 10_000).length).toBeLessThanOrEqual(most);
 }
 
 describe('a page in the lane', () => {
@@ -133,6 +133,43 @@ describe('a page in the lane', () => {
       expect(quantile(behind, 1)).toBeLessThanOrEqual(KEY_MS + 1700);
       expect(wordsOf(viewer, viewer.openMs)).toEqual(['LIVE']);
     }
+  });
+
+  it.each([
+    [30_000, KEY_MS],
+    [45_000, KEY_MS],
+    [20_000, 1000],
+  ])(
+    'comes to the end of the past where a cache names one of up to %i ms ago, KEYs each %i ms',
+    (endKeptMs, keyMs) => {
+      for (const joinsMs of [1, 2].map((at) => (2 + at) * endKeptMs - 500)) {
+        const { viewer } = watch({ lastsMs: 260_000, keyMs, endKeptMs, eventEveryMs: 3000 }, joinsMs);
+        viewer.run(joinsMs + 60_000);
+        expectOnce(viewer.shown);
+        const later = viewer.shown.filter(({ atMs }) => atMs > viewer.openMs + 15_000);
+        const behind = later.map(({ atMs, acceptedMs }) => atMs - acceptedMs);
+        expect(later.length).toBeGreaterThan(40 * 30);
+        expect(quantile(behind, 0.95)).toBeLessThanOrEqual(keyMs + 1000);
+        for (const { atMs, acceptedMs } of later)
+          expect(Math.abs(viewer.behindAt(atMs) - (atMs - acceptedMs))).toBeLessThan(400);
+        expectFew(viewer, 20);
+      }
+    },
+  );
+
+  it('comes back to the end of the past after a sleep, though a cache names an old one', () => {
+    const { relay, viewer } = watch({ lastsMs: 200_000, endKeptMs: 70_000, eventEveryMs: 5000 }, 71_000);
+    viewer.run(80_000);
+    viewer.run(112_000, true);
+    viewer.run(138_000);
+    expectOnce(viewer.shown);
+    const later = viewer.shown.filter(({ atMs }) => atMs > 124_000);
+    const behind = later.map((each) => each.atMs - each.acceptedMs);
+    expect(later.length).toBeGreaterThan(10 * 30);
+    expect(quantile(behind, 0.95)).toBeLessThanOrEqual(KEY_MS + 1000);
+    const told = relay.events.filter(({ atMs }) => atMs > 72_000 && atMs < 130_000).map(({ n }) => n);
+    expect(viewer.events.map(({ n }) => n)).toEqual(expect.arrayContaining(told));
+    expectFew(viewer, 20);
   });
 
   it('knows how long a robot has been gone, if answers tell when they were made', () => {

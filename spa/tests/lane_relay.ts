@@ -31,6 +31,8 @@ export interface LaneStory {
   readonly lateMs?: (atMs: number) => number;
   /** Its answers say when they were made, to a second. */
   readonly tellsDate?: boolean;
+  /** A cache tells where the past ends as it was up to so long ago. */
+  readonly endKeptMs?: number;
   /** From then on between KEYs. */
   readonly laterKeyMs?: { readonly atMs: number; readonly keyMs: number };
 }
@@ -112,7 +114,8 @@ export class LaneRelay {
     });
     const relay = this.#relayAt(atMs);
     if (!path.startsWith('/')) {
-      const newest = this.#keptAt(atMs).at(-1);
+      const keptMs = this.#story.endKeptMs ?? 1;
+      const newest = this.#keptAt(keptMs * Math.floor(atMs / keptMs)).at(-1);
       const named = newest === undefined ? null : { take: newest.take, index: newest.index };
       return json({ view: 'public', past_ms: 1_800_000, delay_ms: 0, newest: named });
     }
