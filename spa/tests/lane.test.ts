@@ -1,5 +1,6 @@
+import type { EventMessage } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
-import { LANE_SCHEMA, LaneRelay, type LaneStory } from './lane_relay.ts';
+import { LANE_SCHEMA, LaneRelay, type LaneStory, UNIX_MS } from './lane_relay.ts';
 import { type LaneNetwork, LaneViewer, quantile, type Shown } from './lane_viewer.ts';
 import { seeded } from './playout_sim.ts';
 
@@ -289,6 +290,66 @@ describe('a page in the lane', () => {
   });
 });
 
+/** A fault that begins at 30 s and ends at 37.5 s, and another at 40 s that stays. */
+const FAULTS = [
+  { atMs: 30_000, source: 'RKN', state: 'on' },
+  { atMs: 37_500, source: 'RKN', state: 'off' },
+  { atMs: 40_000, source: 'LKN', state: 'on' },
+] as const;
+
+describe('faults in the lane', () => {
+  it('that ended and began while the page slept are settled when it comes back', () => {
+    const { viewer } = watch({ faults: FAULTS }, 16_000);
+    viewer.run(37_000);
+    expect(viewer.openFaults).toEqual(['RKN']);
+    viewer.run(70_000, true);
+    viewer.run(88_000);
+    expect(viewer.openFaults).toEqual(['LKN']);
+    const told = viewer.twin.events.map(({ source, state, at }) => [
+      source,
+      state,
+      Math.round(at! * 1000) - UNIX_MS,
+    ]);
+    expect(told).toMatchObject([
+      ['RKN', 'on', 30_000],
+      ['RKN', 'off', expect.any(Number)],
+      ['LKN', 'on', 40_000],
+    ]);
+    expect(told[1]![2]).toBeGreaterThan(40_000);
+    expect(new Set(viewer.twin.events.map(({ n }) => n)).size).toBe(3);
+  });
+
+  it('are told at once to who joins, and one that a page takes for open ends', () => {
+    const { viewer } = watch({ faults: FAULTS }, 60_000);
+    viewer.run(63_000);
+    expect(viewer.openFaults).toEqual(['LKN']);
+    const { relay } = watch({ faults: FAULTS }, 60_000);
+    const [rose] = relay.events.map(({ text }) => JSON.parse(text) as EventMessage);
+    const before = { frame: null, event: { n: 1, at: rose!.at }, faults: [rose!] };
+    const other = new LaneViewer(relay, { wayMs: () => 50 }, 60_000, () => 0.5, before);
+    other.run(63_000);
+    expect(other.events.map(({ n }) => Math.floor(n))).toEqual([1, 3]);
+    expect(other.openFaults).toEqual(['LKN']);
+  });
+
+  it('that a socket has told a moment ago stay open, though the lane still shows what was before', () => {
+    const { relay } = watch({ faults: FAULTS }, 41_000);
+    const events = relay.events.map(({ text }) => JSON.parse(text) as EventMessage);
+    const before = { frame: null, event: { n: 3, at: events[2]!.at }, faults: [events[2]!] };
+    const viewer = new LaneViewer(relay, { wayMs: () => 50 }, 41_000, () => 0.5, before);
+    viewer.run(70_000);
+    expect(viewer.events).toEqual([]);
+  });
+
+  it('of a relay that knows of none end with the take of the other', () => {
+    const { viewer } = watch({ faults: FAULTS, replacedMs: 55_000, otherForgets: true }, 22_000);
+    viewer.run(50_000);
+    expect(viewer.openFaults).toEqual(['LKN']);
+    viewer.run(85_000);
+    expect(viewer.openFaults).toEqual([]);
+  });
+});
+
 describe('a page that comes from a socket', () => {
   it.each([1, 2, 3, 4])('shows nothing that the socket has shown (%i)', (seed) => {
     const random = seeded(seed);
@@ -301,6 +362,7 @@ describe('a page that comes from a socket', () => {
     const viewer = new LaneViewer(relay, { wayMs: () => 50 + 150 * random() }, joinsMs, random, {
       frame,
       event: { n, at },
+      faults: [],
     });
     viewer.run(60_000);
     expect(Math.min(...viewer.shown.map(({ acceptedMs }) => acceptedMs))).toBeGreaterThan(last.atMs);
@@ -314,7 +376,11 @@ describe('a page that comes from a socket', () => {
     const random = seeded(7);
     const last = relay.frames.findLast(({ atMs }) => atMs < 30_000)!;
     const frame = { schemaId: LANE_SCHEMA.id, seq: last.seq, tS: last.tS, atMs: last.atMs + 100 };
-    const viewer = new LaneViewer(relay, { wayMs: () => 100 }, 34_000, random, { frame, event: null });
+    const viewer = new LaneViewer(relay, { wayMs: () => 100 }, 34_000, random, {
+      frame,
+      event: null,
+      faults: [],
+    });
     viewer.run(60_000);
     expectOnce(viewer.shown);
     expect(viewer.shown[0]?.acceptedMs).toBeLessThan(46_000);

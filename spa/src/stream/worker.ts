@@ -2,6 +2,7 @@
 import { WIRE_VERSION } from '@posecast/wire';
 import { nowMs, setSlept } from './clock.ts';
 import laneUrl from './lane/lane_script.ts?worker&url';
+import { ToldFaults } from './lane/told_faults.ts';
 import type { EventMark, LaneHandlers, OpenLane, ShownFrame } from './lane_port.ts';
 import { Mailbox } from './mailbox.ts';
 import type { Action, FromStream, ToStream } from './messages.ts';
@@ -38,12 +39,16 @@ let wantedHz = 0;
 let behindMs = 0;
 let shown: ShownFrame | null = null;
 let told: EventMark | null = null;
+const faults = new ToldFaults();
 /** After a lane, what comes once more over the socket. */
 let overlap: ShownFrame | null = null;
 
 function post(message: FromStream): void {
   if (message.kind === 'behind') behindMs = message.ms ?? 0;
-  if (message.kind === 'event') told = message.event;
+  if (message.kind === 'event') {
+    told = message.event;
+    faults.record(message.event);
+  }
   if (message.kind === 'state') {
     const { seq, tS } = message.state;
     if (seq === overlap?.seq && tS === overlap.tS) return;
@@ -137,7 +142,11 @@ function read(url: string, by: Transport): void {
         wireVersion: WIRE_VERSION,
         hz: wantedHz,
         isVisible: visible,
-        before: { frame: shown && { ...shown, atMs: shown.atMs - behindMs }, event: told },
+        before: {
+          frame: shown && { ...shown, atMs: shown.atMs - behindMs },
+          event: told,
+          faults: faults.open,
+        },
         opened: () => unlessLeft((to) => to.opened(nowMs())),
         heard: () => unlessLeft((to) => to.heard(nowMs())),
         event: (event: StreamEvent) => unlessLeft((to) => deliver(event, nowMs(), to)),
