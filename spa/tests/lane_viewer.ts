@@ -1,5 +1,5 @@
+import { ToldFaults } from '../src/stream/handover/told_faults.ts';
 import { Lane, type LaneAction } from '../src/stream/lane/lane.ts';
-import { ToldFaults } from '../src/stream/lane/told_faults.ts';
 import type { KnownBefore } from '../src/stream/lane_port.ts';
 import type { FromStream } from '../src/stream/messages.ts';
 import { judge, type Verdict } from '../src/twin/liveness.ts';

@@ -1,10 +1,10 @@
 import type { EventMessage, RobotStatus, Segment, SegmentRecord, SegmentStart } from '@posecast/wire';
+import { ToldFaults } from '../handover/told_faults.ts';
 import type { KnownBefore } from '../lane_port.ts';
 import type { FromStream } from '../messages.ts';
 import type { PlayClock } from './play_clock.ts';
 import { PoseReader } from './pose_reader.ts';
 import { eventOf, ToldEvents } from './told_events.ts';
-import { ToldFaults } from './told_faults.ts';
 
 /** What came so long ago was held up on this device: it is dated now. */
 const HELD_UP_MS = 50;
