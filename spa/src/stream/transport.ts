@@ -45,7 +45,8 @@ export class TransportChoice {
     return this.now;
   }
 
-  /** The relay is full, so segments are read. A WebSocket is tried after one to two times `retryMs`, then ever more seldom. */
+  /** The relay is full, so segments are read. A WebSocket is tried after one to two times `retryMs`; then when a refusal says, else
+   *  ever more seldom. */
   enterLane(nowMs: number, retryMs: number): Transport {
     this.now = 'segments';
     this.recordRefusal(nowMs, retryMs);
