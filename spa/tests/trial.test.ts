@@ -57,6 +57,7 @@ it('sends a token first', () => {
 it('is refused with the wait that the relay asks for, and with none that is no wait', () => {
   const { accepted, refused, say } = attempt();
   for (const retry_s of [null, 'soon', -1, 0, 1e300]) say({ type: 'bye', code: 1013, retry_s });
+  say({ type: 'hello', retry_s: 5 });
   expect(refused).not.toHaveBeenCalled();
   say({ type: 'bye', code: 1013, retry_s: 600, lane: 'past/public' });
   expect(refused.mock.calls).toEqual([[600]]);
