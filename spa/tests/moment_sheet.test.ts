@@ -18,6 +18,9 @@ afterEach(() => {
   document.body.replaceChildren();
 });
 
+/** Waits until a check passes, on a busy machine too. */
+const until = <T>(check: () => T) => vi.waitFor(check, 10_000);
+
 const MIN = 60_000;
 const DAY = 1440 * MIN;
 const TWIN = { schema: null, robot: 'demo' } as unknown as RobotTwin;
@@ -28,14 +31,14 @@ async function sheet(past: FakePast) {
   root = createRoot(host);
   momentSheet.set(past);
   root.render(createElement(MomentSheet, { controls: past, twin: TWIN }));
-  await vi.waitFor(() => expect(host.querySelector('dialog')).not.toBeNull());
+  await until(() => expect(host.querySelector('dialog')).not.toBeNull());
   const find = <T extends HTMLElement>(selector: string) => host.querySelector<T>(selector)!;
   const type = async (testId: string, value: string) => {
     const field = find<HTMLInputElement>(`[data-testid=${testId}]`);
     Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value')!.set!.call(field, value);
     field.dispatchEvent(new Event('input', { bubbles: true }));
     field.dispatchEvent(new Event('change', { bubbles: true }));
-    await vi.waitFor(() => expect(field.value).toBe(value));
+    await until(() => expect(field.value).toBe(value));
   };
   const hint = () => find('[data-testid=moment-hint]').textContent ?? '';
   return { host, find, type, hint };
@@ -77,9 +80,9 @@ describe('going to a moment', () => {
     const wanted = now - DAY - 30 * MIN;
     await type('moment-date', dateOf(wanted));
     await type('moment-time', timeOf(wanted));
-    await vi.waitFor(() => expect(hint()).toBe('This moment was recorded.'));
+    await until(() => expect(hint()).toBe('This moment was recorded.'));
     find('[data-testid=moment-go]').click();
-    await vi.waitFor(() => expect(past.told).toContain(`open ${(now - wanted) / 1000}`));
+    await until(() => expect(past.told).toContain(`open ${(now - wanted) / 1000}`));
     expect(momentSheet.get()).toBeNull();
   });
 
@@ -89,10 +92,10 @@ describe('going to a moment', () => {
     const wanted = now - DAY + 60 * MIN;
     await type('moment-date', dateOf(wanted));
     await type('moment-time', timeOf(wanted));
-    await vi.waitFor(() => expect(hint()).toMatch(/^Nothing was recorded then. The nearest is /));
+    await until(() => expect(hint()).toMatch(/^Nothing was recorded then. The nearest is /));
     expect(hint()).toContain(timeOf(spans[1]!.toMs));
     find('[data-testid=moment-go]').click();
-    await vi.waitFor(() => expect(past.told.at(-1)).toBe(`open ${(now - spans[1]!.toMs) / 1000}`));
+    await until(() => expect(past.told.at(-1)).toBe(`open ${(now - spans[1]!.toMs) / 1000}`));
   });
 
   it('says of what is to come, of what is no longer kept and of no moment that they are so', async () => {
@@ -100,13 +103,13 @@ describe('going to a moment', () => {
     const { find, type, hint } = await sheet(past);
     const go = find<HTMLButtonElement>('[data-testid=moment-go]');
     await type('moment-date', dateOf(now + 2 * DAY));
-    await vi.waitFor(() => expect(hint()).toBe('That has not come yet.'));
+    await until(() => expect(hint()).toBe('That has not come yet.'));
     expect(go.disabled).toBe(true);
     await type('moment-date', dateOf(now - 9 * DAY));
-    await vi.waitFor(() => expect(hint()).toMatch(/^That is no longer kept. The oldest is /));
+    await until(() => expect(hint()).toMatch(/^That is no longer kept. The oldest is /));
     expect(go.disabled).toBe(false);
     await type('moment-date', '');
-    await vi.waitFor(() => expect(hint()).toMatch(/^Kept from .* to .*, in your time zone\.$/));
+    await until(() => expect(hint()).toMatch(/^Kept from .* to .*, in your time zone\.$/));
     expect(go.disabled).toBe(true);
   });
 
@@ -116,9 +119,9 @@ describe('going to a moment', () => {
     const { type, hint } = await sheet(past);
     past.told.length = 0;
     await type('moment-date', dateOf(now - 2.2 * DAY));
-    await vi.waitFor(() => expect(hint()).toMatch(/^Looking/));
-    await vi.waitFor(() => expect(past.told.filter((told) => told.startsWith('day'))).toHaveLength(1));
-    await vi.waitFor(() => expect(hint(), 'it can’t be had').not.toMatch(/^Looking/));
+    await until(() => expect(hint()).toMatch(/^Looking/));
+    await until(() => expect(past.told.filter((told) => told.startsWith('day'))).toHaveLength(1));
+    await until(() => expect(hint(), 'it can’t be had').not.toMatch(/^Looking/));
   });
 
   it('is two taps away for an hour of yesterday', async () => {
@@ -132,7 +135,7 @@ describe('going to a moment', () => {
     );
     expect(wanted.length).toBeGreaterThan(0);
     wanted[0]!.click();
-    await vi.waitFor(() => expect(past.told.at(-1)).toMatch(/^open /));
+    await until(() => expect(past.told.at(-1)).toMatch(/^open /));
     const agoS = Number(past.told.at(-1)!.slice(5));
     expect(agoS).toBeLessThanOrEqual((now - fromMs) / 1000);
   });
@@ -150,13 +153,13 @@ describe('the last faults', () => {
     past.events = [told(1, now - 300_000), told(2, now - 290_000, 'off'), told(3, now - 100_000)];
     await sheet(past);
     chooseFaults();
-    await vi.waitFor(() => expect(rows()).toHaveLength(2));
+    await until(() => expect(rows()).toHaveLength(2));
     const [newest, older] = rows();
     const plain = (row: HTMLElement) => row.textContent!.replace(/[\u2066-\u2069]/g, '');
     expect(plain(newest!)).toMatch(/\d\d:\d\d:\d\d.*RKN.*jam.*2nd time in 10 min/);
     expect(plain(older!)).toMatch(/for 10 s/);
     older!.click();
-    await vi.waitFor(() => expect(past.told.at(-1)).toBe('seek 302'));
+    await until(() => expect(past.told.at(-1)).toBe('seek 302'));
     expect(momentSheet.get()).toBeNull();
   });
 
@@ -174,16 +177,16 @@ describe('the last faults', () => {
     };
     await sheet(past);
     chooseFaults();
-    await vi.waitFor(() => expect(rows()).toHaveLength(8));
+    await until(() => expect(rows()).toHaveLength(8));
     expect(past.told.filter((each) => each.startsWith('events'))).toHaveLength(8);
     past.answerEvents = () => false;
-    const more = await vi.waitFor(() => {
+    const more = await until(() => {
       const button = document.querySelector<HTMLElement>('[data-testid=more-incidents]');
       if (button === null) throw new Error('no button');
       return button;
     });
     more.click();
-    await vi.waitFor(() =>
+    await until(() =>
       expect(document.querySelector('.incidents [role=status]')?.textContent).toMatch(/does not answer/),
     );
     expect(rows()).toHaveLength(8);
@@ -193,7 +196,7 @@ describe('the last faults', () => {
     const { past } = threeDays();
     await sheet(past);
     chooseFaults();
-    await vi.waitFor(() =>
+    await until(() =>
       expect(document.querySelector('.incidents [role=status]')?.textContent).toMatch(/^No fault/),
     );
   });
