@@ -139,7 +139,7 @@ def test_viewers_read_segment_after_segment_and_into_the_next_take(lane_viewers:
 
 
 def test_viewers_that_begin_at_an_old_end_of_the_past_come_to_the_new_one(lane_viewers: str) -> None:
-    """A cache tells an old end twice, then the real one: viewers go on there and ask for no segment between."""
+    """A cache tells an old end twice, then the real one: viewers go on there and ask for none between."""
     script = {f"/public/{TAKE:016x}/{i}": [(200, make_segment(TAKE, i, 1 + 3 * i))] for i in range(15)}
     script["?view=public"] = [(200, newest(0)), (200, newest(0)), (200, newest(14))]
     with stand_in(script) as (port, asked):
