@@ -21,7 +21,9 @@ log = logging.getLogger("posecast_relay")
 MODULE = "posecast_relay.server.workers.further"
 POLL_S = 0.05
 BACKOFF_S = (0.2, 10.0)  # first and longest wait before a worker is started again
-HUNG_POLLS = round(15.0 / POLL_S)  # one that gives no sign of life in so many looks is ended, and started again
+HUNG_POLLS = round(
+    15.0 / POLL_S
+)  # one that gives no sign of life in so many looks is ended, and started again
 SETTLED_S = 30.0  # one that has lived for so long is started again without a longer wait
 DRAIN = b"d"
 
