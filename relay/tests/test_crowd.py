@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import resource
 import time
 from functools import partial
 from typing import Any
@@ -12,6 +11,7 @@ from typing import Any
 import pytest
 from posecast_wire import Close, parse_header
 
+from .open_files import allow_files
 from .sim import schema
 from .stage import Relay, Watcher, free_port
 from .test_websocket import endings, raw_viewer
@@ -24,12 +24,8 @@ FRAMES = 3
 @pytest.fixture
 def many_files() -> Any:
     """Two processes with a socket per viewer each: the relay sees to itself."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    if hard != resource.RLIM_INFINITY and hard < VIEWERS + 200:
-        pytest.skip(f"only {hard} open files allowed here")
-    resource.setrlimit(resource.RLIMIT_NOFILE, (VIEWERS + 200, hard))
-    yield
-    resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+    with allow_files(VIEWERS + 200):
+        yield
 
 
 async def one_of_many(relay: Relay) -> tuple[list[str], list[int], float]:

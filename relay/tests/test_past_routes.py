@@ -350,7 +350,9 @@ async def test_headers_head_and_etags(doors: PastDoors) -> None:
             assert "content-encoding" not in got.headers
             if audience is A:
                 assert got.headers["access-control-allow-origin"] == "*"
-                assert got.headers["access-control-expose-headers"] == "age, date, etag, retry-ms, retry-after"
+                assert (
+                    got.headers["access-control-expose-headers"] == "age, date, etag, retry-ms, retry-after"
+                )
                 assert got.headers["cache-control"].startswith("public, max-age=")
             else:
                 assert "access-control-allow-origin" not in got.headers

@@ -127,14 +127,19 @@ class Answers(BaseHTTPRequestHandler):
 
 
 @contextlib.asynccontextmanager
-async def answering(script: Script) -> AsyncIterator[tuple[HttpSource, list[str]]]:
-    """A source at a server that follows a script, and what that was asked."""
+async def answering(script: Script, ask_s: float = 0.0) -> AsyncIterator[tuple[HttpSource, list[str]]]:
+    """A source at a server that follows a script, and what that was asked.
+
+    By the source's clock each request takes `ask_s`, and nothing else takes any time.
+    """
     asked: list[str] = []
     handler = type("Scripted", (Answers,), {"script": staticmethod(script), "asked": asked})
     server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
     thread = threading.Thread(target=server.serve_forever, daemon=True)
     thread.start()
-    source = HttpSource(f"http://127.0.0.1:{server.server_port}/below", "r", "public", "token")
+    source = HttpSource(
+        f"http://127.0.0.1:{server.server_port}/below", "r", "public", "token", lambda: ask_s * len(asked)
+    )
     try:
         yield source, asked
     finally:
@@ -165,13 +170,13 @@ async def test_what_may_pass_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 async def test_at_last_it_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(http_client, "AGAIN_S", 0.05)
     monkeypatch.setattr(http_client, "WAIT_S", 0.01)
-    async with answering(lambda answer, _: answer.send(503, b'{"error":"away"}')) as (source, asked):
+    away: Script = lambda answer, _: answer.send(503, b'{"error":"away"}')  # noqa: E731
+    async with answering(away, ask_s=20.0) as (source, asked):
         with pytest.raises(PastUnreadable) as caught:
             await source.find_span()
-        assert str(caught.value).endswith("/past?view=public: gave up after 0.05 s: away")
-        assert len(asked) > 1
+        assert str(caught.value).endswith("/past?view=public: gave up after 60 s: away")
+        assert len(asked) == 3  # within the minute
 
 
 SEGMENT = ListedSegment(10, 0, PAGE_MS, PAGE_MS + 1, "5c" * 32)

@@ -14,12 +14,13 @@ from pathlib import Path
 import httpx
 import pytest
 from posecast_relay.config.settings import SettingsError, parse
+from posecast_relay.server.workers.feed import STUCK_S
 from posecast_wire import Close
 
 from .redis_server import Redis
 from .stage import Model, Relay, Watcher, ZenohEdge, free_port, until
 from .test_past_relay import await_segment, write
-from .worker_crew import ask_at, await_ready, list_pids, read_metric, watch_at
+from .worker_crew import SLOW_S, ask_at, await_ready, list_pids, read_metric, watch_at
 
 Relays = Callable[..., Relay]
 Edges = Callable[..., ZenohEdge]
@@ -190,7 +191,6 @@ async def test_a_worker_that_was_killed_comes_back(relays: Relays, edges: Edges)
         answer = until("it is missed", find_missing)
         assert answer.status_code == 200, "the others serve"
         assert answer.json() == {"status": "degraded", "why": "not serving: worker 1 of 2"}
-        until("it counts as missing", lambda: read_metric(port, 'posecast_workers{state="missing"}') >= 0)
         assert read_metric(port, "posecast_delivered_frames_total") >= delivered
         await asyncio.to_thread(await_ready, relay)
         assert list_pids(relay)[1] != second
@@ -205,7 +205,7 @@ async def test_a_worker_that_was_killed_comes_back(relays: Relays, edges: Edges)
             assert refused.told("bye")[0]["lane"] == "past/public"
         assert read_metric(port, "posecast_lane_viewers_total") == 2
         assert stays.closed is None
-        assert stays.most_missed(seq) < 10
+        assert stays.most_missed(seq) < 30  # a second: to start a worker takes longer
         assert read_metric(port, "posecast_delivered_frames_total") >= delivered + 10
     assert "worker 1 has ended, status -9: starting it again" in relay.errors()
 
@@ -223,17 +223,34 @@ async def test_a_worker_that_stands_still_holds_nobody_up(relays: Relays, edges:
             await watcher.until("frames", lambda v: len(v.frames) > 5)
         os.kill(second, signal.SIGSTOP)
         try:
-            seq = edge.seq
-            assert read_metric(port, "posecast_workers") == 2  # within its time
-            await moving.until("frames go on", lambda v: v.frames[-1][1].seq > seq + 60)
-            text = httpx.get(f"http://127.0.0.1:{port}/metrics").text
-            assert 'posecast_workers{state="missing"} 1.0' in text
+            seq, came = edge.seq, 0
+            async with asyncio.timeout(60):
+                while came < 5:  # while its metrics are waited for, for ANSWER_S
+                    before = len(moving.frames)
+                    assert await asyncio.to_thread(read_metric, port, "posecast_workers") == 2
+                    came = len(moving.frames) - before
+            await moving.until("frames go on", lambda v: v.frames[-1][1].seq > seq + 60, SLOW_S)
+            missing = partial(read_metric, port, 'posecast_workers{state="missing"}')
+            assert await asyncio.to_thread(missing) == 1
         finally:
             os.kill(second, signal.SIGCONT)
-        await still.until("up to date", lambda v: v.frames[-1][1].seq >= edge.seq - 5)
+        # not what was on its way to it
+        await still.until("up to date", lambda v: v.frames[-1][1].seq >= edge.seq - 15, SLOW_S)
         seqs = [frame.seq for _, frame in still.frames]
         assert seqs == sorted(set(seqs))
-        assert moving.most_missed(seq) < 10
+        assert moving.most_missed(seq) < edge.hz * STUCK_S / 2  # it took nothing for STUCK_S at most
+
+
+@pytest.mark.full
+def test_a_worker_that_hangs_is_replaced(relays: Relays) -> None:
+    port = free_port()
+    relay = relays("--workers", "2", "--metrics-port", str(port))
+    _, second = list_pids(relay)
+    os.kill(second, signal.SIGSTOP)
+    until("it is killed", lambda: read_metric(port, "posecast_worker_restarts_total") == 1, 60)
+    await_ready(relay)
+    assert list_pids(relay)[1] != second
+    assert "worker 1 hangs: ending it" in relay.errors()
 
 
 async def test_all_drain_as_one_and_end_with_the_first(relays: Relays, edges: Edges) -> None:

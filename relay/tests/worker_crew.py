@@ -14,6 +14,7 @@ import httpx
 
 from .stage import Relay, Watcher, until
 
+SLOW_S = 20.0  # that an answer may take on a loaded machine
 NETLINK_SOCK_DIAG, SOCK_DIAG_BY_FAMILY, NLM_F_REQUEST = 4, 20, 1
 
 
@@ -69,7 +70,7 @@ async def watch_at(
 
 def ask_at(relay: Relay, pid: int, path: str, method: str = "GET", **headers: str) -> httpx.Response:
     """The answer of the process `pid`."""
-    connection = HTTPConnection("127.0.0.1", relay.http, timeout=20)
+    connection = HTTPConnection("127.0.0.1", relay.http, timeout=SLOW_S)
     connection.sock = connect_to(relay, pid)
     try:
         connection.request(method, path, headers=headers)
@@ -87,6 +88,6 @@ def await_ready(relay: Relay) -> None:
 
 def read_metric(port: int, name: str) -> float:
     """The sum of a metric's samples, whatever their labels."""
-    text = httpx.get(f"http://127.0.0.1:{port}/metrics").text
+    text = httpx.get(f"http://127.0.0.1:{port}/metrics", timeout=SLOW_S).text
     found = re.findall(rf"^{name}(?:{{[^}}]*}})? (\S+)$", text, re.MULTILINE)
     return sum(map(float, found))

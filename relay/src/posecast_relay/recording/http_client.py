@@ -8,6 +8,8 @@ import os
 import re
 import socket
 import ssl
+import time
+from collections.abc import Callable
 from typing import NamedTuple
 
 import httpx
@@ -39,8 +41,12 @@ class RelayClient:
     """Asks the relay at `address`, with a token if there is one. Redirects are not followed: the
     token goes nowhere else."""
 
-    def __init__(self, address: str, token: str | None) -> None:
-        """Raises PastUnreadable when `address` is not the address of a relay."""
+    def __init__(self, address: str, token: str | None, now: Callable[[], float] = time.monotonic) -> None:
+        """`now`: seconds of a clock that never goes back.
+
+        Raises PastUnreadable when `address` is not the address of a relay.
+        """
+        self._now = now
         self.address = address.rstrip("/")
         try:
             if not ADDRESS.fullmatch(address) or not 0 < (httpx.URL(self.address).port or 1) < 1 << 16:
@@ -70,8 +76,7 @@ class RelayClient:
 
     async def ask(self, path: str, bytes_max: int) -> RelayAnswer:
         """Return the answer to a GET; repeat it while the relay is busy or away. Raises PastUnreadable."""
-        loop = asyncio.get_running_loop()
-        end_s = loop.time() + AGAIN_S
+        end_s = self._now() + AGAIN_S
         wait_s = WAIT_S
         while True:
             pause_s = wait_s
@@ -95,7 +100,7 @@ class RelayClient:
                     break
                 why = read_reason(answer)
                 pause_s = _read_seconds(answer.retry_after, wait_s)
-            if loop.time() + pause_s > end_s:
+            if self._now() + pause_s > end_s:
                 raise self.refuse(path, f"gave up after {AGAIN_S:g} s: {why}")
             await asyncio.sleep(pause_s)
             wait_s = min(2 * wait_s, WAIT_S_MAX)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 import time
+from collections.abc import Callable
 from http import HTTPStatus
 from urllib.parse import quote
 
@@ -31,13 +32,20 @@ OCTETS = "application/octet-stream"
 class HttpSource:
     """The past of a robot at a relay, as the bearer of a token may see it, or anyone without one."""
 
-    def __init__(self, relay: str, robot: str, view: str | None, token: str | None) -> None:
-        """`relay`: `http://…` or `https://…`; `view` None: the one that the asker gets. Raises PastUnreadable
-        when `relay` is no address."""
+    def __init__(
+        self,
+        relay: str,
+        robot: str,
+        view: str | None,
+        token: str | None,
+        now: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """`relay`: `http://…` or `https://…`; `view` None: the one that the asker gets; `now`: seconds of a
+        clock that never goes back. Raises PastUnreadable when `relay` is no address."""
         self.robot = robot
         self._view = view
         self._days: frozenset[int | None] | None = None  # of which there is something; None: unknown
-        self._client = RelayClient(relay, token)
+        self._client = RelayClient(relay, token, now)
         self._base = f"/api/v1/robots/{robot}"
 
     @property

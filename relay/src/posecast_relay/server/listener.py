@@ -12,7 +12,7 @@ from posecast_relay.runtime.socket_options import cut_unread
 
 log = logging.getLogger("posecast_relay")
 
-SPARE_FILES = 1000  # beside the viewers' sockets
+SPARE_FILES = 2000  # beside the viewers' sockets; requests that are held take half of them
 BACKLOG = 4096  # a lecture hall opens the link at once
 # An answer (a file of the page, a model) that nobody reads is kept so long; at a kilobyte a second some of it
 # is always read. Streams have limits of their own.

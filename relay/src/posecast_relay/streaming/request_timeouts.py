@@ -13,7 +13,7 @@ from posecast_relay.runtime.boundary import isolated
 from posecast_relay.streaming.http_connection import HttpConnection
 
 ASK_S = 5.0  # from connecting, or from a request's first byte, to its end
-CROWD = 500  # beyond so many at once, those over HURRIED_S old go: half of the sockets kept beside viewers'
+CROWD = 500  # beyond so many at once, those over HURRIED_S old go: a quarter of listener.SPARE_FILES
 HURRIED_S = 1.0
 SWEEP_S = 0.5
 HEADS_BYTES = 8 << 20  # of unfinished requests over all connections; beyond, the oldest go at once

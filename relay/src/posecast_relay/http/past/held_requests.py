@@ -12,7 +12,7 @@ from itertools import islice
 
 log = logging.getLogger("posecast_relay")
 
-HELD_MAX = 300  # at once; further ones are answered at once
+HELD_MAX = 1000  # at once, at 31 kB each, 65 kB with a long head; further ones are answered at once
 WOKEN_PER_TURN = 8  # one is answered in a quarter of a millisecond, and what is live goes out in between
 TOLD_EVERY_S = 60.0  # that places are full
 

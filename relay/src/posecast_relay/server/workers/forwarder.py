@@ -13,10 +13,11 @@ from typing import Any
 
 import httptools
 
+from posecast_relay.http.past.held_requests import HELD_MAX
 from posecast_relay.streaming.http_connection import AnswerAborted
 
 PEER = b"x-posecast-peer"  # who asks; believed behind the private door alone
-AT_ONCE = 1000  # requests under way
+AT_ONCE = HELD_MAX + 1000  # requests under way, so that those that are held leave places for others
 CONNECT_S = 5.0
 ANSWER_S = 30.0  # without a byte of it; a request for the next segment is held for 8 s
 READ_BYTES = 1 << 16
