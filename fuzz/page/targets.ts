@@ -334,7 +334,7 @@ function lane(bytes: Uint8Array): unknown {
   const answers = [true, false].map((isJson): LaneAnswer => {
     return { status: 200, isJson, retryMs: null, dateMs: null, bytes: body };
   });
-  const before = { frame: null, event: null };
+  const before = { frame: null, event: null, faults: [] };
   const read = new Lane({ view: address?.view ?? null, hz: 30, isVisible: true, before, random: () => 0.5 });
   const did = read.start(0).map((action) => action.do);
   for (let i = 1; i < 9; i++)

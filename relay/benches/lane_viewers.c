@@ -5,7 +5,9 @@
  *
  * A viewer asks where the past ends (`/past?view=`), gets the newest segment, and then each next one 0.8 s before it is due
  * by what came before (the page's rule, spa/src/stream/lane/lane.ts): the last one's end, the shortest of the last three
- * durations, the least time from an end to the arrival of the last ten. Until a request was held it asks at once. 204 → again after Retry-Ms; 200 with JSON → the
+ * durations, the least time from an end to the arrival of the last ten. Until a request was held, and after two segments in a row that were there already, it asks
+ * at once, and after each third such segment where the past ends: there it begins where that is more than three segments further (a cache may have told an old end,
+ * and what it told before is nothing new). 204 → again after Retry-Ms; 200 with JSON → the
  * segment that it names; anything else, and a connection that breaks → again after 0 to 2 s, then twice that … up to 32 s.
  * Each request is under way for 0 to 0.2 s more, drawn anew, as over a network. Connections are kept, and opened anew when their server has ended
  * them. All have come after --join seconds.
@@ -50,7 +52,8 @@
 #define BACK_OFF_MS 2000 /* at most, the first time */
 #define BACK_OFFS 4 /* times it doubles */
 #define HELD_US 300000
-#define FOUND_AFTER 3
+#define LOOK_EVERY 3 /* segments in a row that were there already */
+#define MISSED_MAX 3 /* of so many each is fetched */
 #define SPANS 3
 #define CLOSES 10
 #define PACKET 1448u
@@ -66,6 +69,9 @@ struct viewer {
     uint64_t take, run;
     uint32_t index, last_seq, run_known;
     uint32_t arrived; /* segments, in all */
+    uint32_t ready; /* segments in a row that were there already */
+    uint64_t told_take; /* what was told to be the newest at last */
+    uint32_t told_index;
     int64_t spans_ms[SPANS], closes_ms[CLOSES]; /* of the newest ones: duration, and arrival less end */
     uint64_t asked_ns, slot;
     int64_t body_left;
@@ -262,7 +268,9 @@ static void take_segment(struct viewer *v, size_t head, size_t body) {
     uint64_t took_us = (now_ns() - v->asked_ns) / 1000;
     histogram_add(&waited, took_us);
     v->begun = 1;
-    v->found |= took_us > HELD_US || v->told_not_yet || v->arrived >= FOUND_AFTER;
+    int held = took_us > HELD_US || v->told_not_yet;
+    v->found |= held;
+    v->ready = held ? 0 : v->ready + 1;
     v->told_not_yet = 0;
     int64_t now_ms = (int64_t)(us / 1000), to_ms = (int64_t)(s.from_ms + s.lasted_ms);
     v->spans_ms[v->arrived % SPANS] = (int64_t)s.lasted_ms;
@@ -270,7 +278,8 @@ static void take_segment(struct viewer *v, size_t head, size_t body) {
     v->arrived++;
     v->index++;
     int64_t due_ms = to_ms + least_of(v->closes_ms, v->arrived, CLOSES) + least_of(v->spans_ms, v->arrived, SPANS) - AHEAD_MS;
-    wait_ms(v, (v->found && due_ms > now_ms ? due_ms - now_ms : 0) + draw(WAY_MS));
+    if (v->ready && v->ready % LOOK_EVERY == 0) v->knows = 0;
+    wait_ms(v, (v->found && v->ready < 2 && due_ms > now_ms ? due_ms - now_ms : 0) + draw(WAY_MS));
 }
 
 /* Of `{"next":{"take":"…","index":n}}` or of a summary's `newest`. */
@@ -289,6 +298,12 @@ static void take_name(struct viewer *v) {
     int same = v->knows && take == v->take && index == v->index;
     if (v->knows) seen.nexts++;
     else seen.summaries++;
+    if (!v->knows) {
+        int told_before = take == v->told_take && index == v->told_index;
+        int64_t by = (int64_t)index + 1 - v->index; /* v->index is that of the one after the last */
+        v->told_take = take, v->told_index = index;
+        if (v->begun && (told_before || (take == v->take && by >= -1 && by <= MISSED_MAX))) take = v->take, index = v->index;
+    }
     v->take = take, v->index = index, v->knows = 1;
     wait_ms(v, (same ? RETRY_MS : 0) + draw(WAY_MS));
 }
@@ -318,7 +333,7 @@ static void take_answer(struct viewer *v) {
     if (status == 200 || status == 204) v->errors = 0;
     if (status == 204) {
         long ms = find_number(v, "retry-ms");
-        seen.not_yet++, v->told_not_yet = 1;
+        seen.not_yet++, v->told_not_yet = 1, v->ready = 0;
         if (ms < RETRY_MS || ms > 60000) ms = RETRY_MS;
         wait_ms(v, ms + draw(WAY_MS));
     } else if (status == 200 && v->kept_size && v->kept[0] == '{') take_name(v);

@@ -133,9 +133,21 @@ def test_viewers_read_segment_after_segment_and_into_the_next_take(lane_viewers:
         row = watch(lane_viewers, port, asked, f"/public/{NEXT_TAKE:016x}/1")
     assert {name: row[name] for name in BAD} == dict.fromkeys(BAD, 0), row
     assert (row["segments"], row["least"], row["first"], row["nexts"]) == (9, 3, 3, 3)
-    assert (row["frames"], row["refused"], row["summaries"]) == (27, {}, 3)
+    assert (row["frames"], row["refused"], row["summaries"]) == (27, {}, 6)
     assert row["segment_bodies"] == 3 * sum(map(len, segments.values()))
     assert row["age_ms"]["max"] > 0
+
+
+def test_viewers_that_begin_at_an_old_end_of_the_past_come_to_the_new_one(lane_viewers: str) -> None:
+    """A cache tells an old end twice, then the real one: viewers go on there and ask for none between."""
+    script = {f"/public/{TAKE:016x}/{i}": [(200, make_segment(TAKE, i, 1 + 3 * i))] for i in range(15)}
+    script["?view=public"] = [(200, newest(0)), (200, newest(0)), (200, newest(14))]
+    with stand_in(script) as (port, asked):
+        row = watch(lane_viewers, port, asked, f"/public/{TAKE:016x}/15", viewers=1)
+    past = "/api/v1/robots/bench/past"
+    read = [i for i in range(15) if asked[f"{past}/public/{TAKE:016x}/{i}"]]
+    assert read == [0, 1, 2, 3, 4, 5, 14], row
+    assert (asked[f"{past}?view=public"], row["summaries"], row["repeats"], row["gaps"]) == (3, 3, 0, 1)
 
 
 def test_what_is_missing_comes_twice_or_is_refused_is_counted(lane_viewers: str) -> None:

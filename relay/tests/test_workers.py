@@ -190,7 +190,6 @@ async def test_a_worker_that_was_killed_comes_back(relays: Relays, edges: Edges)
 
         answer = until("it is missed", find_missing)
         assert answer.json() == {"status": "starting", "why": "not serving: worker 1 of 2"}
-        until("it counts as missing", lambda: read_metric(port, 'posecast_workers{state="missing"}') >= 0)
         assert read_metric(port, "posecast_delivered_frames_total") >= delivered
         await asyncio.to_thread(await_ready, relay)
         assert list_pids(relay)[1] != second
@@ -239,6 +238,18 @@ async def test_a_worker_that_stands_still_holds_nobody_up(relays: Relays, edges:
         seqs = [frame.seq for _, frame in still.frames]
         assert seqs == sorted(set(seqs))
         assert moving.most_missed(seq) < edge.hz * STUCK_S / 2  # it took nothing for STUCK_S at most
+
+
+@pytest.mark.full
+def test_a_worker_that_hangs_is_replaced(relays: Relays) -> None:
+    port = free_port()
+    relay = relays("--workers", "2", "--metrics-port", str(port))
+    _, second = list_pids(relay)
+    os.kill(second, signal.SIGSTOP)
+    until("it is killed", lambda: read_metric(port, "posecast_worker_restarts_total") == 1, 60)
+    await_ready(relay)
+    assert list_pids(relay)[1] != second
+    assert "worker 1 hangs: ending it" in relay.errors()
 
 
 async def test_all_drain_as_one_and_end_with_the_first(relays: Relays, edges: Edges) -> None:

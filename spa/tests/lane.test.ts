@@ -1,5 +1,6 @@
+import type { EventMessage } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
-import { LANE_SCHEMA, LaneRelay, type LaneStory } from './lane_relay.ts';
+import { LANE_SCHEMA, LaneRelay, type LaneStory, UNIX_MS } from './lane_relay.ts';
 import { type LaneNetwork, LaneViewer, quantile, type Shown } from './lane_viewer.ts';
 import { seeded } from './playout_sim.ts';
 
@@ -50,10 +51,10 @@ function wordsOf(viewer: LaneViewer, fromMs: number, toMs = Number.POSITIVE_INFI
 }
 
 /** Requests in any ten seconds. */
-function expectFew(viewer: LaneViewer): void {
+function expectFew(viewer: LaneViewer, most = 14): void {
   const at = viewer.requests.map(({ atMs }) => atMs);
   for (const ms of at)
-    expect(at.filter((each) => each >= ms && each < ms + 10_000).length).toBeLessThanOrEqual(14);
+    expect(at.filter((each) => each >= ms && each < ms + 10_000).length).toBeLessThanOrEqual(most);
 }
 
 describe('a page in the lane', () => {
@@ -133,6 +134,43 @@ describe('a page in the lane', () => {
       expect(quantile(behind, 1)).toBeLessThanOrEqual(KEY_MS + 1700);
       expect(wordsOf(viewer, viewer.openMs)).toEqual(['LIVE']);
     }
+  });
+
+  it.each([
+    [30_000, KEY_MS],
+    [45_000, KEY_MS],
+    [20_000, 1000],
+  ])(
+    'comes to the end of the past where a cache names one of up to %i ms ago, KEYs each %i ms',
+    (endKeptMs, keyMs) => {
+      for (const joinsMs of [1, 2].map((at) => (2 + at) * endKeptMs - 500)) {
+        const { viewer } = watch({ lastsMs: 260_000, keyMs, endKeptMs, eventEveryMs: 3000 }, joinsMs);
+        viewer.run(joinsMs + 60_000);
+        expectOnce(viewer.shown);
+        const later = viewer.shown.filter(({ atMs }) => atMs > viewer.openMs + 15_000);
+        const behind = later.map(({ atMs, acceptedMs }) => atMs - acceptedMs);
+        expect(later.length).toBeGreaterThan(40 * 30);
+        expect(quantile(behind, 0.95)).toBeLessThanOrEqual(keyMs + 1000);
+        for (const { atMs, acceptedMs } of later)
+          expect(Math.abs(viewer.behindAt(atMs) - (atMs - acceptedMs))).toBeLessThan(400);
+        expectFew(viewer, 20);
+      }
+    },
+  );
+
+  it('comes back to the end of the past after a sleep, though a cache names an old one', () => {
+    const { relay, viewer } = watch({ lastsMs: 200_000, endKeptMs: 70_000, eventEveryMs: 5000 }, 71_000);
+    viewer.run(80_000);
+    viewer.run(112_000, true);
+    viewer.run(138_000);
+    expectOnce(viewer.shown);
+    const later = viewer.shown.filter(({ atMs }) => atMs > 124_000);
+    const behind = later.map((each) => each.atMs - each.acceptedMs);
+    expect(later.length).toBeGreaterThan(10 * 30);
+    expect(quantile(behind, 0.95)).toBeLessThanOrEqual(KEY_MS + 1000);
+    const told = relay.events.filter(({ atMs }) => atMs > 72_000 && atMs < 130_000).map(({ n }) => n);
+    expect(viewer.events.map(({ n }) => n)).toEqual(expect.arrayContaining(told));
+    expectFew(viewer, 20);
   });
 
   it('knows how long a robot has been gone, if answers tell when they were made', () => {
@@ -252,6 +290,66 @@ describe('a page in the lane', () => {
   });
 });
 
+/** A fault that begins at 30 s and ends at 37.5 s, and another at 40 s that stays. */
+const FAULTS = [
+  { atMs: 30_000, source: 'RKN', state: 'on' },
+  { atMs: 37_500, source: 'RKN', state: 'off' },
+  { atMs: 40_000, source: 'LKN', state: 'on' },
+] as const;
+
+describe('faults in the lane', () => {
+  it('that ended and began while the page slept are settled when it comes back', () => {
+    const { viewer } = watch({ faults: FAULTS }, 16_000);
+    viewer.run(37_000);
+    expect(viewer.openFaults).toEqual(['RKN']);
+    viewer.run(70_000, true);
+    viewer.run(88_000);
+    expect(viewer.openFaults).toEqual(['LKN']);
+    const told = viewer.twin.events.map(({ source, state, at }) => [
+      source,
+      state,
+      Math.round(at! * 1000) - UNIX_MS,
+    ]);
+    expect(told).toMatchObject([
+      ['RKN', 'on', 30_000],
+      ['RKN', 'off', expect.any(Number)],
+      ['LKN', 'on', 40_000],
+    ]);
+    expect(told[1]![2]).toBeGreaterThan(40_000);
+    expect(new Set(viewer.twin.events.map(({ n }) => n)).size).toBe(3);
+  });
+
+  it('are told at once to who joins, and one that a page takes for open ends', () => {
+    const { viewer } = watch({ faults: FAULTS }, 60_000);
+    viewer.run(63_000);
+    expect(viewer.openFaults).toEqual(['LKN']);
+    const { relay } = watch({ faults: FAULTS }, 60_000);
+    const [rose] = relay.events.map(({ text }) => JSON.parse(text) as EventMessage);
+    const before = { frame: null, event: { n: 1, at: rose!.at }, faults: [rose!] };
+    const other = new LaneViewer(relay, { wayMs: () => 50 }, 60_000, () => 0.5, before);
+    other.run(63_000);
+    expect(other.events.map(({ n }) => Math.floor(n))).toEqual([1, 3]);
+    expect(other.openFaults).toEqual(['LKN']);
+  });
+
+  it('that a socket has told a moment ago stay open, though the lane still shows what was before', () => {
+    const { relay } = watch({ faults: FAULTS }, 41_000);
+    const events = relay.events.map(({ text }) => JSON.parse(text) as EventMessage);
+    const before = { frame: null, event: { n: 3, at: events[2]!.at }, faults: [events[2]!] };
+    const viewer = new LaneViewer(relay, { wayMs: () => 50 }, 41_000, () => 0.5, before);
+    viewer.run(70_000);
+    expect(viewer.events).toEqual([]);
+  });
+
+  it('of a relay that knows of none end with the take of the other', () => {
+    const { viewer } = watch({ faults: FAULTS, replacedMs: 55_000, otherForgets: true }, 22_000);
+    viewer.run(50_000);
+    expect(viewer.openFaults).toEqual(['LKN']);
+    viewer.run(85_000);
+    expect(viewer.openFaults).toEqual([]);
+  });
+});
+
 describe('a page that comes from a socket', () => {
   it.each([1, 2, 3, 4])('shows nothing that the socket has shown (%i)', (seed) => {
     const random = seeded(seed);
@@ -264,6 +362,7 @@ describe('a page that comes from a socket', () => {
     const viewer = new LaneViewer(relay, { wayMs: () => 50 + 150 * random() }, joinsMs, random, {
       frame,
       event: { n, at },
+      faults: [],
     });
     viewer.run(60_000);
     expect(Math.min(...viewer.shown.map(({ acceptedMs }) => acceptedMs))).toBeGreaterThan(last.atMs);
@@ -277,7 +376,11 @@ describe('a page that comes from a socket', () => {
     const random = seeded(7);
     const last = relay.frames.findLast(({ atMs }) => atMs < 30_000)!;
     const frame = { schemaId: LANE_SCHEMA.id, seq: last.seq, tS: last.tS, atMs: last.atMs + 100 };
-    const viewer = new LaneViewer(relay, { wayMs: () => 100 }, 34_000, random, { frame, event: null });
+    const viewer = new LaneViewer(relay, { wayMs: () => 100 }, 34_000, random, {
+      frame,
+      event: null,
+      faults: [],
+    });
     viewer.run(60_000);
     expectOnce(viewer.shown);
     expect(viewer.shown[0]?.acceptedMs).toBeLessThan(46_000);

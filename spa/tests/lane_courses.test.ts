@@ -80,6 +80,9 @@ describe.each(Array.from({ length: COURSES }, (_, i) => i + 1))('course %i', (se
       expect(shown[i]!.acceptedMs, told).toBeGreaterThan(shown[i - 1]!.acceptedMs);
     const n = viewer.events.map((event) => event.n);
     expect(n, told).toEqual([...new Set(n)].sort((a, b) => a - b));
+    const newest = relay.events.findLast(({ atMs }) => atMs < LASTS_MS - 16_000)!;
+    const { state } = viewer.twin.events.findLast((event) => event.n < newest.n + 1)!;
+    expect(newest.text, told).toContain(`"state":"${state}"`);
   });
 
   it('asks once a second at most, and a few times at once', () => {

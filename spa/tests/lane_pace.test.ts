@@ -2,7 +2,7 @@ import { expect, it } from 'vitest';
 import { Lane, type LaneAction } from '../src/stream/lane/lane.ts';
 
 it('asks a relay that sends it in circles once a second, after four times at once', () => {
-  const before = { frame: null, event: null };
+  const before = { frame: null, event: null, faults: [] };
   const lane = new Lane({ view: 'public', hz: 30, isVisible: true, before, random: () => 0.5 });
   const takes = ['a'.repeat(16), 'b'.repeat(16)];
   let asked = 0;

@@ -28,9 +28,19 @@ export interface LaneStory {
   readonly otherClockMs?: number;
   /** An event about so often. */
   readonly eventEveryMs?: number;
+  /** Events of these, each of text "jam", instead. */
+  readonly faults?: readonly {
+    readonly atMs: number;
+    readonly source: string;
+    readonly state: 'on' | 'off';
+  }[];
+  /** The other relay knows nothing of faults of before. */
+  readonly otherForgets?: boolean;
   readonly lateMs?: (atMs: number) => number;
   /** Its answers say when they were made, to a second. */
   readonly tellsDate?: boolean;
+  /** A cache tells where the past ends as it was up to so long ago. */
+  readonly endKeptMs?: number;
   /** From then on between KEYs. */
   readonly laterKeyMs?: { readonly atMs: number; readonly keyMs: number };
 }
@@ -112,7 +122,8 @@ export class LaneRelay {
     });
     const relay = this.#relayAt(atMs);
     if (!path.startsWith('/')) {
-      const newest = this.#keptAt(atMs).at(-1);
+      const keptMs = this.#story.endKeptMs ?? 1;
+      const newest = this.#keptAt(keptMs * Math.floor(atMs / keptMs)).at(-1);
       const named = newest === undefined ? null : { take: newest.take, index: newest.index };
       return json({ view: 'public', past_ms: 1_800_000, delay_ms: 0, newest: named });
     }
@@ -157,7 +168,16 @@ export class LaneRelay {
 
   /** What happens, whoever records it. */
   #live(): void {
-    const { lastsMs, keyMs, laterKeyMs, pauses = [], restartsMs = [], eventEveryMs, lateMs } = this.#story;
+    const {
+      lastsMs,
+      keyMs,
+      laterKeyMs,
+      pauses = [],
+      restartsMs = [],
+      faults = [],
+      eventEveryMs,
+      lateMs,
+    } = this.#story;
     let encoder = new Encoder(SCHEMA, keyMs / 1000, 7);
     let [run, seq, n, keyOf] = [1, 1, 0, keyMs];
     let word: RobotStatus = 'offline';
@@ -168,6 +188,13 @@ export class LaneRelay {
     };
     for (let count = 0; count * FRAME_MS < lastsMs; count++) {
       const atMs = count * FRAME_MS;
+      for (; (faults[n]?.atMs ?? Number.POSITIVE_INFINITY) <= atMs; ) {
+        const { source, state } = faults[n]!;
+        n++;
+        const at = (UNIX_MS + atMs) / 1000;
+        const event = { type: 'event', n, t: atMs / 1000, at, level: 'fault', source, text: 'jam', state };
+        this.events.push({ atMs, n, text: JSON.stringify(event) });
+      }
       if (eventEveryMs !== undefined && Math.floor(atMs / eventEveryMs) >= n + 1) {
         n++;
         const at = (UNIX_MS + atMs) / 1000;
@@ -226,6 +253,12 @@ export class LaneRelay {
     ].sort((a, b) => a.atMs - b.atMs || a.order - b.order);
     let [takes, index, runId, eventN] = [0, 0, '', 0];
     let take = '';
+    const openFaults = new Map<string, string>();
+    const note = (text: string) => {
+      const { source, state } = JSON.parse(text) as { source: string; state: string };
+      openFaults.delete(source);
+      if (state === 'on') openFaults.set(source, text);
+    };
     let word: RobotStatus = 'offline';
     let key: TrueFrame | null = null;
     let ref: TrueFrame | null = null;
@@ -256,7 +289,12 @@ export class LaneRelay {
             word,
             missing: 0,
           },
-          ...{ numbering: 'x', eventN, info: new Map([['mode', 'walking']]), openFaults: [] },
+          ...{
+            numbering: 'x',
+            eventN,
+            info: new Map([['mode', 'walking']]),
+            openFaults: [...openFaults.values()],
+          },
         },
         beganMs: atMs,
         records: [],
@@ -272,7 +310,10 @@ export class LaneRelay {
       if (frame?.isKey) [key, ref] = [frame, null];
       if (atMs < fromMs) {
         if ('word' in each) word = each.word;
-        if ('event' in each) eventN = each.event.n;
+        if ('event' in each && !this.#story.otherForgets) {
+          eventN = each.event.n;
+          note(each.event.text);
+        }
         if (frame !== null) runId = frame.runId;
         if (frame !== null && isRef(frame)) ref = frame;
         continue;
@@ -303,6 +344,7 @@ export class LaneRelay {
       } else if ('event' in each) {
         records.push({ kind: 'event', atUs, text: each.event.text });
         eventN = each.event.n;
+        note(each.event.text);
       } else if ('word' in each) {
         records.push({ kind: 'word', atUs, word: each.word });
         word = each.word;

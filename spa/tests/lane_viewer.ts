@@ -1,3 +1,4 @@
+import { ToldFaults } from '../src/stream/handover/told_faults.ts';
 import { Lane, type LaneAction } from '../src/stream/lane/lane.ts';
 import type { KnownBefore } from '../src/stream/lane_port.ts';
 import type { FromStream } from '../src/stream/messages.ts';
@@ -49,7 +50,7 @@ export class LaneViewer {
     network: LaneNetwork,
     joinsMs: number,
     random: () => number,
-    before: KnownBefore = { frame: null, event: null },
+    before: KnownBefore = { frame: null, event: null, faults: [] },
   ) {
     this.#relay = relay;
     this.#network = network;
@@ -86,7 +87,8 @@ export class LaneViewer {
     this.ends.length = 0;
     const { state, events } = this.twin;
     const frame = state && { ...state, atMs: state.atMs - this.#skewMs - this.behindAt(this.nowMs) };
-    this.#lane = this.#begin({ frame, event: events.at(-1) ?? null });
+    const faults = new ToldFaults(events).open;
+    this.#lane = this.#begin({ frame, event: events.at(-1) ?? null, faults });
     this.#do(this.#lane.start(this.#clock(this.nowMs)));
   }
 
@@ -94,6 +96,12 @@ export class LaneViewer {
     const frame = before.frame && { ...before.frame, atMs: this.#clock(before.frame.atMs) };
     const settings = { view: null, hz: 30, isVisible: true, random: this.#random };
     return new Lane({ ...settings, before: { ...before, frame } });
+  }
+
+  /** The sources of faults that are open by what it told. */
+  get openFaults(): string[] {
+    const states = new Map(this.twin.events.map(({ source, state }) => [source, state]));
+    return [...states].flatMap(([source, state]) => (state === 'on' ? [source] : []));
   }
 
   /** How far behind it said to be. */

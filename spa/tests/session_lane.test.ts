@@ -156,3 +156,30 @@ describe('a lane that the page was told', () => {
     });
   });
 });
+
+describe('a WebSocket that was tried and refused', () => {
+  it.each([0, 0.999])('is tried again when the relay says, however late that is', (random) => {
+    const rig = inLane(random);
+    rig.do(rig.session.opened(rig.now));
+    for (const retryS of [600, 30, 600, 1200]) {
+      while (tries(rig).length === 0) rig.pass(250);
+      rig.session.refused(rig.now, retryS);
+      const sinceMs = rig.now;
+      while (tries(rig).length === 0) rig.pass(250);
+      const waitedMs = rig.now - sinceMs;
+      expect(waitedMs).toBeGreaterThanOrEqual(1000 * retryS * (1 + random));
+      expect(waitedMs).toBeLessThanOrEqual(1000 * retryS * (1 + random) + 500);
+    }
+  });
+
+  it('is not tried sooner than the relay said where the next refusal says nothing', () => {
+    const rig = inLane(0, { ...BYE, retry_s: 600 });
+    rig.do(rig.session.opened(rig.now));
+    rig.take();
+    for (let i = 0; i < 3; i++) {
+      const sinceMs = rig.now;
+      while (tries(rig).length === 0) rig.pass(250);
+      expect(rig.now - sinceMs).toBeGreaterThanOrEqual(600_000);
+    }
+  });
+});

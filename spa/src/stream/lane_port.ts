@@ -19,6 +19,8 @@ export type EventMark = Pick<EventMessage, 'n' | 'at'>;
 export interface KnownBefore {
   readonly frame: ShownFrame | null;
   readonly event: EventMark | null;
+  /** The events with which open faults began. */
+  readonly faults: readonly EventMessage[];
 }
 
 /** Callbacks and settings of a lane. */

@@ -116,6 +116,11 @@ export class Session {
     return this.opened(nowMs);
   }
 
+  /** The WebSocket that was tried beside was refused, with the wait that the relay asked for. */
+  refused(nowMs: number, retryS: number): void {
+    this.#choice.recordRefusal(nowMs, 1000 * retryS);
+  }
+
   /** Bytes came on server-sent events, perhaps only part of a message: a long message on a slow line is no silence. */
   heard(nowMs: number): Action[] {
     this.#hear(nowMs);

@@ -45,12 +45,18 @@ export class TransportChoice {
     return this.now;
   }
 
-  /** The relay is full, so segments are read. A WebSocket is tried after one to two times `retryMs`, then ever more seldom. */
+  /** The relay is full, so segments are read. A WebSocket is tried after one to two times `retryMs`; then when a refusal says, else
+   *  ever more seldom. */
   enterLane(nowMs: number, retryMs: number): Transport {
     this.now = 'segments';
+    this.recordRefusal(nowMs, retryMs);
+    return this.now;
+  }
+
+  /** The WebSocket that was tried beside was refused. The relay says when another is worth it: later, the more viewers ask. */
+  recordRefusal(nowMs: number, retryMs: number): void {
     this.#tryAgainMs = retryMs;
     this.#tryAtMs = nowMs + retryMs * (1 + this.#random());
-    return this.now;
   }
 
   /** Whether an opening WebSocket has taken so long that events should be tried instead. */
@@ -85,7 +91,7 @@ export class TransportChoice {
     if (!(inLane || this.now === 'events') || nowMs < this.#tryAtMs) return false;
     // viewers behind one proxy don't try in step
     this.#tryAtMs = nowMs + this.#tryAgainMs * ((inLane ? 1 : 0.5) + this.#random());
-    this.#tryAgainMs = Math.min(SELDOM_MS, 2 * this.#tryAgainMs);
+    this.#tryAgainMs = Math.max(this.#tryAgainMs, Math.min(SELDOM_MS, 2 * this.#tryAgainMs));
     return true;
   }
 }

@@ -1,6 +1,8 @@
 /// <reference lib="webworker" />
 import { WIRE_VERSION } from '@posecast/wire';
 import { nowMs, setSlept } from './clock.ts';
+import { Overlap } from './handover/overlap.ts';
+import { ToldFaults } from './handover/told_faults.ts';
 import laneUrl from './lane/lane_script.ts?worker&url';
 import type { EventMark, LaneHandlers, OpenLane, ShownFrame } from './lane_port.ts';
 import { Mailbox } from './mailbox.ts';
@@ -38,16 +40,18 @@ let wantedHz = 0;
 let behindMs = 0;
 let shown: ShownFrame | null = null;
 let told: EventMark | null = null;
+const faults = new ToldFaults();
 /** After a lane, what comes once more over the socket. */
-let overlap: ShownFrame | null = null;
+const overlap = new Overlap();
 
 function post(message: FromStream): void {
   if (message.kind === 'behind') behindMs = message.ms ?? 0;
-  if (message.kind === 'event') told = message.event;
+  if (message.kind === 'event') {
+    told = message.event;
+    faults.record(message.event);
+  }
   if (message.kind === 'state') {
-    const { seq, tS } = message.state;
-    if (seq === overlap?.seq && tS === overlap.tS) return;
-    overlap = null;
+    if (overlap.isShown(message.state)) return;
     shown = message.state;
     const now = states.put(message);
     if (now !== null) handOver(now);
@@ -137,7 +141,11 @@ function read(url: string, by: Transport): void {
         wireVersion: WIRE_VERSION,
         hz: wantedHz,
         isVisible: visible,
-        before: { frame: shown && { ...shown, atMs: shown.atMs - behindMs }, event: told },
+        before: {
+          frame: shown && { ...shown, atMs: shown.atMs - behindMs },
+          event: told,
+          faults: faults.open,
+        },
         opened: () => unlessLeft((to) => to.opened(nowMs())),
         heard: () => unlessLeft((to) => to.heard(nowMs())),
         event: (event: StreamEvent) => unlessLeft((to) => deliver(event, nowMs(), to)),
@@ -159,15 +167,19 @@ function attempt(url: string): void {
   void import('./trial.ts').then(({ tryWebSocket }) => {
     if (events !== beside) return;
     trial?.close();
-    trial = tryWebSocket(url, token, (tried, heard) => {
+    const accepted: Parameters<typeof tryWebSocket>[2] = (tried, heard) => {
       if (trial !== tried || session === null) return;
       trial = null; // so that it is not dropped
-      overlap = shown;
+      overlap.begin(shown);
       drop();
       own(tried);
       perform(session.moved(nowMs()));
       for (const each of heard) tried.onmessage?.(each);
+    };
+    const tried = tryWebSocket(url, token, accepted, (retryS) => {
+      if (trial === tried) session?.refused(nowMs(), retryS);
     });
+    trial = tried;
   });
 }
 

@@ -76,7 +76,7 @@ class RelayServer(uvicorn.Server):
 
     async def on_tick(self, counter: int) -> bool:
         """Return whether to stop. uvicorn calls this ten times a second."""
-        # It makes its Date anew at each tenth call: a page that reckons the time by that would be a second off.
+        # Of ten calls one makes its Date anew. A page that reckons the time by that would be a second off.
         stops = await super().on_tick(counter - counter % DATE_TICKS)
         return stops or (all(dispatcher.drained for dispatcher in self._dispatchers) and self._may_end())
 

@@ -3,6 +3,7 @@ import type { KnownBefore } from '../lane_port.ts';
 import type { FromStream } from '../messages.ts';
 import { RateMeter } from '../pacing/rate_meter.ts';
 import { type LaneAnswer, type PartName, readBeginning, readNext } from './answers.ts';
+import { EndOfPast } from './end_of_past.ts';
 import { PartPlayer } from './part_player.ts';
 import { PlayClock } from './play_clock.ts';
 import { RequestPace } from './request_pace.ts';
@@ -26,8 +27,6 @@ const SPREAD_MS = 2000;
 /** After so many failures the robot's word no longer holds, and after so many more the lane ends. */
 const FAILURES_DOUBTED = 2;
 const FAILURES_MAX = 4;
-/** Of parts that were missed at most so many are fetched, for their events; else the lane goes on with the newest. */
-const MISSED_MAX = 3;
 /** Parts without a frame that are passed over to find a pose to begin with. */
 const BACK_MAX = 2;
 /** Frames played at once that may count as shown: a timer is a little late. More are caught up with. */
@@ -80,6 +79,7 @@ export class Lane {
   readonly #clock = new PlayClock();
   readonly #player: PartPlayer;
   readonly #pace = new RequestPace();
+  readonly #end = new EndOfPast();
   readonly #meter = new RateMeter();
   #view: string | null;
   #delayMs = 0;
@@ -87,7 +87,7 @@ export class Lane {
   #dueMs = 0;
   /** When the open request was sent; null: none is open. */
   #askedMs: number | null = null;
-  /** The quickest answer to a request that was not held. */
+  /** The quickest answer. */
   #roundTripMs = Number.POSITIVE_INFINITY;
   #heardMs = 0;
   #failures = 0;
@@ -131,21 +131,21 @@ export class Lane {
     return this.#take();
   }
 
-  /** The open request was answered. */
-  answered(nowMs: number, answer: LaneAnswer): LaneAction[] {
+  /** The open request was answered. `headMs`: when the answer's head came, viewer's clock. */
+  answered(nowMs: number, answer: LaneAnswer, headMs = nowMs): LaneAction[] {
     if (this.#isOver || this.#askedMs === null) return [];
-    const tookMs = nowMs - this.#askedMs;
+    const tookMs = headMs - this.#askedMs;
     this.#askedMs = null;
     this.#dueMs = nowMs;
     const { status } = answer;
     const wanted = this.#wanted;
-    if (status === 401 || status === 403) this.#end(status + 4000, 'the relay shows it to others only');
+    if (status === 401 || status === 403) this.#finish(status + 4000, 'the relay shows it to others only');
     else if (status === 204 && wanted.what === 'part') this.#wait(nowMs, answer.retryMs);
     else if (status !== 200) this.#fail(nowMs, answer.retryMs, `answered ${status}`);
-    else if (wanted.what === 'part') this.#takePart(nowMs, wanted.name, answer, tookMs);
     else {
       this.#roundTripMs = Math.min(this.#roundTripMs, tookMs);
-      if (wanted.what === 'beginning') this.#begin(nowMs, answer);
+      if (wanted.what === 'part') this.#takePart(nowMs, wanted.name, answer, tookMs);
+      else if (wanted.what === 'beginning') this.#begin(nowMs, answer);
       else this.#takeSchema(nowMs, wanted.sha256, answer);
     }
     return this.tick(nowMs);
@@ -231,7 +231,7 @@ export class Lane {
       return;
     }
     if (!beginning.isKept) {
-      this.#end(1006, 'the relay keeps nothing that could be read in parts');
+      this.#finish(1006, 'the relay keeps nothing that could be read in parts');
       return;
     }
     this.#recover(nowMs);
@@ -244,15 +244,7 @@ export class Lane {
       if (this.#last === null) this.#tellNothing(nowMs);
       return;
     }
-    this.#wanted = { what: 'part', name: this.#goOnFrom(newest) };
-  }
-
-  /** The part after the last one, unless the newest is so much further that the robot was shown as it is now too late. */
-  #goOnFrom(newest: PartName): PartName {
-    const last = this.#last;
-    if (last === null || last.take !== newest.take) return newest;
-    const by = newest.index - last.index;
-    return by >= -1 && by <= MISSED_MAX ? { take: last.take, index: last.index + 1 } : newest;
+    this.#wanted = { what: 'part', name: this.#end.goOn(this.#last, newest) };
   }
 
   #takePart(nowMs: number, name: PartName, answer: LaneAnswer, tookMs: number): void {
@@ -273,6 +265,7 @@ export class Lane {
       return;
     }
     this.#recover(nowMs);
+    this.#pace.recordPart();
     const wasHeld = this.#wasToldNotYet || tookMs > HELD_MS + this.#wayMs;
     this.#wasToldNotYet = false;
     const agoMs = answer.dateMs === null ? null : answer.dateMs - segment.toMs - this.#delayMs;
@@ -282,6 +275,7 @@ export class Lane {
       this.#wanted = { what: 'part', name: { take: name.take, index: name.index - 1 } };
       return;
     }
+    this.#end.recordPart(wasHeld);
     this.#goOn(nowMs);
   }
 
@@ -312,13 +306,13 @@ export class Lane {
       this.#last = { take: start.take, index: start.index };
       this.#open();
       const dueMs = toMs + this.#clock.closeMs + this.#clock.spanMs - AHEAD_MS;
-      this.#dueMs = this.#clock.isFound ? Math.max(nowMs, dueMs) : nowMs;
+      this.#dueMs = this.#clock.isFound && this.#end.isNear ? Math.max(nowMs, dueMs) : nowMs;
     }
     const last = this.#last;
     if (last !== null) this.#wanted = { what: 'part', name: { take: last.take, index: last.index + 1 } };
     // a part of long ago, from before a sleep: others have come since
     const isOld = nowMs - this.#player.endsMs > Math.max(LOST_MS, 2 * this.#clock.spanMs);
-    if (isOld && !isOver) this.#wanted = { what: 'beginning' };
+    if ((isOld && !isOver) || this.#end.isToBeAsked) this.#wanted = { what: 'beginning' };
     this.#tellBehind();
   }
 
@@ -338,6 +332,7 @@ export class Lane {
   #wait(nowMs: number, retryMs: number | null): void {
     this.#recover(nowMs);
     this.#wasToldNotYet = true;
+    this.#end.recordNotYet();
     this.#dueMs = nowMs + Math.min(RETRY_MS_MAX, Math.max(RETRY_MS, retryMs ?? 0));
   }
 
@@ -349,18 +344,19 @@ export class Lane {
   /** `goesOn`: what is wanted is known; else the lane's beginning is asked for. */
   #fail(nowMs: number, retryMs: number | null, reason: string, goesOn = false): void {
     this.#askedMs = null;
+    this.#wasToldNotYet = false;
     this.#waiting = [];
     const spreadMs = SPREAD_MS * 2 ** this.#failures * this.#settings.random();
     this.#failures++;
     if (this.#failures >= FAILURES_MAX && !(nowMs < this.#player.endsMs)) {
-      this.#end(1006, reason);
+      this.#finish(1006, reason);
       return;
     }
     if (!goesOn) this.#wanted = { what: 'beginning' };
     this.#dueMs = nowMs + Math.min(RETRY_MS_MAX, (retryMs ?? 0) + spreadMs);
   }
 
-  #end(code: number, reason: string): void {
+  #finish(code: number, reason: string): void {
     this.#isOver = true;
     this.#actions.push({ do: 'end', code, reason });
   }

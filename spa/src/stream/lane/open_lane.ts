@@ -52,8 +52,12 @@ function openLane({ pastUrl, view }: LaneAddress, handlers: LaneHandlers): OpenL
     request = new AbortController();
     const { signal } = request;
     const tell = (then: () => readonly LaneAction[]) => !signal.aborted && perform(then());
-    get(pastUrl + path, signal).then(
-      (answer) => tell(() => lane.answered(nowMs(), answer)),
+    let headMs = Number.NaN;
+    const headCame = () => {
+      headMs = nowMs();
+    };
+    get(pastUrl + path, signal, headCame).then(
+      (answer) => tell(() => lane.answered(nowMs(), answer, headMs)),
       (error: unknown) =>
         tell(() => lane.failed(nowMs(), error instanceof Error ? error.message : 'no answer')),
     );
@@ -66,8 +70,9 @@ function openLane({ pastUrl, view }: LaneAddress, handlers: LaneHandlers): OpenL
   };
 }
 
-async function get(url: string, signal: AbortSignal): Promise<LaneAnswer> {
+async function get(url: string, signal: AbortSignal, headCame: () => void): Promise<LaneAnswer> {
   const { status, headers, body } = await fetch(url, { signal, credentials: 'omit' });
+  headCame();
   const isJson = headers.get('content-type')?.startsWith('application/json') ?? false;
   return { status, isJson, retryMs: retryMsOf(headers), dateMs: dateMsOf(headers), bytes: await read(body) };
 }

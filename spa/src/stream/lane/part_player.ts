@@ -1,9 +1,10 @@
-import type { RobotStatus, Segment, SegmentRecord } from '@posecast/wire';
+import type { EventMessage, RobotStatus, Segment, SegmentRecord, SegmentStart } from '@posecast/wire';
+import { ToldFaults } from '../handover/told_faults.ts';
 import type { KnownBefore } from '../lane_port.ts';
 import type { FromStream } from '../messages.ts';
 import type { PlayClock } from './play_clock.ts';
 import { PoseReader } from './pose_reader.ts';
-import { ToldEvents } from './told_events.ts';
+import { eventOf, ToldEvents } from './told_events.ts';
 
 /** What came so long ago was held up on this device: it is dated now. */
 const HELD_UP_MS = 50;
@@ -25,6 +26,7 @@ export class PartPlayer {
   readonly #post: (message: FromStream) => void;
   readonly #poses: PoseReader;
   readonly #events: ToldEvents;
+  readonly #faults: ToldFaults;
   #parts: Part[] = [];
   #isVisible: boolean;
   #word: RobotStatus = 'offline';
@@ -32,7 +34,10 @@ export class PartPlayer {
   #infoText = '';
   #model: string | null | undefined;
   #hasBegun = false;
+  #take = '';
+  /** The newest event of the parts that were played, and of those that the page was told. */
   #eventN = 0;
+  #toldN: number;
   /** When all that is here has been shown, viewer's clock; of the last part, where none waits. */
   #endsMs = Number.NaN;
   #statusMs = Number.NEGATIVE_INFINITY;
@@ -47,6 +52,8 @@ export class PartPlayer {
     this.#isVisible = isVisible;
     this.#poses = new PoseReader(before.frame);
     this.#events = new ToldEvents(before.event);
+    this.#faults = new ToldFaults(before.faults);
+    this.#toldN = before.event?.n ?? 0;
     this.#post = post;
   }
 
@@ -123,10 +130,20 @@ export class PartPlayer {
     this.#word = start.word;
     this.#tellModel(start.model);
     this.#tellInfo(start.info);
-    if (!this.#hasBegun || start.eventN !== this.#eventN)
-      for (const text of start.openFaults) this.#tellEvent(text);
+    if (!this.#hasBegun || start.take !== this.#take || start.eventN !== this.#eventN)
+      this.#settleFaults(start);
+    this.#take = start.take;
     this.#eventN = start.eventN;
     this.#hasBegun = true;
+  }
+
+  /** Parts before are missing: ends faults whose end was in them, and tells those that began in them. */
+  #settleFaults({ openFaults, eventN, fromMs }: SegmentStart): void {
+    const open = openFaults.map(eventOf).filter((event) => event !== null);
+    const isCountedAnew = eventN < Math.floor(this.#toldN);
+    for (const end of this.#faults.listEnds(open, fromMs, isCountedAnew ? 0 : this.#toldN))
+      this.#postEvent(end);
+    for (const event of open) this.#tellEvent(event);
   }
 
   /** Plays a record. Returns how many frames it is that are to be shown. */
@@ -147,7 +164,7 @@ export class PartPlayer {
         this.#poses.addCopy(record.frame);
         return 0;
       case 'event':
-        this.#tellEvent(record.text);
+        this.#tellEvent(eventOf(record.text));
         return 0;
       case 'info':
         this.#tellInfo(record.info);
@@ -161,10 +178,15 @@ export class PartPlayer {
     }
   }
 
-  #tellEvent(text: string): void {
-    const event = this.#events.take(text);
+  #tellEvent(event: EventMessage | null): void {
     if (event === null) return;
-    this.#eventN = Math.max(this.#eventN, event.n);
+    this.#eventN = event.n;
+    if (this.#events.take(event) !== null) this.#postEvent(event);
+  }
+
+  #postEvent(event: EventMessage): void {
+    this.#toldN = event.n;
+    this.#faults.record(event);
     this.#post({ kind: 'event', event });
   }
 

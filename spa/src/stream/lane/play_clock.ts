@@ -19,8 +19,8 @@ const NEW_PARTS = 3;
 const SAME_MS = 2000;
 /** The relay tells its time without fractions. */
 const WHOLE_SECOND_MS = 1000;
-/** Parts after the first of which none was waited for; then the place counts as found. */
-const FOUND_AFTER = 3;
+/** What is said to have ended longer ago is not believed. */
+const AGO_MS_MAX = 600_000;
 
 /** A part as it came: its times by the relay's clock, unix ms, and its arrival by ours. */
 export interface Arrival {
@@ -30,7 +30,7 @@ export interface Arrival {
   /** The relay held the request for it, so it was sent as soon as it was there. */
   readonly wasHeld: boolean;
   readonly isNewTake: boolean;
-  /** How long before its arrival it ended, to a second or so; null: nobody knows. Looked at for the first part only. */
+  /** How long before its arrival it ended, to a second or so; null: nobody knows. Looked at until the place is found. */
   readonly agoMs: number | null;
   /** What the robot was at its end is not `online`, so nothing has come since. */
   readonly isOver: boolean;
@@ -41,9 +41,9 @@ export interface Arrival {
  * `shiftMs` is what our clock says then less what the relay's clock said at the moment that is shown. The two clocks are never
  * compared otherwise: ours may be wrong by hours.
  *
- * The first part came some time after it was closed. Unless somebody says how long, it is played from its beginning; the next
- * one, for which the relay held the request, tells where the playhead should be, and it jumps there once. From then on it only
- * runs a little faster or slower, and waits where a part is late.
+ * The first part came some time after it was closed. Unless somebody says how long, it is played from its beginning; with
+ * each one that was there already the playhead jumps on, and the first one for which the relay held the request tells where it
+ * should be. From then on it only runs a little faster or slower, and waits where a part is late.
  */
 export class PlayClock {
   /** NaN before the first part. */
@@ -54,11 +54,9 @@ export class PlayClock {
   #closesMs: number[] = [];
   #spansMs: number[] = [];
   #atMs = 0;
-  /** How many parts came since the clock began. */
-  #parts = 0;
   #stalls = 0;
-  /** How long before its arrival the first part ended, to half a second; null: not known. */
-  #firstAgoMs: number | null = null;
+  /** How long before its arrival the newest part ended, until the place is found, to half a second; null: not known. */
+  #agoMs: number | null = null;
   /** So many parts more come while the clock is new. */
   #newParts = 0;
 
@@ -72,17 +70,19 @@ export class PlayClock {
     if (isAnew) {
       this.#closesMs = [];
       this.isFound = false;
-      this.#parts = 0;
       this.#newParts = NEW_PARTS;
       this.#atMs = atMs;
       this.shiftMs = firstShiftMs(part);
       const agoMs = (part.agoMs ?? Number.NaN) + WHOLE_SECOND_MS / 2;
-      this.#firstAgoMs = Math.abs(agoMs) <= WHOLE_SECOND_MS / 2 || isLikely(part) ? Math.max(0, agoMs) : null;
+      this.#agoMs = Math.abs(agoMs) <= WHOLE_SECOND_MS / 2 || isLikely(part) ? Math.max(0, agoMs) : null;
       this.#remember(spanMs, closeMs);
     } else if (!this.isFound) {
       const soonestMs = Math.min(closeMs, this.closeMs);
       this.#closesMs = []; // what came before says nothing
       this.#remember(spanMs, soonestMs);
+      // where others were there already it may be long
+      const agoMs = (part.agoMs ?? Number.NaN) + WHOLE_SECOND_MS / 2;
+      if (agoMs >= 0 && agoMs < AGO_MS_MAX) this.#agoMs = agoMs;
       const lagMs = spanMs + closeMs;
       if (part.isOver && !part.wasHeld) this.shiftMs = Math.min(this.shiftMs, firstShiftMs(part));
       else this.shiftMs = lagMs > this.shiftMs ? lagMs : Math.min(this.shiftMs, lagMs + MARGIN_MS);
@@ -91,14 +91,15 @@ export class PlayClock {
         this.#closesMs = [];
         this.#newParts = NEW_PARTS;
       }
-      this.#wait(spanMs, closeMs);
+      this.#wait(part);
     }
-    if (part.wasHeld || ++this.#parts > FOUND_AFTER) this.isFound = true;
+    if (part.wasHeld) this.isFound = true;
     return isAnew;
   }
 
   /** Waits for a part that is late, if it is by little, or longer than those before. */
-  #wait(spanMs: number, closeMs: number): void {
+  #wait({ fromMs, toMs, atMs, wasHeld }: Arrival): void {
+    const [spanMs, closeMs] = [toMs - fromMs, atMs - toMs];
     const isFirstOfTake = this.#closesMs.length === 0;
     const lateMs = isFirstOfTake ? 0 : closeMs - this.closeMs;
     if (lateMs > STALL_MS && spanMs + closeMs <= this.shiftMs) {
@@ -115,7 +116,7 @@ export class PlayClock {
     this.#remember(spanMs, closeMs);
     this.shiftMs = Math.max(this.shiftMs, spanMs + closeMs);
     if (this.#newParts === 0) return;
-    this.#newParts--;
+    if (wasHeld) this.#newParts--; // else there are more already: its place is further ahead
     const wantedMs = Math.max(...this.#spansMs.slice(-NEW_PARTS)) + closeMs + MARGIN_MS;
     if (this.shiftMs <= wantedMs + JUMP_MS) return;
     this.shiftMs = wantedMs;
@@ -151,7 +152,7 @@ export class PlayClock {
   behindMs(wayMs: number): number {
     const knownMs = this.shiftMs - this.closeMs + wayMs;
     if (this.isFound) return knownMs;
-    return knownMs + (this.#firstAgoMs ?? Math.max(...this.#spansMs));
+    return knownMs + (this.#agoMs ?? Math.max(...this.#spansMs));
   }
 
   /** So late that the next part comes in time if it is as long as others, and not later than almost all of them. */

@@ -2,7 +2,11 @@
 const BURST = 4;
 const EVERY_MS = 1000;
 
-/** Lets through one request a second on average, and a few at once after a rest, whatever the relay answers. */
+/** Half of a request is given back for each part that it brings: who is behind must read faster than a robot sends. */
+const FOR_A_PART = 0.5;
+
+/** Lets through one request a second on average, and a few at once after a rest, whatever the relay answers; two a second where
+ *  each brings a part. */
 export class RequestPace {
   #left = BURST;
   #atMs = Number.NEGATIVE_INFINITY;
@@ -16,6 +20,10 @@ export class RequestPace {
   recordRequest(nowMs: number): void {
     this.#refill(nowMs);
     this.#left -= 1;
+  }
+
+  recordPart(): void {
+    this.#left = Math.min(BURST, this.#left + FOR_A_PART);
   }
 
   #refill(nowMs: number): void {

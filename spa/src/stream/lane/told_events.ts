@@ -11,10 +11,8 @@ export class ToldEvents {
     this.#newest = newest;
   }
 
-  /** The event, unless it is known, older than what is known, or none. */
-  take(text: string): EventMessage | null {
-    const event = parseRelayMessage(text);
-    if (event?.type !== 'event') return null;
+  /** The event, unless it is known or older than what is known. */
+  take(event: EventMessage): EventMessage | null {
     const newest = this.#newest;
     if (newest !== null) {
       const [at, before] = [event.at ?? 0, newest.at ?? 0];
@@ -23,4 +21,10 @@ export class ToldEvents {
     this.#newest = event;
     return event;
   }
+}
+
+/** The event that a part has as a text; null if it is none. */
+export function eventOf(text: string): EventMessage | null {
+  const event = parseRelayMessage(text);
+  return event?.type === 'event' ? event : null;
 }
