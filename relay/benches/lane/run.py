@@ -47,7 +47,7 @@ from relay.benches.lane.table import (
 )
 from relay.benches.servers import CannotStart, Place
 from relay.benches.stamps import make_stamps
-from tools import bars
+from tools import bars, scaling
 
 OUT = ROOT / "out" / "lane"
 MEASURED = Path(__file__).with_name("measured.json")
@@ -157,6 +157,7 @@ def main() -> int:
         PAGE.write_text(fill(PAGE.read_text(), blocks))
         bars.draw(ROOT / "docs")
         MEASURED.write_text(json.dumps(sum_up(rows, about), indent=1) + "\n")
+        scaling.write(ROOT / "docs")
     return 0 if all(goal.reached for goal in goals) else 1
 
 
