@@ -11,7 +11,7 @@ import uvicorn
 from posecast_relay.core.policy.policy import Audience, Policy, Rule
 from posecast_relay.http.metrics import RelayCollector
 from posecast_relay.http.past import routes
-from posecast_relay.http.past.held_requests import HELD_MAX, WOKEN_PER_TURN, HeldRequests
+from posecast_relay.http.past.held_requests import HELD_MAX, TOLD_EVERY_S, WOKEN_PER_TURN, HeldRequests
 from posecast_relay.redis.gateway import GRACE_S
 from posecast_relay.server.http_server import RelayServer
 
@@ -318,3 +318,26 @@ async def test_a_million_who_want_to_wait_leave_nothing_behind() -> None:
     await asyncio.gather(*tasks)
     assert held.count == 0
     assert not held._waiting
+
+
+def test_the_log_says_once_a_minute_that_places_are_full(caplog: pytest.LogCaptureFixture) -> None:
+    now_s = 1000.0
+    held = HeldRequests(1, lambda: now_s)
+
+    def knock(times: int) -> list[str]:
+        caplog.clear()
+        for _ in range(times):
+            with held.hold() as may_wait:
+                assert not may_wait
+        return [record.getMessage() for record in caplog.records]
+
+    with held.hold():
+        full = "the past: 1 requests wait for the next segment, no more may: %d answered at once so far"
+        assert knock(1000) == [full % 1]
+        now_s += TOLD_EVERY_S - 1
+        assert knock(1000) == []
+        now_s += 1
+        assert knock(2) == [full % 2001]
+        held.release()
+        now_s += TOLD_EVERY_S
+        assert knock(2) == []

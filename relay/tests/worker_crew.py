@@ -82,7 +82,7 @@ def ask_at(relay: Relay, pid: int, path: str, method: str = "GET", **headers: st
 
 def await_ready(relay: Relay) -> None:
     """Wait until all workers serve."""
-    ready = lambda: httpx.get(f"http://{relay.address}/readyz").status_code == 200  # noqa: E731
+    ready = lambda: httpx.get(f"http://{relay.address}/readyz").json() == {"status": "ready"}  # noqa: E731
     until("all workers serve", ready)
 
 

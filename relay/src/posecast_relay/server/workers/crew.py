@@ -17,6 +17,7 @@ from prometheus_client.registry import Collector
 from posecast_relay.auth.access import Access
 from posecast_relay.config.settings import Settings, StartError
 from posecast_relay.core.hub import Hub
+from posecast_relay.http.app import MissingPart
 from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.server.http_server import RelayServer
 from posecast_relay.server.workers.feed import Feed, FeedStore
@@ -56,6 +57,7 @@ class Crew:
         self._feed: Feed | None = None
         self._door: asyncio.Server | None = None
         self._tasks: list[asyncio.Task[None]] = []
+        self._has_begun = False  # all have served
 
     def join_store(self, store: StateStore, hub: Hub) -> StateStore:
         """Return the store that feeds the other workers as well. Gateways read Redis, each by itself."""
@@ -69,12 +71,13 @@ class Crew:
         workers, missing = self._settings.workers, self.counts.list_missing
         return JoinedCollector(own, self._folder, workers, missing, lambda: self.supervisor.restarts)
 
-    def find_missing(self) -> str | None:
-        """Return who does not serve; None when all do."""
+    def find_missing(self) -> MissingPart | None:
+        """Return who does not serve; None when all do. A relay has begun when all have served."""
         missing = self.counts.list_missing()
         if not missing:
             return None
-        return f"not serving: worker {', '.join(map(str, missing))} of {self._settings.workers}"
+        why = f"not serving: worker {', '.join(map(str, missing))} of {self._settings.workers}"
+        return MissingPart(why, self._has_begun)
 
     async def start(self, server: RelayServer, app: Any, access: Access) -> None:
         """Open the private door and the feed, and start the others. Raises StartError."""
@@ -95,6 +98,7 @@ class Crew:
         async def wait() -> None:
             while self.counts.list_missing():
                 await asyncio.sleep(LOOK_S)
+            self._has_begun = True
             tell()
 
         self.counts.set_state(SERVING)
