@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import gzip
 import json
 import re
@@ -12,6 +13,7 @@ import subprocess
 import time
 import urllib.error
 import urllib.request
+from collections import Counter
 from collections.abc import Callable
 from email.message import Message
 from pathlib import Path
@@ -20,11 +22,14 @@ from typing import Any
 import pytest
 
 from tests.conftest import Stack, free_port, until
+from tests.lane import Link
 
 ROOT = Path(__file__).resolve().parent.parent
 HOSTING = ROOT / "infra/hosting"
 DIST = ROOT / "spa/dist"
 POLICY = re.compile(r'http-equiv="Content-Security-Policy"\s+content="([^"]+)"')
+HALL = 200  # people
+FILES_OF_A_LOAD = 80
 
 pytestmark = [
     pytest.mark.skipif(shutil.which("nginx") is None, reason="no nginx here: apt-get install nginx"),
@@ -207,8 +212,6 @@ def test_nginx_before_a_relay_adds_nothing_and_holds_nothing_back(
 
 
 def _frames_through(at: Site) -> None:
-    import asyncio
-
     import websockets
 
     async def watch() -> int:
@@ -221,3 +224,59 @@ def _frames_through(at: Site) -> None:
         return frames
 
     assert asyncio.run(watch()) == 10
+
+
+async def test_a_hall_behind_one_address_opens_the_page_at_once(
+    site: Callable[..., Site], stack: Stack, tmp_path: Path
+) -> None:
+    _, address, zenoh = stack.relay(flags=("--static", str(DIST), "--trusted-proxies", "127.0.0.1"))
+    stack.edge(zenoh, "--source", "demo")
+    lane = {
+        "/etc/nginx/nginx-lane.rules": str(HOSTING / "nginx-lane.rules"),
+        "/var/cache/posecast": str(tmp_path / "kept"),
+    }
+    at = site("nginx-relay.conf", **{"127.0.0.1:8080": address}, **lane)
+    until("the robot is on air", lambda: at.get("/api/v1/robots/demo/state")[0] == 200)
+
+    files = sorted(path for path in (DIST / "assets").iterdir() if path.suffix in (".js", ".css"))
+    assert len(files) >= FILES_OF_A_LOAD
+    page = [f"/assets/{file.name}" for file in files[:FILES_OF_A_LOAD]]
+    page += ["/", "/config.json", "/favicon.svg", "/api/v1/robots", "/api/v1/robots/demo"]
+    kept: Counter[str] = Counter()
+
+    async def load() -> set[int]:
+        link, found = Link(at.port, at.trust), set[int]()
+        for path in page:
+            answer = await link.ask(path, **{"accept-encoding": "gzip"})
+            found.add(answer.status)
+            if answer.headers.get("x-cache") == "MISS":
+                kept[path] += 1
+        link.cut()
+        return found
+
+    found = await asyncio.gather(*(load() for _ in range(HALL)))
+    assert set().union(*found) == {200}
+    assert set(kept) == set(page[:FILES_OF_A_LOAD])
+    assert set(kept.values()) == {1}, "the relay is asked once for a file"
+
+
+def test_who_exceeds_a_limit_is_told_when_to_come_again(
+    site: Callable[..., Site], stack: Stack, tmp_path: Path
+) -> None:
+    _, address, _ = stack.relay(flags=("--static", str(DIST), "--trusted-proxies", "127.0.0.1"))
+    low = {
+        "/etc/nginx/nginx-lane.rules": str(HOSTING / "nginx-lane.rules"),
+        "/var/cache/posecast": str(tmp_path / "kept"),
+        "rate=200r/s": "rate=1r/m",
+        "burst=16000": "burst=3",
+    }
+    at = site("nginx-relay.conf", **{"127.0.0.1:8080": address}, **low)
+    answers = [at.get("/config.json") for _ in range(6)]
+    assert {status for status, _, _ in answers} == {200, 503}
+    _, headers, body = answers[-1]
+    assert (headers["retry-after"], headers["content-type"]) == ("2", "application/json")
+    assert (headers["cache-control"], headers["access-control-allow-origin"]) == ("no-store", "*")
+    assert "too many requests" in json.loads(body)["error"]
+    file = next((DIST / "assets").glob("index-*.js"))
+    assert at.get(f"/assets/{file.name}")[0] == 200, "files have a limit of their own"
+    assert at.get("/assets/../config.json")[0] == 503

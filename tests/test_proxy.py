@@ -19,7 +19,7 @@ from typing import Any
 
 import pytest
 
-from tests.conftest import BIN, Stack, until
+from tests.conftest import BIN, Part, Stack, until
 from tests.namespaces import Namespace
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -51,6 +51,9 @@ class Site:
     place: Namespace
     trust: ssl.SSLContext
     proxy: int  # its process
+    stack: Stack
+    cache: Part | None
+    cache_command: tuple[str, ...]
 
     def get(self, path: str, **headers: str) -> tuple[int, Message[str, str], bytes]:
         """Status, headers, body of a GET; of `http://…` or of a path behind TLS."""
@@ -112,16 +115,16 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         relay = place.run(lambda: stack.relay(port=8080, zenoh_port=7447, flags=limits))
         place.run(lambda: stack.edge(relay[2], "--source", "demo"))
         proxy = place.run(lambda: stack.start("proxy", "env", *words, *caddy))
-        if NGINX:
-            cache = set_up_cache(folder)
-            place.run(lambda: stack.start("cache", *cache))
+        command = set_up_cache(folder)
+        cache = place.run(lambda: stack.start("cache", *command)) if NGINX else None
 
         def authority() -> bool:
             assert proxy.process.poll() is None, proxy.log
             return root.is_file()
 
         until("the proxy has made its authority", authority, 60)
-        made = Site(place, ssl.create_default_context(cafile=str(root)), proxy.process.pid)
+        trust = ssl.create_default_context(cafile=str(root))
+        made = Site(place, trust, proxy.process.pid, stack, cache, command)
 
         def serves() -> bool:
             try:
@@ -155,6 +158,27 @@ def test_only_the_lane_goes_through_the_cache(site: Site) -> None:
     assert site.get(segment, authorization="Bearer x")[1]["x-cache"] == "BYPASS"
     for path in ("/api/v1/robots/demo", "/api/v1/robots", "/"):
         assert site.get(path)[1]["x-cache"] is None, path
+
+
+@pytest.mark.skipif(NGINX is None, reason="no nginx here: apt-get install nginx")
+def test_without_its_cache_the_lane_comes_from_the_relay(site: Site) -> None:
+    past = "/api/v1/robots/demo/past"
+    until("there is a segment", lambda: json.loads(site.get(past)[2]).get("newest"))
+    newest = json.loads(site.get(past)[2])["newest"]
+    segment = f"{past}/public/{newest['take']}/{newest['index']}"
+    assert site.get(segment)[1]["x-cache"] is not None
+    assert site.cache is not None
+    site.cache.stop()
+    try:
+        status, headers, body = site.get(segment)
+        itself = site.get(f"http://127.0.0.1:8080{segment}")
+        assert (status, headers["x-cache"], body) == (200, None, itself[2])
+        for name in ("cache-control", "etag", "access-control-allow-origin", "x-content-type-options"):
+            assert headers.get_all(name) == itself[1].get_all(name), name
+        assert site.get("/api/v1/robots/demo/past/public/0000000000000000/0")[0] == 404
+    finally:
+        site.cache = site.place.run(lambda: site.stack.start("cache", *site.cache_command))
+    until("the cache is asked again", lambda: site.get(segment)[1]["x-cache"] is not None)
 
 
 def test_page_and_routes_over_tls(site: Site) -> None:

@@ -7,11 +7,13 @@ import socket
 from collections.abc import AsyncIterator, Iterator
 
 import pytest
+import uvicorn
 from posecast_relay.core.policy.policy import Audience, Policy, Rule
 from posecast_relay.http.metrics import RelayCollector
 from posecast_relay.http.past import routes
-from posecast_relay.http.past.held_requests import HELD_MAX, WOKEN_PER_TURN, HeldRequests
+from posecast_relay.http.past.held_requests import HELD_MAX, TOLD_EVERY_S, WOKEN_PER_TURN, HeldRequests
 from posecast_relay.redis.gateway import GRACE_S
+from posecast_relay.server.http_server import RelayServer
 
 from .open_files import allow_files
 from .past_doors import PAGE_MS, TAKE, PastDoors, address_of, link, until
@@ -212,6 +214,15 @@ async def test_what_caches_go_by(doors: PastDoors, monkeypatch: pytest.MonkeyPat
         assert not {"vary", "set-cookie", "age", "expires", "pragma"} & set(answer.headers)
 
 
+async def test_a_date_is_of_the_moment_however_long_uvicorn_keeps_one(doors: PastDoors) -> None:
+    """Made anew at each tick, of which there are ten a second."""
+    server = RelayServer(uvicorn.Config(doors.app), [], lambda: None)
+    for counter in range(10, 20):
+        server.server_state.default_headers = []
+        await server.on_tick(counter)
+        assert dict(server.server_state.default_headers).keys() == {b"date"}, counter
+
+
 async def test_a_thousand_who_are_held_and_leave_take_nobodys_place(doors: PastDoors) -> None:
     head = f"GET /api/v1/robots/r/past/{NEXT} HTTP/1.1\r\nHost: x\r\n\r\n".encode()
     for _ in range(3):
@@ -307,3 +318,26 @@ async def test_a_million_who_want_to_wait_leave_nothing_behind() -> None:
     await asyncio.gather(*tasks)
     assert held.count == 0
     assert not held._waiting
+
+
+def test_the_log_says_once_a_minute_that_places_are_full(caplog: pytest.LogCaptureFixture) -> None:
+    now_s = 1000.0
+    held = HeldRequests(1, lambda: now_s)
+
+    def knock(times: int) -> list[str]:
+        caplog.clear()
+        for _ in range(times):
+            with held.hold() as may_wait:
+                assert not may_wait
+        return [record.getMessage() for record in caplog.records]
+
+    with held.hold():
+        full = "the past: 1 requests wait for the next segment, no more may: %d answered at once so far"
+        assert knock(1000) == [full % 1]
+        now_s += TOLD_EVERY_S - 1
+        assert knock(1000) == []
+        now_s += 1
+        assert knock(2) == [full % 2001]
+        held.release()
+        now_s += TOLD_EVERY_S
+        assert knock(2) == []

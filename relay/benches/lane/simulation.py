@@ -288,7 +288,7 @@ HEAD: tuple[str, ...] = (
     "what happens",
     "parts × nodes",
     "origin's answers with a part",
-    "of one part and node",
+    "(answers with a part + turned away) ÷ (parts × nodes)",
     "“not yet”",
 )
 HEAD += ("“that take is over”", "held at once, at most", "turned away", "behind p50", "p95")
@@ -317,7 +317,8 @@ def main() -> int:
     parser.add_argument("--write", action="store_true", help="into docs/BENCHMARKS.md")
     asked = parser.parse_args()
     began, rows = time.monotonic(), []
-    for name, held_max, robots in CASES:
+    for number, (name, held_max, robots) in enumerate(CASES, 1):
+        print(f"{number}/{len(CASES)}: {name}", file=sys.stderr, flush=True)
         rows.append(make_row(name, simulate(robots, asked.nodes, asked.viewers, held_max=held_max)))
     table = markdown(HEAD, rows)
     print(f"{table}\n\n{time.monotonic() - began:.0f} s")

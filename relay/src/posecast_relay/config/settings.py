@@ -286,7 +286,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="run|robots|past")
     commands.add_parser("robots", help="robots add|list|remove|rotate|link|unlink: publishers, share links")
-    commands.add_parser("past", help="past list|delete: what is kept of the past, and its deletion")
+    commands.add_parser("past", help="past list|export|delete: what is kept of the past")
     run = commands.add_parser("run", help="serve until SIGTERM or Ctrl-C", allow_abbrev=False)
     for flag in FLAGS:
         told = f"{flag.help} [{flag.variable}]" + (f" (default {flag.default})" if flag.default else "")

@@ -6,6 +6,7 @@ import math
 from collections.abc import Awaitable, Callable
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 from fastapi import FastAPI, HTTPException, Request, Response
 from fastapi.responses import JSONResponse, PlainTextResponse
@@ -58,6 +59,13 @@ class ErrorAnswer(BaseModel):
     error: str
 
 
+class MissingPart(NamedTuple):
+    """What a relay lacks besides this process. `has_begun`: it was whole before, and serves on without it."""
+
+    why: str
+    has_begun: bool
+
+
 def make_app(
     access: Access,
     models: ModelCache,
@@ -66,14 +74,14 @@ def make_app(
     public_url: str | None = None,
     publish_at: str | None = None,
     past: PastDesk | None = None,
-    find_missing: Callable[[], str | None] = lambda: None,
+    find_missing: Callable[[], MissingPart | None] = lambda: None,
 ) -> FastAPI:
     """Make the relay's HTTP application. WebSocket upgrades never reach it.
 
     `public_url`: where people open the page, without a slash at its end; None when nobody has said so.
     `publish_at`: where anybody on this machine may publish; None when nobody may without a credential.
-    `past`: where the past of this process is; None when it keeps none. `find_missing` returns what is not
-    ready yet beside this process.
+    `past`: where the past of this process is; None when it keeps none. `find_missing` returns what does
+    not serve beside this process.
     """
     # FastAPI's own /docs loads its scripts from another origin; the built page brings them (spa/public/docs).
     # Without a default answer it tells of a 422 that never comes: all parameters are texts that we read.
@@ -133,20 +141,27 @@ def make_app(
 
 
 def _add_health(
-    app: FastAPI, dispatcher: Dispatcher, past: PastDesk | None, find_missing: Callable[[], str | None]
+    app: FastAPI,
+    dispatcher: Dispatcher,
+    past: PastDesk | None,
+    find_missing: Callable[[], MissingPart | None],
 ) -> None:
     @app.get("/livez", summary="The process answers")
     async def livez() -> PlainTextResponse:
         return PlainTextResponse("ok\n")
 
-    @app.get("/readyz", summary="Whether viewers are accepted; `degraded` when the store or the past is away")
+    @app.get(
+        "/readyz",
+        summary="Whether viewers are accepted; `degraded` when the store, the past or a worker is away",
+    )
     async def readyz() -> JSONResponse:
         if dispatcher.draining:
             return JSONResponse({"status": "draining"}, 503)
-        if missing := find_missing():
-            return JSONResponse({"status": "starting", "why": missing}, 503)
+        missing = find_missing()
+        if missing is not None and not missing.has_begun:
+            return JSONResponse({"status": "starting", "why": missing.why}, 503)
         live, past_ = dispatcher.store.find_trouble(), None if past is None else past.source.find_trouble()
-        why = "; ".join(filter(None, (live, past_ and f"the past: {past_}")))
+        why = "; ".join(filter(None, (missing and missing.why, live, past_ and f"the past: {past_}")))
         return JSONResponse({"status": "degraded", "why": why} if why else {"status": "ready"})
 
 

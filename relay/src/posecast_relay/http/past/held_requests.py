@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import asyncio
+import logging
+import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import islice
 
+log = logging.getLogger("posecast_relay")
+
 HELD_MAX = 1000  # at once, at 31 kB each, 65 kB with a long head; further ones are answered at once
 WOKEN_PER_TURN = 8  # one is answered in a quarter of a millisecond, and what is live goes out in between
+TOLD_EVERY_S = 60.0  # that places are full
 
 
 class HeldRequests:
-    """The requests of a process that wait until something new of a robot and view is kept."""
+    """The requests of a process that wait until something new of a robot and view is kept. `now`: seconds."""
 
-    def __init__(self, most: int = HELD_MAX) -> None:
+    def __init__(self, most: int = HELD_MAX, now: Callable[[], float] = time.monotonic) -> None:
         self._most = most
+        self._now = now
+        self._told_s: float | None = None  # when the log was told that places are full
         self._waiting: dict[tuple[str, str], set[asyncio.Future[None]]] = {}
         self._woken: dict[asyncio.Future[None], None] = {}  # to be let go, in this order
         self._released = False
@@ -28,7 +35,8 @@ class HeldRequests:
     def hold(self) -> Iterator[bool]:
         """Hold one more request within the context. False: it may not wait."""
         if self._released or self.count >= self._most:
-            self.turned_away += not self._released
+            if not self._released:
+                self._turn_away()
             yield False
             return
         self.count += 1
@@ -67,6 +75,18 @@ class HeldRequests:
         if waiting and not self._woken:
             asyncio.get_running_loop().call_soon(self._let_some_go)
         self._woken.update(dict.fromkeys(waiting or ()))
+
+    def _turn_away(self) -> None:
+        """Count it, and tell the log once in a while."""
+        self.turned_away += 1
+        now_s = self._now()
+        if self._told_s is None or now_s - self._told_s >= TOLD_EVERY_S:
+            self._told_s = now_s
+            log.warning(
+                "the past: %d requests wait for the next segment, no more may: %d answered at once so far",
+                self._most,
+                self.turned_away,
+            )
 
     def _let_some_go(self) -> None:
         for woken in list(islice(self._woken, WOKEN_PER_TURN)):

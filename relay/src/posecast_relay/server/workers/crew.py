@@ -17,8 +17,10 @@ from prometheus_client.registry import Collector
 from posecast_relay.auth.access import Access
 from posecast_relay.config.settings import Settings, StartError
 from posecast_relay.core.hub import Hub
+from posecast_relay.http.app import MissingPart
 from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.server.http_server import RelayServer
+from posecast_relay.server.listener import BACKLOG
 from posecast_relay.server.workers.feed import Feed, FeedStore
 from posecast_relay.server.workers.metrics import JoinedCollector
 from posecast_relay.server.workers.private_door import make_private_http_protocol
@@ -56,6 +58,7 @@ class Crew:
         self._feed: Feed | None = None
         self._door: asyncio.Server | None = None
         self._tasks: list[asyncio.Task[None]] = []
+        self._has_begun = False  # all have served
 
     def join_store(self, store: StateStore, hub: Hub) -> StateStore:
         """Return the store that feeds the other workers as well. Gateways read Redis, each by itself."""
@@ -69,12 +72,13 @@ class Crew:
         workers, missing = self._settings.workers, self.counts.list_missing
         return JoinedCollector(own, self._folder, workers, missing, lambda: self.supervisor.restarts)
 
-    def find_missing(self) -> str | None:
-        """Return who does not serve; None when all do."""
+    def find_missing(self) -> MissingPart | None:
+        """Return who does not serve; None when all do. A relay has begun when all have served."""
         missing = self.counts.list_missing()
         if not missing:
             return None
-        return f"not serving: worker {', '.join(map(str, missing))} of {self._settings.workers}"
+        why = f"not serving: worker {', '.join(map(str, missing))} of {self._settings.workers}"
+        return MissingPart(why, self._has_begun)
 
     async def start(self, server: RelayServer, app: Any, access: Access) -> None:
         """Open the private door and the feed, and start the others. Raises StartError."""
@@ -95,6 +99,7 @@ class Crew:
         async def wait() -> None:
             while self.counts.list_missing():
                 await asyncio.sleep(LOOK_S)
+            self._has_begun = True
             tell()
 
         self.counts.set_state(SERVING)
@@ -133,7 +138,8 @@ class Crew:
             state = server.server_state
             return config.http_protocol_class(config=config, server_state=state, app_state={})  # type: ignore[call-arg]
 
-        self._door = await asyncio.get_running_loop().create_unix_server(make, path=str(self._place.door))
+        door = str(self._place.door)
+        self._door = await asyncio.get_running_loop().create_unix_server(make, path=door, backlog=BACKLOG)
 
 
 def _remove_left() -> None:

@@ -83,6 +83,11 @@ class SharedCounts:
                 missing.append(number)
         return missing
 
+    def get_beat(self, number: int) -> int | None:
+        """Return the newest sign of life of a worker that serves; None before it does."""
+        at = number * WORDS
+        return self._words[at + 1] if self._words[at] == SERVING else None
+
     def clear(self, number: int) -> None:
         """Forget all that a worker counted, since its process has ended."""
         base = number * WORDS

@@ -21,6 +21,9 @@ log = logging.getLogger("posecast_relay")
 MODULE = "posecast_relay.server.workers.further"
 POLL_S = 0.05
 BACKOFF_S = (0.2, 10.0)  # first and longest wait before a worker is started again
+HUNG_POLLS = round(
+    15.0 / POLL_S
+)  # one that gives no sign of life in so many looks is ended, and started again
 SETTLED_S = 30.0  # one that has lived for so long is started again without a longer wait
 DRAIN = b"d"
 
@@ -84,8 +87,7 @@ class Supervisor:
             except OSError as e:
                 log.error("worker %d can't be started: %s", number, e)
             else:
-                while child.process.poll() is None:
-                    await asyncio.sleep(POLL_S)
+                await self._watch(number, child.process)
                 child.control.close()
                 del self._children[number]
                 self._counts.clear(number)
@@ -99,6 +101,21 @@ class Supervisor:
             await asyncio.sleep(wait_s)
             self.restarts += not self._leaving
             wait_s = min(2 * wait_s, BACKOFF_S[1])
+
+    async def _watch(self, number: int, process: subprocess.Popen[bytes]) -> None:
+        """Return when a process has ended. One that hangs is killed: the port still gives it connections.
+
+        Looks are counted, not seconds: where all were stopped together (Ctrl-Z), none is to blame.
+        """
+        beat, silent = self._counts.get_beat(number), 0
+        while process.poll() is None:
+            await asyncio.sleep(POLL_S)
+            before, beat = beat, self._counts.get_beat(number)
+            silent = 0 if beat is None or beat != before else silent + 1
+            if silent >= HUNG_POLLS and not self._leaving:
+                log.error("worker %d hangs: ending it", number)
+                process.kill()
+                silent = 0
 
     def _spawn(self, number: int) -> _Child:
         """Start one, from the main thread: it dies with the thread that started it. Raises OSError."""
