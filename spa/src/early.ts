@@ -35,9 +35,11 @@ if (recording !== null) {
   // `config.json` may tell the stream to take no socket. It is as quick as the stream's own code; the page waits for it as well.
   settled.then(({ base }) => {
     if (base === null) return;
-    const onModel = (hash: string) => {
-      builtModelAt(manifestUrl(robot, hash)).catch(() => {}); // the page asks again, and says what is wrong
-    };
-    startEarly(streamUrl(robot), WANTED_HZ, onModel, laneUrl(robot));
+    startEarly(
+      streamUrl(robot),
+      WANTED_HZ,
+      (hash) => void builtModelAt(manifestUrl(robot, hash)).catch(() => {}), // the page asks again, and says what is wrong
+      laneUrl(robot),
+    );
   });
 }

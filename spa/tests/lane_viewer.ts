@@ -87,8 +87,9 @@ export class LaneViewer {
     this.ends.length = 0;
     const { state, events } = this.twin;
     const frame = state && { ...state, atMs: state.atMs - this.#skewMs - this.behindAt(this.nowMs) };
-    const faults = new ToldFaults(events).open;
-    this.#lane = this.#begin({ frame, event: events.at(-1) ?? null, faults });
+    const faults = new ToldFaults();
+    for (const event of events) faults.record(event);
+    this.#lane = this.#begin({ frame, event: events.at(-1) ?? null, faults: faults.open });
     this.#do(this.#lane.start(this.#clock(this.nowMs)));
   }
 

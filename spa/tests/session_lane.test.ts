@@ -55,7 +55,7 @@ describe('a relay that is full', () => {
 });
 
 describe('a lane that does not begin', () => {
-  it.each(['the address is not one for segments', 'its reader did not come'])(
+  it.each(['the address is not one for segments', 'no reader'])(
     'leaves the relay’s own words and its wait: %s',
     (reason) => {
       const rig = inLane();

@@ -157,7 +157,7 @@ export class Session {
   closed(nowMs: number, code: number, reason: string): Action[] {
     const bye = this.#bye;
     if (bye?.code === Close.FULL && bye.lane) this.#connect(nowMs, bye);
-    else this.#lost(nowMs, bye ?? { code, reason }, bye?.retry_s ?? null);
+    else this.#lost(nowMs, bye ?? { code, reason });
     return this.#take();
   }
 
@@ -167,7 +167,7 @@ export class Session {
       if (this.#inLane) this.#tryWebSocket(nowMs);
       else if (nowMs - this.#heardMs > SILENT_LIMIT_MS) {
         this.#actions.push({ do: 'drop' });
-        this.#lost(nowMs, { code: 4408, reason: 'silent' }, null);
+        this.#lost(nowMs, { code: 4408, reason: 'silent' });
       } else {
         this.#acknowledge(nowMs);
         this.#wishRate(nowMs);
@@ -183,7 +183,7 @@ export class Session {
       this.#connect(nowMs);
     } else if (this.#phase === 'connecting' && nowMs - this.#sinceMs > CONNECT_LIMIT_MS) {
       this.#actions.push({ do: 'drop' });
-      this.#lost(nowMs, { code: 1006, reason: 'no answer' }, null);
+      this.#lost(nowMs, { code: 1006, reason: 'no answer' });
     } else if (this.#phase === 'waiting' && this.#retryAtMs !== null && nowMs >= this.#retryAtMs) {
       this.#connect(nowMs);
     }
@@ -315,15 +315,15 @@ export class Session {
     this.#wish.askedHz = askedHz;
   }
 
-  #lost(nowMs: number, ended: Ending, retryS: number | null): void {
+  #lost(nowMs: number, ended: Ending & { retry_s?: number | null }): void {
     if (this.#phase === 'ended' || this.#phase === 'waiting') return;
-    const full = this.#inLane ? this.#laneBye : undefined;
+    const full = this.#inLane && this.#laneBye;
     // the refusal still holds where the lane that it named has not begun; what a lane refuses later a socket may get
-    const { code, reason } =
-      full && this.#phase === 'connecting' ? full : { ...ended, ...(full && { code: 1006 }) };
+    const unopened = this.#phase === 'connecting' ? full : null;
+    const { code, reason, retry_s } = unopened || (full ? { ...ended, code: 1006 } : ended);
     if (this.#phase === 'open' && nowMs - this.#sinceMs >= WORKED_MS) this.#failures = 0;
     if (!this.#greeted) this.#choice.recordFailure(nowMs);
-    const delayMs = retryDelayMs(retryOf(code), this.#failures++, this.#random(), full?.retry_s ?? retryS);
+    const delayMs = retryDelayMs(retryOf(code), this.#failures++, this.#random(), retry_s ?? null);
     this.#phase = delayMs === null ? 'ended' : 'waiting';
     this.#retryAtMs = delayMs === null ? null : nowMs + delayMs;
     this.#link({ code, reason });

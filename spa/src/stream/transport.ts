@@ -11,9 +11,8 @@ export const WITHOUT_MS = 5000;
 const TRY_AGAIN_MS = 30_000;
 const SELDOM_MS = 300_000;
 /** Where the lane that the page was told does not work the relay is tried: after random(0 … this), so that a crowd whose cache has
- *  gone does not come at once, and for so long; then the lane again. */
+ *  gone does not come at once. */
 const WITHOUT_LANE_MS = 30_000;
-const AT_RELAY_MS = 20_000;
 
 /** Which transport the next connection takes, and when a stream on server-sent events or in segments tries a WebSocket beside
  *  them.
@@ -40,9 +39,7 @@ export class TransportChoice {
   /** Chooses the transport for a new connection. After failed WebSockets the two transports take turns until one works.
    *  `inLane`: this viewer reads segments, and no WebSocket is tried beside them, nor instead of them while they come. */
   chooseNext(nowMs: number, inLane = false): Transport {
-    const sinceMs = nowMs - (this.#relayAtMs ?? Number.POSITIVE_INFINITY);
-    if (sinceMs > AT_RELAY_MS) this.#relayAtMs = null;
-    if (inLane && !(sinceMs >= 0 && sinceMs <= AT_RELAY_MS))
+    if (inLane && nowMs < (this.#relayAtMs ?? Number.POSITIVE_INFINITY))
       return this.enterLane(Number.POSITIVE_INFINITY, 0);
     if (this.now === 'mirror') return this.now;
     this.#withoutMs ??= nowMs;
@@ -76,8 +73,11 @@ export class TransportChoice {
   /** The newest connection ended before the relay said anything on it. */
   recordFailure(nowMs: number): void {
     if (this.now === 'websocket') this.#failed += 1;
-    else if (this.now === 'events') this.#eventsWork = false;
     else if (this.now === 'segments') this.#relayAtMs ??= nowMs + this.#random() * WITHOUT_LANE_MS;
+    else {
+      this.#eventsWork = false;
+      this.#relayAtMs = null; // nothing gets to the relay: the lane again
+    }
   }
 
   /** The relay has said something on the newest connection, or its lane has. */

@@ -2,6 +2,7 @@ import type { EventMessage, RobotStatus, Segment, SegmentRecord, SegmentStart } 
 import { ToldFaults } from '../handover/told_faults.ts';
 import type { KnownBefore } from '../lane_port.ts';
 import type { FromStream } from '../messages.ts';
+import { missedEnds } from './missed_ends.ts';
 import type { PlayClock } from './play_clock.ts';
 import { PoseReader } from './pose_reader.ts';
 import { eventOf, ToldEvents } from './told_events.ts';
@@ -26,7 +27,7 @@ export class PartPlayer {
   readonly #post: (message: FromStream) => void;
   readonly #poses: PoseReader;
   readonly #events: ToldEvents;
-  readonly #faults: ToldFaults;
+  readonly #faults = new ToldFaults();
   #parts: Part[] = [];
   #isVisible: boolean;
   #word: RobotStatus = 'offline';
@@ -52,7 +53,7 @@ export class PartPlayer {
     this.#isVisible = isVisible;
     this.#poses = new PoseReader(before.frame);
     this.#events = new ToldEvents(before.event);
-    this.#faults = new ToldFaults(before.faults);
+    for (const event of before.faults) this.#faults.record(event);
     this.#toldN = before.event?.n ?? 0;
     this.#post = post;
   }
@@ -141,8 +142,8 @@ export class PartPlayer {
   #settleFaults({ openFaults, eventN, fromMs }: SegmentStart): void {
     const open = openFaults.map(eventOf).filter((event) => event !== null);
     const isCountedAnew = eventN < Math.floor(this.#toldN);
-    for (const end of this.#faults.listEnds(open, fromMs, isCountedAnew ? 0 : this.#toldN))
-      this.#postEvent(end);
+    const n = isCountedAnew ? 0 : this.#toldN;
+    for (const end of missedEnds(this.#faults.open, open, fromMs, n)) this.#postEvent(end);
     for (const event of open) this.#tellEvent(event);
   }
 
