@@ -57,7 +57,6 @@ def test_the_page_names_the_constants_it_uses() -> None:
         f"{crowd.CORE_HOUR:g} an hour for each server, which sends {crowd.CACHE_GBIT_S:g} Gbit/s",
         f"; {crowd.FLAT_GB:g} a GB |",
         f"{crowd.compute_lane_requests_per_h(1e6, 4) / 1e6:.0f} million requests an hour",
-        f"| {crowd.WORKERS_RATIO:g} times that on two cores",
         f"| up to {crowd.count_viewers_per_process(30) // 100 * 100:,} | one relay |",
         f"handshakes is enough to refuse {crowd.count_retrying_viewers() // 1000 * 1000:,} of them",
         f"When {round(crowd.HANDSHAKES_PER_S * crowd.FIRST_RETRY_SPREAD_S, -3):,.0f} come at the same moment",

@@ -19,9 +19,6 @@ HANDSHAKES_PER_S = 3334.0
 # the lane there, a relay that answers one nginx and one Varnish: 0.63 to 0.71 ms. Where 200 connections held
 # the same segment, the relay's CPU grew by 0.29 ms for each answer
 ORIGIN_MS_PER_ANSWER = 0.7
-# two workers of one relay beside one, each with an equal share of a core and a p99 of 50 ms: one round of
-# `python -m relay.benches.workers` on a busy machine
-WORKERS_RATIO = 1.74
 
 # ---- measured: python -m tools.segment_bytes ------------------------------------------
 
