@@ -82,8 +82,12 @@ def ask_at(relay: Relay, pid: int, path: str, method: str = "GET", **headers: st
 
 def await_ready(relay: Relay) -> None:
     """Wait until all workers serve."""
-    url, whole = f"http://{relay.address}/readyz", {"status": "ready"}
-    until("all workers serve", lambda: httpx.get(url, timeout=SLOW_S).json() == whole, 60.0)
+
+    def is_ready() -> bool:
+        answer = httpx.get(f"http://{relay.address}/readyz", timeout=SLOW_S)
+        return bool(answer.json() == {"status": "ready"})
+
+    until("all workers serve", is_ready, 60.0)
 
 
 def read_metric(port: int, name: str) -> float:

@@ -94,7 +94,7 @@ export class LaneViewer {
 
   #begin(before: KnownBefore): Lane {
     const frame = before.frame && { ...before.frame, atMs: this.#clock(before.frame.atMs) };
-    const settings = { view: null, hz: 30, isVisible: true, random: this.#random };
+    const settings = { robot: 'small', view: null, hz: 30, isVisible: true, random: this.#random };
     return new Lane({ ...settings, before: { ...before, frame } });
   }
 

@@ -1,4 +1,10 @@
-import { decodeSegment, type RobotStatus, type Segment, SegmentError } from '@posecast/wire';
+import {
+  decodeSegment,
+  type RobotStatus,
+  type Segment,
+  SegmentError,
+  type SegmentStart,
+} from '@posecast/wire';
 import type { KnownBefore } from '../lane_port.ts';
 import type { FromStream } from '../messages.ts';
 import { RateMeter } from '../pacing/rate_meter.ts';
@@ -57,6 +63,7 @@ interface Waiting {
 }
 
 export interface LaneSettings {
+  readonly robot: string;
   /** null: as the relay says. */
   readonly view: string | null;
   readonly hz: number;
@@ -259,7 +266,7 @@ export class Lane {
       return;
     }
     const segment = decoded(answer.bytes);
-    if (segment === null || segment.start.take !== name.take || segment.start.index !== name.index) {
+    if (segment === null || !this.#isAskedFor(segment.start, name)) {
       this.#wanted = { what: 'part', name: { take: name.take, index: name.index + 1 } };
       this.#fail(nowMs, null, 'a damaged part', true);
       return;
@@ -277,6 +284,13 @@ export class Lane {
     }
     this.#end.recordPart(wasHeld);
     this.#goOn(nowMs);
+  }
+
+  /** Whether a part is the one of this name, of this robot and view: a cache may have mixed them up. */
+  #isAskedFor({ robot, view, take, index }: SegmentStart, name: PartName): boolean {
+    return (
+      robot === this.#settings.robot && view === this.#view && take === name.take && index === name.index
+    );
   }
 
   #takeSchema(nowMs: number, sha256: string, answer: LaneAnswer): void {
