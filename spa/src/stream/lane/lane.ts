@@ -110,15 +110,20 @@ export class Lane {
   #toldBehindMs = Number.NaN;
   #toldPaceMs = Number.NEGATIVE_INFINITY;
   #actions: LaneAction[] = [];
+  readonly #lookBack = (missing: Missing, nowMs: number): boolean => {
+    if (nowMs - this.#lookedMs < LOOK_EVERY_MS) return false;
+    this.#lookedMs = nowMs;
+    this.#missed = new MissedEvents(missing, nowMs);
+    this.#look(this.#missed);
+    return true;
+  };
 
   constructor(settings: LaneSettings) {
     const { view, isVisible, before } = settings;
     this.#settings = settings;
     this.#view = view;
     const post = (message: FromStream) => this.#post(message);
-    this.#player = new PartPlayer(this.#clock, isVisible, before, post, (...missing) =>
-      this.#lookBack(...missing),
-    );
+    this.#player = new PartPlayer(this.#clock, isVisible, before, post, this.#lookBack);
   }
 
   start(nowMs: number): LaneAction[] {
@@ -206,14 +211,6 @@ export class Lane {
     this.#toldPaceMs = nowMs;
     this.#post({ kind: 'pace', hz: this.#meter.hz(nowMs), roundTripMs: null });
     this.#tellBehind();
-  }
-
-  #lookBack(missing: Missing, nowMs: number): boolean {
-    if (nowMs - this.#lookedMs < LOOK_EVERY_MS) return false;
-    this.#lookedMs = nowMs;
-    this.#missed = new MissedEvents(missing, nowMs);
-    this.#look(this.#missed);
-    return true;
   }
 
   #look({ page }: MissedEvents): void {
