@@ -84,9 +84,9 @@ function Line(props: {
   const scale = scaleIn(windowMs, chosen);
   const stepMs = stepOf(Math.min(scale, windowMs) / Math.max(1, size.widthPx));
   useNow(Math.min(past ? 1000 : STEP_MS.most, stepMs));
+  const stepped = (ms: number) => Math.ceil(ms / stepMs) * stepMs;
   // what comes behind ends where the picture is
-  const endMs = past ? nowMs : nowMs - controls.behindMs;
-  const whole = { fromMs: timeline.fromMs, toMs: Math.ceil(endMs / stepMs) * stepMs };
+  const whole = { fromMs: timeline.fromMs, toMs: stepped(past ? nowMs : nowMs - controls.behindMs) };
   const isWhole = playhead.recorded !== null && scale >= windowMs && timeline.toMs > timeline.fromMs;
   // a recording is shown as long as it is, however short
   const span = isWhole ? timeline : shownSpan(whole, scale, playhead.momentMs, shown.current);
@@ -109,11 +109,11 @@ function Line(props: {
   useEffect(() => controls.look({ fromMs, toMs }), [controls, fromMs, toMs, unknown]);
 
   const { heard } = controls;
-  const shownMs = past ? 0 : Math.ceil(playhead.momentMs / stepMs) * stepMs;
-  const drawn = useMemo(() => {
-    if (part === null) return timeline;
-    return part.withHeard(past ? timeline : part.goingOn(timeline, shownMs), heard);
-  }, [part, timeline, heard, past, shownMs]);
+  const shownMs = past ? 0 : stepped(playhead.momentMs);
+  const drawn = useMemo(
+    () => part?.withHeard(part.goingOn(timeline, shownMs), heard) ?? timeline,
+    [part, timeline, heard, shownMs],
+  );
 
   const { loop } = playhead;
   // biome-ignore lint/correctness/useExhaustiveDependencies: the loop alone, whoever chooses a scale then may see what is longer
