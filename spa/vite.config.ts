@@ -24,9 +24,9 @@ const CONTENT_POLICY = [
   "form-action 'none'",
 ].join('; ');
 
-/** Chunks that the page itself imports. A name that is missing here costs some bytes, nothing else. */
+/** Chunks that the page itself imports, and those of who is signed in. A name that is missing here costs some bytes, nothing else. */
 const IN_THE_PAGE =
-  /\/(bounds|early|first_paint|jsx-runtime|language|level_latch|manifest|preload-helper|react|relay|rolldown-runtime|settings|values)-[\w-]{8}\.js$/;
+  /\/(account|account_name|bounds|early|first_paint|jsx-runtime|language|level_latch|manifest|preload-helper|react|relay|rolldown-runtime|settings|values)-[\w-]{8}\.js$/;
 
 /** What page and lazy parts share, in few chunks: a browser asks for six files at a time, and the worker waits its turn. */
 const SHARED_CHUNKS = [

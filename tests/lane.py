@@ -65,6 +65,14 @@ async def read_answer(reader: asyncio.StreamReader) -> tuple[bytes, Answer]:
     head = await reader.readuntil(b"\r\n\r\n")
     first, *lines = head.decode().split("\r\n")[:-2]
     headers = {name.lower(): value.strip() for name, _, value in (line.partition(":") for line in lines)}
+    if headers.get("transfer-encoding") == "chunked":
+        body, sent = b"", head
+        while True:
+            size = await reader.readuntil(b"\r\n")
+            chunk = await reader.readexactly(int(size, 16) + 2)
+            body, sent = body + chunk[:-2], sent + size + chunk
+            if len(chunk) == 2:
+                return sent, Answer(int(first.split()[1]), headers, body)
     body = await reader.readexactly(int(headers.get("content-length", 0)))
     return head + body, Answer(int(first.split()[1]), headers, body)
 

@@ -29,6 +29,8 @@ CROWD = 100
 THOUSAND = 1100  # nginx counts to 1023
 PAST_S = 12  # how far back anyone may look
 HOLD_S = 8
+CONTACT = {"access-control-allow-origin": "*", "vary": "authorization"}
+CONTACT |= {"access-control-expose-headers": "age, date, etag, retry-ms, retry-after"}
 
 pytestmark = [pytest.mark.skipif(shutil.which("openssl") is None, reason="no openssl here")]
 KINDS = [
@@ -54,6 +56,13 @@ class World:
     zenoh: str
     token: str
     edge: Part
+    robots: Path
+
+    def set_blackout(self, is_dark: bool) -> None:
+        """For anyone: as if an operator had written it into the file."""
+        dark = "[robots.demo.anyone]\nblackout = true\n"
+        text = self.robots.read_text().replace(dark, "[robots.demo.anyone]\n")
+        self.robots.write_text(text.replace("[robots.demo.anyone]\n", dark) if is_dark else text)
 
     def set_on_air(self) -> None:
         """Begin a new run of the robot."""
@@ -87,7 +96,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
                 return False
 
         until("there is a segment", has_past)
-        yield World(stack, address, zenoh, token, edge)
+        yield World(stack, address, zenoh, token, edge, robots)
     finally:
         for part in reversed(stack.parts):
             part.stop()
@@ -375,11 +384,64 @@ async def test_what_has_left_the_window_is_gone_from_the_cache_as_well(cache: Ca
         assert answer.headers["cache-control"] == "public, max-age=1"
 
 
+async def test_a_crowd_in_a_blackout_asks_the_relay_as_one_and_hears_at_once_when_it_ends(
+    cache: Cache, world: World
+) -> None:
+    """A cache that repeats the 404 while one is held would keep all others in the dark for a hold."""
+    async with play_crowd(cache) as crowd:
+        await until_true("all follow", lambda: all(len(one.got) >= 2 for one in crowd))
+        world.set_blackout(True)
+        try:
+            await until_true("it is dark for all", lambda: all(len(one.refused) >= 4 for one in crowd))
+            asked, began_s = len(cache.origin.asked), asyncio.get_running_loop().time()
+            before = [len(one.refused) for one in crowd]
+            again = lambda: all(len(one.refused) >= n + 3 for one, n in zip(crowd, before, strict=True))  # noqa: E731
+            await until_true("they ask again", again)
+            spent_s = asyncio.get_running_loop().time() - began_s
+            asked = len(cache.origin.asked) - asked
+            had = [len(one.got) for one in crowd]
+        finally:
+            world.set_blackout(False)
+        goes_on = lambda: all(len(one.got) >= n + 2 for one, n in zip(crowd, had, strict=True))  # noqa: E731
+        await until_true("it goes on", goes_on)
+    print(f"{asked} requests in {spent_s:.1f} s of a blackout")
+    assert asked <= 2 * (spent_s + 1)  # they wait for one of two names
+    for one in crowd:
+        assert len(set(one.got)) == len(one.got)
+        for answer in one.refused:
+            assert answer.status == 404
+            assert set(json.loads(answer.body)) == {"error"}
+            assert answer.headers["cache-control"] == "public, max-age=1"
+            assert answer.headers.items() >= CONTACT.items()
+            assert answer.headers.get("x-cache") in {"MISS", "HIT", "EXPIRED"}
+
+
+async def test_a_range_is_not_answered_with_a_part(cache: Cache) -> None:
+    path = await cache.find_next()
+    for link in (cache.connect(), cache.connect()):
+        answer = await link.ask(path, range="bytes=0-9")
+        assert (answer.status, len(answer.body) > 10) == (200, True)
+
+
+async def test_a_token_is_refused_as_something_that_nobody_may_keep(cache: Cache, world: World) -> None:
+    shown = {"authorization": f"Bearer {world.token}"}
+    refused = await cache.connect().ask(f"{ROBOT}/past/public/{0:016x}/0", **shown)
+    assert refused.status == 404
+    assert refused.headers["cache-control"] == "private, no-store"
+    assert set(json.loads(refused.body)) == {"error"}
+
+
 async def test_a_relay_that_does_not_answer_is_asked_by_few(cache: Cache) -> None:
     path = await cache.find_next()
     cache.origin.refuses = True
     answers = await asyncio.gather(*(cache.connect().ask(path) for _ in range(50)))
     assert {answer.status for answer in answers} <= {502, 503}
+    for answer in answers:
+        assert set(json.loads(answer.body)) == {"error"}
+        said = answer.headers
+        assert said["content-type"] == "application/json"
+        assert (said["cache-control"], said["retry-after"]) == ("public, max-age=1", "1")
+        assert said.items() >= CONTACT.items()
     assert len(cache.origin.asked) <= 5
     cache.origin.refuses = False
     link = cache.connect()

@@ -29,6 +29,8 @@ ADDRESS = "127.0.0.1:8080"  # where the page says the demo is
 SEGMENTS = Path(__file__).resolve().parent.parent / "wire" / "vectors" / "segments"
 BYTES = {"content-type": "application/octet-stream"}
 Answer = tuple[int, dict[str, str], bytes]
+HANG_UP: Answer = (0, {}, b"")
+ENDS_MS = 1764000004701  # when the second of the segments there ended
 LINES = 3  # of an example's output: it goes on
 
 
@@ -128,23 +130,36 @@ def test_the_reader_of_the_past_waits_as_it_is_told_and_asks_for_nothing_twice(
     text = (SEGMENTS / "schema.json").read_bytes()
     take, schema = "c0ffee0123456789", hashlib.sha256(text).hexdigest()
     later = (204, {"retry-ms": "300"}, b"")
-    script: dict[str, list[Answer]] = {
-        "": [tell({"newest": None}), tell({"newest": {"take": take, "index": 0}})],
-        f"/public/{take}/0": [later, (200, BYTES, (SEGMENTS / "key.pcs").read_bytes())],
-        f"/public/schema/{schema}": [(200, {"content-type": "application/json"}, text)],
-        f"/public/{take}/1": [(200, BYTES, (SEGMENTS / "copies.pcs").read_bytes())],
-        f"/public/{take}/2": [tell({"next": {"take": take, "index": 6}})],
-        f"/public/{take}/6": [(200, BYTES, (SEGMENTS / "no_frames.pcs").read_bytes())],
-        f"/public/{take}/7": [(204, {"retry-ms": "60000"}, b"")],
-    }
-    wanted = [path for path, answers in script.items() for _ in answers]
+    zero, one, two, four, six, seven = (f"/public/{take}/{index}" for index in (0, 1, 2, 4, 6, 7))
+    script: list[tuple[str, Answer]] = [
+        ("", tell({"newest": None, "to_ms": None})),
+        *(("", answer) for answer in ((404, {}, b""), (503, {"retry-after": "1"}, b""), HANG_UP)),
+        ("", tell({"newest": {"take": take, "index": 0}, "to_ms": ENDS_MS})),
+        *((zero, answer) for answer in (later, HANG_UP)),
+        (zero, (200, BYTES, (SEGMENTS / "key.pcs").read_bytes())),
+        (f"/public/schema/{schema}", (503, {}, b"")),
+        (zero, (200, BYTES, (SEGMENTS / "key.pcs").read_bytes())),
+        (f"/public/schema/{schema}", (200, {"content-type": "application/json"}, text)),
+        (one, (200, BYTES, (SEGMENTS / "copies.pcs").read_bytes())),
+        (two, (404, {}, b"")),
+        ("", tell({"newest": {"take": take, "index": 0}, "to_ms": ENDS_MS})),  # it has that
+        (two, tell({"next": {"take": take, "index": 4}})),
+        *((four, answer) for answer in ((502, {"retry-after": "1"}, b""), (404, {}, b""))),
+        ("", tell({"newest": {"take": take, "index": 6}, "to_ms": ENDS_MS + 60_000})),
+        (six, (200, BYTES, (SEGMENTS / "no_frames.pcs").read_bytes())),
+        (seven, (204, {"retry-ms": "60000"}, b"")),
+    ]
+    wanted, answers = [path for path, _ in script], iter(script)
     asked: list[tuple[float, str]] = []
 
     class Relay(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             path = self.path.removeprefix("/api/v1/robots/demo/past")
             asked.append((time.monotonic(), path))
-            status, headers, body = script[path].pop(0)
+            _, (status, headers, body) = next(answers)
+            if status == HANG_UP[0]:
+                self.close_connection = True
+                return
             self.send_response(status)
             for name, value in headers.items():
                 self.send_header(name, value)
@@ -164,7 +179,7 @@ def test_the_reader_of_the_past_waits_as_it_is_told_and_asks_for_nothing_twice(
     assert part.process.poll() is None, part.log
     assert [path for _, path in asked] == wanted
     for again in ("", f"/public/{take}/0"):
-        first_s, second_s = (at_s for at_s, path in asked if path == again)
+        first_s, second_s, *_ = (at_s for at_s, path in asked if path == again)
         assert second_s - first_s >= 0.3
 
 

@@ -49,7 +49,7 @@ def test_the_page_names_the_constants_it_uses() -> None:
         f"{crowd.TCP_PAYLOAD_BYTES:,.0f} of these bytes",
         f"{crowd.ORIGIN_MS_PER_ANSWER:g} ms",
         f"length + {crowd.BEHIND_S:g} s",
-        f"{crowd.NODES} caches is a CDN",
+        f"{crowd.NODES} caches stand for a CDN",
         f"{crowd.NEWCOMER_BYTES / 1e6:g} MB and {crowd.NEWCOMER_REQUESTS:g} requests",
         f"| {crowd.BOTH.per_gb:g} a GB, {crowd.BOTH.per_million:.2f} a million requests |",
         f"| {crowd.REQUESTS.per_million:.2f} a million |",
@@ -57,10 +57,12 @@ def test_the_page_names_the_constants_it_uses() -> None:
         f"{crowd.CORE_HOUR:g} an hour for each server, which sends {crowd.CACHE_GBIT_S:g} Gbit/s",
         f"; {crowd.FLAT_GB:g} a GB |",
         f"{crowd.compute_lane_requests_per_h(1e6, 4) / 1e6:.0f} million requests an hour",
-        f"| {crowd.WORKERS_RATIO:g} times that on two cores",
         f"| up to {crowd.count_viewers_per_process(30) // 100 * 100:,} | one relay |",
-        f"handshakes is enough to refuse {crowd.count_retrying_viewers() // 1000 * 1000:,} of them",
-        f"When {round(crowd.HANDSHAKES_PER_S * crowd.FIRST_RETRY_SPREAD_S, -3):,.0f} come at the same moment",
+        f"handshakes is enough to refuse {crowd.count_retrying_viewers() // 1000 * 1000:,}. ",
+        f"{crowd.count_retrying_viewers() // 1000 * 1000:,} in the lane for each process",
+        f"asked is {crowd.compute_deploy_share(5000, 10):.0%} of its handshakes".replace("%", " %"),
+        f"an instance of {crowd.INSTANCE_MB:g} MB, less {crowd.PROCESS_MB:g} for a relay",
+        f"for each {crowd.CORE_SHARE * 1e6 / crowd.NGINX_US_PER_ANSWER:,.0f} answers a second",
     ):
         assert said in page, said
 

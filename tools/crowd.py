@@ -16,12 +16,8 @@ CPU_US_PER_MESSAGE = 8.3
 RSS_MB_PER_1000 = 9.3
 HANDSHAKES_PER_S = 3334.0
 
-# the lane there, a relay that answers one nginx and one Varnish: 0.63 to 0.71 ms. Where 200 connections held
-# the same segment, the relay's CPU grew by 0.29 ms for each answer
-ORIGIN_MS_PER_ANSWER = 0.7
-# two workers of one relay beside one, each with an equal share of a core and a p99 of 50 ms: one round of
-# `python -m relay.benches.workers` on a busy machine
-WORKERS_RATIO = 1.74
+# the lane there, a relay that answers one nginx and one Varnish: 0.67 to 0.81 ms
+ORIGIN_MS_PER_ANSWER = 0.8
 
 # ---- measured: python -m tools.segment_bytes ------------------------------------------
 
@@ -47,7 +43,7 @@ MIXED = "mixed"  # a third each of standing, moving its arms and walking: what i
 # ---- measured: one relay with the demo robot, nginx 1.22 before it, curl ---------------
 
 # headers and TLS of one answer of nginx by HTTP/1.1, bytes counted by a proxy in between, 20 answers on one
-# connection; the relay's own headers are 355 B. By HTTP/2 it was 299
+# connection; by hand
 ANSWER_BYTES = 444.0
 NGINX_US_PER_ANSWER = 30.0  # CPU of its worker, TLS and HTTP/1.1, 11.6 kB from its cache: 28 to 32
 # the page in Chromium, 0.32 MB by nginx's log, and the demo's model at its highest level, 0.22 MB
@@ -60,8 +56,9 @@ VIEWERS_PER_PROCESS_MAX = 5000
 DRAIN_S = 6.5
 RETURN_SPREAD_S = 10.0  # a page moved away (1012) comes back at a random moment of so long
 BACKOFF_S = 0.5  # a page whose relay died: at a random moment of so long, then twice that …
-FIRST_RETRY_SPREAD_S = 30.0  # a page in the lane because a relay was full tries a socket after 30 to 60 s
-LANE_RETRY_S = 450.0  # then ever more seldom, at last every 5 to 10 min
+# Of very many who are in the lane because a relay is full each tries a socket every 10 to 20 min: the relay
+# says 10 min at most (core/policy/lane.py), and a page waits that × (1 to 2)
+LANE_RETRY_S = 900.0
 
 # ---- by the protocols -------------------------------------------------------------------
 
@@ -79,7 +76,7 @@ CORE_SHARE = 0.6  # of a core, so that a burst of joins and a neighbour fit besi
 PROCESS_MB = 60.0  # a relay without viewers
 INSTANCE_MB = 512.0  # the memory that one gateway is rented with
 NODES = 200  # caches that ask the origin, once for each segment: a CDN without a shield
-BEHIND_S = 0.7  # beside a segment's length, p95: 0.65 was measured behind nginx, 5,000 viewers of it
+BEHIND_S = 0.7  # beside a segment's length, p95: the goal of `make lane`
 CACHE_GBIT_S = 0.6  # of a rented server's line of 1 Gbit/s
 RETRIES_SHARE = 0.1  # of the handshakes of one process, for pages in the lane that try a socket
 

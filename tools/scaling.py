@@ -7,6 +7,7 @@ markers of docs/SCALING.md and docs/OPERATIONS.md. What is assumed stands in too
 from __future__ import annotations
 
 import argparse
+import json
 import re
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -16,6 +17,7 @@ from tools.crowd import MIXED, PROVIDERS
 
 ROOT = Path(__file__).resolve().parent.parent
 
+MEASURED = ROOT / "relay/benches/lane/measured.json"
 RATE_HZ = 10.0
 LANE_HZ = 30  # what a robot in the lane sends
 SEGMENTS_S = (2, 4, 10)
@@ -84,6 +86,27 @@ def sizes() -> str:
             rows.append([motion, f"{hz}", f"{frame:.0f}", " · ".join(segments), f"{by_socket:,.0f}", *shares])
     head = ["robot", "Hz", "frame, B", f"segment, kB: {' · '.join(f'{s} s' for s in SEGMENTS_S)}"]
     return table([*head, "WebSocket, B/s", *(f"lane, {s} s, B/s" for s in SEGMENTS_S)], rows)
+
+
+def counted() -> str:
+    """What the lane's bench counted, beside the same by arithmetic."""
+    found = json.loads(MEASURED.read_text())
+    caches, hz = list(found["lane_bytes_s"]), found["hz"]
+    rates = [found["websocket_bytes_s"], *(found["lane_bytes_s"][name] for name in caches)]
+    reckoned = [crowd.compute_socket_bytes_per_s(hz)]
+    reckoned += [crowd.compute_lane_bytes_per_s(hz, SEGMENT_S)] * len(caches)
+    rows = [
+        ["bytes a second to a viewer", *(f"{rate:,}" for rate in rates)],
+        ["the same by arithmetic", *(f"{rate:,.0f}" for rate in reckoned)],
+        ["counted beside that", *(f"{a / b - 1:+.1%}" for a, b in zip(rates, reckoned, strict=True))],
+        ["headers of an answer, B", "–", *(f"{found['header_bytes'][name]}" for name in caches)],
+        [
+            "further behind than a segment's length, p95, s",
+            "–",
+            *(f"{found['behind_p95_s'][name] - SEGMENT_S:.2f}" for name in caches),
+        ],
+    ]
+    return table([found["machine"]["day"], "WebSocket", *(f"lane, {name}" for name in caches)], rows)
 
 
 def limits() -> str:
@@ -253,6 +276,7 @@ def plots() -> dict[str, str]:
 
 BLOCKS: dict[str, dict[str, Callable[[], str]]] = {
     "SCALING.md": {
+        "counted": counted,
         "sizes": sizes,
         "limits": limits,
         "origin": origin,
@@ -278,7 +302,11 @@ def written(file: str, page: str) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--out", type=Path, default=ROOT / "docs", help="instead of docs/")
-    out: Path = parser.parse_args().out
+    write(parser.parse_args().out)
+
+
+def write(out: Path) -> None:
+    """Pages and plots, below `out`."""
     (out / "img").mkdir(parents=True, exist_ok=True)
     for file in BLOCKS:
         (out / file).write_text(written(file, (ROOT / "docs" / file).read_text()))

@@ -335,7 +335,14 @@ function lane(bytes: Uint8Array): unknown {
     return { status: 200, isJson, retryMs: null, dateMs: null, bytes: body };
   });
   const before = { frame: null, event: null, faults: [] };
-  const read = new Lane({ view: address?.view ?? null, hz: 30, isVisible: true, before, random: () => 0.5 });
+  const read = new Lane({
+    robot: 'demo',
+    view: address?.view ?? null,
+    hz: 30,
+    isVisible: true,
+    before,
+    random: () => 0.5,
+  });
   const did = read.start(0).map((action) => action.do);
   for (let i = 1; i < 9; i++)
     for (const action of read.answered(1000 * i, answers[i % 2]!)) did.push(action.do);

@@ -18,6 +18,7 @@ sub vcl_recv {
 		return (synth(404));
 	}
 	unset req.http.Cookie;
+	unset req.http.Range; # a segment is sent whole
 	# Who shows a token is not answered from what is kept, and nothing of theirs is kept. Made-up parameters would be ever
 	# further names for one answer.
 	if ((req.method != "GET" && req.method != "HEAD") || req.http.Authorization ||
@@ -53,8 +54,12 @@ sub vcl_backend_response {
 sub vcl_backend_error {
 	set beresp.ttl = 1s; # a relay that does not answer is asked by one, not by all who wait
 	set beresp.grace = 0s;
+	set beresp.http.Cache-Control = "public, max-age=1";
+	set beresp.http.Retry-After = "1";
+	set beresp.http.Vary = "authorization";
 	set beresp.http.Access-Control-Allow-Origin = "*";
-	set beresp.body = """{"error": "the relay does not answer"}""";
+	set beresp.http.Access-Control-Expose-Headers = "age, date, etag, retry-ms, retry-after";
+	set beresp.body = """{"error": "the relay does not answer: ask again"}""";
 	set beresp.http.Content-Type = "application/json";
 	return (deliver);
 }

@@ -8,7 +8,8 @@ so that they have the same neighbours; the groups come before whatever else runs
 
     python -m relay.benches.workers [--rounds 3] [--workers 2] [--share 0.25] [--hz 30] [--bound 100]
 
-Writes out/bench/workers.json.
+Writes out/bench/workers.json; with `--write` also the table of docs/BENCHMARKS.md, with `--rounds 0 --write`
+that of the last report.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from typing import Any
 
 from relay.benches.bench import machine
 from relay.benches.build import OUT, NoCompiler, build
+from relay.benches.lane.page import PAGE, fill, markdown
 from relay.benches.servers import ROBOT, CannotStart, end, wait_line
 from relay.benches.stamps import make_stamps
 
@@ -38,6 +40,8 @@ DELIVERED = 0.97  # of the frames that were due
 STEP = 1.04  # of the ladder
 RUN_S = 5.0
 SAMPLE_S = 0.1
+REPORT = OUT / "workers.json"
+HEAD = ["round", "1 worker", "{} workers", "ratio", "CPU a frame, µs: 1 worker", "{} workers", "load"]
 START_AT = 2400  # viewers of one worker with a whole core at 30 Hz, as a first guess
 
 
@@ -239,6 +243,30 @@ def search(sizes: tuple[int, int], guess: int, bench: Bench, rows: list[dict[str
     return {size: ladder.fits or 0 for size, ladder in ladders.items()}
 
 
+def make_block(report: dict[str, Any]) -> str:
+    """The table of a report, as Markdown, and how it was measured."""
+    asked, about, lines = report["asked"], report["machine"], []
+    sizes = (1, asked["workers"])
+    for number, found in enumerate(report["found"], 1):
+        tried = [row for row in report["runs"] if row["round"] == number]
+        most = [found[str(size)] for size in sizes]
+        cpu = [statistics.median(row["cpu_us"] for row in tried if row["workers"] == size) for size in sizes]
+        loads = [row["load_average"] for row in tried]
+        line = [f"{number}", *(f"{each:,}" for each in most), f"{most[1] / most[0]:.2f}" if most[0] else "–"]
+        lines.append([*line, *(f"{each:.1f}" for each in cpu), f"{min(loads):.0f} to {max(loads):.0f}"])
+    how = (
+        f"Viewers at {asked['hz']:g} Hz with a p99 of lateness within {asked['bound']:g} ms, "
+        f"{asked['share']:g} of a core for each worker. Rounds: {len(lines)}; median ratio: "
+        f"{statistics.median(report['ratios']):.2f}. {about['day']}, {about['cores']} cores ({about['cpu']})."
+    )
+    return f"{markdown([each.format(sizes[1]) for each in HEAD], lines)}\n\n{how}"
+
+
+def write_page() -> None:
+    """Put the table of the last report into docs/BENCHMARKS.md."""
+    PAGE.write_text(fill(PAGE.read_text(), {"workers": make_block(json.loads(REPORT.read_text()))}))
+
+
 def main() -> int:
     """As the docstring of this module says."""
     parser = argparse.ArgumentParser(prog="workers", description=(__doc__ or "").partition("\n")[0])
@@ -247,7 +275,12 @@ def main() -> int:
     parser.add_argument("--share", type=float, default=0.25, help="of a core, for each worker")
     parser.add_argument("--hz", type=float, default=30.0)
     parser.add_argument("--bound", type=float, default=100.0, help="ms, of the 99th percentile of lateness")
+    parser.add_argument("--write", action="store_true", help="into docs/BENCHMARKS.md")
     asked = parser.parse_args()
+    if asked.rounds == 0:
+        if asked.write:
+            write_page()
+        return 0
     groups: list[Group] = []
     try:
         binaries = build()
@@ -261,7 +294,9 @@ def main() -> int:
     guess = round(START_AT * asked.share * 30 / asked.hz)
     for number in range(asked.rounds):
         print(f"round {number + 1} of {asked.rounds}")
-        found.append(search((1, asked.workers), guess, bench, rows))
+        tried: list[dict[str, Any]] = []
+        found.append(search((1, asked.workers), guess, bench, tried))
+        rows += [{"round": number + 1, **row} for row in tried]
         guess = found[-1][1] or guess
     for group in (*groups, others):
         group.remove()
@@ -271,7 +306,9 @@ def main() -> int:
     if ratios:
         print(f"median {statistics.median(ratios):.2f} times, at p99 within {asked.bound:g} ms")
     report = {"machine": about, "asked": vars(asked), "found": found, "ratios": ratios, "runs": rows}
-    (OUT / "workers.json").write_text(json.dumps(report, indent=1) + "\n")
+    REPORT.write_text(json.dumps(report, indent=1) + "\n")
+    if asked.write and ratios:
+        write_page()
     return 0 if ratios else 1
 
 

@@ -40,7 +40,7 @@ from .sim import Edge, schema
 T = TypeVar("T")
 
 
-def until(what: str, probe: Callable[[], T | None], deadline_s: float = 10.0) -> T:
+def until(what: str, probe: Callable[[], T | None], deadline_s: float = 20.0) -> T:
     """The first answer of `probe` that is neither None nor False."""
     end_s = time.monotonic() + deadline_s
     while True:
@@ -325,7 +325,7 @@ class Watcher:
         """The messages of one type."""
         return [doc for doc in self.texts if doc["type"] == kind]
 
-    async def until(self, what: str, probe: Callable[[Watcher], object], deadline_s: float = 10.0) -> None:
+    async def until(self, what: str, probe: Callable[[Watcher], object], deadline_s: float = 20.0) -> None:
         """Wait for something to be true of this viewer."""
         end_s = time.monotonic() + deadline_s
         while not probe(self):

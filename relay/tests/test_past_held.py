@@ -7,11 +7,13 @@ import socket
 from collections.abc import AsyncIterator, Iterator
 
 import pytest
+import uvicorn
 from posecast_relay.core.policy.policy import Audience, Policy, Rule
 from posecast_relay.http.metrics import RelayCollector
 from posecast_relay.http.past import routes
 from posecast_relay.http.past.held_requests import HELD_MAX, TOLD_EVERY_S, WOKEN_PER_TURN, HeldRequests
 from posecast_relay.redis.gateway import GRACE_S
+from posecast_relay.server.http_server import RelayServer
 
 from .open_files import allow_files
 from .past_doors import PAGE_MS, TAKE, PastDoors, address_of, link, until
@@ -210,6 +212,15 @@ async def test_what_caches_go_by(doors: PastDoors, monkeypatch: pytest.MonkeyPat
         assert answer.headers["access-control-allow-origin"] == "*"
         assert len(answer.headers.get_list("date")) == 1
         assert not {"vary", "set-cookie", "age", "expires", "pragma"} & set(answer.headers)
+
+
+async def test_a_date_is_of_the_moment_however_long_uvicorn_keeps_one(doors: PastDoors) -> None:
+    """Made anew at each tick, of which there are ten a second."""
+    server = RelayServer(uvicorn.Config(doors.app), [], lambda: None)
+    for counter in range(10, 20):
+        server.server_state.default_headers = []
+        await server.on_tick(counter)
+        assert dict(server.server_state.default_headers).keys() == {b"date"}, counter
 
 
 async def test_a_thousand_who_are_held_and_leave_take_nobodys_place(doors: PastDoors) -> None:

@@ -184,6 +184,7 @@ async def test_before_during_and_after_a_blackout(audience: Audience) -> None:
             assert answer.status_code in (403, 404)
             # so that a crowd that goes on asking is one request a second and cache
             kept = "public, max-age=1" if audience is A else "private, no-store"
+            assert ("access-control-expose-headers" in answer.headers) == (audience is A)
             assert answer.headers["cache-control"] == kept
             assert answer.headers.get("vary") == ("authorization" if audience is A else None)
         doors.allow(EACH)

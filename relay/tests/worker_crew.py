@@ -82,8 +82,12 @@ def ask_at(relay: Relay, pid: int, path: str, method: str = "GET", **headers: st
 
 def await_ready(relay: Relay) -> None:
     """Wait until all workers serve."""
-    ready = lambda: httpx.get(f"http://{relay.address}/readyz").json() == {"status": "ready"}  # noqa: E731
-    until("all workers serve", ready)
+
+    def is_ready() -> bool:
+        answer = httpx.get(f"http://{relay.address}/readyz", timeout=SLOW_S)
+        return bool(answer.json() == {"status": "ready"})
+
+    until("all workers serve", is_ready, 60.0)
 
 
 def read_metric(port: int, name: str) -> float:
@@ -91,3 +95,11 @@ def read_metric(port: int, name: str) -> float:
     text = httpx.get(f"http://127.0.0.1:{port}/metrics", timeout=SLOW_S).text
     found = re.findall(rf"^{name}(?:{{[^}}]*}})? (\S+)$", text, re.MULTILINE)
     return sum(map(float, found))
+
+
+def until_metric(port: int, name: str, least: float, most: float | None = None) -> None:
+    """Wait until a metric is so much, or lies between two figures: a worker that is slow to tell its own is
+    left out.
+    """
+    most = least if most is None else most
+    until(f"{name} {least:g}", lambda: least <= read_metric(port, name) <= most, SLOW_S)

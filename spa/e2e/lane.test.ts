@@ -126,7 +126,7 @@ it('a relay that is full refuses nobody: who comes then sees the same, behind, a
   // why
   await second.findByTestId('liveness').click();
   const explained = () => second.findByTestId('liveness-explained').text();
-  await until('why', async () => /As many people watch as the relay has places for/.test(await explained()));
+  await until('why', async () => /All places are taken/.test(await explained()));
   await second.press('Escape');
 
   // the first leaves

@@ -71,7 +71,7 @@ it('reads by way of the lane that config.json names, and sends it no token', asy
     await until('behind', async () => / s behind$/.test(await chipText(page)));
     await page.findByTestId('liveness').click();
     const explained = () => page.findByTestId('liveness-explained').text();
-    await until('why', async () => /by way of a cache/.test(await explained()));
+    await until('why', async () => /any number of people can watch/.test(await explained()));
     await until('a past', () => cache.asked.some(({ url }) => /\/past\/public\/\d{4}-/.test(url)));
     expect(page.requested.filter(isSocket), 'nobody is asked for a socket').toEqual([]);
     expect(page.requested.filter((url) => url.startsWith(`${relay.url}/api/v1/robots/`))).toEqual([]);

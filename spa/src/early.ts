@@ -12,12 +12,7 @@ import { accessSettled } from './auth/settled.ts';
 import { builtModelAt } from './model/files.ts';
 import { streamUrl, WANTED_HZ } from './relay/addresses.ts';
 import { early, recordingUrl } from './relay/recording_address.ts';
-import { ELSEWHERE, wasSignedIn } from './relay/relay.ts';
 import { prepareStream, startEarly } from './stream/early_stream.ts';
-
-/** So long the stream waits for `config.json`, which may tell it to take no socket; its own code rarely comes sooner. A page whose
- *  host is slow to say so begins without. */
-const PATIENCE_MS = 1000;
 
 performance.mark('posecast:early');
 adoptPath();
@@ -36,22 +31,15 @@ if (recording !== null) {
   }
 } else if (route.page === 'robot' && !embedded) {
   const { robot } = route;
-  let begun = '';
-  const begin = () => {
-    const [url, lane] = [streamUrl(robot), laneUrl(robot)];
-    if (begun === `${url} ${lane}`) return;
-    begun = `${url} ${lane}`;
-    const onModel = (hash: string) => {
-      builtModelAt(manifestUrl(robot, hash)).catch(() => {}); // the page asks again, and says what is wrong
-    };
-    startEarly(url, WANTED_HZ, onModel, lane);
-  };
   prepareStream(); // side by side with what is waited for
-  // Most pages are served by their relay: they need not wait for long, nor for anybody's token.
-  const elsewhere = ELSEWHERE.test(window.location.search) || wasSignedIn();
-  const timer = elsewhere ? undefined : setTimeout(begin, PATIENCE_MS);
+  // `config.json` may tell the stream to take no socket. It is as quick as the stream's own code; the page waits for it as well.
   settled.then(({ base }) => {
-    clearTimeout(timer);
-    if (base !== null) begin();
+    if (base === null) return;
+    startEarly(
+      streamUrl(robot),
+      WANTED_HZ,
+      (hash) => void builtModelAt(manifestUrl(robot, hash)).catch(() => {}), // the page asks again, and says what is wrong
+      laneUrl(robot),
+    );
   });
 }

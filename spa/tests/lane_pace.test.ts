@@ -3,7 +3,14 @@ import { Lane, type LaneAction } from '../src/stream/lane/lane.ts';
 
 it('asks a relay that sends it in circles once a second, after four times at once', () => {
   const before = { frame: null, event: null, faults: [] };
-  const lane = new Lane({ view: 'public', hz: 30, isVisible: true, before, random: () => 0.5 });
+  const lane = new Lane({
+    robot: 'small',
+    view: 'public',
+    hz: 30,
+    isVisible: true,
+    before,
+    random: () => 0.5,
+  });
   const takes = ['a'.repeat(16), 'b'.repeat(16)];
   let asked = 0;
   const answer = () => {

@@ -97,14 +97,15 @@ export class LaneViewer {
     this.ends.length = 0;
     const { state, events } = this.twin;
     const frame = state && { ...state, atMs: state.atMs - this.#skewMs - this.behindAt(this.nowMs) };
-    const faults = new ToldFaults(events).open;
-    this.#lane = this.#begin({ frame, event: events.at(-1) ?? null, faults });
+    const faults = new ToldFaults();
+    for (const event of events) faults.record(event);
+    this.#lane = this.#begin({ frame, event: events.at(-1) ?? null, faults: faults.open });
     this.#do(this.#lane.start(this.#clock(this.nowMs)));
   }
 
   #begin(before: KnownBefore): Lane {
     const frame = before.frame && { ...before.frame, atMs: this.#clock(before.frame.atMs) };
-    const settings = { view: null, hz: 30, isVisible: true, random: this.#random };
+    const settings = { robot: 'small', view: null, hz: 30, isVisible: true, random: this.#random };
     return new Lane({ ...settings, before: { ...before, frame } });
   }
 

@@ -56,10 +56,10 @@ describe('what is shown behind now', () => {
   it('is explained: why, how far, and that nothing need be done', () => {
     const lines = (link: Link, isLaneChosen?: boolean) =>
       explanationWords(LIVE, link, isLaneChosen).join(' ');
-    const full = /As many people watch as the relay has places for. You see the same, 4 s later,/;
+    const full = /All places are taken. You see the same, 4 s later. Now and then the page asks for a place/;
     expect(lines(IN_LANE)).toMatch(full);
     expect(lines(IN_LANE, true)).not.toMatch(full);
-    expect(lines(IN_LANE, true)).toMatch(/by way of a cache. You see the same as others, 4 s later/);
+    expect(lines(IN_LANE, true)).toMatch(/shows the robot 4 s late, so that any number of people can watch/);
     expect(lines(IN_LANE), 'a cache may have answered').not.toMatch(/Relay: last heard/);
     expect(lines(DELAYED)).toMatch(/shows it 30 s late/);
     expect(lines(DELAYED)).toMatch(/Relay: last heard/);

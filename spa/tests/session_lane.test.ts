@@ -1,4 +1,5 @@
 import { describe, expect, it } from 'vitest';
+import type { Action } from '../src/stream/messages.ts';
 import { Session } from '../src/stream/session.ts';
 import { Rig } from './session_rig.ts';
 
@@ -51,6 +52,24 @@ describe('a relay that is full', () => {
     rig.do(rig.session.closed(rig.now, 1006, 'the answer ended'));
     expect(rig.take()).toContainEqual(LANE);
   });
+});
+
+describe('a lane that does not begin', () => {
+  it.each(['the address is not one for segments', 'no reader'])(
+    'leaves the relay’s own words and its wait: %s',
+    (reason) => {
+      const rig = inLane();
+      rig.take();
+      rig.do(rig.session.closed(rig.now, 1006, reason));
+      const [link] = rig.posts('link');
+      expect(link).toMatchObject({ phase: 'waiting', ending: { code: 1013, reason: 'full' } });
+      expect(Object.keys(link?.ending ?? {})).toEqual(['code', 'reason']);
+      rig.pass(29_750);
+      expect(rig.asked()).toEqual([]);
+      rig.pass(31_000);
+      expect(rig.asked()[0]).toBe('ws://relay/live?hz=30');
+    },
+  );
 });
 
 describe('in the lane', () => {
@@ -134,16 +153,74 @@ describe('a lane that the page was told', () => {
     expect(later).toEqual([]);
   });
 
-  it('is asked for again when it fails, and not when it is refused', () => {
+  const addressesOf = (actions: readonly Action[]) =>
+    actions.flatMap((action) => (action.do === 'connect' ? [action.url] : []));
+
+  /** What is asked for while the lane fails and sockets do; one that is refused names the relay's own lane. */
+  function withoutLane(
+    random: number,
+    ms: number,
+    end: (session: Session, nowMs: number, url: string) => Action[],
+  ) {
+    const session = new Session('ws://relay/live', 30, true, () => random, undefined, PAST);
+    const asked: { readonly atMs: number; readonly url: string }[] = [];
+    const note = (atMs: number, actions: readonly Action[]): void => {
+      for (const url of addressesOf(actions)) {
+        asked.push({ atMs, url });
+        note(atMs, end(session, atMs, url));
+      }
+    };
+    note(0, session.start(0));
+    for (let nowMs = 250; nowMs <= ms; nowMs += 250) note(nowMs, session.tick(nowMs));
+    return { session, asked };
+  }
+  const fail = (session: Session, nowMs: number) => session.closed(nowMs, 1006, 'no answer');
+  const hang = () => [];
+
+  it.each([0, 0.4, 0.999])(
+    'and fails is asked for again, and then a socket, each page at its own time',
+    (random) => {
+      for (const end of [fail, hang]) {
+        const { asked } = withoutLane(random, 60_000, end);
+        const first = asked.find(({ url }) => url !== PAST);
+        expect(asked[0]?.url).toBe(PAST);
+        expect(first?.url).toBe('ws://relay/live?hz=30');
+        expect(first?.atMs).toBeGreaterThanOrEqual(30_000 * random);
+        expect(first?.atMs, 'a try of the lane takes 8 s at most').toBeLessThan(30_000 * random + 20_000);
+      }
+    },
+  );
+
+  it('is asked for again where no socket comes either, by whatever way', () => {
+    const urls = withoutLane(0.5, 300_000, fail).asked.map(({ url }) => url);
+    const turns = urls.filter((url, i) => (url === PAST) !== (urls[i - 1] === PAST));
+    expect(turns.length).toBeGreaterThan(5);
+    expect(urls).toContain('http://relay/live.sse?hz=30');
+  });
+
+  it('and works again is gone on in, and no socket is tried', () => {
+    const { asked } = withoutLane(0.999, 120_000, (session, nowMs) =>
+      nowMs < 10_000 ? fail(session, nowMs) : session.opened(nowMs),
+    );
+    expect(new Set(asked.map(({ url }) => url))).toEqual(new Set([PAST]));
+  });
+
+  it('and is gone leads to the relay’s own, where the relay is full', () => {
+    const { session, asked } = withoutLane(0.5, 60_000, (at, nowMs, url) => {
+      if (url === PAST) return fail(at, nowMs);
+      at.opened(nowMs);
+      if (!url.startsWith('ws:')) return [];
+      at.text(nowMs, JSON.stringify(BYE));
+      return at.closed(nowMs, 1013, '');
+    });
+    expect(asked.at(-1)?.url).toBe(LANE.url);
+    expect(session.phase).toBe('open');
+  });
+
+  it('is not left when it is refused', () => {
     const { session } = begin();
-    session.opened(100);
-    session.closed(200, 1006, 'no answer');
-    const later = Array.from({ length: 40 }, (_, i) => session.tick(1000 * (i + 1))).flat();
-    const asked = later.flatMap((action) => (action.do === 'connect' ? [action.url] : []));
-    expect(new Set(asked)).toEqual(new Set([PAST]));
-    const other = begin().session;
-    other.closed(200, 4403, 'not for you');
-    expect(other.phase).toBe('ended');
+    session.closed(200, 4403, 'not for you');
+    expect(session.phase).toBe('ended');
   });
 
   it('is not for who has a token, and is again without', () => {

@@ -105,7 +105,8 @@ def measure_trouble(stage: LaneStage, place: Place, viewers: int, plan: LanePlan
 
     with crowds(place, stage.nodes, viewers) as found:
         time.sleep(SETTLE_S)
-        return [*watch_window(stage, found, "pause", pause), *watch_window(stage, found, "restart", restart)]
+        paused = [row | {"pause_s": plan.pause_s} for row in watch_window(stage, found, "pause", pause)]
+        return [*paused, *watch_window(stage, found, "restart", restart)]
 
 
 def measure_bytes(stage: LaneStage, place: Place, seconds: float) -> list[Row]:

@@ -48,7 +48,7 @@ from relay.benches.lane.table import (
 )
 from relay.benches.servers import CannotStart, Place
 from relay.benches.stamps import make_stamps
-from tools import bars
+from tools import bars, scaling
 
 OUT = ROOT / "out" / "lane"
 MEASURED = Path(__file__).with_name("measured.json")
@@ -162,6 +162,7 @@ def main() -> int:
         PAGE.write_text(fill(PAGE.read_text(), blocks))
         bars.draw(ROOT / "docs")
         MEASURED.write_text(json.dumps(sum_up(rows, about), indent=1) + "\n")
+        scaling.write(ROOT / "docs")
     missed = sum(not goal.reached for goal in goals)
     if missed:
         print(

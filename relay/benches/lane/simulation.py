@@ -288,7 +288,7 @@ HEAD: tuple[str, ...] = (
     "what happens",
     "parts × nodes",
     "origin's answers with a part",
-    "of one part and node",
+    "(answers with a part + turned away) ÷ (parts × nodes)",
     "“not yet”",
 )
 HEAD += ("“that take is over”", "held at once, at most", "turned away", "behind p50", "p95")

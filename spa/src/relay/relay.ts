@@ -8,12 +8,12 @@ import { asAnyone } from './as_anyone.ts';
 import type { Accounts, Choice } from './config.ts';
 import { recordingUrl } from './recording_address.ts';
 
-/** How long to wait for `config.json`. Afterwards the page uses its own origin for good, so slow lines and busy devices
- *  get much time. Meanwhile the stream from the own origin has already started (`early.ts`). */
+/** How long to wait for `config.json`, which lies beside the page and is as quick as that. Afterwards the page uses its own origin
+ *  for good, so slow lines and busy devices get much time. */
 const CONFIG_LATE_MS = 30_000;
 
 /** Matches an address that asks for another source than the page's own origin, or for another way to it. */
-export const ELSEWHERE = /[?&](relay|source|lane)=/;
+const ELSEWHERE = /[?&](relay|source|lane)=/;
 
 /** Storage key of the name of the account that is signed in. */
 export const ACCOUNT = 'posecast.account';

@@ -30,7 +30,6 @@ export function startEarly(
   onModel: (hash: string) => void,
   lane: string | null = null,
 ): void {
-  abandon();
   const worker = start(url, hz, lane);
   const messages: FromStream[] = [];
   early = { url, lane, worker, messages };

@@ -54,6 +54,7 @@ export class Session {
   #retryAtMs: number | null = null;
   #failures = 0;
   #bye: Bye | null = null;
+  #laneBye: Bye | undefined;
   #acknowledgements = new Acknowledgements();
   #roundTrip = new RoundTrip();
   #paceMs = 0;
@@ -61,7 +62,7 @@ export class Session {
   readonly #lateness = new Lateness();
   /** Whether a text message has come on this connection. */
   #greeted = false;
-  #actions: Action[] = [];
+  readonly #actions: Action[] = [];
   readonly #post = (message: FromStream) => this.#actions.push({ do: 'post', message });
   #reading = new FrameReader(this.#post);
 
@@ -103,6 +104,7 @@ export class Session {
     this.#roundTrip = new RoundTrip(); // at once: the age on the chip needs it
     this.#paceMs = nowMs;
     this.#link(null);
+    if (this.#inLane) this.#choice.recordSuccess();
     if (this.#token && !this.#onEvents) this.#send({ type: 'auth', token: this.#token });
     this.#wishRate(nowMs);
     return this.#take();
@@ -155,7 +157,7 @@ export class Session {
   closed(nowMs: number, code: number, reason: string): Action[] {
     const bye = this.#bye;
     if (bye?.code === Close.FULL && bye.lane) this.#connect(nowMs, bye);
-    else this.#lost(nowMs, bye ?? { code, reason }, bye?.retry_s ?? null);
+    else this.#lost(nowMs, bye ?? { code, reason });
     return this.#take();
   }
 
@@ -165,7 +167,7 @@ export class Session {
       if (this.#inLane) this.#tryWebSocket(nowMs);
       else if (nowMs - this.#heardMs > SILENT_LIMIT_MS) {
         this.#actions.push({ do: 'drop' });
-        this.#lost(nowMs, { code: 4408, reason: 'silent' }, null);
+        this.#lost(nowMs, { code: 4408, reason: 'silent' });
       } else {
         this.#acknowledge(nowMs);
         this.#wishRate(nowMs);
@@ -177,11 +179,11 @@ export class Session {
         }
       }
     } else if (this.#phase === 'connecting' && this.#choice.isOverdue(nowMs)) {
-      this.#choice.recordFailure();
+      this.#choice.recordFailure(nowMs);
       this.#connect(nowMs);
     } else if (this.#phase === 'connecting' && nowMs - this.#sinceMs > CONNECT_LIMIT_MS) {
       this.#actions.push({ do: 'drop' });
-      this.#lost(nowMs, { code: 1006, reason: 'no answer' }, null);
+      this.#lost(nowMs, { code: 1006, reason: 'no answer' });
     } else if (this.#phase === 'waiting' && this.#retryAtMs !== null && nowMs >= this.#retryAtMs) {
       this.#connect(nowMs);
     }
@@ -246,9 +248,7 @@ export class Session {
   }
 
   #take(): Action[] {
-    const actions = this.#actions;
-    this.#actions = [];
-    return actions;
+    return this.#actions.splice(0);
   }
 
   #send(message: ViewerMessage): void {
@@ -264,6 +264,7 @@ export class Session {
   #connect(nowMs: number, full?: Bye): void {
     this.#phase = 'connecting';
     this.#retryAtMs = null;
+    this.#laneBye = full;
     const by = full
       ? this.#choice.enterLane(nowMs, 1000 * (full.retry_s ?? WAIT_S))
       : this.#choice.chooseNext(nowMs, this.#lane !== undefined && !this.#token);
@@ -279,14 +280,14 @@ export class Session {
     return this.#choice.now === 'segments';
   }
 
-  #tryWebSocket(nowMs: number): void {
-    if (this.#choice.shouldTryWebSocket(nowMs))
-      this.#actions.push({ do: 'try', url: this.#address('websocket', this.#wish.wantedHz) });
-  }
-
   /** The transport is one-way (events, segments or mirror): nothing can be sent to the relay. */
   get #onEvents(): boolean {
     return this.#choice.now !== 'websocket';
+  }
+
+  #tryWebSocket(nowMs: number): void {
+    if (!this.#choice.shouldTryWebSocket(nowMs)) return;
+    this.#actions.push({ do: 'try', url: this.#address('websocket', this.#wish.wantedHz) });
   }
 
   #address(by: Transport, hz: number): string {
@@ -314,17 +315,18 @@ export class Session {
     this.#wish.askedHz = askedHz;
   }
 
-  #lost(nowMs: number, { code, reason }: Ending, retryS: number | null): void {
+  #lost(nowMs: number, ended: Ending & { retry_s?: number | null }): void {
     if (this.#phase === 'ended' || this.#phase === 'waiting') return;
-    // what a lane refuses a socket may still get, unless there is to be none
-    const ending = { code: this.#inLane && this.#lane === undefined ? 1006 : code, reason };
+    const full = this.#inLane && this.#laneBye;
+    // the refusal still holds where the lane that it named has not begun; what a lane refuses later a socket may get
+    const unopened = this.#phase === 'connecting' ? full : null;
+    const { code, reason, retry_s } = unopened || (full ? { ...ended, code: 1006 } : ended);
     if (this.#phase === 'open' && nowMs - this.#sinceMs >= WORKED_MS) this.#failures = 0;
-    if (!this.#greeted) this.#choice.recordFailure();
-    const delayMs = retryDelayMs(retryOf(ending.code), this.#failures, this.#random(), retryS);
-    this.#failures += 1;
+    if (!this.#greeted) this.#choice.recordFailure(nowMs);
+    const delayMs = retryDelayMs(retryOf(code), this.#failures++, this.#random(), retry_s ?? null);
     this.#phase = delayMs === null ? 'ended' : 'waiting';
     this.#retryAtMs = delayMs === null ? null : nowMs + delayMs;
-    this.#link(ending);
+    this.#link({ code, reason });
   }
 
   #understand(nowMs: number, message: RelayMessage): void {

@@ -10,6 +10,9 @@ export const WITHOUT_MS = 5000;
 /** While on events, a WebSocket is tried at once, then at intervals that double from the first to the second. */
 const TRY_AGAIN_MS = 30_000;
 const SELDOM_MS = 300_000;
+/** Where the lane that the page was told does not work the relay is tried: after random(0 … this), so that a crowd whose cache has
+ *  gone does not come at once. */
+const WITHOUT_LANE_MS = 30_000;
 
 /** Which transport the next connection takes, and when a stream on server-sent events or in segments tries a WebSocket beside
  *  them.
@@ -25,6 +28,8 @@ export class TransportChoice {
   #deadlineMs = 0;
   #tryAtMs = 0;
   #tryAgainMs = TRY_AGAIN_MS;
+  /** From when on the relay is tried instead of the lane that the page was told; null: that works, or has not been tried. */
+  #relayAtMs: number | null = null;
 
   constructor(random: () => number, mirrored = false) {
     this.#random = random;
@@ -32,9 +37,10 @@ export class TransportChoice {
   }
 
   /** Chooses the transport for a new connection. After failed WebSockets the two transports take turns until one works.
-   *  `inLane`: this viewer reads segments, and no WebSocket is tried beside them. */
+   *  `inLane`: this viewer reads segments, and no WebSocket is tried beside them, nor instead of them while they come. */
   chooseNext(nowMs: number, inLane = false): Transport {
-    if (inLane) return this.enterLane(Number.POSITIVE_INFINITY, 0);
+    if (inLane && nowMs < (this.#relayAtMs ?? Number.POSITIVE_INFINITY))
+      return this.enterLane(Number.POSITIVE_INFINITY, 0);
     if (this.now === 'mirror') return this.now;
     this.#withoutMs ??= nowMs;
     const endMs = this.#withoutMs + WITHOUT_MS;
@@ -65,13 +71,19 @@ export class TransportChoice {
   }
 
   /** The newest connection ended before the relay said anything on it. */
-  recordFailure(): void {
+  recordFailure(nowMs: number): void {
     if (this.now === 'websocket') this.#failed += 1;
-    else if (this.now === 'events') this.#eventsWork = false;
+    else if (this.now === 'segments') this.#relayAtMs ??= nowMs + this.#random() * WITHOUT_LANE_MS;
+    else {
+      this.#eventsWork = false;
+      this.#relayAtMs = null; // nothing gets to the relay: the lane again
+    }
   }
 
-  /** The relay has said something on the newest connection. */
+  /** The relay has said something on the newest connection, or its lane has. */
   recordSuccess(): void {
+    this.#relayAtMs = null;
+    if (this.now === 'segments') return;
     this.#eventsWork = this.now === 'events';
     if (this.#eventsWork) return;
     this.#failed = 0;

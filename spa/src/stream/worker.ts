@@ -1,7 +1,7 @@
 /// <reference lib="webworker" />
 import { WIRE_VERSION } from '@posecast/wire';
 import { nowMs, setSlept } from './clock.ts';
-import { Overlap } from './handover/overlap.ts';
+import type { Overlap } from './handover/overlap.ts';
 import { ToldFaults } from './handover/told_faults.ts';
 import laneUrl from './lane/lane_script.ts?worker&url';
 import type { EventMark, LaneHandlers, OpenLane, ShownFrame } from './lane_port.ts';
@@ -42,7 +42,7 @@ let shown: ShownFrame | null = null;
 let told: EventMark | null = null;
 const faults = new ToldFaults();
 /** After a lane, what comes once more over the socket. */
-const overlap = new Overlap();
+let overlap: Overlap | null = null;
 
 function post(message: FromStream): void {
   if (message.kind === 'behind') behindMs = message.ms ?? 0;
@@ -51,7 +51,7 @@ function post(message: FromStream): void {
     faults.record(message.event);
   }
   if (message.kind === 'state') {
-    if (overlap.isShown(message.state)) return;
+    if (overlap?.isShown(message.state)) return;
     shown = message.state;
     const now = states.put(message);
     if (now !== null) handOver(now);
@@ -94,7 +94,7 @@ function connect(url: string): void {
   try {
     opened = new WebSocket(url);
   } catch {
-    perform(session?.closed(nowMs(), 1006, 'the address is not one for a stream') ?? []);
+    perform(session?.closed(nowMs(), 1006, 'no address') ?? []);
     return;
   }
   opened.onopen = () => socket === opened && perform(session?.opened(nowMs()) ?? []);
@@ -158,19 +158,19 @@ function read(url: string, by: Transport): void {
       };
       Object.assign(mine, openEventStream(url, token, handlers));
     },
-    () => unlessLeft((to) => to.closed(nowMs(), 1006, 'its reader did not come')),
+    () => unlessLeft((to) => to.closed(nowMs(), 1006, 'no reader')),
   );
 }
 /** Tries a WebSocket beside what runs, one at a time. It takes over when the relay has let it in. */
 function attempt(url: string): void {
   const beside = events;
-  void import('./trial.ts').then(({ tryWebSocket }) => {
+  void import('./trial.ts').then(({ tryWebSocket, overlapAfter }) => {
     if (events !== beside) return;
     trial?.close();
     const accepted: Parameters<typeof tryWebSocket>[2] = (tried, heard) => {
       if (trial !== tried || session === null) return;
       trial = null; // so that it is not dropped
-      overlap.begin(shown);
+      overlap = overlapAfter(shown);
       drop();
       own(tried);
       perform(session.moved(nowMs()));

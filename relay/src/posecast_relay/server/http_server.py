@@ -27,6 +27,7 @@ from posecast_relay.streaming.websocket import make_live_protocol
 log = logging.getLogger("posecast_relay")
 
 GRACE_S = 2  # for requests under way when the relay stops
+DATE_TICKS = 10  # calls of on_tick from one Date of uvicorn's to the next
 END_S = 9.5  # after SIGTERM; platforms kill a process at 10 s
 
 
@@ -75,7 +76,8 @@ class RelayServer(uvicorn.Server):
 
     async def on_tick(self, counter: int) -> bool:
         """Return whether to stop. uvicorn calls this ten times a second."""
-        stops = await super().on_tick(counter)
+        # Of ten calls one makes its Date anew. A page that reckons the time by that would be a second off.
+        stops = await super().on_tick(counter - counter % DATE_TICKS)
         return stops or (all(dispatcher.drained for dispatcher in self._dispatchers) and self._may_end())
 
     @contextlib.contextmanager

@@ -49,10 +49,13 @@ def listen(host: str, port: int, is_first: bool = False, is_shared: bool = False
     return listener
 
 
-def allow_sockets(viewers: int) -> None:
-    """Raise the limit of open files, usually 1,024, so that each viewer can have a socket."""
+def allow_sockets(viewers: int, workers: int = 1) -> None:
+    """Raise the limit of open files, usually 1,024, so that each viewer can have a socket.
+
+    Between workers a request has one more.
+    """
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    wanted = viewers + SPARE_FILES
+    wanted = viewers + SPARE_FILES * min(workers, 2)
     if hard != resource.RLIM_INFINITY:
         wanted = min(wanted, hard)
     if soft != resource.RLIM_INFINITY and soft < wanted:

@@ -65,7 +65,7 @@ def run(settings: Settings, argv: Sequence[str] = ()) -> None:
 async def _serve(
     settings: Settings, robots: Robots | None, argv: Sequence[str], ends: contextlib.ExitStack
 ) -> None:
-    allow_sockets(settings.max_viewers)
+    allow_sockets(settings.max_viewers, settings.workers)
     listener = listen(settings.host, settings.port, is_first=settings.workers > 1)
     ends.callback(listener.close)
     router, refusals = _publishers(settings, robots)

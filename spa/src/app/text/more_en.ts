@@ -41,9 +41,9 @@ export const moreEn = {
   explainNextPart:
     'The next part of the stream is overdue: the relay, or a cache on the way, is slow or does not answer. The page goes on by itself when it comes.',
   explainFull: (span: string) =>
-    `As many people watch as the relay has places for. You see the same, ${span} later, by way of a cache; a place is taken as soon as one is free.`,
+    `All places are taken. You see the same, ${span} later. Now and then the page asks for a place, and takes it when it gets one.`,
   explainCached: (span: string) =>
-    `This page reads the robot by way of a cache. You see the same as others, ${span} later.`,
+    `This page shows the robot ${span} late, so that any number of people can watch.`,
   explainDelayed: (span: string) => `Whoever runs this robot shows it ${span} late.`,
   explainDegraded: 'The relay is there, but it cannot pass on what the robot does now.',
   explainOverShare: 'The robot sends more than its share of the relay, so some of its frames are dropped.',

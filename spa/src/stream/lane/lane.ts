@@ -7,7 +7,7 @@ import { EndOfPast } from './end_of_past.ts';
 import { MissedEvents, type Missing } from './missed_events.ts';
 import { PartPlayer } from './part_player.ts';
 import { PlayClock } from './play_clock.ts';
-import { decoded, lastWordOf } from './received_part.ts';
+import { lastWordOf, readPart } from './received_part.ts';
 import { RequestPace } from './request_pace.ts';
 
 /** The next part is asked for so long before it is expected: the relay holds the request until it is there. */
@@ -63,6 +63,7 @@ interface Waiting {
 }
 
 export interface LaneSettings {
+  readonly robot: string;
   /** null: as the relay says. */
   readonly view: string | null;
   readonly hz: number;
@@ -294,8 +295,8 @@ export class Lane {
       this.#wanted = { what: 'part', name: next };
       return;
     }
-    const segment = decoded(answer.bytes);
-    if (segment === null || segment.start.take !== name.take || segment.start.index !== name.index) {
+    const segment = readPart(answer.bytes, { ...name, robot: this.#settings.robot, view: this.#view });
+    if (segment === null) {
       this.#wanted = { what: 'part', name: { take: name.take, index: name.index + 1 } };
       this.#fail(nowMs, null, 'a damaged part', true);
       return;

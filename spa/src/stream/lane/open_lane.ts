@@ -19,9 +19,9 @@ export function openEventStream(url: string, _token: unknown, handlers: LaneHand
   return { setVisible: () => {}, wake: () => {}, close: () => {} };
 }
 
-function openLane({ pastUrl, view }: LaneAddress, handlers: LaneHandlers): OpenLane {
+function openLane({ pastUrl, robot, view }: LaneAddress, handlers: LaneHandlers): OpenLane {
   const { nowMs, hz, isVisible, before } = handlers;
-  const lane = new Lane({ view, hz, isVisible, before, random: Math.random });
+  const lane = new Lane({ robot, view, hz, isVisible, before, random: Math.random });
   let request = new AbortController();
   let beside = new AbortController();
   let timer: ReturnType<typeof setTimeout> | undefined;

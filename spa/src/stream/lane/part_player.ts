@@ -2,6 +2,7 @@ import type { EventMessage, RobotStatus, Segment, SegmentRecord, SegmentStart } 
 import { ToldFaults } from '../handover/told_faults.ts';
 import type { KnownBefore } from '../lane_port.ts';
 import type { FromStream } from '../messages.ts';
+import { missedEnds } from './missed_ends.ts';
 import type { Missing } from './missed_events.ts';
 import type { PlayClock } from './play_clock.ts';
 import { PoseReader } from './pose_reader.ts';
@@ -27,7 +28,7 @@ export class PartPlayer {
   readonly #post: (message: FromStream) => void;
   readonly #poses: PoseReader;
   readonly #events: ToldEvents;
-  readonly #faults: ToldFaults;
+  readonly #faults = new ToldFaults();
   readonly #missed: (missing: Missing, nowMs: number) => boolean;
   /** What is told of events when those that were missed are known; null: they are. */
   #held: (() => void)[] | null = null;
@@ -60,7 +61,7 @@ export class PartPlayer {
     this.#isVisible = isVisible;
     this.#poses = new PoseReader(before.frame);
     this.#events = new ToldEvents(before.event);
-    this.#faults = new ToldFaults(before.faults);
+    for (const event of before.faults) this.#faults.record(event);
     this.#toldN = before.event?.n ?? 0;
     this.#post = post;
     this.#missed = missed;
@@ -181,8 +182,8 @@ export class PartPlayer {
   #settleFaults({ openFaults, eventN, fromMs }: SegmentStart): void {
     const open = openFaults.map(eventOf).filter((event) => event !== null);
     const isCountedAnew = eventN < Math.floor(this.#toldN);
-    for (const end of this.#faults.listEnds(open, fromMs, isCountedAnew ? 0 : this.#toldN))
-      this.#postEvent(end);
+    const n = isCountedAnew ? 0 : this.#toldN;
+    for (const end of missedEnds(this.#faults.open, open, fromMs, n)) this.#postEvent(end);
     for (const event of open) this.#tellEvent(event);
   }
 

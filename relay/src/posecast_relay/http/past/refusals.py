@@ -9,7 +9,9 @@ from typing import Any
 from fastapi import HTTPException, Request, Response
 
 NO_STORE = {"cache-control": "private, no-store"}
-FOR_A_SECOND = {"cache-control": "public, max-age=1", "vary": "authorization"}
+# what pages of other origins may read
+READABLE = {"access-control-expose-headers": "age, date, etag, retry-ms, retry-after"}
+FOR_A_SECOND = READABLE | {"cache-control": "public, max-age=1", "vary": "authorization"}
 # What passes, or may: a blackout, a robot that is to come, a Redis that is away.
 PASSING = frozenset((403, 404, 501, 503))
 

@@ -36,7 +36,7 @@ from posecast_relay.http.past.address import (
     read_take,
 )
 from posecast_relay.http.past.desk import Found, PastDesk, ShownPage
-from posecast_relay.http.past.refusals import NO_STORE, tell_caches
+from posecast_relay.http.past.refusals import NO_STORE, READABLE, tell_caches
 from posecast_relay.past_source import PastAway
 
 T = TypeVar("T")
@@ -50,7 +50,6 @@ NO_ROUTE = (
     "no such route: below past there are VIEW/DAY, VIEW/MINUTES, VIEW/MINUTES/keys, VIEW/TAKE/INDEX and "
     "VIEW/schema/SHA256, with a VIEW as public, a DAY as 2026-11-22, ten MINUTES as 2026-11-22T14:20Z"
 )
-READABLE = {"access-control-expose-headers": "age, date, etag, retry-ms, retry-after"}  # by other origins
 BUSY = READABLE | {"retry-after": "1"}
 BINARY = "application/octet-stream"
 HAD: dict[int | str, dict[str, Any]] = {304: {"description": "You have it"}}

@@ -20,6 +20,7 @@ from posecast_relay.core.hub import Hub
 from posecast_relay.http.app import MissingPart
 from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.server.http_server import RelayServer
+from posecast_relay.server.listener import BACKLOG
 from posecast_relay.server.workers.feed import Feed, FeedStore
 from posecast_relay.server.workers.metrics import JoinedCollector
 from posecast_relay.server.workers.private_door import make_private_http_protocol
@@ -137,7 +138,8 @@ class Crew:
             state = server.server_state
             return config.http_protocol_class(config=config, server_state=state, app_state={})  # type: ignore[call-arg]
 
-        self._door = await asyncio.get_running_loop().create_unix_server(make, path=str(self._place.door))
+        door = str(self._place.door)
+        self._door = await asyncio.get_running_loop().create_unix_server(make, path=door, backlog=BACKLOG)
 
 
 def _remove_left() -> None:

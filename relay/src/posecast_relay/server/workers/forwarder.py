@@ -1,29 +1,32 @@
 """What a further worker is asked and is no stream: passed to the first worker, and its answer passed back.
 
-So there is one answer to each question, whichever worker was asked. An answer is read as fast as its reader
-takes it: of each there are some 128 KiB here at most, and of all AT_ONCE of them.
+So there is one answer to each question, whichever worker was asked. Requests under way are counted where they
+come in, here and at the private door, as a relay of one worker counts them (`pending_requests.py`): a crowd
+that asks at one moment waits, and beyond the bound the heaviest address loses a connection. An answer is read
+as fast as its reader takes it: READ_BYTES of each are here, and what the kernel holds of a socket.
 """
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import errno
+import socket
 from collections.abc import Awaitable, Callable, MutableMapping
 from pathlib import Path
 from typing import Any
 
 import httptools
 
-from posecast_relay.http.past.held_requests import HELD_MAX
 from posecast_relay.streaming.http_connection import AnswerAborted
 
 PEER = b"x-posecast-peer"  # who asks; believed behind the private door alone
-AT_ONCE = HELD_MAX + 1000  # requests under way, so that those that are held leave places for others
-CONNECT_S = 5.0
 ANSWER_S = 30.0  # without a byte of it; a request for the next segment is held for 8 s
+AGAIN_S = 0.005  # until it is tried again, where as many wait at the door as the kernel lets
 READ_BYTES = 1 << 16
 BY_HOP = frozenset((b"connection", b"keep-alive", b"upgrade", b"transfer-encoding", b"te", b"expect"))
-AWAY = b'{"error":"this relay is just starting: ask again"}'
-CROWDED = b'{"error":"as many requests at once as this relay takes: ask again"}'
+AWAY = b'{"error":"the first process of this relay does not answer: ask again"}'
+CROWDED = b'{"error":"this relay may open no more files just now: ask again"}'
 
 Scope = MutableMapping[str, Any]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
@@ -33,32 +36,34 @@ class Forwarder:
     """The ASGI application of a further worker. `path`: the private door of the first one."""
 
     def __init__(self, path: Path) -> None:
-        self._path = path
-        self._under_way = 0
+        self._path = str(path)
+        self._turn = asyncio.Lock()  # so that those who wait at the door don't all look again at once
 
     async def __call__(self, scope: Scope, _receive: object, send: Send) -> None:
-        """Answer a request as the first worker does; 503 where that can't be asked."""
-        if self._under_way >= AT_ONCE:
-            await _refuse(send, CROWDED)
-            return
-        self._under_way += 1
-        try:
-            await self._forward(scope, send)
-        finally:
-            self._under_way -= 1
+        """Answer a request as the first worker does; 503 where that can't be asked.
 
-    async def _forward(self, scope: Scope, send: Send) -> None:
-        try:
-            async with asyncio.timeout(CONNECT_S):
-                reader, writer = await asyncio.open_unix_connection(self._path, limit=READ_BYTES)
-        except (OSError, TimeoutError):
-            await _refuse(send, AWAY)
-            return
-        try:
-            writer.write(_make_request(scope))
-            await _pass_on(_Answer(), scope["method"] == "HEAD", reader, send)
-        finally:
-            writer.transport.abort()
+        Raises AnswerAborted where the first one cut it.
+        """
+        with contextlib.ExitStack() as opened:
+            try:
+                asked = opened.enter_context(socket.socket(socket.AF_UNIX))
+                asked.setblocking(False)
+                async with asyncio.timeout(ANSWER_S):
+                    await self._connect(asked)
+            except OSError as e:  # TimeoutError, too
+                await _refuse(send, CROWDED if e.errno in (errno.EMFILE, errno.ENFILE) else AWAY)
+            else:
+                await _pass_on(_Answer(), scope, asked, send)
+
+    async def _connect(self, asked: socket.socket) -> None:
+        """Knock until there is room at the door. Raises OSError."""
+        async with self._turn:
+            while True:
+                try:
+                    asked.connect(self._path)
+                    return
+                except (BlockingIOError, ConnectionRefusedError):  # of a full line: Linux, macOS
+                    await asyncio.sleep(AGAIN_S)
 
 
 def _make_request(scope: Scope) -> bytes:
@@ -99,21 +104,24 @@ class _Answer:
         self.is_whole = True
 
 
-async def _pass_on(answer: _Answer, has_head_only: bool, reader: asyncio.StreamReader, send: Send) -> None:
-    """Pass the answer on. Raises AnswerAborted where it breaks off."""
-    parser, is_begun = httptools.HttpResponseParser(answer), False
+async def _pass_on(answer: _Answer, scope: Scope, asked: socket.socket, send: Send) -> None:
+    """Ask, and pass the answer on; 503 when none comes. Raises AnswerAborted where it breaks off."""
+    parser, is_begun, loop = httptools.HttpResponseParser(answer), False, asyncio.get_running_loop()
+    has_head_only, left = scope["method"] == "HEAD", _make_request(scope)
     while not answer.is_whole:
         try:
             async with asyncio.timeout(ANSWER_S):
-                data = await reader.read(READ_BYTES)
+                await loop.sock_sendall(asked, left)
+                data = await loop.sock_recv(asked, READ_BYTES)
             if not data:
                 raise EOFError
             parser.feed_data(data)
-        except (OSError, EOFError, TimeoutError, httptools.HttpParserError):
-            if is_begun:
+        except (OSError, EOFError, httptools.HttpParserError) as e:
+            if is_begun or not isinstance(e, TimeoutError):
                 raise AnswerAborted from None
             await _refuse(send, AWAY)
             return
+        left = b""
         if not answer.is_headed:
             continue
         if not is_begun:

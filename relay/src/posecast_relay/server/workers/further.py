@@ -68,7 +68,7 @@ def _die_with_first() -> None:
 
 
 async def _serve(settings: Settings, robots: Robots | None, place: WorkerPlace) -> None:
-    allow_sockets(settings.max_viewers)
+    allow_sockets(settings.max_viewers, settings.workers)
     counts = SharedCounts(place.counts, place.workers, place.number)
     limits, headcount = make_limits(settings), Headcount(counts)
     hub = Hub(limits, headcount)
