@@ -86,7 +86,7 @@ function Line(props: {
   useNow(Math.min(past ? 1000 : STEP_MS.most, stepMs));
   const stepped = (ms: number) => Math.ceil(ms / stepMs) * stepMs;
   // what comes behind ends where the picture is
-  const whole = { fromMs: timeline.fromMs, toMs: stepped(past ? nowMs : nowMs - controls.behindMs) };
+  const whole = { fromMs: timeline.fromMs, toMs: stepped(nowMs - controls.behindMs) };
   const isWhole = playhead.recorded !== null && scale >= windowMs && timeline.toMs > timeline.fromMs;
   // a recording is shown as long as it is, however short
   const span = isWhole ? timeline : shownSpan(whole, scale, playhead.momentMs, shown.current);
@@ -109,7 +109,7 @@ function Line(props: {
   useEffect(() => controls.look({ fromMs, toMs }), [controls, fromMs, toMs, unknown]);
 
   const { heard } = controls;
-  const shownMs = past ? 0 : stepped(playhead.momentMs);
+  const shownMs = stepped(playhead.momentMs);
   const drawn = useMemo(
     () => part?.withHeard(part.goingOn(timeline, shownMs), heard) ?? timeline,
     [part, timeline, heard, shownMs],
