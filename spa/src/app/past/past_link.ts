@@ -142,8 +142,9 @@ export function openPast(live: RobotLink, atMs: number | null): Past {
   const { robot } = live.twin;
   const twin = new RobotTwin(robot, nowMs());
   const own = new OwnTape();
-  const source = new RelayPast(pastUrl(robot), {
-    fetch: (url, init) => fetch(url, init),
+  const base = pastUrl(robot);
+  const source = new RelayPast(base, {
+    fetch: (url, init) => fetch(pastUrl(robot) + url.slice(base.length), init), // the page may leave the lane meanwhile
     tokenFor,
     loadReader: () => READER.load(),
     nowMs,
