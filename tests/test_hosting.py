@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import gzip
 import json
+import os
 import re
 import shutil
 import socket
@@ -36,6 +37,14 @@ pytestmark = [
     pytest.mark.skipif(shutil.which("openssl") is None, reason="no openssl here"),
     pytest.mark.skipif(not (DIST / "index.html").exists(), reason="no built page: run make setup"),
 ]
+
+
+def find_block(kind: str, words: str) -> str:
+    """The one block of docs/HOSTING.md with these words."""
+    page = (ROOT / "docs/HOSTING.md").read_text()
+    (found,) = (b for b in re.findall(rf"```{kind}\n(.*?)```", page, re.DOTALL) if words in b)
+    return str(found)
+
 
 Answer = tuple[int, "Message[str, str]", bytes]
 
@@ -258,6 +267,33 @@ async def test_a_hall_behind_one_address_opens_the_page_at_once(
     assert set().union(*found) == {200}
     assert set(kept) == set(page[:FILES_OF_A_LOAD])
     assert set(kept.values()) == {1}, "the relay is asked once for a file"
+
+    # the commands of docs/HOSTING.md that look at a cache
+    until("there is a segment", lambda: json.loads(at.get("/api/v1/robots/demo/past")[2])["newest"])
+    look = find_block("sh", "x-cache").replace("cdn.example", f"localhost:{at.port}").replace("NAME", "demo")
+    trust = {**os.environ, "CURL_CA_BUNDLE": str(tmp_path / "fullchain.pem")}
+    done = subprocess.run(["bash", "-euc", look], env=trust, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["X-Cache:", "MISS", "X-Cache:", "HIT"]
+
+
+def test_nginx_takes_the_lines_for_a_hall(tmp_path: Path) -> None:
+    lines = find_block("nginx", "worker_connections")
+    (tmp_path / "nginx.conf").write_text(f"pid {tmp_path}/pid; error_log stderr; {lines} http {{ }}")
+    subprocess.run(["nginx", "-t", "-p", tmp_path, "-c", tmp_path / "nginx.conf"], check=True, timeout=20)
+
+
+def test_a_relays_own_page_takes_its_config_file(stack: Stack, tmp_path: Path) -> None:
+    page = tmp_path / "page"
+    shutil.copytree(DIST, page)
+    _, address, _ = stack.relay(flags=("--static", str(page)))
+
+    def ask() -> Any:
+        with urllib.request.urlopen(f"http://{address}/config.json", timeout=10) as answer:
+            return json.load(answer)
+
+    assert ask() == {}
+    (page / "config.json").write_text('{"lane": "https://cdn.example"}')
+    assert ask() == {"lane": "https://cdn.example"}, "without a restart"
 
 
 def test_who_exceeds_a_limit_is_told_when_to_come_again(

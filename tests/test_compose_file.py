@@ -1,0 +1,89 @@
+"""infra/docker-compose.yml, .env.example and the pages that tell of them agree. Nothing is run here."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import yaml
+from posecast_relay.config.settings import FLAGS, parse
+
+ROOT = Path(__file__).resolve().parent.parent
+TEXT = (ROOT / "infra/docker-compose.yml").read_text()
+COMPOSE: dict[str, Any] = yaml.safe_load(TEXT)
+ENV = (ROOT / "infra/.env.example").read_text()
+INSTALL = (ROOT / "docs/INSTALL.md").read_text()
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PROFILES = {name for service in COMPOSE["services"].values() for name in service.get("profiles", ())}
+
+
+def read_defaults() -> dict[str, str]:
+    """What each variable of the Compose file is where nobody says anything."""
+    found = dict[str, str]()
+    for name, default in re.findall(r"(?<!\$)\$\{([A-Z_]+):-([^}]*)\}", TEXT):
+        assert found.setdefault(name, default) == default, name
+    assert found.keys() == set(re.findall(r"(?<!\$)\$\{([A-Z_]+)", TEXT)), "each has a default"
+    return found
+
+
+def test_every_variable_has_a_line_and_every_line_is_one() -> None:
+    lines = re.findall(r"^(#?)([A-Z_]+)=(.*)$", ENV, re.MULTILINE)
+    names = [name for _, name, _ in lines]
+    assert len(names) == len(set(names)), "one that comes twice is only heard once"
+    defaults = read_defaults()
+    assert set(names) == defaults.keys() | {"COMPOSE_PROFILES"}
+    for off, name, value in lines:
+        assert off or value == defaults[name], f"{name} differs from what holds without .env"
+
+
+def test_all_profiles_stand_in_one_line() -> None:
+    (profiles,) = re.findall(r"^#COMPOSE_PROFILES=(.*)$", ENV, re.MULTILINE)
+    assert set(profiles.split(",")) == PROFILES == {"demo", "gateways", "cache"}
+
+
+def test_no_page_mixes_the_flag_with_the_variable() -> None:
+    # a --profile flag switches COMPOSE_PROFILES of .env off: to begin with, `demo` may be a flag
+    for page in PAGES:
+        for line in page.read_text().splitlines():
+            for flag in re.findall(r"(?:docker compose|^compose)\b[^`]*--profile (\w+)[^`]* up\b", line):
+                assert flag == "demo", f"{page.name}: {line}"
+    for text in (INSTALL, (ROOT / "docs/HOSTING.md").read_text()):
+        assert "COMPOSE_PROFILES=demo,cache" in text
+        assert re.search(r"`--profile`", text)
+    rows = dict(re.findall(r"^\| `(\w+)` \| with the profile `(\w+)`", INSTALL, re.MULTILINE))
+    assert rows == {
+        name: service["profiles"][0] for name, service in COMPOSE["services"].items() if "profiles" in service
+    }
+
+
+def test_the_relay_understands_what_it_is_told() -> None:
+    known = {flag.variable for flag in FLAGS}
+    here = {"POSECAST_PAST_SOCKET": "/tmp/past.sock", "POSECAST_STORE": "redis://:word@redis:6379"}
+    files = ("POSECAST_ROBOTS", "POSECAST_ZENOH_TLS_CERT", "POSECAST_ZENOH_TLS_KEY")
+    here |= dict.fromkeys(files, __file__)
+    defaults = read_defaults() | {"RELAY_WORKERS": "4", "MAX_PER_ADDRESS": "300"}
+    for name, workers in (("relay", 4), ("gateway", 1)):
+        told = {
+            key: re.sub(r"\$\{([A-Z_]+)[^}]*\}", lambda found: defaults[found[1]], str(value))
+            for key, value in COMPOSE["services"][name]["environment"].items()
+        }
+        assert told.keys() <= known
+        found = parse(["run"], {key: value for key, value in (told | here).items() if value})
+        assert (found.workers, found.max_per_address) == (workers, 300)
+
+
+def test_the_page_takes_a_config_file_where_the_proxy_has_the_page() -> None:
+    (text,) = (block for block in re.findall(r"```yaml\n(.*?)```", INSTALL, re.DOTALL) if "proxy:" in block)
+    (volume,) = yaml.safe_load(text)["services"]["proxy"]["volumes"]
+    assert volume == "./config.json:/srv/config.json:ro"
+    assert "root * {$PAGE:/srv}" in (ROOT / "infra/Caddyfile").read_text()
+    assert "PAGE" not in COMPOSE["services"]["proxy"]["environment"]
+
+
+def test_the_proxy_falls_back_on_the_relay() -> None:
+    caddyfile = (ROOT / "infra/Caddyfile").read_text()
+    _, _, errors = caddyfile.partition("handle_errors 502 503 504 {")
+    assert re.match(
+        r"\s*handle @lane \{\s*reverse_proxy \{\s*dynamic a \{\s*name \{\$VIEWERS_AT:relay\}", errors
+    )
