@@ -157,6 +157,69 @@ it('a relay that is full refuses nobody: who comes then sees the same, behind, a
   expect(await robot.lies(again)).toEqual([]);
 });
 
+const KNEE = {
+  flags: { RKN: ['homed', 'enabled'] },
+  wave: { pos: { RKN: [0.4, 0.5] }, ref: { RKN: [0.4, 0.5] } },
+};
+const JAMMED = { ...KNEE, flags: { RKN: ['homed', 'enabled', 'jam'] } };
+
+/** What the page says of faults: in its line, but for how long ago, and how many beginnings and ends its list has. */
+const saidOfFaults = (page: Page) =>
+  page.evaluate<{ line: string; times: string | null; listed: string[] }>(`(() => {
+    const line = document.querySelector('[data-testid=fault-line]')?.textContent ?? '';
+    const items = [...document.querySelectorAll('[data-testid=alarms] > li')];
+    return {
+      line: line.replace(/ended .*? ago/, 'ended'),
+      times: /\\d+\\w\\w time/.exec(line)?.[0] ?? null,
+      listed: items.map((item) => item.dataset.level + ' ' + item.dataset.state),
+    };
+  })()`);
+
+it('who comes to a full relay is told the faults of before, as who has a place, and keeps them with a place', async () => {
+  const relay = await stage.stack.relay({ past: 'memory:', maxViewers: 1 });
+  const { source } = stage.stack.fedEdge(relay, KNEE, { profile: 'demo' });
+  const open = async (by: 'websocket' | 'segments') => {
+    const page = await stage.newPage({
+      viewport: { width: 1280, height: 800 },
+      preload: `${LIGHT};${RECORD};${SHOWN}`,
+    });
+    await page.open(`${relay.url}/#/r/demo`);
+    await until(`by ${by}`, async () => (await carrier(page)) === by, 60_000);
+    return page;
+  };
+  const first = await open('websocket');
+  await until('LIVE', async () => (await liveness(first)) === 'LIVE');
+  for (const times of [null, '2nd time', '3rd time']) {
+    source.write(JSON.stringify({ ...JAMMED, once: true }));
+    await until(`${times}`, async () => {
+      const said = await saidOfFaults(first);
+      return /^Was: /.test(said.line) && said.times === times;
+    });
+    await goesOn(first, 30); // two faults within a second may count as one
+  }
+  for (const page of [first]) await page.findByRole('tab', 'Alarms').click();
+  const told = await saidOfFaults(first);
+  expect(told.listed).toHaveLength(6);
+
+  const second = await open('segments');
+  await second.findByRole('tab', 'Alarms').click();
+  const agrees = async (page: Page) => JSON.stringify(await saidOfFaults(page)) === JSON.stringify(told);
+  await until('the same in the lane', () => agrees(second), 60_000).catch(async () =>
+    expect(await saidOfFaults(second)).toEqual(told),
+  );
+  await first.close();
+  await until(
+    'a place',
+    async () => {
+      await nudge(second);
+      return until('a place', async () => (await carrier(second)) === 'websocket', 3000).catch(() => false);
+    },
+    60_000,
+  );
+  await goesOn(second);
+  expect(await saidOfFaults(second), 'nothing twice').toEqual(told);
+});
+
 describe.skipIf(!FULL)('in the lane', () => {
   /** A relay whose only place is taken, and a page in the lane. */
   async function inLane(relay: Relay): Promise<{ robot: ClockRobot; first: Page; page: Page }> {

@@ -134,6 +134,7 @@ export class LaneRelay {
       };
     }
     const [, , take = '', index = ''] = path.split('/');
+    if (/^\d{4}-/.test(take)) return json(this.#indexAt(Date.parse(take), atMs));
     const isHere = (at: number) =>
       this.#keptAt(at).find((part) => part.take === take && part.index === Number(index));
     const ofTake = this.parts.filter((part) => part.take === take && part.relay === relay);
@@ -155,6 +156,20 @@ export class LaneRelay {
         return json({ next: { take: after.take, index: after.index } }, ms);
     }
     return none(204, atMs + HOLD_MS);
+  }
+
+  /** The index of ten minutes. */
+  #indexAt(pageMs: number, atMs: number): unknown {
+    const segments = this.#keptAt(atMs).map(({ take, index, segment: { start, records } }) => ({
+      ...{ take, index, from_ms: start.fromMs },
+      events: records.flatMap((record) =>
+        record.kind === 'event'
+          ? [{ ...JSON.parse(record.text), at_ms: start.fromMs + record.atUs / 1000 }]
+          : [],
+      ),
+    }));
+    const isIn = ({ from_ms }: { from_ms: number }) => from_ms >= pageMs && from_ms < pageMs + 600_000;
+    return { view: 'public', from: '', more: false, segments: segments.filter(isIn) };
   }
 
   #relayAt(atMs: number): number {

@@ -13,6 +13,8 @@ export interface LaneNetwork {
   readonly cuts?: readonly Span[];
   /** Requests that arrive then are refused with 404. */
   readonly blackouts?: readonly Span[];
+  /** Whether the index can be had; else it is cut off. */
+  readonly hasIndex?: boolean;
 }
 
 export interface Shown {
@@ -28,6 +30,8 @@ const COUNT = LANE_SCHEMA.field('pos')!.start + 2;
 /** A page in the lane, by a clock that is wrong by a day. */
 export class LaneViewer {
   readonly requests: { readonly atMs: number; readonly path: string }[] = [];
+  /** Of the index, beside them. */
+  readonly looks: { readonly atMs: number; readonly path: string }[] = [];
   readonly shown: Shown[] = [];
   readonly events: { readonly atMs: number; readonly n: number }[] = [];
   readonly behinds: { readonly atMs: number; readonly ms: number | null }[] = [];
@@ -44,6 +48,7 @@ export class LaneViewer {
   readonly #network: LaneNetwork;
   readonly #skewMs = 86_400_000 * 3 - 12_345;
   #answer: { readonly atMs: number; readonly tell: () => LaneAction[] } | null = null;
+  #look: { readonly atMs: number; readonly tell: () => LaneAction[] } | null = null;
 
   constructor(
     relay: LaneRelay,
@@ -68,9 +73,14 @@ export class LaneViewer {
       const dueMs = Math.min(this.nowMs + 250, this.#lane.nextMs - this.#skewMs);
       const nextMs = Math.min(
         untilMs,
-        Math.max(this.nowMs + 1, Math.min(dueMs, this.#answer?.atMs ?? dueMs)),
+        Math.max(this.nowMs + 1, Math.min(dueMs, this.#answer?.atMs ?? dueMs, this.#look?.atMs ?? dueMs)),
       );
       this.nowMs = nextMs;
+      const look = this.#look;
+      if (look !== null && look.atMs <= nextMs) {
+        this.#look = null;
+        this.#do(look.tell());
+      }
       const answer = this.#answer;
       if (answer !== null && answer.atMs <= nextMs) {
         this.#answer = null;
@@ -122,6 +132,7 @@ export class LaneViewer {
   #do(actions: readonly LaneAction[]): void {
     for (const action of actions) {
       if (action.do === 'ask') this.#ask(action.path);
+      else if (action.do === 'look') this.#lookUp(action.path);
       else if (action.do === 'open') {
         this.openMs = this.nowMs;
         this.twin.acceptConnection(true, this.#clock(this.nowMs));
@@ -157,6 +168,18 @@ export class LaneViewer {
     this.#answer = {
       atMs: found.atMs + wayMs(),
       tell: () => this.#lane.answered(this.#clock(this.nowMs), answer),
+    };
+  }
+
+  #lookUp(path: string): void {
+    this.looks.push({ atMs: this.nowMs, path });
+    const { wayMs, cuts = [], hasIndex = true } = this.#network;
+    const arrivesMs = this.nowMs + wayMs();
+    const isCut = cuts.some(({ fromMs, toMs }) => arrivesMs >= fromMs && arrivesMs < toMs);
+    const answer = isCut || !hasIndex ? null : this.#relay.answer(path, arrivesMs).answer;
+    this.#look = {
+      atMs: arrivesMs + wayMs(),
+      tell: () => this.#lane.looked(this.#clock(this.nowMs), answer),
     };
   }
 

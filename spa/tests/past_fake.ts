@@ -45,6 +45,8 @@ export class FakePast implements PastControls {
     this.playhead = playheadAt(originMs, { at: 'live' });
   }
 
+  behindMs = 0;
+
   get nowMs(): number {
     return this.#originMs;
   }

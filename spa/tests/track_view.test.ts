@@ -1,6 +1,6 @@
 import { describe, expect, it } from 'vitest';
 import { markNear } from '../src/app/past/time_line/marks.ts';
-import { movementPath, runsOf } from '../src/app/past/time_line/movement.ts';
+import { goingOn, movementPath, runsOf } from '../src/app/past/time_line/movement.ts';
 import { ALL } from '../src/app/past/time_line/scale/scales.ts';
 import { whatWords } from '../src/app/past/time_line/Tip.tsx';
 import { drawnMarks } from '../src/app/past/time_line/TrackPicture.tsx';
@@ -56,6 +56,20 @@ describe('the shown span', () => {
 describe('the curve of movement', () => {
   const part = (fromS: number, toS: number, bytesPerS: number) => ({
     ...{ fromMs: T + fromS * 1000, toMs: T + toS * 1000, bytesPerS },
+  });
+
+  it('goes on as it was up to what this page was shown, and no further than is likely', () => {
+    const line = {
+      ...{ fromMs: T - MIN, toMs: T - 18_000, movement: [part(-60, -18, 7)], words: [], marks: [] },
+    };
+    expect(runsOf(goingOn(line, T).movement, 1000)).toMatchObject([{ fromMs: T - MIN, toMs: T }]);
+    expect(goingOn(line, T)).toMatchObject({ toMs: T });
+    expect(goingOn(line, T - 20_000)).toBe(line);
+    expect(goingOn(line, T + 5 * MIN)).toBe(line);
+    const silent = { ...line, words: [{ fromMs: T - 20_000, toMs: T - 18_000, word: 'silent' as const }] };
+    expect(goingOn(silent, T)).toBe(silent);
+    const ended = { ...line, movement: [part(-60, -40, 7)] };
+    expect(goingOn(ended, T)).toBe(ended);
   });
 
   it('breaks where nothing was recorded', () => {

@@ -99,6 +99,8 @@ export interface PastControls {
   readonly timeline: Timeline | null;
   /** The moment of now; of a recording its end. */
   readonly nowMs: number;
+  /** How far what comes live lies behind that, ms. */
+  readonly behindMs: number;
   /** The events that the live stream has told, oldest first, as far as they are remembered. Every change makes a new array. */
   readonly heard: readonly EventMessage[];
   /** Adds a listener for `playhead` and `timeline`, which is called ten times a second at most while playing. Returns a

@@ -142,9 +142,8 @@ export function openPast(live: RobotLink, atMs: number | null): Past {
   const { robot } = live.twin;
   const twin = new RobotTwin(robot, nowMs());
   const own = new OwnTape();
-  const base = pastUrl(robot);
-  const source = new RelayPast(base, {
-    fetch: (url, init) => fetch(pastUrl(robot) + url.slice(base.length), init), // the page may leave the lane meanwhile
+  const source = new RelayPast(pastUrl(robot), {
+    fetch: (url, init) => fetch(url, init),
     tokenFor,
     loadReader: () => READER.load(),
     nowMs,

@@ -77,6 +77,10 @@ export class PastPlayer implements PastControls {
     return this.#state.nowMs;
   }
 
+  get behindMs(): number {
+    return this.#parts.ports.own.behindMs;
+  }
+
   close(): void {
     this.#unfollow();
     this.#parts.fill.stop();

@@ -41,7 +41,7 @@ export function readNext(answer: LaneAnswer): PartName | null {
   return nameOf(membersOf(answer).next);
 }
 
-function membersOf({ bytes, isJson }: LaneAnswer): Record<string, unknown> {
+export function membersOf({ bytes, isJson }: LaneAnswer): Record<string, unknown> {
   try {
     return isJson ? fieldsOf(JSON.parse(new TextDecoder().decode(bytes))) : {};
   } catch {
@@ -57,6 +57,6 @@ function nameOf(value: unknown): PartName | null {
     : null;
 }
 
-function fieldsOf(value: unknown): Record<string, unknown> {
+export function fieldsOf(value: unknown): Record<string, unknown> {
   return typeof value === 'object' && value !== null ? (value as Record<string, unknown>) : {};
 }

@@ -1,17 +1,13 @@
-import {
-  decodeSegment,
-  type RobotStatus,
-  type Segment,
-  SegmentError,
-  type SegmentStart,
-} from '@posecast/wire';
+import type { Segment } from '@posecast/wire';
 import type { KnownBefore } from '../lane_port.ts';
 import type { FromStream } from '../messages.ts';
 import { RateMeter } from '../pacing/rate_meter.ts';
 import { type LaneAnswer, type PartName, readBeginning, readNext } from './answers.ts';
 import { EndOfPast } from './end_of_past.ts';
+import { MissedEvents, type Missing } from './missed_events.ts';
 import { PartPlayer } from './part_player.ts';
 import { PlayClock } from './play_clock.ts';
+import { lastWordOf, readPart } from './received_part.ts';
 import { RequestPace } from './request_pace.ts';
 
 /** The next part is asked for so long before it is expected: the relay holds the request until it is there. */
@@ -38,6 +34,8 @@ const BACK_MAX = 2;
 /** Frames played at once that may count as shown: a timer is a little late. More are caught up with. */
 const SHOWN_MAX = 4;
 const PACE_EVERY_MS = 1000;
+/** Events that were missed are looked for no more often. */
+const LOOK_EVERY_MS = 10_000;
 /** A smaller change of how far behind the page is, is not told. */
 const BEHIND_STEP_MS = 250;
 
@@ -50,6 +48,8 @@ type Wanted =
 export type LaneAction =
   /** Get this, below the address of the robot's past. An earlier request that is still open is given up. */
   | { readonly do: 'ask'; readonly path: string }
+  /** Get this beside it. An earlier one is given up. */
+  | { readonly do: 'look'; readonly path: string }
   | { readonly do: 'post'; readonly message: FromStream }
   /** The relay has answered: the stream is open. */
   | { readonly do: 'open' }
@@ -76,7 +76,7 @@ export interface LaneSettings {
 /**
  * A robot's stream in parts (segments, wire/SPEC.md §10), read one after the other by HTTP, so that caches answer whoever
  * watches. A pure state machine: times are ms of the viewer's clock, and each method returns what is to be done. At most one
- * request is open.
+ * request is open, and one beside it after events were missed.
  *
  * It asks where the lane begins, then for the newest part, then for each next one a moment before it is due. Whatever fails
  * leads back to the beginning after a random time, so that thousands of pages don't ask at once.
@@ -103,17 +103,28 @@ export class Lane {
   #waiting: Waiting[] = [];
   #last: PartName | null = null;
   #wasToldNotYet = false;
+  /** What is looked for beside; null: nothing. */
+  #missed: MissedEvents | null = null;
+  #lookedMs = Number.NEGATIVE_INFINITY;
   #isOpen = false;
   #isOver = false;
   #toldBehindMs = Number.NaN;
   #toldPaceMs = Number.NEGATIVE_INFINITY;
   #actions: LaneAction[] = [];
+  readonly #lookBack = (missing: Missing, nowMs: number): boolean => {
+    if (nowMs - this.#lookedMs < LOOK_EVERY_MS) return false;
+    this.#lookedMs = nowMs;
+    this.#missed = new MissedEvents(missing, nowMs);
+    this.#look(this.#missed);
+    return true;
+  };
 
   constructor(settings: LaneSettings) {
     const { view, isVisible, before } = settings;
     this.#settings = settings;
     this.#view = view;
-    this.#player = new PartPlayer(this.#clock, isVisible, before, (message) => this.#post(message));
+    const post = (message: FromStream) => this.#post(message);
+    this.#player = new PartPlayer(this.#clock, isVisible, before, post, this.#lookBack);
   }
 
   start(nowMs: number): LaneAction[] {
@@ -124,7 +135,7 @@ export class Lane {
   /** When `tick` is to be called at the latest. */
   get nextMs(): number {
     const asksMs = this.#askedMs === null ? this.#dueMs : this.#askedMs + ANSWER_LIMIT_MS;
-    return Math.min(this.#player.nextMs, asksMs);
+    return Math.min(this.#player.nextMs, asksMs, this.#missed?.deadlineMs ?? Number.POSITIVE_INFINITY);
   }
 
   /** Plays what is due, and asks for what is due. */
@@ -132,6 +143,7 @@ export class Lane {
     if (this.#isOver) return this.#take();
     if (this.#askedMs !== null && nowMs - this.#askedMs >= ANSWER_LIMIT_MS)
       this.#fail(nowMs, null, 'no answer');
+    if (this.#missed !== null && nowMs >= this.#missed.deadlineMs) this.#lookOn(null);
     this.#clock.slew(nowMs);
     this.#play(nowMs);
     this.#ask(nowMs);
@@ -165,6 +177,12 @@ export class Lane {
     return this.tick(nowMs);
   }
 
+  /** What was looked for beside has come; null: it can't be had. */
+  looked(nowMs: number, answer: LaneAnswer | null): LaneAction[] {
+    if (!this.#isOver && this.#missed !== null) this.#lookOn(answer);
+    return this.tick(nowMs);
+  }
+
   visibility(nowMs: number, isVisible: boolean): LaneAction[] {
     this.#player.setVisible(isVisible);
     return this.tick(nowMs);
@@ -194,6 +212,18 @@ export class Lane {
     this.#toldPaceMs = nowMs;
     this.#post({ kind: 'pace', hz: this.#meter.hz(nowMs), roundTripMs: null });
     this.#tellBehind();
+  }
+
+  #look({ page }: MissedEvents): void {
+    this.#actions.push({ do: 'look', path: `/${this.#view}/${page}` });
+  }
+
+  #lookOn(answer: LaneAnswer | null): void {
+    const missed = this.#missed!;
+    missed.add(answer);
+    this.#missed = missed.page === null ? null : missed;
+    if (this.#missed !== null) this.#look(missed);
+    else this.#player.tellMissed((open) => missed.listWith(open));
   }
 
   #tellBehind(): void {
@@ -265,8 +295,8 @@ export class Lane {
       this.#wanted = { what: 'part', name: next };
       return;
     }
-    const segment = decoded(answer.bytes);
-    if (segment === null || !this.#isAskedFor(segment.start, name)) {
+    const segment = readPart(answer.bytes, { ...name, robot: this.#settings.robot, view: this.#view });
+    if (segment === null) {
       this.#wanted = { what: 'part', name: { take: name.take, index: name.index + 1 } };
       this.#fail(nowMs, null, 'a damaged part', true);
       return;
@@ -284,13 +314,6 @@ export class Lane {
     }
     this.#end.recordPart(wasHeld);
     this.#goOn(nowMs);
-  }
-
-  /** Whether a part is the one of this name, of this robot and view: a cache may have mixed them up. */
-  #isAskedFor({ robot, view, take, index }: SegmentStart, name: PartName): boolean {
-    return (
-      robot === this.#settings.robot && view === this.#view && take === name.take && index === name.index
-    );
   }
 
   #takeSchema(nowMs: number, sha256: string, answer: LaneAnswer): void {
@@ -373,20 +396,5 @@ export class Lane {
   #finish(code: number, reason: string): void {
     this.#isOver = true;
     this.#actions.push({ do: 'end', code, reason });
-  }
-}
-
-function lastWordOf({ start, records }: Segment): RobotStatus {
-  const last = records.findLast((record) => record.kind === 'word');
-  return last?.kind === 'word' ? last.word : start.word;
-}
-
-/** The segment; null if it is none. */
-function decoded(bytes: Uint8Array): Segment | null {
-  try {
-    return decodeSegment(bytes);
-  } catch (error) {
-    if (error instanceof SegmentError) return null;
-    throw error;
   }
 }

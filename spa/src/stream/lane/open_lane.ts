@@ -23,6 +23,7 @@ function openLane({ pastUrl, robot, view }: LaneAddress, handlers: LaneHandlers)
   const { nowMs, hz, isVisible, before } = handlers;
   const lane = new Lane({ robot, view, hz, isVisible, before, random: Math.random });
   let request = new AbortController();
+  let beside = new AbortController();
   let timer: ReturnType<typeof setTimeout> | undefined;
   let isClosed = false;
 
@@ -30,6 +31,7 @@ function openLane({ pastUrl, robot, view }: LaneAddress, handlers: LaneHandlers)
     isClosed = true;
     clearTimeout(timer);
     request.abort();
+    beside.abort();
   };
   const perform = (actions: readonly LaneAction[]): void => {
     for (const action of actions) {
@@ -37,6 +39,7 @@ function openLane({ pastUrl, robot, view }: LaneAddress, handlers: LaneHandlers)
       if (action.do === 'post') handlers.post(action.message);
       else if (action.do === 'open') handlers.opened();
       else if (action.do === 'ask') ask(action.path);
+      else if (action.do === 'look') look(action.path);
       else {
         close();
         handlers.closed(action.code, action.reason);
@@ -60,6 +63,15 @@ function openLane({ pastUrl, robot, view }: LaneAddress, handlers: LaneHandlers)
       (answer) => tell(() => lane.answered(nowMs(), answer, headMs)),
       (error: unknown) =>
         tell(() => lane.failed(nowMs(), error instanceof Error ? error.message : 'no answer')),
+    );
+  };
+  const look = (path: string): void => {
+    beside.abort();
+    beside = new AbortController();
+    const { signal } = beside;
+    get(pastUrl + path, signal, () => {}).then(
+      (answer) => !signal.aborted && perform(lane.looked(nowMs(), answer)),
+      () => !signal.aborted && perform(lane.looked(nowMs(), null)),
     );
   };
   perform(lane.start(nowMs()));

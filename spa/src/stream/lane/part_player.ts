@@ -3,6 +3,7 @@ import { ToldFaults } from '../handover/told_faults.ts';
 import type { KnownBefore } from '../lane_port.ts';
 import type { FromStream } from '../messages.ts';
 import { missedEnds } from './missed_ends.ts';
+import type { Missing } from './missed_events.ts';
 import type { PlayClock } from './play_clock.ts';
 import { PoseReader } from './pose_reader.ts';
 import { eventOf, ToldEvents } from './told_events.ts';
@@ -28,6 +29,11 @@ export class PartPlayer {
   readonly #poses: PoseReader;
   readonly #events: ToldEvents;
   readonly #faults = new ToldFaults();
+  readonly #missed: (missing: Missing, nowMs: number) => boolean;
+  /** What is told of events when those that were missed are known; null: they are. */
+  #held: (() => void)[] | null = null;
+  /** The faults that were open when the first part after the missing ones began. */
+  #heldFaults: readonly EventMessage[] = [];
   #parts: Part[] = [];
   #isVisible: boolean;
   #word: RobotStatus = 'offline';
@@ -43,11 +49,13 @@ export class PartPlayer {
   #endsMs = Number.NaN;
   #statusMs = Number.NEGATIVE_INFINITY;
 
+  /** `missed`: called when events are missing. Returns whether `tellMissed` will be called with them: newer ones wait until then. */
   constructor(
     clock: PlayClock,
     isVisible: boolean,
     before: KnownBefore,
     post: (message: FromStream) => void,
+    missed: (missing: Missing, nowMs: number) => boolean,
   ) {
     this.#clock = clock;
     this.#isVisible = isVisible;
@@ -56,6 +64,7 @@ export class PartPlayer {
     for (const event of before.faults) this.#faults.record(event);
     this.#toldN = before.event?.n ?? 0;
     this.#post = post;
+    this.#missed = missed;
   }
 
   /** Learns a schema from its text. Returns what is wrong with it; null: nothing. */
@@ -94,7 +103,7 @@ export class PartPlayer {
       const isSurplus = this.#parts.length > PARTS_MAX;
       if (!isSurplus && this.#dueMs(part) > nowMs) break;
       const record = part.segment.records[part.next];
-      if (part.next < 0) this.#begin(part);
+      if (part.next < 0) this.#begin(part, nowMs);
       else if (record === undefined) {
         this.#endsMs = part.segment.toMs + this.#shiftOf(part);
         this.#parts.shift();
@@ -106,6 +115,15 @@ export class PartPlayer {
     const isDue = nowMs - this.#statusMs >= STATUS_EVERY_MS || this.#word !== wordBefore;
     if (this.#hasBegun && vouches && isDue) this.#tellStatus(nowMs);
     return frames;
+  }
+
+  /** Tells the events that were missed, and then what has waited for them. `list`: all of them, together with the faults that were
+   *  open behind them. */
+  tellMissed(list: (open: readonly EventMessage[]) => readonly EventMessage[]): void {
+    const held = this.#held ?? [];
+    this.#held = null;
+    for (const event of list(this.#heldFaults)) this.#tellEvent(event);
+    for (const tell of held) tell();
   }
 
   /** A hidden page is shown no poses. */
@@ -127,15 +145,37 @@ export class PartPlayer {
   }
 
   /** What the robot was when a part begins: told as far as it is new. Open faults are, where parts before are missing. */
-  #begin({ segment: { start } }: Part): void {
+  #begin({ segment: { start } }: Part, nowMs: number): void {
     this.#word = start.word;
     this.#tellModel(start.model);
     this.#tellInfo(start.info);
-    if (!this.#hasBegun || start.take !== this.#take || start.eventN !== this.#eventN)
-      this.#settleFaults(start);
+    const isMissing = start.eventN !== this.#eventN;
+    if (!this.#hasBegun || start.take !== this.#take || isMissing) {
+      if (isMissing) this.#lookBack(start, nowMs);
+      this.#inTurn(() => this.#settleFaults(start));
+    }
     this.#take = start.take;
     this.#eventN = start.eventN;
     this.#hasBegun = true;
+  }
+
+  /** Events are missing: what is newer waits, if somebody finds them. */
+  #lookBack({ fromMs, eventN, openFaults }: SegmentStart, nowMs: number): void {
+    const toldN = Math.floor(this.#toldN);
+    const isCountedAnew = eventN < toldN;
+    const isSought =
+      this.#held === null &&
+      eventN !== toldN &&
+      this.#events.newestMs < fromMs &&
+      this.#missed({ fromMs, eventN, toldN: isCountedAnew ? 0 : toldN }, nowMs);
+    if (!isSought) return;
+    this.#held = [];
+    this.#heldFaults = openFaults.map(eventOf).filter((event) => event !== null);
+  }
+
+  #inTurn(tell: () => void): void {
+    if (this.#held === null) tell();
+    else this.#held.push(tell);
   }
 
   /** Parts before are missing: ends faults whose end was in them, and tells those that began in them. */
@@ -164,9 +204,13 @@ export class PartPlayer {
       case 'copy':
         this.#poses.addCopy(record.frame);
         return 0;
-      case 'event':
-        this.#tellEvent(eventOf(record.text));
+      case 'event': {
+        const event = eventOf(record.text);
+        if (event === null) return 0;
+        this.#eventN = event.n;
+        this.#inTurn(() => this.#tellEvent(event));
         return 0;
+      }
       case 'info':
         this.#tellInfo(record.info);
         return 0;
@@ -179,9 +223,7 @@ export class PartPlayer {
     }
   }
 
-  #tellEvent(event: EventMessage | null): void {
-    if (event === null) return;
-    this.#eventN = event.n;
+  #tellEvent(event: EventMessage): void {
     if (this.#events.take(event) !== null) this.#postEvent(event);
   }
 

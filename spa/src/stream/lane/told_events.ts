@@ -11,6 +11,11 @@ export class ToldEvents {
     this.#newest = newest;
   }
 
+  /** When the newest event was that is known, unix ms; 0: none is. */
+  get newestMs(): number {
+    return 1000 * (this.#newest?.at ?? 0);
+  }
+
   /** The event, unless it is known or older than what is known. */
   take(event: EventMessage): EventMessage | null {
     const newest = this.#newest;

@@ -84,7 +84,9 @@ function Line(props: {
   const scale = scaleIn(windowMs, chosen);
   const stepMs = stepOf(Math.min(scale, windowMs) / Math.max(1, size.widthPx));
   useNow(Math.min(past ? 1000 : STEP_MS.most, stepMs));
-  const whole = { fromMs: timeline.fromMs, toMs: Math.ceil(nowMs / stepMs) * stepMs };
+  const stepped = (ms: number) => Math.ceil(ms / stepMs) * stepMs;
+  // what comes behind ends where the picture is
+  const whole = { fromMs: timeline.fromMs, toMs: stepped(nowMs - controls.behindMs) };
   const isWhole = playhead.recorded !== null && scale >= windowMs && timeline.toMs > timeline.fromMs;
   // a recording is shown as long as it is, however short
   const span = isWhole ? timeline : shownSpan(whole, scale, playhead.momentMs, shown.current);
@@ -107,7 +109,11 @@ function Line(props: {
   useEffect(() => controls.look({ fromMs, toMs }), [controls, fromMs, toMs, unknown]);
 
   const { heard } = controls;
-  const drawn = useMemo(() => part?.withHeard(timeline, heard) ?? timeline, [part, timeline, heard]);
+  const shownMs = stepped(playhead.momentMs);
+  const drawn = useMemo(
+    () => part?.withHeard(part.goingOn(timeline, shownMs), heard) ?? timeline,
+    [part, timeline, heard, shownMs],
+  );
 
   const { loop } = playhead;
   // biome-ignore lint/correctness/useExhaustiveDependencies: the loop alone, whoever chooses a scale then may see what is longer

@@ -3,6 +3,8 @@ import { msPerPx, pxAt, type View } from './track_view.ts';
 
 /** Parts with less between them were recorded without a gap, ms. */
 const JOINED_MS = 250;
+/** A newest end of longer ago is not that of a robot on air, ms. */
+const UNTOLD_MS_MAX = 60_000;
 /** How far apart the curve's points are at least, CSS px. */
 const POINT_PX = 3;
 /** What was recorded is seen even where nothing moved, CSS px. */
@@ -39,6 +41,17 @@ export function runsOf(movement: Timeline['movement'], bucketMs: number): Run[] 
     ...{ fromMs, toMs },
     points: [...sums.values()].map(({ at, bytes, ms }) => ({ atMs: at / ms, bytesPerS: bytes / ms })),
   }));
+}
+
+/** A time line of which the newest end is told seldom, up to a moment of which this page knows that it was recorded: until that is
+ *  told, it goes on as it was. */
+export function goingOn(timeline: Timeline, untilMs: number): Timeline {
+  const last = timeline.movement.at(-1);
+  const hasWord = (timeline.words.at(-1)?.toMs ?? 0) >= timeline.toMs;
+  const isBetween = !hasWord && untilMs > timeline.toMs && untilMs - timeline.toMs < UNTOLD_MS_MAX;
+  if (last === undefined || !isBetween || timeline.toMs - last.toMs > JOINED_MS) return timeline;
+  const movement = [...timeline.movement, { ...last, fromMs: last.toMs, toMs: untilMs }];
+  return { ...timeline, toMs: untilMs, movement };
 }
 
 /** The curve as an SVG path: an area over `basePx`, as high as `heightPx` for `mostBytesPerS`, on a square-root scale. */

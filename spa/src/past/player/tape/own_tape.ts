@@ -48,9 +48,13 @@ export class OwnTape {
   #isMeasured = false;
   readonly #events = new Set<string>();
 
+  /** How far behind the newest state came, ms. */
+  behindMs = 0;
+
   /** Adds a state of the live stream, which came so far behind. Its codes are copied. */
   push(schema: Schema, state: RobotState, behindMs = 0): void {
     if (state.schemaId !== schema.id) return;
+    this.behindMs = behindMs;
     const { seq, tS } = state;
     const before = this.#frames.at(-1);
     const rises = before !== undefined && before.schemaId === schema.id && ((seq - before.seq) | 0) > 0;

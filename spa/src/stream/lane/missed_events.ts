@@ -1,0 +1,84 @@
+import { type EventMessage, parseRelayMessage } from '@posecast/wire';
+import { fieldsOf, type LaneAnswer, membersOf } from './answers.ts';
+
+/** As many as a socket tells who joins. */
+const EVENTS_MAX = 100;
+/** The ten minutes of the first part that is here, and those before. */
+const PAGES_MAX = 2;
+const PAGE_MS = 600_000;
+/** Nobody waits longer for what the index says. */
+const LOOK_LIMIT_MS = 5000;
+const EVENT_CHARS_MAX = 5000; // the wire allows 4096 bytes
+
+/** What a part that does not follow the one before says about the events that are missing. */
+export interface Missing {
+  /** When that part begins, unix ms. */
+  readonly fromMs: number;
+  /** The newest event before it, and the newest that the page was told of the same count; 0: none. */
+  readonly eventN: number;
+  readonly toldN: number;
+}
+
+/** Finds the events that are told in parts which were not read, in the index of their ten minutes. Asks for pages that everybody
+ *  asks for, newest first, as long as events are missing. */
+export class MissedEvents {
+  readonly #missing: Missing;
+  /** When what is known by then is told. */
+  readonly deadlineMs: number;
+  #pages = 0;
+  /** Newest first, their numbers fall. */
+  readonly #found: EventMessage[] = [];
+
+  constructor(missing: Missing, nowMs: number) {
+    this.#missing = missing;
+    this.deadlineMs = nowMs + LOOK_LIMIT_MS;
+  }
+
+  /** The ten minutes whose index is to be read next, as in an address; null: there is nothing more to be found. */
+  get page(): string | null {
+    const { fromMs, eventN, toldN } = this.#missing;
+    const oldestN = this.#found.at(-1)?.n ?? eventN + 1;
+    if (this.#pages === PAGES_MAX || this.#found.length >= EVENTS_MAX || oldestN <= toldN + 1) return null;
+    const pageMs = (Math.floor(fromMs / PAGE_MS) - this.#pages) * PAGE_MS;
+    return `${new Date(pageMs).toISOString().slice(0, 16)}Z`;
+  }
+
+  /** Takes the index of `page`; null: it can't be had, and no other is looked for. What is not as it should be is passed over. */
+  add(answer: LaneAnswer | null): void {
+    this.#pages = answer?.status === 200 ? this.#pages + 1 : PAGES_MAX;
+    if (answer?.status !== 200) return;
+    const { fromMs, eventN, toldN } = this.#missing;
+    // takes of two relays are mixed in it, and the count may have begun anew
+    const told = listEvents(answer)
+      .filter(({ atMs }) => atMs < fromMs)
+      .sort((a, b) => b.atMs - a.atMs || b.event.n - a.event.n);
+    for (const { event } of told) {
+      const beforeN = this.#found.at(-1)?.n ?? eventN + 1;
+      if (event.n < beforeN && event.n > toldN && this.#found.length < EVENTS_MAX) this.#found.push(event);
+    }
+  }
+
+  /** What was found and, if anything was, the faults that are open, which may have begun long before. Oldest first. */
+  listWith(open: readonly EventMessage[]): EventMessage[] {
+    if (this.#found.length === 0) return [];
+    const byN = new Map([...open, ...this.#found].map((event) => [event.n, event]));
+    return [...byN.values()].sort((a, b) => a.n - b.n);
+  }
+}
+
+function listEvents(answer: LaneAnswer): { readonly atMs: number; readonly event: EventMessage }[] {
+  const found: { readonly atMs: number; readonly event: EventMessage }[] = [];
+  for (const segment of listOf(membersOf(answer).segments)) {
+    for (const each of listOf(fieldsOf(segment).events)) {
+      const atMs = fieldsOf(each).at_ms;
+      const text = JSON.stringify(each);
+      const event = text.length > EVENT_CHARS_MAX ? null : parseRelayMessage(text);
+      if (typeof atMs === 'number' && event?.type === 'event') found.push({ atMs, event });
+    }
+  }
+  return found;
+}
+
+function listOf(value: unknown): readonly unknown[] {
+  return Array.isArray(value) ? value : [];
+}
