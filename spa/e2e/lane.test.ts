@@ -94,7 +94,7 @@ it('a relay that is full refuses nobody: who comes then sees the same, behind, a
   const second = await watching(relay, 'segments');
   await until('how far behind', async () => / s behind$/.test(await chipText(second)));
   expect(await chipText(second)).toMatch(/^LIVE(\d+ Hz)?\d s behind$/);
-  expect(await title(second)).toMatch(/^\d s behind · /);
+  expect(await title(second)).toMatch(/^LIVE · \d s behind · /);
   // of the first part it is known only how far behind it is at most
   await until('the second part', async () => {
     const shown = await shownFrames(second);

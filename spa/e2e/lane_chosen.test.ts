@@ -93,6 +93,37 @@ it('reads by way of the lane that config.json names, and sends it no token', asy
   }
 });
 
+it.skipIf(!FULL)(
+  'reads everything from the relay where nobody answers at the lane that config.json names',
+  async () => {
+    const relay = await stage.stack.relay({ past: 'memory:' });
+    const robot = new ClockRobot(stage.stack, relay);
+    const gone = await Cache.open(relay.url);
+    const [goneUrl, goneHost] = [gone.url, gone.host];
+    await gone.close(); // so that nobody listens there
+    const host = await Host.open(path.join(REPO, 'spa/dist'));
+    try {
+      host.instead.set('/config.json', JSON.stringify({ relay: relay.url, lane: goneUrl }));
+      const page = await stage.newPage(PRELOAD);
+      page.allow(goneHost);
+      page.allow(relay.host);
+      page.forgive(/ERR_CONNECTION_REFUSED|NetworkError|Could not connect|Load failed/);
+      await page.open(`${host.url}/#/r/demo`);
+      await until('LIVE', async () => (await liveness(page)) === 'LIVE', 60_000);
+      await until('a body', () => whole(page), 60_000);
+      expect(await chipText(page)).not.toMatch(/behind/);
+      const atRelay = (part: RegExp) =>
+        page.requested.some((url) => url.startsWith(`${relay.url}/api/v1/robots/demo/`) && part.test(url));
+      await until('a past', () => atRelay(/\/past\/public\/\d{4}-/), 30_000);
+      expect(atRelay(/\/manifest\.json$/)).toBe(true);
+      expect(await robot.lies(page)).toEqual([]);
+      expect(page.foreign).toEqual([]);
+    } finally {
+      await host.close();
+    }
+  },
+);
+
 it.skipIf(!FULL).each([['/'], ['/embed/demo']])(
   '%s?lane=segments reads in parts at the relay itself',
   async (at) => {

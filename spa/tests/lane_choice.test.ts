@@ -45,6 +45,20 @@ it('reads past and model where the config has its lane, and lists robots at the 
   expect(page.streamUrl('demo')).toBe(`wss://relay.example/api/v1/${ROBOT}/live`);
 });
 
+it('reads past and model at the relay once a stream had to leave the lane', async () => {
+  const page = await opened('', { relay: 'https://relay.example', lane: 'https://cdn.example' });
+  page.setAccountToken('T');
+  page.leaveLane('demo'); // a socket, but because somebody has signed in
+  page.setAccountToken('');
+  expect(page.pastUrl('demo')).toContain('https://cdn.example/');
+  page.leaveLane('demo');
+  expect(page.pastUrl('demo')).toBe(`https://relay.example/api/v1/${ROBOT}/past`);
+  expect(page.manifestUrl('demo', 'abc')).toBe(
+    `https://relay.example/api/v1/${ROBOT}/model/abc/manifest.json`,
+  );
+  expect(page.laneUrl('other')).toBeNull();
+});
+
 it('takes a socket with a token, and sends that to the relay alone', async () => {
   const page = await opened('', { relay: 'https://relay.example', lane: 'https://cdn.example' });
   const inLane = page.pastUrl('demo');

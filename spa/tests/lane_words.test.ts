@@ -36,9 +36,17 @@ describe('what is shown behind now', () => {
     expect(chip({}, { ...DELAYED, behindMs: 200 }), 'never none').toBe('LIVE 30 Hz | 1 s behind');
   });
 
-  it('is said of no word that claims nothing of now', () => {
-    for (const word of [null, 'STALE', 'OFFLINE', 'PAST', 'RECORDED'] as const)
+  it('is said of STALE and OFFLINE as well, which would else be read as now', () => {
+    for (const cause of ['robot silent', 'relay degraded', 'waiting for the next part'] as const)
+      expect(chipWords({ ...LIVE, word: 'STALE', cause }, IN_LANE, 0).behind, cause).toBe('4 s behind');
+    expect(chipWords({ ...LIVE, word: 'OFFLINE' }, IN_LANE, 0).behind).toBe('4 s behind');
+  });
+
+  it('is said of no word of another time, and not of what the page lacks now', () => {
+    for (const word of [null, 'PAST', 'RECORDED'] as const)
       expect(chipWords({ ...LIVE, word }, IN_LANE, 0).behind, String(word)).toBe('');
+    const unconnected = { ...LIVE, word: 'STALE', cause: 'no connection' } as const;
+    expect(chipWords(unconnected, IN_LANE, 0).behind).toBe('');
     expect(chipWords(LIVE, { ...IN_LANE, behindMs: null }, 0).behind).toBe('');
   });
 
@@ -76,13 +84,13 @@ describe('what is shown behind now', () => {
     expect(said(5300).gist).toBe(said(4300).gist);
     expect(said(null).gist).not.toBe(said(4300).gist);
     expect(said(null).text).toBe('demo: live');
-    expect(said(4300, OVERDUE).text).toBe('demo: stale, waiting for the next part');
+    expect(said(4300, OVERDUE).text).toBe('demo: stale, 4 s behind, waiting for the next part');
   });
 });
 
 describe('a part that is overdue', () => {
   it('is the reason for STALE, in the chip, over the body and in the explanation', () => {
-    expect(chip(OVERDUE)).toBe('STALE 3.2 s: waiting for the next part');
+    expect(chip(OVERDUE)).toBe('STALE 3.2 s: waiting for the next part | 4 s behind');
     expect(stageWords(OVERDUE, IN_LANE, 0)).toBe('Stale for 3.2 s: waiting for the next part.');
     expect(explanationWords(OVERDUE, IN_LANE)[0]).toMatch(/next part of the stream is overdue/);
   });

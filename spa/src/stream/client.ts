@@ -95,10 +95,10 @@ export class StreamClient {
     window.addEventListener('pageshow', (event) => event.persisted && wake(), { signal });
   }
 
-  onChange(listener: () => void): () => void {
+  readonly onChange = (listener: () => void): (() => void) => {
     this.#listeners.add(listener);
     return () => this.#listeners.delete(listener);
-  }
+  };
 
   /** Reconnects now instead of waiting for the next retry. */
   wake(): void {

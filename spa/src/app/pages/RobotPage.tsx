@@ -105,9 +105,9 @@ export function OneRobot(props: {
   const text = useText();
   const word = useWord(link);
   const behindMs = useBehindMs(link);
-  const behind = behindWords({ word }, { behindMs });
+  const behind = behindWords(behindMs, word);
   useEffect(() => {
-    document.title = [isThen(word) ? word : behind, title, 'Posecast']
+    document.title = [isThen(word) || behind ? word : '', behind, title, 'Posecast']
       .filter((part) => part !== '')
       .join(' · ');
   }, [title, word, behind]);

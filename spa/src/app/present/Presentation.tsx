@@ -67,7 +67,7 @@ function State({ link }: { link: RobotLink }) {
     <>
       <p className="present-word" data-testid="present-word" data-state={verdict.word ?? ''}>
         <Sign word={verdict.word} />
-        <b>{word}</b> <span>{[detail, behind].filter((part) => part !== '').join(' · ')}</span>
+        <b>{word}</b> {detail !== '' && <span>{detail}</span>} {behind !== '' && <span>{behind}</span>}
       </p>
       <p className="present-why">{why ?? more.replace(/^[ ·:]+/, '')}</p>
       {warning !== '' && <p className="present-warning">{warning}</p>}

@@ -1,5 +1,5 @@
 import { useEffect, useState, useSyncExternalStore } from 'react';
-import { laneUrl, manifestUrl } from '../../auth/lane.ts';
+import { laneUrl, leaveLane, manifestUrl } from '../../auth/lane.ts';
 import { fetchPartsAhead, setAway } from '../../browser/late_part.ts';
 import { retryNow } from '../../browser/retry.ts';
 import type { PastState } from '../../past/past_types.ts';
@@ -54,7 +54,7 @@ export function useRobotLink(robot: string): RobotLink | null {
     const urlOf = (modelHash: string) => manifestUrl(robot, modelHash);
     const live = { coming: null, nowMs, resting: () => false };
     setLink({ twin, client, manifestUrl: urlOf, watch, faults, minute, ...live });
-    watchNetwork(client);
+    watchNetwork(client, robot);
     return () => {
       client.close();
       watch.close();
@@ -69,14 +69,15 @@ export function useRobotLink(robot: string): RobotLink | null {
 }
 
 /** What the page still lacks is asked for when the stream opens, and what it may need later is fetched then. */
-function watchNetwork(client: StreamClient): void {
+function watchNetwork(client: StreamClient, robot: string): void {
   let before: Link['phase'] | null = null;
   const look = () => {
-    const { phase } = client.link;
+    const { by, phase } = client.link;
     if (phase === before) return;
     before = phase;
     if (phase === 'waiting') setAway(true);
     if (phase !== 'open') return;
+    if (by !== 'segments') leaveLane(robot);
     setAway(false);
     retryNow();
     void fetchPartsAhead();
@@ -87,18 +88,12 @@ function watchNetwork(client: StreamClient): void {
 
 /** The state of the connection to the relay. The component is drawn again when it changes. */
 export function useConnection({ client }: RobotLink): Link {
-  return useSyncExternalStore(
-    (listener) => client.onChange(listener),
-    () => client.link,
-  );
+  return useSyncExternalStore(client.onChange, () => client.link);
 }
 
 /** How far what the page shows of the stream lies behind now, ms; null: not at all. The component is drawn again when it changes. */
 export function useBehindMs({ client }: RobotLink): number | null {
-  return useSyncExternalStore(
-    (listener) => client.onChange(listener),
-    () => client.link.behindMs,
-  );
+  return useSyncExternalStore(client.onChange, () => client.link.behindMs);
 }
 
 /** The robot's liveness in one word; null while nothing is known. The component is drawn again when it changes. */

@@ -55,9 +55,9 @@ export function announcement({
   const { word } = verdict;
   if (word === null) return { text: '', gist: '' };
   const reasons = [causeWords(verdict.cause, { ending }), warningWords(verdict)].filter(
-    (reason) => reason !== '',
+    (part) => part !== '',
   );
-  const behind = behindWords(verdict, { behindMs });
+  const behind = behindWords(behindMs, word, verdict.cause);
   const said = behind === '' ? reasons : [behind, ...reasons];
   const state = more().spokenState(word, said.length === 0 ? null : said.join(', '));
   // The last values of a robot that is not live would sound like its present ones.

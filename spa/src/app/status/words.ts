@@ -1,7 +1,7 @@
 import type { Link } from '../../stream/client.ts';
 import type { Ending } from '../../stream/messages.ts';
 import { formatClock, formatSpan } from '../../twin/format.ts';
-import { type Cause, isClaim, isThen, type Verdict } from '../../twin/liveness.ts';
+import { type Cause, isThen, type Verdict, type Word } from '../../twin/liveness.ts';
 import { isolated } from '../../twin/names.ts';
 import type { Text } from '../text/en.ts';
 import { say } from '../text/language.ts';
@@ -17,7 +17,7 @@ export interface ChipWords {
   detail: string;
   /** A further detail that narrow screens leave out. */
   more: string;
-  /** How far what is called LIVE or HOLDING lies behind now: "4 s behind". It is shown on every screen: without it the word
+  /** How far what is shown, the word included, lies behind now: "4 s behind". It is shown on every screen: without it the word
    *  would say too much. */
   behind: string;
   /** A problem that can exist in any state, also in LIVE. It is shown on every screen. */
@@ -28,7 +28,7 @@ export interface ChipWords {
 export function chipWords(verdict: Verdict, link: Link, nowMs: number): ChipWords {
   return {
     ...stateWords(verdict, link, nowMs),
-    behind: behindWords(verdict, link),
+    behind: behindWords(link.behindMs, verdict.word, verdict.cause),
     warning: warningWords(verdict),
   };
 }
@@ -38,9 +38,11 @@ export function warningWords({ overShare }: Pick<Verdict, 'overShare'>): string 
   return overShare ? say().overShare : '';
 }
 
-/** "4 s behind", beside a word that claims the present; empty where nothing lies behind. */
-export function behindWords({ word }: Pick<Verdict, 'word'>, { behindMs }: Pick<Link, 'behindMs'>): string {
-  return behindMs === null || !isClaim(word) ? '' : say().behind(behindSpan(behindMs));
+/** "4 s behind", beside a word that says what the robot did then; empty where nothing lies behind, and where the word says what
+ *  the page itself lacks now. */
+export function behindWords(behindMs: Link['behindMs'], word: Word | null, cause?: Cause | null): string {
+  if (behindMs === null || !word || isThen(word) || cause === 'no connection') return '';
+  return say().behind(behindSpan(behindMs));
 }
 
 /** How far behind, in whole seconds: from one part of a lane to the next the tenths differ, and tell nobody anything. */
