@@ -186,22 +186,23 @@ export function schedule(run: () => void, afterMs: number): () => void {
 function recordOwn(own: OwnTape, { twin, watch, client }: RobotLink): () => void {
   // what comes behind is recorded at the moment at which the relay had it, as the relay's own past has it
   const behindMs = () => client.link.behindMs ?? 0;
+  const thenMs = () => nowMs() - behindMs();
   const state = () => {
     if (twin.schema !== null && twin.state !== null) own.push(twin.schema, twin.state, behindMs());
   };
   let info: ReadonlyMap<string, string> | null = null;
   const change = () => {
-    const atMs = nowMs() - behindMs();
+    const atMs = thenMs();
     own.model(twin.modelHash, atMs);
     if (twin.info !== info) own.info(twin.info, atMs);
     info = twin.info;
     for (const event of twin.events) own.event(event, atMs);
   };
   const word = () => {
-    const said = watch.verdict();
-    if (said.cause === 'robot silent') own.word('silent', nowMs() - behindMs());
-    else if (said.word === 'OFFLINE') own.word('offline', nowMs() - behindMs());
-    else if (isClaim(said.word)) own.word('online', nowMs() - behindMs());
+    const { cause, word } = watch.verdict();
+    if (cause === 'robot silent') own.word('silent', thenMs());
+    else if (word === 'OFFLINE' || isClaim(word))
+      own.word(word === 'OFFLINE' ? 'offline' : 'online', thenMs());
   };
   const ends = [twin.onState(state), twin.onChange(change), watch.onWord(word)];
   change();

@@ -68,7 +68,7 @@ function Line(props: {
 }) {
   const { controls, timeline, slim, notes, onSave } = props;
   const text = usePastText();
-  const { playhead } = controls;
+  const { playhead, nowMs, heard, behindMs } = controls;
   const past = playhead.at === 'past';
   const room = useRef<HTMLDivElement>(null);
   const [size, setSize] = useState({ widthPx: 0, heightPx: 0 });
@@ -78,15 +78,13 @@ function Line(props: {
   const [held, setHeld] = useState<{ view: View; open: boolean } | null>(null);
   const shown = useRef<View | null>(null);
 
-  const { nowMs } = controls;
-
   const windowMs = nowMs - timeline.fromMs;
   const scale = scaleIn(windowMs, chosen);
   const stepMs = stepOf(Math.min(scale, windowMs) / Math.max(1, size.widthPx));
   useNow(Math.min(past ? 1000 : STEP_MS.most, stepMs));
   const stepped = (ms: number) => Math.ceil(ms / stepMs) * stepMs;
   // what comes behind ends where the picture is
-  const whole = { fromMs: timeline.fromMs, toMs: stepped(nowMs - controls.behindMs) };
+  const whole = { fromMs: timeline.fromMs, toMs: stepped(nowMs - behindMs) };
   const isWhole = playhead.recorded !== null && scale >= windowMs && timeline.toMs > timeline.fromMs;
   // a recording is shown as long as it is, however short
   const span = isWhole ? timeline : shownSpan(whole, scale, playhead.momentMs, shown.current);
@@ -108,10 +106,9 @@ function Line(props: {
   // biome-ignore lint/correctness/useExhaustiveDependencies: unknown, it says what there is to fetch
   useEffect(() => controls.look({ fromMs, toMs }), [controls, fromMs, toMs, unknown]);
 
-  const { heard } = controls;
   const shownMs = stepped(playhead.momentMs);
   const drawn = useMemo(
-    () => part?.withHeard(part.goingOn(timeline, shownMs), heard) ?? timeline,
+    () => part?.completed(timeline, heard, shownMs) ?? timeline,
     [part, timeline, heard, shownMs],
   );
 

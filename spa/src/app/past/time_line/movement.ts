@@ -1,4 +1,5 @@
-import type { Span, Timeline } from '../../../past/past_types.ts';
+import type { PastControls, Span, Timeline } from '../../../past/past_types.ts';
+import { withHeard } from './incidents/heard_marks.ts';
 import { msPerPx, pxAt, type View } from './track_view.ts';
 
 /** Parts with less between them were recorded without a gap, ms. */
@@ -52,6 +53,11 @@ export function goingOn(timeline: Timeline, untilMs: number): Timeline {
   if (last === undefined || !isBetween || timeline.toMs - last.toMs > JOINED_MS) return timeline;
   const movement = [...timeline.movement, { ...last, fromMs: last.toMs, toMs: untilMs }];
   return { ...timeline, toMs: untilMs, movement };
+}
+
+/** A time line with all that the page itself knows of: what was heard, and that it goes on to the shown moment (unix ms). */
+export function completed(timeline: Timeline, heard: PastControls['heard'], shownMs: number): Timeline {
+  return withHeard(goingOn(timeline, shownMs), heard);
 }
 
 /** The curve as an SVG path: an area over `basePx`, as high as `heightPx` for `mostBytesPerS`, on a square-root scale. */
