@@ -358,6 +358,31 @@ async def test_made_up_addresses_fill_nothing(cache: Cache) -> None:
     ):
         assert (await link.ask(path)).status == 404, path
     assert len(cache.origin.asked) == 4, "the rest is refused here"
+    assert (await link.ask(f"{ROBOT}/past%0a")).status == 404
+    assert len(cache.origin.asked) == 4, "nor does a line break reach the relay"
+
+
+async def test_a_segment_has_one_name_whatever_is_added_to_it(cache: Cache) -> None:
+    path = await cache.find_next()
+    odd = ("every=1", "every=2", "view=public", "view=x", "after=0000000000000000,1", "a=b", "token=x")
+    asked = [asyncio.create_task(cache.connect().ask(f"{path}?{each}")) for each in odd]
+    answers = [await each for each in (*asked, asyncio.create_task(cache.connect().ask(path)))]
+    assert len({answer.body for answer in answers}) == 1
+    assert answers[0].is_segment
+    assert cache.origin.asked == [path], "one is held, for all of them"
+    page = f"{ROBOT}/past/public/2026-11-22T14:20Z"
+    for each in ("?every=1", "?view=public", "/keys?after=0000000000000000,1", "/keys?every=10000"):
+        assert (await cache.connect().ask(page + each)).headers["x-cache"] in {"BYPASS", "MISS"}
+    assert len(cache.origin.asked) == 5
+
+
+async def test_a_token_of_nought_is_one(cache: Cache) -> None:
+    path = await cache.find_next()
+    public = await cache.connect().ask(path)
+    assert public.headers["x-cache"] == "MISS"
+    shown = await cache.connect().ask(path, authorization="0")
+    assert shown.headers["x-cache"] in {"BYPASS", "MISS"}
+    assert len(cache.origin.asked) == 2
 
 
 async def test_what_has_left_the_window_is_gone_from_the_cache_as_well(cache: Cache) -> None:

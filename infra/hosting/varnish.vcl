@@ -19,10 +19,18 @@ sub vcl_recv {
 	}
 	unset req.http.Cookie;
 	unset req.http.Range; # a segment is sent whole
-	# Who shows a token is not answered from what is kept, and nothing of theirs is kept. Made-up parameters would be ever
-	# further names for one answer.
+	# The past is written in one way only: other spellings would be further names for one answer. So would made-up parameters:
+	# a day, a segment and a schema have none; what else no page asks for passes, unkept.
+	if (req.url ~ "^/api/v1/robots/[a-z0-9-]+/past[^?]*%") {
+		return (synth(404));
+	}
+	if (req.url ~ "^[^?]*/past/[^/?]+/([0-9-]+|[0-9a-f]{16}/[0-9]+|schema/[0-9a-f]{64})\?") {
+		set req.url = regsub(req.url, "\?.*$", "");
+	}
+	# who shows a token is not answered from what is kept, and nothing of theirs is kept
 	if ((req.method != "GET" && req.method != "HEAD") || req.http.Authorization ||
-	    req.url !~ "^[^?]*(\?(view=[A-Za-z0-9_-]+|after=[0-9a-f]+(,|%2C)[0-9]+|every=[0-9]+))?$") {
+	    (req.url ~ "\?" && req.url !~ "/past\?view=[A-Za-z0-9_-]+$" &&
+	     req.url !~ "Z\?after=[0-9a-f]{16}(,|%2C)[0-9]{1,10}$" && req.url !~ "/keys\?every=[1-9][0-9]{0,3}$")) {
 		return (pass);
 	}
 	return (hash);
