@@ -441,6 +441,33 @@ async def test_a_crowd_in_a_blackout_asks_the_relay_as_one_and_hears_at_once_whe
             assert answer.headers.get("x-cache") in {"MISS", "HIT", "EXPIRED"}
 
 
+async def test_nobody_hears_of_a_blackout_while_one_is_held_for_what_follows_it(
+    cache: Cache, world: World
+) -> None:
+    """The cache has a 404 of before under the name of what comes next, which one asks the relay for."""
+    follower = Follower(cache.connect())
+    following = asyncio.create_task(follower.follow())
+    await until_true("it follows", lambda: len(follower.got) >= 2)
+    world.set_blackout(True)
+    try:
+        await until_true("it is dark", lambda: len(follower.refused) > 0)
+        world.edge.process.send_signal(signal.SIGSTOP)
+        world.set_blackout(False)
+        relay = Link(int(cache.origin.address.rpartition(":")[2]))
+        while (await relay.ask(f"{ROBOT}/past?view=public")).status != 200:
+            await asyncio.sleep(0.02)
+        before = len(cache.origin.asked)
+        held = lambda: len(cache.origin.asked) > max(before, len(cache.origin.answered))  # noqa: E731
+        await until_true("one is held", held)
+        take, index = follower.got[-1]
+        other = await cache.connect().ask(f"{ROBOT}/past/public/{take}/{index + 1}")
+    finally:
+        world.set_blackout(False)
+        world.edge.process.send_signal(signal.SIGCONT)
+        following.cancel()
+    assert other.status in {200, 204}
+
+
 async def test_a_range_is_not_answered_with_a_part(cache: Cache) -> None:
     path = await cache.find_next()
     for link in (cache.connect(), cache.connect()):
