@@ -29,8 +29,9 @@ from posecast_relay.archive.page_index import (
 from posecast_relay.core.past.audience_letters import read_letters, write_letters
 from posecast_relay.core.past.day_index import DayIndex, digest_page, pack_day, sum_minutes, unpack_day
 from posecast_relay.core.past.day_reach import reach_day
-from posecast_relay.core.past.kept_segment import KeptSegment
+from posecast_relay.core.past.kept_segment import KeptSegment, PastWord
 from posecast_relay.core.policy.policy import Audience
+from posecast_wire.messages import RobotStatus
 from posecast_wire.segment import SegmentError
 
 from . import past_doors
@@ -100,6 +101,25 @@ def test_a_day_is_read_as_it_was_written(found: list[tuple[int, frozenset[Audien
     for span in reach_day(day).spans:
         own = [each for each in segments if each.audiences == span.audiences]
         assert (span.from_ms, span.to_ms) == (min(e.from_ms for e in own), max(e.to_ms for e in own))
+
+
+@pytest.mark.parametrize(
+    ("words", "worst"),
+    [
+        ([(0, "silent"), (0, "online")], "online"),  # a take before its first frame
+        ([(0, "silent"), (1, "online")], "silent"),
+        ([(0, "online"), (9, "offline")], "offline"),
+        ([(0, "online"), (9, "silent"), (9, "offline")], "offline"),
+        ([(0, "online")], "online"),
+        ([], "online"),
+    ],
+)
+def test_the_worst_word_of_a_minute_is_one_that_lasted(
+    words: list[tuple[int, RobotStatus]], worst: RobotStatus
+) -> None:
+    told = tuple(PastWord(START + at_ms, word) for at_ms, word in words)
+    segment = replace(make_small(0, START, frozenset({Audience.ANYONE})), words=told)
+    assert [row.word for row in sum_minutes([segment])] == [worst]
 
 
 def make_small(index: int, from_ms: int, audiences: frozenset[Audience]) -> KeptSegment:

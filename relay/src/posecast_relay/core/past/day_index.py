@@ -159,11 +159,27 @@ def _sum_minute(at_ms: int, segments: Sequence[KeptSegment]) -> MinuteRow:
         len(segments),
         sum(segment.size for segment in segments),
         sum(segment.frames for segment in segments),
-        max((word.word for segment in segments for word in segment.words), key=WORDS.index, default="online"),
+        max(
+            (word for segment in segments for word in _list_lasting_words(segment)),
+            key=WORDS.index,
+            default="online",
+        ),
         sum(segment.faults for segment in segments),
         min(segment.from_ms for segment in segments),
         max(segment.to_ms for segment in segments),
     )
+
+
+def _list_lasting_words(segment: KeptSegment) -> list[RobotStatus]:
+    """Return its words but for those that another one replaced at the same moment: a take begins before the
+    first frame is taken in, so "silent" stands before its "online".
+    """
+    following = (*segment.words[1:], None)
+    return [
+        word.word
+        for word, then in zip(segment.words, following, strict=True)
+        if then is None or then.at_ms > word.at_ms
+    ]
 
 
 def sum_minutes(segments: Iterable[KeptSegment]) -> list[MinuteRow]:
