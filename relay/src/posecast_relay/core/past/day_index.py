@@ -177,7 +177,7 @@ def _list_lasting_words(segment: KeptSegment) -> list[RobotStatus]:
     following = (*segment.words[1:], None)
     return [
         word.word
-        for word, then in zip(segment.words, following, strict=True)
+        for word, then in zip(segment.words, following, strict=False)
         if then is None or then.at_ms > word.at_ms
     ]
 
