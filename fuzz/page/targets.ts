@@ -32,7 +32,7 @@ import { readShared, sharedQuery } from '../../spa/src/app/share/shared_view.ts'
 import { momentIn } from '../../spa/src/app/state/moment.ts';
 import { parseRoute, robotHref } from '../../spa/src/app/state/route.ts';
 import { queryOf, readSettings } from '../../spa/src/app/state/settings.ts';
-import { BundleError, parseManifest, readRawManifest } from '../../spa/src/model/bundle.ts';
+import { BundleError, parseManifest } from '../../spa/src/model/bundle.ts';
 import { GlbError } from '../../spa/src/model/glb.ts';
 import { Kinematics } from '../../spa/src/model/kinematics.ts';
 import { readLod } from '../../spa/src/model/lod.ts';
@@ -47,6 +47,7 @@ import { type LaneAnswer, readBeginning, readNext } from '../../spa/src/stream/l
 import { Lane } from '../../spa/src/stream/lane/lane.ts';
 import { readLaneAddress } from '../../spa/src/stream/lane/lane_address.ts';
 import { frameBytes, SseParser } from '../../spa/src/stream/sse.ts';
+import { readRawManifest } from '../../spa/src/three/robot/raw_bundle.ts';
 import { DropError } from '../../spa/src/urdf/local_files.ts';
 import { modelOf, UrdfError } from '../../spa/src/urdf/manifest.ts';
 import { LodBuilder } from '../../spa/src/urdf/meshes/lod_builder.ts';

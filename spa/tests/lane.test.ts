@@ -136,6 +136,21 @@ describe('a page in the lane', () => {
     }
   });
 
+  it('is as far behind as it says from the beginning, though a slow device takes long over the first part', () => {
+    for (const slowMs of [400, 900]) {
+      const ways = [5, 5, 5, slowMs];
+      const network = { wayMs: () => ways.shift() ?? 20 };
+      const { viewer } = watch({ tellsDate: true }, 22_900, 1, network);
+      viewer.run(50_000);
+      const [first] = viewer.behinds;
+      const shown = viewer.shown[0]!;
+      expect(Math.abs(first!.ms! - (shown.atMs - shown.acceptedMs)), `${slowMs} ms`).toBeLessThan(
+        slowMs + 600,
+      );
+      expect(wordsOf(viewer, viewer.openMs)).toEqual(['LIVE']);
+    }
+  });
+
   it.each([
     [30_000, KEY_MS],
     [45_000, KEY_MS],

@@ -1,7 +1,8 @@
 import type { EventMessage } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
 import type { LaneAnswer } from '../src/stream/lane/answers.ts';
-import { MissedEvents } from '../src/stream/lane/missed_events.ts';
+import { LookBack } from '../src/stream/lane/missed/look_back.ts';
+import { MissedEvents } from '../src/stream/lane/missed/missed_events.ts';
 import { Occurrences } from '../src/twin/alarms/occurrences.ts';
 import { LaneRelay, type LaneStory, UNIX_MS } from './lane_relay.ts';
 import { type LaneNetwork, LaneViewer } from './lane_viewer.ts';
@@ -84,12 +85,79 @@ describe('who joins the lane', () => {
       hasIndex: false,
     });
     viewer.run(80_000);
-    expect(viewer.looks.length).toBe(1);
+    const waits = viewer.looks.slice(1).map(({ atMs }, i) => atMs - viewer.looks[i]!.atMs);
+    expect(waits.length, 'not given up at once').toBeGreaterThan(2);
+    waits.forEach((ms, i) => {
+      expect(ms, 'ever more seldom').toBeGreaterThanOrEqual(1000 * 2 ** i);
+    });
+    expect(viewer.twin.hasAllEvents, 'so nobody says that there were no faults').toBe(false);
     const told = viewer.events.map(({ n }) => n);
     expect(told).toEqual([...new Set(told)].sort((a, b) => a - b));
     expect(told).toEqual(
       relay.events.filter(({ n }) => n >= told[0]! && n <= told.at(-1)!).map(({ n }) => n),
     );
+  });
+
+  it.each([
+    ['refused once', [{ status: 503 }], 15_000],
+    ['refused three times', [{ status: 429 }, { status: 502 }, { status: 503 }], 30_000],
+    ['late by 3 s', [{ lateMs: 3000 }, { lateMs: 3000 }], 15_000],
+    ['late by 6 s', [{ lateMs: 6000 }, { lateMs: 6000 }], 22_000],
+    ['late by 10 s', [{ lateMs: 10_000 }, { lateMs: 10_000 }], 30_000],
+    ['lost once', [{ lateMs: 40_000 }], 45_000],
+  ] as const)('is told all of them, each once, though the index is %s', (_, index, withinMs) => {
+    const joinsMs = PAGE_MS - (UNIX_MS % PAGE_MS) + 8000; // so that two pages are needed
+    const faults = comesAndGoes(20_000, joinsMs + 60_000);
+    const { relay, viewer } = watch({ lastsMs: joinsMs + 90_000, faults }, joinsMs, { index });
+    viewer.run(viewer.nowMs + 500);
+    for (; Number.isNaN(viewer.openMs); ) viewer.run(viewer.nowMs + 50);
+    expect(viewer.twin.hasAllEvents, 'at first it is not known').toBe(false);
+    viewer.run(joinsMs + withinMs);
+    expect(viewer.twin.hasAllEvents).toBe(true);
+    const shownMs = viewer.nowMs - viewer.behindAt(viewer.nowMs);
+    const all = relay.events.filter(({ atMs }) => atMs < shownMs - 500).map(({ n }) => n);
+    const told = viewer.twin.events.map(({ n }) => n);
+    expect(all.length).toBeGreaterThan(50);
+    expect(told.slice(0, all.length)).toEqual(all);
+    expect(told).toEqual(told.map((_, i) => i + 1));
+    const occurrences = new Occurrences();
+    const nowMs = UNIX_MS + shownMs;
+    const rises = relay.events.filter(({ n, atMs }) => n % 2 === 1 && atMs < shownMs - 500);
+    // the page hears of the newest first
+    for (const late of [false, true])
+      for (const { n, source, state, at } of viewer.twin.events)
+        if (state === 'on' && n <= all.length && (late || n > all.length - 6))
+          occurrences.addEvent(source, 1000 * at!, nowMs);
+    expect(occurrences.times('RKN', nowMs)).toBe(Math.min(30, rises.length));
+    expect(occurrences.newestMs('RKN')).toBe(UNIX_MS + rises.at(-1)!.atMs);
+  });
+
+  it('hears of the index that its lane had not found, by the next lane', () => {
+    const back = new LookBack(() => 0.5);
+    back.begin({ fromMs: UNIX_MS, eventN: 9, toldN: 0 }, 0);
+    expect(back.ask(0)).toBe('2026-11-22T14:20Z');
+    back.take(100, null);
+    back.resume(5000);
+    expect([back.ask(4999), back.ask(5000)]).toEqual([null, '2026-11-22T14:20Z']);
+    back.begin({ fromMs: UNIX_MS + PAGE_MS, eventN: 19, toldN: 14 }, 20_000);
+    expect(back.ask(20_000)).toBe('2026-11-22T14:30Z');
+    expect(back.letGo()?.toldN, 'those of before as well').toBe(0);
+  });
+
+  it('gives up after some minutes', () => {
+    const back = new LookBack(() => 0.999);
+    back.begin({ fromMs: UNIX_MS, eventN: 9, toldN: 0 }, 0);
+    let asked = 0;
+    let lastMs = 0;
+    for (let nowMs = 0; nowMs < 3_600_000; nowMs += 250) {
+      if (back.ask(nowMs) === null) continue;
+      asked++;
+      lastMs = nowMs;
+      back.take(nowMs + 100, null);
+    }
+    expect(asked).toBe(9);
+    expect(lastMs).toBeGreaterThan(120_000);
+    expect(lastMs).toBeLessThan(600_000);
   });
 
   it('from a socket is told what came between, and nothing twice', () => {
@@ -159,7 +227,7 @@ describe('the index of ten minutes', () => {
   const numbers = (missed: MissedEvents) => missed.listWith([]).map(({ n }) => n);
 
   it('may be mixed of takes, hold what is newer, known, or of another count', () => {
-    const missed = new MissedEvents(MISSING, 0);
+    const missed = new MissedEvents(MISSING);
     expect(missed.page).toBe('2026-11-22T14:20Z');
     missed.add(
       answer({
@@ -183,7 +251,7 @@ describe('the index of ten minutes', () => {
     { segments: [null, 7, { events: 'x' }, { events: [null, {}, { at_ms: 'x' }, [told(5, 1)]] }] },
     { segments: [{ events: [{ ...told(9, 1), text: 'x'.repeat(6000) }] }] },
   ])('of a stranger is passed over (%j)', (doc) => {
-    const missed = new MissedEvents(MISSING, 0);
+    const missed = new MissedEvents(MISSING);
     missed.add(answer(doc));
     expect(numbers(missed)).toEqual([]);
     expect(missed.page).toBe('2026-11-22T14:10Z');
@@ -192,7 +260,7 @@ describe('the index of ten minutes', () => {
   });
 
   it('that is refused is not asked for again', () => {
-    const missed = new MissedEvents(MISSING, 0);
+    const missed = new MissedEvents(MISSING);
     missed.add({ ...answer({}), status: 404 });
     expect(missed.page).toBeNull();
   });

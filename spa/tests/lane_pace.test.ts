@@ -1,5 +1,6 @@
 import { expect, it } from 'vitest';
-import { Lane, type LaneAction } from '../src/stream/lane/lane.ts';
+import { Lane } from '../src/stream/lane/lane.ts';
+import type { LaneAction } from '../src/stream/lane/lane_action.ts';
 
 it('asks a relay that sends it in circles once a second, after four times at once', () => {
   const before = { frame: null, event: null, faults: [] };

@@ -1,5 +1,6 @@
 import { ToldFaults } from '../src/stream/handover/told_faults.ts';
-import { Lane, type LaneAction } from '../src/stream/lane/lane.ts';
+import { Lane } from '../src/stream/lane/lane.ts';
+import type { LaneAction } from '../src/stream/lane/lane_action.ts';
 import type { KnownBefore } from '../src/stream/lane_port.ts';
 import type { FromStream } from '../src/stream/messages.ts';
 import { judge, type Verdict } from '../src/twin/liveness.ts';
@@ -15,6 +16,8 @@ export interface LaneNetwork {
   readonly blackouts?: readonly Span[];
   /** Whether the index can be had; else it is cut off. */
   readonly hasIndex?: boolean;
+  /** Of the index's answers, each in its turn: how late it is, and its status instead of 200. */
+  readonly index?: readonly { readonly lateMs?: number; readonly status?: number }[];
 }
 
 export interface Shown {
@@ -33,7 +36,7 @@ export class LaneViewer {
   /** Of the index, beside them. */
   readonly looks: { readonly atMs: number; readonly path: string }[] = [];
   readonly shown: Shown[] = [];
-  readonly events: { readonly atMs: number; readonly n: number }[] = [];
+  events: { readonly atMs: number; readonly n: number }[] = [];
   readonly behinds: { readonly atMs: number; readonly ms: number | null }[] = [];
   readonly words: { readonly atMs: number; readonly verdict: Verdict }[] = [];
   readonly posts: FromStream[] = [];
@@ -173,12 +176,15 @@ export class LaneViewer {
 
   #lookUp(path: string): void {
     this.looks.push({ atMs: this.nowMs, path });
-    const { wayMs, cuts = [], hasIndex = true } = this.#network;
+    const { wayMs, cuts = [], hasIndex = true, index = [] } = this.#network;
+    const { lateMs = 0, status = 200 } = index[this.looks.length - 1] ?? {};
     const arrivesMs = this.nowMs + wayMs();
     const isCut = cuts.some(({ fromMs, toMs }) => arrivesMs >= fromMs && arrivesMs < toMs);
-    const answer = isCut || !hasIndex ? null : this.#relay.answer(path, arrivesMs).answer;
+    const whole = this.#relay.answer(path, arrivesMs).answer;
+    const refused = { ...whole, status, isJson: false, retryMs: 1000 };
+    const answer = isCut || !hasIndex ? null : status === 200 ? whole : refused;
     this.#look = {
-      atMs: arrivesMs + wayMs(),
+      atMs: arrivesMs + lateMs + wayMs(),
       tell: () => this.#lane.looked(this.#clock(this.nowMs), answer),
     };
   }
@@ -197,6 +203,11 @@ export class LaneViewer {
     else if (message.kind === 'event') {
       this.events.push({ atMs: this.nowMs, n: message.event.n });
       twin.acceptEvent(message.event);
+    } else if (message.kind === 'earlier') {
+      const found = message.events.filter(({ n }) => this.events.every((known) => known.n !== n));
+      this.events = [...found.map(({ n }) => ({ atMs: this.nowMs, n })), ...this.events];
+      this.events.sort((a, b) => a.n - b.n);
+      twin.acceptEarlier(message.events, message.isAll);
     } else if (message.kind === 'behind') this.behinds.push({ atMs: this.nowMs, ms: message.ms });
   }
 }

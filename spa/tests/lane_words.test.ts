@@ -4,7 +4,7 @@ import hangul from '../src/app/explain/ko.json';
 import { sharedLink } from '../src/app/share/ShareSheet.tsx';
 import { announcement } from '../src/app/status/announcement.ts';
 import { explanationWords } from '../src/app/status/explanation_words.ts';
-import { chipWords, stageWords } from '../src/app/status/words.ts';
+import { behindWords, chipWords, stageWords } from '../src/app/status/words.ts';
 import { ko } from '../src/app/text/ko.ts';
 import { moreKo } from '../src/app/text/more_ko.ts';
 import { type Link, steadyBehindMs } from '../src/stream/client.ts';
@@ -42,11 +42,12 @@ describe('what is shown behind now', () => {
     expect(chipWords({ ...LIVE, word: 'OFFLINE' }, IN_LANE, 0).behind).toBe('4 s behind');
   });
 
-  it('is said of no word of another time, and not of what the page lacks now', () => {
+  it('is said of no word of another time, and of a lost connection as the window’s title says it', () => {
     for (const word of [null, 'PAST', 'RECORDED'] as const)
       expect(chipWords({ ...LIVE, word }, IN_LANE, 0).behind, String(word)).toBe('');
-    const unconnected = { ...LIVE, word: 'STALE', cause: 'no connection' } as const;
-    expect(chipWords(unconnected, IN_LANE, 0).behind).toBe('');
+    const unconnected = { ...LIVE, word: 'STALE', cause: 'no connection', ageMs: 3100 } as const;
+    expect(chip(unconnected)).toBe('STALE 3.1 s: no connection | 4 s behind');
+    expect(chipWords(unconnected, IN_LANE, 0).behind).toBe(behindWords(4300, 'STALE'));
     expect(chipWords(LIVE, { ...IN_LANE, behindMs: null }, 0).behind).toBe('');
   });
 
@@ -94,6 +95,12 @@ describe('a part that is overdue', () => {
     expect(stageWords(OVERDUE, IN_LANE, 0)).toBe('Stale for 3.2 s: waiting for the next part.');
     expect(explanationWords(OVERDUE, IN_LANE)[0]).toMatch(/next part of the stream is overdue/);
   });
+});
+
+it('a picture that only the page was slow to show is stale, and nobody is blamed', () => {
+  const late: Verdict = { ...LIVE, word: 'STALE', ageMs: 2100 };
+  expect(chip(late)).toBe('STALE 2.1 s | 4 s behind');
+  expect(stageWords(late, IN_LANE, 0)).toBe('Stale for 2.1 s.');
 });
 
 describe('a link', () => {

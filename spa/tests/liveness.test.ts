@@ -55,6 +55,15 @@ describe('the table of causes', () => {
     expect(judge(quiet, NOW - 2).word).toBe('LIVE');
   });
 
+  it('the picture is old though all else is new: of the relay’s doing, and of a lane the page’s', () => {
+    const behind = { shownMs: NOW - 6600, otherwiseMs: NOW - 6000, watchingMs: NOW - 60_000 };
+    expect(judge(evidence(behind), NOW)).toMatchObject({
+      ...{ word: 'STALE', cause: 'relay degraded', ageMs: 6600 },
+    });
+    const inLane = evidence({ ...behind, status: status({ endsMs: NOW + 3000 }) });
+    expect(judge(inLane, NOW)).toMatchObject({ word: 'STALE', cause: null, ageMs: 6600 });
+  });
+
   it('edge or uplink gone', () => {
     const gone = evidence({ status: status({ robot: 'offline', ageMs: 2000 }) });
     expect(judge(gone, NOW)).toMatchObject({ word: 'OFFLINE', cause: null });

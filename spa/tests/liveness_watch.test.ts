@@ -71,14 +71,18 @@ function fresh(twin: RobotTwin): void {
   Object.assign(twin.evidence, { freshMs: nowMs(), shownMs: nowMs() });
 }
 
-it('a page that was held up claims nothing until what has piled up is in', () => {
-  const { twin, watch, said } = watched();
+it('a page that was held up calls its picture old, and no more, until what has piled up is in', () => {
+  const { twin, watch, said, doubts } = watched();
   holdUp(STALE_AFTER_MS + 1);
   vi.advanceTimersByTime(100);
-  expect([said, watch.verdict().word]).toEqual([['LIVE', null], null]);
+  expect(said).toEqual(['LIVE', 'STALE']);
+  const { word, cause, ageMs } = watch.verdict();
+  expect([word, cause], 'not that it connects, nor whose fault it is').toEqual(['STALE', null]);
+  expect(ageMs).toBeGreaterThan(STALE_AFTER_MS);
   fresh(twin);
   vi.advanceTimersByTime(50);
-  expect(said).toEqual(['LIVE', null, 'LIVE']);
+  expect(said).toEqual(['LIVE', 'STALE', 'LIVE']);
+  expect(doubts, 'what was under way is not old').toEqual([]);
   watch.close();
 });
 
@@ -105,9 +109,9 @@ it('after a sleep that our clock slept through it claims nothing, and has the co
   const { watch, said, slept } = watched();
   vi.setSystemTime(Date.now() + 60_000);
   vi.advanceTimersByTime(100);
-  expect([said, slept()]).toEqual([['LIVE', null], 1]);
+  expect([said, slept()]).toEqual([['LIVE', 'STALE'], 1]);
   vi.advanceTimersByTime(50);
-  expect(said).toEqual(['LIVE', null, 'STALE']);
+  expect(said).toEqual(['LIVE', 'STALE']);
   watch.close();
 });
 

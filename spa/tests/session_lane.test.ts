@@ -217,6 +217,28 @@ describe('a lane that the page was told', () => {
     expect(session.phase).toBe('open');
   });
 
+  it.each(['is full', 'is away'])(
+    'and fails: who asks for a try gets all that the page would try, at once, where the relay %s',
+    (relay) => {
+      const session = new Session('ws://relay/live', 30, true, () => 0.999, undefined, PAST);
+      session.start(0);
+      session.closed(100, 1006, 'no answer');
+      expect(session.phase).toBe('waiting');
+      expect(addressesOf(session.wake(150)), 'nobody asked for more than the lane').toEqual([PAST]);
+      session.closed(200, 1006, 'no answer');
+      expect(addressesOf(session.wake(300, true))).toEqual(['ws://relay/live?hz=30']);
+      if (relay === 'is full') {
+        session.opened(400);
+        session.text(410, JSON.stringify(BYE));
+        expect(addressesOf(session.closed(420, 1013, ''))).toEqual([LANE.url]);
+        return;
+      }
+      session.closed(400, 1006, '');
+      const next = [500, 750, 1000].map((nowMs) => addressesOf(session.tick(nowMs)));
+      expect(next.flat(), 'the lane may be back').toEqual([PAST]);
+    },
+  );
+
   it('is not left when it is refused', () => {
     const { session } = begin();
     session.closed(200, 4403, 'not for you');

@@ -1,6 +1,7 @@
 import { parseSchema } from '@posecast/wire';
 import { describe, expect, it, vi } from 'vitest';
 import { NO_EDITS, withEdit } from '../src/twin/limits/limits.ts';
+import { judge } from '../src/twin/liveness.ts';
 import { Poser } from '../src/twin/playback/pose.ts';
 import { poseDiffers } from '../src/twin/pose_change.ts';
 import { EVENT_LIMIT, type RobotState, RobotTwin } from '../src/twin/robot.ts';
@@ -45,6 +46,56 @@ describe('twin', () => {
     expect(twin.evidence).toMatchObject({ freshMs: 900, changedMs: 800, heardMs: 1000 });
     twin.acceptState(state({ freshMs: null, atMs: 900 }));
     expect(twin.evidence).toMatchObject({ freshMs: 900, heardMs: 1000 });
+  });
+
+  it('of a page that is hidden nobody says that it stands still, whatever was still under way', () => {
+    const twin = new RobotTwin('small', 0);
+    twin.acceptSchema(SCHEMA);
+    twin.acceptConnection(true, 0);
+    twin.acceptWatching(true, 0);
+    twin.acceptState(state());
+    twin.acceptWatching(false, 1000);
+    twin.acceptState(state({ changedMs: 990, atMs: 1010 }));
+    for (const atMs of [2000, 6000]) {
+      twin.acceptStatus({
+        ...{ robot: 'online', ageMs: 20, seq: 99, degraded: false, overShare: false, atMs },
+      });
+      expect(judge(twin.evidence, atMs + 100)).toMatchObject({ word: 'LIVE', unchangedMs: null });
+    }
+  });
+
+  it('is only opening while a full relay sends it to its lane, and has lost what it had shown', () => {
+    for (const hasShown of [false, true]) {
+      const twin = new RobotTwin('small', 0);
+      twin.acceptSchema(SCHEMA);
+      twin.acceptWatching(true, 0);
+      twin.acceptConnection(true, 4000);
+      if (hasShown) twin.acceptState(state());
+      twin.acceptConnection(false, 5000, true);
+      expect(judge(twin.evidence, 7000).word).toBe(hasShown ? 'STALE' : null);
+      expect(judge(twin.evidence, 9000), 'not for ever').toMatchObject({ cause: 'no connection' });
+    }
+    const refused = new RobotTwin('small', 0);
+    refused.acceptConnection(true, 100);
+    refused.acceptConnection(false, 200);
+    expect(judge(refused.evidence, 300), 'a relay without a lane').toMatchObject({ cause: 'no connection' });
+  });
+
+  it('takes events of before that are told late, each once and in their order', () => {
+    const twin = new RobotTwin('small', 0);
+    for (const n of [7, 8]) twin.acceptEvent(event(n));
+    twin.acceptEarlier([], false);
+    expect(twin.hasAllEvents).toBe(false);
+    twin.acceptEvent({ ...event(8.5), state: 'off' }); // told because nobody had
+    twin.acceptEvent(event(10));
+    twin.acceptEarlier([event(5), event(6), event(7), event(9)], true);
+    expect(twin.events.map(({ n }) => n)).toEqual([5, 6, 7, 8, 9, 10]);
+    expect(twin.hasAllEvents).toBe(true);
+    twin.acceptEarlier(
+      Array.from({ length: 200 }, (_, i) => event(11 + i)),
+      true,
+    );
+    expect(twin.events.length).toBe(EVENT_LIMIT);
   });
 
   it('drops the old pose with the old schema, and ignores states of another one', () => {

@@ -1,5 +1,6 @@
 import { afterEach, expect, test, vi } from 'vitest';
-import { BundleError, Download, fileUrl, parseManifest, readRawManifest } from './bundle.ts';
+import { Download, readRawManifest } from '../three/robot/raw_bundle.ts';
+import { BundleError, fileUrl, parseManifest } from './bundle.ts';
 
 const URDF = { path: 'robot.urdf', uri: 'robot.urdf', size: 10, sha256: '00', type: 'application/xml' };
 

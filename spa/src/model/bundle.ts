@@ -8,11 +8,6 @@ import { tokenFor } from '../auth/token.ts';
  */
 
 const MAX_MANIFEST_BYTES = 4_000_000;
-/** Larger files are refused: the edge does not send them either, and a phone could not hold them. */
-const MAX_FILE_BYTES = 128_000_000;
-const MAX_BUNDLE_BYTES = 512_000_000;
-/** Files fetched at once: the number of connections that browsers open to a host over HTTP/1.1. */
-const PARALLEL = 6;
 
 /** A model that can't be loaded; the message is one line. */
 export class BundleError extends Error {}
@@ -54,42 +49,6 @@ export function parseManifest(text: string): Readonly<Record<string, unknown>> {
   return raw;
 }
 
-/** Reads a manifest of version 1. Throws BundleError that says what is wrong with it. */
-export function readRawManifest(raw: Readonly<Record<string, unknown>>): RawManifest {
-  if (raw.v !== 1) throw new BundleError('model manifest: neither version 1 nor 2');
-  if (!Array.isArray(raw.files)) throw new BundleError('model manifest: no list of files');
-  const files = new Map<string, BundleFile>();
-  let urdf: BundleFile | undefined;
-  let total = 0;
-  for (const [index, entry] of raw.files.entries()) {
-    const file = parseFile(entry, index);
-    total += file.size;
-    files.set(file.uri, file);
-    if (file.path === raw.urdf) urdf = file;
-  }
-  if (total > MAX_BUNDLE_BYTES) throw new BundleError(`model manifest: ${total} bytes are too many`);
-  if (urdf === undefined) throw new BundleError('model manifest: its URDF is not among its files');
-  const missing = Array.isArray(raw.missing) ? raw.missing.filter((uri) => typeof uri === 'string') : [];
-  return { urdf, files, missing: new Set(missing) };
-}
-
-function parseFile(entry: unknown, index: number): BundleFile {
-  const where = `model manifest: file ${index}`;
-  if (!isRecord(entry)) throw new BundleError(`${where} is no object`);
-  const { path, uri, size } = entry;
-  if (typeof path !== 'string' || !isInside(path)) throw new BundleError(`${where}: bad path`);
-  if (typeof uri !== 'string' || uri === '') throw new BundleError(`${where}: no uri`);
-  if (typeof size !== 'number' || !Number.isSafeInteger(size) || size < 0 || size > MAX_FILE_BYTES) {
-    throw new BundleError(`${where} (${path}): bad size`);
-  }
-  return { path, uri, size };
-}
-
-/** Whether a path is relative and stays below the manifest's folder. */
-function isInside(path: string): boolean {
-  return path.split('/').every((part) => part !== '' && part !== '.' && part !== '..');
-}
-
 /** The address of a bundle's file, beside its manifest. */
 export function fileUrl(manifestUrl: string, file: { readonly path: string }): string {
   return manifestUrl.replace(/[^/]*$/, '') + file.path.split('/').map(encodeURIComponent).join('/');
@@ -101,49 +60,6 @@ export async function fetchManifest(
   signal: AbortSignal,
 ): Promise<Readonly<Record<string, unknown>>> {
   return parseManifest(new TextDecoder().decode(await fetchBytes(url, MAX_MANIFEST_BYTES, signal, () => {})));
-}
-
-/** Fetches a bundle's files, six at a time, and reports the bytes received of all files together. */
-export class Download {
-  readonly #manifestUrl: string;
-  readonly #signal: AbortSignal;
-  readonly #onBytes: (received: number) => void;
-  readonly #waiting: (() => void)[] = []; // at most one entry for each file of the manifest
-  #running = 0;
-  #received = 0;
-
-  constructor(manifestUrl: string, signal: AbortSignal, onBytes: (received: number) => void) {
-    this.#manifestUrl = manifestUrl;
-    this.#signal = signal;
-    this.#onBytes = onBytes;
-  }
-
-  /** The file's bytes. Rejects with BundleError when it can't be fetched or its size differs from the manifest. */
-  async fetch(file: BundleFile): Promise<Uint8Array> {
-    if (this.#running >= PARALLEL) await new Promise<void>((resolve) => this.#waiting.push(resolve));
-    this.#running += 1;
-    let mine = 0;
-    try {
-      const url = fileUrl(this.#manifestUrl, file);
-      const bytes = await fetchBytes(url, file.size, this.#signal, (more) => {
-        mine += more;
-        this.#count(more);
-      });
-      if (bytes.length !== file.size) {
-        throw new BundleError(`${file.path}: ${bytes.length} bytes instead of ${file.size}`);
-      }
-      return bytes;
-    } finally {
-      this.#count(file.size - mine); // a failed file counts as done, so that the progress bar reaches its end
-      this.#running -= 1;
-      this.#waiting.shift()?.();
-    }
-  }
-
-  #count(more: number): void {
-    this.#received += more;
-    if (more !== 0 && !this.#signal.aborted) this.#onBytes(this.#received);
-  }
 }
 
 /** Reads a file by its path, `most` bytes of it at most. Rejects where there is none. */

@@ -100,9 +100,9 @@ export class StreamClient {
     return () => this.#listeners.delete(listener);
   };
 
-  /** Reconnects now instead of waiting for the next retry. */
-  wake(): void {
-    this.#tell({ kind: 'wake', sleptMs: countSleep() });
+  /** Reconnects now instead of waiting for the next retry. `isAsked`: because the person asks. */
+  wake(isAsked = false): void {
+    this.#tell({ kind: 'wake', sleptMs: countSleep(), isAsked });
   }
 
   /** Asks for status and events alone while nobody looks at what comes, or for poses again. */
@@ -168,6 +168,9 @@ export class StreamClient {
       case 'event':
         twin.acceptEvent(message.event);
         return;
+      case 'earlier':
+        twin.acceptEarlier(message.events, message.isAll);
+        return;
       case 'info':
         twin.acceptInfo(message.kv);
         return;
@@ -182,7 +185,8 @@ export class StreamClient {
         return;
       case 'link':
         if (this.link.by === 'segments' && message.by !== 'segments') twin.acceptCatchUp();
-        twin.acceptConnection(message.phase === 'open', nowMs());
+        if (message.by !== 'segments' && message.phase === 'open') twin.hasAllEvents = true; // it tells them
+        twin.acceptConnection(message.phase === 'open', nowMs(), message.phase === 'connecting');
         this.#set({
           by: message.by,
           phase: message.phase,

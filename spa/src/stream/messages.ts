@@ -20,6 +20,8 @@ export type FromStream =
   | { kind: 'state'; state: RobotState }
   | { kind: 'status'; status: Status }
   | { kind: 'event'; event: EventMessage }
+  /** Events of before that were told late, or not at all so far. `isAll`: none is missing any more. */
+  | { kind: 'earlier'; events: readonly EventMessage[]; isAll: boolean }
   | { kind: 'info'; kv: ReadonlyMap<string, string> }
   | { kind: 'model'; hash: string | null }
   /** What the relay granted; `reason` when it is less than was asked. */
@@ -57,8 +59,8 @@ export type ToStream =
   | { kind: 'visible'; visible: boolean }
   /** The page stopped calling its pose live at `sinceMs`. */
   | { kind: 'doubt'; sinceMs: number }
-  /** Something changed outside (back online, back from sleep, the person asks): try now rather than later. */
-  | { kind: 'wake'; sleptMs: number }
+  /** Something changed outside (back online, back from sleep, the person asks): try now rather than later. `isAsked`: the person asks. */
+  | { kind: 'wake'; sleptMs: number; isAsked: boolean }
   /** Ask for the full frame rate again after it was lowered. */
   | { kind: 'wish-all' }
   | { kind: 'close' };

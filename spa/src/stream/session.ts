@@ -207,9 +207,9 @@ export class Session {
     return this.#take();
   }
 
-  /** Back online, back from sleep, or the person asks. A connection that was quiet for half the limit is replaced. */
-  wake(nowMs: number): Action[] {
-    this.#choice.retrySoon(nowMs);
+  /** Back online, back from sleep, or the person asks (`isAsked`). A connection that was quiet for half the limit is replaced. */
+  wake(nowMs: number, isAsked = false): Action[] {
+    this.#choice.retrySoon(nowMs, isAsked);
     if (this.#phase === 'connecting') return this.#take();
     if (this.#phase === 'open') {
       if (this.#inLane || nowMs - this.#heardMs <= SILENT_LIMIT_MS / 2) return this.#take();

@@ -30,6 +30,7 @@ export class TransportChoice {
   #tryAgainMs = TRY_AGAIN_MS;
   /** From when on the relay is tried instead of the lane that the page was told; null: that works, or has not been tried. */
   #relayAtMs: number | null = null;
+  #isAsked = false;
 
   constructor(random: () => number, mirrored = false) {
     this.#random = random;
@@ -47,7 +48,8 @@ export class TransportChoice {
     const doubted = this.#failed >= FAILED_OPENINGS || nowMs >= endMs;
     this.now = doubted && (this.now === 'websocket' || this.#eventsWork) ? 'events' : 'websocket';
     this.#deadlineMs = nowMs < endMs ? endMs : nowMs + WITHOUT_MS;
-    this.retrySoon(nowMs); // a relay that was only away for a moment takes WebSockets again
+    this.#tryAtMs = nowMs;
+    this.#tryAgainMs = TRY_AGAIN_MS; // a relay that was only away for a moment takes WebSockets again
     return this.now;
   }
 
@@ -72,8 +74,11 @@ export class TransportChoice {
 
   /** The newest connection ended before the relay said anything on it. */
   recordFailure(nowMs: number): void {
-    if (this.now === 'websocket') this.#failed += 1;
-    else if (this.now === 'segments') this.#relayAtMs ??= nowMs + this.#random() * WITHOUT_LANE_MS;
+    if (this.now === 'websocket') {
+      this.#failed += 1;
+      if (this.#isAsked) this.#relayAtMs = null;
+      this.#isAsked = false;
+    } else if (this.now === 'segments') this.#relayAtMs ??= nowMs + this.#random() * WITHOUT_LANE_MS;
     else {
       this.#eventsWork = false;
       this.#relayAtMs = null; // nothing gets to the relay: the lane again
@@ -90,8 +95,11 @@ export class TransportChoice {
     this.#withoutMs = null;
   }
 
-  /** Something has changed outside (back online, back from sleep): a WebSocket is tried at once. */
-  retrySoon(nowMs: number): void {
+  /** Something has changed outside (back online, back from sleep): a WebSocket is tried at once. `isAsked`: the person wants it, so
+   *  that it is tried instead of a lane that has failed, too, and the lane again where that fails. */
+  retrySoon(nowMs: number, isAsked = false): void {
+    if (isAsked && this.#relayAtMs !== null) this.#relayAtMs = nowMs;
+    this.#isAsked = isAsked;
     if (this.now === 'segments') return; // a full relay is not asked by everybody at once
     this.#tryAtMs = nowMs;
     this.#tryAgainMs = TRY_AGAIN_MS;

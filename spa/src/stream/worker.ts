@@ -219,7 +219,7 @@ self.onmessage = (event: MessageEvent<ToStream>) => {
     case 'wake':
       setSlept(message.sleptMs);
       events?.wake?.();
-      perform(session?.wake(nowMs()) ?? []);
+      perform(session?.wake(nowMs(), message.isAsked) ?? []);
       break;
     case 'wish-all':
       perform(session?.wishAll(nowMs()) ?? []);

@@ -1,5 +1,5 @@
 import { Box3, Group, type Object3D, type Ray } from 'three';
-import { Download, NotNow, readRawManifest } from '../model/bundle.ts';
+import { NotNow } from '../model/bundle.ts';
 import { manifestAt } from '../model/files.ts';
 import { readManifest } from '../model/manifest.ts';
 import type { ModelReport } from '../model/report.ts';
@@ -8,6 +8,7 @@ import { FigureNode, type NodeHost, type OnProgress } from '../view/figure_node.
 import type { Box } from '../view/robot_row.ts';
 import { BuiltRobot } from './robot/built_robot.ts';
 import type { Figure, Stage } from './robot/figure.ts';
+import { Download, readRawManifest } from './robot/raw_bundle.ts';
 import { Skeleton } from './robot/skeleton.ts';
 import type { SkinTones } from './robot/skin.ts';
 import { StaleEffect } from './robot/stale_effect.ts';

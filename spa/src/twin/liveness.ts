@@ -185,8 +185,13 @@ export function judge(evidence: Evidence, nowMs: number): Verdict {
   }
   // The robot is fine, but the shown pose may still be an old one.
   if (watchingMs !== null) {
-    const shownAgeMs = nowMs - (shownMs ?? watchingMs);
-    if (shownAgeMs >= STALE_AFTER_MS) return verdict('STALE', 'relay degraded', shownAgeMs);
+    if (nowMs - (shownMs ?? watchingMs) >= STALE_AFTER_MS)
+      // of a lane the worker has what it says of the robot: the page is slow to show it
+      return verdict(
+        'STALE',
+        status.endsMs ? null : 'relay degraded',
+        nowMs - (evidence.shownMs ?? watchingMs),
+      );
   }
   if (watchingMs !== null && shownMs === null) return verdict(null); // the first pose is on its way
   if (unchangedMs !== null && unchangedMs >= HOLDING_AFTER_MS) return verdict('HOLDING');

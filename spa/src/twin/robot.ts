@@ -39,6 +39,8 @@ export class RobotTwin {
   info: ReadonlyMap<string, string> = new Map();
   /** Newest last. */
   events: readonly EventMessage[] = [];
+  /** Whether those are all that there were lately; else older ones are still to come. */
+  hasAllEvents = true;
   modelHash: string | null = null;
   /** The kinematic tree of the model; null while no model is loaded. */
   tree: KinematicTree | null = null;
@@ -113,7 +115,7 @@ export class RobotTwin {
     if (this.schema?.id !== state.schemaId) return; // overtaken by a new schema on its way here
     this.state = state;
     if (state.freshMs !== null) this.evidence.freshMs = state.freshMs;
-    this.evidence.changedMs = state.changedMs;
+    if (this.#watching) this.evidence.changedMs = state.changedMs; // else no later one will tell that it has changed
     this.#shows(state.bornMs);
     this.heard(state.atMs - (state.lateMs ?? 0)); // a delayed frame proves nothing about the time since
     for (const listener of this.#stateListeners) listener();
@@ -135,7 +137,9 @@ export class RobotTwin {
     this.evidence.heardMs = Math.max(nowMs, this.evidence.heardMs ?? 0); // states may be handed over late
   }
 
-  acceptConnection(connected: boolean, nowMs: number): void {
+  /** `goesOn`: who has left the connection tries another at once, as where a full relay names its lane. A page that has shown no
+   *  pose yet is only opening then. */
+  acceptConnection(connected: boolean, nowMs: number, goesOn = false): void {
     if (this.evidence.connected === connected) return;
     this.evidence.connected = connected;
     if (connected) {
@@ -146,7 +150,7 @@ export class RobotTwin {
       this.evidence.otherwiseMs = null;
       this.#forgetPicture(nowMs);
     } else {
-      this.evidence.lostMs = nowMs;
+      this.evidence[goesOn && this.state === null ? 'openedMs' : 'lostMs'] = nowMs;
     }
     this.#changed();
   }
@@ -177,6 +181,16 @@ export class RobotTwin {
     // A number that falls back means that the relay counts anew: the events from before no longer belong to its list.
     const kept = newest !== undefined && event.n < newest.n ? [] : this.events;
     this.events = [...kept, event].slice(-EVENT_LIMIT);
+    this.#changed();
+  }
+
+  /** Adds events of before, among those of the same count that are known. `isAll`: see `hasAllEvents`. */
+  acceptEarlier(earlier: readonly EventMessage[], isAll: boolean): void {
+    // ends that somebody told because nobody had (`stream/lane/missed/`) give way to the true ones
+    const known = this.events.filter(({ n }) => earlier.length === 0 || Number.isInteger(n));
+    const byN = new Map([...earlier, ...known].map((event) => [event.n, event]));
+    this.events = [...byN.values()].sort((a, b) => a.n - b.n).slice(-EVENT_LIMIT);
+    this.hasAllEvents = isAll;
     this.#changed();
   }
 

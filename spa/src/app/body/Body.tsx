@@ -243,7 +243,7 @@ function StageNote({ link }: { link: RobotLink }) {
         {problem === null || (words !== null && problem.what === 'newer') ? words : problemWords(problem)}
       </span>
       {canTry && (
-        <button type="button" className="text-button" onClick={() => link.client.wake()}>
+        <button type="button" className="text-button" onClick={() => link.client.wake(true)}>
           {say().tryNow}
         </button>
       )}

@@ -16,7 +16,7 @@ export function OpenFaultSentences({ link }: { link: RobotLink }) {
   return (
     <ul className="present-faults" data-testid="present-faults">
       {open.slice(0, MOST).map((fault) => {
-        const { said, code } = faultSentence(link.twin, link.faults.log, fault, link.nowMs());
+        const { said, code } = faultSentence(link.twin, link.faults.log, fault, link.faults.nowMs());
         const isOver = fault.clearedMs !== null;
         return (
           <li key={fault.key}>

@@ -7,16 +7,19 @@ import type { RobotTwin } from '../../twin/robot.ts';
 export class FaultKeeper {
   #log: FaultLog;
   readonly #twin: RobotTwin;
-  readonly #nowMs: () => number;
+  /** The time of what the robot shows. */
+  readonly nowMs: () => number;
   readonly #key: string | null;
   readonly #listeners = new Set<() => void>();
   readonly #leave: readonly (() => void)[];
   #list: readonly Fault[] | null = null;
+  /** Whether a frame or a fault has come. */
+  #isSeen = false;
 
   /** @param nowMs is the time of the states that the robot shows. @param kept says whether acknowledgements are. */
   constructor(twin: RobotTwin, nowMs: () => number, kept = true) {
     this.#twin = twin;
-    this.#nowMs = nowMs;
+    this.nowMs = nowMs;
     this.#key = kept ? `posecast.acknowledged.${twin.robot}` : null;
     this.#log = new FaultLog(this.#key === null ? undefined : readAcknowledged(readStored(this.#key)));
     this.#leave = [twin.onState(() => this.#frame()), twin.onChange(() => this.#events())];
@@ -30,11 +33,11 @@ export class FaultKeeper {
   begin(): void {
     this.#log = new FaultLog();
     this.#list = null;
+    this.#isSeen = false;
     for (const listener of this.#listeners) listener();
   }
 
-  /** All faults; null until a frame or a fault event has come, because until then it is not known whether there are
-   *  any. */
+  /** All faults; null until it is known whether there are any: until a frame or a fault event has come, and all events of before. */
   readonly faults = (): readonly Fault[] | null => this.#list;
 
   /** Adds a listener for changes of `faults`. Returns a function that removes it. */
@@ -60,9 +63,9 @@ export class FaultKeeper {
     const joints = this.#twin.joints();
     if (joints === null) return;
     const acknowledged = this.log.acknowledged.size;
-    this.log.rows(joints.rows, this.#nowMs());
+    this.log.rows(joints.rows, this.nowMs());
     if (this.log.acknowledged.size !== acknowledged) this.#keep();
-    this.#list ??= [];
+    this.#isSeen = true;
     this.#tell();
   }
 
@@ -71,14 +74,15 @@ export class FaultKeeper {
   }
 
   #events(): void {
-    for (const event of this.#twin.events) this.log.event(event, this.#nowMs());
-    if (this.log.faults.length > 0) this.#list ??= [];
+    for (const event of this.#twin.events) this.log.event(event, this.nowMs());
     this.#tell();
   }
 
   #tell(): void {
-    if (this.#list === null || this.#list === this.log.faults) return;
-    this.#list = this.log.faults;
+    const { faults } = this.log;
+    const list = faults.length > 0 || (this.#isSeen && this.#twin.hasAllEvents) ? faults : null;
+    if (this.#list === list) return;
+    this.#list = list;
     for (const listener of this.#listeners) listener();
   }
 }

@@ -31,7 +31,7 @@ export class LivenessWatch implements Watch {
   #timer: ReturnType<typeof setTimeout>;
   #lookedMs = nowMs();
   #caughtUp = true;
-  /** The page was held up for so long that the shown pose is old. No word is claimed until messages have been read. */
+  /** The page was held up for so long that the shown pose is old, which is said until messages have been read. */
   #lost = false;
   #sleptMs = countSleep();
 
@@ -95,10 +95,11 @@ export class LivenessWatch implements Watch {
     const before = this.word;
     const verdict = judge(this.#twin.evidence, this.#lookedMs);
     const claims = this.#lost && isClaim(verdict.word); // what is called old may be called so all the while
-    this.#verdict = claims ? { ...verdict, word: null, cause: null, overShare: false } : verdict;
+    const ageMs = (verdict.ageMs ?? 0) + nowMs() - this.#lookedMs;
+    this.#verdict = claims ? { ...verdict, word: 'STALE', cause: null, overShare: false, ageMs } : verdict;
     const { word } = this.#verdict;
     if (word === before) return;
-    if (isClaim(before) && word !== null && !isClaim(word)) {
+    if (isClaim(before) && word !== null && !isClaim(word) && !claims) {
       this.#twin.evidence.otherwiseMs = this.#lookedMs;
       this.#onDoubt(this.#lookedMs);
     }

@@ -49,7 +49,7 @@ export function useRobotLink(robot: string): RobotLink | null {
       () => client.wake(),
       (sinceMs) => client.doubt(sinceMs),
     );
-    const faults = new FaultKeeper(twin, nowMs);
+    const faults = new FaultKeeper(twin, () => nowMs() - (client.link.behindMs ?? 0));
     const minute = new HistoryKeeper(twin);
     const urlOf = (modelHash: string) => manifestUrl(robot, modelHash);
     const live = { coming: null, nowMs, resting: () => false };

@@ -57,7 +57,7 @@ export function announcement({
   const reasons = [causeWords(verdict.cause, { ending }), warningWords(verdict)].filter(
     (part) => part !== '',
   );
-  const behind = behindWords(behindMs, word, verdict.cause);
+  const behind = behindWords(behindMs, word);
   const said = behind === '' ? reasons : [behind, ...reasons];
   const state = more().spokenState(word, said.length === 0 ? null : said.join(', '));
   // The last values of a robot that is not live would sound like its present ones.

@@ -28,7 +28,7 @@ export interface ChipWords {
 export function chipWords(verdict: Verdict, link: Link, nowMs: number): ChipWords {
   return {
     ...stateWords(verdict, link, nowMs),
-    behind: behindWords(link.behindMs, verdict.word, verdict.cause),
+    behind: behindWords(link.behindMs, verdict.word),
     warning: warningWords(verdict),
   };
 }
@@ -38,10 +38,9 @@ export function warningWords({ overShare }: Pick<Verdict, 'overShare'>): string 
   return overShare ? say().overShare : '';
 }
 
-/** "4 s behind", beside a word that says what the robot did then; empty where nothing lies behind, and where the word says what
- *  the page itself lacks now. */
-export function behindWords(behindMs: Link['behindMs'], word: Word | null, cause?: Cause | null): string {
-  if (behindMs === null || !word || isThen(word) || cause === 'no connection') return '';
+/** "4 s behind", beside a word that says what the robot did then; empty where nothing lies behind. */
+export function behindWords(behindMs: Link['behindMs'], word: Word | null): string {
+  if (behindMs === null || !word || isThen(word)) return '';
   return say().behind(behindSpan(behindMs));
 }
 
@@ -65,7 +64,7 @@ function stateWords(verdict: Verdict, link: Link, nowMs: number): Omit<ChipWords
       if (ageMs === null && verdict.cause === 'no connection' && link.ending !== null)
         return { word: cause, detail: '', more: '' };
       if (ageMs === null) return { word: 'STALE', detail: '', more: cause };
-      return { word: 'STALE', detail: formatSpan(ageMs), more: `: ${cause}` };
+      return { word: 'STALE', detail: formatSpan(ageMs), more: cause && `: ${cause}` };
     }
     case 'OFFLINE':
       return {
@@ -152,7 +151,8 @@ export function stageWords(verdict: Verdict, link: Link, nowMs: number): string 
   if (verdict.word !== 'STALE') return null;
   if (verdict.cause === 'no connection') return connectionWords(link, nowMs);
   const since = verdict.ageMs === null ? say().noPoseYet : say().staleFor(formatSpan(verdict.ageMs));
-  return `${since}: ${causeWords(verdict.cause)}.`;
+  const why = causeWords(verdict.cause);
+  return `${since}${why && `: ${why}`}.`;
 }
 
 function connectionWords(link: Link, nowMs: number): string {

@@ -4,7 +4,9 @@ import type { FromStream } from '../messages.ts';
 import { RateMeter } from '../pacing/rate_meter.ts';
 import { type LaneAnswer, type PartName, readBeginning, readNext } from './answers.ts';
 import { EndOfPast } from './end_of_past.ts';
-import { MissedEvents, type Missing } from './missed_events.ts';
+import type { LaneAction } from './lane_action.ts';
+import { LookBack } from './missed/look_back.ts';
+import type { MissedEvents } from './missed/missed_events.ts';
 import { PartPlayer } from './part_player.ts';
 import { PlayClock } from './play_clock.ts';
 import { lastWordOf, readPart } from './received_part.ts';
@@ -34,8 +36,6 @@ const BACK_MAX = 2;
 /** Frames played at once that may count as shown: a timer is a little late. More are caught up with. */
 const SHOWN_MAX = 4;
 const PACE_EVERY_MS = 1000;
-/** Events that were missed are looked for no more often. */
-const LOOK_EVERY_MS = 10_000;
 /** A smaller change of how far behind the page is, is not told. */
 const BEHIND_STEP_MS = 250;
 
@@ -43,17 +43,6 @@ type Wanted =
   | { readonly what: 'beginning' }
   | { readonly what: 'part'; readonly name: PartName }
   | { readonly what: 'schema'; readonly sha256: string };
-
-/** What a lane asks for. `do: 'end'`: nothing more comes, for that reason, in the codes of the close table (wire/SPEC.md). */
-export type LaneAction =
-  /** Get this, below the address of the robot's past. An earlier request that is still open is given up. */
-  | { readonly do: 'ask'; readonly path: string }
-  /** Get this beside it. An earlier one is given up. */
-  | { readonly do: 'look'; readonly path: string }
-  | { readonly do: 'post'; readonly message: FromStream }
-  /** The relay has answered: the stream is open. */
-  | { readonly do: 'open' }
-  | { readonly do: 'end'; readonly code: number; readonly reason: string };
 
 interface Waiting {
   readonly segment: Segment;
@@ -64,13 +53,14 @@ interface Waiting {
 
 export interface LaneSettings {
   readonly robot: string;
-  /** null: as the relay says. */
-  readonly view: string | null;
+  readonly view: string | null; // null: as the relay says
   readonly hz: number;
   readonly isVisible: boolean;
   readonly before: KnownBefore;
   /** In [0, 1). */
   readonly random: () => number;
+  /** Of the lane before this one, if there was one. */
+  readonly back?: LookBack;
 }
 
 /**
@@ -103,39 +93,36 @@ export class Lane {
   #waiting: Waiting[] = [];
   #last: PartName | null = null;
   #wasToldNotYet = false;
-  /** What is looked for beside; null: nothing. */
-  #missed: MissedEvents | null = null;
-  #lookedMs = Number.NEGATIVE_INFINITY;
+  /** What is looked for beside. */
+  readonly #back: LookBack;
   #isOpen = false;
   #isOver = false;
   #toldBehindMs = Number.NaN;
   #toldPaceMs = Number.NEGATIVE_INFINITY;
   #actions: LaneAction[] = [];
-  readonly #lookBack = (missing: Missing, nowMs: number): boolean => {
-    if (nowMs - this.#lookedMs < LOOK_EVERY_MS) return false;
-    this.#lookedMs = nowMs;
-    this.#missed = new MissedEvents(missing, nowMs);
-    this.#look(this.#missed);
-    return true;
-  };
 
   constructor(settings: LaneSettings) {
-    const { view, isVisible, before } = settings;
+    const { view, isVisible, before, back, random } = settings;
     this.#settings = settings;
     this.#view = view;
+    this.#back = back ?? new LookBack(random);
     const post = (message: FromStream) => this.#post(message);
-    this.#player = new PartPlayer(this.#clock, isVisible, before, post, this.#lookBack);
+    this.#player = new PartPlayer(this.#clock, isVisible, before, post, (missing, nowMs) => {
+      this.#post({ kind: 'earlier', events: [], isAll: false });
+      return this.#back.begin(missing, nowMs);
+    });
   }
 
   start(nowMs: number): LaneAction[] {
     this.#heardMs = nowMs;
+    this.#back.resume(nowMs);
     return this.tick(nowMs);
   }
 
   /** When `tick` is to be called at the latest. */
   get nextMs(): number {
     const asksMs = this.#askedMs === null ? this.#dueMs : this.#askedMs + ANSWER_LIMIT_MS;
-    return Math.min(this.#player.nextMs, asksMs, this.#missed?.deadlineMs ?? Number.POSITIVE_INFINITY);
+    return Math.min(this.#player.nextMs, asksMs, this.#back.nextMs);
   }
 
   /** Plays what is due, and asks for what is due. */
@@ -143,10 +130,11 @@ export class Lane {
     if (this.#isOver) return this.#take();
     if (this.#askedMs !== null && nowMs - this.#askedMs >= ANSWER_LIMIT_MS)
       this.#fail(nowMs, null, 'no answer');
-    if (this.#missed !== null && nowMs >= this.#missed.deadlineMs) this.#lookOn(null);
+    if (nowMs >= this.#back.heldMs) this.#letGo(this.#back.letGo());
     this.#clock.slew(nowMs);
     this.#play(nowMs);
     this.#ask(nowMs);
+    this.#look(nowMs);
     return this.#take();
   }
 
@@ -177,9 +165,11 @@ export class Lane {
     return this.tick(nowMs);
   }
 
-  /** What was looked for beside has come; null: it can't be had. */
+  /** What was looked for beside has come; null: it failed on its way. */
   looked(nowMs: number, answer: LaneAnswer | null): LaneAction[] {
-    if (!this.#isOver && this.#missed !== null) this.#lookOn(answer);
+    const found = this.#isOver ? null : this.#back.take(nowMs, answer);
+    if (found !== null) this.#tellFound(found);
+    else if (!this.#isOver) this.#letGo(this.#back.letGo());
     return this.tick(nowMs);
   }
 
@@ -214,16 +204,25 @@ export class Lane {
     this.#tellBehind();
   }
 
-  #look({ page }: MissedEvents): void {
-    this.#actions.push({ do: 'look', path: `/${this.#view}/${page}` });
+  #look(nowMs: number): void {
+    if (this.#isOver || !this.#isOpen) return;
+    const page = this.#back.ask(nowMs);
+    if (page !== null) this.#actions.push({ do: 'look', path: `/${this.#view}/${page}` });
   }
 
-  #lookOn(answer: LaneAnswer | null): void {
-    const missed = this.#missed!;
-    missed.add(answer);
-    this.#missed = missed.page === null ? null : missed;
-    if (this.#missed !== null) this.#look(missed);
-    else this.#player.tellMissed((open) => missed.listWith(open));
+  /** Tells what was found: in its turn, where newer events have waited for it. */
+  #tellFound(found: MissedEvents): void {
+    const isAll = found.page === null;
+    const isInTurn = Number.isFinite(this.#back.heldMs);
+    if (isInTurn && isAll) {
+      this.#back.letGo();
+      this.#letGo(found);
+    }
+    this.#post({ kind: 'earlier', events: isInTurn ? [] : found.found, isAll });
+  }
+
+  #letGo(found: MissedEvents | null): void {
+    this.#player.tellMissed((open) => found?.listWith(open) ?? []);
   }
 
   #tellBehind(): void {
@@ -303,7 +302,8 @@ export class Lane {
     }
     this.#recover(nowMs);
     this.#pace.recordPart();
-    const wasHeld = this.#wasToldNotYet || tookMs > HELD_MS + this.#wayMs;
+    // who joins is told a part that is there, however long a busy device takes over it
+    const wasHeld = this.#last !== null && (this.#wasToldNotYet || tookMs > HELD_MS + this.#wayMs);
     this.#wasToldNotYet = false;
     const agoMs = answer.dateMs === null ? null : answer.dateMs - segment.toMs - this.#delayMs;
     this.#waiting.unshift({ segment, wasHeld, agoMs, atMs: nowMs });

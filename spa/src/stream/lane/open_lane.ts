@@ -1,13 +1,18 @@
 import type { LaneHandlers, OpenLane } from '../lane_port.ts';
 import type { LaneAnswer } from './answers.ts';
-import { Lane, type LaneAction } from './lane.ts';
+import { Lane } from './lane.ts';
+import type { LaneAction } from './lane_action.ts';
 import { type LaneAddress, readLaneAddress } from './lane_address.ts';
+import { LookBack } from './missed/look_back.ts';
 
 /** The longest answer is a segment: a MiB each of header and records, and a little. */
 const BYTES_MAX = 3_000_000;
 /** At the latest then it is looked whether something is due: statuses are told twice a second. */
 const TICK_MS = 250;
 const LEAST_WAIT_MS = 1;
+
+/** What a lane has not found, the next one looks for: a worker reads one robot. */
+const back = new LookBack(Math.random);
 
 /** Reads a robot in parts. `url`: see `Action`. No token is sent, nor any header of our own, which would cost other origins a
  *  question before each request. Has the same face as that of `sse.ts`. */
@@ -21,7 +26,7 @@ export function openEventStream(url: string, _token: unknown, handlers: LaneHand
 
 function openLane({ pastUrl, robot, view }: LaneAddress, handlers: LaneHandlers): OpenLane {
   const { nowMs, hz, isVisible, before } = handlers;
-  const lane = new Lane({ robot, view, hz, isVisible, before, random: Math.random });
+  const lane = new Lane({ robot, view, hz, isVisible, before, random: Math.random, back });
   let request = new AbortController();
   let beside = new AbortController();
   let timer: ReturnType<typeof setTimeout> | undefined;

@@ -1,6 +1,6 @@
 // @vitest-environment happy-dom
 import { expect, test, vi } from 'vitest';
-import type { BundleFile, Download } from '../../model/bundle.ts';
+import type { BundleFile } from '../../model/bundle.ts';
 import { factsOf } from '../../model/mesh_facts.ts';
 import {
   asciiStl,
@@ -13,6 +13,7 @@ import {
 } from '../../urdf/meshes/mesh_samples.ts';
 import { MeshError } from '../../urdf/meshes/stl.ts';
 import { MeshLoader, meshKind } from './mesh_loader.ts';
+import type { Download } from './raw_bundle.ts';
 
 const text = (words: string) => new TextEncoder().encode(words.padEnd(200));
 

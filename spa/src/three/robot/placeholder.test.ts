@@ -1,7 +1,8 @@
 import { Color, type LineBasicMaterial } from 'three';
 import { expect, test } from 'vitest';
-import { parseManifest, readRawManifest } from '../../model/bundle.ts';
+import { parseManifest } from '../../model/bundle.ts';
 import { hatchedBox, Placeholders, whyAbsent } from './placeholder.ts';
+import { readRawManifest } from './raw_bundle.ts';
 
 test('a mesh is absent when the edge says so, or when the bundle does not have it', () => {
   const files = [

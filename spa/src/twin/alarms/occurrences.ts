@@ -26,7 +26,12 @@ export class Occurrences {
   /** Notes that an event says `key` rose at `atMs` (relay's clock). `nowMs`: the page's clock. */
   addEvent(key: string, atMs: number, nowMs: number): void {
     const kept = this.#of(key);
-    if (atMs <= kept.eventMs) return; // told again
+    if (atMs <= kept.eventMs) {
+      // told again, or late
+      const i = kept.risesMs.findIndex((ms) => ms >= atMs);
+      if (kept.risesMs[i] !== atMs && kept.risesMs.length < TIMES_LIMIT) kept.risesMs.splice(i, 0, atMs);
+      return;
+    }
     kept.eventMs = atMs;
     // The frame was here before its event, which knows better when it was.
     if (!kept.byEvent && nowMs - kept.toldMs < SAME_MS) kept.risesMs.pop();

@@ -29,7 +29,8 @@ export function Alarms({ link }: { link: RobotLink }) {
   const { twin } = link;
   useVersion(link);
   const text = useMore();
-  const faults = useFaults(link.faults) ?? [];
+  const known = useFaults(link.faults);
+  const faults = known ?? [];
   const subscribe = useCallback((listener: () => void) => onOwnAlarms(twin, listener), [twin]);
   const crossings = useSyncExternalStore(subscribe, () => ownAlarms(twin));
   const { events, schema } = twin;
@@ -51,7 +52,7 @@ export function Alarms({ link }: { link: RobotLink }) {
     ...{ atMs, source, state },
   }));
   const all = [...told, ...seen].toReversed().sort((a, b) => (b.atMs ?? 0) - (a.atMs ?? 0));
-  if (all.length === 0 && faults.length === 0) return <p className="note">{text.nothingHappened}</p>;
+  if (all.length === 0 && faults.length === 0) return known && <p className="note">{text.nothingHappened}</p>;
   return (
     <>
       <OpenFaults link={link} faults={faults} />

@@ -34,7 +34,7 @@ export function FaultLine({ link, onMore }: { link: RobotLink; onMore: () => voi
       </div>
     );
   const { log } = link.faults;
-  const nowMs = link.nowMs();
+  const nowMs = link.faults.nowMs();
   const told = sentences?.faultSentence(link.twin, log, first, nowMs);
   const said = told?.said ?? `${isolated(first.source)} ${faultWords(first)}`;
   const rest = [

@@ -44,7 +44,7 @@ export function OpenFaults({ link, faults }: { link: RobotLink; faults: readonly
 
 function Told({ link, fault }: { link: RobotLink; fault: Fault }) {
   const { log } = link.faults;
-  const nowMs = link.nowMs();
+  const nowMs = link.faults.nowMs();
   const { said, code, bit } = faultSentence(link.twin, log, fault, nowMs);
   const times = timesWords(log, fault, nowMs);
   return (

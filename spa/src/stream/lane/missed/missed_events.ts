@@ -1,13 +1,11 @@
 import { type EventMessage, parseRelayMessage } from '@posecast/wire';
-import { fieldsOf, type LaneAnswer, membersOf } from './answers.ts';
+import { fieldsOf, type LaneAnswer, membersOf } from '../answers.ts';
 
 /** As many as a socket tells who joins. */
 const EVENTS_MAX = 100;
 /** The ten minutes of the first part that is here, and those before. */
 const PAGES_MAX = 2;
 const PAGE_MS = 600_000;
-/** Nobody waits longer for what the index says. */
-const LOOK_LIMIT_MS = 5000;
 const EVENT_CHARS_MAX = 5000; // the wire allows 4096 bytes
 
 /** What a part that does not follow the one before says about the events that are missing. */
@@ -23,15 +21,21 @@ export interface Missing {
  *  asks for, newest first, as long as events are missing. */
 export class MissedEvents {
   readonly #missing: Missing;
-  /** When what is known by then is told. */
-  readonly deadlineMs: number;
   #pages = 0;
   /** Newest first, their numbers fall. */
   readonly #found: EventMessage[] = [];
 
-  constructor(missing: Missing, nowMs: number) {
+  constructor(missing: Missing) {
     this.#missing = missing;
-    this.deadlineMs = nowMs + LOOK_LIMIT_MS;
+  }
+
+  get toldN(): number {
+    return this.#missing.toldN;
+  }
+
+  /** Oldest first. */
+  get found(): EventMessage[] {
+    return this.#found.toReversed();
   }
 
   /** The ten minutes whose index is to be read next, as in an address; null: there is nothing more to be found. */
@@ -43,10 +47,10 @@ export class MissedEvents {
     return `${new Date(pageMs).toISOString().slice(0, 16)}Z`;
   }
 
-  /** Takes the index of `page`; null: it can't be had, and no other is looked for. What is not as it should be is passed over. */
-  add(answer: LaneAnswer | null): void {
-    this.#pages = answer?.status === 200 ? this.#pages + 1 : PAGES_MAX;
-    if (answer?.status !== 200) return;
+  /** Takes the index of `page`. Where that is refused no other is looked for. What is not as it should be is passed over. */
+  add(answer: LaneAnswer): void {
+    this.#pages = answer.status === 200 ? this.#pages + 1 : PAGES_MAX;
+    if (answer.status !== 200) return;
     const { fromMs, eventN, toldN } = this.#missing;
     // takes of two relays are mixed in it, and the count may have begun anew
     const told = listEvents(answer)
