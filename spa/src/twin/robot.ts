@@ -186,7 +186,7 @@ export class RobotTwin {
 
   /** Adds events of before, among those of the same count that are known. `isAll`: see `hasAllEvents`. */
   acceptEarlier(earlier: readonly EventMessage[], isAll: boolean): void {
-    // ends that somebody told because nobody had (`stream/lane/missed/`) give way to the true ones
+    // ends that somebody told because nobody had (`stream/handover/missed_ends.ts`) give way to the true ones
     const known = this.events.filter(({ n }) => earlier.length === 0 || Number.isInteger(n));
     const byN = new Map([...earlier, ...known].map((event) => [event.n, event]));
     this.events = [...byN.values()].sort((a, b) => a.n - b.n).slice(-EVENT_LIMIT);

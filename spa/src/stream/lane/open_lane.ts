@@ -3,7 +3,7 @@ import type { LaneAnswer } from './answers.ts';
 import { Lane } from './lane.ts';
 import type { LaneAction } from './lane_action.ts';
 import { type LaneAddress, readLaneAddress } from './lane_address.ts';
-import { LookBack } from './missed/look_back.ts';
+import { LookBack } from './look_back.ts';
 
 /** The longest answer is a segment: a MiB each of header and records, and a little. */
 const BYTES_MAX = 3_000_000;

@@ -29,8 +29,7 @@ export function Alarms({ link }: { link: RobotLink }) {
   const { twin } = link;
   useVersion(link);
   const text = useMore();
-  const known = useFaults(link.faults);
-  const faults = known ?? [];
+  const faults = useFaults(link.faults) ?? [];
   const subscribe = useCallback((listener: () => void) => onOwnAlarms(twin, listener), [twin]);
   const crossings = useSyncExternalStore(subscribe, () => ownAlarms(twin));
   const { events, schema } = twin;
@@ -52,7 +51,8 @@ export function Alarms({ link }: { link: RobotLink }) {
     ...{ atMs, source, state },
   }));
   const all = [...told, ...seen].toReversed().sort((a, b) => (b.atMs ?? 0) - (a.atMs ?? 0));
-  if (all.length === 0 && faults.length === 0) return known && <p className="note">{text.nothingHappened}</p>;
+  if (all.length === 0 && faults.length === 0)
+    return twin.hasAllEvents && <p className="note">{text.nothingHappened}</p>;
   return (
     <>
       <OpenFaults link={link} faults={faults} />

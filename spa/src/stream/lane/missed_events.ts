@@ -1,5 +1,5 @@
 import { type EventMessage, parseRelayMessage } from '@posecast/wire';
-import { fieldsOf, type LaneAnswer, membersOf } from '../answers.ts';
+import { fieldsOf, type LaneAnswer, membersOf } from './answers.ts';
 
 /** As many as a socket tells who joins. */
 const EVENTS_MAX = 100;

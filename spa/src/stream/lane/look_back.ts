@@ -1,4 +1,4 @@
-import type { LaneAnswer } from '../answers.ts';
+import type { LaneAnswer } from './answers.ts';
 import { MissedEvents, type Missing } from './missed_events.ts';
 
 /** Newer events wait so long for those before them; what is found later is told all the same. */

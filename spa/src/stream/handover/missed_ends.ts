@@ -1,5 +1,5 @@
 import type { EventMessage } from '@posecast/wire';
-import { causeOf, FAULTS_MAX } from '../../handover/told_faults.ts';
+import { causeOf, FAULTS_MAX } from './told_faults.ts';
 
 const N_STEP = 2 ** -20;
 
