@@ -631,12 +631,14 @@ async def test_nobody_hears_of_a_blackout_while_one_is_held_for_what_follows_it(
         held = lambda: len(cache.origin.asked) > max(before, len(cache.origin.answered))  # noqa: E731
         await until_true("one is held", held)
         take, index = follower.got[-1]
-        other = await cache.connect().ask(f"{ROBOT}/past/public/{take}/{index + 1}")
+        other = cache.connect()
+        await other.send(f"{ROBOT}/past/public/{take}/{index + 1}")
     finally:
         world.set_blackout(False)
         world.edge.process.send_signal(signal.SIGCONT)
         following.cancel()
-    assert other.status in {200, 204}
+    # the robot is back before the hold is over: by then all of the past may have left the window, which is a 404, too
+    assert (await other.receive()).status in {200, 204}
 
 
 async def test_a_range_is_not_answered_with_a_part(cache: Cache) -> None:
