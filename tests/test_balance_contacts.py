@@ -1,5 +1,5 @@
-"""The page's centre of pressure and support polygon beside MuJoCo's contacts, for a humanoid that stands, leans and
-walks. `make test-full` runs it; by itself: `pytest -s -m full tests/test_balance_contacts.py`."""
+"""The page's centre of pressure and support polygon beside MuJoCo's contacts, for a humanoid that stands,
+leans and walks. `make test-full` runs it; by itself: `pytest -s -m full tests/test_balance_contacts.py`."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ from tests.balance.page import build_fine_schema, encode_values, read_balance
 pytestmark = pytest.mark.full
 
 CLOSE_M = 0.005
-# The part of the weight from which on the centre of pressure of one foot is compared: what is below its sensor (0.25 kg
-# here) also weighs, and is thrown about at the landing, so that one with less is up to 8 mm off.
+# The part of the weight from which on the centre of pressure of one foot is compared: what is below its
+# sensor (0.25 kg here) also weighs, and is thrown about at the landing, so that one with less is up to 8 mm
+# off.
 LOADED = 1 / 3
 
 
@@ -70,10 +71,8 @@ def note(worst: dict[str, float], compared: dict[str, int], what: str, metres: f
 def compare_hulls(polygon: Any, points: Any) -> float:
     """How far, at most, a corner of either hull is from the other's edges, m. SciPy's is Qhull."""
     hull = points[ConvexHull(points).vertices]
-    return max(
-        max(distance_to_outline(corner, hull) for corner in polygon),
-        max(distance_to_outline(corner, polygon) for corner in hull),
-    )
+    off = [distance_to_outline(corner, hull) for corner in polygon]
+    return max(off + [distance_to_outline(corner, polygon) for corner in hull])
 
 
 def distance_to_outline(point: Any, polygon: Any) -> float:

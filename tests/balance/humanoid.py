@@ -22,16 +22,16 @@ SAMPLE_S = 0.02
 def _leg(side: str, y: float) -> str:
     return f"""
     <body name="{side}_hip" pos="0 {y} -0.05"><joint name="{side}_hip_roll" axis="1 0 0"/>
-      <inertial mass="0.8" pos="0 0 -0.02" 
+      <inertial mass="0.8" pos="0 0 -0.02"
       diaginertia=".002 .002 .002"/>
      <body name="{side}_thigh" pos="0 0 0"><joint name="{side}_hip_pitch" axis="0 1 0"/>
-      <inertial mass="3.2" pos="0.01 0 -0.17" 
+      <inertial mass="3.2" pos="0.01 0 -0.17"
       diaginertia=".04 .04 .006"/>
       <body name="{side}_shin" pos="0 0 -{THIGH_M}"><joint name="{side}_knee" axis="0 1 0"/>
-      <inertial mass="2.1" pos="0 0 -0.16" 
+      <inertial mass="2.1" pos="0 0 -0.16"
       diaginertia=".03 .03 .004"/>
        <body name="{side}_ankle" pos="0 0 -{SHIN_M}"><joint name="{side}_ankle_pitch" axis="0 1 0"/>
-      <inertial mass="0.4" pos="0 0 0" 
+      <inertial mass="0.4" pos="0 0 0"
       diaginertia=".001 .001 .001"/>
         <body name="{side}_foot" pos="0 0 0"><joint name="{side}_ankle_roll" axis="1 0 0"/>
          <inertial mass="0.25" pos="0.03 0 -0.03" diaginertia=".001 .001 .001"/>
@@ -113,8 +113,8 @@ def make_sensors(model: Any) -> Document:
 def bend(
     shift: float, right: float, left: float, ahead: tuple[float, float], lean: float
 ) -> dict[str, float]:
-    """Joints for a trunk that is `shift` m to the left of the middle, with feet lifted by `right` and `left` m
-    and put `ahead` m; `lean` is how far the ankles lean ahead, rad."""
+    """Joints for a trunk that is `shift` m to the left of the middle, with feet lifted by `right` and
+    `left` m and put `ahead` m; `lean` is how far the ankles lean ahead, rad."""
     joints = {}
     for s, lift, x in (("r", right, ahead[0]), ("l", left, ahead[1])):
         height = THIGH_M + SHIN_M - 0.03 - lift
