@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 import trimesh
-from demo_balance import Balance, margin
-from demo_stage import Floats, Minute
+from demo_balance import Balance, margin, pressure
+from demo_stage import Minute
 
 WEIGHT_N = 42.0 * 9.81
 SLOW = ("standing", "waving", "bowing", "reaching", "knee test", "homing fingers", "leaning")
@@ -27,11 +27,6 @@ def balance(minute: Minute, bundle: Path) -> Balance:
 def during(minute: Minute, *modes: str) -> npt.NDArray[np.bool_]:
     mode = [minute.motion.make_sample(k).info["mode"] for k in range(minute.motion.samples)]
     return np.isin(mode, modes)
-
-
-def pressure(force: Floats, moment: Floats) -> Floats:
-    """Where on the floor a wrench has no moment but about the vertical."""
-    return np.stack([-moment[:, 1], moment[:, 0]], axis=1) / force[:, 2:]
 
 
 def test_every_link_weighs_something_that_can_be(balance: Balance, bundle: Path) -> None:
