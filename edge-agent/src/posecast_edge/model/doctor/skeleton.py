@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 
 from posecast_wire.mapping import Mapping as Meaning
 
+from posecast_edge.model.doctor.masses import examine_masses
 from posecast_edge.model.doctor.meshes import MeshFacts, examine_meshes
 from posecast_edge.model.finding import Finding, quote_name, sort_by_severity
 from posecast_edge.model.kinematics import list_variables
@@ -35,6 +36,7 @@ def examine_model(
         found += _link(link)
     found += _materials(urdf)
     found += _mentions(urdf)
+    found += examine_masses(tree, facts)
     found += examine_meshes(urdf, tree, facts)
     if meaning is not None:
         found += _profile(urdf, meaning)
@@ -115,17 +117,6 @@ def _link(link: Link) -> Iterator[Finding]:
         yield from _origin(
             f"link {quote_name(link.name)}, visual", shape.pose.xyz, shape.pose.rpy, shape.line
         )
-    inertial = link.inertial
-    if inertial is not None:
-        ixx, ixy, ixz, iyy, iyz, izz = inertial.inertia
-        if inertial.mass < 0:
-            text = f"link {quote_name(link.name)}: a mass of {inertial.mass:g} kg"
-            yield Finding("warning", "mass-negative", text, inertial.line)
-        elif (
-            min(ixx, iyy, izz) < 0 or ixx * iyy < ixy * ixy or ixx * izz < ixz * ixz or iyy * izz < iyz * iyz
-        ):
-            text = f"link {quote_name(link.name)}: no body has such an inertia; simulators refuse it"
-            yield Finding("hint", "inertia", text, inertial.line)
 
 
 def _materials(urdf: Urdf) -> Iterator[Finding]:
