@@ -13,6 +13,7 @@ import pytest
 import trimesh
 from demo_balance import Balance, margin, pressure
 from demo_stage import Minute
+from model_stage import build_robot
 
 WEIGHT_N = 42.0 * 9.81
 SLOW = ("standing", "waving", "bowing", "reaching", "knee test", "homing fingers", "leaning")
@@ -67,6 +68,19 @@ def test_a_shell_filled_evenly_has_that_inertia(balance: Balance, bundle: Path) 
         about -= inertia.mass_kg * (c @ c * np.eye(3) - np.outer(c, c))
         assert inertia.centre == pytest.approx(c, abs=2e-5)
         assert inertia.about_centre == pytest.approx(about, rel=0.01, abs=1e-7 * inertia.mass_kg)
+
+
+def test_the_built_model_has_these_masses_and_two_soles(balance: Balance, bundle: Path) -> None:
+    built = build_robot(bundle / "robot.urdf").document
+    links = built["links"]
+    assert [links[i["link"]] for i in built["inertials"]] == links
+    assert sum(i["mass_kg"] for i in built["inertials"]) == pytest.approx(42)
+    assert "findings" not in built
+    assert {links[sole["link"]] for sole in built["soles"]} == {"Body_LAR", "Body_RAR"}
+    for sole in built["soles"]:
+        outline = np.array(sole["points"])
+        away = [margin(balance.sole[:, :2], corner) for corner in outline[:, :2]]
+        assert max(map(abs, away)) < 0.001, "corners of the shell's own outline"
 
 
 def test_the_feet_carry_the_weight_in_every_slow_scene(balance: Balance) -> None:
