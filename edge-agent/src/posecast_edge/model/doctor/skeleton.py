@@ -157,6 +157,12 @@ def _profile(urdf: Urdf, meaning: Meaning) -> Iterator[Finding]:
             link = quote_name(mount.link)
             text = f"the profile mounts sensor {quote_name(site)} on link {link}, which there is not"
             yield Finding("warning", "profile-sensor", text)
+    for foot in dict.fromkeys((*(meaning.balance.feet or ()), *meaning.balance.soles)):
+        if foot not in meaning.sensors and foot not in links:
+            text = (
+                f"the profile's [balance] names foot {quote_name(foot)}, which is neither a sensor nor a link"
+            )
+            yield Finding("warning", "profile-foot", text)
     known = {name for joint in urdf.joints for name in _variables(joint)}
     gone = [name for name in meaning.joints if name not in known and name not in joints]
     if gone:  # in one line: with another robot's profile it is all of them
