@@ -14,8 +14,8 @@ from posecast_wire import Schema, compute_joint_values
 from posecast_wire.mapping import JOINT, Xyz
 from posecast_wire.schema import MISSING, Field
 
-from posecast_relay.export.model_tree import VARIABLES, Box, ModelTree, Quat, TreeJoint
-from posecast_relay.export.rotation import (
+from posecast_relay.kinematics.model_tree import VARIABLES, Box, ModelTree, Quat, TreeJoint
+from posecast_relay.kinematics.rotation import (
     SHORTEST,
     UPRIGHT,
     invert_quat,
