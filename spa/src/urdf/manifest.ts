@@ -80,6 +80,8 @@ export function modelOf(urdf: Urdf, canBeDrawn: (uri: string) => boolean = () =>
       thumbnail: null,
       missing: [],
       findings: [],
+      inertials: null,
+      soles: null,
     },
     shapes,
     problems: found.map(({ text }) => text),

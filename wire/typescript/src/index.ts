@@ -15,6 +15,8 @@ export {
   WIRE_VERSION,
 } from './frame.ts';
 export {
+  type BalanceRule,
+  type Ground,
   JOINT,
   type JointMap,
   JointMapping,
