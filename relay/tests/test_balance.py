@@ -192,8 +192,9 @@ def test_one_sensor_on_a_sole_is_no_two_feet() -> None:
 
 
 def test_a_foot_without_a_reading_leaves_no_polygon() -> None:
-    for lost in ("RF_fz", "RF_fx"):
-        found = Standing().read(**{lost: None})
+    losses: list[dict[str, Any]] = [{"RF_fz": None}, {"RF_fx": None}]
+    for lost in losses:
+        found = Standing().read(**lost)
         assert (found.polygon, found.floor_m, found.pressure, found.margin_m) == ((), None, None, None)
         assert [foot.bears for foot in found.feet] == [None, True]
         assert (found.feet[0].force_n, found.feet[0].pressure) == (None, None)
@@ -327,6 +328,7 @@ def broken(member: str, i: int, **changes: Any) -> bytes:
         (broken("inertials", 0, mass_kg="5"), "inertials[0].mass_kg: no number"),
         (broken("inertials", 0, xyz=[0, 1]), "inertials[0].xyz: not 3 numbers"),
         (broken("soles", 1, link=2), "soles[1]: its link does not come after the one before"),
+        (json.dumps(make_manifest(soles=[{}] * 65)).encode(), "soles: 65 are too many"),
         (broken("soles", 0, points=SOLE[:2]), "soles[0].points: fewer than 3"),
         (broken("soles", 0, points=SOLE * 5), "soles[0].points: 20 are too many"),
         (broken("soles", 0, points=[[0, 0, None]] * 3), "soles[0].points[0]: no number"),

@@ -9,7 +9,7 @@ from posecast_wire import Schema
 from posecast_wire.mapping import Xyz
 
 from posecast_relay.balance.balance import Balance, BalanceGap, BalanceGaps, FootBalance
-from posecast_relay.balance.feet import choose_feet
+from posecast_relay.balance.feet import FootChoice, choose_feet
 from posecast_relay.balance.foot_pose import FootPose, is_near, pose_foot
 from posecast_relay.balance.model import BalanceModel
 from posecast_relay.balance.polygon import find_hull, find_nearest_edge
@@ -31,9 +31,10 @@ class BalanceCourse:
     Takes time proportional to the model's links, and to n log n of the n corners of its feet.
     """
 
-    def __init__(self, model: BalanceModel, schema: Schema) -> None:
+    def __init__(self, model: BalanceModel, schema: Schema, choice: FootChoice | None = None) -> None:
+        """`choice`: the feet, where they have been chosen already."""
         self._model = model
-        self._choice = choose_feet(model, schema)
+        self._choice = choose_feet(model, schema) if choice is None else choice
         self._weight_n = model.mass_kg * GRAVITY or UNKNOWN_WEIGHT_N
         self._bore: set[str] = set()
         self._velocity = VelocityFilter()
@@ -44,9 +45,9 @@ class BalanceCourse:
         return not self._model.inertials and not self._choice.feet
 
     @property
-    def feet(self) -> int:
-        """How many feet there are."""
-        return len(self._choice.feet)
+    def feet(self) -> tuple[str, ...]:
+        """The feet's names."""
+        return tuple(foot.name for foot in self._choice.feet)
 
     def read(self, codes: Sequence[int], poses: Sequence[LinkPose], t_s: float) -> Balance:
         """The balance of a frame: its codes, world_from_link of each link, and the robot's time, seconds."""

@@ -22,6 +22,7 @@ from posecast_relay.kinematics.manifest_values import (
 )
 from posecast_relay.kinematics.model_tree import ModelTree, load_manifest, make_model_tree
 
+SOLES_MAX = 64
 CORNERS_MAX = 16  # of a sole
 IMPOSSIBLE = ("mass", "inertia")  # how the codes of findings begin that masses which can't be lead to
 
@@ -96,8 +97,8 @@ def read_balance_model(manifest: bytes | bytearray) -> BalanceModel:
     doc = load_manifest(manifest)
     tree = make_model_tree(doc)
     try:
-        inertials = _read_by_link(doc, "inertials", len(tree.links), _read_mass)
-        soles = _read_by_link(doc, "soles", len(tree.links), _read_sole)
+        inertials = _read_by_link(doc, "inertials", len(tree.links), len(tree.links), _read_mass)
+        soles = _read_by_link(doc, "soles", SOLES_MAX, len(tree.links), _read_sole)
         return BalanceModel(tree, inertials, soles, not inertials and _has_impossible(doc.get("findings")))
     except ModelTreeError as e:
         return BalanceModel(tree, (), (), why=str(e))
@@ -106,6 +107,7 @@ def read_balance_model(manifest: bytes | bytearray) -> BalanceModel:
 def _read_by_link(
     doc: Mapping[str, object],
     member: str,
+    most: int,
     links: int,
     read: Callable[[Mapping[str, object], int, str], T],
 ) -> tuple[T, ...] | None:
@@ -114,7 +116,7 @@ def _read_by_link(
         return None
     found: list[T] = []
     before = -1
-    for i, each in enumerate(check_list(doc[member], member, links)):
+    for i, each in enumerate(check_list(doc[member], member, most)):
         where = f"{member}[{i}]"
         entry = check_table(each, where)
         link = entry.get("link")
