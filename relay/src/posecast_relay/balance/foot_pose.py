@@ -12,6 +12,7 @@ from posecast_relay.balance.balance import FootBalance
 from posecast_relay.balance.feet import Foot
 from posecast_relay.balance.sole import compute_pressure
 from posecast_relay.kinematics.link_poses import LinkPose, place_point
+from posecast_relay.kinematics.model_tree import Quat
 from posecast_relay.kinematics.rotation import rotate_vector
 from posecast_relay.kinematics.vector import dot
 
@@ -19,8 +20,8 @@ REACH_M = 1e9  # points beyond are no points of a robot
 
 
 class FootPose(NamedTuple):
-    """A foot in the world, metres. `lowest_m`: height of its lowest corner; `centre`: of its sole; `heading`:
-    how the sole is turned about the vertical, a unit vector on the floor; `force_n`: the size of the force
+    """A foot in the world, metres. `lowest_m`: height of its lowest corner; `centre`: of its sole; `turn`: of
+    the link that has it, world_from_link; `force_n`: the size of the force
     along the sole's normal, None where it is not measured or has no reading; `pressure`: where in the sole's
     plane it acts, likewise; `at_edge`: whether that is on the sole's edge."""
 
@@ -28,7 +29,7 @@ class FootPose(NamedTuple):
     corners: tuple[Xyz, ...]
     lowest_m: float
     centre: Xyz
-    heading: tuple[float, float]
+    turn: Quat
     force_n: float | None
     pressure: Xyz | None
     at_edge: bool
@@ -47,16 +48,13 @@ def pose_foot(foot: Foot, codes: Sequence[int], poses: Sequence[LinkPose]) -> Fo
     corners = tuple(place_point(world_from_sole, corner) for corner in sole.corners)
     heights = [corner[2] for corner in corners]
     lowest_m = min(heights) if all(map(is_near, corners)) else math.nan
-    x, y, _ = rotate_vector(world_from_sole.quat, sole.across)
-    length = math.hypot(x, y)
-    heading = (x / length, y / length) if 0 < length < math.inf else (1.0, 0.0)
     force_n, pressure = _read_push(foot, codes)
     return FootPose(
         foot,
         corners,
         lowest_m,
         place_point(world_from_sole, sole.centre),
-        heading,
+        world_from_sole.quat,
         force_n,
         None if pressure is None else place_point(world_from_sole, pressure),
         pressure is not None and sole.is_at_edge(pressure),

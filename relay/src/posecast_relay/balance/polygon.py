@@ -8,6 +8,10 @@ from typing import NamedTuple
 
 Xy = tuple[float, float]
 
+# Twice the area (m²) that a corner spans with its neighbours at least. Two feet side by side have corners on
+# one line, but for rounding.
+SLIVER_M2 = 1e-9
+
 
 class NearestEdge(NamedTuple):
     """The edge of a polygon that is nearest to a point. `corner`: the index of the corner where it begins;
@@ -51,7 +55,7 @@ def _chain(ordered: Sequence[Xy]) -> list[Xy]:
     for x, y in ordered:
         while len(chain) > 1:
             (ax, ay), (bx, by) = chain[-2:]
-            if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0:
+            if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > SLIVER_M2:
                 break
             chain.pop()
         chain.append((x, y))

@@ -19,12 +19,11 @@ ORIGIN: Xyz = (0.0, 0.0, 0.0)
 
 class SolePlane(NamedTuple):
     """A sole, in the frame of the link that has it, metres. `corners`: a convex polygon, counter-clockwise
-    about `normal` (a unit vector); `centre`: the mean of the corners; `across`: a unit vector in it."""
+    about `normal` (a unit vector); `centre`: the mean of the corners."""
 
     corners: tuple[Xyz, ...]
     normal: Xyz
     centre: Xyz
-    across: Xyz
 
     def is_at_edge(self, point: Xyz) -> bool:
         """Whether a point of the plane (link's frame) is on the edge: at most 5 mm inside, or outside."""
@@ -59,7 +58,7 @@ def make_sole_plane(points: Sequence[Xyz]) -> SolePlane | None:
     for point, arm in zip(points, arms, strict=True):
         flat.setdefault((dot(arm, across), dot(arm, along)), point)
     corners = tuple(flat[each] for each in find_hull(flat))
-    return SolePlane(corners, normal, _find_mean(corners), across)
+    return SolePlane(corners, normal, _find_mean(corners))
 
 
 def compute_pressure(force: Xyz, moment: Xyz, sensor: Xyz, normal: Xyz, origin: Xyz) -> Xyz | None:

@@ -9,6 +9,8 @@ from typing import NamedTuple
 from posecast_wire.mapping import Xyz
 
 from posecast_relay.balance.foot_pose import FootPose
+from posecast_relay.kinematics.model_tree import Quat
+from posecast_relay.kinematics.rotation import invert_quat, multiply_quats
 from posecast_relay.kinematics.vector import subtract
 
 TAU_S = 0.1  # a change is told to 63 % after so long
@@ -64,8 +66,7 @@ def _find_shared(before: Mapping[str, FootPose], now: Mapping[str, FootPose]) ->
 
 def _smooth(velocity: Xyz | None, last: _Taken, now: _Taken, name: str) -> Xyz:
     foot_then, foot_now = last.bearing[name], now.bearing[name]
-    (ax, ay), (bx, by) = foot_then.heading, foot_now.heading
-    cos, sin = ax * bx + ay * by, ax * by - ay * bx  # the turn about the vertical that it seems to have made
+    cos, sin = _find_twist(multiply_quats(foot_now.turn, invert_quat(foot_then.turn)))
     passed_s = now.t_s - last.t_s
     x, y, z = subtract(last.centre, foot_then.centre)
     to_x, to_y, to_z = subtract(now.centre, foot_now.centre)
@@ -81,3 +82,10 @@ def _smooth(velocity: Xyz | None, last: _Taken, now: _Taken, name: str) -> Xyz:
     old = (cos * vx - sin * vy, sin * vx + cos * vy, vz)
     smoothed = [before + share * (to - before) for before, to in zip(old, raw, strict=True)]
     return (smoothed[0], smoothed[1], smoothed[2])
+
+
+def _find_twist(turn: Quat) -> tuple[float, float]:
+    """Cosine and sine of a rotation's part about the vertical."""
+    w, _, _, z = turn
+    length2 = w * w + z * z
+    return ((w * w - z * z) / length2, 2 * w * z / length2) if length2 > 0 else (1.0, 0.0)
