@@ -5,15 +5,18 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import json
-from typing import Any
+import re
+from pathlib import Path
+from typing import Any, get_args
 
 import httpx
 import pytest
+from posecast_relay.balance.balance import BalanceGap
 from posecast_relay.balance.model import BalanceModel, read_balance_model
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.http.balance_models import NoBalance
 from posecast_relay.http.robot_state import StateReader
-from posecast_relay.http.state_balance import LINK_US, ROBOT_US_PER_S
+from posecast_relay.http.state_balance import LINK_US, ROBOT_US_PER_S, US_PER_S
 from posecast_relay.streaming.decode_cache import DecodeCache
 from posecast_wire import Schema
 
@@ -90,13 +93,19 @@ def test_a_robot_without_a_model_or_without_masses_and_feet_has_no_member() -> N
             {"why": {"balance": "impossible-masses"}},
         ),
         (
-            make_model(inertials=7),
+            make_model(inertials=7, soles=[]),
             {"why": {"balance": "bad-model"}, "detail": "inertials: no list"},
         ),
     ],
 )
 def test_where_there_is_none_it_says_why(model: BalanceModel | NoBalance, told: dict[str, Any]) -> None:
     assert read_state(model)["balance"] == told
+
+
+def test_what_of_a_model_can_be_read_counts_and_what_cant_is_told() -> None:
+    found = read_state(make_model(soles=[{}]))["balance"]
+    assert (found["mass_kg"], found["detail"]) == (40.0, "soles[0]: its link is not there")
+    assert found["why"]["support_polygon_m"] == "old-bundle"
 
 
 def test_a_view_has_what_its_own_fields_allow() -> None:
@@ -189,3 +198,21 @@ async def test_a_relay_tells_it_on_request_and_fetches_no_model_before(relays: A
     told = httpx.get(f"{url}/bad/state").json()["balance"]
     assert told == {"why": {"balance": "bad-model"}, "detail": "links: none"}
     assert (whole.asked, bad.asked) == (["manifest"], ["manifest"])
+
+
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "PROTOCOL.md").read_text()
+
+
+def test_the_docs_show_the_members_there_are_and_tell_every_reason() -> None:
+    blocks = re.findall(r"```json\n(.*?)```", PAGE, re.DOTALL)
+    (sample,) = [json.loads(block)["balance"] for block in blocks if '"balance"' in block]
+    found = read_state(make_model())["balance"]
+    assert sample.keys() == found.keys()
+    assert sample["feet"]["RF"].keys() == found["feet"]["RF"].keys()
+    section = PAGE[PAGE.index("### Balance") :]
+    for member in sample:
+        assert f"`{member}`" in section
+    codes = {*get_args(BalanceGap)} - {"first-pose"}
+    for code in codes | {"no-positions", "model-away", "bad-model", "busy"}:
+        assert f"`{code}`" in section, code
+    assert f"{ROBOT_US_PER_S / 1e4:g} % of a core for one robot, {US_PER_S / 1e4:g} % for all" in section

@@ -53,7 +53,7 @@ class BalanceModel:
 
     `inertials`: the links that have a mass; () without any, None where the bundle's builder knew of none;
     `soles` likewise. `has_impossible_masses`: there are some, and they can't be. `why`: what is wrong with
-    what the manifest says of masses and soles, which is then left out.
+    what the manifest says of masses or soles, which is then left out as of such a bundle.
     """
 
     tree: ModelTree
@@ -96,12 +96,19 @@ def read_balance_model(manifest: bytes | bytearray) -> BalanceModel:
     by it; masses and soles that can't be used are left out, and `why` tells."""
     doc = load_manifest(manifest)
     tree = make_model_tree(doc)
+    links = len(tree.links)
+    inertials, wrong_masses = _attempt(lambda: _read_by_link(doc, "inertials", links, links, _read_mass))
+    soles, wrong_soles = _attempt(lambda: _read_by_link(doc, "soles", SOLES_MAX, links, _read_sole))
+    has_impossible = not inertials and _has_impossible(doc.get("findings"))
+    return BalanceModel(tree, inertials, soles, has_impossible, wrong_masses or wrong_soles)
+
+
+def _attempt(read: Callable[[], tuple[T, ...] | None]) -> tuple[tuple[T, ...] | None, str | None]:
+    """What is read; or nothing, as of a bundle without it, and why: building it again is what helps."""
     try:
-        inertials = _read_by_link(doc, "inertials", len(tree.links), len(tree.links), _read_mass)
-        soles = _read_by_link(doc, "soles", SOLES_MAX, len(tree.links), _read_sole)
-        return BalanceModel(tree, inertials, soles, not inertials and _has_impossible(doc.get("findings")))
+        return read(), None
     except ModelTreeError as e:
-        return BalanceModel(tree, (), (), why=str(e))
+        return None, str(e)
 
 
 def _read_by_link(
@@ -133,6 +140,7 @@ def _read_mass(entry: Mapping[str, object], link: int, where: str) -> LinkMass:
     mass_kg = check_number(entry.get("mass_kg"), f"{where}.mass_kg")
     if not mass_kg > 0:
         fail(f"{where}.mass_kg", "no number above 0")
+    check_numbers(entry.get("inertia"), 6, f"{where}.inertia")
     return LinkMass(link, mass_kg, make_xyz(check_numbers(entry.get("xyz"), 3, f"{where}.xyz")))
 
 

@@ -41,8 +41,6 @@ class StateBalance:
         """
         if isinstance(model, NoBalance):
             return _tell_none(model.code, model.detail)
-        if model.why is not None:
-            return _tell_none("bad-model", model.why)
         choice = self._choose_feet(stream, frame.schema, model)
         if not model.inertials and not choice.feet:
             return _explain_nothing(model)
@@ -55,7 +53,8 @@ class StateBalance:
         readings.take(frame.codes)
         poses.update(readings)
         course = BalanceCourse(model, frame.schema, choice)
-        return make_balance_document(course.read(frame.codes, poses.compute_world_poses(), frame.t_s))
+        told = make_balance_document(course.read(frame.codes, poses.compute_world_poses(), frame.t_s))
+        return told if model.why is None else {**told, "detail": model.why}
 
     def _choose_feet(self, stream: Stream, schema: Schema, model: BalanceModel) -> FootChoice:
         known = self._choices.get(stream)
@@ -73,6 +72,8 @@ def _has_positions(frame: Frame) -> bool:
 
 
 def _explain_nothing(model: BalanceModel) -> Mapping[str, Any] | None:
+    if model.why is not None:
+        return _tell_none("bad-model", model.why)
     if model.inertials is None or model.soles is None:
         return _tell_none("old-bundle")
     return _tell_none("impossible-masses") if model.has_impossible_masses else None

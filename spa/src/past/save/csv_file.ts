@@ -1,6 +1,6 @@
 import { type Field, MISSING, type Schema } from '@posecast/wire';
 import { BALANCE_COLUMNS, balanceCells } from './balance_columns.ts';
-import { BalanceSeries, haveBalance } from './balance_series.ts';
+import { SavedBalance, haveBalance } from './saved_balance.ts';
 import { BlobParts } from './blob_parts.ts';
 import type { SavePorts } from './save_ports.ts';
 import { framesOf, type SavedFrame } from './saved_frames.ts';
@@ -28,7 +28,7 @@ export async function writeCsv(
   const hasBalance = haveBalance(manifests.values(), span.schemas.values());
   const table = new CsvTable(span.schemas.values(), hasBalance ? BALANCE_COLUMNS : []);
   const timeline = new ModelTimeline(span);
-  const balances = new BalanceSeries();
+  const balances = new SavedBalance();
   let lines = BYTE_ORDER_MARK + table.head;
   let count = 0;
   for (const frame of framesOf(span, onPart)) {

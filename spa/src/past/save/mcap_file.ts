@@ -1,7 +1,7 @@
 import { McapWriter } from '@mcap/core';
 import type { Schema } from '@posecast/wire';
 import type { Balance } from '../../twin/balance/balance.ts';
-import { BalanceSeries } from './balance_series.ts';
+import { SavedBalance } from './saved_balance.ts';
 import { BlobParts } from './blob_parts.ts';
 import { lz4Frame } from './lz4_frame.ts';
 import { balanceMessages } from './ros/balance_messages.ts';
@@ -32,7 +32,7 @@ export async function writeMcap(
   await messages.begin();
   const events = eventsOf(span);
   const models = new ModelTimeline(span);
-  const balances = new BalanceSeries();
+  const balances = new SavedBalance();
   for (const frame of framesOf(span, onPart)) {
     while (events.length > 0 && events[0]!.atUs <= frame.atUs) await messages.event(events.shift()!);
     const model = models.at(frame.atUs) ?? '';

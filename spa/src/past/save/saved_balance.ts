@@ -5,7 +5,7 @@ import type { Balance } from '../../twin/balance/balance.ts';
 import type { SavedFrame } from './saved_frames.ts';
 
 /** The balance of the past, frame by frame in their order. */
-export class BalanceSeries {
+export class SavedBalance {
   #reader: BalanceReader | null = null;
 
   /** The balance of a frame; null where its model (null: none) has no masses and stands on nothing known. It is rewritten
