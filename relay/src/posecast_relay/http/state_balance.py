@@ -18,7 +18,7 @@ from posecast_relay.kinematics.link_poses import FrameReadings, LinkPoses
 from posecast_relay.streaming.turns import Turns
 
 # Balance is computed in the turn of the loop in which all viewers are served.
-LINK_US, FOOT_US, CHANNEL_US = 30, 150, 3  # what it takes for each, about
+LINK_US, FOOT_US, CHANNEL_US = 15, 100, 1  # what it takes for each, about; 0.4 ms for the demo robot
 ROBOT_US_PER_S = 40_000  # for one robot; states beyond go without
 US_PER_S = 100_000  # for all robots, each the same share
 

