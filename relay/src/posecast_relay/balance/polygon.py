@@ -26,7 +26,7 @@ def find_hull(points: Iterable[Xy]) -> list[Xy]:
     a straight edge and repeated ones are left out: points on one line have a hull of 2, equal ones of 1.
     Takes n log n steps (Andrew's monotone chain, 1979)."""
     ordered = sorted(set(points))
-    return [*_chain(ordered), *_chain(ordered[::-1])] or ordered
+    return _drop_slivers([*_chain(ordered), *_chain(ordered[::-1])] or ordered)
 
 
 def find_nearest_edge(polygon: Sequence[Xy], point: Xy) -> NearestEdge | None:
@@ -47,6 +47,21 @@ def find_nearest_edge(polygon: Sequence[Xy], point: Xy) -> NearestEdge | None:
         return None
     distance_m, corner = nearest
     return NearestEdge(corner, distance_m if is_inside else -distance_m)
+
+
+def _drop_slivers(hull: list[Xy]) -> list[Xy]:
+    """Without corners on a straight edge that both chains begin or end with: of an edge along y, rounding
+    says which point is the first."""
+    kept: list[Xy] = []
+    left = len(hull)
+    for i, (x, y) in enumerate(hull):
+        ax, ay = kept[-1] if kept else hull[-1]
+        bx, by = hull[(i + 1) % len(hull)]
+        if left > 2 and (x - ax) * (by - ay) - (y - ay) * (bx - ax) <= SLIVER_M2:
+            left -= 1
+        else:
+            kept.append((x, y))
+    return kept
 
 
 def _chain(ordered: Sequence[Xy]) -> list[Xy]:
