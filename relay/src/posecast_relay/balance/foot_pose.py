@@ -21,18 +21,23 @@ REACH_M = 1e9  # points beyond are no points of a robot
 
 class FootPose(NamedTuple):
     """A foot in the world, metres. `lowest_m`: height of its lowest corner; `centre`: of its sole; `turn`: of
-    the link that has it, world_from_link; `force_n`: the size of the force
-    along the sole's normal, None where it is not measured or has no reading; `pressure`: where in the sole's
-    plane it acts, likewise; `at_edge`: whether that is on the sole's edge."""
+    the link that has it, world_from_link; `press_n`: the force along the sole's normal with the sensor's
+    sign, None where it is not measured or has no reading; `pressure`: where in the sole's plane it acts,
+    likewise; `at_edge`: whether that is on the sole's edge."""
 
     foot: Foot
     corners: tuple[Xyz, ...]
     lowest_m: float
     centre: Xyz
     turn: Quat
-    force_n: float | None
+    press_n: float | None
     pressure: Xyz | None
     at_edge: bool
+
+    @property
+    def force_n(self) -> float | None:
+        """The size of the force along the sole's normal, N."""
+        return None if self.press_n is None else abs(self.press_n)
 
     def tell(self, link: str, bears: bool | None, least_n: float) -> FootBalance:
         """The foot when it is known whether it bears: only if so, and from `least_n` on, it presses."""
@@ -48,14 +53,14 @@ def pose_foot(foot: Foot, codes: Sequence[int], poses: Sequence[LinkPose]) -> Fo
     corners = tuple(place_point(world_from_sole, corner) for corner in sole.corners)
     heights = [corner[2] for corner in corners]
     lowest_m = min(heights) if all(map(is_near, corners)) else math.nan
-    force_n, pressure = _read_push(foot, codes)
+    press_n, pressure = _read_push(foot, codes)
     return FootPose(
         foot,
         corners,
         lowest_m,
         place_point(world_from_sole, sole.centre),
         world_from_sole.quat,
-        force_n,
+        press_n,
         None if pressure is None else place_point(world_from_sole, pressure),
         pressure is not None and sole.is_at_edge(pressure),
     )
@@ -76,11 +81,11 @@ def _read_push(foot: Foot, codes: Sequence[int]) -> tuple[float | None, Xyz | No
     if wrench.force is None:
         return None, None
     force = rotate_vector(sole_from_sensor.quat, wrench.force)
-    force_n = abs(dot(force, sole.normal))
-    if not force_n < math.inf:
+    press_n = dot(force, sole.normal)
+    if not abs(press_n) < math.inf:
         return None, None
     if wrench.moment is None or not foot.measures_pressure:
-        return force_n, None
+        return press_n, None
     moment = rotate_vector(sole_from_sensor.quat, wrench.moment)
     point = compute_pressure(force, moment, sole_from_sensor.xyz, sole.normal, sole.centre)
-    return force_n, point if point is not None and is_near(point) else None
+    return press_n, point if point is not None and is_near(point) else None
