@@ -131,5 +131,5 @@ it('the result is rewritten in place, nothing of it allocated anew', () => {
     const found = reader.ofFrame(Int32Array.from(codes), t);
     return [found, found.centreOfMass, found.pressure, found.polygon, found.feet[0]!.corners[0]];
   });
-  second!.forEach((part, i) => expect(part).toBe(first![i]));
+  for (const [i, part] of second!.entries()) expect(part).toBe(first![i]);
 });
