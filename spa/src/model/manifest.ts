@@ -63,6 +63,8 @@ export interface Visual {
 
 export interface ModelFinding {
   readonly severity: string;
+  /** What kind it is ("mass-zero"); '' when a bundle does not say. */
+  readonly code: string;
   readonly line: number | null;
   readonly text: string;
 }
@@ -113,8 +115,9 @@ export function readManifest(raw: Raw): Manifest {
     ),
     thumbnail: thumbnailOf(raw),
     missing: optionalList(raw.missing).map(({ uri, reason }) => ({ uri: loose(uri), reason: loose(reason) })),
-    findings: optionalList(raw.findings).map(({ severity, line, text: words }) => ({
+    findings: optionalList(raw.findings).map(({ severity, code, line, text: words }) => ({
       severity: loose(severity),
+      code: loose(code),
       line: typeof line === 'number' ? line : null,
       text: loose(words),
     })),

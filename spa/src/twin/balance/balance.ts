@@ -1,13 +1,8 @@
+import type { Ground } from '@posecast/wire';
 import type { Vec3 } from '../rotation.ts';
 
 /** A point on the floor: x and y in the world frame, metres. */
 export type Vec2 = readonly [x: number, y: number];
-
-/**
- * How it is known which feet bear weight. `measured`: by the force along each sole's normal (from 5 % of the weight on,
- * until it is below 3 %). `lowest`: assumed of all soles whose lowest corner is within 10 mm of the lowest one's.
- */
-export type Ground = 'measured' | 'lowest';
 
 /**
  * Why a part of the balance is null.
@@ -64,7 +59,9 @@ export interface Balance {
   readonly capturePoint: Vec3 | null;
   /** Height of the floor: of the lowest corner of the soles that bear; null when none bears. */
   readonly floorM: number | null;
-  /** null: no feet are known. */
+  /** How it is known which feet bear: `measured` by the force along their soles' normals (from 5 % of the weight on,
+   *  until it is below 3 %), or `lowest`, assumed of all soles whose lowest corner is within 10 mm of the lowest one's.
+   *  null: no feet are known. */
   readonly ground: Ground | null;
   /** The support polygon: convex hull of the bearing soles' corners, counter-clockwise; [] for none. */
   readonly polygon: readonly Vec2[];
