@@ -2,6 +2,6 @@
 export { BalanceTable } from './BalanceTable.tsx';
 export { balanceTraces } from './balance_traces.ts';
 export { balanceOf } from './balance_watch.ts';
-export { spokenStance } from './spoken_stance.ts';
 export { Stood } from './Stood.tsx';
+export { spokenStance } from './spoken_stance.ts';
 export { lackWords } from './stance_words.ts';

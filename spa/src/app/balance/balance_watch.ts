@@ -1,11 +1,10 @@
-import type { Schema } from '@posecast/wire';
 import { BalanceReader } from '../../model/balance/balance_reader.ts';
 import { BundleError } from '../../model/bundle.ts';
 import { manifestAt } from '../../model/files.ts';
 import { type Manifest, readManifest } from '../../model/manifest.ts';
 import { HeadingReader } from '../../twin/balance/told/heading.ts';
-import { MARGIN, marginLimits } from '../../twin/balance/told/margin_limits.ts';
 import { type Lack, lacksOf } from '../../twin/balance/told/lacks.ts';
+import { MARGIN, marginLimits } from '../../twin/balance/told/margin_limits.ts';
 import { type Stance, StanceJudge } from '../../twin/balance/told/stance.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import { noteComputed } from '../state/own_alarms.ts';
@@ -20,6 +19,8 @@ const EVERY_MS = 95;
 const UNASKED_MS = 3000;
 /** A model that could not be read is asked for again after this long. */
 const AGAIN_MS = 10_000;
+
+type Schema = NonNullable<RobotTwin['schema']>;
 
 /** A robot's model as far as balance needs it. `raw`: its files as they are, which list no masses. */
 type KnownModel = Manifest | 'raw' | null;

@@ -10,5 +10,8 @@ export function spokenStance(link: RobotLink): { text: string; gist: string } | 
   if (!watch.isShown || stance === null) return null;
   const { kind, level, side, assumed } = stance;
   const standing = kind === 'inside' || kind === 'edge' ? '' : kind;
-  return { text: stanceWords(stance, false), gist: ['balance', level, standing, side ?? '', assumed].join(' ') };
+  return {
+    text: stanceWords(stance, false),
+    gist: ['balance', level, standing, side ?? '', assumed].join(' '),
+  };
 }

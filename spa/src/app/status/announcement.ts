@@ -71,7 +71,13 @@ export function announcement({
   return {
     text: stands === null ? line : `${line}. ${stands.text}`,
     // a second more or less behind is not announced again
-    gist: [word, behind === '' ? '' : 'behind', ...reasons, ...told.map(({ gist }) => gist), stands?.gist ?? ''].join('; '),
+    gist: [
+      word,
+      behind === '' ? '' : 'behind',
+      ...reasons,
+      ...told.map(({ gist }) => gist),
+      stands?.gist ?? '',
+    ].join('; '),
   };
 }
 

@@ -34,7 +34,8 @@ export function plotGroups(
   const groups = new Map<string, { display: Display; traces: PlotTrace[] }>();
   list.forEach((of, index) => {
     const { schema } = history;
-    const reading = schema === null ? null : (traceReading(schema, of, words) ?? derived?.reading(of) ?? null);
+    const reading =
+      schema === null ? null : (traceReading(schema, of, words) ?? derived?.reading(of) ?? null);
     const display = displayOf(reading?.unit ?? '', angle, reading?.scale);
     const key = reading === null ? '\n' : display.unit;
     const group = groups.get(key) ?? { display, traces: [] };

@@ -17,7 +17,9 @@ export function BalanceEntry({ links }: { links: readonly RobotLink[] }) {
   const part = useLatePart(BALANCE);
   if (part === null) return null;
   const watches = links.map((link) => ({ name: link.twin.name, watch: part.balanceOf(link) }));
-  const known = watches.flatMap(({ name, watch }) => (watch.known === null ? [] : [{ name, ...watch.known }]));
+  const known = watches.flatMap(({ name, watch }) =>
+    watch.known === null ? [] : [{ name, ...watch.known }],
+  );
   if (known.length === 0) return null;
   const lines = known.flatMap(({ name, lacks }) =>
     lacks.map((lack) => [links.length > 1 ? `${name}: ` : '', part.lackWords(lack, text)].join('')),

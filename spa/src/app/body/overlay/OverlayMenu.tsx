@@ -56,7 +56,12 @@ export function OverlayMenu({ links }: { links: readonly RobotLink[] }) {
             />
           )}
           {can.lens && (
-            <Switch explain="signs.ghost" on={lens} onChange={(on) => changeSettings({ lens: on })} text={rest.lens} />
+            <Switch
+              explain="signs.ghost"
+              on={lens}
+              onChange={(on) => changeSettings({ lens: on })}
+              text={rest.lens}
+            />
           )}
           {can.balance && <BalanceEntry links={links} />}
           {loads.length > 1 && (

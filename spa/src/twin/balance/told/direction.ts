@@ -36,14 +36,3 @@ function awayFrom(from: Vec2, to: Vec2, point: readonly [number, number, number]
   const along = squared > 0 ? Math.min(1, Math.max(0, (px * ex + py * ey) / squared)) : 0;
   return [px - along * ex, py - along * ey];
 }
-
-/** Whether a point is within a convex, counter-clockwise polygon, or on its edge. One of fewer than three corners has no inside. */
-export function isInside(polygon: readonly Vec2[], [x, y]: readonly [number, number, number]): boolean {
-  return (
-    polygon.length > 2 &&
-    polygon.every(([ax, ay], i) => {
-      const [bx, by] = polygon[(i + 1) % polygon.length]!;
-      return (bx - ax) * (y - ay) - (by - ay) * (x - ax) >= 0;
-    })
-  );
-}

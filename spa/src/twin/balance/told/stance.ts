@@ -1,7 +1,8 @@
 import type { Level } from '@posecast/wire';
 import { worseOf } from '../../limits/level_latch.ts';
 import type { Balance } from '../balance.ts';
-import { fallDirection, isInside, type Side } from './direction.ts';
+import { type Margin, writeMargin } from '../margin.ts';
+import { fallDirection, type Side } from './direction.ts';
 import type { MarginLimits } from './margin_limits.ts';
 
 /**
@@ -30,6 +31,9 @@ const EDGE_MM = 1;
 /** So much further it has to go to be called inside or outside again, or for a better level. */
 const BACK_MM = 2;
 
+/** So far inside it would have to come to rest to be called moving. */
+const CAUGHT_M = 0.005;
+
 /** Judges one balance after the other, so that words and levels don't flicker where a value lies at a limit: a level rises at
  *  once and falls when the margin is well back. */
 export class StanceJudge {
@@ -37,6 +41,7 @@ export class StanceJudge {
   #level: Level = 'ok';
   #side: Side | null = null;
   #limits: MarginLimits | null = null;
+  readonly #captured: Margin = { metres: 0, edge: 0 };
 
   /** The newest balance; `headingRad` from the world's x. null: nothing can be said, as of an arm. */
   next(balance: Balance, headingRad: number, limits: MarginLimits): Stance | null {
@@ -68,7 +73,10 @@ export class StanceJudge {
     const wasOnEdge = this.#kind === 'edge';
     if (Math.abs(marginMm) <= (wasOnEdge ? EDGE_MM + BACK_MM : EDGE_MM)) return 'edge';
     if (marginMm > 0) return 'inside';
-    return capturePoint !== null && isInside(polygon, capturePoint) ? 'moving' : 'outside';
+    if (capturePoint === null || polygon.length === 0) return 'outside';
+    const [x, y] = capturePoint;
+    writeMargin(polygon, x, y, this.#captured);
+    return this.#captured.metres >= (this.#kind === 'moving' ? 0 : CAUGHT_M) ? 'moving' : 'outside';
   }
 
   #levelOf(marginMm: number, kind: StanceKind, limits: MarginLimits): Level {
