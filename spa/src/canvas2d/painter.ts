@@ -1,8 +1,10 @@
+import type { Facets } from '../overlays/facets.ts';
 import type { LabelPlace } from '../overlays/labels.ts';
 import type { Strokes } from '../overlays/strokes.ts';
 import type { CameraRig } from '../view/camera/camera_rig.ts';
 import { fadeOf } from '../view/camera/framing.ts';
 import { css, type LightColors } from './colors.ts';
+import { paintFacets } from './facet_painter.ts';
 import { type FloorView, paintAxes, paintFloor, paintShadows, project } from './floor.ts';
 import { paintStrokes } from './overlay_painter.ts';
 import { Rasterizer } from './rasterizer.ts';
@@ -22,6 +24,7 @@ export interface PaintedRobot {
 export interface Picture {
   readonly robots: readonly PaintedRobot[];
   readonly strokes: Strokes;
+  readonly facets: Facets | null;
   readonly tones: LightColors;
   /** Rasterised pixels per CSS pixel, for the meshes. */
   readonly ratio: number;
@@ -75,7 +78,7 @@ export class LightPainter {
 
   /** Draws a picture; returns how many triangles were on the screen. */
   paint(picture: Picture): number {
-    const { robots, strokes, tones } = picture;
+    const { robots, strokes, facets, tones } = picture;
     const context = this.#context;
     const { width, height } = this.canvas;
     const view = this.#floorView(width, height);
@@ -85,10 +88,12 @@ export class LightPainter {
     if (figures.length === 0) return 0;
     const ratio = width / this.#width;
     this.#paintShadows(figures, tones);
+    if (facets !== null) paintFacets(context, view, facets, false);
     paintStrokes(context, view, ratio, strokes, false);
     paintAxes(context, view);
     const triangles = this.#paintShells(picture);
     for (const figure of figures) if (!figure.dressed) this.#paintBones(figure, view, tones);
+    if (facets !== null) paintFacets(context, view, facets, true);
     paintStrokes(context, view, ratio, strokes, true);
     return triangles;
   }

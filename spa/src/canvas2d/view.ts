@@ -185,6 +185,7 @@ export class LightView extends RowStage<LightRobotNode> {
     this.#triangles = this.#painter.paint({
       robots: this.robots,
       strokes: this.#overlay.strokes,
+      facets: this.#overlay.facets,
       tones: this.#tones,
       ratio: this.#sharpness.ratio(Math.max(1, window.devicePixelRatio), fine),
       fine,

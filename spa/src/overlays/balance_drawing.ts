@@ -1,0 +1,70 @@
+import type { Level } from '@posecast/wire';
+import type { PosedBody } from '../model/posed_body.ts';
+import type { Ground, Vec2 } from '../twin/balance/balance.ts';
+import type { AngleUnit } from '../twin/format.ts';
+import type { BalanceReadings } from '../twin/overlay/reader.ts';
+import type { Pose } from '../twin/playback/pose.ts';
+import type { Vec3 } from '../twin/rotation.ts';
+import type { OverlayColors, PaletteName } from './colors.ts';
+import type { Facets } from './facets.ts';
+import type { OverlayLabel } from './labels.ts';
+
+/** A joint whose limits are drawn. */
+export interface ShownJoint {
+  readonly joint: string;
+  /** To the nearer limit, rad or m; negative beyond it. */
+  readonly left: number;
+  readonly slides: boolean;
+}
+
+/** What the signs of balance show now, for tests and the debug interface. Lengths are metres in the world. */
+export interface ShownBalance {
+  readonly centreOfMass: Vec3 | null;
+  readonly capturePoint: Vec3 | null;
+  readonly floorM: number | null;
+  readonly ground: Ground | null;
+  readonly polygon: readonly Vec2[];
+  readonly nearestEdge: number | null;
+  readonly marginM: number | null;
+  /** The level of the margin as it is drawn. */
+  readonly level: Level;
+  readonly pressure: Vec3 | null;
+  readonly feet: readonly {
+    readonly name: string;
+    readonly bears: boolean | null;
+    readonly pressure: Vec3 | null;
+    readonly atEdge: boolean;
+  }[];
+  /** Footprints that the robot has left, and points of its trace. */
+  readonly footprints: number;
+  readonly trace: number;
+  readonly joints: readonly ShownJoint[];
+}
+
+/** How the signs of balance are to be drawn. */
+export interface BalanceStyle {
+  /** The robot's radius, m. */
+  readonly reach: number;
+  readonly tones: OverlayColors;
+  readonly palette: PaletteName;
+  readonly angle: AngleUnit;
+  /** false: the pose is old, and everything is grey. */
+  readonly live: boolean;
+}
+
+/** Draws the balance of one robot. Its code is loaded on demand, so the overlay is given a `MakeBalance`. */
+export interface BalanceDrawing {
+  readonly shown: ShownBalance;
+  /** Adds the facets of a body in the pose that is shown. */
+  draw(
+    facets: Facets,
+    body: PosedBody | null,
+    pose: Pose | null,
+    readings: BalanceReadings,
+    style: BalanceStyle,
+  ): void;
+  /** The labels for the newest `draw`. */
+  labels(): OverlayLabel[];
+}
+
+export type MakeBalance = () => BalanceDrawing;

@@ -1,0 +1,73 @@
+import type { Vec3 } from '../twin/rotation.ts';
+import type { Paint } from './strokes.ts';
+
+/** Most facets in one picture; further ones are not drawn. The balance of one robot takes about 1,000. */
+export const MOST_FACETS = 8192;
+
+/** Offset of each attribute of a facet among its FACET_STRIDE numbers. */
+export const FACET_AT = {
+  /** Its corners, world, metres; counter-clockwise for who sees it. */
+  first: 0,
+  second: 3,
+  third: 6,
+  /** Red, green, blue (sRGB) and opacity, 0…1. */
+  tint: 9,
+  /** Whether it shows through the robot (0 or 1). */
+  through: 13,
+} as const;
+export const FACET_STRIDE = 14;
+
+/**
+ * Filled triangles of an overlay as numbers, independent of the renderer: what `Strokes` is for lines. A facet is seen
+ * from its front alone. Renderers draw facets in their order, each over those before it, under all strokes.
+ */
+export class Facets {
+  /** The facets of the newest complete picture, FACET_STRIDE numbers each. Always the same array. */
+  readonly numbers = new Float32Array(MOST_FACETS * FACET_STRIDE);
+  #count = 0;
+  readonly #making = new Float32Array(MOST_FACETS * FACET_STRIDE);
+  #made = 0;
+
+  /** Number of facets of the newest complete picture. */
+  get count(): number {
+    return this.#count;
+  }
+
+  /** Starts a new picture. */
+  begin(): void {
+    this.#made = 0;
+  }
+
+  /** Completes the picture. False when it equals the one before. */
+  end(): boolean {
+    const length = this.#made * FACET_STRIDE;
+    let changed = this.#made !== this.#count;
+    for (let i = 0; i < length && !changed; i += 1) changed = this.#making[i] !== this.numbers[i];
+    if (changed) this.numbers.set(this.#making.subarray(0, length));
+    this.#count = this.#made;
+    return changed;
+  }
+
+  /** Adds a triangle, its corners counter-clockwise for who sees it. */
+  add([ax, ay, az]: Vec3, [bx, by, bz]: Vec3, [cx, cy, cz]: Vec3, paint: Paint): void {
+    if (this.#made === MOST_FACETS) return;
+    const { color, opacity = 1, through = false } = paint;
+    const to = this.#making;
+    let at = this.#made * FACET_STRIDE;
+    to[at++] = ax;
+    to[at++] = ay;
+    to[at++] = az;
+    to[at++] = bx;
+    to[at++] = by;
+    to[at++] = bz;
+    to[at++] = cx;
+    to[at++] = cy;
+    to[at++] = cz;
+    to[at++] = (color >> 16) / 255;
+    to[at++] = ((color >> 8) & 255) / 255;
+    to[at++] = (color & 255) / 255;
+    to[at++] = opacity;
+    to[at] = through ? 1 : 0;
+    this.#made += 1;
+  }
+}
