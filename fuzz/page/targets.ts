@@ -19,6 +19,7 @@ import {
   parseRelayMessage,
   parseSchema,
   RecordingError,
+  readBalance,
   type Schema,
   SchemaError,
   type Segment,
@@ -118,8 +119,11 @@ function jsonOf(text: string): unknown {
   }
 }
 
-function shownSchema({ id, robot, fields, size, mapping }: Schema): object {
-  return { id, robot, fields, size, mapping: shownMapping(mapping) };
+function shownSchema(schema: Schema): object {
+  const { id, robot, fields, size, mapping } = schema;
+  const { soles, ...rest } = readBalance(schema);
+  const balance = { ...rest, soles: plain(soles) };
+  return { id, robot, fields, size, mapping: { ...shownMapping(mapping), balance } };
 }
 
 /** Its parts are private to TypeScript, not to JavaScript. */
@@ -135,6 +139,7 @@ function plain(value: unknown): unknown {
 function jointValues(bytes: Uint8Array): unknown {
   const end = bytes.indexOf(0x0a) < 0 ? bytes.length : bytes.indexOf(0x0a);
   const schema = parseSchema(textOf(bytes.subarray(0, end)));
+  readBalance(schema);
   const codes = codesIn(bytes.subarray(end + 1), schema.size);
   const found = ['pos', 'ref'].map((field) => {
     const joints = new JointMapping(schema, field);

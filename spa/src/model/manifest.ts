@@ -1,4 +1,3 @@
-import type { Vec3 } from '../twin/rotation.ts';
 import { emptyBox, growBox, type LinkBox } from './bounds.ts';
 import { BundleError, isRecord } from './bundle.ts';
 import type { Joint, JointType } from './kinematics.ts';
@@ -20,28 +19,8 @@ export interface Manifest {
   readonly missing: readonly { readonly uri: string; readonly reason: string }[];
   /** What `posecast-edge doctor` found in the URDF, worst first. */
   readonly findings: readonly ModelFinding[];
-  /** The links that have a mass, by index, ascending; none: the description has no masses, or some that can't be. Null: an
-   * older builder made the bundle. */
-  readonly inertials: readonly LinkMass[] | null;
-  /** The links that can be a foot, ascending; null: an older builder made the bundle. */
-  readonly soles: readonly Sole[] | null;
-}
-
-export interface LinkMass {
-  readonly link: number;
-  /** Above 0. */
-  readonly massKg: number;
-  /** Centre of mass in the link's frame, metres. */
-  readonly xyz: Vec3;
-  /** About that centre, in the link's axes: ixx, ixy, ixz, iyy, iyz, izz; kg·m². */
-  readonly inertia: readonly number[];
-}
-
-/** The lowest part of a foot's shells. */
-export interface Sole {
-  readonly link: number;
-  /** A convex polygon in one plane, counter-clockwise seen from above; in the link's frame, metres. */
-  readonly points: readonly Vec3[];
+  /** As it came, for what few pages need: `balance/masses_and_soles.ts` reads more of it. */
+  readonly raw: Raw;
 }
 
 export interface LodFile {
@@ -63,8 +42,6 @@ export interface Visual {
 
 export interface ModelFinding {
   readonly severity: string;
-  /** What kind it is ("mass-zero"); '' when a bundle does not say. */
-  readonly code: string;
   readonly line: number | null;
   readonly text: string;
 }
@@ -72,7 +49,6 @@ export interface ModelFinding {
 const FILE = /^[a-z0-9][a-z0-9.-]*$/;
 const MAX_LINKS = 1000;
 const MAX_VISUALS = 1024;
-const MAX_CORNERS = 16;
 const MAX_LEVEL_BYTES = 128_000_000;
 const TYPES: ReadonlySet<unknown> = new Set<JointType>([
   'revolute',
@@ -85,7 +61,7 @@ const TYPES: ReadonlySet<unknown> = new Set<JointType>([
 
 const IDENTITY = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
 
-type Raw = Readonly<Record<string, unknown>>;
+export type Raw = Readonly<Record<string, unknown>>;
 
 /** Checks and reads a manifest of version 2. Throws a one-line BundleError when the robot can't be built from it. */
 export function readManifest(raw: Raw): Manifest {
@@ -115,14 +91,12 @@ export function readManifest(raw: Raw): Manifest {
     ),
     thumbnail: thumbnailOf(raw),
     missing: optionalList(raw.missing).map(({ uri, reason }) => ({ uri: loose(uri), reason: loose(reason) })),
-    findings: optionalList(raw.findings).map(({ severity, code, line, text: words }) => ({
+    findings: optionalList(raw.findings).map(({ severity, line, text: words }) => ({
       severity: loose(severity),
-      code: loose(code),
       line: typeof line === 'number' ? line : null,
       text: loose(words),
     })),
-    inertials: readByLink(raw.inertials, 'inertials', links.length, readMass),
-    soles: readByLink(raw.soles, 'soles', links.length, readSole),
+    raw,
   };
 }
 
@@ -204,45 +178,6 @@ function readVisual(raw: Raw, i: number, links: number): Visual {
   };
 }
 
-/** Entries of which each belongs to a link of its own; null where the member is absent. */
-function readByLink<T extends { readonly link: number }>(
-  raw: unknown,
-  member: string,
-  links: number,
-  read: (entry: Raw, link: number, where: string) => T,
-): T[] | null {
-  if (raw === undefined) return null;
-  let before = -1;
-  return list(raw, member, links).map((value, i) => {
-    const where = `${member}[${i}]`;
-    const entry = record(value, where);
-    const { link } = entry;
-    if (!isIndex(link, links)) throw wrong(`${where}: its link is not there`);
-    if (link <= before) throw wrong(`${where}: its link does not come after the one before`);
-    before = link;
-    return read(entry, link, where);
-  });
-}
-
-function readMass({ mass_kg: massKg, xyz, inertia }: Raw, link: number, where: string): LinkMass {
-  if (!isFiniteNumber(massKg) || massKg <= 0) throw wrong(`${where}.mass_kg: no number above 0`);
-  return {
-    link,
-    massKg,
-    xyz: numbers(xyz, 3, `${where}.xyz`) as unknown as Vec3,
-    inertia: numbers(inertia, 6, `${where}.inertia`),
-  };
-}
-
-function readSole({ points }: Raw, link: number, where: string): Sole {
-  const corners = list(points, `${where}.points`, MAX_CORNERS);
-  if (corners.length < 3) throw wrong(`${where}.points: fewer than 3`);
-  return {
-    link,
-    points: corners.map((corner, i) => numbers(corner, 3, `${where}.points[${i}]`) as unknown as Vec3),
-  };
-}
-
 function readBox(raw: unknown, where: string): LinkBox {
   const [min, max] = list(raw, where, 2);
   return { min: numbers(min, 3, where) as LinkBox['min'], max: numbers(max, 3, where) as LinkBox['max'] };
@@ -257,7 +192,7 @@ function record(value: unknown, where: string): Raw {
   return value;
 }
 
-function list(value: unknown, where: string, most: number): readonly unknown[] {
+export function list(value: unknown, where: string, most: number): readonly unknown[] {
   if (!Array.isArray(value)) throw wrong(`${where} is no list`);
   if (value.length > most) throw wrong(`${where}: ${value.length} are too many`);
   return value;
@@ -282,7 +217,7 @@ function loose(value: unknown): string {
   return typeof value === 'string' ? value : '';
 }
 
-function numbers(value: unknown, size: number, where: string): number[] {
+export function numbers(value: unknown, size: number, where: string): number[] {
   if (!Array.isArray(value) || value.length !== size || !value.every(isFiniteNumber)) {
     throw wrong(`${where}: not ${size} numbers`);
   }

@@ -8,9 +8,7 @@ export const JOINT = 'joint';
 
 export const SENSOR_KINDS = ['wrench', 'imu', 'power'] as const;
 export const SEVERITIES = ['fault', 'caution', 'state'] as const;
-export const GROUNDS = ['measured', 'lowest'] as const;
 
-export type Ground = (typeof GROUNDS)[number];
 export type SensorKind = (typeof SENSOR_KINDS)[number];
 export type Severity = (typeof SEVERITIES)[number];
 export type Level = 'ok' | 'caution' | 'fault';
@@ -44,16 +42,6 @@ export interface Sentence {
   readonly why: string | null;
 }
 
-/** What the robot stands on; null where the model and the sensors say it (docs/MODEL.md). */
-export interface BalanceRule {
-  /** Sites of wrench sensors, or links; none: it stands on nothing that is known. */
-  readonly feet: readonly string[] | null;
-  /** Which feet bear: those whose wrench says so, or the lowest. */
-  readonly ground: Ground | null;
-  /** The corners of a foot's sole, in its link, m; by its name in `feet`. */
-  readonly soles: ReadonlyMap<string, readonly Xyz[]>;
-}
-
 /** `fault` past a limit, `caution` past the fraction of it that points to rest, else `ok`. */
 export function level(threshold: Threshold, value: number | null): Level {
   if (value === null || Number.isNaN(value)) return 'ok';
@@ -76,7 +64,6 @@ export class Mapping {
     private readonly units: ReadonlyMap<string, ReadonlyMap<string, string>>,
     private readonly translatedNames: ReadonlyMap<string, ReadonlyMap<string, string>>,
     private readonly sentences: ReadonlyMap<string, ReadonlyMap<string, ReadonlyMap<string, Sentence>>>,
-    readonly balance: BalanceRule,
   ) {}
 
   /** What people who read `language` ("ko") call a channel or site; null where nobody says. */

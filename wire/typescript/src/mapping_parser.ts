@@ -1,9 +1,7 @@
 /** Reads the `mapping` member of a schema. */
 
-import { entries, fail, items, member, number, table, text, texts } from './checked.ts';
+import { entries, fail, items, member, number, table, text } from './checked.ts';
 import {
-  type BalanceRule,
-  GROUNDS,
   type JointMap,
   Mapping,
   SENSOR_KINDS,
@@ -16,8 +14,6 @@ import {
 } from './mapping.ts';
 
 const LANGUAGES_MAX = 16; // of one bit
-const FEET_MAX = 16;
-const CORNERS_MAX = 64; // of a sole
 const SENTENCES_BYTES_MAX = 32 << 10; // in UTF-8: every viewer gets them before the first frame
 
 /** The `mapping` member of a schema, parsed from JSON. SchemaError names what and where. */
@@ -35,28 +31,7 @@ export function parseMapping(value: unknown): Mapping {
     part('units', (v, at) => entries(v, at, text)),
     part('translated_names', (v, at) => entries(v, at, text)),
     atMost(part('explain', (v, at) => entries(v, at, byLanguage))),
-    balance(doc.get('balance')),
   );
-}
-
-function balance(value: unknown): BalanceRule {
-  const where = 'mapping.balance';
-  const doc = table(value, where);
-  const given = doc.get('feet') ?? null;
-  const feet = given === null ? null : texts(given, `${where}.feet`, FEET_MAX);
-  const ground = doc.get('ground') ?? null;
-  const known = GROUNDS.find((one) => one === ground) ?? null;
-  if (known !== ground) fail(`${where}.ground`, `must be one of ${GROUNDS.join(', ')}`);
-  if (table(doc.get('soles'), `${where}.soles`).size > FEET_MAX)
-    fail(`${where}.soles`, `more than ${FEET_MAX} soles`);
-  return { feet, ground: known, soles: entries(doc.get('soles'), `${where}.soles`, sole) };
-}
-
-function sole(value: unknown, where: string): Xyz[] {
-  const corners = items(value, where);
-  if (corners.length < 3 || corners.length > CORNERS_MAX)
-    fail(where, `must have 3 to ${CORNERS_MAX} corners`);
-  return corners.map((corner, i) => xyz(corner, `${where}[${i}]`));
 }
 
 function joint(value: unknown, where: string): JointMap {
@@ -85,7 +60,7 @@ function sensor(value: unknown, where: string, site: string): SensorMount {
   };
 }
 
-function xyz(value: unknown, where: string): Xyz {
+export function xyz(value: unknown, where: string): Xyz {
   const found = items(value, where);
   if (found.length !== 3) fail(where, 'must be three numbers');
   const [x, y, z] = found.map((v, i) => number(v, `${where}[${i}]`));

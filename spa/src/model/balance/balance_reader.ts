@@ -51,6 +51,11 @@ export class BalanceReader {
     return this.#standing.massGap === null || this.#standing.feet.length > 0;
   }
 
+  /** What of the model or the profile could not be read, a line each. */
+  get problems(): readonly string[] {
+    return this.#standing.problems;
+  }
+
   /** The wrenches of the feet in a frame's codes, in N and N·m. They are rewritten by the next call. */
   wrenches(codes: Int32Array): readonly FootWrench[] {
     return this.#wrenches.read(codes);

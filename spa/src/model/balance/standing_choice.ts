@@ -1,15 +1,18 @@
-import type { BalanceRule, Schema } from '@posecast/wire';
+import { type BalanceRule, readBalance, type Schema } from '@posecast/wire';
 import type { BalanceGap } from '../../twin/balance/balance.ts';
 import { FootWrenchReader } from '../../twin/balance/foot_wrench.ts';
 import { planeOfSole, type SolePlane } from '../../twin/balance/sole.ts';
 import type { Foot, FootSensor, Standing } from '../../twin/balance/standing.ts';
 import { invertQuat, type Quat, quatOfRpy, rotateVector, type Vec3 } from '../../twin/rotation.ts';
+import { isRecord } from '../bundle.ts';
 import { Kinematics } from '../kinematics.ts';
 import type { Manifest } from '../manifest.ts';
 import { addScaled, dot, originOf, quatOfTransform } from '../vectors.ts';
+import { type LinkMass, readMasses, readSoles, type Sole } from './masses_and_soles.ts';
 
 /** Codes of the doctor's findings that concern masses. */
 const OF_MASSES = /^(mass|inertia)/;
+const NO_RULE: BalanceRule = { feet: null, ground: null, soles: new Map() };
 
 /**
  * Finds what a robot's masses are and what it stands on (docs/BALANCE.md). Feet are, in this order:
@@ -23,19 +26,39 @@ const OF_MASSES = /^(mass|inertia)/;
  * its normal, and in 2; all else is `lowest`.
  */
 export function chooseStanding(manifest: Manifest, schema: Schema): Standing {
-  const { inertials, soles, findings } = manifest;
-  const masses = inertials ?? [];
-  let massGap: BalanceGap | null = null;
-  if (inertials === null) massGap = 'old-bundle';
-  else if (inertials.length === 0)
-    massGap = findings.some(({ code }) => OF_MASSES.test(code)) ? 'impossible-masses' : 'no-masses';
-  const rule = schema.mapping.balance;
-  const feet = new FeetFinder(manifest, schema).find(rule);
-  const footGap =
-    feet.length > 0 ? null : soles === null && rule.feet?.length !== 0 ? 'old-bundle' : 'no-feet';
+  const problems: string[] = [];
+  const attempt = <T>(read: () => T, otherwise: T): T => {
+    try {
+      return read();
+    } catch (error) {
+      problems.push(error instanceof Error ? error.message : String(error));
+      return otherwise;
+    }
+  };
+  // A bundle that can't be read is as good as one without: building it again is what helps.
+  const known = attempt(() => readMasses(manifest), null);
+  const soles = attempt(() => readSoles(manifest), null);
+  const rule = attempt(() => readBalance(schema), NO_RULE);
+  const feet = new FeetFinder(manifest, schema, soles ?? []).find(rule);
   const measured = feet.every(({ sensor }) => sensor?.measuresForce ?? false) ? 'measured' : 'lowest';
-  const ground = feet.length === 0 ? null : (rule.ground ?? measured);
-  return { masses, massGap, feet, footGap, ground };
+  let footGap: BalanceGap | null = null;
+  if (feet.length === 0) footGap = soles === null && rule.feet?.length !== 0 ? 'old-bundle' : 'no-feet';
+  return {
+    masses: known ?? [],
+    massGap: whyNoMasses(known, manifest),
+    feet,
+    footGap,
+    ground: feet.length === 0 ? null : (rule.ground ?? measured),
+    problems,
+  };
+}
+
+function whyNoMasses(masses: readonly LinkMass[] | null, { raw }: Manifest): BalanceGap | null {
+  if (masses === null) return 'old-bundle';
+  if (masses.length > 0) return null;
+  const findings: readonly unknown[] = Array.isArray(raw.findings) ? raw.findings : [];
+  const areBad = findings.some((one) => isRecord(one) && OF_MASSES.test(String(one.code)));
+  return areBad ? 'impossible-masses' : 'no-masses';
 }
 
 /** A sensor of the mapping that measures at least one component of a wrench, on a link of the model. */
@@ -53,16 +76,16 @@ class FeetFinder {
   /** For each link the first link of those that are fixed to each other. */
   readonly #groupOf: readonly number[];
   readonly #rest: Kinematics;
-  readonly #soles: NonNullable<Manifest['soles']>;
+  readonly #soles: readonly Sole[];
   readonly #sensors: readonly Mounted[];
 
-  constructor({ links, joints, soles }: Manifest, schema: Schema) {
+  constructor({ links, joints }: Manifest, schema: Schema, soles: readonly Sole[]) {
     this.#links = links;
     const groups = [0];
     for (const { type, parent } of joints) groups.push(type === 'fixed' ? groups[parent]! : groups.length);
     this.#groupOf = groups;
     this.#rest = new Kinematics(joints);
-    this.#soles = soles ?? [];
+    this.#soles = soles;
     const { sensors } = schema.mapping;
     const measured = new FootWrenchReader(schema, sensors.keys()).wrenches;
     this.#sensors = measured.flatMap(({ site, force, moment }) => {
@@ -105,7 +128,7 @@ class FeetFinder {
   }
 
   /** The sole of a link, else of a link that is fixed to it. */
-  #soleOn(link: number): NonNullable<Manifest['soles']>[number] | null {
+  #soleOn(link: number): Sole | null {
     const group = this.#groupOf[link];
     const own = this.#soles.find((sole) => sole.link === link);
     return own ?? this.#soles.find((sole) => this.#groupOf[sole.link] === group) ?? null;

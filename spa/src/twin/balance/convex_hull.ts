@@ -1,3 +1,7 @@
+/** Twice the area (m²) that a corner spans with its neighbours at least. Two feet side by side have corners on one line,
+ *  but for rounding. */
+const SLIVER_M2 = 1e-9;
+
 /**
  * The convex hull of up to `most` points in a plane: Andrew's monotone chain (1979), without allocating. Points are
  * sorted by insertion, from the order of the time before on, which is almost right for feet that move on.
@@ -38,7 +42,7 @@ export class ConvexHull {
   #push(points: Float64Array, point: number, start: number): void {
     const { corners } = this;
     while (this.count - start >= 2) {
-      if (turnOf(points, corners[this.count - 2]!, corners[this.count - 1]!, point) > 0) break;
+      if (turnOf(points, corners[this.count - 2]!, corners[this.count - 1]!, point) > SLIVER_M2) break;
       this.count -= 1;
     }
     if (this.count > 0 && areEqual(points, corners[this.count - 1]!, point)) return;

@@ -44,4 +44,6 @@ export interface Standing {
   readonly feet: readonly Foot[];
   readonly footGap: BalanceGap | null;
   readonly ground: Ground | null;
+  /** What of the model or the profile could not be read, a line each. */
+  readonly problems: readonly string[];
 }
