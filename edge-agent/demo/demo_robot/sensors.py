@@ -13,7 +13,6 @@ import numpy as np
 
 from demo_robot import dynamics, motion, wrenches
 from demo_robot.dynamics import GRAVITY
-from demo_robot.gait import CENTRE_X
 from demo_robot.kinematics import quaternion
 from demo_robot.masses import Inertial
 from demo_robot.motion import RATE_HZ, Channels, Motion
@@ -170,7 +169,9 @@ def _currents(m: Motion, noise: np.random.Generator) -> Channels:
         hold[f"{side}KN"] = load * weight * 0.3 * np.sin(knee / 2) / 16
         hold[f"{side}HP"] = -load * weight * 0.04 / 16 - 0.5 * np.sin(m.pos[f"{side}HP"]) * (1 - load) * 3
         hold[f"{side}HR"] = -sign * (load - 0.5 * load**2) * weight * HIP_ARM / 16
-        hold[f"{side}AP"] = load * weight * CENTRE_X / 12
+        foot = m.gait.feet[side]
+        ahead = np.hypot(*(m.gait.centre[side] - np.stack([foot.x, foot.y], axis=1)).T)
+        hold[f"{side}AP"] = load * weight * ahead / 12
         hold[f"{side}AR"] = sign * load * 0.3
         arm, elbow = m.pos[f"{side}SP"], m.pos[f"{side}SP"] + m.pos[f"{side}EB"]
         hold[f"{side}SP"] = (3.4 * np.sin(arm) + 1.6 * np.sin(elbow)) / 2.2
