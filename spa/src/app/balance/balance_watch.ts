@@ -1,5 +1,4 @@
 import { BalanceReader } from '../../model/balance/balance_reader.ts';
-import { BundleError } from '../../model/bundle.ts';
 import { manifestAt } from '../../model/files.ts';
 import { type Manifest, readManifest } from '../../model/manifest.ts';
 import { HeadingReader } from '../../twin/balance/told/heading.ts';
@@ -113,26 +112,22 @@ export class BalanceWatch {
       return;
     }
     const read = this.#readWith(model, schema);
-    if (read === null) return;
     const balance = read.reader.ofFrame(state.codes, state.tS);
     const stance = read.judge.next(balance, read.heading.read(state.codes), marginLimits(limits));
-    this.#known = { stance, ...lacksOf(balance, model.findings), values: balanceValues(balance) };
+    this.#known = {
+      stance,
+      ...lacksOf(balance, model.raw.findings, read.reader.problems),
+      values: balanceValues(balance),
+    };
     this.#note(stance, state.atMs);
   };
 
-  /** What reads this model and schema; null where the model's masses or soles can't be read. */
-  #readWith(model: Manifest, schema: Schema): Read | null {
+  /** What reads this model and schema. */
+  #readWith(model: Manifest, schema: Schema): Read {
     if (this.#read?.model === model && this.#read.schema === schema) return this.#read;
-    try {
-      const reader = new BalanceReader(model, schema);
-      const heading = new HeadingReader(schema);
-      this.#read = { model, schema, reader, heading, judge: new StanceJudge() };
-      return this.#read;
-    } catch (error) {
-      if (!(error instanceof BundleError)) throw error;
-      this.#known = lacking({ why: 'impossible-masses', told: error.message });
-      return null;
-    }
+    const reader = new BalanceReader(model, schema);
+    this.#read = { model, schema, reader, heading: new HeadingReader(schema), judge: new StanceJudge() };
+    return this.#read;
   }
 
   /** A crossing counts while the page shows the balance. */

@@ -56,6 +56,7 @@ function shown(marginMm: number | null): string {
 
 const WHY = {
   raw: 'rawModel',
+  unreadable: 'builtBefore',
   'old-bundle': 'builtBefore',
   'no-masses': 'noMasses',
   'impossible-masses': 'impossibleMasses',

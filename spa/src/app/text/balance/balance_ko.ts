@@ -1,7 +1,7 @@
-import type { BalanceText } from '../balance.ts';
+import type { balanceEn } from './balance_en.ts';
 
 /** The Korean sentences of `balance_en.ts`. */
-export const balanceKo: BalanceText = {
+export const balanceKo: typeof balanceEn = {
   balance: '균형',
   balanceWhat: '어느 쪽으로 넘어질지, 무엇을 딛고 있는지',
 

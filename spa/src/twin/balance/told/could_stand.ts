@@ -1,10 +1,7 @@
 import type { Schema } from '@posecast/wire';
 
-/** Whether a robot may stand on feet, by its schema alone: before its model is read, nobody knows for sure. */
+/** Whether a robot may stand on two feet that measure their forces, by its schema alone: its model says whether it does. */
 export function couldStand(schema: Schema | null): boolean {
-  if (schema === null) return false;
-  const { balance, sensors } = schema.mapping;
-  if (balance.feet !== null) return balance.feet.length > 0;
-  const mounted = [...sensors.values()].filter(({ kind, link }) => kind === 'wrench' && link !== null);
-  return mounted.length > 1;
+  const sensors = [...(schema?.mapping.sensors.values() ?? [])];
+  return sensors.filter(({ kind, link }) => kind === 'wrench' && link !== null).length > 1;
 }
