@@ -65,6 +65,11 @@ def margin(polygon: Floats, point: Floats) -> float:
     return float(distance if inside else -distance)
 
 
+def pressure(force: Floats, moment: Floats) -> Floats:
+    """Where on the floor a wrench has no moment but about the vertical."""
+    return np.stack([-moment[:, 1], moment[:, 0]], axis=1) / force[:, 2:]
+
+
 def _cross(a: Floats, b: Floats) -> float:
     return float(a[0] * b[1] - a[1] * b[0])
 

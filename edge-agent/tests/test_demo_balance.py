@@ -11,8 +11,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 import trimesh
-from demo_balance import Balance, margin
-from demo_stage import Floats, Minute
+from demo_balance import Balance, margin, pressure
+from demo_stage import Minute
+from model_stage import build_robot
 
 WEIGHT_N = 42.0 * 9.81
 SLOW = ("standing", "waving", "bowing", "reaching", "knee test", "homing fingers", "leaning")
@@ -27,11 +28,6 @@ def balance(minute: Minute, bundle: Path) -> Balance:
 def during(minute: Minute, *modes: str) -> npt.NDArray[np.bool_]:
     mode = [minute.motion.make_sample(k).info["mode"] for k in range(minute.motion.samples)]
     return np.isin(mode, modes)
-
-
-def pressure(force: Floats, moment: Floats) -> Floats:
-    """Where on the floor a wrench has no moment but about the vertical."""
-    return np.stack([-moment[:, 1], moment[:, 0]], axis=1) / force[:, 2:]
 
 
 def test_every_link_weighs_something_that_can_be(balance: Balance, bundle: Path) -> None:
@@ -72,6 +68,19 @@ def test_a_shell_filled_evenly_has_that_inertia(balance: Balance, bundle: Path) 
         about -= inertia.mass_kg * (c @ c * np.eye(3) - np.outer(c, c))
         assert inertia.centre == pytest.approx(c, abs=2e-5)
         assert inertia.about_centre == pytest.approx(about, rel=0.01, abs=1e-7 * inertia.mass_kg)
+
+
+def test_the_built_model_has_these_masses_and_two_soles(balance: Balance, bundle: Path) -> None:
+    built = build_robot(bundle / "robot.urdf").document
+    links = built["links"]
+    assert [links[i["link"]] for i in built["inertials"]] == links
+    assert sum(i["mass_kg"] for i in built["inertials"]) == pytest.approx(42)
+    assert "findings" not in built
+    assert {links[sole["link"]] for sole in built["soles"]} == {"Body_LAR", "Body_RAR"}
+    for sole in built["soles"]:
+        outline = np.array(sole["points"])
+        away = [margin(balance.sole[:, :2], corner) for corner in outline[:, :2]]
+        assert max(map(abs, away)) < 0.001, "corners of the shell's own outline"
 
 
 def test_the_feet_carry_the_weight_in_every_slow_scene(balance: Balance) -> None:

@@ -120,7 +120,7 @@ def test_shapes_and_colours(everything: tuple[Path, RobotFile]) -> None:
     assert robot.meshes[cube.geometry.uri].triangles == 12
     assert len(shapes(robot, "wrist")) == 1  # of two, one can't be seen
     assert shapes(robot, "world") == ()
-    assert codes(robot) == {"mocap", "geom-groups"}
+    assert codes(robot) == {"mocap", "geom-groups", "mass-of-mesh"}
 
 
 def test_sensors_on_sites_have_the_sources_names(everything: tuple[Path, RobotFile]) -> None:

@@ -1,6 +1,7 @@
-import type { Level } from '@posecast/wire';
+import type { Ground, Level } from '@posecast/wire';
 import type { PosedBody } from '../model/posed_body.ts';
-import type { Ground, Vec2 } from '../twin/balance/balance.ts';
+import type { Vec2 } from '../twin/balance/balance.ts';
+
 import type { AngleUnit } from '../twin/format.ts';
 import type { BalanceReadings } from '../twin/overlay/reader.ts';
 import type { Pose } from '../twin/playback/pose.ts';

@@ -51,9 +51,8 @@ export class Facets {
   /** Adds a triangle, its corners counter-clockwise for who sees it. */
   add([ax, ay, az]: Vec3, [bx, by, bz]: Vec3, [cx, cy, cz]: Vec3, paint: Paint): void {
     if (this.#made === MOST_FACETS) return;
-    const { color, opacity = 1, through = false } = paint;
     const to = this.#making;
-    let at = this.#made * FACET_STRIDE;
+    let at = this.#made * FACET_STRIDE + FACET_AT.first;
     to[at++] = ax;
     to[at++] = ay;
     to[at++] = az;
@@ -62,12 +61,35 @@ export class Facets {
     to[at++] = bz;
     to[at++] = cx;
     to[at++] = cy;
-    to[at++] = cz;
-    to[at++] = (color >> 16) / 255;
-    to[at++] = ((color >> 8) & 255) / 255;
-    to[at++] = (color & 255) / 255;
-    to[at++] = opacity;
-    to[at] = through ? 1 : 0;
+    to[at] = cz;
+    this.#paint(paint);
+  }
+
+  /** Adds a shape of many triangles, nine numbers each: turned about the vertical (rad), scaled and put at a point. */
+  addShape(corners: ArrayLike<number>, [x, y, z]: Vec3, size: number, heading: number, paint: Paint): void {
+    const [c, s] = [size * Math.cos(heading), size * Math.sin(heading)];
+    const to = this.#making;
+    for (let from = 0; from < corners.length && this.#made < MOST_FACETS; from += 9) {
+      const at = this.#made * FACET_STRIDE + FACET_AT.first;
+      for (let i = 0; i < 9; i += 3) {
+        const [px, py] = [corners[from + i]!, corners[from + i + 1]!];
+        to[at + i] = x + c * px - s * py;
+        to[at + i + 1] = y + s * px + c * py;
+        to[at + i + 2] = z + size * corners[from + i + 2]!;
+      }
+      this.#paint(paint);
+    }
+  }
+
+  /** Completes the facet whose corners have been written. */
+  #paint({ color, opacity = 1, through = false }: Paint): void {
+    const at = this.#made * FACET_STRIDE;
+    const to = this.#making;
+    to[at + FACET_AT.tint] = (color >> 16) / 255;
+    to[at + FACET_AT.tint + 1] = ((color >> 8) & 255) / 255;
+    to[at + FACET_AT.tint + 2] = (color & 255) / 255;
+    to[at + FACET_AT.tint + 3] = opacity;
+    to[at + FACET_AT.through] = through ? 1 : 0;
     this.#made += 1;
   }
 }

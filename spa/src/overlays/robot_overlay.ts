@@ -141,7 +141,7 @@ export class RobotOverlay {
     const line: Paint = { color: live ? tones.level : tones.stale, through: true };
     this.#attitude.draw(strokes, body, imus, lean, based, reach, {
       plane: { color: line.color, opacity: 0.07 },
-      rim: { color: line.color, opacity: this.#balance === null ? 0.8 : 0.35 },
+      rim: { color: line.color, opacity: this.#balance === null ? 0.8 : 0.25 },
       gravity: line,
       faint: { color: line.color, opacity: 0.55, through: true },
       lean: { color: line.color, opacity: 0.3, through: true },

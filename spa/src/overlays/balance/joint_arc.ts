@@ -9,6 +9,7 @@ import {
   rotateAbout,
   scale,
 } from '../../model/vectors.ts';
+import { limitMargin } from '../../twin/balance/limit_margin.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
 import type { ShownJoint } from '../balance_drawing.ts';
 import type { Facets } from '../facets.ts';
@@ -47,13 +48,12 @@ export function drawJointLimits(
   const limits = body.manifest.joints.find((one) => one.name === name)?.limits ?? null;
   const value = body.jointValue(name);
   if (joint === undefined || worldFromLink === undefined || limits === null || value === null) return null;
+  const margin = limitMargin(value, limits);
+  if (margin === null) return null;
   const { lower, upper } = limits;
-  if (!(upper > lower)) return null;
-  const toLower = value - lower;
-  const toUpper = upper - value;
-  const left = Math.min(toLower, toUpper);
+  const { left, nearer } = margin;
   /** From where the joint is to the nearer limit. */
-  const way = toLower < toUpper ? -toLower : toUpper;
+  const way = nearer === 'lower' ? -left : left;
   const at = originOf(worldFromLink);
   const axis = directionThrough(worldFromLink, joint.axis);
   const spot = joint.slides

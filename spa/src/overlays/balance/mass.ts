@@ -5,9 +5,9 @@ import { type BalancePaints, faint } from './paints.ts';
 import { drawBall, drawLine, drawRod, fillQuarters, fillRing, floorSpot } from './shapes.ts';
 
 /** Sizes in radii of the robot. */
-const BALL = 0.062;
+const BALL = 0.064;
 const PLUMB = 0.0045;
-const FOOT = 0.036;
+const FOOT = 0.04;
 const FOOT_RIM = 0.007;
 const CAPTURE = 0.04;
 const CAPTURE_RIM = 0.011;

@@ -10,8 +10,8 @@ import { nearestOn } from './support.ts';
 const FOOT_DISC = 0.019;
 const RIM = 0.005;
 /** Of the mark of all feet: a hoop that the mass' foot lies in while the robot is at rest. */
-const INNER = 0.056;
-const OUTER = 0.068;
+const INNER = 0.06;
+const OUTER = 0.073;
 const BAR = 0.045;
 const BAR_WIDE = 0.014;
 

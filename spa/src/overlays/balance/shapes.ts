@@ -148,25 +148,21 @@ export function drawBall(
   other: Paint,
   rim: Paint,
 ): void {
-  const [c, s] = [Math.cos(heading), Math.sin(heading)];
-  const put = (triangles: readonly Triangle[], size: number, paint: Paint) => {
-    const on = ([x, y, z]: Vec3): Vec3 => [
-      at[0] + size * (c * x - s * y),
-      at[1] + size * (s * x + c * y),
-      at[2] + size * z,
-    ];
-    for (const [p, q, r] of triangles) facets.add(on(p), on(q), on(r), paint);
-  };
-  put(RIM, radius * 1.12, rim); // a larger ball seen from within: of it only what is beside the ball shows
-  put(BALL.one, radius, one);
-  put(BALL.other, radius, other);
+  facets.addShape(RIM, at, radius * 1.12, heading, rim); // seen from within: of it only what is beside the ball shows
+  facets.addShape(ONE, at, radius, heading, one);
+  facets.addShape(OTHER, at, radius, heading, other);
 }
 
 type Triangle = readonly [Vec3, Vec3, Vec3];
 
-/** The unit ball's triangles: of its even and of its odd eighths. */
-const BALL = ballTriangles();
-const RIM: readonly Triangle[] = [...BALL.one, ...BALL.other].map(([a, b, c]) => [a, c, b]);
+/** The unit ball's triangles: of its even and of its odd eighths, and of both turned inside out. */
+const { one: EVEN, other: ODD } = ballTriangles();
+const [ONE, OTHER] = [numbersOf(EVEN), numbersOf(ODD)];
+const RIM = numbersOf([...EVEN, ...ODD].map(([a, b, c]) => [a, c, b] as const));
+
+function numbersOf(triangles: readonly Triangle[]): Float64Array {
+  return Float64Array.from(triangles.flat(2));
+}
 
 function ballTriangles(): { one: Triangle[]; other: Triangle[] } {
   const ball: { one: Triangle[]; other: Triangle[] } = { one: [], other: [] };

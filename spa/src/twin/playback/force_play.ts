@@ -1,8 +1,8 @@
 import type { Schema } from '@posecast/wire';
+import type { FootWrench } from '../balance/foot_wrench.ts';
 import { ValueLimits } from '../limits/limits.ts';
 import type { Vec3 } from '../rotation.ts';
 import { WrenchTable } from '../sensors/wrenches.ts';
-import type { PlayedWrench } from './pose.ts';
 
 /** Numbers of one sensor: force and moment. */
 const SIZE = 6;
@@ -35,7 +35,7 @@ export class ForcePlay {
   }
 
   /** The wrenches of numbers that are played. */
-  of(numbers: Float64Array): PlayedWrench[] {
+  of(numbers: Float64Array): FootWrench[] {
     const at = (i: number): Vec3 => [numbers[i]!, numbers[i + 1]!, numbers[i + 2]!];
     return this.#table.wrenches.map(({ site, force, moment }, i) => {
       const [hasForce, hasMoment] = this.#isRead[i]!;

@@ -5,7 +5,7 @@ import type { Quat } from '../rotation.ts';
 import { type Imu, ImuTable } from '../sensors/imus.ts';
 import { ForcePlay } from './force_play.ts';
 import { Playout } from './playout.ts';
-import { type Base, baseOf, type PlayedWrench, type Pose, Poser } from './pose.ts';
+import { type Base, baseOf, type Pose, Poser } from './pose.ts';
 
 /**
  * One robot's motion as it is shown, with a small delay and interpolated: positions and commands of its joints, its
@@ -97,7 +97,7 @@ export class Player {
     const joints = this.#joints(shown === 'ref' ? (this.#ref ?? this.#pos) : this.#pos);
     const ghost = shown === 'both' && this.#ref !== null ? this.#joints(this.#ref) : null;
     const { shownS: tS, shown: values } = this.#playout;
-    const wrenches: readonly PlayedWrench[] = this.#forces.of(values.subarray(this.#forcesAt));
+    const wrenches = this.#forces.of(values.subarray(this.#forcesAt));
     return { joints, base: this.#base(), unread: this.#unread, lean: this.#lean(), ghost, tS, wrenches };
   }
 

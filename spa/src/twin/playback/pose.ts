@@ -1,21 +1,8 @@
 import { JointMapping, type Schema } from '@posecast/wire';
+import type { FootWrench } from '../balance/foot_wrench.ts';
 import { normalizeQuat, type Quat, type Vec3 } from '../rotation.ts';
 import type { Imu } from '../sensors/imus.ts';
 import { valueAt } from '../values.ts';
-
-/** What one force-torque sensor measures, as it is played: N and N·m in the sensor's axes. */
-export interface PlayedWrench {
-  readonly site: string;
-  readonly force: PlayedVector;
-  readonly moment: PlayedVector;
-}
-
-export interface PlayedVector {
-  /** null without a reading. */
-  readonly vector: Vec3 | null;
-  /** The axes that the robot measures (0 x, 1 y, 2 z). */
-  readonly axes: readonly number[];
-}
 
 /** A robot's pose at one instant: URDF joints (rad, or m for sliding ones) and where the root link is. */
 export interface Pose {
@@ -31,7 +18,7 @@ export interface Pose {
   /** Robot time of this pose, seconds. */
   tS?: number;
   /** The wrenches of the same moment, of the sensors that are mounted on a link. */
-  wrenches?: readonly PlayedWrench[];
+  wrenches?: readonly FootWrench[];
 }
 
 /** world_from_root: metres, and a unit quaternion w, x, y, z. */
