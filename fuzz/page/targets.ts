@@ -33,6 +33,7 @@ import { readShared, sharedQuery } from '../../spa/src/app/share/shared_view.ts'
 import { momentIn } from '../../spa/src/app/state/moment.ts';
 import { parseRoute, robotHref } from '../../spa/src/app/state/route.ts';
 import { queryOf, readSettings } from '../../spa/src/app/state/settings.ts';
+import { readMasses, readSoles } from '../../spa/src/model/balance/masses_and_soles.ts';
 import { BundleError, parseManifest, readRawManifest } from '../../spa/src/model/bundle.ts';
 import { GlbError } from '../../spa/src/model/glb.ts';
 import { Kinematics } from '../../spa/src/model/kinematics.ts';
@@ -260,6 +261,8 @@ function manifest(bytes: Uint8Array): unknown {
   if (raw.v !== 2) return readRawManifest(raw).files.size;
   const found = readManifest(raw);
   new Kinematics(found.joints);
+  readMasses(found);
+  readSoles(found);
   return boxesOfLinks(found).size;
 }
 
@@ -273,6 +276,7 @@ function body(bytes: Uint8Array): unknown {
   }));
   const visuals = found.visuals.slice(0, 1024).map(({ link, source }) => ({ link, source }));
   readManifest({ ...found, joints, visuals });
+  readMasses(found);
   new Kinematics(found.joints);
   const lod = new LodBuilder(shapes);
   for (const [i, placed] of [...shapes.slice(0, 8).entries(), ...[...shapes.entries()].slice(8).slice(-4)]) {
