@@ -6,6 +6,8 @@ import type { Paint } from '../strokes.ts';
 /** The ball's quarters, in either theme: those of a crash-test dummy's marks. */
 const WHITE = 0xf7f8fa;
 const BLACK = 0x14181f;
+/** Of a ball that is old; the stale tone of either theme stands out against it. */
+const OLD_BLACK = 0x545d6b;
 
 /** The paints of the signs of balance. What is drawn shows through the robot. */
 export interface BalancePaints {
@@ -30,7 +32,7 @@ export function paintsOf({ tones, palette, live }: BalanceStyle, level: Level): 
   const support = tone(tones.level);
   return {
     white: solid(live ? WHITE : tones.stale),
-    black: solid(live ? BLACK : tones.muted),
+    black: solid(live ? BLACK : OLD_BLACK),
     mass: tone(tones.ink),
     support,
     pressure: of('ok'),

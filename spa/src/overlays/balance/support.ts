@@ -12,6 +12,8 @@ const EDGE = 0.016;
 const MARGIN = 0.005;
 const DASH = 0.025;
 const MARK = 0.04;
+/** What the marks of mass and pressure cover around the mass' foot. */
+const CLEAR = 0.075;
 const FILL = 0.16;
 /** Of a polygon that is only assumed. */
 const ASSUMED_FILL = 0.08;
@@ -50,7 +52,7 @@ export function drawSupport(
  *  where the robot would fall for caution, an octagon for a fault, nothing otherwise. */
 function drawLevel(
   facets: Facets,
-  { edge, ends: [from, to] }: MarginLine,
+  { foot, edge, ends: [from, to] }: MarginLine,
   level: Level,
   reach: number,
   { margin, black }: BalancePaints,
@@ -60,7 +62,9 @@ function drawLevel(
   const outward: Vec3 = [along[1], -along[0], 0]; // the polygon is counter-clockwise
   const size = MARK * reach;
   const corners = level === 'caution' ? 3 : 8;
-  const spot = floorSpot(addScaled(edge, outward, size * (level === 'caution' ? 0.95 : 1.4)), outward);
+  const hidden = CLEAR * reach - dot(addScaled(edge, foot, -1), outward);
+  const away = Math.max(0, hidden) + size * (level === 'caution' ? 0.95 : 1.4);
+  const spot = floorSpot(addScaled(edge, outward, away), outward);
   fillRound(facets, spot, size, margin, corners);
   fillRing(facets, spot, size, size * 1.16, black, 2 * Math.PI, corners);
 }
