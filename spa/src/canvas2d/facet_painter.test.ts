@@ -1,5 +1,5 @@
 import { expect, it } from 'vitest';
-import { Facets } from '../overlays/facets.ts';
+import { Facets } from '../overlays/balance/facets.ts';
 import type { Paint } from '../overlays/strokes.ts';
 import type { Vec3 } from '../twin/rotation.ts';
 import { CameraRig } from '../view/camera/camera_rig.ts';

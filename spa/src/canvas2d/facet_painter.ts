@@ -1,4 +1,4 @@
-import { FACET_AT, FACET_STRIDE, type Facets } from '../overlays/facets.ts';
+import type { FacetNumbers } from '../overlays/facet_numbers.ts';
 import type { FloorView } from './floor.ts';
 
 /** Nearer than this (in radii of the robot) a corner can't be projected. */
@@ -11,13 +11,13 @@ const NEAR = 0.05;
 export function paintFacets(
   context: CanvasRenderingContext2D,
   { screenFromWorld: m, reach }: FloorView,
-  facets: Facets,
+  facets: FacetNumbers,
   over: boolean,
 ): void {
-  const { numbers, count } = facets;
+  const { numbers, count, stride, at: of } = facets;
   let painted = -1; // where the facet stands whose colour is in use
-  for (let at = 0; at < count * FACET_STRIDE; at += FACET_STRIDE) {
-    if (numbers[at + FACET_AT.through]! > 0.5 !== over) continue;
+  for (let at = 0; at < count * stride; at += stride) {
+    if (numbers[at + of.through]! > 0.5 !== over) continue;
     for (let corner = 0; corner < 3; corner += 1) {
       const [x, y, z] = [
         numbers[at + 3 * corner]!,
@@ -30,9 +30,9 @@ export function paintFacets(
     }
     const [ax, ay, bx, by, cx, cy] = SEEN as unknown as Six;
     if (!((bx - ax) * (cy - ay) - (cx - ax) * (by - ay) < 0)) continue; // from behind: the canvas' y points down
-    if (painted < 0 || !sameTint(numbers, at, painted)) {
+    if (painted < 0 || !sameTint(numbers, at + of.tint, painted + of.tint)) {
       if (painted >= 0) context.fill();
-      context.fillStyle = tintAt(numbers, at + FACET_AT.tint);
+      context.fillStyle = tintAt(numbers, at + of.tint);
       context.beginPath();
     }
     painted = at;
@@ -47,7 +47,7 @@ type Six = readonly [number, number, number, number, number, number];
 const SEEN = new Float64Array(6);
 
 function sameTint(numbers: Float32Array, one: number, other: number): boolean {
-  for (let i = FACET_AT.tint; i < FACET_AT.tint + 4; i += 1) {
+  for (let i = 0; i < 4; i += 1) {
     if (numbers[one + i] !== numbers[other + i]) return false;
   }
   return true;

@@ -39,7 +39,7 @@ export class LightView extends RowStage<LightRobotNode> {
     still: prefersReducedMotion,
     changed: () => this.loop.request(),
   });
-  readonly #painter = new LightPainter(this.rig);
+  readonly #painter = new LightPainter(this.rig, () => this.loop.request());
   readonly #sharpness = new AdaptiveResolution();
   readonly #overlay: Overlay;
   readonly #resizes: ResizeObserver;

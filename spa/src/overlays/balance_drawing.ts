@@ -7,7 +7,7 @@ import type { BalanceReadings } from '../twin/overlay/reader.ts';
 import type { Pose } from '../twin/playback/pose.ts';
 import type { Vec3 } from '../twin/rotation.ts';
 import type { OverlayColors, PaletteName } from './colors.ts';
-import type { Facets } from './facets.ts';
+import type { FacetNumbers } from './facet_numbers.ts';
 import type { OverlayLabel } from './labels.ts';
 
 /** A joint whose limits are drawn. */
@@ -53,19 +53,25 @@ export interface BalanceStyle {
   readonly live: boolean;
 }
 
-/** Draws the balance of one robot. Its code is loaded on demand, so the overlay is given a `MakeBalance`. */
+/** Draws the balance of one robot. */
 export interface BalanceDrawing {
   readonly shown: ShownBalance;
-  /** Adds the facets of a body in the pose that is shown. */
-  draw(
-    facets: Facets,
-    body: PosedBody | null,
-    pose: Pose | null,
-    readings: BalanceReadings,
-    style: BalanceStyle,
-  ): void;
+  /** Adds its facets, of a body in the pose that is shown. */
+  draw(body: PosedBody | null, pose: Pose | null, readings: BalanceReadings, style: BalanceStyle): void;
   /** The labels for the newest `draw`. */
   labels(): OverlayLabel[];
 }
 
-export type MakeBalance = () => BalanceDrawing;
+/** The balance of all robots of one picture. */
+export interface BalancePicture {
+  readonly facets: FacetNumbers;
+  /** Starts a new picture. */
+  begin(): void;
+  /** Completes the picture. False when it equals the one before. */
+  end(): boolean;
+  /** Makes what draws the balance of one robot. */
+  addRobot(): BalanceDrawing;
+}
+
+/** The code that draws balance is loaded on demand, so the overlay is given this. */
+export type MakeBalance = () => BalancePicture;

@@ -2,8 +2,9 @@ import type { PosedBody } from '../model/posed_body.ts';
 import type { OverlayReadings } from '../twin/overlay/reader.ts';
 import type { Pose } from '../twin/playback/pose.ts';
 import { AttitudeReadout } from './attitude_readout.ts';
+import type { BalancePicture } from './balance_drawing.ts';
 import type { OverlayColors } from './colors.ts';
-import { Facets } from './facets.ts';
+import type { FacetNumbers } from './facet_numbers.ts';
 import type { LabelRoom } from './label_layout.ts';
 import { type LabelPlace, OverlayLabels } from './labels.ts';
 import { type OverlayStyle, RANK, RobotOverlay, type ShownOverlay } from './robot_overlay.ts';
@@ -23,7 +24,7 @@ export interface OverlayBearer {
  */
 export class Overlay {
   readonly strokes = new Strokes();
-  #facets: Facets | null = null;
+  #balance: BalancePicture | null = null;
   readonly #labels: OverlayLabels;
   readonly #readout: AttitudeReadout;
   readonly #signs = new Map<OverlayBearer, RobotOverlay>();
@@ -37,8 +38,8 @@ export class Overlay {
   }
 
   /** null until something is drawn with facets. */
-  get facets(): Facets | null {
-    return this.#facets;
+  get facets(): FacetNumbers | null {
+    return this.#balance?.facets ?? null;
   }
 
   shown(of: OverlayBearer): ShownOverlay {
@@ -47,7 +48,8 @@ export class Overlay {
 
   /** Takes a robot's newest readings and their style. */
   show(of: OverlayBearer, readings: OverlayReadings | null, manner?: OverlayStyle): void {
-    this.#of(of).take(readings, manner);
+    if (readings?.balance && manner?.balance) this.#balance ??= manner.balance();
+    this.#of(of).take(readings, manner, this.#balance);
     this.#old = true;
   }
 
@@ -80,15 +82,14 @@ export class Overlay {
     if (!this.#old) return false;
     this.#old = false;
     const all = [...this.#signs.values()];
-    if (all.some((signs) => signs.balanced)) this.#facets ??= new Facets();
     this.strokes.begin();
-    this.#facets?.begin();
+    this.#balance?.begin();
     let repainted = false;
     for (const [bearer, signs] of this.#signs) {
       const { figure, pose = null } = bearer;
-      repainted = signs.draw(this.strokes, this.#facets, figure, pose, this.#tones) || repainted;
+      repainted = signs.draw(this.strokes, figure, pose, this.#tones) || repainted;
     }
-    const filled = this.#facets?.end() ?? false;
+    const filled = this.#balance?.end() ?? false;
     const changed = this.strokes.end() || filled;
     const labels = all.flatMap((signs, i) =>
       all.length === 1

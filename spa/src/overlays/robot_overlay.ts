@@ -9,10 +9,9 @@ import type { OverlayReadings } from '../twin/overlay/reader.ts';
 import type { Pose } from '../twin/playback/pose.ts';
 import type { Vec3 } from '../twin/rotation.ts';
 import { AttitudeOverlay, type ShownAttitude } from './attitude.ts';
-import type { BalanceDrawing, MakeBalance, ShownBalance } from './balance_drawing.ts';
+import type { BalanceDrawing, BalancePicture, MakeBalance, ShownBalance } from './balance_drawing.ts';
 import { levelColor, type OverlayColors, type PaletteName } from './colors.ts';
 import { DeviationOverlay, type ShownDeviation } from './deviations.ts';
-import type { Facets } from './facets.ts';
 import { JointLoadPaint } from './joint_load.ts';
 import type { OverlayLabel } from './labels.ts';
 import type { Paint, Strokes } from './strokes.ts';
@@ -95,13 +94,17 @@ export class RobotOverlay {
     return this.#readings.body === null ? null : { ...this.#attitude.shown, angle, old: !live };
   }
 
-  /** Takes the newest readings and their style. */
-  take(readings: OverlayReadings | null, manner: OverlayStyle = this.#manner): void {
+  /** Takes the newest readings and their style. `balance`: where its balance is drawn; null for nowhere yet. */
+  take(
+    readings: OverlayReadings | null,
+    manner: OverlayStyle = this.#manner,
+    balance: BalancePicture | null = null,
+  ): void {
     this.#readings = readings ?? NOTHING;
     this.#manner = manner;
     this.#wrenches.take(this.#readings.wrenches, prefersReducedMotion());
     if (this.#readings.balance === null) this.#balance = null;
-    else this.#balance ??= manner.balance?.() ?? null;
+    else this.#balance ??= balance?.addRobot() ?? null;
   }
 
   /** Measures the robot's size anew, for example after more of its meshes have come. */
@@ -114,23 +117,16 @@ export class RobotOverlay {
     return this.#wrenches.advance(seconds);
   }
 
-  /** Adds its strokes, and the facets of its balance in a pose, to a picture and tints the body. `facets` may be null
-   *  while it is not `balanced`. True when the body's colours changed. */
-  draw(
-    strokes: Strokes,
-    facets: Facets | null,
-    body: PosedBody | null,
-    pose: Pose | null,
-    tones: OverlayColors,
-  ): boolean {
+  /** Adds its strokes, and its balance in a pose, to a picture and tints the body. True when the body's colours
+   *  changed. */
+  draw(strokes: Strokes, body: PosedBody | null, pose: Pose | null, tones: OverlayColors): boolean {
     if (body !== this.#body) this.#reach = null;
     this.#body = body;
     this.#reach ??= body === null ? null : reachOf(body);
     const reach = this.#reach ?? 0;
     const { deviations, imus, body: lean, based, loads, balance } = this.#readings;
     const { arrowScale, palette, angle, from, live } = this.#manner;
-    if (facets !== null && balance !== null)
-      this.#balance?.draw(facets, body, pose, balance, { reach, tones, palette, angle, live });
+    if (balance !== null) this.#balance?.draw(body, pose, balance, { reach, tones, palette, angle, live });
     const color = (level: Level) => levelColor(tones, palette, level, live);
     const solid = (level: Level): Paint => ({ color: color(level), through: true });
     this.#wrenches.draw(strokes, body, reach, arrowScale, solid, { color: tones.stale, through: true });
@@ -148,11 +144,6 @@ export class RobotOverlay {
       plumb: this.#balance?.shown.centreOfMass == null,
     });
     return this.#loads.paint(body, loads, color('fault'));
-  }
-
-  /** Whether the signs of balance are on. */
-  get balanced(): boolean {
-    return this.#balance !== null;
   }
 
   /** The labels for the strokes of the newest `draw`. */

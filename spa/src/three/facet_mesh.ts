@@ -8,14 +8,14 @@ import {
   Mesh,
   ShaderMaterial,
 } from 'three';
-import { FACET_AT, FACET_STRIDE, type Facets } from '../overlays/facets.ts';
+import type { FacetLayout, FacetNumbers } from '../overlays/facet_numbers.ts';
 
 /** Drawn after robot and ghost, before all strokes. */
 const RENDER_ORDER = 2;
 /** Opacity of the second pass, which shows through what is in front. */
 const THROUGH = 0.88;
 
-const SIZES: Readonly<Record<keyof typeof FACET_AT, number>> = {
+const SIZES: Readonly<Record<keyof FacetLayout, number>> = {
   ...{ first: 3, second: 3, third: 3, tint: 4, through: 1 },
 };
 
@@ -23,19 +23,19 @@ const SIZES: Readonly<Record<keyof typeof FACET_AT, number>> = {
  *  "through" in front of everything. They write no depth, so each lies over those before it. */
 export class FacetMesh {
   readonly object = new Group();
-  readonly #facets: Facets;
+  readonly #facets: FacetNumbers;
   readonly #buffer: InstancedInterleavedBuffer;
   readonly #geometry = new InstancedBufferGeometry();
   readonly #materials = [facetMaterial(false), facetMaterial(true)] as const;
 
-  constructor(facets: Facets) {
+  constructor(facets: FacetNumbers) {
     this.#facets = facets;
-    this.#buffer = new InstancedInterleavedBuffer(facets.numbers, FACET_STRIDE);
+    this.#buffer = new InstancedInterleavedBuffer(facets.numbers, facets.stride);
     this.#buffer.setUsage(DynamicDrawUsage);
     this.#geometry.setAttribute('corner', new Float32BufferAttribute([0, 1, 2], 1));
     this.#geometry.setIndex([0, 1, 2]);
-    for (const [name, at] of Object.entries(FACET_AT)) {
-      const size = SIZES[name as keyof typeof FACET_AT];
+    for (const [name, at] of Object.entries(facets.at)) {
+      const size = SIZES[name as keyof FacetLayout];
       this.#geometry.setAttribute(name, new InterleavedBufferAttribute(this.#buffer, size, at));
     }
     this.#materials.forEach((material, i) => {
@@ -49,10 +49,10 @@ export class FacetMesh {
 
   /** Uploads the facets after they have changed. */
   update(): void {
-    const { count } = this.#facets;
+    const { count, stride } = this.#facets;
     if (count > 0) {
       this.#buffer.clearUpdateRanges();
-      this.#buffer.addUpdateRange(0, count * FACET_STRIDE);
+      this.#buffer.addUpdateRange(0, count * stride);
       this.#buffer.needsUpdate = true;
     }
     this.#geometry.instanceCount = count;

@@ -7,8 +7,8 @@ import type { Pose } from '../../twin/playback/pose.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
 import type { BalanceStyle } from '../balance_drawing.ts';
 import { OVERLAY_COLORS } from '../colors.ts';
-import { Facets } from '../facets.ts';
 import { BalanceOverlay } from './balance_overlay.ts';
+import { Facets } from './facets.ts';
 
 const COMPONENTS = ['fx', 'fy', 'fz'].map((one) => `F.${one}`);
 const MOMENTS = ['mx', 'my', 'mz'].map((one) => `F.${one}`);
@@ -70,9 +70,10 @@ function drawn(
   readings: Partial<BalanceReadings> = {},
   style: Partial<BalanceStyle> = {},
 ) {
-  const [signs, facets] = [new BalanceOverlay(), new Facets()];
+  const facets = new Facets();
+  const signs = new BalanceOverlay(facets);
   facets.begin();
-  signs.draw(facets, body, shownPose, { ...READINGS, ...readings }, { ...STYLE, ...style });
+  signs.draw(body, shownPose, { ...READINGS, ...readings }, { ...STYLE, ...style });
   facets.end();
   return { ...signs.shown, count: facets.count, labels: signs.labels() };
 }
@@ -139,10 +140,11 @@ it('is grey, words too, when the pose is old', () => {
 });
 
 it('another model or schema begins anew', () => {
-  const [signs, facets] = [new BalanceOverlay(), new Facets()];
+  const facets = new Facets();
+  const signs = new BalanceOverlay(facets);
   const step = (body: PosedBody, tS: number, fz: number) => {
     facets.begin();
-    signs.draw(facets, body, pose(fz, tS), READINGS, STYLE);
+    signs.draw(body, pose(fz, tS), READINGS, STYLE);
     return signs.shown.footprints;
   };
   const body = leg();
@@ -152,12 +154,13 @@ it('another model or schema begins anew', () => {
 });
 
 it('tells what a picture costs', () => {
-  const [signs, facets, body] = [new BalanceOverlay(), new Facets(), leg()];
+  const [facets, body] = [new Facets(), leg()];
+  const signs = new BalanceOverlay(facets);
   const begunMs = performance.now();
   const pictures = 500;
   for (let i = 0; i < pictures; i += 1) {
     facets.begin();
-    signs.draw(facets, body, pose(392, i / 60), READINGS, STYLE);
+    signs.draw(body, pose(392, i / 60), READINGS, STYLE);
     facets.end();
   }
   const ms = (performance.now() - begunMs) / pictures;

@@ -9,8 +9,8 @@ import type { BalanceReadings } from '../../twin/overlay/reader.ts';
 import type { Pose } from '../../twin/playback/pose.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
 import type { BalanceDrawing, BalanceStyle, ShownBalance } from '../balance_drawing.ts';
-import type { Facets } from '../facets.ts';
 import type { OverlayLabel } from '../labels.ts';
+import type { Facets } from './facets.ts';
 import { Footprints } from './footprints.ts';
 import { drawJointLimits } from './joint_arc.ts';
 import { drawCapture, drawMass, drawMassFoot } from './mass.ts';
@@ -29,24 +29,25 @@ const NOTHING: ShownBalance = {
 /** The signs of balance of one robot, for the pose that is shown. */
 export class BalanceOverlay implements BalanceDrawing {
   shown: ShownBalance = NOTHING;
+  readonly #facets: Facets;
   #reader: BalanceReader | null = null;
   #readFor: readonly [PosedBody['manifest'], Schema] | null = null;
   readonly #latch = new LevelLatch();
   readonly #left = new Footprints();
   #labels: OverlayLabel[] = [];
 
-  draw(
-    facets: Facets,
-    body: PosedBody | null,
-    pose: Pose | null,
-    readings: BalanceReadings,
-    style: BalanceStyle,
-  ): void {
+  /** `facets`: where it is drawn, with that of the other robots of the picture. */
+  constructor(facets: Facets) {
+    this.#facets = facets;
+  }
+
+  draw(body: PosedBody | null, pose: Pose | null, readings: BalanceReadings, style: BalanceStyle): void {
     this.shown = NOTHING;
     this.#labels = [];
     const reader = body === null ? null : this.#readerOf(body, readings.schema);
     if (body === null || pose === null || reader === null) return;
     if (readings.choice === 'auto' && !reader.onByItself) return;
+    const facets = this.#facets;
     const tS = pose.tS ?? 0;
     const balance = reader.ofBody(body, pose.wrenches ?? [], tS);
     this.#left.take(balance, tS, readings.anchored, style.reach);

@@ -4,7 +4,7 @@ import { sampleLeg } from '../../three/robot/leg_sample.ts';
 import type { Balance, FootBalance } from '../../twin/balance/balance.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
 import { OVERLAY_COLORS } from '../colors.ts';
-import { FACET_AT, FACET_STRIDE, Facets } from '../facets.ts';
+import { FACET_AT, FACET_STRIDE, Facets } from './facets.ts';
 import { Footprints, KEPT_S } from './footprints.ts';
 import { drawJointLimits } from './joint_arc.ts';
 import { drawCapture, drawMass } from './mass.ts';

@@ -1,6 +1,6 @@
 import type { Balance } from '../../twin/balance/balance.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
-import type { Facets } from '../facets.ts';
+import type { Facets } from './facets.ts';
 import { type BalancePaints, faint } from './paints.ts';
 import { drawLine, fillPolygon } from './shapes.ts';
 

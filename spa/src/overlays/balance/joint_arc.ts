@@ -12,8 +12,8 @@ import {
 import { limitMargin } from '../../twin/balance/limit_margin.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
 import type { ShownJoint } from '../balance_drawing.ts';
-import type { Facets } from '../facets.ts';
 import type { Paint } from '../strokes.ts';
+import type { Facets } from './facets.ts';
 import { faint } from './paints.ts';
 import { drawRod, fillRingBothSides, type Spot } from './shapes.ts';
 

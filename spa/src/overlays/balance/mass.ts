@@ -1,6 +1,6 @@
 import { addScaled } from '../../model/vectors.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
-import type { Facets } from '../facets.ts';
+import type { Facets } from './facets.ts';
 import { type BalancePaints, faint } from './paints.ts';
 import { drawBall, drawLine, drawRod, fillQuarters, fillRing, floorSpot } from './shapes.ts';
 

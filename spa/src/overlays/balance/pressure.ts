@@ -1,7 +1,7 @@
 import { addScaled, cross, normalize, rejectFrom } from '../../model/vectors.ts';
 import type { Balance, FootBalance } from '../../twin/balance/balance.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
-import type { Facets } from '../facets.ts';
+import type { Facets } from './facets.ts';
 import type { BalancePaints } from './paints.ts';
 import { drawLine, fillRing, fillRound, floorSpot, type Spot } from './shapes.ts';
 import { nearestOn } from './support.ts';

@@ -1,7 +1,7 @@
 import { addScaled, cross, normalize, rejectFrom, rotateAbout, scale } from '../../model/vectors.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
-import type { Facets } from '../facets.ts';
 import type { Paint } from '../strokes.ts';
+import type { Facets } from './facets.ts';
 
 /** Segments of a whole turn. */
 const STEPS = 32;

@@ -2,7 +2,7 @@ import type { Level } from '@posecast/wire';
 import { addScaled, dot, normalize, scale } from '../../model/vectors.ts';
 import type { Balance } from '../../twin/balance/balance.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
-import type { Facets } from '../facets.ts';
+import type { Facets } from './facets.ts';
 import { type BalancePaints, faint } from './paints.ts';
 import { drawDashes, drawLine, fillPolygon, fillRing, fillRound, floorSpot } from './shapes.ts';
 

@@ -1,5 +1,5 @@
 import { expect, it } from 'vitest';
-import type { Vec3 } from '../twin/rotation.ts';
+import type { Vec3 } from '../../twin/rotation.ts';
 import { FACET_AT, FACET_STRIDE, Facets, MOST_FACETS } from './facets.ts';
 
 const CORNERS: readonly [Vec3, Vec3, Vec3] = [

@@ -1,28 +1,17 @@
-import type { Vec3 } from '../twin/rotation.ts';
-import type { Paint } from './strokes.ts';
+import type { Vec3 } from '../../twin/rotation.ts';
+import type { FacetLayout, FacetNumbers } from '../facet_numbers.ts';
+import type { Paint } from '../strokes.ts';
 
 /** Most facets in one picture; further ones are not drawn. The balance of one robot takes about 1,000. */
 export const MOST_FACETS = 8192;
 
-/** Offset of each attribute of a facet among its FACET_STRIDE numbers. */
-export const FACET_AT = {
-  /** Its corners, world, metres; counter-clockwise for who sees it. */
-  first: 0,
-  second: 3,
-  third: 6,
-  /** Red, green, blue (sRGB) and opacity, 0…1. */
-  tint: 9,
-  /** Whether it shows through the robot (0 or 1). */
-  through: 13,
-} as const;
+export const FACET_AT: FacetLayout = { first: 0, second: 3, third: 6, tint: 9, through: 13 };
 export const FACET_STRIDE = 14;
 
-/**
- * Filled triangles of an overlay as numbers, independent of the renderer: what `Strokes` is for lines. A facet is seen
- * from its front alone. Renderers draw facets in their order, each over those before it, under all strokes.
- */
-export class Facets {
-  /** The facets of the newest complete picture, FACET_STRIDE numbers each. Always the same array. */
+/** Filled triangles of an overlay, independent of the renderer: what `Strokes` is for lines. */
+export class Facets implements FacetNumbers {
+  readonly stride = FACET_STRIDE;
+  readonly at = FACET_AT;
   readonly numbers = new Float32Array(MOST_FACETS * FACET_STRIDE);
   #count = 0;
   readonly #making = new Float32Array(MOST_FACETS * FACET_STRIDE);
