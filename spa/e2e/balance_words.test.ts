@@ -1,9 +1,9 @@
 import { mkdirSync } from 'node:fs';
 import path from 'node:path';
 import { expect, it } from 'vitest';
-import type { Page } from './driver/page.ts';
+import type { Page, Point } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { liveness } from './robot_page.ts';
+import { liveness, tapped } from './robot_page.ts';
 import { DEMO, demoAt, type Moment } from './sign_words.ts';
 import { REPO } from './stack.ts';
 import { setStage } from './stage.ts';
@@ -58,7 +58,10 @@ const spoken = async (page: Page) => (await page.findByTestId('spoken').text()).
 async function opened(at: string, moment: Moment, preload = '') {
   const relay = await stage.stack.relay();
   const { source } = stage.stack.fedEdge(relay, moment, DEMO);
-  const page = await stage.newPage({ preload: `${LIGHT};${preload}`, viewport: { width: 1280, height: 800 } });
+  const page = await stage.newPage({
+    preload: `${LIGHT};${preload}`,
+    viewport: { width: 1280, height: 800 },
+  });
   await page.open(`${relay.url}/${at}#/r/demo`);
   await until('LIVE', async () => (await liveness(page)) === 'LIVE', 60_000);
   return { relay, source, page };
@@ -70,7 +73,11 @@ it('one sentence tells whether it would fall and where to, to the eye and to the
   const INSIDE = /^The centre of mass is \d+ mm inside the edge of what it stands on\.$/;
   const first = await says(page, 'inside', INSIDE);
   expect([first.level, first.kind]).toEqual(['ok', 'inside']);
-  await until('said aloud', async () => /\. The centre of mass is \d+ mm inside/.test(await spoken(page)), 30_000);
+  await until(
+    'said aloud',
+    async () => /\. The centre of mass is \d+ mm inside/.test(await spoken(page)),
+    30_000,
+  );
   mkdirSync(SHOTS, { recursive: true });
   await page.screenshot(path.join(SHOTS, 'balance-words.png'));
 
@@ -79,7 +86,11 @@ it('one sentence tells whether it would fall and where to, to the eye and to the
   expect((await line(page))?.text).toMatch(INSIDE);
 
   source.write(JSON.stringify(without('LF', standing)));
-  const falls = await says(page, 'outside', /^It would fall to its left: the centre of mass is \d+ mm outside\.$/);
+  const falls = await says(
+    page,
+    'outside',
+    /^It would fall to its left: the centre of mass is \d+ mm outside\.$/,
+  );
   expect(falls.level).toBe('fault');
   await until('said aloud', async () => /It would fall to its left/.test(await spoken(page)), 30_000);
 
@@ -95,13 +106,18 @@ it('one sentence tells whether it would fall and where to, to the eye and to the
 it('the menu switches it off and on, says why it can’t be, and explains it; so does the sentence', async () => {
   const { page } = await opened('', demoAt(STANDING_S));
   await says(page, 'inside', /inside/);
-  await page.click(
-    await page.evaluate(`(() => {
-      const { left, top, width, height } = document.querySelector('.stage [data-testid=balance-line] .explain-mark').getBoundingClientRect();
+  const mark = () =>
+    page.evaluate<Point>(`(() => {
+      const { left, top, width, height } = document.querySelector('.stage .balance-line .explain-mark').getBoundingClientRect();
       return { x: left + width / 2, y: top + height / 2 };
-    })()`),
+    })()`);
+  const explained = () =>
+    page.evaluate<string>(`document.querySelector('[data-testid=explained]')?.textContent ?? ''`);
+  await tapped(
+    'explained', // once what explains has come
+    async () => page.click(await mark()),
+    async () => /margin.*tipping over/.test(await explained()),
   );
-  await until('explained', async () => /^margin/.test(await page.findByTestId('explained').text()));
   await page.press('Escape');
 
   const press = (selector: string) =>
@@ -143,7 +159,9 @@ it('its margin goes into a plot with all of the minute, into the table that is s
 
   const low = '[data-testid="limit-balance-margin"] .number-field:nth-of-type(1) input';
   await page.findByRole('button', 'Settings').click();
-  await until('limits', () => page.evaluate<boolean>(`document.querySelector(${JSON.stringify(low)}) !== null`));
+  await until('limits', () =>
+    page.evaluate<boolean>(`document.querySelector(${JSON.stringify(low)}) !== null`),
+  );
   await page.evaluate(`(() => {
     const field = document.querySelector(${JSON.stringify(low)});
     field.closest('details').open = true;
@@ -191,9 +209,11 @@ it('large where it is presented, slim in a frame, short beside others; how much 
   await page.screenshot(path.join(SHOTS, 'balance-embed.png'));
 
   await page.viewport({ width: 1280, height: 800 });
-  await page.open(`${relay.url}/#/line/demo,nobody`);
+  await page.open(`${relay.url}/r/demo+nobody`);
   const brief = () =>
-    page.evaluate<string>(`document.querySelector('[data-testid=line-demo] .balance-line')?.textContent ?? ''`);
+    page.evaluate<string>(
+      `document.querySelector('[data-testid=line-demo] .balance-line')?.textContent ?? ''`,
+    );
   await until('beside others', async () => /^\d+\u00a0mm inside$/.test(await brief()), 60_000);
   await page.screenshot(path.join(SHOTS, 'balance-row.png'));
 });

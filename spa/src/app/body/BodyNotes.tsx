@@ -2,7 +2,7 @@ import '../styles/tools.css';
 import { useMemo } from 'react';
 import type { ModelReport } from '../../model/report.ts';
 import { LostReadings } from '../../twin/sensors/lost_readings.ts';
-import { BalanceLine } from '../balance/BalanceLine.tsx';
+import { BalanceLine } from '../balance/BalanceParts.tsx';
 import { useNow } from '../shell/now.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { useMore } from '../text/more.ts';

@@ -4,7 +4,7 @@ import { recordingUrl } from '../../relay/recording_address.ts';
 import { home } from '../../relay/relay.ts';
 import { nowMs } from '../../stream/clock.ts';
 import { isolated } from '../../twin/names.ts';
-import { BalanceLine } from '../balance/BalanceLine.tsx';
+import { BalanceLine } from '../balance/BalanceParts.tsx';
 import { QrCode } from '../share/QrCode.tsx';
 import { useNow } from '../shell/now.ts';
 import { formatMoment, shownMoment, useShownSecond } from '../state/moment.ts';

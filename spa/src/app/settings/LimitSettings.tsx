@@ -4,7 +4,7 @@ import { type LimitChannel, limitChannels } from '../../twin/alarms/limit_channe
 import { MARGIN } from '../../twin/balance/told/margin_limits.ts';
 import { displayOf } from '../../twin/format.ts';
 import { ANY, type BadThreshold, type Threshold, whyNoThreshold } from '../../twin/limits/limits.ts';
-import { BALANCE, mayTell } from '../balance/load_balance.ts';
+import { BALANCE, mayTell } from '../balance/BalanceParts.tsx';
 import { dropOwnLimits, setOwnLimit } from '../state/limit_edits.ts';
 import { type RobotLink, useVersion } from '../state/robot_link.ts';
 import { useBalanceText } from '../text/balance.ts';

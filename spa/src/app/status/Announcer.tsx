@@ -1,6 +1,6 @@
 import { useEffect, useState } from 'react';
 import { OverlayReader } from '../../twin/overlay/reader.ts';
-import { BALANCE, mayTell } from '../balance/load_balance.ts';
+import { BALANCE, mayTell } from '../balance/BalanceParts.tsx';
 import type { RobotLink } from '../state/robot_link.ts';
 import { AsAnyone } from './AsAnyone.tsx';
 import { type Announcement, announcement } from './announcement.ts';

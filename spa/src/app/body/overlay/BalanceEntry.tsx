@@ -1,4 +1,4 @@
-import { BALANCE } from '../../balance/load_balance.ts';
+import { BALANCE } from '../../balance/BalanceParts.tsx';
 import { useLatePart } from '../../shell/late.tsx';
 import { useNow } from '../../shell/now.ts';
 import type { RobotLink } from '../../state/robot_link.ts';

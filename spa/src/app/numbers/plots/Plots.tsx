@@ -1,7 +1,7 @@
 import { useEffect, useRef, useState } from 'react';
 import './plots.css';
 import type { History } from '../../../twin/plots/history.ts';
-import { BALANCE } from '../../balance/load_balance.ts';
+import { BALANCE } from '../../balance/BalanceParts.tsx';
 import { useTheme } from '../../shell/theme.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
 import { useSettings } from '../../state/settings.ts';

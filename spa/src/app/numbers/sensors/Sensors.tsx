@@ -1,6 +1,6 @@
 import './sensors.css';
 import { useLayoutEffect, useRef } from 'react';
-import { BalanceNumbers } from '../../balance/BalanceNumbers.tsx';
+import { BalanceNumbers } from '../../balance/BalanceParts.tsx';
 import type { RobotLink } from '../../state/robot_link.ts';
 import { onTraces } from '../../state/traces.ts';
 import { onLanguage, say } from '../../text/language.ts';
