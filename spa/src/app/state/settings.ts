@@ -70,35 +70,30 @@ const DEFAULTS: Settings = {
   follow: 'along',
 };
 
-/** Whether a value is one of these words. */
-function oneOf<T extends string>(...all: readonly T[]): (value: unknown) => value is T {
-  return (value): value is T => all.includes(value as T);
-}
-
 const isSwitch = (value: unknown): value is boolean => typeof value === 'boolean';
 
 const CHOICES: { readonly [K in keyof Settings]: (value: unknown) => value is Settings[K] } = {
-  theme: oneOf('system', 'dark', 'light'),
-  language: oneOf('system', 'en', 'ko'),
-  angle: oneOf('rad', 'deg'),
-  shown: oneOf('pos', 'ref', 'both'),
+  theme: (v): v is Settings['theme'] => v === 'system' || v === 'dark' || v === 'light',
+  language: (v): v is Settings['language'] => v === 'system' || v === 'en' || v === 'ko',
+  angle: (v): v is AngleUnit => v === 'rad' || v === 'deg',
+  shown: (v): v is Settings['shown'] => v === 'pos' || v === 'ref' || v === 'both',
   lens: isSwitch,
   forces: isSwitch,
   level: isSwitch,
-  load: oneOf('off', 'cur', 'temp'),
-  balance: oneOf('auto', 'on', 'off'),
+  load: (v): v is Settings['load'] => v === 'off' || v === 'cur' || v === 'temp',
+  balance: (v): v is Settings['balance'] => v === 'auto' || v === 'on' || v === 'off',
   arrowScale: (v): v is number => typeof v === 'number' && v >= ARROWS.least && v <= ARROWS.most,
   headingLocked: isSwitch,
-  palette: oneOf('standard', 'safe'),
-  body: oneOf('auto', '3d', 'light'),
+  palette: (v): v is Settings['palette'] => v === 'standard' || v === 'safe',
+  body: (v): v is Settings['body'] => v === 'auto' || v === '3d' || v === 'light',
   smooth: isSwitch,
   panelOpen: isSwitch,
   panelPx: (v): v is number | null => v === null || (typeof v === 'number' && v >= 200 && v <= 4000),
   faultsFirst: isSwitch,
   limbs: isSwitch,
-  names: oneOf('codes', 'words'),
-  mouse: oneOf('orbit', 'foxglove'),
-  follow: oneOf('stay', 'along', 'turn'),
+  names: (v): v is Settings['names'] => v === 'codes' || v === 'words',
+  mouse: (v): v is MouseStyle => v === 'orbit' || v === 'foxglove',
+  follow: (v): v is FollowMode => v === 'stay' || v === 'along' || v === 'turn',
 };
 
 /** Reads settings from JSON. Members that are missing or invalid get their defaults; null and invalid JSON give all

@@ -90,8 +90,9 @@ it('shows the mass, what holds it and how much is left, with the number at the n
   expect(shown.count).toBeGreaterThan(500);
 });
 
-it('outside of what it stands on it is a caution, by limits what they say', () => {
-  expect(drawn(leg({ aside: 0.062 }), pose(392))).toMatchObject({ level: 'caution' });
+it('its level is by limits what they say, else a caution near the edge and a fault outside', () => {
+  expect(drawn(leg({ aside: 0.035 }), pose(392))).toMatchObject({ level: 'caution' });
+  expect(drawn(leg({ aside: 0.062 }), pose(392))).toMatchObject({ level: 'fault' });
   const [{ text } = { text: '' }] = drawn(leg({ aside: 0.062 }), pose(392)).labels;
   expect(text).toBe('−12 mm');
   const limits = { low: 10, high: null, caution: 0.4 };

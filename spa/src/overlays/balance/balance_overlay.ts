@@ -3,6 +3,7 @@ import { BalanceReader } from '../../model/balance/balance_reader.ts';
 import type { PosedBody } from '../../model/posed_body.ts';
 import { normalize } from '../../model/vectors.ts';
 import type { Balance } from '../../twin/balance/balance.ts';
+import { marginLimits } from '../../twin/balance/told/margin_limits.ts';
 import { coarseDisplay, displayOf, formatNumber } from '../../twin/format.ts';
 import { LevelLatch } from '../../twin/limits/level_latch.ts';
 import type { BalanceReadings } from '../../twin/overlay/reader.ts';
@@ -125,10 +126,11 @@ export class BalanceOverlay implements BalanceDrawing {
   }
 }
 
-/** The level of the margin by its limits; without limits it is a caution outside of the polygon. */
+/** The level of the margin by its limits, without any by those that the page's words have. */
 function levelOf(latch: LevelLatch, { limits }: BalanceReadings, { marginM }: Balance): Level {
-  if (limits === null) return marginM !== null && marginM < 0 ? 'caution' : 'ok';
-  return latch.next(limits, marginM === null ? null : marginM * 1000);
+  const mm = marginM === null ? null : marginM * 1000;
+  if (limits !== null || mm === null) return latch.next(limits, mm);
+  return marginLimits(null).levelAt(mm);
 }
 
 /** Where the robot faces, on the floor. */
