@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import product as corners_of
 
 from posecast_edge.model.doctor.meshes import MeshFacts, compute_shape_box
-from posecast_edge.model.finding import Finding, quote_name
+from posecast_edge.model.finding import NO_BALANCE, Finding, quote_name
 from posecast_edge.model.kinematics import matrix_from_quaternion, quaternion_from_rpy
 from posecast_edge.model.urdf.tree import Tree
 from posecast_edge.model.urdf.types import FAR_M, Inertial, Link
@@ -26,7 +26,6 @@ GROSS = 0.5  # so much no rounding explains
 SPAN_M = 1e-3  # a body with moments of a smaller one has been given none
 NOISE = 1e-6  # of the largest number of a matrix: what may be left of a moment of 0
 DISTRUST = "mass-"  # how the codes begin of what makes masses useless
-NO_BALANCE = "no balance is shown"
 
 
 def examine_masses(tree: Tree, facts: Mapping[str, MeshFacts] | None) -> Iterator[Finding]:

@@ -9,8 +9,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from posecast_edge.model.doctor.masses import NO_BALANCE
-from posecast_edge.model.finding import Finding, ModelRefused, make_printable, quote_name
+from posecast_edge.model.finding import NO_BALANCE, Finding, ModelRefused, make_printable, quote_name
 from posecast_edge.model.kinematics import matrix_from_quaternion
 from posecast_edge.model.mjcf.child import SECONDS_MAX, run_child
 from posecast_edge.model.robot_file import RobotFile
