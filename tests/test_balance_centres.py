@@ -35,7 +35,8 @@ def oracle() -> dict[str, str]:
     done = subprocess.run([REPO / "tests/balance/install"], capture_output=True, text=True, check=False)
     if done.returncode != 0:
         pytest.skip(f"no Pinocchio here: {done.stderr.strip()[-200:]}")
-    return run_oracle("--robots")
+    found: dict[str, str] = run_oracle("--robots")
+    return found
 
 
 def run_oracle(*arguments: str) -> Any:

@@ -1,6 +1,6 @@
 /** Reads the page's balance of a course of frames, for tests in other languages: `node balance_course.mjs < COURSE`. */
-import { readFileSync } from 'node:fs';
 import path from 'node:path';
+import { text } from 'node:stream/consumers';
 import { fileURLToPath } from 'node:url';
 import { runnerImport } from 'vite';
 
@@ -10,4 +10,4 @@ const { module } = await runnerImport(path.join(HERE, 'balance_course.ts'), {
   logLevel: 'error',
   root: path.dirname(HERE),
 });
-process.stdout.write(JSON.stringify(module.readCourse(JSON.parse(readFileSync(0, 'utf8')))));
+process.stdout.write(JSON.stringify(module.readCourse(JSON.parse(await text(process.stdin)))));

@@ -49,7 +49,7 @@ def encode_values(schema_text: str, values: Mapping[str, float]) -> list[int]:
 
 
 def read_balance(manifest: Document, schema: str, frames: Sequence[Document]) -> list[Document]:
-    """What the page makes of frames with `t`, `codes` and perhaps `velocity`; see spa/tests/balance_course.ts."""
+    """What the page makes of frames of `t`, `codes` and perhaps `velocity` (spa/tests/balance_course.ts)."""
     course = json.dumps({"manifest": manifest, "schema": schema, "frames": frames})
     done = subprocess.run(
         ["node", REPO / "spa/tests/balance_course.mjs"],

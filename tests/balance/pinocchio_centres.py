@@ -2,9 +2,9 @@
 
     out/balance/venv/bin/python tests/balance/pinocchio_centres.py URDF COUNT   (or: --robots)
 
-Prints JSON: a list of `readings` (rad, m, or parts of a quaternion, by joint variable), `root` (world_from_root:
-x, y, z, and a quaternion w, x, y, z), `centre` (m) and `velocity` (m/s) of the centre of mass. With --robots: name →
-URDF of those of example-robot-data.
+Prints JSON: a list of `readings` (rad, m, or parts of a quaternion, by joint variable), `root`
+(world_from_root: x, y, z, and a quaternion w, x, y, z), `centre` (m) and `velocity` (m/s) of the centre of
+mass. With --robots: name → URDF of those of example-robot-data.
 """
 
 from __future__ import annotations

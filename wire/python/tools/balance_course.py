@@ -273,9 +273,9 @@ class Course:
             if centre is not None:
                 found["margin_m"], found["nearest_edge"] = margin_in(found["support_polygon_m"], centre[:2])
         if "pressure" not in gaps:
-            pressed = [foot for foot in feet.values() if foot["centre_of_pressure_m"] is not None]
+            pressed = [foot for foot in feet.values() if foot["pushed_at"] is not None]
             force = sum(foot["force_n"] for foot in pressed)
-            mean = sum(foot["force_n"] * foot["centre_of_pressure_m"] for foot in pressed) / force
+            mean = sum(foot["force_n"] * foot["pushed_at"] for foot in pressed) / force
             found["centre_of_pressure_m"] = [mean[0], mean[1], found["floor_m"]]
         found["velocity_mps"] = self._velocity_of(frame, centre, feet, links)
         ahead = None
@@ -284,7 +284,7 @@ class Course:
             ahead[2] = found["floor_m"]
         found["capture_point_m"] = ahead
         for foot in feet.values():
-            del foot["corners"]
+            del foot["corners"], foot["pushed_at"]
         return found | {"feet": feet, "gaps": gaps}
 
     def _foot(self, frame: Frame, foot: str, links: Sequence[Array]) -> Document:
@@ -292,19 +292,20 @@ class Course:
         in_world = [(link @ [*corner, 1])[:3] for corner in self.soles[foot]]
         push, bears = frame.pushes.get(foot), frame.bears[foot]
         nothing: Document = {"bears": bears, "force_n": None, "centre_of_pressure_m": None, "at_edge": False}
-        nothing["corners"] = in_world
+        nothing |= {"corners": in_world, "pushed_at": None}
         if push is None or any(label.startswith(f"{foot}.f") for label in frame.lost):
             return nothing
         normal = [force[2] for force in push.forces]
         nothing["force_n"] = abs(sum(normal))
         whole = {"mx", "my"} <= {*self.case.components}
-        if any(label.startswith(f"{foot}.m") for label in frame.lost) or not (bears and whole):
-            return nothing
-        if nothing["force_n"] < 0.03 * (WEIGHT_N if self.model.get("inertials") else 400):
+        if any(label.startswith(f"{foot}.m") for label in frame.lost) or not whole or nothing["force_n"] == 0:
             return nothing
         weights = sum(n * np.array(p) for n, p in zip(normal, push.points, strict=True)) / sum(normal)
         local = weights @ self.soles[foot]
-        nothing["centre_of_pressure_m"] = (link @ [*local, 1])[:3]
+        nothing["pushed_at"] = (link @ [*local, 1])[:3]
+        if not bears or nothing["force_n"] < 0.03 * (WEIGHT_N if self.model.get("inertials") else 400):
+            return nothing
+        nothing["centre_of_pressure_m"] = nothing["pushed_at"]
         polygon = hull_of([corner[:2] for corner in self.soles[foot]])
         nothing["at_edge"] = margin_in(polygon, local[:2])[0] < EDGE_M
         return nothing

@@ -26,7 +26,7 @@ from wire.python.tools.balance_geometry import Document
 FOLDER = Path(__file__).resolve().parents[2] / "vectors"
 
 
-class Dice:
+class Luck:
     """Poses and pushes by chance."""
 
     def __init__(self, seed: str) -> None:
@@ -65,7 +65,7 @@ BOTH = {"RF": True, "LF": True}
 UNFORCED = {"pressure": "no-wrench"}
 
 
-def _stands(dice: Dice, n: int, **more: Any) -> list[Frame]:
+def _stands(dice: Luck, n: int, **more: Any) -> list[Frame]:
     frames = []
     for i in range(n):
         pushes = {
@@ -78,7 +78,7 @@ def _stands(dice: Dice, n: int, **more: Any) -> list[Frame]:
     return frames
 
 
-def _leans(dice: Dice) -> list[Frame]:
+def _leans(dice: Luck) -> list[Frame]:
     frames = _stands(dice, 4)
     for i, frame in enumerate(frames):
         frame.base = ([1 + 0.1 * i, 2, 0.85], [0.02, 0.12 * i, 0.6])
@@ -87,7 +87,7 @@ def _leans(dice: Dice) -> list[Frame]:
     return frames
 
 
-def _walks(dice: Dice) -> list[Frame]:
+def _walks(dice: Luck) -> list[Frame]:
     """Parts of the weight on each foot; the feet that bear follow from 5 % and 3 %."""
     course = [(0.9, 0.04), (0.9, 0.06), (0.52, 0.48), (0.04, 0.9), (0.02, 0.9), (0.04, 0.9), (0, 0.02)]
     course += [(0.6, 0), (0.9, 0.04)]
@@ -102,7 +102,7 @@ def _walks(dice: Dice) -> list[Frame]:
     return frames
 
 
-def _falls_silent(dice: Dice) -> list[Frame]:
+def _falls_silent(dice: Luck) -> list[Frame]:
     frames = _stands(dice, 5)
     frames[2].pushes = {"RF": frames[2].pushes["RF"], "LF": None}
     frames[2].bears = {"RF": True, "LF": None}
@@ -112,7 +112,7 @@ def _falls_silent(dice: Dice) -> list[Frame]:
     return frames
 
 
-def _pauses(dice: Dice) -> list[Frame]:
+def _pauses(dice: Luck) -> list[Frame]:
     frames = _stands(dice, 6)
     times = [0.0, 0.5, 1.01, 1.05, 0.4, 0.44]
     for frame, t in zip(frames, times, strict=True):
@@ -126,7 +126,7 @@ def _pauses(dice: Dice) -> list[Frame]:
     return frames
 
 
-def _afoot(dice: Dice) -> list[Frame]:
+def _afoot(dice: Luck) -> list[Frame]:
     """The soles' heights follow from the knees, since the robot has no wrenches."""
     frames = []
     for i, (knee, right, left) in enumerate(
@@ -145,14 +145,14 @@ def _afoot(dice: Dice) -> list[Frame]:
     return frames
 
 
-def _turns(dice: Dice) -> list[Frame]:
+def _turns(dice: Luck) -> list[Frame]:
     frames = _stands(dice, 4)
     for frame in frames:
         frame.base, frame.tilt = None, (dice.near(0.1), dice.near(0.1))
     return frames
 
 
-def _named(dice: Dice) -> list[Frame]:
+def _named(dice: Luck) -> list[Frame]:
     frames = []
     for i in range(3):
         joints = dice.joints(0.005)
@@ -164,7 +164,7 @@ def _named(dice: Dice) -> list[Frame]:
     return frames
 
 
-def _off_the_ground(dice: Dice, gaps: Mapping[str, str]) -> list[Frame]:
+def _off_the_ground(dice: Luck, gaps: Mapping[str, str]) -> list[Frame]:
     frames = _stands(dice, 1, gaps=gaps)
     for frame in frames:
         frame.bears = {}
@@ -172,7 +172,7 @@ def _off_the_ground(dice: Dice, gaps: Mapping[str, str]) -> list[Frame]:
     return frames
 
 
-def _unforced_frames(dice: Dice) -> list[Frame]:
+def _unforced_frames(dice: Luck) -> list[Frame]:
     frames = _stands(dice, 1)
     for frame in frames:
         frame.gaps = {**frame.gaps, **UNFORCED}
@@ -203,33 +203,33 @@ def make_cases() -> list[Case]:
 
     right_only = {"RF": SENSORS["RF"]}
     return [
-        Case("stands", _stands(Dice("stands"), 4)),
-        Case("leans until it would fall", _leans(Dice("leans"))),
-        Case("walks: feet bear from 5 % on and until 3 %", _walks(Dice("walks"))),
-        Case("sensors are turned, one on the sole's own link", _stands(Dice("turned"), 2), sensors=turned),
-        Case("sensors tell the force on the floor", _stands(Dice("sign"), 2), sign=-1),
+        Case("stands", _stands(Luck("stands"), 4)),
+        Case("leans until it would fall", _leans(Luck("leans"))),
+        Case("walks: feet bear from 5 % on and until 3 %", _walks(Luck("walks"))),
+        Case("sensors are turned, one on the sole's own link", _stands(Luck("turned"), 2), sensors=turned),
+        Case("sensors tell the force on the floor", _stands(Luck("sign"), 2), sign=-1),
         Case(
             "sensors measure fz, mx and my",
-            _stands(Dice("three"), 1, shear=0.0),
+            _stands(Luck("three"), 1, shear=0.0),
             components=("fz", "mx", "my"),
         ),
-        Case("sensors measure force alone", _unforced_frames(Dice("force")), components=("fx", "fy", "fz")),
-        Case("a sensor falls silent, then a component", _falls_silent(Dice("silent"))),
-        Case("pauses, and goes back in time", _pauses(Dice("pauses"))),
-        Case("has no wrenches", _afoot(Dice("afoot")), ground="lowest", sensors={}, placed_by="",
+        Case("sensors measure force alone", _unforced_frames(Luck("force")), components=("fx", "fy", "fz")),
+        Case("a sensor falls silent, then a component", _falls_silent(Luck("silent"))),
+        Case("pauses, and goes back in time", _pauses(Luck("pauses"))),
+        Case("has no wrenches", _afoot(Luck("afoot")), ground="lowest", sensors={}, placed_by="",
              feet={"rsole": "rsole", "lsole": "lsole"}),
-        Case("knows its tilt alone", _turns(Dice("turns")), sensors=tilted, placed_by="tilt"),
-        Case("its profile has feet and soles", _named(Dice("named")), ground="lowest",
+        Case("knows its tilt alone", _turns(Luck("turns")), sensors=tilted, placed_by="tilt"),
+        Case("its profile has feet and soles", _named(Luck("named")), ground="lowest",
              sensors=right_only, rule=rule, feet={"RF": "rfoot", "lfoot": "lfoot"}, soles=own),
-        Case("its profile says it stands on nothing", _off_the_ground(Dice("none"), all_gaps("no-feet")),
+        Case("its profile says it stands on nothing", _off_the_ground(Luck("none"), all_gaps("no-feet")),
              rule={"feet": []}, **nowhere),
-        Case("one foot alone has a wrench", _off_the_ground(Dice("one"), all_gaps("no-feet")),
+        Case("one foot alone has a wrench", _off_the_ground(Luck("one"), all_gaps("no-feet")),
              sensors=right_only, **nowhere),
-        Case("has no soles", _off_the_ground(Dice("wheels"), all_gaps("no-feet")), model="no soles",
+        Case("has no soles", _off_the_ground(Luck("wheels"), all_gaps("no-feet")), model="no soles",
              **nowhere),
-        Case("has no masses", _stands(Dice("no masses"), 1, gaps=no_masses), model="no masses"),
-        Case("has masses that can't be", _stands(Dice("bad"), 1, gaps=cannot_be), model="impossible masses"),
-        Case("an older bundle", _off_the_ground(Dice("old"), old), model="old", **nowhere),
+        Case("has no masses", _stands(Luck("no masses"), 1, gaps=no_masses), model="no masses"),
+        Case("has masses that can't be", _stands(Luck("bad"), 1, gaps=cannot_be), model="impossible masses"),
+        Case("an older bundle", _off_the_ground(Luck("old"), old), model="old", **nowhere),
     ]  # fmt: skip
 
 

@@ -36,6 +36,24 @@ export class ConvexHull {
     const lower = this.count - 1;
     for (let i = size - 2; i >= 0; i -= 1) this.#push(points, order[i]!, Math.max(0, lower));
     if (this.count > 1 && areEqual(points, this.corners[0]!, this.corners[this.count - 1]!)) this.count -= 1;
+    this.#dropSlivers(points);
+  }
+
+  /** Drops corners on a straight edge that both chains begin or end with: of an edge along y, rounding says which point
+   *  is the first. */
+  #dropSlivers(points: Float64Array): void {
+    const { corners, count } = this;
+    let kept = 0;
+    for (let i = 0; i < count; i += 1) {
+      const before = corners[kept > 0 ? kept - 1 : count - 1]!;
+      const after = corners[i + 1 < count ? i + 1 : 0]!;
+      const isNone = turnOf(points, before, corners[i]!, after) <= SLIVER_M2;
+      if (isNone && this.count > 2) this.count -= 1;
+      else {
+        corners[kept] = corners[i]!;
+        kept += 1;
+      }
+    }
   }
 
   /** Adds a point to the chain that begins at `start`, and drops what is then no corner. */

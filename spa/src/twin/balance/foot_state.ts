@@ -1,6 +1,7 @@
 import type { Vec3 } from '../rotation.ts';
 import type { FootBalance } from './balance.ts';
 import type { FootWrench } from './foot_wrench.ts';
+import type { SolePlane } from './sole.ts';
 import type { Foot } from './standing.ts';
 
 export type Triple = [number, number, number];
@@ -8,7 +9,7 @@ export type Triple = [number, number, number];
 /** How near to the sole's edge the centre of pressure counts as on it, metres. */
 const AT_EDGE_M = 0.005;
 
-/** One foot in the newest pose. `update` and `setBears` rewrite it. */
+/** One foot in the newest pose. `update` and `setBears` rewrite it, in this order. */
 export class FootState implements FootBalance {
   readonly name: string;
   readonly link: string;
@@ -17,6 +18,10 @@ export class FootState implements FootBalance {
   forceN: number | null = null;
   pressure: Vec3 | null = null;
   atEdge = false;
+  /** The force along the sole's normal with the sensor's sign, N; 0 when it is not known. */
+  pressN = 0;
+  /** Where the floor pushes (world, metres), also while it does not bear; null when the wrench has no such point. */
+  pushedAt: Vec3 | null = null;
   /** Height of its lowest corner, metres in the world. */
   lowestM = Number.NaN;
   /** The sole's centre in the world, metres. */
@@ -24,7 +29,9 @@ export class FootState implements FootBalance {
   /** The first two rows of the rotation of world_from_link. */
   readonly rows = new Float64Array(6);
   readonly foot: Foot;
+  /** The centre of pressure in the link's frame, and in the world. */
   readonly #pressed: Triple = [0, 0, 0];
+  readonly #pushed: Triple = [0, 0, 0];
   /** The wrench at the sole's centre, in the link's frame: N, N·m. */
   readonly #force: Triple = [0, 0, 0];
   readonly #moment: Triple = [0, 0, 0];
@@ -55,32 +62,32 @@ export class FootState implements FootBalance {
       this.rows[3 + axis] = worldFromLink[at + 4 * axis + 1]!;
     }
     this.#takeWrench(wrench);
+    if (!this.#whole || this.pressN === 0) return;
+    this.#writePressure(this.#pressed);
+    writePoint(this.#pushed, worldFromLink, at, this.#pressed);
+    this.pushedAt = this.#pushed;
   }
 
-  /** Sets whether it bears, and computes where the floor pushes against it when the force is at least `leastN`. */
-  setBears(bears: boolean | null, leastN: number, worldFromLink: Float64Array): void {
+  /** Sets whether it bears. A force below `leastN` has a centre of pressure that is not worth showing. */
+  setBears(bears: boolean | null, leastN: number): void {
     this.bears = bears;
-    this.pressure = null;
-    this.atEdge = false;
-    if (bears !== true || !this.#whole || this.forceN === null || !(this.forceN >= leastN)) return;
-    const { sole, link } = this.foot;
-    this.#writePressure(this.#pressed);
-    this.atEdge = isAtEdge(sole.corners, sole.normal, this.#pressed);
-    writePoint(this.#pressed, worldFromLink, link * 16, this.#pressed);
-    this.pressure = this.#pressed;
+    this.pressure = bears === true && this.forceN !== null && this.forceN >= leastN ? this.pushedAt : null;
+    this.atEdge = this.pressure !== null && isAtEdge(this.foot.sole, this.#pressed);
   }
 
   /** Carries the wrench to the sole's centre. */
   #takeWrench(wrench: FootWrench | null): void {
     const { sensor, sole } = this.foot;
     const force = wrench?.force.vector ?? null;
-    this.forceN = null;
+    this.forceN = this.pushedAt = null;
+    this.pressN = 0;
     this.#whole = false;
     if (sensor === null || !sensor.measuresForce || force === null) return;
     writeTurned(this.#force, sensor.axes, force);
     const [nx, ny, nz] = sole.normal;
     const [fx, fy, fz] = this.#force;
-    this.forceN = Math.abs(nx * fx + ny * fy + nz * fz);
+    this.pressN = nx * fx + ny * fy + nz * fz;
+    this.forceN = Math.abs(this.pressN);
     const moment = wrench?.moment.vector ?? null;
     if (!sensor.measuresPressure || moment === null) return;
     writeTurned(this.#moment, sensor.axes, moment);
@@ -101,8 +108,7 @@ export class FootState implements FootBalance {
   #writePressure(into: Triple): void {
     const [nx, ny, nz] = this.foot.sole.normal;
     const [mx, my, mz] = this.#moment;
-    const [fx, fy, fz] = this.#force;
-    const along = nx * fx + ny * fy + nz * fz;
+    const along = this.pressN;
     const [cx, cy, cz] = this.foot.sole.centre;
     into[0] = cx + (ny * mz - nz * my) / along;
     into[1] = cy + (nz * mx - nx * mz) / along;
@@ -122,8 +128,8 @@ function writeTurned(into: Triple, [ex, ey, ez]: readonly [Vec3, Vec3, Vec3], [x
   for (let i = 0; i < 3; i += 1) into[i] = ex[i]! * x + ey[i]! * y + ez[i]! * z;
 }
 
-/** Whether a point of the plane is less than `AT_EDGE_M` inside a polygon that is counter-clockwise about `normal`. */
-function isAtEdge(corners: readonly Vec3[], [nx, ny, nz]: Vec3, [x, y, z]: Vec3): boolean {
+/** Whether a point of the plane of its plane is less than `AT_EDGE_M` inside a sole. */
+function isAtEdge({ corners, normal: [nx, ny, nz] }: SolePlane, [x, y, z]: Vec3): boolean {
   for (let i = 0; i < corners.length; i += 1) {
     const a = corners[i]!;
     const b = corners[i + 1 === corners.length ? 0 : i + 1]!;

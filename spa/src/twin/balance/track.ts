@@ -43,7 +43,7 @@ interface Place {
  * it is the foot that stood and the world that slid. Where no foot bears in two poses in turn nothing of the kind is
  * known, and the track begins anew, as it does after a gap of 0.5 s.
  */
-export class Track {
+export class BalanceTrack {
   /** The trace: x, y, z (world, metres), oldest first; the first `count` points hold. */
   readonly points = new Float64Array(3 * POINTS_MAX);
   /** The time of each point, seconds. */
