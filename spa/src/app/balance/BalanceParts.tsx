@@ -4,11 +4,12 @@ import { late, onDemand } from '../shell/late.tsx';
 import { type RobotLink, useVersion } from '../state/robot_link.ts';
 import { settings, useSettings } from '../state/settings.ts';
 
+const load = () => import('./balance_part.ts');
 /** What tells of balance; only for robots that may stand, and for who asks. */
-export const BALANCE = new LatePart(() => import('./balance_part.ts'), onDemand);
+export const BALANCE = new LatePart(load, onDemand);
 
-const Stood = late(async () => (await BALANCE.load()).Stood, onDemand);
-const BalanceTable = late(async () => (await BALANCE.load()).BalanceTable, onDemand);
+const Stood = late(async () => (await load()).Stood, onDemand);
+const BalanceTable = late(async () => (await load()).BalanceTable, onDemand);
 
 /** Whether a robot's balance may have to be told: its model says whether it is. */
 export function mayTell({ twin }: RobotLink): boolean {
