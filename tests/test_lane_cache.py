@@ -637,7 +637,7 @@ async def test_nobody_hears_of_a_blackout_while_one_is_held_for_what_follows_it(
         world.set_blackout(False)
         world.edge.process.send_signal(signal.SIGCONT)
         following.cancel()
-    # the robot is back before the hold is over: by then all of the past may have left the window, which is a 404, too
+    # The robot is back before the hold is over: by then its past may have left the window, a 404 as well.
     assert (await other.receive()).status in {200, 204}
 
 
