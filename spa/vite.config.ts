@@ -51,7 +51,10 @@ const SHARED_CHUNKS = [
   // The list says little, and needs no more.
   { name: 'list_words', test: /spa\/src\/app\/text\/list(_en)?\.ts$/ },
   // What late parts say: all of them need it, and who plays the past has it by then.
-  { name: 'more', test: /spa\/src\/app\/(text\/(more|more_en)|status\/(moment_words|past_words))\.ts$/ },
+  {
+    name: 'more',
+    test: /spa\/src\/app\/(text\/(more|more_en|balance|balance\/balance_en)|status\/(moment_words|past_words))\.ts$/,
+  },
   { name: 'manifest', test: /spa\/src\/model\/(bundle|files|lod_cache|manifest)\.ts$/ },
   { name: 'cells', test: /spa\/src\/app\/.*\/(cells\.ts|fault_words\.ts|FlagTerm\.tsx)$/ },
 ];

@@ -41,12 +41,25 @@ class Link:
 
     async def send(self, path: str, **headers: str) -> None:
         """Ask, and wait for no answer."""
+        lines = "".join(f"{name}: {value}\r\n" for name, value in headers.items())
+        await self.write(f"GET {path} HTTP/1.1\r\nHost: localhost\r\n{lines}\r\n".encode())
+
+    async def write(self, data: bytes) -> None:
+        """Send these bytes, whatever they are."""
         if self._open is None:
             at = ("127.0.0.1", self._port)
             name = None if self._trust is None else "localhost"
             self._open = await asyncio.open_connection(*at, ssl=self._trust, server_hostname=name)
-        lines = "".join(f"{name}: {value}\r\n" for name, value in headers.items())
-        self._open[1].write(f"GET {path} HTTP/1.1\r\nHost: localhost\r\n{lines}\r\n".encode())
+        self._open[1].write(data)
+
+    async def read_until_closed(self) -> bytes:
+        """All that the other end sends until it closes, or resets, the connection."""
+        assert self._open is not None
+        got = b""
+        with suppress(ConnectionError, ssl.SSLError):
+            while data := await self._open[0].read(65536):
+                got += data
+        return got
 
     async def receive(self) -> Answer:
         """The answer to what was sent."""

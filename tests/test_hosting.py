@@ -182,6 +182,7 @@ def test_nginx_before_a_relay_adds_nothing_and_holds_nothing_back(
     stack.edge(zenoh, "--source", "demo")
     lane = {
         "/etc/nginx/nginx-lane.rules": str(HOSTING / "nginx-lane.rules"),
+        "/var/log/nginx": str(tmp_path),
         "/var/cache/posecast": str(tmp_path / "kept"),
     }
     at = site("nginx-relay.conf", **{"127.0.0.1:8080": address}, **lane)
@@ -242,6 +243,7 @@ async def test_a_hall_behind_one_address_opens_the_page_at_once(
     stack.edge(zenoh, "--source", "demo")
     lane = {
         "/etc/nginx/nginx-lane.rules": str(HOSTING / "nginx-lane.rules"),
+        "/var/log/nginx": str(tmp_path),
         "/var/cache/posecast": str(tmp_path / "kept"),
     }
     at = site("nginx-relay.conf", **{"127.0.0.1:8080": address}, **lane)
@@ -302,6 +304,7 @@ def test_who_exceeds_a_limit_is_told_when_to_come_again(
     _, address, _ = stack.relay(flags=("--static", str(DIST), "--trusted-proxies", "127.0.0.1"))
     low = {
         "/etc/nginx/nginx-lane.rules": str(HOSTING / "nginx-lane.rules"),
+        "/var/log/nginx": str(tmp_path),
         "/var/cache/posecast": str(tmp_path / "kept"),
         "rate=200r/s": "rate=1r/m",
         "burst=16000": "burst=3",

@@ -27,6 +27,7 @@ BLOCK = re.compile(
 )
 HEADS = {
     "signs": "sign",
+    "balance": "sign of balance",
     "columns": "column",
     "units": "unit",
     "words": "word",

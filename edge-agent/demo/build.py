@@ -9,7 +9,7 @@ import argparse
 import os
 from pathlib import Path
 
-from demo_robot import body, motion, packing, programme, robot, sensors, stl
+from demo_robot import body, masses, motion, packing, programme, sensors, stl, urdf
 
 
 def main() -> None:
@@ -19,9 +19,10 @@ def main() -> None:
     out: Path = parser.parse_args().out
     meshes, visuals = body.build()
     files = {f"meshes/{stem}.stl": stl.stl_bytes(mesh) for stem, mesh in meshes.items()}
-    minute = sensors.fields(motion.make())
+    inertials = masses.inertials(body.parts())
+    minute = sensors.fields(motion.make(inertials), inertials)
     files["motion.bin"] = packing.pack(minute, motion.RATE_HZ, programme.PHASES)
-    files["robot.urdf"] = robot.urdf(visuals).encode()
+    files["robot.urdf"] = urdf.urdf(visuals, inertials).encode()
     (out / "meshes").mkdir(parents=True, exist_ok=True)
     for old in (out / "meshes").iterdir():
         if f"meshes/{old.name}" not in files:

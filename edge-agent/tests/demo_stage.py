@@ -54,6 +54,10 @@ class Skeleton:
         self.joints = {str(j.get("name")): j for j in root.findall("joint")}
         self.parent = {_attribute(j, "child", "link"): j for j in self.joints.values()}
         (self.root,) = set(self.links) - set(self.parent)
+        self.shells = {  # mesh stems by link
+            str(link.get("name")): [Path(str(m.get("filename"))).stem for m in link.iter("mesh")]
+            for link in root.findall("link")
+        }
 
     def limits(self, joint: str) -> tuple[float, float]:
         """Lower and upper, rad."""
@@ -63,10 +67,28 @@ class Skeleton:
 
     def pose(self, link: str, angles: Mapping[str, Floats], world_from_root: Floats) -> Floats:
         """world_from_link (n, 4, 4)."""
-        if link == self.root:
-            return world_from_root
-        joint = self.parent[link]
-        above = self.pose(_attribute(joint, "parent", "link"), angles, world_from_root)
+        return self.poses(angles, world_from_root, link)[link]
+
+    def poses(
+        self, angles: Mapping[str, Floats], world_from_root: Floats, only: str | None = None
+    ) -> dict[str, Floats]:
+        """world_from_link (n, 4, 4) of all links, or of one and those it hangs on."""
+        found = {self.root: world_from_root}
+
+        def add(link: str) -> None:
+            if link in found:
+                return
+            joint = self.parent[link]
+            above = _attribute(joint, "parent", "link")
+            add(above)
+            found[link] = self._below(joint, found[above], angles)
+
+        for link in self.links if only is None else [only]:
+            add(link)
+        return found
+
+    @staticmethod
+    def _below(joint: ET.Element, above: Floats, angles: Mapping[str, Floats]) -> Floats:
         fixed = np.eye(4)
         origin = joint.find("origin")
         if origin is not None:

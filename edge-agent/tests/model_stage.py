@@ -207,7 +207,11 @@ def written(folder: Path, text: str | bytes, **files: bytes) -> Path:
 
 ROBOT_OF_ALL = robot(
     '<material name="m"><color rgba="1 0 0 1"/></material>',
-    link("a", mesh("a.stl", ' scale="1 1 1"') + '<inertial><mass value="1"/><inertia ixx="1"/></inertial>'),
+    link(
+        "a",
+        mesh("a.stl", ' scale="1 1 1"')
+        + '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>',
+    ),
     link("b"),
     link("c"),
     joint("j", "a", "b", inside='<axis xyz="0 0 1"/><origin xyz="1 2 3" rpy="0 0 1"/>'),

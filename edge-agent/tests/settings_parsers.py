@@ -74,6 +74,10 @@ TEXTS: dict[str, Callable[[int], str]] = {
         f"[labels]\njoint=[{labels(n)}]\n[[fields]]\nname='pos'\n[thresholds.pos]\n"
         + "".join(f"j{i}={{high=1}}\n" for i in range(n))
     ),
+    "corners of a sole": lambda n: (
+        BASE + "[balance]\nsoles.RF=[" + ",".join(f"[{i},{i * i},0]" for i in range(n)) + "]\n"
+    ),
+    "feet": lambda n: BASE + f"[balance]\nfeet=[{labels(n)}]\n",
     "tolerances": lambda n: (
         f"[labels]\njoint=[{labels(n)}]\n[[fields]]\nname='pos'\n[tolerance]\n"
         + "".join(f"j{i}=1\n" for i in range(n))
@@ -115,10 +119,12 @@ PARSERS = (
         "profile",
         (
             "profile.reader.load_profile",
+            "profile.balance.read_balance",
             "profile.explain.read_sentences",
             "profile.names.read_names",
             "profile.reader.parse_profile",
             "profile.ros.read_ros",
+            "profile.thresholds.read_thresholds",
             "profile.views.read_view",
         ),
         profile_work,

@@ -49,6 +49,12 @@ def box(size: str, more: str = "") -> str:
     return f'<visual>{more}<geometry><box size="{size}"/></geometry></visual>'
 
 
+def inertial(mass: float, moments: str, xyz: str = "0 0 0") -> str:
+    ixx, iyy, izz = moments.split()
+    inertia = f'<inertia ixx="{ixx}" ixy="0" ixz="0" iyy="{iyy}" iyz="0" izz="{izz}"/>'
+    return f'<inertial><origin xyz="{xyz}"/><mass value="{mass:g}"/>{inertia}</inertial>'
+
+
 CORPUS = [
     Case("no-links", "error", None, "no link", ()),
     Case("joint-child", "error", 3, "no child link 'gone'", (A, joint("j", "a", "gone"))),
@@ -145,7 +151,15 @@ CORPUS = [
     Case("sensor-link", "warning", 3, "'gone'", (A, '<gazebo reference="gone"><sensor name="imu" type="imu"/></gazebo>')),
     Case("reference", "warning", 3, "<transmission>", (A, '<transmission name="t"><joint name="gone"/></transmission>')),
     Case("mass-negative", "warning", 2, "-1 kg", (link("a", box("1 1 1") + '<inertial><mass value="-1"/></inertial>'),)),
-    Case("inertia", "hint", 2, "simulators", (link("a", box("1 1 1") + '<inertial><mass value="1"/><inertia ixx="-1"/></inertial>'),)),
+    Case("mass-moments", "warning", 2, "0, 0 and -1 kg·m²; no balance", (link("a", box("1 1 1") + inertial(1, "-1 0 0")),)),
+    Case("inertia", "hint", 2, "simulators", (link("a", box("1 1 1") + inertial(1, "1 1 2.1")),)),
+    Case("inertia", "hint", 2, "1, 0 and 0", (link("a", inertial(1, "1 0 0")), link("b", inertial(20, "1 1 1")), joint("ab", "a", "b"))),
+    Case("mass-zero", "warning", 2, "0 kg; no balance", (link("a", box("1 1 1") + inertial(0, "0 0 0")),)),
+    Case("massless", "hint", 2, "a mass of 0 kg", (link("a", box("0.2 0.2 0.2") + inertial(0, "0 0 0")), link("b", box("1 1 1") + inertial(1, "1 1 1")), joint("ab", "a", "b"))),
+    Case("mass-heavy", "warning", 2, "400 kg in a box of 8 litres", (link("head", box("0.2 0.2 0.2") + inertial(400, "1 1 1")),)),
+    Case("mass-heavy", "warning", 2, "1e+07 kg", (link("a", inertial(10000000, "1 1 1")),)),
+    Case("dense", "hint", 2, "in a box of 8 litres", (link("a", box("0.2 0.2 0.2") + inertial(400, "1 1 1")), link("b", box("1 1 1") + inertial(2000, "99 99 99")), joint("ab", "a", "b"))),
+    Case("mass-far", "warning", 2, "10,000 km", (link("a", inertial(1, "1 1 1", "2e7 0 0")),)),
     Case("xacro", "error", 2, "xacro robot.xacro", ("<xacro:include/>", A)),
 ]  # fmt: skip
 

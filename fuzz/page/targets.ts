@@ -19,6 +19,7 @@ import {
   parseRelayMessage,
   parseSchema,
   RecordingError,
+  readBalance,
   type Schema,
   SchemaError,
   type Segment,
@@ -32,6 +33,7 @@ import { readShared, sharedQuery } from '../../spa/src/app/share/shared_view.ts'
 import { momentIn } from '../../spa/src/app/state/moment.ts';
 import { parseRoute, robotHref } from '../../spa/src/app/state/route.ts';
 import { queryOf, readSettings } from '../../spa/src/app/state/settings.ts';
+import { readMasses, readSoles } from '../../spa/src/model/balance/masses_and_soles.ts';
 import { BundleError, parseManifest } from '../../spa/src/model/bundle.ts';
 import { GlbError } from '../../spa/src/model/glb.ts';
 import { Kinematics } from '../../spa/src/model/kinematics.ts';
@@ -119,8 +121,11 @@ function jsonOf(text: string): unknown {
   }
 }
 
-function shownSchema({ id, robot, fields, size, mapping }: Schema): object {
-  return { id, robot, fields, size, mapping: shownMapping(mapping) };
+function shownSchema(schema: Schema): object {
+  const { id, robot, fields, size, mapping } = schema;
+  const { soles, ...rest } = readBalance(schema);
+  const balance = { ...rest, soles: plain(soles) };
+  return { id, robot, fields, size, mapping: { ...shownMapping(mapping), balance } };
 }
 
 /** Its parts are private to TypeScript, not to JavaScript. */
@@ -136,6 +141,7 @@ function plain(value: unknown): unknown {
 function jointValues(bytes: Uint8Array): unknown {
   const end = bytes.indexOf(0x0a) < 0 ? bytes.length : bytes.indexOf(0x0a);
   const schema = parseSchema(textOf(bytes.subarray(0, end)));
+  readBalance(schema);
   const codes = codesIn(bytes.subarray(end + 1), schema.size);
   const found = ['pos', 'ref'].map((field) => {
     const joints = new JointMapping(schema, field);
@@ -256,6 +262,8 @@ function manifest(bytes: Uint8Array): unknown {
   if (raw.v !== 2) return readRawManifest(raw).files.size;
   const found = readManifest(raw);
   new Kinematics(found.joints);
+  readMasses(found);
+  readSoles(found);
   return boxesOfLinks(found).size;
 }
 
@@ -269,6 +277,7 @@ function body(bytes: Uint8Array): unknown {
   }));
   const visuals = found.visuals.slice(0, 1024).map(({ link, source }) => ({ link, source }));
   readManifest({ ...found, joints, visuals });
+  readMasses(found);
   new Kinematics(found.joints);
   const lod = new LodBuilder(shapes);
   for (const [i, placed] of [...shapes.slice(0, 8).entries(), ...[...shapes.entries()].slice(8).slice(-4)]) {

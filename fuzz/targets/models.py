@@ -145,6 +145,8 @@ def shown_urdf(found: Urdf) -> dict[str, Any]:
                 and {
                     "mass": link.inertial.mass,
                     "moments": link.inertial.inertia,
+                    "xyz": link.inertial.pose.xyz,
+                    "rpy": link.inertial.pose.rpy,
                     "line": link.inertial.line,
                 },
                 "line": link.line,

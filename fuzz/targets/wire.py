@@ -290,6 +290,11 @@ def shown_mapping(found: Mapping) -> dict[str, Any]:
             }
             for name, of in found.sentences.items()
         },
+        "balance": {
+            "feet": found.balance.feet,
+            "ground": found.balance.ground,
+            "soles": dict(found.balance.soles),
+        },
     }
 
 

@@ -1,6 +1,6 @@
 # A cache for a crowd: Varnish (7) before a relay. It serves the lane (segments of the past, and models) and refuses all else:
 # no sockets, no page, no list of robots. It speaks HTTP only: something before it ends TLS (Caddy, nginx, hitch).
-#   varnishd -f /etc/varnish/varnish.vcl -a :6081 -s malloc,1g -s Transient=malloc,64m -p timeout_idle=75
+#   varnishd -f /etc/varnish/varnish.vcl -a :6081 -s malloc,1g -s Transient=malloc,64m -p timeout_idle=10 -p idle_send_timeout=15 -p send_timeout=120
 #   posecast-relay run --trusted-proxies ADDRESS-OF-THIS-MACHINE …
 vcl 4.1;
 
@@ -14,26 +14,64 @@ backend relay {
 }
 
 sub vcl_recv {
+	# what no page sends: refused, and the connection is closed
+	if (req.http.Transfer-Encoding || req.http.Content-Length ~ "[1-9]") {
+		return (synth(400, "requests have no body here"));
+	}
+	if (req.method != "GET" && req.method != "HEAD" && req.method != "OPTIONS") {
+		return (synth(400, "only GET, HEAD and OPTIONS are answered here"));
+	}
+	if (req.url ~ "#") {
+		return (synth(400, "an address is sent without what follows its #"));
+	}
 	if (req.url !~ "^/api/v1/robots/[a-z0-9-]+/(past($|\?|/)|model/)") {
-		return (synth(404));
+		return (synth(404, "this is a cache of segments and models"));
+	}
+	if (req.url ~ "(?i)[?&](access_)?token(=|&|$)") {
+		return (synth(400, "a token never stands in an address: send it as Authorization"));
 	}
 	unset req.http.Cookie;
 	unset req.http.Range; # a segment is sent whole
-	# The past is written in one way only: other spellings would be further names for one answer. So would made-up parameters:
-	# a day, a segment and a schema have none; what else no page asks for passes, unkept.
-	if (req.url ~ "^/api/v1/robots/[a-z0-9-]+/past[^?]*%") {
-		return (synth(404));
+	# An address is written in one way only: other spellings would be further names for one answer. Names of models may have
+	# spaces and letters of any language, which pages write as encodeURIComponent does. So would made-up parameters be names:
+	# a day, a segment, a schema and a model have none; what else no page asks for passes, unkept.
+	if (req.url ~ "^/api/v1/robots/[a-z0-9-]+/past[^?]*[^A-Za-z0-9_:/?-]") {
+		return (synth(404, "not here, or not for you"));
 	}
-	if (req.url ~ "^[^?]*/past/[^/?]+/([0-9-]+|[0-9a-f]{16}/[0-9]+|schema/[0-9a-f]{64})\?") {
+	if (req.url ~ "^[^?]*/past/[^/?]+/([0-9-]+|[0-9a-f]{16}/[0-9]+|schema/[0-9a-f]{64})\?|^[^?]*/model/" || req.url ~ "^[^?]*\?$") {
 		set req.url = regsub(req.url, "\?.*$", "");
 	}
+	if (req.url ~ "^[^?]*/model/" &&
+	    req.url !~ "/model/[0-9a-f]{64}/([A-Za-z0-9_.~/-]|%20|%2[BC]|%3D|%40|%[89A-F][0-9A-F])+$") {
+		return (synth(404, "not here, or not for you"));
+	}
+	if (req.url ~ "^[^?]*/keys\?every=[0-9]{4}" && req.url !~ "=1000$") {
+		return (synth(400, "every: want a number from 1 to 1000, without leading zeros"));
+	}
+	if (req.url ~ "^[^?]*/keys\?every=1$") {
+		set req.url = regsub(req.url, "\?.*$", "");
+	}
+	if (req.url ~ "^[^?]*/keys\?every=(15[1-9]|1[6-9][0-9]|[2-9][0-9][0-9]|1000)$") {
+		set req.url = regsub(req.url, "=.*$", "=150"); # the relay has no more steps
+	}
 	# who shows a token is not answered from what is kept, and nothing of theirs is kept
-	if ((req.method != "GET" && req.method != "HEAD") || req.http.Authorization ||
-	    (req.url ~ "\?" && req.url !~ "/past\?view=[A-Za-z0-9_-]+$" &&
-	     req.url !~ "Z\?after=[0-9a-f]{16}(,|%2C)[0-9]{1,10}$" && req.url !~ "/keys\?every=[1-9][0-9]{0,3}$")) {
+	if (req.method == "OPTIONS" || req.http.Authorization ||
+	    (req.url ~ "\?" && req.url !~ "^[^?]*/past\?view=[A-Za-z0-9_-]+$" &&
+	     req.url !~ "^[^?]*Z\?after=[0-9a-f]{16}(,|%2C)[0-9]{1,10}$" && req.url !~ "^[^?]*/keys\?every=[1-9][0-9]{0,2}$")) {
 		return (pass);
 	}
 	return (hash);
+}
+
+sub vcl_synth {
+	if (resp.status == 400) {
+		set resp.http.Connection = "close";
+	}
+	set resp.http.Content-Type = "application/json";
+	set resp.http.Cache-Control = "private, no-store";
+	set resp.http.Access-Control-Allow-Origin = "*";
+	set resp.body = """{"error": """ + {"""} + resp.reason + """"}""";
+	return (deliver);
 }
 
 sub vcl_hash {

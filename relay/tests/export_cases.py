@@ -15,8 +15,12 @@ from typing import Any
 
 import numpy as np
 from posecast_wire import Schema, build_schema_text
+from posecast_wire.schema import MISSING
 from rosbags.typesys import Stores, get_typestore
 
+from .balance_stage import make_codes
+from .balance_stage import make_manifest as make_standing_manifest
+from .balance_stage import make_schema_text as make_standing_schema_text
 from .export_stage import FROM_MS, Named, Take, csv_of, hash_of, in_order, mcap_of, messages_of
 from .link_pose_cases import make_manifest
 
@@ -122,11 +126,45 @@ def make_cases() -> list[dict[str, Any]]:
     two = [*alone, *later.record(later.encode(make_rows(later.schema, 3, "later"), 7))]
     texts, models = [text], {model: manifest}
     return [
+        make_case("a robot whose balance is known", *make_standing()),
         make_case("a robot that reports everything", alone, texts, models),
         make_case("two recorders that lost different frames", twice, texts, models),
         make_case("another schema, then no model", two, [text, later.schema_text], models),
         make_case("a part of it", alone, texts, {}, FROM_MS + 60, FROM_MS + 170),
     ]
+
+
+def make_standing() -> tuple[list[Named], list[str], dict[str, str]]:
+    """A robot that leans, lifts a foot, loses a reading, and at last is in the air."""
+    text = make_standing_schema_text(fields=("pos", "ftf", "ftm"))
+    manifest = json.dumps(make_standing_manifest(), separators=(",", ":"))
+    take = Take(text, model=hash_of(manifest), segment_frames=4)
+    dice = random.Random("standing")
+    rows: list[list[float | None]] = []
+    for i in range(9):
+        leans: dict[str, float | None] = {
+            f"{site}_{part}": dice.uniform(-9, 9)
+            for site in ("RF", "LF")
+            for part in ("fx", "fy", "mx", "my", "mz")
+        }
+        leans |= {"right_leg": 0.01 * dice.random(), "left_leg": 0.01 * dice.random()}
+        if i in (3, 4, 8):
+            leans["LF_fz"] = 3.0
+        if i == 8:
+            leans["RF_fz"] = 0.0
+        if i == 6:
+            leans["RF_my"] = None
+        if i == 7:
+            leans["RF_fz"] = None
+        codes = make_codes(take.schema, **leans)
+        rows.append(
+            [
+                None if code == MISSING else code * f.scale
+                for f in take.schema.fields
+                for code in codes[f.start : f.start + f.size]
+            ]
+        )
+    return take.record(take.encode(rows)), [text], {hash_of(manifest): manifest}
 
 
 def make_case(
@@ -140,8 +178,8 @@ def make_case(
     """A case. `messages`: topic, type, moment (unix µs), content, in the order of frames, of which each has
     /joint_states last."""
     span = {"from_ms": from_ms, "to_ms": to_ms}
-    csv, _ = csv_of(segments, *texts, **span)
     manifests = {sha256: text.encode() for sha256, text in models.items()}
+    csv, _ = csv_of(segments, *texts, models=manifests, **span)
     data, _ = mcap_of(segments, *texts, models=manifests, **span)
     messages = [
         [topic, type_name, unix_ns // 1000, to_json(STORE.deserialize_cdr(raw, type_name))]

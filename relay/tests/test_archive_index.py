@@ -104,22 +104,43 @@ def test_a_day_is_read_as_it_was_written(found: list[tuple[int, frozenset[Audien
 
 
 @pytest.mark.parametrize(
-    ("words", "worst"),
+    ("words", "told"),
     [
         ([(0, "silent"), (0, "online")], "online"),  # a take before its first frame
-        ([(0, "silent"), (1, "online")], "silent"),
-        ([(0, "online"), (9, "offline")], "offline"),
+        ([(0, "online"), (20_000, "silent"), (26_000, "online")], "online"),  # 6 s are not a minute
+        ([(0, "online"), (20_000, "silent"), (50_000, "online")], "silent"),
+        (
+            [(0, "online"), (10_000, "silent"), (25_000, "online"), (30_000, "silent"), (45_000, "online")],
+            "silent",
+        ),
+        ([(0, "online"), (20_000, "silent")], "silent"),
+        ([(0, "online"), (50_000, "silent")], "online"),
+        ([(0, "online"), (59_000, "offline")], "offline"),  # and was so until something came again
         ([(0, "online"), (9, "silent"), (9, "offline")], "offline"),
+        ([(0, "online"), (10_000, "offline"), (20_000, "online")], "online"),
+        ([(56_000, "online"), (60_270, "silent")], "online"),  # in the next minute
         ([(0, "online")], "online"),
         ([], "online"),
     ],
 )
-def test_the_worst_word_of_a_minute_is_one_that_lasted(
-    words: list[tuple[int, RobotStatus]], worst: RobotStatus
+def test_a_minute_is_told_as_silent_if_the_robot_was_for_half_of_it(
+    words: list[tuple[int, RobotStatus]], told: RobotStatus
 ) -> None:
-    told = tuple(PastWord(START + at_ms, word) for at_ms, word in words)
-    segment = replace(make_small(0, START, frozenset({Audience.ANYONE})), words=told)
-    assert [row.word for row in sum_minutes([segment])] == [worst]
+    first = START + (words[0][0] if words else 0)
+    own = tuple(PastWord(START + at_ms, word) for at_ms, word in words)
+    segment = replace(make_small(0, first, frozenset({Audience.ANYONE})), words=own)
+    assert [row.word for row in sum_minutes([segment])] == [told]
+
+
+@pytest.mark.parametrize(("back_s", "told"), [(80, "online"), (105, "silent")])
+def test_a_silence_is_of_the_minute_in_which_it_was(back_s: int, told: RobotStatus) -> None:
+    """It begins with the end of a segment of the minute before, as a robot's silence does 1.5 s after it."""
+    everybody = frozenset({Audience.ANYONE})
+    away = (PastWord(START + 56_000, "online"), PastWord(START + 60_270, "silent"))
+    again = (PastWord(START + 1000 * back_s, "online"),)
+    before = replace(make_small(0, START + 56_000, everybody), words=away)
+    after = replace(make_small(1, START + 1000 * back_s, everybody), words=again)
+    assert [row.word for row in sum_minutes([before, after])] == ["online", told]
 
 
 def make_small(index: int, from_ms: int, audiences: frozenset[Audience]) -> KeptSegment:

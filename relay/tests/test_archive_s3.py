@@ -277,7 +277,7 @@ def test_another_writer_at_the_same_prefix_and_files_that_are_not_ours(
     start: Start, edges: Edges, bucket: Bucket
 ) -> None:
     first, second = start(), start()
-    (bucket.folder / "r").mkdir(exist_ok=True)
+    (bucket.folder / "r").mkdir(parents=True, exist_ok=True)
     foreign = [bucket.folder / path for path in ("notes.txt", "r/notes.txt", "r/public.txt")]
     for path in foreign:
         path.write_text("mine")

@@ -26,7 +26,7 @@ from posecast_relay.export.table import TableReader, TableRow
 from posecast_wire import MISSING, build_schema_text
 
 from .export_cases import VECTORS, make_rows, make_schema
-from .export_stage import FROM_MS, Named, Take, csv_of, schemas_of
+from .export_stage import FROM_MS, Named, Take, csv_of, hash_of, schemas_of
 
 CASES = json.loads(VECTORS.read_text())["cases"]
 ROOT = Path(__file__).resolve().parents[2]
@@ -36,7 +36,10 @@ UV = ROOT / ".tools" / "bin" / "uv"
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case["name"])
 def test_it_is_written_as_the_page_writes_it(case: Mapping[str, Any]) -> None:
     segments = [(str(i), bytes.fromhex(raw)) for i, raw in enumerate(case["segments"])]
-    text, table = csv_of(segments, *case["schemas"], from_ms=case["from_ms"], to_ms=case["to_ms"])
+    models = {hash_of(manifest): manifest.encode() for manifest in case["models"]}
+    text, table = csv_of(
+        segments, *case["schemas"], models=models, from_ms=case["from_ms"], to_ms=case["to_ms"]
+    )
     assert text.split("\r\n") == case["csv"].split("\r\n")
     assert table.losses.describe() == []
 

@@ -10,8 +10,18 @@ from pathlib import Path
 
 import pytest
 from posecast_relay.export import mcap_file
+from posecast_relay.export.balance_columns import BALANCE_COLUMNS
 from posecast_relay.export.csv_file import COLUMNS_MAX, FIRST_COLUMNS
-from posecast_relay.export.ros_messages import IMU, JOINT_STATE, LOG, NUMBERS, TRANSFORMS, WRENCH
+from posecast_relay.export.ros_messages import (
+    IMU,
+    JOINT_STATE,
+    LOG,
+    NUMBER,
+    NUMBERS,
+    POINT,
+    TRANSFORMS,
+    WRENCH,
+)
 from posecast_wire import Schema
 
 from .export_stage import Take, csv_of, mcap_of
@@ -70,6 +80,17 @@ def test_the_columns_are_those_of_the_file(folder: Path) -> None:
     assert f"More than {COLUMNS_MAX:,} columns" in PAGE
 
 
+def test_the_columns_of_balance_are_those_of_the_file() -> None:
+    table = PAGE[PAGE.index("### Balance") :]
+    for column in BALANCE_COLUMNS:
+        name, axis = re.sub(r"\.([xyz]) \[", " [", column), re.search(r"\.([xyz]) \[", column)
+        if axis is None:
+            assert f"| `{column}` |" in table
+        else:
+            row = next(line for line in table.split("\n") if f"`{name.replace(' [', '.x [')}`" in line)
+            assert axis[1] == "x" or f"`.{axis[1]}`" in row
+
+
 def test_the_topics_are_those_of_the_file() -> None:
     rows = re.findall(r"^\| `(/\S+)` \| `(\S+)` \|", PAGE, re.MULTILINE)
     assert rows == [
@@ -78,6 +99,10 @@ def test_the_topics_are_those_of_the_file() -> None:
         ("/imu/SITE", IMU),
         ("/wrench/SITE", WRENCH),
         ("/tf", TRANSFORMS),
+        ("/balance/centre_of_mass", POINT),
+        ("/balance/centre_of_pressure", POINT),
+        ("/balance/capture_point", POINT),
+        ("/balance/margin", NUMBER),
         ("/rosout", LOG),
         ("/posecast/FIELD", NUMBERS),
     ]

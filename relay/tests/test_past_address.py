@@ -64,7 +64,7 @@ def test_the_others() -> None:
     assert read_take("f" * 16) == (1 << 64) - 1
     assert (read_index("0"), read_index("4294967295")) == (0, 4294967295)
     assert read_after("000000000000000a,7") == (10, 7)
-    assert (read_every("1"), read_every("1000")) == (1, 1000)
+    assert (read_every("1"), read_every("150"), read_every("151"), read_every("1000")) == (1, 150, 150, 150)
     assert read_sha256("ab" * 32) == b"\xab" * 32
 
 

@@ -99,4 +99,18 @@ describe('a robot in words', () => {
     expect(gist({ 'ftf.RF.fz': 280 })).not.toBe(gist({ 'ftf.RF.fz': 520 }));
     expect(gist({}, [fault('RKN')])).not.toBe(gist({}, [fault('LKN')]));
   });
+
+  it('ends with the sentence about its balance, again only in its steps, and not of a robot that is silent', () => {
+    const balance = { text: 'The centre of mass is 31 mm inside.', gist: 'balance ok' };
+    const input = { name: 'demo', verdict: LIVE, readings: null, faults: [] };
+    const said = announcement({ ...input, balance });
+    expect(said.text).toBe('demo: live. The centre of mass is 31 mm inside.');
+    expect(said.gist).toBe(announcement({ ...input, balance: { ...balance, text: 'now 30 mm' } }).gist);
+    expect(said.gist).not.toBe(
+      announcement({ ...input, balance: { ...balance, gist: 'balance fault' } }).gist,
+    );
+    expect(announcement({ ...input, balance: null }).text).toBe('demo: live');
+    const silent = { word: 'STALE', cause: 'robot silent', overShare: false } as const;
+    expect(announcement({ ...input, verdict: silent, balance }).text).not.toContain('centre');
+  });
 });

@@ -61,4 +61,26 @@ describe("what the viewer's own limits see", () => {
     expect(log.crossings).toHaveLength(CROSSING_LIMIT);
     expect(log.crossings.at(-1)?.n).toBe(1000);
   });
+
+  it('is told also of what the page computes, by whoever’s limit it is', () => {
+    const log = new LimitLog();
+    const margin = (value: number | null, level: 'ok' | 'fault', own = false) =>
+      log.note(
+        'Balance',
+        { field: 'balance', label: 'margin', name: 'margin', unit: 'mm', value, level },
+        { low: 0, high: null, caution: 1 },
+        5,
+        own,
+      );
+    margin(30, 'ok');
+    margin(-2, 'fault');
+    margin(null, 'ok');
+    margin(25, 'ok');
+    expect(
+      log.crossings.map(({ source, side, limit, state, own }) => [source, side, limit, state, own]),
+    ).toEqual([
+      ['Balance margin', 'below', '0 mm', 'on', false],
+      ['Balance margin', 'below', '0 mm', 'off', false],
+    ]);
+  });
 });

@@ -1,5 +1,6 @@
 import { parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
+import { balanceEn } from '../src/app/text/balance/balance_en.ts';
 import { moreEn } from '../src/app/text/more_en.ts';
 import { limitChannels } from '../src/twin/alarms/limit_channels.ts';
 import { ValueLimits } from '../src/twin/limits/limits.ts';
@@ -66,6 +67,9 @@ describe('what limits can be set for', () => {
       ['Motors', ['*', '*']],
     ]);
     expect(groups[0]?.channels[0]?.span, 'room beyond the limit').toBe(750);
+    expect(limitChannels(BARE, moreEn, balanceEn)).toMatchObject([
+      { title: 'Balance', channels: [{ field: 'balance', label: 'margin', unit: 'mm', span: 100 }] },
+    ]);
     expect(limitChannels(BARE, moreEn)).toEqual([]);
   });
 });

@@ -44,6 +44,46 @@ describe('what is shown of a robot', () => {
     expect(player.pose('pos').joints.get('RKN')).toBeCloseTo(0.9);
   });
 
+  it('its time and what presses on it are those of the pose between two frames', () => {
+    const player = new Player(SCHEMA);
+    for (let i = 0; i < 10; i += 1) {
+      player.push(state(i, codesWith({ 'pos.RKN': i * 100, 'ftf.RF.fz': i * 50 })));
+    }
+    player.sample(9 * 100 + 40 + player.delayMs - 50);
+    const { joints, tS, wrenches } = player.pose('pos');
+    const part = joints.get('RKN')!;
+    expect(part).toBeGreaterThan(0.8);
+    expect(tS).toBeCloseTo(part, 2);
+    expect(wrenches).toEqual([
+      {
+        site: 'RF',
+        force: { vector: [0, 0, expect.closeTo(part * 500)], axes: [2] },
+        moment: { vector: [0, 0, 0], axes: [0, 1] },
+      },
+    ]);
+    player.sample(END);
+    expect(player.pose('pos').tS).toBeCloseTo(0.9);
+  });
+
+  it('a force that loses its reading is none at once; it is not played on', () => {
+    const player = new Player(SCHEMA);
+    player.push(state(0, codesWith({ 'ftf.RF.fz': 200 })));
+    player.push(state(1, codesWith({ 'ftf.RF.fz': null })));
+    player.sample(END);
+    expect(player.pose('pos').wrenches?.[0]?.force).toEqual({ vector: null, axes: [2] });
+    expect(player.pose('pos').wrenches?.[0]?.moment.vector).toEqual([0, 0, 0]);
+  });
+
+  it('the time of a robot that stands still goes on', () => {
+    const player = moving();
+    player.sample(END);
+    for (const seq of [110, 115]) {
+      player.push(state(seq, codesWith({ 'pos.LKN': 900, 'pos.RKN': 900, 'ref.RKN': 1800 })));
+      player.sample(seq * 100 + 500);
+      expect(player.pose('pos').tS).toBe(seq / 10);
+    }
+  });
+
   it('a joint that loses its reading keeps its last true angle, and is named', () => {
     const player = moving();
     expect(player.push(state(10, codesWith({ 'pos.LKN': 1000, 'pos.RKN': null })))).toBe(true);

@@ -39,7 +39,7 @@ function stack(list: readonly Trace[], manner: Partial<PlotManner> = {}) {
   const host = document.createElement('div');
   document.body.append(host);
   const made = new PlotStack(host, list, {
-    ...{ theme: 'dark', angle: 'rad', remove: () => {}, zoomed: () => {}, words: moreEn },
+    ...{ theme: 'dark', angle: 'rad', derived: null, remove: () => {}, zoomed: () => {}, words: moreEn },
     ...manner,
   });
   const legend = () =>

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from demo_robot.dynamics import GRAVITY
 from demo_robot.robot import HIP_Y
 from demo_robot.shapes import Floats
 from demo_robot.tracks import bump, ease
 
-GRAVITY = 9.81
-COM_HEIGHT = 0.68
+COM_HEIGHT = 0.70  # nearly always
 CENTRE_X = 0.022  # where a foot bears best, ahead of its ankle
 
 
@@ -47,9 +47,9 @@ class Gait:
     """Everything the legs need, (n,) or (n, 2) arrays over time, metres in the world."""
 
     feet: dict[str, Foot]
+    centre: dict[str, Floats]  # where a foot is to bear
     zmp: Floats
     com: Floats
-    com_acc: Floats
     load: dict[str, Floats]  # share of the weight, 0…1, left + right = 1
 
 
@@ -73,14 +73,14 @@ def walk(
     return steps
 
 
-def plan(t: Floats, steps: Sequence[Step]) -> Gait:
-    """`t`: equally spaced over the period, the end left out."""
+def plan(t: Floats, steps: Sequence[Step], lean: Floats) -> Gait:
+    """`t`: equally spaced over the period, the end left out. `lean`: how far ahead of their usual place both
+    feet bear, m."""
     feet = {side: _foot(t, [s for s in steps if s.side == side], side) for side in "LR"}
     load = _load(t, steps)
-    centre = {side: np.stack(_bearing(feet[side]), axis=1) for side in "LR"}
+    centre = {side: _bearing(feet[side], CENTRE_X + lean) for side in "LR"}
     zmp = load["L"][:, None] * centre["L"] + load["R"][:, None] * centre["R"]
-    com = _com(t[1] - t[0], zmp)
-    return Gait(feet, zmp, com, (com - zmp) * GRAVITY / COM_HEIGHT, load)
+    return Gait(feet, centre, zmp, follow(t[1] - t[0], zmp), load)
 
 
 def _foot(t: Floats, steps: Sequence[Step], side: str) -> Foot:
@@ -100,9 +100,9 @@ def _foot(t: Floats, steps: Sequence[Step], side: str) -> Foot:
     return Foot(x, y, z, yaw, pitch, stands)
 
 
-def _bearing(foot: Foot) -> tuple[Floats, Floats]:
-    """Where the foot bears; while it swings that is of no account, its share is 0."""
-    return foot.x + CENTRE_X * np.cos(foot.yaw), foot.y + CENTRE_X * np.sin(foot.yaw)
+def _bearing(foot: Foot, ahead: Floats) -> Floats:
+    """Where the foot bears, `ahead` of its ankle; while it swings that is of no account, its share is 0."""
+    return np.stack([foot.x + ahead * np.cos(foot.yaw), foot.y + ahead * np.sin(foot.yaw)], axis=1)
 
 
 def _load(t: Floats, steps: Sequence[Step]) -> dict[str, Floats]:
@@ -122,7 +122,7 @@ def _load(t: Floats, steps: Sequence[Step]) -> dict[str, Floats]:
     return {"L": left, "R": 1 - left}
 
 
-def _com(dt: float, zmp: Floats) -> Floats:
+def follow(dt: float, zmp: Floats) -> Floats:
     """The linear inverted pendulum c'' = g/h (c - zmp), its periodic solution, by Fourier series."""
     omega = 2 * np.pi * np.fft.rfftfreq(len(zmp), dt)
     gain = 1 / (1 + omega**2 * COM_HEIGHT / GRAVITY)

@@ -1,4 +1,4 @@
-"""The demo robot's skeleton: links, joints, limits; and how it is written down as a URDF.
+"""The demo robot's skeleton: links, joints, limits.
 
 x forward, y left, z up, metres, radians. At zero it stands straight, arms hanging. The axes of each hip, each
 ankle, each shoulder and each wrist meet in a point, so that legs and arms have closed solutions.
@@ -7,9 +7,8 @@ ankle, each shoulder and each wrist meet in a point, so that legs and arms have 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from xml.sax.saxutils import quoteattr
 
 HIP_Y = 0.084
 THIGH = 0.300
@@ -154,37 +153,3 @@ def mapping() -> dict[str, tuple[tuple[tuple[str, float], ...], float]]:
         for k in (1, 2, 3)
     }
     return {**same, **neck, **fingers}
-
-
-def urdf(visuals: Mapping[str, Sequence[Visual]]) -> str:
-    """The robot as URDF text, its meshes at `meshes/STEM.stl` beside it. No inertia: nobody simulates it."""
-    lines = ['<?xml version="1.0" encoding="utf-8"?>', '<robot name="posecast_demo">']
-    for name, rgb in COLOURS.items():
-        rgba = " ".join(f"{c:g}" for c in (*rgb, 1))
-        lines.append(f'  <material name={quoteattr(name)}><color rgba="{rgba}"/></material>')
-    for link in LINKS:
-        lines.append(f"  <link name={quoteattr(link)}>")
-        for v in visuals.get(link, ()):
-            lines.append("    <visual>")
-            if v.xyz != ZERO or v.rpy != ZERO:
-                lines.append(f"      {_origin(v.xyz, v.rpy)}")
-            lines.append(f'      <geometry><mesh filename="meshes/{v.mesh}.stl"/></geometry>')
-            lines.append(f"      <material name={quoteattr(v.colour)}/>")
-            lines.append("    </visual>")
-        lines.append("  </link>")
-    for j in JOINTS:
-        axis = " ".join(f"{c:g}" for c in AXES[j.axis])
-        lines += [
-            f'  <joint name={quoteattr(j.name)} type="revolute">',
-            f"    <parent link={quoteattr(j.parent)}/><child link={quoteattr(j.child)}/>",
-            f"    {_origin(j.xyz, j.rpy)}",
-            f'    <axis xyz="{axis}"/>',
-            f'    <limit lower="{j.low:g}" upper="{j.high:g}" effort="120" velocity="8"/>',
-            "  </joint>",
-        ]
-    lines.append("</robot>")
-    return "\n".join(lines) + "\n"
-
-
-def _origin(xyz: Xyz, rpy: Xyz) -> str:
-    return f'<origin xyz="{" ".join(f"{c:.6g}" for c in xyz)}" rpy="{" ".join(f"{c:.6g}" for c in rpy)}"/>'

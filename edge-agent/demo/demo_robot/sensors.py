@@ -6,13 +6,16 @@ Noise as measured on real robots, from a fixed seed: encoders 2e-4 rad, currents
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from demo_robot.gait import CENTRE_X, GRAVITY
-from demo_robot.kinematics import forward, quaternion
-from demo_robot.motion import RATE_HZ, Channels, Motion, joints
+from demo_robot import dynamics, motion, wrenches
+from demo_robot.dynamics import GRAVITY
+from demo_robot.kinematics import quaternion
+from demo_robot.masses import Inertial
+from demo_robot.motion import RATE_HZ, Channels, Motion
 from demo_robot.programme import DEAD_S, FREE_S, HOMING_S, LEAVE_S, STALL_S, TOUCH_S
 from demo_robot.robot import CHANNELS, MASS_KG
 from demo_robot.shapes import Floats
@@ -34,11 +37,10 @@ BITS = (
     "tempError",
     "comply",
 )
-HAND_KG = 0.65
 HIP_ARM = 0.05  # m, from the hip to the line of the load
 ROOM_C = 31.0
 HEAT_S = 22.0  # how fast a motor warms; a real one takes minutes, the demo lasts one
-LINKS = {"torso": "Body_Torso", "RF": "Body_RAR", "LF": "Body_LAR", "RH": "Body_RWP", "LH": "Body_LWP"}
+LINKS = {"torso": "Body_Torso", "RF": "Body_RAR", "LF": "Body_LAR"}
 
 
 @dataclass(frozen=True)
@@ -51,11 +53,11 @@ class Field:
     values: Floats
 
 
-def fields(m: Motion) -> list[Field]:
+def fields(m: Motion, inertials: Mapping[str, Inertial]) -> list[Field]:
     """All fields of the minute, in the profile's order."""
     noise = np.random.default_rng(20140615)
     n = len(m.t)
-    links = forward(joints(m.pos), m.world_from_root, frozenset(LINKS.values()))
+    body = motion.solve(m, inertials)
     moving = _moving(m)
 
     def joint(name: str, scale: float, values: Channels) -> Field:
@@ -63,8 +65,8 @@ def fields(m: Motion) -> list[Field]:
 
     pos = {c: v + noise.normal(0, 2e-4, n) for c, v in m.pos.items()}
     current = _currents(m, noise)
-    wrench = _wrenches(m, links, noise)
-    quat, gyro, acc = _imus(m, links, moving, noise)
+    wrench = _wrenches(m, body, inertials, noise)
+    quat, gyro, acc = _imus(m, body.links, moving, noise)
     amp = 2.6 + 0.16 * sum(np.abs(v) for v in current.values()) + noise.normal(0, 0.05, n)
     volt = 49.6 - 0.045 * _smoothed(amp, 0.2) + noise.normal(0, 0.02, n)
     base = m.world_from_root
@@ -95,8 +97,8 @@ def _columns(sites: dict[str, Floats], part: slice) -> Floats:
 
 
 def _rate(values: Floats) -> Floats:
-    """Per second, the minute closed to a ring."""
-    return np.asarray((np.roll(values, -1, axis=0) - np.roll(values, 1, axis=0)) * (RATE_HZ / 2))
+    """Per second."""
+    return dynamics.rate(values, RATE_HZ)
 
 
 def _smoothed(values: Floats, lag_s: float) -> Floats:
@@ -121,37 +123,13 @@ def _landings(m: Motion, side: str) -> Floats:
     return knock
 
 
-def _wrenches(m: Motion, links: dict[str, Floats], noise: np.random.Generator) -> dict[str, Floats]:
-    """Forces and moments on each sensor in its link's axes: fx fy fz mx my mz.
-
-    A foot bears its share of the weight at the zero-moment point; a hand weighs, and feels the obstacle.
-    """
-    n, weight = len(m.t), MASS_KG * GRAVITY
-    lift = MASS_KG * _rate(_rate(m.world_from_root[:, 2, 3]))
-    result: dict[str, Floats] = {}
-    for side in "RL":
-        turn = links[LINKS[side + "H"]][:, :3, :3]
-        world = np.zeros((n, 3))
-        world[:, 2] = -HAND_KG * GRAVITY
-        force = np.einsum("nji,nj->ni", turn, world)
-        if side == "L":
-            force[:, 2] += 78.0 * m.effort_lost["LSP"] * -1  # it pushes back along the hand
-            force[:, 0] += 24.0 * m.effort_lost["LEB"]
-        moment = np.stack([0.05 * force[:, 1], -0.05 * force[:, 0], 0.004 * force[:, 2]], axis=1)
-        result[side + "H"] = np.concatenate([force, moment], axis=1)
-    for side in "RL":
-        foot, share = m.gait.feet[side], m.gait.load[side]
-        fz = share * (weight + lift) + 55 * _landings(m, side) * share
-        ahead = m.gait.zmp - np.stack([foot.x, foot.y], axis=1)
-        c, s = np.cos(foot.yaw), np.sin(foot.yaw)
-        x = np.clip(c * ahead[:, 0] + s * ahead[:, 1], CENTRE_X - 0.05, CENTRE_X + 0.07)
-        y = np.clip(-s * ahead[:, 0] + c * ahead[:, 1], -0.012, 0.012)
-        push = share[:, None] * MASS_KG * m.gait.com_acc
-        fx, fy = c * push[:, 0] + s * push[:, 1], -s * push[:, 0] + c * push[:, 1]
-        mz = 0.6 * _rate(foot.yaw) * share
-        result[side + "F"] = np.stack([fx, fy, fz, fz * y, -fz * x, mz], axis=1)
+def _wrenches(
+    m: Motion, body: dynamics.Dynamics, inertials: Mapping[str, Inertial], noise: np.random.Generator
+) -> dict[str, Floats]:
+    """Forces and moments on each sensor in its link's axes: fx fy fz mx my mz."""
     sigma = {"H": (0.12, 0.012), "F": (0.8, 0.05)}
-    return {site: v + noise.normal(0, 1, (n, 6)) * np.repeat(sigma[site[1]], 3) for site, v in result.items()}
+    felt = wrenches.feel(body, m.gait, m.effort_lost, inertials, RATE_HZ)
+    return {site: v + noise.normal(0, 1, v.shape) * np.repeat(sigma[site[1]], 3) for site, v in felt.items()}
 
 
 def _imus(
@@ -191,7 +169,9 @@ def _currents(m: Motion, noise: np.random.Generator) -> Channels:
         hold[f"{side}KN"] = load * weight * 0.3 * np.sin(knee / 2) / 16
         hold[f"{side}HP"] = -load * weight * 0.04 / 16 - 0.5 * np.sin(m.pos[f"{side}HP"]) * (1 - load) * 3
         hold[f"{side}HR"] = -sign * (load - 0.5 * load**2) * weight * HIP_ARM / 16
-        hold[f"{side}AP"] = load * weight * CENTRE_X / 12
+        foot = m.gait.feet[side]
+        ahead = np.hypot(*(m.gait.centre[side] - np.stack([foot.x, foot.y], axis=1)).T)
+        hold[f"{side}AP"] = load * weight * ahead / 12
         hold[f"{side}AR"] = sign * load * 0.3
         arm, elbow = m.pos[f"{side}SP"], m.pos[f"{side}SP"] + m.pos[f"{side}EB"]
         hold[f"{side}SP"] = (3.4 * np.sin(arm) + 1.6 * np.sin(elbow)) / 2.2

@@ -1,3 +1,5 @@
+import { LatePart } from '../browser/late_part.ts';
+import type { FacetNumbers } from '../overlays/facet_numbers.ts';
 import type { LabelPlace } from '../overlays/labels.ts';
 import type { Strokes } from '../overlays/strokes.ts';
 import type { CameraRig } from '../view/camera/camera_rig.ts';
@@ -10,6 +12,11 @@ import type { LightRobot } from './robot.ts';
 import { applyStaleEffect } from './stale_effect.ts';
 
 const SHADOW_PART = 4;
+/** Only who watches balance needs it. */
+const FACETS = new LatePart(
+  () => import('./facet_painter.ts'),
+  () => false,
+);
 
 /** One robot of a picture. */
 export interface PaintedRobot {
@@ -22,6 +29,7 @@ export interface PaintedRobot {
 export interface Picture {
   readonly robots: readonly PaintedRobot[];
   readonly strokes: Strokes;
+  readonly facets: FacetNumbers | null;
   readonly tones: LightColors;
   /** Rasterised pixels per CSS pixel, for the meshes. */
   readonly ratio: number;
@@ -34,6 +42,7 @@ export interface Picture {
 export class LightPainter {
   readonly canvas = document.createElement('canvas');
   readonly #camera: CameraRig;
+  readonly #changed: () => void;
   readonly #context: CanvasRenderingContext2D;
   readonly #floor = document.createElement('canvas');
   readonly #shadows = document.createElement('canvas');
@@ -46,9 +55,11 @@ export class LightPainter {
   #width = 0;
   #height = 0;
 
-  /** Throws an Error with a message for people when the browser has no 2D canvas. */
-  constructor(eye: CameraRig) {
+  /** `changed` is called when a picture would look different. Throws an Error with a message for people when the browser
+   *  has no 2D canvas. */
+  constructor(eye: CameraRig, changed: () => void) {
     this.#camera = eye;
+    this.#changed = changed;
     const context = this.canvas.getContext('2d', { alpha: false });
     if (context === null)
       throw new Error('This browser draws no pictures. The numbers show everything the robot says.');
@@ -75,7 +86,7 @@ export class LightPainter {
 
   /** Draws a picture; returns how many triangles were on the screen. */
   paint(picture: Picture): number {
-    const { robots, strokes, tones } = picture;
+    const { robots, strokes, facets, tones } = picture;
     const context = this.#context;
     const { width, height } = this.canvas;
     const view = this.#floorView(width, height);
@@ -85,10 +96,12 @@ export class LightPainter {
     if (figures.length === 0) return 0;
     const ratio = width / this.#width;
     this.#paintShadows(figures, tones);
+    if (facets !== null) this.#paintFacets(view, facets, false);
     paintStrokes(context, view, ratio, strokes, false);
     paintAxes(context, view);
     const triangles = this.#paintShells(picture);
     for (const figure of figures) if (!figure.dressed) this.#paintBones(figure, view, tones);
+    if (facets !== null) this.#paintFacets(view, facets, true);
     paintStrokes(context, view, ratio, strokes, true);
     return triangles;
   }
@@ -105,6 +118,12 @@ export class LightPainter {
   /** The link under a point of the canvas, CSS px, or null. */
   pick(robot: LightRobot, x: number, y: number): string | null {
     return robot.pick(x, y, this.#floorView(this.#width, this.#height).screenFromWorld);
+  }
+
+  #paintFacets(view: FloorView, facets: FacetNumbers, over: boolean): void {
+    const painter = FACETS.value();
+    if (painter === null) FACETS.load().then(this.#changed);
+    else painter.paintFacets(this.#context, view, facets, over);
   }
 
   #floorView(width: number, height: number): FloorView {

@@ -39,7 +39,7 @@ export class LightView extends RowStage<LightRobotNode> {
     still: prefersReducedMotion,
     changed: () => this.loop.request(),
   });
-  readonly #painter = new LightPainter(this.rig);
+  readonly #painter = new LightPainter(this.rig, () => this.loop.request());
   readonly #sharpness = new AdaptiveResolution();
   readonly #overlay: Overlay;
   readonly #resizes: ResizeObserver;
@@ -185,6 +185,7 @@ export class LightView extends RowStage<LightRobotNode> {
     this.#triangles = this.#painter.paint({
       robots: this.robots,
       strokes: this.#overlay.strokes,
+      facets: this.#overlay.facets,
       tones: this.#tones,
       ratio: this.#sharpness.ratio(Math.max(1, window.devicePixelRatio), fine),
       fine,

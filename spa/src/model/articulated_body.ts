@@ -51,6 +51,12 @@ export class ArticulatedBody {
     return { link: this.linkNames[found + 1]!, axis, slides: type === 'prismatic' };
   }
 
+  /** Where a joint is, rad or m; null for one that cannot move or that the model lacks. */
+  jointValue(name: string): number | null {
+    const found = this.#jointOf.get(name);
+    return found === undefined ? null : this.kinematics.value(found);
+  }
+
   /** Bounding box of what the link shows, in its own frame, metres. */
   linkBox(name: string): LinkBox | undefined {
     return this.boxOfLink.get(this.linkOf.get(name) ?? -1);

@@ -19,6 +19,8 @@ export interface Manifest {
   readonly missing: readonly { readonly uri: string; readonly reason: string }[];
   /** What `posecast-edge doctor` found in the URDF, worst first. */
   readonly findings: readonly ModelFinding[];
+  /** As it came, for what few pages need: `balance/masses_and_soles.ts` reads more of it. */
+  readonly raw: Raw;
 }
 
 export interface LodFile {
@@ -59,7 +61,7 @@ const TYPES: ReadonlySet<unknown> = new Set<JointType>([
 
 const IDENTITY = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
 
-type Raw = Readonly<Record<string, unknown>>;
+export type Raw = Readonly<Record<string, unknown>>;
 
 /** Checks and reads a manifest of version 2. Throws a one-line BundleError when the robot can't be built from it. */
 export function readManifest(raw: Raw): Manifest {
@@ -94,6 +96,7 @@ export function readManifest(raw: Raw): Manifest {
       line: typeof line === 'number' ? line : null,
       text: loose(words),
     })),
+    raw,
   };
 }
 
@@ -189,7 +192,7 @@ function record(value: unknown, where: string): Raw {
   return value;
 }
 
-function list(value: unknown, where: string, most: number): readonly unknown[] {
+export function list(value: unknown, where: string, most: number): readonly unknown[] {
   if (!Array.isArray(value)) throw wrong(`${where} is no list`);
   if (value.length > most) throw wrong(`${where}: ${value.length} are too many`);
   return value;
@@ -214,7 +217,7 @@ function loose(value: unknown): string {
   return typeof value === 'string' ? value : '';
 }
 
-function numbers(value: unknown, size: number, where: string): number[] {
+export function numbers(value: unknown, size: number, where: string): number[] {
   if (!Array.isArray(value) || value.length !== size || !value.every(isFiniteNumber)) {
     throw wrong(`${where}: not ${size} numbers`);
   }

@@ -1,5 +1,6 @@
 import type { Quat, Vec3 } from '../twin/rotation.ts';
 import type { LinkBox } from './bounds.ts';
+import type { Manifest } from './manifest.ts';
 import type { Transform } from './vectors.ts';
 
 /** A joint that turns or slides. */
@@ -25,6 +26,7 @@ interface Placement {
 
 /** A robot in a pose, as the overlays see it, whichever renderer draws it. Links and joints go by their URDF names. */
 export interface PosedBody {
+  readonly manifest: Manifest;
   /** world_from_root, the parent of all that is drawn. */
   readonly root: { readonly matrixWorld: Placement };
   readonly linkNames: readonly string[];
@@ -37,6 +39,8 @@ export interface PosedBody {
   rootTurn(name: string): Quat | null;
   /** A joint by name; undefined for one that cannot move or that the model lacks. */
   joint(name: string): BodyJoint | undefined;
+  /** Where a joint is, rad or m; null for one that cannot move or that the model lacks. */
+  jointValue(name: string): number | null;
   /** Bounding box of what the link shows, in its own frame, metres. */
   linkBox(name: string): LinkBox | undefined;
   /** For each link but the root: its parent link's name and its own. */

@@ -42,6 +42,8 @@ export interface AttitudePaints {
   /** Thin lines that continue others. */
   readonly faint: Paint;
   readonly lean: Paint;
+  /** The plumb line is left out where the centre of mass has one: two would be taken for each other. */
+  readonly plumb: boolean;
 }
 
 export interface ShownAttitude {
@@ -107,20 +109,23 @@ function drawPlumb(
   imu: Imu,
   planeZ: number,
   reach: number,
-  { gravity, faint, lean }: AttitudePaints,
+  { gravity, faint, lean, plumb }: AttitudePaints,
 ): void {
   const worldFromLink = linkOf(figure, imu);
   if (worldFromLink === undefined) return;
   const at = pointThrough(worldFromLink, imu.xyz);
-  const down = at[2] - planeZ;
-  const arrow = Math.min(GRAVITY * reach, Math.max(0, down));
   const thin = 0.005 * reach;
-  const head = Math.min(arrow, 0.06 * reach);
-  strokes.shaft(at, DOWN, arrow - head * 0.9, thin, thin, gravity);
-  strokes.shaft(addScaled(at, DOWN, arrow - head), DOWN, head, 0.022 * reach, 0, gravity);
-  strokes.shaft(addScaled(at, DOWN, arrow), DOWN, Math.max(0, down - arrow), thin * 0.4, thin * 0.4, faint);
-  const foot: Vec3 = [at[0], at[1], planeZ + LIFT * reach * 2];
-  strokes.arc(foot, WORLD_UP, WORLD_X, 2 * Math.PI, 0.03 * reach, thin * 0.8, gravity);
+  if (plumb) {
+    const down = at[2] - planeZ;
+    const arrow = Math.min(GRAVITY * reach, Math.max(0, down));
+    const head = Math.min(arrow, 0.06 * reach);
+    strokes.shaft(at, DOWN, arrow - head * 0.9, thin, thin, gravity);
+    strokes.shaft(addScaled(at, DOWN, arrow - head), DOWN, head, 0.022 * reach, 0, gravity);
+    const left = Math.max(0, down - arrow);
+    strokes.shaft(addScaled(at, DOWN, arrow), DOWN, left, thin * 0.4, thin * 0.4, faint);
+    const foot: Vec3 = [at[0], at[1], planeZ + LIFT * reach * 2];
+    strokes.arc(foot, WORLD_UP, WORLD_X, 2 * Math.PI, 0.03 * reach, thin * 0.8, gravity);
+  }
 
   const own = directionThrough(worldFromLink, WORLD_UP);
   const angle = Math.acos(Math.min(1, Math.max(-1, dot(own, WORLD_UP))));

@@ -21,6 +21,8 @@ export interface OverlayColors {
   readonly stale: number;
   /** Selection, highlight and the ghost. */
   readonly accent: number;
+  /** What is as clear as text. */
+  readonly ink: number;
 }
 
 export const OVERLAY_COLORS: Readonly<Record<'dark' | 'light', OverlayColors>> = {
@@ -33,6 +35,7 @@ export const OVERLAY_COLORS: Readonly<Record<'dark' | 'light', OverlayColors>> =
     muted: 0x9aa6b6,
     stale: 0x98a2b3,
     accent: 0x5aa9ff,
+    ink: 0xe6eaf0,
   },
   light: {
     live: 0x15803d,
@@ -43,6 +46,7 @@ export const OVERLAY_COLORS: Readonly<Record<'dark' | 'light', OverlayColors>> =
     muted: 0x5b6675,
     stale: 0xb4bcc8,
     accent: 0x1d6fd1,
+    ink: 0x101828,
   },
 };
 

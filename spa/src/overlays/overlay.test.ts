@@ -26,7 +26,15 @@ function standing(force: number, level: 'ok' | 'fault') {
     force: { vector: [0, 0, force], level, axes: [2], much: 500 },
     moment: { vector: [0, 0, 0], level: 'ok', axes: [], much: 10 },
   };
-  return { wrenches: [wrench], deviations: [], imus: [], body: null, based: true, loads: null };
+  return {
+    wrenches: [wrench],
+    deviations: [],
+    imus: [],
+    body: null,
+    based: true,
+    loads: null,
+    balance: null,
+  };
 }
 
 function board() {

@@ -1,7 +1,10 @@
 import type { PosedBody } from '../model/posed_body.ts';
 import type { OverlayReadings } from '../twin/overlay/reader.ts';
+import type { Pose } from '../twin/playback/pose.ts';
 import { AttitudeReadout } from './attitude_readout.ts';
+import type { BalancePicture } from './balance_drawing.ts';
 import type { OverlayColors } from './colors.ts';
+import type { FacetNumbers } from './facet_numbers.ts';
 import type { LabelRoom } from './label_layout.ts';
 import { type LabelPlace, OverlayLabels } from './labels.ts';
 import { type OverlayStyle, RANK, RobotOverlay, type ShownOverlay } from './robot_overlay.ts';
@@ -11,14 +14,17 @@ import { Strokes } from './strokes.ts';
 export interface OverlayBearer {
   /** null while it has no body. */
   readonly figure: PosedBody | null;
+  /** The pose that is shown. */
+  readonly pose?: Pose | null;
 }
 
 /**
- * The overlay of all robots of one picture, independent of the renderer: strokes for the canvas and labels over it. It
+ * The overlay of all robots of one picture, independent of the renderer: strokes and facets for the canvas and labels over it. It
  * is rebuilt only by `make`, so that six moving robots cost one rebuild for each picture.
  */
 export class Overlay {
   readonly strokes = new Strokes();
+  #balance: BalancePicture | null = null;
   readonly #labels: OverlayLabels;
   readonly #readout: AttitudeReadout;
   readonly #signs = new Map<OverlayBearer, RobotOverlay>();
@@ -31,13 +37,19 @@ export class Overlay {
     this.#tones = tones;
   }
 
+  /** null until something is drawn with facets. */
+  get facets(): FacetNumbers | null {
+    return this.#balance?.facets ?? null;
+  }
+
   shown(of: OverlayBearer): ShownOverlay {
     return this.#of(of).shown;
   }
 
   /** Takes a robot's newest readings and their style. */
   show(of: OverlayBearer, readings: OverlayReadings | null, manner?: OverlayStyle): void {
-    this.#of(of).take(readings, manner);
+    if (readings?.balance && manner?.balance) this.#balance ??= manner.balance();
+    this.#of(of).take(readings, manner, this.#balance);
     this.#old = true;
   }
 
@@ -69,13 +81,16 @@ export class Overlay {
   make(): boolean {
     if (!this.#old) return false;
     this.#old = false;
-    this.strokes.begin();
-    let repainted = false;
-    for (const [{ figure }, signs] of this.#signs) {
-      repainted = signs.draw(this.strokes, figure, this.#tones) || repainted;
-    }
-    const changed = this.strokes.end();
     const all = [...this.#signs.values()];
+    this.strokes.begin();
+    this.#balance?.begin();
+    let repainted = false;
+    for (const [bearer, signs] of this.#signs) {
+      const { figure, pose = null } = bearer;
+      repainted = signs.draw(this.strokes, figure, pose, this.#tones) || repainted;
+    }
+    const filled = this.#balance?.end() ?? false;
+    const changed = this.strokes.end() || filled;
     const labels = all.flatMap((signs, i) =>
       all.length === 1
         ? signs.labels()

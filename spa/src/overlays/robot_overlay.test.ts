@@ -188,7 +188,9 @@ describe('what is level', () => {
   });
   const level = (imus: readonly Imu[], body: Imu | null, based = false) => {
     const signs = new AttitudeOverlay();
-    const strokes = drawn((b) => signs.draw(b, sampleLeg(), imus, body, based, 0.5, paints));
+    const strokes = drawn((b) =>
+      signs.draw(b, sampleLeg(), imus, body, based, 0.5, { ...paints, plumb: true }),
+    );
     return { ...signs.shown, strokes: strokes.count };
   };
 

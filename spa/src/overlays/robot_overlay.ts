@@ -6,8 +6,10 @@ import { addScaled, originOf } from '../model/vectors.ts';
 import { type AngleUnit, coarseDisplay, displayOf, formatNumber } from '../twin/format.ts';
 import { isolated } from '../twin/names.ts';
 import type { OverlayReadings } from '../twin/overlay/reader.ts';
+import type { Pose } from '../twin/playback/pose.ts';
 import type { Vec3 } from '../twin/rotation.ts';
 import { AttitudeOverlay, type ShownAttitude } from './attitude.ts';
+import type { BalanceDrawing, BalancePicture, MakeBalance, ShownBalance } from './balance_drawing.ts';
 import { levelColor, type OverlayColors, type PaletteName } from './colors.ts';
 import { DeviationOverlay, type ShownDeviation } from './deviations.ts';
 import { JointLoadPaint } from './joint_load.ts';
@@ -32,6 +34,8 @@ export interface OverlayStyle {
   readonly palette: PaletteName;
   readonly angle: AngleUnit;
   readonly words: OverlayWords;
+  /** What draws the balance; null until its code is here. */
+  readonly balance?: MakeBalance | null;
 }
 
 /** What the overlay shows now, for tests and the debug interface. */
@@ -41,10 +45,12 @@ export interface ShownOverlay {
   readonly level: ShownAttitude;
   /** Link → #rrggbb while the body is painted by load. */
   readonly loads: Readonly<Record<string, string>>;
+  /** null while the signs of balance are off. */
+  readonly balance: ShownBalance | null;
 }
 
 const NOTHING: OverlayReadings = {
-  ...{ wrenches: [], deviations: [], imus: [], body: null, based: false, loads: null },
+  ...{ wrenches: [], deviations: [], imus: [], body: null, based: false, loads: null, balance: null },
 };
 const UNSAID: OverlayWords = {
   offBy: (channel, by) => `${channel} ${by}`,
@@ -64,6 +70,7 @@ export class RobotOverlay {
   readonly #deviations = new DeviationOverlay();
   readonly #attitude = new AttitudeOverlay();
   readonly #loads = new JointLoadPaint();
+  #balance: BalanceDrawing | null = null;
   #readings = NOTHING;
   #manner = USUAL;
   #body: PosedBody | null = null;
@@ -77,6 +84,7 @@ export class RobotOverlay {
       deviations: [...this.#deviations.shown],
       level: this.#attitude.shown,
       loads: Object.fromEntries([...this.#loads.shown].map(([link, color]) => [link, css(color)])),
+      balance: this.#balance?.shown ?? null,
     };
   }
 
@@ -86,11 +94,17 @@ export class RobotOverlay {
     return this.#readings.body === null ? null : { ...this.#attitude.shown, angle, old: !live };
   }
 
-  /** Takes the newest readings and their style. */
-  take(readings: OverlayReadings | null, manner: OverlayStyle = this.#manner): void {
+  /** Takes the newest readings and their style. `balance`: where its balance is drawn; null for nowhere yet. */
+  take(
+    readings: OverlayReadings | null,
+    manner: OverlayStyle = this.#manner,
+    balance: BalancePicture | null = null,
+  ): void {
     this.#readings = readings ?? NOTHING;
     this.#manner = manner;
     this.#wrenches.take(this.#readings.wrenches, prefersReducedMotion());
+    if (this.#readings.balance === null) this.#balance = null;
+    else this.#balance ??= balance?.addRobot() ?? null;
   }
 
   /** Measures the robot's size anew, for example after more of its meshes have come. */
@@ -103,14 +117,16 @@ export class RobotOverlay {
     return this.#wrenches.advance(seconds);
   }
 
-  /** Adds its strokes to a picture and tints the body. True when the body's colours changed. */
-  draw(strokes: Strokes, body: PosedBody | null, tones: OverlayColors): boolean {
+  /** Adds its strokes, and its balance in a pose, to a picture and tints the body. True when the body's colours
+   *  changed. */
+  draw(strokes: Strokes, body: PosedBody | null, pose: Pose | null, tones: OverlayColors): boolean {
     if (body !== this.#body) this.#reach = null;
     this.#body = body;
     this.#reach ??= body === null ? null : reachOf(body);
     const reach = this.#reach ?? 0;
-    const { deviations, imus, body: lean, based, loads } = this.#readings;
-    const { arrowScale, palette, from, live } = this.#manner;
+    const { deviations, imus, body: lean, based, loads, balance } = this.#readings;
+    const { arrowScale, palette, angle, from, live } = this.#manner;
+    if (balance !== null) this.#balance?.draw(body, pose, balance, { reach, tones, palette, angle, live });
     const color = (level: Level) => levelColor(tones, palette, level, live);
     const solid = (level: Level): Paint => ({ color: color(level), through: true });
     this.#wrenches.draw(strokes, body, reach, arrowScale, solid, { color: tones.stale, through: true });
@@ -121,10 +137,11 @@ export class RobotOverlay {
     const line: Paint = { color: live ? tones.level : tones.stale, through: true };
     this.#attitude.draw(strokes, body, imus, lean, based, reach, {
       plane: { color: line.color, opacity: 0.07 },
-      rim: { color: line.color, opacity: 0.8 },
+      rim: { color: line.color, opacity: this.#balance === null ? 0.8 : 0.25 },
       gravity: line,
       faint: { color: line.color, opacity: 0.55, through: true },
       lean: { color: line.color, opacity: 0.3, through: true },
+      plumb: this.#balance?.shown.centreOfMass == null,
     });
     return this.#loads.paint(body, loads, color('fault'));
   }
@@ -152,6 +169,7 @@ export class RobotOverlay {
         lines,
       });
     }
+    labels.push(...(this.#balance?.labels() ?? []));
     return labels;
   }
 

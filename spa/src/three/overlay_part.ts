@@ -1,8 +1,9 @@
-import { type Camera, type Group, Vector3 } from 'three';
+import { type Camera, Group, Vector3 } from 'three';
 import type { LabelRoom } from '../overlays/label_layout.ts';
 import { Overlay } from '../overlays/overlay.ts';
 import type { OverlayStyle, ShownOverlay } from '../overlays/robot_overlay.ts';
 import type { OverlayReadings } from '../twin/overlay/reader.ts';
+import { FacetMesh } from './facet_mesh.ts';
 import { OverlayMesh } from './overlay_mesh.ts';
 import type { RobotNode } from './robot_node.ts';
 import type { ScenePart } from './scene_part.ts';
@@ -20,18 +21,19 @@ export interface OverlayHost {
   wake(): void;
 }
 
-/** The overlay of all robots in a scene, in two draw calls, with its labels over the canvas. */
+/** The overlay of all robots in a scene, in two draw calls and two more for what is filled, with its labels over the canvas. */
 export class OverlayPart implements ScenePart {
-  readonly object: Group;
+  readonly object = new Group();
   readonly #view: OverlayHost;
   readonly #overlay: Overlay;
   readonly #batch: OverlayMesh;
+  #filled: FacetMesh | null = null;
 
   constructor(view: OverlayHost) {
     this.#view = view;
     this.#overlay = new Overlay(view.host, THEMES.dark.signs);
     this.#batch = new OverlayMesh(this.#overlay.strokes);
-    this.object = this.#batch.object;
+    this.object.add(this.#batch.object);
   }
 
   shown(of: RobotNode): ShownOverlay {
@@ -77,13 +79,21 @@ export class OverlayPart implements ScenePart {
 
   dispose(): void {
     this.#batch.dispose();
+    this.#filled?.dispose();
     this.#overlay.dispose();
   }
 
   #make(): boolean {
     const other = this.#overlay.make();
-    if (other) this.#batch.update();
-    return other;
+    if (!other) return false;
+    this.#batch.update();
+    const { facets } = this.#overlay;
+    if (facets !== null && this.#filled === null) {
+      this.#filled = new FacetMesh(facets);
+      this.object.add(this.#filled.object);
+    }
+    this.#filled?.update();
+    return true;
   }
 
   #placeLabels(): void {

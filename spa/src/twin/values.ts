@@ -1,7 +1,8 @@
 import { type Field, MISSING } from '@posecast/wire';
 
-/** Reads one value, of a channel or computed from several, from a frame's codes; null: no reading. */
-export type ChannelReader = (codes: Int32Array) => number | null;
+/** Reads one value, of a channel or computed from several, from a frame's codes; null: no reading. `atMs`: when the frame came,
+ *  for what was computed before; absent for the newest. */
+export type ChannelReader = (codes: Int32Array, atMs?: number) => number | null;
 
 /** The value of a field's `index`-th channel in the schema's unit; null: no reading, or no such channel. */
 export function valueAt(codes: Int32Array, field: Field | null, index: number): number | null {

@@ -1,6 +1,7 @@
 import type { MeshFacts } from '../model/mesh_facts.ts';
 import { meshFindings } from './doctor_meshes.ts';
 import { type Finding, general, quoted, worstFirst } from './finding.ts';
+import { massFindings } from './masses.ts';
 import { buildTree } from './tree.ts';
 import {
   type Joint,
@@ -39,6 +40,7 @@ export function diagnose(
   for (const link of urdf.links) examineLink(link, say);
   materials(urdf, say);
   mentions(urdf, say);
+  found.push(...massFindings(tree, meshes));
   found.push(...meshFindings(urdf, tree, missing, meshes));
   return worstFirst(found);
 }
@@ -112,30 +114,8 @@ function origin(what: string, xyz: Vector, rpy: Vector, line: number | null, say
     say('warning', 'origin-far', `${what}: origin ${list(xyz)} m: are these millimetres?`, line);
 }
 
-function examineLink({ name, visuals, inertial }: Link, say: Say): void {
+function examineLink({ name, visuals }: Link, say: Say): void {
   for (const { xyz, rpy, line } of visuals) origin(`link ${quoted(name)}, visual`, xyz, rpy, line, say);
-  if (inertial === null) return;
-  const [ixx = 0, ixy = 0, ixz = 0, iyy = 0, iyz = 0, izz = 0] = inertial.moments;
-  if (inertial.mass < 0) {
-    say(
-      'warning',
-      'mass-negative',
-      `link ${quoted(name)}: a mass of ${general(inertial.mass)} kg`,
-      inertial.line,
-    );
-  } else if (
-    Math.min(ixx, iyy, izz) < 0 ||
-    ixx * iyy < ixy * ixy ||
-    ixx * izz < ixz * ixz ||
-    iyy * izz < iyz * iyz
-  ) {
-    say(
-      'hint',
-      'inertia',
-      `link ${quoted(name)}: no body has such an inertia; simulators refuse it`,
-      inertial.line,
-    );
-  }
 }
 
 /** Reports material names that stand for no colour, each once. */

@@ -13,7 +13,7 @@ const SPECK_M = 1e-4;
 const HEAVY_BYTES = 20_000_000;
 
 type Named = readonly [link: string, shape: Shape];
-type Facts = ReadonlyMap<string, MeshFacts>;
+export type Facts = ReadonlyMap<string, MeshFacts>;
 type Say = (severity: Finding['severity'], code: string, text: string, line: number | null) => void;
 type Box = readonly [low: Vector, high: Vector];
 
@@ -164,7 +164,7 @@ function whole({ root, joints, links }: Tree, facts: Facts, say: Say): void {
 }
 
 /** The bounding box of a shape in the visual's axes, m; null for a missing mesh. */
-function boxOf({ kind, uri, scale: by, dims }: Shape, facts: Facts): Box | null {
+export function boxOf({ kind, uri, scale: by, dims }: Shape, facts: Facts): Box | null {
   if (kind === 'mesh') {
     const fact = facts.get(uri);
     if (fact === undefined || fact.reason !== null) return null;

@@ -1,5 +1,6 @@
 // @vitest-environment happy-dom
 import { describe, expect, test } from 'vitest';
+import { readMasses, readSoles } from '../model/balance/masses_and_soles.ts';
 import { modelOf, UrdfError } from './manifest.ts';
 import { readUrdf } from './reader.ts';
 import { readXml } from './xml.ts';
@@ -116,5 +117,28 @@ describe('a joint that mimics another', () => {
     );
     expect(mimicsIn(endless).at(-1)).toBeNull();
     expect(modelIn(endless).problems).toEqual(["joint 'j2' mimics another by numbers that have no end"]);
+  });
+});
+
+describe('masses', () => {
+  const weighing = (mass: number) =>
+    `<inertial><origin xyz="0.1 0.2 0.3" rpy="0 0 1.5707963267948966"/><mass value="${mass}"/>
+    <inertia ixx="1" ixy="0.1" ixz="0" iyy="2" iyz="0" izz="2.5"/></inertial>`;
+  const weighed = (first: string, second = '') =>
+    modelIn(robot(`<link name="a">${first}</link><link name="b">${second}</link>${joint('j', 'a', 'b')}`))
+      .manifest;
+
+  test('stand in the axes of their links, as the edge writes them', () => {
+    const [found, ...more] = readMasses(weighed('', weighing(2))) ?? [];
+    expect(more).toEqual([]);
+    expect(found).toMatchObject({ link: 1, massKg: 2, xyz: [0.1, 0.2, 0.3] });
+    for (const [i, moment] of [2, -0.1, 0, 1, 0, 2.5].entries())
+      expect(found!.inertia[i]).toBeCloseTo(moment, 9);
+  });
+
+  test('none, where one can not be; soles are not known', () => {
+    expect(readMasses(weighed('', ''))).toEqual([]);
+    expect(readMasses(weighed(weighing(2), weighing(-2)))).toEqual([]);
+    expect(readSoles(weighed(weighing(2)))).toBeNull();
   });
 });

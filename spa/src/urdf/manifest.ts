@@ -1,6 +1,7 @@
 import { type Joint as ModelJoint, quaternionFromRpy } from '../model/kinematics.ts';
 import type { Manifest } from '../model/manifest.ts';
 import { type Bone, bonesOf } from './bones.ts';
+import { inertialsOf } from './masses.ts';
 import { buildTree, type Tree } from './tree.ts';
 import {
   type Joint,
@@ -80,6 +81,7 @@ export function modelOf(urdf: Urdf, canBeDrawn: (uri: string) => boolean = () =>
       thumbnail: null,
       missing: [],
       findings: [],
+      raw: { inertials: inertialsOf(tree) },
     },
     shapes,
     problems: found.map(({ text }) => text),

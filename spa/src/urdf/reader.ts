@@ -170,7 +170,7 @@ class UrdfReader implements Urdf {
     const moments = ['ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz'].map((name) =>
       inertia === null ? 0 : (this.#number(inertia, name, 0, what) ?? 0),
     );
-    return { mass, moments, line: element.line };
+    return { mass, moments, ...this.#origin(element, what), line: element.line };
   }
 
   #visual(element: XmlElement, what: string): Visual {

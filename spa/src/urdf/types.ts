@@ -29,8 +29,11 @@ export interface Material {
 
 export interface Inertial {
   readonly mass: number;
-  /** ixx, ixy, ixz, iyy, iyz, izz; kg·m². */
+  /** ixx, ixy, ixz, iyy, iyz, izz about the centre of mass, in the axes of `rpy`; kg·m². */
   readonly moments: readonly number[];
+  /** link_from_centre. */
+  readonly xyz: Vector;
+  readonly rpy: Vector;
   readonly line: number | null;
 }
 

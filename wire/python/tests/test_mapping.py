@@ -6,6 +6,7 @@ import math
 
 import pytest
 from posecast_wire import (
+    BalanceRule,
     JointMap,
     Schema,
     SchemaError,
@@ -106,3 +107,35 @@ def test_joint_values_are_in_radians_by_urdf_name() -> None:
 )  # fmt: skip
 def test_levels(threshold: Threshold, levels: dict[float | None, str]) -> None:
     assert {v: threshold.find_level(v) for v in levels} == levels
+
+
+SOLE = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+
+
+def test_what_the_robot_stands_on() -> None:
+    rule = parse_mapping({"balance": {"feet": ["RF"], "ground": "measured", "soles": {"RF": SOLE}}}).balance
+    assert rule == BalanceRule(("RF",), "measured", {"RF": ((0, 0, 0), (1, 0, 0), (0, 1, 0))})
+    assert parse_mapping({}).balance == parse_mapping({"balance": None}).balance == BalanceRule()
+    assert parse_mapping({"balance": {"feet": [], "later": 1}}).balance.feet == ()
+
+
+@pytest.mark.parametrize(
+    ("balance", "words"),
+    [
+        ([], "mapping.balance: must be an object"),
+        ({"feet": "RF"}, "mapping.balance.feet: must be a list"),
+        ({"feet": ["RF", "RF"]}, "mapping.balance.feet: 'RF' stands there twice"),
+        ({"feet": [str(n) for n in range(17)]}, "mapping.balance.feet: more than 16 names"),
+        ({"ground": "air"}, "mapping.balance.ground: must be one of measured, lowest"),
+        ({"ground": ["lowest"]}, "mapping.balance.ground: must be one of measured, lowest"),
+        ({"soles": {"RF": SOLE[:2]}}, "mapping.balance.soles.RF: must have 3 to 64 corners"),
+        ({"soles": {"RF": SOLE * 22}}, "mapping.balance.soles.RF: must have 3 to 64 corners"),
+        ({"soles": {"RF": [*SOLE, [0, 0]]}}, "mapping.balance.soles.RF[3]: must be three numbers"),
+        ({"soles": {"RF": [*SOLE, [0, 0, "0"]]}}, "mapping.balance.soles.RF[3][2]: must be a number"),
+        ({"soles": {str(n): SOLE for n in range(17)}}, "mapping.balance.soles: more than 16 soles"),
+    ],
+)
+def test_a_stance_that_is_none_is_named(balance: object, words: str) -> None:
+    with pytest.raises(SchemaError) as raised:
+        parse_mapping({"balance": balance})
+    assert str(raised.value) == words

@@ -72,4 +72,5 @@ export {
   type SegmentStart,
 } from './segment/segment.ts';
 export { encodeSegment } from './segment/writer.ts';
+export { type BalanceRule, type Ground, readBalance } from './stance.ts';
 export { readable, visible } from './visible.ts';

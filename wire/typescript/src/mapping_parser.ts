@@ -60,7 +60,7 @@ function sensor(value: unknown, where: string, site: string): SensorMount {
   };
 }
 
-function xyz(value: unknown, where: string): Xyz {
+export function xyz(value: unknown, where: string): Xyz {
   const found = items(value, where);
   if (found.length !== 3) fail(where, 'must be three numbers');
   const [x, y, z] = found.map((v, i) => number(v, `${where}[${i}]`));

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 EXTRA = "pip install 'posecast-edge[model]'"
+NO_BALANCE = "no balance is shown"  # what follows from masses that can't be, or are not known
 SEVERITIES = ("error", "warning", "hint")
 
 

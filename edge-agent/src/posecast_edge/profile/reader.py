@@ -21,17 +21,18 @@ from posecast_wire.mapping import (
     JointMap,
     SensorMount,
     Severity,
-    Threshold,
 )
 from posecast_wire.mapping import Mapping as Meaning
 from posecast_wire.schema import BITS_MAX, CHANNELS_MAX, FIELD_NAME, SchemaError
 
+from posecast_edge.profile.balance import read_balance
 from posecast_edge.profile.columns import Columns
 from posecast_edge.profile.explain import read_sentences
 from posecast_edge.profile.field_defaults import PLAIN, WELL_KNOWN
 from posecast_edge.profile.joint_mapping import TermError, resolve_entries
 from posecast_edge.profile.names import read_names
 from posecast_edge.profile.schema import make_schema_text
+from posecast_edge.profile.thresholds import read_thresholds
 from posecast_edge.profile.types import FieldSpec, Profile, RosTopics, Trajectory, View
 from posecast_edge.profile.values import REASON_MAX, ProfileError, Values
 from posecast_edge.profile.views import VIEWS_MAX, read_view
@@ -143,7 +144,7 @@ class ProfileReader(Values):
             "names",
             "views",
         )
-        self.check_table(doc, "", (*keys, "explain", "trajectory", "ros", "csv"))
+        self.check_table(doc, "", (*keys, "balance", "explain", "trajectory", "ros", "csv"))
         robot = self.check_table(doc.get("robot", {}), "robot", ("name", "root"))
         labels = {
             name: self.check_unique_texts(value, f"labels.{name}")
@@ -168,11 +169,12 @@ class ProfileReader(Values):
                 sensors=sensors,
                 names=names,
                 translated_names=translated_names,
-                thresholds=self.build_thresholds(doc.get("thresholds", {}), by_name),
+                thresholds=read_thresholds(self, doc.get("thresholds", {}), by_name),
                 tolerances=self.build_tolerances(doc.get("tolerance", {}), joint),
                 severities=self.build_severities(doc.get("severity", {}), by_name),
                 units=self.units,
                 sentences=read_sentences(self, doc.get("explain", {}), by_name),
+                balance=read_balance(self, doc.get("balance", {}), sensors),
             ),
             trajectory=self.build_trajectory(doc["trajectory"], fields) if "trajectory" in doc else None,
             ros=self.build_ros_topics(doc["ros"]) if "ros" in doc else None,
@@ -329,33 +331,6 @@ class ProfileReader(Values):
             )
             for k, v in self.check_table(value, "tolerance").items()
         }
-
-    def build_thresholds(
-        self, value: object, fields: Mapping[str, FieldSpec]
-    ) -> dict[str, dict[str, Threshold]]:
-        thresholds: dict[str, dict[str, Threshold]] = {}
-        for name, entry in self.check_table(value, "thresholds").items():
-            of_field = fields[self.check_choice(name, fields, "field", f"thresholds.{name}")]
-            labels = frozenset((*of_field.labels, ANY))
-            thresholds[name] = {}
-            for label, limits in self.check_table(entry, f"thresholds.{name}").items():
-                where = f"thresholds.{name}.{label}"
-                self.check_choice(label, labels, "label", where)
-                item = self.check_table(limits, where, ("low", "high", "caution"))
-                low, high, caution = (
-                    self.check_number(item[k], f"{where}.{k}") if k in item else None
-                    for k in ("low", "high", "caution")
-                )
-                if low is None and high is None:
-                    self.fail(where, "needs low or high")
-                if low is not None and high is not None and low >= high:
-                    self.fail(where, f"low {low:g} is not below high {high:g}")
-                if caution is None:
-                    caution = 1.0
-                elif not 0 < caution <= 1:
-                    self.fail(f"{where}.caution", f"must lie above 0 and not above 1, not {caution:g}")
-                thresholds[name][label] = Threshold(low, high, caution)
-        return thresholds
 
     def build_views(self, value: object, fields: Mapping[str, FieldSpec]) -> dict[str, View]:
         views: dict[str, View] = {}

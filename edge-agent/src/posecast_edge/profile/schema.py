@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
-from posecast_wire.mapping import JOINT, SensorMount, Sentence, Threshold
+from posecast_wire.mapping import JOINT, BalanceRule, SensorMount, Sentence, Threshold
 from posecast_wire.mapping import Mapping as Meaning
 from posecast_wire.schema import BITS_MAX, CHANNELS_MAX, FIELD_NAME, build_schema_text
 
@@ -73,7 +73,20 @@ def _mapping(meaning: Meaning) -> dict[str, object]:
             for field, bits in meaning.sentences.items()
         },
     }
+    parts["balance"] = _balance(meaning.balance)
     return {name: part for name, part in parts.items() if part}
+
+
+def _balance(rule: BalanceRule) -> dict[str, object]:
+    return {
+        **({"feet": list(rule.feet)} if rule.feet is not None else {}),
+        **({"ground": rule.ground} if rule.ground is not None else {}),
+        **(
+            {"soles": {foot: [list(c) for c in sole] for foot, sole in rule.soles.items()}}
+            if rule.soles
+            else {}
+        ),
+    }
 
 
 def _sentence(s: Sentence) -> dict[str, str]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
-from posecast_wire.mapping import JOINT
+from posecast_wire.mapping import JOINT, BalanceRule
 from posecast_wire.mapping import Mapping as Meaning
 
 PUBLIC = "public"
+BALANCE = "balance"  # what has limits of its own in [thresholds], without being a field
 
 
 @dataclass(frozen=True)
@@ -105,6 +106,7 @@ class Profile:
         sites = {label.split(".")[0] for label in labels}
         moves = any(f.label_set == JOINT for f in fields)
         m = self.mapping
+        limited = names | {BALANCE} if moves else names
         return replace(
             self,
             fields=tuple(fields),
@@ -119,10 +121,23 @@ class Profile:
                     for language, words in m.translated_names.items()
                     if (own := {k: v for k, v in words.items() if k in labels or k in sites})
                 },
-                thresholds={k: v for k, v in m.thresholds.items() if k in names},
+                thresholds={k: v for k, v in m.thresholds.items() if k in limited},
                 tolerances=m.tolerances if moves else {},
                 severities={k: v for k, v in m.severities.items() if k in names},
                 units={k: v for k, v in m.units.items() if k in names},
                 sentences={k: v for k, v in m.sentences.items() if k in names},
+                balance=_stand_on_links(m, sites) if moves else BalanceRule(),
             ),
         )
+
+
+def _stand_on_links(m: Meaning, sites: Collection[str]) -> BalanceRule:
+    """The rule for those who see only these sites: where a foot's forces are hidden, all feet are links, and
+    the lowest bear."""
+    rule = m.balance
+    named = [*(rule.feet or ()), *rule.soles]
+    if all(foot in sites for foot in named if foot in m.sensors):
+        return rule
+    link_of = {foot: m.sensors[foot].link or foot if foot in m.sensors else foot for foot in named}
+    feet = None if rule.feet is None else tuple(dict.fromkeys(link_of[foot] for foot in rule.feet))
+    return BalanceRule(feet, "lowest", {link_of[foot]: corners for foot, corners in rule.soles.items()})

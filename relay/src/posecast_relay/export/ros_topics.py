@@ -27,8 +27,8 @@ from posecast_relay.export.ros_messages import (
     lay_numbers,
     lay_wrench,
 )
-from posecast_relay.export.rotation import quat_of_rpy
-from posecast_relay.export.unit_conversion import Quantity, find_factor
+from posecast_relay.kinematics.rotation import quat_of_rpy
+from posecast_relay.unit_conversion import Quantity, find_factor
 
 IMU_PARTS: Mapping[str, tuple[Sequence[str], Quantity]] = {
     "quat": ("xyzw", "part"),

@@ -25,6 +25,7 @@ from posecast_relay.http.auth import (
     make_sharing_headers,
     require_grant,
 )
+from posecast_relay.http.balance_models import BalanceModels
 from posecast_relay.http.gzip_cache import GzipCache
 from posecast_relay.http.link_preview import FRAME_PX, LinkPreview
 from posecast_relay.http.models import make_model_answer
@@ -97,7 +98,7 @@ def make_app(
     async def refused(_request: Request, error: StarletteHTTPException) -> JSONResponse:
         return JSONResponse({"error": error.detail}, error.status_code, dict(error.headers or {}) | OPEN)
 
-    _add_robots(app, access, decoded, publish_at)
+    _add_robots(app, access, models, decoded, publish_at)
 
     @app.get(
         API + "/{robot}/live.sse",
@@ -165,10 +166,13 @@ def _add_health(
         return JSONResponse({"status": "degraded", "why": why} if why else {"status": "ready"})
 
 
-def _add_robots(app: FastAPI, access: Access, decoded: DecodeCache, publish_at: str | None) -> None:
+def _add_robots(
+    app: FastAPI, access: Access, models: ModelCache, decoded: DecodeCache, publish_at: str | None
+) -> None:
     dispatcher = access.live
     answers = AnswerCache(dispatcher.now)
     reader = StateReader(dispatcher.now, decoded)
+    balances = BalanceModels(models, dispatcher.now)
 
     @app.get(API, summary="Robots on air")
     async def robots(request: Request) -> Response:
@@ -192,14 +196,17 @@ def _add_robots(app: FastAPI, access: Access, decoded: DecodeCache, publish_at: 
         name = f"{robot}/{grant.view}/{grant.delay_s:g}"
         return answers.get_answer(request, name, made, make_sharing_headers(request, grant.open))
 
-    @app.get(API + "/{robot}/state", summary="The newest state with names and units")
+    @app.get(API + "/{robot}/state", summary="The newest state with names and units, and its balance")
     async def state(request: Request, robot: str, view: str | None = None) -> Response:
         grant = await require_grant(access, request, robot, view)
         await dispatcher.open_robot(robot)
-        of, room = access.find_robot(grant) or (None, None)
+        _, room = access.find_robot(grant) or (None, None)
+        digest = None if room is None or room.stream.newest is None else room.stream.model
+        balance = None if digest is None else await balances.find_model(robot, digest)
+        of, room = access.find_robot(grant) or (None, None)  # it may have gone meanwhile
         if of is None or room is None or room.stream.newest is None:
             raise HTTPException(404, HIDDEN)
-        body = reader.read(of, room, grant.hz)
+        body = reader.read(of, room, grant.hz, balance if room.stream.model == digest else None)
         headers = {"cache-control": "no-cache"} | make_sharing_headers(request, grant.open)
         return Response(body, media_type="application/json", headers=headers)
 

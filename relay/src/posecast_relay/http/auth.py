@@ -52,7 +52,7 @@ async def _identify_applicant(
     try:
         refuse_tokens(request.query_params)
     except BadRequest as e:
-        raise HTTPException(e.status, str(e)) from None
+        raise HTTPException(e.status, str(e), {"cache-control": "private, no-store"}) from None
     token = read_bearer(request.headers.get("authorization"))
     if token is None or access.tokens is None:
         return Applicant(robot, view, who=ANYONE)

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 from posecast_wire import MISSING, Frame
 
+from posecast_relay.balance.model import BalanceModel
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
 from posecast_relay.core.state.stream import Stream
+from posecast_relay.http.balance_models import NoBalance
+from posecast_relay.http.state_balance import StateBalance
 from posecast_relay.plain_json import json_bytes
 from posecast_relay.streaming.decode_cache import DecodeCache, list_field_values
 
@@ -31,10 +34,14 @@ class StateReader:
     def __init__(self, now: Callable[[], float], decoded: DecodeCache) -> None:
         self._now = now
         self._newest = decoded
+        self._balance = StateBalance(now)
         self._known: WeakKeyDictionary[Stream, dict[float, _Known]] = WeakKeyDictionary()
 
-    def read(self, robot: Robot, room: Room, hz: float) -> bytes:
-        """Return a room's newest state as JSON; `hz`: how often it may be decoded.
+    def read(
+        self, robot: Robot, room: Room, hz: float, model: BalanceModel | NoBalance | None = None
+    ) -> bytes:
+        """Return a room's newest state as JSON; `hz`: how often it may be decoded; `model`: by which its
+        balance is told, None of a robot without one.
 
         There must be a newest frame.
         """
@@ -46,7 +53,9 @@ class StateReader:
         if known is None or now - known.at >= every_s:
             frame = self._newest.decode_frame(stream)
             if frame is not None:
-                known = of_stream[every_s] = _Known(now, age_s or 0.0, _encode_frame(frame))
+                known = of_stream[every_s] = _Known(
+                    now, age_s or 0.0, _encode_frame(frame, self._tell_balance(stream, frame, model))
+                )
         if known is not None:  # of what is shown: a newer frame may not have been decoded yet
             age_s = known.age_s + now - known.at
         document = {
@@ -58,12 +67,18 @@ class StateReader:
         }
         return json_bytes(document)[:-1] + (b"" if known is None else known.text) + b"}"
 
+    def _tell_balance(
+        self, stream: Stream, frame: Frame, model: BalanceModel | NoBalance | None
+    ) -> Mapping[str, Any] | None:
+        return None if model is None else self._balance.make_document(stream, frame, model)
 
-def _encode_frame(frame: Frame) -> bytes:
+
+def _encode_frame(frame: Frame, balance: Mapping[str, Any] | None) -> bytes:
     """Encode a frame as the last members of the JSON document."""
-    return (
-        b"," + json_bytes({"seq": frame.seq, "t": round(frame.t_s, 6), "fields": _read_fields(frame)})[1:-1]
-    )
+    document = {"seq": frame.seq, "t": round(frame.t_s, 6), "fields": _read_fields(frame)}
+    if balance is not None:
+        document["balance"] = balance
+    return b"," + json_bytes(document)[1:-1]
 
 
 def _read_fields(frame: Frame) -> dict[str, Any]:

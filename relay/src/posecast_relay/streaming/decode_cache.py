@@ -10,11 +10,11 @@ from posecast_wire import MISSING, DecodedFrame, Decoder, Field, Frame, FrameErr
 
 from posecast_relay.core.state.stream import StoredFrame, Stream
 from posecast_relay.plain_json import json_bytes
+from posecast_relay.streaming.turns import Turns
 
 # Decoding takes a microsecond a channel, in the turn of the loop in which all viewers are served.
 ROBOT_CHANNELS_PER_S = 40_000  # decoded for one robot's viewers; frames beyond are left out
 CHANNELS_PER_S = 200_000  # of all robots, each the same share
-CREDIT_S = 0.1  # frames come in bunches
 
 
 class _Reader:
@@ -49,33 +49,11 @@ class _Reader:
             self._bases = (None, None)
 
 
-class _Turns:
-    """How much is decoded for whom: no robot's schema or viewers cost the others their frames."""
-
-    def __init__(self, now: Callable[[], float]) -> None:
-        self._now = now
-        self._next: dict[str, float] = {}  # by robot, not before
-        self._tidied_at = float("-inf")
-
-    def takes(self, robot: str, channels: int) -> bool:
-        """Whether a frame of so many channels may be decoded for this robot now; then it is counted."""
-        now = self._now()
-        if now - self._tidied_at >= 1.0:
-            self._tidied_at = now
-            self._next = {name: at for name, at in self._next.items() if at > now - 1.0}
-        free_at = self._next.get(robot, 0.0)
-        if now < free_at:
-            return False
-        share = min(ROBOT_CHANNELS_PER_S, CHANNELS_PER_S / max(1, len(self._next)))
-        self._next[robot] = max(free_at, now - CREDIT_S) + channels / share
-        return True
-
-
 class DecodeCache:
     """Decodes the newest frame of each stream, at a bounded rate per robot."""
 
     def __init__(self, now: Callable[[], float] = time.monotonic) -> None:
-        self._turns = _Turns(now)
+        self._turns = Turns(now, ROBOT_CHANNELS_PER_S, CHANNELS_PER_S)
         self._readers: WeakKeyDictionary[Stream, _Reader] = WeakKeyDictionary()
 
     def decode_frame(self, stream: Stream) -> Frame | None:

@@ -20,14 +20,15 @@ import type { OverlayLink } from './overlay/overlay_link.ts';
 import { useBodyView } from './use_body_view.ts';
 
 /** Loaded with the body, so that the page starts without it. */
-const BodyNotes = late(async () => (await import('./BodyNotes.tsx')).BodyNotes);
-const BodyTools = late(async () => (await import('./BodyTools.tsx')).BodyTools);
+const parts = () => import('./body_parts.ts');
+const BodyNotes = late(async () => (await parts()).BodyNotes);
+const BodyTools = late(async () => (await parts()).BodyTools);
 const SignIn = late(
   async () => (await import('../account/SignIn.tsx')).SignIn,
   () => accounts !== null,
 );
 const SelfPlots = late(async () => (await import('./SelfPlots.tsx')).SelfPlots);
-const LoadLegend = late(async () => (await import('./overlay/LoadLegend.tsx')).LoadLegend);
+const LoadLegend = late(async () => (await parts()).LoadLegend);
 
 const BODY_LINK = new LatePart(() => import('./body_link.ts'));
 const VIEW_ADDRESS = new LatePart(() => import('../share/view_address.ts'));

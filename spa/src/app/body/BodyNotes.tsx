@@ -2,6 +2,7 @@ import '../styles/tools.css';
 import { useMemo } from 'react';
 import type { ModelReport } from '../../model/report.ts';
 import { LostReadings } from '../../twin/sensors/lost_readings.ts';
+import { BalanceLine } from '../balance/BalanceParts.tsx';
 import { useNow } from '../shell/now.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { useMore } from '../text/more.ts';
@@ -10,7 +11,8 @@ import type { ViewTrouble } from './use_body_view.ts';
 import { ViewNote } from './ViewNote.tsx';
 import { bareWords, missingWords, unreadWords } from './words.ts';
 
-/** Notes about the picture: how it is drawn, which meshes are missing, which joints have no reading. */
+/** Notes about the picture: how it is drawn, which meshes are missing, which joints have no reading, and the sentence about
+ *  balance. */
 export function BodyNotes(props: {
   link: RobotLink;
   trouble: ViewTrouble | null;
@@ -31,6 +33,7 @@ export function BodyNotes(props: {
       <div className="stage-views">
         {trouble !== null && <ViewNote trouble={trouble} choose={choose} />}
         <Unread link={link} />
+        <BalanceLine link={link} />
       </div>
       {report !== null && <ModelFindings findings={report.findings} />}
     </>

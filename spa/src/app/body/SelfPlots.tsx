@@ -35,6 +35,7 @@ export function SelfPlots({ link }: { link: RobotLink }) {
       theme,
       angle,
       words: text,
+      derived: null,
       remove: null,
       zoomed: null,
     });

@@ -1,5 +1,6 @@
 import type { RobotTwin } from '../../twin/robot.ts';
 import { Dialog } from '../shell/Dialog.tsx';
+import { useBalanceText } from '../text/balance.ts';
 import { useMore } from '../text/more.ts';
 import { usePastText } from '../text/past.ts';
 import { explainFlags } from './asked.ts';
@@ -10,11 +11,13 @@ export function Glossary(props: { catalogue: Catalogue; twin: RobotTwin; onClose
   const { catalogue, twin, onClose } = props;
   const text = useMore();
   const pastText = usePastText();
+  const balanceText = useBalanceText();
   const titles = {
     words: text.wordsExplained,
     timeLine: pastText.timeLine,
     columns: text.columnsExplained,
     signs: text.signs,
+    balance: balanceText.balance,
     sensors: text.sensorsExplained,
     units: text.unitsExplained,
   };

@@ -17,6 +17,7 @@ export const SECTIONS = [
   'timeLine',
   'columns',
   'signs',
+  'balance',
   'sensors',
   'units',
 ] as const satisfies readonly Section[];

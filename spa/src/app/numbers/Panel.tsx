@@ -21,8 +21,7 @@ const Sensors = late(async () => (await import('./sensors/Sensors.tsx')).Sensors
 const Plots = late(async () => (await import('./plots/Plots.tsx')).Plots);
 const Alarms = late(async () => (await import('./alarms/Alarms.tsx')).Alarms);
 
-const VALUE_DRAG = new LatePart(() => firstPaint().then(() => import('./grid/value_drag.ts')));
-const ARRANGEMENT = new LatePart(() => firstPaint().then(() => import('./table/arrangement.ts')));
+const LATER = new LatePart(() => firstPaint().then(() => import('./later_parts.ts')));
 
 const TABS = ['Joints', 'Sensors', 'Plots', 'Alarms'] as const;
 export type Tab = (typeof TABS)[number];
@@ -52,7 +51,7 @@ export function Panel({
   }, [setTab]);
   useEffect(() => {
     // Until then values can be plotted by a tap.
-    void VALUE_DRAG.load().then(
+    void LATER.load().then(
       ({ carryValues }) => panel.current && carryValues(panel.current, () => setTab('Plots')),
     );
   }, [setTab]);
@@ -141,7 +140,7 @@ function JointNumbers({ link }: { link: RobotLink }) {
     if (link.twin.state !== null) write(); // with the word above it: between now and then numbers change at once
     let left = false;
     // Until then they stand in one list, their names cut at the end.
-    void ARRANGEMENT.load().then(({ titledLimbs, NameColumn }) => {
+    void LATER.load().then(({ titledLimbs, NameColumn }) => {
       sources.limbs = titledLimbs;
       sources.NameColumn = NameColumn;
       if (!left) write();

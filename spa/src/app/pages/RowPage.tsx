@@ -3,6 +3,7 @@ import './row.css';
 import { type RefObject, useCallback, useEffect, useRef, useState } from 'react';
 import { manifestUrl } from '../../auth/lane.ts';
 import type { RowMember, RowView } from '../../view/body_view.ts';
+import { BalanceLine } from '../balance/BalanceParts.tsx';
 import { bindBody } from '../body/body_link.ts';
 import { CameraViews } from '../body/CameraViews.tsx';
 import { useCameraControls } from '../body/controls/use_camera_controls.ts';
@@ -215,6 +216,7 @@ function Linked(props: MemberProps & { link: RobotLink }) {
         {link.twin.name}
       </a>
       <Chip link={link} />
+      <BalanceLine link={link} brief />
     </div>
   );
 }

@@ -3,9 +3,10 @@ import { late, onDemand } from '../shell/late.tsx';
 import { usePresenting } from '../state/presenting.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import type { Past } from './past_link.ts';
+import { loadPast } from './use_past.ts';
 
 const NoPast = late(async () => (await import('./NoPast.tsx')).NoPast, onDemand);
-const PastBar = late(async () => (await import('./index.ts')).PastBar, onDemand);
+const PastBar = late(async () => (await loadPast()).PastBar, onDemand);
 
 /** What stands below the body of a robot that may have a past: what plays it, and why the moment that a link names can't be
  *  shown. */

@@ -12,10 +12,8 @@ import { isHeard } from './heard.ts';
 import type { Past } from './past_link.ts';
 
 /** Fetched only where there is a past. */
-const PAST = new LatePart(
-  () => import('./index.ts'),
-  () => false,
-);
+export const loadPast = () => import('./index.ts');
+const PAST = new LatePart(loadPast, () => false);
 
 /** The past of a robot that this page may look back on; null if there is none, undefined until that is known or wanted. Asked for once
  *  the body is drawn, and again whenever the stream opens. */

@@ -4,6 +4,7 @@ import { recordingUrl } from '../../relay/recording_address.ts';
 import { home } from '../../relay/relay.ts';
 import { nowMs } from '../../stream/clock.ts';
 import { isolated } from '../../twin/names.ts';
+import { BalanceLine } from '../balance/BalanceParts.tsx';
 import { QrCode } from '../share/QrCode.tsx';
 import { useNow } from '../shell/now.ts';
 import { formatMoment, shownMoment, useShownSecond } from '../state/moment.ts';
@@ -18,7 +19,7 @@ import { ChosenJoint } from './ChosenJoint.tsx';
 import { Cross } from './Cross.tsx';
 import { OpenFaultSentences } from './OpenFaultSentences.tsx';
 
-/** What stands beside the robot while it is presented, legible from the last row: its state with its age, the joint that
+/** What stands beside the robot while it is presented, legible from the last row: its state with its age, its balance, the joint that
  *  is looked at, its faults as sentences, and where everybody can see it. Escape or the cross ends presenting. `name`: of what
  *  is shown, ready to show (`isolated`); `note`: what somebody wrote about this moment. */
 export function Presentation(props: { link: RobotLink; name: string; note?: ReactNode }) {
@@ -43,6 +44,7 @@ export function Presentation(props: { link: RobotLink; name: string; note?: Reac
           <Cross what={text.leavePresenting} onPress={() => present(false)} />
         </div>
         <State link={link} />
+        <BalanceLine link={link} className="present-balance" />
         <ChosenJoint link={link} />
       </div>
       <OpenFaultSentences link={link} />

@@ -1,10 +1,13 @@
 import '../styles/signs.css';
 import { useEffect, useId, useRef, useState } from 'react';
 import { type LimitChannel, limitChannels } from '../../twin/alarms/limit_channels.ts';
+import { MARGIN } from '../../twin/balance/told/margin_limits.ts';
 import { displayOf } from '../../twin/format.ts';
 import { ANY, type BadThreshold, type Threshold, whyNoThreshold } from '../../twin/limits/limits.ts';
+import { BALANCE, mayTell } from '../balance/BalanceParts.tsx';
 import { dropOwnLimits, setOwnLimit } from '../state/limit_edits.ts';
 import { type RobotLink, useVersion } from '../state/robot_link.ts';
+import { useBalanceText } from '../text/balance.ts';
 import { more, useMore } from '../text/more.ts';
 
 /** How often the mark at the present value is moved. */
@@ -15,10 +18,11 @@ const LIVE_EVERY_MS = 250;
 export function LimitSettings({ link }: { link: RobotLink }) {
   useVersion(link);
   const text = useMore();
+  const ofBalance = useBalanceText();
   const { twin } = link;
   const { schema } = twin;
   if (schema === null) return null;
-  const groups = limitChannels(schema, text);
+  const groups = limitChannels(schema, text, mayTell(link) ? ofBalance : null);
   if (groups.length === 0) return null;
   return (
     <section className="limits" data-testid="limits">
@@ -30,7 +34,7 @@ export function LimitSettings({ link }: { link: RobotLink }) {
           </button>
         )}
       </header>
-      {groups.map(({ title, channels }) => (
+      {groups.map(({ title, channels, note }) => (
         <details key={title}>
           <summary>
             {title}
@@ -41,6 +45,7 @@ export function LimitSettings({ link }: { link: RobotLink }) {
           {channels.map((channel) => (
             <Limit key={`${channel.field} ${channel.label}`} link={link} channel={channel} />
           ))}
+          {note !== undefined && <p className="quiet">{note}</p>}
         </details>
       ))}
     </section>
@@ -119,11 +124,12 @@ function Track(props: {
   const { field, label, span } = props.channel;
   const { low, high, caution } = props.threshold;
   const mark = useRef<HTMLElement>(null);
-  const { twin } = props.link;
+  const { link } = props;
+  const { twin } = link;
   useEffect(() => {
     if (label === ANY) return;
     const write = () => {
-      const value = twin.value(field, label) ?? null;
+      const value = twin.value(field, label) ?? computed(link, field);
       if (mark.current === null) return;
       mark.current.hidden = value === null;
       if (value !== null) mark.current.style.left = `${place(value, span) * 100}%`;
@@ -131,7 +137,7 @@ function Track(props: {
     write();
     const timer = setInterval(write, LIVE_EVERY_MS);
     return () => clearInterval(timer);
-  }, [twin, field, label, span]);
+  }, [link, twin, field, label, span]);
   const towardsRest = (limit: number, side: number) =>
     limit * side >= 0 ? limit * caution : limit / caution;
   const at = (value: number) => `${(place(value, span) * 100).toFixed(1)}%`;
@@ -168,6 +174,12 @@ function Track(props: {
       <i className="limit-now" ref={mark} hidden />
     </div>
   );
+}
+
+/** The newest value of what the page computes; null for anything else, and while there is none. */
+function computed(link: RobotLink, field: string): number | null {
+  if (field !== MARGIN.field) return null;
+  return BALANCE.value()?.balanceOf(link).known?.stance?.marginMm ?? null;
 }
 
 /** A text field for a number or, when empty, for no limit (null). Other text changes nothing. */

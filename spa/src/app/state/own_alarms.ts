@@ -1,32 +1,57 @@
 import { type Crossing, LimitLog } from '../../twin/alarms/limit_log.ts';
+import type { Threshold } from '../../twin/limits/limits.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import { SensorTable } from '../../twin/sensors/sensors.ts';
 
-/** The crossings of the viewer's own limits for one robot, and who listens for them. */
+/** The crossings of limits that this page alone watches, for one robot, and who listens for them. */
 interface OwnAlarms {
   readonly log: LimitLog;
   readonly listeners: Set<() => void>;
 }
 
 const kept = new WeakMap<RobotTwin, OwnAlarms>();
+const watched = new WeakSet<RobotTwin>();
 const NONE: readonly Crossing[] = [];
 
 /** Checks the viewer's own limits in every frame from now on. A second call for the same robot does nothing. */
 export function watchOwnLimits(twin: RobotTwin): void {
-  if (kept.has(twin)) return;
-  const own: OwnAlarms = { log: new LimitLog(), listeners: new Set() };
-  kept.set(twin, own);
+  if (watched.has(twin)) return;
+  watched.add(twin);
+  const own = ownOf(twin);
   let table: { schema: RobotTwin['schema']; of: SensorTable } | null = null;
   twin.onState(() => {
     const { schema, state, limits, edits } = twin;
     if (schema === null || state === null || limits === null || edits.size === 0) return;
     if (table?.schema !== schema) table = { schema, of: new SensorTable(schema) };
-    if (!own.log.look(table.of.read(state.codes, limits), limits, state.atMs)) return;
-    for (const listener of own.listeners) listener();
+    if (own.log.look(table.of.read(state.codes, limits), limits, state.atMs)) tell(own);
   });
 }
 
-/** The newest crossings of the viewer's own limits, newest last; empty if there were none or limits are not watched. */
+/** Notes a reading that the page itself has computed, in a group with this title, by the limit that holds for it. */
+export function noteComputed(
+  twin: RobotTwin,
+  title: string,
+  reading: Parameters<LimitLog['note']>[1],
+  limit: { readonly threshold: Threshold; readonly own: boolean },
+  atMs: number,
+): void {
+  const own = ownOf(twin);
+  const before = own.log.crossings;
+  own.log.note(title, reading, limit.threshold, atMs, limit.own);
+  if (own.log.crossings !== before) tell(own);
+}
+
+function ownOf(twin: RobotTwin): OwnAlarms {
+  const own = kept.get(twin) ?? { log: new LimitLog(), listeners: new Set() };
+  kept.set(twin, own);
+  return own;
+}
+
+function tell({ listeners }: OwnAlarms): void {
+  for (const listener of listeners) listener();
+}
+
+/** The newest crossings of limits that this page alone watches, newest last; empty if there were none or limits are not watched. */
 export function ownAlarms(twin: RobotTwin): readonly Crossing[] {
   return kept.get(twin)?.log.crossings ?? NONE;
 }
@@ -35,7 +60,7 @@ export function ownAlarms(twin: RobotTwin): readonly Crossing[] {
  *  listener; the limits stay watched. */
 export function onOwnAlarms(twin: RobotTwin, listener: () => void): () => void {
   watchOwnLimits(twin);
-  const { listeners } = kept.get(twin)!;
+  const { listeners } = ownOf(twin);
   listeners.add(listener);
   return () => listeners.delete(listener);
 }

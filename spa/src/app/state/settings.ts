@@ -19,6 +19,8 @@ export interface Settings {
   level: boolean;
   /** The joint value that colours the body: motor current or temperature. */
   load: 'off' | LoadField;
+  /** Centre of mass, what holds it and how much is left; `auto`: for robots with two feet that measure forces, and masses. */
+  balance: 'auto' | 'on' | 'off';
   /** A factor for the length of force arrows; within `ARROWS`. */
   arrowScale: number;
   /** Keeps the body facing one way; the heading that its sensors measure is ignored. */
@@ -53,6 +55,7 @@ const DEFAULTS: Settings = {
   forces: true,
   level: true,
   load: 'off',
+  balance: 'auto',
   arrowScale: 1,
   headingLocked: false,
   palette: 'standard',
@@ -78,6 +81,7 @@ const CHOICES: { readonly [K in keyof Settings]: (value: unknown) => value is Se
   forces: isSwitch,
   level: isSwitch,
   load: (v): v is Settings['load'] => v === 'off' || v === 'cur' || v === 'temp',
+  balance: (v): v is Settings['balance'] => v === 'auto' || v === 'on' || v === 'off',
   arrowScale: (v): v is number => typeof v === 'number' && v >= ARROWS.least && v <= ARROWS.most,
   headingLocked: isSwitch,
   palette: (v): v is Settings['palette'] => v === 'standard' || v === 'safe',

@@ -1,8 +1,9 @@
 import { useEffect, useState } from 'react';
 import { OverlayReader } from '../../twin/overlay/reader.ts';
+import { BALANCE, mayTell } from '../balance/BalanceParts.tsx';
 import type { RobotLink } from '../state/robot_link.ts';
 import { AsAnyone } from './AsAnyone.tsx';
-import { announcement } from './announcement.ts';
+import { type Announcement, announcement } from './announcement.ts';
 
 /** Least time between two announcements to screen readers. */
 const EVERY_MS = 5000;
@@ -10,6 +11,13 @@ const EVERY_MS = 5000;
 const LOOK_MS = 500;
 /** Announcements read everything, whatever the visible overlay shows. */
 const ALL = { shown: 'pos', lens: false, forces: true, level: true, load: 'off' } as const;
+
+/** What is said of the balance, and in which steps it is said again; null where nothing is. */
+function balance(link: RobotLink): Announcement | null {
+  if (!mayTell(link)) return null;
+  void BALANCE.load();
+  return BALANCE.value()?.spokenStance(link) ?? null;
+}
 
 /** Announces the state of the robot to screen readers: when its gist changes, but at most every 5 s. */
 export function Announcer({ link }: { link: RobotLink }) {
@@ -29,6 +37,7 @@ export function Announcer({ link }: { link: RobotLink }) {
         behindMs: link.client.link.behindMs,
         readings: known ? (reader?.read(state.codes, limits, ALL) ?? null) : null,
         faults: link.faults.faults() ?? [],
+        balance: balance(link),
       });
       if (now.gist === gist || performance.now() - saidMs < EVERY_MS) return;
       gist = now.gist;

@@ -29,6 +29,8 @@ export interface AnnouncementInput {
   /** The overlay's readings of the newest frame; null before any. */
   readings: Pick<OverlayReadings, 'wrenches' | 'body'> | null;
   faults: readonly Fault[];
+  /** A sentence about its balance; null if there is none. */
+  balance?: Announcement | null;
 }
 
 const DEGREES = 180 / Math.PI;
@@ -51,6 +53,7 @@ export function announcement({
   behindMs = null,
   readings,
   faults,
+  balance = null,
 }: AnnouncementInput): Announcement {
   const { word } = verdict;
   if (word === null) return { text: '', gist: '' };
@@ -62,11 +65,19 @@ export function announcement({
   const state = more().spokenState(word, said.length === 0 ? null : said.join(', '));
   // The last values of a robot that is not live would sound like its present ones.
   const parts = isClaim(word) ? [posture(readings), ...forces(readings), ...faulted(faults)] : [];
+  const stands = isClaim(word) ? balance : null;
   const told = parts.filter((part) => part.text !== '');
+  const line = [`${name}: ${state}`, ...told.map(({ text }) => text)].join('; ');
   return {
-    text: [`${name}: ${state}`, ...told.map(({ text }) => text)].join('; '),
+    text: stands === null ? line : `${line}. ${stands.text}`,
     // a second more or less behind is not announced again
-    gist: [word, behind === '' ? '' : 'behind', ...reasons, ...told.map(({ gist }) => gist)].join('; '),
+    gist: [
+      word,
+      behind === '' ? '' : 'behind',
+      ...reasons,
+      ...told.map(({ gist }) => gist),
+      stands?.gist ?? '',
+    ].join('; '),
   };
 }
 

@@ -1,6 +1,7 @@
 import type { Text } from './en.ts';
 
 export { accountKo } from './account_ko.ts';
+export { balanceKo } from './balance/balance_ko.ts';
 export { momentsKo } from './moments/moments_ko.ts';
 export { moreKo } from './more_ko.ts';
 export { pastKo } from './past/past_ko.ts';

@@ -1,7 +1,10 @@
 import { type Field, MISSING, type Schema } from '@posecast/wire';
+import { BALANCE_COLUMNS, balanceCells } from './balance_columns.ts';
 import { BlobParts } from './blob_parts.ts';
 import type { SavePorts } from './save_ports.ts';
+import { haveBalance, SavedBalance } from './saved_balance.ts';
 import { framesOf, type SavedFrame } from './saved_frames.ts';
+import { loadManifests, ModelTimeline } from './saved_models.ts';
 import type { SavedSpan } from './saved_span.ts';
 
 /** Rows that are made at a time. */
@@ -13,18 +16,24 @@ const STEP_DIGITS_MAX = 6;
 const NONE_SET = '0';
 const FIRST = ['time', 'seconds', 'robot_time'];
 
-/** Writes the frames of a span as a table: a row each, a column for each channel. */
+/** Writes the frames of a span as a table: a row each, a column for each channel, then the balance where a model that can be
+ *  had has one. */
 export async function writeCsv(
   span: SavedSpan,
-  { breathe, signal }: Pick<SavePorts, 'breathe' | 'signal'>,
+  { models, breathe, signal }: Pick<SavePorts, 'models' | 'breathe' | 'signal'>,
   onPart: (part: number) => void,
 ): Promise<{ readonly blob: Blob; readonly lostModels: number }> {
   const file = new BlobParts();
-  const table = new CsvTable(span.schemas.values());
+  const manifests = await loadManifests(span, { models, signal });
+  const hasBalance = haveBalance(manifests.values(), span.schemas.values());
+  const table = new CsvTable(span.schemas.values(), hasBalance ? BALANCE_COLUMNS : []);
+  const timeline = new ModelTimeline(span);
+  const balances = new SavedBalance();
   let lines = BYTE_ORDER_MARK + table.head;
   let count = 0;
   for (const frame of framesOf(span, onPart)) {
-    lines += table.row(frame);
+    const manifest = hasBalance ? (manifests.get(timeline.at(frame.atUs) ?? '') ?? null) : null;
+    lines += table.row(frame, hasBalance ? balanceCells(balances.read(frame, manifest)) : []);
     if (++count % ROWS > 0) continue;
     file.write(lines);
     lines = '';
@@ -35,13 +44,16 @@ export async function writeCsv(
   return { blob: file.blob('text/csv'), lostModels: 0 };
 }
 
-/** The columns of some schemas: those of the first, then what further ones have besides. */
+/** The columns of some schemas: those of the first, then what further ones have besides, then `more`. */
 export class CsvTable {
   readonly #columns = new Map<string, number>();
   readonly #cellsOf = new Map<string, readonly Cell[]>();
   #firstMs: number | null = null;
 
-  constructor(schemas: Iterable<Schema>) {
+  constructor(
+    schemas: Iterable<Schema>,
+    readonly more: readonly string[] = [],
+  ) {
     for (const schema of schemas)
       this.#cellsOf.set(
         schema.text,
@@ -50,10 +62,11 @@ export class CsvTable {
   }
 
   get head(): string {
-    return lineOf([...FIRST, ...[...this.#columns.keys()].map(cellOf)]);
+    return lineOf([...FIRST, ...[...this.#columns.keys()].map(cellOf), ...this.more]);
   }
 
-  row({ schema, atUs, tS, codes }: SavedFrame): string {
+  /** The row of a frame; `more`: the last cells. */
+  row({ schema, atUs, tS, codes }: SavedFrame, more: readonly string[] = []): string {
     const atMs = Math.floor(atUs / 1000);
     this.#firstMs ??= atMs;
     const cells = new Array<string>(FIRST.length + this.#columns.size).fill('');
@@ -61,7 +74,7 @@ export class CsvTable {
     cells[1] = ((atMs - this.#firstMs) / 1000).toFixed(3);
     cells[2] = tS.toFixed(3);
     for (const { column, text } of this.#cellsOf.get(schema.text)!) cells[column] = text(codes);
-    return lineOf(cells);
+    return lineOf([...cells, ...more]);
   }
 
   #cell(schema: Schema, field: Field, label: string, i: number): Cell {

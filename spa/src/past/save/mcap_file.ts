@@ -1,21 +1,25 @@
 import { McapWriter } from '@mcap/core';
 import type { Schema } from '@posecast/wire';
+import type { Balance } from '../../twin/balance/balance.ts';
 import { BlobParts } from './blob_parts.ts';
 import { lz4Frame } from './lz4_frame.ts';
+import { balanceMessages } from './ros/balance_messages.ts';
 import { CdrWriter } from './ros/cdr_writer.ts';
 import { DEFINITIONS, type MessageType } from './ros/definitions.ts';
 import { type FrameTopic, NO_UNITS, valuesOf } from './ros/frame_topic.ts';
 import { LinkFrames } from './ros/link_frames.ts';
 import { topicsOf, writeLog } from './ros/topics.ts';
 import type { SavePorts } from './save_ports.ts';
-import { eventsOf, framesOf, modelsOf, type SavedFrame } from './saved_frames.ts';
+import { SavedBalance } from './saved_balance.ts';
+import { eventsOf, framesOf, type SavedFrame } from './saved_frames.ts';
+import { loadManifests, ModelTimeline } from './saved_models.ts';
 import type { SavedSpan } from './saved_span.ts';
 
 const CHUNK_BYTES = 1 << 20;
 const LIBRARY = 'posecast';
 
 /** Writes the frames and events of a span as ROS 2 messages. Of what it writes, a chunk and a part of the file are held here
- *  at a time. `lostModels`: how many models could not be had, so that their links are not in it. */
+ *  at a time. `lostModels`: how many models could not be had, so that neither their links nor their balance are in it. */
 export async function writeMcap(
   span: SavedSpan,
   ports: Pick<SavePorts, 'models' | 'breathe' | 'signal'>,
@@ -23,14 +27,17 @@ export async function writeMcap(
 ): Promise<{ readonly blob: Blob; readonly lostModels: number }> {
   const file = new BlobParts();
   const messages = new MessageWriter(file);
-  const bodies = await loadBodies(span, ports);
+  const manifests = await loadManifests(span, ports);
+  const bodies = new Map([...manifests].map(([model, found]) => [model, found && new LinkFrames(found)]));
   await messages.begin();
   const events = eventsOf(span);
-  const models = modelsOf(span);
+  const models = new ModelTimeline(span);
+  const balances = new SavedBalance();
   for (const frame of framesOf(span, onPart)) {
     while (events.length > 0 && events[0]!.atUs <= frame.atUs) await messages.event(events.shift()!);
-    while (models.length > 1 && models[1]!.atUs <= frame.atUs) models.shift();
-    await messages.frame(frame, bodies.get(models[0]?.model ?? '') ?? null);
+    const model = models.at(frame.atUs) ?? '';
+    const balance = balances.read(frame, manifests.get(model) ?? null);
+    await messages.frame(frame, bodies.get(model) ?? null, balance);
     await ports.breathe();
     ports.signal.throwIfAborted();
   }
@@ -38,21 +45,6 @@ export async function writeMcap(
   await messages.end();
   const lostModels = [...bodies.values()].filter((body) => body === null).length;
   return { blob: file.blob('application/octet-stream'), lostModels };
-}
-
-/** The links of the models of a span, by hash; null of one that can't be had. */
-async function loadBodies(
-  span: SavedSpan,
-  { models, signal }: Pick<SavePorts, 'models' | 'signal'>,
-): Promise<Map<string, LinkFrames | null>> {
-  const bodies = new Map<string, LinkFrames | null>();
-  for (const { model } of modelsOf(span)) {
-    if (model === null || bodies.has(model)) continue;
-    signal.throwIfAborted();
-    const manifest = await models.manifest(model).catch(() => null);
-    bodies.set(model, manifest && new LinkFrames(manifest));
-  }
-  return bodies;
 }
 
 /** Writes messages into an MCAP file, and opens a channel for each topic when it is first told of. */
@@ -86,10 +78,18 @@ class MessageWriter {
     return this.#writer.end();
   }
 
-  async frame({ schema, atUs, codes }: SavedFrame, body: LinkFrames | null): Promise<void> {
+  async frame(
+    { schema, atUs, codes }: SavedFrame,
+    body: LinkFrames | null,
+    balance: Balance | null,
+  ): Promise<void> {
     if (body !== null) {
       body.write(this.#cdr, atUs, schema, codes);
       await this.#add('/tf', 'tf2_msgs/msg/TFMessage', atUs);
+      for (const { topic, type, write } of balance ? balanceMessages(balance, body.world, atUs) : []) {
+        write(this.#cdr);
+        await this.#add(topic, type, atUs);
+      }
     }
     const { topics, values } = this.#topicsOf(schema, body?.rootLink ?? null);
     valuesOf(schema, codes, values);

@@ -1,4 +1,5 @@
 import { JOINT, type Schema } from '@posecast/wire';
+import { MARGIN } from '../balance/told/margin_limits.ts';
 import { ANY } from '../limits/limits.ts';
 import { SensorTable, type SensorWords } from '../sensors/sensors.ts';
 
@@ -15,6 +16,8 @@ export interface LimitChannel {
 export interface LimitChannelGroup {
   readonly title: string;
   readonly channels: readonly LimitChannel[];
+  /** One more line about them. */
+  readonly note?: string;
 }
 
 /** Default spans by field, in the field's unit, for channels without limits in the profile. */
@@ -25,6 +28,7 @@ const SPANS: Readonly<Record<string, number>> = {
   temp: 120,
   volt: 60,
   amp: 50,
+  [MARGIN.field]: 100,
 };
 /** The words of the viewer's language. */
 export interface LimitChannelWords extends SensorWords {
@@ -33,9 +37,20 @@ export interface LimitChannelWords extends SensorWords {
   readonly heatOfAll: string;
 }
 
-/** The channels for which a viewer may set limits: forces and moments by site, power, and current and temperature with
+/** The words about balance. */
+interface BalanceLimitWords {
+  readonly balance: string;
+  readonly margin: string;
+  readonly withoutLimit: string;
+}
+
+/** The channels for which a viewer may set limits: forces and moments by site, the margin of balance if there are words for it, power, and current and temperature with
  *  one limit for all joints. */
-export function limitChannels(schema: Schema, words: LimitChannelWords): LimitChannelGroup[] {
+export function limitChannels(
+  schema: Schema,
+  words: LimitChannelWords,
+  ofBalance: BalanceLimitWords | null = null,
+): LimitChannelGroup[] {
   const span = (field: string, label: string) => {
     const { low, high } = schema.mapping.threshold(field, label) ?? { low: null, high: null };
     const most = 1.5 * Math.max(Math.abs(low ?? 0), Math.abs(high ?? 0));
@@ -64,6 +79,14 @@ export function limitChannels(schema: Schema, words: LimitChannelWords): LimitCh
       },
     ];
   });
+  if (ofBalance !== null) {
+    const { field, label } = MARGIN;
+    groups.push({
+      title: ofBalance.balance,
+      channels: [{ ...MARGIN, name: ofBalance.margin, unit: 'mm', span: span(field, label) }],
+      note: ofBalance.withoutLimit,
+    });
+  }
   if (loads.length > 0) groups.push({ title: words.motors, channels: loads });
   return groups;
 }

@@ -1,9 +1,9 @@
 import type { Level, Threshold } from '@posecast/wire';
 import { displayOf } from '../format.ts';
 import type { ValueLimits } from '../limits/limits.ts';
-import type { SensorGroup } from '../sensors/sensors.ts';
+import type { Reading, SensorGroup } from '../sensors/sensors.ts';
 
-/** A reading that passed a limit set by the viewer (`on`), or came back within it (`off`). */
+/** A reading that passed a limit which the page alone watches (`on`), or came back within it (`off`). */
 export interface Crossing {
   readonly n: number;
   /** Unix, ms, by the viewer's clock. */
@@ -14,14 +14,18 @@ export interface Crossing {
   readonly side: 'above' | 'below';
   readonly limit: string;
   readonly state: 'on' | 'off';
+  /** Whether the viewer set the limit. */
+  readonly own: boolean;
 }
 
-type Past = Pick<Crossing, 'side' | 'limit'>;
+type Past = Pick<Crossing, 'side' | 'limit' | 'own'>;
+type Noted = Pick<Reading, 'field' | 'label' | 'name' | 'unit' | 'value' | 'level'>;
 
 /** Most crossings kept; the oldest are dropped. */
 export const CROSSING_LIMIT = 100;
 
-/** Records when readings pass the viewer's own limits. The edge sends events only for the limits of the profile. */
+/** Records when readings pass limits that the page alone watches: the viewer's own, and those of what the page itself computes.
+ *  The edge sends events for the others. */
 export class LimitLog {
   /** Newest last. */
   crossings: readonly Crossing[] = [];
@@ -30,29 +34,33 @@ export class LimitLog {
 
   /** Takes the readings of a new frame (`atMs`: Unix ms). True when crossings were added. */
   look(groups: readonly SensorGroup[], limits: ValueLimits, atMs: number): boolean {
-    const { length } = this.crossings;
-    const last = this.crossings.at(-1);
-    for (const { title, readings } of groups) {
-      for (const { field, label, name, unit, value, level } of readings) {
-        const key = `${field}\n${label}`; // no name holds a control character
-        const threshold = limits.edited(field, label) ? limits.threshold(field, label) : null;
-        const before = this.#past.get(key);
-        if (threshold === null) {
-          this.#past.delete(key);
-          continue;
-        }
-        const source = `${title} ${name}`;
-        if (level === 'fault' && before?.level !== 'fault' && value !== null) {
-          const past = pastOf(threshold, value, unit);
-          this.#past.set(key, { level, past });
-          this.#add({ atMs, source, ...past, state: 'on' });
-        } else if (level !== 'fault' && before?.level === 'fault' && value !== null) {
-          this.#past.delete(key);
-          this.#add({ atMs, source, ...before.past, state: 'off' });
-        }
+    const before = this.crossings;
+    for (const { title, readings } of groups)
+      for (const reading of readings) {
+        const { field, label } = reading;
+        this.note(title, reading, limits.edited(field, label) ? limits.threshold(field, label) : null, atMs);
       }
+    return this.crossings !== before;
+  }
+
+  /** Takes one reading of a new frame, with the limit that it is judged by; null: by none. `own`: the viewer set it. */
+  note(title: string, reading: Noted, threshold: Threshold | null, atMs: number, own = true): void {
+    const { field, label, name, unit, value, level } = reading;
+    const key = `${field}\n${label}`; // no name holds a control character
+    const before = this.#past.get(key);
+    if (threshold === null) {
+      this.#past.delete(key);
+      return;
     }
-    return this.crossings.length !== length || this.crossings.at(-1) !== last;
+    const source = `${title} ${name}`;
+    if (level === 'fault' && before?.level !== 'fault' && value !== null) {
+      const past = { ...pastOf(threshold, value, unit), own };
+      this.#past.set(key, { level, past });
+      this.#add({ atMs, source, ...past, state: 'on' });
+    } else if (level !== 'fault' && before?.level === 'fault' && value !== null) {
+      this.#past.delete(key);
+      this.#add({ atMs, source, ...before.past, state: 'off' });
+    }
   }
 
   #add(crossing: Omit<Crossing, 'n'>): void {
@@ -61,7 +69,7 @@ export class LimitLog {
   }
 }
 
-function pastOf({ low, high }: Threshold, value: number, unit: string): Past {
+function pastOf({ low, high }: Threshold, value: number, unit: string): Omit<Past, 'own'> {
   const below = low !== null && value < low;
   const limit = `${below ? low : high} ${displayOf(unit, 'rad').unit}`.trim();
   return { side: below ? 'below' : 'above', limit };

@@ -1,5 +1,6 @@
 import type { Schema } from '@posecast/wire';
-import type { ValueLimits } from '../limits/limits.ts';
+import { JointChannels } from '../joint_channels.ts';
+import type { Threshold, ValueLimits } from '../limits/limits.ts';
 import { type Imu, ImuTable } from '../sensors/imus.ts';
 import { type Load, type LoadField, type LoadScale, LoadTable } from '../sensors/load.ts';
 import { type Wrench, WrenchTable } from '../sensors/wrenches.ts';
@@ -12,6 +13,23 @@ export interface OverlayChoice {
   readonly forces: boolean;
   readonly level: boolean;
   readonly load: 'off' | LoadField;
+  /** `auto`: for robots with two feet that measure forces, and masses. */
+  readonly balance?: 'auto' | 'on' | 'off';
+  /** The channel whose joints' limits are drawn with the balance; null for none. */
+  readonly joint?: string | null;
+  readonly headingLocked?: boolean;
+}
+
+/** What the signs of balance need beside the pose that is shown. */
+export interface BalanceReadings {
+  readonly schema: Schema;
+  readonly choice: 'auto' | 'on';
+  /** Limits of the margin, mm; null for none. */
+  readonly limits: Threshold | null;
+  /** URDF joints whose limits are drawn. */
+  readonly joints: readonly string[];
+  /** Whether the robot reports where it is in the world, and is shown there. */
+  readonly anchored: boolean;
 }
 
 /** Readings of the newest frame for the overlay. Kinds that are switched off, or that the robot does not have, are
@@ -26,6 +44,8 @@ export interface OverlayReadings {
   readonly based: boolean;
   /** Load by URDF joint; null while links keep their own colours. */
   readonly loads: ReadonlyMap<string, Load> | null;
+  /** null: no signs of balance. */
+  readonly balance: BalanceReadings | null;
 }
 
 /** Reads, frame by frame, everything that is drawn about the body of one robot. A new schema needs a new reader. */
@@ -34,6 +54,7 @@ export class OverlayReader {
   readonly #wrenches: WrenchTable;
   readonly #deviations: DeviationTable;
   readonly #imus: ImuTable;
+  #channels: JointChannels | null = null;
   #load: LoadTable | null = null;
   #loadField: OverlayChoice['load'] = 'off';
 
@@ -64,6 +85,7 @@ export class OverlayReader {
       body: level ? this.#imus.body : null,
       based: level && this.schema.field('baseq') !== null,
       loads: this.#loads(choice.load)?.read(codes, limits) ?? null,
+      balance: this.#balance(limits, choice),
     };
   }
 
@@ -81,6 +103,22 @@ export class OverlayReader {
   /** The scale of the load colours; null while they are off. */
   loadScale(limits: ValueLimits, field: OverlayChoice['load']): LoadScale | null {
     return this.#loads(field)?.scale(limits) ?? null;
+  }
+
+  #balance(
+    limits: ValueLimits,
+    { balance = 'off', joint = null, headingLocked = false }: OverlayChoice,
+  ): BalanceReadings | null {
+    const { schema } = this;
+    if (balance === 'off' || (balance === 'auto' && this.#wrenches.wrenches.length < 2)) return null;
+    if (joint !== null) this.#channels ??= new JointChannels(schema);
+    return {
+      schema,
+      choice: balance,
+      limits: limits.threshold('balance', 'margin'),
+      joints: joint === null ? [] : this.#channels!.jointsOf(joint),
+      anchored: !headingLocked && schema.field('base') !== null && schema.field('baseq') !== null,
+    };
   }
 
   #loads(field: OverlayChoice['load']): LoadTable | null {

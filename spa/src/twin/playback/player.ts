@@ -3,12 +3,13 @@ import { placeOf } from '../names.ts';
 import type { RobotState } from '../robot.ts';
 import type { Quat } from '../rotation.ts';
 import { type Imu, ImuTable } from '../sensors/imus.ts';
+import { ForcePlay } from './force_play.ts';
 import { Playout } from './playout.ts';
 import { type Base, baseOf, type Pose, Poser } from './pose.ts';
 
 /**
  * One robot's motion as it is shown, with a small delay and interpolated: positions and commands of its joints, its
- * base, and the orientations of its sensors, all for the same moment. Warnings (flags, colours of forces, liveness) are
+ * base, the orientations of its sensors and what presses on it, all for the same moment. Warnings (flags, colours of forces, liveness) are
  * not played: they are read from the newest frame.
  *
  * A new schema needs a new player.
@@ -24,6 +25,8 @@ export class Player {
   readonly #refAt: number;
   readonly #baseAt: number;
   readonly #imusAt: number;
+  readonly #forces: ForcePlay;
+  readonly #forcesAt: number;
   #unread: ReadonlySet<string> = new Set();
 
   constructor(schema: Schema) {
@@ -34,7 +37,9 @@ export class Player {
     this.#refAt = this.#pos.joints.length;
     this.#baseAt = this.#refAt + (this.#ref?.joints.length ?? 0);
     this.#imusAt = this.#baseAt + 7;
-    const size = this.#imusAt + 4 * this.#imus.imus.length;
+    this.#forcesAt = this.#imusAt + 4 * this.#imus.imus.length;
+    this.#forces = new ForcePlay(schema);
+    const size = this.#forcesAt + this.#forces.size;
     this.#values = new Float64Array(size);
     this.#playout = new Playout({
       size,
@@ -75,6 +80,7 @@ export class Player {
     this.#imus.read(codes).forEach((imu, i) => {
       values.set(imu.worldFromSensor ?? UNTURNED, this.#imusAt + 4 * i);
     });
+    this.#forces.read(codes, values.subarray(this.#forcesAt));
     const unread = this.#pos.joints.filter((_, i) => Number.isNaN(pos[i]));
     const other = unread.length !== this.#unread.size || unread.some((joint) => !this.#unread.has(joint));
     if (other) this.#unread = new Set(unread);
@@ -90,7 +96,9 @@ export class Player {
   pose(shown: 'pos' | 'ref' | 'both'): Pose {
     const joints = this.#joints(shown === 'ref' ? (this.#ref ?? this.#pos) : this.#pos);
     const ghost = shown === 'both' && this.#ref !== null ? this.#joints(this.#ref) : null;
-    return { joints, base: this.#base(), unread: this.#unread, lean: this.#lean(), ghost };
+    const { shownS: tS, shown: values } = this.#playout;
+    const wrenches = this.#forces.of(values.subarray(this.#forcesAt));
+    return { joints, base: this.#base(), unread: this.#unread, lean: this.#lean(), ghost, tS, wrenches };
   }
 
   #joints(poser: Poser): Map<string, number> {

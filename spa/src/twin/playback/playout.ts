@@ -15,6 +15,9 @@ interface Move {
   fromMs: number;
   toMs: number;
   readonly goal: Float64Array;
+  /** Robot time of both ends, seconds. */
+  readonly fromS: number;
+  readonly toS: number;
 }
 
 /**
@@ -33,7 +36,9 @@ export class Playout {
   #moves: Move[] = [];
   /** The values at which the first of the moves begins. */
   #from: Float64Array | null = null;
+  #fromS = Number.NaN;
   #shown: Float64Array;
+  #shownS = Number.NaN;
   #newestGoal: Float64Array | null = null;
   #headMs = Number.NaN;
   #headAtMs = 0;
@@ -46,12 +51,17 @@ export class Playout {
   /** When true, shows each frame as it comes, without delay or interpolation. */
   set raw(raw: boolean) {
     this.#raw = raw;
-    if (raw && this.#newestGoal !== null) this.#jump(this.#newestGoal);
+    if (raw && this.#newestGoal !== null) this.#jump(this.#newestGoal, this.#newest!.tS);
   }
 
   /** The values to show as of the newest `sample` or `push`; NaN where nothing was ever read. Always the same array. */
   get shown(): Float64Array {
     return this.#shown;
+  }
+
+  /** Robot time of `shown`, seconds; NaN before the first. */
+  get shownS(): number {
+    return this.#shownS;
   }
 
   /** The present delay, ms, behind the earliest moment at which frames can arrive. */
@@ -80,9 +90,12 @@ export class Playout {
     this.#newestGoal = goal;
     const { lineMs, moveMs } = this.#arrivals.add(stamp, moves);
     const gap = before === null || backwards || leaps || stamp.atMs - before.atMs > GAP_MS;
-    if (gap || this.#raw) return this.#jump(goal) || moves;
-    if (!moves) return false;
-    this.#move(goal, lineMs, moveMs, this.#playhead(stamp.atMs));
+    if (gap || this.#raw) return this.#jump(goal, stamp.tS) || moves;
+    if (!moves) {
+      if (this.#moves.length === 0) this.#fromS = this.#shownS = stamp.tS;
+      return false;
+    }
+    this.#move(goal, stamp.tS, lineMs, moveMs, this.#playhead(stamp.atMs));
     return true;
   }
 
@@ -92,13 +105,17 @@ export class Playout {
     const headMs = this.#playhead(nowMs);
     for (let next = this.#moves[0]; next !== undefined && next.toMs <= headMs; next = this.#moves[0]) {
       this.#from = next.goal;
+      this.#fromS = next.toS;
       this.#moves.shift();
     }
     const move = this.#moves[0];
-    if (move === undefined || headMs <= move.fromMs) this.#shown.set(this.#from);
-    else {
+    if (move === undefined || headMs <= move.fromMs) {
+      this.#shown.set(this.#from);
+      this.#shownS = this.#fromS;
+    } else {
       const part = (headMs - move.fromMs) / (move.toMs - move.fromMs);
       blend(this.#layout, this.#from, move.goal, part, this.#shown);
+      this.#shownS = move.fromS + part * (move.toS - move.fromS);
     }
     return move !== undefined;
   }
@@ -110,21 +127,23 @@ export class Playout {
     );
   }
 
-  #jump(goal: Float64Array): boolean {
+  #jump(goal: Float64Array, tS: number): boolean {
     const before = this.#shown.slice();
     this.#moves = [];
     this.#from = goal;
+    this.#fromS = this.#shownS = tS;
     this.#shown.set(goal);
     this.#headMs = Number.NaN;
     return before.some((value, i) => !Object.is(value, goal[i]));
   }
 
-  #move(goal: Float64Array, lineMs: number, moveMs: number, headMs: number): void {
+  #move(goal: Float64Array, toS: number, lineMs: number, moveMs: number, headMs: number): void {
     const catchUpMs = Math.max(LEAST_CATCH_UP_MS, this.#arrivals.intervalMs / 2);
     if (lineMs < headMs + catchUpMs) {
       // Late: go straight from what is on the screen to this frame, and drop the moves that still waited.
       this.#from = this.#shown.slice();
-      this.#moves = [{ fromMs: headMs, toMs: headMs + catchUpMs, goal }];
+      this.#fromS = this.#shownS;
+      this.#moves = [{ fromMs: headMs, toMs: headMs + catchUpMs, goal, fromS: this.#fromS, toS }];
       return;
     }
     const busyMs = this.#moves.at(-1)?.toMs ?? headMs;
@@ -133,8 +152,13 @@ export class Playout {
       headMs,
       Math.min(busyMs, lineMs - 1),
     );
-    this.#moves.push({ fromMs, toMs: lineMs, goal });
-    if (this.#moves.length > MOST_MOVES) this.#from = this.#moves.shift()!.goal;
+    // it stood still since the last move ended
+    const fromS = Math.max(this.#moves.at(-1)?.toS ?? this.#fromS, toS - (lineMs - fromMs) / 1000);
+    this.#moves.push({ fromMs, toMs: lineMs, goal, fromS, toS });
+    if (this.#moves.length <= MOST_MOVES) return;
+    const skipped = this.#moves.shift()!;
+    this.#from = skipped.goal;
+    this.#fromS = skipped.toS;
   }
 
   /** The picture's time on the stream's time line at `nowMs`. Small errors are corrected slowly, large ones by a jump.

@@ -1,4 +1,5 @@
 import { JointMapping, type Schema } from '@posecast/wire';
+import type { FootWrench } from '../balance/foot_wrench.ts';
 import { normalizeQuat, type Quat, type Vec3 } from '../rotation.ts';
 import type { Imu } from '../sensors/imus.ts';
 import { valueAt } from '../values.ts';
@@ -14,6 +15,10 @@ export interface Pose {
   lean?: Imu | null;
   /** The commanded joints of a second, see-through body that is shown whole. */
   ghost?: ReadonlyMap<string, number> | null;
+  /** Robot time of this pose, seconds. */
+  tS?: number;
+  /** The wrenches of the same moment, of the sensors that are mounted on a link. */
+  wrenches?: readonly FootWrench[];
 }
 
 /** world_from_root: metres, and a unit quaternion w, x, y, z. */

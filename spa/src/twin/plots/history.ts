@@ -72,7 +72,7 @@ export class History {
       atMs.push(at);
       const codes = this.#codes.subarray(slot * size, (slot + 1) * size);
       readers.forEach((read, column) => {
-        columns[column]!.push(read(codes));
+        columns[column]!.push(read(codes, at));
       });
     }
     return { atMs, columns };

@@ -3,6 +3,7 @@ import { isolated } from '../names.ts';
 import { SensorTable, type SensorWords } from '../sensors/sensors.ts';
 import type { ChannelReader } from '../values.ts';
 import { valueAt } from '../values.ts';
+import type { History } from './history.ts';
 
 /** A value to plot over time: a channel, a joint's `error` (ref − pos), or a roll, pitch or yaw angle of an IMU. */
 export interface Trace {
@@ -20,6 +21,14 @@ export interface TraceReading {
   readonly read: ChannelReader;
   /** Whether the title is a joint's name and a field's name. */
   readonly ofJoint: boolean;
+}
+
+/** Traces that the page computes from what the robot reports. */
+export interface DerivedTraces {
+  /** How such a trace is read from a history; null: it is none of these. */
+  reading(trace: Trace): TraceReading | null;
+  /** Computes some of the last minute; true when there is more to compute. */
+  update(history: History, nowMs: number): boolean;
 }
 
 /** How to read a trace with this schema; null when the robot reports no such value, or only bits. `words`: for

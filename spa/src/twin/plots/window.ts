@@ -3,7 +3,7 @@ import { isolated } from '../names.ts';
 import type { SensorWords } from '../sensors/sensors.ts';
 import type { Sheet } from './csv.ts';
 import type { History } from './history.ts';
-import { type Trace, type TraceReading, traceReading } from './trace.ts';
+import { type DerivedTraces, type Trace, type TraceReading, traceReading } from './trace.ts';
 
 /** A longer pause between two frames breaks the line, because the values in between are unknown. */
 const GAP_MS = 1500;
@@ -22,16 +22,20 @@ export interface PlotGroup {
   readonly traces: readonly PlotTrace[];
 }
 
-/** Groups the traces into plots by unit, in the order of the list. Traces that the robot does not report come last. */
+/** Groups the traces into plots by unit, in the order of the list. Traces that the robot does not report and that are not
+ *  `derived` come last. */
 export function plotGroups(
   history: History,
   list: readonly Trace[],
   angle: AngleUnit,
   words?: SensorWords,
+  derived: DerivedTraces | null = null,
 ): PlotGroup[] {
   const groups = new Map<string, { display: Display; traces: PlotTrace[] }>();
   list.forEach((of, index) => {
-    const reading = history.schema === null ? null : traceReading(history.schema, of, words);
+    const { schema } = history;
+    const reading =
+      schema === null ? null : (traceReading(schema, of, words) ?? derived?.reading(of) ?? null);
     const display = displayOf(reading?.unit ?? '', angle, reading?.scale);
     const key = reading === null ? '\n' : display.unit;
     const group = groups.get(key) ?? { display, traces: [] };

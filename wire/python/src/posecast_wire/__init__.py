@@ -19,7 +19,15 @@ from posecast_wire.keys import (
     model_key,
     snapshot_key,
 )
-from posecast_wire.mapping import JointMap, Mapping, SensorMount, Sentence, Threshold, compute_joint_values
+from posecast_wire.mapping import (
+    BalanceRule,
+    JointMap,
+    Mapping,
+    SensorMount,
+    Sentence,
+    Threshold,
+    compute_joint_values,
+)
 from posecast_wire.messages import (
     MESSAGE_BYTES_MAX,
     Ack,
@@ -57,6 +65,7 @@ __all__ = [
     "Ack",
     "Auth",
     "BadFrame",
+    "BalanceRule",
     "BaseUnknown",
     "Bye",
     "Close",

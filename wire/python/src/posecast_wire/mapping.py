@@ -8,7 +8,15 @@ from collections.abc import Mapping as ReadOnly
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, TypeVar, cast
 
-from posecast_wire.checked import check_entries, check_list, check_number, check_table, check_text, fail
+from posecast_wire.checked import (
+    check_entries,
+    check_list,
+    check_number,
+    check_table,
+    check_text,
+    check_texts,
+    fail,
+)
 
 if TYPE_CHECKING:
     from posecast_wire.schema import Schema
@@ -17,10 +25,14 @@ ANY = "*"
 JOINT = "joint"  # the label set whose channels move the body
 SENSOR_KINDS = ("wrench", "imu", "power")
 SEVERITIES = ("fault", "caution", "state")
+GROUNDS = ("measured", "lowest")
+FEET_MAX = 16
+CORNERS_MAX = 64  # of a sole
 LANGUAGES_MAX = 16  # of one bit
 SENTENCES_BYTES_MAX = 32 << 10  # in UTF-8: every viewer gets them before the first frame
 
 Severity = Literal["fault", "caution", "state"]
+Ground = Literal["measured", "lowest"]
 Level = Literal["ok", "caution", "fault"]
 Xyz = tuple[float, float, float]
 T = TypeVar("T")
@@ -83,6 +95,17 @@ class Sentence:
 
 
 @dataclass(frozen=True)
+class BalanceRule:
+    """What the robot stands on. `feet`: sites of wrench sensors, or links; `ground`: which of them bear,
+    those whose wrench says so or the lowest; `soles`: the corners of a foot's sole, metres, in its link, by
+    its name in `feet`. What is None or missing the model and the sensors say (docs/MODEL.md)."""
+
+    feet: tuple[str, ...] | None = None
+    ground: Ground | None = None
+    soles: ReadOnly[str, tuple[Xyz, ...]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Mapping:
     """What channels mean for the model. All parts are optional and keyed by names of channels, sites, fields
     and bits."""
@@ -98,6 +121,7 @@ class Mapping:
     units: ReadOnly[str, ReadOnly[str, str]] = field(default_factory=dict)
     # field → bit → language → sentence
     sentences: ReadOnly[str, ReadOnly[str, ReadOnly[str, Sentence]]] = field(default_factory=dict)
+    balance: BalanceRule = field(default_factory=BalanceRule)
 
     def find_unit(self, field_name: str, label: str) -> str | None:
         """The unit of a channel if it differs from its field's unit, else None."""
@@ -136,6 +160,7 @@ def parse_mapping(value: object) -> Mapping:
         severities={k: _each(v, at, _severity) for k, v, at in part("severity")},
         units={k: _each(v, at, check_text) for k, v, at in part("units")},
         sentences=_sentences(part("explain")),
+        balance=_balance(doc.get("balance"), "mapping.balance"),
     )
 
 
@@ -211,6 +236,27 @@ def _threshold(value: object, where: str) -> Threshold:
     if low is not None and high is not None and low >= high:
         fail(where, "low must lie below high")
     return Threshold(low, high, caution)
+
+
+def _balance(value: object, where: str) -> BalanceRule:
+    doc = check_table(value, where)
+    feet, ground = doc.get("feet"), doc.get("ground")
+    names = None if feet is None else check_texts(feet, f"{where}.feet", FEET_MAX)
+    if ground is not None and ground not in GROUNDS:
+        fail(f"{where}.ground", f"must be one of {', '.join(GROUNDS)}")
+    if len(check_table(doc.get("soles"), f"{where}.soles")) > FEET_MAX:
+        fail(f"{where}.soles", f"more than {FEET_MAX} soles")
+    soles = {
+        foot: _sole(points, at) for foot, points, at in check_entries(doc.get("soles"), f"{where}.soles")
+    }
+    return BalanceRule(names, cast("Ground | None", ground), soles)
+
+
+def _sole(value: object, where: str) -> tuple[Xyz, ...]:
+    corners = check_list(value, where)
+    if not 3 <= len(corners) <= CORNERS_MAX:
+        fail(where, f"must have 3 to {CORNERS_MAX} corners")
+    return tuple(_xyz(corner, f"{where}[{i}]") for i, corner in enumerate(corners))
 
 
 def _at_least_zero(value: object, where: str) -> float:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from posecast_edge.model.builder.inertials import make_inertials
 from posecast_edge.model.builder.lod import Body, Level, LodSettings, PaintedLods, Placed, make_level
 from posecast_edge.model.builder.manifest import (
     VERSION,
@@ -25,6 +26,7 @@ from posecast_edge.model.builder.manifest import (
 )
 from posecast_edge.model.builder.model_files import Progress, collect_facts, read_visual_files
 from posecast_edge.model.builder.simplify import LAST_RUNGS, LodChain, count_rungs
+from posecast_edge.model.builder.soles import find_soles
 from posecast_edge.model.builder.thumbnail import draw_thumbnail, encode_png
 from posecast_edge.model.builder.up_axis import settle_up_axis
 from posecast_edge.model.builder.visuals import Appearance, Figure, Visual, build_figure
@@ -133,6 +135,7 @@ def build_model(robot: RobotFile, resolver: Resolver, progress: Progress, up_axi
         "visuals": [_visual(i, v, figure.looks[v.looks]) for i, v in enumerate(figure.visuals)],
     }
     document |= {"box": _corners(*box)} if box is not None else {}
+    document |= {"inertials": make_inertials(tree, findings), "soles": find_soles(tree, figure, poses)}
     missing = [{"uri": uri[:URI_MAX], "reason": reason} for uri, reason in files.list_missing().items()]
     document |= {"missing": missing} if missing else {}
     document |= {"findings": make_finding_entries(findings)} if findings else {}

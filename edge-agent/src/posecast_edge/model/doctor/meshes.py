@@ -120,7 +120,7 @@ def _textures(
 
 
 def _size(name: str, shape: Shape, facts: Mapping[str, MeshFacts]) -> Iterator[Finding]:
-    box = _box(shape.geometry, facts)
+    box = compute_shape_box(shape.geometry, facts)
     if box is None or shape.geometry is None:
         return
     longest = max(b - a for a, b in zip(*box, strict=True))
@@ -144,7 +144,7 @@ def _whole(tree: Tree, facts: Mapping[str, MeshFacts]) -> Iterator[Finding]:
             at = matrix_from_quaternion(joint.pose.xyz, quaternion_from_rpy(joint.pose.rpy))
             poses.append(multiply(poses[tree.index[joint.parent]], at))
         for shape in link.visuals:
-            box = _box(shape.geometry, facts)
+            box = compute_shape_box(shape.geometry, facts)
             if box is None:
                 continue
             at = multiply(
@@ -162,8 +162,10 @@ def _whole(tree: Tree, facts: Mapping[str, MeshFacts]) -> Iterator[Finding]:
         yield Finding("warning", "robot-small", text, None)
 
 
-def _box(geometry: Geometry | None, facts: Mapping[str, MeshFacts]) -> tuple[Vector, Vector] | None:
-    """In the visual's axes, m."""
+def compute_shape_box(
+    geometry: Geometry | None, facts: Mapping[str, MeshFacts]
+) -> tuple[Vector, Vector] | None:
+    """The lowest and highest corner of a shape in its own axes, metres; None when its mesh is not there."""
     if geometry is None:
         return None
     if geometry.kind == "mesh":

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 
 from posecast_wire.mapping import Mapping as Meaning
 
+from posecast_edge.model.doctor.masses import examine_masses
 from posecast_edge.model.doctor.meshes import MeshFacts, examine_meshes
 from posecast_edge.model.finding import Finding, quote_name, sort_by_severity
 from posecast_edge.model.kinematics import list_variables
@@ -35,6 +36,7 @@ def examine_model(
         found += _link(link)
     found += _materials(urdf)
     found += _mentions(urdf)
+    found += examine_masses(tree, facts)
     found += examine_meshes(urdf, tree, facts)
     if meaning is not None:
         found += _profile(urdf, meaning)
@@ -115,17 +117,6 @@ def _link(link: Link) -> Iterator[Finding]:
         yield from _origin(
             f"link {quote_name(link.name)}, visual", shape.pose.xyz, shape.pose.rpy, shape.line
         )
-    inertial = link.inertial
-    if inertial is not None:
-        ixx, ixy, ixz, iyy, iyz, izz = inertial.inertia
-        if inertial.mass < 0:
-            text = f"link {quote_name(link.name)}: a mass of {inertial.mass:g} kg"
-            yield Finding("warning", "mass-negative", text, inertial.line)
-        elif (
-            min(ixx, iyy, izz) < 0 or ixx * iyy < ixy * ixy or ixx * izz < ixz * ixz or iyy * izz < iyz * iyz
-        ):
-            text = f"link {quote_name(link.name)}: no body has such an inertia; simulators refuse it"
-            yield Finding("hint", "inertia", text, inertial.line)
 
 
 def _materials(urdf: Urdf) -> Iterator[Finding]:
@@ -166,6 +157,12 @@ def _profile(urdf: Urdf, meaning: Meaning) -> Iterator[Finding]:
             link = quote_name(mount.link)
             text = f"the profile mounts sensor {quote_name(site)} on link {link}, which there is not"
             yield Finding("warning", "profile-sensor", text)
+    for foot in dict.fromkeys((*(meaning.balance.feet or ()), *meaning.balance.soles)):
+        if foot not in meaning.sensors and foot not in links:
+            text = (
+                f"the profile's [balance] names foot {quote_name(foot)}, which is neither a sensor nor a link"
+            )
+            yield Finding("warning", "profile-foot", text)
     known = {name for joint in urdf.joints for name in _variables(joint)}
     gone = [name for name in meaning.joints if name not in known and name not in joints]
     if gone:  # in one line: with another robot's profile it is all of them

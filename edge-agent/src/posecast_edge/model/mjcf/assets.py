@@ -8,9 +8,10 @@ where they were without them, and a geom that shows the box is where its file pu
 
 from __future__ import annotations
 
+import math
 import os
 import struct
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import PurePosixPath
@@ -68,9 +69,11 @@ class TakenMesh:
 
 @dataclass
 class TakenAssets:
-    """By name: meshes, and pictures as (height, width, channels); `remarks`: what is not shown, and why."""
+    """By name: meshes, and pictures as (height, width, channels); `boxes`: the meshes that a box stands in
+    for; `remarks`: what is not shown, and why."""
 
     meshes: dict[str, TakenMesh] = field(default_factory=dict)
+    boxes: set[str] = field(default_factory=set)
     pictures: dict[str, NDArray[np.uint8]] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
 
@@ -93,6 +96,7 @@ def take_assets(spec: Any, contents: Mapping[str, bytes]) -> TakenAssets:
                 with _name_failure("mesh", mesh.name, mesh.file):
                     taken.meshes[mesh.name] = _compile_mesh(mesh, path, contents[path])
             _stand_in_mesh(mesh)
+            taken.boxes.add(mesh.name)
     for picture in spec.textures:
         path = find_path(picture.file, _folder(picture, "texturedir"), contents, places)
         if picture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX:
@@ -106,6 +110,27 @@ def take_assets(spec: Any, contents: Mapping[str, bytes]) -> TakenAssets:
                 taken.remarks.append(text)
             _stand_in_picture(picture)
     return taken
+
+
+def list_guessed_bodies(spec: Any, boxes: Collection[str]) -> list[int]:
+    """The bodies of a compiled MjSpec whose mass MuJoCo made of `boxes`, meshes that a box stands in for."""
+    by_geoms = spec.compiler.inertiafromgeom
+    low, high = spec.compiler.inertiagrouprange
+    guessed = [
+        body.id
+        for body in spec.bodies
+        if by_geoms == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+        or (by_geoms == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO and not body.explicitinertial)
+        if any(
+            geom.meshname in boxes and low <= geom.group <= high and not _is_weightless(geom)
+            for geom in body.geoms
+        )
+    ]
+    return list(range(1, len(spec.bodies))) if guessed and spec.compiler.settotalmass > 0 else guessed
+
+
+def _is_weightless(geom: Any) -> bool:
+    return bool(geom.mass == 0 or (math.isnan(geom.mass) and geom.density == 0))
 
 
 def sort_by_name(paths: Iterable[str]) -> dict[str, list[str]]:

@@ -22,6 +22,9 @@ FIELDS = {
     **dict.fromkeys(("body_parentid", "body_mocapid"), ("int32", 1)),
     "body_pos": ("float64", 3),
     "body_quat": ("float64", 4),
+    "body_mass": ("float64", 1),  # below 0: it follows from a mesh that was taken out
+    **dict.fromkeys(("body_ipos", "body_inertia"), ("float64", 3)),
+    "body_iquat": ("float64", 4),
     **dict.fromkeys(("jnt_type", "jnt_bodyid", "jnt_qposadr"), ("int32", 1)),
     **dict.fromkeys(("jnt_limited", "jnt_actfrclimited"), ("uint8", 1)),
     **dict.fromkeys(("jnt_pos", "jnt_axis"), ("float64", 3)),

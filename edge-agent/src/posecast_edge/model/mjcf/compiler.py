@@ -15,7 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posecast_edge.model.finding import ModelRefused, make_printable, quote_name
-from posecast_edge.model.mjcf.assets import FAILURES, AssetFailed, TakenAssets, TakenMesh, take_assets
+from posecast_edge.model.mjcf.assets import (
+    FAILURES,
+    AssetFailed,
+    TakenAssets,
+    TakenMesh,
+    list_guessed_bodies,
+    take_assets,
+)
 from posecast_edge.model.mjcf.child import ANSWER_MAX, REFUSED, limit_child, open_no_file
 from posecast_edge.model.mjcf.compiled import FIELDS, CompiledModel, write_model
 from posecast_edge.model.mjcf.files import ModelFiles, collect_files
@@ -100,6 +107,8 @@ def compile_model(path: Path, packages: Sequence[Path]) -> CompiledModel:
 def _extract(spec: Any, model: Any, files: ModelFiles, taken: TakenAssets) -> CompiledModel:
     arrays = {name: np.asarray(getattr(model, name)) for name in FIELDS}
     arrays |= _put_back(model, taken)
+    arrays["body_mass"] = np.array(model.body_mass)
+    arrays["body_mass"][list_guessed_bodies(spec, taken.boxes)] = -1
     for name, (_, width) in FIELDS.items():
         arrays[name] = arrays[name].reshape((-1, width) if width > 1 else (-1,))
     if sum(values.nbytes for values in arrays.values()) > ANSWER_MAX - (32 << 20):

@@ -9,12 +9,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from posecast_edge.model.finding import Finding, ModelRefused, make_printable, quote_name
+from posecast_edge.model.finding import NO_BALANCE, Finding, ModelRefused, make_printable, quote_name
 from posecast_edge.model.kinematics import matrix_from_quaternion
 from posecast_edge.model.mjcf.child import SECONDS_MAX, run_child
 from posecast_edge.model.robot_file import RobotFile
 from posecast_edge.model.urdf.reader import LINKS_MAX, NAME_MAX
-from posecast_edge.model.urdf.types import Link, Sensor, Urdf
+from posecast_edge.model.urdf.types import Inertial, Link, Sensor, Urdf
 
 if TYPE_CHECKING:
     from posecast_edge.model.mjcf.compiled import CompiledModel
@@ -79,17 +79,36 @@ def _make_robot(model: CompiledModel, path: Path) -> RobotFile:
     shown = shapes.make_shapes(tree.links)
     urdf = Urdf(model.name if model.name.isprintable() and model.name else path.stem)
     for body, name in tree.links.items():
-        urdf.links.append(Link(name, tuple(shown.get(body, ())), (), None, model.lines["body"][body]))
+        line = model.lines["body"][body]
+        urdf.links.append(Link(name, tuple(shown.get(body, ())), (), _inertial(model, body, line), line))
     urdf.links += [Link(name, (), (), None, 0) for name in tree.between]
     urdf.joints += tree.joints
     urdf.sensors += _sensors(model, tree.links)
     urdf.findings += [*tree.findings, *shapes.findings]
     urdf.findings += [Finding("warning", "picture", remark) for remark in model.remarks]
+    guessed = [name for body, name in tree.links.items() if model["body_mass"][body] < 0]
+    if guessed:
+        many = f" and {len(guessed) - 1} more" if len(guessed) > 1 else ""
+        which = f"the mass of body {quote_name(guessed[0])}{many} follows from a mesh"
+        urdf.findings.append(Finding("hint", "mass-of-mesh", f"{which}; {NO_BALANCE}: give it an <inertial>"))
     for count, what in ((model.skins, "skin"), (model.flexes, "flexible part")):
         if count:
             many = f"{count} {what}s are" if count > 1 else f"a {what} is"
             urdf.findings.append(Finding("hint", "soft", f"{many} not shown: only stiff parts are"))
     return RobotFile(urdf, shapes.meshes, tuple(map(Path, model.inputs)))
+
+
+def _inertial(model: CompiledModel, body: int, line: int) -> Inertial | None:
+    """A body's mass; MuJoCo gives the moments about their own axes."""
+    from posecast_edge.model.mjcf.bodies import normalise_quaternion, pose_from_matrix  # noqa: PLC0415 - numpy
+
+    mass = float(model["body_mass"][body])
+    if mass <= 0:
+        return None
+    quat = normalise_quaternion(model["body_iquat"][body])
+    x, y, z = model["body_inertia"][body].tolist()
+    pose = pose_from_matrix(matrix_from_quaternion(model["body_ipos"][body].tolist(), quat))
+    return Inertial(mass, (x, 0.0, 0.0, y, 0.0, z), line, pose)
 
 
 def _sensors(model: CompiledModel, links: dict[int, str]) -> Iterator[Sensor]:

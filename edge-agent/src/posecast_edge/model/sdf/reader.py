@@ -190,7 +190,8 @@ class _Reader:
             for tag in ("visual", "collision")
         )
         self._read_sensors(element, full, scope)
-        return Link(full, visuals, collisions, self._shapes.read_inertial(element, what), element.line)
+        inertial = self._shapes.read_inertial(element, what, find_pose)
+        return Link(full, visuals, collisions, inertial, element.line)
 
     def _read_sensors(self, element: Element, near: str, scope: Scope) -> None:
         """Of a link or a joint, whose frame is `near`."""

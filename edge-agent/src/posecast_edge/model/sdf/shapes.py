@@ -137,8 +137,10 @@ class ShapeReader:
         name = get_text(element, "script", "name").rpartition("/")[2]
         return (*SCRIPTS[name], 1.0) if name in SCRIPTS else None
 
-    def read_inertial(self, link: Element, what: str) -> Inertial | None:
-        """A link's mass and moments."""
+    def read_inertial(
+        self, link: Element, what: str, find_pose: Callable[[Element], Matrix]
+    ) -> Inertial | None:
+        """A link's mass, its centre and moments."""
         element = link.find_first("inertial")
         mass = self._values.read_number(element.find_first("mass"), what) if element is not None else None
         if element is None or mass is None:
@@ -148,7 +150,7 @@ class ShapeReader:
             self._values.read_number(holder.find_first(name), what) or 0.0 if holder is not None else 0.0
             for name in MOMENTS
         ]
-        return Inertial(mass, tuple(moments), element.line)
+        return Inertial(mass, tuple(moments), element.line, make_pose(find_pose(element)))
 
 
 def join_uri(base: str, uri: str) -> str:

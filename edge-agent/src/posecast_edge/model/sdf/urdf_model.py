@@ -62,7 +62,8 @@ def _link(link: Link, joint: Joint | None, sensors: Iterable[Sensor], urdf: Urdf
     if link.inertial is not None:
         moments = (_numbers(*one) for one in zip(MOMENTS, link.inertial.inertia, strict=False))
         mass = _numbers("mass", link.inertial.mass)
-        parts.append(_element("inertial", [mass, _element("inertia", moments)]))
+        pose = _pose(link.inertial.pose)
+        parts.append(_element("inertial", [pose, mass, _element("inertia", moments)]))
     for tag, shapes in (("visual", link.visuals), ("collision", link.collisions)):
         parts += [_element(tag, _shape(shape, urdf)) for shape in shapes]
     parts += [_element("sensor", [_pose(s.pose)], name=s.name, type=s.kind) for s in sensors]

@@ -194,7 +194,7 @@ class _Reader:
             self._number(inertia, n, 0.0, what) or 0.0 if inertia else 0.0
             for n in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
         ]
-        return Inertial(value, tuple(moments), element.line)
+        return Inertial(value, tuple(moments), element.line, self._pose(element, what))
 
     def _shape(self, element: Element, what: str) -> Shape:
         self._shapes += 1

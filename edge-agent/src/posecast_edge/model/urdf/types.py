@@ -70,11 +70,13 @@ class Shape:
 
 @dataclass(frozen=True)
 class Inertial:
-    """Mass, kg; the matrix's ixx, ixy, ixz, iyy, iyz, izz, kg·m²."""
+    """Mass, kg; `inertia` about the centre of mass: the matrix's ixx, ixy, ixz, iyy, iyz, izz, kg·m², in the
+    axes of `pose`, which is link_from_centre."""
 
     mass: float
     inertia: tuple[float, ...]
     line: int
+    pose: Pose = Pose()
 
 
 @dataclass(frozen=True)

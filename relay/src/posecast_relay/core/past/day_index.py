@@ -8,7 +8,7 @@ malformed raises ValueError with a message of one line.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, TypeVar, get_args
 
@@ -16,7 +16,7 @@ from posecast_wire.checked import loads
 from posecast_wire.messages import RobotStatus
 
 from posecast_relay.core.past.audience_letters import read_letters, write_letters
-from posecast_relay.core.past.kept_segment import KeptSegment
+from posecast_relay.core.past.kept_segment import KeptSegment, PastWord
 from posecast_relay.core.past.memory_store import PAGE_MS, TakeSpan
 from posecast_relay.core.past.segment_record import dump_json
 from posecast_relay.core.policy.policy import Audience
@@ -38,8 +38,8 @@ SHA256 = re.compile("[0-9a-f]{64}", re.ASCII)
 class MinuteRow(NamedTuple):
     """The segments that begin in one minute and have the same audiences.
 
-    `at_ms`: the minute; `from_ms`, `to_ms`: when the first begins and the last ends, unix; `word`: the worst;
-    `faults`: how many began.
+    `at_ms`: the minute; `from_ms`, `to_ms`: when the first begins and the last ends, unix; `word`: what it is
+    told as; `faults`: how many began.
     """
 
     at_ms: int
@@ -144,7 +144,7 @@ def digest_page(at_ms: int, segments: Sequence[KeptSegment]) -> PageDigest:
         for found, sha256 in ((schemas, schema), (models, segment.model)):
             if sha256 is not None:
                 found[sha256, letters] = HashSpan(sha256, segment.audiences, segment.from_ms, segment.to_ms)
-    rows = tuple(_sum_minute(MINUTE_MS * minute, minutes[minute, of]) for minute, of in sorted(minutes))
+    rows = tuple(_sum_minutes(minutes))
     size = sum(segment.size for segment in segments)
     spans = tuple(takes.values())
     return PageDigest(
@@ -152,43 +152,64 @@ def digest_page(at_ms: int, segments: Sequence[KeptSegment]) -> PageDigest:
     )
 
 
-def _sum_minute(at_ms: int, segments: Sequence[KeptSegment]) -> MinuteRow:
+def _sum_minutes(minutes: Mapping[tuple[int, str], list[KeptSegment]]) -> list[MinuteRow]:
+    """Sum up each minute's segments of the same audiences, in order of time."""
+    rows: list[MinuteRow] = []
+    last: dict[str, RobotStatus] = {}
+    for minute, letters in sorted(minutes):
+        found = minutes[minute, letters]
+        words = [word for segment in found for word in segment.words]
+        rows.append(_sum_minute(MINUTE_MS * minute, found, words, last.get(letters, "online")))
+        last[letters] = words[-1].word if words else "online"
+    return rows
+
+
+def _sum_minute(
+    at_ms: int, segments: Sequence[KeptSegment], words: Sequence[PastWord], before: RobotStatus
+) -> MinuteRow:
     return MinuteRow(
         at_ms,
         segments[0].audiences,
         len(segments),
         sum(segment.size for segment in segments),
         sum(segment.frames for segment in segments),
-        max(
-            (word for segment in segments for word in _list_lasting_words(segment)),
-            key=WORDS.index,
-            default="online",
-        ),
+        _find_main_word(at_ms, words, before),
         sum(segment.faults for segment in segments),
         min(segment.from_ms for segment in segments),
         max(segment.to_ms for segment in segments),
     )
 
 
-def _list_lasting_words(segment: KeptSegment) -> list[RobotStatus]:
-    """Return its words but for those that another one replaced at the same moment: a take begins before the
-    first frame is taken in, so "silent" stands before its "online".
+def _find_main_word(at_ms: int, words: Sequence[PastWord], before: RobotStatus) -> RobotStatus:
+    """Return what a minute is told as: "offline" if it ended so, else "silent" if the robot was away for half
+    of it, else "online".
+
+    A page draws the minute as a whole, and a robot that was silent for 5 s of it was not silent for 60.
+    `words`: of the segments that begin in the minute; the last may come after its end. `before`: the word
+    that held when it began.
     """
-    following = (*segment.words[1:], None)
-    return [
-        word.word
-        for word, then in zip(segment.words, following, strict=False)
-        if then is None or then.at_ms > word.at_ms
-    ]
+    end_ms = at_ms + MINUTE_MS
+    away_ms, since_ms, word = 0, at_ms, before
+    for change in words:
+        if change.at_ms >= end_ms:
+            break
+        if word != "online":
+            away_ms += max(change.at_ms - since_ms, 0)
+        since_ms, word = max(change.at_ms, since_ms), change.word
+    if word == "offline":
+        return word
+    if word == "silent":
+        away_ms += end_ms - since_ms
+    return "silent" if away_ms >= MINUTE_MS // 2 else "online"
 
 
 def sum_minutes(segments: Iterable[KeptSegment]) -> list[MinuteRow]:
-    """Sum segments up by minute and audiences."""
+    """Sum segments up by minute and audiences. `segments`: in order of time."""
     minutes: dict[tuple[int, str], list[KeptSegment]] = {}
     for segment in segments:
         key = segment.from_ms // MINUTE_MS, write_letters(segment.audiences)
         minutes.setdefault(key, []).append(segment)
-    return [_sum_minute(MINUTE_MS * minute, minutes[minute, of]) for minute, of in sorted(minutes)]
+    return _sum_minutes(minutes)
 
 
 def pack_day(day: DayIndex) -> bytes:

@@ -15,6 +15,7 @@ SHA256_HEX = re.compile(r"[0-9a-f]{64}", re.ASCII)
 INDEX = re.compile(r"0|[1-9][0-9]{0,9}", re.ASCII)
 INDEX_MAX = (1 << 32) - 1
 EVERY_MAX = 1000
+EVERY_STEPS = 150  # segments of 4 s in ten minutes: a pose of them all, however many more are left out
 DAY_MS = 86_400_000
 PAGE_MS = 600_000
 MINUTE_MS = 60_000
@@ -85,10 +86,12 @@ def read_after(text: str) -> tuple[int, int]:
 
 
 def read_every(text: str) -> int:
-    """Read how many segments there are to be for one KEY. Raises AddressError."""
+    """Read how many segments there are to be for one KEY; above EVERY_STEPS it is that many, so that one page
+    has few names in caches. Raises AddressError.
+    """
     if not INDEX.fullmatch(text) or not 1 <= int(text) <= EVERY_MAX:
         raise AddressError(f"every: want a number from 1 to {EVERY_MAX}, without leading zeros{_quote(text)}")
-    return int(text)
+    return min(int(text), EVERY_STEPS)
 
 
 def read_sha256(text: str) -> bytes:

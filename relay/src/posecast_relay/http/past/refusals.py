@@ -13,7 +13,8 @@ NO_STORE = {"cache-control": "private, no-store"}
 READABLE = {"access-control-expose-headers": "age, date, etag, retry-ms, retry-after"}
 FOR_A_SECOND = READABLE | {"cache-control": "public, max-age=1", "vary": "authorization"}
 # What passes, or may: a blackout, a robot that is to come, a Redis that is away.
-PASSING = frozenset((403, 404, 501, 503))
+# And an address that there can't be; one with a token in it says by itself that nobody may keep the answer.
+SAME_FOR_ALL = frozenset((400, 403, 404, 501, 503))
 
 
 def tell_caches(route: Callable[..., Awaitable[Response]]) -> Callable[..., Awaitable[Response]]:
@@ -40,4 +41,4 @@ def _choose_headers(request: Request, status: int) -> dict[str, str]:
     something else, so it varies with that.
     """
     shows_token = "authorization" in request.headers
-    return NO_STORE if shows_token or status not in PASSING else FOR_A_SECOND
+    return NO_STORE if shows_token or status not in SAME_FOR_ALL else FOR_A_SECOND

@@ -127,7 +127,7 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
 
     @app.get(
         api + "/{view}/{page}/keys",
-        summary="The first pose of each segment of ten minutes, or of each n-th: every",
+        summary="The first pose of each segment of ten minutes, or of each n-th: every, above 150 as 150",
         responses=BELOW | KEYS,
     )
     @tell_caches

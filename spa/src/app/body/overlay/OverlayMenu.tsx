@@ -7,6 +7,8 @@ import { usePopover } from '../../shell/popover.ts';
 import { type RobotLink, useVersion } from '../../state/robot_link.ts';
 import { changeSettings, type Settings, useSettings } from '../../state/settings.ts';
 import { useMore } from '../../text/more.ts';
+import { BalanceEntry } from './BalanceEntry.tsx';
+import { Switch } from './Switch.tsx';
 
 /** The button and menu for choosing what the overlay shows. It offers only what at least one of the robots can show;
  *  empty if that is nothing. */
@@ -22,7 +24,7 @@ export function OverlayMenu({ links }: { links: readonly RobotLink[] }) {
     ['temp', rest.loadHeat],
   ];
   const loads = all.filter(([field]) => field === 'off' || can.loads.includes(field));
-  if (!can.forces && !can.level && !can.lens && loads.length === 1) return null;
+  if (!can.forces && !can.level && !can.lens && !can.balance && loads.length === 1) return null;
   return (
     <fieldset className="segments signs" ref={around} data-testid="signs">
       <legend className="unseen">{rest.signs}</legend>
@@ -39,7 +41,7 @@ export function OverlayMenu({ links }: { links: readonly RobotLink[] }) {
         <div className="sign-menu" data-testid="sign-menu">
           {can.forces && (
             <Switch
-              sign="force"
+              explain="signs.force"
               on={forces}
               onChange={(on) => changeSettings({ forces: on })}
               text={rest.forces}
@@ -47,15 +49,21 @@ export function OverlayMenu({ links }: { links: readonly RobotLink[] }) {
           )}
           {can.level && (
             <Switch
-              sign="plumb"
+              explain="signs.plumb"
               on={level}
               onChange={(on) => changeSettings({ level: on })}
               text={rest.level}
             />
           )}
           {can.lens && (
-            <Switch sign="ghost" on={lens} onChange={(on) => changeSettings({ lens: on })} text={rest.lens} />
+            <Switch
+              explain="signs.ghost"
+              on={lens}
+              onChange={(on) => changeSettings({ lens: on })}
+              text={rest.lens}
+            />
           )}
+          {can.balance && <BalanceEntry links={links} />}
           {loads.length > 1 && (
             <fieldset className="choice">
               <legend>{rest.coloursOfBody}</legend>
@@ -79,34 +87,8 @@ function abilities(links: readonly RobotLink[]) {
     forces: all.some(({ forces }) => forces),
     level: all.some(({ level }) => level),
     lens: all.some(({ lens }) => lens),
+    /** By its model, which says more when the menu is open. */
+    balance: links.some(({ twin }) => twin.modelHash !== null && twin.schema !== null),
     loads: all.flatMap<LoadField>(({ loads }) => loads),
   };
-}
-
-/** A labelled check box in the style of a switch. `sign`: what explains it, if anything does. */
-export function Switch(props: {
-  on: boolean;
-  onChange: (on: boolean) => void;
-  text: string;
-  sign?: 'force' | 'plumb' | 'ghost';
-}) {
-  const { on, onChange, text, sign } = props;
-  const rest = useMore();
-  return (
-    <label className="switch">
-      <span>{text}</span>
-      {sign !== undefined && (
-        <button
-          type="button"
-          className="explain-mark"
-          data-explain={`signs.${sign}`}
-          aria-haspopup="dialog"
-          aria-label={rest.explainIt(text)}
-        >
-          ?
-        </button>
-      )}
-      <input type="checkbox" checked={on} onChange={(e) => onChange(e.target.checked)} />
-    </label>
-  );
 }

@@ -1,4 +1,5 @@
 import '../../styles/signs.css';
+import { LatePart } from '../../../browser/late_part.ts';
 import { isOld } from '../../../twin/liveness.ts';
 import { isolated } from '../../../twin/names.ts';
 import { OverlayReader } from '../../../twin/overlay/reader.ts';
@@ -7,10 +8,13 @@ import type { RobotTwin } from '../../../twin/robot.ts';
 import type { LoadScale } from '../../../twin/sensors/load.ts';
 import type { OverlaidBody } from '../../../view/body_view.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
+import { onSelection, selection } from '../../state/selection.ts';
 import { onSettings, settings } from '../../state/settings.ts';
 import { languageTag, onLanguage } from '../../text/language.ts';
 import { more } from '../../text/more.ts';
 import type { More } from '../../text/more_en.ts';
+
+const BALANCE = new LatePart(() => import('../../../view/balance.ts'));
 
 /** A running connection between the readings of a robot and the overlay of its body. */
 export interface OverlayLink {
@@ -59,7 +63,7 @@ export function bindOverlay(scene: OverlaidBody, { twin, watch }: RobotLink): Ov
       return;
     }
     if (reader?.schema !== schema) reader = new OverlayReader(schema);
-    const choice = settings();
+    const choice = { ...settings(), joint: selection()?.joint ?? null };
     const readings = reader.read(state.codes, limits, choice);
     const ghost = reader.ghost(readings, choice);
     scene.lockHeading(choice.headingLocked);
@@ -70,7 +74,9 @@ export function bindOverlay(scene: OverlaidBody, { twin, watch }: RobotLink): Ov
     words = wordsFor(twin, names === 'words', words);
     const from = shown === 'ref' && reader.can.lens ? 'ref' : 'pos';
     const live = !isOld(watch.verdict());
-    scene.showSigns(readings, { from, live, arrowScale, palette, angle, words: words.words });
+    if (readings.balance !== null) BALANCE.load();
+    const balance = BALANCE.value()?.makeBalance ?? null;
+    scene.showSigns(readings, { from, live, arrowScale, palette, angle, words: words.words, balance });
   };
 
   const leave = [
@@ -79,6 +85,8 @@ export function bindOverlay(scene: OverlaidBody, { twin, watch }: RobotLink): Ov
     onSettings(follow),
     onLanguage(follow),
     watch.onWord(follow),
+    onSelection(follow),
+    BALANCE.subscribe(follow),
   ];
   follow();
   return {

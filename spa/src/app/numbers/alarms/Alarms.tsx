@@ -42,13 +42,12 @@ export function Alarms({ link }: { link: RobotLink }) {
     own: false,
     ...{ level, state },
   }));
-  const seen: Happened[] = crossings.map(({ n, atMs, source, state, side, limit }) => ({
+  const seen: Happened[] = crossings.map(({ n, atMs, source, state, side, limit, own }) => ({
     key: `own ${n}`,
     words: text[side](limit),
     level: 'fault',
     title: undefined,
-    own: true,
-    ...{ atMs, source, state },
+    ...{ atMs, source, state, own },
   }));
   const all = [...told, ...seen].toReversed().sort((a, b) => (b.atMs ?? 0) - (a.atMs ?? 0));
   if (all.length === 0 && faults.length === 0)

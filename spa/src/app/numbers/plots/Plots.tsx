@@ -1,6 +1,7 @@
 import { useEffect, useRef, useState } from 'react';
 import './plots.css';
 import type { History } from '../../../twin/plots/history.ts';
+import { BALANCE } from '../../balance/BalanceParts.tsx';
 import { useTheme } from '../../shell/theme.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
 import { useSettings } from '../../state/settings.ts';
@@ -38,6 +39,7 @@ export function Plots({ link }: { link: RobotLink }) {
       theme,
       angle,
       words: text,
+      derived: BALANCE.value()?.balanceTraces(link) ?? null, // whoever plots it has seen its numbers
       remove: removeTrace,
       zoomed: () => setHeld((before) => before ?? hold(history, link.nowMs())),
     });
@@ -45,7 +47,11 @@ export function Plots({ link }: { link: RobotLink }) {
     const write = () => made.write(history, link.nowMs());
     if (heldNow.current === null) write();
     else made.write(heldNow.current.past, heldNow.current.atMs);
-    const stop = refreshWith(link.twin, () => heldNow.current === null && write(), [], SLIDES_EVERY_MS);
+    const refresh = () => {
+      if (heldNow.current === null) write();
+      else if (made.computing) made.write(heldNow.current.past, heldNow.current.atMs);
+    };
+    const stop = refreshWith(link.twin, refresh, [], SLIDES_EVERY_MS);
     return () => {
       stop();
       stack.current = null;

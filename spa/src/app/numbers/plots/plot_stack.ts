@@ -6,7 +6,7 @@ import { NUMBERS } from '../../../twin/joints.ts';
 import { isolated } from '../../../twin/names.ts';
 import { csvOf } from '../../../twin/plots/csv.ts';
 import { HISTORY_S, type History } from '../../../twin/plots/history.ts';
-import type { Trace } from '../../../twin/plots/trace.ts';
+import type { DerivedTraces, Trace } from '../../../twin/plots/trace.ts';
 import {
   type PlotData,
   type PlotGroup,
@@ -40,6 +40,8 @@ export interface PlotManner {
   readonly theme: 'dark' | 'light';
   readonly angle: AngleUnit;
   readonly words: PlotWords;
+  /** What the page computes itself; null: none of it is plotted. */
+  readonly derived: DerivedTraces | null;
   /** Takes a trace away; null where nobody chose them. */
   readonly remove: ((trace: Trace) => void) | null;
   /** Called when somebody zooms to a part of the time, which must then not slide away; null: one can't zoom. */
@@ -57,6 +59,7 @@ export class PlotStack {
   /** The schema whose values are shown. */
   #builtFor: History['schema'] | undefined;
   #shown: Shown[] = [];
+  #computing = false;
   /** Position of the common cursor; null: none. */
   #at: number | null = null;
 
@@ -71,6 +74,7 @@ export class PlotStack {
   /** Shows the minute that ends at `nowMs`. */
   write(history: History, nowMs: number): void {
     if (history.schema !== this.#builtFor) this.#build(history, nowMs);
+    this.#computing = this.#manner.derived?.update(history, nowMs) ?? false;
     for (const shown of this.#shown) {
       shown.data = plotData(history, shown.group, nowMs);
       shown.plot.batch(() => {
@@ -79,6 +83,11 @@ export class PlotStack {
       });
     }
     this.#tell();
+  }
+
+  /** Whether some of what was written last is still to be computed: write it again. */
+  get computing(): boolean {
+    return this.#computing;
   }
 
   /** The visible part of all plots as CSV. */
@@ -94,11 +103,11 @@ export class PlotStack {
   }
 
   #build(history: History, nowMs: number): void {
-    const { words } = this.#manner;
+    const { words, derived } = this.#manner;
     for (const { plot } of this.#shown) plot.destroy();
     this.#builtFor = history.schema;
     const parts: HTMLElement[] = [];
-    this.#shown = plotGroups(history, this.#list, this.#manner.angle, words).map((group) => {
+    this.#shown = plotGroups(history, this.#list, this.#manner.angle, words, derived).map((group) => {
       const figure = createElement('figure', 'plot');
       const legend = createElement('ul', 'plot-legend');
       const values = group.traces.map((_, i) => this.#entry(legend, group, i));

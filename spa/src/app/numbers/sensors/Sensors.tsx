@@ -1,5 +1,6 @@
 import './sensors.css';
 import { useLayoutEffect, useRef } from 'react';
+import { BalanceNumbers } from '../../balance/BalanceParts.tsx';
 import type { RobotLink } from '../../state/robot_link.ts';
 import { onTraces } from '../../state/traces.ts';
 import { onLanguage, say } from '../../text/language.ts';
@@ -7,7 +8,8 @@ import { createElement } from '../grid/cells.ts';
 import { refreshWith } from '../grid/refresh.ts';
 import { SensorView } from './sensor_view.ts';
 
-/** The element for the sensors, whose numbers are written to the DOM without React. */
+/** The element for the sensors, whose numbers are written to the DOM without React, and below it what the page computes of
+ *  them. */
 export function Sensors({ link }: { link: RobotLink }) {
   const host = useRef<HTMLDivElement>(null);
   useLayoutEffect(() => {
@@ -22,5 +24,10 @@ export function Sensors({ link }: { link: RobotLink }) {
       view.dispose();
     };
   }, [link]);
-  return <div className="numbers" ref={host} />;
+  return (
+    <>
+      <div className="numbers" ref={host} />
+      <BalanceNumbers link={link} />
+    </>
+  );
 }

@@ -15,6 +15,7 @@ import { languageTag, onLanguage } from '../../text/language.ts';
 import { useMore } from '../../text/more.ts';
 import { OpenFaults } from '../alarms/OpenFaults.tsx';
 import { refreshWith } from '../grid/refresh.ts';
+import { JointRoom } from './JointRoom.tsx';
 import { JointCardView } from './joint_card_view.ts';
 
 const EVENTS_SHOWN = 8;
@@ -75,6 +76,7 @@ export function JointCard({ link, joint }: { link: RobotLink; joint: string }) {
           </p>
         )}
         <div ref={host} />
+        <JointRoom link={link} joint={joint} />
         {events.length > 0 && (
           <ol className="card-events" aria-label={text.whatHappened}>
             {events.toReversed().map((event) => (

@@ -4,12 +4,21 @@ on. A robot wrote it, so everything is checked, by the rules of the page's reade
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NoReturn
 
-from posecast_wire.checked import loads, make_visible
+from posecast_wire.checked import loads
 from posecast_wire.mapping import Xyz
+
+from posecast_relay.kinematics.manifest_values import (
+    check_list,
+    check_name,
+    check_number,
+    check_numbers,
+    check_table,
+    fail,
+    make_xyz,
+)
 
 BYTES_MAX = 1 << 20
 LINKS_MAX = 1000
@@ -31,10 +40,6 @@ VARIABLES: Mapping[str, tuple[tuple[str, float], ...]] = {
         *(("/rot_x", 0.0), ("/rot_y", 0.0), ("/rot_z", 0.0), ("/rot_w", 1.0)),
     ),
 }
-
-
-class ModelTreeError(ValueError):
-    """A manifest from which a robot can't be posed: one line, `where: reason`."""
 
 
 @dataclass(frozen=True)
@@ -72,31 +77,41 @@ class ModelTree:
     boxes: Mapping[int, Box]
 
 
-def read_model_tree(manifest: bytes) -> ModelTree:
+def read_model_tree(manifest: bytes | bytearray) -> ModelTree:
     """Read a manifest, in time proportional to its size. Raises ModelTreeError."""
+    return make_model_tree(load_manifest(manifest))
+
+
+def load_manifest(manifest: bytes | bytearray) -> Mapping[str, object]:
+    """Parse a manifest's JSON, whose members are not checked yet. Raises ModelTreeError."""
     if len(manifest) > BYTES_MAX:
-        _fail("manifest", f"over {BYTES_MAX} bytes")
+        fail("manifest", f"over {BYTES_MAX} bytes")
     try:
-        doc = _table(loads(manifest), "manifest")
-    except ModelTreeError:
-        raise
+        document = loads(bytes(manifest))
     except ValueError:
-        _fail("manifest", "not JSON")
+        fail("manifest", "not JSON")
+    return check_table(document, "manifest")
+
+
+def make_model_tree(doc: Mapping[str, object]) -> ModelTree:
+    """Read links, joints and boxes of a manifest that has been parsed. Raises ModelTreeError."""
     if doc.get("v") != 2:
-        _fail("v", "a URDF that has not been built")
-    links = tuple(_name(v, f"links[{i}]") for i, v in enumerate(_list(doc.get("links"), "links", LINKS_MAX)))
+        fail("v", "a URDF that has not been built")
+    links = tuple(
+        check_name(v, f"links[{i}]") for i, v in enumerate(check_list(doc.get("links"), "links", LINKS_MAX))
+    )
     if not links:
-        _fail("links", "none")
-    found = _list(doc.get("joints"), "joints", LINKS_MAX - 1)
-    joints = tuple(_joint(_table(v, f"joints[{i}]"), i) for i, v in enumerate(found))
+        fail("links", "none")
+    found = check_list(doc.get("joints"), "joints", LINKS_MAX - 1)
+    joints = tuple(_joint(check_table(v, f"joints[{i}]"), i) for i, v in enumerate(found))
     if len(joints) != len(links) - 1:
-        _fail("joints", f"{len(links)} links need {len(links) - 1}")
+        fail("joints", f"{len(links)} links need {len(links) - 1}")
     for where, names in (("links", links), ("joints", tuple(joint.name for joint in joints))):
         if len(set(names)) < len(names):
-            _fail(where, "a name stands there twice")
+            fail(where, "a name stands there twice")
     for i, joint in enumerate(joints):
         if joint.mimic is not None and joint.mimic.joint >= len(joints):
-            _fail(f"joints[{i}]", "mimics a joint that is not there")
+            fail(f"joints[{i}]", "mimics a joint that is not there")
     return ModelTree(links, joints, _boxes(doc.get("visuals"), len(links)))
 
 
@@ -104,59 +119,59 @@ def _joint(doc: Mapping[str, object], i: int) -> TreeJoint:
     where = f"joints[{i}]"
     kind, parent, mimic = doc.get("type"), doc.get("parent"), doc.get("mimic")
     if doc.get("child") != i + 1:
-        _fail(where, f"its child is not link {i + 1}")
+        fail(where, f"its child is not link {i + 1}")
     if type(parent) is not int or not 0 <= parent <= i:
-        _fail(where, "its parent comes after it")
+        fail(where, "its parent comes after it")
     if not isinstance(kind, str) or kind not in VARIABLES:
-        _fail(where, "unknown type")
-    axis = _unit(_numbers(_given(doc, "axis", [1, 0, 0]), 3, f"{where}.axis"), f"{where}.axis")
-    quat = _unit(_numbers(_given(doc, "quat", [1, 0, 0, 0]), 4, f"{where}.quat"), f"{where}.quat")
+        fail(where, "unknown type")
+    axis = _unit(check_numbers(_given(doc, "axis", [1, 0, 0]), 3, f"{where}.axis"), f"{where}.axis")
+    quat = _unit(check_numbers(_given(doc, "quat", [1, 0, 0, 0]), 4, f"{where}.quat"), f"{where}.quat")
     return TreeJoint(
-        name=_name(doc.get("name"), f"{where}.name"),
+        name=check_name(doc.get("name"), f"{where}.name"),
         type=kind,
         parent=parent,
-        xyz=_xyz(_numbers(_given(doc, "xyz", [0, 0, 0]), 3, f"{where}.xyz")),
+        xyz=make_xyz(check_numbers(_given(doc, "xyz", [0, 0, 0]), 3, f"{where}.xyz")),
         quat=(quat[0], quat[1], quat[2], quat[3]),
-        axis=_xyz(axis),
+        axis=make_xyz(axis),
         plane=_plane(doc.get("plane"), f"{where}.plane") if kind == "planar" else None,
-        mimic=None if "mimic" not in doc else _mimic(_table(mimic, f"{where}.mimic"), where),
+        mimic=None if "mimic" not in doc else _mimic(check_table(mimic, f"{where}.mimic"), where),
     )
 
 
 def _plane(value: object, where: str) -> tuple[Xyz, Xyz]:
-    ways = [_xyz(_unit(_numbers(way, 3, where), where)) for way in _list(value, where, 2)]
+    ways = [make_xyz(_unit(check_numbers(way, 3, where), where)) for way in check_list(value, where, 2)]
     if len(ways) != 2:
-        _fail(where, "not two directions")
+        fail(where, "not two directions")
     return ways[0], ways[1]
 
 
 def _mimic(doc: Mapping[str, object], where: str) -> CopiedJoint:
     joint = doc.get("joint")
     if type(joint) is not int or not 0 <= joint < LINKS_MAX:
-        _fail(f"{where}.mimic", "not the index of a joint")
+        fail(f"{where}.mimic", "not the index of a joint")
     return CopiedJoint(
         joint,
-        _number(doc.get("multiplier", 1), f"{where}.mimic"),
-        _number(doc.get("offset", 0), f"{where}.mimic"),
+        check_number(doc.get("multiplier", 1), f"{where}.mimic"),
+        check_number(doc.get("offset", 0), f"{where}.mimic"),
     )
 
 
 def _boxes(value: object, links: int) -> dict[int, Box]:
     boxes: dict[int, Box] = {}
-    for i, each in enumerate(_list(value, "visuals", VISUALS_MAX)):
-        visual = _table(each, f"visuals[{i}]")
+    for i, each in enumerate(check_list(value, "visuals", VISUALS_MAX)):
+        visual = check_table(each, f"visuals[{i}]")
         link, box = visual.get("link"), visual.get("box")
         if type(link) is not int or not 0 <= link < links:
-            _fail(f"visuals[{i}]", "its link is not there")
+            fail(f"visuals[{i}]", "its link is not there")
         if "box" not in visual:
             continue
         where = f"visuals[{i}].box"
-        corners = [_numbers(corner, 3, where) for corner in _list(box, where, 2)]
+        corners = [check_numbers(corner, 3, where) for corner in check_list(box, where, 2)]
         if len(corners) != 2:
-            _fail(where, "not two corners")
+            fail(where, "not two corners")
         both = [*corners, *boxes.get(link, ())]
         low, high = ([pick(corner[axis] for corner in both) for axis in range(3)] for pick in (min, max))
-        boxes[link] = (_xyz(low), _xyz(high))
+        boxes[link] = (make_xyz(low), make_xyz(high))
     return boxes
 
 
@@ -165,49 +180,8 @@ def _given(doc: Mapping[str, object], name: str, otherwise: object) -> object:
     return otherwise if value is None else value
 
 
-def _table(value: object, where: str) -> Mapping[str, object]:
-    if not isinstance(value, dict):
-        _fail(where, "no object")
-    return value
-
-
-def _list(value: object, where: str, most: int) -> Sequence[object]:
-    if not isinstance(value, list):
-        _fail(where, "no list")
-    if len(value) > most:
-        _fail(where, f"{len(value)} are too many")
-    return value
-
-
-def _name(value: object, where: str) -> str:
-    if not isinstance(value, str):
-        _fail(where, "no name")
-    return value
-
-
-def _number(value: object, where: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        _fail(where, "no number")
-    return float(value)
-
-
-def _numbers(value: object, size: int, where: str) -> list[float]:
-    found = _list(value, where, size)
-    if len(found) != size:
-        _fail(where, f"not {size} numbers")
-    return [_number(each, where) for each in found]
-
-
 def _unit(value: list[float], where: str) -> list[float]:
     length = math.hypot(*value)
     if not abs(length - 1) < LENGTH_SLACK:
-        _fail(where, "not of length 1")
+        fail(where, "not of length 1")
     return [part / length for part in value]
-
-
-def _xyz(value: Sequence[float]) -> Xyz:
-    return (value[0], value[1], value[2])
-
-
-def _fail(where: str, reason: str) -> NoReturn:
-    raise ModelTreeError(f"{make_visible(where)}: {make_visible(reason)}")

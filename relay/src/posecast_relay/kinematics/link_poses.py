@@ -12,10 +12,11 @@ from typing import NamedTuple
 
 from posecast_wire import Schema, compute_joint_values
 from posecast_wire.mapping import JOINT, Xyz
-from posecast_wire.schema import MISSING, Field
+from posecast_wire.schema import MISSING
 
-from posecast_relay.export.model_tree import VARIABLES, Box, ModelTree, Quat, TreeJoint
-from posecast_relay.export.rotation import (
+from posecast_relay.kinematics.channel_places import ChannelPlaces
+from posecast_relay.kinematics.model_tree import VARIABLES, Box, ModelTree, Quat, TreeJoint
+from posecast_relay.kinematics.rotation import (
     SHORTEST,
     UPRIGHT,
     invert_quat,
@@ -44,17 +45,32 @@ def compose_poses(a: LinkPose, b: LinkPose) -> LinkPose:
     return LinkPose((x + dx, y + dy, z + dz), multiply_quats(a.quat, b.quat))
 
 
+def place_point(world_from_link: LinkPose, point: Xyz) -> Xyz:
+    """A point of a link's frame in the world, metres."""
+    x, y, z = world_from_link.xyz
+    dx, dy, dz = rotate_vector(world_from_link.quat, point)
+    return (x + dx, y + dy, z + dz)
+
+
+def invert_pose(pose: LinkPose) -> LinkPose:
+    """b_from_a of a_from_b."""
+    quat = invert_quat(pose.quat)
+    x, y, z = rotate_vector(quat, pose.xyz)
+    return LinkPose((-x, -y, -z), quat)
+
+
 class FrameReadings:
     """What the frames of one schema say of the body, each reading the last that there was."""
 
     def __init__(self, schema: Schema) -> None:
         self.joints: dict[str, float] = {}  # by URDF name (or JOINT/variable), rad or m
         self.base: LinkPose | None = None  # world_from_root
-        self.imu = _find_body_imu(schema)
+        places = ChannelPlaces(schema)
+        self.imu = _find_body_imu(schema, places)
         self.world_from_imu: Quat | None = None
         self._schema = schema
-        self._base = _find_channels(schema, "base", "base", "xyz")
-        self._base_turn = _find_channels(schema, "baseq", "base", "wxyz")
+        self._base = _find_channels(schema, places, "base", "base", "xyz")
+        self._base_turn = _find_channels(schema, places, "baseq", "base", "wxyz")
 
     def take(self, codes: Sequence[int]) -> None:
         """Take a frame's codes, all channels in the schema's order."""
@@ -160,7 +176,7 @@ class _BodyImu:
         return normalise_quat(found) if self.knows_heading else quat_of_rpy((found[0], found[1], 0.0))
 
 
-def _find_body_imu(schema: Schema) -> _BodyImu | None:
+def _find_body_imu(schema: Schema, places: ChannelPlaces) -> _BodyImu | None:
     """The first sensor of kind imu in the mapping that the frames have; in a schema without sensors, the only
     one."""
     sites: dict[str, tuple[list[tuple[int, float]], bool]] = {}
@@ -172,7 +188,7 @@ def _find_body_imu(schema: Schema) -> _BodyImu | None:
             site, dot, part = label.rpartition(".")
             if not dot or part != parts[0] or site in sites:
                 continue
-            channels = _find_channels(schema, name, site, parts)
+            channels = _find_channels(schema, places, name, site, parts)
             if channels:
                 sites[site] = (channels, heading)
     sensors = schema.mapping.sensors
@@ -188,17 +204,14 @@ def _find_body_imu(schema: Schema) -> _BodyImu | None:
     return _BodyImu(mount.link, quat_of_rpy(mount.rpy), channels, heading)
 
 
-def _find_channels(schema: Schema, name: str, site: str, parts: Sequence[str]) -> list[tuple[int, float]]:
+def _find_channels(
+    schema: Schema, places: ChannelPlaces, name: str, site: str, parts: Sequence[str]
+) -> list[tuple[int, float]]:
     """Places in the code vector of `SITE.part` for each part, with their scale; none when any is lacking."""
     found = schema.find_field(name)
-    labels = [f"{site}.{part}" for part in parts]
-    if found is None or any(label not in found.labels for label in labels):
-        return []
-    return [(_place(found, label), found.scale) for label in labels]
-
-
-def _place(found: Field, label: str) -> int:
-    return found.start + found.labels.index(label)
+    at = [places.find(name, f"{site}.{part}") for part in parts]
+    known = [place for place in at if place is not None]
+    return [] if found is None or len(known) < len(at) else [(place, found.scale) for place in known]
 
 
 def _read(codes: Sequence[int], channels: Sequence[tuple[int, float]]) -> list[float] | None:

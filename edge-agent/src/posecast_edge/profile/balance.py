@@ -1,0 +1,75 @@
+"""Reads a profile's [balance] table: what the robot stands on, where its model and sensors don't say it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, cast
+
+from posecast_wire.mapping import CORNERS_MAX, FEET_MAX, GROUNDS, BalanceRule, Ground, SensorMount, Xyz
+
+from posecast_edge.visible import quote
+
+if TYPE_CHECKING:
+    from posecast_edge.profile.reader import ProfileReader
+
+WRENCH = "wrench"
+AREA_MIN_M2 = 1e-4
+
+
+def read_balance(reader: ProfileReader, value: object, sensors: Mapping[str, SensorMount]) -> BalanceRule:
+    """Parse [balance]. A foot is a site of a wrench sensor, else a link of the model. Raises ProfileError,
+    which names the line."""
+    item = reader.check_table(value, "balance", ("feet", "ground", "soles"))
+    ground = item.get("ground")
+    if ground is not None:
+        reader.check_choice(ground, GROUNDS, "ground", "balance.ground")
+    feet = _feet(reader, item["feet"], sensors, ground == "measured") if "feet" in item else None
+    soles = reader.check_table(item.get("soles", {}), "balance.soles")
+    if len(soles) > FEET_MAX:
+        reader.fail("balance.soles", f"more than {FEET_MAX} soles")
+    for foot in soles:
+        if feet is not None and foot not in feet:
+            reader.fail(f"balance.soles.{foot}", f"{quote(foot)} is none of the feet")
+    read = {foot: _sole(reader, points, f"balance.soles.{foot}") for foot, points in soles.items()}
+    return BalanceRule(feet, cast("Ground | None", ground), read)
+
+
+def _feet(
+    reader: ProfileReader, value: object, sensors: Mapping[str, SensorMount], is_measured: bool
+) -> tuple[str, ...]:
+    feet = () if value == [] else reader.check_unique_texts(value, "balance.feet")
+    if len(feet) > FEET_MAX:
+        reader.fail("balance.feet", f"more than {FEET_MAX} feet")
+    for i, foot in enumerate(feet):
+        where, mount = f"balance.feet[{i}]", sensors.get(foot)
+        if mount is None:
+            if is_measured:
+                reader.fail(where, f"unknown site {quote(foot)}: feet that measure stand in [sensors]")
+        elif mount.kind != WRENCH:
+            reader.fail(where, f"{quote(foot)} is a sensor of kind {mount.kind}, not {WRENCH}")
+        elif mount.link is None:
+            reader.fail(where, f"sensor {quote(foot)} has no link in [sensors]")
+    return feet
+
+
+def _sole(reader: ProfileReader, value: object, where: str) -> tuple[Xyz, ...]:
+    if not isinstance(value, list) or not 3 <= len(value) <= CORNERS_MAX:
+        reader.fail(where, f"must be a list of 3 to {CORNERS_MAX} corners, each of three numbers")
+    corners = tuple(reader.check_xyz(corner, f"{where}[{i}]") for i, corner in enumerate(value))
+    if compute_area(corners) < AREA_MIN_M2:
+        reader.fail(where, "its corners enclose less than 1 cm²; they are metres, in order around the sole")
+    return corners
+
+
+def compute_area(corners: Sequence[Xyz]) -> float:
+    """The area of a polygon in space, m² (half the length of its Newell vector)."""
+    x0, y0, z0 = corners[0]
+    total = [0.0, 0.0, 0.0]
+    for one, other in pairwise(corners):  # with the first a triangle each
+        a, b, c = one[0] - x0, one[1] - y0, one[2] - z0
+        d, e, f = other[0] - x0, other[1] - y0, other[2] - z0
+        for i, part in enumerate((b * f - c * e, c * d - a * f, a * e - b * d)):
+            total[i] += part
+    return math.hypot(*total) / 2

@@ -1,0 +1,128 @@
+"""A profile's [balance] and the limits of its margin."""
+
+from __future__ import annotations
+
+import io
+import re
+
+import pytest
+from model_stage import link, robot
+from posecast_edge.model.doctor.skeleton import examine_model
+from posecast_edge.model.urdf.reader import read_urdf
+from posecast_edge.model.urdf.tree import build_tree
+from posecast_edge.profile.reader import ProfileError, parse_profile
+from posecast_edge.profile.schema import make_schema_text
+from posecast_wire.mapping import BalanceRule, Mapping, Threshold
+from posecast_wire.schema import Schema
+
+SOLE = "[[0.1, 0.05, 0], [-0.1, 0.05, 0], [0, -0.05, 0]]"
+SENSORS = """
+[sensors]
+RF = { kind = "wrench", link = "right_foot" }
+LF = { kind = "wrench", link = "left_foot" }
+RH = { kind = "wrench" }
+torso = { kind = "imu", link = "body" }
+"""
+STANDING = f"""
+[labels]
+joint = ["A"]
+[[fields]]
+name = "pos"
+[[fields]]
+name = "ftf"
+labels = ["RF.fz", "LF.fz"]
+{SENSORS}
+"""
+ALL = f"""
+[balance]
+feet = ["RF", "LF"]
+ground = "measured"
+soles.RF = {SOLE}
+[thresholds.balance]
+margin = {{ low = 10, caution = 0.4 }}
+"""
+CORNERS = ((0.1, 0.05, 0.0), (-0.1, 0.05, 0.0), (0.0, -0.05, 0.0))
+
+
+def test_it_comes_to_the_viewer_as_it_stands() -> None:
+    mapping = Schema.parse(make_schema_text(parse_profile(STANDING + ALL))).mapping
+    assert mapping.balance == BalanceRule(("RF", "LF"), "measured", {"RF": CORNERS})
+    assert mapping.find_threshold("balance", "margin") == Threshold(10.0, None, 0.4)
+
+
+def test_a_profile_that_says_nothing_says_nothing() -> None:
+    text = make_schema_text(parse_profile(STANDING))
+    assert '"balance"' not in text
+    assert Schema.parse(text).mapping.balance == BalanceRule()
+    assert parse_profile(STANDING + "[balance]\nfeet = []\n").mapping.balance.feet == ()
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ('feet = ["RF", "gone"]\nground = "measured"', r"balance\.feet\[1\]: unknown site 'gone'"),
+        ('feet = ["torso"]', r"balance\.feet\[0\]: 'torso' is a sensor of kind imu, not wrench"),
+        ('feet = ["RH"]', r"balance\.feet\[0\]: sensor 'RH' has no link"),
+        ('feet = ["RF", "RF"]', r"balance\.feet\[1\]: 'RF' stands there twice"),
+        ('feet = "RF"', r"balance\.feet: must be a list"),
+        (f"feet = {[f'l{i}' for i in range(17)]}", r"balance\.feet: more than 16"),
+        ('ground = "air"', r"balance\.ground: unknown ground 'air'"),
+        ("toes = 1", r"balance\.toes: unknown key"),
+        (f'feet = ["LF"]\nsoles.RF = {SOLE}', r"balance\.soles\.RF: 'RF' is none of the feet"),
+        ("soles.RF = [[0, 0, 0], [1, 0, 0]]", r"balance\.soles\.RF: must be a list of 3 to 64 corners"),
+        ("soles.RF = [[0, 0, 0], [1, 0, 0], [1, inf, 0]]", r"balance\.soles\.RF\[2\]\[1\]: must be a number"),
+        ("soles.RF = [[0, 0, 0], [1, 0], [1, 1, 0]]", r"balance\.soles\.RF\[1\]: must be three numbers"),
+        ("soles.RF = [[0, 0, 0], [1, 0, 0], [2, 0, 0]]", r"balance\.soles\.RF: .*less than 1 cm²"),
+        (f"soles = {{ {', '.join(f'l{i} = {SOLE}' for i in range(17))} }}", r"balance\.soles: more than 16"),
+    ],
+)
+def test_a_mistake_is_one_line_with_file_and_place(table: str, words: str) -> None:
+    with pytest.raises(ProfileError) as raised:
+        parse_profile(f"{STANDING}\n[balance]\n{table}\n", "robot.toml")
+    assert re.match(rf"robot\.toml:\d+: {words}", str(raised.value)), raised.value
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ("[thresholds.balance]\nedge = { low = 1 }", r"thresholds\.balance\.edge: unknown label 'edge'"),
+        ("[thresholds.balance]\nmargin = { caution = 1 }", r"thresholds\.balance\.margin: needs low or high"),
+        ("[thresholds.gone]\nmargin = { low = 1 }", r"thresholds\.gone: unknown field 'gone'"),
+    ],
+)
+def test_only_the_margin_has_limits_beside_the_fields(table: str, words: str) -> None:
+    with pytest.raises(ProfileError, match=words):
+        parse_profile(f"{STANDING}\n{table}\n")
+
+
+VIEWS = """
+[views.lab]
+fields = ["pos", "ftf"]
+[views.public]
+fields = ["pos"]
+[views.forces]
+fields = ["ftf"]
+"""
+
+
+def see(name: str) -> Mapping:
+    profile = parse_profile(STANDING + ALL + VIEWS)
+    return Schema.parse(make_schema_text(profile.restrict_to_view(profile.views[name]))).mapping
+
+
+def test_a_view_without_the_feets_forces_stands_on_their_links() -> None:
+    assert see("lab").balance == BalanceRule(("RF", "LF"), "measured", {"RF": CORNERS})
+    seen = see("public")
+    assert seen.balance == BalanceRule(("right_foot", "left_foot"), "lowest", {"right_foot": CORNERS})
+    assert seen.find_threshold("balance", "margin") is not None
+    assert see("forces").balance == BalanceRule(), "nothing moves there"
+    assert see("forces").find_threshold("balance", "margin") is None
+
+
+def test_the_doctor_names_a_foot_that_the_model_has_not() -> None:
+    urdf = read_urdf(io.BytesIO(robot(link("right_foot")).encode()))
+    meaning = parse_profile(STANDING + '[balance]\nfeet = ["right_foot", "lost"]\n').mapping
+    found = [f for f in examine_model(urdf, build_tree(urdf), None, meaning) if f.code == "profile-foot"]
+    assert len(found) == 1
+    assert "names foot 'lost', which is neither a sensor nor a link" in found[0].text

@@ -1,0 +1,83 @@
+"""Balance in a robot's state: of one frame alone, computed only when somebody asks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+from weakref import ReferenceType, WeakKeyDictionary, ref
+
+from posecast_wire import MISSING, Frame, Schema
+
+from posecast_relay.balance.balance import make_balance_document
+from posecast_relay.balance.course import BalanceCourse
+from posecast_relay.balance.feet import FootChoice, choose_feet
+from posecast_relay.balance.model import BalanceModel
+from posecast_relay.core.state.stream import Stream
+from posecast_relay.http.balance_models import NoBalance
+from posecast_relay.kinematics.link_poses import FrameReadings, LinkPoses
+from posecast_relay.streaming.turns import Turns
+
+# Balance is computed in the turn of the loop in which all viewers are served.
+LINK_US, FOOT_US, CHANNEL_US = 15, 100, 1  # what it takes for each, about; 0.4 ms for the demo robot
+ROBOT_US_PER_S = 40_000  # for one robot; states beyond go without
+US_PER_S = 100_000  # for all robots, each the same share
+
+Choices = WeakKeyDictionary[Stream, tuple[Schema, ReferenceType[BalanceModel], FootChoice]]
+
+
+class StateBalance:
+    """Computes the balance of newest frames, at a bounded rate per robot. `now` is a clock in seconds."""
+
+    def __init__(self, now: Callable[[], float]) -> None:
+        self._turns = Turns(now, ROBOT_US_PER_S, US_PER_S)
+        self._choices: Choices = WeakKeyDictionary()
+
+    def make_document(
+        self, stream: Stream, frame: Frame, model: BalanceModel | NoBalance
+    ) -> Mapping[str, Any] | None:
+        """The member `balance` of a state; None where a robot has no masses and stands on nothing known.
+
+        A joint, base or IMU without a reading in this frame is at rest, at the origin, upright.
+        """
+        if isinstance(model, NoBalance):
+            return _tell_none(model.code, model.detail)
+        choice = self._choose_feet(stream, frame.schema, model)
+        if not model.inertials and not choice.feet:
+            return _explain_nothing(model)
+        if not _has_positions(frame):
+            return _tell_none("no-positions")
+        cost_us = LINK_US * len(model.tree.links) + FOOT_US * len(choice.feet)
+        if not self._turns.takes(stream.robot, cost_us + CHANNEL_US * frame.schema.size):
+            return _tell_none("busy")
+        readings, poses = FrameReadings(frame.schema), LinkPoses(model.tree)
+        readings.take(frame.codes)
+        poses.update(readings)
+        course = BalanceCourse(model, frame.schema, choice)
+        told = make_balance_document(course.read(frame.codes, poses.compute_world_poses(), frame.t_s))
+        return told if model.why is None else {**told, "detail": model.why}
+
+    def _choose_feet(self, stream: Stream, schema: Schema, model: BalanceModel) -> FootChoice:
+        known = self._choices.get(stream)
+        if known is None or known[0] is not schema or known[1]() is not model:
+            known = self._choices[stream] = schema, ref(model), choose_feet(model, schema)
+        return known[2]
+
+
+def _has_positions(frame: Frame) -> bool:
+    """Whether any joint has a reading: without one nobody knows how the robot stands."""
+    field = frame.schema.find_field("pos")
+    return field is not None and any(
+        code != MISSING for code in frame.codes[field.start : field.start + field.size]
+    )
+
+
+def _explain_nothing(model: BalanceModel) -> Mapping[str, Any] | None:
+    if model.why is not None:
+        return _tell_none("bad-model", model.why)
+    if model.inertials is None or model.soles is None:
+        return _tell_none("old-bundle")
+    return _tell_none("impossible-masses") if model.has_impossible_masses else None
+
+
+def _tell_none(code: str, detail: str | None = None) -> Mapping[str, Any]:
+    return {"why": {"balance": code}} | ({} if detail is None else {"detail": detail})

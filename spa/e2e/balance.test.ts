@@ -1,0 +1,136 @@
+/** The signs of balance, in both renderers: what holds the robot, what they cost, and grey for what is old. */
+
+import { expect, it } from 'vitest';
+import { COUNT_DRAWS, drawCalls } from './draw_calls.ts';
+import type { Page } from './driver/page.ts';
+import { until } from './driver/until.ts';
+import { hasSkin, liveness, resting } from './robot_page.ts';
+import { choose, DEMO, demoAt, labels, type Moment, shown } from './sign_words.ts';
+import { setStage } from './stage.ts';
+
+const stage = setStage();
+
+/** Most draw calls that balance may add to a picture. */
+const MOST_CALLS = 2;
+/** The robot stands on both feet. */
+const STANDING = demoAt(38);
+
+interface Balance {
+  readonly centreOfMass: readonly number[] | null;
+  readonly floorM: number | null;
+  readonly ground: string | null;
+  readonly polygon: readonly (readonly number[])[];
+  readonly marginM: number | null;
+  readonly level: string;
+  readonly pressure: readonly number[] | null;
+  readonly feet: readonly { name: string; bears: boolean | null; pressure: unknown; atEdge: boolean }[];
+  readonly footprints: number;
+  readonly joints: readonly { joint: string; left: number }[];
+}
+
+function balance(page: Page): Promise<Balance | null> {
+  return page.evaluate<Balance | null>(
+    'JSON.parse(JSON.stringify(window.posecast.scene?.signs.balance ?? null))',
+  );
+}
+
+/** Waits for signs of balance of which this holds. */
+function balanceWith(page: Page, what: string, holds: (balance: Balance) => boolean): Promise<Balance> {
+  return until(
+    what,
+    async () => {
+      const now = await balance(page);
+      return now !== null && holds(now) ? now : null;
+    },
+    60_000,
+  );
+}
+
+async function atRest(page: Page): Promise<void> {
+  await until('HOLDING', async () => (await liveness(page)) === 'HOLDING', 30_000);
+  await until('rest', () => resting(page), 60_000);
+}
+
+/** Raises the robot's right foot, whose force goes to the left one. */
+function onOneFoot({ ftf = {}, ftm = {}, ...moment }: Moment): Moment {
+  const of = (part: Record<string, number | null>, site: string, value: number | null) =>
+    Object.fromEntries(Object.keys(part).flatMap((key) => (key.startsWith(site) ? [[key, value]] : [])));
+  return {
+    ...moment,
+    ftf: { ...ftf, ...of(ftf, 'RF', 0), 'LF.fz': 420 },
+    ftm: { ...ftm, ...of(ftm, 'RF', 0), ...of(ftm, 'LF', 0), 'LF.my': 0.069 * 420 },
+  };
+}
+
+it.each([
+  { body: '3d', in3d: true },
+  { body: 'light', in3d: false },
+])(
+  'a robot with all its signs of balance: $body',
+  async ({ body, in3d }) => {
+    const relay = await stage.stack.relay();
+    const { source, edge } = stage.stack.fedEdge(relay, STANDING, DEMO);
+    const page = await stage.newPage({ preload: COUNT_DRAWS });
+    await page.open(`${relay.url}/#/r/demo`);
+    await shown(page);
+    await choose(page, { body, balance: 'off' });
+    if (in3d) await until('skin', () => hasSkin(page), 60_000);
+    await atRest(page);
+    expect(await balance(page), 'it is off').toBeNull();
+    const without = in3d ? await drawCalls(page) : null;
+
+    await choose(page, { body, balance: 'auto' });
+    if (in3d) await until('skin', () => hasSkin(page), 60_000);
+    const stands = await balanceWith(page, 'a polygon', ({ polygon }) => polygon.length > 3);
+    expect(stands).toMatchObject({ ground: 'measured', level: 'ok' });
+    expect(stands.feet.map(({ name, bears }) => [name, bears])).toEqual([
+      ['RF', true],
+      ['LF', true],
+    ]);
+    expect(stands.centreOfMass?.[2]).toBeGreaterThan(0.5);
+    expect(stands.floorM).toBeCloseTo(0, 2);
+    expect(stands.pressure).not.toBeNull();
+    const mm = Math.round(stands.marginM! * 1000);
+    expect(mm).toBeGreaterThan(20);
+    await until('the margin in words', async () => (await labels(page)).includes(`margin: ${mm} mm`));
+
+    await atRest(page);
+    if (without !== null) {
+      const withSigns = await drawCalls(page);
+      console.log(`draw calls without balance ${without.all}, with it ${withSigns.all}`);
+      expect(withSigns.all - without.all).toBeGreaterThan(0);
+      expect(withSigns.all - without.all).toBeLessThanOrEqual(MOST_CALLS);
+    }
+
+    source.write(JSON.stringify(onOneFoot(STANDING)));
+    const lifted = await balanceWith(page, 'one foot', ({ feet }) => feet[0]?.bears === false);
+    expect(lifted.level, 'outside of it').not.toBe('ok');
+    expect(lifted.marginM).toBeLessThan(0);
+    expect(lifted.feet[1], 'on its heel').toMatchObject({ bears: true, atEdge: true });
+    expect(lifted.footprints).toBe(1);
+    await until('a warning', async () =>
+      (await labels(page)).some((label) => /^margin: −\d+ mm$/.test(label)),
+    );
+
+    await page.evaluate(`document.querySelector('tr[data-label="RKN"] button').click()`);
+    const selected = await balanceWith(page, 'limits', ({ joints }) => joints.length > 0);
+    expect(selected.joints.map(({ joint }) => joint)).toEqual(['RKN']);
+    expect(selected.joints[0]!.left).toBeGreaterThan(0);
+
+    source.write(JSON.stringify({ ...STANDING, ftf: { ...STANDING.ftf, 'RF.fz': null } }));
+    const unread = await balanceWith(page, 'no reading', ({ feet }) => feet[0]?.bears === null);
+    expect(unread).toMatchObject({ polygon: [], marginM: null, pressure: null });
+    expect(unread.centreOfMass, 'the mass needs no force').not.toBeNull();
+    expect((await labels(page)).some((label) => label.startsWith('margin'))).toBe(false);
+
+    source.write(JSON.stringify(STANDING));
+    await until('a margin again', async () => (await labels(page)).includes(`margin: ${mm} mm`));
+    edge.signal('SIGSTOP');
+    await until('an old pose', async () => ['STALE', 'OFFLINE'].includes(await liveness(page)), 60_000);
+    await until('a grey label', () =>
+      page.evaluate<boolean>(`document.querySelector('[data-sign="margin"]')?.dataset.old === 'true'`),
+    );
+    edge.signal('SIGCONT');
+  },
+  240_000,
+);

@@ -1,0 +1,219 @@
+import { mkdirSync } from 'node:fs';
+import path from 'node:path';
+import { expect, it } from 'vitest';
+import type { Page, Point } from './driver/page.ts';
+import { until } from './driver/until.ts';
+import { liveness, tapped } from './robot_page.ts';
+import { DEMO, demoAt, type Moment } from './sign_words.ts';
+import { REPO } from './stack.ts';
+import { setStage } from './stage.ts';
+
+const stage = setStage();
+const SHOTS = path.join(REPO, 'spa/e2e/shots');
+/** The light view draws the same words, and quicker. */
+const LIGHT = `try { if (localStorage.getItem('posecast.settings') === null) localStorage.setItem('posecast.settings', '{"body":"light"}') } catch {}`;
+/** Writes down what is saved. */
+const SAVES = `(() => {
+  window.saved = [];
+  const make = URL.createObjectURL;
+  URL.createObjectURL = (blob) => {
+    if (blob.type === 'text/csv') blob.text().then((text) => window.saved.push(text));
+    return make.call(URL, blob);
+  };
+})()`;
+
+const STANDING_S = 2;
+const LEANING_S = 58;
+
+/** The same moment with nothing under one foot. */
+function without(foot: 'LF' | 'RF', moment: Moment): Moment {
+  const light = (field: string, parts: readonly string[]) => ({
+    ...moment[field],
+    ...Object.fromEntries(parts.map((part) => [`${foot}.${part}`, 0])),
+  });
+  return { ...moment, ftf: light('ftf', ['fx', 'fy', 'fz']), ftm: light('ftm', ['mx', 'my', 'mz']) };
+}
+
+const line = (page: Page) =>
+  page.evaluate<{ text: string; level: string; kind: string } | null>(`(() => {
+    const found = document.querySelector('.stage [data-testid=balance-line]');
+    if (found === null) return null;
+    return {
+      text: found.querySelector('span').textContent.replaceAll('\\u00a0', ' '),
+      level: found.dataset.level,
+      kind: found.dataset.kind,
+    };
+  })()`);
+const says = (page: Page, what: string, words: RegExp) =>
+  until(
+    what,
+    async () => {
+      const now = await line(page);
+      return now !== null && words.test(now.text) ? now : null;
+    },
+    60_000,
+  );
+const spoken = async (page: Page) => (await page.findByTestId('spoken').text()).replaceAll('\u00a0', ' ');
+
+async function opened(at: string, moment: Moment, preload = '') {
+  const relay = await stage.stack.relay();
+  const { source } = stage.stack.fedEdge(relay, moment, DEMO);
+  const page = await stage.newPage({
+    preload: `${LIGHT};${preload}`,
+    viewport: { width: 1280, height: 800 },
+  });
+  await page.open(`${relay.url}/${at}#/r/demo`);
+  await until('LIVE', async () => (await liveness(page)) === 'LIVE', 60_000);
+  return { relay, source, page };
+}
+
+it('one sentence tells whether it would fall and where to, to the eye and to the ear', async () => {
+  const standing = demoAt(STANDING_S);
+  const { source, page } = await opened('', standing);
+  const INSIDE = /^The centre of mass is \d+ mm inside the edge of what it stands on\.$/;
+  const first = await says(page, 'inside', INSIDE);
+  expect([first.level, first.kind]).toEqual(['ok', 'inside']);
+  await until(
+    'said aloud',
+    async () => /\. The centre of mass is \d+ mm inside/.test(await spoken(page)),
+    30_000,
+  );
+  mkdirSync(SHOTS, { recursive: true });
+  await page.screenshot(path.join(SHOTS, 'balance-words.png'));
+
+  source.write(JSON.stringify(demoAt(LEANING_S)));
+  await until('amber', async () => (await line(page))?.level === 'caution', 30_000);
+  expect((await line(page))?.text).toMatch(INSIDE);
+
+  source.write(JSON.stringify(without('LF', standing)));
+  const falls = await says(
+    page,
+    'outside',
+    /^It would fall to its left: the centre of mass is \d+ mm outside\.$/,
+  );
+  expect(falls.level).toBe('fault');
+  await until('said aloud', async () => /It would fall to its left/.test(await spoken(page)), 30_000);
+
+  source.write(JSON.stringify(without('LF', without('RF', standing))));
+  await says(page, 'no foot', /^No foot bears weight\.$/);
+
+  source.signal('SIGSTOP');
+  await until('STALE', async () => (await liveness(page)) === 'STALE', 30_000);
+  await says(page, 'the past tense', /^No foot bore weight\.$/);
+  expect((await line(page))?.level).toBe('old');
+});
+
+it('the menu switches it off and on, says why it can’t be, and explains it; so does the sentence', async () => {
+  const { page } = await opened('', demoAt(STANDING_S));
+  await says(page, 'inside', /inside/);
+  const mark = () =>
+    page.evaluate<Point>(`(() => {
+      const { left, top, width, height } = document.querySelector('.stage .balance-line .explain-mark').getBoundingClientRect();
+      return { x: left + width / 2, y: top + height / 2 };
+    })()`);
+  const explained = () =>
+    page.evaluate<string>(`document.querySelector('[data-testid=explained]')?.textContent ?? ''`);
+  await tapped(
+    'explained', // once what explains has come
+    async () => page.click(await mark()),
+    async () => /margin.*tipping over/.test(await explained()),
+  );
+  await page.press('Escape');
+
+  const press = (selector: string) =>
+    page.evaluate(`document.querySelector(${JSON.stringify(selector)}).click()`);
+  await press('[data-testid=signs] button');
+  await until('the entry', async () => (await page.findByTestId('balance-entry').count()) === 1);
+  expect(await page.findByTestId('balance-entry').text()).toMatch(/^Balance/);
+  const kept = () =>
+    page.evaluate<string>(`JSON.parse(localStorage.getItem('posecast.settings') ?? '{}').balance`);
+  await press('[data-testid=balance-entry] input');
+  await until('no sentence', async () => (await line(page)) === null);
+  expect(await kept()).toBe('off');
+  await press('[data-testid=balance-entry] input');
+  await says(page, 'again', /inside/);
+  expect(await kept(), 'as it is by itself').toBe('auto');
+  await page.screenshot(path.join(SHOTS, 'balance-menu.png'));
+});
+
+it('its margin goes into a plot with all of the minute, into the table that is saved, and has limits', async () => {
+  const standing = demoAt(STANDING_S);
+  const { source, page } = await opened('', standing, SAVES);
+  await says(page, 'inside', /inside/);
+  await page.findByRole('tab', 'Sensors').click();
+  await until('its numbers', async () => (await page.findByTestId('balance-table').count()) === 1);
+  await page.screenshot(path.join(SHOTS, 'balance-sensors.png'));
+  await page.findByTestId('plot-margin').click();
+  await page.findByRole('tab', /^Plots/).click();
+  const value = () =>
+    page.evaluate<string>(
+      `document.querySelector('[data-testid=trace][data-field=balance] .c-num')?.textContent.trim() ?? ''`,
+    );
+  await until('a number', async () => /^\d+\.\d$/.test(await value()));
+  await page.screenshot(path.join(SHOTS, 'balance-plot.png'));
+  await page.findByTestId('plot-csv').click();
+  const csv = await until('a table', () => page.evaluate<string | null>('window.saved[0] ?? null'));
+  const [head = '', ...rows] = csv.trim().split('\r\n');
+  expect(head).toBe('"time","Balance: margin [mm]"');
+  expect(rows.filter((row) => /,\d+(\.\d+)?$/.test(row)).length).toBeGreaterThan(5);
+
+  const low = '[data-testid="limit-balance-margin"] .number-field:nth-of-type(1) input';
+  await page.findByRole('button', 'Settings').click();
+  await until('limits', () =>
+    page.evaluate<boolean>(`document.querySelector(${JSON.stringify(low)}) !== null`),
+  );
+  await page.evaluate(`(() => {
+    const field = document.querySelector(${JSON.stringify(low)});
+    field.closest('details').open = true;
+    const set = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set;
+    set.call(field, '99');
+    field.dispatchEvent(new Event('input', { bubbles: true }));
+  })()`);
+  await page.screenshot(path.join(SHOTS, 'balance-limits.png'));
+  await page.press('Escape');
+  await until('red by that limit', async () => (await line(page))?.level === 'fault');
+  await page.findByRole('tab', 'Alarms').click();
+  const alarms = async () => page.findByTestId('alarms').text();
+  await until('the crossing', async () => /Balance margin below 99 mm.*your limit/s.test(await alarms()));
+
+  await page.evaluate(`localStorage.removeItem('posecast.limits.demo')`);
+  await page.reload();
+  await says(page, 'inside', /inside/);
+  source.write(JSON.stringify(without('LF', standing)));
+  await says(page, 'outside', /outside/);
+  await page.findByRole('tab', 'Alarms').click();
+  await until('by the page’s own', async () => /Balance margin below 0 mm/.test(await alarms()));
+  expect(await alarms()).not.toContain('your limit');
+});
+
+it('large where it is presented, slim in a frame, short beside others; how much of its way a joint has left', async () => {
+  const { relay, page } = await opened('', demoAt(STANDING_S));
+  await says(page, 'inside', /inside/);
+  await page.evaluate(`document.querySelector('tr[data-label="RKN"] button').click()`);
+  await until('what is left', async () =>
+    /left to the limit .*[\d.]+ rad to its (lower|upper) limit, \d+ % of its way/.test(
+      await page.findByTestId('joint-room').text(),
+    ),
+  );
+  await page.press('Escape');
+  await page.press('p');
+  await until('presented', () =>
+    page.evaluate<boolean>(`/inside/.test(document.querySelector('.present-balance')?.textContent ?? '')`),
+  );
+  await page.screenshot(path.join(SHOTS, 'balance-presented.png'));
+  await page.press('Escape');
+
+  await page.viewport({ width: 360, height: 300 });
+  await page.open(`${relay.url}/embed/#/r/demo`);
+  await says(page, 'in a frame', /inside/);
+  await page.screenshot(path.join(SHOTS, 'balance-embed.png'));
+
+  await page.viewport({ width: 1280, height: 800 });
+  await page.open(`${relay.url}/r/demo+nobody`);
+  const brief = () =>
+    page.evaluate<string>(
+      `document.querySelector('[data-testid=line-demo] .balance-line')?.textContent ?? ''`,
+    );
+  await until('beside others', async () => /^\d+\u00a0mm inside$/.test(await brief()), 60_000);
+  await page.screenshot(path.join(SHOTS, 'balance-row.png'));
+});

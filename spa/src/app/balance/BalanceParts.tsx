@@ -1,0 +1,32 @@
+import { LatePart } from '../../browser/late_part.ts';
+import { couldStand } from '../../twin/balance/told/could_stand.ts';
+import { late, onDemand } from '../shell/late.tsx';
+import { type RobotLink, useVersion } from '../state/robot_link.ts';
+import { settings, useSettings } from '../state/settings.ts';
+
+const load = () => import('./balance_part.ts');
+/** What tells of balance; only for robots that may stand, and for who asks. */
+export const BALANCE = new LatePart(load, onDemand);
+
+const Stood = late(async () => (await load()).Stood, onDemand);
+const BalanceTable = late(async () => (await load()).BalanceTable, onDemand);
+
+/** Whether a robot's balance may have to be told: its model says whether it is. */
+export function mayTell({ twin }: RobotLink): boolean {
+  const { balance } = settings();
+  return balance === 'on' || (balance === 'auto' && couldStand(twin.schema));
+}
+
+/** One sentence about a robot's balance, for robots and viewers that want it; empty otherwise. `brief`: in two or three words. */
+export function BalanceLine(props: { link: RobotLink; className?: string; brief?: boolean }) {
+  useSettings();
+  useVersion(props.link);
+  return mayTell(props.link) ? <Stood {...props} /> : null;
+}
+
+/** The numbers of a robot's balance, for robots and viewers that want them; empty otherwise. */
+export function BalanceNumbers({ link }: { link: RobotLink }) {
+  useSettings();
+  useVersion(link);
+  return mayTell(link) ? <BalanceTable link={link} /> : null;
+}

@@ -1,0 +1,55 @@
+import './balance.css';
+import { isOld, isThen } from '../../twin/liveness.ts';
+import { useNow } from '../shell/now.ts';
+import { useShownSecond } from '../state/moment.ts';
+import { type RobotLink, useWord } from '../state/robot_link.ts';
+import { useSettings } from '../state/settings.ts';
+import { useBalanceText } from '../text/balance.ts';
+import { useMore } from '../text/more.ts';
+import { balanceOf } from './balance_watch.ts';
+import { briefWords, stanceWords } from './stance_words.ts';
+
+/** Numbers that change more often can't be read. */
+const EVERY_MS = 250;
+
+/** The sentence about a robot's balance with a mark in the shape and colour of its level; empty while nothing can be said. Of what
+ *  is old or of then it tells in the past tense and without a level. */
+export function Stood(props: { link: RobotLink; className?: string; brief?: boolean }) {
+  const { link, className = '', brief = false } = props;
+  useNow(EVERY_MS);
+  useShownSecond(); // with the time line
+  useWord(link); // so that a new word is shown at once
+  useSettings();
+  const text = useBalanceText();
+  const rest = useMore();
+  const watch = balanceOf(link);
+  const stance = watch.known?.stance ?? null;
+  if (!watch.isShown || stance === null) return null;
+  const verdict = link.watch.verdict();
+  const old = isOld(verdict);
+  const was = old || isThen(verdict.word);
+  const words = brief ? briefWords(stance, old, text) : stanceWords(stance, was, text);
+  if (words === '') return null;
+  return (
+    <p
+      className={`balance-line ${className}`.trim()}
+      data-testid="balance-line"
+      data-kind={stance.kind}
+      data-level={old ? 'old' : stance.level}
+    >
+      <i className="balance-mark" aria-hidden="true" />
+      <span>{words}</span>
+      {!brief && (
+        <button
+          type="button"
+          className="explain-mark"
+          data-explain="balance.margin"
+          aria-haspopup="dialog"
+          aria-label={rest.explainIt(text.balance)}
+        >
+          ?
+        </button>
+      )}
+    </p>
+  );
+}

@@ -1,0 +1,179 @@
+import { BalanceReader } from '../../model/balance/balance_reader.ts';
+import { manifestAt } from '../../model/files.ts';
+import { type Manifest, readManifest } from '../../model/manifest.ts';
+import { HeadingReader } from '../../twin/balance/told/heading.ts';
+import { type Lack, lacksOf } from '../../twin/balance/told/lacks.ts';
+import { MARGIN, marginLimits } from '../../twin/balance/told/margin_limits.ts';
+import { type Stance, StanceJudge } from '../../twin/balance/told/stance.ts';
+import type { RobotTwin } from '../../twin/robot.ts';
+import { noteComputed } from '../state/own_alarms.ts';
+import type { RobotLink } from '../state/robot_link.ts';
+import { settings } from '../state/settings.ts';
+import { balanceText } from '../text/balance.ts';
+import { balanceValues } from './balance_values.ts';
+
+/** The balance is computed at most this often, however many frames come. */
+const EVERY_MS = 95;
+/** What is not shown is no longer computed when nobody has asked for it for so long. */
+const UNASKED_MS = 3000;
+/** A model that could not be read is asked for again after this long. */
+const AGAIN_MS = 10_000;
+
+type Schema = NonNullable<RobotTwin['schema']>;
+
+/** A robot's model as far as balance needs it. `raw`: its files as they are, which list no masses. */
+type KnownModel = Manifest | 'raw' | null;
+
+/** What is known about a robot's balance by its newest frame. */
+export interface KnownBalance {
+  /** What of it can't be known, whatever the robot does; empty if all can. */
+  readonly lacks: readonly Lack[];
+  /** Whether anything of it can be known. */
+  readonly possible: boolean;
+  readonly stance: Stance | null;
+  /** By column, see `VALUES`; NaN: none. */
+  readonly values: Float64Array;
+}
+
+/** What reads the balance of one model and schema, frame by frame. */
+interface Read {
+  readonly model: Manifest;
+  readonly schema: Schema;
+  readonly reader: BalanceReader;
+  readonly heading: HeadingReader;
+  readonly judge: StanceJudge;
+}
+
+/** Computes a robot's balance from its newest frames for whoever tells of it, and notes crossings of its limits. */
+export class BalanceWatch {
+  readonly #link: Pick<RobotLink, 'twin' | 'manifestUrl'>;
+  #model: KnownModel = null;
+  #url = '';
+  #askedMs = Number.NEGATIVE_INFINITY;
+  #read: Read | null = null;
+  #askedForMs = Number.NEGATIVE_INFINITY;
+  #lookedMs = Number.NEGATIVE_INFINITY;
+  #known: KnownBalance | null = null;
+
+  constructor(link: Pick<RobotLink, 'twin' | 'manifestUrl'>) {
+    this.#link = link;
+    link.twin.onState(this.#look);
+    link.twin.onChange(this.#change);
+    this.#look();
+  }
+
+  /** What is known by the newest frame; null before a frame and the model have come. */
+  get known(): KnownBalance | null {
+    this.#askedForMs = performance.now();
+    return this.#known;
+  }
+
+  /** Whether the page shows it, by settings and robot. */
+  get isShown(): boolean {
+    const { balance } = settings();
+    return balance === 'on' || (balance === 'auto' && this.isShownByItself);
+  }
+
+  /** Whether the page shows it unless told otherwise. */
+  get isShownByItself(): boolean {
+    return this.#read?.reader.onByItself ?? false;
+  }
+
+  /** What the balance is read with; null before the model is here, and where it can't be read. */
+  get model(): Manifest | null {
+    return this.#read?.model ?? null;
+  }
+
+  get schema(): Schema | null {
+    return this.#read?.schema ?? null;
+  }
+
+  readonly #change = () => {
+    const { schema, state } = this.#link.twin;
+    if (state === null || schema !== this.#read?.schema) this.#known = null;
+    if (this.#urlNow() !== this.#url) this.#look();
+  };
+
+  #urlNow(): string {
+    const { twin, manifestUrl } = this.#link;
+    return twin.modelHash === null ? '' : manifestUrl(twin.modelHash);
+  }
+
+  readonly #look = () => {
+    const { schema, state, limits } = this.#link.twin;
+    this.#ask();
+    const model = this.#model;
+    if (schema === null || state === null || model === null) return;
+    if (state.atMs >= this.#lookedMs && state.atMs - this.#lookedMs < EVERY_MS) return;
+    if (this.#known !== null && !this.isShown && performance.now() - this.#askedForMs > UNASKED_MS) return;
+    this.#lookedMs = state.atMs;
+    if (model === 'raw') {
+      this.#known = lacking({ why: 'raw' });
+      return;
+    }
+    const read = this.#readWith(model, schema);
+    const balance = read.reader.ofFrame(state.codes, state.tS);
+    const stance = read.judge.next(balance, read.heading.read(state.codes), marginLimits(limits));
+    this.#known = {
+      stance,
+      ...lacksOf(balance, model.raw.findings, read.reader.problems),
+      values: balanceValues(balance),
+    };
+    this.#note(stance, state.atMs);
+  };
+
+  /** What reads this model and schema. */
+  #readWith(model: Manifest, schema: Schema): Read {
+    if (this.#read?.model === model && this.#read.schema === schema) return this.#read;
+    const reader = new BalanceReader(model, schema);
+    this.#read = { model, schema, reader, heading: new HeadingReader(schema), judge: new StanceJudge() };
+    return this.#read;
+  }
+
+  /** A crossing counts while the page shows the balance. */
+  #note(stance: Stance | null, atMs: number): void {
+    const { twin } = this.#link;
+    if (!this.isShown || stance === null || stance.marginMm === null) return;
+    const { owner, threshold } = marginLimits(twin.limits);
+    const { balance, margin } = balanceText();
+    const reading = { ...MARGIN, name: margin, unit: 'mm', value: stance.marginMm, level: stance.level };
+    noteComputed(twin, balance, reading, { threshold, own: owner === 'viewer' }, atMs);
+  }
+
+  /** Asks for the model that the robot has now, from where its body has it. */
+  #ask(): void {
+    const url = this.#urlNow();
+    const isNew = url !== this.#url;
+    if (isNew) {
+      this.#model = this.#known = null;
+      this.#askedMs = Number.NEGATIVE_INFINITY;
+      this.#lookedMs = Number.NEGATIVE_INFINITY;
+    }
+    this.#url = url;
+    const now = performance.now();
+    if (url === '' || this.#model !== null || now - this.#askedMs < AGAIN_MS) return;
+    this.#askedMs = now;
+    manifestAt(url)
+      .then((raw) => {
+        if (url !== this.#url) return;
+        this.#model = raw.v === 2 ? readManifest(raw) : 'raw';
+        this.#look();
+      })
+      .catch(() => {}); // whoever shows the body says why; it is asked for again
+  }
+}
+
+const NO_VALUES = new Float64Array(0);
+
+function lacking(lack: Lack): KnownBalance {
+  return { lacks: [lack], possible: false, stance: null, values: NO_VALUES };
+}
+
+const watches = new WeakMap<RobotTwin, BalanceWatch>();
+
+/** The watch over a robot's balance, which lasts as long as the robot is shown. */
+export function balanceOf(link: Pick<RobotLink, 'twin' | 'manifestUrl'>): BalanceWatch {
+  const watch = watches.get(link.twin) ?? new BalanceWatch(link);
+  watches.set(link.twin, watch);
+  return watch;
+}

@@ -1,0 +1,47 @@
+import { BALANCE } from '../../balance/BalanceParts.tsx';
+import { useLatePart } from '../../shell/late.tsx';
+import { useNow } from '../../shell/now.ts';
+import type { RobotLink } from '../../state/robot_link.ts';
+import { changeSettings } from '../../state/settings.ts';
+import { useBalanceText } from '../../text/balance.ts';
+import { Switch } from './Switch.tsx';
+
+/** How often what is not known yet is looked for. */
+const EVERY_MS = 250;
+
+/** The menu's entry for balance: a switch where at least one of the robots can have any of it, and in one line each what can't
+ *  be, and why. */
+export function BalanceEntry({ links }: { links: readonly RobotLink[] }) {
+  useNow(EVERY_MS);
+  const text = useBalanceText();
+  const part = useLatePart(BALANCE);
+  if (part === null) return null;
+  const watches = links.map((link) => ({ name: link.twin.name, watch: part.balanceOf(link) }));
+  const known = watches.flatMap(({ name, watch }) =>
+    watch.known === null ? [] : [{ name, ...watch.known }],
+  );
+  if (known.length === 0) return null;
+  const lines = known.flatMap(({ name, lacks }) =>
+    lacks.map((lack) => [links.length > 1 ? `${name}: ` : '', part.lackWords(lack, text)].join('')),
+  );
+  const byItself = watches.some(({ watch }) => watch.isShownByItself);
+  return (
+    <div className="sign-entry" data-testid="balance-entry">
+      {known.some(({ possible }) => possible) ? (
+        <Switch
+          explain="balance.balance"
+          on={watches.some(({ watch }) => watch.isShown)}
+          onChange={(on) => changeSettings({ balance: on === byItself ? 'auto' : on ? 'on' : 'off' })}
+          text={text.balance}
+        />
+      ) : (
+        <span>{text.balance}</span>
+      )}
+      {lines.map((line) => (
+        <p className="quiet" key={line}>
+          {line}
+        </p>
+      ))}
+    </div>
+  );
+}

@@ -1,0 +1,58 @@
+/** The English sentences about balance. */
+export const balanceEn = {
+  balance: 'Balance',
+  balanceWhat: 'Where it would fall, and what it stands on',
+
+  // ---- one sentence; `mm`: a distance with its unit
+  inside: (mm: string) => `The centre of mass is ${mm} inside the edge of what it stands on.`,
+  wasInside: (mm: string) => `The centre of mass was ${mm} inside the edge of what it stood on.`,
+  edge: 'The centre of mass is over the edge of what it stands on.',
+  wasEdge: 'The centre of mass was over the edge of what it stood on.',
+  forwards: (mm: string) => `It would fall forwards: the centre of mass is ${mm} outside.`,
+  backwards: (mm: string) => `It would fall backwards: the centre of mass is ${mm} outside.`,
+  left: (mm: string) => `It would fall to its left: the centre of mass is ${mm} outside.`,
+  right: (mm: string) => `It would fall to its right: the centre of mass is ${mm} outside.`,
+  wasOutside: (mm: string) => `The centre of mass was ${mm} outside of what it stood on.`,
+  moving: (mm: string) =>
+    `It is moving: the centre of mass is ${mm} outside, but it would come to rest over its feet.`,
+  airborne: 'No foot bears weight.',
+  wasAirborne: 'No foot bore weight.',
+  unread: 'A foot has no reading of its force, so nobody knows what it stands on.',
+  assumed: 'That it stands on its lowest feet is assumed: no sensor measures it.',
+
+  // ---- beside others
+  briefInside: (mm: string) => `${mm} inside`,
+  briefEdge: 'over the edge',
+  briefOutside: (mm: string) => `${mm} outside`,
+  briefMoving: (mm: string) => `${mm} outside, moving`,
+  briefAirborne: 'no foot bears',
+  briefUnread: 'foot not read',
+
+  // ---- why there is none, or not all of it
+  builtBefore: 'This model was built before masses were kept: build it again.',
+  rawModel: 'This model is shown from its files as they are: a built model has masses.',
+  noMasses: 'The robot’s description has no masses.',
+  impossibleMasses: 'The robot’s description has masses that can’t be.',
+  noFeet: 'No feet are known: [balance] in the profile names them.',
+  noModel: 'The model has not come yet.',
+
+  // ---- numbers, plots and limits
+  margin: 'margin',
+  massX: 'centre of mass x',
+  massY: 'centre of mass y',
+  massZ: 'centre of mass z',
+  pressureX: 'centre of pressure x',
+  pressureY: 'centre of pressure y',
+  mass: 'mass',
+  toPlots: 'Into the plots, or out of them',
+  withoutLimit: 'Without a limit of yours: yellow below 20 mm, red outside.',
+
+  // ---- how much of its way a joint has left
+  room: 'left to the limit',
+  roomWhat: 'How far it can still move before its end stop.',
+  toLower: (value: string) => `${value} to its lower limit`,
+  toUpper: (value: string) => `${value} to its upper limit`,
+  beyondLower: (value: string) => `${value} past its lower limit`,
+  beyondUpper: (value: string) => `${value} past its upper limit`,
+  ofItsWay: (percent: string) => `${percent} of its way`,
+};

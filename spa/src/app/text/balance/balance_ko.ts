@@ -1,0 +1,54 @@
+import type { balanceEn } from './balance_en.ts';
+
+/** The Korean sentences of `balance_en.ts`. */
+export const balanceKo: typeof balanceEn = {
+  balance: '균형',
+  balanceWhat: '어느 쪽으로 넘어질지, 무엇을 딛고 있는지',
+
+  inside: (mm) => `무게중심이 딛고 있는 자리의 가장자리에서 안쪽으로 ${mm} 들어와 있습니다.`,
+  wasInside: (mm) => `무게중심이 딛고 있던 자리의 가장자리에서 안쪽으로 ${mm} 들어와 있었습니다.`,
+  edge: '무게중심이 딛고 있는 자리의 가장자리 위에 있습니다.',
+  wasEdge: '무게중심이 딛고 있던 자리의 가장자리 위에 있었습니다.',
+  forwards: (mm) => `앞으로 넘어질 상태입니다: 무게중심이 ${mm} 벗어나 있습니다.`,
+  backwards: (mm) => `뒤로 넘어질 상태입니다: 무게중심이 ${mm} 벗어나 있습니다.`,
+  left: (mm) => `로봇의 왼쪽으로 넘어질 상태입니다: 무게중심이 ${mm} 벗어나 있습니다.`,
+  right: (mm) => `로봇의 오른쪽으로 넘어질 상태입니다: 무게중심이 ${mm} 벗어나 있습니다.`,
+  wasOutside: (mm) => `무게중심이 딛고 있던 자리에서 ${mm} 벗어나 있었습니다.`,
+  moving: (mm) => `움직이는 중입니다: 무게중심이 ${mm} 벗어나 있지만, 두 발 위에서 멈추게 됩니다.`,
+  airborne: '체중을 받치는 발이 없습니다.',
+  wasAirborne: '체중을 받치는 발이 없었습니다.',
+  unread: '한쪽 발의 힘이 읽히지 않아, 무엇을 딛고 있는지 알 수 없습니다.',
+  assumed: '가장 낮은 발을 딛고 있다고 가정합니다: 이를 재는 센서가 없습니다.',
+
+  briefInside: (mm) => `안쪽 ${mm}`,
+  briefEdge: '가장자리 위',
+  briefOutside: (mm) => `바깥쪽 ${mm}`,
+  briefMoving: (mm) => `바깥쪽 ${mm}, 움직이는 중`,
+  briefAirborne: '받치는 발 없음',
+  briefUnread: '발 읽기 없음',
+
+  builtBefore: '질량을 담기 전에 만든 모델입니다. 모델을 다시 만들어 주세요.',
+  rawModel: '파일을 있는 그대로 보여 주는 모델입니다. 만들어 낸 모델에는 질량이 있습니다.',
+  noMasses: '로봇의 설명 파일에 질량이 없습니다.',
+  impossibleMasses: '로봇의 설명 파일에 있을 수 없는 질량이 있습니다.',
+  noFeet: '어느 것이 발인지 알 수 없습니다. 프로필의 [balance]에 적으면 됩니다.',
+  noModel: '모델이 아직 오지 않았습니다.',
+
+  margin: '여유',
+  massX: '무게중심 x',
+  massY: '무게중심 y',
+  massZ: '무게중심 z',
+  pressureX: '압력중심 x',
+  pressureY: '압력중심 y',
+  mass: '질량',
+  toPlots: '그래프에 넣거나 빼기',
+  withoutLimit: '직접 정한 한계가 없으면 20 mm 미만은 노랑, 벗어나면 빨강입니다.',
+
+  room: '한계까지 남은 거리',
+  roomWhat: '끝에 닿기까지 더 움직일 수 있는 만큼.',
+  toLower: (value) => `아래쪽 한계까지 ${value}`,
+  toUpper: (value) => `위쪽 한계까지 ${value}`,
+  beyondLower: (value) => `아래쪽 한계를 ${value} 넘음`,
+  beyondUpper: (value) => `위쪽 한계를 ${value} 넘음`,
+  ofItsWay: (percent) => `움직일 수 있는 범위의 ${percent}`,
+};

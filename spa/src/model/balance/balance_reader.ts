@@ -1,0 +1,84 @@
+import type { Schema } from '@posecast/wire';
+import type { Balance } from '../../twin/balance/balance.ts';
+import { Balancer } from '../../twin/balance/balancer.ts';
+import { type FootWrench, FootWrenchReader } from '../../twin/balance/foot_wrench.ts';
+import type { Standing } from '../../twin/balance/standing.ts';
+import type { Manifest } from '../manifest.ts';
+import type { PosedBody } from '../posed_body.ts';
+import { FrameBody } from './frame_body.ts';
+import { chooseStanding } from './standing_choice.ts';
+
+/** What a body must tell of its links. */
+type LinkedBody = Pick<PosedBody, 'linkMatrix'>;
+
+/**
+ * Reads a robot's balance pose by pose, from frames' codes or from a body that is shown. One reader serves one course of
+ * poses in the order of time: it keeps which feet bear, and the velocity. A new schema or model needs a new reader.
+ */
+export class BalanceReader {
+  readonly manifest: Manifest;
+  readonly schema: Schema;
+  readonly #standing: Standing;
+  readonly #balancer: Balancer;
+  readonly #wrenches: FootWrenchReader;
+  #body: FrameBody | null = null;
+  /** The links that matter, by index, and world_from_link of all. */
+  readonly #links: readonly number[];
+  readonly #worldFromLink: Float64Array;
+
+  constructor(manifest: Manifest, schema: Schema) {
+    this.manifest = manifest;
+    this.schema = schema;
+    this.#standing = chooseStanding(manifest, schema);
+    this.#balancer = new Balancer(this.#standing);
+    const { masses, feet } = this.#standing;
+    this.#wrenches = new FootWrenchReader(
+      schema,
+      feet.flatMap(({ sensor }) => sensor?.site ?? []),
+    );
+    this.#links = [...new Set([...masses, ...feet].map(({ link }) => link))];
+    this.#worldFromLink = new Float64Array(manifest.links.length * 16);
+  }
+
+  /** Whether the page shows balance unless told otherwise: it has masses, and two feet with wrenches. */
+  get onByItself(): boolean {
+    const { massGap, feet } = this.#standing;
+    return massGap === null && feet.filter(({ sensor }) => sensor?.measuresForce === true).length >= 2;
+  }
+
+  /** Whether there is anything to show: masses, or feet. */
+  get hasAny(): boolean {
+    return this.#standing.massGap === null || this.#standing.feet.length > 0;
+  }
+
+  /** What of the model or the profile could not be read, a line each. */
+  get problems(): readonly string[] {
+    return this.#standing.problems;
+  }
+
+  /** The wrenches of the feet in a frame's codes, in N and N·m. They are rewritten by the next call. */
+  wrenches(codes: Int32Array): readonly FootWrench[] {
+    return this.#wrenches.read(codes);
+  }
+
+  /** The balance of a frame (for words, limits and plots). `tS` is the robot's time, seconds. The result is rewritten by
+   *  the next call. */
+  ofFrame(codes: Int32Array, tS: number): Balance {
+    this.#body ??= new FrameBody(this.manifest, this.schema);
+    this.#body.place(codes);
+    this.#balancer.update(this.#body.worldFromLink, this.#wrenches.read(codes), tS);
+    return this.#balancer;
+  }
+
+  /** The balance of a body as it is shown (for signs), with the wrenches of the same moment. `tS` is the time of the pose
+   *  that is shown, seconds. The result is rewritten by the next call. */
+  ofBody(body: LinkedBody, wrenches: readonly FootWrench[], tS: number): Balance {
+    const { links } = this.manifest;
+    for (const link of this.#links) {
+      const elements = body.linkMatrix(links[link]!)?.elements;
+      for (let i = 0; i < 16; i += 1) this.#worldFromLink[link * 16 + i] = elements?.[i] ?? Number.NaN;
+    }
+    this.#balancer.update(this.#worldFromLink, wrenches, tS);
+    return this.#balancer;
+  }
+}

@@ -1,0 +1,76 @@
+import type { Vec3 } from '../../twin/rotation.ts';
+import { BundleError, isRecord } from '../bundle.ts';
+import { list, type Manifest, numbers, type Raw } from '../manifest.ts';
+
+export interface LinkMass {
+  readonly link: number;
+  /** Above 0. */
+  readonly massKg: number;
+  /** Centre of mass in the link's frame, metres. */
+  readonly xyz: Vec3;
+  /** About that centre, in the link's axes: ixx, ixy, ixz, iyy, iyz, izz; kg·m². */
+  readonly inertia: readonly number[];
+}
+
+/** The lowest part of a foot's shells. */
+export interface Sole {
+  readonly link: number;
+  /** A convex polygon in one plane, counter-clockwise seen from above; in the link's frame, metres. */
+  readonly points: readonly Vec3[];
+}
+
+const MAX_CORNERS = 16;
+
+/** The links that have a mass, ascending; [] where the description has no masses, or some that can't be; null: an older
+ *  builder made the bundle. Throws a one-line BundleError. */
+export function readMasses(manifest: Manifest): readonly LinkMass[] | null {
+  return readByLink(manifest, 'inertials', readMass);
+}
+
+/** The links that can be a foot, ascending; null: an older builder made the bundle. Throws a one-line BundleError. */
+export function readSoles(manifest: Manifest): readonly Sole[] | null {
+  return readByLink(manifest, 'soles', readSole);
+}
+
+/** Entries of which each belongs to a link of its own; null where the member is absent. */
+function readByLink<T>(
+  { raw, links }: Manifest,
+  member: string,
+  read: (entry: Raw, link: number, where: string) => T,
+): T[] | null {
+  if (raw[member] === undefined) return null;
+  let before = -1;
+  return list(raw[member], member, links.length).map((entry, i) => {
+    const where = `${member}[${i}]`;
+    if (!isRecord(entry)) throw wrong(`${where} is no object`);
+    const { link } = entry;
+    if (typeof link !== 'number' || links[link] === undefined) throw wrong(`${where}: its link is not there`);
+    if (link <= before) throw wrong(`${where}: its link does not come after the one before`);
+    before = link;
+    return read(entry, link, where);
+  });
+}
+
+function readMass({ mass_kg, xyz, inertia }: Raw, link: number, where: string): LinkMass {
+  const [massKg = 0] = numbers([mass_kg], 1, `${where}.mass_kg`);
+  if (massKg <= 0) throw wrong(`${where}.mass_kg is not above 0`);
+  return {
+    link,
+    massKg,
+    xyz: numbers(xyz, 3, `${where}.xyz`) as unknown as Vec3,
+    inertia: numbers(inertia, 6, `${where}.inertia`),
+  };
+}
+
+function readSole({ points }: Raw, link: number, where: string): Sole {
+  const corners = list(points, `${where}.points`, MAX_CORNERS);
+  if (corners.length < 3) throw wrong(`${where}.points: fewer than 3`);
+  return {
+    link,
+    points: corners.map((corner, i) => numbers(corner, 3, `${where}.points[${i}]`) as unknown as Vec3),
+  };
+}
+
+function wrong(what: string): BundleError {
+  return new BundleError(`model manifest: ${what}`);
+}

@@ -1,0 +1,180 @@
+import { type BalanceRule, readBalance, type Schema } from '@posecast/wire';
+import type { BalanceGap } from '../../twin/balance/balance.ts';
+import { FootWrenchReader } from '../../twin/balance/foot_wrench.ts';
+import { planeOfSole, type SolePlane } from '../../twin/balance/sole.ts';
+import type { Foot, FootSensor, Standing } from '../../twin/balance/standing.ts';
+import { invertQuat, type Quat, quatOfRpy, rotateVector, type Vec3 } from '../../twin/rotation.ts';
+import { isRecord } from '../bundle.ts';
+import { Kinematics } from '../kinematics.ts';
+import type { Manifest } from '../manifest.ts';
+import { addScaled, dot, originOf, quatOfTransform } from '../vectors.ts';
+import { type LinkMass, readMasses, readSoles, type Sole } from './masses_and_soles.ts';
+
+/** Codes of the doctor's findings that concern masses. */
+const OF_MASSES = /^(mass|inertia)/;
+const NO_RULE: BalanceRule = { feet: null, ground: null, soles: new Map() };
+
+/**
+ * Finds what a robot's masses are and what it stands on (docs/BALANCE.md). Feet are, in this order:
+ *
+ * 1. those of the profile: sites of wrench sensors, else links; a link has the sensor that is mounted on it or on what is
+ *    fixed to it. `[]` are none. Each has the profile's sole, else the model's.
+ * 2. the wrench sensors on a link with a sole (or on what is fixed to it), if they are at least two;
+ * 3. without any such sensor, the model's soles, if they are at least two.
+ *
+ * Which of them bear is `measured` when the profile says so, else in 1 when every foot has a sensor of the force along
+ * its normal, and in 2; all else is `lowest`.
+ */
+export function chooseStanding(manifest: Manifest, schema: Schema): Standing {
+  const problems: string[] = [];
+  const attempt = <T>(read: () => T, otherwise: T): T => {
+    try {
+      return read();
+    } catch (error) {
+      problems.push(error instanceof Error ? error.message : String(error));
+      return otherwise;
+    }
+  };
+  // A bundle that can't be read is as good as one without: building it again is what helps.
+  const known = attempt(() => readMasses(manifest), null);
+  const soles = attempt(() => readSoles(manifest), null);
+  const rule = attempt(() => readBalance(schema), NO_RULE);
+  const feet = new FeetFinder(manifest, schema, soles ?? []).find(rule);
+  const measured = feet.every(({ sensor }) => sensor?.measuresForce ?? false) ? 'measured' : 'lowest';
+  let footGap: BalanceGap | null = null;
+  if (feet.length === 0) footGap = soles === null && rule.feet?.length !== 0 ? 'old-bundle' : 'no-feet';
+  return {
+    masses: known ?? [],
+    massGap: whyNoMasses(known, manifest),
+    feet,
+    footGap,
+    ground: feet.length === 0 ? null : (rule.ground ?? measured),
+    problems,
+  };
+}
+
+function whyNoMasses(masses: readonly LinkMass[] | null, { raw }: Manifest): BalanceGap | null {
+  if (masses === null) return 'old-bundle';
+  if (masses.length > 0) return null;
+  const findings: readonly unknown[] = Array.isArray(raw.findings) ? raw.findings : [];
+  const areBad = findings.some((one) => isRecord(one) && OF_MASSES.test(String(one.code)));
+  return areBad ? 'impossible-masses' : 'no-masses';
+}
+
+/** A sensor of the mapping that measures at least one component of a wrench, on a link of the model. */
+interface Mounted {
+  readonly site: string;
+  readonly link: number;
+  readonly xyz: Vec3;
+  readonly rpy: Vec3;
+  readonly forceAxes: readonly number[];
+  readonly momentAxes: readonly number[];
+}
+
+class FeetFinder {
+  readonly #links: readonly string[];
+  /** For each link the first link of those that are fixed to each other. */
+  readonly #groupOf: readonly number[];
+  readonly #rest: Kinematics;
+  readonly #soles: readonly Sole[];
+  readonly #sensors: readonly Mounted[];
+
+  constructor({ links, joints }: Manifest, schema: Schema, soles: readonly Sole[]) {
+    this.#links = links;
+    const groups = [0];
+    for (const { type, parent } of joints) groups.push(type === 'fixed' ? groups[parent]! : groups.length);
+    this.#groupOf = groups;
+    this.#rest = new Kinematics(joints);
+    this.#soles = soles;
+    const { sensors } = schema.mapping;
+    const measured = new FootWrenchReader(schema, sensors.keys()).wrenches;
+    this.#sensors = measured.flatMap(({ site, force, moment }) => {
+      const mount = sensors.get(site)!;
+      const link = links.indexOf(mount.link ?? '');
+      if (link < 0) return [];
+      const { xyz, rpy } = mount;
+      return [{ site, link, xyz, rpy, forceAxes: force.axes, momentAxes: moment.axes }];
+    });
+  }
+
+  find(rule: BalanceRule): readonly Foot[] {
+    if (rule.feet !== null) return rule.feet.flatMap((name) => this.#named(name, rule));
+    const taken = new Set<number>();
+    const measured = this.#sensors.flatMap((sensor) => {
+      const sole = this.#soleOn(sensor.link);
+      if (sole === null || taken.has(sole.link)) return [];
+      taken.add(sole.link);
+      return this.#foot(sensor.site, sole.link, rule.soles.get(sensor.site) ?? sole.points, sensor);
+    });
+    if (measured.length > 0) return measured.length > 1 ? measured : [];
+    const soles = this.#soles.flatMap(({ link, points }) => {
+      const name = this.#links[link]!;
+      return this.#foot(name, link, rule.soles.get(name) ?? points, null);
+    });
+    return soles.length > 1 ? soles : [];
+  }
+
+  /** A foot of the profile; none when the model has no such link, or nobody knows its sole. */
+  #named(name: string, { soles }: BalanceRule): readonly Foot[] {
+    const own = this.#sensors.find(({ site }) => site === name);
+    const link = own?.link ?? this.#links.indexOf(name);
+    if (link < 0) return [];
+    const group = this.#groupOf[link]!;
+    const sensor = own ?? this.#sensors.find((one) => this.#groupOf[one.link] === group) ?? null;
+    const points = soles.get(name);
+    if (points !== undefined) return this.#foot(name, link, points, sensor);
+    const sole = this.#soleOn(link);
+    return sole === null ? [] : this.#foot(name, sole.link, sole.points, sensor);
+  }
+
+  /** The sole of a link, else of a link that is fixed to it. */
+  #soleOn(link: number): Sole | null {
+    const group = this.#groupOf[link];
+    const own = this.#soles.find((sole) => sole.link === link);
+    return own ?? this.#soles.find((sole) => this.#groupOf[sole.link] === group) ?? null;
+  }
+
+  #foot(name: string, link: number, points: readonly Vec3[], mounted: Mounted | null): readonly Foot[] {
+    const sole = planeOfSole(points);
+    if (sole === null) return [];
+    const sensor = mounted === null ? null : this.#sensorAt(mounted, link, sole);
+    return [{ name, link, linkName: this.#links[link]!, sole, sensor }];
+  }
+
+  /** A sensor seen from the link with the sole, to which its link is fixed. */
+  #sensorAt(
+    { site, link, xyz, rpy, forceAxes, momentAxes }: Mounted,
+    of: number,
+    sole: SolePlane,
+  ): FootSensor {
+    const rootFromSole = this.#pose(of);
+    const rootFromLink = this.#pose(link);
+    const back = invertQuat(rootFromSole.turn);
+    const inSole = (direction: Vec3) => rotateVector(back, rotateVector(rootFromLink.turn, direction));
+    const apart = addScaled(rootFromLink.place, rootFromSole.place, -1);
+    const mounted = quatOfRpy(rpy);
+    const axes = (
+      [
+        [1, 0, 0],
+        [0, 1, 0],
+        [0, 0, 1],
+      ] as const
+    ).map((axis) => inSole(rotateVector(mounted, axis))) as unknown as FootSensor['axes'];
+    const along = axes.map((axis) => Math.abs(dot(axis, sole.normal)));
+    const nearest = along.indexOf(Math.max(...along));
+    const measuresForce = forceAxes.includes(nearest);
+    const across = [0, 1, 2].filter((axis) => axis !== nearest);
+    return {
+      site,
+      xyz: addScaled(rotateVector(back, apart), inSole(xyz)),
+      axes,
+      measuresForce,
+      measuresPressure: measuresForce && across.every((axis) => momentAxes.includes(axis)),
+    };
+  }
+
+  #pose(link: number): { place: Vec3; turn: Quat } {
+    const m = this.#rest.rootFromLink.subarray(link * 16, link * 16 + 16);
+    return { place: originOf(m), turn: quatOfTransform(m) };
+  }
+}

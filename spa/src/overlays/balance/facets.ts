@@ -1,0 +1,84 @@
+import type { Vec3 } from '../../twin/rotation.ts';
+import type { FacetLayout, FacetNumbers } from '../facet_numbers.ts';
+import type { Paint } from '../strokes.ts';
+
+/** Most facets in one picture; further ones are not drawn. The balance of one robot takes about 1,000. */
+export const MOST_FACETS = 8192;
+
+export const FACET_AT: FacetLayout = { first: 0, second: 3, third: 6, tint: 9, through: 13 };
+export const FACET_STRIDE = 14;
+
+/** Filled triangles of an overlay, independent of the renderer: what `Strokes` is for lines. */
+export class Facets implements FacetNumbers {
+  readonly stride = FACET_STRIDE;
+  readonly at = FACET_AT;
+  readonly numbers = new Float32Array(MOST_FACETS * FACET_STRIDE);
+  #count = 0;
+  readonly #making = new Float32Array(MOST_FACETS * FACET_STRIDE);
+  #made = 0;
+
+  /** Number of facets of the newest complete picture. */
+  get count(): number {
+    return this.#count;
+  }
+
+  /** Starts a new picture. */
+  begin(): void {
+    this.#made = 0;
+  }
+
+  /** Completes the picture. False when it equals the one before. */
+  end(): boolean {
+    const length = this.#made * FACET_STRIDE;
+    let changed = this.#made !== this.#count;
+    for (let i = 0; i < length && !changed; i += 1) changed = this.#making[i] !== this.numbers[i];
+    if (changed) this.numbers.set(this.#making.subarray(0, length));
+    this.#count = this.#made;
+    return changed;
+  }
+
+  /** Adds a triangle, its corners counter-clockwise for who sees it. */
+  add([ax, ay, az]: Vec3, [bx, by, bz]: Vec3, [cx, cy, cz]: Vec3, paint: Paint): void {
+    if (this.#made === MOST_FACETS) return;
+    const to = this.#making;
+    let at = this.#made * FACET_STRIDE + FACET_AT.first;
+    to[at++] = ax;
+    to[at++] = ay;
+    to[at++] = az;
+    to[at++] = bx;
+    to[at++] = by;
+    to[at++] = bz;
+    to[at++] = cx;
+    to[at++] = cy;
+    to[at] = cz;
+    this.#paint(paint);
+  }
+
+  /** Adds a shape of many triangles, nine numbers each: turned about the vertical (rad), scaled and put at a point. */
+  addShape(corners: ArrayLike<number>, [x, y, z]: Vec3, size: number, heading: number, paint: Paint): void {
+    const [c, s] = [size * Math.cos(heading), size * Math.sin(heading)];
+    const to = this.#making;
+    for (let from = 0; from < corners.length && this.#made < MOST_FACETS; from += 9) {
+      const at = this.#made * FACET_STRIDE + FACET_AT.first;
+      for (let i = 0; i < 9; i += 3) {
+        const [px, py] = [corners[from + i]!, corners[from + i + 1]!];
+        to[at + i] = x + c * px - s * py;
+        to[at + i + 1] = y + s * px + c * py;
+        to[at + i + 2] = z + size * corners[from + i + 2]!;
+      }
+      this.#paint(paint);
+    }
+  }
+
+  /** Completes the facet whose corners have been written. */
+  #paint({ color, opacity = 1, through = false }: Paint): void {
+    const at = this.#made * FACET_STRIDE;
+    const to = this.#making;
+    to[at + FACET_AT.tint] = (color >> 16) / 255;
+    to[at + FACET_AT.tint + 1] = ((color >> 8) & 255) / 255;
+    to[at + FACET_AT.tint + 2] = (color & 255) / 255;
+    to[at + FACET_AT.tint + 3] = opacity;
+    to[at + FACET_AT.through] = through ? 1 : 0;
+    this.#made += 1;
+  }
+}

@@ -1,0 +1,143 @@
+import type { PosedBody } from '../../model/posed_body.ts';
+import {
+  addScaled,
+  directionThrough,
+  dot,
+  normalize,
+  originOf,
+  rejectFrom,
+  rotateAbout,
+  scale,
+} from '../../model/vectors.ts';
+import { limitMargin } from '../../twin/balance/limit_margin.ts';
+import type { Vec3 } from '../../twin/rotation.ts';
+import type { ShownJoint } from '../balance_drawing.ts';
+import type { Paint } from '../strokes.ts';
+import type { Facets } from './facets.ts';
+import { faint } from './paints.ts';
+import { drawRod, fillRingBothSides, type Spot } from './shapes.ts';
+
+/** Sizes in radii of the robot. */
+const RADIUS = 0.2;
+const BAND = 0.035;
+const NEEDLE = 0.006;
+const STOP = 0.007;
+/** A direction whose part across the axis is shorter (squared, unit vectors) is none. */
+const ALONG_AXIS = 0.02;
+
+export interface JointPaints {
+  /** The whole way between the limits. */
+  readonly way: Paint;
+  /** What is left to the nearer limit. */
+  readonly left: Paint;
+  /** Where the joint is. */
+  readonly now: Paint;
+}
+
+/** Draws a joint's way between its limits, where it is, and what is left to the nearer limit. Null for a joint that the
+ *  model lacks, or that has no limits. */
+export function drawJointLimits(
+  facets: Facets,
+  body: PosedBody,
+  name: string,
+  reach: number,
+  paints: JointPaints,
+): (ShownJoint & { readonly at: Vec3 }) | null {
+  const joint = body.joint(name);
+  const worldFromLink = joint === undefined ? undefined : body.linkMatrix(joint.link)?.elements;
+  const limits = body.manifest.joints.find((one) => one.name === name)?.limits ?? null;
+  const value = body.jointValue(name);
+  if (joint === undefined || worldFromLink === undefined || limits === null || value === null) return null;
+  const margin = limitMargin(value, limits);
+  if (margin === null) return null;
+  const { lower, upper } = limits;
+  const { left, nearer } = margin;
+  /** From where the joint is to the nearer limit. */
+  const way = nearer === 'lower' ? -left : left;
+  const at = originOf(worldFromLink);
+  const axis = directionThrough(worldFromLink, joint.axis);
+  const spot = joint.slides
+    ? drawSlide(facets, at, axis, value, lower, upper, way, reach, paints)
+    : drawTurn(
+        facets,
+        body,
+        joint.link,
+        worldFromLink,
+        { at, axis },
+        value,
+        lower,
+        upper,
+        way,
+        reach,
+        paints,
+      );
+  return { joint: name, left, slides: joint.slides, at: spot };
+}
+
+function drawTurn(
+  facets: Facets,
+  body: PosedBody,
+  link: string,
+  worldFromLink: ArrayLike<number>,
+  { at, axis }: Omit<Spot, 'ahead'>,
+  value: number,
+  lower: number,
+  upper: number,
+  way: number,
+  reach: number,
+  paints: JointPaints,
+): Vec3 {
+  const box = body.linkBox(link);
+  const middle = box && directionThrough(worldFromLink, scale(addScaled(box.min, box.max), 0.5));
+  const limb = limbAcross(axis, middle);
+  const [inner, outer] = [(RADIUS - BAND) * reach, RADIUS * reach];
+  const turned = (by: number): Spot => ({ at, axis, ahead: rotateAbout(axis, by, limb) });
+  const on = (by: number, radius: number) => addScaled(at, turned(by).ahead, radius);
+  const sweep = Math.min(upper - lower, 2 * Math.PI);
+  fillRingBothSides(facets, turned(lower - value), inner, outer, paints.way, sweep);
+  fillRingBothSides(facets, turned(0), inner, outer, paints.left, clamp(way, 2 * Math.PI));
+  for (const limit of [lower, upper]) {
+    const by = limit - value;
+    drawRod(facets, on(by, inner * 0.94), on(by, outer * 1.06), STOP * reach, faint(paints.left, 0.9));
+  }
+  drawRod(facets, at, on(0, outer * 1.08), NEEDLE * reach, paints.now);
+  return on(clamp(way, 2 * Math.PI) / 2, outer);
+}
+
+/** Draws a rail along which the joint slides. */
+function drawSlide(
+  facets: Facets,
+  at: Vec3,
+  axis: Vec3,
+  value: number,
+  lower: number,
+  upper: number,
+  way: number,
+  reach: number,
+  { way: whole, left, now }: JointPaints,
+): Vec3 {
+  const to = (limit: number) => addScaled(at, axis, limit - value);
+  drawRod(facets, to(lower), to(upper), NEEDLE * reach, whole);
+  drawRod(facets, at, addScaled(at, axis, way), NEEDLE * reach * 1.5, left);
+  const across = normalize(rejectFrom(Math.abs(axis[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0], axis));
+  for (const [spot, size, paint] of [
+    [to(lower), BAND, left],
+    [to(upper), BAND, left],
+    [at, 2 * BAND, now],
+  ] as const) {
+    const half = (size / 2) * reach;
+    drawRod(facets, addScaled(spot, across, -half), addScaled(spot, across, half), STOP * reach, paint);
+  }
+  return addScaled(at, axis, way / 2);
+}
+
+function clamp(value: number, most: number): number {
+  return Math.min(most, Math.max(-most, value));
+}
+
+/** The unit vector across the axis along the limb, else down, else ahead. */
+function limbAcross(axis: Vec3, limb: Vec3 = [0, 0, -1]): Vec3 {
+  const ways: readonly Vec3[] = [limb, [0, 0, -1], [1, 0, 0]];
+  const found = ways.map((way) => rejectFrom(way, axis)).find((way) => dot(way, way) >= ALONG_AXIS);
+  return normalize(found ?? [0, 1, 0]);
+}

@@ -1,0 +1,47 @@
+import type { Level } from '@posecast/wire';
+import type { BalanceStyle } from '../balance_drawing.ts';
+import { levelColor } from '../colors.ts';
+import type { Paint } from '../strokes.ts';
+
+/** The ball's quarters, in either theme: those of a crash-test dummy's marks. */
+const WHITE = 0xf7f8fa;
+const BLACK = 0x14181f;
+/** Of a ball that is old; the stale tone of either theme stands out against it. */
+const OLD_BLACK = 0x545d6b;
+
+/** The paints of the signs of balance. What is drawn shows through the robot. */
+export interface BalancePaints {
+  readonly white: Paint;
+  readonly black: Paint;
+  /** What belongs to the mass: plumb line, capture point, trace. */
+  readonly mass: Paint;
+  /** What the robot stands on. */
+  readonly support: Paint;
+  /** Where the floor pushes back. */
+  readonly pressure: Paint;
+  /** A foot that begins to tip. */
+  readonly tipping: Paint;
+  /** The margin by its level; `ok` is no more than the support. */
+  readonly margin: Paint;
+}
+
+export function paintsOf({ tones, palette, live }: BalanceStyle, level: Level): BalancePaints {
+  const solid = (color: number): Paint => ({ color, through: true });
+  const tone = (color: number): Paint => solid(live ? color : tones.stale);
+  const of = (at: Level) => solid(levelColor(tones, palette, at, live));
+  const support = tone(tones.level);
+  return {
+    white: solid(live ? WHITE : tones.stale),
+    black: solid(live ? BLACK : OLD_BLACK),
+    mass: tone(tones.ink),
+    support,
+    pressure: of('ok'),
+    tipping: of('caution'),
+    margin: level === 'ok' ? support : of(level),
+  };
+}
+
+/** A paint at a part of its opacity. */
+export function faint(paint: Paint, opacity: number): Paint {
+  return { ...paint, opacity: (paint.opacity ?? 1) * opacity };
+}

@@ -1,0 +1,91 @@
+import type { Level } from '@posecast/wire';
+import { addScaled, dot, normalize, scale } from '../../model/vectors.ts';
+import type { Balance } from '../../twin/balance/balance.ts';
+import type { Vec3 } from '../../twin/rotation.ts';
+import type { Facets } from './facets.ts';
+import { type BalancePaints, faint } from './paints.ts';
+import { drawDashes, drawLine, fillPolygon, fillRing, fillRound, floorSpot } from './shapes.ts';
+
+/** Sizes in radii of the robot. */
+const OUTLINE = 0.007;
+const EDGE = 0.016;
+const MARGIN = 0.005;
+const DASH = 0.025;
+const MARK = 0.04;
+/** What the marks of mass and pressure cover around the mass' foot. */
+const CLEAR = 0.075;
+const FILL = 0.16;
+/** Of a polygon that is only assumed. */
+const ASSUMED_FILL = 0.08;
+
+/** Where the margin is measured: from the foot of the mass to the nearest edge. */
+export interface MarginLine {
+  readonly foot: Vec3;
+  readonly edge: Vec3;
+  readonly ends: readonly [Vec3, Vec3];
+}
+
+/** Draws what the robot stands on, and its edge that is nearest to the mass. `z`: the height to draw at, m. */
+export function drawSupport(
+  facets: Facets,
+  { polygon, ground }: Balance,
+  margin: MarginLine | null,
+  level: Level,
+  z: number,
+  reach: number,
+  paints: BalancePaints,
+): void {
+  if (polygon.length < 3) return;
+  const corners = polygon.map(([x, y]): Vec3 => [x, y, z]);
+  const assumed = ground === 'lowest';
+  const inside = level === 'fault' ? paints.margin : paints.support;
+  fillPolygon(facets, corners, faint(inside, assumed ? ASSUMED_FILL : FILL));
+  if (assumed) drawDashes(facets, corners, OUTLINE * reach, DASH * reach, faint(paints.support, 0.8));
+  else drawLine(facets, corners, OUTLINE * reach, faint(paints.support, 0.85), { closed: true });
+  if (margin === null) return;
+  drawLine(facets, margin.ends, EDGE * reach, paints.margin);
+  drawLine(facets, [margin.foot, margin.edge], MARGIN * reach, paints.margin);
+  drawLevel(facets, margin, level, reach, paints);
+}
+
+/** Draws the sign of the level beside the nearest edge, so that its colour is not the only one: a triangle that points
+ *  where the robot would fall for caution, an octagon for a fault, nothing otherwise. */
+function drawLevel(
+  facets: Facets,
+  { foot, edge, ends: [from, to] }: MarginLine,
+  level: Level,
+  reach: number,
+  { margin, black }: BalancePaints,
+): void {
+  if (level === 'ok') return;
+  const along = normalize(addScaled(to, from, -1));
+  const outward: Vec3 = [along[1], -along[0], 0]; // the polygon is counter-clockwise
+  const size = MARK * reach;
+  const corners = level === 'caution' ? 3 : 8;
+  const hidden = CLEAR * reach - dot(addScaled(edge, foot, -1), outward);
+  const away = Math.max(0, hidden) + size * (level === 'caution' ? 0.95 : 1.4);
+  const spot = floorSpot(addScaled(edge, outward, away), outward);
+  fillRound(facets, spot, size, margin, corners);
+  fillRing(facets, spot, size, size * 1.16, black, 2 * Math.PI, corners);
+}
+
+/** The shortest line from the mass' foot to the nearest edge, at height `z`; null while there is no margin. */
+export function marginLine(balance: Balance, z: number): MarginLine | null {
+  const { polygon, nearestEdge, centreOfMass, marginM } = balance;
+  if (nearestEdge === null || centreOfMass === null || marginM === null) return null;
+  const corner = (i: number): Vec3 => {
+    const [x, y] = polygon[i % polygon.length]!;
+    return [x, y, z];
+  };
+  const ends = [corner(nearestEdge), corner(nearestEdge + 1)] as const;
+  const foot: Vec3 = [centreOfMass[0], centreOfMass[1], z];
+  return { foot, edge: nearestOn(ends, foot), ends };
+}
+
+/** The point of a line that is nearest to a point. */
+export function nearestOn([from, to]: readonly [Vec3, Vec3], point: Vec3): Vec3 {
+  const way = addScaled(to, from, -1);
+  const length = dot(way, way);
+  const part = length > 0 ? dot(addScaled(point, from, -1), way) / length : 0;
+  return addScaled(from, scale(way, Math.min(1, Math.max(0, part))));
+}

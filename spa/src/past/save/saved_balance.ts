@@ -1,0 +1,31 @@
+import type { Schema } from '@posecast/wire';
+import { BalanceReader } from '../../model/balance/balance_reader.ts';
+import type { Manifest } from '../../model/manifest.ts';
+import type { Balance } from '../../twin/balance/balance.ts';
+import type { SavedFrame } from './saved_frames.ts';
+
+/** The balance of the past, frame by frame in their order. */
+export class SavedBalance {
+  #reader: BalanceReader | null = null;
+
+  /** The balance of a frame; null where its model (null: none) has no masses and stands on nothing known. It is rewritten
+   *  by the next call. */
+  read({ schema, codes, tS }: SavedFrame, manifest: Manifest | null): Balance | null {
+    if (manifest === null) {
+      this.#reader = null;
+      return null;
+    }
+    // decoders have a schema each
+    if (this.#reader?.manifest !== manifest || this.#reader.schema.text !== schema.text)
+      this.#reader = new BalanceReader(manifest, schema);
+    return this.#reader.hasAny ? this.#reader.ofFrame(codes, tS) : null;
+  }
+}
+
+/** Whether any of these models has a balance in frames of any of these schemas. */
+export function haveBalance(manifests: Iterable<Manifest | null>, schemas: Iterable<Schema>): boolean {
+  const all = [...schemas];
+  return [...manifests].some(
+    (manifest) => manifest !== null && all.some((schema) => new BalanceReader(manifest, schema).hasAny),
+  );
+}

@@ -1,0 +1,49 @@
+import type { Ground } from '@posecast/wire';
+import type { Vec3 } from '../rotation.ts';
+import type { BalanceGap } from './balance.ts';
+import type { SolePlane } from './sole.ts';
+
+/** The mass of one link. */
+export interface MassPoint {
+  /** Index of the link. */
+  readonly link: number;
+  readonly massKg: number;
+  /** Centre of mass in the link's frame, metres. */
+  readonly xyz: Vec3;
+}
+
+/** A force-torque sensor above a sole, in the frame of the link that has the sole. */
+export interface FootSensor {
+  readonly site: string;
+  /** sole_from_sensor: its place (m), and its axes x, y, z as unit vectors. */
+  readonly xyz: Vec3;
+  readonly axes: readonly [Vec3, Vec3, Vec3];
+  /** Whether it measures the axis that is nearest to the sole's normal. */
+  readonly measuresForce: boolean;
+  /** Whether it also measures the moments about both others, and so the centre of pressure. */
+  readonly measuresPressure: boolean;
+}
+
+/** One foot of a robot. */
+export interface Foot {
+  /** The site of its sensor, or its link. */
+  readonly name: string;
+  /** The link that has the sole: its index and its name. */
+  readonly link: number;
+  readonly linkName: string;
+  readonly sole: SolePlane;
+  readonly sensor: FootSensor | null;
+}
+
+/** What is known of a robot before it moves: its masses and its feet. */
+export interface Standing {
+  /** Empty when `massGap` says why. */
+  readonly masses: readonly MassPoint[];
+  readonly massGap: BalanceGap | null;
+  /** Empty when `footGap` says why. */
+  readonly feet: readonly Foot[];
+  readonly footGap: BalanceGap | null;
+  readonly ground: Ground | null;
+  /** What of the model or the profile could not be read, a line each. */
+  readonly problems: readonly string[];
+}

@@ -1,0 +1,38 @@
+import type { Balance, Vec2 } from '../balance.ts';
+
+/** Where to, as seen by the robot. */
+export type Side = 'forwards' | 'backwards' | 'left' | 'right';
+
+/** Another direction is named only when it is this much more in that direction: at 45° nobody knows which. */
+const CLEARLY = 1.25;
+
+/** Where a robot would fall whose centre of mass is outside of what it stands on: from the nearest point of the edge to the centre
+ *  of mass. `before`: what was said last. null where there is no edge. */
+export function fallDirection(
+  { centreOfMass, polygon, nearestEdge }: Pick<Balance, 'centreOfMass' | 'polygon' | 'nearestEdge'>,
+  headingRad: number,
+  before: Side | null,
+): Side | null {
+  const from = nearestEdge === null ? undefined : polygon[nearestEdge];
+  if (centreOfMass === null || from === undefined) return null;
+  const to = polygon[(nearestEdge! + 1) % polygon.length]!;
+  const [x, y] = awayFrom(from, to, centreOfMass);
+  const [cos, sin] = [Math.cos(headingRad), Math.sin(headingRad)];
+  const ahead = x * cos + y * sin;
+  const left = y * cos - x * sin;
+  const along: Side = ahead >= 0 ? 'forwards' : 'backwards';
+  const across: Side = left >= 0 ? 'left' : 'right';
+  const [more, less] = [Math.abs(ahead), Math.abs(left)];
+  if (before === along && more * CLEARLY > less) return along;
+  if (before === across && less * CLEARLY > more) return across;
+  return more >= less ? along : across;
+}
+
+/** From the nearest point between two corners to a point. */
+function awayFrom(from: Vec2, to: Vec2, point: readonly [number, number, number]): [number, number] {
+  const [ex, ey] = [to[0] - from[0], to[1] - from[1]];
+  const [px, py] = [point[0] - from[0], point[1] - from[1]];
+  const squared = ex * ex + ey * ey;
+  const along = squared > 0 ? Math.min(1, Math.max(0, (px * ex + py * ey) / squared)) : 0;
+  return [px - along * ex, py - along * ey];
+}

@@ -1,0 +1,43 @@
+import { type Level, level, type Threshold } from '@posecast/wire';
+import type { ValueLimits } from '../../limits/limits.ts';
+
+/** What the margin is called where limits and plots are kept by field and label. */
+export const MARGIN = { field: 'balance', label: 'margin' } as const;
+
+/** Whose limits of the margin hold: the viewer's own, the profile's, or the page's own where nobody has set any. */
+export type LimitsOwner = 'viewer' | 'profile' | 'page';
+
+/** Where the margin (mm) is worrying. */
+export interface MarginLimits {
+  readonly owner: LimitsOwner;
+  readonly levelAt: (marginMm: number) => Level;
+  /** What a crossing is told with, mm. */
+  readonly threshold: Threshold;
+}
+
+/** Without limits the margin is amber below this, and red outside. */
+export const CAUTION_BELOW_MM = 20;
+
+const OF_PAGE: MarginLimits = {
+  owner: 'page',
+  levelAt: (marginMm) => (marginMm < 0 ? 'fault' : marginMm < CAUTION_BELOW_MM ? 'caution' : 'ok'),
+  threshold: { low: 0, high: null, caution: 1 },
+};
+
+let ofPage: readonly [ValueLimits | null, MarginLimits] = [null, OF_PAGE];
+
+/** The limits of the margin that hold; the same object for as long as `limits` is. */
+export function marginLimits(limits: ValueLimits | null): MarginLimits {
+  if (limits !== ofPage[0]) ofPage = [limits, limitsFrom(limits)];
+  return ofPage[1];
+}
+
+function limitsFrom(limits: ValueLimits | null): MarginLimits {
+  const threshold = limits?.threshold(MARGIN.field, MARGIN.label) ?? null;
+  if (limits === null || threshold === null) return OF_PAGE;
+  return {
+    owner: limits.edited(MARGIN.field, MARGIN.label) ? 'viewer' : 'profile',
+    levelAt: (marginMm) => level(threshold, marginMm),
+    threshold,
+  };
+}

@@ -1,0 +1,95 @@
+import type { Level } from '@posecast/wire';
+import { worseOf } from '../../limits/level_latch.ts';
+import type { Balance } from '../balance.ts';
+import { type Margin, writeMargin } from '../margin.ts';
+import { fallDirection, type Side } from './direction.ts';
+import type { MarginLimits } from './margin_limits.ts';
+
+/**
+ * What is said of a robot's balance.
+ *
+ * - `inside`, `edge`, `outside`: where the centre of mass is, seen from above, to the edge of what it stands on.
+ * - `moving`: it is outside, but the robot moves so that it would come to rest over its feet.
+ * - `airborne`: no foot bears weight; `unread`: a foot has no reading, so nobody knows.
+ */
+export type StanceKind = 'inside' | 'edge' | 'outside' | 'moving' | 'airborne' | 'unread';
+
+/** What is told of one balance. */
+export interface Stance {
+  readonly kind: StanceKind;
+  readonly level: Level;
+  /** Positive inside, negative outside; null while there is none. */
+  readonly marginMm: number | null;
+  /** Where it would fall, by its own heading; null unless it is outside. */
+  readonly side: Side | null;
+  /** What it stands on is assumed, not measured. */
+  readonly assumed: boolean;
+}
+
+/** Within this the centre of mass is called on the edge: neither in nor out. */
+const EDGE_MM = 1;
+/** So much further it has to go to be called inside or outside again, or for a better level. */
+const BACK_MM = 2;
+
+/** So far inside it would have to come to rest to be called moving. */
+const CAUGHT_M = 0.005;
+
+/** Judges one balance after the other, so that words and levels don't flicker where a value lies at a limit: a level rises at
+ *  once and falls when the margin is well back. */
+export class StanceJudge {
+  #kind: StanceKind | null = null;
+  #level: Level = 'ok';
+  #side: Side | null = null;
+  #limits: MarginLimits | null = null;
+  readonly #captured: Margin = { metres: 0, edge: 0 };
+
+  /** The newest balance; `headingRad` from the world's x. null: nothing can be said, as of an arm. */
+  next(balance: Balance, headingRad: number, limits: MarginLimits): Stance | null {
+    if (limits !== this.#limits) this.#level = 'ok'; // the level was by other limits
+    this.#limits = limits;
+    const stance = this.#judge(balance, headingRad, limits);
+    this.#kind = stance?.kind ?? null;
+    this.#level = stance?.level ?? 'ok';
+    this.#side = stance?.side ?? null;
+    return stance;
+  }
+
+  #judge(balance: Balance, headingRad: number, limits: MarginLimits): Stance | null {
+    const { marginM, ground, gaps } = balance;
+    const assumed = ground === 'lowest';
+    if (marginM === null) {
+      const { polygon: gap } = gaps;
+      if (gap !== 'airborne' && gap !== 'unread') return null;
+      return { kind: gap, level: 'ok', marginMm: null, side: null, assumed };
+    }
+    const marginMm = marginM * 1000;
+    const kind = this.#kindOf(marginMm, balance);
+    const level = this.#levelOf(marginMm, kind, limits);
+    const side = kind === 'outside' ? fallDirection(balance, headingRad, this.#side) : null;
+    return { kind, level, marginMm, side, assumed };
+  }
+
+  #kindOf(marginMm: number, { capturePoint, polygon }: Balance): StanceKind {
+    const wasOnEdge = this.#kind === 'edge';
+    if (Math.abs(marginMm) <= (wasOnEdge ? EDGE_MM + BACK_MM : EDGE_MM)) return 'edge';
+    if (marginMm > 0) return 'inside';
+    if (capturePoint === null || polygon.length === 0) return 'outside';
+    const [x, y] = capturePoint;
+    writeMargin(polygon, x, y, this.#captured);
+    return this.#captured.metres >= (this.#kind === 'moving' ? 0 : CAUGHT_M) ? 'moving' : 'outside';
+  }
+
+  #levelOf(marginMm: number, kind: StanceKind, limits: MarginLimits): Level {
+    const { levelAt, owner } = limits;
+    // The page's own limit is about falling, and who comes to rest over their feet does not fall.
+    const eased = (level: Level) => (kind === 'moving' && owner === 'page' ? 'caution' : level);
+    const now = eased(levelAt(marginMm));
+    const lingering = eased(worseOf(levelAt(marginMm - BACK_MM), levelAt(marginMm + BACK_MM)));
+    const held = this.#level;
+    return worseOf(now, held) === now ? now : lesser(held, worseOf(now, lingering));
+  }
+}
+
+function lesser(a: Level, b: Level): Level {
+  return worseOf(a, b) === a ? b : a;
+}

@@ -1,0 +1,178 @@
+import { quaternionFromRpy, transform } from '../model/kinematics.ts';
+import { boxOf, type Facts } from './doctor_meshes.ts';
+import { type Finding, general, quoted } from './finding.ts';
+import type { Tree } from './tree.ts';
+import type { Inertial, Link } from './types.ts';
+
+/**
+ * Finds masses that can't be, and gives the others as a manifest has them (docs/MODEL.md). Rules and wording are those of
+ * `posecast-edge doctor` (posecast_edge.model.doctor.masses).
+ */
+
+const DENSITY_MAX = 12_000; // kg/m³
+const BOX_MIN_M3 = 1e-6;
+const MASS_MAX_KG = 1e6;
+const FAR_M = 1e7;
+/** Of the robot's mass, or of the boxes of all links: what less concerns is a hint. */
+const HEAVY_SHARE = 0.25;
+const MOMENTS_SHARE = 0.1;
+const EMPTY_SHARE = 0.02;
+/** Of the largest moment, how far the others together may fall short of it, and what no rounding explains. */
+const SLACK = 0.01;
+const GROSS = 0.5;
+const SPAN_M = 1e-3;
+/** Of the largest number of a matrix: what may be left of a moment of 0. */
+const NOISE = 1e-6;
+/** How the codes begin of what makes masses useless. */
+const DISTRUST = 'mass-';
+
+type Problem = readonly [code: string, text: string];
+
+/** Each link of the tree whose mass, centre or moments can't be. `facts`: of the meshes; null before they are read. */
+export function massFindings(tree: Tree, facts: Facts | null): Finding[] {
+  const links = linksOf(tree);
+  const held = heldLinks(tree, links);
+  const boxes = links.map((link) => (facts === null ? null : boxVolume(link, facts)));
+  let [whole, shown] = [0, 0];
+  for (const { inertial } of links) whole += Math.max(inertial?.mass ?? 0, 0);
+  for (const box of boxes) shown += box ?? 0;
+  return links.flatMap((link, i): Finding[] => {
+    const { name, inertial } = link;
+    if (inertial === null) return [];
+    const box = boxes[i] ?? null;
+    const share = Math.max(inertial.mass, 0) / (whole || 1);
+    const empty = () => (held.has(name) ? null : emptiness(link, (box ?? 0) / (shown || 1)));
+    const found =
+      inertial.mass === 0
+        ? empty()
+        : (extreme(inertial) ?? heavy(inertial.mass, box, share) ?? impossible(inertial, share));
+    if (found === null) return [];
+    const [code, text] = found;
+    const distrusted = code.startsWith(DISTRUST);
+    const told = `link ${quoted(name)}: ${text}${distrusted ? '; no balance is shown' : ''}`;
+    return [{ severity: distrusted ? 'warning' : 'hint', code, text: told, line: inertial.line }];
+  });
+}
+
+/** The manifest's member `inertials`. */
+export function inertialsOf(tree: Tree): object[] {
+  if (massFindings(tree, null).some(({ code }) => code.startsWith(DISTRUST))) return [];
+  return linksOf(tree).flatMap(({ inertial }, link) =>
+    inertial === null || inertial.mass <= 0
+      ? []
+      : [{ link, mass_kg: inertial.mass, xyz: inertial.xyz, inertia: turned(inertial) }],
+  );
+}
+
+function linksOf({ root, joints, links }: Tree): Link[] {
+  return root === null ? [] : [root, ...joints.map(({ child }) => links.get(child)!)];
+}
+
+/** The links that fixed joints hold to one that has a mass: it may be theirs as well. */
+function heldLinks({ joints }: Tree, links: readonly Link[]): Set<string> {
+  const groups = new Map(links.map(({ name }) => [name, name]));
+  for (const { type, parent, child } of joints) if (type === 'fixed') groups.set(child, groups.get(parent)!);
+  const heavyOnes = new Set(
+    links.flatMap(({ name, inertial }) => ((inertial?.mass ?? 0) > 0 ? [groups.get(name)] : [])),
+  );
+  return new Set([...groups].flatMap(([name, group]) => (heavyOnes.has(group) ? [name] : [])));
+}
+
+function emptiness({ visuals }: Link, share: number): Problem | null {
+  if (visuals.every(({ shape }) => shape === null)) return null;
+  return [share > EMPTY_SHARE ? 'mass-zero' : 'massless', 'it shows something and has a mass of 0 kg'];
+}
+
+function extreme({ mass, xyz }: Inertial): Problem | null {
+  if (mass < 0) return ['mass-negative', `a mass of ${general(mass)} kg`];
+  if (mass > MASS_MAX_KG) return ['mass-heavy', `a mass of ${general(mass)} kg`];
+  if (Math.max(...xyz.map(Math.abs)) > FAR_M)
+    return ['mass-far', 'a centre of mass more than 10,000 km away'];
+  return null;
+}
+
+function heavy(mass: number, box: number | null, share: number): Problem | null {
+  if (box === null || box < BOX_MIN_M3 || mass <= DENSITY_MAX * box) return null;
+  const size = `${general(mass, 3)} kg in a box of ${general(box * 1000, 3)} litres`;
+  const text = `${size}: more than ${DENSITY_MAX / 1000} kg a litre`;
+  return [share > HEAVY_SHARE ? 'mass-heavy' : 'dense', text];
+}
+
+function impossible({ mass, moments }: Inertial, share: number): Problem | null {
+  const [low, middle, high] = principalMoments(moments);
+  const size = Math.max(high, -low);
+  const lack = Math.max(high - low - middle, -2 * low);
+  if (lack <= SLACK * size) return null;
+  const [a, b, c] = [high, middle, low].map((value) => general(value, 3));
+  const text = `no body has principal moments of inertia of ${a}, ${b} and ${c} kg·m²`;
+  return lack > GROSS * size && size > mass * SPAN_M ** 2 && share > MOMENTS_SHARE
+    ? ['mass-moments', text]
+    : ['inertia', `${text}; simulators refuse it`];
+}
+
+/** The volume of the box around what a link shows, m³, along its axes; null when it shows nothing, or not all that it should. */
+function boxVolume({ visuals }: Link, facts: Facts): number | null {
+  const [low, high] = [
+    [Infinity, Infinity, Infinity],
+    [-Infinity, -Infinity, -Infinity],
+  ];
+  for (const { shape, xyz, rpy } of visuals) {
+    const box = shape === null ? null : boxOf(shape, facts);
+    if (box === null) return null;
+    const at = transform(xyz, quaternionFromRpy(rpy));
+    for (let corner = 0; corner < 8; corner += 1) {
+      const [x, y, z] = [0, 1, 2].map((i) => box[(corner >> i) & 1]![i]!) as [number, number, number];
+      for (let i = 0; i < 3; i += 1) {
+        const value = at[i]! * x + at[i + 4]! * y + at[i + 8]! * z + at[i + 12]!;
+        low![i] = Math.min(low![i]!, value);
+        high![i] = Math.max(high![i]!, value);
+      }
+    }
+  }
+  return visuals.length === 0 ? null : high!.reduce((volume, value, i) => volume * (value - low![i]!), 1);
+}
+
+/** The eigenvalues of a symmetric matrix, given as xx, xy, xz, yy, yz, zz, ascending (O. K. Smith, "Eigenvalues of a
+ *  symmetric 3 × 3 matrix", 1961). */
+function principalMoments(moments: readonly number[]): readonly [number, number, number] {
+  const size = Math.max(...moments.map(Math.abs));
+  if (size === 0) return [0, 0, 0];
+  const [xx, xy, xz, yy, yz, zz] = moments.map((value) => value / size) as [
+    number,
+    number,
+    number,
+    number,
+    number,
+    number,
+  ];
+  const mean = (xx + yy + zz) / 3;
+  const spread = (xx - mean) ** 2 + (yy - mean) ** 2 + (zz - mean) ** 2 + 2 * (xy * xy + xz * xz + yz * yz);
+  const p = Math.sqrt(spread / 6);
+  if (p < 1e-9) return [mean * size, mean * size, mean * size];
+  const [a, b, c] = [(xx - mean) / p, (yy - mean) / p, (zz - mean) / p];
+  const [d, e, f] = [xy / p, xz / p, yz / p];
+  const half = (a * (b * c - f * f) - d * (d * c - f * e) + e * (d * f - b * e)) / 2;
+  const angle = Math.acos(Math.min(Math.max(half, -1), 1)) / 3;
+  const high = mean + 2 * p * Math.cos(angle);
+  const low = mean + 2 * p * Math.cos(angle + (2 * Math.PI) / 3);
+  const clean = (value: number) => (Math.abs(value) < NOISE ? 0 : value * size);
+  return [clean(low), clean(3 * mean - high - low), clean(high)];
+}
+
+/** The inertia about the centre of mass in the link's axes. */
+function turned({ moments, rpy }: Inertial): number[] {
+  const [xx, xy, xz, yy, yz, zz] = moments as [number, number, number, number, number, number];
+  const own = [
+    [xx, xy, xz],
+    [xy, yy, yz],
+    [xz, yz, zz],
+  ] as const;
+  const turn = transform([0, 0, 0], quaternionFromRpy(rpy)); // column-major
+  const at = (i: number, j: number): number => {
+    let sum = 0;
+    for (const [k, row] of own.entries())
+      for (const [m, value] of row.entries()) sum += turn[i + 4 * k]! * value * turn[j + 4 * m]!;
+    return sum;
+  };
+  return [at(0, 0), at(0, 1), at(0, 2), at(1, 1), at(1, 2), at(2, 2)];
+}

@@ -1,0 +1,135 @@
+import { parseSchema } from '@posecast/wire';
+import { expect, it } from 'vitest';
+import { BalanceReader } from '../src/model/balance/balance_reader.ts';
+import { FrameBody } from '../src/model/balance/frame_body.ts';
+import { readManifest } from '../src/model/manifest.ts';
+import { type BalanceFrame, readBalanceCases, tellBalance } from './balance_vectors.ts';
+
+/** What codes of the vectors are rounded to: 0.1 mN and 0.1 mN·m move a centre of pressure by less. */
+const NEAR = 5e-6;
+
+/** The numbers within the vectors' rounding, all else exactly. */
+function near(value: unknown, by = NEAR): unknown {
+  if (typeof value === 'number')
+    return expect.toSatisfy((found) => Math.abs((found as number) - value) <= by);
+  if (Array.isArray(value)) return value.map((each) => near(each, by));
+  if (typeof value !== 'object' || value === null) return value;
+  return Object.fromEntries(
+    Object.entries(value).map(([key, each]) => [key, near(each, key === 'force_n' ? 2e-3 : by)]),
+  );
+}
+
+const cases = readBalanceCases();
+
+it.each(cases)('$name: the balance is what the vectors say', ({ manifest, schema, frames }) => {
+  const reader = new BalanceReader(manifest, schema);
+  for (const [i, { t, codes, balance }] of frames.entries()) {
+    const found = tellBalance(reader.ofFrame(Int32Array.from(codes), t));
+    expect(found, `frame ${i}`).toEqual(near(balance));
+  }
+});
+
+it.each(cases)(
+  '$name: a body that is shown has the same balance as its frame',
+  ({ manifest, schema, frames }) => {
+    const [byBody, byFrame] = [new BalanceReader(manifest, schema), new BalanceReader(manifest, schema)];
+    const body = new FrameBody(manifest, schema);
+    const linkMatrix = (name: string) => {
+      const at = manifest.links.indexOf(name) * 16;
+      return { elements: body.worldFromLink.subarray(at, at + 16) };
+    };
+    for (const { t, codes } of frames) {
+      const read = Int32Array.from(codes);
+      body.place(read);
+      const found = byBody.ofBody({ linkMatrix }, byBody.wrenches(read), t);
+      expect(tellBalance(found)).toEqual(tellBalance(byFrame.ofFrame(read, t)));
+    }
+  },
+);
+
+const stands = cases.find(({ name }) => name === 'stands')!;
+
+/** The balance of the first frame that stands, with some of the manifest or the schema otherwise. */
+function readOtherwise(members: Record<string, unknown>, mapping?: unknown) {
+  const manifest = readManifest({ ...stands.manifest.raw, ...members });
+  const text = JSON.stringify({
+    ...(JSON.parse(stands.schema.text) as object),
+    ...(mapping ? { mapping } : {}),
+  });
+  const reader = new BalanceReader(manifest, parseSchema(text));
+  const [{ t, codes }] = stands.frames as [BalanceFrame];
+  return { reader, told: tellBalance(reader.ofFrame(Int32Array.from(codes), t)) };
+}
+
+it('what a bundle has wrong is told in a line, and is as good as not there', () => {
+  const { reader, told } = readOtherwise({ inertials: [{ link: 99 }], soles: 'none' });
+  expect(reader.problems).toEqual([
+    'model manifest: inertials[0]: its link is not there',
+    'model manifest: soles is no list',
+  ]);
+  expect([told.gaps.centre_of_mass, told.gaps.polygon]).toEqual(['old-bundle', 'old-bundle']);
+  expect([reader.hasAny, reader.onByItself]).toEqual([false, false]);
+});
+
+it('what a profile has wrong is told in a line, and the model is taken instead', () => {
+  const { sensors } = JSON.parse(stands.schema.text).mapping;
+  const { reader, told } = readOtherwise({}, { sensors, balance: { feet: 3 } });
+  expect(reader.problems.length).toBe(1);
+  expect(reader.problems[0]).toMatch(/^.*mapping\.balance\.feet.*$/);
+  expect([told.ground, Object.keys(told.feet)]).toEqual(['measured', ['RF', 'LF']]);
+});
+
+it('feet of the profile that the model lacks, or whose sole spans no area, are left out', () => {
+  const { sensors } = JSON.parse(stands.schema.text).mapping;
+  const line = [0, 1, 2].map((x) => [x, 0, 0]);
+  const rule = { feet: ['no such link', 'head', 'RF', 'LF'], soles: { LF: line } };
+  expect(Object.keys(readOtherwise({}, { sensors, balance: rule }).told.feet)).toEqual(['RF']);
+});
+
+it('a robot is on by itself with masses and two feet that measure force', () => {
+  const on = cases.map(
+    ({ name, manifest, schema }) => [name, new BalanceReader(manifest, schema).onByItself] as const,
+  );
+  expect(on.filter(([, is]) => !is).map(([name]) => name)).toEqual([
+    'has no wrenches',
+    'its profile has feet and soles',
+    'its profile says it stands on nothing',
+    'one foot alone has a wrench',
+    'has no soles',
+    'has no masses',
+    "has masses that can't be",
+    'an older bundle',
+  ]);
+});
+
+it('of a body that lacks a link nothing is told that depends on it', () => {
+  const { manifest, schema, frames } = stands;
+  const reader = new BalanceReader(manifest, schema);
+  const body = new FrameBody(manifest, schema);
+  body.place(Int32Array.from(frames[0]!.codes));
+  const linkMatrix = (name: string) => {
+    const at = manifest.links.indexOf(name) * 16;
+    return name === 'rsole' ? undefined : { elements: body.worldFromLink.subarray(at, at + 16) };
+  };
+  const told = tellBalance(
+    reader.ofBody({ linkMatrix }, reader.wrenches(Int32Array.from(frames[0]!.codes)), 0),
+  );
+  expect(told.centre_of_mass_m).not.toBeNull();
+  expect(told.gaps.polygon).toBe('unread');
+  expect([told.floor_m, told.margin_m, told.centre_of_pressure_m, told.capture_point_m]).toEqual([
+    null,
+    null,
+    null,
+    null,
+  ]);
+});
+
+it('the result is rewritten in place, nothing of it allocated anew', () => {
+  const { manifest, schema, frames } = stands;
+  const reader = new BalanceReader(manifest, schema);
+  const [first, second] = frames.map(({ t, codes }) => {
+    const found = reader.ofFrame(Int32Array.from(codes), t);
+    return [found, found.centreOfMass, found.pressure, found.polygon, found.feet[0]!.corners[0]];
+  });
+  for (const [i, part] of second!.entries()) expect(part).toBe(first![i]);
+});

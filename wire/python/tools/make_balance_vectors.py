@@ -1,0 +1,283 @@
+"""Makes `wire/vectors/balance.json`: models, what robots report, and their balance then, as page and relay
+must find it (docs/BALANCE.md).
+
+    python -m wire.python.tools.make_balance_vectors
+
+The expected values come from elsewhere than the formulas that are tested. Each foot is pushed at points that
+are chosen here, so the centre of pressure is the mean of these points and the wrench is their sum at the
+sensor. Which feet bear, and why something is null, is written down by hand in each case. The convex hull
+tries every pair of points, the margin every edge, and velocities come from whole transforms.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import random
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wire.python.tools.balance_course import SENSORS, SOLE, WEIGHT_N, Case, Course, Frame, Push, make_model
+from wire.python.tools.balance_geometry import Document
+
+FOLDER = Path(__file__).resolve().parents[2] / "vectors"
+
+
+class Luck:
+    """Poses and pushes by chance."""
+
+    def __init__(self, seed: str) -> None:
+        self._chance = random.Random(seed)
+
+    def near(self, spread: float) -> float:
+        return self._chance.uniform(-spread, spread)
+
+    def joints(self, bent: float = 0.25) -> dict[str, float]:
+        names = [f"{side}{joint}" for side in "rl" for joint in ("hip", "knee", "ankle")]
+        return {"neck": self.near(1), **{name: self.near(bent) for name in names}}
+
+    def push(self, part: float, shear: float = 0.1, corner: int | None = None) -> Push:
+        """A part of the weight at three points, or near one corner."""
+        points, forces = [], []
+        share = [0.2 + self._chance.random() for _ in range(3)]
+        for one in share:
+            weights = [self._chance.random() for _ in SOLE]
+            if corner is not None:
+                weights = [0.999 if i == corner else 0.001 / (len(SOLE) - 1) for i in range(len(SOLE))]
+            points.append([w / sum(weights) for w in weights])
+            n = part * WEIGHT_N * one / sum(share)
+            forces.append([self.near(shear) * n, self.near(shear) * n, n])
+        return Push(points, forces)
+
+
+FIRST = {"capture_point": "first-pose"}
+
+
+def all_gaps(gap: str) -> dict[str, str]:
+    """Of a robot that does not stand, for one reason."""
+    return dict.fromkeys(("polygon", "margin", "pressure", "capture_point"), gap)
+
+
+BOTH = {"RF": True, "LF": True}
+UNFORCED = {"pressure": "no-wrench"}
+
+
+def _stands(dice: Luck, n: int, **more: Any) -> list[Frame]:
+    frames = []
+    for i in range(n):
+        pushes = {
+            "RF": dice.push(0.55, more.get("shear", 0.1)),
+            "LF": dice.push(0.45, more.get("shear", 0.1)),
+        }
+        joints, at = dice.joints(0.05), ([1 + dice.near(0.02), 2, 0.85], [dice.near(0.05), 0.03, 0.6])
+        gaps = {**more.get("gaps", {}), **(FIRST if i == 0 and "gaps" not in more else {})}
+        frames.append(Frame(round(i * 0.05, 3), joints, pushes, BOTH, at, gaps=gaps))
+    return frames
+
+
+def _leans(dice: Luck) -> list[Frame]:
+    frames = _stands(dice, 4)
+    for i, frame in enumerate(frames):
+        frame.base = ([1 + 0.1 * i, 2, 0.85], [0.02, 0.12 * i, 0.6])
+        frame.pushes = {"RF": dice.push(0.55, corner=2), "LF": dice.push(0.45, corner=1)}
+        frame.joints = {**dict.fromkeys(frame.joints, 0.0), "rankle": -0.1 * i, "lankle": -0.1 * i}
+    return frames
+
+
+def _walks(dice: Luck) -> list[Frame]:
+    """Parts of the weight on each foot; the feet that bear follow from 5 % and 3 %."""
+    course = [(0.9, 0.04), (0.9, 0.06), (0.52, 0.48), (0.04, 0.9), (0.02, 0.9), (0.04, 0.9), (0, 0.02)]
+    course += [(0.6, 0), (0.9, 0.04)]
+    bears = [(1, 0), (1, 1), (1, 1), (1, 1), (0, 1), (0, 1), (0, 0), (1, 0), (1, 0)]
+    frames = []
+    for i, ((right, left), (on_right, on_left)) in enumerate(zip(course, bears, strict=True)):
+        at = ([0.05 * i, 0, 0.84], [0.01, 0.02, 0.1 * i])
+        gaps = dict(FIRST) if i in (0, 7) else all_gaps("airborne") if i == 6 else {}
+        pushes = {"RF": dice.push(right), "LF": dice.push(left)}
+        known = {"RF": bool(on_right), "LF": bool(on_left)}
+        frames.append(Frame(round(i * 0.04, 3), dice.joints(), pushes, known, at, gaps=gaps))
+    return frames
+
+
+def _falls_silent(dice: Luck) -> list[Frame]:
+    frames = _stands(dice, 5)
+    frames[2].pushes = {"RF": frames[2].pushes["RF"], "LF": None}
+    frames[2].bears = {"RF": True, "LF": None}
+    frames[2].gaps = all_gaps("unread")
+    frames[4].lost = ["RF.mx"]
+    frames[4].gaps = {"pressure": "unread"}
+    return frames
+
+
+def _pauses(dice: Luck) -> list[Frame]:
+    frames = _stands(dice, 6)
+    times = [0.0, 0.5, 1.01, 1.05, 0.4, 0.44]
+    for frame, t in zip(frames, times, strict=True):
+        frame.t = t
+        frame.gaps = dict(FIRST) if t in (0.0, 1.01, 0.4) else {}
+    frames[4].pushes = {
+        "RF": dice.push(0.9),
+        "LF": dice.push(0.04),
+    }  # bore before, and that was another time
+    frames[4].bears = {"RF": True, "LF": False}
+    return frames
+
+
+def _afoot(dice: Luck) -> list[Frame]:
+    """The soles' heights follow from the knees, since the robot has no wrenches."""
+    frames = []
+    for i, (knee, right, left) in enumerate(
+        [(0, 1, 1), (0.1, 1, 1), (0.6, 0, 1), (-0.6, 0, 1), (0.05, 1, 1)]
+    ):
+        joints = {
+            **dict.fromkeys(dice.joints(), 0.0),
+            "neck": dice.near(1),
+            "rhip": -knee / 2,
+            "rknee": knee,
+        }
+        joints["rankle"] = -knee / 1.6 if abs(knee) > 0.2 else 0.01 - knee / 4
+        gaps = {"pressure": "no-wrench"} | (FIRST if i == 0 else {})
+        known = {"rsole": bool(right), "lsole": bool(left)}
+        frames.append(Frame(round(i * 0.05, 3), joints, {}, known, gaps=gaps))
+    return frames
+
+
+def _turns(dice: Luck) -> list[Frame]:
+    frames = _stands(dice, 4)
+    for frame in frames:
+        frame.base, frame.tilt = None, (dice.near(0.1), dice.near(0.1))
+    return frames
+
+
+def _named(dice: Luck) -> list[Frame]:
+    frames = []
+    for i in range(3):
+        joints = dice.joints(0.005)
+        pushes = {"RF": _of_corners(dice.push(0.5), 4), "lfoot": None}
+        known = {"RF": True, "lfoot": True}
+        gaps = {"pressure": "no-wrench"} | (FIRST if i == 0 else {})
+        at = ([0.02 * i, 0, 0.85], [0, 0, 0.3])
+        frames.append(Frame(round(i * 0.1, 3), joints, pushes, known, at, gaps=gaps))
+    return frames
+
+
+def _off_the_ground(dice: Luck, gaps: Mapping[str, str]) -> list[Frame]:
+    frames = _stands(dice, 1, gaps=gaps)
+    for frame in frames:
+        frame.bears = {}
+        frame.pushes = {}
+    return frames
+
+
+def _unforced_frames(dice: Luck) -> list[Frame]:
+    frames = _stands(dice, 1)
+    for frame in frames:
+        frame.gaps = {**frame.gaps, **UNFORCED}
+    return frames
+
+
+def make_cases() -> list[Case]:
+    """All cases."""
+    tilted = {**SENSORS, "imu": {"kind": "imu", "name": "imu", "link": "trunk"}}
+    turned = {
+        "RF": {
+            "kind": "wrench",
+            "name": "r",
+            "link": "rsole",
+            "xyz": [0, 0.01, 0.04],
+            "rpy": [math.pi, 0, 0.4],
+        },
+        "LF": {"kind": "wrench", "name": "l", "link": "lfoot", "xyz": [0.01, 0, 0], "rpy": [1.5708, 0, -1.1]},
+    }
+    own = {"RF": [[-0.1, -0.06, -0.09], [0.15, 0.05, -0.09], [0.15, -0.06, -0.09], [-0.1, 0.05, -0.09]]}
+    own["lfoot"] = [[-0.1, -0.05, -0.09], [0.15, -0.05, -0.09], [0.1, 0.06, -0.09]]
+    rule = {"feet": ["RF", "lfoot"], "ground": "lowest", "soles": own}
+
+    no_masses = {"centre_of_mass": "no-masses", "margin": "no-masses", "capture_point": "no-masses"}
+    cannot_be = dict.fromkeys(no_masses, "impossible-masses")
+    old = {**dict.fromkeys(no_masses, "old-bundle"), **dict.fromkeys(("polygon", "pressure"), "old-bundle")}
+    nowhere: dict[str, Any] = {"feet": {}, "ground": None}
+
+    right_only = {"RF": SENSORS["RF"]}
+    return [
+        Case("stands", _stands(Luck("stands"), 4)),
+        Case("leans until it would fall", _leans(Luck("leans"))),
+        Case("walks: feet bear from 5 % on and until 3 %", _walks(Luck("walks"))),
+        Case("sensors are turned, one on the sole's own link", _stands(Luck("turned"), 2), sensors=turned),
+        Case("sensors tell the force on the floor", _stands(Luck("sign"), 2), sign=-1),
+        Case(
+            "sensors measure fz, mx and my",
+            _stands(Luck("three"), 1, shear=0.0),
+            components=("fz", "mx", "my"),
+        ),
+        Case("sensors measure force alone", _unforced_frames(Luck("force")), components=("fx", "fy", "fz")),
+        Case("a sensor falls silent, then a component", _falls_silent(Luck("silent"))),
+        Case("pauses, and goes back in time", _pauses(Luck("pauses"))),
+        Case("has no wrenches", _afoot(Luck("afoot")), ground="lowest", sensors={}, placed_by="",
+             feet={"rsole": "rsole", "lsole": "lsole"}),
+        Case("knows its tilt alone", _turns(Luck("turns")), sensors=tilted, placed_by="tilt"),
+        Case("its profile has feet and soles", _named(Luck("named")), ground="lowest",
+             sensors=right_only, rule=rule, feet={"RF": "rfoot", "lfoot": "lfoot"}, soles=own),
+        Case("its profile says it stands on nothing", _off_the_ground(Luck("none"), all_gaps("no-feet")),
+             rule={"feet": []}, **nowhere),
+        Case("one foot alone has a wrench", _off_the_ground(Luck("one"), all_gaps("no-feet")),
+             sensors=right_only, **nowhere),
+        Case("has no soles", _off_the_ground(Luck("wheels"), all_gaps("no-feet")), model="no soles",
+             **nowhere),
+        Case("has no masses", _stands(Luck("no masses"), 1, gaps=no_masses), model="no masses"),
+        Case("has masses that can't be", _stands(Luck("bad"), 1, gaps=cannot_be), model="impossible masses"),
+        Case("an older bundle", _off_the_ground(Luck("old"), old), model="old", **nowhere),
+    ]  # fmt: skip
+
+
+def _of_corners(push: Push, count: int) -> Push:
+    """The same push with points of fewer corners."""
+    points = [[w / sum(p[:count]) for w in p[:count]] for p in push.points]
+    return Push(points, push.forces)
+
+
+def make_models() -> dict[str, Document]:
+    """What other models have instead, by name; a member that is null is absent."""
+    finding = {"severity": "error", "code": "mass-zero", "text": "link trunk: its mass is 0"}
+    return {
+        "biped": {},
+        "no soles": {"soles": []},
+        "no masses": {"inertials": []},
+        "impossible masses": {"inertials": [], "findings": [finding]},
+        "old": {"inertials": None, "soles": None},
+    }
+
+
+def plain(value: Any) -> Any:
+    """Without numpy, and rounded to 1 µm."""
+    if isinstance(value, Mapping):
+        return {k: plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [plain(v) for v in value]
+    if isinstance(value, (float, np.floating)):
+        return round(float(value), 6) + 0.0
+    return value
+
+
+def files() -> dict[str, str]:
+    """File name → text."""
+    models, model = make_models(), make_model()
+    parts = []
+    for case in make_cases():
+        changes = models[case.model]
+        changed = {name: value for name, value in {**model, **changes}.items() if value is not None}
+        course = Course(case, changed)
+        frames = [plain(course.make(frame)) for frame in case.frames]
+        head = {"name": case.name, "changes": changes, "schema": course.schema.text}
+        lines = ",\n".join(json.dumps(frame, separators=(",", ":")) for frame in frames)
+        parts.append(f'{json.dumps(head)[:-1]}, "frames": [\n{lines}\n]}}')
+    shown = json.dumps(model, separators=(",", ":"))
+    return {"balance.json": f'{{"model": {shown},\n"cases": [\n' + ",\n".join(parts) + "\n]}\n"}
+
+
+if __name__ == "__main__":
+    for name, text in files().items():
+        (FOLDER / name).write_text(text, encoding="utf-8")
