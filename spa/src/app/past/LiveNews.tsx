@@ -14,7 +14,6 @@ export function LiveNews({ live, controls }: { live: RobotLink; controls: PastCo
   useNow(1000);
   useMore(); // the sentence's words
   const text = usePastText();
-  const [sinceMs] = useState(live.faults.nowMs);
   const [seen, setSeen] = useState<ReadonlySet<string> | null>(null);
   const faults = (useFaults(live.faults) ?? []).filter(
     ({ level, clearedMs }) => level === 'fault' && clearedMs === null,
@@ -24,7 +23,7 @@ export function LiveNews({ live, controls }: { live: RobotLink; controls: PastCo
   }, [seen, faults]);
   const fresh = faults.find(({ key }) => seen !== null && !seen.has(key));
   if (fresh === undefined) return null;
-  const { said } = faultSentence(live.twin, live.faults.log, fresh, Math.max(sinceMs, live.faults.nowMs()));
+  const { said } = faultSentence(live.twin, live.faults.log, fresh, live.faults.nowMs());
   return (
     <p className="past-news" role="alert" data-testid="past-news">
       <span>{text.now(isolated(said))}</span>
