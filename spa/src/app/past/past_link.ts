@@ -183,16 +183,15 @@ export function schedule(run: () => void, afterMs: number): () => void {
 }
 
 /** Records what comes of the live stream. Returns a function that stops it. */
-function recordOwn(own: OwnTape, { twin, watch, client }: RobotLink): () => void {
+function recordOwn(own: OwnTape, { twin, watch, client, faults }: RobotLink): () => void {
   // what comes behind is recorded at the moment at which the relay had it, as the relay's own past has it
-  const behindMs = () => client.link.behindMs ?? 0;
-  const thenMs = () => nowMs() - behindMs();
   const state = () => {
-    if (twin.schema !== null && twin.state !== null) own.push(twin.schema, twin.state, behindMs());
+    if (twin.schema !== null && twin.state !== null)
+      own.push(twin.schema, twin.state, client.link.behindMs ?? 0);
   };
   let info: ReadonlyMap<string, string> | null = null;
   const change = () => {
-    const atMs = thenMs();
+    const atMs = faults.nowMs();
     own.model(twin.modelHash, atMs);
     if (twin.info !== info) own.info(twin.info, atMs);
     info = twin.info;
@@ -200,9 +199,9 @@ function recordOwn(own: OwnTape, { twin, watch, client }: RobotLink): () => void
   };
   const word = () => {
     const { cause, word } = watch.verdict();
-    if (cause === 'robot silent') own.word('silent', thenMs());
-    else if (word === 'OFFLINE' || isClaim(word))
-      own.word(word === 'OFFLINE' ? 'offline' : 'online', thenMs());
+    const was =
+      cause === 'robot silent' ? 'silent' : word === 'OFFLINE' ? 'offline' : isClaim(word) && 'online';
+    if (was) own.word(was, faults.nowMs());
   };
   const ends = [twin.onState(state), twin.onChange(change), watch.onWord(word)];
   change();
