@@ -57,6 +57,12 @@ const SHARED_CHUNKS = [
   },
   { name: 'manifest', test: /spa\/src\/model\/(bundle|files|lod_cache|manifest)\.ts$/ },
   { name: 'cells', test: /spa\/src\/app\/.*\/(cells\.ts|fault_words\.ts|FlagTerm\.tsx)$/ },
+  {
+    // Signs and words of balance: whoever wants one wants the other.
+    name: 'balance',
+    test: /spa\/src\/(overlays\/balance\/|view\/balance\.ts|app\/balance\/(?!BalanceParts|BalanceTable|balance_(numbers|traces|values))|twin\/balance\/told\/(?!could_stand|lacks|margin_limits))/,
+    includeDependenciesRecursively: false,
+  },
 ];
 
 function contentPolicy(): Plugin {

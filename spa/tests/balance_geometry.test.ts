@@ -5,7 +5,7 @@ import { captureTime } from '../src/twin/balance/capture_point.ts';
 import { ConvexHull } from '../src/twin/balance/convex_hull.ts';
 import { limitMargin } from '../src/twin/balance/limit_margin.ts';
 import { writeMargin } from '../src/twin/balance/margin.ts';
-import { planeOfSole } from '../src/twin/balance/sole.ts';
+import { planeOfSole } from '../src/model/balance/sole_plane.ts';
 
 /** Millimetres on a grid, so that there are repeated points and straight edges, and no slivers. */
 const points = (least: number) =>

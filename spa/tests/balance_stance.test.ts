@@ -1,12 +1,13 @@
-import { parseSchema, type Threshold } from '@posecast/wire';
+import { parseSchema, type Schema, type Threshold } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
 import { briefWords, lackWords, stanceWords } from '../src/app/balance/stance_words.ts';
 import { balanceEn } from '../src/app/text/balance/balance_en.ts';
 import { balanceKo } from '../src/app/text/balance/balance_ko.ts';
+import { BalanceReader } from '../src/model/balance/balance_reader.ts';
+import { readManifest } from '../src/model/manifest.ts';
 import type { Balance, Vec2 } from '../src/twin/balance/balance.ts';
 import { couldStand } from '../src/twin/balance/told/could_stand.ts';
 import { fallDirection } from '../src/twin/balance/told/direction.ts';
-import { HeadingReader } from '../src/twin/balance/told/heading.ts';
 import { lacksOf } from '../src/twin/balance/told/lacks.ts';
 import { MARGIN, marginLimits } from '../src/twin/balance/told/margin_limits.ts';
 import { type Stance, StanceJudge } from '../src/twin/balance/told/stance.ts';
@@ -206,9 +207,15 @@ describe('the direction', () => {
     const doc = JSON.parse(SCHEMA_TEXT);
     doc.mapping.sensors.torso = { kind: 'imu', name: 'chest', link: 'torso' };
     const withImu = parseSchema(JSON.stringify(doc));
-    expect(new HeadingReader(withImu).read(codesWith(of(turned)))).toBeCloseTo(1.2, 2);
-    expect(new HeadingReader(SCHEMA).read(codesWith(of(turned))), 'nobody says whose it is').toBe(0);
-    expect(new HeadingReader(withImu).read(codesWith({ 'quat.torso.w': null })), 'no reading').toBe(0);
+    const manifest = readManifest({ v: 2, links: ['torso'], joints: [], levels: [], visuals: [] });
+    const heading = (schema: Schema, readings: Record<string, number | null>) => {
+      const reader = new BalanceReader(manifest, schema);
+      reader.ofFrame(codesWith(readings), 0);
+      return reader.headingRad;
+    };
+    expect(heading(withImu, of(turned))).toBeCloseTo(1.2, 2);
+    expect(heading(SCHEMA, of(turned)), 'nobody says whose it is').toBe(0);
+    expect(heading(withImu, { 'quat.torso.w': null }), 'no reading').toBe(0);
   });
 });
 

@@ -1,6 +1,4 @@
-/** All that tells of balance, in one part of the page that is loaded when it is wanted. */
-export { BalanceTable } from './BalanceTable.tsx';
-export { balanceTraces } from './balance_traces.ts';
+/** What tells of balance in words, in one part of the page that is loaded when it is wanted. */
 export { balanceOf } from './balance_watch.ts';
 export { Stood } from './Stood.tsx';
 export { spokenStance } from './spoken_stance.ts';

@@ -1,7 +1,7 @@
 import { BalanceReader } from '../../model/balance/balance_reader.ts';
 import { manifestAt } from '../../model/files.ts';
 import { type Manifest, readManifest } from '../../model/manifest.ts';
-import { HeadingReader } from '../../twin/balance/told/heading.ts';
+import type { Balance } from '../../twin/balance/balance.ts';
 import { type Lack, lacksOf } from '../../twin/balance/told/lacks.ts';
 import { MARGIN, marginLimits } from '../../twin/balance/told/margin_limits.ts';
 import { type Stance, StanceJudge } from '../../twin/balance/told/stance.ts';
@@ -10,7 +10,6 @@ import { noteComputed } from '../state/own_alarms.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { settings } from '../state/settings.ts';
 import { balanceText } from '../text/balance.ts';
-import { balanceValues } from './balance_values.ts';
 
 /** The balance is computed at most this often, however many frames come. */
 const EVERY_MS = 95;
@@ -31,8 +30,8 @@ export interface KnownBalance {
   /** Whether anything of it can be known. */
   readonly possible: boolean;
   readonly stance: Stance | null;
-  /** By column, see `VALUES`; NaN: none. */
-  readonly values: Float64Array;
+  /** What it was judged by; null of a model without any. It is rewritten with the next frame. */
+  readonly balance: Balance | null;
 }
 
 /** What reads the balance of one model and schema, frame by frame. */
@@ -40,7 +39,6 @@ interface Read {
   readonly model: Manifest;
   readonly schema: Schema;
   readonly reader: BalanceReader;
-  readonly heading: HeadingReader;
   readonly judge: StanceJudge;
 }
 
@@ -113,11 +111,11 @@ export class BalanceWatch {
     }
     const read = this.#readWith(model, schema);
     const balance = read.reader.ofFrame(state.codes, state.tS);
-    const stance = read.judge.next(balance, read.heading.read(state.codes), marginLimits(limits));
+    const stance = read.judge.next(balance, read.reader.headingRad, marginLimits(limits));
     this.#known = {
       stance,
       ...lacksOf(balance, model.raw.findings, read.reader.problems),
-      values: balanceValues(balance),
+      balance,
     };
     this.#note(stance, state.atMs);
   };
@@ -126,7 +124,7 @@ export class BalanceWatch {
   #readWith(model: Manifest, schema: Schema): Read {
     if (this.#read?.model === model && this.#read.schema === schema) return this.#read;
     const reader = new BalanceReader(model, schema);
-    this.#read = { model, schema, reader, heading: new HeadingReader(schema), judge: new StanceJudge() };
+    this.#read = { model, schema, reader, judge: new StanceJudge() };
     return this.#read;
   }
 
@@ -163,10 +161,8 @@ export class BalanceWatch {
   }
 }
 
-const NO_VALUES = new Float64Array(0);
-
 function lacking(lack: Lack): KnownBalance {
-  return { lacks: [lack], possible: false, stance: null, values: NO_VALUES };
+  return { lacks: [lack], possible: false, stance: null, balance: null };
 }
 
 const watches = new WeakMap<RobotTwin, BalanceWatch>();

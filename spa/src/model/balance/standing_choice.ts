@@ -1,17 +1,15 @@
 import { type BalanceRule, readBalance, type Schema } from '@posecast/wire';
 import type { BalanceGap } from '../../twin/balance/balance.ts';
-import { FootWrenchReader } from '../../twin/balance/foot_wrench.ts';
-import { planeOfSole, type SolePlane } from '../../twin/balance/sole.ts';
-import type { Foot, FootSensor, Standing } from '../../twin/balance/standing.ts';
+import type { Foot, FootSensor, SolePlane, Standing } from '../../twin/balance/standing.ts';
+import { toldOfMasses } from '../../twin/balance/told/lacks.ts';
 import { invertQuat, type Quat, quatOfRpy, rotateVector, type Vec3 } from '../../twin/rotation.ts';
-import { isRecord } from '../bundle.ts';
+import { WrenchTable } from '../../twin/sensors/wrenches.ts';
 import { Kinematics } from '../kinematics.ts';
 import type { Manifest } from '../manifest.ts';
 import { addScaled, dot, originOf, quatOfTransform } from '../vectors.ts';
 import { type LinkMass, readMasses, readSoles, type Sole } from './masses_and_soles.ts';
+import { planeOfSole } from './sole_plane.ts';
 
-/** Codes of the doctor's findings that concern masses. */
-const OF_MASSES = /^(mass|inertia)/;
 const NO_RULE: BalanceRule = { feet: null, ground: null, soles: new Map() };
 
 /**
@@ -56,9 +54,7 @@ export function chooseStanding(manifest: Manifest, schema: Schema): Standing {
 function whyNoMasses(masses: readonly LinkMass[] | null, { raw }: Manifest): BalanceGap | null {
   if (masses === null) return 'old-bundle';
   if (masses.length > 0) return null;
-  const findings: readonly unknown[] = Array.isArray(raw.findings) ? raw.findings : [];
-  const areBad = findings.some((one) => isRecord(one) && OF_MASSES.test(String(one.code)));
-  return areBad ? 'impossible-masses' : 'no-masses';
+  return toldOfMasses(raw.findings).length > 0 ? 'impossible-masses' : 'no-masses';
 }
 
 /** A sensor of the mapping that measures at least one component of a wrench, on a link of the model. */
@@ -86,10 +82,7 @@ class FeetFinder {
     this.#groupOf = groups;
     this.#rest = new Kinematics(joints);
     this.#soles = soles;
-    const { sensors } = schema.mapping;
-    const measured = new FootWrenchReader(schema, sensors.keys()).wrenches;
-    this.#sensors = measured.flatMap(({ site, force, moment }) => {
-      const mount = sensors.get(site)!;
+    this.#sensors = new WrenchTable(schema).wrenches.flatMap(({ site, mount, force, moment }) => {
       const link = links.indexOf(mount.link ?? '');
       if (link < 0) return [];
       const { xyz, rpy } = mount;

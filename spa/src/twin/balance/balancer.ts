@@ -5,9 +5,8 @@ import { captureTime, GRAVITY } from './capture_point.ts';
 import { CentreVelocity, follows } from './centre_velocity.ts';
 import { ConvexHull } from './convex_hull.ts';
 import { FootState, type Triple } from './foot_state.ts';
-import type { FootWrench } from './foot_wrench.ts';
 import { type Margin, writeMargin } from './margin.ts';
-import type { Standing } from './standing.ts';
+import type { FootWrench, Standing } from './standing.ts';
 
 /** A foot begins to bear at this part of the weight, and stops below the other. */
 const BEARS = 0.05;

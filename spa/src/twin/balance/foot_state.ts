@@ -1,8 +1,6 @@
 import type { Vec3 } from '../rotation.ts';
 import type { FootBalance } from './balance.ts';
-import type { FootWrench } from './foot_wrench.ts';
-import type { SolePlane } from './sole.ts';
-import type { Foot } from './standing.ts';
+import type { Foot, FootWrench, SolePlane } from './standing.ts';
 
 export type Triple = [number, number, number];
 

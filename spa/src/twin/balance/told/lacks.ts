@@ -23,19 +23,19 @@ export function lacksOf(
   );
   const whys = new Set([mass, feet].filter((why) => why != null));
   const lacks = [...whys].map((why): Lack => {
-    const told = why === 'impossible-masses' ? toldOfMasses(findings) : undefined;
-    return told === undefined ? { why } : { why, told };
+    const told = why === 'impossible-masses' ? toldOfMasses(findings) : [];
+    const text = told.find((one) => typeof one === 'string');
+    return text === undefined ? { why } : { why, told: text };
   });
   const unread = problems.map((told): Lack => ({ why: 'unreadable', told }));
   return { lacks: [...unread, ...lacks], possible: mass == null || feet == null };
 }
 
-/** What the doctor says of masses that can't be: the first finding with such a code (docs/MODEL.md). */
-function toldOfMasses(findings: unknown): string | undefined {
-  if (!Array.isArray(findings)) return undefined;
-  for (const finding of findings) {
+/** What the doctor says of masses that can't be: the texts of the findings with such a code (docs/MODEL.md). */
+export function toldOfMasses(findings: unknown): unknown[] {
+  if (!Array.isArray(findings)) return [];
+  return findings.flatMap((finding) => {
     const { code, text } = (finding ?? {}) as { code?: unknown; text?: unknown };
-    if (typeof code === 'string' && /^(mass|inertia)/.test(code) && typeof text === 'string') return text;
-  }
-  return undefined;
+    return typeof code === 'string' && /^(mass|inertia)/.test(code) ? [text] : [];
+  });
 }
