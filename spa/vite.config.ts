@@ -60,7 +60,7 @@ const SHARED_CHUNKS = [
   {
     // Signs and words of balance: whoever wants one wants the other.
     name: 'balance',
-    test: /spa\/src\/(overlays\/balance\/|view\/balance\.ts|app\/balance\/(?!BalanceParts|BalanceTable|balance_(numbers|traces|values))|twin\/balance\/told\/(?!could_stand|lacks|margin_limits))/,
+    test: /spa\/src\/(overlays\/balance\/(?!joint_arc)|view\/balance\.ts|app\/balance\/(?!BalanceParts|BalanceTable|balance_(numbers|traces|values))|twin\/balance\/told\/(?!could_stand|lacks|margin_limits))/,
     includeDependenciesRecursively: false,
   },
 ];

@@ -1,4 +1,5 @@
-import { ConvexHull } from '../../twin/balance/convex_hull.ts';
+import type { Vec2 } from '../../twin/balance/balance.ts';
+import { convexHull } from '../../twin/balance/convex_hull.ts';
 import type { SolePlane } from '../../twin/balance/standing.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
 import { addScaled, cross, dot, normalize, scale } from '../vectors.ts';
@@ -22,10 +23,8 @@ export function planeOfSole(points: readonly Vec3[]): SolePlane | null {
   const normal = scale(normalize(widest), dot(widest, turning) < 0 ? -1 : 1);
   const across = normalize(far);
   const along = cross(normal, across);
-  const flat = Float64Array.from(arms.flatMap((arm) => [dot(arm, across), dot(arm, along)]));
-  const hull = new ConvexHull(points.length);
-  hull.update(flat, points.length);
-  const corners = [...hull.corners.subarray(0, hull.count)].map((i) => points[i]!);
+  const flat = arms.map((arm): Vec2 => [dot(arm, across), dot(arm, along)]);
+  const corners = convexHull(flat).map((i) => points[i]!);
   return { corners, normal, centre: meanOf(corners) };
 }
 

@@ -13,7 +13,7 @@ import type { BalanceDrawing, BalanceStyle, ShownBalance } from '../balance_draw
 import type { OverlayLabel } from '../labels.ts';
 import type { Facets } from './facets.ts';
 import { Footprints } from './footprints.ts';
-import { drawJointLimits } from './joint_arc.ts';
+import type { DrawJointLimits } from './joint_arc.ts';
 import { drawCapture, drawMass, drawMassFoot } from './mass.ts';
 import { type BalancePaints, faint, paintsOf } from './paints.ts';
 import { drawPressure } from './pressure.ts';
@@ -31,15 +31,18 @@ const NOTHING: ShownBalance = {
 export class BalanceOverlay implements BalanceDrawing {
   shown: ShownBalance = NOTHING;
   readonly #facets: Facets;
+  readonly #jointLimits: () => DrawJointLimits | null;
   #reader: BalanceReader | null = null;
   #readFor: readonly [PosedBody['manifest'], Schema] | null = null;
   readonly #latch = new LevelLatch();
   readonly #left = new Footprints();
   #labels: OverlayLabel[] = [];
 
-  /** `facets`: where it is drawn, with that of the other robots of the picture. */
-  constructor(facets: Facets) {
+  /** `facets`: where it is drawn, with that of the other robots of the picture. `jointLimits`: what draws the limits of
+   *  the selected joint; null until its code is here. */
+  constructor(facets: Facets, jointLimits: () => DrawJointLimits | null) {
     this.#facets = facets;
+    this.#jointLimits = jointLimits;
   }
 
   draw(body: PosedBody | null, pose: Pose | null, readings: BalanceReadings, style: BalanceStyle): void {
@@ -111,10 +114,12 @@ export class BalanceOverlay implements BalanceDrawing {
     { reach, angle, live, tones }: BalanceStyle,
     { mass }: BalancePaints,
   ): ShownBalance['joints'] {
+    const draw = this.#jointLimits();
+    if (draw === null) return [];
     const accent = { color: live ? tones.accent : tones.stale, through: true };
     const paints = { way: faint(mass, 0.22), left: accent, now: mass };
     return joints.flatMap((name) => {
-      const drawn = drawJointLimits(facets, body, name, reach, paints);
+      const drawn = draw(facets, body, name, reach, paints);
       if (drawn === null) return [];
       const { at, ...joint } = drawn;
       const display = displayOf(joint.slides ? 'm' : 'rad', angle);
@@ -166,19 +171,10 @@ function label(
 
 /** A copy: the balance is rewritten with the next pose. */
 function shownOf(balance: Balance, left: Footprints): Omit<ShownBalance, 'level' | 'joints'> {
-  const { centreOfMass, capturePoint, floorM, ground, nearestEdge, marginM, pressure } = balance;
-  const copy = (at: Vec3 | null): Vec3 | null => (at === null ? null : [at[0], at[1], at[2]]);
+  const { centreOfMass, capturePoint, floorM, ground, polygon, nearestEdge, marginM, pressure } = balance;
   return {
-    ...{ floorM, ground, nearestEdge, marginM, footprints: left.prints, trace: left.points },
-    centreOfMass: copy(centreOfMass),
-    capturePoint: copy(capturePoint),
-    pressure: copy(pressure),
-    polygon: balance.polygon.map(([x, y]) => [x, y] as const),
-    feet: balance.feet.map(({ name, bears, pressure: at, atEdge }) => ({
-      name,
-      bears,
-      pressure: copy(at),
-      atEdge,
-    })),
+    ...{ centreOfMass, capturePoint, floorM, ground, polygon, nearestEdge, marginM, pressure },
+    ...{ footprints: left.prints, trace: left.points },
+    feet: balance.feet.map(({ name, bears, pressure, atEdge }) => ({ name, bears, pressure, atEdge })),
   };
 }

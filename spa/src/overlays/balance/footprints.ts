@@ -64,7 +64,7 @@ export class Footprints {
     const stands = new Map<string, readonly Vec3[]>();
     for (const { name, bears, corners } of feet) {
       const stood = this.#standing.get(name);
-      if (bears === true) stands.set(name, stood ?? corners.map(copy));
+      if (bears === true) stands.set(name, stood ?? corners);
       else if (stood !== undefined) this.#prints.push({ corners: stood, tS });
     }
     this.#standing = stands;
@@ -113,10 +113,6 @@ export class Footprints {
     for (const print of this.#prints) print.corners = print.corners.map(move);
     for (const [name, corners] of this.#standing) this.#standing.set(name, corners.map(move));
   }
-}
-
-function copy([x, y, z]: Vec3): Vec3 {
-  return [x, y, z];
 }
 
 /** The motion on the floor that takes one place of a sole to another; null for none, or a sole without extent. */

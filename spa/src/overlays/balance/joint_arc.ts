@@ -15,7 +15,7 @@ import type { ShownJoint } from '../balance_drawing.ts';
 import type { Paint } from '../strokes.ts';
 import type { Facets } from './facets.ts';
 import { faint } from './paints.ts';
-import { drawRod, fillRingBothSides, type Spot } from './shapes.ts';
+import { drawRod, fillRing, type Spot } from './shapes.ts';
 
 /** Sizes in radii of the robot. */
 const RADIUS = 0.2;
@@ -33,6 +33,8 @@ export interface JointPaints {
   /** Where the joint is. */
   readonly now: Paint;
 }
+
+export type DrawJointLimits = typeof drawJointLimits;
 
 /** Draws a joint's way between its limits, where it is, and what is left to the nearer limit. Null for a joint that the
  *  model lacks, or that has no limits. */
@@ -129,6 +131,19 @@ function drawSlide(
     drawRod(facets, addScaled(spot, across, -half), addScaled(spot, across, half), STOP * reach, paint);
   }
   return addScaled(at, axis, way / 2);
+}
+
+/** Fills what lies between two radii so that it is seen from either side. */
+function fillRingBothSides(
+  facets: Facets,
+  { at, axis, ahead }: Spot,
+  inner: number,
+  outer: number,
+  paint: Paint,
+  sweep: number,
+): void {
+  fillRing(facets, { at, axis, ahead }, inner, outer, paint, sweep);
+  fillRing(facets, { at, axis: scale(axis, -1), ahead }, inner, outer, paint, -sweep);
 }
 
 function clamp(value: number, most: number): number {

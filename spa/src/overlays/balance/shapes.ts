@@ -53,19 +53,6 @@ export function fillRing(
   }
 }
 
-/** Fills the same so that it is seen from either side. */
-export function fillRingBothSides(
-  facets: Facets,
-  { at, axis, ahead }: Spot,
-  inner: number,
-  outer: number,
-  paint: Paint,
-  sweep: number,
-): void {
-  fillRing(facets, { at, axis, ahead }, inner, outer, paint, sweep);
-  fillRing(facets, { at, axis: scale(axis, -1), ahead }, inner, outer, paint, -sweep);
-}
-
 /** Fills a disc in four quarters of two colours, as the marks of crash-test dummies are. */
 export function fillQuarters(facets: Facets, spot: Spot, radius: number, one: Paint, other: Paint): void {
   for (const [paint, from] of [
