@@ -58,9 +58,14 @@ const SHARED_CHUNKS = [
   { name: 'manifest', test: /spa\/src\/model\/(bundle|files|lod_cache|manifest)\.ts$/ },
   { name: 'cells', test: /spa\/src\/app\/.*\/(cells\.ts|fault_words\.ts|FlagTerm\.tsx)$/ },
   {
-    // Signs and words of balance: whoever wants one wants the other.
+    name: 'root_pose',
+    test: /spa\/src\/(model\/(root_pose|vectors)|twin\/vectors)\.ts$/,
+    includeDependenciesRecursively: false,
+  },
+  {
+    // What draws balance and tells of it, without its numbers, and without a selected joint's limits.
     name: 'balance',
-    test: /spa\/src\/(overlays\/balance\/(?!joint_arc)|view\/balance\.ts|app\/balance\/(?!BalanceParts|BalanceTable|balance_(numbers|traces|values))|twin\/balance\/told\/(?!could_stand|lacks|margin_limits))/,
+    test: /spa\/src\/(overlays\/balance\/(?!joint_arc)|view\/balance|app\/balance\/(balance_(part|watch)|Stood|spoken|stance)|twin\/balance\/told\/(direction|stance))/,
     includeDependenciesRecursively: false,
   },
 ];

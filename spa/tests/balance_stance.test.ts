@@ -1,6 +1,7 @@
 import { parseSchema, type Schema, type Threshold } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
-import { briefWords, lackWords, stanceWords } from '../src/app/balance/stance_words.ts';
+import { lackWords } from '../src/app/balance/lack_words.ts';
+import { briefWords, stanceWords } from '../src/app/balance/stance_words.ts';
 import { balanceEn } from '../src/app/text/balance/balance_en.ts';
 import { balanceKo } from '../src/app/text/balance/balance_ko.ts';
 import { BalanceReader } from '../src/model/balance/balance_reader.ts';

@@ -6,7 +6,7 @@ import { settings, useSettings } from '../state/settings.ts';
 
 const load = () => import('./balance_part.ts');
 const loadNumbers = () => import('./balance_numbers.ts');
-/** What tells of balance; only for robots that may stand, and for who asks. */
+/** What draws balance and tells of it; only for robots that may stand, and for who asks. */
 export const BALANCE = new LatePart(load, onDemand);
 /** What lists and plots its numbers. */
 export const BALANCE_NUMBERS = new LatePart(loadNumbers, onDemand);

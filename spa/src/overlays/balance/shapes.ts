@@ -55,14 +55,10 @@ export function fillRing(
 
 /** Fills a disc in four quarters of two colours, as the marks of crash-test dummies are. */
 export function fillQuarters(facets: Facets, spot: Spot, radius: number, one: Paint, other: Paint): void {
-  for (const [paint, from] of [
-    [one, 0],
-    [one, 2],
-    [other, 1],
-    [other, 3],
-  ] as const) {
-    const ahead = rotateAbout(spot.axis, (from * Math.PI) / 2, spot.ahead);
-    fillPolygon(facets, [spot.at, ...onCircle({ ...spot, ahead }, radius, Math.PI / 2, STEPS / 4)], paint);
+  for (let quarter = 0; quarter < 4; quarter += 1) {
+    const ahead = rotateAbout(spot.axis, (quarter * Math.PI) / 2, spot.ahead);
+    const corners = [spot.at, ...onCircle({ ...spot, ahead }, radius, Math.PI / 2, STEPS / 4)];
+    fillPolygon(facets, corners, quarter % 2 === 0 ? one : other);
   }
 }
 

@@ -1,4 +1,5 @@
 import { BALANCE } from '../../balance/BalanceParts.tsx';
+import { lackWords } from '../../balance/lack_words.ts';
 import { useLatePart } from '../../shell/late.tsx';
 import { useNow } from '../../shell/now.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
@@ -22,7 +23,7 @@ export function BalanceEntry({ links }: { links: readonly RobotLink[] }) {
   );
   if (known.length === 0) return null;
   const lines = known.flatMap(({ name, lacks }) =>
-    lacks.map((lack) => [links.length > 1 ? `${name}: ` : '', part.lackWords(lack, text)].join('')),
+    lacks.map((lack) => [links.length > 1 ? `${name}: ` : '', lackWords(lack, text)].join('')),
   );
   const byItself = watches.some(({ watch }) => watch.isShownByItself);
   return (

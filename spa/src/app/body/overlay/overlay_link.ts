@@ -7,6 +7,8 @@ import { wordsOfName } from '../../../twin/plain_names.ts';
 import type { RobotTwin } from '../../../twin/robot.ts';
 import type { LoadScale } from '../../../twin/sensors/load.ts';
 import type { OverlaidBody } from '../../../view/body_view.ts';
+import { BALANCE } from '../../balance/BalanceParts.tsx';
+import { onDemand } from '../../shell/late.tsx';
 import type { RobotLink } from '../../state/robot_link.ts';
 import { onSelection, selection } from '../../state/selection.ts';
 import { onSettings, settings } from '../../state/settings.ts';
@@ -14,8 +16,7 @@ import { languageTag, onLanguage } from '../../text/language.ts';
 import { more } from '../../text/more.ts';
 import type { More } from '../../text/more_en.ts';
 
-const BALANCE = new LatePart(() => import('../../../view/balance.ts'));
-const JOINT_LIMITS = new LatePart(() => import('../../../view/joint_limits.ts'));
+const JOINT_LIMITS = new LatePart(() => import('../../../view/joint_limits.ts'), onDemand);
 const jointLimits = () => JOINT_LIMITS.value()?.drawJointLimits ?? null;
 
 /** A running connection between the readings of a robot and the overlay of its body. */
