@@ -59,7 +59,7 @@ const SHARED_CHUNKS = [
   { name: 'cells', test: /spa\/src\/app\/.*\/(cells\.ts|fault_words\.ts|FlagTerm\.tsx)$/ },
   {
     name: 'root_pose',
-    test: /spa\/src\/(model\/(root_pose|vectors)|twin\/vectors)\.ts$/,
+    test: /spa\/src\/(model\/(articulated_body|root_pose|vectors)|twin\/vectors)\.ts$/,
     includeDependenciesRecursively: false,
   },
   {

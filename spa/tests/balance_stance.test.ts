@@ -11,6 +11,7 @@ import { couldStand } from '../src/twin/balance/told/could_stand.ts';
 import { fallDirection } from '../src/twin/balance/told/direction.ts';
 import { lacksOf } from '../src/twin/balance/told/lacks.ts';
 import { MARGIN, marginLimits } from '../src/twin/balance/told/margin_limits.ts';
+import { toldOfMasses } from '../src/twin/balance/told/mass_findings.ts';
 import { type Stance, StanceJudge } from '../src/twin/balance/told/stance.ts';
 import { ValueLimits, withEdit } from '../src/twin/limits/limits.ts';
 import { quatOfRpy, type Vec3 } from '../src/twin/rotation.ts';
@@ -224,30 +225,30 @@ describe('what can’t be known', () => {
   const gaps = (centreOfMass: Balance['gaps']['centreOfMass'], polygon: Balance['gaps']['polygon']) => ({
     gaps: { ...NO_GAPS, centreOfMass, polygon },
   });
-  const lines = (found: ReturnType<typeof lacksOf>) => found.lacks.map((lack) => lackWords(lack, balanceEn));
+  const lines = (found: ReturnType<typeof lacksOf>) => found.map((lack) => lackWords(lack, balanceEn));
 
   it('is said once each, with what the doctor found', () => {
-    expect(lacksOf(gaps(null, null), [])).toEqual({ lacks: [], possible: true });
+    expect(lacksOf(gaps(null, null), [])).toEqual([]);
     const old = lacksOf(gaps('old-bundle', 'old-bundle'), []);
     expect(lines(old)).toEqual(['This model was built before masses were kept: build it again.']);
-    expect(old.possible).toBe(false);
     expect(lines(lacksOf(gaps('no-masses', 'no-feet'), []))).toEqual([
       'The robot’s description has no masses.',
       'No feet are known: [balance] in the profile names them.',
     ]);
     const findings = [null, { code: 7 }, { code: 'mass-negative', text: 'link head: \u202emass -3 kg' }];
-    const bad = lacksOf(gaps('impossible-masses', null), findings);
+    const bad = lacksOf(gaps('impossible-masses', null), toldOfMasses(findings));
     expect(lines(bad)).toEqual(['link head: \\u{202e}mass -3 kg']);
-    expect(bad.possible, 'its feet are known').toBe(true);
-    expect(lines(lacksOf(gaps('impossible-masses', null), 'nonsense'))).toEqual([balanceEn.impossibleMasses]);
+    expect(lines(lacksOf(gaps('impossible-masses', null), toldOfMasses('nonsense')))).toEqual([
+      balanceEn.impossibleMasses,
+    ]);
     expect(lines(lacksOf(gaps(null, null), [], ['soles[0]: its link is not there']))).toEqual([
       'soles[0]: its link is not there',
     ]);
   });
 
   it('passes with time: no foot bears, one is not read', () => {
-    expect(lacksOf(gaps(null, 'airborne'), []).lacks).toEqual([]);
-    expect(lacksOf(gaps(null, 'unread'), [])).toEqual({ lacks: [], possible: true });
+    expect(lacksOf(gaps(null, 'airborne'), [])).toEqual([]);
+    expect(lacksOf(gaps(null, 'unread'), [])).toEqual([]);
     expect(lackWords({ why: 'raw' }, balanceEn)).toBe(balanceEn.rawModel);
   });
 

@@ -1,4 +1,3 @@
-import './balance.css';
 import { displayOf, formatNumber } from '../../twin/format.ts';
 import { useNow } from '../shell/now.ts';
 import type { RobotLink } from '../state/robot_link.ts';

@@ -2,8 +2,8 @@ import { BalanceReader } from '../../model/balance/balance_reader.ts';
 import { manifestAt } from '../../model/files.ts';
 import { type Manifest, readManifest } from '../../model/manifest.ts';
 import type { Balance } from '../../twin/balance/balance.ts';
-import { type Lack, lacksOf } from '../../twin/balance/told/lacks.ts';
 import { MARGIN, marginLimits } from '../../twin/balance/told/margin_limits.ts';
+import { toldOfMasses } from '../../twin/balance/told/mass_findings.ts';
 import { type Stance, StanceJudge } from '../../twin/balance/told/stance.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import { noteComputed } from '../state/own_alarms.ts';
@@ -25,13 +25,14 @@ type KnownModel = Manifest | 'raw' | null;
 
 /** What is known about a robot's balance by its newest frame. */
 export interface KnownBalance {
-  /** What of it can't be known, whatever the robot does; empty if all can. */
-  readonly lacks: readonly Lack[];
   /** Whether anything of it can be known. */
   readonly possible: boolean;
   readonly stance: Stance | null;
   /** What it was judged by; null of a model without any. It is rewritten with the next frame. */
   readonly balance: Balance | null;
+  /** What the model's doctor says of masses that can't be, and what of model or profile can't be read. */
+  readonly findings: readonly unknown[];
+  readonly problems: readonly string[];
 }
 
 /** What reads the balance of one model and schema, frame by frame. */
@@ -106,7 +107,7 @@ export class BalanceWatch {
     if (this.#known !== null && !this.isShown && performance.now() - this.#askedForMs > UNASKED_MS) return;
     this.#lookedMs = state.atMs;
     if (model === 'raw') {
-      this.#known = lacking({ why: 'raw' });
+      this.#known = OF_RAW_FILES;
       return;
     }
     const read = this.#readWith(model, schema);
@@ -114,7 +115,9 @@ export class BalanceWatch {
     const stance = read.judge.next(balance, read.reader.headingRad, marginLimits(limits));
     this.#known = {
       stance,
-      ...lacksOf(balance, model.raw.findings, read.reader.problems),
+      possible: read.reader.hasAny,
+      findings: toldOfMasses(model.raw.findings),
+      problems: read.reader.problems,
       balance,
     };
     this.#note(stance, state.atMs);
@@ -161,9 +164,9 @@ export class BalanceWatch {
   }
 }
 
-function lacking(lack: Lack): KnownBalance {
-  return { lacks: [lack], possible: false, stance: null, balance: null };
-}
+const OF_RAW_FILES: KnownBalance = {
+  ...{ possible: false, stance: null, balance: null, findings: [], problems: [] },
+};
 
 const watches = new WeakMap<RobotTwin, BalanceWatch>();
 

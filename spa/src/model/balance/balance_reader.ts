@@ -8,6 +8,8 @@ import type { PosedBody } from '../posed_body.ts';
 import { FrameBody } from './frame_body.ts';
 import { chooseStanding } from './standing_choice.ts';
 
+const UNKNOWN: readonly number[] = Array(16).fill(Number.NaN);
+
 /** What a body must tell of its links. */
 type LinkedBody = Pick<PosedBody, 'linkMatrix'>;
 
@@ -79,8 +81,7 @@ export class BalanceReader {
   ofBody(body: LinkedBody, wrenches: readonly FootWrench[], tS: number): Balance {
     const { links } = this.manifest;
     for (const link of this.#links) {
-      const elements = body.linkMatrix(links[link]!)?.elements;
-      for (let i = 0; i < 16; i += 1) this.#worldFromLink[link * 16 + i] = elements?.[i] ?? Number.NaN;
+      this.#worldFromLink.set(body.linkMatrix(links[link]!)?.elements ?? UNKNOWN, link * 16);
     }
     this.#balancer.update(this.#worldFromLink, wrenches, tS);
     return this.#balancer;

@@ -1,12 +1,12 @@
 import { type BalanceRule, readBalance, type Schema } from '@posecast/wire';
 import type { BalanceGap } from '../../twin/balance/balance.ts';
 import type { Foot, FootSensor, SolePlane, Standing } from '../../twin/balance/standing.ts';
-import { toldOfMasses } from '../../twin/balance/told/lacks.ts';
-import { invertQuat, type Quat, quatOfRpy, rotateVector, type Vec3 } from '../../twin/rotation.ts';
+import { toldOfMasses } from '../../twin/balance/told/mass_findings.ts';
+import { invertQuat, multiplyQuats, quatOfRpy, rotateVector, type Vec3 } from '../../twin/rotation.ts';
 import { WrenchTable } from '../../twin/sensors/wrenches.ts';
 import { Kinematics } from '../kinematics.ts';
 import type { Manifest } from '../manifest.ts';
-import { addScaled, dot, originOf, quatOfTransform } from '../vectors.ts';
+import { addScaled, dot, originOf, pointThrough, quatOfTransform } from '../vectors.ts';
 import { type LinkMass, readMasses, readSoles, type Sole } from './masses_and_soles.ts';
 import { planeOfSole } from './sole_plane.ts';
 
@@ -140,34 +140,27 @@ class FeetFinder {
     of: number,
     sole: SolePlane,
   ): FootSensor {
-    const rootFromSole = this.#pose(of);
-    const rootFromLink = this.#pose(link);
-    const back = invertQuat(rootFromSole.turn);
-    const inSole = (direction: Vec3) => rotateVector(back, rotateVector(rootFromLink.turn, direction));
-    const apart = addScaled(rootFromLink.place, rootFromSole.place, -1);
-    const mounted = quatOfRpy(rpy);
-    const axes = (
-      [
-        [1, 0, 0],
-        [0, 1, 0],
-        [0, 0, 1],
-      ] as const
-    ).map((axis) => inSole(rotateVector(mounted, axis))) as unknown as FootSensor['axes'];
+    const { rootFromLink } = this.#rest;
+    const rootFromSole = rootFromLink.subarray(of * 16, of * 16 + 16);
+    const rootFromMount = rootFromLink.subarray(link * 16, link * 16 + 16);
+    const back = invertQuat(quatOfTransform(rootFromSole));
+    const turn = multiplyQuats(back, multiplyQuats(quatOfTransform(rootFromMount), quatOfRpy(rpy)));
+    const place = addScaled(pointThrough(rootFromMount, xyz), originOf(rootFromSole), -1);
+    const axes: FootSensor['axes'] = [
+      rotateVector(turn, [1, 0, 0]),
+      rotateVector(turn, [0, 1, 0]),
+      rotateVector(turn, [0, 0, 1]),
+    ];
     const along = axes.map((axis) => Math.abs(dot(axis, sole.normal)));
     const nearest = along.indexOf(Math.max(...along));
     const measuresForce = forceAxes.includes(nearest);
     const across = [0, 1, 2].filter((axis) => axis !== nearest);
     return {
       site,
-      xyz: addScaled(rotateVector(back, apart), inSole(xyz)),
+      xyz: rotateVector(back, place),
       axes,
       measuresForce,
       measuresPressure: measuresForce && across.every((axis) => momentAxes.includes(axis)),
     };
-  }
-
-  #pose(link: number): { place: Vec3; turn: Quat } {
-    const m = this.#rest.rootFromLink.subarray(link * 16, link * 16 + 16);
-    return { place: originOf(m), turn: quatOfTransform(m) };
   }
 }

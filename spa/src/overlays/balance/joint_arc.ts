@@ -10,11 +10,13 @@ import {
   scale,
 } from '../../model/vectors.ts';
 import { limitMargin } from '../../twin/balance/limit_margin.ts';
+import { coarseDisplay, displayOf, formatNumber } from '../../twin/format.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
-import type { ShownJoint } from '../balance_drawing.ts';
+import type { BalanceStyle, ShownJoint } from '../balance_drawing.ts';
+import type { OverlayLabel } from '../labels.ts';
 import type { Paint } from '../strokes.ts';
 import type { Facets } from './facets.ts';
-import { faint } from './paints.ts';
+import { type BalancePaints, faint } from './paints.ts';
 import { drawRod, fillRing, type Spot } from './shapes.ts';
 
 /** Sizes in radii of the robot. */
@@ -25,7 +27,13 @@ const STOP = 0.007;
 /** A direction whose part across the axis is shorter (squared, unit vectors) is none. */
 const ALONG_AXIS = 0.02;
 
-export interface JointPaints {
+/** A joint whose limits are drawn, with what is left of its way in words. */
+export interface DrawnJoint {
+  readonly shown: ShownJoint;
+  readonly label: OverlayLabel;
+}
+
+interface JointPaints {
   /** The whole way between the limits. */
   readonly way: Paint;
   /** What is left to the nearer limit. */
@@ -36,9 +44,34 @@ export interface JointPaints {
 
 export type DrawJointLimits = typeof drawJointLimits;
 
+/** Draws joints' ways between their limits. Without those that the model lacks, or that have no limits. */
+export function drawJointLimits(
+  facets: Facets,
+  body: PosedBody,
+  names: readonly string[],
+  { reach, angle, live, tones }: BalanceStyle,
+  { mass }: Pick<BalancePaints, 'mass'>,
+): DrawnJoint[] {
+  const accent = { color: live ? tones.accent : tones.stale, through: true };
+  const paints = { way: faint(mass, 0.22), left: accent, now: mass };
+  return names.flatMap((name) => {
+    const drawn = drawJoint(facets, body, name, reach, paints);
+    if (drawn === null) return [];
+    const { at, ...shown } = drawn;
+    const display = displayOf(shown.slides ? 'm' : 'rad', angle);
+    const text = `${formatNumber(shown.left, coarseDisplay(display)).trim()} ${display.unit}`;
+    const level = shown.left < 0 ? 'caution' : 'ok';
+    const label: OverlayLabel = {
+      ...{ key: `left-${name}`, text, level, quiet: false, old: !live },
+      ...{ at, middle: at, lines: [[at, at]] },
+    };
+    return [{ shown, label }];
+  });
+}
+
 /** Draws a joint's way between its limits, where it is, and what is left to the nearer limit. Null for a joint that the
  *  model lacks, or that has no limits. */
-export function drawJointLimits(
+function drawJoint(
   facets: Facets,
   body: PosedBody,
   name: string,

@@ -74,7 +74,9 @@ export class StanceJudge {
     if (marginMm > 0) return 'inside';
     if (capturePoint === null || polygon.length === 0) return 'outside';
     const [x, y] = capturePoint;
-    return marginIn(polygon, [x, y]).metres >= (this.#kind === 'moving' ? 0 : CAUGHT_M) ? 'moving' : 'outside';
+    return marginIn(polygon, [x, y]).metres >= (this.#kind === 'moving' ? 0 : CAUGHT_M)
+      ? 'moving'
+      : 'outside';
   }
 
   #levelOf(marginMm: number, kind: StanceKind, limits: MarginLimits): Level {
