@@ -53,10 +53,31 @@ const SHARED_CHUNKS = [
   // What late parts say: all of them need it, and who plays the past has it by then.
   {
     name: 'more',
-    test: /spa\/src\/app\/(text\/(more|more_en|balance|balance\/balance_en)|status\/(moment_words|past_words))\.ts$/,
+    test: /spa\/src\/app\/(text\/(more|more_en|balance|balance\/balance_en|past|past\/past_en)|status\/(moment_words|past_words))\.ts$/,
   },
   { name: 'manifest', test: /spa\/src\/model\/(bundle|files|lod_cache|manifest)\.ts$/ },
   { name: 'cells', test: /spa\/src\/app\/.*\/(cells\.ts|fault_words\.ts|FlagTerm\.tsx)$/ },
+  {
+    name: 'sensors',
+    test: /spa\/src\/twin\/(plots\/(choice|trace)|sensors\/sensors)\.ts$/,
+    includeDependenciesRecursively: false,
+  },
+  {
+    name: 'margins',
+    test: /spa\/src\/twin\/balance\/(limit_margin|told\/margin_limits)\.ts$/,
+    includeDependenciesRecursively: false,
+  },
+  {
+    name: 'root_pose',
+    test: /spa\/src\/(model\/(articulated_body|root_pose|vectors)|twin\/vectors)\.ts$/,
+    includeDependenciesRecursively: false,
+  },
+  {
+    // What draws balance and tells of it, without its numbers, and without a selected joint's limits.
+    name: 'balance',
+    test: /spa\/src\/(overlays\/balance\/(?!joint_arc)|view\/balance|app\/balance\/(balance_(part|watch)|Stood|spoken|stance)|twin\/balance\/told\/(direction|stance))/,
+    includeDependenciesRecursively: false,
+  },
 ];
 
 function contentPolicy(): Plugin {

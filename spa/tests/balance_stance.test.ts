@@ -1,14 +1,17 @@
-import { parseSchema, type Threshold } from '@posecast/wire';
+import { parseSchema, type Schema, type Threshold } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
-import { briefWords, lackWords, stanceWords } from '../src/app/balance/stance_words.ts';
+import { lackWords } from '../src/app/balance/lack_words.ts';
+import { briefWords, stanceWords } from '../src/app/balance/stance_words.ts';
 import { balanceEn } from '../src/app/text/balance/balance_en.ts';
 import { balanceKo } from '../src/app/text/balance/balance_ko.ts';
+import { BalanceReader } from '../src/model/balance/balance_reader.ts';
+import { readManifest } from '../src/model/manifest.ts';
 import type { Balance, Vec2 } from '../src/twin/balance/balance.ts';
 import { couldStand } from '../src/twin/balance/told/could_stand.ts';
 import { fallDirection } from '../src/twin/balance/told/direction.ts';
-import { HeadingReader } from '../src/twin/balance/told/heading.ts';
 import { lacksOf } from '../src/twin/balance/told/lacks.ts';
 import { MARGIN, marginLimits } from '../src/twin/balance/told/margin_limits.ts';
+import { toldOfMasses } from '../src/twin/balance/told/mass_findings.ts';
 import { type Stance, StanceJudge } from '../src/twin/balance/told/stance.ts';
 import { ValueLimits, withEdit } from '../src/twin/limits/limits.ts';
 import { quatOfRpy, type Vec3 } from '../src/twin/rotation.ts';
@@ -206,9 +209,15 @@ describe('the direction', () => {
     const doc = JSON.parse(SCHEMA_TEXT);
     doc.mapping.sensors.torso = { kind: 'imu', name: 'chest', link: 'torso' };
     const withImu = parseSchema(JSON.stringify(doc));
-    expect(new HeadingReader(withImu).read(codesWith(of(turned)))).toBeCloseTo(1.2, 2);
-    expect(new HeadingReader(SCHEMA).read(codesWith(of(turned))), 'nobody says whose it is').toBe(0);
-    expect(new HeadingReader(withImu).read(codesWith({ 'quat.torso.w': null })), 'no reading').toBe(0);
+    const manifest = readManifest({ v: 2, links: ['torso'], joints: [], levels: [], visuals: [] });
+    const heading = (schema: Schema, readings: Record<string, number | null>) => {
+      const reader = new BalanceReader(manifest, schema);
+      reader.ofFrame(codesWith(readings), 0);
+      return reader.headingRad;
+    };
+    expect(heading(withImu, of(turned))).toBeCloseTo(1.2, 2);
+    expect(heading(SCHEMA, of(turned)), 'nobody says whose it is').toBe(0);
+    expect(heading(withImu, { 'quat.torso.w': null }), 'no reading').toBe(0);
   });
 });
 
@@ -216,30 +225,30 @@ describe('what can’t be known', () => {
   const gaps = (centreOfMass: Balance['gaps']['centreOfMass'], polygon: Balance['gaps']['polygon']) => ({
     gaps: { ...NO_GAPS, centreOfMass, polygon },
   });
-  const lines = (found: ReturnType<typeof lacksOf>) => found.lacks.map((lack) => lackWords(lack, balanceEn));
+  const lines = (found: ReturnType<typeof lacksOf>) => found.map((lack) => lackWords(lack, balanceEn));
 
   it('is said once each, with what the doctor found', () => {
-    expect(lacksOf(gaps(null, null), [])).toEqual({ lacks: [], possible: true });
+    expect(lacksOf(gaps(null, null), [])).toEqual([]);
     const old = lacksOf(gaps('old-bundle', 'old-bundle'), []);
     expect(lines(old)).toEqual(['This model was built before masses were kept: build it again.']);
-    expect(old.possible).toBe(false);
     expect(lines(lacksOf(gaps('no-masses', 'no-feet'), []))).toEqual([
       'The robot’s description has no masses.',
       'No feet are known: [balance] in the profile names them.',
     ]);
     const findings = [null, { code: 7 }, { code: 'mass-negative', text: 'link head: \u202emass -3 kg' }];
-    const bad = lacksOf(gaps('impossible-masses', null), findings);
+    const bad = lacksOf(gaps('impossible-masses', null), toldOfMasses(findings));
     expect(lines(bad)).toEqual(['link head: \\u{202e}mass -3 kg']);
-    expect(bad.possible, 'its feet are known').toBe(true);
-    expect(lines(lacksOf(gaps('impossible-masses', null), 'nonsense'))).toEqual([balanceEn.impossibleMasses]);
+    expect(lines(lacksOf(gaps('impossible-masses', null), toldOfMasses('nonsense')))).toEqual([
+      balanceEn.impossibleMasses,
+    ]);
     expect(lines(lacksOf(gaps(null, null), [], ['soles[0]: its link is not there']))).toEqual([
       'soles[0]: its link is not there',
     ]);
   });
 
   it('passes with time: no foot bears, one is not read', () => {
-    expect(lacksOf(gaps(null, 'airborne'), []).lacks).toEqual([]);
-    expect(lacksOf(gaps(null, 'unread'), [])).toEqual({ lacks: [], possible: true });
+    expect(lacksOf(gaps(null, 'airborne'), [])).toEqual([]);
+    expect(lacksOf(gaps(null, 'unread'), [])).toEqual([]);
     expect(lackWords({ why: 'raw' }, balanceEn)).toBe(balanceEn.rawModel);
   });
 

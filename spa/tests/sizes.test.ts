@@ -23,6 +23,11 @@ const LANE_LIMIT_KB = 15;
 const SAVE_SHEET_LIMIT_KB = 7;
 const SAVE_LIMIT_KB = 52;
 
+/** What draws balance and tells of it, with its style sheet, once it is switched on. */
+const BALANCE_LIMIT_KB = 13;
+/** The table and the traces of its numbers, and the limits of a selected joint. */
+const BALANCE_EXTRAS_LIMIT_KB = 1.6;
+
 const dist = fileURLToPath(new URL('../dist/', import.meta.url));
 const built = existsSync(`${dist}.vite/manifest.json`);
 
@@ -179,6 +184,32 @@ describe.skipIf(!built)('bundle (skipped when spa/dist is not built)', () => {
     for (const file of line)
       if (!first.has(file))
         expect(readFileSync(`${dist}${file}`, 'utf8')).not.toMatch(/ros2msg|posecast-recording/);
+  });
+
+  it('balance comes to nobody who does not watch it, in 13 kB, its numbers and a joint’s limits by themselves', () => {
+    const all = chunks();
+    const entry = Object.keys(all).find((name) => all[name]?.isEntry) ?? '';
+    const part = 'src/app/balance/balance_part.ts';
+    const scene = Object.keys(all).find((name) => name.endsWith('src/three/index.ts')) ?? '';
+    // What a page that shows a robot with its numbers has in any case; that two of its parts share a file is no reason to
+    // count it.
+    const had = new Set<string>();
+    const before = [entry, scene, READER, 'src/app/numbers/Panel.tsx', 'src/app/status/Announcer.tsx'];
+    const links = Object.keys(all).filter((name) =>
+      /body_(link|parts)|overlay_link|own_alarms|mapping_parser/.test(name),
+    );
+    for (const name of [...before, ...links]) filesOf(all, name, had);
+    const sizeOf = (name: string, more: ReadonlySet<string> = new Set()) => {
+      const files = [...filesOf(all, name)].filter((file) => !had.has(file) && !more.has(file));
+      expect(files).toContain(all[name]?.file);
+      const sizes = files.map((file) => [file, kb(file)] as const);
+      console.info(sizes.map(([file, size]) => `${file}: ${size.toFixed(2)} kB`).join('\n'));
+      return sizes.reduce((sum, [, size]) => sum + size, 0);
+    };
+    expect(sizeOf(part)).toBeLessThan(BALANCE_LIMIT_KB);
+    const balance = filesOf(all, part);
+    for (const name of ['src/app/balance/balance_numbers.ts', 'src/view/joint_limits.ts'])
+      expect(sizeOf(name, balance)).toBeLessThan(BALANCE_EXTRAS_LIMIT_KB);
   });
 
   it('signing in comes to nobody who does not sign in, in 40 kB', () => {

@@ -5,11 +5,17 @@ import { type RobotLink, useVersion } from '../state/robot_link.ts';
 import { settings, useSettings } from '../state/settings.ts';
 
 const load = () => import('./balance_part.ts');
-/** What tells of balance; only for robots that may stand, and for who asks. */
+const loadNumbers = () => import('./balance_numbers.ts');
+/** What draws balance and tells of it; only for robots that may stand, and for who asks. */
 export const BALANCE = new LatePart(load, onDemand);
+/** What lists and plots its numbers. */
+export const BALANCE_NUMBERS = new LatePart(loadNumbers, onDemand);
 
 const Stood = late(async () => (await load()).Stood, onDemand);
-const BalanceTable = late(async () => (await load()).BalanceTable, onDemand);
+const BalanceTable = late(async () => {
+  void BALANCE_NUMBERS.load(); // what is listed can be plotted
+  return (await loadNumbers()).BalanceTable;
+}, onDemand);
 
 /** Whether a robot's balance may have to be told: its model says whether it is. */
 export function mayTell({ twin }: RobotLink): boolean {

@@ -1,10 +1,9 @@
-import './balance.css';
 import { displayOf, formatNumber } from '../../twin/format.ts';
 import { useNow } from '../shell/now.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { toggleTrace, useTraces } from '../state/traces.ts';
 import { useBalanceText } from '../text/balance.ts';
-import { VALUES } from './balance_values.ts';
+import { VALUES, writeValues } from './balance_values.ts';
 import { balanceOf } from './balance_watch.ts';
 
 /** Numbers that change more often can't be read. */
@@ -18,7 +17,9 @@ export function BalanceTable({ link }: { link: RobotLink }) {
   const text = useBalanceText();
   const watch = balanceOf(link);
   const { known } = watch;
-  if (!watch.isShown || known?.possible !== true) return null;
+  if (!watch.isShown || known?.possible !== true || known.balance === null) return null;
+  const values = new Float64Array(VALUES.length);
+  writeValues(known.balance, values);
   return (
     <div className="sensors" data-testid="balance-table">
       <table className="sensor balance-table">
@@ -52,7 +53,7 @@ export function BalanceTable({ link }: { link: RobotLink }) {
                   </button>
                 </th>
                 <td className="c-num" data-field={field} data-label={label} draggable>
-                  {formatNumber(known.values[i] ?? null, display)}
+                  {formatNumber(values[i] ?? null, display)}
                 </td>
                 <td className="unit">{display.unit}</td>
               </tr>

@@ -14,7 +14,7 @@ export interface BalanceValue {
 
 const { field } = MARGIN;
 
-/** The numbers of balance, in the order in which `balanceValues` has them. */
+/** The numbers of balance, in the order in which `writeValues` has them. */
 export const VALUES: readonly BalanceValue[] = [
   { ...MARGIN, name: 'margin', unit: 'mm', explain: 'balance.margin' },
   { field, label: 'mass.x', name: 'massX', unit: 'm', explain: 'balance.mass' },
@@ -29,10 +29,4 @@ export function writeValues({ marginM, centreOfMass, pressure }: Balance, into: 
   into[0] = marginM === null ? Number.NaN : marginM * 1000;
   for (let i = 0; i < 3; i += 1) into[1 + i] = centreOfMass?.[i] ?? Number.NaN;
   for (let i = 0; i < 2; i += 1) into[4 + i] = pressure?.[i] ?? Number.NaN;
-}
-
-export function balanceValues(balance: Balance): Float64Array {
-  const values = new Float64Array(VALUES.length);
-  writeValues(balance, values);
-  return values;
 }

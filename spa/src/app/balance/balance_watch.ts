@@ -1,16 +1,15 @@
 import { BalanceReader } from '../../model/balance/balance_reader.ts';
 import { manifestAt } from '../../model/files.ts';
 import { type Manifest, readManifest } from '../../model/manifest.ts';
-import { HeadingReader } from '../../twin/balance/told/heading.ts';
-import { type Lack, lacksOf } from '../../twin/balance/told/lacks.ts';
+import type { Balance } from '../../twin/balance/balance.ts';
 import { MARGIN, marginLimits } from '../../twin/balance/told/margin_limits.ts';
+import { toldOfMasses } from '../../twin/balance/told/mass_findings.ts';
 import { type Stance, StanceJudge } from '../../twin/balance/told/stance.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import { noteComputed } from '../state/own_alarms.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { settings } from '../state/settings.ts';
 import { balanceText } from '../text/balance.ts';
-import { balanceValues } from './balance_values.ts';
 
 /** The balance is computed at most this often, however many frames come. */
 const EVERY_MS = 95;
@@ -26,13 +25,14 @@ type KnownModel = Manifest | 'raw' | null;
 
 /** What is known about a robot's balance by its newest frame. */
 export interface KnownBalance {
-  /** What of it can't be known, whatever the robot does; empty if all can. */
-  readonly lacks: readonly Lack[];
   /** Whether anything of it can be known. */
   readonly possible: boolean;
   readonly stance: Stance | null;
-  /** By column, see `VALUES`; NaN: none. */
-  readonly values: Float64Array;
+  /** What it was judged by; null of a model without any. It is rewritten with the next frame. */
+  readonly balance: Balance | null;
+  /** What the model's doctor says of masses that can't be, and what of model or profile can't be read. */
+  readonly findings: readonly unknown[];
+  readonly problems: readonly string[];
 }
 
 /** What reads the balance of one model and schema, frame by frame. */
@@ -40,7 +40,6 @@ interface Read {
   readonly model: Manifest;
   readonly schema: Schema;
   readonly reader: BalanceReader;
-  readonly heading: HeadingReader;
   readonly judge: StanceJudge;
 }
 
@@ -108,16 +107,18 @@ export class BalanceWatch {
     if (this.#known !== null && !this.isShown && performance.now() - this.#askedForMs > UNASKED_MS) return;
     this.#lookedMs = state.atMs;
     if (model === 'raw') {
-      this.#known = lacking({ why: 'raw' });
+      this.#known = OF_RAW_FILES;
       return;
     }
     const read = this.#readWith(model, schema);
     const balance = read.reader.ofFrame(state.codes, state.tS);
-    const stance = read.judge.next(balance, read.heading.read(state.codes), marginLimits(limits));
+    const stance = read.judge.next(balance, read.reader.headingRad, marginLimits(limits));
     this.#known = {
       stance,
-      ...lacksOf(balance, model.raw.findings, read.reader.problems),
-      values: balanceValues(balance),
+      possible: read.reader.hasAny,
+      findings: toldOfMasses(model.raw.findings),
+      problems: read.reader.problems,
+      balance,
     };
     this.#note(stance, state.atMs);
   };
@@ -126,7 +127,7 @@ export class BalanceWatch {
   #readWith(model: Manifest, schema: Schema): Read {
     if (this.#read?.model === model && this.#read.schema === schema) return this.#read;
     const reader = new BalanceReader(model, schema);
-    this.#read = { model, schema, reader, heading: new HeadingReader(schema), judge: new StanceJudge() };
+    this.#read = { model, schema, reader, judge: new StanceJudge() };
     return this.#read;
   }
 
@@ -163,11 +164,9 @@ export class BalanceWatch {
   }
 }
 
-const NO_VALUES = new Float64Array(0);
-
-function lacking(lack: Lack): KnownBalance {
-  return { lacks: [lack], possible: false, stance: null, values: NO_VALUES };
-}
+const OF_RAW_FILES: KnownBalance = {
+  ...{ possible: false, stance: null, balance: null, findings: [], problems: [] },
+};
 
 const watches = new WeakMap<RobotTwin, BalanceWatch>();
 

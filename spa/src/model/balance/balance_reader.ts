@@ -1,12 +1,14 @@
 import type { Schema } from '@posecast/wire';
 import type { Balance } from '../../twin/balance/balance.ts';
 import { Balancer } from '../../twin/balance/balancer.ts';
-import { type FootWrench, FootWrenchReader } from '../../twin/balance/foot_wrench.ts';
-import type { Standing } from '../../twin/balance/standing.ts';
+import type { FootWrench, Standing } from '../../twin/balance/standing.ts';
+import { WrenchTable } from '../../twin/sensors/wrenches.ts';
 import type { Manifest } from '../manifest.ts';
 import type { PosedBody } from '../posed_body.ts';
 import { FrameBody } from './frame_body.ts';
 import { chooseStanding } from './standing_choice.ts';
+
+const UNKNOWN: readonly number[] = Array(16).fill(Number.NaN);
 
 /** What a body must tell of its links. */
 type LinkedBody = Pick<PosedBody, 'linkMatrix'>;
@@ -20,7 +22,7 @@ export class BalanceReader {
   readonly schema: Schema;
   readonly #standing: Standing;
   readonly #balancer: Balancer;
-  readonly #wrenches: FootWrenchReader;
+  readonly #wrenches: WrenchTable;
   #body: FrameBody | null = null;
   /** The links that matter, by index, and world_from_link of all. */
   readonly #links: readonly number[];
@@ -32,10 +34,7 @@ export class BalanceReader {
     this.#standing = chooseStanding(manifest, schema);
     this.#balancer = new Balancer(this.#standing);
     const { masses, feet } = this.#standing;
-    this.#wrenches = new FootWrenchReader(
-      schema,
-      feet.flatMap(({ sensor }) => sensor?.site ?? []),
-    );
+    this.#wrenches = new WrenchTable(schema);
     this.#links = [...new Set([...masses, ...feet].map(({ link }) => link))];
     this.#worldFromLink = new Float64Array(manifest.links.length * 16);
   }
@@ -56,9 +55,16 @@ export class BalanceReader {
     return this.#standing.problems;
   }
 
-  /** The wrenches of the feet in a frame's codes, in N and N·m. They are rewritten by the next call. */
+  /** Where the body of the newest frame faces, rad from the world's x: by its odometry, else by the sensor that says how
+   *  its body is turned, else along the world's x. */
+  get headingRad(): number {
+    const [ahead = 1, left = 0] = this.#body?.worldFromLink ?? [];
+    return Math.atan2(left, ahead);
+  }
+
+  /** The wrenches in a frame's codes, in N and N·m. They are rewritten by the next call. */
   wrenches(codes: Int32Array): readonly FootWrench[] {
-    return this.#wrenches.read(codes);
+    return this.#wrenches.read(codes, null);
   }
 
   /** The balance of a frame (for words, limits and plots). `tS` is the robot's time, seconds. The result is rewritten by
@@ -66,7 +72,7 @@ export class BalanceReader {
   ofFrame(codes: Int32Array, tS: number): Balance {
     this.#body ??= new FrameBody(this.manifest, this.schema);
     this.#body.place(codes);
-    this.#balancer.update(this.#body.worldFromLink, this.#wrenches.read(codes), tS);
+    this.#balancer.update(this.#body.worldFromLink, this.wrenches(codes), tS);
     return this.#balancer;
   }
 
@@ -75,8 +81,7 @@ export class BalanceReader {
   ofBody(body: LinkedBody, wrenches: readonly FootWrench[], tS: number): Balance {
     const { links } = this.manifest;
     for (const link of this.#links) {
-      const elements = body.linkMatrix(links[link]!)?.elements;
-      for (let i = 0; i < 16; i += 1) this.#worldFromLink[link * 16 + i] = elements?.[i] ?? Number.NaN;
+      this.#worldFromLink.set(body.linkMatrix(links[link]!)?.elements ?? UNKNOWN, link * 16);
     }
     this.#balancer.update(this.#worldFromLink, wrenches, tS);
     return this.#balancer;

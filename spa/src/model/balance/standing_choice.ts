@@ -1,17 +1,15 @@
 import { type BalanceRule, readBalance, type Schema } from '@posecast/wire';
 import type { BalanceGap } from '../../twin/balance/balance.ts';
-import { FootWrenchReader } from '../../twin/balance/foot_wrench.ts';
-import { planeOfSole, type SolePlane } from '../../twin/balance/sole.ts';
-import type { Foot, FootSensor, Standing } from '../../twin/balance/standing.ts';
-import { invertQuat, type Quat, quatOfRpy, rotateVector, type Vec3 } from '../../twin/rotation.ts';
-import { isRecord } from '../bundle.ts';
+import type { Foot, FootSensor, SolePlane, Standing } from '../../twin/balance/standing.ts';
+import { toldOfMasses } from '../../twin/balance/told/mass_findings.ts';
+import { invertQuat, multiplyQuats, quatOfRpy, rotateVector, type Vec3 } from '../../twin/rotation.ts';
+import { WrenchTable } from '../../twin/sensors/wrenches.ts';
 import { Kinematics } from '../kinematics.ts';
 import type { Manifest } from '../manifest.ts';
-import { addScaled, dot, originOf, quatOfTransform } from '../vectors.ts';
+import { addScaled, dot, originOf, pointThrough, quatOfTransform } from '../vectors.ts';
 import { type LinkMass, readMasses, readSoles, type Sole } from './masses_and_soles.ts';
+import { planeOfSole } from './sole_plane.ts';
 
-/** Codes of the doctor's findings that concern masses. */
-const OF_MASSES = /^(mass|inertia)/;
 const NO_RULE: BalanceRule = { feet: null, ground: null, soles: new Map() };
 
 /**
@@ -56,9 +54,7 @@ export function chooseStanding(manifest: Manifest, schema: Schema): Standing {
 function whyNoMasses(masses: readonly LinkMass[] | null, { raw }: Manifest): BalanceGap | null {
   if (masses === null) return 'old-bundle';
   if (masses.length > 0) return null;
-  const findings: readonly unknown[] = Array.isArray(raw.findings) ? raw.findings : [];
-  const areBad = findings.some((one) => isRecord(one) && OF_MASSES.test(String(one.code)));
-  return areBad ? 'impossible-masses' : 'no-masses';
+  return toldOfMasses(raw.findings).length > 0 ? 'impossible-masses' : 'no-masses';
 }
 
 /** A sensor of the mapping that measures at least one component of a wrench, on a link of the model. */
@@ -86,10 +82,7 @@ class FeetFinder {
     this.#groupOf = groups;
     this.#rest = new Kinematics(joints);
     this.#soles = soles;
-    const { sensors } = schema.mapping;
-    const measured = new FootWrenchReader(schema, sensors.keys()).wrenches;
-    this.#sensors = measured.flatMap(({ site, force, moment }) => {
-      const mount = sensors.get(site)!;
+    this.#sensors = new WrenchTable(schema).wrenches.flatMap(({ site, mount, force, moment }) => {
       const link = links.indexOf(mount.link ?? '');
       if (link < 0) return [];
       const { xyz, rpy } = mount;
@@ -147,34 +140,27 @@ class FeetFinder {
     of: number,
     sole: SolePlane,
   ): FootSensor {
-    const rootFromSole = this.#pose(of);
-    const rootFromLink = this.#pose(link);
-    const back = invertQuat(rootFromSole.turn);
-    const inSole = (direction: Vec3) => rotateVector(back, rotateVector(rootFromLink.turn, direction));
-    const apart = addScaled(rootFromLink.place, rootFromSole.place, -1);
-    const mounted = quatOfRpy(rpy);
-    const axes = (
-      [
-        [1, 0, 0],
-        [0, 1, 0],
-        [0, 0, 1],
-      ] as const
-    ).map((axis) => inSole(rotateVector(mounted, axis))) as unknown as FootSensor['axes'];
+    const { rootFromLink } = this.#rest;
+    const rootFromSole = rootFromLink.subarray(of * 16, of * 16 + 16);
+    const rootFromMount = rootFromLink.subarray(link * 16, link * 16 + 16);
+    const back = invertQuat(quatOfTransform(rootFromSole));
+    const turn = multiplyQuats(back, multiplyQuats(quatOfTransform(rootFromMount), quatOfRpy(rpy)));
+    const place = addScaled(pointThrough(rootFromMount, xyz), originOf(rootFromSole), -1);
+    const axes: FootSensor['axes'] = [
+      rotateVector(turn, [1, 0, 0]),
+      rotateVector(turn, [0, 1, 0]),
+      rotateVector(turn, [0, 0, 1]),
+    ];
     const along = axes.map((axis) => Math.abs(dot(axis, sole.normal)));
     const nearest = along.indexOf(Math.max(...along));
     const measuresForce = forceAxes.includes(nearest);
     const across = [0, 1, 2].filter((axis) => axis !== nearest);
     return {
       site,
-      xyz: addScaled(rotateVector(back, apart), inSole(xyz)),
+      xyz: rotateVector(back, place),
       axes,
       measuresForce,
       measuresPressure: measuresForce && across.every((axis) => momentAxes.includes(axis)),
     };
-  }
-
-  #pose(link: number): { place: Vec3; turn: Quat } {
-    const m = this.#rest.rootFromLink.subarray(link * 16, link * 16 + 16);
-    return { place: originOf(m), turn: quatOfTransform(m) };
   }
 }

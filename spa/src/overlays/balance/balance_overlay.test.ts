@@ -9,6 +9,7 @@ import type { BalanceStyle } from '../balance_drawing.ts';
 import { OVERLAY_COLORS } from '../colors.ts';
 import { BalanceOverlay } from './balance_overlay.ts';
 import { Facets } from './facets.ts';
+import { drawJointLimits } from './joint_arc.ts';
 
 const COMPONENTS = ['fx', 'fy', 'fz'].map((one) => `F.${one}`);
 const MOMENTS = ['mx', 'my', 'mz'].map((one) => `F.${one}`);
@@ -71,7 +72,7 @@ function drawn(
   style: Partial<BalanceStyle> = {},
 ) {
   const facets = new Facets();
-  const signs = new BalanceOverlay(facets);
+  const signs = new BalanceOverlay(facets, () => drawJointLimits);
   facets.begin();
   signs.draw(body, shownPose, { ...READINGS, ...readings }, { ...STYLE, ...style });
   facets.end();
@@ -142,7 +143,7 @@ it('is grey, words too, when the pose is old', () => {
 
 it('another model or schema begins anew', () => {
   const facets = new Facets();
-  const signs = new BalanceOverlay(facets);
+  const signs = new BalanceOverlay(facets, () => drawJointLimits);
   const step = (body: PosedBody, tS: number, fz: number) => {
     facets.begin();
     signs.draw(body, pose(fz, tS), READINGS, STYLE);
@@ -156,7 +157,7 @@ it('another model or schema begins anew', () => {
 
 it('tells what a picture costs', () => {
   const [facets, body] = [new Facets(), leg()];
-  const signs = new BalanceOverlay(facets);
+  const signs = new BalanceOverlay(facets, () => drawJointLimits);
   const begunMs = performance.now();
   const pictures = 500;
   for (let i = 0; i < pictures; i += 1) {

@@ -4,7 +4,6 @@ import type { PosedBody } from '../../model/posed_body.ts';
 import { normalize } from '../../model/vectors.ts';
 import type { Balance } from '../../twin/balance/balance.ts';
 import { marginLimits } from '../../twin/balance/told/margin_limits.ts';
-import { coarseDisplay, displayOf, formatNumber } from '../../twin/format.ts';
 import { LevelLatch } from '../../twin/limits/level_latch.ts';
 import type { BalanceReadings } from '../../twin/overlay/reader.ts';
 import type { Pose } from '../../twin/playback/pose.ts';
@@ -13,9 +12,9 @@ import type { BalanceDrawing, BalanceStyle, ShownBalance } from '../balance_draw
 import type { OverlayLabel } from '../labels.ts';
 import type { Facets } from './facets.ts';
 import { Footprints } from './footprints.ts';
-import { drawJointLimits } from './joint_arc.ts';
+import type { DrawJointLimits } from './joint_arc.ts';
 import { drawCapture, drawMass, drawMassFoot } from './mass.ts';
-import { type BalancePaints, faint, paintsOf } from './paints.ts';
+import { type BalancePaints, paintsOf } from './paints.ts';
 import { drawPressure } from './pressure.ts';
 import { drawSupport, type MarginLine, marginLine } from './support.ts';
 
@@ -31,15 +30,18 @@ const NOTHING: ShownBalance = {
 export class BalanceOverlay implements BalanceDrawing {
   shown: ShownBalance = NOTHING;
   readonly #facets: Facets;
+  readonly #jointLimits: () => DrawJointLimits | null;
   #reader: BalanceReader | null = null;
   #readFor: readonly [PosedBody['manifest'], Schema] | null = null;
   readonly #latch = new LevelLatch();
   readonly #left = new Footprints();
   #labels: OverlayLabel[] = [];
 
-  /** `facets`: where it is drawn, with that of the other robots of the picture. */
-  constructor(facets: Facets) {
+  /** `facets`: where it is drawn, with that of the other robots of the picture. `jointLimits`: what draws the limits of
+   *  the selected joint; null until its code is here. */
+  constructor(facets: Facets, jointLimits: () => DrawJointLimits | null) {
     this.#facets = facets;
+    this.#jointLimits = jointLimits;
   }
 
   draw(body: PosedBody | null, pose: Pose | null, readings: BalanceReadings, style: BalanceStyle): void {
@@ -58,14 +60,15 @@ export class BalanceOverlay implements BalanceDrawing {
     const lift = LIFT * style.reach;
     const z = (balance.floorM ?? 0) + lift;
     const margin = this.#drawFloor(facets, balance, level, z, ahead, style, paints);
-    const joints = this.#drawJoints(facets, body, readings, style, paints);
+    const joints = this.#jointLimits()?.(facets, body, readings.joints, style, paints) ?? [];
+    this.#labels.push(...joints.map(({ label }) => label));
     const { centreOfMass, floorM } = balance;
     if (centreOfMass !== null) {
       const foot: Vec3 | null = floorM === null ? null : [centreOfMass[0], centreOfMass[1], z];
       drawMass(facets, centreOfMass, foot, ahead, style.reach, paints);
     }
     if (margin !== null) this.#labels.unshift(marginLabel(margin, balance, level, style.live));
-    this.shown = { ...shownOf(balance, this.#left), level, joints };
+    this.shown = { ...shownOf(balance, this.#left), level, joints: joints.map(({ shown }) => shown) };
   }
 
   labels(): OverlayLabel[] {
@@ -103,27 +106,6 @@ export class BalanceOverlay implements BalanceDrawing {
     drawMassFoot(facets, foot, ahead, reach, paints);
     return margin;
   }
-
-  #drawJoints(
-    facets: Facets,
-    body: PosedBody,
-    { joints }: BalanceReadings,
-    { reach, angle, live, tones }: BalanceStyle,
-    { mass }: BalancePaints,
-  ): ShownBalance['joints'] {
-    const accent = { color: live ? tones.accent : tones.stale, through: true };
-    const paints = { way: faint(mass, 0.22), left: accent, now: mass };
-    return joints.flatMap((name) => {
-      const drawn = drawJointLimits(facets, body, name, reach, paints);
-      if (drawn === null) return [];
-      const { at, ...joint } = drawn;
-      const display = displayOf(joint.slides ? 'm' : 'rad', angle);
-      const text = `${formatNumber(joint.left, coarseDisplay(display)).trim()} ${display.unit}`;
-      const level: Level = joint.left < 0 ? 'caution' : 'ok';
-      this.#labels.push(label(`left-${name}`, text, level, live, at, [[at, at]]));
-      return [joint];
-    });
-  }
 }
 
 /** The level of the margin by its limits, without any by those that the page's words have. */
@@ -150,35 +132,16 @@ function marginLabel(
   const text = `${mm < 0 ? '−' : ''}${Math.abs(mm)} mm`;
   const corners = polygon.map(([x, y]): Vec3 => [x, y, edge[2]]);
   const outline = corners.map((from, i) => [from, corners[(i + 1) % corners.length]!] as const);
-  return label('margin', text, level, live, edge, [[foot, edge], ...outline]);
-}
-
-function label(
-  key: string,
-  text: string,
-  level: Level,
-  live: boolean,
-  at: Vec3,
-  lines: OverlayLabel['lines'],
-): OverlayLabel {
-  return { key, text, level, quiet: false, old: !live, at, middle: lines[0]?.[0] ?? at, lines };
+  const lines: OverlayLabel['lines'] = [[foot, edge], ...outline];
+  return { key: 'margin', text, level, quiet: false, old: !live, at: edge, middle: foot, lines };
 }
 
 /** A copy: the balance is rewritten with the next pose. */
 function shownOf(balance: Balance, left: Footprints): Omit<ShownBalance, 'level' | 'joints'> {
-  const { centreOfMass, capturePoint, floorM, ground, nearestEdge, marginM, pressure } = balance;
-  const copy = (at: Vec3 | null): Vec3 | null => (at === null ? null : [at[0], at[1], at[2]]);
+  const { centreOfMass, capturePoint, floorM, ground, polygon, nearestEdge, marginM, pressure } = balance;
   return {
-    ...{ floorM, ground, nearestEdge, marginM, footprints: left.prints, trace: left.points },
-    centreOfMass: copy(centreOfMass),
-    capturePoint: copy(capturePoint),
-    pressure: copy(pressure),
-    polygon: balance.polygon.map(([x, y]) => [x, y] as const),
-    feet: balance.feet.map(({ name, bears, pressure: at, atEdge }) => ({
-      name,
-      bears,
-      pressure: copy(at),
-      atEdge,
-    })),
+    ...{ centreOfMass, capturePoint, floorM, ground, polygon, nearestEdge, marginM, pressure },
+    ...{ footprints: left.prints, trace: left.points },
+    feet: balance.feet.map(({ name, bears, pressure, atEdge }) => ({ name, bears, pressure, atEdge })),
   };
 }

@@ -277,8 +277,6 @@ describe('footprints', () => {
 });
 
 describe('the limits of a joint', () => {
-  const JOINT_PAINTS = { way: faint(PAINTS.mass, 0.2), left: PAINTS.support, now: PAINTS.mass };
-
   function leg(limits: { lower: number; upper: number } | null) {
     const made = sampleLeg();
     (made.manifest.joints[1] as { limits: unknown }).limits = limits;
@@ -289,7 +287,7 @@ describe('the limits of a joint', () => {
   const arc = (body: ReturnType<typeof leg>, name: string) => {
     let left: number | undefined;
     const facets = drawn((into) => {
-      left = drawJointLimits(into, body, name, 1, JOINT_PAINTS)?.left;
+      left = drawJointLimits(into, body, [name], STYLE, PAINTS)[0]?.shown.left;
     });
     return { left, count: facets.length };
   };

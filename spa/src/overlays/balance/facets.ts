@@ -5,6 +5,7 @@ import type { Paint } from '../strokes.ts';
 /** Most facets in one picture; further ones are not drawn. The balance of one robot takes about 1,000. */
 export const MOST_FACETS = 8192;
 
+/** `through` comes after the four numbers of `tint`. */
 export const FACET_AT: FacetLayout = { first: 0, second: 3, third: 6, tint: 9, through: 13 };
 export const FACET_STRIDE = 14;
 
@@ -38,19 +39,9 @@ export class Facets implements FacetNumbers {
   }
 
   /** Adds a triangle, its corners counter-clockwise for who sees it. */
-  add([ax, ay, az]: Vec3, [bx, by, bz]: Vec3, [cx, cy, cz]: Vec3, paint: Paint): void {
+  add(a: Vec3, b: Vec3, c: Vec3, paint: Paint): void {
     if (this.#made === MOST_FACETS) return;
-    const to = this.#making;
-    let at = this.#made * FACET_STRIDE + FACET_AT.first;
-    to[at++] = ax;
-    to[at++] = ay;
-    to[at++] = az;
-    to[at++] = bx;
-    to[at++] = by;
-    to[at++] = bz;
-    to[at++] = cx;
-    to[at++] = cy;
-    to[at] = cz;
+    this.#making.set([...a, ...b, ...c], this.#made * FACET_STRIDE + FACET_AT.first);
     this.#paint(paint);
   }
 
@@ -72,13 +63,8 @@ export class Facets implements FacetNumbers {
 
   /** Completes the facet whose corners have been written. */
   #paint({ color, opacity = 1, through = false }: Paint): void {
-    const at = this.#made * FACET_STRIDE;
-    const to = this.#making;
-    to[at + FACET_AT.tint] = (color >> 16) / 255;
-    to[at + FACET_AT.tint + 1] = ((color >> 8) & 255) / 255;
-    to[at + FACET_AT.tint + 2] = (color & 255) / 255;
-    to[at + FACET_AT.tint + 3] = opacity;
-    to[at + FACET_AT.through] = through ? 1 : 0;
+    const tint = [(color >> 16) / 255, ((color >> 8) & 255) / 255, (color & 255) / 255, opacity];
+    this.#making.set([...tint, through ? 1 : 0], this.#made * FACET_STRIDE + FACET_AT.tint);
     this.#made += 1;
   }
 }

@@ -1,5 +1,6 @@
 import type { Balance } from '../../twin/balance/balance.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
+import type { Paint } from '../strokes.ts';
 import type { Facets } from './facets.ts';
 import { type BalancePaints, faint } from './paints.ts';
 import { drawLine, fillPolygon } from './shapes.ts';
@@ -64,7 +65,7 @@ export class Footprints {
     const stands = new Map<string, readonly Vec3[]>();
     for (const { name, bears, corners } of feet) {
       const stood = this.#standing.get(name);
-      if (bears === true) stands.set(name, stood ?? corners.map(copy));
+      if (bears === true) stands.set(name, stood ?? corners);
       else if (stood !== undefined) this.#prints.push({ corners: stood, tS });
     }
     this.#standing = stands;
@@ -78,17 +79,14 @@ export class Footprints {
   /** Draws them at height `z`, the older the fainter. */
   draw(facets: Facets, z: number, reach: number, { mass, support }: BalancePaints): void {
     const seen = (tS: number) => STRONGEST * Math.max(0, 1 - (this.#tS - tS) / KEPT_S);
+    const left = (paint: Paint, opacity: number) => ({ ...faint(paint, opacity), through: false });
     for (const { corners, tS } of this.#prints) {
       const flat = corners.map(([x, y]): Vec3 => [x, y, z]);
-      fillPolygon(facets, flat, { ...faint(support, seen(tS) * FILL), through: false });
-      const outline = { ...faint(support, seen(tS)), through: false };
-      drawLine(facets, flat, OUTLINE * reach, outline, { closed: true });
+      fillPolygon(facets, flat, left(support, seen(tS) * FILL));
+      drawLine(facets, flat, OUTLINE * reach, left(support, seen(tS)), { closed: true });
     }
     const way = this.#trace.map(({ at: [x, y] }): Vec3 => [x, y, z]);
-    drawLine(facets, way, TRACE * reach, (i) => ({
-      ...faint(mass, seen(this.#trace[i]!.tS)),
-      through: false,
-    }));
+    drawLine(facets, way, TRACE * reach, (i) => left(mass, seen(this.#trace[i]!.tS)));
   }
 
   #step(at: Vec3, tS: number, reach: number): void {
@@ -113,10 +111,6 @@ export class Footprints {
     for (const print of this.#prints) print.corners = print.corners.map(move);
     for (const [name, corners] of this.#standing) this.#standing.set(name, corners.map(move));
   }
-}
-
-function copy([x, y, z]: Vec3): Vec3 {
-  return [x, y, z];
 }
 
 /** The motion on the floor that takes one place of a sole to another; null for none, or a sole without extent. */

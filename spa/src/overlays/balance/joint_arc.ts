@@ -10,12 +10,14 @@ import {
   scale,
 } from '../../model/vectors.ts';
 import { limitMargin } from '../../twin/balance/limit_margin.ts';
+import { coarseDisplay, displayOf, formatNumber } from '../../twin/format.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
-import type { ShownJoint } from '../balance_drawing.ts';
+import type { BalanceStyle, ShownJoint } from '../balance_drawing.ts';
+import type { OverlayLabel } from '../labels.ts';
 import type { Paint } from '../strokes.ts';
 import type { Facets } from './facets.ts';
-import { faint } from './paints.ts';
-import { drawRod, fillRingBothSides, type Spot } from './shapes.ts';
+import { type BalancePaints, faint } from './paints.ts';
+import { drawRod, fillRing, type Spot } from './shapes.ts';
 
 /** Sizes in radii of the robot. */
 const RADIUS = 0.2;
@@ -25,7 +27,13 @@ const STOP = 0.007;
 /** A direction whose part across the axis is shorter (squared, unit vectors) is none. */
 const ALONG_AXIS = 0.02;
 
-export interface JointPaints {
+/** A joint whose limits are drawn, with what is left of its way in words. */
+export interface DrawnJoint {
+  readonly shown: ShownJoint;
+  readonly label: OverlayLabel;
+}
+
+interface JointPaints {
   /** The whole way between the limits. */
   readonly way: Paint;
   /** What is left to the nearer limit. */
@@ -34,9 +42,36 @@ export interface JointPaints {
   readonly now: Paint;
 }
 
+export type DrawJointLimits = typeof drawJointLimits;
+
+/** Draws joints' ways between their limits. Without those that the model lacks, or that have no limits. */
+export function drawJointLimits(
+  facets: Facets,
+  body: PosedBody,
+  names: readonly string[],
+  { reach, angle, live, tones }: BalanceStyle,
+  { mass }: Pick<BalancePaints, 'mass'>,
+): DrawnJoint[] {
+  const accent = { color: live ? tones.accent : tones.stale, through: true };
+  const paints = { way: faint(mass, 0.22), left: accent, now: mass };
+  return names.flatMap((name) => {
+    const drawn = drawJoint(facets, body, name, reach, paints);
+    if (drawn === null) return [];
+    const { at, ...shown } = drawn;
+    const display = displayOf(shown.slides ? 'm' : 'rad', angle);
+    const text = `${formatNumber(shown.left, coarseDisplay(display)).trim()} ${display.unit}`;
+    const level = shown.left < 0 ? 'caution' : 'ok';
+    const label: OverlayLabel = {
+      ...{ key: `left-${name}`, text, level, quiet: false, old: !live },
+      ...{ at, middle: at, lines: [[at, at]] },
+    };
+    return [{ shown, label }];
+  });
+}
+
 /** Draws a joint's way between its limits, where it is, and what is left to the nearer limit. Null for a joint that the
  *  model lacks, or that has no limits. */
-export function drawJointLimits(
+function drawJoint(
   facets: Facets,
   body: PosedBody,
   name: string,
@@ -129,6 +164,19 @@ function drawSlide(
     drawRod(facets, addScaled(spot, across, -half), addScaled(spot, across, half), STOP * reach, paint);
   }
   return addScaled(at, axis, way / 2);
+}
+
+/** Fills what lies between two radii so that it is seen from either side. */
+function fillRingBothSides(
+  facets: Facets,
+  { at, axis, ahead }: Spot,
+  inner: number,
+  outer: number,
+  paint: Paint,
+  sweep: number,
+): void {
+  fillRing(facets, { at, axis, ahead }, inner, outer, paint, sweep);
+  fillRing(facets, { at, axis: scale(axis, -1), ahead }, inner, outer, paint, -sweep);
 }
 
 function clamp(value: number, most: number): number {

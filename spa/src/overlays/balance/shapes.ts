@@ -53,29 +53,12 @@ export function fillRing(
   }
 }
 
-/** Fills the same so that it is seen from either side. */
-export function fillRingBothSides(
-  facets: Facets,
-  { at, axis, ahead }: Spot,
-  inner: number,
-  outer: number,
-  paint: Paint,
-  sweep: number,
-): void {
-  fillRing(facets, { at, axis, ahead }, inner, outer, paint, sweep);
-  fillRing(facets, { at, axis: scale(axis, -1), ahead }, inner, outer, paint, -sweep);
-}
-
 /** Fills a disc in four quarters of two colours, as the marks of crash-test dummies are. */
 export function fillQuarters(facets: Facets, spot: Spot, radius: number, one: Paint, other: Paint): void {
-  for (const [paint, from] of [
-    [one, 0],
-    [one, 2],
-    [other, 1],
-    [other, 3],
-  ] as const) {
-    const ahead = rotateAbout(spot.axis, (from * Math.PI) / 2, spot.ahead);
-    fillPolygon(facets, [spot.at, ...onCircle({ ...spot, ahead }, radius, Math.PI / 2, STEPS / 4)], paint);
+  for (let quarter = 0; quarter < 4; quarter += 1) {
+    const ahead = rotateAbout(spot.axis, (quarter * Math.PI) / 2, spot.ahead);
+    const corners = [spot.at, ...onCircle({ ...spot, ahead }, radius, Math.PI / 2, STEPS / 4)];
+    fillPolygon(facets, corners, quarter % 2 === 0 ? one : other);
   }
 }
 

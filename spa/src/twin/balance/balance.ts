@@ -46,7 +46,7 @@ export interface FootBalance {
 
 /**
  * What a robot stands on and where its mass is, in one pose. Lengths are metres in the world frame of the scene (z up,
- * see `RootPose`). A reader of balance rewrites it in place with every pose: keep copies, not the arrays.
+ * see `RootPose`). A reader of balance rewrites its members with every pose, but not what they are.
  */
 export interface Balance {
   /** Mass of all links, kg; 0 when no masses are known. */

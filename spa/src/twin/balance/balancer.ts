@@ -1,13 +1,13 @@
 import type { Ground } from '@posecast/wire';
 import type { Vec3 } from '../rotation.ts';
+import { addScaled, pointThrough, scale } from '../vectors.ts';
 import type { Balance, BalanceGap, Vec2 } from './balance.ts';
 import { captureTime, GRAVITY } from './capture_point.ts';
 import { CentreVelocity, follows } from './centre_velocity.ts';
-import { ConvexHull } from './convex_hull.ts';
-import { FootState, type Triple } from './foot_state.ts';
-import type { FootWrench } from './foot_wrench.ts';
-import { type Margin, writeMargin } from './margin.ts';
-import type { Standing } from './standing.ts';
+import { convexHull } from './convex_hull.ts';
+import { FootState } from './foot_state.ts';
+import { marginIn } from './margin.ts';
+import type { FootWrench, Standing } from './standing.ts';
 
 /** A foot begins to bear at this part of the weight, and stops below the other. */
 const BEARS = 0.05;
@@ -17,15 +17,17 @@ const UNKNOWN_WEIGHT_N = 400;
 /** How far above the lowest sole another one counts as standing, metres, while no force is measured. */
 const LOWEST_M = 0.01;
 
+const ORIGIN: Vec3 = [0, 0, 0];
+
 type Gaps = { -readonly [part in keyof Balance['gaps']]: BalanceGap | null };
 
-/** Computes the balance of one robot, pose by pose in the order of time, without allocating. It is itself the balance
- *  of the newest pose: `update` rewrites it. */
+/** Computes the balance of one robot, pose by pose in the order of time. It is itself the balance of the newest pose:
+ *  `update` rewrites it. */
 export class Balancer implements Balance {
   readonly massKg: number;
   readonly ground: Ground | null;
   readonly feet: readonly FootState[];
-  readonly polygon: Vec2[] = [];
+  polygon: readonly Vec2[] = [];
   readonly gaps: Gaps;
   centreOfMass: Vec3 | null = null;
   velocity: Vec3 | null = null;
@@ -36,15 +38,6 @@ export class Balancer implements Balance {
   pressure: Vec3 | null = null;
   readonly #standing: Standing;
   readonly #weightN: number;
-  readonly #centre: Triple = [0, 0, 0];
-  readonly #captured: Triple = [0, 0, 0];
-  readonly #pressed: Triple = [0, 0, 0];
-  /** Corners of the soles that bear, on the floor. */
-  readonly #points: Float64Array;
-  readonly #hull: ConvexHull;
-  /** As many corners as a polygon can have; `polygon` holds the first of them. */
-  readonly #corners: readonly [number, number][];
-  readonly #margin: Margin = { metres: 0, edge: 0 };
   readonly #velocity: CentreVelocity;
   #tS = Number.NaN;
 
@@ -54,10 +47,6 @@ export class Balancer implements Balance {
     this.#weightN = this.massKg > 0 ? this.massKg * GRAVITY : UNKNOWN_WEIGHT_N;
     this.ground = standing.ground;
     this.feet = standing.feet.map((foot) => new FootState(foot));
-    const most = this.feet.reduce((sum, { corners }) => sum + corners.length, 0);
-    this.#points = new Float64Array(2 * most);
-    this.#hull = new ConvexHull(most);
-    this.#corners = Array.from({ length: most }, (): [number, number] => [0, 0]);
     this.#velocity = new CentreVelocity(this.feet);
     const { massGap, footGap } = standing;
     this.gaps = {
@@ -70,7 +59,10 @@ export class Balancer implements Balance {
    *  moment, and its time, seconds. */
   update(worldFromLink: Float64Array, wrenches: readonly FootWrench[], tS: number): void {
     this.#findCentre(worldFromLink);
-    for (const foot of this.feet) foot.update(worldFromLink, wrenchOf(wrenches, foot.foot.sensor?.site));
+    for (const foot of this.feet) {
+      const wrench = wrenches.find(({ site }) => site === foot.foot.sensor?.site);
+      foot.update(worldFromLink, wrench ?? null);
+    }
     const gap = this.#findBearing(follows(this.#tS, tS));
     this.#tS = tS;
     this.#findPolygon(gap);
@@ -82,24 +74,16 @@ export class Balancer implements Balance {
   }
 
   /** Σ m·p / Σ m. */
-  #findCentre(m: Float64Array): void {
+  #findCentre(worldFromLink: Float64Array): void {
     const { masses, massGap } = this.#standing;
     this.gaps.centreOfMass = massGap;
     this.centreOfMass = null;
     if (masses.length === 0) return;
-    let [sx, sy, sz] = [0, 0, 0];
-    for (const { link, massKg, xyz } of masses) {
-      const at = link * 16;
-      const [x, y, z] = xyz;
-      sx += massKg * (m[at]! * x + m[at + 4]! * y + m[at + 8]! * z + m[at + 12]!);
-      sy += massKg * (m[at + 1]! * x + m[at + 5]! * y + m[at + 9]! * z + m[at + 13]!);
-      sz += massKg * (m[at + 2]! * x + m[at + 6]! * y + m[at + 10]! * z + m[at + 14]!);
-    }
-    const centre = this.#centre;
-    centre[0] = sx / this.massKg;
-    centre[1] = sy / this.massKg;
-    centre[2] = sz / this.massKg;
-    if (Number.isFinite(centre[0] + centre[1] + centre[2])) this.centreOfMass = centre;
+    const sum = masses.reduce<Vec3>((all, { link, massKg, xyz }) => {
+      const at = pointThrough(worldFromLink.subarray(link * 16, link * 16 + 16), xyz);
+      return addScaled(all, at, massKg);
+    }, ORIGIN);
+    if (sum.every(Number.isFinite)) this.centreOfMass = scale(sum, 1 / this.massKg);
     else this.gaps.centreOfMass = 'unread';
   }
 
@@ -107,8 +91,7 @@ export class Balancer implements Balance {
   #findBearing(goesOn: boolean): BalanceGap | null {
     if (this.feet.length === 0) return this.#standing.footGap;
     const leastN = BEARS_NO_MORE * this.#weightN;
-    let lowest = Number.POSITIVE_INFINITY;
-    for (const { lowestM } of this.feet) lowest = Math.min(lowest, lowestM); // NaN wins
+    const lowest = Math.min(...this.feet.map(({ lowestM }) => lowestM)); // NaN wins
     let gap: BalanceGap | null = 'airborne';
     let bearing = 0;
     for (const foot of this.feet) {
@@ -131,34 +114,18 @@ export class Balancer implements Balance {
   #findPolygon(gap: BalanceGap | null): void {
     this.gaps.polygon = gap;
     this.gaps.margin = this.gaps.centreOfMass ?? gap;
-    this.polygon.length = 0;
+    this.polygon = [];
     this.floorM = this.nearestEdge = this.marginM = null;
     if (gap !== null) return;
-    let size = 0;
-    let floor = Number.POSITIVE_INFINITY;
-    for (const { bears, corners, lowestM } of this.feet) {
-      if (bears !== true) continue;
-      floor = Math.min(floor, lowestM);
-      for (const [x, y] of corners) {
-        this.#points[2 * size] = x;
-        this.#points[2 * size + 1] = y;
-        size += 1;
-      }
-    }
-    this.floorM = floor;
-    this.#hull.update(this.#points, size);
-    for (let i = 0; i < this.#hull.count; i += 1) {
-      const point = this.#hull.corners[i]!;
-      const corner = this.#corners[i]!;
-      corner[0] = this.#points[2 * point]!;
-      corner[1] = this.#points[2 * point + 1]!;
-      this.polygon.push(corner);
-    }
-    const centre = this.centreOfMass;
-    if (centre === null) return;
-    writeMargin(this.polygon, centre[0], centre[1], this.#margin);
-    this.marginM = this.#margin.metres;
-    this.nearestEdge = this.#margin.edge;
+    const bearing = this.feet.filter(({ bears }) => bears === true);
+    this.floorM = Math.min(...bearing.map(({ lowestM }) => lowestM));
+    const points = bearing.flatMap(({ corners }) => corners.map(([x, y]): Vec2 => [x, y]));
+    this.polygon = convexHull(points).map((i) => points[i]!);
+    if (this.centreOfMass === null) return;
+    const [x, y] = this.centreOfMass;
+    const { metres, edge } = marginIn(this.polygon, [x, y]);
+    this.marginM = metres;
+    this.nearestEdge = edge;
   }
 
   /**
@@ -188,10 +155,7 @@ export class Balancer implements Balance {
     if (gap === null && sum === 0) gap = 'unread'; // the only force has no moments
     this.gaps.pressure = gap;
     if (gap !== null || this.floorM === null) return;
-    this.#pressed[0] = sx / sum;
-    this.#pressed[1] = sy / sum;
-    this.#pressed[2] = this.floorM;
-    this.pressure = this.#pressed;
+    this.pressure = [sx / sum, sy / sum, this.floorM];
   }
 
   #findCapturePoint(): void {
@@ -200,16 +164,8 @@ export class Balancer implements Balance {
     gaps.capturePoint = gaps.margin ?? (velocity === null ? 'first-pose' : null);
     if (centre === null || velocity === null || floor === null) return;
     const ahead = captureTime(centre[2] - floor);
-    this.#captured[0] = centre[0] + velocity[0] * ahead;
-    this.#captured[1] = centre[1] + velocity[1] * ahead;
-    this.#captured[2] = floor;
-    this.capturePoint = this.#captured;
+    this.capturePoint = [centre[0] + velocity[0] * ahead, centre[1] + velocity[1] * ahead, floor];
   }
-}
-
-function wrenchOf(wrenches: readonly FootWrench[], site: string | undefined): FootWrench | null {
-  for (const wrench of wrenches) if (wrench.site === site) return wrench;
-  return null;
 }
 
 function lacksForce(foot: FootState, ground: Ground | null): boolean {

@@ -1,10 +1,7 @@
 import type { Vec3 } from '../rotation.ts';
+import { addScaled, cross, dot, pointThrough, scale } from '../vectors.ts';
 import type { FootBalance } from './balance.ts';
-import type { FootWrench } from './foot_wrench.ts';
-import type { SolePlane } from './sole.ts';
-import type { Foot } from './standing.ts';
-
-export type Triple = [number, number, number];
+import type { Foot, FootWrench, SolePlane } from './standing.ts';
 
 /** How near to the sole's edge the centre of pressure counts as on it, metres. */
 const AT_EDGE_M = 0.005;
@@ -13,7 +10,7 @@ const AT_EDGE_M = 0.005;
 export class FootState implements FootBalance {
   readonly name: string;
   readonly link: string;
-  readonly corners: readonly Triple[];
+  corners: readonly Vec3[] = [];
   bears: boolean | null = null;
   forceN: number | null = null;
   pressure: Vec3 | null = null;
@@ -25,118 +22,75 @@ export class FootState implements FootBalance {
   /** Height of its lowest corner, metres in the world. */
   lowestM = Number.NaN;
   /** The sole's centre in the world, metres. */
-  readonly centre: Triple = [0, 0, 0];
+  centre: Vec3 = [0, 0, 0];
   /** The first two rows of the rotation of world_from_link. */
-  readonly rows = new Float64Array(6);
+  rows: readonly [Vec3, Vec3] = [
+    [1, 0, 0],
+    [0, 1, 0],
+  ];
   readonly foot: Foot;
-  /** The centre of pressure in the link's frame, and in the world. */
-  readonly #pressed: Triple = [0, 0, 0];
-  readonly #pushed: Triple = [0, 0, 0];
-  /** The wrench at the sole's centre, in the link's frame: N, N·m. */
-  readonly #force: Triple = [0, 0, 0];
-  readonly #moment: Triple = [0, 0, 0];
-  /** Whether the newest wrench has all that the centre of pressure takes. */
-  #whole = false;
+  /** The centre of pressure in the link's frame. */
+  #pressed: Vec3 | null = null;
 
   constructor(foot: Foot) {
     this.foot = foot;
     this.name = foot.name;
     this.link = foot.linkName;
-    this.corners = foot.sole.corners.map((): Triple => [0, 0, 0]);
   }
 
   /** Takes the place of its link (world_from_link, in an array of transforms) and its wrench; null: none measured or no
    *  reading. */
   update(worldFromLink: Float64Array, wrench: FootWrench | null): void {
     const { link, sole } = this.foot;
-    const at = link * 16;
-    this.lowestM = Number.POSITIVE_INFINITY;
-    for (let i = 0; i < this.corners.length; i += 1) {
-      const corner = this.corners[i]!;
-      writePoint(corner, worldFromLink, at, sole.corners[i]!);
-      this.lowestM = Math.min(this.lowestM, corner[2]); // NaN wins
-    }
-    writePoint(this.centre, worldFromLink, at, sole.centre);
-    for (let axis = 0; axis < 3; axis += 1) {
-      this.rows[axis] = worldFromLink[at + 4 * axis]!;
-      this.rows[3 + axis] = worldFromLink[at + 4 * axis + 1]!;
-    }
+    const m = worldFromLink.subarray(link * 16, link * 16 + 16);
+    this.corners = sole.corners.map((corner) => pointThrough(m, corner));
+    this.lowestM = Math.min(...this.corners.map(([, , z]) => z)); // NaN wins
+    this.centre = pointThrough(m, sole.centre);
+    this.rows = [
+      [m[0]!, m[4]!, m[8]!],
+      [m[1]!, m[5]!, m[9]!],
+    ];
     this.#takeWrench(wrench);
-    if (!this.#whole || this.pressN === 0) return;
-    this.#writePressure(this.#pressed);
-    writePoint(this.#pushed, worldFromLink, at, this.#pressed);
-    this.pushedAt = this.#pushed;
+    this.pushedAt = this.#pressed && pointThrough(m, this.#pressed);
   }
 
   /** Sets whether it bears. A force below `leastN` has a centre of pressure that is not worth showing. */
   setBears(bears: boolean | null, leastN: number): void {
     this.bears = bears;
     this.pressure = bears === true && this.forceN !== null && this.forceN >= leastN ? this.pushedAt : null;
-    this.atEdge = this.pressure !== null && isAtEdge(this.foot.sole, this.#pressed);
-  }
-
-  /** Carries the wrench to the sole's centre. */
-  #takeWrench(wrench: FootWrench | null): void {
-    const { sensor, sole } = this.foot;
-    const force = wrench?.force.vector ?? null;
-    this.forceN = this.pushedAt = null;
-    this.pressN = 0;
-    this.#whole = false;
-    if (sensor === null || !sensor.measuresForce || force === null) return;
-    writeTurned(this.#force, sensor.axes, force);
-    const [nx, ny, nz] = sole.normal;
-    const [fx, fy, fz] = this.#force;
-    this.pressN = nx * fx + ny * fy + nz * fz;
-    this.forceN = Math.abs(this.pressN);
-    const moment = wrench?.moment.vector ?? null;
-    if (!sensor.measuresPressure || moment === null) return;
-    writeTurned(this.#moment, sensor.axes, moment);
-    const rx = sensor.xyz[0] - sole.centre[0];
-    const ry = sensor.xyz[1] - sole.centre[1];
-    const rz = sensor.xyz[2] - sole.centre[2];
-    this.#moment[0] += ry * fz - rz * fy;
-    this.#moment[1] += rz * fx - rx * fz;
-    this.#moment[2] += rx * fy - ry * fx;
-    this.#whole = true;
+    this.atEdge = this.pressure !== null && this.#pressed !== null && isAtEdge(this.foot.sole, this.#pressed);
   }
 
   /**
-   * The centre of pressure in the link's frame: p = O + (n × M_O)/(f·n), with O the sole's centre (Sardain and
-   * Bessonnet, "Forces Acting on a Biped Robot. Center of Pressure – Zero Moment Point", IEEE Trans. SMC-A 34, 2004).
-   * It is the same whether the sensor tells the force of the floor on the foot or of the foot on the floor.
+   * Takes the wrench. The centre of pressure is p = O + (n × M_O)/(f·n), with O the sole's centre (Sardain and Bessonnet,
+   * "Forces Acting on a Biped Robot. Center of Pressure – Zero Moment Point", IEEE Trans. SMC-A 34, 2004). It is the same
+   * whether the sensor tells the force of the floor on the foot or of the foot on the floor.
    */
-  #writePressure(into: Triple): void {
-    const [nx, ny, nz] = this.foot.sole.normal;
-    const [mx, my, mz] = this.#moment;
-    const along = this.pressN;
-    const [cx, cy, cz] = this.foot.sole.centre;
-    into[0] = cx + (ny * mz - nz * my) / along;
-    into[1] = cy + (nz * mx - nx * mz) / along;
-    into[2] = cz + (nx * my - ny * mx) / along;
+  #takeWrench(wrench: FootWrench | null): void {
+    const { sensor, sole } = this.foot;
+    this.forceN = this.#pressed = null;
+    this.pressN = 0;
+    if (sensor === null || !sensor.measuresForce || !wrench?.force.vector) return;
+    const force = turned(sensor.axes, wrench.force.vector);
+    this.pressN = dot(sole.normal, force);
+    this.forceN = Math.abs(this.pressN);
+    if (!sensor.measuresPressure || wrench.moment.vector === null || this.pressN === 0) return;
+    const arm = addScaled(sensor.xyz, sole.centre, -1);
+    const moment = addScaled(turned(sensor.axes, wrench.moment.vector), cross(arm, force));
+    this.#pressed = addScaled(sole.centre, cross(sole.normal, moment), 1 / this.pressN);
   }
 }
 
-/** into ← M · p, for the transform that begins at `at` in `m`. `into` may be `p`. */
-export function writePoint(into: Triple, m: Float64Array, at: number, p: Vec3): void {
-  const [x, y, z] = p;
-  into[0] = m[at]! * x + m[at + 4]! * y + m[at + 8]! * z + m[at + 12]!;
-  into[1] = m[at + 1]! * x + m[at + 5]! * y + m[at + 9]! * z + m[at + 13]!;
-  into[2] = m[at + 2]! * x + m[at + 6]! * y + m[at + 10]! * z + m[at + 14]!;
+/** A vector of a sensor in the frame in which these are its axes. */
+function turned([ex, ey, ez]: readonly [Vec3, Vec3, Vec3], [x, y, z]: Vec3): Vec3 {
+  return addScaled(addScaled(scale(ex, x), ey, y), ez, z);
 }
 
-function writeTurned(into: Triple, [ex, ey, ez]: readonly [Vec3, Vec3, Vec3], [x, y, z]: Vec3): void {
-  for (let i = 0; i < 3; i += 1) into[i] = ex[i]! * x + ey[i]! * y + ez[i]! * z;
-}
-
-/** Whether a point of the plane of its plane is less than `AT_EDGE_M` inside a sole. */
-function isAtEdge({ corners, normal: [nx, ny, nz] }: SolePlane, [x, y, z]: Vec3): boolean {
-  for (let i = 0; i < corners.length; i += 1) {
-    const a = corners[i]!;
-    const b = corners[i + 1 === corners.length ? 0 : i + 1]!;
-    const [ex, ey, ez] = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
-    const [px, py, pz] = [x - a[0], y - a[1], z - a[2]];
-    const turn = nx * (ey * pz - ez * py) + ny * (ez * px - ex * pz) + nz * (ex * py - ey * px);
-    if (turn < AT_EDGE_M * Math.hypot(ex, ey, ez)) return true;
-  }
-  return false;
+/** Whether a point of a sole's plane is less than `AT_EDGE_M` inside it. */
+function isAtEdge({ corners, normal }: SolePlane, point: Vec3): boolean {
+  return corners.some((from, i) => {
+    const edge = addScaled(corners[(i + 1) % corners.length]!, from, -1);
+    const turn = dot(normal, cross(edge, addScaled(point, from, -1)));
+    return turn < AT_EDGE_M * Math.hypot(...edge);
+  });
 }

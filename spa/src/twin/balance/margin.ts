@@ -3,29 +3,31 @@ import type { Vec2 } from './balance.ts';
 /** Where a point lies to a polygon. */
 export interface Margin {
   /** Distance to the nearest edge, metres; positive inside, negative outside, 0 on it. */
-  metres: number;
+  readonly metres: number;
   /** The index of the corner where that edge begins; the first of several that are equally near. */
-  edge: number;
+  readonly edge: number;
 }
 
-/** Writes how far a point (x, y) is inside a convex, counter-clockwise polygon of at least one corner. A polygon of one
- *  or two corners has no inside. */
-export function writeMargin(polygon: readonly Vec2[], x: number, y: number, into: Margin): void {
+/** How far a point is inside a convex, counter-clockwise polygon of at least one corner. A polygon of one or two corners
+ *  has no inside. */
+export function marginIn(polygon: readonly Vec2[], point: Vec2): Margin {
   let inside = polygon.length > 2;
-  let least = Number.POSITIVE_INFINITY;
-  for (let i = 0; i < polygon.length; i += 1) {
-    const [ax, ay] = polygon[i]!;
-    const [bx, by] = polygon[i + 1 === polygon.length ? 0 : i + 1]!;
-    const [ex, ey] = [bx - ax, by - ay];
-    const [px, py] = [x - ax, y - ay];
-    if (ex * py - ey * px < 0) inside = false;
-    const squared = ex * ex + ey * ey;
-    const along = squared > 0 ? Math.min(1, Math.max(0, (px * ex + py * ey) / squared)) : 0;
-    const distance = Math.hypot(px - along * ex, py - along * ey);
-    if (distance < least) {
-      least = distance;
-      into.edge = i;
-    }
+  let [least, edge] = [Number.POSITIVE_INFINITY, 0];
+  for (const [i, from] of polygon.entries()) {
+    const to = polygon[(i + 1) % polygon.length]!;
+    const turn = (to[0] - from[0]) * (point[1] - from[1]) - (to[1] - from[1]) * (point[0] - from[0]);
+    if (turn < 0) inside = false;
+    const distance = Math.hypot(...fromEdge(from, to, point));
+    if (distance < least) [least, edge] = [distance, i];
   }
-  into.metres = inside ? least : -least;
+  return { metres: inside ? least : -least, edge };
+}
+
+/** From the nearest point between two corners to a point. */
+export function fromEdge(from: Vec2, to: Vec2, point: Vec2): Vec2 {
+  const [ex, ey] = [to[0] - from[0], to[1] - from[1]];
+  const [px, py] = [point[0] - from[0], point[1] - from[1]];
+  const squared = ex * ex + ey * ey;
+  const along = squared > 0 ? Math.min(1, Math.max(0, (px * ex + py * ey) / squared)) : 0;
+  return [px - along * ex, py - along * ey];
 }

@@ -1,7 +1,6 @@
 import type { Ground } from '@posecast/wire';
 import type { Vec3 } from '../rotation.ts';
 import type { BalanceGap } from './balance.ts';
-import type { SolePlane } from './sole.ts';
 
 /** The mass of one link. */
 export interface MassPoint {
@@ -10,6 +9,25 @@ export interface MassPoint {
   readonly massKg: number;
   /** Centre of mass in the link's frame, metres. */
   readonly xyz: Vec3;
+}
+
+/** The sole of a foot, as the arithmetic needs it. All in the frame of the link that has the sole, metres. */
+export interface SolePlane {
+  /** A convex polygon, counter-clockwise about `normal`. */
+  readonly corners: readonly Vec3[];
+  /** A unit vector. What follows does not depend on its sign. */
+  readonly normal: Vec3;
+  /** The mean of the corners, in the plane. */
+  readonly centre: Vec3;
+}
+
+/** A wrench as far as balance needs it; one of `WrenchTable` fits. */
+export interface FootWrench {
+  readonly site: string;
+  /** N in the sensor's axes; null without a reading. `axes`: those that are measured (0 x, 1 y, 2 z). */
+  readonly force: { readonly vector: Vec3 | null; readonly axes: readonly number[] };
+  /** N·m, likewise. */
+  readonly moment: { readonly vector: Vec3 | null; readonly axes: readonly number[] };
 }
 
 /** A force-torque sensor above a sole, in the frame of the link that has the sole. */

@@ -1,6 +1,5 @@
 import type { Balance, FootBalance } from './balance.ts';
 import { follows } from './centre_velocity.ts';
-import type { Triple } from './foot_state.ts';
 
 /** How far back the trace and the footprints go, seconds. */
 export const TRACK_S = 10;
@@ -9,6 +8,8 @@ const POINTS_MAX = 600;
 const FOOTPRINTS_MAX = 64;
 /** A sole is taken as flat again when its corners' heights differ by at most so much more than at their best, metres. */
 const FLAT_M = 0.002;
+
+type Triple = [number, number, number];
 
 /** Where a foot stood. */
 export interface Footprint {

@@ -1,5 +1,5 @@
 import type { Schema } from '@posecast/wire';
-import type { FootWrench } from '../balance/foot_wrench.ts';
+import type { FootWrench } from '../balance/standing.ts';
 import { ValueLimits } from '../limits/limits.ts';
 import type { Vec3 } from '../rotation.ts';
 import { WrenchTable } from '../sensors/wrenches.ts';

@@ -1,4 +1,6 @@
+import { lacksOf } from '../../../twin/balance/told/lacks.ts';
 import { BALANCE } from '../../balance/BalanceParts.tsx';
+import { lackWords } from '../../balance/lack_words.ts';
 import { useLatePart } from '../../shell/late.tsx';
 import { useNow } from '../../shell/now.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
@@ -21,8 +23,10 @@ export function BalanceEntry({ links }: { links: readonly RobotLink[] }) {
     watch.known === null ? [] : [{ name, ...watch.known }],
   );
   if (known.length === 0) return null;
-  const lines = known.flatMap(({ name, lacks }) =>
-    lacks.map((lack) => [links.length > 1 ? `${name}: ` : '', part.lackWords(lack, text)].join('')),
+  const lines = known.flatMap(({ name, balance, findings, problems }) =>
+    lacksOf(balance, findings, problems).map((lack) =>
+      [links.length > 1 ? `${name}: ` : '', lackWords(lack, text)].join(''),
+    ),
   );
   const byItself = watches.some(({ watch }) => watch.isShownByItself);
   return (

@@ -1,4 +1,5 @@
-import type { Balance, Vec2 } from '../balance.ts';
+import type { Balance } from '../balance.ts';
+import { fromEdge } from '../margin.ts';
 
 /** Where to, as seen by the robot. */
 export type Side = 'forwards' | 'backwards' | 'left' | 'right';
@@ -16,7 +17,7 @@ export function fallDirection(
   const from = nearestEdge === null ? undefined : polygon[nearestEdge];
   if (centreOfMass === null || from === undefined) return null;
   const to = polygon[(nearestEdge! + 1) % polygon.length]!;
-  const [x, y] = awayFrom(from, to, centreOfMass);
+  const [x, y] = fromEdge(from, to, [centreOfMass[0], centreOfMass[1]]);
   const [cos, sin] = [Math.cos(headingRad), Math.sin(headingRad)];
   const ahead = x * cos + y * sin;
   const left = y * cos - x * sin;
@@ -26,13 +27,4 @@ export function fallDirection(
   if (before === along && more * CLEARLY > less) return along;
   if (before === across && less * CLEARLY > more) return across;
   return more >= less ? along : across;
-}
-
-/** From the nearest point between two corners to a point. */
-function awayFrom(from: Vec2, to: Vec2, point: readonly [number, number, number]): [number, number] {
-  const [ex, ey] = [to[0] - from[0], to[1] - from[1]];
-  const [px, py] = [point[0] - from[0], point[1] - from[1]];
-  const squared = ex * ex + ey * ey;
-  const along = squared > 0 ? Math.min(1, Math.max(0, (px * ex + py * ey) / squared)) : 0;
-  return [px - along * ex, py - along * ey];
 }

@@ -1,7 +1,7 @@
 import type { Level } from '@posecast/wire';
 import { worseOf } from '../../limits/level_latch.ts';
 import type { Balance } from '../balance.ts';
-import { type Margin, writeMargin } from '../margin.ts';
+import { marginIn } from '../margin.ts';
 import { fallDirection, type Side } from './direction.ts';
 import type { MarginLimits } from './margin_limits.ts';
 
@@ -41,7 +41,6 @@ export class StanceJudge {
   #level: Level = 'ok';
   #side: Side | null = null;
   #limits: MarginLimits | null = null;
-  readonly #captured: Margin = { metres: 0, edge: 0 };
 
   /** The newest balance; `headingRad` from the world's x. null: nothing can be said, as of an arm. */
   next(balance: Balance, headingRad: number, limits: MarginLimits): Stance | null {
@@ -75,8 +74,9 @@ export class StanceJudge {
     if (marginMm > 0) return 'inside';
     if (capturePoint === null || polygon.length === 0) return 'outside';
     const [x, y] = capturePoint;
-    writeMargin(polygon, x, y, this.#captured);
-    return this.#captured.metres >= (this.#kind === 'moving' ? 0 : CAUGHT_M) ? 'moving' : 'outside';
+    return marginIn(polygon, [x, y]).metres >= (this.#kind === 'moving' ? 0 : CAUGHT_M)
+      ? 'moving'
+      : 'outside';
   }
 
   #levelOf(marginMm: number, kind: StanceKind, limits: MarginLimits): Level {

@@ -1,0 +1,17 @@
+import type { Lack } from '../../twin/balance/told/lacks.ts';
+import { isolated } from '../../twin/names.ts';
+import type { BalanceText } from '../text/balance.ts';
+
+const WHY = {
+  raw: 'rawModel',
+  unreadable: 'builtBefore',
+  'old-bundle': 'builtBefore',
+  'no-masses': 'noMasses',
+  'impossible-masses': 'impossibleMasses',
+  'no-feet': 'noFeet',
+} as const;
+
+/** Why a part of balance can't be known, in one line. */
+export function lackWords({ why, told }: Lack, text: BalanceText): string {
+  return told === undefined ? text[WHY[why]] : isolated(told);
+}

@@ -1,0 +1,41 @@
+import type { Vec2 } from '../../twin/balance/balance.ts';
+import { convexHull } from '../../twin/balance/convex_hull.ts';
+import type { SolePlane } from '../../twin/balance/standing.ts';
+import type { Vec3 } from '../../twin/rotation.ts';
+import { addScaled, cross, dot, normalize, scale } from '../vectors.ts';
+
+/** Two directions are one when the sine between them is less. */
+const PARALLEL = 1e-6;
+
+/**
+ * The plane of a sole, from points in any order. Those of a profile need not lie in one plane exactly, nor be a convex
+ * polygon: the plane is that of the largest triangle with their mean and the point farthest from it. null when the
+ * points span no area.
+ */
+export function planeOfSole(points: readonly Vec3[]): SolePlane | null {
+  if (points.length < 3 || !points.flat().every(Number.isFinite)) return null;
+  const centre = meanOf(points);
+  const arms = points.map((point) => addScaled(point, centre, -1));
+  const far = longest(arms);
+  const widest = longest(arms.map((arm) => cross(far, arm)));
+  if (Math.hypot(...widest) <= PARALLEL * dot(far, far)) return null;
+  const turning = arms.map((arm, i) => cross(arm, arms[(i + 1) % arms.length]!)).reduce(sumOf);
+  const normal = scale(normalize(widest), dot(widest, turning) < 0 ? -1 : 1);
+  const across = normalize(far);
+  const along = cross(normal, across);
+  const flat = arms.map((arm): Vec2 => [dot(arm, across), dot(arm, along)]);
+  const corners = convexHull(flat).map((i) => points[i]!);
+  return { corners, normal, centre: meanOf(corners) };
+}
+
+function meanOf(points: readonly Vec3[]): Vec3 {
+  return scale(points.reduce(sumOf), 1 / points.length);
+}
+
+function longest(vectors: readonly Vec3[]): Vec3 {
+  return vectors.reduce((most, one) => (dot(one, one) > dot(most, most) ? one : most));
+}
+
+function sumOf(a: Vec3, b: Vec3): Vec3 {
+  return addScaled(a, b);
+}

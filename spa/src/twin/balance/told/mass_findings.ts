@@ -1,0 +1,8 @@
+/** What the doctor says of masses that can't be: the texts of the findings with such a code (docs/MODEL.md). */
+export function toldOfMasses(findings: unknown): unknown[] {
+  if (!Array.isArray(findings)) return [];
+  return findings.flatMap((finding) => {
+    const { code, text } = (finding ?? {}) as { code?: unknown; text?: unknown };
+    return typeof code === 'string' && /^(mass|inertia)/.test(code) ? [text] : [];
+  });
+}
