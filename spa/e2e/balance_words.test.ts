@@ -97,10 +97,37 @@ it('one sentence tells whether it would fall and where to, to the eye and to the
   source.write(JSON.stringify(without('LF', without('RF', standing))));
   await says(page, 'no foot', /^No foot bears weight\.$/);
 
+  source.write(JSON.stringify({ ...standing, ftf: { ...standing.ftf, 'RF.fz': null } }));
+  await says(page, 'no reading', /^A foot has no reading of its force/);
+  const filled = await page.evaluate<string>(
+    `getComputedStyle(document.querySelector('.stage .balance-mark')).backgroundColor`,
+  );
+  expect(filled, 'what nobody knows is not green').toBe('rgba(0, 0, 0, 0)');
+
+  source.write(JSON.stringify(without('LF', without('RF', standing))));
+  await says(page, 'no foot again', /^No foot bears weight\.$/);
   source.signal('SIGSTOP');
   await until('STALE', async () => (await liveness(page)) === 'STALE', 30_000);
   await says(page, 'the past tense', /^No foot bore weight\.$/);
   expect((await line(page))?.level).toBe('old');
+});
+
+it('on a laptop the sentence stands on one line, in the middle of the body', async () => {
+  const relay = await stage.stack.relay();
+  stage.stack.fedEdge(relay, demoAt(LEANING_S), DEMO);
+  const page = await stage.newPage({ viewport: { width: 1440, height: 900 } });
+  await page.open(`${relay.url}/#/r/demo`);
+  await says(page, 'inside', /inside the edge/);
+  await until('roll and pitch', () =>
+    page.evaluate<boolean>(`document.querySelector('.stage-level')?.offsetWidth > 0`),
+  );
+  const [height, off] = await page.evaluate<[number, number]>(`(() => {
+    const line = document.querySelector('.stage .balance-line').getBoundingClientRect();
+    const stage = document.querySelector('.stage').getBoundingClientRect();
+    return [line.height, line.x + line.width / 2 - stage.x - stage.width / 2];
+  })()`);
+  expect(height).toBeLessThan(30);
+  expect(Math.abs(off)).toBeLessThan(2);
 });
 
 it('the menu switches it off and on, says why it can’t be, and explains it; so does the sentence', async () => {

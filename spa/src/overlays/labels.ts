@@ -78,7 +78,10 @@ export class OverlayLabels {
       const element = this.#elements.get(key) ?? this.#make(key);
       if (element.text.data !== text) element.text.data = text;
       const { dataset } = element.root;
-      if (dataset.level !== level) dataset.level = level;
+      if (dataset.level !== level) {
+        dataset.level = level;
+        element.letters = -1; // with another mark, or on a phone with none at all
+      }
       if (dataset.quiet !== String(quiet)) dataset.quiet = String(quiet);
       if (dataset.old !== String(old)) dataset.old = String(old);
       element.label = label;

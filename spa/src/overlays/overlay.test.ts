@@ -114,3 +114,25 @@ it('words cover neither roll nor pitch', () => {
   const [x = 0, y = 0] = (words()[0]!.style.transform.match(/-?\d+/g) ?? []).map(Number);
   expect(x >= 260 || x <= 40 || y >= 80 || y <= 1, `at ${x}, ${y}`).toBe(true);
 });
+
+it('a label that its level hides has no line to its point any more', () => {
+  const { made, words } = board();
+  const bearer = { figure: sampleLeg() };
+  made.show(bearer, standing(450, 'fault'), MANNER);
+  settle(made);
+  const [label] = words();
+  // as on a phone, where what is well needs no words
+  const isShown = () => label!.dataset.level !== 'ok';
+  Object.defineProperty(label, 'offsetWidth', { get: () => (isShown() ? 60 : 0) });
+  Object.defineProperty(label, 'offsetHeight', { get: () => (isShown() ? 19 : 0) });
+  Object.defineProperty(label!.parentElement, 'offsetWidth', { get: () => 400 });
+  const room = { width: 400, height: 300, top: 0, free: 300 };
+  made.placeLabels(() => ({ x: 150, y: 50 }), room);
+  expect(label!.hidden).toBe(false);
+  made.show(bearer, standing(450, 'ok'), MANNER);
+  settle(made);
+  made.placeLabels(() => ({ x: 150, y: 50 }), room);
+  expect(words()[0], 'the same').toBe(label);
+  expect(label!.textContent).toBe('450 N');
+  expect(label!.hidden, 'and so is its line').toBe(true);
+});

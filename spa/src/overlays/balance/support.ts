@@ -7,16 +7,16 @@ import { type BalancePaints, faint } from './paints.ts';
 import { drawDashes, drawLine, fillPolygon, fillRing, fillRound, floorSpot } from './shapes.ts';
 
 /** Sizes in radii of the robot. */
-const OUTLINE = 0.007;
+const OUTLINE = 0.009;
 const EDGE = 0.016;
 const MARGIN = 0.005;
 const DASH = 0.025;
 const MARK = 0.04;
 /** What the marks of mass and pressure cover around the mass' foot. */
 const CLEAR = 0.075;
-const FILL = 0.16;
+const FILL = 0.28;
 /** Of a polygon that is only assumed. */
-const ASSUMED_FILL = 0.08;
+const ASSUMED_FILL = 0.16;
 
 /** Where the margin is measured: from the foot of the mass to the nearest edge. */
 export interface MarginLine {
