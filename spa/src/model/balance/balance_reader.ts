@@ -61,6 +61,12 @@ export class BalanceReader {
     return this.#wrenches.read(codes);
   }
 
+  /** The wrenches of the feet of a pose that is shown, in N and N·m, from those in their channels' units. They are rewritten by
+   *  the next call. */
+  wrenchesOf(played: readonly FootWrench[]): readonly FootWrench[] {
+    return this.#wrenches.convert(played);
+  }
+
   /** The balance of a frame (for words, limits and plots). `tS` is the robot's time, seconds. The result is rewritten by
    *  the next call. */
   ofFrame(codes: Int32Array, tS: number): Balance {
