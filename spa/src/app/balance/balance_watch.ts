@@ -21,7 +21,7 @@ const AGAIN_MS = 10_000;
 
 type Schema = NonNullable<RobotTwin['schema']>;
 
-/** A robot's model as far as balance needs it. `raw`: its files as they are, which list no masses. */
+/** A robot's model as far as balance needs it. `raw`: its files as they are, whose masses only the picture reads. */
 type KnownModel = Manifest | 'raw' | null;
 
 /** What is known about a robot's balance by its newest frame. */
@@ -166,7 +166,7 @@ export class BalanceWatch {
 const NO_VALUES = new Float64Array(0);
 
 function lacking(lack: Lack): KnownBalance {
-  return { lacks: [lack], possible: false, stance: null, values: NO_VALUES };
+  return { lacks: [lack], possible: true, stance: null, values: NO_VALUES };
 }
 
 const watches = new WeakMap<RobotTwin, BalanceWatch>();

@@ -41,16 +41,19 @@ export function chooseStanding(manifest: Manifest, schema: Schema): Standing {
   const rule = attempt(() => readBalance(schema), NO_RULE);
   const feet = new FeetFinder(manifest, schema, soles ?? []).find(rule);
   const measured = feet.every(({ sensor }) => sensor?.measuresForce ?? false) ? 'measured' : 'lowest';
-  let footGap: BalanceGap | null = null;
-  if (feet.length === 0) footGap = soles === null && rule.feet?.length !== 0 ? 'old-bundle' : 'no-feet';
   return {
     masses: known ?? [],
     massGap: whyNoMasses(known, manifest),
     feet,
-    footGap,
+    footGap: feet.length === 0 ? whyNoFeet(soles, rule, manifest) : null,
     ground: feet.length === 0 ? null : (rule.ground ?? measured),
     problems,
   };
+}
+
+function whyNoFeet(soles: readonly Sole[] | null, rule: BalanceRule, { raw }: Manifest): BalanceGap {
+  if (soles !== null || rule.feet?.length === 0) return 'no-feet';
+  return raw.v === 1 ? 'raw' : 'old-bundle';
 }
 
 function whyNoMasses(masses: readonly LinkMass[] | null, { raw }: Manifest): BalanceGap | null {
