@@ -32,11 +32,11 @@ def play(motion: Motion, schema: str, first: int = 0) -> dict[str, Any]:
     step = round(EVERY_S * motion.rate_hz)
     for index in range(first, motion.samples, step):
         sample = motion.make_sample(index)
-        values = {
-            f"{name} {label}": value
+        values: dict[str, float] = {
+            f"{name} {label}": float(value)
             for name, row in sample.values.items()
             for label, value in zip(labels[name], row, strict=True)
-            if value is not None
+            if isinstance(value, (int, float))
         }
         frames.append({"t": sample.t_s, "codes": encode_values(schema, values)})
     return read_stances(manifest, schema, frames)
