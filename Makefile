@@ -1,6 +1,6 @@
 # Every target sets up what it needs; `make` alone lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers lane load attack faults soak gallery pictures explained compose-test dist clean unit python python-a python-b typescript page e2e browsers
+.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers lane balance load attack faults soak gallery pictures explained compose-test dist clean unit python python-a python-b typescript page e2e browsers
 SHELL := /bin/bash
 export UV_PYTHON_DOWNLOADS := never
 export PYTHONDONTWRITEBYTECODE := 1
@@ -130,7 +130,8 @@ page: typescript e2e
 
 test-full: setup ## the long rest as well, and every browser test in each of the three engines
 	@for package in $(E2E_NEEDS) nginx varnish rsync; do tools/need $$package || exit; done
-	$(PYTEST)
+	@# and says what was skipped, and why
+	$(PYTEST) -rRs
 	npm test --silent -w wire/typescript
 	POSECAST_FULL=1 npm test --silent -w spa
 	$(BIN)/python -m fuzz
@@ -159,6 +160,9 @@ peers: setup ## the relay beside Socket.IO, ws, Tornado, foxglove-sdk, Mosquitto
 lane: setup ## a robot's segments through nginx and Varnish to 5,000 viewers each (needs cc; 15 minutes, SHORT=1 four)
 	@for package in nginx varnish; do tools/need $$package || exit; done
 	$(BIN)/python -m relay.benches.lane.run $(if $(SHORT),--short) $(if $(WRITE),--write)
+
+balance: setup ## the page's balance beside Pinocchio (installed into out/), MuJoCo's contacts and SciPy's hull (a minute)
+	$(BIN)/pytest -srs -m full tests/test_balance_centres.py tests/test_balance_contacts.py
 
 load: setup ## a lecture, a flash crowd, a fleet, slow phones and a hall against a relay of their own (5 minutes)
 	$(BIN)/python -m posecast_loadtests

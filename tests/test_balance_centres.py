@@ -1,5 +1,5 @@
 """The page's centre of mass and capture point beside Pinocchio's, for the robots of ../shared and of
-example-robot-data. `make test-full` runs it; by itself: `pytest -s -m full tests/test_balance_centres.py`."""
+example-robot-data. `make balance` and `make test-full` run it."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 """The page's centre of pressure and support polygon beside MuJoCo's contacts, for a humanoid that stands,
-leans and walks. `make test-full` runs it; by itself: `pytest -s -m full tests/test_balance_contacts.py`."""
+leans and walks. `make balance` and `make test-full` run it."""
 
 from __future__ import annotations
 
@@ -8,6 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+
+pytest.importorskip("mujoco", reason="the extra [mujoco] is not installed")
+pytest.importorskip("scipy", reason="SciPy is not installed")
+
 from scipy.spatial import ConvexHull
 
 from tests.balance.humanoid import GAITS, JOINTS, SOLE, find_pressure, make_manifest, make_sensors, play

@@ -3,6 +3,7 @@ import { expect, it } from 'vitest';
 import { BalanceReader } from '../src/model/balance/balance_reader.ts';
 import { FrameBody } from '../src/model/balance/frame_body.ts';
 import { readManifest } from '../src/model/manifest.ts';
+import { ForcePlay } from '../src/twin/playback/force_play.ts';
 import { type BalanceFrame, readBalanceCases, tellBalance } from './balance_vectors.ts';
 
 /** What codes of the vectors are rounded to: 0.1 mN and 0.1 mN·m move a centre of pressure by less. */
@@ -46,6 +47,17 @@ it.each(cases)(
     }
   },
 );
+
+it.each(cases)('$name: what is played with the pose is in N and N·m, too', ({ manifest, schema, frames }) => {
+  const [reader, ofFrame] = [new BalanceReader(manifest, schema), new BalanceReader(manifest, schema)];
+  const play = new ForcePlay(schema);
+  const numbers = new Float64Array(play.size);
+  for (const { codes } of frames) {
+    play.read(Int32Array.from(codes), numbers);
+    const read = structuredClone(ofFrame.wrenches(Int32Array.from(codes)));
+    expect(reader.wrenchesOf(play.of(numbers))).toEqual(near(read, 1e-9));
+  }
+});
 
 const stands = cases.find(({ name }) => name === 'stands')!;
 

@@ -53,6 +53,50 @@ function judged() {
     judge.next(standing(marginMm, changed), heading, limits);
 }
 
+/** One foot in the air beside what it stands on, on its left. */
+const RAISED = {
+  feet: [
+    {
+      corners: [
+        [-0.05, 0.2, 0.05],
+        [0.05, 0.2, 0.05],
+        [0.05, 0.4, 0.05],
+        [-0.05, 0.4, 0.05],
+      ],
+    },
+  ],
+} as unknown as Partial<Balance>;
+
+describe('a step', () => {
+  const stepping = (y: number, speed: number) => ({
+    feet: [{ corners: FEET.map(([x, side]): Vec3 => [x, side, 0]) }, ...RAISED.feet!] as Balance['feet'],
+    capturePoint: [0, y, 0] as Vec3,
+    velocity: [0, speed, 0] as Vec3,
+  });
+
+  it('is moving while the foot in the air can catch it, and no fall', () => {
+    expect(judged()(-30, stepping(0.15, 0.1))).toMatchObject({
+      kind: 'moving',
+      level: 'caution',
+      side: null,
+    });
+    expect(judged()(-0.5, stepping(0.15, 0.1)), 'on its way out').toMatchObject({
+      kind: 'edge',
+      level: 'caution',
+    });
+  });
+
+  it('is none past that foot, to the other side, or while it hardly moves', () => {
+    expect(judged()(-30, stepping(0.45, 0.8))?.kind).toBe('outside');
+    expect(judged()(-30, stepping(-0.2, -0.8))?.kind).toBe('outside');
+    expect(judged()(-30, stepping(0.15, 0.01))).toMatchObject({ kind: 'outside', level: 'fault' });
+    expect(judged()(-0.5, stepping(0.15, 0.01)), 'at the edge').toMatchObject({
+      kind: 'edge',
+      level: 'fault',
+    });
+  });
+});
+
 const limitsOf = (threshold: Threshold) =>
   marginLimits(new ValueLimits(SCHEMA.mapping, withEdit(new Map(), MARGIN.field, MARGIN.label, threshold)));
 

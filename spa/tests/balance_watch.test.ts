@@ -149,7 +149,7 @@ describe('the watch over balance', () => {
     expect(watch.known).toBeNull();
     twin.acceptModel('raw');
     await vi.waitFor(() => expect(lacksNow(watch)).toEqual(['raw']));
-    expect(watch.known?.possible).toBe(false);
+    expect(watch.known?.possible, 'the picture has the ball').toBe(true);
     twin.acceptModel(null);
     expect(watch.known, 'the model has gone').toBeNull();
   });

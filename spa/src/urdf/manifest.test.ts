@@ -1,5 +1,7 @@
 // @vitest-environment happy-dom
+import { parseSchema } from '@posecast/wire';
 import { describe, expect, test } from 'vitest';
+import { BalanceReader } from '../model/balance/balance_reader.ts';
 import { readMasses, readSoles } from '../model/balance/masses_and_soles.ts';
 import { modelOf, UrdfError } from './manifest.ts';
 import { readUrdf } from './reader.ts';
@@ -141,4 +143,17 @@ describe('masses', () => {
     expect(readMasses(weighed(weighing(2), weighing(-2)))).toEqual([]);
     expect(readSoles(weighed(weighing(2)))).toBeNull();
   });
+});
+
+test('its centre of mass is known without soles, and what needs these has a reason of its own', () => {
+  const moments = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>';
+  const inertial = `<inertial><mass value="3"/>${moments}</inertial>`;
+  const { manifest } = modelIn(`<robot name="r"><link name="trunk">${inertial}</link></robot>`);
+  const fields = [{ name: 'pos', labels: 'joint' }];
+  const doc = { type: 'schema', v: 1, robot: 'r', labels: { joint: ['j'] }, fields };
+  const reader = new BalanceReader(manifest, parseSchema(JSON.stringify(doc)));
+  const { massKg, centreOfMass, gaps } = reader.ofFrame(new Int32Array(1), 0);
+  expect([massKg, centreOfMass]).toEqual([3, [0, 0, expect.any(Number)]]);
+  expect(gaps).toMatchObject({ centreOfMass: null, polygon: 'raw', margin: 'raw' });
+  expect([reader.hasAny, reader.problems]).toEqual([true, []]);
 });

@@ -81,12 +81,15 @@ export function modelOf(urdf: Urdf, canBeDrawn: (uri: string) => boolean = () =>
       thumbnail: null,
       missing: [],
       findings: [],
-      raw: { inertials: inertialsOf(tree) },
+      raw: { v: RAW, inertials: inertialsOf(tree) },
     },
     shapes,
     problems: found.map(({ text }) => text),
   };
 }
+
+/** The version of a manifest of files as they are (docs/MODEL.md), of which nobody has found the soles. */
+const RAW = 1;
 
 /** Where the bones of a link are: in its own frame. */
 const UNMOVED: PlacedShape = {

@@ -130,6 +130,12 @@ class Case:
     feet: Mapping[str, str] = field(default_factory=lambda: {"RF": "rsole", "LF": "lsole"})
     soles: Mapping[str, Any] = field(default_factory=dict)  # of the profile
     placed_by: str = "base"
+    # by field or channel ("ftf RF.fx"), its unit and what one of it is in N or N·m (0: nobody knows)
+    units: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+
+    def find_unit(self, name: str, label: str) -> tuple[str, float]:
+        """The unit of a channel and its worth."""
+        return self.units.get(f"{name} {label}") or self.units.get(name, ("", 1.0))
 
 
 def make_schema(case: Case) -> str:
@@ -141,7 +147,9 @@ def make_schema(case: Case) -> str:
     def add(name: str, of: list[str], scale: float) -> None:
         if of:
             labels[name] = of
-            fields.append({"name": name, "labels": name, "scale": scale})
+            unit, worth = case.units.get(name, ("", 1.0))
+            step = scale / worth if worth else scale
+            fields.append({"name": name, "labels": name, "unit": unit, "scale": step})
 
     for name, first in (("ftf", "f"), ("ftm", "m")):
         parts = [part for part in case.components if part[0] == first]
@@ -152,6 +160,10 @@ def make_schema(case: Case) -> str:
     elif case.placed_by == "tilt":
         add("tilt", ["imu.roll", "imu.pitch"], 0.0001)
     mapping: Document = {"sensors": dict(case.sensors)}
+    for channel, (unit, _) in case.units.items():
+        name, _, label = channel.partition(" ")
+        if label:
+            mapping.setdefault("units", {}).setdefault(name, {})[label] = unit
     if case.rule is not None:
         mapping["balance"] = dict(case.rule)
     return build_schema_text("made-up", labels, fields, mapping)
@@ -244,7 +256,10 @@ class Course:
                 total += [*f, *np.cross(r, f)]
             for part, value in zip(ALL, self.case.sign * total, strict=True):
                 if part in self.case.components:
-                    codes[f"ft{part[0]} {foot}.{part}"] = round(value / 0.0001)
+                    name, label = f"ft{part[0]}", f"{foot}.{part}"
+                    scale = next(f.scale for f in self.schema.fields if f.name == name)
+                    worth = self.case.find_unit(name, label)[1] or 1.0
+                    codes[f"{name} {label}"] = round(value / worth / scale)
         return codes
 
     def _balance(self, frame: Frame, links: Sequence[Array]) -> Document:
@@ -297,7 +312,10 @@ class Course:
             return nothing
         normal = [force[2] for force in push.forces]
         nothing["force_n"] = abs(sum(normal))
-        whole = {"mx", "my"} <= {*self.case.components}
+        known = {
+            part for part in self.case.components if self.case.find_unit(f"ft{part[0]}", f"{foot}.{part}")[1]
+        }
+        whole = {"mx", "my"} <= known
         if any(label.startswith(f"{foot}.m") for label in frame.lost) or not whole or nothing["force_n"] == 0:
             return nothing
         weights = sum(n * np.array(p) for n, p in zip(normal, push.points, strict=True)) / sum(normal)

@@ -20,7 +20,7 @@ const AGAIN_MS = 10_000;
 
 type Schema = NonNullable<RobotTwin['schema']>;
 
-/** A robot's model as far as balance needs it. `raw`: its files as they are, which list no masses. */
+/** A robot's model as far as balance needs it. `raw`: its files as they are, whose masses only the picture reads. */
 type KnownModel = Manifest | 'raw' | null;
 
 /** What is known about a robot's balance by its newest frame. */
@@ -164,8 +164,9 @@ export class BalanceWatch {
   }
 }
 
+/** Of a model of raw files the picture has the ball. */
 const OF_RAW_FILES: KnownBalance = {
-  ...{ possible: false, stance: null, balance: null, findings: [], problems: [] },
+  ...{ possible: true, stance: null, balance: null, findings: [], problems: [] },
 };
 
 const watches = new WeakMap<RobotTwin, BalanceWatch>();

@@ -1,8 +1,8 @@
 import type { Schema } from '@posecast/wire';
 import type { Balance } from '../../twin/balance/balance.ts';
 import { Balancer } from '../../twin/balance/balancer.ts';
+import { FootWrenchReader } from '../../twin/balance/foot_wrench.ts';
 import type { FootWrench, Standing } from '../../twin/balance/standing.ts';
-import { WrenchTable } from '../../twin/sensors/wrenches.ts';
 import type { Manifest } from '../manifest.ts';
 import type { PosedBody } from '../posed_body.ts';
 import { FrameBody } from './frame_body.ts';
@@ -22,7 +22,7 @@ export class BalanceReader {
   readonly schema: Schema;
   readonly #standing: Standing;
   readonly #balancer: Balancer;
-  readonly #wrenches: WrenchTable;
+  readonly #wrenches: FootWrenchReader;
   #body: FrameBody | null = null;
   /** The links that matter, by index, and world_from_link of all. */
   readonly #links: readonly number[];
@@ -34,7 +34,8 @@ export class BalanceReader {
     this.#standing = chooseStanding(manifest, schema);
     this.#balancer = new Balancer(this.#standing);
     const { masses, feet } = this.#standing;
-    this.#wrenches = new WrenchTable(schema);
+    const sites = feet.flatMap(({ sensor }) => sensor?.site ?? []);
+    this.#wrenches = new FootWrenchReader(schema, sites);
     this.#links = [...new Set([...masses, ...feet].map(({ link }) => link))];
     this.#worldFromLink = new Float64Array(manifest.links.length * 16);
   }
@@ -62,9 +63,15 @@ export class BalanceReader {
     return Math.atan2(left, ahead);
   }
 
-  /** The wrenches in a frame's codes, in N and N·m. They are rewritten by the next call. */
+  /** The wrenches of the feet in a frame's codes, in N and N·m. They are rewritten by the next call. */
   wrenches(codes: Int32Array): readonly FootWrench[] {
-    return this.#wrenches.read(codes, null);
+    return this.#wrenches.read(codes);
+  }
+
+  /** The wrenches of the feet of a pose that is shown, in N and N·m, from those in their channels' units. They are rewritten by
+   *  the next call. */
+  wrenchesOf(played: readonly FootWrench[]): readonly FootWrench[] {
+    return this.#wrenches.convert(played);
   }
 
   /** The balance of a frame (for words, limits and plots). `tS` is the robot's time, seconds. The result is rewritten by

@@ -1,9 +1,9 @@
 import { type BalanceRule, readBalance, type Schema } from '@posecast/wire';
 import type { BalanceGap } from '../../twin/balance/balance.ts';
+import { FootWrenchReader } from '../../twin/balance/foot_wrench.ts';
 import type { Foot, FootSensor, SolePlane, Standing } from '../../twin/balance/standing.ts';
 import { toldOfMasses } from '../../twin/balance/told/mass_findings.ts';
 import { invertQuat, multiplyQuats, quatOfRpy, rotateVector, type Vec3 } from '../../twin/rotation.ts';
-import { WrenchTable } from '../../twin/sensors/wrenches.ts';
 import { Kinematics } from '../kinematics.ts';
 import type { Manifest } from '../manifest.ts';
 import { addScaled, dot, originOf, pointThrough, quatOfTransform } from '../vectors.ts';
@@ -39,16 +39,19 @@ export function chooseStanding(manifest: Manifest, schema: Schema): Standing {
   const rule = attempt(() => readBalance(schema), NO_RULE);
   const feet = new FeetFinder(manifest, schema, soles ?? []).find(rule);
   const measured = feet.every(({ sensor }) => sensor?.measuresForce ?? false) ? 'measured' : 'lowest';
-  let footGap: BalanceGap | null = null;
-  if (feet.length === 0) footGap = soles === null && rule.feet?.length !== 0 ? 'old-bundle' : 'no-feet';
   return {
     masses: known ?? [],
     massGap: whyNoMasses(known, manifest),
     feet,
-    footGap,
+    footGap: feet.length === 0 ? whyNoFeet(soles, rule, manifest) : null,
     ground: feet.length === 0 ? null : (rule.ground ?? measured),
     problems,
   };
+}
+
+function whyNoFeet(soles: readonly Sole[] | null, rule: BalanceRule, { raw }: Manifest): BalanceGap {
+  if (soles !== null || rule.feet?.length === 0) return 'no-feet';
+  return raw.v === 1 ? 'raw' : 'old-bundle';
 }
 
 function whyNoMasses(masses: readonly LinkMass[] | null, { raw }: Manifest): BalanceGap | null {
@@ -82,12 +85,15 @@ class FeetFinder {
     this.#groupOf = groups;
     this.#rest = new Kinematics(joints);
     this.#soles = soles;
-    this.#sensors = new WrenchTable(schema).wrenches.flatMap(({ site, mount, force, moment }) => {
-      const link = links.indexOf(mount.link ?? '');
-      if (link < 0) return [];
-      const { xyz, rpy } = mount;
-      return [{ site, link, xyz, rpy, forceAxes: force.axes, momentAxes: moment.axes }];
-    });
+    const mounts = schema.mapping.sensors;
+    this.#sensors = new FootWrenchReader(schema, mounts.keys()).wrenches.flatMap(
+      ({ site, force, moment }) => {
+        const { link: name, xyz, rpy } = mounts.get(site)!;
+        const link = links.indexOf(name ?? '');
+        if (link < 0) return [];
+        return [{ site, link, xyz, rpy, forceAxes: force.axes, momentAxes: moment.axes }];
+      },
+    );
   }
 
   find(rule: BalanceRule): readonly Foot[] {

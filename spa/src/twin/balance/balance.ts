@@ -8,6 +8,7 @@ export type Vec2 = readonly [x: number, y: number];
  * Why a part of the balance is null.
  *
  * - `old-bundle`: the model was built by a builder that did not write it; building it again brings it.
+ * - `raw`: the model is shown from its files as they are, and the page finds no soles in these.
  * - `no-masses`: the robot's description has no masses.
  * - `impossible-masses`: it has masses that can't be; the model's findings name them.
  * - `no-feet`: nothing is known that the robot stands on (an arm, wheels, a stand).
@@ -18,6 +19,7 @@ export type Vec2 = readonly [x: number, y: number];
  */
 export type BalanceGap =
   | 'old-bundle'
+  | 'raw'
   | 'no-masses'
   | 'impossible-masses'
   | 'no-feet'

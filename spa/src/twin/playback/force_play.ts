@@ -34,7 +34,7 @@ export class ForcePlay {
     });
   }
 
-  /** The wrenches of numbers that are played. */
+  /** The wrenches of numbers that are played, in their channels' units. */
   of(numbers: Float64Array): FootWrench[] {
     const at = (i: number): Vec3 => [numbers[i]!, numbers[i + 1]!, numbers[i + 2]!];
     return this.#table.wrenches.map(({ site, force, moment }, i) => {

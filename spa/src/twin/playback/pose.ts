@@ -17,7 +17,7 @@ export interface Pose {
   ghost?: ReadonlyMap<string, number> | null;
   /** Robot time of this pose, seconds. */
   tS?: number;
-  /** The wrenches of the same moment, of the sensors that are mounted on a link. */
+  /** The wrenches of the same moment, of the sensors that are mounted on a link, in their channels' units. */
   wrenches?: readonly FootWrench[];
 }
 

@@ -52,15 +52,14 @@ export class WrenchTable {
     });
   }
 
-  /** Rewrites `wrenches`; without limits every level is `ok`. */
-  read(codes: Int32Array, limits: ValueLimits | null): readonly Wrench[] {
+  read(codes: Int32Array, limits: ValueLimits): readonly Wrench[] {
     for (const { arrow, field, parts } of this.#sources) {
       const vector: [number, number, number] = [0, 0, 0];
       let whole = true;
       arrow.level = 'ok';
       for (const { axis, index, label, latch } of parts) {
         const value = valueAt(codes, field, index);
-        arrow.level = worseOf(arrow.level, latch.next(limits?.threshold(field.name, label) ?? null, value));
+        arrow.level = worseOf(arrow.level, latch.next(limits.threshold(field.name, label), value));
         if (value === null) whole = false;
         else vector[axis] = value;
       }

@@ -30,7 +30,8 @@ export const balanceEn = {
 
   // ---- why there is none, or not all of it
   builtBefore: 'This model was built before masses were kept: build it again.',
-  rawModel: 'This model is shown from its files as they are: a built model has masses.',
+  rawModel:
+    'The page does not know the soles of a model that is shown from its files as they are: a built model has them.',
   noMasses: 'The robot’s description has no masses.',
   impossibleMasses: 'The robot’s description has masses that can’t be.',
   noFeet: 'No feet are known: [balance] in the profile names them.',

@@ -28,7 +28,8 @@ export const balanceKo: typeof balanceEn = {
   briefUnread: '발 읽기 없음',
 
   builtBefore: '질량을 담기 전에 만든 모델입니다. 모델을 다시 만들어 주세요.',
-  rawModel: '파일을 있는 그대로 보여 주는 모델입니다. 만들어 낸 모델에는 질량이 있습니다.',
+  rawModel:
+    '파일을 있는 그대로 보여 주는 모델이라 발바닥을 알 수 없습니다. 만들어 낸 모델에는 발바닥이 있습니다.',
   noMasses: '로봇의 설명 파일에 질량이 없습니다.',
   impossibleMasses: '로봇의 설명 파일에 있을 수 없는 질량이 있습니다.',
   noFeet: '어느 것이 발인지 알 수 없습니다. 프로필의 [balance]에 적으면 됩니다.',

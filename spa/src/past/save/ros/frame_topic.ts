@@ -1,8 +1,8 @@
 import { type Field, MISSING, type Schema } from '@posecast/wire';
+import { factorOf, type Quantity } from '../../../twin/si_units.ts';
 import type { CdrWriter } from './cdr_writer.ts';
 import type { MessageType } from './definitions.ts';
 import { writeHeader } from './stamp.ts';
-import { factorOf, type Quantity } from './units.ts';
 
 /** Gain · channel. `channel`: its place in the code vector; null for one that no frame has. */
 export interface Term {

@@ -1,5 +1,6 @@
 import { JOINT, type Schema } from '@posecast/wire';
 import { quatOfRpy } from '../../../twin/rotation.ts';
+import type { Quantity } from '../../../twin/si_units.ts';
 import { type CdrWriter, utf8Of } from './cdr_writer.ts';
 import {
   carriedBy,
@@ -12,7 +13,6 @@ import {
   unlessEmpty,
   type WriteBody,
 } from './frame_topic.ts';
-import type { Quantity } from './units.ts';
 
 /** What comes behind the point in the labels of a sensor's field, in the order of the message, and what it measures. */
 const PARTS = {

@@ -3,13 +3,18 @@ import type { Balance, BalanceGap } from '../balance.ts';
 /** What of a robot's balance can't be known, whatever it does. `told`: what the model's doctor or its reader has found. */
 export interface Lack {
   readonly why:
-    | 'raw'
     | 'unreadable'
-    | Extract<BalanceGap, 'old-bundle' | 'no-masses' | 'impossible-masses' | 'no-feet'>;
+    | Extract<BalanceGap, 'old-bundle' | 'raw' | 'no-masses' | 'impossible-masses' | 'no-feet'>;
   readonly told?: string;
 }
 
-const LASTING: ReadonlySet<BalanceGap> = new Set(['old-bundle', 'no-masses', 'impossible-masses', 'no-feet']);
+const LASTING: ReadonlySet<BalanceGap> = new Set([
+  'old-bundle',
+  'raw',
+  'no-masses',
+  'impossible-masses',
+  'no-feet',
+]);
 
 /** What is lacking for good, each once. `balance`: null of a model's files as they are, which list no masses; `findings`: what
  *  the doctor says of masses; `problems`: what of model or profile can't be read. */

@@ -1,6 +1,7 @@
 import type { Level } from '@posecast/wire';
 import { worseOf } from '../../limits/level_latch.ts';
-import type { Balance } from '../balance.ts';
+import type { Balance, Vec2 } from '../balance.ts';
+import { convexHull } from '../convex_hull.ts';
 import { marginIn } from '../margin.ts';
 import { fallDirection, type Side } from './direction.ts';
 import type { MarginLimits } from './margin_limits.ts';
@@ -9,7 +10,8 @@ import type { MarginLimits } from './margin_limits.ts';
  * What is said of a robot's balance.
  *
  * - `inside`, `edge`, `outside`: where the centre of mass is, seen from above, to the edge of what it stands on.
- * - `moving`: it is outside, but the robot moves so that it would come to rest over its feet.
+ * - `moving`: it is outside, but the robot moves so that it would come to rest over its feet, with one that is in the air
+ *   set down: so it walks.
  * - `airborne`: no foot bears weight; `unread`: a foot has no reading, so nobody knows.
  */
 export type StanceKind = 'inside' | 'edge' | 'outside' | 'moving' | 'airborne' | 'unread';
@@ -33,6 +35,9 @@ const BACK_MM = 2;
 
 /** So far inside it would have to come to rest to be called moving. */
 const CAUGHT_M = 0.005;
+
+/** From this speed of the centre of mass on, m/s, a foot in the air counts: a robot that stands on one leg sets none down. */
+const STEPPING_MPS = 0.03;
 
 /** Judges one balance after the other, so that words and levels don't flicker where a value lies at a limit: a level rises at
  *  once and falls when the margin is well back. */
@@ -62,27 +67,34 @@ export class StanceJudge {
       return { kind: gap, level: 'ok', marginMm: null, side: null, assumed };
     }
     const marginMm = marginM * 1000;
-    const kind = this.#kindOf(marginMm, balance);
-    const level = this.#levelOf(marginMm, kind, limits);
+    const caught = marginMm < 0 && this.#isCaught(balance);
+    const kind = this.#kindOf(marginMm, caught);
+    const level = this.#levelOf(marginMm, caught, limits);
     const side = kind === 'outside' ? fallDirection(balance, headingRad, this.#side) : null;
     return { kind, level, marginMm, side, assumed };
   }
 
-  #kindOf(marginMm: number, { capturePoint, polygon }: Balance): StanceKind {
+  #kindOf(marginMm: number, caught: boolean): StanceKind {
     const wasOnEdge = this.#kind === 'edge';
     if (Math.abs(marginMm) <= (wasOnEdge ? EDGE_MM + BACK_MM : EDGE_MM)) return 'edge';
     if (marginMm > 0) return 'inside';
-    if (capturePoint === null || polygon.length === 0) return 'outside';
-    const [x, y] = capturePoint;
-    return marginIn(polygon, [x, y]).metres >= (this.#kind === 'moving' ? 0 : CAUGHT_M)
-      ? 'moving'
-      : 'outside';
+    return caught ? 'moving' : 'outside';
   }
 
-  #levelOf(marginMm: number, kind: StanceKind, limits: MarginLimits): Level {
+  /** Whether it would come to rest over its feet. */
+  #isCaught(balance: Balance): boolean {
+    const { capturePoint, polygon, velocity } = balance;
+    if (capturePoint === null || polygon.length === 0) return false;
+    const [x, y] = capturePoint;
+    const steps = velocity !== null && Math.hypot(velocity[0], velocity[1]) >= STEPPING_MPS;
+    const { metres } = marginIn(steps ? hullOf(balance) : polygon, [x, y]);
+    return metres >= (this.#kind === 'moving' ? 0 : CAUGHT_M);
+  }
+
+  #levelOf(marginMm: number, caught: boolean, limits: MarginLimits): Level {
     const { levelAt, owner } = limits;
     // The page's own limit is about falling, and who comes to rest over their feet does not fall.
-    const eased = (level: Level) => (kind === 'moving' && owner === 'page' ? 'caution' : level);
+    const eased = (level: Level) => (caught && owner === 'page' ? 'caution' : level);
     const now = eased(levelAt(marginMm));
     const lingering = eased(worseOf(levelAt(marginMm - BACK_MM), levelAt(marginMm + BACK_MM)));
     const held = this.#level;
@@ -92,4 +104,10 @@ export class StanceJudge {
 
 function lesser(a: Level, b: Level): Level {
   return worseOf(a, b) === a ? b : a;
+}
+
+/** What it would stand on with every foot on the floor. */
+function hullOf({ feet }: Balance): Vec2[] {
+  const corners = feet.flatMap((foot) => foot.corners.map(([x, y]): Vec2 => [x, y]));
+  return convexHull(corners).map((i) => corners[i]!);
 }
