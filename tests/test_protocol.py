@@ -54,10 +54,11 @@ def demo(stack: Any) -> str:
 
     def has_state() -> bool:
         with suppress(urllib.error.URLError):
-            return bool(get(address, "/api/v1/robots/demo/state")["fields"])
+            state = get(address, "/api/v1/robots/demo/state")
+            return bool(state["fields"]) and "mass_kg" in state.get("balance", {})
         return False
 
-    until("the demo has a state", has_state)
+    until("the demo has a state, and a model", has_state)
     return str(address)
 
 
@@ -214,7 +215,10 @@ def test_javascript(demo: str, stack: Any, tmp_path: Path) -> None:
 def test_the_answers_have_the_members_shown(demo: str) -> None:
     assert sample('{"robots"')["robots"][0].keys() == get(demo, "/api/v1/robots")["robots"][0].keys()
     shown, real = sample('"fields"'), get(demo, "/api/v1/robots/demo/state")
-    assert shown.keys() == real.keys()
+    balance = sample('{"balance"')["balance"]
+    assert {*shown, "balance"} == real.keys()
+    assert balance.keys() == real["balance"].keys()
+    assert balance["feet"]["RF"].keys() == real["balance"]["feet"]["RF"].keys()
     for field, part in shown["fields"].items():
         assert part["unit"] == real["fields"][field]["unit"]
         assert part["values"].keys() <= real["fields"][field]["values"].keys()
