@@ -24,7 +24,7 @@ const SAVE_SHEET_LIMIT_KB = 7;
 const SAVE_LIMIT_KB = 52;
 
 /** What draws balance and tells of it, with its style sheet, once it is switched on. */
-const BALANCE_LIMIT_KB = 13;
+const BALANCE_LIMIT_KB = 14;
 /** The table and the traces of its numbers, and the limits of a selected joint. */
 const BALANCE_EXTRAS_LIMIT_KB = 1.6;
 
