@@ -45,13 +45,31 @@ def blocks(language: str, page: str) -> list[str]:
 
 
 def test_the_profile_on_the_page_is_one() -> None:
-    (text,) = blocks("toml", GUIDE)
+    text, _ = blocks("toml", GUIDE)
     profile = parse_profile(text)
     Schema.parse(make_schema_text(profile))
     for view in profile.views.values():
         Schema.parse(make_schema_text(profile.restrict_to_view(view)))
     assert set(profile.views) == {"public", "lab"}
     assert profile.mapping.joints["knuckle2"].terms == (("RF1", 0.8),)
+
+
+def test_the_bipeds_profile_has_all_that_balance_needs() -> None:
+    schema = Schema.parse(make_schema_text(parse_profile(blocks("toml", GUIDE)[1])))
+    labels = {field.name: field.labels for field in schema.fields}
+    balance = schema.mapping.balance
+    assert balance.feet is not None
+    assert balance.ground == "measured"
+    for foot in balance.feet:
+        assert schema.mapping.sensors[foot].link is not None
+        assert {f"{foot}.f{c}" for c in "xyz"} <= set(labels["ftf"])
+        assert {f"{foot}.m{c}" for c in "xyz"} <= set(labels["ftm"])
+        assert {z for _, _, z in balance.soles[foot]} == {-0.05}
+    assert (labels["base"], labels["baseq"]) == (
+        ("base.x", "base.y", "base.z"),
+        ("base.w", "base.x", "base.y", "base.z"),
+    )
+    assert schema.mapping.find_threshold("balance", "margin") is not None
 
 
 @pytest.mark.parametrize("name", sorted(OF_SOURCE))

@@ -6,7 +6,7 @@ import io
 import re
 
 import pytest
-from model_stage import link, robot
+from model_stage import joint, link, robot
 from posecast_edge.model.doctor.skeleton import examine_model
 from posecast_edge.model.urdf.reader import read_urdf
 from posecast_edge.model.urdf.tree import build_tree
@@ -73,6 +73,8 @@ def test_a_profile_that_says_nothing_says_nothing() -> None:
         ("soles.RF = [[0, 0, 0], [1, 0, 0], [1, inf, 0]]", r"balance\.soles\.RF\[2\]\[1\]: must be a number"),
         ("soles.RF = [[0, 0, 0], [1, 0], [1, 1, 0]]", r"balance\.soles\.RF\[1\]: must be three numbers"),
         ("soles.RF = [[0, 0, 0], [1, 0, 0], [2, 0, 0]]", r"balance\.soles\.RF: .*less than 1 cm²"),
+        ("soles.RF = [[0, 0, 0], [1e30, 0, 0], [1, 1, 0]]", r"balance\.soles\.RF\[1\]: more than 10 m from"),
+        ("soles.RF = [[0, 0, -10.1], [1, 0, 0], [1, 1, 0]]", r"balance\.soles\.RF\[0\]: more than 10 m from"),
         (f"soles = {{ {', '.join(f'l{i} = {SOLE}' for i in range(17))} }}", r"balance\.soles: more than 16"),
     ],
 )
@@ -126,3 +128,22 @@ def test_the_doctor_names_a_foot_that_the_model_has_not() -> None:
     found = [f for f in examine_model(urdf, build_tree(urdf), None, meaning) if f.code == "profile-foot"]
     assert len(found) == 1
     assert "names foot 'lost', which is neither a sensor nor a link" in found[0].text
+
+
+@pytest.mark.parametrize(
+    ("turn", "tilt"), [(0.0, None), (0.9, None), (1.2, 69), (1.5708, 90), (3.1416, None)]
+)
+def test_the_doctor_names_a_sole_that_stands_upright(turn: float, tilt: int | None) -> None:
+    """Its foot hangs turned, less by what the ankle's nearest limit turns it."""
+    inside = f'<origin xyz="0 0 0" rpy="0 {turn - 0.1} 0"/><axis xyz="0 1 0"/>'
+    ankle = joint("j", "body", "right_foot", inside=inside, limit='<limit lower="0.1" upper="1"/>')
+    text = robot(link("body"), link("right_foot"), ankle)
+    urdf = read_urdf(io.BytesIO(text.encode()))
+    meaning = parse_profile(STANDING + ALL).mapping
+    found = [f.text for f in examine_model(urdf, build_tree(urdf), None, meaning) if f.code == "profile-sole"]
+    if tilt is None:
+        assert found == []
+    else:
+        (said,) = found
+        assert said.startswith(f"the profile's [balance] soles.'RF' is tilted by {tilt}° with all joints")
+        assert said.endswith("the axes of link 'right_foot'")

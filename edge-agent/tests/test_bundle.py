@@ -143,6 +143,8 @@ def test_ranges(tmp_path: Path) -> None:
     assert b"".join(parts) == data
     assert bundle.read(sha, len(data), 1) == b""
     assert bundle.read("manifest", 0, RANGE_MAX) == bundle.manifest
+    assert bundle.read("manifest", 7, 5) == bundle.manifest[7:12]
+    assert bundle.read("manifest", len(bundle.manifest), 5) == b""
     for offset, length in ((-1, 1), (len(data) + 1, 1), (0, 0), (0, RANGE_MAX + 1)):
         with pytest.raises(ValueError, match="no range"):
             bundle.read(sha, offset, length)

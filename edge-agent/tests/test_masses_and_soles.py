@@ -135,6 +135,36 @@ def test_one_mass_that_cant_be_and_none_is_told(inertial: str, code: str, tmp_pa
     assert said.text in [f["text"] for f in built.document["findings"]]
 
 
+WRONG = [
+    ("mass", "2", "nan"),
+    ("centre", "0.2", "inf"),
+    ("inertia", "0.1", "a"),
+    ("axes", "0 0 1.57", "0 nan 1.57"),
+]
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [("r.urdf", robot(link("a", WEIGHT), link("b", WEIGHT), joint("j", "a", "b"))), ("r.sdf", SDF)],
+)
+@pytest.mark.parametrize(("what", "good", "bad"), WRONG)
+def test_a_mass_that_is_no_number_is_one_that_cant_be(
+    what: str, good: str, bad: str, name: str, text: str, tmp_path: Path
+) -> None:
+    """Without it the others would have a centre of mass that is false."""
+    if what == "mass":
+        good, bad = ('value="2"', 'value="nan"') if name == "r.urdf" else ("<mass>2<", "<mass>nan<")
+    elif what == "inertia":
+        good, bad = ('ixy="0.1"', 'ixy="a"') if name == "r.urdf" else ("<ixy>0.1<", "<ixy>a<")
+    assert good in text
+    path = tmp_path / name
+    path.write_text(text[::-1].replace(good[::-1], bad[::-1], 1)[::-1])  # of the last link
+    assert masses_of(path) == []
+    (found,) = load_robot_file(path).urdf.findings
+    assert (found.severity, found.code) == ("error", "mass-number")
+    assert found.text.endswith("; no balance is shown")
+
+
 def test_none_is_a_value(tmp_path: Path) -> None:
     document = build_robot(written(tmp_path, robot(link("a")))).document
     assert document["inertials"] == []

@@ -31,10 +31,11 @@ from model_stage import (
 from numpy.typing import NDArray
 from PIL import Image
 from posecast_edge.model.builder.build import Built, collect_triangles
-from posecast_edge.model.builder.manifest import compute_home
+from posecast_edge.model.builder.manifest import BYTES_MAX, compute_home, encode_manifest
 from posecast_edge.model.builder.raster import aim_camera, draw_triangles
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.kinematics import compute_link_poses, matrix_from_quaternion, quaternion_from_rpy
+from posecast_edge.model.serve.bundle_dir import MANIFEST_MAX
 from posecast_edge.sources.demo import BUNDLE
 from shared_stage import ROBOTS, shared_robot
 
@@ -376,3 +377,10 @@ def test_sensors_and_joints_reach_the_manifest(tmp_path: Path) -> None:
     assert j["axis"] == [0, 0, 1]
     assert j["limits"] == {"lower": -1, "upper": 1, "velocity": 1, "effort": 1}
     assert [f["code"] for f in document["findings"]] == ["axis-length"]
+
+
+def test_a_manifest_that_no_relay_takes_is_refused_in_one_line() -> None:
+    empty = len(encode_manifest({"n": ""}))
+    assert len(encode_manifest({"n": "n" * (BYTES_MAX - empty)})) == BYTES_MAX == MANIFEST_MAX
+    with pytest.raises(ModelRefused, match=r"manifest would have 1,049 kB; a relay takes at most 1 MiB"):
+        encode_manifest({"n": "n" * (BYTES_MAX - empty + 1)})

@@ -142,3 +142,36 @@ async def test_a_real_edge_is_asked_no_longer_than_somebody_waits(relays: Any, e
     answer = await asyncio.to_thread(httpx.get, f"http://{relay.address}{path}")
     assert answer.content == bytes_of(1, 4 * RANGE_BYTES)
     assert model.offsets == [0, 0, RANGE_BYTES, 2 * RANGE_BYTES, 3 * RANGE_BYTES]
+
+
+@pytest.mark.parametrize(("size", "ranges"), [(2 * RANGE_BYTES - 1, 2), (2 * RANGE_BYTES, 3), (1 << 20, 5)])
+async def test_a_large_manifest_comes_in_ranges(size: int, ranges: int, relays: Any, edges: Any) -> None:
+    files = {"a.glb": (b"a", "model/gltf-binary")}
+    model = Model(files, note="n" * (size - len(Model(files, note="").manifest)))
+    assert len(model.manifest) == size
+    relay: Relay = relays()
+    edges(relay.zenoh, model=model)
+    address = f"http://{relay.address}/api/v1/robots"
+
+    def ask() -> httpx.Response:
+        until("it is announced", lambda: httpx.get(address).json()["robots"][0]["model"])
+        return httpx.get(f"{address}/r/model/{model.digest}/manifest.json", timeout=20)
+
+    answer = await asyncio.to_thread(ask)
+    assert answer.content == model.manifest
+    assert model.asked == ["manifest"] * ranges
+
+
+async def test_a_manifest_that_is_too_large_is_said_to_be(relays: Any, edges: Any) -> None:
+    model = Model({}, note="n" * (1 << 20))
+    relay: Relay = relays()
+    edges(relay.zenoh, model=model)
+    address = f"http://{relay.address}/api/v1/robots"
+
+    def ask() -> httpx.Response:
+        until("it is announced", lambda: httpx.get(address).json()["robots"][0]["model"])
+        return httpx.get(f"{address}/r/model/{model.digest}/manifest.json", timeout=20)
+
+    answer = await asyncio.to_thread(ask)
+    assert answer.status_code == 503
+    assert "more than 1048576 bytes" in answer.text

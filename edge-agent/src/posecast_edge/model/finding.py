@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 EXTRA = "pip install 'posecast-edge[model]'"
 NO_BALANCE = "no balance is shown"  # what follows from masses that can't be, or are not known
@@ -32,6 +32,15 @@ class Finding:
         """The form that editors and CI understand: `robot.urdf:12: error: text [code]`."""
         where = f"{file}:{self.line}" if self.line else file
         return f"{where}: {self.severity}: {self.text} [{self.code}]"
+
+
+def distrust_masses(findings: list[Finding], since: int) -> None:
+    """Make what is no number in the findings from `since` on, all of one link's mass, centre and moments, a
+    reason to show no balance."""
+    for i in range(since, len(findings)):
+        found = findings[i]
+        if found.code == "number":
+            findings[i] = replace(found, code="mass-number", text=f"{found.text}; {NO_BALANCE}")
 
 
 def sort_by_severity(findings: list[Finding]) -> list[Finding]:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 WRENCH = "wrench"
 AREA_MIN_M2 = 1e-4
+REACH_MAX_M = 10.0
 
 
 def read_balance(reader: ProfileReader, value: object, sensors: Mapping[str, SensorMount]) -> BalanceRule:
@@ -58,6 +59,9 @@ def _sole(reader: ProfileReader, value: object, where: str) -> tuple[Xyz, ...]:
     if not isinstance(value, list) or not 3 <= len(value) <= CORNERS_MAX:
         reader.fail(where, f"must be a list of 3 to {CORNERS_MAX} corners, each of three numbers")
     corners = tuple(reader.check_xyz(corner, f"{where}[{i}]") for i, corner in enumerate(value))
+    for i, corner in enumerate(corners):
+        if max(map(abs, corner)) > REACH_MAX_M:
+            reader.fail(f"{where}[{i}]", f"more than {REACH_MAX_M:g} m from its link; corners are metres")
     if compute_area(corners) < AREA_MIN_M2:
         reader.fail(where, "its corners enclose less than 1 cm²; they are metres, in order around the sole")
     return corners

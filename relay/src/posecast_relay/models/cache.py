@@ -187,7 +187,7 @@ class ModelCache:
             del self._under_way[name]
 
     async def _fetch_manifest(self, robot: str, digest: str) -> dict[str, Entry]:
-        most = min((1 + READ_TIMES) * BYTES_MAX, self.room.most // 2)
+        most = min((1 + READ_TIMES) * BYTES_MAX + ENTRY_BYTES, self.room.most // 2)
         async with self._room_for(robot, most) as claim:
             data = await self._source.fetch_manifest(robot, digest)
             taken = (1 + READ_TIMES) * len(data) + ENTRY_BYTES

@@ -9,7 +9,7 @@ import zenoh
 from posecast_wire.keys import model_key
 
 from posecast_relay.core.hub import Hub
-from posecast_relay.models.cache import Refused, Unavailable
+from posecast_relay.models.cache import RANGE_BYTES, Refused, Unavailable
 from posecast_relay.models.manifest import BYTES_MAX
 from posecast_relay.zenoh.router import RouterSession
 
@@ -30,7 +30,15 @@ class EdgeModels:
 
     async def fetch_manifest(self, robot: str, digest: str) -> bytes:  # noqa: ARG002 — an edge has one
         """Return the manifest that the edge has now, maybe another than `digest`. Raises Unavailable."""
-        return await self._get(model_key(robot, "manifest"), BYTES_MAX)
+        data, key = bytearray(), model_key(robot, "manifest")
+        while len(data) % RANGE_BYTES == 0:  # an edge answers no more at a time
+            piece = await self._get(f"{key}?off={len(data)};len={RANGE_BYTES}", RANGE_BYTES)
+            data += piece
+            if len(data) > BYTES_MAX:
+                raise Refused(f"the edge's manifest has more than {BYTES_MAX} bytes")
+            if not piece:
+                break
+        return bytes(data)
 
     async def read(self, robot: str, digest: str, sha256: str, off: int, size: int) -> bytes:  # noqa: ARG002
         """Return `size` bytes of a file from `off` on, maybe fewer. Raises Unavailable."""

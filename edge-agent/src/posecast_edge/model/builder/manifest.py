@@ -8,13 +8,14 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from posecast_edge.model.finding import Finding
+from posecast_edge.model.finding import Finding, ModelRefused
 from posecast_edge.model.kinematics import compute_plane_axes, normalise_axis, quaternion_from_rpy
 from posecast_edge.model.urdf.tree import Tree
 from posecast_edge.model.urdf.types import FAR_M, SCALAR_TYPES, UNBOUNDED, Pose, Sensor, Urdf
 
 VERSION = 2
 FINDINGS_MAX = 200
+BYTES_MAX = 1 << 20  # what a relay takes
 
 
 def make_skeleton(urdf: Urdf, tree: Tree) -> dict[str, Any]:
@@ -39,8 +40,12 @@ def compute_home(manifest: Mapping[str, Any]) -> dict[str, float]:
 
 
 def encode_manifest(manifest: Mapping[str, Any]) -> bytes:
-    """The manifest's exact bytes; their SHA-256 identifies the model."""
-    return json.dumps(manifest, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+    """The manifest's exact bytes; their SHA-256 identifies the model. Raises ModelRefused when they are more
+    than a relay takes."""
+    data = json.dumps(manifest, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+    if len(data) > BYTES_MAX:
+        raise ModelRefused(f"its manifest would have {len(data) / 1000:,.0f} kB; a relay takes at most 1 MiB")
+    return data
 
 
 def make_file_entry(path: str, data: bytes, kind: str) -> dict[str, Any]:

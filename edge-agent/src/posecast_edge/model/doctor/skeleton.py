@@ -13,6 +13,7 @@ from posecast_wire.mapping import Mapping as Meaning
 
 from posecast_edge.model.doctor.masses import examine_masses
 from posecast_edge.model.doctor.meshes import MeshFacts, examine_meshes
+from posecast_edge.model.doctor.soles import examine_soles
 from posecast_edge.model.finding import Finding, quote_name, sort_by_severity
 from posecast_edge.model.kinematics import list_variables
 from posecast_edge.model.urdf.tree import Tree
@@ -40,6 +41,7 @@ def examine_model(
     found += examine_meshes(urdf, tree, facts)
     if meaning is not None:
         found += _profile(urdf, meaning)
+        found += examine_soles(tree, meaning)
     return sort_by_severity(found)
 
 

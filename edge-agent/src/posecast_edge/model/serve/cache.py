@@ -22,7 +22,7 @@ from posecast_edge.model.urdf.types import AUTO
 
 ENTRIES = 16
 INPUTS = "inputs.json"
-BUILDER = 7  # goes up when the same input gives another bundle
+BUILDER = 8  # goes up when the same input gives another bundle
 
 
 def find_cache_folder(environment: Mapping[str, str]) -> Path | None:

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
-from posecast_edge.model.finding import Finding, ModelRefused, make_printable, quote_name
+from posecast_edge.model.finding import Finding, ModelRefused, distrust_masses, make_printable, quote_name
 from posecast_edge.model.urdf.types import (
     JOINT_TYPES,
     ONES,
@@ -186,6 +186,13 @@ class _Reader:
         return Mimic(joint, 1.0 if multiplier is None else multiplier, offset or 0.0, element.line)
 
     def _inertial(self, element: Element, what: str) -> Inertial | None:
+        since = len(self.urdf.findings)
+        try:
+            return self._masses(element, what)
+        finally:
+            distrust_masses(self.urdf.findings, since)
+
+    def _masses(self, element: Element, what: str) -> Inertial | None:
         mass, inertia = element.find_first("mass"), element.find_first("inertia")
         value = self._number(mass, "value", None, what) if mass else None
         if value is None:
