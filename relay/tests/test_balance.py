@@ -186,9 +186,9 @@ def test_no_wrench_no_pressure_and_the_lowest_soles_are_assumed_to_bear() -> Non
     assert [foot.bears for foot in Standing(text).read(left_leg=0.009).feet] == [True, True]
 
 
-def test_one_sensor_on_a_sole_is_no_two_feet() -> None:
+def test_one_sensor_on_a_sole_leaves_the_lowest_of_all_soles() -> None:
     found = Standing(make_schema_text(sensors=ONE)).read()
-    assert (found.feet, found.gaps.polygon) == ((), "no-feet")
+    assert (len(found.feet), found.ground, found.gaps.pressure) == (2, "lowest", "no-wrench")
 
 
 def test_a_foot_without_a_reading_leaves_no_polygon() -> None:
@@ -231,7 +231,8 @@ def test_a_sensor_that_measures_forces_alone_tells_who_bears_and_no_pressure() -
         ({"feet": ["LF", "RF"]}, ["LF", "RF"], "measured"),
         ({"feet": ["left_foot", "right_foot"]}, ["left_foot", "right_foot"], "measured"),
         ({"feet": ["RF", "LF"], "ground": "lowest"}, ["RF", "LF"], "lowest"),
-        ({"feet": ["RF", "tail"]}, ["RF"], "measured"),
+        ({"feet": ["RF", "tail"]}, [], None),
+        ({"feet": ["RF", "tail"], "ground": "lowest"}, ["RF"], "lowest"),
         ({"feet": ["trunk"]}, [], None),
         ({"feet": ["trunk"], "soles": {"trunk": SOLE}}, ["trunk"], "lowest"),
         ({"feet": ["trunk"], "soles": {"trunk": [[0, 0, 0], [1, 0, 0], [2, 0, 0]]}}, [], None),

@@ -95,7 +95,17 @@ it('feet of the profile that the model lacks, or whose sole spans no area, are l
   const { sensors } = JSON.parse(stands.schema.text).mapping;
   const line = [0, 1, 2].map((x) => [x, 0, 0]);
   const rule = { feet: ['no such link', 'head', 'RF', 'LF'], soles: { LF: line } };
-  expect(Object.keys(readOtherwise({}, { sensors, balance: rule }).told.feet)).toEqual(['RF']);
+  const { reader, told } = readOtherwise({}, { sensors, balance: { ...rule, ground: 'lowest' } });
+  expect(Object.keys(told.feet)).toEqual(['RF']);
+  expect(reader.problems).toEqual(
+    ['no such link', 'head', 'LF'].map((name) => expect.stringContaining(name)),
+  );
+});
+
+it('with one of these missing and the ground measured there is no polygon, and no margin', () => {
+  const { sensors } = JSON.parse(stands.schema.text).mapping;
+  const { told } = readOtherwise({}, { sensors, balance: { feet: ['RF', 'LF', 'XF'] } });
+  expect([told.feet, told.gaps.polygon, told.margin_m]).toEqual([{}, 'no-feet', null]);
 });
 
 it('a robot is on by itself with masses and two feet that measure force', () => {
@@ -107,6 +117,10 @@ it('a robot is on by itself with masses and two feet that measure force', () => 
     'its profile has feet and soles',
     'its profile says it stands on nothing',
     'one foot alone has a wrench',
+    'lies on its back',
+    'a sole that is none',
+    'its profile names a foot that is not there',
+    "has masses beyond any robot's",
     'has no soles',
     'has no masses',
     "has masses that can't be",

@@ -277,7 +277,7 @@ describe('what can’t be known', () => {
     expect(lines(old)).toEqual(['This model was built before masses were kept: build it again.']);
     expect(lines(lacksOf(gaps('no-masses', 'no-feet'), []))).toEqual([
       'The robot’s description has no masses.',
-      'No feet are known: [balance] in the profile names them.',
+      'This robot has no feet that are known: an arm, wheels or a stand have none; [balance] in the profile names them.',
     ]);
     const findings = [null, { code: 7 }, { code: 'mass-negative', text: 'link head: \u202emass -3 kg' }];
     const bad = lacksOf(gaps('impossible-masses', null), toldOfMasses(findings));

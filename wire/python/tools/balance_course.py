@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from posecast_wire.schema import MISSING, Schema, build_schema_text
+from posecast_wire.schema import CODE_MAX, MISSING, Schema, build_schema_text
 
 from wire.python.tools.balance_geometry import (
     Array,
@@ -27,6 +27,7 @@ GRAVITY = 9.81
 SMOOTHED_S = 0.1
 GAP_S = 0.5
 EDGE_M = 0.005
+OUTSIDE_M = 0.2
 AXES = "xyz"
 
 LINKS = ["trunk", "head", "rthigh", "rshin", "rfoot", "rsole", "lthigh", "lshin", "lfoot", "lsole"]
@@ -113,6 +114,7 @@ class Frame:
     tilt: tuple[float, float] | None = None
     gaps: Mapping[str, str] = field(default_factory=dict)
     lost: Sequence[str] = ()  # channels without a reading though there is a push
+    full: Sequence[str] = ()  # channels at the limit of their code: no reading either
 
 
 @dataclass
@@ -195,8 +197,8 @@ class Course:
         row = []
         for f in self.schema.fields:
             for label in f.labels:
-                lost = label in frame.lost
-                row.append(MISSING if lost else codes.get(f"{f.name} {label}", MISSING))
+                code = CODE_MAX if label in frame.full else codes.get(f"{f.name} {label}", MISSING)
+                row.append(MISSING if label in frame.lost else code)
         return {"t": frame.t, "codes": row, "balance": self._balance(frame, links)}
 
     def _codes_of_pose(self, frame: Frame) -> tuple[dict[str, int], dict[str, float]]:
@@ -264,7 +266,7 @@ class Course:
 
     def _balance(self, frame: Frame, links: Sequence[Array]) -> Document:
         case, gaps = self.case, dict(frame.gaps)
-        masses = self.model.get("inertials") or []
+        masses = [] if "centre_of_mass" in gaps else self.model.get("inertials") or []
         total = sum(m["mass_kg"] for m in masses)
         centre = None
         if masses:
@@ -305,10 +307,10 @@ class Course:
     def _foot(self, frame: Frame, foot: str, links: Sequence[Array]) -> Document:
         link = links[LINKS.index(self.case.feet[foot])]
         in_world = [(link @ [*corner, 1])[:3] for corner in self.soles[foot]]
-        push, bears = frame.pushes.get(foot), frame.bears[foot]
+        push, bears, unread = frame.pushes.get(foot), frame.bears[foot], [*frame.lost, *frame.full]
         nothing: Document = {"bears": bears, "force_n": None, "centre_of_pressure_m": None, "at_edge": False}
         nothing |= {"corners": in_world, "pushed_at": None}
-        if push is None or any(label.startswith(f"{foot}.f") for label in frame.lost):
+        if push is None or any(label.startswith(f"{foot}.f") for label in unread):
             return nothing
         normal = [force[2] for force in push.forces]
         nothing["force_n"] = abs(sum(normal))
@@ -316,16 +318,19 @@ class Course:
             part for part in self.case.components if self.case.find_unit(f"ft{part[0]}", f"{foot}.{part}")[1]
         }
         whole = {"mx", "my"} <= known
-        if any(label.startswith(f"{foot}.m") for label in frame.lost) or not whole or nothing["force_n"] == 0:
+        if any(label.startswith(f"{foot}.m") for label in unread) or not whole or nothing["force_n"] == 0:
             return nothing
         weights = sum(n * np.array(p) for n, p in zip(normal, push.points, strict=True)) / sum(normal)
         local = weights @ self.soles[foot]
+        polygon = hull_of([corner[:2] for corner in self.soles[foot]])
+        inside_m = margin_in(polygon, local[:2])[0]
+        if inside_m < -OUTSIDE_M:
+            return nothing
         nothing["pushed_at"] = (link @ [*local, 1])[:3]
         if not bears or nothing["force_n"] < 0.03 * (WEIGHT_N if self.model.get("inertials") else 400):
             return nothing
         nothing["centre_of_pressure_m"] = nothing["pushed_at"]
-        polygon = hull_of([corner[:2] for corner in self.soles[foot]])
-        nothing["at_edge"] = margin_in(polygon, local[:2])[0] < EDGE_M
+        nothing["at_edge"] = inside_m < EDGE_M
         return nothing
 
     def _velocity_of(

@@ -172,6 +172,25 @@ def _off_the_ground(dice: Luck, gaps: Mapping[str, str]) -> list[Frame]:
     return frames
 
 
+def _lies(dice: Luck) -> list[Frame]:
+    """On its back: its soles are upright, and nothing stands on their edges."""
+    straight = dict.fromkeys(dice.joints(), 0.0)
+    gaps = {**all_gaps("airborne"), "pressure": "no-wrench"}
+    base = ([0, 0, 0.1], [0.0, -1.5, 0.0])
+    return [Frame(0.0, straight, {}, {"rsole": False, "lsole": False}, base, gaps=gaps)]
+
+
+def _at_limits(dice: Luck) -> list[Frame]:
+    """A moment, then a force at the limit of its code; then a push far outside the sole."""
+    frames = _stands(dice, 3)
+    frames[0].full, frames[0].gaps = ["RF.mx"], {**FIRST, "pressure": "unread"}
+    frames[1].full, frames[1].gaps = ["LF.fz"], all_gaps("unread")
+    frames[1].bears = {"RF": True, "LF": None}
+    frames[2].pushes = {**frames[2].pushes, "LF": Push([[-4, 5, 0, 0, 0]], [[0, 0, 0.45 * WEIGHT_N]])}
+    frames[2].gaps = {"pressure": "unread"}
+    return frames
+
+
 def _unforced_frames(dice: Luck) -> list[Frame]:
     frames = _stands(dice, 1)
     for frame in frames:
@@ -203,7 +222,7 @@ def make_cases() -> list[Case]:
 
     right_only = {"RF": SENSORS["RF"]}
     return [
-        Case("stands", _stands(Luck("stands"), 4)),
+        Case("stands", _stands(Luck("stands"), 2)),
         Case("leans until it would fall", _leans(Luck("leans"))),
         Case("walks: feet bear from 5 % on and until 3 %", _walks(Luck("walks"))),
         Case("sensors are turned, one on the sole's own link", _stands(Luck("turned"), 2), sensors=turned),
@@ -227,8 +246,16 @@ def make_cases() -> list[Case]:
              sensors=right_only, rule=rule, feet={"RF": "rfoot", "lfoot": "lfoot"}, soles=own),
         Case("its profile says it stands on nothing", _off_the_ground(Luck("none"), all_gaps("no-feet")),
              rule={"feet": []}, **nowhere),
-        Case("one foot alone has a wrench", _off_the_ground(Luck("one"), all_gaps("no-feet")),
-             sensors=right_only, **nowhere),
+        Case("one foot alone has a wrench", _afoot(Luck("one"))[:1], ground="lowest", sensors=right_only,
+             placed_by="", feet={"rsole": "rsole", "lsole": "lsole"}),
+        Case("lies on its back", _lies(Luck("back")), ground="lowest", sensors={},
+             feet={"rsole": "rsole", "lsole": "lsole"}),
+        Case("sensors at their limits, a push outside the sole", _at_limits(Luck("limits"))),
+        Case("a sole that is none", _off_the_ground(Luck("far"), all_gaps("no-feet")), model="far sole",
+             **nowhere),
+        Case("its profile names a foot that is not there", _off_the_ground(Luck("x"), all_gaps("no-feet")),
+             rule={"feet": ["RF", "XF"]}, **nowhere),
+        Case("has masses beyond any robot's", _stands(Luck("vast"), 1, gaps=cannot_be), model="vast mass"),
         Case("has no soles", _off_the_ground(Luck("wheels"), all_gaps("no-feet")), model="no soles",
              **nowhere),
         Case("has no masses", _stands(Luck("no masses"), 1, gaps=no_masses), model="no masses"),
@@ -246,11 +273,16 @@ def _of_corners(push: Push, count: int) -> Push:
 def make_models() -> dict[str, Document]:
     """What other models have instead, by name; a member that is null is absent."""
     finding = {"severity": "error", "code": "mass-zero", "text": "link trunk: its mass is 0"}
+    soles = make_model()["soles"]
+    far = [[0, 0, 0], [1e30, 0, 0], [0, 1e30, 0]]
+    vast = {"link": 0, "mass_kg": 1e308, "xyz": [0, 0, 0], "inertia": [1, 0, 0, 1, 0, 1]}
     return {
         "biped": {},
         "no soles": {"soles": []},
         "no masses": {"inertials": []},
         "impossible masses": {"inertials": [], "findings": [finding]},
+        "far sole": {"soles": [soles[0], {"link": soles[1]["link"], "points": far}]},
+        "vast mass": {"inertials": [vast]},
         "old": {"inertials": None, "soles": None},
     }
 

@@ -55,7 +55,7 @@ class BalanceCourse:
         posed = [pose_foot(foot, codes, poses) for foot in self._choice.feet]
         feet, gap = self._judge_feet(posed, self._velocity.follows(t_s))
         bearing = {foot.foot.name: foot for foot, told in zip(posed, feet, strict=True) if told.bears}
-        floor_m = None if gap else min(foot.lowest_m for foot in bearing.values())
+        floor_m = None if gap else min(foot.lowest_m for foot in bearing.values()) + 0.0  # never -0
         corners = [] if gap else [(x, y) for foot in bearing.values() for x, y, _ in foot.corners]
         polygon = find_hull(corners)
         nearest = None if centre is None else find_nearest_edge(polygon, centre[:2])
@@ -91,7 +91,7 @@ class BalanceCourse:
         """Which feet bear, and why there is no polygon."""
         if not posed:
             return (), self._choice.gap
-        lowest_m = min(foot.lowest_m for foot in posed)
+        lowest_m = min(math.inf if foot.is_tilted else foot.lowest_m for foot in posed)
         if any(math.isnan(foot.lowest_m) for foot in posed):
             lowest_m = math.nan
         least_n = BEARS_UNTIL * self._weight_n
@@ -101,6 +101,8 @@ class BalanceCourse:
             bears: bool | None
             if math.isnan(lowest_m):
                 bears = None
+            elif foot.is_tilted:
+                bears = False
             elif self._choice.ground == "lowest":
                 bears = foot.lowest_m <= lowest_m + LOWEST_M
             elif foot.force_n is None:

@@ -4,7 +4,10 @@
    the sensor that is mounted on it, or on one that fixed joints hold together with it. Each has the profile's
    sole, else the model's. A list without names: it stands on nothing known.
 2. Else the wrench sensors on a link with a sole, or on one that is fixed to it, if there are two or more.
-3. Else, where there is no such sensor, the model's soles if there are two or more.
+3. Else, where there are fewer such sensors, the model's soles if there are two or more.
+
+A foot that is named but not there, or whose sole can't be one, is left out; with ground `measured` no feet
+are known then.
 
 Which of them bear is `measured` where the profile says so, else if every foot measures the force along its
 normal; otherwise it is assumed of the `lowest`.
@@ -49,22 +52,28 @@ class Foot:
 
 @dataclass(frozen=True)
 class FootChoice:
-    """The feet of a robot, and how it is known which of them bear. `gap`: why there are none."""
+    """The feet of a robot, and how it is known which of them bear. `gap`: why there are none;
+    `why`: what is wrong with one that was left out, in one line."""
 
     feet: tuple[Foot, ...]
     ground: Ground | None
     gap: BalanceGap | None = None
+    why: str | None = None
 
 
 def choose_feet(model: BalanceModel, schema: Schema) -> FootChoice:
     """The feet of a robot of this model whose frames have this schema."""
     rule = schema.mapping.balance
-    feet = _FootFinder(model, schema).find()
-    if not feet:
-        is_old = model.soles is None and rule.feet != ()
-        return FootChoice((), None, "old-bundle" if is_old else "no-feet")
+    finder = _FootFinder(model, schema)
+    feet = finder.find()
+    why = "; ".join(dict.fromkeys(finder.problems)) or None
     is_measured = all(foot.measures_force for foot in feet)
-    return FootChoice(feet, rule.ground or ("measured" if is_measured else "lowest"))
+    ground: Ground = rule.ground or ("measured" if is_measured else "lowest")
+    # without a foot that may bear, the margin is of what the robot does not stand on
+    if not feet or (why is not None and ground == "measured"):
+        is_old = model.soles is None and rule.feet != ()
+        return FootChoice((), None, "old-bundle" if is_old else "no-feet", why)
+    return FootChoice(feet, ground, None, why)
 
 
 class _Mounted(NamedTuple):
@@ -82,6 +91,7 @@ class _FootFinder:
     def __init__(self, model: BalanceModel, schema: Schema) -> None:
         self._model = model
         self._rule = schema.mapping.balance
+        self.problems: list[str] = []  # a line for each foot that is left out
         self._sensors: dict[str, _Mounted] = {}
         self._sensors_of_groups: dict[int, _Mounted] = {}
         self._soles = {sole.link: sole for sole in model.soles or ()}
@@ -107,8 +117,8 @@ class _FootFinder:
             if sole is not None and by_sole.get(sole.link) is None:
                 by_sole[sole.link] = self._make(mounted.site, sole, mounted)
         measured = _list_known(by_sole.values())
-        if measured:
-            return measured if len(measured) > 1 else ()
+        if len(measured) > 1:
+            return measured
         links = self._model.tree.links
         assumed = _list_known(self._make(links[sole.link], sole, None) for sole in self._soles.values())
         return assumed if len(assumed) > 1 else ()
@@ -118,11 +128,15 @@ class _FootFinder:
         own = self._sensors.get(name)
         link = self._model.link_of.get(name) if own is None else own.link
         if link is None:
+            self._lack(name)
             return None
         sensor = own or self._sensors_of_groups.get(self._model.groups[link])
         corners = self._rule.soles.get(name)
         sole = self._find_sole(link) if corners is None else Sole(link, corners)
-        return None if sole is None else self._make(name, sole, sensor)
+        if sole is None:
+            self._lack(name)
+            return None
+        return self._make(name, sole, sensor)
 
     def _find_sole(self, link: int) -> Sole | None:
         """The sole of a link, else of one that is fixed to it."""
@@ -131,9 +145,13 @@ class _FootFinder:
     def _make(self, name: str, sole: Sole, mounted: _Mounted | None) -> Foot | None:
         plane = make_sole_plane(self._rule.soles.get(name, sole.points))
         if plane is None:
+            self._lack(name)
             return None
         foot = Foot(name, sole.link, plane)
         return foot if mounted is None else self._add_sensor(foot, mounted)
+
+    def _lack(self, name: str) -> None:
+        self.problems.append(f"[balance] {name} has no sole, or one that can't be")
 
     def _add_sensor(self, foot: Foot, mounted: _Mounted) -> Foot:
         _, link, mount, sensor = mounted

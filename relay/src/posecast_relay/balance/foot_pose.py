@@ -10,17 +10,19 @@ from posecast_wire.mapping import Xyz
 
 from posecast_relay.balance.balance import FootBalance
 from posecast_relay.balance.feet import Foot
-from posecast_relay.balance.sole import compute_pressure
+from posecast_relay.balance.sole import OUTSIDE_M, compute_pressure
 from posecast_relay.kinematics.link_poses import LinkPose, place_point
 from posecast_relay.kinematics.model_tree import Quat
 from posecast_relay.kinematics.rotation import rotate_vector
 from posecast_relay.kinematics.vector import dot
 
+TILT_COS = 0.5  # cosine of the most that a sole which bears is tilted: 60°
 REACH_M = 1e9  # points beyond are no points of a robot
 
 
 class FootPose(NamedTuple):
-    """A foot in the world, metres. `lowest_m`: height of its lowest corner; `centre`: of its sole; `turn`: of
+    """A foot in the world, metres. `lowest_m`: height of its lowest corner; `is_tilted`:
+    by more than 60°, so that nothing can stand on its sole; `centre`: of its sole; `turn`: of
     the link that has it, world_from_link; `push_n`: the force along the sole's normal, N, with the sensor's
     sign, None where it is not measured or has no reading; `pushed_at`: where in the sole's plane it acts,
     also while the foot does not bear; `at_edge`: whether that is on the sole's edge."""
@@ -28,6 +30,7 @@ class FootPose(NamedTuple):
     foot: Foot
     corners: tuple[Xyz, ...]
     lowest_m: float
+    is_tilted: bool
     centre: Xyz
     turn: Quat
     push_n: float | None
@@ -59,6 +62,7 @@ def pose_foot(foot: Foot, codes: Sequence[int], poses: Sequence[LinkPose]) -> Fo
         foot,
         corners,
         lowest_m,
+        abs(rotate_vector(world_from_sole.quat, sole.normal)[2]) < TILT_COS,
         place_point(world_from_sole, sole.centre),
         world_from_sole.quat,
         push_n,
@@ -89,4 +93,4 @@ def _read_push(foot: Foot, codes: Sequence[int]) -> tuple[float | None, Xyz | No
         return push_n, None
     moment = rotate_vector(sole_from_sensor.quat, wrench.moment)
     point = compute_pressure(force, moment, sole_from_sensor.xyz, sole.normal, sole.centre)
-    return push_n, point if point is not None and is_near(point) else None
+    return push_n, point if point is not None and sole.is_inside(point, -OUTSIDE_M) else None

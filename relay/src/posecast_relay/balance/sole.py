@@ -13,6 +13,9 @@ from posecast_relay.kinematics.vector import add, cross, dot, scale, subtract
 
 EDGE_M = 0.005  # a pressure that is no further inside is on the edge
 FORCE_MIN_N = 1e-9  # a smaller force along the normal has no place where it presses
+OUTSIDE_M = 0.2  # a pressure that is farther outside is none: no floor is there
+REACH_M = 10.0  # farther along an axis is no corner of a foot
+FLAT_M = 0.01  # corners of a sole are no farther from its plane
 PARALLEL = 1e-6  # two directions are one when the sine between them is less
 ORIGIN: Xyz = (0.0, 0.0, 0.0)
 
@@ -27,18 +30,22 @@ class SolePlane(NamedTuple):
 
     def is_at_edge(self, point: Xyz) -> bool:
         """Whether a point of the plane (link's frame) is on the edge: at most 5 mm inside, or outside."""
+        return not self.is_inside(point, EDGE_M)
+
+    def is_inside(self, point: Xyz, by_m: float) -> bool:
+        """Whether a point of the plane (link's frame) is so far inside every edge."""
         for i, corner in enumerate(self.corners):
             edge = subtract(self.corners[(i + 1) % len(self.corners)], corner)
-            if dot(self.normal, cross(edge, subtract(point, corner))) < EDGE_M * math.hypot(*edge):
-                return True
-        return False
+            if not dot(self.normal, cross(edge, subtract(point, corner))) >= by_m * math.hypot(*edge):
+                return False
+        return True
 
 
 def make_sole_plane(points: Sequence[Xyz]) -> SolePlane | None:
-    """The plane of a sole, from points in any order. Those of a profile need not lie in one plane exactly: it
-    is that of the largest triangle with their mean and the point farthest from it. None when the points span
-    no area."""
-    if len(points) < 3:
+    """The plane of a sole, from points in any order. They may be a centimetre off their plane, which is
+    that of the largest triangle with their mean and the point farthest from it. None when the points span no
+    area, or are no sole: beyond 10 m, or not flat."""
+    if len(points) < 3 or not all(abs(each) <= REACH_M for point in points for each in point):
         return None
     centre = _find_mean(points)
     arms = [subtract(point, centre) for point in points]
@@ -52,6 +59,8 @@ def make_sole_plane(points: Sequence[Xyz]) -> SolePlane | None:
     for i, arm in enumerate(arms):
         turning = add(turning, cross(arm, arms[(i + 1) % len(arms)]))
     normal = scale(widest, (-1 if dot(widest, turning) < 0 else 1) / width)
+    if any(abs(dot(arm, normal)) > FLAT_M for arm in arms):
+        return None
     across = scale(far, 1 / reach)
     along = cross(normal, across)
     flat: dict[tuple[float, float], Xyz] = {}

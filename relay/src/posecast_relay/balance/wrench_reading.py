@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from posecast_wire import Schema
+from posecast_wire import CODE_MAX, Schema
 from posecast_wire.mapping import JOINT, Xyz
-from posecast_wire.schema import MISSING
 
 from posecast_relay.kinematics.channel_places import ChannelPlaces
 from posecast_relay.unit_conversion import Quantity, find_factor
@@ -18,7 +17,8 @@ AxisChannel = tuple[int, int, float]  # axis (0 x, 1 y, 2 z), place in the code 
 
 class Wrench(NamedTuple):
     """A force (N) and the moment about the sensor's origin (N·m), in the sensor's axes; None without a
-    reading of all axes that are measured. One that is not measured is 0."""
+    reading of all axes that are measured; one at the limit of its code is none. An axis that is not measured
+    is 0."""
 
     force: Xyz | None
     moment: Xyz | None
@@ -59,7 +59,7 @@ def _read_axes(codes: Sequence[int], channels: Sequence[AxisChannel]) -> Xyz | N
         return None
     values = [0.0, 0.0, 0.0]
     for axis, place, factor in channels:
-        if codes[place] == MISSING:
+        if abs(codes[place]) >= CODE_MAX:  # none, or more than the code can say
             return None
         values[axis] = codes[place] * factor
     return (values[0], values[1], values[2])

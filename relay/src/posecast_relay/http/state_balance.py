@@ -43,7 +43,7 @@ class StateBalance:
             return _tell_none(model.code, model.detail)
         choice = self._choose_feet(stream, frame.schema, model)
         if not model.inertials and not choice.feet:
-            return _explain_nothing(model)
+            return _explain_nothing(model, choice.why)
         if not _has_positions(frame):
             return _tell_none("no-positions")
         cost_us = LINK_US * len(model.tree.links) + FOOT_US * len(choice.feet)
@@ -54,7 +54,8 @@ class StateBalance:
         poses.update(readings)
         course = BalanceCourse(model, frame.schema, choice)
         told = make_balance_document(course.read(frame.codes, poses.compute_world_poses(), frame.t_s))
-        return told if model.why is None else {**told, "detail": model.why}
+        detail = "; ".join(filter(None, (model.why, choice.why)))
+        return {**told, "detail": detail} if detail else told
 
     def _choose_feet(self, stream: Stream, schema: Schema, model: BalanceModel) -> FootChoice:
         known = self._choices.get(stream)
@@ -71,12 +72,14 @@ def _has_positions(frame: Frame) -> bool:
     )
 
 
-def _explain_nothing(model: BalanceModel) -> Mapping[str, Any] | None:
+def _explain_nothing(model: BalanceModel, why: str | None) -> Mapping[str, Any] | None:
     if model.why is not None:
         return _tell_none("bad-model", model.why)
     if model.inertials is None or model.soles is None:
         return _tell_none("old-bundle")
-    return _tell_none("impossible-masses") if model.has_impossible_masses else None
+    if model.has_impossible_masses:
+        return _tell_none("impossible-masses", why)
+    return None if why is None else _tell_none("no-feet", why)
 
 
 def _tell_none(code: str, detail: str | None = None) -> Mapping[str, Any]:

@@ -20,11 +20,15 @@ export interface Sole {
 }
 
 const MAX_CORNERS = 16;
+/** More is no mass of a link, and farther is no centre of one. */
+const MAX_KG = 1e6;
+const REACH_M = 100;
 
 /** The links that have a mass, ascending; [] where the description has no masses, or some that can't be; null: an older
  *  builder made the bundle. Throws a one-line BundleError. */
 export function readMasses(manifest: Manifest): readonly LinkMass[] | null {
-  return readByLink(manifest, 'inertials', readMass);
+  const masses = readByLink(manifest, 'inertials', readMass);
+  return masses?.every(canBe) === false ? [] : masses;
 }
 
 /** The links that can be a foot, ascending; null: an older builder made the bundle. Throws a one-line BundleError. */
@@ -60,6 +64,10 @@ function readMass({ mass_kg, xyz, inertia }: Raw, link: number, where: string): 
     xyz: numbers(xyz, 3, `${where}.xyz`) as unknown as Vec3,
     inertia: numbers(inertia, 6, `${where}.inertia`),
   };
+}
+
+function canBe({ massKg, xyz }: LinkMass): boolean {
+  return massKg <= MAX_KG && xyz.every((x) => Math.abs(x) <= REACH_M);
 }
 
 function readSole({ points }: Raw, link: number, where: string): Sole {

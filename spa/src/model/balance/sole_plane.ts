@@ -6,14 +6,18 @@ import { addScaled, cross, dot, normalize, scale } from '../vectors.ts';
 
 /** Two directions are one when the sine between them is less. */
 const PARALLEL = 1e-6;
+/** Farther than this (metres) from the frame's origin along an axis is no corner of a foot. */
+const REACH_M = 10;
+/** Corners are farther than this (metres) from their plane in no sole. */
+const FLAT_M = 0.01;
 
 /**
- * The plane of a sole, from points in any order. Those of a profile need not lie in one plane exactly, nor be a convex
+ * The plane of a sole, from points in any order. They may be a centimetre off their plane, and need not be a convex
  * polygon: the plane is that of the largest triangle with their mean and the point farthest from it. null when the
- * points span no area.
+ * points span no area, or are no sole: beyond 10 m, or not flat.
  */
 export function planeOfSole(points: readonly Vec3[]): SolePlane | null {
-  if (points.length < 3 || !points.flat().every(Number.isFinite)) return null;
+  if (points.length < 3 || !points.flat().every((x) => Math.abs(x) <= REACH_M)) return null;
   const centre = meanOf(points);
   const arms = points.map((point) => addScaled(point, centre, -1));
   const far = longest(arms);
@@ -21,6 +25,7 @@ export function planeOfSole(points: readonly Vec3[]): SolePlane | null {
   if (Math.hypot(...widest) <= PARALLEL * dot(far, far)) return null;
   const turning = arms.map((arm, i) => cross(arm, arms[(i + 1) % arms.length]!)).reduce(sumOf);
   const normal = scale(normalize(widest), dot(widest, turning) < 0 ? -1 : 1);
+  if (arms.some((arm) => Math.abs(dot(arm, normal)) > FLAT_M)) return null;
   const across = normalize(far);
   const along = cross(normal, across);
   const flat = arms.map((arm): Vec2 => [dot(arm, across), dot(arm, along)]);

@@ -18,7 +18,9 @@ const NO_RULE: BalanceRule = { feet: null, ground: null, soles: new Map() };
  * 1. those of the profile: sites of wrench sensors, else links; a link has the sensor that is mounted on it or on what is
  *    fixed to it. `[]` are none. Each has the profile's sole, else the model's.
  * 2. the wrench sensors on a link with a sole (or on what is fixed to it), if they are at least two;
- * 3. without any such sensor, the model's soles, if they are at least two.
+ * 3. with fewer such sensors, the model's soles, if they are at least two.
+ *
+ * A foot that is named but not there, or whose sole can't be one, is left out; with ground `measured` no feet are known then.
  *
  * Which of them bear is `measured` when the profile says so, else in 1 when every foot has a sensor of the force along
  * its normal, and in 2; all else is `lowest`.
@@ -37,14 +39,19 @@ export function chooseStanding(manifest: Manifest, schema: Schema): Standing {
   const known = attempt(() => readMasses(manifest), null);
   const soles = attempt(() => readSoles(manifest), null);
   const rule = attempt(() => readBalance(schema), NO_RULE);
-  const feet = new FeetFinder(manifest, schema, soles ?? []).find(rule);
-  const measured = feet.every(({ sensor }) => sensor?.measuresForce ?? false) ? 'measured' : 'lowest';
+  const lacks: string[] = [];
+  const found = new FeetFinder(manifest, schema, soles ?? [], lacks).find(rule);
+  problems.push(...new Set(lacks));
+  const measured = found.every(({ sensor }) => sensor?.measuresForce ?? false) ? 'measured' : 'lowest';
+  const ground = rule.ground ?? measured;
+  // Without a foot that may bear, the margin is of what the robot does not stand on.
+  const feet = lacks.length > 0 && ground === 'measured' ? [] : found;
   return {
     masses: known ?? [],
     massGap: whyNoMasses(known, manifest),
     feet,
     footGap: feet.length === 0 ? whyNoFeet(soles, rule, manifest) : null,
-    ground: feet.length === 0 ? null : (rule.ground ?? measured),
+    ground: feet.length === 0 ? null : ground,
     problems,
   };
 }
@@ -57,7 +64,8 @@ function whyNoFeet(soles: readonly Sole[] | null, rule: BalanceRule, { raw }: Ma
 function whyNoMasses(masses: readonly LinkMass[] | null, { raw }: Manifest): BalanceGap | null {
   if (masses === null) return 'old-bundle';
   if (masses.length > 0) return null;
-  return toldOfMasses(raw.findings).length > 0 ? 'impossible-masses' : 'no-masses';
+  const listed = Array.isArray(raw.inertials) && raw.inertials.length > 0;
+  return listed || toldOfMasses(raw.findings).length > 0 ? 'impossible-masses' : 'no-masses';
 }
 
 /** A sensor of the mapping that measures at least one component of a wrench, on a link of the model. */
@@ -77,8 +85,11 @@ class FeetFinder {
   readonly #rest: Kinematics;
   readonly #soles: readonly Sole[];
   readonly #sensors: readonly Mounted[];
+  readonly #problems: string[];
 
-  constructor({ links, joints }: Manifest, schema: Schema, soles: readonly Sole[]) {
+  /** `problems`: gets a line for each foot that is left out. */
+  constructor({ links, joints }: Manifest, schema: Schema, soles: readonly Sole[], problems: string[]) {
+    this.#problems = problems;
     this.#links = links;
     const groups = [0];
     for (const { type, parent } of joints) groups.push(type === 'fixed' ? groups[parent]! : groups.length);
@@ -105,7 +116,7 @@ class FeetFinder {
       taken.add(sole.link);
       return this.#foot(sensor.site, sole.link, rule.soles.get(sensor.site) ?? sole.points, sensor);
     });
-    if (measured.length > 0) return measured.length > 1 ? measured : [];
+    if (measured.length > 1) return measured;
     const soles = this.#soles.flatMap(({ link, points }) => {
       const name = this.#links[link]!;
       return this.#foot(name, link, rule.soles.get(name) ?? points, null);
@@ -117,13 +128,14 @@ class FeetFinder {
   #named(name: string, { soles }: BalanceRule): readonly Foot[] {
     const own = this.#sensors.find(({ site }) => site === name);
     const link = own?.link ?? this.#links.indexOf(name);
-    if (link < 0) return [];
+    if (link < 0) return this.#lack(name);
     const group = this.#groupOf[link]!;
     const sensor = own ?? this.#sensors.find((one) => this.#groupOf[one.link] === group) ?? null;
     const points = soles.get(name);
     if (points !== undefined) return this.#foot(name, link, points, sensor);
     const sole = this.#soleOn(link);
-    return sole === null ? [] : this.#foot(name, sole.link, sole.points, sensor);
+    if (sole === null) return this.#lack(name);
+    return this.#foot(name, sole.link, sole.points, sensor);
   }
 
   /** The sole of a link, else of a link that is fixed to it. */
@@ -135,9 +147,14 @@ class FeetFinder {
 
   #foot(name: string, link: number, points: readonly Vec3[], mounted: Mounted | null): readonly Foot[] {
     const sole = planeOfSole(points);
-    if (sole === null) return [];
+    if (sole === null) return this.#lack(name);
     const sensor = mounted === null ? null : this.#sensorAt(mounted, link, sole);
     return [{ name, link, linkName: this.#links[link]!, sole, sensor }];
+  }
+
+  #lack(name: string): readonly [] {
+    this.#problems.push(`[balance] ${name} has no sole, or one that can't be`);
+    return [];
   }
 
   /** A sensor seen from the link with the sole, to which its link is fixed. */

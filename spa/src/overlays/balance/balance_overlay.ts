@@ -3,8 +3,8 @@ import { BalanceReader } from '../../model/balance/balance_reader.ts';
 import type { PosedBody } from '../../model/posed_body.ts';
 import { normalize } from '../../model/vectors.ts';
 import type { Balance } from '../../twin/balance/balance.ts';
-import { marginLimits } from '../../twin/balance/told/margin_limits.ts';
-import { LevelLatch } from '../../twin/limits/level_latch.ts';
+import { limitsBy, type MarginLimits, marginLimits } from '../../twin/balance/told/margin_limits.ts';
+import { StanceJudge } from '../../twin/balance/told/stance.ts';
 import type { BalanceReadings } from '../../twin/overlay/reader.ts';
 import type { Pose } from '../../twin/playback/pose.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
@@ -33,7 +33,9 @@ export class BalanceOverlay implements BalanceDrawing {
   readonly #jointLimits: () => DrawJointLimits | null;
   #reader: BalanceReader | null = null;
   #readFor: readonly [PosedBody['manifest'], Schema] | null = null;
-  readonly #latch = new LevelLatch();
+  /** The judge that the page's words have, so that both have one level. */
+  #judge = new StanceJudge();
+  #limits: MarginLimits = marginLimits(null);
   readonly #left = new Footprints();
   #labels: OverlayLabel[] = [];
 
@@ -54,7 +56,7 @@ export class BalanceOverlay implements BalanceDrawing {
     const tS = pose.tS ?? 0;
     const balance = reader.ofBody(body, reader.wrenchesOf(pose.wrenches ?? []), tS);
     this.#left.take(balance, tS, readings.anchored, style.reach);
-    const level = levelOf(this.#latch, readings, balance);
+    const level = this.#levelOf(readings, balance);
     const paints = paintsOf(style, level);
     const ahead = aheadOf(body);
     const lift = LIFT * style.reach;
@@ -79,9 +81,16 @@ export class BalanceOverlay implements BalanceDrawing {
     if (this.#reader === null || this.#readFor?.[0] !== manifest || this.#readFor[1] !== schema) {
       this.#reader = new BalanceReader(manifest, schema);
       this.#readFor = [manifest, schema];
+      this.#judge = new StanceJudge();
       this.#left.forget();
     }
     return this.#reader;
+  }
+
+  #levelOf({ limits }: BalanceReadings, balance: Balance): Level {
+    if (limits === null) this.#limits = marginLimits(null);
+    else if (limits !== this.#limits.threshold) this.#limits = limitsBy(limits, 'profile');
+    return this.#judge.next(balance, 0, this.#limits)?.level ?? 'ok';
   }
 
   /** Draws what lies on the floor. */
@@ -106,13 +115,6 @@ export class BalanceOverlay implements BalanceDrawing {
     drawMassFoot(facets, foot, ahead, reach, paints);
     return margin;
   }
-}
-
-/** The level of the margin by its limits, without any by those that the page's words have. */
-function levelOf(latch: LevelLatch, { limits }: BalanceReadings, { marginM }: Balance): Level {
-  const mm = marginM === null ? null : marginM * 1000;
-  if (limits !== null || mm === null) return latch.next(limits, mm);
-  return marginLimits(null).levelAt(mm);
 }
 
 /** Where the robot faces, on the floor. */

@@ -91,14 +91,19 @@ export class Balancer implements Balance {
   #findBearing(goesOn: boolean): BalanceGap | null {
     if (this.feet.length === 0) return this.#standing.footGap;
     const leastN = BEARS_NO_MORE * this.#weightN;
-    const lowest = Math.min(...this.feet.map(({ lowestM }) => lowestM)); // NaN wins
+    const heights = this.feet.map(({ lowestM, isTilted }) => {
+      if (!Number.isFinite(lowestM)) return Number.NaN;
+      return isTilted ? Number.POSITIVE_INFINITY : lowestM;
+    });
+    const lowest = Math.min(...heights); // NaN wins
     let gap: BalanceGap | null = 'airborne';
     let bearing = 0;
     for (const foot of this.feet) {
-      const { lowestM, forceN } = foot;
+      const { lowestM, forceN, isTilted } = foot;
       const wasBearing = goesOn && foot.bears === true;
       let bears: boolean | null;
-      if (!Number.isFinite(lowest)) bears = null;
+      if (Number.isNaN(lowest)) bears = null;
+      else if (isTilted) bears = false;
       else if (this.ground === 'lowest') bears = lowestM <= lowest + LOWEST_M;
       else if (forceN === null) bears = null;
       else bears = forceN >= (wasBearing ? BEARS_NO_MORE : BEARS) * this.#weightN;
@@ -118,7 +123,7 @@ export class Balancer implements Balance {
     this.floorM = this.nearestEdge = this.marginM = null;
     if (gap !== null) return;
     const bearing = this.feet.filter(({ bears }) => bears === true);
-    this.floorM = Math.min(...bearing.map(({ lowestM }) => lowestM));
+    this.floorM = Math.min(...bearing.map(({ lowestM }) => lowestM)) + 0; // never -0
     const points = bearing.flatMap(({ corners }) => corners.map(([x, y]): Vec2 => [x, y]));
     this.polygon = convexHull(points).map((i) => points[i]!);
     if (this.centreOfMass === null) return;

@@ -5,6 +5,10 @@ import type { Foot, FootWrench, SolePlane } from './standing.ts';
 
 /** How near to the sole's edge the centre of pressure counts as on it, metres. */
 const AT_EDGE_M = 0.005;
+/** A centre of pressure farther outside the sole (metres) is none: no floor is there. */
+const OUTSIDE_M = 0.2;
+/** Cosine of the most that a sole which bears is tilted: 60°. */
+const TILT_COS = 0.5;
 
 /** One foot in the newest pose. `update` and `setBears` rewrite it, in this order. */
 export class FootState implements FootBalance {
@@ -21,6 +25,8 @@ export class FootState implements FootBalance {
   pushedAt: Vec3 | null = null;
   /** Height of its lowest corner, metres in the world. */
   lowestM = Number.NaN;
+  /** Whether its sole is tilted by more than 60°, so that nothing can stand on it. */
+  isTilted = false;
   /** The sole's centre in the world, metres. */
   centre: Vec3 = [0, 0, 0];
   /** The first two rows of the rotation of world_from_link. */
@@ -45,6 +51,8 @@ export class FootState implements FootBalance {
     const m = worldFromLink.subarray(link * 16, link * 16 + 16);
     this.corners = sole.corners.map((corner) => pointThrough(m, corner));
     this.lowestM = Math.min(...this.corners.map(([, , z]) => z)); // NaN wins
+    const [nx, ny, nz] = sole.normal;
+    this.isTilted = Math.abs(m[2]! * nx + m[6]! * ny + m[10]! * nz) < TILT_COS;
     this.centre = pointThrough(m, sole.centre);
     this.rows = [
       [m[0]!, m[4]!, m[8]!],
@@ -58,7 +66,8 @@ export class FootState implements FootBalance {
   setBears(bears: boolean | null, leastN: number): void {
     this.bears = bears;
     this.pressure = bears === true && this.forceN !== null && this.forceN >= leastN ? this.pushedAt : null;
-    this.atEdge = this.pressure !== null && this.#pressed !== null && isAtEdge(this.foot.sole, this.#pressed);
+    this.atEdge =
+      this.pressure !== null && this.#pressed !== null && !isInside(this.foot.sole, this.#pressed, AT_EDGE_M);
   }
 
   /**
@@ -77,7 +86,8 @@ export class FootState implements FootBalance {
     if (!sensor.measuresPressure || wrench.moment.vector === null || this.pressN === 0) return;
     const arm = addScaled(sensor.xyz, sole.centre, -1);
     const moment = addScaled(turned(sensor.axes, wrench.moment.vector), cross(arm, force));
-    this.#pressed = addScaled(sole.centre, cross(sole.normal, moment), 1 / this.pressN);
+    const pressed = addScaled(sole.centre, cross(sole.normal, moment), 1 / this.pressN);
+    if (isInside(sole, pressed, -OUTSIDE_M)) this.#pressed = pressed;
   }
 }
 
@@ -86,11 +96,11 @@ function turned([ex, ey, ez]: readonly [Vec3, Vec3, Vec3], [x, y, z]: Vec3): Vec
   return addScaled(addScaled(scale(ex, x), ey, y), ez, z);
 }
 
-/** Whether a point of a sole's plane is less than `AT_EDGE_M` inside it. */
-function isAtEdge({ corners, normal }: SolePlane, point: Vec3): boolean {
-  return corners.some((from, i) => {
+/** Whether a point of a sole's plane is so far inside every edge, metres. */
+function isInside({ corners, normal }: SolePlane, point: Vec3, metres: number): boolean {
+  return corners.every((from, i) => {
     const edge = addScaled(corners[(i + 1) % corners.length]!, from, -1);
     const turn = dot(normal, cross(edge, addScaled(point, from, -1)));
-    return turn < AT_EDGE_M * Math.hypot(...edge);
+    return turn >= metres * Math.hypot(...edge);
   });
 }

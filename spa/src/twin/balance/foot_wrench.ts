@@ -4,6 +4,9 @@ import type { Vec3 } from '../rotation.ts';
 import { factorOf } from '../si_units.ts';
 import type { FootWrench } from './standing.ts';
 
+/** The largest code of a reading. */
+const CODE_MAX = -MISSING - 1;
+
 type Of = 'force' | 'torque';
 
 interface Part {
@@ -21,11 +24,13 @@ interface Source {
   readonly steps: readonly number[];
   /** By axis, what a value in its channel's unit is worth in N or N·m; 0 for one that is not measured. */
   readonly factors: readonly number[];
+  /** The largest value of its channels, in their units: a reading there may be more than its code can say. */
+  readonly most: number;
   readonly values: [number, number, number];
 }
 
 /** Reads the wrenches of some sites from frames' codes, without allocating. A component that a sensor does not measure, or
- *  in a unit that nobody knows, is 0. */
+ *  in a unit that nobody knows, is 0; one at the limit of its code is no reading. */
 export class FootWrenchReader {
   /** In the order of the sites; those without any component are left out. */
   readonly wrenches: readonly FootWrench[];
@@ -45,7 +50,7 @@ export class FootWrenchReader {
       part.vector = values;
       for (let i = 0; i < places.length; i += 1) {
         const code = codes[places[i]!] ?? MISSING;
-        if (code === MISSING) part.vector = null;
+        if (Math.abs(code) >= CODE_MAX) part.vector = null;
         else values[part.axes[i]!] = code * steps[i]!;
       }
     }
@@ -54,10 +59,11 @@ export class FootWrenchReader {
 
   /** Rewrites `wrenches` by others of the same schema whose numbers are still in their channels' units. */
   convert(played: readonly FootWrench[]): readonly FootWrench[] {
-    for (const { site, part, isForce, factors, values } of this.#sources) {
+    for (const { site, part, isForce, factors, most, values } of this.#sources) {
       const wrench = played.find((one) => one.site === site);
       const vector = (isForce ? wrench?.force : wrench?.moment)?.vector ?? null;
-      part.vector = vector === null ? null : values;
+      const known = vector?.every((value) => Math.abs(value) < most) ?? false;
+      part.vector = known ? values : null;
       for (let axis = 0; vector !== null && axis < 3; axis += 1)
         values[axis] = factors[axis] === 0 ? 0 : vector[axis]! * factors[axis]!;
     }
@@ -77,8 +83,9 @@ export class FootWrenchReader {
     if (field !== null && axes.length > 0) {
       const places = axes.map((axis) => field.start + found[axis]!);
       const steps = axes.map((axis) => factors[axis]! * field.scale);
+      const most = CODE_MAX * field.scale;
       const isForce = quantity === 'force';
-      this.#sources.push({ site, part, isForce, places, steps, factors, values: [0, 0, 0] });
+      this.#sources.push({ site, part, isForce, places, steps, factors, most, values: [0, 0, 0] });
     }
     return part;
   }

@@ -15,7 +15,7 @@ export interface MassPoint {
 export interface SolePlane {
   /** A convex polygon, counter-clockwise about `normal`. */
   readonly corners: readonly Vec3[];
-  /** A unit vector. What follows does not depend on its sign. */
+  /** A unit vector. What follows does not depend on its sign: corners of a profile have no order. */
   readonly normal: Vec3;
   /** The mean of the corners, in the plane. */
   readonly centre: Vec3;

@@ -34,7 +34,8 @@ export const balanceEn = {
     'The page does not know the soles of a model that is shown from its files as they are: a built model has them.',
   noMasses: 'The robot’s description has no masses.',
   impossibleMasses: 'The robot’s description has masses that can’t be.',
-  noFeet: 'No feet are known: [balance] in the profile names them.',
+  noFeet:
+    'This robot has no feet that are known: an arm, wheels or a stand have none; [balance] in the profile names them.',
   noModel: 'The model has not come yet.',
 
   // ---- numbers, plots and limits

@@ -32,7 +32,7 @@ export const balanceKo: typeof balanceEn = {
     '파일을 있는 그대로 보여 주는 모델이라 발바닥을 알 수 없습니다. 만들어 낸 모델에는 발바닥이 있습니다.',
   noMasses: '로봇의 설명 파일에 질량이 없습니다.',
   impossibleMasses: '로봇의 설명 파일에 있을 수 없는 질량이 있습니다.',
-  noFeet: '어느 것이 발인지 알 수 없습니다. 프로필의 [balance]에 적으면 됩니다.',
+  noFeet: '알려진 발이 없습니다(팔, 바퀴, 거치대). 발은 프로필의 [balance]에 적습니다.',
   noModel: '모델이 아직 오지 않았습니다.',
 
   margin: '여유',

@@ -32,12 +32,13 @@ export function marginLimits(limits: ValueLimits | null): MarginLimits {
   return ofPage[1];
 }
 
+/** The limits that somebody has set. */
+export function limitsBy(threshold: Threshold, owner: LimitsOwner): MarginLimits {
+  return { owner, levelAt: (marginMm) => level(threshold, marginMm), threshold };
+}
+
 function limitsFrom(limits: ValueLimits | null): MarginLimits {
   const threshold = limits?.threshold(MARGIN.field, MARGIN.label) ?? null;
   if (limits === null || threshold === null) return OF_PAGE;
-  return {
-    owner: limits.edited(MARGIN.field, MARGIN.label) ? 'viewer' : 'profile',
-    levelAt: (marginMm) => level(threshold, marginMm),
-    threshold,
-  };
+  return limitsBy(threshold, limits.edited(MARGIN.field, MARGIN.label) ? 'viewer' : 'profile');
 }
