@@ -121,12 +121,20 @@ def test_the_capture_point_is_ahead_by_the_root_of_height_by_gravity() -> None:
     assert slower.velocity == pytest.approx((0.2 * math.exp(-1), 0, 0), abs=1e-9)
 
 
-@pytest.mark.parametrize("step_s", [0.6, -0.1])
+@pytest.mark.parametrize("step_s", [0.8, -0.1])
 def test_velocity_begins_anew_after_a_gap_and_when_time_runs_back(step_s: float) -> None:
     robot = Standing()
     robot.read(1.0)
     assert robot.read(1.1).velocity == pytest.approx((0, 0, 0))
     assert robot.read(1.1 + step_s, right_leg=0.1).velocity is None
+
+
+def test_a_robot_that_stands_still_has_a_capture_point_by_two_frames_a_second() -> None:
+    """The edge sends the frame of a robot that does not change at its first sample after 0.5 s."""
+    robot = Standing()
+    told = [robot.read(t_s).capture_point for t_s in (0.0, 0.533, 1.066, 1.666)]
+    assert told[0] is None
+    assert told[1:] == [pytest.approx((0.02, 0, 0))] * 3
 
 
 def test_velocity_begins_anew_where_no_foot_bears_in_both_poses() -> None:
