@@ -113,7 +113,7 @@ it.each([
   ],
 ] as const)('is judged as the words are, by %s', (_, limits, levels) => {
   const body = leg();
-  const thigh = { elements: [...body.linkMatrix('thigh')!.elements] };
+  const thigh = { elements: Array.from(body.linkMatrix('thigh')!.elements) };
   const linkMatrix = body.linkMatrix.bind(body);
   Object.assign(body, { linkMatrix: (name: string) => (name === 'thigh' ? thigh : linkMatrix(name)) });
   const facets = new Facets();
