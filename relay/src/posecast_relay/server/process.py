@@ -84,7 +84,7 @@ async def _serve(
     mirror = _mirror(settings, access)
     decoded, desk = DecodeCache(), None if past is None else past.make_desk(dispatcher)
     try:
-        stop_metrics = _metrics(settings, access, mirror, refusals, past, desk, crew)
+        stop_metrics = _metrics(settings, access, mirror, router, refusals, past, desk, crew)
     except StartError:
         await _close(router)
         raise
@@ -242,6 +242,7 @@ def _metrics(
     settings: Settings,
     access: Access,
     mirror: FirebaseMirror | None,
+    router: RouterSession | None,
     refusals: AuthFailures | None,
     past: PastServices | None,
     desk: PastDesk | None,
@@ -253,7 +254,8 @@ def _metrics(
     kept, way, archive = (None, None, None) if past is None else (past.kept, past.way, past.written_archive)
     held = None if desk is None else desk.held
     join = None if crew is None else crew.join_metrics
-    sources = (access.dispatchers, mirror, refused, kept, way, held, archive, join)
+    find_expiries = dict if router is None else lambda: router.expiries_s
+    sources = (access.dispatchers, mirror, refused, kept, way, held, archive, find_expiries, join)
     try:
         port, stop = start_metrics(settings.host, settings.metrics_port, *sources)
     except OSError as e:
