@@ -285,7 +285,7 @@ def _parser() -> argparse.ArgumentParser:
         allow_abbrev=False,
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="run|robots|past")
-    commands.add_parser("robots", help="robots add|list|remove|rotate|link|unlink: publishers, share links")
+    commands.add_parser("robots", help="robots add|set|edit|check|…: publishers, viewers, share links")
     commands.add_parser("past", help="past list|export|delete: what is kept of the past")
     run = commands.add_parser("run", help="serve until SIGTERM or Ctrl-C", allow_abbrev=False)
     for flag in FLAGS:

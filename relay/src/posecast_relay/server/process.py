@@ -17,7 +17,7 @@ import uvloop
 import zenoh
 
 from posecast_relay.auth.access import Access
-from posecast_relay.config.robots_file import Robots
+from posecast_relay.config.robots_reader import Robots
 from posecast_relay.config.settings import Settings, StartError
 from posecast_relay.core.delayed_hub import DelayedHub
 from posecast_relay.core.hub import Hub
