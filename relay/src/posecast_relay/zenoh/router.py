@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 import json
 import logging
 import os
@@ -23,6 +24,7 @@ from typing import Any
 import zenoh
 from posecast_wire.keys import PREFIX
 
+from posecast_relay.port_holder import explain_taken
 from posecast_relay.zenoh.certificate_expiry import read_expiry
 
 log = logging.getLogger("posecast_relay")
@@ -184,9 +186,10 @@ def open_router(endpoints: Sequence[str], auth: ZenohAuth | None = None) -> tupl
 def _refused(endpoints: Sequence[str], error: zenoh.ZError) -> ListenError:
     """Make an error of Zenoh's message, without the place in its sources."""
     said = str(error).splitlines()[0].partition(" at /")[0]
-    return ListenError(
-        f"zenoh listener {', '.join(endpoints)}: {'address already in use' if 'in use' in said else said}"
-    )
+    if "in use" in said:
+        taken = OSError(errno.EADDRINUSE, "address already in use")
+        said = explain_taken(taken, int(endpoints[0].rpartition(":")[2]))
+    return ListenError(f"zenoh listener {', '.join(endpoints)}: {said}")
 
 
 def _open(endpoints: Sequence[str], auth: ZenohAuth | None) -> zenoh.Session:
