@@ -54,7 +54,10 @@ export function massFindings(tree: Tree, facts: Facts | null): Finding[] {
 
 /** The manifest's members `inertials`, and of `findings` what says that a mass can't be: then no mass is listed. `found`: in
  *  the URDF. */
-export function massesOf(tree: Tree, found: readonly Finding[]): { inertials: object[]; findings: Finding[] } {
+export function massesOf(
+  tree: Tree,
+  found: readonly Finding[],
+): { inertials: object[]; findings: Finding[] } {
   const findings = [...found, ...massFindings(tree, null)].filter(distrustsMasses);
   return { inertials: findings.length > 0 ? [] : inertialsOf(tree), findings };
 }
