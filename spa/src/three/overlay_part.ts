@@ -36,6 +36,11 @@ export class OverlayPart implements ScenePart {
     this.object.add(this.#batch.object);
   }
 
+  /** Whether the newest picture has signs of balance. */
+  get balanced(): boolean {
+    return this.#overlay.balanced;
+  }
+
   shown(of: RobotNode): ShownOverlay {
     if (this.#make()) this.#view.changed();
     return this.#overlay.shown(of);
