@@ -42,12 +42,6 @@ export class Overlay {
     return this.#balance?.facets ?? null;
   }
 
-  /** Whether the newest picture has signs of balance. They stand alone under the robot: red axes between them would be taken for a
-   *  warning. */
-  get balanced(): boolean {
-    return (this.facets?.count ?? 0) > 0;
-  }
-
   shown(of: OverlayBearer): ShownOverlay {
     return this.#of(of).shown;
   }

@@ -82,7 +82,7 @@ function wrench(force: Partial<Arrow>, moment: Partial<Arrow> = {}): Wrench {
   return { site: 'F', name: 'foot', mount, force: arrow(force, 500), moment: arrow(moment, 10) };
 }
 
-function show(of: Wrench, scale = 1, signs = new WrenchOverlay(), feet: readonly string[] = []) {
+function show(of: Wrench, scale = 1, signs = new WrenchOverlay(), feet: readonly { name: string }[] = []) {
   signs.take([of], true);
   const strokes = drawn((b) => signs.draw(b, sampleLeg(), 0.5, scale, () => GREEN, GREY, feet));
   return {
@@ -126,7 +126,12 @@ describe('force and moment', () => {
 
   it('has no ring where balance marks the foot, but one that reads nothing is marked', () => {
     const strokes = (vector: Vec3 | null, feet: string[]) =>
-      show(wrench({ vector }), 1, new WrenchOverlay(), feet).strokes;
+      show(
+        wrench({ vector }),
+        1,
+        new WrenchOverlay(),
+        feet.map((name) => ({ name })),
+      ).strokes;
     expect(strokes([0, 0, 2], ['LF', wrench({}).site])).toBe(0);
     expect(strokes([0, 0, 2], ['another'])).toBe(1);
     expect(strokes(null, [wrench({}).site])).toBe(1);
