@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import signal
 import socket
@@ -58,12 +59,15 @@ def test_ports_in_use_are_one_line_and_status_2() -> None:
         taken.listen()
         port = taken.getsockname()[1]
         free = ("--port", "0", "--zenoh-listen", "tcp/127.0.0.1:0")
+        me = f"{Path('/proc/self/comm').read_text().strip()} (process {os.getpid()})"
         said = refused("run", "--dev", *free, "--port", str(port))
-        assert said == f"posecast-relay: http://127.0.0.1:{port}: address already in use\n"
+        assert said == f"posecast-relay: http://127.0.0.1:{port}: address already in use by {me}\n"
         said = refused("run", "--dev", *free, "--zenoh-listen", f"tcp/127.0.0.1:{port}")
-        assert said == f"posecast-relay: zenoh listener tcp/127.0.0.1:{port}: address already in use\n"
+        assert (
+            said == f"posecast-relay: zenoh listener tcp/127.0.0.1:{port}: address already in use by {me}\n"
+        )
         said = refused("run", "--dev", *free, "--metrics-port", str(port))
-        assert said == f"posecast-relay: --metrics-port {port}: address already in use\n"
+        assert said == f"posecast-relay: --metrics-port {port}: address already in use by {me}\n"
 
 
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGINT])

@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from posecast_relay.config.robots_file import Robots, read_robots
+from posecast_relay.config.robots_file import read_robots
+from posecast_relay.config.robots_reader import Robots
 from posecast_relay.config.robots_watcher import RobotsWatcher
 
 SECRET = "C" * 43

@@ -9,7 +9,8 @@ import time
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 
-from posecast_relay.config.robots_file import Robots, RobotsError, read_robots
+from posecast_relay.config.robots_file import read_robots
+from posecast_relay.config.robots_reader import Robots, RobotsError
 
 log = logging.getLogger("posecast_relay")
 

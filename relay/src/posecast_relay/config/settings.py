@@ -278,14 +278,14 @@ class _Parser(argparse.ArgumentParser):
         raise SettingsError(message)
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(program: str) -> argparse.ArgumentParser:
     parser = _Parser(
-        prog="posecast-relay",
+        prog=program,
         description="Latest state in, thousands of viewers out. It reads robots; it never commands one.",
         allow_abbrev=False,
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="run|robots|past")
-    commands.add_parser("robots", help="robots add|list|remove|rotate|link|unlink: publishers, share links")
+    commands.add_parser("robots", help="robots add|set|edit|check|…: publishers, viewers, share links")
     commands.add_parser("past", help="past list|export|delete: what is kept of the past")
     run = commands.add_parser("run", help="serve until SIGTERM or Ctrl-C", allow_abbrev=False)
     for flag in FLAGS:
@@ -324,9 +324,9 @@ def _is_loopback(endpoint: str) -> bool:
         return False
 
 
-def parse(argv: Sequence[str], environ: Mapping[str, str]) -> Settings:
+def parse(argv: Sequence[str], environ: Mapping[str, str], program: str = "posecast-relay") -> Settings:
     """Read the settings from arguments and environment. Raises SettingsError; SystemExit 0 on --help."""
-    asked = vars(_parser().parse_args(argv))
+    asked = vars(_parser(program).parse_args(argv))
     values = {flag.name: _value(flag, asked[flag.name], environ) for flag in FLAGS}
     assert set(values) == {f.name for f in fields(Settings)}
     settings = Settings(**values)  # type: ignore[arg-type]

@@ -9,7 +9,7 @@ from collections.abc import Awaitable, Callable
 from posecast_relay.auth.access import Access, open_access
 from posecast_relay.auth.addresses import Addresses
 from posecast_relay.auth.tokens import Accounts, Tokens
-from posecast_relay.config.robots_file import Robots
+from posecast_relay.config.robots_reader import Robots
 from posecast_relay.config.robots_watcher import RobotsWatcher
 from posecast_relay.config.settings import Settings, StartError
 from posecast_relay.core.delayed_hub import DelayedHub

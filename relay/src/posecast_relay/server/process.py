@@ -17,7 +17,7 @@ import uvloop
 import zenoh
 
 from posecast_relay.auth.access import Access
-from posecast_relay.config.robots_file import Robots
+from posecast_relay.config.robots_reader import Robots
 from posecast_relay.config.settings import Settings, StartError
 from posecast_relay.core.delayed_hub import DelayedHub
 from posecast_relay.core.hub import Hub
@@ -26,6 +26,7 @@ from posecast_relay.http.app import make_app
 from posecast_relay.http.metrics import start_metrics
 from posecast_relay.http.past.desk import PastDesk
 from posecast_relay.logging import LoopExceptionHandler, start_logging
+from posecast_relay.port_holder import explain_taken
 from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.server.access import follow_robots, make_access, make_limits
 from posecast_relay.server.http_server import RelayServer, make_server_config, settle_memory
@@ -84,7 +85,7 @@ async def _serve(
     mirror = _mirror(settings, access)
     decoded, desk = DecodeCache(), None if past is None else past.make_desk(dispatcher)
     try:
-        stop_metrics = _metrics(settings, access, mirror, refusals, past, desk, crew)
+        stop_metrics = _metrics(settings, access, mirror, router, refusals, past, desk, crew)
     except StartError:
         await _close(router)
         raise
@@ -242,6 +243,7 @@ def _metrics(
     settings: Settings,
     access: Access,
     mirror: FirebaseMirror | None,
+    router: RouterSession | None,
     refusals: AuthFailures | None,
     past: PastServices | None,
     desk: PastDesk | None,
@@ -253,11 +255,12 @@ def _metrics(
     kept, way, archive = (None, None, None) if past is None else (past.kept, past.way, past.written_archive)
     held = None if desk is None else desk.held
     join = None if crew is None else crew.join_metrics
-    sources = (access.dispatchers, mirror, refused, kept, way, held, archive, join)
+    find_expiries = dict if router is None else lambda: router.expiries_s
+    sources = (access.dispatchers, mirror, refused, kept, way, held, archive, find_expiries, join)
     try:
         port, stop = start_metrics(settings.host, settings.metrics_port, *sources)
     except OSError as e:
-        why = (e.strerror or str(e)).lower()
+        why = explain_taken(e, settings.metrics_port)
         raise StartError(f"--metrics-port {settings.metrics_port}: {why}") from None
     log.info("metrics on http://%s:%d/metrics", settings.host, port)
     return stop

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
-from posecast_relay.config.robots_file import Robots, RobotsError, read_robots, refuse_keep
+from posecast_relay.config.robots_file import read_robots
+from posecast_relay.config.robots_reader import Robots, RobotsError
 from posecast_relay.config.settings import Settings, StartError
 
 
@@ -23,11 +25,4 @@ def make_reader(settings: Settings) -> Callable[[Path], Robots]:
     """Return what reads the file, and raises RobotsError. Without a store it refuses `keep`, as nothing would
     be kept; a gateway keeps nothing in any case.
     """
-
-    def read(path: Path) -> Robots:
-        robots = read_robots(path)
-        if settings.archive is None and settings.role != "gateway":
-            refuse_keep(robots, path)
-        return robots
-
-    return read
+    return partial(read_robots, has_store=settings.archive is not None or settings.role == "gateway")

@@ -16,7 +16,7 @@ from typing import Any
 
 import uvloop
 
-from posecast_relay.config.robots_file import Robots
+from posecast_relay.config.robots_reader import Robots
 from posecast_relay.config.settings import Settings, SettingsError, StartError, parse
 from posecast_relay.core.delayed_hub import DelayedHub
 from posecast_relay.core.hub import Hub
