@@ -113,7 +113,7 @@ it.each([
   ],
 ] as const)('is judged as the words are, by %s', (_, limits, levels) => {
   const body = leg();
-  const thigh = body.linkMatrix('thigh')!.clone();
+  const thigh = { elements: Array.from(body.linkMatrix('thigh')!.elements) };
   const linkMatrix = body.linkMatrix.bind(body);
   body.linkMatrix = (name) => (name === 'thigh' ? thigh : linkMatrix(name));
   const facets = new Facets();

@@ -117,9 +117,9 @@ export class BalanceOverlay implements BalanceDrawing {
   }
 }
 
-/** Where the margin is measured, and where the sign of its level is; null for none. */
+/** Where the margin is measured, and where the sign of its level is. */
 interface DrawnMargin extends MarginLine {
-  readonly sign: Vec3 | null;
+  readonly sign: Vec3 | undefined;
 }
 
 /** Where the robot faces, on the floor. */
@@ -145,9 +145,8 @@ function marginLabel(
 
 /** A copy: the balance is rewritten with the next pose. */
 function shownOf(balance: Balance, left: Footprints): Omit<ShownBalance, 'level' | 'joints'> {
-  const { centreOfMass, capturePoint, floorM, ground, polygon, nearestEdge, marginM, pressure } = balance;
   return {
-    ...{ centreOfMass, capturePoint, floorM, ground, polygon, nearestEdge, marginM, pressure },
+    ...balance,
     ...{ footprints: left.prints, trace: left.points },
     feet: balance.feet.map(({ name, bears, pressure, atEdge }) => ({ name, bears, pressure, atEdge })),
   };

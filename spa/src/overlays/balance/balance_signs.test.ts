@@ -111,8 +111,8 @@ describe('the support', () => {
 
   it('says a level by its shape too: a triangle, an octagon', () => {
     const plain = support({}).length;
-    expect(support({}, 'caution').length).toBe(plain + 2 + 1 + 2 * 3); // 2: the edge's dark borders
-    expect(support({}, 'fault').length).toBe(plain + 2 + 6 + 2 * 8);
+    expect(support({}, 'caution').length).toBe(plain + 2 + 1 + 1); // 2: the edge's dark borders; then the sign's, and the sign
+    expect(support({}, 'fault').length).toBe(plain + 2 + 6 + 6);
     const colors = (level: Level) => new Set(support({}, level).map(({ color }) => color));
     expect(colors('ok')).toEqual(new Set([hex(TONES.level)]));
     expect(colors('caution')).toContain(hex(TONES.caution));

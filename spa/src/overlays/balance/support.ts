@@ -4,7 +4,7 @@ import type { Balance } from '../../twin/balance/balance.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
 import type { Facets } from './facets.ts';
 import { type BalancePaints, faint } from './paints.ts';
-import { drawDashes, drawLine, fillPolygon, fillRing, fillRound, floorSpot } from './shapes.ts';
+import { drawDashes, drawLine, fillPolygon, fillRound, floorSpot } from './shapes.ts';
 
 /** Sizes in radii of the robot. */
 const OUTLINE = 0.009;
@@ -29,7 +29,7 @@ export interface MarginLine {
 }
 
 /** Draws what the robot stands on, and its edge that is nearest to the mass. `z`: the height to draw at, m. Returns the middle of the
- *  sign of its level; null for none. */
+ *  sign of its level, if there is one. */
 export function drawSupport(
   facets: Facets,
   { polygon, ground }: Balance,
@@ -38,15 +38,15 @@ export function drawSupport(
   z: number,
   reach: number,
   paints: BalancePaints,
-): Vec3 | null {
-  if (polygon.length < 3) return null;
+): Vec3 | undefined {
+  if (polygon.length < 3) return;
   const corners = polygon.map(([x, y]): Vec3 => [x, y, z]);
   const assumed = ground === 'lowest';
   const inside = level === 'fault' ? paints.margin : paints.support;
   fillPolygon(facets, corners, faint(inside, assumed ? ASSUMED_FILL : FILL));
   if (assumed) drawDashes(facets, corners, OUTLINE * reach, DASH * reach, faint(paints.support, 0.8));
   else drawLine(facets, corners, OUTLINE * reach, faint(paints.support, 0.85), { closed: true });
-  if (margin === null) return null;
+  if (margin === null) return;
   if (level !== 'ok') drawLine(facets, margin.ends, (WARNING + 2 * BORDER) * reach, paints.black);
   drawLine(facets, margin.ends, (level === 'ok' ? EDGE : WARNING) * reach, paints.margin);
   drawLine(facets, [margin.foot, margin.edge], MARGIN * reach, paints.margin);
@@ -61,17 +61,17 @@ function drawLevel(
   level: Level,
   reach: number,
   { margin, black }: BalancePaints,
-): Vec3 | null {
-  if (level === 'ok') return null;
+): Vec3 | undefined {
+  if (level === 'ok') return;
   const along = normalize(addScaled(to, from, -1));
   const outward: Vec3 = [along[1], -along[0], 0]; // the polygon is counter-clockwise
   const size = MARK * reach;
-  const corners = level === 'caution' ? 3 : 8;
+  const [corners, before] = level === 'caution' ? [3, 0.95] : [8, 1.4];
   const hidden = CLEAR * reach - dot(addScaled(edge, foot, -1), outward);
-  const away = Math.max(0, hidden) + size * (level === 'caution' ? 0.95 : 1.4);
+  const away = Math.max(0, hidden) + size * before;
   const spot = floorSpot(addScaled(edge, outward, away), outward);
+  fillRound(facets, spot, size * 1.16, black, corners);
   fillRound(facets, spot, size, margin, corners);
-  fillRing(facets, spot, size, size * 1.16, black, 2 * Math.PI, corners);
   return spot.at;
 }
 
