@@ -115,7 +115,7 @@ it.each([
   const body = leg();
   const thigh = { elements: Array.from(body.linkMatrix('thigh')!.elements) };
   const linkMatrix = body.linkMatrix.bind(body);
-  body.linkMatrix = (name) => (name === 'thigh' ? thigh : linkMatrix(name));
+  Object.assign(body, { linkMatrix: (name: string) => (name === 'thigh' ? thigh : linkMatrix(name)) });
   const facets = new Facets();
   const signs = new BalanceOverlay(facets, () => null);
   const [reader, judge] = [new BalanceReader(body.manifest, SCHEMA), new StanceJudge()];
