@@ -19,7 +19,7 @@ PYTEST := $(BIN)/pytest --reruns 1 -rR
 # two halves that take about as long
 PYTHON_A := relay/tests wire/python/tests loadtests/tests fuzz/tests
 PYTHON_B := edge-agent/tests command/tests tests
-PYTHON_NEEDS := for package in redis-server nginx rsync; do tools/need $$package || exit; done
+PYTHON_NEEDS := for package in redis-server nginx rsync prometheus; do tools/need $$package || exit; done
 E2E    := npm run --silent e2e -w spa -- --retry=1
 
 help: ## list the targets
