@@ -171,9 +171,8 @@ def test_one_wheel_is_all_of_it(stack: Any, wheels: Path, alone: Any, tmp_path: 
     )
     assert megabytes(tmp_path / "venv") <= INSTALLED_MB
     # of the commands that other pages name none is missing
-    assert {"posecast", "posecast-edge", "posecast-relay"} <= {
-        p.name for p in (tmp_path / "venv/bin").iterdir()
-    }
+    commands = {path.name for path in (tmp_path / "venv/bin").iterdir()}
+    assert {"posecast", "posecast-edge", "posecast-relay"} <= commands
     start = lambda: stack.start("demo", str(tmp_path / "venv/bin/posecast"), "demo", "--no-browser")  # noqa: E731
     url = str(alone.run(start).line(r"on air:  (http://[^/]+)/#/r/demo")[1])
     moves(alone, url)
