@@ -173,7 +173,10 @@ def test_one_wheel_is_all_of_it(stack: Any, wheels: Path, alone: Any, tmp_path: 
     # of the commands that other pages name none is missing
     commands = {path.name for path in (tmp_path / "venv/bin").iterdir()}
     assert {"posecast", "posecast-edge", "posecast-relay"} <= commands
-    start = lambda: stack.start("demo", str(tmp_path / "venv/bin/posecast"), "demo", "--no-browser")  # noqa: E731
+
+    def start() -> Any:
+        return stack.start("demo", str(tmp_path / "venv/bin/posecast"), "demo", "--no-browser")
+
     url = str(alone.run(start).line(r"on air:  (http://[^/]+)/#/r/demo")[1])
     moves(alone, url)
     whole_page(alone, url)
@@ -183,7 +186,8 @@ def test_one_wheel_is_all_of_it(stack: Any, wheels: Path, alone: Any, tmp_path: 
 def test_what_builds_models_is_small_too(wheels: Path, tmp_path: Path) -> None:
     (wheel,) = wheels.glob("posecast-*.whl")
     sh(
-        f"{sys.executable} -m venv --without-pip venv\n{UV} pip install --quiet --python venv '{wheel}[model]'",
+        f"{sys.executable} -m venv --without-pip venv\n"
+        f"{UV} pip install --quiet --python venv '{wheel}[model]'",
         tmp_path,
     )
     assert megabytes(tmp_path / "venv") <= WITH_MODELS_MB
