@@ -10,6 +10,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, NoReturn
 
+from posecast_wire.command_line.parser import CommandParser
+
 from posecast_edge.cli.doctor import examine_source
 from posecast_edge.cli.progress_bar import Bar
 from posecast_edge.cli.robot_flags import add_robot_flags, list_packages
@@ -35,9 +37,19 @@ DESCRIPTION = "robot_description"
 NEEDS_EXTRA = f"needs the mesh tools: {EXTRA}"
 UP_AXIS_HELP = "whether Collada files mean the up axis that they name: what fits together (auto)"
 CLEAN, PROBLEMS, UNUSABLE = 0, 1, 2
+BUILD_STATUSES = {
+    CLEAN: "built",
+    PROBLEMS: "built, of nothing but stand-ins",
+    UNUSABLE: "wrong arguments, or a model that can't be used",
+}
+DOCTOR_STATUSES = {
+    CLEAN: "nothing wrong, or hints only",
+    PROBLEMS: "errors or warnings",
+    UNUSABLE: "wrong arguments, or a model, profile or source that can't be used",
+}
 
 
-class _Parser(argparse.ArgumentParser):
+class _Parser(CommandParser):
     def error(self, message: str) -> NoReturn:
         raise ModelRefused(message)
 
@@ -48,11 +60,15 @@ def run_command(argv: Sequence[str], environment: Mapping[str, str], program: st
     parser.set_defaults(program=program)
     commands = parser.add_subparsers(dest="command", required=True)
     model = commands.add_parser("model").add_subparsers(dest="action", required=True)
-    build = model.add_parser("build", help="a robot and its meshes, made small for phones")
+    build = model.add_parser(
+        "build", help="a robot and its meshes, made small for phones", statuses=BUILD_STATUSES
+    )
     build.add_argument("urdf", type=Path, metavar="robot", help="URDF, xacro, SDF or MJCF")
     build.add_argument("-o", "--out", type=Path, required=True, help="the bundle's folder")
     build.add_argument("--no-cache", action="store_true", help="build it anew")
-    doctor = commands.add_parser("doctor", help="what is wrong with a set-up, in plain words")
+    doctor = commands.add_parser(
+        "doctor", help="what is wrong with a set-up, in plain words", statuses=DOCTOR_STATUSES
+    )
     doctor.add_argument("--urdf", type=Path, help="the robot: URDF, xacro, SDF or MJCF")
     doctor.add_argument("--profile", type=find_profile, help="also whether the profile fits it")
     doctor.add_argument("--source", help="also whether what it delivers fits both")

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn, TypeVar
 
+from posecast_wire.command_line.parser import CommandParser
 from posecast_wire.credential import Credential
 from posecast_wire.keys import check_name
 
@@ -21,6 +22,13 @@ from posecast_edge.uplink.certificate import Certificate
 from posecast_edge.visible import quote
 
 T = TypeVar("T")
+
+STATUSES = {
+    0: "the source ended, or the agent was told to end",
+    1: "the source or the agent failed, or output could not be written",
+    2: "wrong arguments, profile or model",
+    130: "ended by Ctrl-C before it ran",
+}
 
 
 class UsageError(Exception):
@@ -51,7 +59,7 @@ class Settings:
         return [*folders, *arguments, f"--up-axis={self.up_axis}"]
 
 
-class _Parser(argparse.ArgumentParser):
+class _Parser(CommandParser):
     def error(self, message: str) -> NoReturn:
         raise UsageError(message)
 
@@ -214,7 +222,12 @@ def parse_settings(
 ) -> Settings:
     """Parse the arguments of `run`. Raises UsageError with one line when something is wrong, SystemExit(0)
     after --help."""
-    parser = _Parser(prog=program, description="Put a robot on a URL: reads it, never commands it.")
+    parser = _Parser(
+        prog=program,
+        description="Put a robot on a URL: reads it, never commands it.",
+        version=True,
+        statuses=STATUSES,
+    )
     commands = parser.add_subparsers(dest="command", metavar="run|probe|doctor|model|profile")
     commands.add_parser("model", help="model build: a URDF and its meshes, made small for phones")
     commands.add_parser("probe", help="what a source offers")
@@ -224,6 +237,7 @@ def parse_settings(
         "run",
         help="read a source and send it to a relay",
         description="Read a source and send it to a relay. Every flag may also stand in the environment.",
+        statuses=STATUSES,
     )
 
     add_run_flags(run, environment)

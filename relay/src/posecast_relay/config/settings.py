@@ -10,6 +10,8 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import NoReturn, TypeVar
 
+from posecast_wire.command_line.parser import CommandParser
+
 from posecast_relay.auth.addresses import Network, parse_networks
 from posecast_relay.auth.origins import ORIGIN
 from posecast_relay.store_url import StoreUrlError, check_store_url
@@ -17,6 +19,11 @@ from posecast_relay.store_url import StoreUrlError, check_store_url
 T = TypeVar("T")
 
 WORKERS_MAX = 64
+STATUSES = {
+    0: "done, or ended by SIGTERM or Ctrl-C",
+    1: "a command failed",
+    2: "wrong arguments, or a port in use",
+}
 MEMORY = "memory:"  # of `--past`: nothing is kept elsewhere
 
 
@@ -273,7 +280,7 @@ FLAGS = (
 )  # fmt: skip
 
 
-class _Parser(argparse.ArgumentParser):
+class _Parser(CommandParser):
     def error(self, message: str) -> NoReturn:
         raise SettingsError(message)
 
@@ -283,11 +290,15 @@ def _parser(program: str) -> argparse.ArgumentParser:
         prog=program,
         description="Latest state in, thousands of viewers out. It reads robots; it never commands one.",
         allow_abbrev=False,
+        version=True,
+        statuses=STATUSES,
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="run|robots|past")
     commands.add_parser("robots", help="robots add|set|edit|check|…: publishers, viewers, share links")
     commands.add_parser("past", help="past list|export|delete: what is kept of the past")
-    run = commands.add_parser("run", help="serve until SIGTERM or Ctrl-C", allow_abbrev=False)
+    run = commands.add_parser(
+        "run", help="serve until SIGTERM or Ctrl-C", allow_abbrev=False, statuses=STATUSES
+    )
     for flag in FLAGS:
         told = f"{flag.help} [{flag.variable}]" + (f" (default {flag.default})" if flag.default else "")
         if flag.metavar is None:
