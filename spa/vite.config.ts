@@ -50,7 +50,7 @@ const SHARED_CHUNKS = [
   // What late parts say: all of them need it, and who plays the past has it by then.
   {
     name: 'more',
-    test: /spa\/src\/app\/(text\/(more|more_en|balance|balance\/balance_en|past|past\/past_en)|status\/(moment_words|past_words))\.ts$/,
+    test: /spa\/src\/(app\/(text\/(more|more_en|balance|balance\/balance_en|past|past\/past_en)|status\/(moment_words|past_words))|twin\/balance\/told\/margin_channel)\.ts$/,
   },
   { name: 'cells', test: /spa\/src\/app\/.*\/(cells\.ts|fault_words\.ts|FlagTerm\.tsx)$/ },
   {
@@ -59,19 +59,14 @@ const SHARED_CHUNKS = [
     includeDependenciesRecursively: false,
   },
   {
-    name: 'margins',
-    test: /spa\/src\/twin\/balance\/(limit_margin|told\/margin_limits)\.ts$/,
-    includeDependenciesRecursively: false,
-  },
-  {
     name: 'root_pose',
     test: /spa\/src\/(model\/(articulated_body|root_pose|vectors)|overlays\/colors|twin\/(sensors\/imus|vectors))\.ts$/,
     includeDependenciesRecursively: false,
   },
   {
-    // What draws balance and tells of it, without its numbers, and without a selected joint's limits.
+    // What reads balance, draws it and tells of it, without its numbers, and without a selected joint's limits.
     name: 'balance',
-    test: /spa\/src\/(overlays\/balance\/(?!joint_arc)|view\/balance|app\/balance\/(balance_(part|watch)|Stood|spoken|stance)|twin\/balance\/told\/(direction|stance))/,
+    test: /spa\/src\/((overlays|model)\/balance\/(?!joint_arc)|view\/balance|app\/balance\/(balance_(part|watch)|Stood|spoken|stance)|twin\/balance\/(?!limit_margin|told\/(could|lacks|margin_channel)))|wire\/typescript\/src\/stance/,
     includeDependenciesRecursively: false,
   },
 ];

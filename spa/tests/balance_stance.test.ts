@@ -10,7 +10,8 @@ import type { Balance, Vec2 } from '../src/twin/balance/balance.ts';
 import { couldStand } from '../src/twin/balance/told/could_stand.ts';
 import { fallDirection } from '../src/twin/balance/told/direction.ts';
 import { lacksOf } from '../src/twin/balance/told/lacks.ts';
-import { MARGIN, marginLimits } from '../src/twin/balance/told/margin_limits.ts';
+import { MARGIN } from '../src/twin/balance/told/margin_channel.ts';
+import { marginLimits } from '../src/twin/balance/told/margin_limits.ts';
 import { toldOfMasses } from '../src/twin/balance/told/mass_findings.ts';
 import { type Stance, StanceJudge } from '../src/twin/balance/told/stance.ts';
 import { ValueLimits, withEdit } from '../src/twin/limits/limits.ts';
@@ -32,6 +33,7 @@ function standing(marginMm: number | null, changed: Partial<Balance> = {}): Bala
     massKg: 50,
     centreOfMass: marginMm === null ? null : [0, 0.1 - marginMm / 1000, 0.6],
     velocity: null,
+    slide: null,
     capturePoint: null,
     floorM: 0,
     ground: 'measured',

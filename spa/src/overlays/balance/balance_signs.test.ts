@@ -37,6 +37,7 @@ function standing(changed: Partial<Balance> = {}): Balance {
     massKg: 40,
     centreOfMass: [0, 0, 0.6],
     velocity: [0, 0, 0],
+    slide: null,
     capturePoint: [0, 0, 0],
     floorM: 0,
     ground: 'measured',
@@ -267,25 +268,6 @@ describe('footprints', () => {
       walk(prints, tS, at);
       expect([prints.prints, prints.points]).toEqual([0, 1]);
     }
-  });
-
-  it('without odometry the foot that stands is what stays, and the floor moves', () => {
-    const prints = new Footprints();
-    const two = (right: Vec3, left: Vec3, leftBears: boolean) =>
-      standing({
-        feet: [
-          foot({ corners: moved(SOLE, right) }),
-          foot({ name: 'LF', bears: leftBears, corners: moved(SOLE, left) }),
-        ],
-      });
-    prints.take(two([0, -0.1, 0], [0, 0.1, 0], true), 0, false, 1);
-    prints.take(two([0, -0.1, 0], [0.1, 0.1, 0.02], false), 0.1, false, 1);
-    prints.take(two([-0.2, -0.1, 0], [0.1, 0.1, 0.02], false), 0.2, false, 1);
-    const corners = drawn((facets) => prints.draw(facets, 0, 1, PAINTS))
-      .slice(0, 2)
-      .flatMap((facet) => facet.corners.map(([x]) => x));
-    expect(Math.min(...corners), 'the left print went along').toBeCloseTo(-0.3);
-    expect(Math.max(...corners)).toBeCloseTo(-0.1);
   });
 });
 
