@@ -2,7 +2,7 @@ import { describe, it } from 'vitest';
 import type { Page } from '../driver/page.ts';
 import { until } from '../driver/until.ts';
 import { resting } from '../robot_page.ts';
-import { demoOver } from '../sign_words.ts';
+import { demoAt } from '../sign_words.ts';
 import { setStage } from '../stage.ts';
 import {
   around,
@@ -22,91 +22,98 @@ const stage = setStage();
 /** Large, so that what lies on the floor is seen. */
 const SIZE = { width: 2000, height: 1400 };
 /** The floor around its feet. */
-const FLOOR = { x: 700, y: 960, width: 600, height: 320 };
+const FLOOR = { x: 780, y: 980, width: 440, height: 240 };
 const SENTENCE = '.stage .balance-line';
 const BALANCE = 'window.posecast.scene?.signs.balance';
 
-/** Between two moments of a walk: short beside the filter of the speed. */
-const STEP_S = 1 / 30;
+/** A part of the programme, seconds. */
+type Walk = readonly [number, number];
 
-/** Moments of the programme that lead up to a second of it. */
-function upTo(second: number, lastS: number): number[] {
-  const steps = Math.round(lastS / STEP_S);
-  return Array.from({ length: steps + 1 }, (_, i) => second - (steps - i) * STEP_S);
+/** The demo robot at a second of its programme, with nothing beside it. `query`: of the page's address. */
+async function standing(second: number, query = '') {
+  const relay = await stage.stack.relay();
+  const robot = new PosedDemo(stage.stack, relay, demoAt(second));
+  const page = await openAlone(`${relay.url}/#/r/demo${query}`);
+  return { robot, page };
 }
 
-/** The demo robot after these seconds of its programme, with nothing beside it. */
-async function standing(seconds: readonly number[], joint: string | null) {
+/** A page that looks back at a walk of the demo robot and has gone through it frame by frame: what is computed of many poses needs
+ *  them all, however slowly the machine draws. */
+async function walked([fromS, toS]: Walk): Promise<Page> {
   const relay = await stage.stack.relay();
-  const [first, ...rest] = demoOver(seconds);
-  const robot = new PosedDemo(stage.stack, relay, first!);
-  const page = await sharpPage(stage, { panelOpen: false, theme: 'light' }, { viewport: SIZE });
-  await page.open(`${relay.url}/#/r/demo${joint === null ? '' : `?joint=${joint}`}`);
-  await dressed(page);
-  await drawn(page, 'balance', `${BALANCE}?.polygon.length > 2`);
-  for (const moment of rest) {
-    robot.step(moment, STEP_S);
-    const reached = moment.pos?.RKN ?? 0;
-    await drawn(page, 'a step', `Math.abs(window.posecast.twin.value('pos', 'RKN') - ${reached}) < 0.002`);
+  const robot = new PosedDemo(stage.stack, relay, demoAt(fromS));
+  await robot.edge.line(/linked to/);
+  const fromMs = Date.now();
+  await robot.play(fromS, toS);
+  const toMs = Date.now();
+  const page = await openAlone(`${relay.url}/#/r/demo?t=${new Date(fromMs).toISOString()}`);
+  const moment = () => page.evaluate<number>('window.posecast.twin.moment_ms');
+  for (let atMs = await moment(); atMs < toMs; ) {
+    await page.press('.');
+    const beforeMs = atMs;
+    atMs = await until('the next frame', async () => ((await moment()) > beforeMs ? moment() : null), 20_000);
     await until('a picture of it', () => resting(page), 20_000);
   }
-  return { robot, page };
+  return page;
+}
+
+async function openAlone(url: string): Promise<Page> {
+  const alone = { forces: false, level: false, lens: false, panelOpen: false, theme: 'light' };
+  const page = await sharpPage(stage, alone, { viewport: SIZE });
+  await page.open(url);
+  await dressed(page);
+  await drawn(page, 'balance', `${BALANCE}?.polygon.length > 2`);
+  return page;
 }
 
 async function drawn(page: Page, what: string, shown: string): Promise<void> {
   await until(what, () => page.evaluate<boolean>(`(${shown}) === true`), 60_000);
 }
 
-/** What is drawn about the robot at one second of its programme, from this side. */
+/** What is drawn about the robot at one second of its programme, or after a part of it, from this side. `shows`: what must be drawn. */
 async function draw(
   name: string,
-  seconds: readonly number[],
+  when: number | Walk,
   view: '0' | '1' | '2' | '3',
   at: Rectangle,
-  {
-    scale = 1,
-    sentence = false,
-    joint = null,
-    shows = 'true',
-  }: { scale?: number; sentence?: boolean; joint?: string | null; shows?: string } = {},
+  { scale = 1, sentence = false, query = '', shows = 'true' } = {},
 ): Promise<void> {
-  const { robot, page } = await standing(seconds, joint);
+  const { robot, page } =
+    typeof when === 'number' ? await standing(when, query) : { robot: null, page: await walked(when) };
   await drawn(page, 'the sign', shows);
   await page.press(view);
-  const parts = await takeLive(
-    page,
-    () => robot.stir(),
-    async (): Promise<Part[]> => [
-      ...(sentence ? [await cut(stage, page, await around(page, SENTENCE, 4))] : []),
-      await cut(stage, page, at, scale),
-    ],
-  );
+  const take = async (): Promise<Part[]> => [
+    ...(sentence ? [await cut(stage, page, await around(page, SENTENCE, 4))] : []),
+    await cut(stage, page, at, scale),
+  ];
+  await until('a picture at rest', () => resting(page), 20_000);
+  const parts = await (robot === null ? take() : takeLive(page, () => robot.stir(), take));
   await write(page, name, 'down', ...parts);
 }
 
 describe.runIf(WRITES)('pictures of the signs of balance', () => {
   it(
     'the ball and its plumb line',
-    () => draw('balance-mass', [2], '0', { x: 830, y: 600, width: 340, height: 600 }, { scale: 0.6 }),
+    () => draw('balance-mass', 2, '0', { x: 830, y: 600, width: 340, height: 600 }, { scale: 0.6 }),
     120_000,
   );
 
   it(
     'what it stands on',
-    () => draw('balance-support', [2], '0', { x: 840, y: 1010, width: 320, height: 200 }),
+    () => draw('balance-support', 2, '0', { x: 840, y: 1010, width: 320, height: 200 }),
     120_000,
   );
 
   it(
     'where the floor pushes back',
-    () => draw('balance-pressure', [58], '0', { x: 820, y: 1000, width: 320, height: 180 }),
+    () => draw('balance-pressure', 58, '0', { x: 820, y: 1000, width: 320, height: 180 }),
     120_000,
   );
 
   it(
     'where it would have to step',
     () =>
-      draw('balance-capture', upTo(6.6, 0.6), '0', FLOOR, {
+      draw('balance-capture', [6.2, 6.95], '0', FLOOR, {
         shows: `Math.hypot(${BALANCE}.capturePoint[0] - ${BALANCE}.centreOfMass[0], ${BALANCE}.capturePoint[1] - ${BALANCE}.centreOfMass[1]) > 0.06`,
       }),
     300_000,
@@ -114,7 +121,7 @@ describe.runIf(WRITES)('pictures of the signs of balance', () => {
 
   it(
     'how it walked',
-    () => draw('balance-footprints', upTo(9, 4), '0', FLOOR, { shows: `${BALANCE}.footprints > 3` }),
+    () => draw('balance-footprints', [5.5, 9], '0', FLOOR, { shows: `${BALANCE}.footprints > 3` }),
     600_000,
   );
 
@@ -123,11 +130,11 @@ describe.runIf(WRITES)('pictures of the signs of balance', () => {
     () =>
       draw(
         'balance-limit',
-        [58],
+        58,
         '0',
         { x: 740, y: 700, width: 520, height: 420 },
         {
-          ...{ scale: 0.6, joint: 'RKN', shows: `${BALANCE}.joints.length > 0` },
+          ...{ scale: 0.6, query: '?joint=RKN', shows: `${BALANCE}.joints.length > 0` },
         },
       ),
     120_000,
@@ -135,7 +142,7 @@ describe.runIf(WRITES)('pictures of the signs of balance', () => {
 
   it(
     'the margin and its sentence',
-    () => draw('balance-margin', [58], '0', { x: 741, y: 1030, width: 498, height: 150 }, { sentence: true }),
+    () => draw('balance-margin', 58, '0', { x: 741, y: 1030, width: 498, height: 150 }, { sentence: true }),
     120_000,
   );
 });

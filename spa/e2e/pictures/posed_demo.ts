@@ -17,8 +17,6 @@ export class PosedDemo {
   readonly edge: Process;
   #moment: Moment;
   #stirs = 0;
-  /** What its own clock says, s; null: the time of this machine. */
-  #tS: number | null = null;
 
   constructor(stack: Stack, relay: Relay, moment: Moment, robot = 'demo') {
     this.#moment = moment;
@@ -32,20 +30,12 @@ export class PosedDemo {
     this.stir();
   }
 
-  /** Goes on to this moment, `passedS` after the one before by its own clock, however long that takes here. Its clock stands until the
-   *  next step, and what is computed of speeds with it. */
-  step(moment: Moment, passedS: number): void {
-    this.#tS = (this.#tS ?? Date.now() / 1000) + passedS;
-    this.show(moment);
-  }
-
   /** Changes the pose by what nobody sees, so that the robot is live and not holding. */
   stir(): void {
     this.#stirs += 1;
     const pos = this.#moment.pos ?? {};
     const NK1 = (pos.NK1 ?? 0) + (this.#stirs % 2) * STIR_RAD;
-    const clock = this.#tS === null ? {} : { t: this.#tS };
-    this.#source.write(JSON.stringify({ ...this.#moment, ...clock, pos: { ...pos, NK1 }, wave: UNSEEN }));
+    this.#source.write(JSON.stringify({ ...this.#moment, pos: { ...pos, NK1 }, wave: UNSEEN }));
   }
 
   /** Stands still with all its readings, so that it comes to count as holding. */
