@@ -77,10 +77,12 @@ class RelayCollector(Collector):
         way: PastWayStats | None = None,
         held: HeldStats | None = None,
         archive: ArchiveStats | None = None,
+        measure_config: Callable[[], dict[str, int]] = dict,
     ) -> None:
         """`dispatchers`: the live one first, then that of the delayed viewers.
 
-        `refused` returns how many publishers were refused so far.
+        `refused` returns how many publishers were refused so far; `measure_config`, whether the files of the
+        configuration are good (1), by what they are.
         """
         self._refused = refused
         self._dispatcher = dispatchers[0]
@@ -91,6 +93,7 @@ class RelayCollector(Collector):
         self._way = way
         self._held = held
         self._archive = archive
+        self._measure_config = measure_config
 
     def collect(self) -> Iterable[Metric]:
         """Yield all metrics with their present values."""
@@ -126,6 +129,13 @@ class RelayCollector(Collector):
         )
         yield CounterMetricFamily(
             "posecast_publishers_refused", "Edges that were not let in", self._refused()
+        )
+        yield _make_labelled(
+            "posecast_config_up",
+            "Whether the files that it follows can be taken",
+            "file",
+            self._measure_config(),
+            GaugeMetricFamily,
         )
         delivered = sum(each.delivered for each in self._hubs) + sum(room.delivered for room in rooms)
         yield CounterMetricFamily("posecast_delivered_frames", "Frames handed to viewers", delivered)
@@ -266,6 +276,7 @@ def start_metrics(
     way: PastWayStats | None = None,
     held: HeldStats | None = None,
     archive: ArchiveStats | None = None,
+    measure_config: Callable[[], dict[str, int]] = dict,
     join: Callable[[Collector], Collector] | None = None,
 ) -> tuple[int, Callable[[], None]]:
     """Serve metrics on `host`:`port` (0 = any free); returns the port and a function that stops it.
@@ -273,7 +284,7 @@ def start_metrics(
     `join` adds those of other processes of this relay. Raises OSError when the port is in use.
     """
     registry = CollectorRegistry()
-    own = RelayCollector(dispatchers, mirror, refused, past, way, held, archive)
+    own = RelayCollector(dispatchers, mirror, refused, past, way, held, archive, measure_config)
     registry.register(own if join is None else join(own))
     server, thread = start_http_server(port, host, registry)
 
