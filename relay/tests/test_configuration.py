@@ -12,6 +12,7 @@ from pathlib import Path
 import httpx
 import pytest
 import zenoh
+from posecast_relay.zenoh.certificates import CertificateError, RouterCertificates
 from posecast_wire import Credential
 
 from .certificates import certificates
@@ -120,6 +121,21 @@ def test_a_relay_waits_for_certificates_too(tmp_path: Path, starting: Callable[.
     assert relay.is_ready("waiting")
     certificates(tmp_path)
     until("it serves", partial(relay.is_ready, "ready"))
+
+
+def test_a_certificate_that_is_none_is_one_line(tmp_path: Path) -> None:
+    certificates(tmp_path)
+    cert, key = tmp_path / "server.pem", tmp_path / "server.key"
+    for pair in ((key, cert), (tmp_path / "names", key)):  # the wrong way round, and no certificate
+        with pytest.raises(CertificateError) as error:
+            RouterCertificates(*pair, None)
+        said = f"--zenoh-tls-cert {pair[0]}, --zenoh-tls-key {pair[1]}: no certificate and its key"
+        assert str(error.value) == said
+    with pytest.raises(CertificateError, match="--zenoh-ca .*: no certificate in PEM form"):
+        RouterCertificates(None, None, tmp_path / "names")
+    with pytest.raises(CertificateError, match="--zenoh-ca .*: is no file"):
+        RouterCertificates(None, None, tmp_path)
+    assert len(RouterCertificates(cert, key, tmp_path / "ca.pem").make_settings()) == 3
 
 
 @pytest.fixture

@@ -82,7 +82,7 @@ it('begins anew after a gap, when time runs back, and where no foot is shared', 
   const track = new BalanceTrack();
   const stands = balance(0, 0, foot('R', true, 0, 0));
   for (const [from, to] of [
-    [0, 0.6],
+    [0, 0.8],
     [5, 4],
   ] as const) {
     track.clear();

@@ -25,8 +25,14 @@ CLEAR = "\r\x1b[K"
 class Console(logging.Handler):
     """A log handler that shares the terminal with the progress line."""
 
-    def __init__(self, out: TextIO | None = None, now_s: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self,
+        out: TextIO | None = None,
+        now_s: Callable[[], float] = time.monotonic,
+        program: str = "posecast-edge",
+    ) -> None:
         super().__init__()
+        self._program = program
         self._now_s = now_s
         self._second_s = float("-inf")
         self._lines = 0  # since then
@@ -60,7 +66,7 @@ class Console(logging.Handler):
             self._left_out += 1
             return
         clear = CLEAR if self._shown else ""
-        self._write(f"{clear}posecast-edge: {make_visible(text)}\n{self._shown}")
+        self._write(f"{clear}{self._program}: {make_visible(text)}\n{self._shown}")
 
     def is_due(self, now_s: float) -> bool:
         """Whether it is time for the next progress line (monotonic seconds)."""

@@ -42,9 +42,10 @@ class _Parser(argparse.ArgumentParser):
         raise ModelRefused(message)
 
 
-def run_command(argv: Sequence[str], environment: Mapping[str, str]) -> int:
+def run_command(argv: Sequence[str], environment: Mapping[str, str], program: str = "posecast-edge") -> int:
     """Run `model build …` or `doctor …` and return the exit status."""
-    parser = _Parser(prog="posecast-edge")
+    parser = _Parser(prog=program)
+    parser.set_defaults(program=program)
     commands = parser.add_subparsers(dest="command", required=True)
     model = commands.add_parser("model").add_subparsers(dest="action", required=True)
     build = model.add_parser("build", help="a robot and its meshes, made small for phones")
@@ -72,13 +73,13 @@ def run_command(argv: Sequence[str], environment: Mapping[str, str]) -> int:
         return _build(args, packages, None if args.no_cache else find_cache_folder(environment))
     except ModelRefused as e:
         where = "" if file is None else f"{file}: " if e.line is None else f"{file}:{e.line}: "
-        _print(sys.stderr, f"posecast-edge: {where}{e.reason}")
+        _print(sys.stderr, f"{program}: {where}{e.reason}")
     except (ProfileError, SourceError) as e:
-        _print(sys.stderr, f"posecast-edge: {e}")
+        _print(sys.stderr, f"{program}: {e}")
     except BrokenPipeError:
         raise
     except OSError as e:
-        _print(sys.stderr, f"posecast-edge: {e.filename or file}: {e.strerror or e}")
+        _print(sys.stderr, f"{program}: {e.filename or file}: {e.strerror or e}")
     return UNUSABLE
 
 
@@ -107,7 +108,7 @@ def _model(
         from posecast_edge.model.builder.up_axis import settle_up_axis  # noqa: PLC0415 - the same
     except ImportError:
         facts = None
-        _print(sys.stderr, f"posecast-edge: meshes not looked at: {NEEDS_EXTRA}")
+        _print(sys.stderr, f"{args.program}: meshes not looked at: {NEEDS_EXTRA}")
     else:
         with Bar(sys.stderr) as bar:
             files = read_visual_files(robot, Resolver(path, packages), bar.show_progress)
@@ -180,10 +181,10 @@ def _build(args: argparse.Namespace, packages: Sequence[Path], cache: Path | Non
         if kept is not None:
             kept.put(files, resolver, robot.inputs)
     write_folder(out, files)
-    return _report(path, out, json.loads(files[MANIFEST]))
+    return _report(path, out, json.loads(files[MANIFEST]), args.program)
 
 
-def _report(path: Path, out: Path, manifest: Mapping[str, Any]) -> int:
+def _report(path: Path, out: Path, manifest: Mapping[str, Any], program: str) -> int:
     """The exit status: 1 when there is something to see, and all of it is stand-ins."""
     for finding in manifest.get("findings", []):
         if finding["severity"] != "hint":
@@ -201,7 +202,7 @@ def _report(path: Path, out: Path, manifest: Mapping[str, Any]) -> int:
     if stand_ins == 0 or stand_ins < len(manifest["visuals"]):
         return CLEAN
     text = "nothing but stand-ins can be shown of it; --package-path DIR says where its meshes are"
-    _print(sys.stderr, f"posecast-edge: {path}: {text}")
+    _print(sys.stderr, f"{program}: {path}: {text}")
     return PROBLEMS
 
 

@@ -33,11 +33,11 @@ NAME_SHOWN = 200  # characters of a joint's name
 WIDTH = 100  # characters of a line of names
 
 
-def run_probe(argv: Sequence[str]) -> int:
+def run_probe(argv: Sequence[str], program: str = "posecast-edge") -> int:
     """Run the command with the arguments after `probe`. Exit status: 0 the source delivers, 1 it is silent or
     fails, 2 the arguments are wrong."""
     parser = argparse.ArgumentParser(
-        prog="posecast-edge probe", description="Watch a source for a while and say what it offers."
+        prog=f"{program} probe", description="Watch a source for a while and say what it offers."
     )
     parser.add_argument("source", help=f"KIND[:ADDRESS]; kinds: {', '.join(KINDS)}")
     parser.add_argument("--seconds", type=float, default=3.0, help="how long to watch (3)")

@@ -33,9 +33,9 @@ WIDTH = 100
 DONE, REFUSED = 0, 2
 
 
-def run_profile(argv: Sequence[str]) -> int:
+def run_profile(argv: Sequence[str], program: str = "posecast-edge") -> int:
     """Run the command with the arguments after `profile` and return the exit status."""
-    parser = argparse.ArgumentParser(prog="posecast-edge profile")
+    parser = argparse.ArgumentParser(prog=f"{program} profile")
     commands = parser.add_subparsers(dest="command", required=True)
     new = commands.add_parser("new", help="a profile to start from, made of a robot's description")
     new.add_argument("--urdf", type=Path, required=True, help="the robot: URDF, xacro, SDF or MJCF")
@@ -53,18 +53,18 @@ def run_profile(argv: Sequence[str]) -> int:
             _write(args.out, text)
     except ModelRefused as e:
         line = "" if e.line is None else f":{e.line}"
-        print(f"posecast-edge: {args.urdf}{line}: {e.reason}", file=sys.stderr)
+        print(f"{program}: {args.urdf}{line}: {e.reason}", file=sys.stderr)
         return REFUSED
     except ProfileError as e:
-        print(f"posecast-edge: {args.urdf}: no profile can be made of it: {e}", file=sys.stderr)
+        print(f"{program}: {args.urdf}: no profile can be made of it: {e}", file=sys.stderr)
         return REFUSED
     except BrokenPipeError:  # who reads has heard enough
         raise
     except FileExistsError:
-        print(f"posecast-edge: {args.out}: is there already, and stays as it is", file=sys.stderr)
+        print(f"{program}: {args.out}: is there already, and stays as it is", file=sys.stderr)
         return REFUSED
     except OSError as e:
-        print(f"posecast-edge: {e.filename or args.urdf}: {e.strerror or e}", file=sys.stderr)
+        print(f"{program}: {e.filename or args.urdf}: {e.strerror or e}", file=sys.stderr)
         return REFUSED
     return DONE
 

@@ -161,29 +161,21 @@ def _number(low: float, high: float) -> Callable[[str], float]:
     return parse
 
 
-def parse_settings(argv: Sequence[str], environment: Mapping[str, str]) -> Settings:
-    """Parse the arguments of `run`. Raises UsageError with one line when something is wrong, SystemExit(0)
-    after --help."""
-    parser = _Parser(prog="posecast-edge", description="Put a robot on a URL: reads it, never commands it.")
-    commands = parser.add_subparsers(dest="command", metavar="run|probe|doctor|model|profile")
-    commands.add_parser("model", help="model build: a URDF and its meshes, made small for phones")
-    commands.add_parser("probe", help="what a source offers")
-    commands.add_parser("doctor", help="what is wrong with a model, a profile, a source, in plain words")
-    commands.add_parser("profile", help="profile new: a profile to start from, made of a URDF")
-    run = commands.add_parser(
-        "run",
-        help="read a source and send it to a relay",
-        description="Read a source and send it to a relay. Every flag may also stand in the environment.",
-    )
+def add_run_flags(
+    parser: argparse.ArgumentParser,
+    environment: Mapping[str, str],
+    required: Sequence[str] = ("source", "relay"),
+) -> None:
+    """Add the flags of `run`; a variable of `environment` stands in for each that is not given."""
 
     def flag(name: str, parse: Callable[[str], object], text: str, default: object = None) -> None:
         variable = "POSECAST_" + name.upper().replace("-", "_")
         given = environment.get(variable)
-        run.add_argument(
+        parser.add_argument(
             f"--{name}",
             type=_naming_variable(variable, given, parse) if given else parse,
             default=given if given else default,
-            required=not given and name in ("source", "relay"),
+            required=not given and name in required,
             metavar=name.upper().replace("-", "_"),
             help=f"{text} [{variable}]",
         )
@@ -208,16 +200,36 @@ def parse_settings(argv: Sequence[str], environment: Mapping[str, str]) -> Setti
         "the robot's model (URDF, xacro, SDF, MJCF); it is made small and served, meshes and all",
     )
     flag("model", Path, "instead of --urdf: the folder that `model build` made")
-    add_robot_flags(run)
+    add_robot_flags(parser)
     flag(
         "up-axis",
         _up_axis,
         "whether Collada files mean the up axis they name: auto, ignore, apply (auto)",
         AUTO,
     )
+
+
+def parse_settings(
+    argv: Sequence[str], environment: Mapping[str, str], program: str = "posecast-edge"
+) -> Settings:
+    """Parse the arguments of `run`. Raises UsageError with one line when something is wrong, SystemExit(0)
+    after --help."""
+    parser = _Parser(prog=program, description="Put a robot on a URL: reads it, never commands it.")
+    commands = parser.add_subparsers(dest="command", metavar="run|probe|doctor|model|profile")
+    commands.add_parser("model", help="model build: a URDF and its meshes, made small for phones")
+    commands.add_parser("probe", help="what a source offers")
+    commands.add_parser("doctor", help="what is wrong with a model, a profile, a source, in plain words")
+    commands.add_parser("profile", help="profile new: a profile to start from, made of a URDF")
+    run = commands.add_parser(
+        "run",
+        help="read a source and send it to a relay",
+        description="Read a source and send it to a relay. Every flag may also stand in the environment.",
+    )
+
+    add_run_flags(run, environment)
     args = parser.parse_args(argv)
     if args.command is None:
-        raise UsageError("say `posecast-edge run …`, or --help")
+        raise UsageError(f"say `{program} run …`, or --help")
     if args.urdf and args.model:
         raise UsageError("--urdf and --model: give one of the two")
     proof = _proof(args)

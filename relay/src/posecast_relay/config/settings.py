@@ -274,9 +274,9 @@ class _Parser(argparse.ArgumentParser):
         raise SettingsError(message)
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(program: str) -> argparse.ArgumentParser:
     parser = _Parser(
-        prog="posecast-relay",
+        prog=program,
         description="Latest state in, thousands of viewers out. It reads robots; it never commands one.",
         allow_abbrev=False,
     )
@@ -320,9 +320,9 @@ def _is_loopback(endpoint: str) -> bool:
         return False
 
 
-def parse(argv: Sequence[str], environ: Mapping[str, str]) -> Settings:
+def parse(argv: Sequence[str], environ: Mapping[str, str], program: str = "posecast-relay") -> Settings:
     """Read the settings from arguments and environment. Raises SettingsError; SystemExit 0 on --help."""
-    asked = vars(_parser().parse_args(argv))
+    asked = vars(_parser(program).parse_args(argv))
     values = {flag.name: _value(flag, asked[flag.name], environ) for flag in FLAGS}
     assert set(values) == {f.name for f in fields(Settings)}
     settings = Settings(**values)  # type: ignore[arg-type]

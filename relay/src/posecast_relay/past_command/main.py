@@ -37,13 +37,13 @@ class _Parser(argparse.ArgumentParser):
         raise SettingsError(message)
 
 
-def run_past(argv: Sequence[str], environ: Mapping[str, str]) -> None:
-    """Carry out one `posecast-relay past` command.
+def run_past(argv: Sequence[str], environ: Mapping[str, str], program: str = "posecast-relay") -> None:
+    """Carry out one `posecast-relay past` command. `program`: what it is called in messages.
 
     Raises SettingsError, with one line, for wrong arguments, and SystemExit 1 when it could not be done.
     """
     parser = _Parser(
-        prog="posecast-relay past",
+        prog=f"{program} past",
         description=__doc__,
         allow_abbrev=False,
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -52,12 +52,13 @@ def run_past(argv: Sequence[str], environ: Mapping[str, str]) -> None:
     for name, each in COMMANDS.items():
         command = commands.add_parser(name, help=each.help, description=each.help, allow_abbrev=False)
         each.add_arguments(command, environ)
+        command.set_defaults(program=program)
     asked = parser.parse_args(argv)
     try:
         COMMANDS[asked.do].run(asked)
     except ArchiveError as e:
-        print(f"posecast-relay: the store of the past: {e}", file=sys.stderr)
+        print(f"{program}: the store of the past: {e}", file=sys.stderr)
         raise SystemExit(1) from None
     except (RelayAway, CommandFailed) as e:
-        print(f"posecast-relay: {e}", file=sys.stderr)
+        print(f"{program}: {e}", file=sys.stderr)
         raise SystemExit(1) from None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from posecast_relay.config.robots_watcher import RobotsWatcher
 from posecast_relay.zenoh.router import RouterSession
 
@@ -34,3 +36,7 @@ class Configuration:
         if self._router is not None:
             found["certificates"] = int(self._router.trouble is None)
         return found
+
+    def find_expiries(self) -> Mapping[str, float]:
+        """Return when the certificates in use expire, in unix seconds, by the flag that names the file."""
+        return {} if self._router is None else self._router.expiries_s

@@ -26,6 +26,7 @@ from posecast_relay.http.app import make_app
 from posecast_relay.http.metrics import start_metrics
 from posecast_relay.http.past.desk import PastDesk
 from posecast_relay.logging import LoopExceptionHandler, start_logging
+from posecast_relay.port_holder import explain_taken
 from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.server.access import follow_robots, make_access, make_limits, make_watcher
 from posecast_relay.server.configuration import Configuration
@@ -264,11 +265,12 @@ def _metrics(
     kept, way, archive = (None, None, None) if past is None else (past.kept, past.way, past.written_archive)
     held = None if desk is None else desk.held
     join = None if crew is None else crew.join_metrics
-    sources = (access.dispatchers, mirror, refused, kept, way, held, archive, configuration.measure, join)
+    files = (configuration.measure, configuration.find_expiries)
+    sources = (access.dispatchers, mirror, refused, kept, way, held, archive, *files, join)
     try:
         port, stop = start_metrics(settings.host, settings.metrics_port, *sources)
     except OSError as e:
-        why = (e.strerror or str(e)).lower()
+        why = explain_taken(e, settings.metrics_port)
         raise StartError(f"--metrics-port {settings.metrics_port}: {why}") from None
     log.info("metrics on http://%s:%d/metrics", settings.host, port)
     return stop

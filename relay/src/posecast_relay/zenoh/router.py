@@ -7,6 +7,8 @@ the session, and nothing else, is closed and opened anew.
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import errno
 import json
 import logging
 import os
@@ -15,7 +17,6 @@ import socket
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,8 @@ from typing import Any
 import zenoh
 from posecast_wire.keys import PREFIX
 
+from posecast_relay.port_holder import explain_taken
+from posecast_relay.zenoh.certificate_expiry import read_expiry
 from posecast_relay.zenoh.certificates import RouterCertificates
 
 log = logging.getLogger("posecast_relay")
@@ -140,7 +143,7 @@ def _config(
     return config
 
 
-@contextmanager
+@contextlib.contextmanager
 def _passwords(auth: ZenohAuth | None) -> Iterator[str | None]:
     """Write the file of `user:password` lines that Zenoh reads when it opens; delete it at the end."""
     if auth is None or auth.ca is not None:
@@ -189,9 +192,10 @@ def open_router(
 def _refused(endpoints: Sequence[str], error: zenoh.ZError) -> ListenError:
     """Make an error of Zenoh's message, without the place in its sources."""
     said = str(error).splitlines()[0].partition(" at /")[0]
-    return ListenError(
-        f"zenoh listener {', '.join(endpoints)}: {'address already in use' if 'in use' in said else said}"
-    )
+    if "in use" in said:
+        taken = OSError(errno.EADDRINUSE, "address already in use")
+        said = explain_taken(taken, int(endpoints[0].rpartition(":")[2]))
+    return ListenError(f"zenoh listener {', '.join(endpoints)}: {said}")
 
 
 def _open(
@@ -215,6 +219,17 @@ def reopen_router(
             time.sleep(0.01)
 
 
+def _read_expiries(auth: ZenohAuth | None) -> dict[str, float]:
+    """Return when the certificates of a session just opened expire (unix seconds), by flag."""
+    files = {} if auth is None else {"--zenoh-tls-cert": auth.cert, "--zenoh-ca": auth.ca}
+    found: dict[str, float] = {}
+    for flag, path in files.items():
+        with contextlib.suppress(OSError, ValueError):  # Zenoh has read it, so this is a form that we don't
+            if path is not None:
+                found[flag] = read_expiry(path)
+    return found
+
+
 class RouterSession:
     """The relay's session as a Zenoh router. A change of its users closes it for some milliseconds."""
 
@@ -225,6 +240,8 @@ class RouterSession:
         self._auth = auth
         self._certificates = None if auth is None else RouterCertificates(auth.cert, auth.key, auth.ca)
         self.session, self.endpoints = open_router(endpoints, auth, self._certificates)
+        # by the flag that names the file; of what is in use, which need not be what the file holds by now
+        self.expiries_s = _read_expiries(auth)
         self._changing = asyncio.Lock()
         self.changes = 0
 
@@ -262,6 +279,8 @@ class RouterSession:
                 return
             self.changes += 1
             opened()
+            if certificates.trouble is None:
+                self.expiries_s = _read_expiries(self._auth)
             came = sorted(secrets.keys() - before.secrets.keys())
             went = sorted(before.secrets.keys() - secrets.keys())
             new = sorted(r for r in secrets.keys() & before.secrets.keys() if secrets[r] != before.secrets[r])

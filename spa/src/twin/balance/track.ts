@@ -42,7 +42,7 @@ interface Place {
  * Both lie in the world of the newest pose. A robot that reports its base moves through that world by its odometry. Any
  * other stays at its origin: then what was before is moved by the way that a foot which bears seems to have made, since
  * it is the foot that stood and the world that slid. Where no foot bears in two poses in turn nothing of the kind is
- * known, and the track begins anew, as it does after a gap of 0.5 s.
+ * known, and the track begins anew, as it does after a gap of 0.75 s.
  */
 export class BalanceTrack {
   /** The trace: x, y, z (world, metres), oldest first; the first `count` points hold. */
