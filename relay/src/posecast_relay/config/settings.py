@@ -178,12 +178,8 @@ def _directory(text: str) -> Path:
 
 
 def _file(text: str) -> Path:
-    path = Path(text)
-    try:
-        path.open("rb").close()
-    except OSError as e:
-        raise ValueError((e.strerror or str(e)).lower()) from None
-    return path
+    """Read the path of a file that may come later, or become readable: the relay waits for it."""
+    return Path(text)
 
 
 def _proxies(text: str) -> tuple[Network, ...]:
