@@ -90,7 +90,10 @@ def run_command(argv: Sequence[str], environment: Mapping[str, str], program: st
     except ModelRefused as e:
         where = "" if file is None else f"{file}: " if e.line is None else f"{file}:{e.line}: "
         _print(sys.stderr, f"{program}: {where}{e.reason}")
-    except (ProfileError, SourceError) as e:
+    except ProfileError as e:
+        for line in e.lines:
+            _print(sys.stderr, f"{program}: {line}")
+    except SourceError as e:
         _print(sys.stderr, f"{program}: {e}")
     except BrokenPipeError:
         raise

@@ -62,7 +62,8 @@ def run_probe(argv: Sequence[str], program: str = "posecast-edge") -> int:
         urdf = load_robot_file(args.urdf).urdf if args.urdf else None
         source = open_source(args.source, profile)
     except (SourceError, ProfileError) as e:
-        log.error("%s", e)
+        for line in e.lines if isinstance(e, ProfileError) else (e,):
+            log.error("%s", line)
         return WRONG
     except ModelRefused as e:
         log.error("%s%s: %s", args.urdf, "" if e.line is None else f":{e.line}", e.reason)
