@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import signal
 import socket
 import subprocess
@@ -14,7 +13,6 @@ from typing import Any
 import pytest
 from posecast_wire import Close
 
-from .certificates import certificates
 from .stage import Watcher
 
 
@@ -32,25 +30,6 @@ def test_a_wrong_setting_is_one_line_and_status_2() -> None:
         refused("run", "--dev", "--port", "x") == "posecast-relay: --port 'x': use a number from 0 to 65535\n"
     )
     assert refused("run").startswith("posecast-relay: give --robots FILE (who may")
-
-
-def test_a_certificate_that_is_none_is_one_line_and_status_2(tmp_path: Path) -> None:
-    certificates(tmp_path)
-    run = (
-        "run",
-        "--port",
-        "0",
-        "--zenoh-listen",
-        "tls/127.0.0.1:0",
-        "--robots",
-        str(tmp_path / "robots.toml"),
-    )
-    (tmp_path / "robots.toml").write_text("")
-    (tmp_path / "robots.toml").chmod(0o600)
-    pem, key = str(tmp_path / "server.pem"), str(tmp_path / "server.key")
-    for cert, of in ((key, pem), (str(tmp_path / "names"), key)):  # the wrong way round, and no certificate
-        said = refused(*run, "--zenoh-tls-cert", cert, "--zenoh-tls-key", of)
-        assert re.fullmatch(r"posecast-relay: zenoh listener tls/127\.0\.0\.1:\d+: Cannot [^/\n]*\n", said)
 
 
 def test_ports_in_use_are_one_line_and_status_2() -> None:

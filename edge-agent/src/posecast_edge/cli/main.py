@@ -137,7 +137,7 @@ def _run(settings: Settings, console: Console) -> int:
         take_model(built)
     build: BackgroundBuild | DescribedModel | None = None
     if raw:
-        agent.set_sliding(raw.sliding)  # the model itself may take a minute
+        agent.expect_model(raw)  # the model itself may take a minute
         if isinstance(source, Discovering):
             source.take_joints(raw.joints)
     options = settings.list_model_options()
@@ -152,7 +152,7 @@ def _run(settings: Settings, console: Console) -> int:
     elif isinstance(source, Discovering) and not built:
         from posecast_edge.model.serve.robot_description import DescribedModel  # noqa: PLC0415 - the same
 
-        build = DescribedModel(packages, agent.set_model, agent.set_sliding, options)
+        build = DescribedModel(packages, agent.set_model, agent.expect_model, options)
         source.send_urdf_to(build.take_urdf)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: agent.stop())

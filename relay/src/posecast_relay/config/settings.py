@@ -178,12 +178,8 @@ def _directory(text: str) -> Path:
 
 
 def _file(text: str) -> Path:
-    path = Path(text)
-    try:
-        path.open("rb").close()
-    except OSError as e:
-        raise ValueError((e.strerror or str(e)).lower()) from None
-    return path
+    """Read the path of a file that may come later, or become readable: the relay waits for it."""
+    return Path(text)
 
 
 def _proxies(text: str) -> tuple[Network, ...]:
@@ -294,7 +290,7 @@ def _parser(program: str) -> argparse.ArgumentParser:
         statuses=STATUSES,
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="run|robots|past")
-    commands.add_parser("robots", help="robots add|list|remove|rotate|link|unlink: publishers, share links")
+    commands.add_parser("robots", help="robots add|set|edit|check|…: publishers, viewers, share links")
     commands.add_parser("past", help="past list|export|delete: what is kept of the past")
     run = commands.add_parser(
         "run", help="serve until SIGTERM or Ctrl-C", allow_abbrev=False, statuses=STATUSES
