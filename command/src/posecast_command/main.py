@@ -22,6 +22,7 @@ RELAY = {
     "robots": "who may publish and watch; share links",
     "past": "list, export and delete what is kept of the past",
 }
+SHELLS = ("bash", "zsh", "fish")
 STATUSES = {0: "done, or ended by Ctrl-C", 1: "a part failed", 2: "wrong arguments, or a part can't start"}
 
 
@@ -38,6 +39,9 @@ def make_parser() -> CommandParser:
     commands.add_parser("run", help="put a robot on a relay: on one started here if --relay names none")
     for name, text in (EDGE | RELAY).items():
         commands.add_parser(name, help=text)
+    completion = commands.add_parser("completion", help="a script by which a shell completes all of this")
+    completion.add_argument("shell", choices=SHELLS)
+    completion.epilog = 'eval "$(posecast completion bash)" in ~/.bashrc; likewise in ~/.zshrc. For fish: posecast completion fish | source'
     return parser
 
 
@@ -74,5 +78,8 @@ def _command(argv: Sequence[str]) -> int:
         from posecast_command.run import run_robot  # noqa: PLC0415 - the same
 
         return run_robot(argv[1:], os.environ)
-    make_parser().parse_args(argv)
-    raise AssertionError("every command is handled above")
+    asked = make_parser().parse_args(argv)  # ends the process unless it is the last of them
+    from posecast_command.completion import make_script  # noqa: PLC0415 - the same
+
+    print(make_script(asked.shell))
+    return 0

@@ -41,7 +41,7 @@ def _run(argv: Sequence[str], program: str) -> None:
     if argv[:1] == ["robots"]:
         from posecast_relay.config.robots_command import run_robots  # noqa: PLC0415 — the same
 
-        run_robots(argv[1:], os.environ)
+        run_robots(argv[1:], os.environ, program)
         return
     if argv[:1] == ["past"]:
         from posecast_relay.past_command.main import run_past  # noqa: PLC0415 — the same

@@ -58,27 +58,7 @@ class _Parser(CommandParser):
 
 def run_command(argv: Sequence[str], environment: Mapping[str, str], program: str = "posecast-edge") -> int:
     """Run `model build …` or `doctor …` and return the exit status."""
-    parser = _Parser(prog=program)
-    parser.set_defaults(program=program)
-    commands = parser.add_subparsers(dest="command", required=True)
-    model = commands.add_parser("model").add_subparsers(dest="action", required=True)
-    build = model.add_parser(
-        "build", help="a robot and its meshes, made small for phones", statuses=BUILD_STATUSES
-    )
-    build.add_argument("urdf", type=Path, metavar="robot", help="URDF, xacro, SDF or MJCF")
-    build.add_argument("-o", "--out", type=Path, required=True, help="the bundle's folder")
-    build.add_argument("--no-cache", action="store_true", help="build it anew")
-    doctor = commands.add_parser(
-        "doctor", help="what is wrong with a set-up, in plain words", statuses=DOCTOR_STATUSES
-    )
-    doctor.add_argument("--urdf", type=Path, help="the robot: URDF, xacro, SDF or MJCF")
-    doctor.add_argument("--profile", type=find_profile, help="also whether the profile fits it")
-    doctor.add_argument("--source", help="also whether what it delivers fits both")
-    doctor.add_argument("--seconds", type=float, default=5.0, help="how long to watch the source (5)")
-    doctor.add_argument("--hz", type=float, default=30.0, help="frames a second that are wanted (30)")
-    for command in (build, doctor):
-        add_robot_flags(command)
-        command.add_argument("--up-axis", choices=UP_AXIS_MODES, default=AUTO, help=UP_AXIS_HELP)
+    parser = make_parser(program)
     file = None
     try:
         args = parser.parse_args(argv)
@@ -102,6 +82,32 @@ def run_command(argv: Sequence[str], environment: Mapping[str, str], program: st
     except OSError as e:
         _print(sys.stderr, f"{program}: {e.filename or file}: {e.strerror or e}")
     return UNUSABLE
+
+
+def make_parser(program: str = "posecast-edge") -> CommandParser:
+    """The parser of both commands."""
+    parser = _Parser(prog=program)
+    parser.set_defaults(program=program)
+    commands = parser.add_subparsers(dest="command", required=True)
+    model = commands.add_parser("model").add_subparsers(dest="action", required=True)
+    build = model.add_parser(
+        "build", help="a robot and its meshes, made small for phones", statuses=BUILD_STATUSES
+    )
+    build.add_argument("urdf", type=Path, metavar="robot", help="URDF, xacro, SDF or MJCF")
+    build.add_argument("-o", "--out", type=Path, required=True, help="the bundle's folder")
+    build.add_argument("--no-cache", action="store_true", help="build it anew")
+    doctor = commands.add_parser(
+        "doctor", help="what is wrong with a set-up, in plain words", statuses=DOCTOR_STATUSES
+    )
+    doctor.add_argument("--urdf", type=Path, help="the robot: URDF, xacro, SDF or MJCF")
+    doctor.add_argument("--profile", type=find_profile, help="also whether the profile fits it")
+    doctor.add_argument("--source", help="also whether what it delivers fits both")
+    doctor.add_argument("--seconds", type=float, default=5.0, help="how long to watch the source (5)")
+    doctor.add_argument("--hz", type=float, default=30.0, help="frames a second that are wanted (30)")
+    for command in (build, doctor):
+        add_robot_flags(command)
+        command.add_argument("--up-axis", choices=UP_AXIS_MODES, default=AUTO, help=UP_AXIS_HELP)
+    return parser
 
 
 def _doctor(args: argparse.Namespace, packages: Sequence[Path]) -> int:

@@ -42,20 +42,7 @@ WIDTH = 100  # characters of a line of names
 def run_probe(argv: Sequence[str], program: str = "posecast-edge") -> int:
     """Run the command with the arguments after `probe`. Exit status: 0 the source delivers, 1 it is silent or
     fails, 2 the arguments are wrong."""
-    parser = CommandParser(
-        prog=f"{program} probe",
-        description="Watch a source for a while and say what it offers.",
-        statuses=STATUSES,
-    )
-    parser.add_argument("source", help=f"KIND[:ADDRESS]; kinds: {', '.join(KINDS)}")
-    parser.add_argument("--seconds", type=float, default=3.0, help="how long to watch (3)")
-    parser.add_argument(
-        "--urdf", type=Path, help="the robot's model (URDF, xacro, SDF, MJCF), for joints that only /tf tells"
-    )
-    parser.add_argument(
-        "--profile", type=find_profile, help="for a source that needs one, as trajectory does"
-    )
-    args = parser.parse_args(argv)
+    args = make_parser(program).parse_args(argv)
     try:
         path: Path | None = args.profile or find_defaults(args.source).profile
         profile = load_profile(path) if path else None
@@ -91,6 +78,24 @@ def run_probe(argv: Sequence[str], program: str = "posecast-edge") -> int:
     for line in [*describe_source(source.description, seen), *_offers(source)]:
         print(make_visible(line, SHOWN_MAX))
     return FINE if seen.samples else SILENT
+
+
+def make_parser(program: str = "posecast-edge") -> CommandParser:
+    """The parser of the command."""
+    parser = CommandParser(
+        prog=f"{program} probe",
+        description="Watch a source for a while and say what it offers.",
+        statuses=STATUSES,
+    )
+    parser.add_argument("source", help=f"KIND[:ADDRESS]; kinds: {', '.join(KINDS)}")
+    parser.add_argument("--seconds", type=float, default=3.0, help="how long to watch (3)")
+    parser.add_argument(
+        "--urdf", type=Path, help="the robot's model (URDF, xacro, SDF, MJCF), for joints that only /tf tells"
+    )
+    parser.add_argument(
+        "--profile", type=find_profile, help="for a source that needs one, as trajectory does"
+    )
+    return parser
 
 
 def _mark_described(profile: Profile, urdf: str) -> Profile:
