@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from posecast_command.completion import make_script
-from posecast_command.main import SHELLS
+from posecast_command.programs import SHELLS
 
 
 @pytest.mark.parametrize("shell", SHELLS)
@@ -41,8 +41,9 @@ def test_the_shell_reads_it(shell: str, tmp_path: Path) -> None:
 def test_bash_completes(line: str, words: set[str], tmp_path: Path) -> None:
     (tmp_path / "robot.urdf").touch()
     typed = line.split(" ")
+    words_typed = " ".join(repr(word) for word in typed)
     script = (
-        f"{make_script('bash')}\nCOMP_WORDS=({' '.join(repr(w) for w in typed)}); COMP_CWORD={len(typed) - 1}\n"
+        f"{make_script('bash')}\nCOMP_WORDS=({words_typed}); COMP_CWORD={len(typed) - 1}\n"
         '_shtab_posecast; printf "%s\\n" "${COMPREPLY[@]}"\n'
     )
     told = subprocess.run(

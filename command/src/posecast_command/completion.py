@@ -13,7 +13,7 @@ from posecast_relay.config import settings as relay
 from posecast_relay.past_command import main as past
 
 from posecast_command.demo import make_demo_parser
-from posecast_command.main import make_parser
+from posecast_command.programs import make_parser
 from posecast_command.run import make_run_parser
 
 FOLDERS = ("DIR",)  # metavars of flags that take one; FILES: of those that take a file
