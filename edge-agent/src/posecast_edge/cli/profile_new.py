@@ -37,15 +37,7 @@ STATUSES = {DONE: "written", REFUSED: "wrong arguments, or nothing to be made of
 
 def run_profile(argv: Sequence[str], program: str = "posecast-edge") -> int:
     """Run the command with the arguments after `profile` and return the exit status."""
-    parser = CommandParser(prog=f"{program} profile")
-    commands = parser.add_subparsers(dest="command", required=True)
-    new = commands.add_parser(
-        "new", help="a profile to start from, made of a robot's description", statuses=STATUSES
-    )
-    new.add_argument("--urdf", type=Path, required=True, help="the robot: URDF, xacro, SDF or MJCF")
-    add_robot_flags(new)
-    new.add_argument("-o", "--out", type=Path, help="the file; without, it is printed")
-    args = parser.parse_args(argv)
+    args = make_parser(program).parse_args(argv)
     try:
         urdf = load_robot_file(
             args.urdf, list_packages(args.package_path, os.environ), dict(args.xacro_arg)
@@ -71,6 +63,19 @@ def run_profile(argv: Sequence[str], program: str = "posecast-edge") -> int:
         print(f"{program}: {e.filename or args.urdf}: {e.strerror or e}", file=sys.stderr)
         return REFUSED
     return DONE
+
+
+def make_parser(program: str = "posecast-edge") -> CommandParser:
+    """The parser of the command."""
+    parser = CommandParser(prog=f"{program} profile")
+    commands = parser.add_subparsers(dest="command", required=True)
+    new = commands.add_parser(
+        "new", help="a profile to start from, made of a robot's description", statuses=STATUSES
+    )
+    new.add_argument("--urdf", type=Path, required=True, help="the robot: URDF, xacro, SDF or MJCF")
+    add_robot_flags(new)
+    new.add_argument("-o", "--out", type=Path, help="the file; without, it is printed")
+    return parser
 
 
 def _write(path: Path, text: str) -> None:

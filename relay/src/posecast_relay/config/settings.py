@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import ipaddress
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -281,7 +280,8 @@ class _Parser(CommandParser):
         raise SettingsError(message)
 
 
-def _parser(program: str) -> argparse.ArgumentParser:
+def make_parser(program: str) -> CommandParser:
+    """Make the parser of the program; `robots` and `past` have parsers of their own."""
     parser = _Parser(
         prog=program,
         description="Latest state in, thousands of viewers out. It reads robots; it never commands one.",
@@ -333,7 +333,7 @@ def _is_loopback(endpoint: str) -> bool:
 
 def parse(argv: Sequence[str], environ: Mapping[str, str], program: str = "posecast-relay") -> Settings:
     """Read the settings from arguments and environment. Raises SettingsError; SystemExit 0 on --help."""
-    asked = vars(_parser(program).parse_args(argv))
+    asked = vars(make_parser(program).parse_args(argv))
     values = {flag.name: _value(flag, asked[flag.name], environ) for flag in FLAGS}
     assert set(values) == {f.name for f in fields(Settings)}
     settings = Settings(**values)  # type: ignore[arg-type]

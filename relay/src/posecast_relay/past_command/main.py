@@ -43,6 +43,19 @@ def run_past(argv: Sequence[str], environ: Mapping[str, str], program: str = "po
 
     Raises SettingsError, with one line, for wrong arguments, and SystemExit 1 when it could not be done.
     """
+    asked = make_past_parser(environ, program).parse_args(argv)
+    try:
+        COMMANDS[asked.do].run(asked)
+    except ArchiveError as e:
+        print(f"{program}: the store of the past: {e}", file=sys.stderr)
+        raise SystemExit(1) from None
+    except (RelayAway, CommandFailed) as e:
+        print(f"{program}: {e}", file=sys.stderr)
+        raise SystemExit(1) from None
+
+
+def make_past_parser(environ: Mapping[str, str], program: str = "posecast-relay") -> CommandParser:
+    """Make the parser of the command. `program`: what it is called in messages."""
     parser = _Parser(
         prog=f"{program} past",
         description="List, export and delete what is kept of the past.",
@@ -56,12 +69,4 @@ def run_past(argv: Sequence[str], environ: Mapping[str, str], program: str = "po
         )
         each.add_arguments(command, environ)
         command.set_defaults(program=program)
-    asked = parser.parse_args(argv)
-    try:
-        COMMANDS[asked.do].run(asked)
-    except ArchiveError as e:
-        print(f"{program}: the store of the past: {e}", file=sys.stderr)
-        raise SystemExit(1) from None
-    except (RelayAway, CommandFailed) as e:
-        print(f"{program}: {e}", file=sys.stderr)
-        raise SystemExit(1) from None
+    return parser

@@ -70,7 +70,8 @@ class CommandParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """End the process with one line and status 2."""
-        self.exit(WRONG_ARGUMENTS, f"{self.prog}: {message}\n")
+        program = paint(f"{self.prog}:", "red", sys.stderr)
+        self.exit(WRONG_ARGUMENTS, f"{program} {message}\n")
 
     def format_help(self) -> str:
         """With the exit statuses at the end, and headings in bold where stdout wants that."""
