@@ -45,6 +45,7 @@ async def test_an_outage_is_a_gap_only_where_something_was_lost(
     async with running(redis_server, None) as fleet:
         writer: RedisPastWriter = fleet.writer
         await fleet.keep(0, PAGE_MS)
+        caplog.clear()  # a busy machine may have been late before
         redis_server.kill()
         for n in range(1, 9):
             fleet.ingest.past.add(make_kept(n, PAGE_MS + 4000 * n), 0.0)
@@ -52,5 +53,5 @@ async def test_an_outage_is_a_gap_only_where_something_was_lost(
         redis_server.start()
         await until("it is back", lambda: any("redis is back; " in line for line in caplog.messages))
         lines = [line for line in caplog.messages if line.startswith("the past: redis is back; ")]
-        assert lines[0].startswith(f"the past: redis is back; {told}")
+        assert lines[-1].startswith(f"the past: redis is back; {told}")
         assert (writer.dropped > 0) == (told == "gateways lack ")

@@ -173,12 +173,12 @@ class RedisPastWriter:
                 await asyncio.sleep(wait_s)
                 wait_s = min(2 * wait_s, BACKOFF_S[1])
                 continue
-            with contextlib.suppress(TimeoutError):  # while there is a trouble, see whether it is over
+            try:
                 async with asyncio.timeout(TROUBLE_LOOK_S if self.link.outage.is_open else None):
                     await self._wake.wait()
-            self._wake.clear()
-            if self._trouble is None:
+            except TimeoutError:  # all that waited was written: is the trouble over?
                 self._note_success()
+            self._wake.clear()
 
     async def _connect(self) -> None:
         await self.link.connect(ENTER, WRITE, DELETE, FORGET, LOOK)
