@@ -19,7 +19,7 @@ PYTEST := $(BIN)/pytest --reruns 1 -rR
 # two halves that take about as long
 PYTHON_A := relay/tests wire/python/tests loadtests/tests fuzz/tests
 PYTHON_B := edge-agent/tests command/tests tests
-PYTHON_NEEDS := for package in redis-server nginx rsync; do tools/need $$package || exit; done
+PYTHON_NEEDS := for package in redis-server nginx rsync prometheus; do tools/need $$package || exit; done
 E2E    := npm run --silent e2e -w spa -- --retry=1
 
 help: ## list the targets
@@ -47,7 +47,7 @@ node_modules/.ready: package-lock.json package.json $(wildcard spa/package.json 
 	npm install --silent --no-save --ignore-scripts
 	@touch $@
 
-spa/dist/index.html: node_modules/.ready $(shell git ls-files --cached --others --exclude-standard spa/src spa/lean_three spa/public spa/index.html spa/vite.config.ts wire/typescript/src 2>/dev/null)
+spa/dist/index.html: node_modules/.ready $(shell git ls-files --cached --others --exclude-standard spa/src spa/lean_react spa/lean_three spa/public spa/index.html spa/vite.config.ts wire/typescript/src 2>/dev/null)
 	npm run --silent build -w spa
 	@touch $@
 

@@ -14,6 +14,7 @@ PARTS = ("wire/python", "edge-agent", "relay")
 PAGE = "spa/dist"
 OWN = (
     "segno==1.6.6",  # the QR code
+    "shtab==1.13.0",  # completion in shells
 )
 
 

@@ -7,7 +7,7 @@ import sys
 from importlib.metadata import version
 
 import pytest
-from posecast_command.main import EDGE, RELAY, make_parser
+from posecast_command.programs import EDGE, RELAY, make_parser
 
 
 def posecast(*argv: str) -> subprocess.CompletedProcess[str]:

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from edge_stage import ROBOT, Edge, Router, until
 from model_stage import cube_stl, link, mesh, robot, written
+from posecast_edge.model.finding import advise_mesh_tools
 from posecast_edge.model.serve.background import NEEDED, BackgroundBuild
 from posecast_edge.model.serve.bundle import Bundle, load_bundle
 from posecast_wire.keys import Snapshot, model_key
@@ -138,7 +139,7 @@ def test_without_the_mesh_tools_the_meshes_go_as_they_are(
     build.stop()
     assert ready.bundles == [raw]
     [record] = caplog.records
-    assert "pip install 'posecast-edge[model]'" in record.getMessage()
+    assert advise_mesh_tools() in record.getMessage()
     assert "\n" not in record.getMessage()
 
 

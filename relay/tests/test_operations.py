@@ -37,6 +37,7 @@ ROBOTS_FLAGS = {  # of `posecast-relay robots`
 PAST_FLAGS = {"--all", "--from", "--to", "--view", "--yes"}  # of `posecast-relay past`
 EDGE_FLAGS = {"--credential", "--hz", "--relay", "--robot", "--tls-ca", "--tls-cert", "--tls-key"}
 REDIS_FLAGS = {"--pattern", "--scan"}  # of redis-cli
+COMPOSE_FLAGS = {"--detach"}  # of docker and docker compose
 PAGE = (DOCS / "OPERATIONS.md").read_text()
 
 
@@ -64,7 +65,13 @@ async def test_every_series_is_explained_and_no_other() -> None:
 
 def test_every_flag_is_one() -> None:
     known = (
-        {flag.option for flag in FLAGS} | {"--help"} | ROBOTS_FLAGS | PAST_FLAGS | REDIS_FLAGS | EDGE_FLAGS
+        {flag.option for flag in FLAGS}
+        | {"--help"}
+        | ROBOTS_FLAGS
+        | PAST_FLAGS
+        | REDIS_FLAGS
+        | COMPOSE_FLAGS
+        | EDGE_FLAGS
     )
     assert set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", PAGE)) <= known
 

@@ -30,7 +30,7 @@ def test_a_flag_wins_over_its_variable_and_that_over_port() -> None:
     [
         ([], {}, "required: run"),
         (["run"], {}, "give --robots FILE (who may publish and watch), or --dev"),
-        (["run", "--dev", "--prot", "1"], {}, "unrecognized arguments: --prot 1"),
+        (["run", "--dev", "--prot", "1"], {}, "unrecognized arguments: --prot (did you mean --port?)"),
         (["run", "--dev", "--port"], {}, "--port"),
         (["run", "--dev", "--port", "80a"], {}, "--port '80a': use a number from 0 to 65535"),
         (["run", "--dev"], {"POSECAST_PORT": "70000"}, "POSECAST_PORT '70000': "),

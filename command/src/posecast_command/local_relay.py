@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from posecast_relay.port_holder import name_holder
+from posecast_wire.command_line.color import paint
 
 from posecast_command.link import (
     draw_qr,
@@ -149,5 +150,6 @@ def _announce(url: str, uplink: str, for_others: bool) -> None:
     if sys.stderr.isatty():
         print("\r\x1b[K", end="", file=sys.stderr, flush=True)  # the agent's line of progress stands there
     code = f"{draw_qr(url)}\n" if for_others else ""
-    print(f"\n  Posecast is on air:  {url}\n\n{code}  More robots on this machine: --relay {uplink}")
+    print(f"\n  Posecast is on air:  {paint(url, 'bold', sys.stdout)}\n")
+    print(f"{code}  More robots on this machine: --relay {uplink}")
     print("  Ctrl-C ends it.", flush=True)

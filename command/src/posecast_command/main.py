@@ -8,37 +8,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import NoReturn
 
-from posecast_wire.command_line.parser import CommandParser
-
-EDGE = {
-    "edge": "the agent beside a robot: run|probe|doctor|model|profile, as posecast-edge",
-    "doctor": "what is wrong with a model, a profile, a source, in plain words",
-    "probe": "what a source offers",
-    "model": "model build: a robot's model and meshes, made small for phones",
-    "profile": "profile new: a profile to start from, made of a model",
-}
-RELAY = {
-    "relay": "the relay: run|robots|past, as posecast-relay",
-    "robots": "who may publish and watch; share links",
-    "past": "list, export and delete what is kept of the past",
-}
-STATUSES = {0: "done, or ended by Ctrl-C", 1: "a part failed", 2: "wrong arguments, or a part can't start"}
-
-
-def make_parser() -> CommandParser:
-    """The commands, without their arguments."""
-    parser = CommandParser(
-        prog="posecast",
-        description="Put a robot on a URL: reads it, never commands it.",
-        statuses=STATUSES,
-        version=True,
-    )
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", title="commands")
-    commands.add_parser("demo", help="a relay, its page and a robot of ours, in this terminal")
-    commands.add_parser("run", help="put a robot on a relay: on one started here if --relay names none")
-    for name, text in (EDGE | RELAY).items():
-        commands.add_parser(name, help=text)
-    return parser
+from posecast_command.programs import EDGE, RELAY, make_parser
 
 
 def main() -> NoReturn:
@@ -74,5 +44,8 @@ def _command(argv: Sequence[str]) -> int:
         from posecast_command.run import run_robot  # noqa: PLC0415 - the same
 
         return run_robot(argv[1:], os.environ)
-    make_parser().parse_args(argv)
-    raise AssertionError("every command is handled above")
+    asked = make_parser().parse_args(argv)  # ends the process unless it is the last of them
+    from posecast_command.completion import make_script  # noqa: PLC0415 - the same
+
+    print(make_script(asked.shell))
+    return 0

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import NoReturn
 
+from posecast_wire.command_line.color import paint
+
 from posecast_relay.config.settings import SettingsError, StartError, parse
 
 
@@ -23,7 +25,7 @@ def main(argv: Sequence[str] | None = None, program: str = "posecast-relay") -> 
         signal.signal(signal.SIGTERM, lambda *_: os._exit(0))
         _run(sys.argv[1:] if argv is None else argv, program)
     except (SettingsError, StartError) as e:
-        print(f"{program}: {e}", file=sys.stderr)
+        print(paint(f"{program}:", "red", sys.stderr), e, file=sys.stderr)
         status = 2
     except KeyboardInterrupt:
         pass
@@ -39,7 +41,7 @@ def _run(argv: Sequence[str], program: str) -> None:
     if argv[:1] == ["robots"]:
         from posecast_relay.config.robots_command import run_robots  # noqa: PLC0415 — the same
 
-        run_robots(argv[1:], os.environ)
+        run_robots(argv[1:], os.environ, program)
         return
     if argv[:1] == ["past"]:
         from posecast_relay.past_command.main import run_past  # noqa: PLC0415 — the same

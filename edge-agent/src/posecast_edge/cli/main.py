@@ -91,7 +91,8 @@ def _command(argv: list[str], console: Console, program: str) -> int:
     try:
         return _run(parse_settings(argv, os.environ, program), console)
     except (UsageError, ProfileError, ModelError, SourceError, SchemaError) as e:
-        log.error("%s", e)
+        for line in e.lines if isinstance(e, ProfileError) else (e,):
+            log.error("%s", line)
         return WRONG_CONFIGURATION
     except KeyboardInterrupt:  # before the handlers stand
         return 0

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn, TypeVar
 
+from posecast_wire.command_line.parser import CommandParser
 from posecast_wire.credential import Credential
 from posecast_wire.keys import check_name
 
@@ -21,6 +22,13 @@ from posecast_edge.uplink.certificate import Certificate
 from posecast_edge.visible import quote
 
 T = TypeVar("T")
+
+STATUSES = {
+    0: "the source ended, or the agent was told to end",
+    1: "the source or the agent failed, or output could not be written",
+    2: "wrong arguments, profile or model",
+    130: "ended by Ctrl-C before it ran",
+}
 
 
 class UsageError(Exception):
@@ -51,7 +59,7 @@ class Settings:
         return [*folders, *arguments, f"--up-axis={self.up_axis}"]
 
 
-class _Parser(argparse.ArgumentParser):
+class _Parser(CommandParser):
     def error(self, message: str) -> NoReturn:
         raise UsageError(message)
 
@@ -214,20 +222,7 @@ def parse_settings(
 ) -> Settings:
     """Parse the arguments of `run`. Raises UsageError with one line when something is wrong, SystemExit(0)
     after --help."""
-    parser = _Parser(prog=program, description="Put a robot on a URL: reads it, never commands it.")
-    commands = parser.add_subparsers(dest="command", metavar="run|probe|doctor|model|profile")
-    commands.add_parser("model", help="model build: a URDF and its meshes, made small for phones")
-    commands.add_parser("probe", help="what a source offers")
-    commands.add_parser("doctor", help="what is wrong with a model, a profile, a source, in plain words")
-    commands.add_parser("profile", help="profile new: a profile to start from, made of a URDF")
-    run = commands.add_parser(
-        "run",
-        help="read a source and send it to a relay",
-        description="Read a source and send it to a relay. Every flag may also stand in the environment.",
-    )
-
-    add_run_flags(run, environment)
-    args = parser.parse_args(argv)
+    args = make_parser(environment, program).parse_args(argv)
     if args.command is None:
         raise UsageError(f"say `{program} run …`, or --help")
     if args.urdf and args.model:
@@ -247,3 +242,27 @@ def parse_settings(
         tuple(args.xacro_arg or _list_from(environment, "POSECAST_XACRO_ARG", _xacro_arguments)),
         args.up_axis,
     )
+
+
+def make_parser(environment: Mapping[str, str], program: str = "posecast-edge") -> CommandParser:
+    """The parser of the program; commands other than `run` have parsers of their own."""
+    parser = _Parser(
+        prog=program,
+        description="Put a robot on a URL: reads it, never commands it.",
+        version=True,
+        statuses=STATUSES,
+    )
+    commands = parser.add_subparsers(dest="command", metavar="run|probe|doctor|model|profile")
+    commands.add_parser("model", help="model build: a URDF and its meshes, made small for phones")
+    commands.add_parser("probe", help="what a source offers")
+    commands.add_parser("doctor", help="what is wrong with a model, a profile, a source, in plain words")
+    commands.add_parser("profile", help="profile new: a profile to start from, made of a URDF")
+    run = commands.add_parser(
+        "run",
+        help="read a source and send it to a relay",
+        description="Read a source and send it to a relay. Every flag may also stand in the environment.",
+        statuses=STATUSES,
+    )
+
+    add_run_flags(run, environment)
+    return parser

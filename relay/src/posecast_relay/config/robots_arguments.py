@@ -9,14 +9,17 @@ from pathlib import Path
 from typing import NoReturn
 
 from posecast_wire import check_name
+from posecast_wire.command_line.parser import CommandParser
 
 from posecast_relay.config.settings import SettingsError
 from posecast_relay.core.policy.policy import Audience
 
-HELP = """who may publish, who may watch, and share links. A running relay follows within a second.
-
-Exit status 0: done; 1: `check` found the file wrong; 2: wrong arguments, or a file that is wrong or can't be
-written: nothing was changed."""
+HELP = "Who may publish, who may watch, and share links. A running relay follows within a second."
+STATUSES = {
+    0: "done",
+    1: "`check` found the file wrong",
+    2: "wrong arguments, or a file that is wrong or can't be written: nothing was changed",
+}
 COMMANDS = {
     "add": "let a robot publish; prints its credential",
     "rotate": "give a robot a new credential; the old one is worth nothing from then on",
@@ -32,19 +35,28 @@ COMMANDS = {
 OF_A_FILE = ("list", "edit", "check")  # the others are of a robot
 
 
-class _Parser(argparse.ArgumentParser):
+class _Parser(CommandParser):
     def error(self, message: str) -> NoReturn:
         raise SettingsError(message)
 
 
-def parse_robots_arguments(argv: Sequence[str], environ: Mapping[str, str]) -> argparse.Namespace:
+def parse_robots_arguments(
+    argv: Sequence[str], environ: Mapping[str, str], program: str = "posecast-relay"
+) -> argparse.Namespace:
     """Read the arguments. Raises SettingsError, one line; SystemExit 0 on --help."""
-    parser = _Parser(
-        prog="posecast-relay robots",
-        description=HELP,
-        allow_abbrev=False,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    asked = make_robots_parser(environ, program).parse_args(argv)
+    if not asked.robots:
+        raise SettingsError("robots: give --robots FILE, the file that the relay is started with")
+    if asked.do == "rotate" and asked.begin and asked.days is not None:
+        raise SettingsError("robots rotate --begin: say --days with --finish, when it begins to count")
+    if asked.do == "set" and asked.keep is None and not find_rules(asked):
+        raise SettingsError("robots set: say what, as --anyone view=public delay_s=10; see --help")
+    return asked
+
+
+def make_robots_parser(environ: Mapping[str, str], program: str = "posecast-relay") -> CommandParser:
+    """Make the parser of the command. `program`: what it is called in messages."""
+    parser = _Parser(prog=f"{program} robots", description=HELP, allow_abbrev=False, statuses=STATUSES)
     commands = parser.add_subparsers(dest="do", required=True, metavar="|".join(COMMANDS))
     for do, text in COMMANDS.items():
         command = commands.add_parser(do, help=text, description=text, allow_abbrev=False)
@@ -95,14 +107,7 @@ def parse_robots_arguments(argv: Sequence[str], environ: Mapping[str, str]) -> a
             command.add_argument(
                 "--days", metavar="N", type=_days, help="worth nothing after so many; without: until removed"
             )
-    asked = parser.parse_args(argv)
-    if not asked.robots:
-        raise SettingsError("robots: give --robots FILE, the file that the relay is started with")
-    if asked.do == "rotate" and asked.begin and asked.days is not None:
-        raise SettingsError("robots rotate --begin: say --days with --finish, when it begins to count")
-    if asked.do == "set" and asked.keep is None and not find_rules(asked):
-        raise SettingsError("robots set: say what, as --anyone view=public delay_s=10; see --help")
-    return asked
+    return parser
 
 
 def find_rules(asked: argparse.Namespace) -> dict[Audience, list[str]]:

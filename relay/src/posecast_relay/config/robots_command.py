@@ -25,13 +25,13 @@ from posecast_relay.core.policy.policy import Audience, Rule
 Parse = Callable[[str], Robots]
 
 
-def run_robots(argv: Sequence[str], environ: Mapping[str, str]) -> None:
+def run_robots(argv: Sequence[str], environ: Mapping[str, str], program: str = "posecast-relay") -> None:
     """Carry out one `posecast-relay robots` command; a new credential or link goes to stdout.
 
     Raises SettingsError, with one line, for wrong arguments and for a file that is wrong or can't be written;
     SystemExit 1 where `check` finds mistakes, or what was to be written has several.
     """
-    asked = parse_robots_arguments(argv, environ)
+    asked = parse_robots_arguments(argv, environ, program)
     path = Path(asked.robots)
     # where the relay's own variables stand, as in its container, it is known what it would refuse
     parse = partial(parse_robots, has_store=environ.get("POSECAST_PAST") not in ("0", MEMORY))

@@ -6,6 +6,8 @@ import asyncio
 import logging
 from collections.abc import Awaitable, Callable
 
+from posecast_wire.command_line.installation import advise_extra
+
 from posecast_relay.auth.access import Access, open_access
 from posecast_relay.auth.addresses import Addresses
 from posecast_relay.auth.tokens import Accounts, Tokens
@@ -97,7 +99,7 @@ def _accounts(settings: Settings) -> Accounts | None:
     try:
         from posecast_relay.auth.firebase import Firebase  # noqa: PLC0415 — a second to load
     except ImportError:
-        raise StartError("--firebase-project: install posecast-relay[firebase]") from None
+        raise StartError(f"--firebase-project: {advise_extra('posecast-relay', 'firebase')}") from None
     return Firebase(settings.firebase_project, settings.firebase_revoked)
 
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import uvloop
 import zenoh
+from posecast_wire.command_line.installation import advise_extra
 
 from posecast_relay.auth.access import Access
 from posecast_relay.config.robots_reader import Robots
@@ -246,7 +247,7 @@ def _mirror(settings: Settings, access: Access) -> FirebaseMirror | None:
     try:
         from posecast_relay.mirror.firebase import FirebaseMirror  # noqa: PLC0415 — seldom wanted
     except ImportError:
-        raise StartError("--firebase-database: install posecast-relay[firebase]") from None
+        raise StartError(f"--firebase-database: {advise_extra('posecast-relay', 'firebase')}") from None
     return FirebaseMirror(settings.firebase_database, access)
 
 

@@ -113,9 +113,9 @@ it.each([
   ],
 ] as const)('is judged as the words are, by %s', (_, limits, levels) => {
   const body = leg();
-  const thigh = body.linkMatrix('thigh')!.clone();
+  const thigh = { elements: Array.from(body.linkMatrix('thigh')!.elements) };
   const linkMatrix = body.linkMatrix.bind(body);
-  body.linkMatrix = (name) => (name === 'thigh' ? thigh : linkMatrix(name));
+  Object.assign(body, { linkMatrix: (name: string) => (name === 'thigh' ? thigh : linkMatrix(name)) });
   const facets = new Facets();
   const signs = new BalanceOverlay(facets, () => null);
   const [reader, judge] = [new BalanceReader(body.manifest, SCHEMA), new StanceJudge()];

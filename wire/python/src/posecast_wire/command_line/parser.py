@@ -62,16 +62,16 @@ class CommandParser(argparse.ArgumentParser):
         if action.choices is None or value in action.choices:
             return
         known = [str(choice) for choice in action.choices]
-        what = "command" if isinstance(action, argparse._SubParsersAction) else "choice"
         shown = "".join(c if c.isprintable() else "�" for c in str(value)[:80])
-        raise argparse.ArgumentError(
-            action if what == "choice" else None,
-            f"unknown {what} {shown!r}{suggest(str(value), known)}: one of {', '.join(known)}",
-        )
+        said = f"{shown!r}{suggest(str(value), known)}: one of {', '.join(known)}"
+        if isinstance(action, argparse._SubParsersAction):
+            raise argparse.ArgumentError(None, f"unknown command {said}")
+        raise argparse.ArgumentError(action, f"invalid choice: {said}")
 
     def error(self, message: str) -> NoReturn:
         """End the process with one line and status 2."""
-        self.exit(WRONG_ARGUMENTS, f"{self.prog}: {message}\n")
+        program = paint(f"{self.prog}:", "red", sys.stderr)
+        self.exit(WRONG_ARGUMENTS, f"{program} {message}\n")
 
     def format_help(self) -> str:
         """With the exit statuses at the end, and headings in bold where stdout wants that."""
