@@ -39,6 +39,7 @@ from posecast_edge.uplink.view_publisher import ViewPublisher
 
 if TYPE_CHECKING:
     from posecast_edge.pipeline.stream import Frame
+    from posecast_edge.uplink.diagnosis import RefusalPatience
 
 log = logging.getLogger("posecast_edge.link")
 
@@ -75,6 +76,7 @@ class ZenohPublisher:
         self._news = News()
         self._robot, self._relay, self._credential = robot, relay, credential
         self._warned = ""  # why there is no link
+        self._patience: RefusalPatience | None = None  # once it was asked
         self._view_publishers = {
             view: ViewPublisher(
                 robot, view, self.run, partial(snapshot, view), partial(heard, view), self.exceptions
@@ -258,10 +260,13 @@ class ZenohPublisher:
 
     def _diagnose(self) -> None:
         """Find out why there is no link, and log it: once, and again when it is another reason."""
-        from posecast_edge.uplink.diagnosis import diagnose_link  # noqa: PLC0415 - few runs ever need it
+        from posecast_edge.uplink.diagnosis import RefusalPatience, diagnose_link  # noqa: PLC0415 - few runs ever need it
 
         try:
-            self._warn_once(diagnose_link(self._relay, self._credential))
+            found = diagnose_link(self._relay, self._credential)
+            self._patience = self._patience or RefusalPatience()
+            if self._patience.is_sure(found, time.monotonic()):
+                self._warn_once(found.why)
         except Exception as e:
             self.exceptions.add("asking why there is no link", e)
 
@@ -325,6 +330,7 @@ class ZenohPublisher:
             self._linked_s = time.monotonic()
             self._wake.notify_all()
         self._warned = ""
+        self._patience = None
         if not self._stopping:
             log.info("%s %s", "linked to" if self.connected else "lost", self._relay)
         if not self.connected:
