@@ -70,7 +70,12 @@ export class BalanceOverlay implements BalanceDrawing {
       drawMass(facets, centreOfMass, foot, ahead, style.reach, paints);
     }
     if (margin !== null) this.#labels.unshift(marginLabel(margin, balance, level, style.live));
-    this.shown = { ...shownOf(balance, this.#left), level, joints: joints.map(({ shown }) => shown) };
+    this.shown = {
+      ...balance, // a copy: the balance is rewritten with the next pose
+      feet: balance.feet.map(({ name, bears, pressure, atEdge }) => ({ name, bears, pressure, atEdge })),
+      ...{ level, footprints: this.#left.prints, trace: this.#left.points },
+      joints: joints.map(({ shown }) => shown),
+    };
   }
 
   labels(): OverlayLabel[] {
@@ -136,14 +141,4 @@ function marginLabel(
   const outline = corners.map((from, i) => [from, corners[(i + 1) % corners.length]!] as const);
   const lines: OverlayLabel['lines'] = [[foot, edge], ...outline];
   return { key: 'margin', text, level, quiet: false, old: !live, at: edge, middle: foot, lines };
-}
-
-/** A copy: the balance is rewritten with the next pose. */
-function shownOf(balance: Balance, left: Footprints): Omit<ShownBalance, 'level' | 'joints'> {
-  const { centreOfMass, capturePoint, floorM, ground, polygon, nearestEdge, marginM, pressure } = balance;
-  return {
-    ...{ centreOfMass, capturePoint, floorM, ground, polygon, nearestEdge, marginM, pressure },
-    ...{ footprints: left.prints, trace: left.points },
-    feet: balance.feet.map(({ name, bears, pressure, atEdge }) => ({ name, bears, pressure, atEdge })),
-  };
 }

@@ -1,4 +1,4 @@
-import { addScaled, cross, normalize, rejectFrom, rotateAbout, scale } from '../../model/vectors.ts';
+import { addScaled, cross, dot, normalize, rejectFrom, rotateAbout, scale } from '../../model/vectors.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
 import type { Paint } from '../strokes.ts';
 import type { Facets } from './facets.ts';
@@ -176,14 +176,12 @@ function onCircle({ at, axis, ahead }: Spot, radius: number, sweep: number, step
   });
 }
 
-/** From a point of a line to its left border. */
+/** From a point of a line to its left border: across the mean of both directions, longer the more these differ. */
 function sideways(before: Vec3, at: Vec3, after: Vec3, normal: Vec3, half: number): Vec3 {
   const [one, other] = [normalize(addScaled(at, before, -1)), normalize(addScaled(after, at, -1))];
-  const along = normalize(addScaled(one, other));
-  const side = normalize(cross(normal, along));
-  const lead = Math.hypot(...other) > 0 ? other : one;
-  const turn = Math.hypot(...cross(along, lead));
-  return scale(side, half * Math.min(MITRE, 1 / Math.max(1e-6, Math.sqrt(Math.max(0, 1 - turn * turn)))));
+  const both = addScaled(one, other);
+  const mitre = Math.max(1 + dot(one, other), Math.hypot(...both) / MITRE, 1e-6);
+  return scale(cross(normal, both), half / mitre);
 }
 
 function quad(facets: Facets, a: Vec3, b: Vec3, c: Vec3, d: Vec3, paint: Paint): void {

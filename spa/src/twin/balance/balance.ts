@@ -43,8 +43,11 @@ export interface FootBalance {
   readonly pressure: Vec3 | null;
   /** Whether that is on the sole's edge (at most 5 mm inside, or outside): the foot begins to tip. */
   readonly atEdge: boolean;
-  /** The sole's corners (world, metres), counter-clockwise seen from above while the foot is level. */
+  /** The sole's corners (world, metres), at least three, counter-clockwise about `normal`: seen from above while the foot is
+   *  level. */
   readonly corners: readonly Vec3[];
+  /** A unit vector, world. */
+  readonly normal: Vec3;
 }
 
 /**

@@ -112,7 +112,7 @@ export class Balancer implements Balance {
       foot.setBears(bears, leastN);
       if (bears === true) bearing += 1;
       else if (bears === null && gap !== 'no-wrench')
-        gap = lacksForce(foot, this.ground) ? 'no-wrench' : 'unread';
+        gap = this.ground === 'measured' && !foot.foot.sensor?.measuresForce ? 'no-wrench' : 'unread';
     }
     return gap === 'airborne' && bearing > 0 ? null : gap;
   }
@@ -145,12 +145,12 @@ export class Balancer implements Balance {
     let gap: BalanceGap | null = this.#standing.footGap;
     let strongest = 0;
     for (const { foot, bears, forceN, pushedAt, pressN } of this.feet) {
-      if (!(foot.sensor?.measuresPressure ?? false)) gap = 'no-wrench';
-      else if (gap === null && (forceN === null || bears === null)) gap = 'unread';
-      else if (gap === null && bears === true && pushedAt === null && pressN !== 0) gap = 'unread';
+      if (!foot.sensor?.measuresPressure) gap = 'no-wrench';
+      else if (forceN === null || bears === null || (bears && pushedAt === null && pressN !== 0))
+        gap ??= 'unread';
       if (Math.abs(pressN) > Math.abs(strongest)) strongest = pressN;
     }
-    if (gap === null && (strongest === 0 || this.floorM === null)) gap = 'airborne';
+    if (strongest === 0 || this.floorM === null) gap ??= 'airborne';
     let [sum, sx, sy] = [0, 0, 0];
     for (const { bears, pushedAt, pressN } of this.feet) {
       if (pushedAt === null || (bears !== true && pressN * strongest < 0)) continue;
@@ -159,7 +159,7 @@ export class Balancer implements Balance {
       sx += force * pushedAt[0];
       sy += force * pushedAt[1];
     }
-    if (gap === null && sum === 0) gap = 'unread'; // the only force has no moments
+    if (sum === 0) gap ??= 'unread'; // the only force has no moments
     this.gaps.pressure = gap;
     if (gap !== null || this.floorM === null) return;
     this.pressure = [sx / sum, sy / sum, this.floorM];
@@ -173,8 +173,4 @@ export class Balancer implements Balance {
     const ahead = captureTime(centre[2] - floor);
     this.capturePoint = [centre[0] + velocity[0] * ahead, centre[1] + velocity[1] * ahead, floor];
   }
-}
-
-function lacksForce(foot: FootState, ground: Ground | null): boolean {
-  return ground === 'measured' && !(foot.foot.sensor?.measuresForce ?? false);
 }

@@ -10,11 +10,14 @@ const OUTSIDE_M = 0.2;
 /** Cosine of the most that a sole which bears is tilted: 60°. */
 const TILT_COS = 0.5;
 
+type Rows = readonly [Vec3, Vec3, Vec3];
+
 /** One foot in the newest pose. `update` and `setBears` rewrite it, in this order. */
 export class FootState implements FootBalance {
   readonly name: string;
   readonly link: string;
   corners: readonly Vec3[] = [];
+  normal: Vec3 = [0, 0, 1];
   bears: boolean | null = null;
   forceN: number | null = null;
   pressure: Vec3 | null = null;
@@ -29,10 +32,11 @@ export class FootState implements FootBalance {
   isTilted = false;
   /** The sole's centre in the world, metres. */
   centre: Vec3 = [0, 0, 0];
-  /** The first two rows of the rotation of world_from_link. */
-  rows: readonly [Vec3, Vec3] = [
+  /** The rows of the rotation of world_from_link. */
+  rows: Rows = [
     [1, 0, 0],
     [0, 1, 0],
+    [0, 0, 1],
   ];
   readonly foot: Foot;
   /** The centre of pressure in the link's frame. */
@@ -51,13 +55,11 @@ export class FootState implements FootBalance {
     const m = worldFromLink.subarray(link * 16, link * 16 + 16);
     this.corners = sole.corners.map((corner) => pointThrough(m, corner));
     this.lowestM = Math.min(...this.corners.map(([, , z]) => z)); // NaN wins
-    const [nx, ny, nz] = sole.normal;
-    this.isTilted = Math.abs(m[2]! * nx + m[6]! * ny + m[10]! * nz) < TILT_COS;
     this.centre = pointThrough(m, sole.centre);
-    this.rows = [
-      [m[0]!, m[4]!, m[8]!],
-      [m[1]!, m[5]!, m[9]!],
-    ];
+    const rows = [0, 1, 2].map((i): Vec3 => [m[i]!, m[i + 4]!, m[i + 8]!]);
+    this.rows = rows as unknown as Rows;
+    this.normal = rows.map((row) => dot(row, sole.normal)) as unknown as Vec3;
+    this.isTilted = Math.abs(this.normal[2]) < TILT_COS;
     this.#takeWrench(wrench);
     this.pushedAt = this.#pressed && pointThrough(m, this.#pressed);
   }

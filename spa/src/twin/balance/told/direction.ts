@@ -1,4 +1,4 @@
-import type { Balance } from '../balance.ts';
+import type { Balance, Vec2 } from '../balance.ts';
 import { fromEdge } from '../margin.ts';
 
 /** Where to, as seen by the robot. */
@@ -17,7 +17,7 @@ export function fallDirection(
   const from = nearestEdge === null ? undefined : polygon[nearestEdge];
   if (centreOfMass === null || from === undefined) return null;
   const to = polygon[(nearestEdge! + 1) % polygon.length]!;
-  const [x, y] = fromEdge(from, to, [centreOfMass[0], centreOfMass[1]]);
+  const [x, y] = fromEdge<Vec2>(from, to, [centreOfMass[0], centreOfMass[1]]);
   const [cos, sin] = [Math.cos(headingRad), Math.sin(headingRad)];
   const ahead = x * cos + y * sin;
   const left = y * cos - x * sin;
