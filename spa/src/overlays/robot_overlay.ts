@@ -45,7 +45,7 @@ export interface ShownOverlay {
   readonly level: ShownAttitude;
   /** Link → #rrggbb while the body is painted by load. */
   readonly loads: Readonly<Record<string, string>>;
-  /** null while the signs of balance are off. */
+  /** null while the signs of balance are off, or have nothing to show. */
   readonly balance: ShownBalance | null;
 }
 
@@ -141,7 +141,7 @@ export class RobotOverlay {
       gravity: line,
       faint: { color: line.color, opacity: 0.55, through: true },
       lean: { color: line.color, opacity: 0.3, through: true },
-      plumb: this.#balance?.shown.centreOfMass == null,
+      plumb: this.#balance?.shown?.centreOfMass == null,
     });
     return this.#loads.paint(body, loads, color('fault'));
   }

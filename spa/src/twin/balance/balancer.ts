@@ -93,11 +93,7 @@ export class Balancer implements Balance {
   #findBearing(goesOn: boolean): BalanceGap | null {
     if (this.feet.length === 0) return this.#standing.footGap;
     const leastN = BEARS_NO_MORE * this.#weightN;
-    const heights = this.feet.map(({ lowestM, isTilted }) => {
-      if (!Number.isFinite(lowestM)) return Number.NaN;
-      return isTilted ? Number.POSITIVE_INFINITY : lowestM;
-    });
-    const lowest = Math.min(...heights); // NaN wins
+    const lowest = Math.min(...this.feet.map(({ lowestM }) => lowestM)); // NaN wins
     let gap: BalanceGap | null = 'airborne';
     let bearing = 0;
     for (const foot of this.feet) {

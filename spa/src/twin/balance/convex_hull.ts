@@ -13,7 +13,7 @@ export function convexHull(points: readonly Vec2[]): number[] {
   const order = points
     .map((_, i) => i)
     .sort((a, b) => points[a]![0] - points[b]![0] || points[a]![1] - points[b]![1])
-    .filter((point, i, all) => i === 0 || !areEqual(points[point]!, points[all[i - 1]!]!));
+    .filter((point, i, all) => i === 0 || points[point]!.some((x, axis) => x !== points[all[i - 1]!]![axis]));
   if (order.length < 2) return order;
   const corners = chain(points, order);
   corners.push(...chain(points, order.reverse()));
@@ -37,10 +37,6 @@ function chain(points: readonly Vec2[], order: readonly number[]): number[] {
   }
   corners.pop();
   return corners;
-}
-
-function areEqual([ax, ay]: Vec2, [bx, by]: Vec2): boolean {
-  return ax === bx && ay === by;
 }
 
 /** Twice the area of the triangle a, b, c: positive when it turns counter-clockwise. */

@@ -26,7 +26,7 @@ export class FootState implements FootBalance {
   pressN = 0;
   /** Where the floor pushes (world, metres), also while it does not bear; null when the wrench has no such point. */
   pushedAt: Vec3 | null = null;
-  /** Height of its lowest corner, metres in the world. */
+  /** Height of its lowest corner, metres in the world; infinite while it is tilted. */
   lowestM = Number.NaN;
   /** Whether its sole is tilted by more than 60°, so that nothing can stand on it. */
   isTilted = false;
@@ -54,12 +54,13 @@ export class FootState implements FootBalance {
     const { link, sole } = this.foot;
     const m = worldFromLink.subarray(link * 16, link * 16 + 16);
     this.corners = sole.corners.map((corner) => pointThrough(m, corner));
-    this.lowestM = Math.min(...this.corners.map(([, , z]) => z)); // NaN wins
     this.centre = pointThrough(m, sole.centre);
     const rows = [0, 1, 2].map((i): Vec3 => [m[i]!, m[i + 4]!, m[i + 8]!]);
     this.rows = rows as unknown as Rows;
     this.normal = rows.map((row) => dot(row, sole.normal)) as unknown as Vec3;
     this.isTilted = Math.abs(this.normal[2]) < TILT_COS;
+    const lowest = Math.min(...this.corners.map(([, , z]) => z)); // NaN wins
+    this.lowestM = this.isTilted ? Number.POSITIVE_INFINITY : lowest;
     this.#takeWrench(wrench);
     this.pushedAt = this.#pressed && pointThrough(m, this.#pressed);
   }

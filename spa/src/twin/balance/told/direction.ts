@@ -23,8 +23,6 @@ export function fallDirection(
   const left = y * cos - x * sin;
   const along: Side = ahead >= 0 ? 'forwards' : 'backwards';
   const across: Side = left >= 0 ? 'left' : 'right';
-  const [more, less] = [Math.abs(ahead), Math.abs(left)];
-  if (before === along && more * CLEARLY > less) return along;
-  if (before === across && less * CLEARLY > more) return across;
-  return more >= less ? along : across;
+  const held = before === along ? CLEARLY : before === across ? 1 / CLEARLY : 1;
+  return Math.abs(ahead) * held >= Math.abs(left) ? along : across;
 }
