@@ -36,11 +36,12 @@ export interface KnownBalance {
 
 /** Computes a robot's balance from its newest frames for whoever tells of it, and notes crossings of its limits. */
 export class BalanceWatch {
+  /** What the balance is read with; null before the model is here, and where it can't be read. */
+  reader: BalanceReader | null = null;
   readonly #link: Pick<RobotLink, 'twin' | 'manifestUrl'>;
   #model: KnownModel = null;
   #url = '';
   #askedMs = Number.NEGATIVE_INFINITY;
-  #reader: BalanceReader | null = null;
   #judge = new StanceJudge();
   #askedForMs = Number.NEGATIVE_INFINITY;
   #lookedMs = Number.NEGATIVE_INFINITY;
@@ -67,17 +68,12 @@ export class BalanceWatch {
 
   /** Whether the page shows it unless told otherwise. */
   get isShownByItself(): boolean {
-    return this.#reader?.onByItself ?? false;
-  }
-
-  /** What the balance is read with; null before the model is here, and where it can't be read. */
-  get reader(): BalanceReader | null {
-    return this.#reader;
+    return this.reader?.onByItself ?? false;
   }
 
   readonly #change = () => {
     const { schema, state } = this.#link.twin;
-    if (state === null || schema !== this.#reader?.schema) this.#known = null;
+    if (state === null || schema !== this.reader?.schema) this.#known = null;
     if (this.#urlNow() !== this.#url) this.#look();
   };
 
@@ -98,20 +94,14 @@ export class BalanceWatch {
       this.#known = OF_RAW_FILES;
       return;
     }
-    if (model !== this.#reader?.manifest || schema !== this.#reader.schema) {
-      this.#reader = new BalanceReader(model, schema);
+    if (model !== this.reader?.manifest || schema !== this.reader.schema) {
+      this.reader = new BalanceReader(model, schema);
       this.#judge = new StanceJudge();
     }
-    const { hasAny, problems } = this.#reader;
-    const balance = this.#reader.ofFrame(state.codes, state.tS);
-    const stance = this.#judge.next(balance, this.#reader.headingRad, marginLimits(limits));
-    this.#known = {
-      stance,
-      possible: hasAny,
-      findings: toldOfMasses(model.raw.findings),
-      problems,
-      balance,
-    };
+    const { hasAny: possible, problems } = this.reader;
+    const balance = this.reader.ofFrame(state.codes, state.tS);
+    const stance = this.#judge.next(balance, this.reader.headingRad, marginLimits(limits));
+    this.#known = { possible, stance, balance, findings: toldOfMasses(model.raw.findings), problems };
     this.#note(stance, state.atMs);
   };
 
@@ -128,8 +118,7 @@ export class BalanceWatch {
   /** Asks for the model that the robot has now, from where its body has it. */
   #ask(): void {
     const url = this.#urlNow();
-    const isNew = url !== this.#url;
-    if (isNew) {
+    if (url !== this.#url) {
       this.#model = this.#known = null;
       this.#askedMs = Number.NEGATIVE_INFINITY;
       this.#lookedMs = Number.NEGATIVE_INFINITY;

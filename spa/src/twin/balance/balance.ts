@@ -1,9 +1,11 @@
 import type { Ground } from '@posecast/wire';
 import type { Vec3 } from '../rotation.ts';
-import type { Slide } from './centre_velocity.ts';
 
 /** A point on the floor: x and y in the world frame, metres. */
 export type Vec2 = readonly [x: number, y: number];
+
+/** A motion of the floor under a robot, in the world of the scene, metres. */
+export type Slide = (before: Vec3) => Vec3;
 
 /**
  * Why a part of the balance is null.

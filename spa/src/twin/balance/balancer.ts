@@ -1,10 +1,10 @@
 import type { Ground } from '@posecast/wire';
 import type { Vec3 } from '../rotation.ts';
 import { addScaled, pointThrough, scale } from '../vectors.ts';
-import type { Balance, BalanceGap, Vec2 } from './balance.ts';
+import type { Balance, BalanceGap, Slide, Vec2 } from './balance.ts';
 import { captureTime, GRAVITY } from './capture_point.ts';
-import { CentreVelocity, follows, type Slide } from './centre_velocity.ts';
-import { convexHull } from './convex_hull.ts';
+import { CentreVelocity, follows } from './centre_velocity.ts';
+import { spanOf } from './convex_hull.ts';
 import { FootState } from './foot_state.ts';
 import { marginIn } from './margin.ts';
 import type { FootWrench, Standing } from './standing.ts';
@@ -98,7 +98,7 @@ export class Balancer implements Balance {
     let bearing = 0;
     for (const foot of this.feet) {
       const { lowestM, forceN, isTilted } = foot;
-      const wasBearing = goesOn && foot.bears === true;
+      const wasBearing = goesOn && foot.bears;
       let bears: boolean | null;
       if (Number.isNaN(lowest)) bears = null;
       else if (isTilted) bears = false;
@@ -106,7 +106,7 @@ export class Balancer implements Balance {
       else if (forceN === null) bears = null;
       else bears = forceN >= (wasBearing ? BEARS_NO_MORE : BEARS) * this.#weightN;
       foot.setBears(bears, leastN);
-      if (bears === true) bearing += 1;
+      if (bears) bearing += 1;
       else if (bears === null && gap !== 'no-wrench')
         gap = this.ground === 'measured' && !foot.foot.sensor?.measuresForce ? 'no-wrench' : 'unread';
     }
@@ -120,10 +120,9 @@ export class Balancer implements Balance {
     this.polygon = [];
     this.floorM = this.nearestEdge = this.marginM = null;
     if (gap !== null) return;
-    const bearing = this.feet.filter(({ bears }) => bears === true);
+    const bearing = this.feet.filter(({ bears }) => bears);
     this.floorM = Math.min(...bearing.map(({ lowestM }) => lowestM)) + 0; // never -0
-    const points = bearing.flatMap(({ corners }) => corners.map(([x, y]): Vec2 => [x, y]));
-    this.polygon = convexHull(points).map((i) => points[i]!);
+    this.polygon = spanOf(bearing);
     if (this.centreOfMass === null) return;
     const [x, y] = this.centreOfMass;
     const { metres, edge } = marginIn(this.polygon, [x, y]);
@@ -149,7 +148,7 @@ export class Balancer implements Balance {
     if (strongest === 0 || this.floorM === null) gap ??= 'airborne';
     let [sum, sx, sy] = [0, 0, 0];
     for (const { bears, pushedAt, pressN } of this.feet) {
-      if (pushedAt === null || (bears !== true && pressN * strongest < 0)) continue;
+      if (pushedAt === null || (!bears && pressN * strongest < 0)) continue;
       const force = Math.abs(pressN);
       sum += force;
       sx += force * pushedAt[0];

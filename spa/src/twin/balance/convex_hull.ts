@@ -1,4 +1,4 @@
-import type { Vec2 } from './balance.ts';
+import type { FootBalance, Vec2 } from './balance.ts';
 
 /** Twice the area (m²) that a corner spans with its neighbours at least. Two feet side by side have corners on one line,
  *  but for rounding. */
@@ -25,6 +25,12 @@ export function convexHull(points: readonly Vec2[]): number[] {
     else corners.splice(i, 1);
   }
   return corners;
+}
+
+/** What feet span on the floor: the convex hull of their corners. */
+export function spanOf(feet: readonly Pick<FootBalance, 'corners'>[]): Vec2[] {
+  const points = feet.flatMap(({ corners }) => corners.map(([x, y]): Vec2 => [x, y]));
+  return convexHull(points).map((i) => points[i]!);
 }
 
 /** The corners on one side, without the last, with which the other side begins. */

@@ -68,7 +68,7 @@ export class FootState implements FootBalance {
   /** Sets whether it bears. A force below `leastN` has a centre of pressure that is not worth showing. */
   setBears(bears: boolean | null, leastN: number): void {
     this.bears = bears;
-    this.pressure = bears === true && this.forceN !== null && this.forceN >= leastN ? this.pushedAt : null;
+    this.pressure = bears && this.forceN !== null && this.forceN >= leastN ? this.pushedAt : null;
     this.atEdge =
       this.pressure !== null && this.#pressed !== null && !isInside(this.foot.sole, this.#pressed, AT_EDGE_M);
   }

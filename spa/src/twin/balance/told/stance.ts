@@ -1,7 +1,7 @@
 import type { Level } from '@posecast/wire';
 import { worseOf } from '../../limits/level_latch.ts';
-import type { Balance, Vec2 } from '../balance.ts';
-import { convexHull } from '../convex_hull.ts';
+import type { Balance } from '../balance.ts';
+import { spanOf } from '../convex_hull.ts';
 import { marginIn } from '../margin.ts';
 import { fallDirection, type Side } from './direction.ts';
 import type { MarginLimits } from './margin_limits.ts';
@@ -82,7 +82,7 @@ export class StanceJudge {
     if (capturePoint === null || polygon.length === 0) return false;
     const [x, y] = capturePoint;
     const steps = velocity !== null && Math.hypot(velocity[0], velocity[1]) >= STEPPING_MPS;
-    const { metres } = marginIn(steps ? hullOf(balance) : polygon, [x, y]);
+    const { metres } = marginIn(steps ? spanOf(balance.feet) : polygon, [x, y]);
     return metres >= (this.#last?.kind === 'moving' ? 0 : CAUGHT_M);
   }
 
@@ -99,10 +99,4 @@ export class StanceJudge {
 
 function lesser(a: Level, b: Level): Level {
   return worseOf(a, b) === a ? b : a;
-}
-
-/** What it would stand on with every foot on the floor. */
-function hullOf({ feet }: Balance): Vec2[] {
-  const corners = feet.flatMap((foot) => foot.corners.map(([x, y]): Vec2 => [x, y]));
-  return convexHull(corners).map((i) => corners[i]!);
 }
