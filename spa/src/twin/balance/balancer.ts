@@ -19,8 +19,6 @@ const LOWEST_M = 0.01;
 
 const ORIGIN: Vec3 = [0, 0, 0];
 
-type Gaps = { -readonly [part in keyof Balance['gaps']]: BalanceGap | null };
-
 /** Computes the balance of one robot, pose by pose in the order of time. It is itself the balance of the newest pose:
  *  `update` rewrites it. */
 export class Balancer implements Balance {
@@ -28,7 +26,7 @@ export class Balancer implements Balance {
   readonly ground: Ground | null;
   readonly feet: readonly FootState[];
   polygon: readonly Vec2[] = [];
-  readonly gaps: Gaps;
+  gaps: Balance['gaps'];
   centreOfMass: Vec3 | null = null;
   velocity: Vec3 | null = null;
   slide: Slide | null = null;
@@ -49,17 +47,13 @@ export class Balancer implements Balance {
     this.ground = standing.ground;
     this.feet = standing.feet.map((foot) => new FootState(foot));
     this.#velocity = new CentreVelocity(this.feet);
-    const { massGap, footGap } = standing;
-    this.gaps = {
-      ...{ centreOfMass: massGap, polygon: footGap, margin: massGap ?? footGap },
-      ...{ pressure: footGap, capturePoint: massGap ?? footGap },
-    };
+    this.gaps = this.#gapsWith(standing.massGap, standing.footGap, standing.footGap);
   }
 
   /** Takes a pose: world_from_link of every link (16 numbers each, column-major, metres), the wrenches of the same
    *  moment, and its time, seconds. */
   update(worldFromLink: Float64Array, wrenches: readonly FootWrench[], tS: number): void {
-    this.#findCentre(worldFromLink);
+    const centreGap = this.#findCentre(worldFromLink);
     for (const foot of this.feet) {
       const wrench = wrenches.find(({ site }) => site === foot.foot.sensor?.site);
       foot.update(worldFromLink, wrench ?? null);
@@ -67,26 +61,32 @@ export class Balancer implements Balance {
     const gap = this.#findBearing(follows(this.#tS, tS));
     this.#tS = tS;
     this.#findPolygon(gap);
-    this.#findPressure();
-    const unread = gap === 'unread' || gap === 'no-wrench' || this.gaps.centreOfMass === 'unread';
+    const unread = gap === 'unread' || gap === 'no-wrench' || centreGap === 'unread';
     this.#velocity.update(tS, this.centreOfMass, unread);
     this.velocity = this.#velocity.value;
     this.slide = this.#velocity.slide;
     this.#findCapturePoint();
+    this.gaps = this.#gapsWith(centreGap, gap, this.#findPressure());
   }
 
-  /** Σ m·p / Σ m. */
-  #findCentre(worldFromLink: Float64Array): void {
+  #gapsWith(centreOfMass: BalanceGap | null, polygon: BalanceGap | null, pressure: BalanceGap | null) {
+    const margin = centreOfMass ?? polygon;
+    const capturePoint = margin ?? (this.velocity === null ? 'first-pose' : null);
+    return { centreOfMass, polygon, margin, pressure, capturePoint };
+  }
+
+  /** Σ m·p / Σ m. Returns why there is none, null when there is. */
+  #findCentre(worldFromLink: Float64Array): BalanceGap | null {
     const { masses, massGap } = this.#standing;
-    this.gaps.centreOfMass = massGap;
     this.centreOfMass = null;
-    if (masses.length === 0) return;
+    if (masses.length === 0) return massGap;
     const sum = masses.reduce<Vec3>((all, { link, massKg, xyz }) => {
       const at = pointThrough(worldFromLink.subarray(link * 16, link * 16 + 16), xyz);
       return addScaled(all, at, massKg);
     }, ORIGIN);
-    if (sum.every(Number.isFinite)) this.centreOfMass = scale(sum, 1 / this.massKg);
-    else this.gaps.centreOfMass = 'unread';
+    if (!sum.every(Number.isFinite)) return 'unread';
+    this.centreOfMass = scale(sum, 1 / this.massKg);
+    return massGap;
   }
 
   /** Finds which feet bear; returns why there is no polygon, null when there is one. */
@@ -115,8 +115,6 @@ export class Balancer implements Balance {
 
   /** The floor, the support polygon, and the margin in it. */
   #findPolygon(gap: BalanceGap | null): void {
-    this.gaps.polygon = gap;
-    this.gaps.margin = this.gaps.centreOfMass ?? gap;
     this.polygon = [];
     this.floorM = this.nearestEdge = this.marginM = null;
     if (gap !== null) return;
@@ -133,9 +131,9 @@ export class Balancer implements Balance {
   /**
    * The mean of the feet's centres of pressure, weighted by their forces, on the floor. A foot that does not bear counts
    * while it is pressed as the foot with the greatest force is: 4 % of the weight 20 cm away are 8 mm. One that is pulled
-   * hangs, by its own weight below the sensor.
+   * hangs, by its own weight below the sensor. Returns why there is none, null when there is.
    */
-  #findPressure(): void {
+  #findPressure(): BalanceGap | null {
     this.pressure = null;
     let gap: BalanceGap | null = this.#standing.footGap;
     let strongest = 0;
@@ -155,15 +153,13 @@ export class Balancer implements Balance {
       sy += force * pushedAt[1];
     }
     if (sum === 0) gap ??= 'unread'; // the only force has no moments
-    this.gaps.pressure = gap;
-    if (gap !== null || this.floorM === null) return;
-    this.pressure = [sx / sum, sy / sum, this.floorM];
+    if (gap === null && this.floorM !== null) this.pressure = [sx / sum, sy / sum, this.floorM];
+    return gap;
   }
 
   #findCapturePoint(): void {
-    const { centreOfMass: centre, velocity, floorM: floor, gaps } = this;
+    const { centreOfMass: centre, velocity, floorM: floor } = this;
     this.capturePoint = null;
-    gaps.capturePoint = gaps.margin ?? (velocity === null ? 'first-pose' : null);
     if (centre === null || velocity === null || floor === null) return;
     const ahead = captureTime(centre[2] - floor);
     this.capturePoint = [centre[0] + velocity[0] * ahead, centre[1] + velocity[1] * ahead, floor];
