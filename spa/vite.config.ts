@@ -61,7 +61,7 @@ const SHARED_CHUNKS = [
   {
     // What figures, balance and saving share.
     name: 'root_pose',
-    test: /spa\/src\/(model\/(articulated_body|root_pose|vectors)|overlays\/colors|twin\/(sensors\/imus|vectors|wrench_units))\.ts$/,
+    test: /spa\/src\/(model\/(articulated_body|root_pose|vectors)|overlays\/(colors|limb_across|picture_numbers)|twin\/(sensors\/imus|vectors|wrench_units))\.ts$/,
     includeDependenciesRecursively: false,
   },
   {

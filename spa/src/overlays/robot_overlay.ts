@@ -14,7 +14,8 @@ import { levelColor, type OverlayColors, type PaletteName } from './colors.ts';
 import { DeviationOverlay, type ShownDeviation } from './deviations.ts';
 import { JointLoadPaint } from './joint_load.ts';
 import type { OverlayLabel } from './labels.ts';
-import type { Paint, Strokes } from './strokes.ts';
+import type { Paint } from './picture_numbers.ts';
+import type { Strokes } from './strokes.ts';
 import { type ShownWrench, WrenchOverlay } from './wrenches.ts';
 
 /** The words of labels in the viewer's language. */

@@ -1,6 +1,6 @@
 import type { Balance, Slide } from '../../twin/balance/balance.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
-import type { Paint } from '../strokes.ts';
+import type { Paint } from '../picture_numbers.ts';
 import type { Facets } from './facets.ts';
 import { type BalancePaints, faint } from './paints.ts';
 import { drawLine, fillPolygon } from './shapes.ts';

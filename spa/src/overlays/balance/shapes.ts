@@ -1,6 +1,6 @@
 import { addScaled, cross, dot, normalize, rejectFrom, rotateAbout, scale } from '../../model/vectors.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
-import type { Paint } from '../strokes.ts';
+import type { Paint } from '../picture_numbers.ts';
 import type { Facets } from './facets.ts';
 
 /** Segments of a whole turn. */
