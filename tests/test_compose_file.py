@@ -39,7 +39,7 @@ def test_every_variable_has_a_line_and_every_line_is_one() -> None:
 
 def test_all_profiles_stand_in_one_line() -> None:
     (profiles,) = re.findall(r"^#COMPOSE_PROFILES=(.*)$", ENV, re.MULTILINE)
-    assert set(profiles.split(",")) == PROFILES == {"demo", "gateways", "cache"}
+    assert set(profiles.split(",")) == PROFILES == {"demo", "gateways", "cache", "observe"}
 
 
 def test_no_page_mixes_the_flag_with_the_variable() -> None:

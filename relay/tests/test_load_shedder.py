@@ -18,16 +18,18 @@ class Machine:
     load: LoadShedder
     now: float = 1000.0
 
-    def second(self, lag_s: float = 0.0, busy: float = 0.2, full: int = 0, fastest_hz: float = 30.0) -> float:
+    def second(
+        self, lag_s: float = 0.0, busy: float = 0.2, behind: int = 0, fastest_hz: float = 30.0
+    ) -> float:
         """One second of this; the ceiling after it."""
         self.now += 1.0
         for _ in range(10):
             self.load.record_lag(lag_s)
-        self.load.judge(busy, full, 100, fastest_hz, self.now)
+        self.load.judge(busy, behind, 100, fastest_hz, self.now)
         return self.load.ceiling_hz
 
 
-@pytest.mark.parametrize("bad", [{"lag_s": 0.2}, {"busy": 0.99}, {"full": 80}])
+@pytest.mark.parametrize("bad", [{"lag_s": 0.2}, {"busy": 0.99}, {"behind": 80}])
 def test_three_bad_seconds_lower_the_ceiling_and_five_calm_ones_raise_it(bad: dict[str, float]) -> None:
     machine = Machine(LoadShedder())
     assert [machine.second(**bad) for _ in range(3)] == [NO_CEILING, NO_CEILING, 15.0]  # type: ignore[arg-type]
@@ -50,7 +52,7 @@ def test_it_goes_down_as_far_as_it_must_and_no_further() -> None:
     machine = Machine(LoadShedder())
     assert [machine.second(busy=1.0) for _ in range(21)][2::3] == [15.0, 10.0, 5.0, 2.0, 1.0, 1.0, 1.0]
     pressed = Machine(LoadShedder())  # which is the viewers' own doing
-    assert [pressed.second(full=100) for _ in range(12)][2::3] == [
+    assert [pressed.second(behind=100) for _ in range(12)][2::3] == [
         15.0,
         10.0,
         10.0,
@@ -128,3 +130,37 @@ def test_viewers_are_told_and_served_less_often_then_as_they_asked() -> None:
     assert fast_screen.states[-1].seq == edge.seq
     assert world.hub.endings[Close.FULL] == 0
     assert fast.hz == 30.0
+
+
+@pytest.mark.parametrize("way", ["socket", "proxy"])
+def test_a_crowd_that_takes_no_frames_lowers_the_ceiling_also_behind_a_proxy(way: str) -> None:
+    """A proxy takes everything, so no socket of the relay is ever full: only acknowledgements are late."""
+    world = World()
+    edge = world.on_air()
+    crowd = [world.join(30.0)[0] for _ in range(30)]
+    reading, screen = world.join(30.0)
+    for second in range(5):
+        for viewer in crowd:
+            if way == "socket":
+                viewer.pause(world.now)
+            elif second == 0:
+                world.say(viewer, type="ack", n=1)
+        world.say(reading, type="ack", n=reading.sent)
+        overload(world, 0.1, 1, edge)
+    room = world.hub.viewers[reading]
+    assert room.skipped > 30 * 30
+    assert world.hub.load.ceiling_hz == 15.0
+    assert [(m["hz"], m["reason"]) for m in screen.told("rate")] == [(15.0, "overload")]
+
+
+def test_a_frame_that_is_tried_again_is_skipped_once() -> None:
+    world = World()
+    edge = world.on_air()
+    viewer, _ = world.join(30.0)
+    viewer.pause(world.now)
+    world.run(edge, 1.0)
+    room = world.hub.viewers[viewer]
+    before = room.skipped
+    assert 29 <= before <= 31
+    world.pass_time(3.0)  # no further frame: the last one is tried again all the time
+    assert room.skipped == before

@@ -12,13 +12,19 @@ import httpx
 import pytest
 import websockets
 from posecast_relay.core.histogram import BOUNDS_S, Histogram
+from posecast_relay.core.hub import Hub
+from posecast_relay.core.limits import Limits
+from posecast_relay.http.metrics import RelayCollector
 from posecast_relay.logging import JsonLines
+from posecast_relay.runtime.dispatcher import Dispatcher
+from posecast_relay.runtime.fan_out import FanOut
+from posecast_relay.store_memory import MemoryStore
 from posecast_wire import Close
 from prometheus_client.parser import text_string_to_metric_families
 
 from .stage import Watcher, free_port, until
 
-LABELS = {"state", "fate", "result", "code", "le"}
+LABELS = {"state", "fate", "result", "code", "flag", "le"}
 
 
 def figures(port: int) -> dict[str, float]:
@@ -70,6 +76,21 @@ async def test_the_figures_of_a_running_relay(relays: Any, edges: Any) -> None:
         assert count > 10
         assert found[f"posecast_{name}_seconds_bucket|+Inf"] == count
         assert 0 <= found[f"posecast_{name}_seconds_sum"] < 60
+
+
+async def test_a_ceiling_for_delayed_viewers_shows_as_well() -> None:
+    hubs = Hub(Limits()), Hub(Limits())
+    store = MemoryStore()
+    collector = RelayCollector([Dispatcher(hub, store, FanOut(None)) for hub in hubs])
+
+    def read() -> float:
+        found = {family.name: family for family in collector.collect()}
+        return float(found["posecast_ceiling_hz"].samples[0].value)
+
+    assert read() == float("inf")
+    for second in range(3):
+        hubs[1].load.judge(busy=1.0, behind=0, viewers=1, fastest_hz=30.0, now=float(second))
+    assert read() == 15.0
 
 
 async def test_the_log_is_json_lines_and_holds_no_token(relays: Any, edges: Any) -> None:

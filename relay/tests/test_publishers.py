@@ -284,14 +284,7 @@ class Agent:
 
 def test_without_a_certificate_or_a_file_there_is_no_start(tmp_path: Path) -> None:
     file = tmp_path / "robots.toml"
-    for flags, says in (
-        ((), "give --robots FILE"),
-        (("--robots", str(file)), f"--robots '{file}': no such file or directory"),
-    ):
-        assert says in _refused(*flags)
-    file.write_text("[robots.r]\nsecrte = 1\n")
-    file.chmod(0o600)
-    assert "unknown field 'secrte'" in _refused("--robots", str(file))
+    assert "give --robots FILE" in _refused()
     file.write_text("")
     for endpoint, says in (
         ("tls/127.0.0.1:0", "needs a certificate"),

@@ -292,6 +292,19 @@ describe('what can’t be known', () => {
     ]);
   });
 
+  it('is said of feet that measure too little: first of what bears, else of the pressure', () => {
+    const told = (polygon: Balance['gaps']['polygon']) =>
+      lines(lacksOf({ gaps: { ...NO_GAPS, polygon, pressure: 'no-wrench' } }, []));
+    expect(told(null)).toEqual([
+      'No centre of pressure: not every foot measures its force and moments (Fz, Mx, My).',
+    ]);
+    expect(told('airborne')).toEqual(told(null));
+    expect(told('no-wrench')).toEqual([
+      'Which feet bear weight is not known: not every foot measures its force (Fz).',
+    ]);
+    expect(lackWords({ why: 'no-pressure' }, balanceKo)).toContain('Fz, Mx, My');
+  });
+
   it('passes with time: no foot bears, one is not read', () => {
     expect(lacksOf(gaps(null, 'airborne'), [])).toEqual([]);
     expect(lacksOf(gaps(null, 'unread'), [])).toEqual([]);

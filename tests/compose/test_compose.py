@@ -32,7 +32,7 @@ def test_from_nothing_to_a_moving_robot(cloud: Any, record_testsuite_property: A
     shown = ", ".join(f"{name} {size:.0f} MB over its base" for name, size in over.items())
     print(f"from `up` to a robot that moves {cloud.seconds_to_move:.1f} s; {shown}")
     record_testsuite_property("moving_s", round(cloud.seconds_to_move, 1))
-    assert over["posecast"] <= 200
+    assert over["posecast"] <= 160
 
 
 IMAGES = {

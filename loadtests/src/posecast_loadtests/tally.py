@@ -28,6 +28,7 @@ class Tally:
     slow_frames: int = 0  # to viewers that read slowly; in no other count of frames
     slow_viewers: int = 0
     slow_starved: int = 0  # slow viewers that got no frame in a whole connection
+    workers_lost: int = 0  # processes whose end is not known: their viewers count up to their last report
     rate_sum_hz: float = 0.0
     rate_square_sum: float = 0.0
     buckets: list[int] = field(default_factory=lambda: [0] * (len(_EDGES_MS) + 1))
@@ -42,6 +43,10 @@ class Tally:
         self.viewers += 1
         self.rate_sum_hz += rate_hz
         self.rate_square_sum += rate_hz * rate_hz
+
+    def clear(self) -> None:
+        """Begin anew."""
+        self.__dict__.update(Tally().__dict__)
 
     def percentile_ms(self, share: float) -> float:
         """The lateness that `share` of the frames keep, ms; infinite beyond the last bucket."""
@@ -100,6 +105,7 @@ def breaches(tally: Tally, limits: LoadLimits, control: Tally | None = None) -> 
         "lowered",
         "unevicted",
         "slow_starved",
+        "workers_lost",
     ):
         count = getattr(tally, name)
         if count:
@@ -125,7 +131,7 @@ def report(tally: Tally, limits: LoadLimits, control: Tally | None = None) -> st
 
     lines = [
         f"viewers      {tally.viewers} healthy ones (refused {tally.refused}, closed early {tally.closed})",
-        f"frames       {tally.frames}",
+        f"frames       {tally.frames} in all; Locust's table has every tenth of each viewer's",
         f"missed       {tally.missed}",
         f"duplicates   {tally.duplicates}, out of order {tally.reordered}",
         f"undecodable  {tally.undecodable}",

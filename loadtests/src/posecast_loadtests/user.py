@@ -1,4 +1,4 @@
-"""Locust's viewers: sockets under gevent, counts in plain integers, a report and an exit code at the end."""
+"""Locust's viewers: sockets under gevent, counts in plain integers."""
 
 from __future__ import annotations
 
@@ -6,21 +6,19 @@ import json
 import random
 import time
 from argparse import ArgumentParser
-from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 from locust import User, events, task
 from locust.env import Environment
-from locust.runners import MasterRunner, WorkerRunner
 
 from posecast_loadtests.check import Clock, Viewer
 from posecast_loadtests.connection import Connection
 from posecast_loadtests.rfc6455 import Opcode, ProtocolError
 from posecast_loadtests.scenarios import SCENARIOS, SOAK, Scenario, Stage
-from posecast_loadtests.tally import LoadLimits, Tally, breaches, report
+from posecast_loadtests.tally import Tally
+from posecast_loadtests.verdict import tally
 
-# every tenth frame goes into Locust's own statistics, every fiftieth viewer decodes in full
+# every tenth frame of a viewer goes into Locust's own table, every fiftieth viewer decodes in full
 _REPORTED = 10
 _DECODING = 50
 _SLOW_BYTES_PER_S = 1000
@@ -30,9 +28,7 @@ _FROZEN_FOR_S = 22.0  # by then the relay has cut who does not read (20 s at mos
 _STEADY_S = 2.0  # connections shorter than this say nothing about fairness
 _COME_BACK_S = 1.0
 
-tally = Tally()
 clocks: dict[str, Clock] = {}
-_others: dict[str, dict[str, Any]] = {}
 
 
 def scenario(environment: Environment) -> Scenario:
@@ -164,7 +160,7 @@ class ViewerUser(User):
             self._since_s = arrival_s
         lateness_s = self._viewer.binary(payload, arrival_s)
         if lateness_s is not None and self._viewer.frames % _REPORTED == 0:
-            self._fire(f"frame, {self._kind}", lateness_s, size=len(payload))
+            self._fire(f"frame, {self._kind}: 1 in {_REPORTED}", lateness_s, size=len(payload))
 
     def _fire(self, name: str, seconds: float, error: Exception | None = None, size: int = 0) -> None:
         self.environment.events.request.fire(
@@ -178,48 +174,14 @@ class ViewerUser(User):
 
 
 def _arguments(parser: ArgumentParser) -> None:
-    limits = LoadLimits()
     parser.add_argument("--robot", default="demo", help="whom to watch")
     parser.add_argument("--hz", type=float, default=10.0, help="frames a second each viewer asks for")
     parser.add_argument("--source-hz", type=float, default=30.0, help="frames a second the robot sends")
     parser.add_argument("--scenario", default="", help=f"one of {', '.join(SCENARIOS)}; instead of -u -r -t")
     parser.add_argument("--viewers", type=int, default=None, help="of a scenario, instead of its own number")
     parser.add_argument("--stretch", type=float, default=1.0, help="multiplies a scenario's times")
-    parser.add_argument("--max-missed", type=float, default=limits.missed_share, help="share of frames")
-    parser.add_argument(
-        "--max-p99-ms", type=float, default=limits.p99_ms, help="lateness of 99 %% of the frames"
-    )
-    parser.add_argument("--min-jain", type=float, default=limits.jain, help="fairness of the viewers' rates")
-    parser.add_argument("--counts", default="", help="file for the counts, as JSON; then no verdict is given")
-
-
-def _tell(data: dict[str, Any], **_: Any) -> None:
-    data["posecast"] = tally.counts()
-
-
-def _hear(client_id: str, data: dict[str, Any], **_: Any) -> None:
-    _others[client_id] = data["posecast"]  # counts are totals: the newest report of a worker stands for it
-
-
-def _verdict(environment: Environment, **_: Any) -> None:
-    if isinstance(environment.runner, WorkerRunner):
-        return
-    whole = Tally.sum(_others.values()) if isinstance(environment.runner, MasterRunner) else tally
-    options = environment.parsed_options
-    assert options is not None
-    if options.counts:
-        with suppress(OSError):
-            Path(options.counts).write_text(json.dumps(whole.counts()))
-        environment.process_exit_code = 0
-        return
-    limits = LoadLimits(options.max_missed, options.max_p99_ms, options.min_jain)
-    print(report(whole, limits))
-    environment.process_exit_code = 1 if breaches(whole, limits) else 0
 
 
 # Locust's hooks carry no types; told once, here
 _hooks: Any = events
 _hooks.init_command_line_parser.add_listener(_arguments)
-_hooks.report_to_master.add_listener(_tell)
-_hooks.worker_report.add_listener(_hear)
-_hooks.quitting.add_listener(_verdict)

@@ -240,9 +240,9 @@ class Hub(Uplink):
         `busy`: the share of that second, 0 to 1, in which the event loop was computing.
         """
         before = self.load.ceiling_hz
-        full = sum(1 for viewer in self.viewers if viewer.paused_at is not None)
+        behind = sum(room.count_behind() for robot in self.robots.values() for room in robot.rooms.values())
         fastest_hz = max((viewer.asked_hz for viewer in self.viewers), default=0.0)
-        if not self.load.judge(busy, full, len(self.viewers), fastest_hz, now):
+        if not self.load.judge(busy, behind, len(self.viewers), fastest_hz, now):
             return []
         reason = "overload" if self.load.ceiling_hz < before else "recovered"
         out: list[Action] = []

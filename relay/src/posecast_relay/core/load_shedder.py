@@ -1,7 +1,8 @@
 """When the process can't keep up: how often viewers may be served. Rates fall before anybody is refused.
 
 Judged once a second by the median of how late the loop was, by the share of a core that it used, and by the
-share of viewers whose sockets are full. One bad second means nothing: a burst of joins, a process that was
+share of viewers that could not take their last frame: whose sockets are full or, behind a proxy, whose
+acknowledgements are late. One bad second means nothing: a burst of joins, a process that was
 stopped. After a step down that helped, steps up are tried; each one that proves too early doubles the wait.
 """
 
@@ -38,15 +39,16 @@ class LoadShedder:
         """Note how many seconds late a timer of the event loop was; called about ten times a second."""
         self._lags.append(lag_s)
 
-    def judge(self, busy: float, full: int, viewers: int, fastest_hz: float, now: float) -> bool:
+    def judge(self, busy: float, behind: int, viewers: int, fastest_hz: float, now: float) -> bool:
         """Judge the last second; True when `ceiling_hz` has changed. Called once a second.
 
-        `busy`: the share of that second, 0 to 1, that the loop computed; `full`: viewers with full sockets;
+        `busy`: the share of that second, 0 to 1, that the loop computed; `behind`: viewers that could not
+        take their last frame;
         `fastest_hz`: the highest rate that is served or, under a ceiling, asked for.
         """
         lag_s = median(self._lags) if self._lags else 0.0
         self._lags.clear()
-        pressed = full / viewers if viewers >= CROWD else 0.0
+        pressed = behind / viewers if viewers >= CROWD else 0.0
         loop_bad = lag_s > LATE_S or busy > BUSY
         bad = loop_bad or (pressed > PRESSED and min(self.ceiling_hz, fastest_hz) > PRESSED_FLOOR_HZ)
         calm = lag_s < IN_TIME_S and busy < IDLE and pressed < EASY

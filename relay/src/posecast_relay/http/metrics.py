@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import accumulate
 from typing import Protocol, runtime_checkable
 
@@ -77,10 +77,14 @@ class RelayCollector(Collector):
         way: PastWayStats | None = None,
         held: HeldStats | None = None,
         archive: ArchiveStats | None = None,
+        measure_config: Callable[[], Mapping[str, int]] = dict,
+        find_expiries: Callable[[], Mapping[str, float]] = dict,
     ) -> None:
         """`dispatchers`: the live one first, then that of the delayed viewers.
 
-        `refused` returns how many publishers were refused so far.
+        `refused` returns how many publishers were refused so far; `measure_config`, whether the files of the
+        configuration are good (1), by what they are; `find_expiries`, when the certificates in use expire, in
+        unix seconds by the flag that names the file.
         """
         self._refused = refused
         self._dispatcher = dispatchers[0]
@@ -91,6 +95,8 @@ class RelayCollector(Collector):
         self._way = way
         self._held = held
         self._archive = archive
+        self._measure_config = measure_config
+        self._find_expiries = find_expiries
 
     def collect(self) -> Iterable[Metric]:
         """Yield all metrics with their present values."""
@@ -127,6 +133,13 @@ class RelayCollector(Collector):
         yield CounterMetricFamily(
             "posecast_publishers_refused", "Edges that were not let in", self._refused()
         )
+        yield _make_labelled(
+            "posecast_config_up",
+            "Whether the files that it follows can be taken",
+            "file",
+            self._measure_config(),
+            GaugeMetricFamily,
+        )
         delivered = sum(each.delivered for each in self._hubs) + sum(room.delivered for room in rooms)
         yield CounterMetricFamily("posecast_delivered_frames", "Frames handed to viewers", delivered)
         skipped = sum(each.skipped for each in self._hubs) + sum(room.skipped for room in rooms)
@@ -138,9 +151,8 @@ class RelayCollector(Collector):
             "posecast_handshakes", "Requests for a stream", "result", shaken, CounterMetricFamily
         )
         yield from _describe_endings(self._hubs)
-        yield GaugeMetricFamily(
-            "posecast_ceiling_hz", "Rate that overload leaves; +Inf = all", hub.load.ceiling_hz
-        )
+        ceiling_hz = min(each.load.ceiling_hz for each in self._hubs)
+        yield GaugeMetricFamily("posecast_ceiling_hz", "Rate that overload leaves; +Inf = all", ceiling_hz)
         yield GaugeMetricFamily("posecast_tasks", "Tasks on the event loop", self._dispatcher.tasks)
         yield _make_histogram(
             "posecast_frame_lateness_seconds", "Edge to relay, above the least", hub.lateness
@@ -150,6 +162,13 @@ class RelayCollector(Collector):
         )
         yield _make_histogram(
             "posecast_loop_lag_seconds", "How late the event loop is", self._dispatcher.loop_lag
+        )
+        yield _make_labelled(
+            "posecast_certificate_expiry_timestamp_seconds",
+            "When the certificates towards robots expire",
+            "flag",
+            self._find_expiries(),
+            GaugeMetricFamily,
         )
         trouble = self._dispatcher.store.find_trouble()
         yield GaugeMetricFamily("posecast_store_up", "Whether the state store works", 0 if trouble else 1)
@@ -247,7 +266,7 @@ def _make_labelled(
     name: str,
     text: str,
     label: str,
-    values: dict[str, int],
+    values: Mapping[str, float],
     family: type[CounterMetricFamily] | type[GaugeMetricFamily],
 ) -> Metric:
     metric = family(name, text, labels=[label])
@@ -266,6 +285,8 @@ def start_metrics(
     way: PastWayStats | None = None,
     held: HeldStats | None = None,
     archive: ArchiveStats | None = None,
+    measure_config: Callable[[], Mapping[str, int]] = dict,
+    find_expiries: Callable[[], Mapping[str, float]] = dict,
     join: Callable[[Collector], Collector] | None = None,
 ) -> tuple[int, Callable[[], None]]:
     """Serve metrics on `host`:`port` (0 = any free); returns the port and a function that stops it.
@@ -273,7 +294,8 @@ def start_metrics(
     `join` adds those of other processes of this relay. Raises OSError when the port is in use.
     """
     registry = CollectorRegistry()
-    own = RelayCollector(dispatchers, mirror, refused, past, way, held, archive)
+    sources = (mirror, refused, past, way, held, archive, measure_config, find_expiries)
+    own = RelayCollector(dispatchers, *sources)
     registry.register(own if join is None else join(own))
     server, thread = start_http_server(port, host, registry)
 

@@ -63,7 +63,8 @@ export class BalanceOverlay implements BalanceDrawing {
     const margin = marginLine(balance, z);
     if (floorM !== null) {
       this.#left.draw(facets, z, reach, paints);
-      drawSupport(facets, balance, margin, level, z, reach, paints);
+      const sign = drawSupport(facets, balance, margin, level, z, reach, paints);
+      if (margin !== null) this.#labels.push(marginLabel(margin, sign, balance, level, style.live));
       drawPressure(facets, balance, z, lift, reach, paints);
     }
     if (foot !== null) {
@@ -72,7 +73,6 @@ export class BalanceOverlay implements BalanceDrawing {
     }
     const joints = this.#jointLimits()?.(facets, body, readings.joints, style, paints) ?? [];
     if (centreOfMass !== null) drawMass(facets, centreOfMass, foot, ahead, reach, paints);
-    if (margin !== null) this.#labels.push(marginLabel(margin, balance, level, style.live));
     this.#labels.push(...joints.map(({ label }) => label));
     this.shown = {
       ...balance, // a copy: the balance is rewritten with the next pose
@@ -104,6 +104,7 @@ export class BalanceOverlay implements BalanceDrawing {
 
 function marginLabel(
   { foot, edge }: MarginLine,
+  sign: Vec3 | undefined,
   { marginM, polygon }: Balance,
   level: Level,
   live: boolean,
@@ -112,6 +113,6 @@ function marginLabel(
   const text = `${mm < 0 ? '−' : ''}${Math.abs(mm)} mm`;
   const corners = polygon.map(([x, y]): Vec3 => [x, y, edge[2]]);
   const outline = corners.map((from, i) => [from, corners[(i + 1) % corners.length]!] as const);
-  const lines: OverlayLabel['lines'] = [[foot, edge], ...outline];
+  const lines: OverlayLabel['lines'] = [[foot, edge], [edge, sign ?? edge], ...outline];
   return { key: 'margin', text, level, quiet: false, old: !live, at: edge, middle: foot, lines };
 }

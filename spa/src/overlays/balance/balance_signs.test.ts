@@ -112,8 +112,8 @@ describe('the support', () => {
 
   it('says a level by its shape too: a triangle, an octagon', () => {
     const plain = support({}).length;
-    expect(support({}, 'caution').length).toBe(plain + 1 + 2 * 3);
-    expect(support({}, 'fault').length).toBe(plain + 6 + 2 * 8);
+    expect(support({}, 'caution').length).toBe(plain + 2 + 1 + 1); // 2: the edge's dark borders; then the sign's, and the sign
+    expect(support({}, 'fault').length).toBe(plain + 2 + 6 + 6);
     const colors = (level: Level) => new Set(support({}, level).map(({ color }) => color));
     expect(colors('ok')).toEqual(new Set([hex(TONES.level)]));
     expect(colors('caution')).toContain(hex(TONES.caution));
@@ -121,8 +121,21 @@ describe('the support', () => {
     expect(colors('fault')).toContain(hex(TONES.fault));
   });
 
+  it('an edge that is near is wider than the others, with dark borders', () => {
+    const wide = (level: Level, color: string) => {
+      const ys = support({}, level).flatMap((one) =>
+        one.color === color ? one.corners.map(([, y]) => y) : [],
+      );
+      return Math.max(...ys.filter((y) => y < -0.02)) - -0.05; // the edge lies at y = -0.05
+    };
+    const amber = wide('caution', hex(TONES.caution));
+    const border = wide('caution', hex(PAINTS.black.color));
+    expect(amber).toBeGreaterThan(1.5 * wide('ok', hex(TONES.level)));
+    expect(border).toBeGreaterThan(amber + 0.005);
+  });
+
   it('the sign of a level stands outside, beside the nearest edge', () => {
-    const added = support({}, 'caution').slice(support({}).length);
+    const added = support({}, 'caution').slice(support({}).length + 2);
     for (const { corners } of added) for (const [, y] of corners) expect(y).toBeLessThan(-0.05);
   });
 

@@ -5,8 +5,9 @@ import type { FootState } from './foot_state.ts';
 
 /** The time constant of the velocity's filter, seconds. */
 export const SMOOTHED_S = 0.1;
-/** Over a longer gap between two poses nothing is known of the way between them. */
-export const GAP_S = 0.5;
+/** Over a longer gap between two poses nothing is known of the way between them. A robot that stands still sends a frame at
+ *  its first sample after 0.5 s: with a gap of 0.5 s it would never have a velocity. */
+export const GAP_S = 0.75;
 
 const UP: Vec3 = [0, 0, 1];
 
@@ -24,7 +25,7 @@ type Stood = Pick<FootState, 'bears' | 'centre' | 'rows'>;
  * It is relative to a foot that bears weight in both poses, the one with the greatest force now, else the first: such a
  * foot neither slides nor turns about the vertical, whereas odometry drifts. The differences are smoothed by a low-pass
  * filter of first order with a time constant of 0.1 s: what is told lies 0.1 s and half the time between two poses
- * behind. It begins anew after more than 0.5 s without a pose, when time runs back, and when no foot bears in both poses.
+ * behind. It begins anew after more than 0.75 s without a pose, when time runs back, and when no foot bears in both poses.
  */
 export class CentreVelocity {
   /** m/s in the world; null while it is not known. */

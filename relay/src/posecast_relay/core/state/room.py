@@ -196,6 +196,10 @@ class Room:
         """Return when `flush` has something to do next; NEVER when it has nothing."""
         return min((min(g.flush_at, g.retry_at) for g in self.groups.values()), default=NEVER)
 
+    def count_behind(self) -> int:
+        """Return how many viewers could not take the frame that was due to them last."""
+        return sum(len(group.behind) for group in self.groups.values())
+
     def _send_frame(
         self, group: RateGroup, viewers: Iterable[Viewer], frame: StoredFrame, now: float, out: list[Action]
     ) -> None:
@@ -218,9 +222,9 @@ class Room:
             self.delivered += len(ready)
             out.append(Send(status + frame.packed, ready))
         if group.frame is not frame:
+            self.skipped += len(behind)  # once for each frame, however often it is tried again
             self._record_sent(group, frame, now)
         group.behind = behind
-        self.skipped += len(behind)
         group.flush_at = NEVER
         group.retry_at = now + group.pace.period_s if behind else NEVER
         for viewer, error in failed:
