@@ -53,8 +53,9 @@ NEWCOMER_REQUESTS = 60.0
 # ---- the relay's and the page's own numbers --------------------------------------------
 
 VIEWERS_PER_PROCESS_MAX = 5000
+# A relay that goes moves its viewers away at this pace, or within so long; each comes back at once
+DRAIN_PER_S = 100.0
 DRAIN_S = 6.5
-RETURN_SPREAD_S = 10.0  # a page moved away (1012) comes back at a random moment of so long
 BACKOFF_S = 0.5  # a page whose relay died: at a random moment of so long, then twice that …
 # Of very many who are in the lane because a relay is full each tries a socket every 10 to 20 min: the relay
 # says 10 min at most (core/policy/lane.py), and a page waits that × (1 to 2)
@@ -226,7 +227,7 @@ def compute_deploy_share(viewers: float, hz: float) -> float:
     A single process is its own successor."""
     count = count_processes(viewers, hz)
     moved = min(viewers, viewers / count)
-    return moved / RETURN_SPREAD_S / (HANDSHAKES_PER_S * max(1, count - 1))
+    return moved / min(DRAIN_S, moved / DRAIN_PER_S) / (HANDSHAKES_PER_S * max(1, count - 1))
 
 
 def compute_last_back_s(returning: float, serving: int) -> float:

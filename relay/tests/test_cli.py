@@ -63,7 +63,7 @@ async def test_the_end_is_told_and_quick(relays: Any, edges: Any, how: signal.Si
         assert viewer.closed is not None
         assert viewer.closed[0] == Close.DRAIN
         bye = viewer.texts[-1]
-        assert (bye["type"], bye["code"], bye["retry_s"]) == ("bye", Close.DRAIN, 10.0)
+        assert (bye["type"], bye["code"], bye["retry_s"]) == ("bye", Close.DRAIN, 0.5)
     assert relay.process.wait(30) == 0
     assert "not all is closed" not in relay.errors()
 

@@ -131,9 +131,9 @@ def test_a_certificate_that_is_none_is_one_line(tmp_path: Path) -> None:
             RouterCertificates(*pair, None)
         said = f"--zenoh-tls-cert {pair[0]}, --zenoh-tls-key {pair[1]}: no certificate and its key"
         assert str(error.value) == said
-    with pytest.raises(CertificateError, match="--zenoh-ca .*: no certificate in PEM form"):
+    with pytest.raises(CertificateError, match=r"--zenoh-ca .*: no certificate in PEM form"):
         RouterCertificates(None, None, tmp_path / "names")
-    with pytest.raises(CertificateError, match="--zenoh-ca .*: is no file"):
+    with pytest.raises(CertificateError, match=r"--zenoh-ca .*: is no file"):
         RouterCertificates(None, None, tmp_path)
     assert len(RouterCertificates(cert, key, tmp_path / "ca.pem").make_settings()) == 3
 

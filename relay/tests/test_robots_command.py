@@ -207,3 +207,24 @@ def test_what_cannot_be_set_is_one_line(tmp_path: Path) -> None:
         path, "set", "hubo", "--anyone", "delay_s=1", "--link", "delay_s=2"
     )
     assert [each.name for each in tmp_path.iterdir()] == ["robots.toml"]
+
+
+def test_a_rotation_in_two_steps(tmp_path: Path) -> None:
+    path = tmp_path / "robots.toml"
+    first = Credential.parse(robots(path, "add", "hubo").stdout)
+    assert "no rotation of 'hubo' was begun" in refused(path, "rotate", "hubo", "--finish")
+    assert "say --days with --finish" in refused(path, "rotate", "hubo", "--begin", "--days", "3")
+    assert "not allowed with argument" in refused(path, "rotate", "hubo", "--begin", "--finish")
+    done = robots(path, "rotate", "hubo", "--begin")
+    assert "worth nothing until `robots rotate hubo --finish`" in done.stderr
+    second = Credential.parse(done.stdout)
+    assert read_robots(path).find_secrets(0.0) == {"hubo": first.secret}
+    assert robots(path, "rotate", "hubo", "--finish", "--days", "3").stdout == ""
+    assert read_robots(path).find_secrets(0.0) == {"hubo": second.secret}
+    assert read_robots(path).find_secrets(1e11) == {}
+
+    robots(path, "rotate", "hubo", "--begin")
+    Credential.parse(robots(path, "rotate", "hubo").stdout)  # at once: what was begun is forgotten
+    assert "no rotation of 'hubo' was begun" in refused(path, "rotate", "hubo", "--finish")
+    robots(path, "add", "g1", "--certificate")
+    assert "shows a certificate" in refused(path, "rotate", "g1", "--begin")

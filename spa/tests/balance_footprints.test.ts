@@ -119,7 +119,7 @@ it('by odometry it stays where it was', () => {
 it('begins anew where no foot is shared with the pose before, and after a gap', () => {
   for (const [right, afterS] of [
     [0.2, 0.1],
-    [0, 0.6],
+    [0, 0.8],
   ] as const) {
     const walker = new Walker();
     walker.step({ at: [0, 0, 1] }, { at: [0, -0.1, 0] }, { at: [0, 0.1, 0] });

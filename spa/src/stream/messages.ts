@@ -15,7 +15,15 @@ export type Phase = 'connecting' | 'open' | 'waiting' | 'ended';
 /** Messages from the worker to the page. Most are rare (status once a second, events 20 a second at most); states,
  *  which come at frame rate, pass through a `Mailbox`. */
 export type FromStream =
-  | { kind: 'link'; by: Transport; phase: Phase; retryAtMs: number | null; ending: Ending | null }
+  /** `moves`: a relay that is being replaced has sent the page away, and what it told is not old yet. */
+  | {
+      kind: 'link';
+      by: Transport;
+      phase: Phase;
+      retryAtMs: number | null;
+      ending: Ending | null;
+      moves: boolean;
+    }
   | { kind: 'schema'; schema: Schema }
   | { kind: 'state'; state: RobotState }
   | { kind: 'status'; status: Status }

@@ -54,6 +54,8 @@ export class Session {
   #retryAtMs: number | null = null;
   #failures = 0;
   #bye: Bye | null = null;
+  /** The relay is being replaced, another one is on its way, and what the old one told is not old yet. */
+  #moves = false;
   #laneBye: Bye | undefined;
   #acknowledgements = new Acknowledgements();
   #roundTrip = new RoundTrip();
@@ -87,6 +89,10 @@ export class Session {
     return this.#phase;
   }
 
+  get moves(): boolean {
+    return this.#moves;
+  }
+
   start(nowMs: number): Action[] {
     this.#connect(nowMs);
     return this.#take();
@@ -100,10 +106,12 @@ export class Session {
     }
     this.#phase = 'open';
     this.#sinceMs = nowMs;
+    this.#moves &&= nowMs - this.#heardMs < STALE_AFTER_MS;
     this.#heardMs = nowMs - (stoodMs > STALE_AFTER_MS ? stoodMs : 0);
     this.#roundTrip = new RoundTrip(); // at once: the age on the chip needs it
     this.#paceMs = nowMs;
     this.#link(null);
+    this.#moves = false;
     if (this.#inLane) this.#choice.recordSuccess();
     if (this.#token && !this.#onEvents) this.#send({ type: 'auth', token: this.#token });
     this.#wishRate(nowMs);
@@ -257,7 +265,7 @@ export class Session {
 
   #link(ending: Ending | null): void {
     const [by, phase, retryAtMs] = [this.#choice.now, this.#phase, this.#retryAtMs];
-    this.#post({ kind: 'link', by, phase, retryAtMs, ending });
+    this.#post({ kind: 'link', by, phase, retryAtMs, ending, moves: this.#moves });
   }
 
   /** `full`: the relay has no place; what anyone may see is read in the lane that it names, until a WebSocket gets one. */
@@ -321,6 +329,9 @@ export class Session {
     // the refusal still holds where the lane that it named has not begun; what a lane refuses later a socket may get
     const unopened = this.#phase === 'connecting' ? full : null;
     const { code, reason, retry_s } = unopened || (full ? { ...ended, code: 1006 } : ended);
+    // who asks its successor too early is no worse off than before
+    const isMoved = code === Close.DRAIN || (this.#moves && code === 1006);
+    this.#moves = isMoved && nowMs - this.#heardMs < STALE_AFTER_MS;
     if (this.#phase === 'open' && nowMs - this.#sinceMs >= WORKED_MS) this.#failures = 0;
     if (!this.#greeted) this.#choice.recordFailure(nowMs);
     const delayMs = retryDelayMs(retryOf(code), this.#failures++, this.#random(), retry_s ?? null);

@@ -1,5 +1,3 @@
-import { Overlap } from './handover/overlap.ts';
-
 /** A relay tells a status right after its hello. Who says more before is none. */
 const HEARD_MAX = 10;
 
@@ -35,11 +33,4 @@ function membersOf(data: string | ArrayBuffer): { readonly type?: unknown; reado
   } catch {
     return {};
   }
-}
-
-/** What the socket tells again when it begins. `shown`: the newest frame that was shown. */
-export function overlapAfter(shown: Parameters<Overlap['begin']>[0]): Overlap {
-  const overlap = new Overlap();
-  overlap.begin(shown);
-  return overlap;
 }

@@ -1,7 +1,7 @@
 /// <reference lib="webworker" />
 import { WIRE_VERSION } from '@posecast/wire';
 import { nowMs, setSlept } from './clock.ts';
-import type { Overlap } from './handover/overlap.ts';
+import { Overlap } from './handover/overlap.ts';
 import { ToldFaults } from './handover/told_faults.ts';
 import laneUrl from './lane/lane_script.ts?worker&url';
 import type { EventMark, LaneHandlers, OpenLane, ShownFrame } from './lane_port.ts';
@@ -41,8 +41,8 @@ let behindMs = 0;
 let shown: ShownFrame | null = null;
 let told: EventMark | null = null;
 const faults = new ToldFaults();
-/** After a lane, what comes once more over the socket. */
-let overlap: Overlap | null = null;
+/** After a lane, and after a relay that was replaced: what comes once more over the next socket. */
+const overlap = new Overlap();
 
 function post(message: FromStream): void {
   if (message.kind === 'behind') behindMs = message.ms ?? 0;
@@ -51,7 +51,7 @@ function post(message: FromStream): void {
     faults.record(message.event);
   }
   if (message.kind === 'state') {
-    if (overlap?.isShown(message.state)) return;
+    if (overlap.isShown(message.state)) return;
     shown = message.state;
     const now = states.put(message);
     if (now !== null) handOver(now);
@@ -90,6 +90,7 @@ function perform(actions: readonly Action[]): void {
 
 function connect(url: string): void {
   drop();
+  overlap.begin(session?.moves ? shown : null);
   let opened: WebSocket;
   try {
     opened = new WebSocket(url);
@@ -164,13 +165,13 @@ function read(url: string, by: Transport): void {
 /** Tries a WebSocket beside what runs, one at a time. It takes over when the relay has let it in. */
 function attempt(url: string): void {
   const beside = events;
-  void import('./trial.ts').then(({ tryWebSocket, overlapAfter }) => {
+  void import('./trial.ts').then(({ tryWebSocket }) => {
     if (events !== beside) return;
     trial?.close();
     const accepted: Parameters<typeof tryWebSocket>[2] = (tried, heard) => {
       if (trial !== tried || session === null) return;
       trial = null; // so that it is not dropped
-      overlap = overlapAfter(shown);
+      overlap.begin(shown);
       drop();
       own(tried);
       perform(session.moved(nowMs()));

@@ -47,6 +47,8 @@ def parse_robots_arguments(
     asked = make_robots_parser(environ, program).parse_args(argv)
     if not asked.robots:
         raise SettingsError("robots: give --robots FILE, the file that the relay is started with")
+    if asked.do == "rotate" and asked.begin and asked.days is not None:
+        raise SettingsError("robots rotate --begin: say --days with --finish, when it begins to count")
     if asked.do == "set" and asked.keep is None and not find_rules(asked):
         raise SettingsError("robots set: say what, as --anyone view=public delay_s=10; see --help")
     return asked
@@ -83,6 +85,18 @@ def make_robots_parser(environ: Mapping[str, str], program: str = "posecast-rela
             command.add_argument("--days", metavar="N", type=_days, default=7, help="good for so long; 7")
             command.add_argument(
                 "--url", metavar="URL", default="", help="of the page; without: only its end"
+            )
+        if do == "rotate":
+            step = command.add_mutually_exclusive_group()
+            step.add_argument(
+                "--begin",
+                action="store_true",
+                help="print the next credential, which is worth nothing yet: give it to the robot first",
+            )
+            step.add_argument(
+                "--finish",
+                action="store_true",
+                help="the next credential is good from then on, and the one before worth nothing",
             )
         if do in ("add", "rotate"):
             command.add_argument(

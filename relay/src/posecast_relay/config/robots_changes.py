@@ -57,7 +57,24 @@ class RobotsDocument:
     def rotate_secret(self, robot: str, expires: datetime | None, ca: str | None) -> Credential:
         """Give a robot a new credential, valid at once; the old one is not any more."""
         self._set_expires(self._find(robot), expires)
+        self._robots[robot].pop("next_secret", None)
         return self._set_secret(robot, ca)
+
+    def begin_rotation(self, robot: str, ca: str | None) -> Credential:
+        """Make a robot's next credential, which is worth nothing until `finish_rotation`."""
+        if "secret" not in self._find(robot):
+            raise SettingsError(f"robot {robot!r} shows a certificate, and has no credential to rotate")
+        credential = Credential(robot, secrets.token_urlsafe(32), ca)
+        self._robots[robot]["next_secret"] = credential.secret
+        return credential
+
+    def finish_rotation(self, robot: str, expires: datetime | None) -> None:
+        """Put a robot's next credential in the place of the one that it has."""
+        of = self._find(robot)
+        if "next_secret" not in of:
+            raise SettingsError(f"no rotation of {robot!r} was begun: `robots rotate {robot} --begin`")
+        self._set_expires(of, expires)
+        of["secret"] = of.pop("next_secret")
 
     def remove_robot(self, robot: str) -> None:
         """Forget a robot."""

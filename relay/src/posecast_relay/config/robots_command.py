@@ -109,6 +109,8 @@ def _change(path: Path, asked: argparse.Namespace, parse: Parse) -> None:
             f"The next line is the credential of {asked.robot!r}, shown this once: put it into a file of\n"
             "its own beside the robot, chmod 600, and give the agent --credential FILE.\n"
         )
+        if asked.do == "rotate" and asked.begin:
+            sys.stderr.write(f"It is worth nothing until `robots rotate {asked.robot} --finish`.\n")
         print(made.line(), flush=True)
     elif asked.do == "add":
         sys.stderr.write(f"{asked.robot!r} may publish with a certificate whose common name is that.\n")
@@ -121,6 +123,10 @@ def _apply(doc: RobotsDocument, asked: argparse.Namespace, ca: str | None) -> Cr
         doc.add_certified_robot(robot, asked.private, expire_in_days(now, asked.days))
     elif asked.do == "add":
         return doc.add_robot(robot, asked.private, expire_in_days(now, asked.days), ca)
+    elif asked.do == "rotate" and asked.begin:
+        return doc.begin_rotation(robot, ca)
+    elif asked.do == "rotate" and asked.finish:
+        doc.finish_rotation(robot, expire_in_days(now, asked.days))
     elif asked.do == "rotate":
         return doc.rotate_secret(robot, expire_in_days(now, asked.days), ca)
     elif asked.do == "set":

@@ -28,7 +28,8 @@ from posecast_wire.toml_lines import find_line, index_lines
 from posecast_relay.auth.origins import ORIGIN
 from posecast_relay.core.policy.policy import DELAY_MAX_S, FULL_HZ, PUBLIC, Audience, Policy, Rule
 
-ROBOT_FIELDS = ("secret", "expires", "link_key", "keep", *(str(audience.value) for audience in Audience))
+AUDIENCES = tuple(str(audience.value) for audience in Audience)
+ROBOT_FIELDS = ("secret", "expires", "link_key", "keep", *AUDIENCES, "next_secret")
 RULE_FIELDS = ("view", "hz", "delay_s", "viewers", "blackout", "frames", "past")
 DURATION = re.compile(r"(0|[1-9][0-9]{0,5})([smhd])", re.ASCII)
 DURATION_UNITS_S = {"s": 1, "m": 60, "h": 3600, "d": 86400}
@@ -226,6 +227,7 @@ def _read_document(doc: Mapping[str, Any], mistakes: _Mistakes, has_store: bool)
 
 def _read_robot(doc: Mapping[str, Any], path: str, mistakes: _Mistakes, has_store: bool) -> RobotEntry:
     table = _Table(doc, path, ROBOT_FIELDS, mistakes)
+    table.read_secret("next_secret")  # of a rotation that was begun: worth nothing yet
     rules: dict[Audience, Rule] = {}
     for audience in Audience:
         rule, at = doc.get(audience.value), f"{path}.{audience.value}"

@@ -19,7 +19,7 @@ from posecast_relay.auth.access import Access
 from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.server.listener import BACKLOG
 from posecast_relay.streaming.decode_cache import DecodeCache
-from posecast_relay.streaming.http_connection import make_plain_http_protocol
+from posecast_relay.streaming.http_connection import HttpConnection, make_plain_http_protocol
 from posecast_relay.streaming.request_timeouts import RequestTimeouts, add_timeouts
 from posecast_relay.streaming.sse import make_http_protocol
 from posecast_relay.streaming.websocket import make_live_protocol
@@ -44,6 +44,7 @@ class RelayServer(uvicorn.Server):
         super().__init__(config)
         self._dispatchers = dispatchers
         self._serving = serving
+        self._listeners: list[socket.socket] = []
         self._leaving: list[Callable[[], None]] = []
         self._may_end: Callable[[], bool] = lambda: True
 
@@ -71,8 +72,25 @@ class RelayServer(uvicorn.Server):
             last.start()
             for call in self._leaving:
                 call()
+            self._take_no_more()
         for dispatcher in self._dispatchers:
             dispatcher.drain()
+
+    def _take_no_more(self) -> None:
+        """Accept no connection from now on, and close those on which nothing is asked just now.
+
+        A proxy that finds the port closed asks another relay at once; whoever is let in only to be told to go
+        comes back to the proxy, which knows no better than before.
+        """
+        if not self.started:
+            return
+        for server in self.servers:
+            server.close()
+        for listener in self._listeners:
+            listener.close()
+        for connection in list(self.server_state.connections):
+            if isinstance(connection, HttpConnection):
+                connection.close_if_idle()
 
     async def on_tick(self, counter: int) -> bool:
         """Return whether to stop. uvicorn calls this ten times a second."""
@@ -87,6 +105,7 @@ class RelayServer(uvicorn.Server):
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Start as uvicorn does, then call `serving`, since connections are accepted now."""
+        self._listeners = [] if sockets is None else sockets
         await super().startup(sockets)
         self._serving()
 

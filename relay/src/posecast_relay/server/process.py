@@ -185,7 +185,8 @@ def _publishers(
     router: RouterSession | None = None
     refusals: AuthFailures | None = None
     if robots is not None and not settings.dev and settings.role != "gateway":
-        refusals = AuthFailures(lambda robot: router is None or router.lets_in(robot))
+        by_name = None if settings.zenoh_ca is None else lambda robot: router is None or router.lets_in(robot)
+        refusals = AuthFailures(by_name)
     try:
         router = _router(settings, robots)
     except (ListenError, CertificateError) as e:

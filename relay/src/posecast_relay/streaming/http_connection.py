@@ -131,6 +131,12 @@ class HttpConnection(HttpToolsProtocol):
         super().shutdown()
 
     @isolated
+    def close_if_idle(self) -> None:
+        """Close, unless a request is being answered or is on its way."""
+        if self._is_idle() and not self._in_message:
+            self.transport.close()
+
+    @isolated
     def timeout_keep_alive_handler(self) -> None:
         """Close, since no request has come for a while."""
         super().timeout_keep_alive_handler()

@@ -17,7 +17,7 @@ from posecast_relay.core.policy.policy import Grant, Policy, Principal
 HIDDEN = "no such robot here, or not for you"
 GOING = "the relay is being replaced"
 FULL_RETRY_S = 30.0
-DRAIN_RETRY_S = 10.0
+DRAIN_RETRY_S = 0.5  # they are moved away a few at a time, so need not be spread once more
 PREVIEW_HZ = 1.0
 
 
