@@ -9,7 +9,7 @@ export UV_COMPILE_BYTECODE := 1
 
 UV    := .tools/bin/uv
 BIN   := .venv/bin
-PYSRC := wire/python edge-agent relay benches loadtests fuzz tests tools spa/e2e
+PYSRC := wire/python edge-agent relay command/src command/tests benches loadtests fuzz tests tools spa/e2e
 ENGINES   := chromium firefox webkitgtk
 E2E_NEEDS := redis-server chromium firefox-esr webkit2gtk-driver xvfb
 DEMO  := edge-agent/src/posecast_edge/demo_bundle
@@ -18,7 +18,7 @@ DIST  ?= dist
 PYTEST := $(BIN)/pytest --reruns 1 -rR
 # two halves that take about as long
 PYTHON_A := relay/tests wire/python/tests loadtests/tests fuzz/tests
-PYTHON_B := edge-agent/tests tests
+PYTHON_B := edge-agent/tests command/tests tests
 PYTHON_NEEDS := for package in redis-server nginx rsync prometheus; do tools/need $$package || exit; done
 E2E    := npm run --silent e2e -w spa -- --retry=1
 
@@ -47,7 +47,7 @@ node_modules/.ready: package-lock.json package.json $(wildcard spa/package.json 
 	npm install --silent --no-save --ignore-scripts
 	@touch $@
 
-spa/dist/index.html: node_modules/.ready $(shell git ls-files --cached --others --exclude-standard spa/src spa/lean_three spa/public spa/index.html spa/vite.config.ts wire/typescript/src 2>/dev/null)
+spa/dist/index.html: node_modules/.ready $(shell git ls-files --cached --others --exclude-standard spa/src spa/lean_react spa/lean_three spa/public spa/index.html spa/vite.config.ts wire/typescript/src 2>/dev/null)
 	npm run --silent build -w spa
 	@touch $@
 
@@ -63,11 +63,11 @@ setup: .venv/.ready node_modules/.ready spa/dist/index.html $(DEMO)/model/manife
 
 # ---- for people --------------------------------------------------------------
 
-demo: setup ## a robot on http://127.0.0.1:8080 (PORT=…, HOST=0.0.0.0 for the phone in your hand)
-	@exec $(BIN)/python tools/demo.py
+demo: setup ## a robot on http://127.0.0.1:8080, or the next free port (PORT=…, HOST=0.0.0.0 for the phone in your hand)
+	@exec env POSECAST_STATIC=spa/dist $(BIN)/posecast demo $(if $(HOST),--host $(HOST)) $(if $(PORT),--port $(PORT))
 
 dev: setup ## the same with the page served by Vite, reloading as you edit
-	@exec $(BIN)/python tools/demo.py --vite
+	@exec env POSECAST_STATIC=spa/dist $(BIN)/python tools/dev.py
 
 # ---- proof -------------------------------------------------------------------
 
@@ -192,11 +192,11 @@ attack: setup ## strangers do their worst to a relay, and an innocent robot and 
 compose-test: setup ## infra/docker-compose.yml on a real Docker engine: built, started, looked at over TLS, taken down
 	$(BIN)/pytest -rs tests/compose
 
-dist: setup ## wheels of wire, agent (with the demo robot) and relay (with the page) in dist/, and what they bring along (SBOM)
+dist: setup ## wheels in dist/: posecast (all of it), and wire, agent and relay alone; with what they bring along (SBOM)
 	rm -rf $(DIST)
 	@# the relay is built from a copy with the page in it: a page left in the sources would be served by tests too
 	stage=$$(mktemp -d) && trap 'rm -rf "$$stage"' EXIT && cp -r relay "$$stage" && cp -r spa/dist "$$stage/relay/src/posecast_relay/page" && \
-	  for part in wire/python edge-agent "$$stage/relay"; do $(UV) build --quiet --wheel --out-dir $(DIST) "$$part" || exit; done
+	  for part in wire/python edge-agent "$$stage/relay" command; do $(UV) build --quiet --wheel --out-dir $(DIST) "$$part" || exit; done
 	$(BIN)/python -m tools.sbom $(DIST)
 
 clean: ## remove what was made

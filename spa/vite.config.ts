@@ -5,6 +5,7 @@ import { gzipSync } from 'node:zlib';
 import react from '@vitejs/plugin-react';
 import type { Plugin } from 'vite';
 import { defineConfig } from 'vitest/config';
+import { leanReact } from './lean_react/plugin.ts';
 import { leanThree } from './lean_three/plugin.ts';
 
 const RELAYS = 'https: wss: http://localhost:* ws://localhost:* http://127.0.0.1:* ws://127.0.0.1:*';
@@ -26,22 +27,18 @@ const CONTENT_POLICY = [
 
 /** Chunks that the page itself imports, and those of who is signed in. A name that is missing here costs some bytes, nothing else. */
 const IN_THE_PAGE =
-  /\/(account|account_name|bounds|early|first_paint|jsx-runtime|language|level_latch|manifest|preload-helper|react|relay|rolldown-runtime|settings|values)-[\w-]{8}\.js$/;
+  /\/(account|account_name|ahead|base|early|first_paint|jsx-runtime|language|level_latch|preload-helper|rolldown-runtime)-[\w-]{8}\.js$/;
 
 /** What page and lazy parts share, in few chunks: a browser asks for six files at a time, and the worker waits its turn. */
 const SHARED_CHUNKS = [
-  { name: 'react', test: /node_modules\/react\// },
   {
-    name: 'relay',
-    test: /spa\/src\/(auth\/(lane|token)|browser\/(storage|store)|past\/past_source|relay\/(addresses|as_anyone|recording_address|relay)|stream\/clock)\.ts$/,
+    // What runs early needs this; the page's own script and most of what is loaded later need the next one as well.
+    name: 'ahead',
+    test: /spa\/src\/(auth\/(lane|token)|browser\/(storage|store)|model\/(bounds|bundle|files|lod_cache|manifest)|past\/past_source|relay\/(addresses|as_anyone|recording_address|relay)|stream\/clock)\.ts$/,
   },
   {
-    name: 'values',
-    test: /spa\/src\/(model\/(bounds|kinematics)|twin\/(format|joints|liveness|names|plain_names|rotation|values|limits\/(level_latch|limits))|view\/camera\/framing)\.ts$/,
-  },
-  {
-    name: 'settings',
-    test: /spa\/src\/(app\/(state\/(settings|use_store)|status\/span_words|text\/language)|browser\/(drawn_lines|first_paint|late_part|retry)|app\/shell\/media)\.ts$/,
+    name: 'base',
+    test: /node_modules\/react\/|spa\/src\/(app\/(shell\/media|state\/(settings|use_store)|status\/span_words|text\/language)|browser\/(drawn_lines|first_paint|late_part|retry)|model\/kinematics|twin\/(format|joints|liveness|names|plain_names|rotation|values|limits\/(level_latch|limits))|view\/camera\/framing)\.ts$/,
   },
   {
     // All of three.js but what only readers of mesh files need: a scene is one file of it, and its own.
@@ -53,9 +50,8 @@ const SHARED_CHUNKS = [
   // What late parts say: all of them need it, and who plays the past has it by then.
   {
     name: 'more',
-    test: /spa\/src\/app\/(text\/(more|more_en|balance|balance\/balance_en|past|past\/past_en)|status\/(moment_words|past_words))\.ts$/,
+    test: /spa\/src\/(app\/(text\/(more|more_en|balance|balance\/balance_en|past|past\/past_en)|status\/(moment_words|past_words))|twin\/balance\/told\/margin_channel)\.ts$/,
   },
-  { name: 'manifest', test: /spa\/src\/model\/(bundle|files|lod_cache|manifest)\.ts$/ },
   { name: 'cells', test: /spa\/src\/app\/.*\/(cells\.ts|fault_words\.ts|FlagTerm\.tsx)$/ },
   {
     name: 'sensors',
@@ -63,19 +59,14 @@ const SHARED_CHUNKS = [
     includeDependenciesRecursively: false,
   },
   {
-    name: 'margins',
-    test: /spa\/src\/twin\/balance\/(limit_margin|told\/margin_limits)\.ts$/,
-    includeDependenciesRecursively: false,
-  },
-  {
     name: 'root_pose',
-    test: /spa\/src\/(model\/(articulated_body|root_pose|vectors)|twin\/vectors)\.ts$/,
+    test: /spa\/src\/(model\/(articulated_body|root_pose|vectors)|overlays\/colors|twin\/(sensors\/imus|vectors))\.ts$/,
     includeDependenciesRecursively: false,
   },
   {
-    // What draws balance and tells of it, without its numbers, and without a selected joint's limits.
+    // What reads balance, draws it and tells of it, without its numbers, and without a selected joint's limits.
     name: 'balance',
-    test: /spa\/src\/(overlays\/balance\/(?!joint_arc)|view\/balance|app\/balance\/(balance_(part|watch)|Stood|spoken|stance)|twin\/balance\/told\/(direction|stance))/,
+    test: /spa\/src\/((overlays|model)\/balance\/(?!joint_arc)|view\/balance|app\/balance\/(balance_(part|watch)|Stood|spoken|stance)|twin\/balance\/(?!limit_margin|told\/(could|lacks|margin_channel)))|wire\/typescript\/src\/stance/,
     includeDependenciesRecursively: false,
   },
 ];
@@ -179,6 +170,7 @@ export default defineConfig({
   base: './', // one build for any path; the routes live in the hash
   plugins: [
     react(),
+    leanReact(),
     leanThree(path.resolve(import.meta.dirname, 'src/three')),
     contentPolicy(),
     earlyStart(),

@@ -1,28 +1,151 @@
-"""`make demo` on a taken port says so, and never that it is on air."""
+"""`posecast demo` and `posecast run` as processes: what they print is true, and nothing stays behind them."""
 
 from __future__ import annotations
 
+import json
 import os
+import signal
 import socket
 import subprocess
 import sys
+import urllib.request
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
-DEMO = Path(__file__).resolve().parent.parent / "tools" / "demo.py"
+import pytest
+
+from tests.conftest import BIN, Part, free_port, until
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = f"POSECAST_STATIC={ROOT / 'spa' / 'dist'}"  # in a checkout the page is not inside the relay
+ON_AIR = r"Posecast is on air:  (http://[^/]+)/#/r/(\S+)"
+MORE = r"More robots on this machine: --relay (tcp/\S+)"
+Starter = Callable[..., Part]
 
 
-def test_a_taken_port_is_said_before_anything_starts() -> None:
+@pytest.fixture
+def posecast(stack: Any) -> Starter:
+    """Starts `posecast` with arguments."""
+
+    def start(*argv: str, stdin: int | None = None, env: tuple[str, ...] = (PAGE,)) -> Part:
+        part: Part = stack.start("posecast", "env", *env, f"{BIN}/posecast", *argv, stdin=stdin)
+        return part
+
+    return start
+
+
+def ask(url: str) -> Any:
+    with urllib.request.urlopen(url, timeout=5) as answer:
+        return json.load(answer)
+
+
+def children(process: int) -> set[int]:
+    return {int(n) for n in Path(f"/proc/{process}/task/{process}/children").read_text().split()}
+
+
+def gone(processes: set[int]) -> bool:
+    return not any(Path(f"/proc/{number}").exists() for number in processes)
+
+
+def refused(*argv: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    """To its end."""
+    environment = {**os.environ, **dict([PAGE.split("=", 1)]), **environment}
+    command = [f"{BIN}/posecast", *argv]
+    return subprocess.run(
+        command,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+        stdin=subprocess.DEVNULL,
+    )
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_it_says_on_air_when_it_is_and_ends_whole(posecast: Starter, how: signal.Signals) -> None:
+    port = free_port()
+    demo = posecast("demo", "--no-browser", "--port", str(port))
+    url, robot = demo.line(ON_AIR).groups()
+    assert (url, robot) == (f"http://127.0.0.1:{port}", "demo")
+    # it is there at once: nobody waits after having read that line
+    assert ask(f"{url}/api/v1/robots/demo/state")["fields"]["pos"]["values"]
+    assert ask(f"{url}/api/v1/robots")["publish_at"] == demo.line(MORE)[1]
+    started = children(demo.process.pid)
+    assert len(started) == 2
+    demo.process.send_signal(how)
+    assert demo.process.wait(timeout=30) == 0
+    assert gone(started)
+
+
+def test_two_side_by_side(posecast: Starter) -> None:
+    both = [posecast("demo", "--no-browser") for _ in range(2)]
+    said = [(demo.line(ON_AIR)[1], demo.line(MORE)[1]) for demo in both]
+    assert len({url for url, _ in said}) == len({uplink for _, uplink in said}) == 2
+    for url, uplink in said:
+        listed = ask(f"{url}/api/v1/robots")
+        assert ([robot["robot"] for robot in listed["robots"]], listed["publish_at"]) == (["demo"], uplink)
+
+
+def test_a_named_port_that_is_taken_names_who_has_it() -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = str(other.getsockname()[1])
-        ended = subprocess.run(
-            [sys.executable, str(DEMO)],
-            env=os.environ | {"PORT": port},
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=False,
-        )
+        ended = refused("demo", "--port", port)
+    name = Path("/proc/self/comm").read_text().strip()
+    assert ended.stderr == f"posecast demo: port {port} is taken by {name} (process {os.getpid()})\n"
+    assert (ended.returncode, ended.stdout) == (2, "")
+
+
+@pytest.mark.parametrize(
+    ("argv", "environment", "why"),
+    [
+        (
+            ("demo",),
+            {"POSECAST_STATIC": "/nowhere"},
+            "posecast relay: POSECAST_STATIC '/nowhere': no index.html",
+        ),
+        (("run", "--source", "csv:/nowhere.csv"), {}, "posecast edge: /nowhere.csv: "),
+    ],
+)
+def test_what_cannot_start_is_never_on_air(
+    argv: tuple[str, ...], environment: dict[str, str], why: str
+) -> None:
+    ended = refused(*argv, "--no-browser", "--port", str(free_port()), **environment)
     assert ended.returncode == 2
-    assert ended.stderr.startswith(f"Port {port} is taken: ")
-    assert ended.stderr.count("\n") == 1
-    assert ended.stdout == ""
+    assert why in ended.stderr
+    assert "on air:" not in ended.stdout + ended.stderr
+
+
+def test_run_puts_a_robot_on_a_relay_of_its_own(posecast: Starter, tmp_path: Path) -> None:
+    urdf = tmp_path / "My Arm.urdf"
+    urdf.write_text('<robot name="arm"><link name="base"/></robot>')
+    wave = subprocess.Popen([sys.executable, "-c", WAVE], stdout=subprocess.PIPE)
+    assert wave.stdout is not None
+    words = ("run", "--source", "jsonl", "--urdf", str(urdf), "--no-browser", "--port", str(free_port()))
+    run = posecast(*words, stdin=wave.stdout.fileno())
+    url, robot = run.line(ON_AIR).groups()
+    assert robot == "my-arm"
+    assert ask(f"{url}/api/v1/robots/my-arm/state")["fields"]["pos"]["values"] == {"elbow": 0.25}
+    wave.terminate()
+    wave.wait()
+    wave.stdout.close()
+    # the robot is over, and so is all that was started for it
+    assert run.process.wait(timeout=30) == 0
+
+
+def test_run_joins_a_relay_that_is_named(posecast: Starter) -> None:
+    demo = posecast("demo", "--no-browser", "--port", str(free_port()))
+    url, uplink = demo.line(ON_AIR)[1], demo.line(MORE)[1]
+    run = posecast("run", "--robot", "two", "--source", "demo", "--relay", uplink)
+    until("both robots", lambda: len(ask(f"{url}/api/v1/robots")["robots"]) == 2)
+    assert children(run.process.pid) == set()
+    assert "on air:" not in run.out
+
+
+WAVE = """
+import itertools, json, time
+for n in itertools.count():
+    print(json.dumps({"t": n / 50, "pos": {"elbow": 0.25}}), flush=True)
+    time.sleep(0.02)
+"""

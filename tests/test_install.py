@@ -30,6 +30,7 @@ PAGE = (ROOT / "docs" / "INSTALL.md").read_text(encoding="utf-8")
 UNIT = ROOT / "infra" / "systemd" / "posecast-edge@.service"
 RELAY_UNIT = ROOT / "infra" / "systemd" / "posecast-relay.service"
 UV = ROOT / ".tools" / "bin" / "uv"
+INSTALLED_MB, WITH_MODELS_MB = 130, 220
 # what a stranger's machine has; above all no PIP_FIND_LINKS and nothing of the make that runs these tests
 PLAIN = {
     k: v for k, v in os.environ.items() if not k.startswith(("PIP_FIND", "MAKE", "MFLAGS", "PYTHON", "UV_"))
@@ -61,6 +62,7 @@ def wheels(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("site") / "dist"
     sh(f"make --silent dist DIST={folder}", ROOT)
     assert sorted(wheel.name.split("-")[0] for wheel in folder.glob("*.whl")) == [
+        "posecast",
         "posecast_edge",
         "posecast_relay",
         "posecast_wire",
@@ -154,6 +156,43 @@ def test_wheels_put_a_robot_on_air_without_internet(
     routes_page(alone, url)
 
 
+def megabytes(folder: Path) -> float:
+    """What a folder takes on a disk, without what Python compiles."""
+    files = {path: path.lstat() for path in folder.rglob("*") if "__pycache__" not in path.parts}
+    return sum(found.st_blocks * 512 for found in files.values()) / 1e6
+
+
+def test_one_wheel_is_all_of_it(stack: Any, wheels: Path, alone: Any, tmp_path: Path) -> None:
+    (wheel,) = wheels.glob("posecast-*.whl")
+    sh(
+        f"{sys.executable} -m venv --without-pip venv\n{UV} pip install --quiet --python venv {wheel}\n"
+        "venv/bin/python -c 'import posecast; posecast.Robot'",
+        tmp_path,
+    )
+    assert megabytes(tmp_path / "venv") <= INSTALLED_MB
+    # of the commands that other pages name none is missing
+    commands = {path.name for path in (tmp_path / "venv/bin").iterdir()}
+    assert {"posecast", "posecast-edge", "posecast-relay"} <= commands
+
+    def start() -> Any:
+        return stack.start("demo", str(tmp_path / "venv/bin/posecast"), "demo", "--no-browser")
+
+    url = str(alone.run(start).line(r"on air:  (http://[^/]+)/#/r/demo")[1])
+    moves(alone, url)
+    whole_page(alone, url)
+    routes_page(alone, url)
+
+
+def test_what_builds_models_is_small_too(wheels: Path, tmp_path: Path) -> None:
+    (wheel,) = wheels.glob("posecast-*.whl")
+    sh(
+        f"{sys.executable} -m venv --without-pip venv\n"
+        f"{UV} pip install --quiet --python venv '{wheel}[model]'",
+        tmp_path,
+    )
+    assert megabytes(tmp_path / "venv") <= WITH_MODELS_MB
+
+
 @pytest.mark.full
 def test_a_wheelhouse_is_enough(stack: Any, wheels: Path, alone: Any, tmp_path: Path) -> None:
     fill, install = (b for b in blocks("sh") if "wheelhouse\n" in b or "--no-index" in b)
@@ -164,7 +203,7 @@ def test_a_wheelhouse_is_enough(stack: Any, wheels: Path, alone: Any, tmp_path: 
         (site / ".tools").symlink_to(ROOT / ".tools")
         for file in ("uv.lock", "pyproject.toml"):
             (site / file).symlink_to(ROOT / file)
-        for package in ("wire/python", "edge-agent", "relay", "loadtests"):
+        for package in ("wire/python", "edge-agent", "relay", "loadtests", "command"):
             (site / package).mkdir(parents=True)
             (site / package / "pyproject.toml").symlink_to(ROOT / package / "pyproject.toml")
         sh(fill.replace("posecast-edge", f"posecast-{name}"), site)

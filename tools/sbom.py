@@ -16,8 +16,8 @@ from typing import Any
 ROOT = Path(__file__).resolve().parent.parent
 UV = ROOT / ".tools/bin/uv"
 PAGE = ROOT / "spa/dist/licenses.json"
-WITH_PAGE = "posecast-relay"
-PARTS = ("posecast-wire", "posecast-edge", WITH_PAGE)
+WITH_PAGE = ("posecast-relay", "posecast")
+PARTS = ("posecast-wire", "posecast-edge", *WITH_PAGE)
 # handed on as it comes, not bundled by Vite
 AS_IT_COMES = ROOT / "node_modules/swagger-ui-dist/package.json"
 
@@ -33,7 +33,7 @@ def sbom(package: str) -> dict[str, Any]:
         known = licences(component["name"])
         if known:
             component["licenses"] = known
-    if package == WITH_PAGE:
+    if package in WITH_PAGE:
         _add_page(document)
     return document
 

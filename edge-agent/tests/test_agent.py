@@ -13,6 +13,7 @@ from edge_stage import PROFILE, ROBOT, Got, Router, until
 from posecast_edge import clock
 from posecast_edge.agent import Agent, AgentSettings
 from posecast_edge.cli.console import Console
+from posecast_edge.model.serve.bundle import Bundle
 from posecast_edge.pipeline.events import Event
 from posecast_edge.pipeline.stream import Frame
 from posecast_edge.pipeline.view_pipeline import ViewPipeline
@@ -366,7 +367,7 @@ def test_a_model_that_comes_later_changes_units_once(router: Router) -> None:
 
     try:
         until(lambda: len(router.frames) >= 10, "frames of a robot without a model")
-        agent.set_sliding(frozenset({"finger"}))
+        agent.expect_model(Bundle(b"", [], [], frozenset(), frozenset({"finger"})))
         until(lambda: len(schemas()) == 2, "another schema")
         n = len(router.frames)
         until(lambda: len(router.frames) >= n + 10, "it goes on")

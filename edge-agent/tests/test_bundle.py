@@ -170,9 +170,10 @@ def test_a_built_model_is_offered_as_it_is(tmp_path: Path) -> None:
     shells = b"glTF" * 100
     digest = hashlib.sha256(shells).hexdigest()
     named = {"path": "low.glb", "size": len(shells), "sha256": digest}
-    (tmp_path / "manifest.json").write_text(json.dumps({"v": 2, "files": [named]}))
+    (tmp_path / "manifest.json").write_text(json.dumps({"v": 2, "files": [named], "links": ["a", "b"]}))
     (tmp_path / "low.glb").write_bytes(shells)
     bundle = load_built(tmp_path)
+    assert bundle.links == {"a", "b"}
     assert bundle.manifest == (tmp_path / "manifest.json").read_bytes()
     assert bundle.hash == hashlib.sha256(bundle.manifest).hexdigest()
     assert bundle.read(digest, 4, 8) == shells[4:12]
@@ -191,7 +192,7 @@ def test_a_file_where_the_folder_should_be_is_named_once(tmp_path: Path) -> None
     assert str(refused.value) == f"{tmp_path}/bundle/manifest.json: Not a directory"
 
 
-def test_a_bundle_knows_which_joints_slide(tmp_path: Path) -> None:
+def test_a_bundle_knows_its_links_and_which_joints_slide(tmp_path: Path) -> None:
     path = tmp_path / "robot.urdf"
     joints = "".join(
         f'<joint name="{kind} one" type="{kind}"><parent link="a"/><child link="{kind}"/>'
@@ -200,6 +201,7 @@ def test_a_bundle_knows_which_joints_slide(tmp_path: Path) -> None:
     )
     path.write_text(f'<robot name="r"><link name="a"/>{joints}</robot>')
     assert load_bundle(path).sliding == {"prismatic one"}
+    assert load_bundle(path).links == {"a", "prismatic", "revolute"}
     manifest = {"joints": [{"name": "x", "type": "prismatic"}, {"name": "y", "type": "fixed"}, 7]}
     assert find_sliding_built(json.dumps(manifest).encode()) == {"x"}
     assert find_sliding_built(b'{"joints": 3}') == frozenset()

@@ -6,6 +6,7 @@ import os
 import sys
 from contextlib import suppress
 
+import pytest
 from posecast_edge.cli.console import CLEAR, LINES_MAX, Console
 
 
@@ -111,3 +112,23 @@ def test_a_pipe_that_nobody_reads_holds_nobody_up() -> None:
         clock[0] = 1.0
         console.emit(record("again"))
         assert reader.read(4096) == b"posecast-edge: 3 more lines left out\nposecast-edge: again\n"
+
+
+@pytest.mark.parametrize(
+    ("level", "head"),
+    [
+        (logging.ERROR, "\x1b[31mposecast-edge:\x1b[0m "),
+        (logging.WARNING, "\x1b[33mposecast-edge:\x1b[0m "),
+        (logging.INFO, "posecast-edge: "),
+    ],
+)
+def test_colours_where_they_are_wanted(level: int, head: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    out = io.StringIO()
+    loud = logging.LogRecord("posecast_edge", level, "", 0, "boo", None, None)
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    Console(out).emit(loud)
+    assert out.getvalue() == f"{head}boo\n"
+    monkeypatch.setenv("NO_COLOR", "1")
+    Console(out).emit(loud)
+    assert out.getvalue().endswith("\nposecast-edge: boo\n")

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import socket
 import ssl
 import subprocess
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from edge_stage import Router
+import zenoh
+from edge_stage import ROBOT, Edge, Router, until
 from posecast_edge.uplink import diagnosis as doorbell
 from posecast_edge.uplink.certificate import Certificate
-from posecast_edge.uplink.diagnosis import diagnose_link
+from posecast_edge.uplink.diagnosis import Diagnosis, RefusalPatience, diagnose_link
 from posecast_wire import Credential
+from posecast_wire.keys import alive_key
 
 
 @pytest.fixture
@@ -29,8 +33,8 @@ def listener() -> Iterator[socket.socket]:
 def test_nobody_there() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
-    assert diagnose_link(f"tcp/127.0.0.1:{port}", None) == "does not answer"
-    assert diagnose_link("tcp/no.such.host.invalid:1", None) == "does not answer"
+    assert diagnose_link(f"tcp/127.0.0.1:{port}", None) == Diagnosis("does not answer")
+    assert diagnose_link("tcp/no.such.host.invalid:1", None) == Diagnosis("does not answer")
 
 
 @pytest.mark.parametrize("proof", [None, Credential("hubo", "x" * 43)])
@@ -38,14 +42,64 @@ def test_somebody_who_hangs(
     listener: socket.socket, proof: Credential | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(doorbell, "PATIENCE_S", 0.1)
-    says = diagnose_link(f"tcp/127.0.0.1:{listener.getsockname()[1]}", proof)
+    says = diagnose_link(f"tcp/127.0.0.1:{listener.getsockname()[1]}", proof).why
     assert says == "takes connections and says nothing: does it hang, or is it just starting?"
 
 
-def test_somebody_who_does_not_let_it_in(router: Router) -> None:
-    assert "does it want a --credential?" in diagnose_link(router.endpoint, None)
-    says = diagnose_link(router.endpoint, Credential("hubo", "x" * 43))
-    assert says == "does not let 'hubo' in: its credential is wrong, expired or revoked"
+def test_somebody_who_does_not_let_it_in(router: Router, tmp_path: Path) -> None:
+    router.stop()
+    passwords = tmp_path / "passwords"
+    passwords.write_text(f"g1:{'y' * 43}\n")
+    config = {
+        "mode": "router",
+        "listen": {"endpoints": [router.endpoint]},
+        "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        "transport": {"auth": {"usrpwd": {"dictionary_file": str(passwords)}}},
+    }
+    with zenoh.open(zenoh.Config.from_json5(json.dumps(config))):
+        nothing = diagnose_link(router.endpoint, None)
+        assert "does it want a --credential?" in nothing.why
+        wrong = diagnose_link(router.endpoint, Credential("hubo", "x" * 43))
+        assert wrong.why == "does not let 'hubo' in: its credential is wrong, expired or revoked"
+        assert nothing.is_refusal
+        assert wrong.is_refusal
+
+
+def test_a_good_credential_for_a_relay_that_takes_anybody(router: Router) -> None:
+    found = diagnose_link(router.endpoint, Credential("hubo", "x" * 43))
+    assert found.why.startswith("takes robots without a credential, as a relay does with --dev: leave")
+    assert not found.is_refusal
+
+
+def test_only_who_refuses_again_and_again_is_said_to() -> None:
+    refusal, away = Diagnosis("does not let it in", True), Diagnosis("does not answer")
+    patience = RefusalPatience()
+    assert patience.is_sure(away, 0.0)
+    assert [patience.is_sure(refusal, at) for at in (1.0, 3.0, 5.9, 6.0)] == [False, False, False, True]
+    patience = RefusalPatience()
+    assert [patience.is_sure(refusal, at) for at in (0.0, 9.0, 9.1)] == [False, False, True]
+    patience.is_sure(away, 10.0)
+    assert not patience.is_sure(refusal, 20.0), "it was away in between"
+
+
+def test_a_relay_that_is_slow_at_first_is_not_said_to_refuse(
+    router: Router, edge: Callable[..., Edge], profile_file: Path
+) -> None:
+    """It takes the agent's first tries, and makes no link of them."""
+    router.stop()
+    knocked = threading.Event()
+    with socket.create_server((router.host, router.port)) as slow:
+        slow.settimeout(20)
+        running = edge("--profile", str(profile_file))
+        until_s = time.monotonic() + 20.0
+        while not knocked.is_set() and time.monotonic() < until_s:
+            with slow.accept()[0] as link:
+                if link.recv(2) == doorbell.KNOCK:  # the agent asks why there is no link
+                    knocked.set()
+        assert knocked.is_set()
+    router.start()
+    until(lambda: router.tokens[-1:] == [(alive_key(ROBOT), True)], "on air", 30.0)
+    assert not [line for line in running.lines if "does it want a --credential" in line]
 
 
 def test_no_tls_where_it_is_asked_for(listener: socket.socket) -> None:
@@ -59,7 +113,7 @@ def test_no_tls_where_it_is_asked_for(listener: socket.socket) -> None:
 
     thread = threading.Thread(target=answer)
     thread.start()
-    assert diagnose_link(address, None) == "does not speak TLS: is it a tcp/… endpoint?"
+    assert diagnose_link(address, None).why == "does not speak TLS: is it a tcp/… endpoint?"
     thread.join()
 
 
@@ -81,7 +135,7 @@ def test_what_a_relay_that_wants_certificates_has_against_ours(tmp_path: Path) -
         def asked(proof: Credential | Certificate) -> str:
             thread = threading.Thread(target=answer)
             thread.start()
-            says = diagnose_link(f"tls/127.0.0.1:{server.getsockname()[1]}", proof)
+            says = diagnose_link(f"tls/127.0.0.1:{server.getsockname()[1]}", proof).why
             thread.join()
             return says
 

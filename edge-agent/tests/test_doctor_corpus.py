@@ -41,6 +41,8 @@ MORE = [
     robot(A, '<sensor name="s"><parent joint="gone"/></sensor>'),
     robot(A, B, joint("j", "a", "b", "fixed", '<mimic joint="k" multiplier="two"/>', "")),
     f"<robot>\n{A}\n</robot>\n",
+    robot(link("a", '<inertial><origin xyz="0 0"/><mass value="nan"/></inertial>')),
+    robot(link("a", '<inertial><origin xyz="0 inf 0"/><mass value="1"/><inertia ixx="a"/></inertial>')),
     robot('<link name="a"><collision><geometry><box size="1 1 1"/></geometry></collision></link>'),
 ]
 # what only the edge can say: it reads profiles and folders of packages, and looks into a mesh's corners

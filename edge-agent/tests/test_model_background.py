@@ -13,12 +13,27 @@ from pathlib import Path
 import pytest
 from edge_stage import ROBOT, Edge, Router, until
 from model_stage import cube_stl, link, mesh, robot, written
+from posecast_edge.model.finding import advise_mesh_tools
 from posecast_edge.model.serve.background import NEEDED, BackgroundBuild
 from posecast_edge.model.serve.bundle import Bundle, load_bundle
 from posecast_wire.keys import Snapshot, model_key
 
 Start = Callable[..., Edge]
 RSS_KB_MAX = 40 << 10
+FEET = """
+[labels]
+joint = ["A"]
+[[fields]]
+name = "pos"
+[[fields]]
+name = "ftf"
+labels = ["RF.fz", "LF.fz"]
+[sensors]
+RF = { kind = "wrench", link = "right_foot" }
+LF = { kind = "wrench", link = "a" }
+[balance]
+feet = ["RF", "LF", "lost", "a"]
+"""
 
 
 @pytest.fixture(autouse=True)
@@ -74,6 +89,25 @@ def test_built_beside_the_frames(router: Router, edge: Start, tmp_path: Path) ->
     assert list((tmp_path / "tmp").iterdir()) == []  # nothing is left behind
 
 
+def test_feet_of_the_profile_that_the_model_lacks_are_named_once(
+    router: Router, edge: Start, tmp_path: Path
+) -> None:
+    """At the start already: no viewer sees what such a robot stands on, and the model may take a minute."""
+    profile = tmp_path / "robot.toml"
+    profile.write_text(FEET)
+    e = edge("--urdf", str(cube_robot(tmp_path)), "--profile", str(profile))
+    until(lambda: bool(announced(router)), "the model", 60)
+    e.process.terminate()
+    assert e.wait() == 0
+    told = [line for line in e.lines if "[balance]" in line]
+    assert told == [
+        "posecast-edge: profile: [balance] names feet that the model lacks: "
+        "'RF' (on link 'right_foot'), 'lost'"
+    ]
+    built = next(i for i, line in enumerate(e.lines) if line.startswith("posecast-edge: model: "))
+    assert e.lines.index(told[0]) < built
+
+
 def test_stopped_while_it_builds(router: Router, edge: Start, tmp_path: Path) -> None:
     e = edge("--urdf", str(cube_robot(tmp_path)))
     until(lambda: any((tmp_path / "tmp").iterdir()), "the builder's folder")
@@ -105,7 +139,7 @@ def test_without_the_mesh_tools_the_meshes_go_as_they_are(
     build.stop()
     assert ready.bundles == [raw]
     [record] = caplog.records
-    assert "pip install 'posecast-edge[model]'" in record.getMessage()
+    assert advise_mesh_tools() in record.getMessage()
     assert "\n" not in record.getMessage()
 
 

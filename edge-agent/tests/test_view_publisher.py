@@ -8,8 +8,8 @@ from typing import TypeVar
 import zenoh
 from edge_stage import ROBOT, Router, until
 from posecast_edge.exception_log import ExceptionLog
-from posecast_edge.uplink.publisher import make_zenoh_config
 from posecast_edge.uplink.run import Run
+from posecast_edge.uplink.session_config import make_zenoh_config
 from posecast_edge.uplink.view_publisher import ViewPublisher
 from posecast_wire.keys import frame_key
 

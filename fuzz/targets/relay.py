@@ -9,7 +9,8 @@ import json
 
 from posecast_relay.auth.addresses import find_real_address, parse_networks
 from posecast_relay.auth.origins import may_show
-from posecast_relay.config.robots_file import RobotsError, read_robots
+from posecast_relay.config.robots_file import read_robots
+from posecast_relay.config.robots_reader import RobotsError
 from posecast_relay.core.edge_messages import read_edge_message
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.past.segment_record import pack_record, unpack_record

@@ -5,12 +5,17 @@ from __future__ import annotations
 import json
 import math
 import random
+import re
 from typing import Any
 
 import pytest
+from posecast_relay.balance import course
+from posecast_relay.balance.balance import make_balance_document
+from posecast_relay.balance.foot_pose import FootPose, pose_foot
 from posecast_relay.balance.model import read_balance_model
 from posecast_relay.balance.polygon import find_hull, find_nearest_edge
 from posecast_relay.balance.sole import compute_pressure, make_sole_plane
+from posecast_relay.export.balance_columns import write_balance
 from posecast_relay.kinematics.manifest_values import ModelTreeError
 
 from .balance_stage import SENSORS, SOLE, WEIGHT_N, Standing, make_manifest, make_model, make_schema_text
@@ -38,6 +43,30 @@ def test_it_stands_in_the_middle_of_its_feet() -> None:
     assert found.feet[0].force_n == pytest.approx(WEIGHT_N / 2, abs=1e-3)
     assert found.feet[0].pressure == pytest.approx((0, -0.1, 0))
     assert not found.feet[0].at_edge
+
+
+def test_a_floor_at_zero_has_no_minus(monkeypatch: pytest.MonkeyPatch) -> None:
+    def pose_at_minus_zero(*args: Any) -> FootPose:
+        return pose_foot(*args)._replace(lowest_m=-0.0)
+
+    monkeypatch.setattr(course, "pose_foot", pose_at_minus_zero)
+    floor_m = Standing().read().floor_m
+    assert floor_m is not None
+    assert math.copysign(1, floor_m) == 1
+
+
+def test_a_document_has_no_minus_before_a_zero() -> None:
+    """Of a floor 0.03 mm under the origin, and a centre of mass 0.03 mm outside."""
+    low = [[x, y, -0.00003] for x, y, _ in SOLE]
+    aside = {"link": 0, "mass_kg": 40, "xyz": [0.12003, -0.00003, 0.1], "inertia": [1, 0, 0, 1, 0, 1]}
+    model = make_model(inertials=[aside], soles=[{"link": 2, "points": low}, {"link": 3, "points": low}])
+    balance = Standing(model=model).read()
+    assert balance.floor_m == pytest.approx(-0.00003)
+    assert balance.margin_m == pytest.approx(-0.00003)
+    document = make_balance_document(balance)
+    assert (document["floor_m"], document["margin_mm"]) == (0, 0)
+    assert "-0.0," not in json.dumps(document)
+    assert not any(re.fullmatch(r"-[0.]+", cell) for cell in write_balance(balance))
 
 
 def test_the_centre_outside_of_what_it_stands_on_has_a_margin_below_zero() -> None:
@@ -121,12 +150,20 @@ def test_the_capture_point_is_ahead_by_the_root_of_height_by_gravity() -> None:
     assert slower.velocity == pytest.approx((0.2 * math.exp(-1), 0, 0), abs=1e-9)
 
 
-@pytest.mark.parametrize("step_s", [0.6, -0.1])
+@pytest.mark.parametrize("step_s", [0.8, -0.1])
 def test_velocity_begins_anew_after_a_gap_and_when_time_runs_back(step_s: float) -> None:
     robot = Standing()
     robot.read(1.0)
     assert robot.read(1.1).velocity == pytest.approx((0, 0, 0))
     assert robot.read(1.1 + step_s, right_leg=0.1).velocity is None
+
+
+def test_a_robot_that_stands_still_has_a_capture_point_by_two_frames_a_second() -> None:
+    """The edge sends the frame of a robot that does not change at its first sample after 0.5 s."""
+    robot = Standing()
+    told = [robot.read(t_s).capture_point for t_s in (0.0, 0.533, 1.066, 1.666)]
+    assert told[0] is None
+    assert told[1:] == [pytest.approx((0.02, 0, 0))] * 3
 
 
 def test_velocity_begins_anew_where_no_foot_bears_in_both_poses() -> None:

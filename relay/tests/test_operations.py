@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import os
+import pty
 import re
+import shlex
+import subprocess
+import sys
 from collections import Counter
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+from posecast_relay.config.robots_file import read_robots
 from posecast_relay.config.settings import FLAGS
 from posecast_relay.core.breaker import Breaker
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.past.memory_store import MemoryPast
+from posecast_relay.core.policy.policy import Audience, Rule
 from posecast_relay.http.archive_metrics import ArchiveFigures
 from posecast_relay.http.metrics import RelayCollector
 from posecast_relay.http.past.held_requests import HeldRequests
@@ -23,7 +30,10 @@ from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.server.workers.metrics import LEAST, SUMMED, JoinedCollector
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-ROBOTS_FLAGS = {"--ca", "--certificate", "--days", "--private", "--url"}  # of `posecast-relay robots add`
+ROBOTS_FLAGS = {  # of `posecast-relay robots`
+    *("--ca", "--certificate", "--days", "--private", "--url"),
+    *("--anyone", "--keep", "--link", "--signed-in", "--begin", "--finish"),
+}
 PAST_FLAGS = {"--all", "--from", "--to", "--view", "--yes"}  # of `posecast-relay past`
 EDGE_FLAGS = {"--credential", "--hz", "--relay", "--robot", "--tls-ca", "--tls-cert", "--tls-key"}
 REDIS_FLAGS = {"--pattern", "--scan"}  # of redis-cli
@@ -79,3 +89,24 @@ def test_links_lead_somewhere() -> None:
         titles = [title.lower() for title in re.findall(r"^#+ (.*)$", text, re.MULTILINE)]
         heads = {re.sub(r"[^a-z ]", "", title).replace(" ", "-") for title in titles}
         assert head == "" or head in heads, link
+
+
+def test_the_commands_for_the_file_of_robots_do_what_they_say(tmp_path: Path) -> None:
+    path = tmp_path / "robots.toml"
+    environ = os.environ | {"POSECAST_ROBOTS": str(path), "EDITOR": "true"}
+    section = PAGE.partition("### The file of robots\n")[2].partition("\n#")[0]
+    commands = re.findall(r"^    posecast-relay (robots .+)$", section, re.MULTILINE)
+    assert [command.split()[1] for command in commands] == ["set", "edit", "check"]
+    at, terminal = pty.openpty()
+    for command in ("robots add hubo", *commands):
+        program = [sys.executable, "-m", "posecast_relay.cli", *shlex.split(command)]
+        done = subprocess.run(
+            program, stdin=terminal, env=environ, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
+    os.close(at)
+    os.close(terminal)
+    assert read_robots(path).enrolled["hubo"].rules == {
+        Audience.ANYONE: Rule(delay_s=10.0),
+        Audience.LINK: Rule("staff", past_s=7200.0),
+    }

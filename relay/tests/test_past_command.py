@@ -99,7 +99,7 @@ def test_what_can_not_be_asked_for_so_gets_one_line(tmp_path: Path) -> None:
         (("delete", "--past", f"file://{tmp_path}", "--all"), "--robot"),
         (("delete", *store[:2], "--robot", "../x", "--all"), "use 1 to 63 of a-z"),
         (("delete", *store, *whole), "there is no terminal to ask for confirmation: give --yes"),
-        (("empty",), "invalid choice"),
+        (("empty",), "unknown command 'empty'"),
     ):
         with pytest.raises(SettingsError) as told:
             run(*argv)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import signal
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import httpx
+import pytest
+from posecast_relay.config.robots_reader import RobotsError
+from posecast_relay.config.settings import parse
+from posecast_relay.server.robots import load_robots
 from posecast_wire import Decoder
 from posecast_wire.segment import CopyRecord, FrameRecord, decode_segment
 
@@ -170,13 +172,10 @@ def test_without_a_past(tmp_path: Path, relays: Callable[..., Relay], redis_serv
 def test_keep_without_a_store_is_refused_in_one_line(tmp_path: Path) -> None:
     file = tmp_path / "robots.toml"
     write(file, "[robots.r]\nkeep = '30d'\n")
-    done = subprocess.run(
-        [sys.executable, "-m", "posecast_relay.cli", "run", "--dev", "--robots", str(file)],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
-    assert done.returncode != 0
-    assert f"--robots {file}: [robots.r] keep: wants an object store" in done.stderr
-    assert done.stderr.count("\n") == 1
+    settings = parse(["run", "--dev", "--robots", str(file)], {})
+    with pytest.raises(RobotsError) as error:
+        load_robots(settings)
+    assert str(error.value).startswith(f"{file}: [robots.r] keep: wants an object store")
+    assert "\n" not in str(error.value)
+    for given in (["--past", "file:///srv/past"], ["--role", "gateway", "--store", "redis://h:1"]):
+        assert load_robots(parse(["run", "--dev", "--robots", str(file), *given], {})) is not None

@@ -160,3 +160,71 @@ def test_the_list_says_what_each_audience_may_look_back_on(tmp_path: Path) -> No
         "signed-in: public (5 s late, no past",
         "link: public (5 s late, 30 s back)",
     ]
+
+
+def test_who_may_watch_is_said_without_an_editor(tmp_path: Path) -> None:
+    path = tmp_path / "robots.toml"
+    robots(path, "add", "hubo")
+    path.write_text(path.read_text() + "# by the door\n")
+    before = path.read_text()
+    words = ["--anyone", "view=public", "delay_s=10", "frames=https://a.example,https://b.example"]
+    done = robots(path, "set", "hubo", *words, "--link", "view=7", "past=2h", "blackout=false")
+    assert done.returncode == 0, done.stderr
+    assert "anyone: public (10 s late, no past), link: 7 (2 h back)" in done.stderr
+    rules = read_robots(path).enrolled["hubo"].rules
+    assert rules == {
+        Audience.ANYONE: Rule(delay_s=10.0, frames=("https://a.example", "https://b.example")),
+        Audience.LINK: Rule("7", past_s=7200.0),
+    }
+    assert "# by the door" in path.read_text()
+    assert (tmp_path / "robots.toml.bak").read_text() == before
+    assert stat.S_IMODE((tmp_path / "robots.toml.bak").stat().st_mode) == 0o600
+
+    robots(path, "set", "hubo", "--anyone", "delay_s=", "viewers=3", "--link", "nothing", "--keep", "30d")
+    hubo = read_robots(path).enrolled["hubo"]
+    assert hubo.rules == {Audience.ANYONE: Rule(viewers=3, frames=("https://a.example", "https://b.example"))}
+    assert hubo.keep_s == 30 * 86400.0
+    robots(path, "set", "hubo", "--keep", "0")
+    assert read_robots(path).enrolled["hubo"].keep_s is None
+    assert robots(path, "link", "hubo").returncode == 2
+    robots(path, "set", "hubo", "--link", "view=public")
+    assert robots(path, "link", "hubo").stdout.startswith("#/r/hubo?t=")
+
+
+def test_what_cannot_be_set_is_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "robots.toml"
+    robots(path, "add", "hubo")
+    assert "say what, as --anyone view=public" in refused(path, "set", "hubo")
+    assert "no robot 'g1' in" in refused(path, "set", "g1", "--anyone", "view=public")
+    assert "--anyone hertz=3: use FIELD=VALUE" in refused(path, "set", "hubo", "--anyone", "hertz=3")
+    assert "--anyone hz: use FIELD=VALUE" in refused(path, "set", "hubo", "--anyone", "hz")
+    said = refused(path, "set", "hubo", "--anyone", "delay_s=61")
+    assert said.startswith(
+        f"posecast-relay: {path}: [robots.hubo.anyone] delay_s: want a number from 0 to 60"
+    )
+    assert "hz: want a number" in refused(path, "set", "hubo", "--link", "hz=many")
+    assert "two delays for view" in refused(
+        path, "set", "hubo", "--anyone", "delay_s=1", "--link", "delay_s=2"
+    )
+    assert [each.name for each in tmp_path.iterdir()] == ["robots.toml"]
+
+
+def test_a_rotation_in_two_steps(tmp_path: Path) -> None:
+    path = tmp_path / "robots.toml"
+    first = Credential.parse(robots(path, "add", "hubo").stdout)
+    assert "no rotation of 'hubo' was begun" in refused(path, "rotate", "hubo", "--finish")
+    assert "say --days with --finish" in refused(path, "rotate", "hubo", "--begin", "--days", "3")
+    assert "not allowed with argument" in refused(path, "rotate", "hubo", "--begin", "--finish")
+    done = robots(path, "rotate", "hubo", "--begin")
+    assert "worth nothing until `robots rotate hubo --finish`" in done.stderr
+    second = Credential.parse(done.stdout)
+    assert read_robots(path).find_secrets(0.0) == {"hubo": first.secret}
+    assert robots(path, "rotate", "hubo", "--finish", "--days", "3").stdout == ""
+    assert read_robots(path).find_secrets(0.0) == {"hubo": second.secret}
+    assert read_robots(path).find_secrets(1e11) == {}
+
+    robots(path, "rotate", "hubo", "--begin")
+    Credential.parse(robots(path, "rotate", "hubo").stdout)  # at once: what was begun is forgotten
+    assert "no rotation of 'hubo' was begun" in refused(path, "rotate", "hubo", "--finish")
+    robots(path, "add", "g1", "--certificate")
+    assert "shows a certificate" in refused(path, "rotate", "g1", "--begin")

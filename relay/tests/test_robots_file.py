@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from posecast_relay.config.robots_file import RobotsError, read_robots, refuse_keep
+from posecast_relay.config.robots_file import read_robots
+from posecast_relay.config.robots_reader import RobotsError
 from posecast_relay.core.policy.policy import Audience, Rule
 
 SECRET = "C" * 43
@@ -134,4 +135,4 @@ def test_how_long_robots_are_kept(tmp_path: Path) -> None:
     robots = read_robots(path)
     assert robots.make_policy().keeps_s == {"r": 30 * 86400.0}
     with pytest.raises(RobotsError, match=r"\[robots.r\] keep: wants an object store"):
-        refuse_keep(robots, path)
+        read_robots(path, has_store=False)

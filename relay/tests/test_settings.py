@@ -30,7 +30,7 @@ def test_a_flag_wins_over_its_variable_and_that_over_port() -> None:
     [
         ([], {}, "required: run"),
         (["run"], {}, "give --robots FILE (who may publish and watch), or --dev"),
-        (["run", "--dev", "--prot", "1"], {}, "unrecognized arguments: --prot 1"),
+        (["run", "--dev", "--prot", "1"], {}, "unrecognized arguments: --prot (did you mean --port?)"),
         (["run", "--dev", "--port"], {}, "--port"),
         (["run", "--dev", "--port", "80a"], {}, "--port '80a': use a number from 0 to 65535"),
         (["run", "--dev"], {"POSECAST_PORT": "70000"}, "POSECAST_PORT '70000': "),
@@ -61,7 +61,6 @@ def test_a_flag_wins_over_its_variable_and_that_over_port() -> None:
         (["run", "--dev", "--origins", "https://a.b/c"], {}, "--origins 'https://a.b/c': use https://HOST"),
         (["run", "--dev", "--origins", "https://a.b;script-src"], {}, "use https://HOST[:PORT]"),
         (["run", "--robots", __file__, "--zenoh-ca", __file__], {}, "with --zenoh-ca only tls/… or quic/…"),
-        (["run", "--robots", __file__, "--zenoh-ca", "/gone"], {}, "--zenoh-ca '/gone': no such file"),
         (["run", "--dev", "--firebase-project", "X"], {}, "--firebase-project 'X': use the project's id"),
         (["run", "--dev", "--firebase-database", "http://x.firebaseio.com"], {}, "use https://HOST"),
         (["run", "--dev", "--firebase-database", "https://x.example/y"], {}, "use https://HOST"),

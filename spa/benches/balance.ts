@@ -2,7 +2,7 @@ import { parseSchema } from '@posecast/wire';
 import { BalanceReader } from '../src/model/balance/balance_reader.ts';
 import { FrameBody } from '../src/model/balance/frame_body.ts';
 import { readManifest } from '../src/model/manifest.ts';
-import { BalanceTrack } from '../src/twin/balance/track.ts';
+import { Footprints } from '../src/overlays/balance/footprints.ts';
 
 const JOINTS = 60;
 const FRAMES = 2000;
@@ -99,7 +99,7 @@ export function measureBalance(): string[] {
     manifest.links.map((link, i) => [link, { elements: body.worldFromLink.subarray(16 * i, 16 * i + 16) }]),
   );
   const linked = { linkMatrix: (name: string) => places.get(name) };
-  const track = new BalanceTrack();
+  const left = new Footprints();
   return [
     `a frame of ${JOINTS} joints, ${FRAMES} of them, median of ${ROUNDS} rounds (least–most), Node ${process.version}`,
     `kinematics alone:                  ${timed((i) => body.place(codesOf(i)))}`,
@@ -107,7 +107,7 @@ export function measureBalance(): string[] {
     `balance of a body that is shown:   ${timed((i) => byBody.ofBody(linked, byBody.wrenches(codesOf(i)), next()))}`,
     `the same, with trace and footprints: ${timed((i) => {
       const t = next();
-      track.push(byBody.ofBody(linked, byBody.wrenches(codesOf(i)), t), t, false);
+      left.take(byBody.ofBody(linked, byBody.wrenches(codesOf(i)), t), t, false, 1);
     })}`,
   ];
 }

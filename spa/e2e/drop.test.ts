@@ -78,6 +78,41 @@ describe("a robot from one's own computer", () => {
     await until('a reason', async () => (await page.text()).includes('This is no zip.'));
   });
 
+  it('has its centre of mass, which follows the sliders; in one line what can not be known', async () => {
+    const weighing = (kg: string) =>
+      URDF.replaceAll(/<link name="(base|rod)">/g, (link, name) => {
+        const mass = name === 'rod' ? kg : '3';
+        return `${link}<inertial><mass value="${mass}"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>`;
+      });
+    const page = await listed();
+    const open = (kg: string) =>
+      page.evaluate(choose('choose-zip', zipSync({ 'arm.urdf': strToU8(weighing(kg)) }), 'arm.zip'));
+    const ball = () =>
+      page.evaluate<number[] | null>('window.posecast.scene?.signs.balance?.centreOfMass ?? null');
+    const entry = () => page.findByTestId('local-balance').text();
+    await open('1');
+    await until('the ball', async () => (await ball()) !== null, 30_000);
+    const low = (await ball())![2]!;
+    await page.evaluate(`(() => {
+      const slider = document.querySelector('.local-slider input');
+      Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set.call(slider, '0.4');
+      slider.dispatchEvent(new Event('input', { bubbles: true }));
+    })()`);
+    await until('a quarter of the way', async () => Math.abs((await ball())![2]! - low - 0.1) < 1e-6);
+    expect(await entry()).toMatch(/^Balance\s*The page does not know the soles of a model/);
+    mkdirSync(SHOTS, { recursive: true });
+    await page.screenshot(path.join(SHOTS, 'drop-balance.png'));
+    await page.evaluate(`document.querySelector('[data-testid="local-balance"] input').click()`);
+    await until('no ball', async () => (await ball()) === null);
+    await page.evaluate(`document.querySelector('[data-testid="local-balance"] input').click()`);
+    await until('the ball again', async () => (await ball()) !== null);
+    await closed(page);
+    await open('nan');
+    await until('the reason', async () => (await page.text()).includes("'nan'; no balance is shown"), 30_000);
+    await until('the entry', async () => (await entry()).includes('masses that can’t be'));
+    expect(await ball()).toBeNull();
+  });
+
   it('shows every kind of mesh, and any of several robots', async () => {
     const mesh = (name: string, kind: string, y: number) =>
       `<link name="${name}"><visual><geometry><mesh filename="package://zoo/meshes/${kind}"/></geometry></visual></link>

@@ -150,6 +150,22 @@ it('of a body that lacks a link nothing is told that depends on it', () => {
   ]);
 });
 
+it('a floor at zero has no minus', () => {
+  const { manifest, schema, frames } = stands;
+  const upright = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, -0, 1];
+  const under = [
+    [-0.1, -0.05, -0],
+    [0.1, -0.05, -0],
+    [0, 0.05, -0],
+  ];
+  const soles = (manifest.raw.soles as { link: number }[]).map(({ link }) => ({ link, points: under }));
+  const reader = new BalanceReader(readManifest({ ...manifest.raw, soles }), schema);
+  const wrenches = reader.wrenches(Int32Array.from(frames[0]!.codes));
+  const { feet, floorM } = reader.ofBody({ linkMatrix: () => ({ elements: upright }) }, wrenches, 0);
+  expect(feet[0]!.corners.some(([, , z]) => Object.is(z, -0))).toBe(true);
+  expect(floorM).toBe(0);
+});
+
 it('the result is rewritten, but what was told of a pose stays as it was', () => {
   const { manifest, schema, frames } = stands;
   const reader = new BalanceReader(manifest, schema);

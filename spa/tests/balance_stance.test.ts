@@ -10,7 +10,8 @@ import type { Balance, Vec2 } from '../src/twin/balance/balance.ts';
 import { couldStand } from '../src/twin/balance/told/could_stand.ts';
 import { fallDirection } from '../src/twin/balance/told/direction.ts';
 import { lacksOf } from '../src/twin/balance/told/lacks.ts';
-import { MARGIN, marginLimits } from '../src/twin/balance/told/margin_limits.ts';
+import { MARGIN } from '../src/twin/balance/told/margin_channel.ts';
+import { marginLimits } from '../src/twin/balance/told/margin_limits.ts';
 import { toldOfMasses } from '../src/twin/balance/told/mass_findings.ts';
 import { type Stance, StanceJudge } from '../src/twin/balance/told/stance.ts';
 import { ValueLimits, withEdit } from '../src/twin/limits/limits.ts';
@@ -32,6 +33,7 @@ function standing(marginMm: number | null, changed: Partial<Balance> = {}): Bala
     massKg: 50,
     centreOfMass: marginMm === null ? null : [0, 0.1 - marginMm / 1000, 0.6],
     velocity: null,
+    slide: null,
     capturePoint: null,
     floorM: 0,
     ground: 'measured',
@@ -288,6 +290,19 @@ describe('what can’t be known', () => {
     expect(lines(lacksOf(gaps(null, null), [], ['soles[0]: its link is not there']))).toEqual([
       'soles[0]: its link is not there',
     ]);
+  });
+
+  it('is said of feet that measure too little: first of what bears, else of the pressure', () => {
+    const told = (polygon: Balance['gaps']['polygon']) =>
+      lines(lacksOf({ gaps: { ...NO_GAPS, polygon, pressure: 'no-wrench' } }, []));
+    expect(told(null)).toEqual([
+      'No centre of pressure: not every foot measures its force and moments (Fz, Mx, My).',
+    ]);
+    expect(told('airborne')).toEqual(told(null));
+    expect(told('no-wrench')).toEqual([
+      'Which feet bear weight is not known: not every foot measures its force (Fz).',
+    ]);
+    expect(lackWords({ why: 'no-pressure' }, balanceKo)).toContain('Fz, Mx, My');
   });
 
   it('passes with time: no foot bears, one is not read', () => {

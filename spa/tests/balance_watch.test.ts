@@ -126,7 +126,10 @@ describe('the watch over balance', () => {
     ['an older bundle', ['old-bundle'], false, false],
     ['its profile says it stands on nothing', ['no-feet'], true, false],
     ['has no soles', ['no-feet'], true, false],
-    ['has no wrenches', [], true, false],
+    ['has no wrenches', ['no-pressure'], true, false],
+    ['sensors measure force alone', ['no-pressure'], true, true],
+    ['moments in a unit that nobody knows', ['no-pressure'], true, true],
+    ['sensors measure fz, mx and my', [], true, true],
     ['stands', [], true, true],
   ])('%s: what is lacking, and whether it is shown by itself', async (name, lacks, possible, byItself) => {
     const { watch } = await robotOf(named(name));

@@ -11,7 +11,14 @@ describe('connecting', () => {
     expect(rig.take()).toEqual([
       {
         do: 'post',
-        message: { kind: 'link', by: 'websocket', phase: 'connecting', retryAtMs: null, ending: null, moves: false },
+        message: {
+          kind: 'link',
+          by: 'websocket',
+          phase: 'connecting',
+          retryAtMs: null,
+          ending: null,
+          moves: false,
+        },
       },
       { do: 'connect', by: 'websocket', url: 'ws://relay/live?hz=30' },
     ]);

@@ -27,7 +27,14 @@ describe('a relay that is full', () => {
     expect(rig.take()).toEqual([
       {
         do: 'post',
-        message: { kind: 'link', by: 'segments', phase: 'connecting', retryAtMs: null, ending: null, moves: false },
+        message: {
+          kind: 'link',
+          by: 'segments',
+          phase: 'connecting',
+          retryAtMs: null,
+          ending: null,
+          moves: false,
+        },
       },
       LANE,
     ]);

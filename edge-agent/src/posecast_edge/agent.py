@@ -25,6 +25,7 @@ from posecast_edge.pipeline.events import Event
 from posecast_edge.pipeline.stream import Stream
 from posecast_edge.pipeline.text_guard import TextGuard
 from posecast_edge.pipeline.view_pipeline import ViewPipeline
+from posecast_edge.profile.balance import find_unknown_feet
 from posecast_edge.profile.schema import infer_profile, join_channels
 from posecast_edge.profile.types import PUBLIC, Profile
 from posecast_edge.rate_limited_log import RateLimitedLog
@@ -33,7 +34,7 @@ from posecast_edge.sources.base import Source, Troubled
 from posecast_edge.uplink.certificate import Certificate
 from posecast_edge.uplink.lateness import RateControl
 from posecast_edge.uplink.publisher import ZenohPublisher
-from posecast_edge.visible import make_visible
+from posecast_edge.visible import make_visible, quote
 
 log = logging.getLogger("posecast_edge")
 
@@ -83,7 +84,9 @@ class Agent:
         self._settings = settings
         self._source = source
         self._progress_line = progress_line
+        self._profile = profile
         self._model: str | None = None
+        self._lacking_feet: dict[str, str] = {}  # as they were named last
         self._sliding: frozenset[str] = frozenset()  # joints, by the model
         self._inferred: tuple[Sample, frozenset[str]] | None = (
             None  # what the profile was made of, without one
@@ -113,13 +116,22 @@ class Agent:
     def set_model(self, bundle: Bundle) -> None:
         """Serve this model from now on. May be called from any thread, also before `run`."""
         self._model = bundle.hash
-        self.set_sliding(bundle.sliding)
+        self.expect_model(bundle)
         self._publisher.set_model(bundle)
 
-    def set_sliding(self, joints: frozenset[str]) -> None:
-        """Take the values of these joints for m, m/s and N, unless there is a profile. May be called from any
-        thread, also before `run`."""
-        self._sliding = joints
+    def expect_model(self, bundle: Bundle) -> None:
+        """Know a model before it is served. Without a profile the values of the joints that slide are m, m/s
+        and N; with one, the feet that the model lacks are named in one line. May be called from any thread,
+        also before `run`."""
+        self._sliding = bundle.sliding
+        lacking = {} if self._profile is None else find_unknown_feet(self._profile.mapping, bundle.links)
+        if lacking and lacking != self._lacking_feet:
+            named = (
+                quote(foot) + ("" if foot == link else f" (on link {quote(link)})")
+                for foot, link in lacking.items()
+            )
+            log.warning("profile: [balance] names feet that the model lacks: %s", ", ".join(named))
+        self._lacking_feet = lacking
 
     def stop(self) -> None:
         """Ask `run` to return soon. Takes no lock, so it is safe inside a signal handler."""

@@ -143,7 +143,7 @@ class Robot:
             take_model(built)
         elif urdf is not None:
             if raw is not None:
-                agent.set_sliding(raw.sliding)  # the model itself may take a minute
+                agent.expect_model(raw)  # the model itself may take a minute
             build = BackgroundBuild(Path(urdf), raw, take_model)
         orders = {f.name: f.labels for f in found.fields} if found else {}
         orders |= dict.fromkeys(JOINT_FIELDS, own) if own else {}

@@ -9,18 +9,23 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import NoReturn
 
+from posecast_wire.command_line.color import paint
+
 from posecast_relay.config.settings import SettingsError, StartError, parse
 
 
-def main() -> NoReturn:
-    """Entry point; ends the process: 0 after SIGTERM or Ctrl-C, 2 for a wrong setting or a port in use."""
+def main(argv: Sequence[str] | None = None, program: str = "posecast-relay") -> NoReturn:
+    """Entry point; ends the process: 0 after SIGTERM or Ctrl-C, 2 for a wrong setting or a port in use.
+
+    `argv`: None for those of the process; `program`: what it is called in messages.
+    """
     status = 0
     try:
         # until the loop takes the signals over nothing is to be closed; an exception may be lost in an import
         signal.signal(signal.SIGTERM, lambda *_: os._exit(0))
-        _run(sys.argv[1:])
+        _run(sys.argv[1:] if argv is None else argv, program)
     except (SettingsError, StartError) as e:
-        print(f"posecast-relay: {e}", file=sys.stderr)
+        print(paint(f"{program}:", "red", sys.stderr), e, file=sys.stderr)
         status = 2
     except KeyboardInterrupt:
         pass
@@ -32,18 +37,18 @@ def main() -> NoReturn:
     os._exit(status)
 
 
-def _run(argv: Sequence[str]) -> None:
+def _run(argv: Sequence[str], program: str) -> None:
     if argv[:1] == ["robots"]:
         from posecast_relay.config.robots_command import run_robots  # noqa: PLC0415 — the same
 
-        run_robots(argv[1:], os.environ)
+        run_robots(argv[1:], os.environ, program)
         return
     if argv[:1] == ["past"]:
         from posecast_relay.past_command.main import run_past  # noqa: PLC0415 — the same
 
-        run_past(argv[1:], os.environ)
+        run_past(argv[1:], os.environ, program)
         return
-    settings = parse(argv, os.environ)
+    settings = parse(argv, os.environ, program)
     from posecast_relay.server.process import run  # noqa: PLC0415 — --help and a wrong flag answer at once
 
     run(settings, argv)

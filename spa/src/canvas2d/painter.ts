@@ -98,7 +98,7 @@ export class LightPainter {
     this.#paintShadows(figures, tones);
     if (facets !== null) this.#paintFacets(view, facets, false);
     paintStrokes(context, view, ratio, strokes, false);
-    paintAxes(context, view);
+    if (!facets?.count) paintAxes(context, view); // red between signs of balance would be taken for a warning
     const triangles = this.#paintShells(picture);
     for (const figure of figures) if (!figure.dressed) this.#paintBones(figure, view, tones);
     if (facets !== null) this.#paintFacets(view, facets, true);

@@ -42,8 +42,9 @@ export interface AttitudePaints {
   /** Thin lines that continue others. */
   readonly faint: Paint;
   readonly lean: Paint;
-  /** The plumb line is left out where the centre of mass has one: two would be taken for each other. */
-  readonly plumb: boolean;
+  /** False: without plane and plumb line. The signs of balance have a plumb line of their own, and the plane would be taken for what
+   *  the robot stands on. */
+  readonly ground: boolean;
 }
 
 export interface ShownAttitude {
@@ -74,7 +75,7 @@ export class AttitudeOverlay {
     const planeZ = figure !== null && (based || lean !== null) ? lowest(figure) : null;
     const feet: string[] = [];
     if (figure !== null) {
-      if (planeZ !== null) drawPlane(strokes, figure, planeZ, reach, paints);
+      if (planeZ !== null && paints.ground) drawPlane(strokes, figure, planeZ, reach, paints);
       if (body !== null && lean !== null) drawPlumb(strokes, figure, body, planeZ ?? 0, reach, paints);
       for (const imu of imus) {
         if (imu !== body && drawFoot(strokes, figure, imu, reach, paints)) feet.push(imu.site);
@@ -109,13 +110,13 @@ function drawPlumb(
   imu: Imu,
   planeZ: number,
   reach: number,
-  { gravity, faint, lean, plumb }: AttitudePaints,
+  { gravity, faint, lean, ground }: AttitudePaints,
 ): void {
   const worldFromLink = linkOf(figure, imu);
   if (worldFromLink === undefined) return;
   const at = pointThrough(worldFromLink, imu.xyz);
   const thin = 0.005 * reach;
-  if (plumb) {
+  if (ground) {
     const down = at[2] - planeZ;
     const arrow = Math.min(GRAVITY * reach, Math.max(0, down));
     const head = Math.min(arrow, 0.06 * reach);

@@ -1,7 +1,10 @@
 // @vitest-environment happy-dom
 import { expect, it } from 'vitest';
 import { sampleLeg } from '../three/robot/leg_sample.ts';
+import type { BalanceReadings } from '../twin/overlay/reader.ts';
 import type { Wrench } from '../twin/sensors/wrenches.ts';
+import { Facets } from './balance/facets.ts';
+import type { BalancePicture, ShownBalance } from './balance_drawing.ts';
 import { OVERLAY_COLORS } from './colors.ts';
 import { Overlay } from './overlay.ts';
 import type { OverlayStyle } from './robot_overlay.ts';
@@ -67,6 +70,36 @@ it('makes a picture when there is news, and only then', () => {
   made.show(bearer, null);
   expect(made.make()).toBe(true);
   expect(made.strokes.count).toBe(0);
+});
+
+it('the signs of balance stand alone under the robot, without the plane of what is level', () => {
+  const facets = new Facets();
+  let floorM: number | null = 0;
+  const picture: BalancePicture = {
+    facets,
+    begin: () => facets.begin(),
+    end: () => facets.end(),
+    addRobot: () => ({
+      get shown() {
+        return { floorM, feet: [] } as unknown as ShownBalance;
+      },
+      draw: () => {},
+      labels: () => [],
+    }),
+  };
+  const { made } = board();
+  const bearer = { figure: sampleLeg() };
+  made.show(bearer, standing(300, 'ok'), MANNER);
+  settle(made);
+  const alone = made.strokes.count;
+  const balance = {} as BalanceReadings;
+  made.show(bearer, { ...standing(300, 'ok'), balance }, { ...MANNER, balance: () => picture });
+  settle(made);
+  expect(alone - made.strokes.count).toBe(6); // fan, rim and four ticks
+  floorM = null;
+  made.moved();
+  settle(made);
+  expect(made.strokes.count, 'nothing tells what it stands on').toBe(alone);
 });
 
 it('of several robots: strokes of all, words of the worst first, nobody’s lean', () => {

@@ -82,9 +82,9 @@ function wrench(force: Partial<Arrow>, moment: Partial<Arrow> = {}): Wrench {
   return { site: 'F', name: 'foot', mount, force: arrow(force, 500), moment: arrow(moment, 10) };
 }
 
-function show(of: Wrench, scale = 1, signs = new WrenchOverlay()) {
+function show(of: Wrench, scale = 1, signs = new WrenchOverlay(), feet: readonly { name: string }[] = []) {
   signs.take([of], true);
-  const strokes = drawn((b) => signs.draw(b, sampleLeg(), 0.5, scale, () => GREEN, GREY));
+  const strokes = drawn((b) => signs.draw(b, sampleLeg(), 0.5, scale, () => GREEN, GREY, feet));
   return {
     ...signs.shown[0]!,
     strokes: strokes.count,
@@ -122,6 +122,19 @@ describe('force and moment', () => {
       show(wrench({ vector: null, level: 'fault' })).flange,
       'one axis reads, and is too much',
     ).not.toEqual([0, 0, 0]);
+  });
+
+  it('has no ring where balance marks the foot, but one that reads nothing is marked', () => {
+    const strokes = (vector: Vec3 | null, feet: string[]) =>
+      show(
+        wrench({ vector }),
+        1,
+        new WrenchOverlay(),
+        feet.map((name) => ({ name })),
+      ).strokes;
+    expect(strokes([0, 0, 2], ['LF', wrench({}).site])).toBe(0);
+    expect(strokes([0, 0, 2], ['another'])).toBe(1);
+    expect(strokes(null, [wrench({}).site])).toBe(1);
   });
 
   it('glide to a new length within half a second, and come to rest', () => {
@@ -186,11 +199,9 @@ describe('what is level', () => {
       worldFromSensor,
     },
   });
-  const level = (imus: readonly Imu[], body: Imu | null, based = false) => {
+  const level = (imus: readonly Imu[], body: Imu | null, based = false, ground = true) => {
     const signs = new AttitudeOverlay();
-    const strokes = drawn((b) =>
-      signs.draw(b, sampleLeg(), imus, body, based, 0.5, { ...paints, plumb: true }),
-    );
+    const strokes = drawn((b) => signs.draw(b, sampleLeg(), imus, body, based, 0.5, { ...paints, ground }));
     return { ...signs.shown, strokes: strokes.count };
   };
 
@@ -201,6 +212,14 @@ describe('what is level', () => {
     expect(shown.roll).toBeCloseTo(0.1);
     expect(shown.pitch).toBeCloseTo(-0.2);
     expect(shown.feet).toEqual(['LF']);
+  });
+
+  it('has neither plane nor plumb line beside the signs of balance: no circle under the robot that it does not stand on', () => {
+    const body = imu('torso', 'hip', quatOfRpy([0.1, -0.2, 0.5]));
+    const [alone, beside] = [level([body], body), level([body], body, false, false)];
+    expect(beside.planeZ, 'its height is known').toBe(alone.planeZ);
+    expect(alone.strokes, 'fan, rim, four ticks; shaft, head, thread and foot').toBe(10);
+    expect(beside.strokes).toBe(0);
   });
 
   it('is unknown for a robot without IMU and base: nothing is drawn', () => {

@@ -129,19 +129,22 @@ export class RobotOverlay {
     if (balance !== null) this.#balance?.draw(body, pose, balance, { reach, tones, palette, angle, live });
     const color = (level: Level) => levelColor(tones, palette, level, live);
     const solid = (level: Level): Paint => ({ color: color(level), through: true });
-    this.#wrenches.draw(strokes, body, reach, arrowScale, solid, { color: tones.stale, through: true });
+    const shown = this.#balance?.shown;
+    const unread = { color: tones.stale, through: true };
+    this.#wrenches.draw(strokes, body, reach, arrowScale, solid, unread, shown?.feet);
     this.#deviations.draw(strokes, body, deviations, from, reach, ({ compliant }) => {
       const tone = compliant || !live ? tones.muted : color('caution');
       return { line: { color: tone, through: true }, fill: { color: tone, opacity: 0.34, through: true } };
     });
     const line: Paint = { color: live ? tones.level : tones.stale, through: true };
+    const ground = shown?.floorM == null;
     this.#attitude.draw(strokes, body, imus, lean, based, reach, {
       plane: { color: line.color, opacity: 0.07 },
-      rim: { color: line.color, opacity: this.#balance === null ? 0.8 : 0.25 },
+      rim: { color: line.color, opacity: ground ? 0.8 : 0.25 },
       gravity: line,
       faint: { color: line.color, opacity: 0.55, through: true },
       lean: { color: line.color, opacity: 0.3, through: true },
-      plumb: this.#balance?.shown.centreOfMass == null,
+      ground,
     });
     return this.#loads.paint(body, loads, color('fault'));
   }

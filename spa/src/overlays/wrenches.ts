@@ -112,7 +112,7 @@ export class WrenchOverlay {
   }
 
   /** Adds its strokes. `reach`: the robot's radius, m; `scale`: factor of the length of arrows; `unread`: the paint of
-   *  a sensor without a reading. */
+   *  a sensor without a reading; `feet`: those at which balance draws its own marks, so that a reading there has no ring. */
   draw(
     strokes: Strokes,
     body: PosedBody | null,
@@ -120,6 +120,7 @@ export class WrenchOverlay {
     scale: number,
     paint: (level: Level) => Paint,
     unread: Paint,
+    feet: readonly { readonly name: string }[] = [],
   ): void {
     this.shown.length = 0;
     if (body === null) return;
@@ -132,7 +133,8 @@ export class WrenchOverlay {
         inWorld: (direction) => directionThrough(worldFromLink, rotateVector(linkFromSensor, direction)),
       };
       const silent = force.level === 'ok' && (lacks(force) || lacks(moment));
-      drawFlange(strokes, sensor, reach, silent ? unread : paint(force.level));
+      if (silent || !feet.some((foot) => foot.name === site))
+        drawFlange(strokes, sensor, reach, silent ? unread : paint(force.level));
       const glides = this.#glides.get(site)!;
       const arrow = drawForce(strokes, sensor, force, glides.force.shown, reach, scale, paint(force.level));
       const { sweep, lines } = drawMoment(

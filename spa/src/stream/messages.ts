@@ -16,7 +16,14 @@ export type Phase = 'connecting' | 'open' | 'waiting' | 'ended';
  *  which come at frame rate, pass through a `Mailbox`. */
 export type FromStream =
   /** `moves`: a relay that is being replaced has sent the page away, and what it told is not old yet. */
-  | { kind: 'link'; by: Transport; phase: Phase; retryAtMs: number | null; ending: Ending | null; moves: boolean }
+  | {
+      kind: 'link';
+      by: Transport;
+      phase: Phase;
+      retryAtMs: number | null;
+      ending: Ending | null;
+      moves: boolean;
+    }
   | { kind: 'schema'; schema: Schema }
   | { kind: 'state'; state: RobotState }
   | { kind: 'status'; status: Status }

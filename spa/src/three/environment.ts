@@ -115,6 +115,11 @@ export class Environment {
     this.#fill.position.set(x - r * 0.5, y - r * 3, r * 1.4);
   }
 
+  /** Whether the small axes are drawn. */
+  set axesShown(shown: boolean) {
+    this.#axes.visible = shown;
+  }
+
   /** Sets the pixels along each side of the shadow map; fewer are cheaper and give softer shadows. */
   set shadowPixels(pixels: number) {
     if (this.#key.shadow.mapSize.x === pixels) return;

@@ -36,6 +36,12 @@ export class OverlayPart implements ScenePart {
     this.object.add(this.#batch.object);
   }
 
+  /** Whether the newest picture has signs of balance. They stand alone under the robot: red axes between them would be taken for a
+   *  warning. */
+  get balanced(): boolean {
+    return (this.#overlay.facets?.count ?? 0) > 0;
+  }
+
   shown(of: RobotNode): ShownOverlay {
     if (this.#make()) this.#view.changed();
     return this.#overlay.shown(of);

@@ -267,6 +267,7 @@ export class RobotScene extends RowStage<RobotNode> {
       this.#sharpen.restart();
     }
     this.#overlay.prepare();
+    this.#environment.axesShown = !this.#overlay.balanced;
     const drawn = this.#surface.render(this.#scene, this.#camera.camera);
     this.#onDrawn();
     if (drawn && this.robot.pose !== null && this.robot.figure !== null) {

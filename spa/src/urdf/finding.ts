@@ -9,6 +9,25 @@ export interface Finding {
   readonly line: number | null;
 }
 
+/** What follows from masses that can't be, or are not known. */
+export const NO_BALANCE = 'no balance is shown';
+const DISTRUST = 'mass-';
+
+/** Whether a finding says that masses can't be, or are not known. */
+export function distrustsMasses({ code }: Pick<Finding, 'code'>): boolean {
+  return code.startsWith(DISTRUST);
+}
+
+/** Makes what is no number in the findings from `since` on, all of one link's mass, centre and moments, a reason to show no
+ *  balance. */
+export function distrustMasses(findings: Finding[], since: number): void {
+  for (let i = since; i < findings.length; i += 1) {
+    const found = findings[i]!;
+    if (found.code === 'number')
+      findings[i] = { ...found, code: `${DISTRUST}number`, text: `${found.text}; ${NO_BALANCE}` };
+  }
+}
+
 const RANK = { error: 0, warning: 1, hint: 2 } as const;
 const MAX_FINDINGS = 200;
 

@@ -3,6 +3,8 @@ import { parseSchema } from '@posecast/wire';
 import { describe, expect, test } from 'vitest';
 import { BalanceReader } from '../model/balance/balance_reader.ts';
 import { readMasses, readSoles } from '../model/balance/masses_and_soles.ts';
+import { chooseStanding } from '../model/balance/standing_choice.ts';
+import { toldOfMasses } from '../twin/balance/told/mass_findings.ts';
 import { modelOf, UrdfError } from './manifest.ts';
 import { readUrdf } from './reader.ts';
 import { readXml } from './xml.ts';
@@ -11,6 +13,10 @@ const robot = (inside: string) => `<?xml version="1.0"?>\n<robot name="r">${insi
 const joint = (name: string, parent: string, child: string, more = '', type = 'revolute') =>
   `<joint name="${name}" type="${type}"><parent link="${parent}"/><child link="${child}"/>${more}</joint>`;
 const links = (...names: string[]) => names.map((name) => `<link name="${name}"/>`).join('');
+const SCHEMA = JSON.stringify({
+  ...{ type: 'schema', v: 1, robot: 'r', labels: { joint: ['j'] } },
+  fields: [{ name: 'pos', labels: 'joint' }],
+});
 const modelIn = (text: string) => modelOf(readUrdf(readXml(text)));
 
 test.each([
@@ -143,15 +149,27 @@ describe('masses', () => {
     expect(readMasses(weighed(weighing(2), weighing(-2)))).toEqual([]);
     expect(readSoles(weighed(weighing(2)))).toBeNull();
   });
+
+  test.each([
+    ['mass', 'value="2"', 'value="nan"'],
+    ['centre', '0.2 0.3', 'inf 0.3'],
+    ['inertia', 'ixy="0.1"', 'ixy="a"'],
+    ['axes', 'rpy="0 0 1.5707963267948966"', 'rpy="0 0"'],
+  ])('none, where one is no number: %s', (_, good, bad) => {
+    const manifest = weighed(weighing(2), weighing(2).replace(good, bad));
+    expect(readMasses(manifest)).toEqual([]);
+    const [told, ...others] = toldOfMasses(manifest.raw.findings);
+    expect(told).toMatch(/^link 'b': .*; no balance is shown$/);
+    expect(others).toEqual([]);
+    expect(chooseStanding(manifest, parseSchema(SCHEMA)).massGap).toBe('impossible-masses');
+  });
 });
 
 test('its centre of mass is known without soles, and what needs these has a reason of its own', () => {
   const moments = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>';
   const inertial = `<inertial><mass value="3"/>${moments}</inertial>`;
   const { manifest } = modelIn(`<robot name="r"><link name="trunk">${inertial}</link></robot>`);
-  const fields = [{ name: 'pos', labels: 'joint' }];
-  const doc = { type: 'schema', v: 1, robot: 'r', labels: { joint: ['j'] }, fields };
-  const reader = new BalanceReader(manifest, parseSchema(JSON.stringify(doc)));
+  const reader = new BalanceReader(manifest, parseSchema(SCHEMA));
   const { massKg, centreOfMass, gaps } = reader.ofFrame(new Int32Array(1), 0);
   expect([massKg, centreOfMass]).toEqual([3, [0, 0, expect.any(Number)]]);
   expect(gaps).toMatchObject({ centreOfMass: null, polygon: 'raw', margin: 'raw' });

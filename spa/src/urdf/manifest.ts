@@ -1,7 +1,7 @@
 import { type Joint as ModelJoint, quaternionFromRpy } from '../model/kinematics.ts';
 import type { Manifest } from '../model/manifest.ts';
 import { type Bone, bonesOf } from './bones.ts';
-import { inertialsOf } from './masses.ts';
+import { massesOf } from './masses.ts';
 import { buildTree, type Tree } from './tree.ts';
 import {
   type Joint,
@@ -81,7 +81,7 @@ export function modelOf(urdf: Urdf, canBeDrawn: (uri: string) => boolean = () =>
       thumbnail: null,
       missing: [],
       findings: [],
-      raw: { v: RAW, inertials: inertialsOf(tree) },
+      raw: { v: RAW, ...massesOf(tree, urdf.findings) },
     },
     shapes,
     problems: found.map(({ text }) => text),

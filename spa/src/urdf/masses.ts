@@ -1,6 +1,6 @@
 import { quaternionFromRpy, transform } from '../model/kinematics.ts';
 import { boxOf, type Facts } from './doctor_meshes.ts';
-import { type Finding, general, quoted } from './finding.ts';
+import { distrustsMasses, type Finding, general, NO_BALANCE, quoted } from './finding.ts';
 import type { Tree } from './tree.ts';
 import type { Inertial, Link } from './types.ts';
 
@@ -23,8 +23,6 @@ const GROSS = 0.5;
 const SPAN_M = 1e-3;
 /** Of the largest number of a matrix: what may be left of a moment of 0. */
 const NOISE = 1e-6;
-/** How the codes begin of what makes masses useless. */
-const DISTRUST = 'mass-';
 
 type Problem = readonly [code: string, text: string];
 
@@ -48,15 +46,23 @@ export function massFindings(tree: Tree, facts: Facts | null): Finding[] {
         : (extreme(inertial) ?? heavy(inertial.mass, box, share) ?? impossible(inertial, share));
     if (found === null) return [];
     const [code, text] = found;
-    const distrusted = code.startsWith(DISTRUST);
-    const told = `link ${quoted(name)}: ${text}${distrusted ? '; no balance is shown' : ''}`;
+    const distrusted = distrustsMasses({ code });
+    const told = `link ${quoted(name)}: ${text}${distrusted ? `; ${NO_BALANCE}` : ''}`;
     return [{ severity: distrusted ? 'warning' : 'hint', code, text: told, line: inertial.line }];
   });
 }
 
-/** The manifest's member `inertials`. */
-export function inertialsOf(tree: Tree): object[] {
-  if (massFindings(tree, null).some(({ code }) => code.startsWith(DISTRUST))) return [];
+/** The manifest's members `inertials`, and of `findings` what says that a mass can't be: then no mass is listed. `found`: in
+ *  the URDF. */
+export function massesOf(
+  tree: Tree,
+  found: readonly Finding[],
+): { inertials: object[]; findings: Finding[] } {
+  const findings = [...found, ...massFindings(tree, null)].filter(distrustsMasses);
+  return { inertials: findings.length > 0 ? [] : inertialsOf(tree), findings };
+}
+
+function inertialsOf(tree: Tree): object[] {
   return linksOf(tree).flatMap(({ inertial }, link) =>
     inertial === null || inertial.mass <= 0
       ? []

@@ -1,4 +1,4 @@
-import { type Finding, isPrintable, quoted } from './finding.ts';
+import { distrustMasses, type Finding, isPrintable, quoted } from './finding.ts';
 import {
   type Inertial,
   type Joint,
@@ -114,7 +114,9 @@ class UrdfReader implements Urdf {
     const visuals = element.all('visual').map((one) => this.#visual(one, what));
     const collisions = element.all('collision').map((one) => this.#visual(one, what));
     const inertial = element.first('inertial');
+    const since = this.findings.length;
     const mass = inertial === null ? null : this.#inertial(inertial, what);
+    distrustMasses(this.findings, since);
     const link = { name, visuals, inertial: mass, line: element.line };
     this.links.push(link);
     this.#collisions.set(link, collisions);

@@ -25,7 +25,7 @@ from wire.python.tools.balance_geometry import (
 
 GRAVITY = 9.81
 SMOOTHED_S = 0.1
-GAP_S = 0.5
+GAP_S = 0.75
 EDGE_M = 0.005
 OUTSIDE_M = 0.2
 AXES = "xyz"

@@ -15,6 +15,7 @@ import json
 import math
 import random
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -114,16 +115,23 @@ def _falls_silent(dice: Luck) -> list[Frame]:
 
 def _pauses(dice: Luck) -> list[Frame]:
     frames = _stands(dice, 6)
-    times = [0.0, 0.5, 1.01, 1.05, 0.4, 0.44]
+    times = [0.0, 0.75, 1.51, 1.55, 0.4, 0.44]
     for frame, t in zip(frames, times, strict=True):
         frame.t = t
-        frame.gaps = dict(FIRST) if t in (0.0, 1.01, 0.4) else {}
+        frame.gaps = dict(FIRST) if t in (0.0, 1.51, 0.4) else {}
     frames[4].pushes = {
         "RF": dice.push(0.9),
         "LF": dice.push(0.04),
     }  # bore before, and that was another time
     frames[4].bears = {"RF": True, "LF": False}
     return frames
+
+
+def _stands_still(dice: Luck) -> list[Frame]:
+    """A frame at the first sample after each 0.5 s, as the edge sends them."""
+    (first,) = _stands(dice, 1)
+    bent = {**first.joints, "rknee": 0.1, "lknee": 0.1}  # at last it bends its knees
+    return [first, replace(first, t=0.533, gaps={}), replace(first, t=1.1, gaps={}, joints=bent)]
 
 
 def _afoot(dice: Luck) -> list[Frame]:
@@ -239,6 +247,7 @@ def make_cases() -> list[Case]:
              units={"ftf": ("mN", 1e-3), "ftm": ("lbf·ft", 0.0)}),
         Case("a sensor falls silent, then a component", _falls_silent(Luck("silent"))),
         Case("pauses, and goes back in time", _pauses(Luck("pauses"))),
+        Case("stands still and sends two frames a second", _stands_still(Luck("still"))),
         Case("has no wrenches", _afoot(Luck("afoot")), ground="lowest", sensors={}, placed_by="",
              feet={"rsole": "rsole", "lsole": "lsole"}),
         Case("knows its tilt alone", _turns(Luck("turns")), sensors=tilted, placed_by="tilt"),

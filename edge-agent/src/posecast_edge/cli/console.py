@@ -13,6 +13,8 @@ import time
 from collections.abc import Callable
 from typing import TextIO
 
+from posecast_wire.command_line.color import paint
+
 from posecast_edge.visible import make_visible
 
 TTY_EVERY_S = 0.5
@@ -20,13 +22,20 @@ PLAIN_EVERY_S = 5.0
 LINES_MAX = 8  # a second; an error, which ends the agent, is always told
 OURS = "posecast_edge"  # loggers
 CLEAR = "\r\x1b[K"
+STYLES = ((logging.ERROR, "red"), (logging.WARNING, "yellow"))  # of a line's head, where colours are wanted
 
 
 class Console(logging.Handler):
     """A log handler that shares the terminal with the progress line."""
 
-    def __init__(self, out: TextIO | None = None, now_s: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self,
+        out: TextIO | None = None,
+        now_s: Callable[[], float] = time.monotonic,
+        program: str = "posecast-edge",
+    ) -> None:
         super().__init__()
+        self._program = program
         self._now_s = now_s
         self._second_s = float("-inf")
         self._lines = 0  # since then
@@ -44,7 +53,7 @@ class Console(logging.Handler):
             self._left_out += 1
             return
         self._lines += 1
-        self._line(record.getMessage() if ours else _of_library(record))
+        self._line(record.getMessage() if ours else _of_library(record), record.levelno)
 
     def _begin_second(self, now_s: float) -> None:
         if now_s - self._second_s < 1.0:
@@ -55,12 +64,17 @@ class Console(logging.Handler):
             self._lines = 1
             self._line(f"{left_out} more lines left out")
 
-    def _line(self, text: str) -> None:
+    def _line(self, text: str, level: int = logging.INFO) -> None:
         if not self._has_room():
             self._left_out += 1
             return
         clear = CLEAR if self._shown else ""
-        self._write(f"{clear}posecast-edge: {make_visible(text)}\n{self._shown}")
+        head = f"{self._program}:"
+        for least, style in STYLES:
+            if level >= least:
+                head = paint(head, style, self._out)
+                break
+        self._write(f"{clear}{head} {make_visible(text)}\n{self._shown}")
 
     def is_due(self, now_s: float) -> bool:
         """Whether it is time for the next progress line (monotonic seconds)."""

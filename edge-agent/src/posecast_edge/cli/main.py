@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 import threading
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, NoReturn
 
@@ -34,15 +35,16 @@ NOT_TOLD = 1  # what was found could not be written
 INTERRUPTED = 130  # as shells have it
 
 
-def main() -> NoReturn:
-    """Entry point; ends the process."""
+def main(argv: Sequence[str] | None = None, program: str = "posecast-edge") -> NoReturn:
+    """Entry point; ends the process. `argv`: None for those of the process; `program`: what it is called in
+    messages."""
     _open_closed_streams()
-    console = Console()
+    console = Console(program=program)
     # on all loggers: by logging's last resort what a library says comes with its traceback
     logging.getLogger().addHandler(console)
     threading.excepthook = _log_thread_end
     try:
-        status = _command(sys.argv[1:], console)
+        status = _command(sys.argv[1:] if argv is None else list(argv), console, program)
         sys.stdout.flush()
     except KeyboardInterrupt:
         status = INTERRUPTED
@@ -71,25 +73,26 @@ def _log_thread_end(ended: threading.ExceptHookArgs) -> None:
     )
 
 
-def _command(argv: list[str], console: Console) -> int:
+def _command(argv: list[str], console: Console, program: str) -> int:
     """The exit status."""
     if argv[:1] in (["model"], ["doctor"]):
         from posecast_edge.cli.model_command import run_command  # noqa: PLC0415 - `run` stays small without it
 
-        return run_command(argv, os.environ)
+        return run_command(argv, os.environ, program)
     if argv[:1] == ["probe"]:
         from posecast_edge.cli.probe import run_probe  # noqa: PLC0415
 
-        return run_probe(argv[1:])
+        return run_probe(argv[1:], program)
     if argv[:1] == ["profile"]:
         from posecast_edge.cli.profile_new import run_profile  # noqa: PLC0415
 
-        return run_profile(argv[1:])
+        return run_profile(argv[1:], program)
     log.setLevel(logging.INFO)
     try:
-        return _run(parse_settings(argv, os.environ), console)
+        return _run(parse_settings(argv, os.environ, program), console)
     except (UsageError, ProfileError, ModelError, SourceError, SchemaError) as e:
-        log.error("%s", e)
+        for line in e.lines if isinstance(e, ProfileError) else (e,):
+            log.error("%s", line)
         return WRONG_CONFIGURATION
     except KeyboardInterrupt:  # before the handlers stand
         return 0
@@ -134,7 +137,7 @@ def _run(settings: Settings, console: Console) -> int:
         take_model(built)
     build: BackgroundBuild | DescribedModel | None = None
     if raw:
-        agent.set_sliding(raw.sliding)  # the model itself may take a minute
+        agent.expect_model(raw)  # the model itself may take a minute
         if isinstance(source, Discovering):
             source.take_joints(raw.joints)
     options = settings.list_model_options()
@@ -149,7 +152,7 @@ def _run(settings: Settings, console: Console) -> int:
     elif isinstance(source, Discovering) and not built:
         from posecast_edge.model.serve.robot_description import DescribedModel  # noqa: PLC0415 - the same
 
-        build = DescribedModel(packages, agent.set_model, agent.set_sliding, options)
+        build = DescribedModel(packages, agent.set_model, agent.expect_model, options)
         source.send_urdf_to(build.take_urdf)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: agent.stop())

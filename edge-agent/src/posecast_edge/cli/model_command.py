@@ -8,14 +8,17 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TextIO
+
+from posecast_wire.command_line.color import paint
+from posecast_wire.command_line.parser import CommandParser
 
 from posecast_edge.cli.doctor import examine_source
 from posecast_edge.cli.progress_bar import Bar
 from posecast_edge.cli.robot_flags import add_robot_flags, list_packages
 from posecast_edge.model.builder.manifest import FINDINGS_MAX
 from posecast_edge.model.doctor.skeleton import examine_model
-from posecast_edge.model.finding import EXTRA, SEVERITIES, Finding, ModelRefused, quote_name
+from posecast_edge.model.finding import SEVERITIES, Finding, ModelRefused, advise_mesh_tools, quote_name
 from posecast_edge.model.moving_joints import list_moving_joints
 from posecast_edge.model.robot_file import RobotFile, find_format, load_robot_file
 from posecast_edge.model.serve.bundle_dir import MANIFEST, write_folder
@@ -32,34 +35,30 @@ from posecast_edge.sources.base import Discovering
 from posecast_edge.sources.registry import find_defaults, open_source
 
 DESCRIPTION = "robot_description"
-NEEDS_EXTRA = f"needs the mesh tools: {EXTRA}"
+NEEDS_TOOLS = "needs the mesh tools"
 UP_AXIS_HELP = "whether Collada files mean the up axis that they name: what fits together (auto)"
+SEVERITY_STYLES = {"error": "red", "warning": "yellow"}  # where colours are wanted
 CLEAN, PROBLEMS, UNUSABLE = 0, 1, 2
+BUILD_STATUSES = {
+    CLEAN: "built",
+    PROBLEMS: "built, of nothing but stand-ins",
+    UNUSABLE: "wrong arguments, or a model that can't be used",
+}
+DOCTOR_STATUSES = {
+    CLEAN: "nothing wrong, or hints only",
+    PROBLEMS: "errors or warnings",
+    UNUSABLE: "wrong arguments, or a model, profile or source that can't be used",
+}
 
 
-class _Parser(argparse.ArgumentParser):
+class _Parser(CommandParser):
     def error(self, message: str) -> NoReturn:
         raise ModelRefused(message)
 
 
-def run_command(argv: Sequence[str], environment: Mapping[str, str]) -> int:
+def run_command(argv: Sequence[str], environment: Mapping[str, str], program: str = "posecast-edge") -> int:
     """Run `model build …` or `doctor …` and return the exit status."""
-    parser = _Parser(prog="posecast-edge")
-    commands = parser.add_subparsers(dest="command", required=True)
-    model = commands.add_parser("model").add_subparsers(dest="action", required=True)
-    build = model.add_parser("build", help="a robot and its meshes, made small for phones")
-    build.add_argument("urdf", type=Path, metavar="robot", help="URDF, xacro, SDF or MJCF")
-    build.add_argument("-o", "--out", type=Path, required=True, help="the bundle's folder")
-    build.add_argument("--no-cache", action="store_true", help="build it anew")
-    doctor = commands.add_parser("doctor", help="what is wrong with a set-up, in plain words")
-    doctor.add_argument("--urdf", type=Path, help="the robot: URDF, xacro, SDF or MJCF")
-    doctor.add_argument("--profile", type=find_profile, help="also whether the profile fits it")
-    doctor.add_argument("--source", help="also whether what it delivers fits both")
-    doctor.add_argument("--seconds", type=float, default=5.0, help="how long to watch the source (5)")
-    doctor.add_argument("--hz", type=float, default=30.0, help="frames a second that are wanted (30)")
-    for command in (build, doctor):
-        add_robot_flags(command)
-        command.add_argument("--up-axis", choices=UP_AXIS_MODES, default=AUTO, help=UP_AXIS_HELP)
+    parser = make_parser(program)
     file = None
     try:
         args = parser.parse_args(argv)
@@ -72,14 +71,43 @@ def run_command(argv: Sequence[str], environment: Mapping[str, str]) -> int:
         return _build(args, packages, None if args.no_cache else find_cache_folder(environment))
     except ModelRefused as e:
         where = "" if file is None else f"{file}: " if e.line is None else f"{file}:{e.line}: "
-        _print(sys.stderr, f"posecast-edge: {where}{e.reason}")
-    except (ProfileError, SourceError) as e:
-        _print(sys.stderr, f"posecast-edge: {e}")
+        _print(sys.stderr, f"{program}: {where}{e.reason}")
+    except ProfileError as e:
+        for line in e.lines:
+            _print(sys.stderr, f"{program}: {line}")
+    except SourceError as e:
+        _print(sys.stderr, f"{program}: {e}")
     except BrokenPipeError:
         raise
     except OSError as e:
-        _print(sys.stderr, f"posecast-edge: {e.filename or file}: {e.strerror or e}")
+        _print(sys.stderr, f"{program}: {e.filename or file}: {e.strerror or e}")
     return UNUSABLE
+
+
+def make_parser(program: str = "posecast-edge") -> CommandParser:
+    """The parser of both commands."""
+    parser = _Parser(prog=program)
+    parser.set_defaults(program=program)
+    commands = parser.add_subparsers(dest="command", required=True)
+    model = commands.add_parser("model").add_subparsers(dest="action", required=True)
+    build = model.add_parser(
+        "build", help="a robot and its meshes, made small for phones", statuses=BUILD_STATUSES
+    )
+    build.add_argument("urdf", type=Path, metavar="robot", help="URDF, xacro, SDF or MJCF")
+    build.add_argument("-o", "--out", type=Path, required=True, help="the bundle's folder")
+    build.add_argument("--no-cache", action="store_true", help="build it anew")
+    doctor = commands.add_parser(
+        "doctor", help="what is wrong with a set-up, in plain words", statuses=DOCTOR_STATUSES
+    )
+    doctor.add_argument("--urdf", type=Path, help="the robot: URDF, xacro, SDF or MJCF")
+    doctor.add_argument("--profile", type=find_profile, help="also whether the profile fits it")
+    doctor.add_argument("--source", help="also whether what it delivers fits both")
+    doctor.add_argument("--seconds", type=float, default=5.0, help="how long to watch the source (5)")
+    doctor.add_argument("--hz", type=float, default=30.0, help="frames a second that are wanted (30)")
+    for command in (build, doctor):
+        add_robot_flags(command)
+        command.add_argument("--up-axis", choices=UP_AXIS_MODES, default=AUTO, help=UP_AXIS_HELP)
+    return parser
 
 
 def _doctor(args: argparse.Namespace, packages: Sequence[Path]) -> int:
@@ -107,7 +135,7 @@ def _model(
         from posecast_edge.model.builder.up_axis import settle_up_axis  # noqa: PLC0415 - the same
     except ImportError:
         facts = None
-        _print(sys.stderr, f"posecast-edge: meshes not looked at: {NEEDS_EXTRA}")
+        _print(sys.stderr, f"{args.program}: meshes not looked at: {NEEDS_TOOLS}: {advise_mesh_tools()}")
     else:
         with Bar(sys.stderr) as bar:
             files = read_visual_files(robot, Resolver(path, packages), bar.show_progress)
@@ -115,7 +143,7 @@ def _model(
             settle_up_axis(urdf, tree, files, args.up_axis)
         facts = collect_facts(files)
     findings = examine_model(urdf, tree, facts, profile.mapping if profile else None)
-    _list(findings, lambda finding: finding.format_line(_name_lines(path)))
+    _list(findings, lambda _: _name_lines(path))
     counts = f"{_many(len(urdf.links), 'link')}, {_many(len(urdf.joints), 'joint')}"
     _print(sys.stdout, f"{path}: robot {quote_name(urdf.name)}, {counts}: {_counted(findings)}")
     return findings
@@ -136,7 +164,7 @@ def _source(args: argparse.Namespace, profile: Profile | None, urdf: Urdf | None
         urdf = read_urdf(BytesIO(described[-1].encode()))
     findings = examine_source(seen, urdf, args.hz, given=profile is not None)
     # a line is the URDF's
-    _list(findings, lambda f: f.format_line(str(args.urdf or DESCRIPTION) if f.line else args.source))
+    _list(findings, lambda finding: str(args.urdf or DESCRIPTION) if finding.line else args.source)
     rate = f"{_many(seen.samples, 'sample')}, {seen.rate_hz:.1f} a second"
     _print(sys.stdout, f"{args.source}: {rate}: {_counted(findings)}")
     return findings
@@ -147,10 +175,10 @@ def _name_lines(path: Path) -> str:
     return f"{path} (expanded)" if find_format(path) == "xacro" else str(path)
 
 
-def _list(findings: Sequence[Finding], words: Callable[[Finding], str]) -> None:
+def _list(findings: Sequence[Finding], name_file: Callable[[Finding], str]) -> None:
     """The worst FINDINGS_MAX of them; a hostile file has tens of thousands."""
     for finding in findings[:FINDINGS_MAX]:
-        _print(sys.stdout, words(finding))
+        _print_finding(sys.stdout, finding, name_file(finding))
     if len(findings) > FINDINGS_MAX:
         _print(sys.stdout, f"and {len(findings) - FINDINGS_MAX} more")
 
@@ -168,8 +196,9 @@ def _build(args: argparse.Namespace, packages: Sequence[Path], cache: Path | Non
     path, out, arguments = args.urdf, args.out, dict(args.xacro_arg)
     try:
         from posecast_edge.model.builder.build import build_model  # noqa: PLC0415 - an extra
+        from posecast_edge.model.builder.mesh_coder import describe_lack  # noqa: PLC0415 - the same
     except ImportError:
-        raise ModelRefused(NEEDS_EXTRA) from None
+        raise ModelRefused(f"{NEEDS_TOOLS}: {advise_mesh_tools()}") from None
     kept = Cache(cache, path, packages, arguments, args.up_axis) if cache is not None else None
     files = kept.get() if kept is not None else None
     if files is None:
@@ -179,16 +208,18 @@ def _build(args: argparse.Namespace, packages: Sequence[Path], cache: Path | Non
         files = {**built.files, MANIFEST: built.manifest}
         if kept is not None:
             kept.put(files, resolver, robot.inputs)
+        if lack := describe_lack():
+            _print(sys.stderr, f"{args.program}: {path}: {lack}")
     write_folder(out, files)
-    return _report(path, out, json.loads(files[MANIFEST]))
+    return _report(path, out, json.loads(files[MANIFEST]), args.program)
 
 
-def _report(path: Path, out: Path, manifest: Mapping[str, Any]) -> int:
+def _report(path: Path, out: Path, manifest: Mapping[str, Any], program: str) -> int:
     """The exit status: 1 when there is something to see, and all of it is stand-ins."""
     for finding in manifest.get("findings", []):
         if finding["severity"] != "hint":
             said = Finding(finding["severity"], finding["code"], finding["text"], finding.get("line"))
-            _print(sys.stderr, said.format_line(_name_lines(path)))
+            _print_finding(sys.stderr, said, _name_lines(path))
     stand_ins = sum("placeholder" in v for v in manifest["visuals"])
     more = f", {_many(stand_ins, 'stand-in')} among them" if stand_ins else ""
     links, visuals = _many(len(manifest["links"]), "link"), _many(len(manifest["visuals"]), "visual")
@@ -201,9 +232,22 @@ def _report(path: Path, out: Path, manifest: Mapping[str, Any]) -> int:
     if stand_ins == 0 or stand_ins < len(manifest["visuals"]):
         return CLEAN
     text = "nothing but stand-ins can be shown of it; --package-path DIR says where its meshes are"
-    _print(sys.stderr, f"posecast-edge: {path}: {text}")
+    _print(sys.stderr, f"{program}: {path}: {text}")
     return PROBLEMS
 
 
-def _print(out: Any, text: str) -> None:
-    print("".join(c if c.isprintable() else "�" for c in text), file=out)
+def _print_finding(out: TextIO, finding: Finding, file: str) -> None:
+    line = _make_printable(finding.format_line(file))
+    style = SEVERITY_STYLES.get(finding.severity)
+    if style is not None:
+        severity = f": {finding.severity}: "
+        line = line.replace(severity, f": {paint(finding.severity, style, out)}: ", 1)
+    print(line, file=out)
+
+
+def _print(out: TextIO, text: str) -> None:
+    print(_make_printable(text), file=out)
+
+
+def _make_printable(text: str) -> str:
+    return "".join(c if c.isprintable() else "�" for c in text)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import argparse
 import io
 import logging
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
+
+from posecast_wire.command_line.parser import CommandParser
 
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.moving_joints import list_moving_joints
@@ -27,34 +28,29 @@ from posecast_edge.visible import make_visible
 log = logging.getLogger("posecast_edge")
 
 FINE, SILENT, WRONG = 0, 1, 2
+STATUSES = {
+    FINE: "the source delivers",
+    SILENT: "it is silent, or fails",
+    WRONG: "wrong arguments",
+}
 SHOWN = 4  # channels of a field
 SHOWN_MAX = 2000  # characters of a line: one that a source's words make too long is cut
 NAME_SHOWN = 200  # characters of a joint's name
 WIDTH = 100  # characters of a line of names
 
 
-def run_probe(argv: Sequence[str]) -> int:
+def run_probe(argv: Sequence[str], program: str = "posecast-edge") -> int:
     """Run the command with the arguments after `probe`. Exit status: 0 the source delivers, 1 it is silent or
     fails, 2 the arguments are wrong."""
-    parser = argparse.ArgumentParser(
-        prog="posecast-edge probe", description="Watch a source for a while and say what it offers."
-    )
-    parser.add_argument("source", help=f"KIND[:ADDRESS]; kinds: {', '.join(KINDS)}")
-    parser.add_argument("--seconds", type=float, default=3.0, help="how long to watch (3)")
-    parser.add_argument(
-        "--urdf", type=Path, help="the robot's model (URDF, xacro, SDF, MJCF), for joints that only /tf tells"
-    )
-    parser.add_argument(
-        "--profile", type=find_profile, help="for a source that needs one, as trajectory does"
-    )
-    args = parser.parse_args(argv)
+    args = make_parser(program).parse_args(argv)
     try:
         path: Path | None = args.profile or find_defaults(args.source).profile
         profile = load_profile(path) if path else None
         urdf = load_robot_file(args.urdf).urdf if args.urdf else None
         source = open_source(args.source, profile)
     except (SourceError, ProfileError) as e:
-        log.error("%s", e)
+        for line in e.lines if isinstance(e, ProfileError) else (e,):
+            log.error("%s", line)
         return WRONG
     except ModelRefused as e:
         log.error("%s%s: %s", args.urdf, "" if e.line is None else f":{e.line}", e.reason)
@@ -82,6 +78,24 @@ def run_probe(argv: Sequence[str]) -> int:
     for line in [*describe_source(source.description, seen), *_offers(source)]:
         print(make_visible(line, SHOWN_MAX))
     return FINE if seen.samples else SILENT
+
+
+def make_parser(program: str = "posecast-edge") -> CommandParser:
+    """The parser of the command."""
+    parser = CommandParser(
+        prog=f"{program} probe",
+        description="Watch a source for a while and say what it offers.",
+        statuses=STATUSES,
+    )
+    parser.add_argument("source", help=f"KIND[:ADDRESS]; kinds: {', '.join(KINDS)}")
+    parser.add_argument("--seconds", type=float, default=3.0, help="how long to watch (3)")
+    parser.add_argument(
+        "--urdf", type=Path, help="the robot's model (URDF, xacro, SDF, MJCF), for joints that only /tf tells"
+    )
+    parser.add_argument(
+        "--profile", type=find_profile, help="for a source that needs one, as trajectory does"
+    )
+    return parser
 
 
 def _mark_described(profile: Profile, urdf: str) -> Profile:

@@ -6,13 +6,14 @@ under [joints] which joint each moves; `posecast-edge doctor` tells what is stil
 
 from __future__ import annotations
 
-import argparse
 import os
 import re
 import sys
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
+
+from posecast_wire.command_line.parser import CommandParser
 
 from posecast_edge.cli.robot_flags import add_robot_flags, list_packages
 from posecast_edge.model.finding import ModelRefused
@@ -31,17 +32,12 @@ SENSOR_FIELDS = {
 }
 WIDTH = 100
 DONE, REFUSED = 0, 2
+STATUSES = {DONE: "written", REFUSED: "wrong arguments, or nothing to be made of the model"}
 
 
-def run_profile(argv: Sequence[str]) -> int:
+def run_profile(argv: Sequence[str], program: str = "posecast-edge") -> int:
     """Run the command with the arguments after `profile` and return the exit status."""
-    parser = argparse.ArgumentParser(prog="posecast-edge profile")
-    commands = parser.add_subparsers(dest="command", required=True)
-    new = commands.add_parser("new", help="a profile to start from, made of a robot's description")
-    new.add_argument("--urdf", type=Path, required=True, help="the robot: URDF, xacro, SDF or MJCF")
-    add_robot_flags(new)
-    new.add_argument("-o", "--out", type=Path, help="the file; without, it is printed")
-    args = parser.parse_args(argv)
+    args = make_parser(program).parse_args(argv)
     try:
         urdf = load_robot_file(
             args.urdf, list_packages(args.package_path, os.environ), dict(args.xacro_arg)
@@ -53,20 +49,33 @@ def run_profile(argv: Sequence[str]) -> int:
             _write(args.out, text)
     except ModelRefused as e:
         line = "" if e.line is None else f":{e.line}"
-        print(f"posecast-edge: {args.urdf}{line}: {e.reason}", file=sys.stderr)
+        print(f"{program}: {args.urdf}{line}: {e.reason}", file=sys.stderr)
         return REFUSED
     except ProfileError as e:
-        print(f"posecast-edge: {args.urdf}: no profile can be made of it: {e}", file=sys.stderr)
+        print(f"{program}: {args.urdf}: no profile can be made of it: {e}", file=sys.stderr)
         return REFUSED
     except BrokenPipeError:  # who reads has heard enough
         raise
     except FileExistsError:
-        print(f"posecast-edge: {args.out}: is there already, and stays as it is", file=sys.stderr)
+        print(f"{program}: {args.out}: is there already, and stays as it is", file=sys.stderr)
         return REFUSED
     except OSError as e:
-        print(f"posecast-edge: {e.filename or args.urdf}: {e.strerror or e}", file=sys.stderr)
+        print(f"{program}: {e.filename or args.urdf}: {e.strerror or e}", file=sys.stderr)
         return REFUSED
     return DONE
+
+
+def make_parser(program: str = "posecast-edge") -> CommandParser:
+    """The parser of the command."""
+    parser = CommandParser(prog=f"{program} profile")
+    commands = parser.add_subparsers(dest="command", required=True)
+    new = commands.add_parser(
+        "new", help="a profile to start from, made of a robot's description", statuses=STATUSES
+    )
+    new.add_argument("--urdf", type=Path, required=True, help="the robot: URDF, xacro, SDF or MJCF")
+    add_robot_flags(new)
+    new.add_argument("-o", "--out", type=Path, help="the file; without, it is printed")
+    return parser
 
 
 def _write(path: Path, text: str) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn, TypeVar
 
+from posecast_wire.command_line.parser import CommandParser
 from posecast_wire.credential import Credential
 from posecast_wire.keys import check_name
 
@@ -21,6 +22,13 @@ from posecast_edge.uplink.certificate import Certificate
 from posecast_edge.visible import quote
 
 T = TypeVar("T")
+
+STATUSES = {
+    0: "the source ended, or the agent was told to end",
+    1: "the source or the agent failed, or output could not be written",
+    2: "wrong arguments, profile or model",
+    130: "ended by Ctrl-C before it ran",
+}
 
 
 class UsageError(Exception):
@@ -51,7 +59,7 @@ class Settings:
         return [*folders, *arguments, f"--up-axis={self.up_axis}"]
 
 
-class _Parser(argparse.ArgumentParser):
+class _Parser(CommandParser):
     def error(self, message: str) -> NoReturn:
         raise UsageError(message)
 
@@ -161,29 +169,21 @@ def _number(low: float, high: float) -> Callable[[str], float]:
     return parse
 
 
-def parse_settings(argv: Sequence[str], environment: Mapping[str, str]) -> Settings:
-    """Parse the arguments of `run`. Raises UsageError with one line when something is wrong, SystemExit(0)
-    after --help."""
-    parser = _Parser(prog="posecast-edge", description="Put a robot on a URL: reads it, never commands it.")
-    commands = parser.add_subparsers(dest="command", metavar="run|probe|doctor|model|profile")
-    commands.add_parser("model", help="model build: a URDF and its meshes, made small for phones")
-    commands.add_parser("probe", help="what a source offers")
-    commands.add_parser("doctor", help="what is wrong with a model, a profile, a source, in plain words")
-    commands.add_parser("profile", help="profile new: a profile to start from, made of a URDF")
-    run = commands.add_parser(
-        "run",
-        help="read a source and send it to a relay",
-        description="Read a source and send it to a relay. Every flag may also stand in the environment.",
-    )
+def add_run_flags(
+    parser: argparse.ArgumentParser,
+    environment: Mapping[str, str],
+    required: Sequence[str] = ("source", "relay"),
+) -> None:
+    """Add the flags of `run`; a variable of `environment` stands in for each that is not given."""
 
     def flag(name: str, parse: Callable[[str], object], text: str, default: object = None) -> None:
         variable = "POSECAST_" + name.upper().replace("-", "_")
         given = environment.get(variable)
-        run.add_argument(
+        parser.add_argument(
             f"--{name}",
             type=_naming_variable(variable, given, parse) if given else parse,
             default=given if given else default,
-            required=not given and name in ("source", "relay"),
+            required=not given and name in required,
             metavar=name.upper().replace("-", "_"),
             help=f"{text} [{variable}]",
         )
@@ -208,16 +208,23 @@ def parse_settings(argv: Sequence[str], environment: Mapping[str, str]) -> Setti
         "the robot's model (URDF, xacro, SDF, MJCF); it is made small and served, meshes and all",
     )
     flag("model", Path, "instead of --urdf: the folder that `model build` made")
-    add_robot_flags(run)
+    add_robot_flags(parser)
     flag(
         "up-axis",
         _up_axis,
         "whether Collada files mean the up axis they name: auto, ignore, apply (auto)",
         AUTO,
     )
-    args = parser.parse_args(argv)
+
+
+def parse_settings(
+    argv: Sequence[str], environment: Mapping[str, str], program: str = "posecast-edge"
+) -> Settings:
+    """Parse the arguments of `run`. Raises UsageError with one line when something is wrong, SystemExit(0)
+    after --help."""
+    args = make_parser(environment, program).parse_args(argv)
     if args.command is None:
-        raise UsageError("say `posecast-edge run …`, or --help")
+        raise UsageError(f"say `{program} run …`, or --help")
     if args.urdf and args.model:
         raise UsageError("--urdf and --model: give one of the two")
     proof = _proof(args)
@@ -235,3 +242,27 @@ def parse_settings(argv: Sequence[str], environment: Mapping[str, str]) -> Setti
         tuple(args.xacro_arg or _list_from(environment, "POSECAST_XACRO_ARG", _xacro_arguments)),
         args.up_axis,
     )
+
+
+def make_parser(environment: Mapping[str, str], program: str = "posecast-edge") -> CommandParser:
+    """The parser of the program; commands other than `run` have parsers of their own."""
+    parser = _Parser(
+        prog=program,
+        description="Put a robot on a URL: reads it, never commands it.",
+        version=True,
+        statuses=STATUSES,
+    )
+    commands = parser.add_subparsers(dest="command", metavar="run|probe|doctor|model|profile")
+    commands.add_parser("model", help="model build: a URDF and its meshes, made small for phones")
+    commands.add_parser("probe", help="what a source offers")
+    commands.add_parser("doctor", help="what is wrong with a model, a profile, a source, in plain words")
+    commands.add_parser("profile", help="profile new: a profile to start from, made of a URDF")
+    run = commands.add_parser(
+        "run",
+        help="read a source and send it to a relay",
+        description="Read a source and send it to a relay. Every flag may also stand in the environment.",
+        statuses=STATUSES,
+    )
+
+    add_run_flags(run, environment)
+    return parser

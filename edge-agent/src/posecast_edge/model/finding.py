@@ -4,9 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-EXTRA = "pip install 'posecast-edge[model]'"
+from posecast_wire.command_line.installation import advise_extra
+
 NO_BALANCE = "no balance is shown"  # what follows from masses that can't be, or are not known
 SEVERITIES = ("error", "warning", "hint")
+
+
+def advise_mesh_tools() -> str:
+    """The command that installs what builds models."""
+    return advise_extra("posecast-edge", "model")
 
 
 class ModelRefused(Exception):

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, cast
 
 from posecast_wire.mapping import CORNERS_MAX, FEET_MAX, GROUNDS, BalanceRule, Ground, SensorMount, Xyz
+from posecast_wire.mapping import Mapping as Meaning
 
 from posecast_edge.visible import quote
 
@@ -35,6 +36,17 @@ def read_balance(reader: ProfileReader, value: object, sensors: Mapping[str, Sen
             reader.fail(f"balance.soles.{foot}", f"{quote(foot)} is none of the feet")
     read = {foot: _sole(reader, points, f"balance.soles.{foot}") for foot, points in soles.items()}
     return BalanceRule(feet, cast("Ground | None", ground), read)
+
+
+def find_unknown_feet(meaning: Meaning, links: Collection[str]) -> dict[str, str]:
+    """The feet of [balance] that a model with these links lacks, each with the link that is not there: its
+    sensor's, else its own name."""
+    sensors, rule = meaning.sensors, meaning.balance
+    link_of = {
+        foot: (sensors[foot].link or foot) if foot in sensors else foot
+        for foot in (*(rule.feet or ()), *rule.soles)
+    }
+    return {foot: link for foot, link in link_of.items() if link not in links}
 
 
 def _feet(

@@ -29,6 +29,7 @@ from posecast_edge.profile.balance import read_balance
 from posecast_edge.profile.columns import Columns
 from posecast_edge.profile.explain import read_sentences
 from posecast_edge.profile.field_defaults import PLAIN, WELL_KNOWN
+from posecast_edge.profile.further_errors import find_further_errors
 from posecast_edge.profile.joint_mapping import TermError, resolve_entries
 from posecast_edge.profile.names import read_names
 from posecast_edge.profile.schema import make_schema_text
@@ -89,7 +90,7 @@ def load_profile(path: Path) -> Profile:
 
 def parse_profile(text: str, file: str = "profile") -> Profile:
     """Parse TOML text. Raises ProfileError, `file:line: where: reason` of bounded length, whatever is wrong
-    with it."""
+    with it; its `more` has what else is."""
     for pattern, what in (
         (_DIGITS, "a number of more than 400 digits"),
         (_DOTTED, "a key of more than 32 parts"),
@@ -104,10 +105,18 @@ def parse_profile(text: str, file: str = "profile") -> Profile:
         raise ProfileError(f"{file}: nested too deep") from None
     except ValueError as e:  # TOMLDecodeError is one; others come of dates and numbers
         raise ProfileError(f"{file}: {make_visible(str(e), REASON_MAX)}") from None
-    reader = ProfileReader(file, text)
-    profile = reader.build_profile(document)
-    reader.check_wire_bounds(profile)
-    return profile
+
+    def read(document: dict[str, Any]) -> Profile:
+        reader = ProfileReader(file, text)
+        profile = reader.build_profile(document)
+        reader.check_wire_bounds(profile)
+        return profile
+
+    try:
+        return read(document)
+    except ProfileError as e:
+        e.more = tuple(find_further_errors(document, len(text), e, read))
+        raise
 
 
 class ProfileReader(Values):

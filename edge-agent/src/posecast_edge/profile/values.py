@@ -10,9 +10,9 @@ from typing import Any, NoReturn
 
 from posecast_wire.checked import SCRIPT_MARKS, UNSEEN
 from posecast_wire.mapping import Xyz
+from posecast_wire.toml_lines import find_line, index_lines
 
 from posecast_edge.profile.field_defaults import UNITS
-from posecast_edge.profile.toml_lines import find_line, index_lines
 from posecast_edge.visible import make_visible, quote
 
 WHERE_MAX = 120  # characters
@@ -24,7 +24,18 @@ _WITHOUT_MARKS = {ord(mark): None for mark in SCRIPT_MARKS}
 
 
 class ProfileError(ValueError):
-    """An unusable profile: one line, `file:line: where: reason`."""
+    """An unusable profile: one line, `file:line: where: reason`. `path`: where, as the file has it; `more`:
+    what else is wrong with it, in such lines."""
+
+    def __init__(self, line: str, path: str = "") -> None:
+        super().__init__(line)
+        self.path = path
+        self.more: tuple[str, ...] = ()
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """All that is wrong, a line each."""
+        return (str(self), *self.more)
 
 
 class Values:
@@ -38,12 +49,14 @@ class Values:
 
     def fail(self, where: str, reason: str) -> NoReturn:
         """Raise ProfileError with the line on which `where` stands."""
+        path = self._path(where)
         try:
-            line = find_line(index_lines(self._text), self._path(where))
+            line = find_line(index_lines(self._text), path)
         except RecursionError:  # nested deeper than can be walked
             line = None
         place = self.file if line is None else f"{self.file}:{line}"
-        raise ProfileError(f"{place}: {make_visible(where, WHERE_MAX)}: {make_visible(reason, REASON_MAX)}")
+        said = f"{place}: {make_visible(where, WHERE_MAX)}: {make_visible(reason, REASON_MAX)}"
+        raise ProfileError(said, path)
 
     def _path(self, where: str) -> str:
         """`fields.pos.unit`, as a person says it, → `fields[1].unit`, as the file has it."""

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from posecast_wire.credential import LINE_MAX, Credential
 
+from posecast_edge.uplink.credential_file import CredentialFile
 from posecast_edge.visible import quote
 
 ENDPOINT = re.compile(r"(tcp|tls|quic)/(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+):([0-9]{1,5})")
@@ -22,7 +23,7 @@ def check_endpoint(text: str) -> str:
     return text
 
 
-def read_credential(path: str) -> Credential:
+def read_credential(path: str) -> CredentialFile:
     """Read the line that `posecast-relay robots add` printed from a file. Raises ValueError, one line that
     never holds the secret, when the file can't be read, is open to everybody or holds none."""
     try:
@@ -30,7 +31,8 @@ def read_credential(path: str) -> Credential:
             if stat.S_IMODE(Path(path).stat().st_mode) & 0o007:
                 raise ValueError("everybody on this machine may read it: chmod 600")
             content = file.read(LINE_MAX + len(BOM_UTF8) + 1).removeprefix(BOM_UTF8)
-            return Credential.parse(content.decode("ascii", "replace"))
+            found = Credential.parse(content.decode("ascii", "replace"))
+            return CredentialFile(found.robot, found.secret, found.ca, Path(path))
     except OSError as e:
         raise ValueError(f"{path}: {(e.strerror or str(e)).lower()}") from None
     except ValueError as e:

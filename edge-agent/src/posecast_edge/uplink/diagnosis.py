@@ -4,23 +4,56 @@ means."""
 from __future__ import annotations
 
 import socket
+from typing import NamedTuple
 
+import zenoh
 from posecast_wire.credential import Credential
 
 from posecast_edge.uplink.certificate import Certificate
+from posecast_edge.uplink.session_config import make_zenoh_config
 
 PATIENCE_S = 2.0
 KNOCK = bytes(2)  # an empty batch: Zenoh says goodbye to it, and the relay counts nobody as refused
 
 
-def diagnose_link(relay: str, credential: Credential | Certificate | None) -> str:
-    """Say what is wrong, as text to be appended to the relay's name. `relay`: a Zenoh endpoint,
-    `tls/host:port`."""
+SURE_AFTER = 3  # times in a row that a relay which answers made no link,
+SURE_AFTER_S = 5.0  # and for so long: a busy machine may be too slow once or twice
+
+
+class Diagnosis(NamedTuple):
+    """Why there is no link: `why` goes on after the relay's name. `is_refusal`: the relay answers, so nothing
+    else than what this robot shows it can be the reason."""
+
+    why: str
+    is_refusal: bool = False
+
+
+class RefusalPatience:
+    """Decides when a relay counts as one that refuses this robot, and is not just slow. Times are monotonic
+    seconds."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._since_s = 0.0
+
+    def is_sure(self, found: Diagnosis, now_s: float) -> bool:
+        """Whether to tell what was found at `now_s`."""
+        if not found.is_refusal:
+            self._count = 0
+            return True
+        if self._count == 0:
+            self._since_s = now_s
+        self._count += 1
+        return self._count >= SURE_AFTER and now_s - self._since_s >= SURE_AFTER_S
+
+
+def diagnose_link(relay: str, credential: Credential | Certificate | None) -> Diagnosis:
+    """Find out what is wrong. `relay`: a Zenoh endpoint, `tls/host:port`."""
     scheme, _, address = relay.partition("/")
     host, _, port = address.rpartition(":")
     host = host.strip("[]")
     if scheme == "quic":
-        return "does not answer, or does not let this robot in"
+        return Diagnosis("does not answer, or does not let this robot in")
     wrong = alert = None
     try:
         with socket.create_connection((host, int(port)), PATIENCE_S) as plain:
@@ -30,10 +63,26 @@ def diagnose_link(relay: str, credential: Credential | Certificate | None) -> st
 
                 wrong, alert = shake_hands(plain, host, credential)
             elif not _speaks(plain):
-                return "takes connections and says nothing: does it hang, or is it just starting?"
+                return Diagnosis("takes connections and says nothing: does it hang, or is it just starting?")
     except (OSError, UnicodeError):  # also of a name that is none
-        return "does not answer"
-    return wrong or _refusal(credential, alert)
+        return Diagnosis("does not answer")
+    if wrong is not None:
+        return Diagnosis(wrong)
+    if alert is None and scheme == "tcp" and isinstance(credential, Credential) and _takes_anybody(relay):
+        return Diagnosis(
+            "takes robots without a credential, as a relay does with --dev: leave --credential out, or start "
+            "the relay with --robots"
+        )
+    return Diagnosis(_refusal(credential, alert), alert is None)
+
+
+def _takes_anybody(relay: str) -> bool:
+    """Whether a robot that shows nothing is let in: Zenoh refuses a password where none is asked for."""
+    try:
+        with zenoh.open(make_zenoh_config(relay, tries_once=True)):
+            return True
+    except zenoh.ZError:
+        return False
 
 
 def _speaks(link: socket.socket) -> bool:

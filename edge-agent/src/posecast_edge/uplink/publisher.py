@@ -7,8 +7,6 @@ there is no backlog when the link comes back.
 
 from __future__ import annotations
 
-import base64
-import json
 import logging
 import threading
 import time
@@ -18,12 +16,12 @@ from itertools import islice
 from typing import TYPE_CHECKING
 
 import zenoh
-from posecast_wire.credential import Credential
 from posecast_wire.keys import (
     Echo,
     Snapshot,
     alive_key,
     echo_key,
+    frame_key,
     model_key,
 )
 
@@ -31,22 +29,21 @@ from posecast_edge.exception_log import ExceptionLog
 from posecast_edge.model.serve.bundle import Bundle
 from posecast_edge.pipeline.events import Event
 from posecast_edge.uplink.certificate import Certificate
+from posecast_edge.uplink.credential_file import Proof
 from posecast_edge.uplink.lateness import LATE_S, EchoWatch, News
 from posecast_edge.uplink.model_server import ModelServer
+from posecast_edge.uplink.proof_rotation import ProofRotation
 from posecast_edge.uplink.run import Run
+from posecast_edge.uplink.session_config import RETRY_MS, make_zenoh_config
 from posecast_edge.uplink.view_publisher import ViewPublisher
 
 if TYPE_CHECKING:
     from posecast_edge.pipeline.stream import Frame
+    from posecast_edge.uplink.diagnosis import RefusalPatience
 
 log = logging.getLogger("posecast_edge.link")
 
-OPEN_MS = 2000  # one attempt; in between the thread looks whether it is to stop
-LEASE_MS = 2500  # the relay takes an edge for gone after this long without a sign of life
-RETRY_MS = (25, 1000)  # at first at once: a relay that enrols a robot opens its door anew within milliseconds
 WHY_S = 3.0  # without a link for so long: find out why
-BATCH_BYTES = 8192  # small batches and a small kernel buffer: on a thin uplink a queue is only delay
-SNDBUF_BYTES = 32768
 LOOK_S = 2.0  # at the session itself, where nothing is to be sent
 ECHO_S = 1.0
 ECHO_AGAIN_S = 0.3  # while frames are late, and
@@ -54,38 +51,6 @@ NEW_LINK_S = 5.0  # so long on a link of which nobody knows what it carries
 ECHO_TIMEOUT_S = 2.0
 ECHO_BYTES_MAX = 4096
 ECHO_REPLIES_MAX = 8  # to one question: there may be several relays
-HEARD_BYTES_MAX = 1 << 18  # of one message towards the edge: it hears questions and echoes only
-
-
-def make_zenoh_config(relay: str, credential: Credential | Certificate | None = None) -> zenoh.Config:
-    """A Zenoh client that connects only to this relay and discovers nobody else. `relay`: an endpoint,
-    `tcp/host:port`."""
-    link: dict[str, object] = {
-        "tx": {"lease": LEASE_MS, "keep_alive": 4, "batch_size": BATCH_BYTES},
-        "rx": {"max_message_size": HEARD_BYTES_MAX},
-    }
-    auth: dict[str, object] = {}
-    if isinstance(credential, Certificate):
-        own = {"connect_certificate": str(credential.chain), "connect_private_key": str(credential.key)}
-        ca_file = {} if credential.ca is None else {"root_ca_certificate": str(credential.ca)}
-        link["tls"] = {"enable_mtls": True, **own, **ca_file}
-    elif credential is not None:
-        auth["usrpwd"] = {"user": credential.robot, "password": credential.secret}
-        if credential.ca is not None:  # else the authorities that the web trusts
-            ca = base64.b64encode(credential.ca.encode()).decode()
-            link["tls"] = {"root_ca_certificate_base64": ca}
-    endpoint = relay if relay.startswith("quic/") else f"{relay}#so_sndbuf={SNDBUF_BYTES}"
-    retry = {"period_init_ms": RETRY_MS[0], "period_max_ms": RETRY_MS[1], "period_increase_factor": 2}
-    return zenoh.Config.from_json5(
-        json.dumps(
-            {
-                "mode": "client",
-                "connect": {"endpoints": [endpoint], "timeout_ms": OPEN_MS, "retry": retry},
-                "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
-                "transport": {"link": link, "auth": auth, "shared_memory": {"enabled": False}},
-            }
-        )
-    )
 
 
 class ZenohPublisher:
@@ -99,7 +64,7 @@ class ZenohPublisher:
         *,
         snapshot: Callable[[str], Snapshot | None],
         heard: Callable[[str], None],
-        credential: Credential | Certificate | None = None,
+        credential: Proof | None = None,
     ) -> None:
         """`snapshot` and `heard` take a view and are called by Zenoh's threads; `heard` when somebody begins
         to listen. Lateness is measured on the first of `views`, which must be the fastest."""
@@ -111,6 +76,7 @@ class ZenohPublisher:
         self._news = News()
         self._robot, self._relay, self._credential = robot, relay, credential
         self._warned = ""  # why there is no link
+        self._patience: RefusalPatience | None = None  # once it was asked
         self._view_publishers = {
             view: ViewPublisher(
                 robot, view, self.run, partial(snapshot, view), partial(heard, view), self.exceptions
@@ -118,6 +84,14 @@ class ZenohPublisher:
             for view in views
         }
         self._measured = views[0]
+        self._rotation = ProofRotation(
+            relay,
+            credential,
+            frame_key(robot, views[0]),
+            lambda: self.connected,
+            self._notify,
+            self.exceptions,
+        )
         self._desk = ModelServer(robot, self.run, self.exceptions)
         self._wake = threading.Condition()  # two threads wait on it, hence notify_all
         self._stopping = False
@@ -134,6 +108,7 @@ class ZenohPublisher:
     def start(self) -> None:
         """Start connecting."""
         self._thread.start()
+        self._rotation.start()
 
     def send_frame(self, view: str, frame: Frame) -> None:
         """Send a frame, or discard it when there is no link."""
@@ -172,12 +147,13 @@ class ZenohPublisher:
             self._stopping = True
             self._wake.notify_all()
         self._desk.close()
+        self._rotation.stop()
         self._thread.join(timeout_s)
 
     def wait_for_end(self, timeout_s: float) -> None:
         """After `stop`: wait for the threads that may still sit in a call of Zenoh's, at most so long."""
         until_s = time.monotonic() + timeout_s
-        for thread in (self._thread, self._echo_thread):
+        for thread in (self._thread, self._echo_thread, self._rotation.thread):
             if thread is not None:
                 thread.join(max(0.0, until_s - time.monotonic()))
 
@@ -215,39 +191,62 @@ class ZenohPublisher:
     # --- the link's thread
 
     def _keep_link(self) -> None:
+        session: zenoh.Session | None = None
         while not self._stopping:
-            session = self._open()
+            session = session or self._open()
             if session is None:
                 return
+            newer: zenoh.Session | None = None
             try:
                 with session:
-                    self._serve(session)
+                    newer = self._serve(session)
             except Exception as e:
                 self.exceptions.add("the link", e)
-            self.connected = False
-            with self._watch_lock:
-                self._watch.record_link(False)
-            self._declared.clear()
-            with self._wake:
-                self._wake.wait_for(lambda: self._stopping, RETRY_MS[1] / 1000)
+            session = newer
+            if session is None:
+                self._drop_link()
 
-    def _serve(self, session: zenoh.Session) -> None:
-        """Until the agent stops. ZError when the session has ended by itself."""
-        self._declare(session)
-        self._session = session
+    def _drop_link(self) -> None:
+        """Forget a link that has ended, and wait before the next one."""
+        self._session = None
+        self.connected = False
+        for view_publisher in self._view_publishers.values():
+            view_publisher.close()
+        with self._watch_lock:
+            self._watch.record_link(False)
+        self._declared.clear()
+        with self._wake:
+            self._wake.wait_for(lambda: self._stopping, RETRY_MS[1] / 1000)
+
+    def _serve(self, session: zenoh.Session) -> zenoh.Session | None:
+        """Until the agent stops, or a newer session takes over: that is returned, and all is declared on it
+        already. ZError when the session has ended by itself."""
+        if self._session is not session:
+            self._declare(session)
         self._echo_thread = threading.Thread(target=self._ask_echo, args=(session,), name="echo", daemon=True)
         self._echo_thread.start()
-        try:
-            while self._send_waiting():
-                if session.is_closed():
-                    raise zenoh.ZError("the session has ended")
-        finally:
-            self._session = None
-            for view_publisher in self._view_publishers.values():
-                view_publisher.close()
+        while self._send_waiting():
+            newer = self._take_newer()
+            if newer is not None:
+                self._declare(newer)  # this one is closed after it, so that the relay misses nothing
+                return newer
+            if session.is_closed():
+                raise zenoh.ZError("the session has ended")
+        return None
+
+    def _take_newer(self) -> zenoh.Session | None:
+        """The session that was opened with what is new in the credential's file, if there is one."""
+        found = self._rotation.take()
+        if found is None:
+            return None
+        session, self._credential = found
+        return session
 
     def _open(self) -> zenoh.Session | None:
         while not self._stopping:
+            newer = self._take_newer()
+            if newer is not None:
+                return newer
             try:
                 return zenoh.open(make_zenoh_config(self._relay, self._credential))
             except zenoh.ZError:  # which only ever says that time ran out
@@ -261,10 +260,13 @@ class ZenohPublisher:
 
     def _diagnose(self) -> None:
         """Find out why there is no link, and log it: once, and again when it is another reason."""
-        from posecast_edge.uplink.diagnosis import diagnose_link  # noqa: PLC0415 - few runs ever need it
+        from posecast_edge.uplink.diagnosis import RefusalPatience, diagnose_link  # noqa: PLC0415 - few runs ever need it
 
         try:
-            self._warn_once(diagnose_link(self._relay, self._credential))
+            found = diagnose_link(self._relay, self._credential)
+            self._patience = self._patience or RefusalPatience()
+            if self._patience.is_sure(found, time.monotonic()):
+                self._warn_once(found.why)
         except Exception as e:
             self.exceptions.add("asking why there is no link", e)
 
@@ -276,7 +278,8 @@ class ZenohPublisher:
     def _declare(self, session: zenoh.Session) -> None:
         """All that this agent is on the network. Who sees the token asks for the snapshot, and who has that
         for the model: so they are declared the other way round."""
-        on_transport = self.exceptions.guard("the link", self._on_transport)
+        before, self._session, self._declared = self._declared, session, []
+        on_transport = self.exceptions.guard("the link", partial(self._on_transport, session))
         on_model = self.exceptions.guard("a question about the model", self._desk.enqueue_query)
         self._declared += [
             session.info.declare_transport_events_listener(on_transport, history=True),
@@ -285,6 +288,11 @@ class ZenohPublisher:
         for view_publisher in self._view_publishers.values():
             self._declared += view_publisher.declare(session)
         self._declared.append(session.liveliness().declare_token(alive_key(self._robot)))
+        del before  # Zenoh undeclares what nobody holds: not until the relay knows the newer ones
+
+    def _notify(self) -> None:
+        with self._wake:
+            self._wake.notify_all()
 
     def _send_waiting(self) -> bool:
         """Send what waits, or wait for something. False when the agent stops and no more can be sent."""
@@ -311,7 +319,9 @@ class ZenohPublisher:
 
     # --- called by Zenoh's threads
 
-    def _on_transport(self, event: zenoh.TransportEvent) -> None:
+    def _on_transport(self, session: zenoh.Session, event: zenoh.TransportEvent) -> None:
+        if session is not self._session:  # a newer one has taken over
+            return
         self.connected = event.kind == zenoh.SampleKind.PUT
         with self._watch_lock:
             self._watch.record_link(self.connected)
@@ -320,8 +330,11 @@ class ZenohPublisher:
             self._linked_s = time.monotonic()
             self._wake.notify_all()
         self._warned = ""
+        self._patience = None
         if not self._stopping:
             log.info("%s %s", "linked to" if self.connected else "lost", self._relay)
+        if not self.connected:
+            self._rotation.hurry()  # the relay may have changed whom it lets in
 
     # --- the echo's thread
 

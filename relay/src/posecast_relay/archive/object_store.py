@@ -22,6 +22,8 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 from urllib.parse import unquote, urlsplit
 
+from posecast_wire.command_line.installation import advise_extra
+
 from posecast_relay.store_url import StoreUrlError, check_store_url
 
 T = TypeVar("T")
@@ -93,7 +95,7 @@ def open_object_store(url: str, call_s: float = CALL_S, *, makes_folder: bool = 
         from obstore.exceptions import BaseError  # noqa: PLC0415 — 16 MB that only an archive needs
         from obstore.store import LocalStore, from_url  # noqa: PLC0415
     except ImportError:
-        raise StoreUrlError("install posecast-relay[archive]") from None
+        raise StoreUrlError(advise_extra("posecast-relay", "archive")) from None
     folder: Path | None = None
     opened: Any
     try:

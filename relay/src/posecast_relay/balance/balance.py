@@ -91,7 +91,7 @@ def make_balance_document(balance: Balance) -> Mapping[str, Any]:
         "ground": balance.ground,
         "floor_m": None if balance.floor_m is None else round(balance.floor_m, 4) + 0.0,
         "support_polygon_m": [_round_all(corner) for corner in balance.polygon] or None,
-        "margin_mm": None if balance.margin_m is None else round(1000 * balance.margin_m, 1),
+        "margin_mm": None if balance.margin_m is None else round(1000 * balance.margin_m, 1) + 0.0,
         "centre_of_pressure_m": _round_all(balance.pressure),
         "feet": {
             foot.name: {

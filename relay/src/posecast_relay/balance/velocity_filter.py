@@ -14,7 +14,9 @@ from posecast_relay.kinematics.rotation import invert_quat, multiply_quats
 from posecast_relay.kinematics.vector import subtract
 
 TAU_S = 0.1  # a change is told to 63 % after so long
-GAP_S = 0.5  # over a longer gap between poses nothing is known of the way between them
+# Over a longer gap between poses nothing is known of the way between them. A robot that stands still sends a
+# frame at its first sample after 0.5 s: with a gap of 0.5 s it would never have a velocity.
+GAP_S = 0.75
 
 
 class _Taken(NamedTuple):
@@ -31,7 +33,7 @@ class VelocityFilter:
     It is relative to a foot that bears in both, the one with the greatest force now, else the first: such a
     foot neither slides nor turns about the vertical, while odometry drifts. A low-pass of first order with a
     time constant of 0.1 s smooths it, so what is told lies 0.1 s and half the time between two poses behind.
-    It begins anew after more than 0.5 s without a pose, when time runs back, and when no foot bears in both.
+    It begins anew after more than 0.75 s without a pose, when time runs back, and when no foot bears in both.
     """
 
     def __init__(self) -> None:

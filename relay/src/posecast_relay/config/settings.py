@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import argparse
 import ipaddress
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import NoReturn, TypeVar
+
+from posecast_wire.command_line.parser import CommandParser
 
 from posecast_relay.auth.addresses import Network, parse_networks
 from posecast_relay.auth.origins import ORIGIN
@@ -17,6 +18,11 @@ from posecast_relay.store_url import StoreUrlError, check_store_url
 T = TypeVar("T")
 
 WORKERS_MAX = 64
+STATUSES = {
+    0: "done, or ended by SIGTERM or Ctrl-C",
+    1: "a command failed",
+    2: "wrong arguments, or a port in use",
+}
 MEMORY = "memory:"  # of `--past`: nothing is kept elsewhere
 
 
@@ -171,12 +177,8 @@ def _directory(text: str) -> Path:
 
 
 def _file(text: str) -> Path:
-    path = Path(text)
-    try:
-        path.open("rb").close()
-    except OSError as e:
-        raise ValueError((e.strerror or str(e)).lower()) from None
-    return path
+    """Read the path of a file that may come later, or become readable: the relay waits for it."""
+    return Path(text)
 
 
 def _proxies(text: str) -> tuple[Network, ...]:
@@ -273,21 +275,26 @@ FLAGS = (
 )  # fmt: skip
 
 
-class _Parser(argparse.ArgumentParser):
+class _Parser(CommandParser):
     def error(self, message: str) -> NoReturn:
         raise SettingsError(message)
 
 
-def _parser() -> argparse.ArgumentParser:
+def make_parser(program: str) -> CommandParser:
+    """Make the parser of the program; `robots` and `past` have parsers of their own."""
     parser = _Parser(
-        prog="posecast-relay",
+        prog=program,
         description="Latest state in, thousands of viewers out. It reads robots; it never commands one.",
         allow_abbrev=False,
+        version=True,
+        statuses=STATUSES,
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="run|robots|past")
-    commands.add_parser("robots", help="robots add|list|remove|rotate|link|unlink: publishers, share links")
+    commands.add_parser("robots", help="robots add|set|edit|check|…: publishers, viewers, share links")
     commands.add_parser("past", help="past list|export|delete: what is kept of the past")
-    run = commands.add_parser("run", help="serve until SIGTERM or Ctrl-C", allow_abbrev=False)
+    run = commands.add_parser(
+        "run", help="serve until SIGTERM or Ctrl-C", allow_abbrev=False, statuses=STATUSES
+    )
     for flag in FLAGS:
         told = f"{flag.help} [{flag.variable}]" + (f" (default {flag.default})" if flag.default else "")
         if flag.metavar is None:
@@ -324,9 +331,9 @@ def _is_loopback(endpoint: str) -> bool:
         return False
 
 
-def parse(argv: Sequence[str], environ: Mapping[str, str]) -> Settings:
+def parse(argv: Sequence[str], environ: Mapping[str, str], program: str = "posecast-relay") -> Settings:
     """Read the settings from arguments and environment. Raises SettingsError; SystemExit 0 on --help."""
-    asked = vars(_parser().parse_args(argv))
+    asked = vars(make_parser(program).parse_args(argv))
     values = {flag.name: _value(flag, asked[flag.name], environ) for flag in FLAGS}
     assert set(values) == {f.name for f in fields(Settings)}
     settings = Settings(**values)  # type: ignore[arg-type]

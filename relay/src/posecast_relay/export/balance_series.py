@@ -8,6 +8,7 @@ from posecast_wire import Schema
 
 from posecast_relay.balance.balance import Balance
 from posecast_relay.balance.course import BalanceCourse
+from posecast_relay.balance.feet import choose_feet
 from posecast_relay.balance.model import BalanceModel, read_balance_model
 from posecast_relay.export.table import TableReader, TableRow
 from posecast_relay.kinematics.link_poses import FrameReadings, LinkPoses
@@ -20,8 +21,8 @@ FindModel = Callable[[str], bytes | None]
 
 class BalanceSeries:
     """Computes the balance of a table's rows in their order. `find_model`: a manifest by its SHA-256,
-    hexadecimal; None where it is not kept. What is wrong with a model's masses and soles is told in the
-    table's losses."""
+    hexadecimal; None where it is not kept. What is wrong with a model's masses and soles, and with feet that
+    are left out, is told in the table's losses."""
 
     def __init__(self, table: TableReader, find_model: FindModel) -> None:
         self._table = table
@@ -41,11 +42,13 @@ class BalanceSeries:
     def read(self, row: TableRow) -> Balance | None:
         """The balance of a row; None where its model has no masses and stands on nothing known."""
         model = None if row.model is None else self._find(row.model)
-        if model is None:
+        if row.model is None or model is None:
             self._body = None
             return None
         if self._body is None or not self._body.fits(model, row.schema):
             self._body = _Body(model, row.schema, row.parsed)
+            if self._body.why is not None:
+                self._table.losses.add_line(f"balance by the model {row.model[:12]}: {self._body.why}")
         return self._body.read(row)
 
     def _find(self, name: str) -> BalanceModel | None:
@@ -77,7 +80,9 @@ class _Body:
         self._sha256 = sha256
         self._readings = FrameReadings(schema)
         self._poses = LinkPoses(model.tree)
-        self._course = BalanceCourse(model, schema)
+        choice = choose_feet(model, schema)
+        self.why = choice.why  # what is wrong with feet that are left out
+        self._course = BalanceCourse(model, schema, choice)
 
     def fits(self, model: BalanceModel, sha256: str) -> bool:
         """Whether it goes on with these."""

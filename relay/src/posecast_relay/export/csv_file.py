@@ -68,7 +68,8 @@ def write_csv(
         unix_ms = row.unix_us // 1000
         began_ms = unix_ms if began_ms is None else began_ms
         first = (write_time(unix_ms), f"{(unix_ms - began_ms) / 1000:.3f}", f"{row.robot_s:.3f}")
-        last = write_balance(balance.read(row)) if more else ()
+        told = balance.read(row)  # also without columns: why there is no balance is told in the losses
+        last = write_balance(told) if more else ()
         file.write(_join(itertools.chain(first, writers[row.schema].write(row.codes), last)))
         count += 1
     return count

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 from posecast_wire import Schema
 from posecast_wire.checked import loads
+from posecast_wire.command_line.installation import advise_extra
 
 from posecast_relay.export import ros_messages as ros
 from posecast_relay.export.balance_messages import BalanceMessages
@@ -48,7 +49,7 @@ def write_mcap(file: BinaryIO, table: TableReader, find_model: FindModel = lambd
     try:
         from mcap.writer import CompressionType, Writer  # noqa: PLC0415 — an extra
     except ModuleNotFoundError:
-        raise McapMissingError("MCAP: not installed; pip install 'posecast-relay[export]'") from None
+        raise McapMissingError(f"MCAP: not installed; {advise_extra('posecast-relay', 'export')}") from None
     writer = Writer(file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
     writer.start(profile="ros2", library=LIBRARY)
     messages = _MessageWriter(writer, table, find_model)

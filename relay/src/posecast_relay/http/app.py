@@ -76,13 +76,14 @@ def make_app(
     publish_at: str | None = None,
     past: PastDesk | None = None,
     find_missing: Callable[[], MissingPart | None] = lambda: None,
+    find_config_trouble: Callable[[], str | None] = lambda: None,
 ) -> FastAPI:
     """Make the relay's HTTP application. WebSocket upgrades never reach it.
 
     `public_url`: where people open the page, without a slash at its end; None when nobody has said so.
     `publish_at`: where anybody on this machine may publish; None when nobody may without a credential.
     `past`: where the past of this process is; None when it keeps none. `find_missing` returns what does
-    not serve beside this process.
+    not serve beside this process; `find_config_trouble`, which of its files it could not take.
     """
     # FastAPI's own /docs loads its scripts from another origin; the built page brings them (spa/public/docs).
     # Without a default answer it tells of a 422 that never comes: all parameters are texts that we read.
@@ -120,7 +121,7 @@ def make_app(
     thumbnails = Thumbnails(models)
     preview = LinkPreview(access, thumbnails, public_url)
     _add_previews(app, access, models, thumbnails, preview)
-    _add_health(app, access.live, past, find_missing)
+    _add_health(app, access.live, past, find_missing, find_config_trouble)
 
     @app.get("/api/{_rest:path}", include_in_schema=False)
     async def no_such_route(_rest: str) -> Response:
@@ -146,6 +147,7 @@ def _add_health(
     dispatcher: Dispatcher,
     past: PastDesk | None,
     find_missing: Callable[[], MissingPart | None],
+    find_config_trouble: Callable[[], str | None],
 ) -> None:
     @app.get("/livez", summary="The process answers")
     async def livez() -> PlainTextResponse:
@@ -153,7 +155,8 @@ def _add_health(
 
     @app.get(
         "/readyz",
-        summary="Whether viewers are accepted; `degraded` when the store, the past or a worker is away",
+        summary="Whether viewers are accepted; `degraded` when the store, the past or a worker is away, or a "
+        "file of the configuration is wrong",
     )
     async def readyz() -> JSONResponse:
         if dispatcher.draining:
@@ -162,7 +165,8 @@ def _add_health(
         if missing is not None and not missing.has_begun:
             return JSONResponse({"status": "starting", "why": missing.why}, 503)
         live, past_ = dispatcher.store.find_trouble(), None if past is None else past.source.find_trouble()
-        why = "; ".join(filter(None, (missing and missing.why, live, past_ and f"the past: {past_}")))
+        config = find_config_trouble()
+        why = "; ".join(filter(None, (missing and missing.why, config, live, past_ and f"the past: {past_}")))
         return JSONResponse({"status": "degraded", "why": why} if why else {"status": "ready"})
 
 

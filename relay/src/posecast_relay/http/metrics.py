@@ -77,12 +77,14 @@ class RelayCollector(Collector):
         way: PastWayStats | None = None,
         held: HeldStats | None = None,
         archive: ArchiveStats | None = None,
+        measure_config: Callable[[], Mapping[str, int]] = dict,
         find_expiries: Callable[[], Mapping[str, float]] = dict,
     ) -> None:
         """`dispatchers`: the live one first, then that of the delayed viewers.
 
-        `refused` returns how many publishers were refused so far; `find_expiries`, when the certificates in
-        use expire, in unix seconds by the flag that names the file.
+        `refused` returns how many publishers were refused so far; `measure_config`, whether the files of the
+        configuration are good (1), by what they are; `find_expiries`, when the certificates in use expire, in
+        unix seconds by the flag that names the file.
         """
         self._refused = refused
         self._dispatcher = dispatchers[0]
@@ -93,6 +95,7 @@ class RelayCollector(Collector):
         self._way = way
         self._held = held
         self._archive = archive
+        self._measure_config = measure_config
         self._find_expiries = find_expiries
 
     def collect(self) -> Iterable[Metric]:
@@ -129,6 +132,13 @@ class RelayCollector(Collector):
         )
         yield CounterMetricFamily(
             "posecast_publishers_refused", "Edges that were not let in", self._refused()
+        )
+        yield _make_labelled(
+            "posecast_config_up",
+            "Whether the files that it follows can be taken",
+            "file",
+            self._measure_config(),
+            GaugeMetricFamily,
         )
         delivered = sum(each.delivered for each in self._hubs) + sum(room.delivered for room in rooms)
         yield CounterMetricFamily("posecast_delivered_frames", "Frames handed to viewers", delivered)
@@ -275,6 +285,7 @@ def start_metrics(
     way: PastWayStats | None = None,
     held: HeldStats | None = None,
     archive: ArchiveStats | None = None,
+    measure_config: Callable[[], Mapping[str, int]] = dict,
     find_expiries: Callable[[], Mapping[str, float]] = dict,
     join: Callable[[Collector], Collector] | None = None,
 ) -> tuple[int, Callable[[], None]]:
@@ -283,7 +294,8 @@ def start_metrics(
     `join` adds those of other processes of this relay. Raises OSError when the port is in use.
     """
     registry = CollectorRegistry()
-    own = RelayCollector(dispatchers, mirror, refused, past, way, held, archive, find_expiries)
+    sources = (mirror, refused, past, way, held, archive, measure_config, find_expiries)
+    own = RelayCollector(dispatchers, *sources)
     registry.register(own if join is None else join(own))
     server, thread = start_http_server(port, host, registry)
 

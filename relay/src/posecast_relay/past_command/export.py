@@ -167,7 +167,7 @@ def _export(
         size = _measure(place)
     lines = (*_tell_lost(collector.found), *written.warnings, *_tell_lacks(written.held, span))
     for line in lines:
-        print(f"posecast-relay: {asked.out}: {line}", file=sys.stderr)
+        print(f"{asked.program}: {asked.out}: {line}", file=sys.stderr)
     held = written.held
     print(
         f"{asked.out}: {recording.robot}/{recording.view}, {write_length(held.to_ms - held.from_ms)} from "

@@ -54,7 +54,7 @@ def run(asked: argparse.Namespace) -> None:
         kept_at = find_relay_store(asked.past_socket)
         if kept_at is not None:
             print(
-                "posecast-relay: this is only what the relay has in memory; to list its store, give "
+                f"{asked.program}: this is only what the relay has in memory; to list its store, give "
                 f"--past {kept_at}",
                 file=sys.stderr,
             )

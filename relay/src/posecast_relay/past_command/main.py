@@ -1,7 +1,4 @@
-"""`posecast-relay past`: lists, exports and deletes what is kept of the past.
-
-Exit status 0: done; 1: it failed, or you answered no; 2: wrong arguments.
-"""
+"""`posecast-relay past`: lists, exports and deletes what is kept of the past."""
 
 from __future__ import annotations
 
@@ -10,11 +7,15 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple, NoReturn
 
+from posecast_wire.command_line.parser import CommandParser
+
 from posecast_relay.archive.object_store import ArchiveError
 from posecast_relay.config.settings import SettingsError
 from posecast_relay.past_command import deletion, export, listing
 from posecast_relay.past_command.failure import CommandFailed
 from posecast_relay.past_command.relay_socket import RelayAway
+
+STATUSES = {0: "done", 1: "it failed, or you answered no", 2: "wrong arguments"}
 
 
 class Subcommand(NamedTuple):
@@ -32,32 +33,40 @@ COMMANDS = {
 }
 
 
-class _Parser(argparse.ArgumentParser):
+class _Parser(CommandParser):
     def error(self, message: str) -> NoReturn:
         raise SettingsError(message)
 
 
-def run_past(argv: Sequence[str], environ: Mapping[str, str]) -> None:
-    """Carry out one `posecast-relay past` command.
+def run_past(argv: Sequence[str], environ: Mapping[str, str], program: str = "posecast-relay") -> None:
+    """Carry out one `posecast-relay past` command. `program`: what it is called in messages.
 
     Raises SettingsError, with one line, for wrong arguments, and SystemExit 1 when it could not be done.
     """
-    parser = _Parser(
-        prog="posecast-relay past",
-        description=__doc__,
-        allow_abbrev=False,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    commands = parser.add_subparsers(dest="do", required=True, metavar="|".join(COMMANDS))
-    for name, each in COMMANDS.items():
-        command = commands.add_parser(name, help=each.help, description=each.help, allow_abbrev=False)
-        each.add_arguments(command, environ)
-    asked = parser.parse_args(argv)
+    asked = make_past_parser(environ, program).parse_args(argv)
     try:
         COMMANDS[asked.do].run(asked)
     except ArchiveError as e:
-        print(f"posecast-relay: the store of the past: {e}", file=sys.stderr)
+        print(f"{program}: the store of the past: {e}", file=sys.stderr)
         raise SystemExit(1) from None
     except (RelayAway, CommandFailed) as e:
-        print(f"posecast-relay: {e}", file=sys.stderr)
+        print(f"{program}: {e}", file=sys.stderr)
         raise SystemExit(1) from None
+
+
+def make_past_parser(environ: Mapping[str, str], program: str = "posecast-relay") -> CommandParser:
+    """Make the parser of the command. `program`: what it is called in messages."""
+    parser = _Parser(
+        prog=f"{program} past",
+        description="List, export and delete what is kept of the past.",
+        allow_abbrev=False,
+        statuses=STATUSES,
+    )
+    commands = parser.add_subparsers(dest="do", required=True, metavar="|".join(COMMANDS))
+    for name, each in COMMANDS.items():
+        command = commands.add_parser(
+            name, help=each.help, description=each.help, allow_abbrev=False, statuses=STATUSES
+        )
+        each.add_arguments(command, environ)
+        command.set_defaults(program=program)
+    return parser

@@ -29,6 +29,7 @@ from redis.exceptions import NoScriptError, RedisClusterException, RedisError, R
 from redis.maint_notifications import MaintNotificationsConfig
 
 from posecast_relay.core.histogram import Histogram
+from posecast_relay.core.outage_log import OutageLog
 from posecast_relay.redis.dns import HostLookup
 
 T = TypeVar("T")
@@ -82,7 +83,7 @@ class RedisClient:
         self._lookup = HostLookup(urlsplit(self._url).hostname or "localhost")
         self.seconds = Histogram()  # of exchanges, also of those that failed
         self._scripts: dict[str, str] = {}  # text → SHA-1, once loaded
-        self._told: set[str] = set()  # kinds of failure since it worked
+        self.outage = OutageLog()
         self.client: Any = self._open(self._url)
 
     def _open(self, url: str) -> Any:
@@ -109,17 +110,13 @@ class RedisClient:
         for text in scripts:
             self._scripts[text] = await self.call(self.client.script_load(text))
 
-    def forget_failures(self) -> None:
-        """Note that Redis works again, so that every kind of failure is reported once more."""
-        self._told.clear()
+    def note_failure(self, error: BaseException) -> str | None:
+        """Note that Redis failed. Return why, where the log is to say so: see OutageLog."""
+        return self.outage.note_failure(error, time.monotonic())
 
-    def describe_new_failure(self, error: BaseException) -> str | None:
-        """Return why it failed; None when such a failure was reported already since Redis last worked."""
-        kind = name_error(error)
-        if kind in self._told:
-            return None
-        self._told.add(kind)
-        return str(error) or type(error).__name__
+    def note_success(self) -> bool:
+        """Note that Redis works. Return whether the log is to say that it is back: see OutageLog."""
+        return self.outage.note_success(time.monotonic())
 
     async def reset(self) -> None:
         """Drop every connection: what was asked before a failure must not be answered later."""

@@ -124,6 +124,8 @@ class RedisGateway:
                 if self._trouble is not None:
                     await self._connect()
                 await self._beat()
+                if self.link.note_success():
+                    log.warning("redis is back")
             except Exception as e:  # whatever it was: all is begun anew
                 await self._handle_failure(e)
                 await asyncio.sleep(RETRY_S)
@@ -143,14 +145,11 @@ class RedisGateway:
         if self._failure is not None:
             raise self._failure
         self._reader = asyncio.create_task(self._read_on(), name="redis reader")
-        self.link.forget_failures()
-        if self.failures:
-            log.warning("redis is back")
         self._trouble = None
         self._dispatcher.carry_out(self._said.mark_connected(self._now()))
 
     async def _handle_failure(self, error: BaseException) -> None:
-        if why := self.link.describe_new_failure(error):
+        if why := self.link.note_failure(error):
             log.warning("redis: %s; viewers are told, trying on", why)
         self.failures += 1
         self.losses += self._trouble is None

@@ -70,7 +70,6 @@ class RedisPast(RecentOnly):
         self._list_waiting: ListWaiting = tuple
         self._wake: Wake = lambda _robot, _view: None
         self._trouble: str | None = "redis: not connected yet"
-        self._failed = False
         self._lost = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
         self._deletions = deletions or Deletions()
@@ -212,6 +211,8 @@ class RedisPast(RecentOnly):
                 await self.link.reset()
                 await asyncio.sleep(RETRY_S)
                 continue
+            if self.link.note_success():
+                log.warning("the past: redis is back")
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(max(POLL_S, POLL_EACH_S * len(waiting))):
                     await self._lost.wait()
@@ -224,9 +225,8 @@ class RedisPast(RecentOnly):
         self._trouble = None
 
     def _lose(self, error: Exception) -> None:
-        if why := self.link.describe_new_failure(error):
+        if why := self.link.note_failure(error):
             log.warning("the past: redis: %s; who asks is told, live goes on", why)
-        self._failed = True
         self.losses += self._trouble is None
         self._trouble = name_error(error)  # /readyz is public: no addresses
         self._lost.set()
@@ -297,10 +297,6 @@ class RedisPast(RecentOnly):
         self._views.move_to_end(key)
         if is_grown:
             self._make_room()
-        if self._failed:
-            self._failed = False
-            self.link.forget_failures()
-            log.warning("the past: redis is back")
         if is_new:
             self._wake(robot, view)
 

@@ -48,6 +48,7 @@ BATCH = 64  # segments in one exchange
 BATCH_BYTES = 1 << 20  # likewise, or a single one
 TRIES = 3  # to write one batch; then it is dropped, since it may be the reason
 BACKOFF_S = (0.2, 2.0)  # the first and the longest wait after a failure
+TROUBLE_LOOK_S = 1.0  # after a failure: is it over?
 CALM_S = 60.0  # without a refusal, until Redis is said to have room again
 STOP_S = 0.5  # for what waits when the process stops
 ROUNDED_UP = 1.25  # so much more memory, at most, Redis takes for bytes than they are
@@ -90,7 +91,6 @@ class RedisPastWriter:
         self._schemas: dict[tuple[str, bytes], None] = {}  # by robot, the ones that were written
         self._tries = 0
         self._full_at: float | None = None  # when Redis refused a segment last; None: it has room
-        self._failed = False
         self._dropped_before = 0  # what `dropped` was when Redis took something last
         self._trouble: str | None = "not connected yet"
         self._wake = asyncio.Event()
@@ -173,7 +173,11 @@ class RedisPastWriter:
                 await asyncio.sleep(wait_s)
                 wait_s = min(2 * wait_s, BACKOFF_S[1])
                 continue
-            await self._wake.wait()
+            try:
+                async with asyncio.timeout(TROUBLE_LOOK_S if self.link.outage.is_open else None):
+                    await self._wake.wait()
+            except TimeoutError:  # all that waited was written: is the trouble over?
+                self._note_success()
             self._wake.clear()
 
     async def _connect(self) -> None:
@@ -182,22 +186,20 @@ class RedisPastWriter:
         self._trouble = None
 
     def _note_success(self) -> None:
-        if self._failed:
-            self._failed = False
-            self.link.forget_failures()
+        if self.link.note_success():
             lost = self.dropped - self._dropped_before
             told = f"gateways lack {write_count(lost, 'segment')}" if lost else "none that waited was lost"
             log.warning("the past: redis is back; %s", told)
-        self._dropped_before = self.dropped
+        if not self.link.outage.is_open:
+            self._dropped_before = self.dropped
 
     async def _handle_failure(self, error: Exception) -> None:
-        if why := self.link.describe_new_failure(error):
+        if why := self.link.note_failure(error):
             log.warning(
                 "the past: redis: %s; what is recorded waits, up to %d MB, live goes on",
                 why,
                 QUEUE_BYTES >> 20,
             )
-        self._failed = True
         self.losses += self._trouble is None
         self._trouble = type(error).__name__
         await self.link.reset()

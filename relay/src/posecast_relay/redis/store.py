@@ -142,6 +142,8 @@ class RedisStore:
                     self._beat_at = self._now() + BEAT_S
                     await self._beat()
                 wait_s = BACKOFF_S[0]
+                if self.link.note_success():
+                    log.warning("redis is back")
             except Exception as e:  # whatever it was: all is written anew
                 await self._handle_failure(e)
                 await asyncio.sleep(wait_s)
@@ -162,13 +164,10 @@ class RedisStore:
         for robot in self._hub.robots.values():
             self._dirty |= {room.stream: None for room in robot.rooms.values()}
         self._beat_at = 0.0
-        self.link.forget_failures()
-        if self.failures:
-            log.warning("redis is back")
         self._trouble = None
 
     async def _handle_failure(self, error: BaseException) -> None:
-        if why := self.link.describe_new_failure(error):
+        if why := self.link.note_failure(error):
             log.warning("redis: %s; viewers here notice nothing, trying on", why)
         self.failures += 1
         self.losses += self._trouble is None

@@ -6,10 +6,12 @@ import asyncio
 import logging
 from collections.abc import Awaitable, Callable
 
+from posecast_wire.command_line.installation import advise_extra
+
 from posecast_relay.auth.access import Access, open_access
 from posecast_relay.auth.addresses import Addresses
 from posecast_relay.auth.tokens import Accounts, Tokens
-from posecast_relay.config.robots_file import Robots
+from posecast_relay.config.robots_reader import Robots
 from posecast_relay.config.robots_watcher import RobotsWatcher
 from posecast_relay.config.settings import Settings, StartError
 from posecast_relay.core.delayed_hub import DelayedHub
@@ -60,15 +62,18 @@ def make_access(
     return open_access(*given, robots.make_policy(), tokens, settings.origins, addresses, has_past)
 
 
-async def follow_robots(
+def make_watcher(
     settings: Settings,
     robots: Robots | None,
     access: Access,
     admit: Callable[[Robots], Awaitable[None]] | None,
-) -> None:
-    """Follow the file of robots, until cancelled; return at once without one. `admit`: lets them publish."""
+) -> RobotsWatcher | None:
+    """Make what follows the file of robots, and the certificates; None without that file.
+
+    `admit`: lets robots publish; None in a process that hears none.
+    """
     if settings.robots is None or robots is None:
-        return
+        return None
 
     async def changed(to: Robots) -> None:
         if access.tokens is not None:
@@ -77,8 +82,15 @@ async def follow_robots(
         if admit is not None:
             await admit(to)
 
-    watch = RobotsWatcher(settings.robots, robots, changed, make_reader(settings))
-    await asyncio.gather(watch.run(), access.recheck_accounts())
+    given = (settings.zenoh_tls_cert, settings.zenoh_tls_key, settings.zenoh_ca)
+    certificates = [path for path in given if path is not None and admit is not None]
+    return RobotsWatcher(settings.robots, robots, changed, make_reader(settings), certificates)
+
+
+async def follow_robots(watch: RobotsWatcher | None, access: Access) -> None:
+    """Follow the file of robots, until cancelled; return at once without one."""
+    if watch is not None:
+        await asyncio.gather(watch.run(), access.recheck_accounts())
 
 
 def _accounts(settings: Settings) -> Accounts | None:
@@ -87,7 +99,7 @@ def _accounts(settings: Settings) -> Accounts | None:
     try:
         from posecast_relay.auth.firebase import Firebase  # noqa: PLC0415 — a second to load
     except ImportError:
-        raise StartError("--firebase-project: install posecast-relay[firebase]") from None
+        raise StartError(f"--firebase-project: {advise_extra('posecast-relay', 'firebase')}") from None
     return Firebase(settings.firebase_project, settings.firebase_revoked)
 
 

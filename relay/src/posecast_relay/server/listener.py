@@ -8,6 +8,7 @@ import resource
 import socket
 
 from posecast_relay.config.settings import StartError
+from posecast_relay.port_holder import explain_taken
 from posecast_relay.runtime.socket_options import cut_unread
 
 log = logging.getLogger("posecast_relay")
@@ -45,7 +46,7 @@ def listen(host: str, port: int, is_first: bool = False, is_shared: bool = False
         listener.listen(BACKLOG)
     except OSError as e:
         listener.close()
-        raise StartError(f"http://{host}:{port}: {(e.strerror or str(e)).lower()}") from None
+        raise StartError(f"http://{host}:{port}: {explain_taken(e, port)}") from None
     return listener
 
 

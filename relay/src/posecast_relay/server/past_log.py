@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator
 
-from posecast_relay.config.robots_file import format_duration
+from posecast_relay.config.robots_reader import format_duration
 from posecast_relay.config.settings import Settings
 from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.core.policy.past import (

@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 import uvloop
 import zenoh
+from posecast_wire.command_line.installation import advise_extra
 
 from posecast_relay.auth.access import Access
-from posecast_relay.config.robots_file import Robots
+from posecast_relay.config.robots_reader import Robots
 from posecast_relay.config.settings import Settings, StartError
 from posecast_relay.core.delayed_hub import DelayedHub
 from posecast_relay.core.hub import Hub
@@ -26,16 +27,20 @@ from posecast_relay.http.app import make_app
 from posecast_relay.http.metrics import start_metrics
 from posecast_relay.http.past.desk import PastDesk
 from posecast_relay.logging import LoopExceptionHandler, start_logging
+from posecast_relay.port_holder import explain_taken
 from posecast_relay.runtime.dispatcher import Dispatcher
-from posecast_relay.server.access import follow_robots, make_access, make_limits
+from posecast_relay.server.access import follow_robots, make_access, make_limits, make_watcher
+from posecast_relay.server.configuration import Configuration
 from posecast_relay.server.http_server import RelayServer, make_server_config, settle_memory
 from posecast_relay.server.listener import allow_sockets, listen
 from posecast_relay.server.past import PastServices, is_store_new, make_past_services
 from posecast_relay.server.past_log import describe_past
-from posecast_relay.server.robots import load_robots
+from posecast_relay.server.robots import wait_for_robots
 from posecast_relay.server.roles import RoleServices, make_role_services
+from posecast_relay.server.waiting_server import WaitingServer
 from posecast_relay.streaming.decode_cache import DecodeCache
 from posecast_relay.zenoh.auth_failures import AuthFailures
+from posecast_relay.zenoh.certificates import CertificateError
 from posecast_relay.zenoh.router import ListenError, RouterSession, ZenohAuth
 
 if TYPE_CHECKING:
@@ -56,18 +61,13 @@ def run(settings: Settings, argv: Sequence[str] = ()) -> None:
     sys.setswitchinterval(SWITCH_S)
     start_logging(settings.log_level, None if settings.workers == 1 else 0)
     logging.getLogger("websockets").setLevel(logging.WARNING)  # else two lines for every viewer
-    robots = load_robots(settings)
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner, contextlib.ExitStack() as ends:
         runner.get_loop().set_exception_handler(LoopExceptionHandler())
-        runner.run(_serve(settings, robots, argv, ends))
+        runner.run(_serve(settings, argv, ends))
 
 
-async def _serve(
-    settings: Settings, robots: Robots | None, argv: Sequence[str], ends: contextlib.ExitStack
-) -> None:
-    allow_sockets(settings.max_viewers, settings.workers)
-    listener = listen(settings.host, settings.port, is_first=settings.workers > 1)
-    ends.callback(listener.close)
+async def _serve(settings: Settings, argv: Sequence[str], ends: contextlib.ExitStack) -> None:
+    listener, robots = await _open(settings, ends)
     router, refusals = _publishers(settings, robots)
     port = listener.getsockname()[1]
     crew = _gather_crew(settings, argv, port, ends)
@@ -81,10 +81,13 @@ async def _serve(
     store = services.store if crew is None else crew.join_store(services.store, hub)
     access = make_access(settings, robots, (store, services.source), hub, delayed, counts)
     dispatcher = access.live
+    admit = None if router is None else lambda to: services.admit(_admitted(settings, to))
+    watch = make_watcher(settings, robots, access, admit)
+    configuration = Configuration(watch, router)
     mirror = _mirror(settings, access)
     decoded, desk = DecodeCache(), None if past is None else past.make_desk(dispatcher)
     try:
-        stop_metrics = _metrics(settings, access, mirror, router, refusals, past, desk, crew)
+        stop_metrics = _metrics(settings, access, mirror, refusals, past, desk, configuration, crew)
     except StartError:
         await _close(router)
         raise
@@ -108,6 +111,7 @@ async def _serve(
         _find_publish_at(settings, router),
         desk,
         _find_nothing if crew is None else crew.find_missing,
+        configuration.find_trouble,
     )
     config = make_server_config(app, access, decoded, has_streams=settings.role != "ingest")
     server = RelayServer(config, access.dispatchers, serving)
@@ -117,8 +121,7 @@ async def _serve(
     await services.start(dispatcher)
     for each in access.dispatchers:
         each.start()
-    admit = None if router is None else lambda to: services.admit(_admitted(settings, to))
-    beside = _beside(follow_robots(settings, robots, access, admit), mirror, _run_past(past, access))
+    beside = _beside(follow_robots(watch, access), mirror, _run_past(past, access))
     try:
         if crew is not None:
             await crew.start(server, app, access)
@@ -131,6 +134,15 @@ async def _serve(
         await _stop(services, past)
         stop_metrics()
         await _close(router)
+
+
+async def _open(settings: Settings, ends: contextlib.ExitStack) -> tuple[socket.socket, Robots | None]:
+    """Open the port, and wait there for the file of robots. Raises StartError."""
+    allow_sockets(settings.max_viewers, settings.workers)
+    listener = listen(settings.host, settings.port, is_first=settings.workers > 1)
+    ends.callback(listener.close)
+    async with WaitingServer(listener):
+        return listener, await wait_for_robots(settings)
 
 
 def _tell(listener: socket.socket, router: RouterSession | None, past: str) -> None:
@@ -173,10 +185,11 @@ def _publishers(
     router: RouterSession | None = None
     refusals: AuthFailures | None = None
     if robots is not None and not settings.dev and settings.role != "gateway":
-        refusals = AuthFailures(lambda robot: router is None or router.lets_in(robot))
+        by_name = None if settings.zenoh_ca is None else lambda robot: router is None or router.lets_in(robot)
+        refusals = AuthFailures(by_name)
     try:
         router = _router(settings, robots)
-    except ListenError as e:
+    except (ListenError, CertificateError) as e:
         raise StartError(str(e)) from None
     return router, refusals
 
@@ -234,7 +247,7 @@ def _mirror(settings: Settings, access: Access) -> FirebaseMirror | None:
     try:
         from posecast_relay.mirror.firebase import FirebaseMirror  # noqa: PLC0415 — seldom wanted
     except ImportError:
-        raise StartError("--firebase-database: install posecast-relay[firebase]") from None
+        raise StartError(f"--firebase-database: {advise_extra('posecast-relay', 'firebase')}") from None
     return FirebaseMirror(settings.firebase_database, access)
 
 
@@ -242,10 +255,10 @@ def _metrics(
     settings: Settings,
     access: Access,
     mirror: FirebaseMirror | None,
-    router: RouterSession | None,
     refusals: AuthFailures | None,
     past: PastServices | None,
     desk: PastDesk | None,
+    configuration: Configuration,
     crew: Crew | None,
 ) -> Callable[[], None]:
     if settings.metrics_port is None:
@@ -254,12 +267,12 @@ def _metrics(
     kept, way, archive = (None, None, None) if past is None else (past.kept, past.way, past.written_archive)
     held = None if desk is None else desk.held
     join = None if crew is None else crew.join_metrics
-    find_expiries = dict if router is None else lambda: router.expiries_s
-    sources = (access.dispatchers, mirror, refused, kept, way, held, archive, find_expiries, join)
+    files = (configuration.measure, configuration.find_expiries)
+    sources = (access.dispatchers, mirror, refused, kept, way, held, archive, *files, join)
     try:
         port, stop = start_metrics(settings.host, settings.metrics_port, *sources)
     except OSError as e:
-        why = (e.strerror or str(e)).lower()
+        why = explain_taken(e, settings.metrics_port)
         raise StartError(f"--metrics-port {settings.metrics_port}: {why}") from None
     log.info("metrics on http://%s:%d/metrics", settings.host, port)
     return stop

@@ -1,33 +1,58 @@
-"""Reads the file of robots as a process of these settings may take it."""
+"""Reads the file of robots as a process of these settings may take it, and waits where it can't."""
 
 from __future__ import annotations
 
+import asyncio
+import logging
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
-from posecast_relay.config.robots_file import Robots, RobotsError, read_robots, refuse_keep
-from posecast_relay.config.settings import Settings, StartError
+from posecast_relay.config.robots_file import read_robots
+from posecast_relay.config.robots_reader import Robots, RobotsError
+from posecast_relay.config.settings import Settings
+from posecast_relay.zenoh.certificates import CertificateError, RouterCertificates
+
+log = logging.getLogger("posecast_relay")
+
+LOOK_S = 0.5
+
+
+async def wait_for_robots(settings: Settings) -> Robots | None:
+    """Read the file, and wait until it is good and so are the certificates; None without a file.
+
+    A process that ended over a file would be started again and again. Nobody may publish or watch meanwhile,
+    since nothing else is known.
+    """
+    said = ""
+    while True:
+        try:
+            robots = load_robots(settings)
+        except (RobotsError, CertificateError) as e:
+            if str(e) != said:
+                log.error("%s; until it is good nobody may publish or watch", e)
+            said = str(e)
+        else:
+            if said:
+                log.warning("the configuration is good: starting")
+            return robots
+        await asyncio.sleep(LOOK_S)
 
 
 def load_robots(settings: Settings) -> Robots | None:
-    """Read the file; None without one. Raises StartError when it is wrong."""
+    """Read the file, and look at the certificates; None without a file.
+
+    Raises RobotsError and CertificateError.
+    """
     if settings.robots is None:
         return None
-    try:
-        return make_reader(settings)(settings.robots)
-    except RobotsError as e:
-        raise StartError(f"--robots {e}") from None
+    if settings.role != "gateway":
+        RouterCertificates(settings.zenoh_tls_cert, settings.zenoh_tls_key, settings.zenoh_ca)
+    return make_reader(settings)(settings.robots)
 
 
 def make_reader(settings: Settings) -> Callable[[Path], Robots]:
     """Return what reads the file, and raises RobotsError. Without a store it refuses `keep`, as nothing would
     be kept; a gateway keeps nothing in any case.
     """
-
-    def read(path: Path) -> Robots:
-        robots = read_robots(path)
-        if settings.archive is None and settings.role != "gateway":
-            refuse_keep(robots, path)
-        return robots
-
-    return read
+    return partial(read_robots, has_store=settings.archive is not None or settings.role == "gateway")

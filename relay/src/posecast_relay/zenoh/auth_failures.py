@@ -39,8 +39,10 @@ class AuthFailures:
     what is not Zenoh's.
     """
 
-    def __init__(self, may_publish: Callable[[str], bool]) -> None:
-        """`may_publish` says whether an edge with a certificate of this name may publish."""
+    def __init__(self, may_publish: Callable[[str], bool] | None) -> None:
+        """`may_publish` says whether an edge with a certificate of this name may publish; None where edges
+        show passwords, and whatever certificate.
+        """
         self.count = 0
         self._may_publish = may_publish
         self._said_at = float("-inf")
@@ -61,8 +63,10 @@ class AuthFailures:
                     os.write(self._stdout, raw)
                 elif (said := SAID.search(line)) is not None:
                     self.record_refusal(MEANINGS[said[1] or said[2]], time.monotonic())
-                elif (named := NAMED.search(line)) is not None and not self._may_publish(named[1]):
-                    self.record_refusal(STRANGER, time.monotonic())  # linked, and denied everything
+                elif self._may_publish is not None:
+                    named = NAMED.search(line)
+                    if named is not None and not self._may_publish(named[1]):
+                        self.record_refusal(STRANGER, time.monotonic())  # linked, and denied everything
 
     def record_refusal(self, why: str, now: float) -> None:
         """Count a refused publisher; log at most one in SAY_S seconds, with `why`. `now` is in seconds."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 import json
 import logging
 import os
@@ -23,7 +24,9 @@ from typing import Any
 import zenoh
 from posecast_wire.keys import PREFIX
 
+from posecast_relay.port_holder import explain_taken
 from posecast_relay.zenoh.certificate_expiry import read_expiry
+from posecast_relay.zenoh.certificates import RouterCertificates
 
 log = logging.getLogger("posecast_relay")
 
@@ -104,7 +107,12 @@ def make_access_control(robots: Sequence[str], known_by: str = "usernames") -> d
     }
 
 
-def _config(endpoints: Sequence[str], auth: ZenohAuth | None, passwords: str | None) -> zenoh.Config:
+def _config(
+    endpoints: Sequence[str],
+    auth: ZenohAuth | None,
+    passwords: str | None,
+    certificates: RouterCertificates | None,
+) -> zenoh.Config:
     config = zenoh.Config()
     settings: dict[str, Any] = {
         "mode": "router",
@@ -127,11 +135,9 @@ def _config(endpoints: Sequence[str], auth: ZenohAuth | None, passwords: str | N
             settings["transport/auth/usrpwd/dictionary_file"] = passwords
         if auth.ca is not None:
             settings["transport/link/tls/enable_mtls"] = True
-            settings["transport/link/tls/root_ca_certificate"] = str(auth.ca)
             settings["transport/link/tls/close_link_on_expiration"] = True
-        if auth.cert is not None and auth.key is not None:
-            settings["transport/link/tls/listen_certificate"] = str(auth.cert)
-            settings["transport/link/tls/listen_private_key"] = str(auth.key)
+    if certificates is not None:
+        settings |= certificates.make_settings()
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
     return config
@@ -165,7 +171,9 @@ def _with_port(endpoint: str) -> str:
         return f"{scheme}/{host}:{probe.getsockname()[1]}"
 
 
-def open_router(endpoints: Sequence[str], auth: ZenohAuth | None = None) -> tuple[zenoh.Session, list[str]]:
+def open_router(
+    endpoints: Sequence[str], auth: ZenohAuth | None = None, certificates: RouterCertificates | None = None
+) -> tuple[zenoh.Session, list[str]]:
     """Return a session and the endpoints that it listens on. `auth` None: anybody may publish.
 
     Raises ListenError when an endpoint can't be listened on.
@@ -173,7 +181,7 @@ def open_router(endpoints: Sequence[str], auth: ZenohAuth | None = None) -> tupl
     for tries_left in reversed(range(PORT_TRIES)):
         real = [_with_port(e) for e in endpoints]
         try:
-            return _open(real, auth), real
+            return _open(real, auth, certificates), real
         except zenoh.ZError as e:
             if tries_left and real != list(endpoints):
                 continue
@@ -184,22 +192,27 @@ def open_router(endpoints: Sequence[str], auth: ZenohAuth | None = None) -> tupl
 def _refused(endpoints: Sequence[str], error: zenoh.ZError) -> ListenError:
     """Make an error of Zenoh's message, without the place in its sources."""
     said = str(error).splitlines()[0].partition(" at /")[0]
-    return ListenError(
-        f"zenoh listener {', '.join(endpoints)}: {'address already in use' if 'in use' in said else said}"
-    )
+    if "in use" in said:
+        taken = OSError(errno.EADDRINUSE, "address already in use")
+        said = explain_taken(taken, int(endpoints[0].rpartition(":")[2]))
+    return ListenError(f"zenoh listener {', '.join(endpoints)}: {said}")
 
 
-def _open(endpoints: Sequence[str], auth: ZenohAuth | None) -> zenoh.Session:
+def _open(
+    endpoints: Sequence[str], auth: ZenohAuth | None, certificates: RouterCertificates | None
+) -> zenoh.Session:
     with _passwords(auth) as passwords:
-        return zenoh.open(_config(endpoints, auth, passwords))
+        return zenoh.open(_config(endpoints, auth, passwords, certificates))
 
 
-def reopen_router(endpoints: Sequence[str], auth: ZenohAuth) -> zenoh.Session:
+def reopen_router(
+    endpoints: Sequence[str], auth: ZenohAuth, certificates: RouterCertificates | None = None
+) -> zenoh.Session:
     """Open a session for other users on endpoints just closed. Raises ListenError after REOPEN_S seconds."""
     give_up_at = time.monotonic() + REOPEN_S
     while True:
         try:
-            return _open(endpoints, auth)
+            return _open(endpoints, auth, certificates)
         except zenoh.ZError as e:
             if time.monotonic() >= give_up_at:
                 raise _refused(endpoints, e) from None
@@ -221,9 +234,12 @@ class RouterSession:
     """The relay's session as a Zenoh router. A change of its users closes it for some milliseconds."""
 
     def __init__(self, endpoints: Sequence[str], auth: ZenohAuth | None) -> None:
-        """Raises ListenError when an endpoint can't be listened on. `auth` None: anybody may publish."""
+        """Raises ListenError when an endpoint can't be listened on, CertificateError when a certificate can't
+        be used. `auth` None: anybody may publish.
+        """
         self._auth = auth
-        self.session, self.endpoints = open_router(endpoints, auth)
+        self._certificates = None if auth is None else RouterCertificates(auth.cert, auth.key, auth.ca)
+        self.session, self.endpoints = open_router(endpoints, auth, self._certificates)
         # by the flag that names the file; of what is in use, which need not be what the file holds by now
         self.expiries_s = _read_expiries(auth)
         self._changing = asyncio.Lock()
@@ -233,17 +249,25 @@ class RouterSession:
         """Return whether this robot may publish now."""
         return self._auth is None or robot in self._auth.secrets
 
+    @property
+    def trouble(self) -> str | None:
+        """What is wrong with the files of certificates now, so that those of before go on; None: nothing."""
+        return None if self._certificates is None else self._certificates.trouble
+
     async def admit(
         self, secrets: dict[str, str], closing: Callable[[], None], opened: Callable[[], None]
     ) -> None:
-        """Let these robots publish, by name and secret, and no others.
+        """Let these robots publish, by name and secret, and no others; show the certificates of now.
 
         If that takes a new session, `closing` is called before the old one closes, `opened` when the new one
         is open. If it can't be opened, that is logged, and nobody may publish until the next change.
         """
         async with self._changing:
-            before = self._auth
-            if before is None or before.secrets == secrets:
+            before, certificates = self._auth, self._certificates
+            if before is None or certificates is None:
+                return
+            is_renewed = await asyncio.to_thread(certificates.refresh)
+            if before.secrets == secrets and not is_renewed:
                 return
             closing()
             self._auth = replace(before, secrets=secrets)
@@ -255,14 +279,17 @@ class RouterSession:
                 return
             self.changes += 1
             opened()
-            self.expiries_s = _read_expiries(self._auth)
+            if certificates.trouble is None:
+                self.expiries_s = _read_expiries(self._auth)
             came = sorted(secrets.keys() - before.secrets.keys())
             went = sorted(before.secrets.keys() - secrets.keys())
             new = sorted(r for r in secrets.keys() & before.secrets.keys() if secrets[r] != before.secrets[r])
+            if is_renewed:
+                log.warning("certificates are other ones now")
             for what, robots in (("enrolled", came), ("revoked", went), ("with a new credential", new)):
                 if robots:
                     log.warning("publishers %s: %s", what, ", ".join(robots[:20]))
 
     def _change(self, session: zenoh.Session, auth: ZenohAuth) -> zenoh.Session:
         session.close()  # type: ignore[no-untyped-call]
-        return reopen_router(self.endpoints, auth)
+        return reopen_router(self.endpoints, auth, self._certificates)

@@ -9,6 +9,8 @@ const WHY = {
   'no-masses': 'noMasses',
   'impossible-masses': 'impossibleMasses',
   'no-feet': 'noFeet',
+  'no-wrench': 'noForce',
+  'no-pressure': 'noPressure',
 } as const;
 
 /** Why a part of balance can't be known, in one line. */

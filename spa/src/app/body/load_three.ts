@@ -1,5 +1,5 @@
-/** Loads the 3D view and the styles of its labels, which are chunks of their own. Rejects if they can't be loaded. */
-export async function loadThree() {
-  const [scene] = await Promise.all([import('../../three/index.ts'), import('../styles/signs.css')]);
-  return scene;
+/** Loads the 3D view, a chunk of its own. Rejects if it can't be loaded. The styles of its labels come with what has them
+ *  drawn, `overlay/overlay_link.ts`. */
+export function loadThree() {
+  return import('../../three/index.ts');
 }

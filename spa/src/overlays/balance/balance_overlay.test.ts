@@ -1,7 +1,10 @@
 import { parseSchema } from '@posecast/wire';
 import { expect, it } from 'vitest';
+import { BalanceReader } from '../../model/balance/balance_reader.ts';
 import type { PosedBody } from '../../model/posed_body.ts';
 import { sampleLeg } from '../../three/robot/leg_sample.ts';
+import { limitsBy, marginLimits } from '../../twin/balance/told/margin_limits.ts';
+import { StanceJudge } from '../../twin/balance/told/stance.ts';
 import type { BalanceReadings } from '../../twin/overlay/reader.ts';
 import type { Pose } from '../../twin/playback/pose.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
@@ -99,6 +102,38 @@ it('its level is by limits what they say, else a caution near the edge and a fau
   const limits = { low: 10, high: null, caution: 0.4 };
   const at = (aside: number) => drawn(leg({ aside }), pose(392), { limits }).level;
   expect([at(0.02), at(0.03), at(0.045)]).toEqual(['ok', 'caution', 'fault']);
+});
+
+it.each([
+  ['the page’s limits', null, ['ok', 'caution', 'caution', 'ok', 'fault', 'caution']],
+  [
+    'the profile’s limits',
+    { low: 8, high: null, caution: 0.4 },
+    ['ok', 'caution', 'caution', 'ok', 'fault', 'fault'],
+  ],
+] as const)('is judged as the words are, by %s', (_, limits, levels) => {
+  const body = leg();
+  const thigh = { elements: Array.from(body.linkMatrix('thigh')!.elements) };
+  const linkMatrix = body.linkMatrix.bind(body);
+  Object.assign(body, { linkMatrix: (name: string) => (name === 'thigh' ? thigh : linkMatrix(name)) });
+  const facets = new Facets();
+  const signs = new BalanceOverlay(facets, () => null);
+  const [reader, judge] = [new BalanceReader(body.manifest, SCHEMA), new StanceJudge()];
+  const words = limits === null ? marginLimits(null) : limitsBy(limits, 'profile');
+  // to the amber edge, a little back, well back; outside, and from there back in so fast that it comes to rest inside
+  const course = [0.02, 0.031, 0.029, 0.026, 0.075, 0.065];
+  const found = course.map((aside, i) => {
+    thigh.elements[13] = aside;
+    const now = pose(392, i < 4 ? i / 30 : 2 + i / 30);
+    facets.begin();
+    signs.draw(body, now, { ...READINGS, limits }, STYLE);
+    const balance = reader.ofBody(body, reader.wrenchesOf(now.wrenches!), now.tS!);
+    const { level = null, kind = null } = judge.next(balance, 0, words) ?? {};
+    expect(signs.shown.level).toBe(level);
+    return [level, kind];
+  });
+  expect(found.map(([level]) => level)).toEqual(levels);
+  expect(found.at(-1)?.[1]).toBe('moving');
 });
 
 it('what is not known is not drawn', () => {

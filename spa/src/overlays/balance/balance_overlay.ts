@@ -61,7 +61,7 @@ export class BalanceOverlay implements BalanceDrawing {
     const ahead = aheadOf(body);
     const lift = LIFT * style.reach;
     const z = (balance.floorM ?? 0) + lift;
-    const margin = this.#drawFloor(facets, balance, level, z, ahead, style, paints);
+    const drawn = this.#drawFloor(facets, balance, level, z, ahead, style, paints);
     const joints = this.#jointLimits()?.(facets, body, readings.joints, style, paints) ?? [];
     this.#labels.push(...joints.map(({ label }) => label));
     const { centreOfMass, floorM } = balance;
@@ -69,7 +69,7 @@ export class BalanceOverlay implements BalanceDrawing {
       const foot: Vec3 | null = floorM === null ? null : [centreOfMass[0], centreOfMass[1], z];
       drawMass(facets, centreOfMass, foot, ahead, style.reach, paints);
     }
-    if (margin !== null) this.#labels.unshift(marginLabel(margin, balance, level, style.live));
+    if (drawn !== null) this.#labels.unshift(marginLabel(drawn, balance, level, style.live));
     this.shown = { ...shownOf(balance, this.#left), level, joints: joints.map(({ shown }) => shown) };
   }
 
@@ -93,7 +93,7 @@ export class BalanceOverlay implements BalanceDrawing {
     return this.#judge.next(balance, 0, this.#limits)?.level ?? 'ok';
   }
 
-  /** Draws what lies on the floor. */
+  /** Draws what lies on the floor; returns where the margin is measured, and where the sign of its level is. */
   #drawFloor(
     facets: Facets,
     balance: Balance,
@@ -102,19 +102,24 @@ export class BalanceOverlay implements BalanceDrawing {
     ahead: Vec3,
     { reach }: BalanceStyle,
     paints: BalancePaints,
-  ): MarginLine | null {
+  ): DrawnMargin | null {
     const { centreOfMass, capturePoint, floorM } = balance;
     if (floorM === null) return null;
     const margin = marginLine(balance, z);
     this.#left.draw(facets, z, reach, paints);
-    drawSupport(facets, balance, margin, level, z, reach, paints);
+    const sign = drawSupport(facets, balance, margin, level, z, reach, paints);
     drawPressure(facets, balance, z, LIFT * reach, reach, paints);
-    if (centreOfMass === null) return margin;
+    if (centreOfMass === null) return null;
     const foot: Vec3 = [centreOfMass[0], centreOfMass[1], z];
     if (capturePoint !== null) drawCapture(facets, foot, capturePoint, ahead, reach, paints);
     drawMassFoot(facets, foot, ahead, reach, paints);
-    return margin;
+    return margin && { ...margin, sign };
   }
+}
+
+/** Where the margin is measured, and where the sign of its level is. */
+interface DrawnMargin extends MarginLine {
+  readonly sign: Vec3 | undefined;
 }
 
 /** Where the robot faces, on the floor. */
@@ -125,7 +130,7 @@ function aheadOf({ root }: PosedBody): Vec3 {
 }
 
 function marginLabel(
-  { foot, edge }: MarginLine,
+  { foot, edge, sign }: DrawnMargin,
   { marginM, polygon }: Balance,
   level: Level,
   live: boolean,
@@ -134,15 +139,14 @@ function marginLabel(
   const text = `${mm < 0 ? '−' : ''}${Math.abs(mm)} mm`;
   const corners = polygon.map(([x, y]): Vec3 => [x, y, edge[2]]);
   const outline = corners.map((from, i) => [from, corners[(i + 1) % corners.length]!] as const);
-  const lines: OverlayLabel['lines'] = [[foot, edge], ...outline];
+  const lines: OverlayLabel['lines'] = [[foot, edge], [edge, sign ?? edge], ...outline];
   return { key: 'margin', text, level, quiet: false, old: !live, at: edge, middle: foot, lines };
 }
 
 /** A copy: the balance is rewritten with the next pose. */
 function shownOf(balance: Balance, left: Footprints): Omit<ShownBalance, 'level' | 'joints'> {
-  const { centreOfMass, capturePoint, floorM, ground, polygon, nearestEdge, marginM, pressure } = balance;
   return {
-    ...{ centreOfMass, capturePoint, floorM, ground, polygon, nearestEdge, marginM, pressure },
+    ...balance,
     ...{ footprints: left.prints, trace: left.points },
     feet: balance.feet.map(({ name, bears, pressure, atEdge }) => ({ name, bears, pressure, atEdge })),
   };

@@ -37,6 +37,7 @@ function standing(changed: Partial<Balance> = {}): Balance {
     massKg: 40,
     centreOfMass: [0, 0, 0.6],
     velocity: [0, 0, 0],
+    slide: null,
     capturePoint: [0, 0, 0],
     floorM: 0,
     ground: 'measured',
@@ -111,8 +112,8 @@ describe('the support', () => {
 
   it('says a level by its shape too: a triangle, an octagon', () => {
     const plain = support({}).length;
-    expect(support({}, 'caution').length).toBe(plain + 1 + 2 * 3);
-    expect(support({}, 'fault').length).toBe(plain + 6 + 2 * 8);
+    expect(support({}, 'caution').length).toBe(plain + 2 + 1 + 1); // 2: the edge's dark borders; then the sign's, and the sign
+    expect(support({}, 'fault').length).toBe(plain + 2 + 6 + 6);
     const colors = (level: Level) => new Set(support({}, level).map(({ color }) => color));
     expect(colors('ok')).toEqual(new Set([hex(TONES.level)]));
     expect(colors('caution')).toContain(hex(TONES.caution));
@@ -120,8 +121,21 @@ describe('the support', () => {
     expect(colors('fault')).toContain(hex(TONES.fault));
   });
 
+  it('an edge that is near is wider than the others, with dark borders', () => {
+    const wide = (level: Level, color: string) => {
+      const ys = support({}, level).flatMap((one) =>
+        one.color === color ? one.corners.map(([, y]) => y) : [],
+      );
+      return Math.max(...ys.filter((y) => y < -0.02)) - -0.05; // the edge lies at y = -0.05
+    };
+    const amber = wide('caution', hex(TONES.caution));
+    const border = wide('caution', hex(PAINTS.black.color));
+    expect(amber).toBeGreaterThan(1.5 * wide('ok', hex(TONES.level)));
+    expect(border).toBeGreaterThan(amber + 0.005);
+  });
+
   it('the sign of a level stands outside, beside the nearest edge', () => {
-    const added = support({}, 'caution').slice(support({}).length);
+    const added = support({}, 'caution').slice(support({}).length + 2);
     for (const { corners } of added) for (const [, y] of corners) expect(y).toBeLessThan(-0.05);
   });
 
@@ -254,25 +268,6 @@ describe('footprints', () => {
       walk(prints, tS, at);
       expect([prints.prints, prints.points]).toEqual([0, 1]);
     }
-  });
-
-  it('without odometry the foot that stands is what stays, and the floor moves', () => {
-    const prints = new Footprints();
-    const two = (right: Vec3, left: Vec3, leftBears: boolean) =>
-      standing({
-        feet: [
-          foot({ corners: moved(SOLE, right) }),
-          foot({ name: 'LF', bears: leftBears, corners: moved(SOLE, left) }),
-        ],
-      });
-    prints.take(two([0, -0.1, 0], [0, 0.1, 0], true), 0, false, 1);
-    prints.take(two([0, -0.1, 0], [0.1, 0.1, 0.02], false), 0.1, false, 1);
-    prints.take(two([-0.2, -0.1, 0], [0.1, 0.1, 0.02], false), 0.2, false, 1);
-    const corners = drawn((facets) => prints.draw(facets, 0, 1, PAINTS))
-      .slice(0, 2)
-      .flatMap((facet) => facet.corners.map(([x]) => x));
-    expect(Math.min(...corners), 'the left print went along').toBeCloseTo(-0.3);
-    expect(Math.max(...corners)).toBeCloseTo(-0.1);
   });
 });
 

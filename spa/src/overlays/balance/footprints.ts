@@ -1,4 +1,5 @@
 import type { Balance } from '../../twin/balance/balance.ts';
+import type { Slide } from '../../twin/balance/centre_velocity.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
 import type { Paint } from '../strokes.ts';
 import type { Facets } from './facets.ts';
@@ -50,18 +51,18 @@ export class Footprints {
     this.#trace = [];
     this.#prints = [];
     this.#standing.clear();
-    this.#tS = Number.NaN;
   }
 
   /**
-   * Takes the balance of the next pose, at `tS` (the robot's time, seconds). `anchored`: the robot reports where it is in
-   * the world; else a foot that goes on bearing is what stands still, and the floor moves under the others.
+   * Takes the balance of the next pose, at `tS` (the robot's time, seconds); one in which nobody knows whether a foot bears is
+   * left out. `anchored`: the robot reports where it is in the world. Otherwise the foot that goes on bearing is what stands
+   * still, and all that was left moves with it; without such a foot it is forgotten.
    */
-  take({ feet, centreOfMass, floorM }: Balance, tS: number, anchored: boolean, reach: number): void {
-    if (tS === this.#tS) return;
-    if (tS < this.#tS) this.forget();
+  take({ feet, slide, centreOfMass, floorM }: Balance, tS: number, anchored: boolean, reach: number): void {
+    if (tS === this.#tS || feet.some(({ bears }) => bears === null)) return;
+    if (tS < this.#tS || (!anchored && slide === null)) this.forget();
+    else if (!anchored && slide !== null) this.#move(slide);
     this.#tS = tS;
-    if (!anchored) this.#followFoot(feet);
     const stands = new Map<string, readonly Vec3[]>();
     for (const { name, bears, corners } of feet) {
       const stood = this.#standing.get(name);
@@ -101,27 +102,9 @@ export class Footprints {
     this.#trace.push({ at, tS });
   }
 
-  /** Moves all that is kept as the foot has moved that stood and still bears. */
-  #followFoot(feet: Balance['feet']): void {
-    const foot = feet.find(({ name, bears }) => bears === true && this.#standing.has(name));
-    if (foot === undefined) return;
-    const move = moveBetween(this.#standing.get(foot.name)!, foot.corners);
-    if (move === null) return;
-    for (const point of this.#trace) point.at = move(point.at);
-    for (const print of this.#prints) print.corners = print.corners.map(move);
-    for (const [name, corners] of this.#standing) this.#standing.set(name, corners.map(move));
+  #move(slide: Slide): void {
+    for (const point of this.#trace) point.at = slide(point.at);
+    for (const print of this.#prints) print.corners = print.corners.map(slide);
+    for (const [name, corners] of this.#standing) this.#standing.set(name, corners.map(slide));
   }
-}
-
-/** The motion on the floor that takes one place of a sole to another; null for none, or a sole without extent. */
-function moveBetween(before: readonly Vec3[], after: readonly Vec3[]): ((at: Vec3) => Vec3) | null {
-  const [[a, b], [c, d]] = [before, after];
-  if (a === undefined || b === undefined || c === undefined || d === undefined) return null;
-  const turn = Math.atan2(d[1] - c[1], d[0] - c[0]) - Math.atan2(b[1] - a[1], b[0] - a[0]);
-  if (turn === 0 && a[0] === c[0] && a[1] === c[1]) return null;
-  const [cos, sin] = [Math.cos(turn), Math.sin(turn)];
-  return ([x, y, z]) => {
-    const [dx, dy] = [x - a[0], y - a[1]];
-    return [c[0] + cos * dx - sin * dy, c[1] + sin * dx + cos * dy, z];
-  };
 }

@@ -4,14 +4,17 @@ import type { Balance } from '../../twin/balance/balance.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
 import type { Facets } from './facets.ts';
 import { type BalancePaints, faint } from './paints.ts';
-import { drawDashes, drawLine, fillPolygon, fillRing, fillRound, floorSpot } from './shapes.ts';
+import { drawDashes, drawLine, fillPolygon, fillRound, floorSpot } from './shapes.ts';
 
 /** Sizes in radii of the robot. */
 const OUTLINE = 0.009;
 const EDGE = 0.016;
+/** Of an edge that is near or passed: so wide, between dark borders, that it is told from the others without its colour. */
+const WARNING = 0.03;
+const BORDER = 0.007;
 const MARGIN = 0.005;
 const DASH = 0.025;
-const MARK = 0.04;
+const MARK = 0.05;
 /** What the marks of mass and pressure cover around the mass' foot. */
 const CLEAR = 0.075;
 const FILL = 0.28;
@@ -25,7 +28,8 @@ export interface MarginLine {
   readonly ends: readonly [Vec3, Vec3];
 }
 
-/** Draws what the robot stands on, and its edge that is nearest to the mass. `z`: the height to draw at, m. */
+/** Draws what the robot stands on, and its edge that is nearest to the mass. `z`: the height to draw at, m. Returns the middle of the
+ *  sign of its level, if there is one. */
 export function drawSupport(
   facets: Facets,
   { polygon, ground }: Balance,
@@ -34,7 +38,7 @@ export function drawSupport(
   z: number,
   reach: number,
   paints: BalancePaints,
-): void {
+): Vec3 | undefined {
   if (polygon.length < 3) return;
   const corners = polygon.map(([x, y]): Vec3 => [x, y, z]);
   const assumed = ground === 'lowest';
@@ -43,9 +47,10 @@ export function drawSupport(
   if (assumed) drawDashes(facets, corners, OUTLINE * reach, DASH * reach, faint(paints.support, 0.8));
   else drawLine(facets, corners, OUTLINE * reach, faint(paints.support, 0.85), { closed: true });
   if (margin === null) return;
-  drawLine(facets, margin.ends, EDGE * reach, paints.margin);
+  if (level !== 'ok') drawLine(facets, margin.ends, (WARNING + 2 * BORDER) * reach, paints.black);
+  drawLine(facets, margin.ends, (level === 'ok' ? EDGE : WARNING) * reach, paints.margin);
   drawLine(facets, [margin.foot, margin.edge], MARGIN * reach, paints.margin);
-  drawLevel(facets, margin, level, reach, paints);
+  return drawLevel(facets, margin, level, reach, paints);
 }
 
 /** Draws the sign of the level beside the nearest edge, so that its colour is not the only one: a triangle that points
@@ -56,17 +61,18 @@ function drawLevel(
   level: Level,
   reach: number,
   { margin, black }: BalancePaints,
-): void {
+): Vec3 | undefined {
   if (level === 'ok') return;
   const along = normalize(addScaled(to, from, -1));
   const outward: Vec3 = [along[1], -along[0], 0]; // the polygon is counter-clockwise
   const size = MARK * reach;
-  const corners = level === 'caution' ? 3 : 8;
+  const [corners, before] = level === 'caution' ? [3, 0.95] : [8, 1.4];
   const hidden = CLEAR * reach - dot(addScaled(edge, foot, -1), outward);
-  const away = Math.max(0, hidden) + size * (level === 'caution' ? 0.95 : 1.4);
+  const away = Math.max(0, hidden) + size * before;
   const spot = floorSpot(addScaled(edge, outward, away), outward);
+  fillRound(facets, spot, size * 1.16, black, corners);
   fillRound(facets, spot, size, margin, corners);
-  fillRing(facets, spot, size, size * 1.16, black, 2 * Math.PI, corners);
+  return spot.at;
 }
 
 /** The shortest line from the mass' foot to the nearest edge, at height `z`; null while there is no margin. */

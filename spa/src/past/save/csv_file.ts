@@ -2,7 +2,7 @@ import { type Field, MISSING, type Schema } from '@posecast/wire';
 import { BALANCE_COLUMNS, balanceCells } from './balance_columns.ts';
 import { BlobParts } from './blob_parts.ts';
 import type { SavePorts } from './save_ports.ts';
-import { haveBalance, SavedBalance } from './saved_balance.ts';
+import { loadSavedBalance } from './saved_balance.ts';
 import { framesOf, type SavedFrame } from './saved_frames.ts';
 import { loadManifests, ModelTimeline } from './saved_models.ts';
 import type { SavedSpan } from './saved_span.ts';
@@ -25,15 +25,14 @@ export async function writeCsv(
 ): Promise<{ readonly blob: Blob; readonly lostModels: number }> {
   const file = new BlobParts();
   const manifests = await loadManifests(span, { models, signal });
-  const hasBalance = haveBalance(manifests.values(), span.schemas.values());
-  const table = new CsvTable(span.schemas.values(), hasBalance ? BALANCE_COLUMNS : []);
+  const balances = await loadSavedBalance(manifests.values(), span.schemas.values());
+  const table = new CsvTable(span.schemas.values(), balances ? BALANCE_COLUMNS : []);
   const timeline = new ModelTimeline(span);
-  const balances = new SavedBalance();
   let lines = BYTE_ORDER_MARK + table.head;
   let count = 0;
   for (const frame of framesOf(span, onPart)) {
-    const manifest = hasBalance ? (manifests.get(timeline.at(frame.atUs) ?? '') ?? null) : null;
-    lines += table.row(frame, hasBalance ? balanceCells(balances.read(frame, manifest)) : []);
+    const manifest = manifests.get(timeline.at(frame.atUs) ?? '') ?? null;
+    lines += table.row(frame, balances ? balanceCells(balances.read(frame, manifest)) : []);
     if (++count % ROWS > 0) continue;
     file.write(lines);
     lines = '';

@@ -1,5 +1,6 @@
 import type { Ground } from '@posecast/wire';
 import type { Vec3 } from '../rotation.ts';
+import type { Slide } from './centre_velocity.ts';
 
 /** A point on the floor: x and y in the world frame, metres. */
 export type Vec2 = readonly [x: number, y: number];
@@ -57,6 +58,9 @@ export interface Balance {
   readonly centreOfMass: Vec3 | null;
   /** Velocity of the centre of mass, m/s: relative to a foot that bears, and smoothed (see `CentreVelocity`). */
   readonly velocity: Vec3 | null;
+  /** Takes a point of the floor in the pose before to where it is now, by the foot that velocity is relative to: a robot without
+   *  odometry stays where it is in the scene, and the floor moves under it. null: no foot bears in both poses. */
+  readonly slide: Slide | null;
   /** Where the robot would have to step to come to rest, on the floor: x + ẋ·√(z/g) (Pratt et al., 2006). */
   readonly capturePoint: Vec3 | null;
   /** Height of the floor: of the lowest corner of the soles that bear; null when none bears. */

@@ -3,7 +3,7 @@ import type { Vec3 } from '../rotation.ts';
 import { addScaled, pointThrough, scale } from '../vectors.ts';
 import type { Balance, BalanceGap, Vec2 } from './balance.ts';
 import { captureTime, GRAVITY } from './capture_point.ts';
-import { CentreVelocity, follows } from './centre_velocity.ts';
+import { CentreVelocity, follows, type Slide } from './centre_velocity.ts';
 import { convexHull } from './convex_hull.ts';
 import { FootState } from './foot_state.ts';
 import { marginIn } from './margin.ts';
@@ -31,6 +31,7 @@ export class Balancer implements Balance {
   readonly gaps: Gaps;
   centreOfMass: Vec3 | null = null;
   velocity: Vec3 | null = null;
+  slide: Slide | null = null;
   capturePoint: Vec3 | null = null;
   floorM: number | null = null;
   nearestEdge: number | null = null;
@@ -67,9 +68,10 @@ export class Balancer implements Balance {
     this.#tS = tS;
     this.#findPolygon(gap);
     this.#findPressure();
-    const unread = gap === 'unread' || gap === 'no-wrench';
+    const unread = gap === 'unread' || gap === 'no-wrench' || this.gaps.centreOfMass === 'unread';
     this.#velocity.update(tS, this.centreOfMass, unread);
     this.velocity = this.#velocity.value;
+    this.slide = this.#velocity.slide;
     this.#findCapturePoint();
   }
 

@@ -4,8 +4,9 @@ import type { FootState } from './foot_state.ts';
 
 /** The time constant of the velocity's filter, seconds. */
 export const SMOOTHED_S = 0.1;
-/** Over a longer gap between two poses nothing is known of the way between them. */
-export const GAP_S = 0.5;
+/** Over a longer gap between two poses nothing is known of the way between them. A robot that stands still sends a frame at
+ *  its first sample after 0.5 s: with a gap of 0.5 s it would never have a velocity. */
+export const GAP_S = 0.75;
 
 const UP: Vec3 = [0, 0, 1];
 
@@ -13,6 +14,9 @@ const UP: Vec3 = [0, 0, 1];
 export function follows(beforeS: number, nowS: number): boolean {
   return nowS >= beforeS && nowS - beforeS <= GAP_S;
 }
+
+/** A motion of the floor under a robot, in the world of the scene, metres. */
+export type Slide = (before: Vec3) => Vec3;
 
 /** Where a foot was. */
 type Stood = Pick<FootState, 'bears' | 'centre' | 'rows'>;
@@ -23,16 +27,18 @@ type Stood = Pick<FootState, 'bears' | 'centre' | 'rows'>;
  * It is relative to a foot that bears weight in both poses, the one with the greatest force now, else the first: such a
  * foot neither slides nor turns about the vertical, whereas odometry drifts. The differences are smoothed by a low-pass
  * filter of first order with a time constant of 0.1 s: what is told lies 0.1 s and half the time between two poses
- * behind. It begins anew after more than 0.5 s without a pose, when time runs back, and when no foot bears in both poses.
+ * behind. It begins anew after more than 0.75 s without a pose, when time runs back, and when no foot bears in both poses.
  */
 export class CentreVelocity {
   /** m/s in the world; null while it is not known. */
   value: Vec3 | null = null;
+  /** Takes a point of the pose before to where it is now if that foot stands still; null for none. */
+  slide: Slide | null = null;
   readonly #feet: readonly FootState[];
   /** The newest that is known, and the pose that it goes on from. */
   #velocity: Vec3 | null = null;
   #stood: readonly Stood[] = [];
-  #centre: Vec3 = [0, 0, 0];
+  #centre: Vec3 | null = null;
   /** NaN before the first pose. */
   #tS = Number.NaN;
 
@@ -40,17 +46,17 @@ export class CentreVelocity {
     this.#feet = feet;
   }
 
-  /** Takes the centre of mass (world, metres) and the feet of a pose. The centre is null while it is not known, and
-   *  `unread` true while it is not known which feet bear: then the velocity is not known either, and what came before is
-   *  kept for the next pose. */
+  /** Takes the centre of mass (world, metres; null: no masses are known) and the feet of a pose. `unread`: it is not known
+   *  now where the centre is, or which feet bear; then the velocity is not known either, and what came before is kept for
+   *  the next pose. */
   update(tS: number, centre: Vec3 | null, unread: boolean): void {
     if (!follows(this.#tS, tS)) {
-      this.#velocity = null;
+      this.#velocity = this.#centre = null;
       this.#stood = [];
       this.#tS = Number.NaN;
     }
-    this.value = null;
-    if (centre === null || unread) return;
+    this.value = this.slide = null;
+    if (unread) return;
     const passed = tS - this.#tS;
     if (passed !== 0) {
       this.#velocity = this.#smoothed(centre, passed);
@@ -61,7 +67,7 @@ export class CentreVelocity {
     this.value = this.#velocity;
   }
 
-  #smoothed(centre: Vec3, passed: number): Vec3 | null {
+  #smoothed(centre: Vec3 | null, passed: number): Vec3 | null {
     const shared = this.#sharedFoot();
     const [now, before] = [this.#feet[shared], this.#stood[shared]];
     if (now === undefined || before === undefined) return null;
@@ -69,8 +75,10 @@ export class CentreVelocity {
     const ahead = dot(now.rows[0], before.rows[0]) + dot(now.rows[1], before.rows[1]);
     const aside = dot(now.rows[1], before.rows[0]) - dot(now.rows[0], before.rows[1]);
     const twist = Math.atan2(aside, ahead);
-    const was = rotateAbout(UP, twist, addScaled(this.#centre, before.centre, -1));
-    const raw = scale(addScaled(addScaled(centre, now.centre, -1), was, -1), 1 / passed);
+    const to = now.centre;
+    this.slide = (at) => addScaled(to, rotateAbout(UP, twist, addScaled(at, before.centre, -1)));
+    if (centre === null || this.#centre === null) return null;
+    const raw = scale(addScaled(centre, this.slide(this.#centre), -1), 1 / passed);
     if (this.#velocity === null) return raw;
     const held = rotateAbout(UP, twist, this.#velocity);
     return addScaled(held, addScaled(raw, held, -1), -Math.expm1(-passed / SMOOTHED_S));

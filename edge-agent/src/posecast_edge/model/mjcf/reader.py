@@ -9,6 +9,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from posecast_wire.command_line.installation import advise_extra
+
 from posecast_edge.model.finding import NO_BALANCE, Finding, ModelRefused, make_printable, quote_name
 from posecast_edge.model.kinematics import matrix_from_quaternion
 from posecast_edge.model.mjcf.child import SECONDS_MAX, run_child
@@ -19,7 +21,7 @@ from posecast_edge.model.urdf.types import Inertial, Link, Sensor, Urdf
 if TYPE_CHECKING:
     from posecast_edge.model.mjcf.compiled import CompiledModel
 
-NEEDS_EXTRA = "this is a MuJoCo model (MJCF), which MuJoCo itself reads: pip install 'posecast-edge[mujoco]'"
+NEEDS_MUJOCO = "this is a MuJoCo model (MJCF), which MuJoCo itself reads"
 COMPILER = "posecast_edge.model.mjcf.compiler"
 SITE = 6  # mjtObj
 # mjtSensor: what a sensor on a site is called in a URDF
@@ -33,7 +35,7 @@ def load_mjcf(path: Path, packages: Sequence[Path] = ()) -> RobotFile:
     Raises ModelRefused with one line when MuJoCo is not installed or refuses the model.
     """
     if importlib.util.find_spec("mujoco") is None:
-        raise ModelRefused(NEEDS_EXTRA)
+        raise ModelRefused(f"{NEEDS_MUJOCO}: {advise_extra('posecast-edge', 'mujoco')}")
     from posecast_edge.model.mjcf.compiled import read_model  # noqa: PLC0415 - numpy, an extra
 
     with tempfile.TemporaryFile() as answer:

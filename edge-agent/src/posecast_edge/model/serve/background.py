@@ -17,12 +17,12 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from posecast_edge.model.finding import EXTRA
+from posecast_edge.model.finding import advise_mesh_tools
 from posecast_edge.model.serve.bundle import Bundle, ModelError, load_built
 
 log = logging.getLogger("posecast_edge.model")
 
-NEEDED = ("meshoptimizer", "numpy", "PIL")  # the extra [model]
+NEEDED = ("numpy", "PIL")  # the extra [model]
 BUILD_MAX_S = 900.0
 STOP_S = 2.0
 WRITTEN = (0, 1)  # exit statuses; 1: of stand-ins alone
@@ -62,11 +62,15 @@ class BackgroundBuild:
             self._thread.start()
             return
         if self._raw is None:
-            log.warning("model: %s is not shown: it needs the mesh tools: %s", self._urdf, EXTRA)
+            log.warning(
+                "model: %s is not shown: it needs the mesh tools: %s", self._urdf, advise_mesh_tools()
+            )
             self._failed()
             return
         log.warning(
-            "model: meshes go as they are, %.1f MB; to make them small, %s", _megabytes(self._raw), EXTRA
+            "model: meshes go as they are, %.1f MB; to make them small, %s",
+            _megabytes(self._raw),
+            advise_mesh_tools(),
         )
         self._ready(self._raw)
 

@@ -71,11 +71,14 @@ class Bundle:
         manifest: bytes,
         files: list[BundleFile],
         missing: list[str],
+        links: frozenset[str],
         sliding: frozenset[str] = frozenset(),
         joints: tuple[MovingJoint, ...] = (),
     ) -> None:
-        """`sliding`: the names of its prismatic joints; `joints`: those that one value moves."""
+        """`links`: the names of its links; `sliding`: those of its prismatic joints; `joints`: those that one
+        value moves."""
         self.manifest = manifest
+        self.links = links
         self.sliding = sliding
         self.joints = joints
         self.files = tuple(files)
@@ -131,7 +134,9 @@ def load_bundle(urdf: Path, packages: Sequence[Path] = ()) -> Bundle:
             missing.append(uri[:URI_MAX])
         else:
             files.append(file)
-    return Bundle(_manifest(files, missing), files, missing, find_sliding(read), list_moving_joints(read))
+    links = frozenset(link.name for link in read.links)
+    manifest = _manifest(files, missing)
+    return Bundle(manifest, files, missing, links, find_sliding(read), list_moving_joints(read))
 
 
 def find_sliding(urdf: Urdf) -> frozenset[str]:
@@ -172,7 +177,9 @@ def load_built(folder: Path) -> Bundle:
     except OSError as e:
         raise ModelError(f"{e.filename or folder}: {e.strerror or e}") from None
     files = [BundleFile(folder / e.path, e.path, e.path, *e[1:]) for e in entries]
-    return Bundle(manifest, files, [], find_sliding_built(manifest), list_built_joints(manifest))
+    links = json.loads(manifest).get("links")
+    names = frozenset(map(str, links if isinstance(links, list) else ()))
+    return Bundle(manifest, files, [], names, find_sliding_built(manifest), list_built_joints(manifest))
 
 
 def find_sliding_built(manifest: bytes) -> frozenset[str]:

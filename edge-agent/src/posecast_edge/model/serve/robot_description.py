@@ -30,10 +30,10 @@ class DescribedModel:
         self,
         packages: Sequence[Path],
         ready: Callable[[Bundle], None],
-        heard: Callable[[frozenset[str]], None] = lambda _: None,
+        heard: Callable[[Bundle], None] = lambda _: None,
         options: Sequence[str] = (),
     ) -> None:
-        """`heard` is called before `ready`, as soon as a description was read, with the joints that slide;
+        """`heard` is called before `ready`, as soon as a description was read, with its bundle of raw files;
         `options`: of `model build`, such as package folders."""
         self._options = options
         self._packages = packages
@@ -96,7 +96,7 @@ class DescribedModel:
             raw = load_bundle(path, self._packages)
         except ModelError as e:
             raise ModelError(str(e).removeprefix(f"{path}: ")) from None
-        self._heard(raw.sliding)
+        self._heard(raw)
         raw.log_missing()
         if raw.missing:
             log.info("model: packages are looked for where AMENT_PREFIX_PATH and ROS_PACKAGE_PATH say")

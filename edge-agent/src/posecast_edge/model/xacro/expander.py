@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from posecast_edge.model.finding import EXTRA, ModelRefused, make_printable
+from posecast_edge.model.finding import ModelRefused, advise_mesh_tools, make_printable
 from posecast_edge.model.urdf.resolver import resolve_links
 
 NEEDED = ("xacro", "yaml")
@@ -51,7 +51,7 @@ def expand_xacro(path: Path, packages: Sequence[Path], arguments: Mapping[str, s
     Raises ModelRefused, in one line that says what to do, when it can't be expanded within the bounds.
     """
     if any(importlib.util.find_spec(name) is None for name in NEEDED):
-        raise ModelRefused(f"this is xacro, which needs the model tools: {EXTRA}")
+        raise ModelRefused(f"this is xacro, which needs the model tools: {advise_mesh_tools()}")
     asked = {
         "path": str(resolve_links(path)),
         "packages": [str(resolve_links(p)) for p in packages],

@@ -17,6 +17,8 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from posecast_wire.command_line.installation import advise_extra
+
 from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.files.playback import Playback, Player
@@ -42,7 +44,7 @@ try:
 except ModuleNotFoundError as e:
     if e.name is None or e.name.startswith("posecast_edge"):
         raise
-    raise SourceError("mcap and bag: not installed; pip install 'posecast-edge[mcap]'") from None
+    raise SourceError(f"mcap and bag: not installed; {advise_extra('posecast-edge', 'mcap')}") from None
 
 if TYPE_CHECKING:
     from posecast_edge.model.moving_joints import MovingJoint

@@ -17,6 +17,8 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from posecast_wire.command_line.installation import advise_extra
+
 from posecast_edge.model.robot_file import find_format
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.base import Defaults, Deliver, Source
@@ -52,7 +54,7 @@ def open_source(address: str, profile: Profile | None) -> Source:
     except ModuleNotFoundError as e:
         if e.name != "mujoco":
             raise
-        raise SourceError("mujoco: not installed; pip install 'posecast-edge[mujoco]'") from None
+        raise SourceError(f"mujoco: not installed; {advise_extra('posecast-edge', 'mujoco')}") from None
     path = Path(address) if address else ARM
     if address:
         check_loads(path)

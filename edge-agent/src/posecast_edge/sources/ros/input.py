@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("posecast_edge.ros")
 
-EXTRA = 'pip install "posecast-edge[ros]"'
 SAY_EVERY_S = 10.0
 TOPICS_MAX = 2000  # remembered; what a graph has beyond that is neither shown nor read
 NAMED_MAX = 8  # types of no use said aloud, topics told of one by one; `probe` shows them all

@@ -22,12 +22,13 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import zenoh
+from posecast_wire.command_line.installation import advise_extra
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
 from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.base import Deliver, Source
-from posecast_edge.sources.ros.input import EXTRA, SAY_EVERY_S, RosInput
+from posecast_edge.sources.ros.input import SAY_EVERY_S, RosInput
 from posecast_edge.sources.ros.keys import (
     BRIDGE_TOKENS,
     Found,
@@ -66,7 +67,7 @@ def open_source(address: str, profile: Profile | None) -> Source:
             f"ros2: {address!r} is no address; as in ros2, ros2:HOST or ros2://HOST:PORT/NAMESPACE"
         )
     if importlib.util.find_spec("rosbags") is None:
-        raise SourceError(f"ros2 needs what decodes ROS messages: {EXTRA}")
+        raise SourceError(f"ros2 needs what decodes ROS messages: {advise_extra('posecast-edge', 'ros')}")
     return Ros2Source(match[1] or "localhost", port, match[3], profile)
 
 

@@ -18,11 +18,13 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
+from posecast_wire.command_line.installation import advise_extra
+
 from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.backoff import Backoff
 from posecast_edge.sources.base import Deliver, Source
-from posecast_edge.sources.ros.input import EXTRA, SAY_EVERY_S, RosInput
+from posecast_edge.sources.ros.input import SAY_EVERY_S, RosInput
 from posecast_edge.sources.ros.messages import CONTROLLER_STATE, RosMessageError, shorten_type
 from posecast_edge.sources.ros.rosbridge_protocol import (
     MESSAGE_MAX,
@@ -74,7 +76,9 @@ def open_source(address: str, profile: Profile | None) -> Source:
             f"rosbridge: {address!r} is no address; as in rosbridge:HOST or rosbridge:wss://HOST:PORT"
         )
     if any(importlib.util.find_spec(name) is None for name in ("websockets", "cbor2")):
-        raise SourceError(f"rosbridge needs a WebSocket client and CBOR: {EXTRA}")
+        raise SourceError(
+            f"rosbridge needs a WebSocket client and CBOR: {advise_extra('posecast-edge', 'ros')}"
+        )
     if match[1] == "wss" and not match[3]:
         port = 443
     return RosbridgeSource(f"{match[1] or 'ws'}://{match[2]}:{port}{match[4]}", profile)

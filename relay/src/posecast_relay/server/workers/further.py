@@ -16,7 +16,6 @@ from typing import Any
 
 import uvloop
 
-from posecast_relay.config.robots_file import Robots
 from posecast_relay.config.settings import Settings, SettingsError, StartError, parse
 from posecast_relay.core.delayed_hub import DelayedHub
 from posecast_relay.core.hub import Hub
@@ -24,10 +23,10 @@ from posecast_relay.core.roster import Headcount
 from posecast_relay.http.metrics import RelayCollector
 from posecast_relay.logging import LoopExceptionHandler, start_logging
 from posecast_relay.runtime.dispatcher import Dispatcher
-from posecast_relay.server.access import follow_robots, make_access, make_limits
+from posecast_relay.server.access import follow_robots, make_access, make_limits, make_watcher
 from posecast_relay.server.http_server import RelayServer, make_server_config, settle_memory
 from posecast_relay.server.listener import allow_sockets, listen
-from posecast_relay.server.robots import load_robots
+from posecast_relay.server.robots import wait_for_robots
 from posecast_relay.server.workers.fed_source import FedSource
 from posecast_relay.server.workers.forwarder import Forwarder
 from posecast_relay.server.workers.metrics import serve_worker_metrics
@@ -51,10 +50,9 @@ def main() -> None:
         settings = parse(sys.argv[2:], os.environ)
         start_logging(settings.log_level, place.number)
         logging.getLogger("websockets").setLevel(logging.WARNING)
-        robots = load_robots(settings)
         with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
             runner.get_loop().set_exception_handler(LoopExceptionHandler())
-            runner.run(_serve(settings, robots, place))
+            runner.run(_serve(settings, place))
     except (SettingsError, StartError) as e:
         log.error("%s", e)
         status = 2
@@ -67,7 +65,10 @@ def _die_with_first() -> None:
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
-async def _serve(settings: Settings, robots: Robots | None, place: WorkerPlace) -> None:
+async def _serve(settings: Settings, place: WorkerPlace) -> None:
+    control = socket.socket(fileno=place.control)
+    _obey(place, control, lambda: os._exit(0))
+    robots = await wait_for_robots(settings)
     allow_sockets(settings.max_viewers, settings.workers)
     counts = SharedCounts(place.counts, place.workers, place.number)
     limits, headcount = make_limits(settings), Headcount(counts)
@@ -87,15 +88,16 @@ async def _serve(settings: Settings, robots: Robots | None, place: WorkerPlace) 
 
     config = make_server_config(Forwarder(place.door), access, decoded)
     server = RelayServer(config, access.dispatchers, serving)
-    _obey(place, server.leave)
+    _obey(place, control, server.leave)
     for each in access.dispatchers:
         each.start()
     if isinstance(source, FedSource):
         source.start(access.live)
     else:
         await source.start(access.live)
+    watch = make_watcher(settings, robots, access, None)
     beside = [
-        asyncio.create_task(follow_robots(settings, robots, access, None), name="robots file"),
+        asyncio.create_task(follow_robots(watch, access), name="robots file"),
         asyncio.create_task(_beat(counts), name="sign of life"),
     ]
     try:
@@ -125,9 +127,8 @@ async def _beat(counts: SharedCounts) -> None:
         counts.beat()
 
 
-def _obey(place: WorkerPlace, leave: Callable[[], None]) -> None:
+def _obey(place: WorkerPlace, control: socket.socket, leave: Callable[[], None]) -> None:
     """Leave when the first worker says so; end at once when it is gone."""
-    control = socket.socket(fileno=place.control)
     control.setblocking(False)
 
     def hear() -> None:

@@ -2,6 +2,7 @@ import { useEffect, useMemo, useRef, useState } from 'react';
 import type { ModelReport } from '../../../model/report.ts';
 import type { RobotScene } from '../../../three/index.ts';
 import { displayOf, formatNumber } from '../../../twin/format.ts';
+import type { Finding } from '../../../urdf/finding.ts';
 import type { LocalRobot } from '../../../urdf/local_robot.ts';
 import { useCameraControls } from '../../body/controls/use_camera_controls.ts';
 import { loadThree } from '../../body/load_three.ts';
@@ -11,6 +12,7 @@ import { useTheme } from '../../shell/theme.ts';
 import { useSettings } from '../../state/settings.ts';
 import { say, useText } from '../../text/language.ts';
 import { useMore } from '../../text/more.ts';
+import { LocalBalance } from './LocalBalance.tsx';
 import { chooseUrdf, closeLocal } from './local.ts';
 import './local.css';
 import { isolated } from '../../../twin/names.ts';
@@ -20,6 +22,7 @@ import { isolated } from '../../../twin/names.ts';
 export function LocalPage({ robot, urdfs }: { robot: LocalRobot; urdfs: readonly string[] }) {
   const host = useRef<HTMLDivElement>(null);
   const { scene, report } = useLocalScene(host, robot);
+  const findings = useMemo(() => robot.findings(report?.meshes ?? null), [robot, report]);
   const text = useText();
   const rest = useMore();
   useCameraControls(host, scene);
@@ -48,7 +51,8 @@ export function LocalPage({ robot, urdfs }: { robot: LocalRobot; urdfs: readonly
         </div>
         <aside className="split-panel local-panel" aria-label={text.joints}>
           {urdfs.length > 1 && <Choice chosen={robot.path} urdfs={urdfs} />}
-          <Findings robot={robot} report={report} />
+          <Findings findings={findings} whole={report !== null} />
+          <LocalBalance robot={robot} scene={scene} findings={report === null ? null : findings} />
           <Sliders robot={robot} scene={scene} />
         </aside>
       </main>
@@ -121,12 +125,11 @@ function Choice({ chosen, urdfs }: { chosen: string; urdfs: readonly string[] })
 
 const SEVERITIES = { error: 'severityError', warning: 'severityWarning', hint: 'severityHint' } as const;
 
-/** What is wrong with the files, worst first: findings in the URDF at once, those in meshes when they have been read. */
-function Findings({ robot, report }: { robot: LocalRobot; report: LocalReport | null }) {
+/** What is wrong with the files, worst first: findings in the URDF at once, those in meshes when they have been read. `whole`:
+ *  these have been. */
+function Findings({ findings, whole }: { findings: readonly Finding[]; whole: boolean }) {
   const text = useMore();
-  const findings = useMemo(() => robot.findings(report?.meshes ?? null), [robot, report]);
-  if (findings.length === 0)
-    return report === null ? null : <p className="quiet local-well">{text.nothingWrong}</p>;
+  if (findings.length === 0) return !whole ? null : <p className="quiet local-well">{text.nothingWrong}</p>;
   return (
     <details className="local-findings" open data-testid="findings">
       <summary>{text.findings(findings.length)}</summary>

@@ -36,7 +36,8 @@ export const balanceEn = {
   impossibleMasses: 'The robot’s description has masses that can’t be.',
   noFeet:
     'This robot has no feet that are known: an arm, wheels or a stand have none; [balance] in the profile names them.',
-  noModel: 'The model has not come yet.',
+  noForce: 'Which feet bear weight is not known: not every foot measures its force (Fz).',
+  noPressure: 'No centre of pressure: not every foot measures its force and moments (Fz, Mx, My).',
 
   // ---- numbers, plots and limits
   margin: 'margin',

@@ -33,7 +33,8 @@ export const balanceKo: typeof balanceEn = {
   noMasses: '로봇의 설명 파일에 질량이 없습니다.',
   impossibleMasses: '로봇의 설명 파일에 있을 수 없는 질량이 있습니다.',
   noFeet: '알려진 발이 없습니다(팔, 바퀴, 거치대). 발은 프로필의 [balance]에 적습니다.',
-  noModel: '모델이 아직 오지 않았습니다.',
+  noForce: '어느 발이 체중을 받치는지 알 수 없습니다: 힘(Fz)을 재지 않는 발이 있습니다.',
+  noPressure: '압력중심을 알 수 없습니다: 힘과 모멘트(Fz, Mx, My)를 모두 재지 않는 발이 있습니다.',
 
   margin: '여유',
   massX: '무게중심 x',

@@ -4,7 +4,8 @@ import type { Balance, BalanceGap } from '../balance.ts';
 export interface Lack {
   readonly why:
     | 'unreadable'
-    | Extract<BalanceGap, 'old-bundle' | 'raw' | 'no-masses' | 'impossible-masses' | 'no-feet'>;
+    | 'no-pressure'
+    | Extract<BalanceGap, 'old-bundle' | 'raw' | 'no-masses' | 'impossible-masses' | 'no-feet' | 'no-wrench'>;
   readonly told?: string;
 }
 
@@ -14,6 +15,7 @@ const LASTING: ReadonlySet<BalanceGap> = new Set([
   'no-masses',
   'impossible-masses',
   'no-feet',
+  'no-wrench',
 ]);
 
 /** What is lacking for good, each once. `balance`: null of a model's files as they are, which list no masses; `findings`: what
@@ -24,12 +26,13 @@ export function lacksOf(
   problems: readonly string[] = [],
 ): readonly Lack[] {
   if (balance === null) return [{ why: 'raw' }];
-  const { centreOfMass, polygon } = balance.gaps;
+  const { centreOfMass, polygon, pressure } = balance.gaps;
   const whys = new Set([centreOfMass, polygon].filter((gap) => gap !== null && LASTING.has(gap)));
   const lacks = [...(whys as Set<Lack['why']>)].map((why): Lack => {
     const told = why === 'impossible-masses' ? findings : [];
     const text = told.find((one) => typeof one === 'string');
     return text === undefined ? { why } : { why, told: text };
   });
+  if (pressure === 'no-wrench' && !whys.has(pressure)) lacks.push({ why: 'no-pressure' });
   return [...problems.map((told): Lack => ({ why: 'unreadable', told })), ...lacks];
 }

@@ -1,8 +1,6 @@
 import { type Level, level, type Threshold } from '@posecast/wire';
 import type { ValueLimits } from '../../limits/limits.ts';
-
-/** What the margin is called where limits and plots are kept by field and label. */
-export const MARGIN = { field: 'balance', label: 'margin' } as const;
+import { MARGIN } from './margin_channel.ts';
 
 /** Whose limits of the margin hold: the viewer's own, the profile's, or the page's own where nobody has set any. */
 export type LimitsOwner = 'viewer' | 'profile' | 'page';

@@ -4,13 +4,14 @@ import sys
 from pathlib import Path
 
 import pytest
-from posecast_edge.profile.reader import SHIPPED
-from posecast_edge.profile.toml_lines import find_line, index_lines
+from posecast_wire.toml_lines import find_line, index_lines
 
 if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib
+
+PROFILES = Path(__file__).resolve().parents[3] / "edge-agent/src/posecast_edge/profiles"
 
 TEXT = '''# a comment with [brackets] and x = 1
 title = "a # no comment ] }"
@@ -56,7 +57,7 @@ def test_what_is_not_there_is_named_by_what_is_around_it() -> None:
     assert find_line(lines, "") is None
 
 
-@pytest.mark.parametrize("path", sorted(SHIPPED.glob("*.toml")), ids=lambda p: p.stem)
+@pytest.mark.parametrize("path", sorted(PROFILES.glob("*.toml")), ids=lambda p: p.stem)
 def test_a_real_profile(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     lines = index_lines(text)

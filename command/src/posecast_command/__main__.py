@@ -1,0 +1,5 @@
+"""`python -m posecast_command`."""
+
+from posecast_command.main import main
+
+main()

@@ -1,0 +1,36 @@
+"""`posecast demo`: a relay, its page and a robot of ours."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+
+from posecast_wire.command_line.parser import WRONG_ARGUMENTS, CommandParser
+
+from posecast_command.local_relay import STATUSES, add_place_flags, read_place, show_robot
+from posecast_command.ports import PortError
+
+ROBOT = "demo"
+
+
+def make_demo_parser() -> CommandParser:
+    """The parser of the command."""
+    parser = CommandParser(
+        prog="posecast demo",
+        description="A relay, its page and a robot of ours, in this terminal; Ctrl-C ends them.",
+        statuses=STATUSES,
+        allow_abbrev=False,
+    )
+    add_place_flags(parser)
+    return parser
+
+
+def run_demo(argv: Sequence[str], environment: Mapping[str, str]) -> int:
+    """Run the command and return the exit status."""
+    args = make_demo_parser().parse_args(argv)
+    agent = ["edge", "run", "--source", "demo"]
+    try:
+        return show_robot(ROBOT, agent, read_place(args), environment, browser=not args.no_browser)
+    except PortError as e:
+        print(f"posecast demo: {e}", file=sys.stderr)
+        return WRONG_ARGUMENTS

@@ -1,0 +1,51 @@
+"""`posecast`: one name for the agent, the relay and what starts both."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import NoReturn
+
+from posecast_command.programs import EDGE, RELAY, make_parser
+
+
+def main() -> NoReturn:
+    """Entry point; ends the process."""
+    status = 0
+    with suppress(KeyboardInterrupt):
+        status = _command(sys.argv[1:])
+    with suppress(OSError, ValueError):  # the terminal may be gone
+        sys.stdout.flush()
+    os._exit(status)
+
+
+def _command(argv: Sequence[str]) -> int:
+    """Run one command; the exit status. Those of agent and relay end the process themselves."""
+    first = argv[0] if argv else ""
+    if first in EDGE:
+        from posecast_edge.cli.main import main as run_edge  # noqa: PLC0415 - only what is asked for is loaded
+
+        if first == "edge":
+            run_edge(argv[1:], "posecast edge")
+        run_edge(argv, "posecast")
+    if first in RELAY:
+        from posecast_relay.cli import main as run_relay  # noqa: PLC0415 - the same
+
+        if first == "relay":
+            run_relay(argv[1:], "posecast relay")
+        run_relay(argv, "posecast")
+    if first == "demo":
+        from posecast_command.demo import run_demo  # noqa: PLC0415 - the same
+
+        return run_demo(argv[1:], os.environ)
+    if first == "run":
+        from posecast_command.run import run_robot  # noqa: PLC0415 - the same
+
+        return run_robot(argv[1:], os.environ)
+    asked = make_parser().parse_args(argv)  # ends the process unless it is the last of them
+    from posecast_command.completion import make_script  # noqa: PLC0415 - the same
+
+    print(make_script(asked.shell))
+    return 0

@@ -1,0 +1,88 @@
+"""`posecast run`: the agent beside a robot, and a relay on this machine if none is named."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from posecast_edge.cli.settings import Settings, UsageError, add_run_flags, parse_settings
+from posecast_wire.command_line.parser import WRONG_ARGUMENTS, CommandParser
+from posecast_wire.keys import check_name
+
+from posecast_command.local_relay import ROBOTS_HOST, STATUSES, add_place_flags, read_place, show_robot
+from posecast_command.ports import PortError
+
+PROGRAM = "posecast"
+NAMELESS = "robot"
+# of a relay elsewhere: it can't be started here
+ELSEWHERE = ("relay", "credential", "tls_cert", "tls_key", "tls_ca")
+OWN_FLAGS = ("host", "port", "no_browser")
+
+
+def make_run_parser(environment: Mapping[str, str]) -> CommandParser:
+    """The parser of the command: the agent's flags, and the place of the relay that is started."""
+    parser = CommandParser(
+        prog=f"{PROGRAM} run",
+        description="Read a source and send it to a relay. Without --relay one is started on this machine, "
+        "with its page. Every flag of the agent may also stand in the environment.",
+        statuses=STATUSES,
+        allow_abbrev=False,
+    )
+    add_run_flags(parser, environment, required=("source",))
+    add_place_flags(parser.add_argument_group("the relay that is started if --relay names none"))
+    return parser
+
+
+def run_robot(argv: Sequence[str], environment: Mapping[str, str]) -> int:
+    """Run the command and return the exit status."""
+    args = make_run_parser(environment).parse_args(argv)
+    agent = _drop_own_flags(argv)
+    named = [name for name in ELSEWHERE if getattr(args, name) is not None]
+    if named:
+        if agent != [*argv]:
+            print(
+                f"{PROGRAM} run: --host, --port and --no-browser are of a relay that is started here; "
+                f"--{named[0].replace('_', '-')} is of one elsewhere",
+                file=sys.stderr,
+            )
+            return WRONG_ARGUMENTS
+        from posecast_edge.cli.main import main as run_edge  # noqa: PLC0415 - Zenoh is not loaded before
+
+        run_edge(["run", *argv], PROGRAM)
+    robot = args.robot or name_robot(args.urdf or args.model)
+    try:
+        _check(agent, robot, environment)
+        return show_robot(
+            robot, ["edge", "run", *agent], read_place(args), environment, browser=not args.no_browser
+        )
+    except (UsageError, PortError) as e:
+        print(f"{PROGRAM} run: {e}", file=sys.stderr)
+        return WRONG_ARGUMENTS
+
+
+def name_robot(model: Path | None) -> str:
+    """The name in the link of a robot that was given none: its model's, as far as that can be a name."""
+    if model is None:
+        return NAMELESS
+    name = re.sub(r"[^a-z0-9]+", "-", model.name.partition(".")[0].lower()).strip("-")
+    try:
+        return check_name("robot", name)
+    except ValueError:
+        return NAMELESS
+
+
+def _check(agent: Sequence[str], robot: str, environment: Mapping[str, str]) -> Settings:
+    """What the agent will read. Raises UsageError before anything is started."""
+    return parse_settings(
+        ["run", *agent, "--robot", robot, "--relay", f"tcp/{ROBOTS_HOST}:1"], environment, PROGRAM
+    )
+
+
+def _drop_own_flags(argv: Sequence[str]) -> list[str]:
+    """The agent's arguments alone."""
+    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    add_place_flags(parser)
+    return parser.parse_known_args(argv)[1]

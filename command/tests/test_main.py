@@ -1,0 +1,71 @@
+"""One command: the same programs, under names that are true."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from importlib.metadata import version
+
+import pytest
+from posecast_command.programs import EDGE, RELAY, make_parser
+
+
+def posecast(*argv: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "posecast_command", *argv]
+    return subprocess.run(
+        command, capture_output=True, text=True, timeout=60, check=False, stdin=subprocess.DEVNULL
+    )
+
+
+@pytest.mark.parametrize(
+    ("argv", "usage"),
+    [
+        (("demo",), "posecast demo"),
+        (("run",), "posecast run"),
+        (("relay", "run"), "posecast relay run"),
+        (("relay", "past", "list"), "posecast relay past list"),
+        (("past", "list"), "posecast past list"),
+        (("edge", "run"), "posecast edge run"),
+        (("edge", "probe"), "posecast edge probe"),
+        (("probe",), "posecast probe"),
+        (("doctor",), "posecast doctor"),
+        (("model", "build"), "posecast model build"),
+        (("profile", "new"), "posecast profile new"),
+    ],
+)
+def test_help_is_of_the_name_that_was_typed(argv: tuple[str, ...], usage: str) -> None:
+    told = posecast(*argv, "--help")
+    assert told.stdout.startswith(f"usage: {usage} ")
+    assert (told.returncode, told.stderr) == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("argv", "line"),
+    [
+        ((), "posecast: the following arguments are required: COMMAND"),
+        (("dmeo",), "posecast: unknown command 'dmeo' (did you mean demo?): one of demo, run, "),
+        (("demo", "--prot", "1"), "posecast demo: unrecognized arguments: --prot (did you mean --port?)"),
+        (("demo", "--port", "70000"), "posecast demo: argument --port: use a number from 1 to 65535"),
+        (("run",), "posecast run: the following arguments are required: --source"),
+        (("run", "--source", "demo", "--robot", "A"), "posecast run: argument --robot: "),
+        (("relay", "run"), "posecast relay: give --robots FILE"),
+        (("edge", "run", "--source", "demo"), "posecast edge: the following arguments are required: --relay"),
+        (("doctor",), "posecast: doctor: give --urdf"),
+        (("past", "list", "--past", "x"), "posecast: --past 'x': "),
+    ],
+)
+def test_a_mistake_is_one_line_of_the_name_that_was_typed(argv: tuple[str, ...], line: str) -> None:
+    ended = posecast(*argv)
+    assert ended.stderr.startswith(line)
+    assert (ended.stderr.count("\n"), ended.returncode, ended.stdout) == (1, 2, "")
+
+
+def test_the_version_is_the_installed_one() -> None:
+    assert posecast("--version").stdout == f"posecast {version('posecast')}\n"
+
+
+def test_all_of_it_is_listed() -> None:
+    text = make_parser().format_help()
+    for name in ("demo", "run", *EDGE, *RELAY):
+        assert f"\n    {name} " in text
+    assert "exit status:" in text

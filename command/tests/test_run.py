@@ -1,0 +1,45 @@
+"""What `posecast run` decides before it starts anything."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from posecast_command.run import name_robot, run_robot
+
+
+@pytest.mark.parametrize(
+    ("model", "name"),
+    [
+        (None, "robot"),
+        ("arm.urdf", "arm"),
+        ("models/My Arm v2.urdf.xacro", "my-arm-v2"),
+        ("팔.urdf", "robot"),
+        (f"{'a' * 200}.urdf", "robot"),
+    ],
+)
+def test_a_robot_without_a_name_has_its_models(model: str | None, name: str) -> None:
+    assert name_robot(None if model is None else Path(model)) == name
+
+
+@pytest.mark.parametrize(
+    ("flags", "named"),
+    [
+        (["--relay", "tcp/127.0.0.1:1"], "--relay"),
+        (["--tls-cert", "a.pem"], "--tls-cert"),
+    ],
+)
+def test_flags_of_a_relay_here_do_not_go_with_one_elsewhere(
+    flags: list[str], named: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run_robot(["--source", "demo", *flags, "--port", "8080"], {}) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(
+        "posecast run: --host, --port and --no-browser are of a relay that is started here"
+    )
+    assert said.endswith(f"{named} is of one elsewhere\n")
+
+
+def test_what_the_agent_will_refuse_is_told_first(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_robot(["--source", "demo", "--urdf", "a", "--model", "b"], {}) == 2
+    assert capsys.readouterr().err == "posecast run: --urdf and --model: give one of the two\n"

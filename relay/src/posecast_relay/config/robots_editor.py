@@ -1,0 +1,93 @@
+"""Takes a new text of the file of `--robots` from an editor or from stdin."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from posecast_relay.config.robots_file import BYTES_MAX
+from posecast_relay.config.robots_reader import RobotsError
+from posecast_relay.config.settings import SettingsError
+
+EDITORS = ("sensible-editor", "nano", "vim", "vi")  # where neither $VISUAL nor $EDITOR says which
+ASK = "Enter: edit again. q: leave the file as it is. "
+
+
+def read_stdin(path: Path) -> str:
+    """Return the text that stdin holds. Raises SettingsError where it is no text, empty or too long."""
+    raw = sys.stdin.buffer.read(BYTES_MAX + 1)
+    if len(raw) > BYTES_MAX:
+        raise SettingsError(f"stdin: over {BYTES_MAX} bytes")
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise SettingsError("stdin: not UTF-8") from None
+    if not text.strip():
+        raise SettingsError(
+            f"stdin: is empty; for no robots at all, leave a comment in it. {path} is as it was"
+        )
+    return text
+
+
+def edit_text(
+    path: Path, before: str, environ: Mapping[str, str], check: Callable[[str], object]
+) -> str | None:
+    """Let the user edit a text until `check` takes it, or they give up; None when nothing has changed.
+
+    `check` raises RobotsError. Raises SettingsError where there is no editor, it fails, or the user gives up.
+    """
+    editor = _find_editor(environ)
+    with tempfile.TemporaryDirectory(prefix="posecast-") as folder:  # for this user alone: it holds secrets
+        copy = Path(folder) / path.name
+        copy.touch(0o600)
+        copy.write_text(before, "utf-8")
+        while True:
+            _run(editor, copy)
+            try:
+                text = copy.read_bytes().decode("utf-8-sig")
+                if text == before:
+                    return None
+                check(text)
+                return text
+            except UnicodeDecodeError:
+                mistakes: tuple[str, ...] = ("not UTF-8",)
+            except RobotsError as e:
+                mistakes = e.mistakes
+            for mistake in mistakes:
+                sys.stderr.write(f"{path.name}: {mistake}\n")
+            sys.stderr.write(ASK)
+            sys.stderr.flush()
+            answer = sys.stdin.readline()
+            if not answer or answer.strip().lower() == "q":
+                raise SettingsError(f"{path}: as it was before")
+
+
+def _find_editor(environ: Mapping[str, str]) -> list[str]:
+    for variable in ("VISUAL", "EDITOR"):
+        if environ.get(variable):
+            try:
+                return shlex.split(environ[variable])
+            except ValueError:
+                raise SettingsError(f"{variable} {environ[variable]!r}: quotes that don't end") from None
+    for name in EDITORS:
+        found = shutil.which(name)
+        if found:
+            return [found]
+    raise SettingsError(
+        "there is no editor here, and $EDITOR names none: use `robots set`, or `robots edit < FILE`"
+    )
+
+
+def _run(editor: list[str], copy: Path) -> None:
+    try:
+        status = subprocess.run([*editor, os.fspath(copy)], check=False).returncode
+    except OSError as e:
+        raise SettingsError(f"{editor[0]}: {(e.strerror or str(e)).lower()}") from None
+    if status != 0:
+        raise SettingsError(f"{editor[0]} ended with status {status}: nothing was changed")

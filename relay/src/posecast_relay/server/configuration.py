@@ -1,0 +1,42 @@
+"""Whether a running relay could take the files of its configuration that it reads again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from posecast_relay.config.robots_watcher import RobotsWatcher
+from posecast_relay.zenoh.router import RouterSession
+
+
+class Configuration:
+    """The files that one process follows, and what is wrong with them. Its methods may be called from any
+    thread.
+    """
+
+    def __init__(self, watch: RobotsWatcher | None, router: RouterSession | None) -> None:
+        """`watch`: None where there is no file of robots; `router`: None where no edges connect."""
+        self._watch, self._router = watch, router
+
+    def find_trouble(self) -> str | None:
+        """Return what can't be taken, for everybody to read, so without names of robots; None: nothing."""
+        return (
+            "; ".join(
+                f"the {what} can't be taken, and those of before go on: the log says why"
+                for what, is_good in self.measure().items()
+                if not is_good
+            )
+            or None
+        )
+
+    def measure(self) -> dict[str, int]:
+        """Return 1 for each kind of file that is good, 0 for one that is not."""
+        if self._watch is None:
+            return {}
+        found = {"robots": int(self._watch.trouble is None)}
+        if self._router is not None:
+            found["certificates"] = int(self._router.trouble is None)
+        return found
+
+    def find_expiries(self) -> Mapping[str, float]:
+        """Return when the certificates in use expire, in unix seconds, by the flag that names the file."""
+        return {} if self._router is None else self._router.expiries_s

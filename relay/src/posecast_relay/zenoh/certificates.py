@@ -1,0 +1,86 @@
+"""Reads the certificates that the router shows and asks for, and keeps those that were good last."""
+
+from __future__ import annotations
+
+import base64
+import logging
+import ssl
+from pathlib import Path
+from typing import Any
+
+log = logging.getLogger("posecast_relay")
+
+FILE_BYTES_MAX = 1 << 20
+TLS = "transport/link/tls"  # of Zenoh's settings
+
+
+class CertificateError(ValueError):
+    """A file of certificates can't be used. The message is one line that names it."""
+
+
+class RouterCertificates:
+    """What the files of `--zenoh-tls-cert`, `--zenoh-tls-key` and `--zenoh-ca` held when all were last good.
+
+    Zenoh is given the bytes, not the files: a session that is opened anew must not fail over a file that has
+    been damaged meanwhile.
+    """
+
+    def __init__(self, cert: Path | None, key: Path | None, ca: Path | None) -> None:
+        """Raises CertificateError when a file can't be used."""
+        self._cert, self._key, self._ca = cert, key, ca
+        self._kept = self._read()
+        self.trouble: str | None = None  # what is wrong with the files now
+
+    def refresh(self) -> bool:
+        """Read the files again; return whether they hold something else, and something good. What was good
+        before is kept otherwise.
+        """
+        try:
+            read = self._read()
+        except CertificateError as e:
+            if str(e) != self.trouble:
+                log.warning("%s; going on with the certificates of before", e)
+            self.trouble = str(e)
+            return False
+        if self.trouble is not None:
+            self.trouble = None
+            log.warning("certificates are good again")
+        is_new = read != self._kept
+        self._kept = read
+        return is_new
+
+    def make_settings(self) -> dict[str, Any]:
+        """Return the settings of Zenoh that hold them."""
+        return {f"{TLS}/{name}_base64": base64.b64encode(data).decode() for name, data in self._kept.items()}
+
+    def _read(self) -> dict[str, bytes]:
+        """Read and check all files, by their names in Zenoh's settings. Raises CertificateError."""
+        found: dict[str, bytes] = {}
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        if self._cert is not None and self._key is not None:
+            found["listen_certificate"] = _read_file("--zenoh-tls-cert", self._cert)
+            found["listen_private_key"] = _read_file("--zenoh-tls-key", self._key)
+            try:
+                context.load_cert_chain(self._cert, self._key, password="")
+            except OSError:  # ssl.SSLError is one
+                raise CertificateError(
+                    f"--zenoh-tls-cert {self._cert}, --zenoh-tls-key {self._key}: no certificate and its key"
+                ) from None
+        if self._ca is not None:
+            found["root_ca_certificate"] = _read_file("--zenoh-ca", self._ca)
+            try:
+                context.load_verify_locations(self._ca)
+            except OSError:
+                raise CertificateError(f"--zenoh-ca {self._ca}: no certificate in PEM form") from None
+        return found
+
+
+def _read_file(flag: str, path: Path) -> bytes:
+    try:
+        if not path.is_file():
+            path.stat()  # says so where there is nothing
+            raise CertificateError(f"{flag} {path}: is no file")
+        with path.open("rb") as file:
+            return file.read(FILE_BYTES_MAX)
+    except OSError as e:
+        raise CertificateError(f"{flag} {path}: {(e.strerror or str(e)).lower()}") from None

@@ -1,0 +1,101 @@
+"""Whose the file of robots is after it was written: the relay has to be able to read it."""
+
+from __future__ import annotations
+
+import os
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from posecast_relay.config.robots_storage import replace_text
+
+RELAY, OTHER = 10001, 10002
+ROOT = pytest.mark.skipif(os.geteuid() != 0, reason="only root can make files of other users")
+
+
+# that user may not be able to read our Python: all is loaded before
+PROGRAM = """
+import os, sys
+import posecast_relay.config.robots_command
+from posecast_relay.cli import main
+"".encode("utf-8-sig"), b"".decode("utf-8-sig"), "".encode("ascii"), b"".decode("ascii")
+user = int(sys.argv.pop(1))
+os.setgroups([]), os.setgid(user), os.setuid(user)
+main()
+"""
+
+
+def robots(path: Path, *words: str, user: int, stdin: str = "") -> subprocess.CompletedProcess[str]:
+    """`posecast-relay robots` as another user."""
+    command = [sys.executable, "-c", PROGRAM, str(user), "robots", *words, "--robots", str(path)]
+    return subprocess.run(command, input=stdin, capture_output=True, text=True, timeout=20, check=False)
+
+
+@pytest.fixture
+def lab(tmp_path: Path) -> Path:
+    """A folder of the relay's user, as a volume in compose is, that others can enter."""
+    for folder in (tmp_path, tmp_path.parent, tmp_path.parent.parent):
+        folder.chmod(0o755)
+    lab = tmp_path / "robots"
+    lab.mkdir()
+    os.chown(lab, RELAY, RELAY)
+    return lab
+
+
+def owner(path: Path) -> tuple[int, int, int]:
+    """User, group and mode."""
+    found = path.stat()
+    return found.st_uid, found.st_gid, stat.S_IMODE(found.st_mode)
+
+
+@ROOT
+def test_root_leaves_it_to_whom_it_belongs(lab: Path) -> None:
+    path = lab / "robots.toml"
+    assert robots(path, "add", "hubo", user=0).returncode == 0
+    assert owner(path) == (RELAY, RELAY, 0o600), "a new file is its folder's owner's"
+    os.chown(path, OTHER, RELAY)
+    path.chmod(0o640)
+    assert robots(path, "set", "hubo", "--anyone", "delay_s=10", user=0).returncode == 0
+    assert owner(path) == owner(lab / "robots.toml.bak") == (OTHER, RELAY, 0o640)
+
+
+@ROOT
+def test_who_would_take_it_from_the_relay_is_refused(lab: Path) -> None:
+    path = lab / "robots.toml"
+    robots(path, "add", "hubo", user=RELAY)
+    path.chmod(0o660)
+    os.chown(path, RELAY, OTHER)
+    lab.chmod(0o777)
+    before = path.read_text()
+    done = robots(path, "remove", "hubo", user=OTHER)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert f"belongs to uid {RELAY}, and would belong to uid {OTHER} afterwards" in done.stderr
+    done = robots(path, "remove", "hubo", user=RELAY)  # who can't give it its group again
+    assert done.returncode == 2
+    assert f"its group {OTHER} can't stay" in done.stderr
+    assert path.read_text() == before
+    assert [each.name for each in lab.iterdir()] == ["robots.toml"]
+
+
+@ROOT
+def test_a_file_that_root_has_put_there_is_replaced_by_the_relays_own_user(lab: Path) -> None:
+    """As `docker compose cp` does: root's, and for root alone."""
+    path = lab / "robots.toml"
+    path.write_text("[robots.hubo]\n")
+    path.chmod(0o600)
+    done = robots(path, "check", user=RELAY)
+    assert done.returncode == 1
+    assert f"permission denied: it belongs to root (uid 0), mode 0600, and this is uid {RELAY}" in done.stdout
+    assert robots(path, "edit", user=RELAY, stdin="[robots.g1]\n").returncode == 0
+    assert owner(path) == (RELAY, RELAY, 0o600)
+    assert path.read_text() == "[robots.g1]\n"
+
+
+def test_a_link_to_the_file_stays_one(tmp_path: Path) -> None:
+    real, link = tmp_path / "real.toml", tmp_path / "robots.toml"
+    link.symlink_to(real)
+    replace_text(link, "[robots.hubo]\n")
+    assert link.is_symlink()
+    assert "[robots.hubo" in real.read_text()

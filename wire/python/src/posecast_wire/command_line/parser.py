@@ -1,0 +1,94 @@
+"""argparse with manners: `--version`, "did you mean", exit statuses in `--help`, errors of one line."""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import re
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NoReturn, TypeVar
+
+from posecast_wire.command_line.color import paint, wants_color
+
+N = TypeVar("N")
+
+WRONG_ARGUMENTS = 2
+ALIKE = 0.6  # of two words, 1 when they are the same
+HEADING = re.compile(r"^([a-z][a-z ]*):", re.MULTILINE)
+
+
+def suggest(word: str, known: Iterable[str]) -> str:
+    """` (did you mean X?)`, or "" when nothing known is like `word`."""
+    found = difflib.get_close_matches(word, [*known], n=1, cutoff=ALIKE)
+    return f" (did you mean {found[0]}?)" if found else ""
+
+
+class CommandParser(argparse.ArgumentParser):
+    """A parser whose errors say what was probably meant; those of its subcommands are of its own class."""
+
+    def __init__(
+        self, *args: Any, statuses: Mapping[int, str] | None = None, version: bool = False, **options: Any
+    ) -> None:
+        """`statuses`: what each exit status means, for `--help`; `version`: whether there is `--version`."""
+        super().__init__(*args, **options)
+        self._statuses = statuses or {}
+        if version:
+            self.add_argument("--version", action=_Version, nargs=0, help="print the version and end")
+
+    def parse_known_args(  # type: ignore[override]
+        self, args: Sequence[str] | None = None, namespace: N | None = None
+    ) -> tuple[N | argparse.Namespace, list[str]]:
+        """As argparse does, but a mistyped flag is told before what it leaves missing."""
+        given = sys.argv[1:] if args is None else [*args]
+        if self._subparsers is None:
+            self._check_flags(given)
+        return super().parse_known_args(given, namespace)
+
+    def _check_flags(self, given: Sequence[str]) -> None:
+        for word in given:
+            if word == "--":
+                return
+            flag = word.partition("=")[0]
+            if not flag.startswith("--") or any(
+                known.startswith(flag) for known in self._option_string_actions
+            ):
+                continue
+            if hint := suggest(flag, self._option_string_actions):
+                self.error(f"unrecognized arguments: {flag}{hint}")
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        """Likewise for commands and choices."""
+        if action.choices is None or value in action.choices:
+            return
+        known = [str(choice) for choice in action.choices]
+        shown = "".join(c if c.isprintable() else "�" for c in str(value)[:80])
+        said = f"{shown!r}{suggest(str(value), known)}: one of {', '.join(known)}"
+        if isinstance(action, argparse._SubParsersAction):
+            raise argparse.ArgumentError(None, f"unknown command {said}")
+        raise argparse.ArgumentError(action, f"invalid choice: {said}")
+
+    def error(self, message: str) -> NoReturn:
+        """End the process with one line and status 2."""
+        program = paint(f"{self.prog}:", "red", sys.stderr)
+        self.exit(WRONG_ARGUMENTS, f"{program} {message}\n")
+
+    def format_help(self) -> str:
+        """With the exit statuses at the end, and headings in bold where stdout wants that."""
+        text = super().format_help()
+        if self._statuses:
+            lines = "".join(f"  {status:<22}{means}\n" for status, means in self._statuses.items())
+            text += f"\nexit status:\n{lines}"
+        if not wants_color(sys.stdout):
+            return text
+        return HEADING.sub(lambda found: paint(found[1], "bold", sys.stdout) + ":", text)
+
+
+class _Version(argparse.Action):
+    """Prints the version that is installed; looks for it only then, since that takes a while."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        from posecast_wire.command_line.installation import find_version  # noqa: PLC0415
+
+        print(f"{parser.prog} {find_version()}")
+        parser.exit()

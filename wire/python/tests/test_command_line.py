@@ -1,0 +1,140 @@
+"""What the programs share on the command line."""
+
+from __future__ import annotations
+
+import io
+import json
+from importlib.metadata import PackageNotFoundError
+from pathlib import Path
+from typing import Any
+
+import pytest
+from posecast_wire.command_line import installation
+from posecast_wire.command_line.color import paint, wants_color
+from posecast_wire.command_line.installation import advise_extra, find_version
+from posecast_wire.command_line.parser import CommandParser, suggest
+
+
+class Terminal(io.StringIO):
+    """A stream that is a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize(
+    ("environment", "terminal", "colored"),
+    [
+        ({}, True, True),
+        ({}, False, False),
+        ({"NO_COLOR": "1"}, True, False),
+        ({"NO_COLOR": ""}, True, True),
+        ({"FORCE_COLOR": "1"}, False, True),
+        ({"NO_COLOR": "1", "FORCE_COLOR": "1"}, True, False),
+        ({"TERM": "dumb"}, True, False),
+    ],
+)
+def test_colour_is_for_terminals_that_want_it(
+    environment: dict[str, str], terminal: bool, colored: bool
+) -> None:
+    out = Terminal() if terminal else io.StringIO()
+    assert wants_color(out, environment) is colored
+    assert paint("x", "red", out, environment) == ("\x1b[31mx\x1b[0m" if colored else "x")
+
+
+def test_a_closed_stream_wants_none() -> None:
+    out = io.StringIO()
+    out.close()
+    assert not wants_color(out, {})
+
+
+@pytest.mark.parametrize(
+    ("word", "known", "meant"),
+    [
+        ("--prot", ["--port", "--host"], " (did you mean --port?)"),
+        ("docter", ["doctor", "demo"], " (did you mean doctor?)"),
+        ("xyzzy", ["doctor", "demo"], ""),
+        ("a", [], ""),
+    ],
+)
+def test_what_was_probably_meant(word: str, known: list[str], meant: str) -> None:
+    assert suggest(word, known) == meant
+
+
+def make_parser() -> CommandParser:
+    parser = CommandParser(prog="p", statuses={0: "done", 3: "no"}, version=True)
+    run = parser.add_subparsers(dest="command").add_parser("run", statuses={7: "rain"})
+    run.add_argument("--port", required=True)
+    run.add_argument("--level", choices=("low", "high"))
+    return parser
+
+
+@pytest.mark.parametrize(
+    ("argv", "said"),
+    [
+        (["rnu"], "p: unknown command 'rnu' (did you mean run?): one of run\n"),
+        (["run", "--prot", "1"], "p run: unrecognized arguments: --prot (did you mean --port?)\n"),
+        (["run", "--prot=1"], "p run: unrecognized arguments: --prot (did you mean --port?)\n"),
+        (
+            ["run", "--port", "1", "--level", "hihg"],
+            "p run: argument --level: invalid choice: 'hihg' (did you mean",
+        ),
+        (["run", "--port", "1", "--zzz"], "p: unrecognized arguments: --zzz\n"),
+        (["r\x1b[2J"], "p: unknown command 'r�[2J'"),
+    ],
+)
+def test_a_mistake_is_one_line_and_status_2(
+    argv: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        make_parser().parse_args(argv)
+    assert ended.value.code == 2
+    told = capsys.readouterr().err
+    assert told.startswith(said)
+    assert told.count("\n") == 1
+
+
+def test_abbreviations_and_what_stands_behind_two_dashes_are_no_mistakes() -> None:
+    parser = CommandParser(prog="p")
+    parser.add_argument("--port")
+    parser.add_argument("rest", nargs="*")
+    assert parser.parse_args(["--po", "1", "--", "--prot"]).rest == ["--prot"]
+
+
+def test_help_lists_the_exit_statuses(monkeypatch: pytest.MonkeyPatch) -> None:
+    for parser, lines in ((make_parser(), "  0   "), (make_parser(), "  3   ")):
+        assert f"\n{lines}" in parser.format_help().partition("exit status:")[2]
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    assert "\x1b[1musage\x1b[0m:" in make_parser().format_help()
+
+
+class Installed:
+    """A distribution."""
+
+    def __init__(self, name: str, url: str | None) -> None:
+        self.name, self.version, self._url = name, "1.2.3", url
+
+    def read_text(self, _: str) -> str | None:
+        return None if self._url is None else json.dumps({"url": self._url})
+
+
+def test_advice_names_what_is_installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    there: dict[str, Any] = {}
+
+    def find(name: str) -> Any:
+        if name not in there:
+            raise PackageNotFoundError(name)
+        return there[name]
+
+    monkeypatch.setattr(installation, "distribution", find)
+    assert (advise_extra("posecast-edge", "ros"), find_version()) == (
+        "pip install 'posecast-edge[ros]'",
+        "unknown",
+    )
+    wheel = tmp_path / "posecast_edge-1.whl"
+    there["posecast-edge"] = Installed("posecast-edge", wheel.as_uri())
+    assert advise_extra("posecast-edge", "ros") == "pip install 'posecast-edge[ros]'"  # the wheel is gone
+    wheel.touch()
+    assert advise_extra("posecast-edge", "ros") == f"pip install '{wheel}[ros]'"
+    there["posecast"] = Installed("posecast", None)
+    assert (advise_extra("posecast-edge", "ros"), find_version()) == ("pip install 'posecast[ros]'", "1.2.3")
