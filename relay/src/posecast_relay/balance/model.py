@@ -101,7 +101,8 @@ def read_balance_model(manifest: bytes | bytearray) -> BalanceModel:
     tree = make_model_tree(doc)
     links = len(tree.links)
     inertials, wrong_masses = _attempt(lambda: _read_by_link(doc, "inertials", links, links, _read_mass))
-    is_impossible = bool(inertials) and not _can_be(inertials)
+    listed = inertials or ()
+    is_impossible = len(listed) > 0 and not _can_be(listed)
     inertials = () if is_impossible else inertials
     soles, wrong_soles = _attempt(lambda: _read_by_link(doc, "soles", SOLES_MAX, links, _read_sole))
     has_impossible = is_impossible or (not inertials and _has_impossible(doc.get("findings")))
