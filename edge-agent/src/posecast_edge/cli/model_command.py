@@ -35,7 +35,6 @@ from posecast_edge.sources.base import Discovering
 from posecast_edge.sources.registry import find_defaults, open_source
 
 DESCRIPTION = "robot_description"
-NEEDS_TOOLS = "needs the mesh tools"
 UP_AXIS_HELP = "whether Collada files mean the up axis that they name: what fits together (auto)"
 SEVERITY_STYLES = {"error": "red", "warning": "yellow"}  # where colours are wanted
 CLEAN, PROBLEMS, UNUSABLE = 0, 1, 2
@@ -110,6 +109,16 @@ def make_parser(program: str = "posecast-edge") -> CommandParser:
     return parser
 
 
+def _explain_missing(error: ImportError) -> str:
+    """Why there are no mesh tools: not installed, or not to be loaded, as without a library they need."""
+    if isinstance(error, ModuleNotFoundError):
+        return f"needs the mesh tools: {advise_mesh_tools()}"
+    first: BaseException = error
+    while (cause := first.__cause__ or first.__context__) is not None:
+        first = cause
+    return f"the mesh tools can't be loaded: {str(first).strip().partition(chr(10))[0]}"
+
+
 def _doctor(args: argparse.Namespace, packages: Sequence[Path]) -> int:
     profile = load_profile(args.profile) if args.profile is not None else None
     robot = load_robot_file(args.urdf, packages, dict(args.xacro_arg)) if args.urdf is not None else None
@@ -133,9 +142,9 @@ def _model(
     try:
         from posecast_edge.model.builder.model_files import collect_facts, read_visual_files  # noqa: PLC0415 - an extra
         from posecast_edge.model.builder.up_axis import settle_up_axis  # noqa: PLC0415 - the same
-    except ImportError:
+    except ImportError as e:
         facts = None
-        _print(sys.stderr, f"{args.program}: meshes not looked at: {NEEDS_TOOLS}: {advise_mesh_tools()}")
+        _print(sys.stderr, f"{args.program}: meshes not looked at: {_explain_missing(e)}")
     else:
         with Bar(sys.stderr) as bar:
             files = read_visual_files(robot, Resolver(path, packages), bar.show_progress)
@@ -197,8 +206,8 @@ def _build(args: argparse.Namespace, packages: Sequence[Path], cache: Path | Non
     try:
         from posecast_edge.model.builder.build import build_model  # noqa: PLC0415 - an extra
         from posecast_edge.model.builder.mesh_coder import describe_lack  # noqa: PLC0415 - the same
-    except ImportError:
-        raise ModelRefused(f"{NEEDS_TOOLS}: {advise_mesh_tools()}") from None
+    except ImportError as e:
+        raise ModelRefused(_explain_missing(e)) from None
     kept = Cache(cache, path, packages, arguments, args.up_axis) if cache is not None else None
     files = kept.get() if kept is not None else None
     if files is None:
