@@ -14,7 +14,7 @@ from posecast_wire.command_line.color import paint
 from posecast_wire.command_line.parser import CommandParser
 
 from posecast_edge.cli.doctor import examine_source
-from posecast_edge.cli.progress_bar import Bar
+from posecast_edge.cli.progress_bar import Bar, show_countdown
 from posecast_edge.cli.robot_flags import add_robot_flags, list_packages
 from posecast_edge.model.builder.manifest import FINDINGS_MAX
 from posecast_edge.model.doctor.skeleton import examine_model
@@ -168,7 +168,8 @@ def _source(args: argparse.Namespace, profile: Profile | None, urdf: Urdf | None
         source.send_urdf_to(described.append)
     elif urdf is not None and isinstance(source, Discovering):
         source.take_joints(list_moving_joints(urdf))
-    seen = observe_source(source, args.seconds, profile)
+    with show_countdown(sys.stderr, args.seconds, f"s of {args.source}"):
+        seen = observe_source(source, args.seconds, profile)
     if described:
         urdf = read_urdf(BytesIO(described[-1].encode()))
     findings = examine_source(seen, urdf, args.hz, given=profile is not None)
