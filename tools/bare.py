@@ -45,7 +45,10 @@ SYSTEMS = (
     System("Debian 12", "bookworm", "http://deb.debian.org/debian", "3.11.2"),
     # its keys are not among Debian's; nothing of it is kept
     System(
-        "Ubuntu 24.04", "noble", "deb [trusted=yes] http://archive.ubuntu.com/ubuntu noble main", "3.12.3"
+        "Ubuntu 24.04",
+        "noble",
+        "deb [trusted=yes] http://archive.ubuntu.com/ubuntu noble main universe",
+        "3.12.3",
     ),
 )
 
