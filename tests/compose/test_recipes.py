@@ -16,6 +16,7 @@ import pytest
 from tests.compose.conftest import free_port
 from tests.compose.engine import ROOT, docker
 from tests.compose.test_compose import IMAGES, play
+from tests.compose.watchers import PAGES, watch
 from tests.conftest import BIN, until
 
 pytestmark = pytest.mark.full
@@ -51,15 +52,19 @@ def carry_out(cloud: Any, block: str, **settings: str) -> str:
     return done.stdout
 
 
-def test_three_gateways_are_upgraded_and_no_page_notices(cloud: Any) -> None:
+def test_three_gateways_are_upgraded_and_no_page_notices(cloud: Any, tmp_path: Path) -> None:
     up = ("--profile", "demo", "--profile", "gateways", "up", "--detach", "--wait")
     cloud.project.compose(*up, limit_s=240, **MANY)
     try:
         cloud.until_moves()
         before = set(cloud.project.containers("gateway"))
         assert len(before) == 3
-        found = play(cloud, "upgrade", POSECAST_UPGRADE=adapt(cloud, GATEWAYS, **MANY))
+        with watch(cloud, tmp_path) as pages:
+            found = play(cloud, "upgrade", POSECAST_UPGRADE=adapt(cloud, GATEWAYS, **MANY))
         assert found == {"passed": 1}
+        assert pages.count_moves() >= PAGES
+        assert pages.list_lost_by_moves() == []
+        assert pages.list_repeated() == []
         after = set(cloud.project.containers("gateway"))
         assert len(after) == 3
         assert not after & before
@@ -75,7 +80,12 @@ def test_one_relay_is_upgraded_and_pages_are_stale_for_two_seconds_at_most(
     (before,) = cloud.project.containers("relay")
     robot = start_robot(cloud, stack, tmp_path, "outside")
     script = adapt(cloud, RELAY)
-    assert play(cloud, "upgrade", POSECAST_UPGRADE=script, POSECAST_STALE_MS=str(STALE_MS)) == {"passed": 1}
+    with watch(cloud, tmp_path) as pages:
+        found = play(cloud, "upgrade", POSECAST_UPGRADE=script, POSECAST_STALE_MS=str(STALE_MS))
+    assert found == {"passed": 1}
+    assert pages.count_moves() >= PAGES
+    assert pages.measure_longest_s() <= STALE_MS / 1000
+    assert pages.list_repeated() == []
     (after,) = cloud.project.containers("relay")
     assert after != before
     until("a robot from outside has followed", lambda: cloud.status("outside") == "online")
