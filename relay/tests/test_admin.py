@@ -168,3 +168,15 @@ def test_the_page_has_a_policy_and_its_own_files_alone(lab: Lab) -> None:
         assert "set-cookie" not in answer.headers
     for name in ("routes.py", "../routes.py", "index.html", "%2e%2e/routes.py"):
         assert httpx.get(f"{page}/{name}").status_code == 404
+
+
+def test_a_gateway_knows_of_robots_that_nobody_watches_there(
+    tmp_path: Path, relays: Callable[..., Relay], edges: Callable[..., ZenohEdge], redis_server: Any
+) -> None:
+    lab = Lab(tmp_path, relays, "--store", redis_server.url)
+    edges(lab.relay.zenoh, robot="hubo")
+    gateway = relays("--role", "gateway", "--store", redis_server.url, "--robots", str(lab.file))
+    lab.url = f"http://{gateway.address}/api/v1/admin"
+    until(
+        "it is on air", lambda: [row["status"] for row in lab.ask().json()["robots"]] == ["online", "offline"]
+    )

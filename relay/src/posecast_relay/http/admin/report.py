@@ -44,6 +44,8 @@ def make_report(access: Access, sources: AdminSources) -> dict[str, Any]:
     previews = sum(len(hub.previews) for hub in hubs)
     robots = sources.get_robots().enrolled
     past, archive = sources.past, sources.archive
+    # a gateway hears the robots that somebody watches there, and of the others from who writes the store
+    told = {doc["robot"]: str(doc["status"]) for doc in access.live.store.list_robots() or ()}
     return {
         "relay": {
             "trouble": sources.find_trouble(),
@@ -53,14 +55,14 @@ def make_report(access: Access, sources: AdminSources) -> dict[str, Any]:
             "skipped_frames": sum(hub.skipped for hub in hubs) + sum(room.skipped for room in rooms),
             "refused_publishers": sources.count_refused(),
         },
-        "robots": [_make_row(access, name, entry) for name, entry in sorted(robots.items())],
+        "robots": [_make_row(access, name, entry, told.get(name)) for name, entry in sorted(robots.items())],
         "past": None if past is None else {"bytes": past.bytes, "bytes_max": past.bytes_max},
         "archive": None if archive is None else _describe_archive(archive),
         "certificates": {flag: round(at_s) for flag, at_s in sources.find_expiries().items()},
     }
 
 
-def _make_row(access: Access, name: str, entry: RobotEntry) -> dict[str, Any]:
+def _make_row(access: Access, name: str, entry: RobotEntry, told: str | None) -> dict[str, Any]:
     live = access.live
     robot = live.hub.robots.get(name)
     shown = {audience.value: describe_rule(audience, rule) for audience, rule in entry.rules.items()}
@@ -72,7 +74,7 @@ def _make_row(access: Access, name: str, entry: RobotEntry) -> dict[str, Any]:
         "may_link": Audience.LINK in entry.rules,
         "has_links": entry.link_key is not None,
         "viewers": _count_viewers(access, name),
-        **(_describe_robot(robot, live.now()) if robot is not None else {"status": "offline"}),
+        **(_describe_robot(robot, live.now()) if robot is not None else {"status": told or "offline"}),
     }
 
 
