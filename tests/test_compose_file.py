@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
 from pathlib import Path
 from typing import Any
 
 import yaml
 from posecast_relay.config.settings import FLAGS, parse
+
+from tests.conftest import BIN
 
 ROOT = Path(__file__).resolve().parent.parent
 TEXT = (ROOT / "infra/docker-compose.yml").read_text()
@@ -87,3 +91,18 @@ def test_the_proxy_falls_back_on_the_relay() -> None:
     assert re.match(
         r"\s*handle @lane \{\s*reverse_proxy \{\s*dynamic a \{\s*name \{\$VIEWERS_AT:relay\}", errors
     )
+
+
+def test_the_proxy_takes_what_compose_tells_it() -> None:
+    """A variable that is set and empty is not one that is unset: Caddy then takes no default."""
+    defaults = read_defaults()
+    told = {
+        key: re.sub(r"\$\{([A-Z_]+)[^}]*\}", lambda found: defaults[found[1]], str(value))
+        for key, value in COMPOSE["services"]["proxy"]["environment"].items()
+    }
+    assert "" in told.values()
+    adapt = (BIN / "caddy", "adapt", "--config", ROOT / "infra/Caddyfile", "--adapter", "caddyfile")
+    for cache in (told["LANE_AT"], "cache"):
+        env = os.environ | told | {"LANE_AT": cache}
+        done = subprocess.run(adapt, env=env, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr

@@ -9,7 +9,15 @@ from collections import Counter, defaultdict
 from pathlib import Path
 
 REPO = Path(__file__).resolve().parent.parent
-PACKAGES = ("wire/python", "wire/typescript/src", "edge-agent/src", "relay/src", "loadtests/src", "spa/src")
+PACKAGES = (
+    "wire/python",
+    "wire/typescript/src",
+    "edge-agent/src",
+    "relay/src",
+    "loadtests/src",
+    "command/src",
+    "spa/src",
+)
 SOURCES = sorted(
     path
     for package in PACKAGES

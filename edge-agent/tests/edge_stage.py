@@ -22,9 +22,7 @@ from posecast_wire.keys import Echo, Snapshot, Stamp, echo_key, snapshot_key
 
 ROBOT = "r1"
 LEASE_MS = 2500
-WITHOUT_MESH_TOOLS = (
-    "import sys; sys.modules['meshoptimizer'] = None; from posecast_edge.cli.main import main; main()"
-)
+WITHOUT_MESH_TOOLS = "import sys; sys.modules['PIL'] = None; from posecast_edge.cli.main import main; main()"
 
 
 def until(condition: Callable[[], bool], what: str, seconds: float = 10.0) -> None:

@@ -12,7 +12,7 @@ echo "made of Debian's packages, because they can't be pulled: ${missing[*]}"
 tools/need mmdebstrap
 root=$(mktemp -d)
 trap 'rm -rf "$root"' EXIT
-packages=ca-certificates,python3,python3-venv,python3-dev,g++,redis-server,wget,curl,nginx-light,prometheus
+packages=ca-certificates,python3,python3-venv,python3-dev,g++,redis-server,wget,curl,nginx-light,libnginx-mod-stream,prometheus
 mmdebstrap --quiet --variant=minbase --include=$packages bookworm "$root/debian"
 # how this machine reaches its package registries, for the builds
 for file in /etc/ssl/certs/ca-certificates.crt /etc/pip.conf /etc/npmrc; do

@@ -39,37 +39,33 @@ class Project:
 
     def __init__(self, folder: Path, ports: tuple[int, int, int]) -> None:
         self.name = f"posecast-test-{os.getpid()}"
-        self.https_port, http_port, self.robots_port = ports
+        self.https_port, self.http_port, self.robots_port = ports
         self.settings = {
             "BIND": "127.0.0.1",
             "HTTPS_PORT": str(self.https_port),
-            "HTTP_PORT": str(http_port),
+            "HTTP_PORT": str(self.http_port),
             "ROBOTS_PORT": str(self.robots_port),
             # an engine in a sandbox may not give more than this process has
             "NOFILE": str(min(65536, resource.getrlimit(resource.RLIMIT_NOFILE)[1])),
         }
-        self._command = compose_command()
+        self.program = compose_command()
         self._folder = folder
         # registries are reached through the machine's own network, wherever that leads
         self._here = folder / "here.yml"
         build = {"build": {"network": "host"}}
         self._here.write_text(json.dumps({"services": {"relay": build, "proxy": build}}))
 
-    def compose(self, *words: str, limit_s: float = 120, **settings: str) -> str:
-        """Runs a command; its output. AssertionError with what it said when it fails."""
+    def write_command(self, **settings: str) -> list[str]:
+        """The command that works on this project, with these settings beside its own."""
         env_file = self._folder / ".env"
         env_file.write_text("".join(f"{k}={v}\n" for k, v in {**self.settings, **settings}.items()))
-        done = subprocess.run(
-            [
-                *self._command,
-                *("--project-name", self.name, "--env-file", str(env_file)),
-                *("-f", str(FILE), "-f", str(self._here), *words),
-            ],
-            capture_output=True,
-            text=True,
-            check=False,
-            timeout=limit_s,
-        )
+        named = ("--project-name", self.name, "--env-file", str(env_file))
+        return [*self.program, *named, "-f", str(FILE), "-f", str(self._here)]
+
+    def compose(self, *words: str, limit_s: float = 120, **settings: str) -> str:
+        """Runs a command; its output. AssertionError with what it said when it fails."""
+        command = [*self.write_command(**settings), *words]
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=limit_s)
         assert done.returncode == 0, f"compose {' '.join(words)}\n{done.stdout[-4000:]}{done.stderr[-8000:]}"
         return done.stdout
 

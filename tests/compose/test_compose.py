@@ -22,8 +22,8 @@ from tests.conftest import BIN, until
 pytestmark = pytest.mark.full
 
 MB = 1e6
-SERVICES = {"relay", "proxy", "redis", "demo"}
-PUBLISHED = {"proxy": {"80/tcp", "443/tcp"}, "relay": {"7447/tcp"}}
+SERVICES = {"relay", "robots", "proxy", "redis", "demo"}
+PUBLISHED = {"proxy": {"80/tcp", "443/tcp"}, "robots": {"7447/tcp"}}
 
 
 def test_from_nothing_to_a_moving_robot(cloud: Any, record_testsuite_property: Any) -> None:
@@ -187,7 +187,7 @@ def test_the_password_is_asked_for_and_shows_nowhere(cloud: Any) -> None:
     assert "NOAUTH" in docker("exec", redis, "redis-cli", "ping")
 
 
-@pytest.mark.parametrize("service", ["relay", "redis", "proxy"])
+@pytest.mark.parametrize("service", ["relay", "robots", "redis", "proxy"])
 def test_a_killed_service_comes_back_by_itself(cloud: Any, service: str) -> None:
     (container,) = cloud.project.containers(service)
     before = cloud.project.inspect(container)["State"]["StartedAt"]

@@ -47,6 +47,8 @@ class Screen:
         self.opened_s = time.monotonic()
         self.connected = False
         self.cut = False  # a connection was lost, and there is no other yet
+        self.moves = False  # its relay is being replaced, and what that one told is not old yet
+        self.moved = False  # no frame has come of the relay that it was moved to
         self.heard_s: float | None = None
         self.status: dict[str, Any] | None = None
         self.status_s = 0.0
@@ -59,6 +61,7 @@ class Screen:
         self._alive_s = time.monotonic()
         self._codes: tuple[int, ...] = ()
         self._seq = -1
+        self._t_s = 0.0
         self._schema = 0
         self._least_s = float("inf")
         self._said: tuple[str | None, str | None] = ("", None)
@@ -78,11 +81,7 @@ class Screen:
             return "STALE", "robot silent"
         if link_s >= STALE_S:
             return "STALE", "no connection"
-        age_s = (
-            None if self.status["age_ms"] is None else self.status["age_ms"] / 1000 + now_s - self.status_s
-        )
-        if self.fresh_s is not None:
-            age_s = min(now_s - self.fresh_s, age_s if age_s is not None else float("inf"))
+        age_s = self.find_age_s(now_s)
         if age_s is None or age_s >= STALE_S:
             return "STALE", "robot silent"
         if self.shown_s is None:
@@ -91,6 +90,14 @@ class Screen:
             return "STALE", "relay degraded"  # the robot is well, but not what is shown
         holding = self.changed_s is not None and now_s - self.changed_s >= HOLDING_S
         return ("HOLDING" if holding else "LIVE"), None
+
+    def find_age_s(self, now_s: float) -> float | None:
+        """The age of the robot's newest pose; None when none is known."""
+        told = self.status["age_ms"] if self.status else None
+        age_s = None if told is None else told / 1000 + now_s - self.status_s
+        if self.fresh_s is not None:
+            age_s = min(now_s - self.fresh_s, age_s if age_s is not None else float("inf"))
+        return age_s
 
     def say(self, now_s: float, **what: Any) -> None:
         """One line."""
@@ -111,17 +118,24 @@ class Screen:
         self._alive_s = now_s
 
     def opened(self, now_s: float) -> None:
-        """A connection stands: what an old one knew of the robot is not what this one knows."""
-        self.connected, self.cut = True, False
-        self.heard_s = now_s
+        """A connection stands: what an old one knew of the robot long ago is not what this one knows."""
+        moved = self.moves and self.heard_s is not None and now_s - self.heard_s < STALE_S
+        self.connected, self.cut, self.heard_s = True, False, now_s
+        self.moved = moved
+        if moved:
+            return
+        self.moves = False
         self.status = self.fresh_s = self.changed_s = None
         self.shown_s = self.left_s = self.silent_since_s = None
         self.look(now_s)
 
     def lost(self, now_s: float, code: int | None, lived_s: float) -> None:
         """It stands no more."""
-        self.cut = self.cut or self.connected
-        self.connected = False
+        isnt_old = self.heard_s is not None and now_s - self.heard_s < STALE_S
+        self.moves = isnt_old and (code == Close.DRAIN or (self.moves and code is None))
+        if not self.moves:
+            self.cut = self.cut or self.connected
+            self.connected = False
         self.say(now_s, closed=code, lived_s=round(lived_s, 3))
         self.look(now_s)
 
@@ -140,6 +154,11 @@ class Screen:
     def text(self, message: dict[str, Any], now_s: float) -> None:
         """One JSON message."""
         if message["type"] == "status":
+            is_no_news = message.get("degraded") or message["seq"] is None
+            age_s = self.find_age_s(now_s)
+            if self.moves and is_no_news and age_s is not None and age_s < STALE_S:
+                return  # it does not know the robot yet
+            self.moves = False
             self.status, self.status_s = message, self._left_s(now_s)
             if self.left_s is not None and message["seq"] == self._seq and message["age_ms"] is not None:
                 # of a frame that is here more is known: it is at least as old as it has been here
@@ -166,6 +185,9 @@ class Screen:
         except FrameError as e:
             self.say(now_s, undecodable=str(e))
             return
+        if self.moved and (frame.seq, frame.t_s) == (self._seq, self._t_s):
+            return  # the old relay had it, too
+        self.moved = False
         known = self.status["seq"] if self.status else None
         if payload[0] & BASE and known is not None and frame.seq < known:
             return  # what the newest is coded against, not what the robot does now
@@ -178,7 +200,7 @@ class Screen:
         self.left_s = left_s
         if unsure or tuple(frame.codes) != self._codes:
             self._codes, self.changed_s = tuple(frame.codes), now_s
-        self._seq = frame.seq
+        self._seq, self._t_s = frame.seq, frame.t_s
         self._vouch()
         self._least_s = min(self._least_s, now_s - frame.t_s)
         behind_s = round(now_s - frame.t_s - self._least_s, 3)

@@ -22,7 +22,7 @@ const stage = setStage();
 /** Large, so that what lies on the floor is seen. */
 const SIZE = { width: 2000, height: 1400 };
 /** The floor around its feet, and behind them. */
-const FLOOR = { x: 780, y: 980, width: 440, height: 240 };
+const FLOOR = { x: 830, y: 930, width: 320, height: 190 };
 const BEHIND = { x: 560, y: 930, width: 540, height: 250 };
 const SENTENCE = '.stage .balance-line';
 const BALANCE = 'window.posecast.scene?.signs.balance';

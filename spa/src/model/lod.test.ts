@@ -34,6 +34,12 @@ test('visuals become one set of arrays, each vertex with its bone and its paint'
   expect([...level.paints].slice(0, 16)).toEqual([1, 0, 0, 1, 0, 1, 0, 0.5, 0, 0, 1, 1, 1, 1, 1, STAND_IN]);
 });
 
+test('a model that is not packed is the same model', async () => {
+  expect(await readLod(await sampleGlb({ ...model, unpacked: true }), 5)).toEqual(
+    await readLod(await sampleGlb(model), 5),
+  );
+});
+
 test('one draw for all that is untextured, one more for each picture; all triangles belong to somebody', async () => {
   const level = await readLod(await sampleGlb(model), 5);
   expect(level.draws).toEqual([

@@ -33,6 +33,8 @@ export interface SampleModel {
   readonly visuals: readonly SampleVisual[];
   readonly materials?: readonly SampleMaterial[];
   readonly pictures?: readonly Uint8Array[];
+  /** As the builder writes it where meshoptimizer is missing. */
+  readonly unpacked?: boolean;
 }
 
 const UNITS = 1000; // mesh units a metre
@@ -64,6 +66,11 @@ export async function sampleGlb(model: SampleModel, level = ''): Promise<Uint8Ar
     return { byteOffset: at, byteLength: bytes.length };
   };
   const pack = (bytes: Uint8Array, byteStride: number, mode: 'ATTRIBUTES' | 'TRIANGLES') => {
+    if (model.unpacked) {
+      const stride = mode === 'ATTRIBUTES' ? { byteStride } : {};
+      bufferViews.push({ buffer: 0, ...stride, ...put(bytes) });
+      return;
+    }
     const count = bytes.length / byteStride;
     const packed = MeshoptEncoder.encodeGltfBuffer(bytes, count, byteStride, mode);
     bufferViews.push({

@@ -186,7 +186,9 @@ export class StreamClient {
       case 'link':
         if (this.link.by === 'segments' && message.by !== 'segments') twin.acceptCatchUp();
         if (message.by !== 'segments' && message.phase === 'open') twin.hasAllEvents = true; // it tells them
-        if (!message.moves) {
+        if (message.moves) {
+          if (message.phase === 'open') twin.acceptMove();
+        } else {
           // after a move that took too long, too: what the old relay told need not hold
           if (message.phase === 'open' && this.link.phase !== 'open') twin.acceptConnection(false, nowMs());
           twin.acceptConnection(message.phase === 'open', nowMs(), message.phase === 'connecting');

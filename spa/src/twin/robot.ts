@@ -2,7 +2,7 @@ import type { EventMessage, Schema } from '@posecast/wire';
 import { JointTable } from './joints.ts';
 import type { KinematicTree } from './kinematic_tree.ts';
 import { NO_EDITS, type ThresholdEdits, ValueLimits } from './limits/limits.ts';
-import type { Evidence, Status } from './liveness.ts';
+import { type Evidence, newestAgeMs, STALE_AFTER_MS, type Status } from './liveness.ts';
 import { isolated } from './names.ts';
 import { valueAt } from './values.ts';
 
@@ -55,6 +55,8 @@ export class RobotTwin {
   /** The state and the limits that `#joints` was last read with. */
   #readFrom: readonly unknown[] = [];
   #watching = true;
+  /** Moved to another relay that has told nothing of the robot yet. */
+  #moved = false;
   readonly #stateListeners = new Set<() => void>();
   readonly #changeListeners = new Set<() => void>();
 
@@ -121,7 +123,13 @@ export class RobotTwin {
     for (const listener of this.#stateListeners) listener();
   }
 
+  /** Takes what the relay says. One that the page has just been moved to may not know the robot yet: that is no news, until what the
+   *  one before has said is old. */
   acceptStatus(status: Status): void {
+    const oldMs = newestAgeMs(this.evidence, status.atMs);
+    const isNoNews = status.degraded || status.seq === null;
+    if (this.#moved && isNoNews && oldMs !== null && oldMs < STALE_AFTER_MS) return;
+    this.#moved = false;
     this.evidence.status = status;
     this.heard(status.atMs);
     const { seq, ageMs } = status;
@@ -137,10 +145,16 @@ export class RobotTwin {
     this.evidence.heardMs = Math.max(nowMs, this.evidence.heardMs ?? 0); // states may be handed over late
   }
 
+  /** The connection is now to another relay, and what the one before told is not old yet. */
+  acceptMove(): void {
+    this.#moved = true;
+  }
+
   /** `goesOn`: who has left the connection tries another at once, as where a full relay names its lane. A page that has shown no
    *  pose yet is only opening then. */
   acceptConnection(connected: boolean, nowMs: number, goesOn = false): void {
     if (this.evidence.connected === connected) return;
+    this.#moved = false;
     this.evidence.connected = connected;
     if (connected) {
       // What the old connection knew about the robot need not hold for the new one.

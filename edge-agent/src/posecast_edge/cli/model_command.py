@@ -196,6 +196,7 @@ def _build(args: argparse.Namespace, packages: Sequence[Path], cache: Path | Non
     path, out, arguments = args.urdf, args.out, dict(args.xacro_arg)
     try:
         from posecast_edge.model.builder.build import build_model  # noqa: PLC0415 - an extra
+        from posecast_edge.model.builder.mesh_coder import describe_lack  # noqa: PLC0415 - the same
     except ImportError:
         raise ModelRefused(f"{NEEDS_TOOLS}: {advise_mesh_tools()}") from None
     kept = Cache(cache, path, packages, arguments, args.up_axis) if cache is not None else None
@@ -207,6 +208,8 @@ def _build(args: argparse.Namespace, packages: Sequence[Path], cache: Path | Non
         files = {**built.files, MANIFEST: built.manifest}
         if kept is not None:
             kept.put(files, resolver, robot.inputs)
+        if lack := describe_lack():
+            _print(sys.stderr, f"{args.program}: {path}: {lack}")
     write_folder(out, files)
     return _report(path, out, json.loads(files[MANIFEST]), args.program)
 

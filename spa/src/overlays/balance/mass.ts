@@ -48,7 +48,7 @@ export function drawMass(
   );
 }
 
-/** Draws the capture point, a hollow diamond at the end of a line from the mass' foot. Nothing while it lies within the
+/** Draws the capture point, a hollow square at the end of a line from the mass' foot. Nothing while it lies within the
  *  mark of that foot: the robot is at rest. */
 export function drawCapture(
   facets: Facets,

@@ -1,4 +1,5 @@
-"""Writes binary glTF 2.0 files (GLB) with EXT_meshopt_compression. The same input gives the same bytes."""
+"""Writes binary glTF 2.0 files (GLB), packed (EXT_meshopt_compression) where meshoptimizer is there. The same
+input gives the same bytes."""
 
 from __future__ import annotations
 
@@ -7,11 +8,13 @@ import struct
 from collections.abc import Mapping
 from typing import Any
 
-import meshoptimizer
 import numpy as np
 from numpy.typing import NDArray
 
+from posecast_edge.model.builder.mesh_coder import can_pack, pack_attributes, pack_indices
+
 FLOAT, BYTE, SHORT, UINT = 5126, 5120, 5122, 5125
+PACKING = ("EXT_meshopt_compression",) if can_pack() else ()
 
 
 class GlbWriter:
@@ -20,8 +23,8 @@ class GlbWriter:
     def __init__(self) -> None:
         self.document: dict[str, Any] = {
             "asset": {"version": "2.0", "generator": "posecast-edge"},
-            "extensionsUsed": ["EXT_meshopt_compression", "KHR_mesh_quantization"],
-            "extensionsRequired": ["EXT_meshopt_compression", "KHR_mesh_quantization"],
+            "extensionsUsed": [*PACKING, "KHR_mesh_quantization"],
+            "extensionsRequired": [*PACKING, "KHR_mesh_quantization"],
         }
         self._views: list[dict[str, Any]] = []
         self._accessors: list[dict[str, Any]] = []
@@ -35,18 +38,19 @@ class GlbWriter:
         return len(self._views) - 1
 
     def add_attribute_view(self, values: NDArray[Any]) -> int:
-        """Add a compressed view of values (n, k) and return its number. A row must be a multiple of 4
-        bytes."""
-        meshoptimizer.encode_vertex_version(0)  # what EXT_meshopt_compression means
-        return self._compressed(
-            meshoptimizer.encode_vertex_buffer(values), len(values), values.strides[0], "ATTRIBUTES"
-        )
+        """Add a view of values (n, k), packed where possible, and return its number. A row must be a multiple
+        of 4 bytes."""
+        if not PACKING:
+            number = self.add_raw_view(values.tobytes())
+            self._views[number]["byteStride"] = values.strides[0]
+            return number
+        return self._compressed(pack_attributes(values), len(values), values.strides[0], "ATTRIBUTES")
 
     def add_index_view(self, indices: NDArray[np.uint32], vertices: int) -> int:
-        """Add a compressed view of triangle indices and return its number."""
-        meshoptimizer.encode_index_version(1)
-        data = meshoptimizer.encode_index_buffer(indices, len(indices), vertices)
-        return self._compressed(data, len(indices), 4, "TRIANGLES")
+        """Add a view of triangle indices, packed where possible, and return its number."""
+        if not PACKING:
+            return self.add_raw_view(indices.astype("<u4").tobytes())
+        return self._compressed(pack_indices(indices, vertices), len(indices), 4, "TRIANGLES")
 
     def add_accessor(self, view: int, component: int, kind: str, count: int, more: Mapping[str, Any]) -> int:
         """Add an accessor of a view and return its number."""
@@ -78,7 +82,7 @@ class GlbWriter:
         fallback = {"byteLength": self._plain, "extensions": {"EXT_meshopt_compression": {"fallback": True}}}
         document = {
             **self.document,
-            "buffers": [{"byteLength": len(self._binary)}, fallback],
+            "buffers": [{"byteLength": len(self._binary)}, *([fallback] if PACKING else [])],
             "bufferViews": self._views,
             "accessors": self._accessors,
         }

@@ -5,10 +5,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import meshoptimizer
 import numpy as np
 from numpy.typing import NDArray
 
+from posecast_edge.model.builder.mesh_coder import order_for_cache
 from posecast_edge.model.meshes.mesh import Faces, Floats, Surface
 from posecast_edge.model.meshes.normals import compute_crease_normals, compute_face_normals
 from posecast_edge.model.meshes.weld import drop_duplicate_faces, drop_unused_vertices, find_crowded_faces
@@ -82,7 +82,4 @@ def _in_cache_order(faces: Faces, vertices: int) -> Faces:
         return np.concatenate([_in_cache_order(faces[~crowded], vertices), faces[crowded]])
     if not len(faces):
         return faces
-    indices = np.ascontiguousarray(faces.reshape(-1), np.uint32)
-    result = np.empty_like(indices)
-    meshoptimizer.optimize_vertex_cache(result, indices, len(indices), vertices)
-    return result.reshape(-1, 3).astype(np.int32)
+    return order_for_cache(faces, vertices)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-import meshoptimizer
 import numpy as np
 from numpy.typing import NDArray
 
+from posecast_edge.model.builder.mesh_coder import simplify
 from posecast_edge.model.meshes.mesh import Faces, Surface
 from posecast_edge.model.meshes.weld import find_crowded_faces
 
@@ -20,7 +20,7 @@ BELOW = 6  # rungs: an eighth of the error
 
 class LodChain:
     """Simplified versions of one welded surface. Version k is within `robot_size · FINEST · STEP**k` of the
-    original, as estimated by meshoptimizer, and within LARGEST of the mesh's own size. Behind the last of
+    original, as `simplify` estimates it, and within LARGEST of the mesh's own size. Behind the last of
     these, number `rungs` - 1, each goes STEP times as far as the one before."""
 
     def __init__(self, surface: Surface, mesh_size: float, robot_size: float, rungs: int) -> None:
@@ -30,8 +30,7 @@ class LodChain:
         self._kept = surface.faces[crowded]  # as they are, on every rung
         self._loose = surface.faces[~crowded]
         # where some stay, the others keep their border with them
-        border = meshoptimizer.SIMPLIFY_LOCK_BORDER if len(self._kept) else 0
-        self._options = meshoptimizer.SIMPLIFY_ERROR_ABSOLUTE | border
+        self._keeps_border = len(self._kept) > 0
         self._first = robot_size * FINEST
         self._most = mesh_size * LARGEST
         self._rungs: dict[int, tuple[float, Faces]] = {}
@@ -61,17 +60,7 @@ class LodChain:
     def _simplified(self, faces: Faces, error: float) -> Faces:
         if len(faces) <= 4:
             return faces
-        indices = np.ascontiguousarray(faces.reshape(-1), np.uint32)
-        result = np.empty_like(indices)
-        count = meshoptimizer.simplify(
-            result,
-            indices,
-            np.ascontiguousarray(self.surface.positions, np.float32),
-            target_index_count=0,
-            target_error=error,
-            options=self._options,
-        )
-        return result[:count].reshape(-1, 3).astype(np.int32) if count else faces
+        return simplify(faces, self.surface.positions, self.surface.uv, error, self._keeps_border)
 
 
 def _crowded(surface: Surface) -> NDArray[np.bool_]:

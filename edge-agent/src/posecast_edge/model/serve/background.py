@@ -22,7 +22,7 @@ from posecast_edge.model.serve.bundle import Bundle, ModelError, load_built
 
 log = logging.getLogger("posecast_edge.model")
 
-NEEDED = ("meshoptimizer", "numpy", "PIL")  # the extra [model]
+NEEDED = ("numpy", "PIL")  # the extra [model]
 BUILD_MAX_S = 900.0
 STOP_S = 2.0
 WRITTEN = (0, 1)  # exit statuses; 1: of stand-ins alone

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import importlib.util
 import json
 import os
 import shutil
@@ -31,6 +32,11 @@ def find_cache_folder(environment: Mapping[str, str]) -> Path | None:
     return Path(base, "posecast", "models") if os.path.isabs(base) else None
 
 
+def _has_simplifier() -> bool:
+    """Whether the builder makes models as fine as it can."""
+    return importlib.util.find_spec("meshoptimizer") is not None
+
+
 class Cache:
     """The cache entry for one robot's file, its package folders and xacro's arguments."""
 
@@ -45,7 +51,9 @@ class Cache:
         self._urdf = resolve_links(urdf)
         self._packages = packages
         given = sorted(f"{name}:={value}" for name, value in (xacro_arguments or {}).items())
-        name = "\0".join(map(str, (BUILDER, up_axis, self._urdf, *map(resolve_links, packages), *given)))
+        name = "\0".join(
+            map(str, (BUILDER, _has_simplifier(), up_axis, self._urdf, *map(resolve_links, packages), *given))
+        )
         self._entry = folder / hashlib.sha256(os.fsencode(name)).hexdigest()[:32]
 
     def get(self) -> dict[str, bytes] | None:

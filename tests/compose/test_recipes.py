@@ -1,0 +1,194 @@
+"""The recipes of docs/OPERATIONS.md for the containers, each played as it stands there."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import subprocess
+import time
+import urllib.error
+import urllib.request
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.compose.conftest import free_port
+from tests.compose.engine import ROOT, docker
+from tests.compose.test_compose import IMAGES, play
+from tests.compose.watchers import PAGES, watch
+from tests.conftest import BIN, until
+
+pytestmark = pytest.mark.full
+
+PAGE = (ROOT / "docs/OPERATIONS.md").read_text()
+SECTION = PAGE[PAGE.index("## Recipes for the containers") :]
+ALIAS, BUILD, GATEWAYS, RELAY, REST, BACKUP, RESTORE, SECOND, NOFILE = re.findall(
+    r"^```sh\n(.*?)^```", SECTION, re.DOTALL | re.MULTILINE
+)
+MANY = {"RELAY_ROLE": "ingest", "VIEWERS_AT": "gateway", "GATEWAYS": "3"}
+STALE_MS = 2000  # of one relay
+
+
+def adapt(cloud: Any, block: str, **settings: str) -> str:
+    """A block as a script for the tests' own project."""
+    assert ALIAS.strip() == "alias compose='docker compose -f infra/docker-compose.yml'"
+    command = cloud.project.write_command(**settings)
+    script = block.replace("docker compose -f infra/docker-compose.yml", "compose")
+    script = re.sub(r"\bposecast_(?=\w+:)", f"{cloud.project.name}_", script)
+    return f'set -euo pipefail\ncd {ROOT}\ncompose() {{ {shlex.join(command)} "$@"; }}\n{script}'
+
+
+def carry_out(cloud: Any, block: str, **settings: str) -> str:
+    """Run a block; what it prints."""
+    done = subprocess.run(
+        ["bash", "-c", adapt(cloud, block, **settings)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
+    assert done.returncode == 0, f"{block}\n{done.stdout[-4000:]}{done.stderr[-8000:]}"
+    return done.stdout
+
+
+def test_three_gateways_are_upgraded_and_no_page_notices(cloud: Any, tmp_path: Path) -> None:
+    up = ("--profile", "demo", "--profile", "gateways", "up", "--detach", "--wait")
+    cloud.project.compose(*up, limit_s=240, **MANY)
+    try:
+        cloud.until_moves()
+        before = set(cloud.project.containers("gateway"))
+        assert len(before) == 3
+        with watch(cloud, tmp_path) as pages:
+            found = play(cloud, "upgrade", POSECAST_UPGRADE=adapt(cloud, GATEWAYS, **MANY))
+        assert found == {"passed": 1}
+        assert pages.count_moves() >= PAGES
+        assert pages.list_lost_by_moves() == []
+        assert pages.list_repeated() == []
+        after = set(cloud.project.containers("gateway"))
+        assert len(after) == 3
+        assert not after & before
+    finally:
+        cloud.project.compose(*up[:2], "up", "--detach", "--wait", "--remove-orphans", limit_s=240)
+        cloud.project.compose("--profile", "gateways", "rm", "--stop", "--force", "gateway")
+    cloud.until_moves()
+
+
+def test_one_relay_is_upgraded_and_pages_are_stale_for_two_seconds_at_most(
+    cloud: Any, stack: Any, tmp_path: Path
+) -> None:
+    (before,) = cloud.project.containers("relay")
+    robot = start_robot(cloud, stack, tmp_path, "outside")
+    script = adapt(cloud, RELAY)
+    with watch(cloud, tmp_path) as pages:
+        found = play(cloud, "upgrade", POSECAST_UPGRADE=script, POSECAST_STALE_MS=str(STALE_MS))
+    assert found == {"passed": 1}
+    assert pages.count_moves() >= PAGES
+    assert pages.measure_longest_s() <= STALE_MS / 1000
+    assert pages.list_repeated() == []
+    (after,) = cloud.project.containers("relay")
+    assert after != before
+    until("a robot from outside has followed", lambda: cloud.status("outside") == "online")
+    assert robot.process.poll() is None
+    carry_out(cloud, REST)
+    assert cloud.project.containers("relay") == [after], "it is not replaced once more"
+    docker("exec", after, "posecast-relay", "robots", "remove", "outside")
+
+
+def start_robot(cloud: Any, stack: Any, folder: Path, name: str) -> Any:
+    """A robot outside of the containers, with a credential of its own."""
+    (relay,) = cloud.project.containers("relay")
+    credential = folder / f"{name}.credential"
+    credential.touch(0o600)
+    enrol = ("posecast-relay", "robots", "add", name, "--ca", "/secret/ca.pem")
+    credential.write_text(docker("exec", relay, *enrol))
+    to = f"tls/localhost:{cloud.project.robots_port}"
+    words = ("run", "--source", "demo", "--credential", str(credential), "--relay", to)
+    robot = stack.start("edge", str(BIN / "posecast-edge"), *words)
+    until(f"{name} is on air", lambda: cloud.status(name) == "online", 60)
+    return robot
+
+
+def test_what_was_backed_up_comes_back_with_the_credentials(cloud: Any, stack: Any, tmp_path: Path) -> None:
+    start_robot(cloud, stack, tmp_path, "kept")
+    kept = tmp_path / "posecast.tar.gz"
+    carry_out(cloud, BACKUP.replace("> posecast.tar.gz", f"> {kept}"))
+    assert kept.stat().st_mode & 0o777 == 0o600
+    root = docker("exec", cloud.project.containers("proxy")[0], "cat", ROOT_CERTIFICATE)
+    began_s = time.monotonic()
+    carry_out(cloud, RESTORE.replace("< posecast.tar.gz", f"< {kept}"))
+    restored_s = time.monotonic() - began_s
+    assert docker("exec", cloud.project.containers("proxy")[0], "cat", ROOT_CERTIFICATE) == root
+    until("the robot is back with its old credential", lambda: cloud.status("kept") == "online", 30)
+    print(f"restored in {restored_s:.1f} s, the robot back after {time.monotonic() - began_s:.1f} s")
+    assert restored_s <= 30
+    cloud.project.compose("--profile", "demo", "up", "--detach", "--wait", limit_s=180)
+    cloud.until_moves()
+
+
+ROOT_CERTIFICATE = "/caddy/data/caddy/pki/authorities/local/root.crt"
+
+
+class Stay(urllib.request.HTTPRedirectHandler):
+    """A redirect is an answer."""
+
+    def redirect_request(self, *_: Any) -> None:
+        """Not followed."""
+
+
+def test_a_second_lab_stands_beside_the_first_on_ports_of_its_own(cloud: Any, tmp_path: Path) -> None:
+    https, http, robots = free_port(), free_port(), free_port()
+    env = tmp_path / "second.env"
+    block = SECOND
+    for shown, mine in {
+        "infra/second.env": str(env),
+        "HTTPS_PORT=8443": f"HTTPS_PORT={https}",
+        "HTTP_PORT=8081": f"HTTP_PORT={http}",
+        "ROBOTS_PORT=8447": f"ROBOTS_PORT={robots}\nNOFILE={cloud.project.settings['NOFILE']}",
+        "--project-name second": f"--project-name {cloud.project.name}-second",
+    }.items():
+        assert shown in block
+        block = block.replace(shown, mine)
+    _, _, line = block.strip().rpartition("\n")
+    line = line.replace("docker compose -f infra/docker-compose.yml", shlex.join(cloud.project.program))
+    script = f"cd {ROOT}\n{block.strip().rpartition(chr(10))[0]}\n{line}\n"
+    down = line.partition(" up ")[0] + " down --volumes --timeout 5"
+    try:
+        done = subprocess.run(
+            ["bash", "-euc", script], capture_output=True, text=True, check=False, timeout=240
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+        opener = urllib.request.build_opener(Stay)
+        for port, goes_to in ((http, https), (cloud.project.http_port, cloud.project.https_port)):
+            with pytest.raises(urllib.error.HTTPError) as sent:
+                opener.open(f"http://localhost:{port}/r/demo?x=1", timeout=10)
+            assert (sent.value.code, sent.value.headers["location"]) == (
+                308,
+                f"https://localhost:{goes_to}/r/demo?x=1",
+            )
+        cloud.until_moves()
+    finally:
+        subprocess.run(["bash", "-c", f"cd {ROOT} && {down}"], check=True, capture_output=True, timeout=180)
+
+
+def test_a_host_that_allows_fewer_open_files(cloud: Any) -> None:
+    allowed = int(carry_out(cloud, NOFILE))
+    assert allowed >= 1024
+    fewer = str(min(allowed, 4096))
+    settings = {"NOFILE": fewer, "MAX_VIEWERS": str(int(fewer) - 2000)}
+    try:
+        cloud.project.compose("up", "--detach", "--wait", limit_s=180, **settings)
+        (relay,) = cloud.project.containers("relay")
+        assert docker("exec", relay, "sh", "-c", "ulimit -Hn").strip() == fewer
+        assert "open files" not in docker("logs", relay)
+        cloud.until_moves()
+    finally:
+        cloud.project.compose("--profile", "demo", "up", "--detach", "--wait", limit_s=180)
+    cloud.until_moves()
+
+
+def test_the_images_are_made_while_the_old_ones_run(cloud: Any) -> None:
+    before = cloud.project.containers("relay")
+    carry_out(cloud, BUILD)
+    assert cloud.project.containers("relay") == before
+    assert {"posecast", "posecast-proxy"} <= set(IMAGES)
