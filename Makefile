@@ -1,6 +1,6 @@
 # Every target sets up what it needs; `make` alone lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers lane balance load attack faults soak gallery pictures explained compose-test dist clean unit python python-a python-b typescript page e2e browsers
+.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers lane balance load attack faults soak gallery pictures explained compose-test dist bare clean unit python python-a python-b typescript page e2e browsers
 SHELL := /bin/bash
 export UV_PYTHON_DOWNLOADS := never
 export PYTHONDONTWRITEBYTECODE := 1
@@ -198,6 +198,10 @@ dist: setup ## wheels in dist/: posecast (all of it), and wire, agent and relay 
 	stage=$$(mktemp -d) && trap 'rm -rf "$$stage"' EXIT && cp -r relay "$$stage" && cp -r spa/dist "$$stage/relay/src/posecast_relay/page" && \
 	  for part in wire/python edge-agent "$$stage/relay" command; do $(UV) build --quiet --wheel --out-dir $(DIST) "$$part" || exit; done
 	$(BIN)/python -m tools.sbom $(DIST)
+
+bare: dist ## from an empty Debian and an empty Ubuntu to a robot on air: seconds and megabytes (root, mmdebstrap)
+	@tools/need mmdebstrap
+	$(BIN)/python -m tools.bare
 
 clean: ## remove what was made
 	rm -rf .venv .tools node_modules spa/dist dist out $(DEMO)

@@ -59,8 +59,9 @@ const SHARED_CHUNKS = [
     includeDependenciesRecursively: false,
   },
   {
+    // What figures, balance and saving share.
     name: 'root_pose',
-    test: /spa\/src\/(model\/(articulated_body|root_pose|vectors)|overlays\/colors|twin\/(sensors\/imus|vectors))\.ts$/,
+    test: /spa\/src\/(model\/(articulated_body|root_pose|vectors)|overlays\/(colors|limb_across|picture_numbers)|twin\/(sensors\/imus|vectors|wrench_units))\.ts$/,
     includeDependenciesRecursively: false,
   },
   {

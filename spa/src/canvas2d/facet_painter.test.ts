@@ -1,6 +1,6 @@
 import { expect, it } from 'vitest';
 import { Facets } from '../overlays/balance/facets.ts';
-import type { Paint } from '../overlays/strokes.ts';
+import type { Paint } from '../overlays/picture_numbers.ts';
 import type { Vec3 } from '../twin/rotation.ts';
 import { CameraRig } from '../view/camera/camera_rig.ts';
 import { paintFacets } from './facet_painter.ts';

@@ -230,7 +230,7 @@ function unit(value: number[], where: string): number[] {
   return value.map((part) => part / length);
 }
 
-function isIndex(value: unknown, end: number): value is number {
+export function isIndex(value: unknown, end: number): value is number {
   return Number.isSafeInteger(value) && (value as number) >= 0 && (value as number) < end;
 }
 

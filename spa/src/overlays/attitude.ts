@@ -20,7 +20,8 @@ import {
   withoutHeading,
 } from '../twin/rotation.ts';
 import { type Imu, leanOf } from '../twin/sensors/imus.ts';
-import type { Paint, Strokes } from './strokes.ts';
+import type { Paint } from './picture_numbers.ts';
+import type { Strokes } from './strokes.ts';
 
 /** Sizes in radii of the robot. */
 const PLANE = 0.62;

@@ -55,7 +55,8 @@ export interface BalanceStyle {
 
 /** Draws the balance of one robot. */
 export interface BalanceDrawing {
-  readonly shown: ShownBalance;
+  /** null while there is nothing to show. */
+  readonly shown: ShownBalance | null;
   /** Adds its facets, of a body in the pose that is shown. */
   draw(body: PosedBody | null, pose: Pose | null, readings: BalanceReadings, style: BalanceStyle): void;
   /** The labels for the newest `draw`. */

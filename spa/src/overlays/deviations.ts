@@ -1,17 +1,10 @@
 import type { PosedBody } from '../model/posed_body.ts';
-import {
-  addScaled,
-  directionThrough,
-  dot,
-  normalize,
-  originOf,
-  rejectFrom,
-  rotateAbout,
-  scale,
-} from '../model/vectors.ts';
+import { addScaled, directionThrough, originOf, rotateAbout, scale } from '../model/vectors.ts';
 import type { Deviation } from '../twin/overlay/deviations.ts';
 import type { Vec3 } from '../twin/rotation.ts';
-import type { Paint, Strokes } from './strokes.ts';
+import { limbAcross } from './limb_across.ts';
+import type { Paint } from './picture_numbers.ts';
+import type { Strokes } from './strokes.ts';
 
 /** Sizes in radii of the robot. */
 const LEAST_RADIUS = 0.07;
@@ -20,8 +13,6 @@ const THICK = 0.006;
 const SPOKE = 0.004;
 /** Smaller deviations (rad or m) get no arc. */
 const LEAST = 1e-3;
-/** A limb whose part across the axis is shorter (squared, unit vectors) gives no direction for the arc. */
-const ALONG_AXIS = 0.02;
 
 export interface ShownDeviation {
   readonly channel: string;
@@ -97,8 +88,7 @@ function drawArc(
     return { joint: at, middle: end, ends: [end] };
   }
   const box = body.linkBox(joint.link);
-  const middle: Vec3 | undefined = box && scale(addScaled(box.min, box.max), 0.5);
-  const limb = limbAcross(axis, middle && directionThrough(worldFromLink, middle));
+  const limb = limbAcross(axis, box, worldFromLink);
   const size = box === undefined ? 0 : 0.7 * Math.hypot(...addScaled(box.max, box.min, -1));
   const radius = Math.min(MOST_RADIUS * reach, Math.max(LEAST_RADIUS * reach, size));
   strokes.arc(at, axis, limb, way, radius, THICK * reach, line);
@@ -108,11 +98,4 @@ function drawArc(
   }
   const on = (turn: number) => addScaled(at, rotateAbout(axis, turn, limb), radius);
   return { joint: at, middle: on(way / 2), ends: [on(0), on(way / 2), on(way)] };
-}
-
-/** The unit vector across the axis along the limb (towards the middle of the moved link), else down, else ahead. */
-function limbAcross(axis: Vec3, limb: Vec3 = [0, 0, -1]): Vec3 {
-  const ways: readonly Vec3[] = [limb, [0, 0, -1], [1, 0, 0]];
-  const found = ways.map((way) => rejectFrom(way, axis)).find((way) => dot(way, way) >= ALONG_AXIS);
-  return normalize(found ?? [0, 1, 0]);
 }

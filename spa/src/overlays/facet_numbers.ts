@@ -1,12 +1,9 @@
+import type { DrawnNumbers } from './picture_numbers.ts';
+
 /** Filled triangles as numbers, for renderers: corners in the world (metres), colour, and whether they show through the
  *  robot. A facet is seen from its front alone. Facets are drawn in their order, each over those before it, under all
  *  strokes. */
-export interface FacetNumbers {
-  /** `stride` numbers each. Always the same array. */
-  readonly numbers: Float32Array;
-  /** How many facets there are in the newest complete picture. */
-  readonly count: number;
-  readonly stride: number;
+export interface FacetNumbers extends DrawnNumbers {
   readonly at: FacetLayout;
 }
 

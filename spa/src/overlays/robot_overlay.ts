@@ -14,7 +14,8 @@ import { levelColor, type OverlayColors, type PaletteName } from './colors.ts';
 import { DeviationOverlay, type ShownDeviation } from './deviations.ts';
 import { JointLoadPaint } from './joint_load.ts';
 import type { OverlayLabel } from './labels.ts';
-import type { Paint, Strokes } from './strokes.ts';
+import type { Paint } from './picture_numbers.ts';
+import type { Strokes } from './strokes.ts';
 import { type ShownWrench, WrenchOverlay } from './wrenches.ts';
 
 /** The words of labels in the viewer's language. */
@@ -45,7 +46,7 @@ export interface ShownOverlay {
   readonly level: ShownAttitude;
   /** Link → #rrggbb while the body is painted by load. */
   readonly loads: Readonly<Record<string, string>>;
-  /** null while the signs of balance are off. */
+  /** null while the signs of balance are off, or have nothing to show. */
   readonly balance: ShownBalance | null;
 }
 

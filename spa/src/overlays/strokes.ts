@@ -1,5 +1,6 @@
 import { normalize, rejectFrom, scale } from '../model/vectors.ts';
 import type { Vec3 } from '../twin/rotation.ts';
+import { type Paint, PictureNumbers, tintOf } from './picture_numbers.ts';
 
 /** Most strokes in one picture; further ones are not drawn. 200 deviating joints need 600. */
 export const MOST_STROKES = 1024;
@@ -20,47 +21,25 @@ export const AT = {
 } as const;
 export const STRIDE = 19;
 
-export interface Paint {
-  /** sRGB 0xrrggbb */
-  readonly color: number;
-  /** 0…1; strokes with less than 1 are drawn after all others. */
-  readonly opacity?: number;
-  /** Whether it shows through the robot, faintly. */
-  readonly through?: boolean;
-}
-
 /**
  * All strokes of an overlay as numbers, independent of the renderer. Shafts, heads, arcs, rings and fans are all
  * strokes: a round or flat tube along a straight line or an arc, with a radius at either end. World, metres.
  */
-export class Strokes {
-  /** The strokes of the newest complete picture, STRIDE numbers each. Always the same array. */
-  readonly numbers = new Float32Array(MOST_STROKES * STRIDE);
-  #count = 0;
-  readonly #making = new Float32Array(MOST_STROKES * STRIDE);
-  #made = 0;
+export class Strokes extends PictureNumbers {
   #veils: number[][] = [];
 
-  /** Number of strokes of the newest complete picture. */
-  get count(): number {
-    return this.#count;
+  constructor() {
+    super(MOST_STROKES, STRIDE);
   }
 
-  /** Starts a new picture. */
-  begin(): void {
-    this.#made = 0;
+  override begin(): void {
+    super.begin();
     this.#veils = [];
   }
 
-  /** Completes the picture. False when it equals the one before. */
-  end(): boolean {
+  override end(): boolean {
     for (const veil of this.#veils.splice(0)) this.#put(veil);
-    const length = this.#made * STRIDE;
-    let changed = this.#made !== this.#count;
-    for (let i = 0; i < length && !changed; i += 1) changed = this.#making[i] !== this.numbers[i];
-    if (changed) this.numbers.set(this.#making.subarray(0, length));
-    this.#count = this.#made;
-    return changed;
+    return super.end();
   }
 
   /** Adds a straight stroke from a point along a unit vector; metres. An arrow head has an end radius of 0. */
@@ -104,18 +83,18 @@ export class Strokes {
     axis: Vec3,
     shape: readonly [number, number, number, number],
     flatness: number,
-    { color, opacity = 1, through = false }: Paint,
+    paint: Paint,
   ): void {
-    const rgb = [color >> 16, (color >> 8) & 255, color & 255].map((part) => part / 255);
-    const stroke = [...spot, ...start, ...axis, ...shape, flatness, through ? 1 : 0, ...rgb, opacity];
-    if (opacity < 1) this.#veils.push(stroke);
+    const tint = tintOf(paint);
+    const stroke = [...spot, ...start, ...axis, ...shape, flatness, paint.through ? 1 : 0, ...tint];
+    if (tint[3]! < 1) this.#veils.push(stroke);
     else this.#put(stroke);
   }
 
   #put(stroke: readonly number[]): void {
-    if (this.#made === MOST_STROKES) return;
-    this.#making.set(stroke, this.#made * STRIDE);
-    this.#made += 1;
+    if (this.isFull) return;
+    this.making.set(stroke, this.made * STRIDE);
+    this.made += 1;
   }
 }
 

@@ -12,7 +12,8 @@ import {
 } from '../model/vectors.ts';
 import { quatOfRpy, rotateVector, type Vec3 } from '../twin/rotation.ts';
 import type { Arrow, Wrench } from '../twin/sensors/wrenches.ts';
-import type { Paint, Strokes } from './strokes.ts';
+import type { Paint } from './picture_numbers.ts';
+import type { Strokes } from './strokes.ts';
 
 /** Lengths in radii of the robot. */
 const AT_LIMIT = 0.5;

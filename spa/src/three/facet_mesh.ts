@@ -1,69 +1,34 @@
-import {
-  DynamicDrawUsage,
-  Float32BufferAttribute,
-  Group,
-  InstancedBufferGeometry,
-  InstancedInterleavedBuffer,
-  InterleavedBufferAttribute,
-  Mesh,
-  ShaderMaterial,
-} from 'three';
-import type { FacetLayout, FacetNumbers } from '../overlays/facet_numbers.ts';
+import { Float32BufferAttribute, InstancedBufferGeometry, ShaderMaterial } from 'three';
+import type { FacetNumbers } from '../overlays/facet_numbers.ts';
+import { NumbersMesh } from './numbers_mesh.ts';
 
 /** Drawn after robot and ghost, before all strokes. */
 const RENDER_ORDER = 2;
 /** Opacity of the second pass, which shows through what is in front. */
 const THROUGH = 0.88;
 
-const SIZES: Readonly<Record<keyof FacetLayout, number>> = {
-  ...{ first: 3, second: 3, third: 3, tint: 4, through: 1 },
-};
-
 /** Draws all facets in two instanced draw calls, as `OverlayMesh` draws strokes: with depth test, then those marked
  *  "through" in front of everything. They write no depth, so each lies over those before it. */
-export class FacetMesh {
-  readonly object = new Group();
-  readonly #facets: FacetNumbers;
-  readonly #buffer: InstancedInterleavedBuffer;
-  readonly #geometry = new InstancedBufferGeometry();
-  readonly #materials = [facetMaterial(false), facetMaterial(true)] as const;
-
+export class FacetMesh extends NumbersMesh {
   constructor(facets: FacetNumbers) {
-    this.#facets = facets;
-    this.#buffer = new InstancedInterleavedBuffer(facets.numbers, facets.stride);
-    this.#buffer.setUsage(DynamicDrawUsage);
-    this.#geometry.setAttribute('corner', new Float32BufferAttribute([0, 1, 2], 1));
-    this.#geometry.setIndex([0, 1, 2]);
-    for (const [name, at] of Object.entries(facets.at)) {
-      const size = SIZES[name as keyof FacetLayout];
-      this.#geometry.setAttribute(name, new InterleavedBufferAttribute(this.#buffer, size, at));
-    }
-    this.#materials.forEach((material, i) => {
-      const mesh = new Mesh(this.#geometry, material);
-      mesh.frustumCulled = false;
-      mesh.renderOrder = RENDER_ORDER + i / 2;
-      this.object.add(mesh);
-    });
-    this.update();
+    const { first, second, third, tint, through } = facets.at;
+    super(
+      facets,
+      facetGeometry(),
+      { first: [first, 3], second: [second, 3], third: [third, 3], tint: [tint, 4], through: [through, 1] },
+      [
+        [facetMaterial(false), RENDER_ORDER],
+        [facetMaterial(true), RENDER_ORDER + 0.5],
+      ],
+    );
   }
+}
 
-  /** Uploads the facets after they have changed. */
-  update(): void {
-    const { count, stride } = this.#facets;
-    if (count > 0) {
-      this.#buffer.clearUpdateRanges();
-      this.#buffer.addUpdateRange(0, count * stride);
-      this.#buffer.needsUpdate = true;
-    }
-    this.#geometry.instanceCount = count;
-    this.object.visible = count > 0;
-  }
-
-  dispose(): void {
-    this.object.removeFromParent();
-    this.#geometry.dispose();
-    for (const material of this.#materials) material.dispose();
-  }
+function facetGeometry(): InstancedBufferGeometry {
+  const geometry = new InstancedBufferGeometry();
+  geometry.setAttribute('corner', new Float32BufferAttribute([0, 1, 2], 1));
+  geometry.setIndex([0, 1, 2]);
+  return geometry;
 }
 
 /** The material of facets. Colours are output as those of strokes are. */

@@ -1,14 +1,6 @@
-import {
-  DynamicDrawUsage,
-  Float32BufferAttribute,
-  Group,
-  InstancedBufferGeometry,
-  InstancedInterleavedBuffer,
-  InterleavedBufferAttribute,
-  Mesh,
-  ShaderMaterial,
-} from 'three';
-import { AT, STRIDE, type Strokes } from '../overlays/strokes.ts';
+import { Float32BufferAttribute, InstancedBufferGeometry, ShaderMaterial } from 'three';
+import { AT, type Strokes } from '../overlays/strokes.ts';
+import { NumbersMesh } from './numbers_mesh.ts';
 
 /** Segments along a stroke and around it: enough to look round, few enough for dozens of strokes. */
 const ALONG = 40;
@@ -18,54 +10,25 @@ const RENDER_ORDER = 3;
 /** Opacity of the second pass, which shows through what is in front. */
 const THROUGH = 0.72;
 
-const SIZES: Readonly<Record<keyof typeof AT, number>> = {
-  ...{ spot: 3, start: 3, axis: 3, shape: 4, manner: 2, tint: 4 },
-};
-
 /**
  * Draws all strokes in two instanced draw calls. The first draws them with depth test; the second draws those marked
  * "through" in front of everything, so that for example a force on a sole is not hidden by the leg.
  */
-export class OverlayMesh {
-  readonly object = new Group();
-  readonly #strokes: Strokes;
-  readonly #buffer: InstancedInterleavedBuffer;
-  readonly #geometry = strokeGeometry();
-  readonly #materials = [strokeMaterial(false), strokeMaterial(true)] as const;
-
+export class OverlayMesh extends NumbersMesh {
   constructor(strokes: Strokes) {
-    this.#strokes = strokes;
-    this.#buffer = new InstancedInterleavedBuffer(strokes.numbers, STRIDE);
-    this.#buffer.setUsage(DynamicDrawUsage);
-    for (const [name, at] of Object.entries(AT)) {
-      const size = SIZES[name as keyof typeof AT];
-      this.#geometry.setAttribute(name, new InterleavedBufferAttribute(this.#buffer, size, at));
-    }
-    this.#materials.forEach((material, i) => {
-      const mesh = new Mesh(this.#geometry, material);
-      mesh.frustumCulled = false;
-      mesh.renderOrder = RENDER_ORDER + i;
-      this.object.add(mesh);
-    });
-    this.update();
-  }
-
-  /** Uploads the strokes after they have changed. */
-  update(): void {
-    const { count } = this.#strokes;
-    if (count > 0) {
-      this.#buffer.clearUpdateRanges();
-      this.#buffer.addUpdateRange(0, count * STRIDE);
-      this.#buffer.needsUpdate = true;
-    }
-    this.#geometry.instanceCount = count;
-    this.object.visible = count > 0;
-  }
-
-  dispose(): void {
-    this.object.removeFromParent();
-    this.#geometry.dispose();
-    for (const material of this.#materials) material.dispose();
+    const { spot, start, axis, shape, manner, tint } = AT;
+    super(
+      strokes,
+      strokeGeometry(),
+      {
+        ...{ spot: [spot, 3], start: [start, 3], axis: [axis, 3] },
+        ...{ shape: [shape, 4], manner: [manner, 2], tint: [tint, 4] },
+      },
+      [
+        [strokeMaterial(false), RENDER_ORDER],
+        [strokeMaterial(true), RENDER_ORDER + 1],
+      ],
+    );
   }
 }
 

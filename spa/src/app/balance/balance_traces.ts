@@ -14,7 +14,7 @@ const SCALE = { mm: 0.1, m: 0.001 } as const;
 /** The last minute of a robot's balance for plots: computed from the codes that its history keeps, a few at a time. */
 class BalanceTraces implements DerivedTraces {
   readonly #watch: BalanceWatch;
-  #madeOf: readonly unknown[] = [];
+  #madeFor: BalanceReader | null = null;
   #history: DerivedHistory | null = null;
 
   constructor(watch: BalanceWatch) {
@@ -36,12 +36,13 @@ class BalanceTraces implements DerivedTraces {
   }
 
   update(history: History, nowMs: number): boolean {
-    const { model, schema } = this.#watch;
-    if (model === null || schema === null) return false;
-    if (model !== this.#madeOf[0] || schema !== this.#madeOf[1]) {
-      this.#madeOf = [model, schema];
+    const shown = this.#watch.reader;
+    if (shown === null) return false;
+    if (shown !== this.#madeFor) {
+      this.#madeFor = shown;
+      const { manifest, schema } = shown;
       // Its own reader: the watch's one goes on with the newest frames.
-      const reader = new BalanceReader(model, schema);
+      const reader = new BalanceReader(manifest, schema);
       this.#history = new DerivedHistory(schema, VALUES.length, (codes, atMs, into) =>
         writeValues(reader.ofFrame(codes, atMs / 1000), into),
       );

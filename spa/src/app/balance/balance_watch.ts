@@ -19,8 +19,6 @@ const UNASKED_MS = 3000;
 /** A model that could not be read is asked for again after this long. */
 const AGAIN_MS = 10_000;
 
-type Schema = NonNullable<RobotTwin['schema']>;
-
 /** A robot's model as far as balance needs it. `raw`: its files as they are, whose masses only the picture reads. */
 type KnownModel = Manifest | 'raw' | null;
 
@@ -36,21 +34,15 @@ export interface KnownBalance {
   readonly problems: readonly string[];
 }
 
-/** What reads the balance of one model and schema, frame by frame. */
-interface Read {
-  readonly model: Manifest;
-  readonly schema: Schema;
-  readonly reader: BalanceReader;
-  readonly judge: StanceJudge;
-}
-
 /** Computes a robot's balance from its newest frames for whoever tells of it, and notes crossings of its limits. */
 export class BalanceWatch {
+  /** What the balance is read with; null before the model is here, and where it can't be read. */
+  reader: BalanceReader | null = null;
   readonly #link: Pick<RobotLink, 'twin' | 'manifestUrl'>;
   #model: KnownModel = null;
   #url = '';
   #askedMs = Number.NEGATIVE_INFINITY;
-  #read: Read | null = null;
+  #judge = new StanceJudge();
   #askedForMs = Number.NEGATIVE_INFINITY;
   #lookedMs = Number.NEGATIVE_INFINITY;
   #known: KnownBalance | null = null;
@@ -76,21 +68,12 @@ export class BalanceWatch {
 
   /** Whether the page shows it unless told otherwise. */
   get isShownByItself(): boolean {
-    return this.#read?.reader.onByItself ?? false;
-  }
-
-  /** What the balance is read with; null before the model is here, and where it can't be read. */
-  get model(): Manifest | null {
-    return this.#read?.model ?? null;
-  }
-
-  get schema(): Schema | null {
-    return this.#read?.schema ?? null;
+    return this.reader?.onByItself ?? false;
   }
 
   readonly #change = () => {
     const { schema, state } = this.#link.twin;
-    if (state === null || schema !== this.#read?.schema) this.#known = null;
+    if (state === null || schema !== this.reader?.schema) this.#known = null;
     if (this.#urlNow() !== this.#url) this.#look();
   };
 
@@ -111,26 +94,16 @@ export class BalanceWatch {
       this.#known = OF_RAW_FILES;
       return;
     }
-    const read = this.#readWith(model, schema);
-    const balance = read.reader.ofFrame(state.codes, state.tS);
-    const stance = read.judge.next(balance, read.reader.headingRad, marginLimits(limits));
-    this.#known = {
-      stance,
-      possible: read.reader.hasAny,
-      findings: toldOfMasses(model.raw.findings),
-      problems: read.reader.problems,
-      balance,
-    };
+    if (model !== this.reader?.manifest || schema !== this.reader.schema) {
+      this.reader = new BalanceReader(model, schema);
+      this.#judge = new StanceJudge();
+    }
+    const { hasAny: possible, problems } = this.reader;
+    const balance = this.reader.ofFrame(state.codes, state.tS);
+    const stance = this.#judge.next(balance, this.reader.headingRad, marginLimits(limits));
+    this.#known = { possible, stance, balance, findings: toldOfMasses(model.raw.findings), problems };
     this.#note(stance, state.atMs);
   };
-
-  /** What reads this model and schema. */
-  #readWith(model: Manifest, schema: Schema): Read {
-    if (this.#read?.model === model && this.#read.schema === schema) return this.#read;
-    const reader = new BalanceReader(model, schema);
-    this.#read = { model, schema, reader, judge: new StanceJudge() };
-    return this.#read;
-  }
 
   /** A crossing counts while the page shows the balance. */
   #note(stance: Stance | null, atMs: number): void {
@@ -145,8 +118,7 @@ export class BalanceWatch {
   /** Asks for the model that the robot has now, from where its body has it. */
   #ask(): void {
     const url = this.#urlNow();
-    const isNew = url !== this.#url;
-    if (isNew) {
+    if (url !== this.#url) {
       this.#model = this.#known = null;
       this.#askedMs = Number.NEGATIVE_INFINITY;
       this.#lookedMs = Number.NEGATIVE_INFINITY;

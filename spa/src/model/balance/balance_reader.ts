@@ -8,8 +8,6 @@ import type { PosedBody } from '../posed_body.ts';
 import { FrameBody } from './frame_body.ts';
 import { chooseStanding } from './standing_choice.ts';
 
-const UNKNOWN: readonly number[] = Array(16).fill(Number.NaN);
-
 /** What a body must tell of its links. */
 type LinkedBody = Pick<PosedBody, 'linkMatrix'>;
 
@@ -87,9 +85,9 @@ export class BalanceReader {
    *  that is shown, seconds. The result is rewritten by the next call. */
   ofBody(body: LinkedBody, wrenches: readonly FootWrench[], tS: number): Balance {
     const { links } = this.manifest;
-    for (const link of this.#links) {
-      this.#worldFromLink.set(body.linkMatrix(links[link]!)?.elements ?? UNKNOWN, link * 16);
-    }
+    this.#worldFromLink.fill(Number.NaN);
+    for (const link of this.#links)
+      this.#worldFromLink.set(body.linkMatrix(links[link]!)?.elements ?? [], link * 16);
     this.#balancer.update(this.#worldFromLink, wrenches, tS);
     return this.#balancer;
   }

@@ -1,5 +1,5 @@
-import { JointMapping, type Schema } from '@posecast/wire';
-import { baseOf } from '../../twin/playback/pose.ts';
+import type { Schema } from '@posecast/wire';
+import { Poser } from '../../twin/playback/pose.ts';
 import { ImuTable } from '../../twin/sensors/imus.ts';
 import { ArticulatedBody } from '../articulated_body.ts';
 import { placeLinks, transform } from '../kinematics.ts';
@@ -11,33 +11,24 @@ import { RootPose } from '../root_pose.ts';
 export class FrameBody extends ArticulatedBody {
   /** 16 numbers a link, column-major, metres; rewritten by `place`. */
   readonly worldFromLink: Float64Array;
-  readonly #schema: Schema;
-  readonly #mapping: JointMapping;
+  readonly #poser: Poser;
   readonly #imus: ImuTable;
   readonly #root = new RootPose();
-  /** The newest readings, rad or m by URDF joint. */
-  readonly #readings = new Map<string, number>();
-  readonly #rootTurn = (link: string) => this.rootTurn(link);
 
   constructor(manifest: Manifest, schema: Schema) {
     super(manifest);
     this.worldFromLink = new Float64Array(manifest.links.length * 16);
-    this.#schema = schema;
-    this.#mapping = new JointMapping(schema, 'pos');
+    this.#poser = new Poser(schema, 'pos');
     this.#imus = new ImuTable(schema);
   }
 
   /** Rewrites `worldFromLink`. */
   place(codes: Int32Array): void {
-    const values = this.#mapping.evaluate(codes);
-    const { joints } = this.#mapping;
-    for (let i = 0; i < joints.length; i += 1) {
-      if (Number.isFinite(values[i])) this.#readings.set(joints[i]!, values[i]!);
-    }
-    this.setJoints(this.#readings);
+    const pose = this.#poser.pose(codes);
+    this.setJoints(pose.joints);
     this.#imus.read(codes);
-    this.#root.update({ joints: this.#readings, base: baseOf(this.#schema, codes), lean: this.#imus.body });
-    const { xyz, quat_wxyz } = this.#root.root(this.#rootTurn);
+    this.#root.update({ ...pose, lean: this.#imus.body });
+    const { xyz, quat_wxyz } = this.#root.root((link) => this.rootTurn(link));
     const stands = xyz ?? ([0, 0, -this.lowestPoint(quat_wxyz)] as const);
     placeLinks(transform(stands, quat_wxyz), this.kinematics.rootFromLink, this.worldFromLink);
   }

@@ -1,6 +1,6 @@
 import type { Vec3 } from '../../twin/rotation.ts';
 import { BundleError, isRecord } from '../bundle.ts';
-import { list, type Manifest, numbers, type Raw } from '../manifest.ts';
+import { isIndex, list, type Manifest, numbers, type Raw } from '../manifest.ts';
 
 export interface LinkMass {
   readonly link: number;
@@ -48,7 +48,7 @@ function readByLink<T>(
     const where = `${member}[${i}]`;
     if (!isRecord(entry)) throw wrong(`${where} is no object`);
     const { link } = entry;
-    if (typeof link !== 'number' || links[link] === undefined) throw wrong(`${where}: its link is not there`);
+    if (!isIndex(link, links.length)) throw wrong(`${where}: its link is not there`);
     if (link <= before) throw wrong(`${where}: its link does not come after the one before`);
     before = link;
     return read(entry, link, where);

@@ -40,7 +40,7 @@ export function chooseStanding(manifest: Manifest, schema: Schema): Standing {
   const soles = attempt(() => readSoles(manifest), null);
   const rule = attempt(() => readBalance(schema), NO_RULE);
   const lacks: string[] = [];
-  const found = new FeetFinder(manifest, schema, soles ?? [], lacks).find(rule);
+  const found = findFeet(manifest, schema, soles ?? [], rule, lacks);
   problems.push(...new Set(lacks));
   const measured = found.every(({ sensor }) => sensor?.measuresForce ?? false) ? 'measured' : 'lowest';
   const ground = rule.ground ?? measured;
@@ -78,112 +78,82 @@ interface Mounted {
   readonly momentAxes: readonly number[];
 }
 
-class FeetFinder {
-  readonly #links: readonly string[];
+/** `lacks` gets a line for each foot that is left out. */
+function findFeet(
+  { links, joints }: Manifest,
+  schema: Schema,
+  soles: readonly Sole[],
+  rule: BalanceRule,
+  lacks: string[],
+): readonly Foot[] {
   /** For each link the first link of those that are fixed to each other. */
-  readonly #groupOf: readonly number[];
-  readonly #rest: Kinematics;
-  readonly #soles: readonly Sole[];
-  readonly #sensors: readonly Mounted[];
-  readonly #problems: string[];
+  const groups = [0];
+  for (const { type, parent } of joints) groups.push(type === 'fixed' ? groups[parent]! : groups.length);
+  const isFixedTo = (link: number) => (one: { readonly link: number }) => groups[one.link] === groups[link];
+  const soleOn = (link: number) => soles.find((sole) => sole.link === link) ?? soles.find(isFixedTo(link));
+  const { rootFromLink } = new Kinematics(joints);
+  const mounts = schema.mapping.sensors;
+  const sensors = new FootWrenchReader(schema, mounts.keys()).wrenches.flatMap(
+    ({ site, force, moment }): Mounted[] => {
+      const { link: name, xyz, rpy } = mounts.get(site)!;
+      const link = links.indexOf(name ?? '');
+      return link < 0 ? [] : [{ site, link, xyz, rpy, forceAxes: force.axes, momentAxes: moment.axes }];
+    },
+  );
 
-  /** `problems`: gets a line for each foot that is left out. */
-  constructor({ links, joints }: Manifest, schema: Schema, soles: readonly Sole[], problems: string[]) {
-    this.#problems = problems;
-    this.#links = links;
-    const groups = [0];
-    for (const { type, parent } of joints) groups.push(type === 'fixed' ? groups[parent]! : groups.length);
-    this.#groupOf = groups;
-    this.#rest = new Kinematics(joints);
-    this.#soles = soles;
-    const mounts = schema.mapping.sensors;
-    this.#sensors = new FootWrenchReader(schema, mounts.keys()).wrenches.flatMap(
-      ({ site, force, moment }) => {
-        const { link: name, xyz, rpy } = mounts.get(site)!;
-        const link = links.indexOf(name ?? '');
-        if (link < 0) return [];
-        return [{ site, link, xyz, rpy, forceAxes: force.axes, momentAxes: moment.axes }];
-      },
-    );
-  }
+  /** A foot with the profile's sole, else the model's. None when there is no such link, or no sole that can be one. */
+  const foot = (name: string, link: number, points: readonly Vec3[] = [], mounted?: Mounted): Foot[] => {
+    const sole = planeOfSole(rule.soles.get(name) ?? points);
+    if (link < 0 || sole === null) {
+      lacks.push(`[balance] ${name} has no sole, or one that can't be`);
+      return [];
+    }
+    const sensor = mounted === undefined ? null : sensorFrom(rootFromLink, link, sole, mounted);
+    return [{ name, link, linkName: links[link]!, sole, sensor }];
+  };
 
-  find(rule: BalanceRule): readonly Foot[] {
-    if (rule.feet !== null) return rule.feet.flatMap((name) => this.#named(name, rule));
-    const taken = new Set<number>();
-    const measured = this.#sensors.flatMap((sensor) => {
-      const sole = this.#soleOn(sensor.link);
-      if (sole === null || taken.has(sole.link)) return [];
-      taken.add(sole.link);
-      return this.#foot(sensor.site, sole.link, rule.soles.get(sensor.site) ?? sole.points, sensor);
+  if (rule.feet !== null) {
+    return rule.feet.flatMap((name) => {
+      const own = sensors.find(({ site }) => site === name);
+      const link = own?.link ?? links.indexOf(name);
+      const sole = soleOn(link);
+      const on = rule.soles.has(name) ? link : (sole?.link ?? -1);
+      return foot(name, on, sole?.points, own ?? sensors.find(isFixedTo(link)));
     });
-    if (measured.length > 1) return measured;
-    const soles = this.#soles.flatMap(({ link, points }) => {
-      const name = this.#links[link]!;
-      return this.#foot(name, link, rule.soles.get(name) ?? points, null);
-    });
-    return soles.length > 1 ? soles : [];
   }
+  const taken = new Set<number>();
+  const measured = sensors.flatMap((sensor) => {
+    const sole = soleOn(sensor.link);
+    if (sole === undefined || taken.has(sole.link)) return [];
+    taken.add(sole.link);
+    return foot(sensor.site, sole.link, sole.points, sensor);
+  });
+  if (measured.length > 1) return measured;
+  const assumed = soles.flatMap(({ link, points }) => foot(links[link]!, link, points));
+  return assumed.length > 1 ? assumed : [];
+}
 
-  /** A foot of the profile; none when the model has no such link, or nobody knows its sole. */
-  #named(name: string, { soles }: BalanceRule): readonly Foot[] {
-    const own = this.#sensors.find(({ site }) => site === name);
-    const link = own?.link ?? this.#links.indexOf(name);
-    if (link < 0) return this.#lack(name);
-    const group = this.#groupOf[link]!;
-    const sensor = own ?? this.#sensors.find((one) => this.#groupOf[one.link] === group) ?? null;
-    const points = soles.get(name);
-    if (points !== undefined) return this.#foot(name, link, points, sensor);
-    const sole = this.#soleOn(link);
-    if (sole === null) return this.#lack(name);
-    return this.#foot(name, sole.link, sole.points, sensor);
-  }
-
-  /** The sole of a link, else of a link that is fixed to it. */
-  #soleOn(link: number): Sole | null {
-    const group = this.#groupOf[link];
-    const own = this.#soles.find((sole) => sole.link === link);
-    return own ?? this.#soles.find((sole) => this.#groupOf[sole.link] === group) ?? null;
-  }
-
-  #foot(name: string, link: number, points: readonly Vec3[], mounted: Mounted | null): readonly Foot[] {
-    const sole = planeOfSole(points);
-    if (sole === null) return this.#lack(name);
-    const sensor = mounted === null ? null : this.#sensorAt(mounted, link, sole);
-    return [{ name, link, linkName: this.#links[link]!, sole, sensor }];
-  }
-
-  #lack(name: string): readonly [] {
-    this.#problems.push(`[balance] ${name} has no sole, or one that can't be`);
-    return [];
-  }
-
-  /** A sensor seen from the link with the sole, to which its link is fixed. */
-  #sensorAt(
-    { site, link, xyz, rpy, forceAxes, momentAxes }: Mounted,
-    of: number,
-    sole: SolePlane,
-  ): FootSensor {
-    const { rootFromLink } = this.#rest;
-    const rootFromSole = rootFromLink.subarray(of * 16, of * 16 + 16);
-    const rootFromMount = rootFromLink.subarray(link * 16, link * 16 + 16);
-    const back = invertQuat(quatOfTransform(rootFromSole));
-    const turn = multiplyQuats(back, multiplyQuats(quatOfTransform(rootFromMount), quatOfRpy(rpy)));
-    const place = addScaled(pointThrough(rootFromMount, xyz), originOf(rootFromSole), -1);
-    const axes: FootSensor['axes'] = [
-      rotateVector(turn, [1, 0, 0]),
-      rotateVector(turn, [0, 1, 0]),
-      rotateVector(turn, [0, 0, 1]),
-    ];
-    const along = axes.map((axis) => Math.abs(dot(axis, sole.normal)));
-    const nearest = along.indexOf(Math.max(...along));
-    const measuresForce = forceAxes.includes(nearest);
-    const across = [0, 1, 2].filter((axis) => axis !== nearest);
-    return {
-      site,
-      xyz: rotateVector(back, place),
-      axes,
-      measuresForce,
-      measuresPressure: measuresForce && across.every((axis) => momentAxes.includes(axis)),
-    };
-  }
+/** A sensor seen from the link `of` with the sole, to which its link is fixed. */
+function sensorFrom(
+  rootFromLink: Float64Array,
+  of: number,
+  sole: SolePlane,
+  { site, link, xyz, rpy, forceAxes, momentAxes }: Mounted,
+): FootSensor {
+  const rootFromSole = rootFromLink.subarray(of * 16, of * 16 + 16);
+  const rootFromMount = rootFromLink.subarray(link * 16, link * 16 + 16);
+  const back = invertQuat(quatOfTransform(rootFromSole));
+  const turn = multiplyQuats(back, multiplyQuats(quatOfTransform(rootFromMount), quatOfRpy(rpy)));
+  const place = addScaled(pointThrough(rootFromMount, xyz), originOf(rootFromSole), -1);
+  const axes: FootSensor['axes'] = [
+    rotateVector(turn, [1, 0, 0]),
+    rotateVector(turn, [0, 1, 0]),
+    rotateVector(turn, [0, 0, 1]),
+  ];
+  const along = axes.map((axis) => Math.abs(dot(axis, sole.normal)));
+  const nearest = along.indexOf(Math.max(...along));
+  const measuresForce = forceAxes.includes(nearest);
+  const measuresMoments = [0, 1, 2].every((axis) => axis === nearest || momentAxes.includes(axis));
+  const measuresPressure = measuresForce && measuresMoments;
+  return { site, xyz: rotateVector(back, place), axes, measuresForce, measuresPressure };
 }

@@ -1,6 +1,6 @@
 import type { Vec3 } from '../../twin/rotation.ts';
 import type { FacetLayout, FacetNumbers } from '../facet_numbers.ts';
-import type { Paint } from '../strokes.ts';
+import { type Paint, PictureNumbers, tintOf } from '../picture_numbers.ts';
 
 /** Most facets in one picture; further ones are not drawn. The balance of one robot takes about 1,000. */
 export const MOST_FACETS = 8192;
@@ -10,47 +10,26 @@ export const FACET_AT: FacetLayout = { first: 0, second: 3, third: 6, tint: 9, t
 export const FACET_STRIDE = 14;
 
 /** Filled triangles of an overlay, independent of the renderer: what `Strokes` is for lines. */
-export class Facets implements FacetNumbers {
-  readonly stride = FACET_STRIDE;
+export class Facets extends PictureNumbers implements FacetNumbers {
   readonly at = FACET_AT;
-  readonly numbers = new Float32Array(MOST_FACETS * FACET_STRIDE);
-  #count = 0;
-  readonly #making = new Float32Array(MOST_FACETS * FACET_STRIDE);
-  #made = 0;
 
-  /** Number of facets of the newest complete picture. */
-  get count(): number {
-    return this.#count;
-  }
-
-  /** Starts a new picture. */
-  begin(): void {
-    this.#made = 0;
-  }
-
-  /** Completes the picture. False when it equals the one before. */
-  end(): boolean {
-    const length = this.#made * FACET_STRIDE;
-    let changed = this.#made !== this.#count;
-    for (let i = 0; i < length && !changed; i += 1) changed = this.#making[i] !== this.numbers[i];
-    if (changed) this.numbers.set(this.#making.subarray(0, length));
-    this.#count = this.#made;
-    return changed;
+  constructor() {
+    super(MOST_FACETS, FACET_STRIDE);
   }
 
   /** Adds a triangle, its corners counter-clockwise for who sees it. */
   add(a: Vec3, b: Vec3, c: Vec3, paint: Paint): void {
-    if (this.#made === MOST_FACETS) return;
-    this.#making.set([...a, ...b, ...c], this.#made * FACET_STRIDE + FACET_AT.first);
+    if (this.isFull) return;
+    this.making.set([...a, ...b, ...c], this.made * FACET_STRIDE + FACET_AT.first);
     this.#paint(paint);
   }
 
   /** Adds a shape of many triangles, nine numbers each: turned about the vertical (rad), scaled and put at a point. */
   addShape(corners: ArrayLike<number>, [x, y, z]: Vec3, size: number, heading: number, paint: Paint): void {
     const [c, s] = [size * Math.cos(heading), size * Math.sin(heading)];
-    const to = this.#making;
-    for (let from = 0; from < corners.length && this.#made < MOST_FACETS; from += 9) {
-      const at = this.#made * FACET_STRIDE + FACET_AT.first;
+    const to = this.making;
+    for (let from = 0; from < corners.length && !this.isFull; from += 9) {
+      const at = this.made * FACET_STRIDE + FACET_AT.first;
       for (let i = 0; i < 9; i += 3) {
         const [px, py] = [corners[from + i]!, corners[from + i + 1]!];
         to[at + i] = x + c * px - s * py;
@@ -62,9 +41,8 @@ export class Facets implements FacetNumbers {
   }
 
   /** Completes the facet whose corners have been written. */
-  #paint({ color, opacity = 1, through = false }: Paint): void {
-    const tint = [(color >> 16) / 255, ((color >> 8) & 255) / 255, (color & 255) / 255, opacity];
-    this.#making.set([...tint, through ? 1 : 0], this.#made * FACET_STRIDE + FACET_AT.tint);
-    this.#made += 1;
+  #paint(paint: Paint): void {
+    this.making.set([...tintOf(paint), paint.through ? 1 : 0], this.made * FACET_STRIDE + FACET_AT.tint);
+    this.made += 1;
   }
 }

@@ -1,7 +1,6 @@
-import type { Balance } from '../../twin/balance/balance.ts';
-import type { Slide } from '../../twin/balance/centre_velocity.ts';
+import type { Balance, Slide } from '../../twin/balance/balance.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
-import type { Paint } from '../strokes.ts';
+import type { Paint } from '../picture_numbers.ts';
 import type { Facets } from './facets.ts';
 import { type BalancePaints, faint } from './paints.ts';
 import { drawLine, fillPolygon } from './shapes.ts';
@@ -66,7 +65,7 @@ export class Footprints {
     const stands = new Map<string, readonly Vec3[]>();
     for (const { name, bears, corners } of feet) {
       const stood = this.#standing.get(name);
-      if (bears === true) stands.set(name, stood ?? corners);
+      if (bears) stands.set(name, stood ?? corners);
       else if (stood !== undefined) this.#prints.push({ corners: stood, tS });
     }
     this.#standing = stands;

@@ -2,7 +2,6 @@ import type { PosedBody } from '../../model/posed_body.ts';
 import {
   addScaled,
   directionThrough,
-  dot,
   normalize,
   originOf,
   rejectFrom,
@@ -14,7 +13,8 @@ import { coarseDisplay, displayOf, formatNumber } from '../../twin/format.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
 import type { BalanceStyle, ShownJoint } from '../balance_drawing.ts';
 import type { OverlayLabel } from '../labels.ts';
-import type { Paint } from '../strokes.ts';
+import { limbAcross } from '../limb_across.ts';
+import type { Paint } from '../picture_numbers.ts';
 import type { Facets } from './facets.ts';
 import { type BalancePaints, faint } from './paints.ts';
 import { drawRod, fillRing, type Spot } from './shapes.ts';
@@ -24,8 +24,6 @@ const RADIUS = 0.2;
 const BAND = 0.035;
 const NEEDLE = 0.006;
 const STOP = 0.007;
-/** A direction whose part across the axis is shorter (squared, unit vectors) is none. */
-const ALONG_AXIS = 0.02;
 
 /** A joint whose limits are drawn, with what is left of its way in words. */
 export interface DrawnJoint {
@@ -122,9 +120,7 @@ function drawTurn(
   reach: number,
   paints: JointPaints,
 ): Vec3 {
-  const box = body.linkBox(link);
-  const middle = box && directionThrough(worldFromLink, scale(addScaled(box.min, box.max), 0.5));
-  const limb = limbAcross(axis, middle);
+  const limb = limbAcross(axis, body.linkBox(link), worldFromLink);
   const [inner, outer] = [(RADIUS - BAND) * reach, RADIUS * reach];
   const turned = (by: number): Spot => ({ at, axis, ahead: rotateAbout(axis, by, limb) });
   const on = (by: number, radius: number) => addScaled(at, turned(by).ahead, radius);
@@ -181,11 +177,4 @@ function fillRingBothSides(
 
 function clamp(value: number, most: number): number {
   return Math.min(most, Math.max(-most, value));
-}
-
-/** The unit vector across the axis along the limb, else down, else ahead. */
-function limbAcross(axis: Vec3, limb: Vec3 = [0, 0, -1]): Vec3 {
-  const ways: readonly Vec3[] = [limb, [0, 0, -1], [1, 0, 0]];
-  const found = ways.map((way) => rejectFrom(way, axis)).find((way) => dot(way, way) >= ALONG_AXIS);
-  return normalize(found ?? [0, 1, 0]);
 }

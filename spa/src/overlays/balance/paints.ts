@@ -1,7 +1,7 @@
 import type { Level } from '@posecast/wire';
 import type { BalanceStyle } from '../balance_drawing.ts';
 import { levelColor } from '../colors.ts';
-import type { Paint } from '../strokes.ts';
+import type { Paint } from '../picture_numbers.ts';
 
 /** The ball's quarters, in either theme: those of a crash-test dummy's marks. */
 const WHITE = 0xf7f8fa;

@@ -1,10 +1,10 @@
-import { addScaled, cross, normalize, rejectFrom } from '../../model/vectors.ts';
+import { addScaled, cross, normalize } from '../../model/vectors.ts';
 import type { Balance, FootBalance } from '../../twin/balance/balance.ts';
+import { fromEdge } from '../../twin/balance/margin.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
 import type { Facets } from './facets.ts';
 import type { BalancePaints } from './paints.ts';
-import { drawLine, fillRing, fillRound, floorSpot, type Spot } from './shapes.ts';
-import { nearestOn } from './support.ts';
+import { drawLine, fillRing, fillRound, floorSpot } from './shapes.ts';
 
 /** Sizes in radii of the robot. */
 const FOOT_DISC = 0.019;
@@ -34,14 +34,14 @@ export function drawPressure(
 
 function drawFoot(
   facets: Facets,
-  { corners, atEdge }: FootBalance,
+  { corners, normal: axis, atEdge }: FootBalance,
   pressure: Vec3,
   lift: number,
   reach: number,
   { pressure: green, tipping, black }: BalancePaints,
 ): void {
-  const { axis, ahead } = soleSpot(corners);
-  const spot: Spot = { at: addScaled(pressure, axis, lift), axis, ahead };
+  const ahead = normalize(addScaled(corners[1]!, corners[0]!, -1));
+  const spot = { at: addScaled(pressure, axis, lift), axis, ahead };
   const paint = atEdge ? tipping : green;
   fillRound(facets, spot, FOOT_DISC * reach, paint);
   fillRing(facets, spot, FOOT_DISC * reach, (FOOT_DISC + RIM) * reach, black);
@@ -58,23 +58,15 @@ function drawBar(
   reach: number,
   paint: BalancePaints['tipping'],
 ): void {
-  const edges = corners.map((from, i) => [from, corners[(i + 1) % corners.length]!] as const);
-  const far = (edge: readonly [Vec3, Vec3]) =>
-    Math.hypot(...addScaled(nearestOn(edge, pressure), pressure, -1));
-  const edge = edges.reduce((best, next) => (far(next) < far(best) ? next : best));
-  const along = normalize(addScaled(edge[1], edge[0], -1));
+  const edges = corners.map((from, i) => {
+    const to = corners[(i + 1) % corners.length]!;
+    const away = fromEdge(from, to, pressure);
+    return { along: normalize(addScaled(to, from, -1)), away, far: Math.hypot(...away) };
+  });
+  const { along, away } = edges.reduce((best, next) => (next.far < best.far ? next : best));
   const outward = cross(along, axis);
-  const at = addScaled(addScaled(nearestOn(edge, pressure), axis, lift), outward, (BAR_WIDE / 2) * reach);
+  const on = addScaled(addScaled(pressure, away, -1), axis, lift);
+  const at = addScaled(on, outward, (BAR_WIDE / 2) * reach);
   const ends = [addScaled(at, along, -BAR * reach), addScaled(at, along, BAR * reach)];
   drawLine(facets, ends, BAR_WIDE * reach, paint, { normal: axis });
-}
-
-/** A sole's normal, and a direction in it. */
-function soleSpot(corners: readonly Vec3[]): Omit<Spot, 'at'> {
-  const [first, second, third] = corners;
-  if (first === undefined || second === undefined || third === undefined)
-    return { axis: [0, 0, 1], ahead: [1, 0, 0] };
-  const ahead = normalize(addScaled(second, first, -1));
-  const axis = normalize(cross(ahead, rejectFrom(addScaled(third, second, -1), ahead)));
-  return { axis, ahead };
 }

@@ -1,6 +1,6 @@
-import { addScaled, cross, normalize, rejectFrom, rotateAbout, scale } from '../../model/vectors.ts';
+import { addScaled, cross, dot, normalize, rejectFrom, rotateAbout, scale } from '../../model/vectors.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
-import type { Paint } from '../strokes.ts';
+import type { Paint } from '../picture_numbers.ts';
 import type { Facets } from './facets.ts';
 
 /** Segments of a whole turn. */
@@ -73,8 +73,8 @@ export function drawLine(
   const last = points.length - 1;
   if (last < 1) return;
   const sides = points.map((point, i) => {
-    const before = points[i === 0 ? (closed ? last : 0) : i - 1]!;
-    const after = points[i === last ? (closed ? 0 : last) : i + 1]!;
+    const before = closed || i > 0 ? points.at(i - 1)! : point;
+    const after = closed || i < last ? points[(i + 1) % points.length]! : point;
     return sideways(before, point, after, normal, width / 2);
   });
   const count = closed ? points.length : last;
@@ -136,26 +136,25 @@ export function drawBall(
   facets.addShape(OTHER, at, radius, heading, other);
 }
 
-type Triangle = readonly [Vec3, Vec3, Vec3];
-
 /** The unit ball's triangles: of its even and of its odd eighths, and of both turned inside out. */
-const { one: EVEN, other: ODD } = ballTriangles();
-const [ONE, OTHER] = [numbersOf(EVEN), numbersOf(ODD)];
-const RIM = numbersOf([...EVEN, ...ODD].map(([a, b, c]) => [a, c, b] as const));
+const EIGHTHS = ballTriangles();
+const [ONE, OTHER] = [numbersOf(EIGHTHS[0]), numbersOf(EIGHTHS[1])];
+const RIM = numbersOf(EIGHTHS.flat().reverse());
 
-function numbersOf(triangles: readonly Triangle[]): Float64Array {
-  return Float64Array.from(triangles.flat(2));
+function numbersOf(corners: readonly Vec3[]): Float64Array {
+  return Float64Array.from(corners.flat());
 }
 
-function ballTriangles(): { one: Triangle[]; other: Triangle[] } {
-  const ball: { one: Triangle[]; other: Triangle[] } = { one: [], other: [] };
+/** Three corners a triangle. */
+function ballTriangles(): readonly [Vec3[], Vec3[]] {
+  const ball: [Vec3[], Vec3[]] = [[], []];
   for (let eighth = 0; eighth < 8; eighth += 1) {
     const sign: Vec3 = [eighth & 1 ? -1 : 1, eighth & 2 ? -1 : 1, eighth & 4 ? -1 : 1];
     const mirrored = sign[0] * sign[1] * sign[2] < 0;
     const on = (i: number, j: number): Vec3 =>
       normalize([sign[0] * i, sign[1] * j, sign[2] * (FINE - i - j)]);
-    const add = (a: Vec3, b: Vec3, c: Vec3) => {
-      ball[mirrored ? 'other' : 'one'].push(mirrored ? [a, c, b] : [a, b, c]);
+    const add = (...corners: Vec3[]) => {
+      ball[mirrored ? 1 : 0].push(...(mirrored ? corners.reverse() : corners));
     };
     for (let i = 0; i < FINE; i += 1) {
       for (let j = 0; j < FINE - i; j += 1) {
@@ -176,14 +175,12 @@ function onCircle({ at, axis, ahead }: Spot, radius: number, sweep: number, step
   });
 }
 
-/** From a point of a line to its left border. */
+/** From a point of a line to its left border: across the mean of both directions, longer the more these differ. */
 function sideways(before: Vec3, at: Vec3, after: Vec3, normal: Vec3, half: number): Vec3 {
   const [one, other] = [normalize(addScaled(at, before, -1)), normalize(addScaled(after, at, -1))];
-  const along = normalize(addScaled(one, other));
-  const side = normalize(cross(normal, along));
-  const lead = Math.hypot(...other) > 0 ? other : one;
-  const turn = Math.hypot(...cross(along, lead));
-  return scale(side, half * Math.min(MITRE, 1 / Math.max(1e-6, Math.sqrt(Math.max(0, 1 - turn * turn)))));
+  const both = addScaled(one, other);
+  const mitre = Math.max(1 + dot(one, other), Math.hypot(...both) / MITRE, 1e-6);
+  return scale(cross(normal, both), half / mitre);
 }
 
 function quad(facets: Facets, a: Vec3, b: Vec3, c: Vec3, d: Vec3, paint: Paint): void {

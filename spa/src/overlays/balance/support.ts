@@ -1,6 +1,7 @@
 import type { Level } from '@posecast/wire';
-import { addScaled, dot, normalize, scale } from '../../model/vectors.ts';
+import { addScaled, dot, normalize } from '../../model/vectors.ts';
 import type { Balance } from '../../twin/balance/balance.ts';
+import { fromEdge } from '../../twin/balance/margin.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
 import type { Facets } from './facets.ts';
 import { type BalancePaints, faint } from './paints.ts';
@@ -85,13 +86,5 @@ export function marginLine(balance: Balance, z: number): MarginLine | null {
   };
   const ends = [corner(nearestEdge), corner(nearestEdge + 1)] as const;
   const foot: Vec3 = [centreOfMass[0], centreOfMass[1], z];
-  return { foot, edge: nearestOn(ends, foot), ends };
-}
-
-/** The point of a line that is nearest to a point. */
-export function nearestOn([from, to]: readonly [Vec3, Vec3], point: Vec3): Vec3 {
-  const way = addScaled(to, from, -1);
-  const length = dot(way, way);
-  const part = length > 0 ? dot(addScaled(point, from, -1), way) / length : 0;
-  return addScaled(from, scale(way, Math.min(1, Math.max(0, part))));
+  return { foot, edge: addScaled(foot, fromEdge<Vec3>(...ends, foot), -1), ends };
 }

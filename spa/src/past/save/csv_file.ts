@@ -2,9 +2,8 @@ import { type Field, MISSING, type Schema } from '@posecast/wire';
 import { BALANCE_COLUMNS, balanceCells } from './balance_columns.ts';
 import { BlobParts } from './blob_parts.ts';
 import type { SavePorts } from './save_ports.ts';
-import { loadSavedBalance } from './saved_balance.ts';
 import { framesOf, type SavedFrame } from './saved_frames.ts';
-import { loadManifests, ModelTimeline } from './saved_models.ts';
+import { loadBalance, loadManifests, ModelTimeline } from './saved_models.ts';
 import type { SavedSpan } from './saved_span.ts';
 
 /** Rows that are made at a time. */
@@ -25,7 +24,7 @@ export async function writeCsv(
 ): Promise<{ readonly blob: Blob; readonly lostModels: number }> {
   const file = new BlobParts();
   const manifests = await loadManifests(span, { models, signal });
-  const balances = await loadSavedBalance(manifests.values(), span.schemas.values());
+  const balances = await loadBalance(span, manifests);
   const table = new CsvTable(span.schemas.values(), balances ? BALANCE_COLUMNS : []);
   const timeline = new ModelTimeline(span);
   let lines = BYTE_ORDER_MARK + table.head;

@@ -10,9 +10,8 @@ import { type FrameTopic, NO_UNITS, valuesOf } from './ros/frame_topic.ts';
 import { LinkFrames } from './ros/link_frames.ts';
 import { topicsOf, writeLog } from './ros/topics.ts';
 import type { SavePorts } from './save_ports.ts';
-import { loadSavedBalance } from './saved_balance.ts';
 import { eventsOf, framesOf, type SavedFrame } from './saved_frames.ts';
-import { loadManifests, ModelTimeline } from './saved_models.ts';
+import { loadBalance, loadManifests, ModelTimeline } from './saved_models.ts';
 import type { SavedSpan } from './saved_span.ts';
 
 const CHUNK_BYTES = 1 << 20;
@@ -32,7 +31,7 @@ export async function writeMcap(
   await messages.begin();
   const events = eventsOf(span);
   const models = new ModelTimeline(span);
-  const balances = await loadSavedBalance(manifests.values(), span.schemas.values());
+  const balances = await loadBalance(span, manifests);
   for (const frame of framesOf(span, onPart)) {
     while (events.length > 0 && events[0]!.atUs <= frame.atUs) await messages.event(events.shift()!);
     const model = models.at(frame.atUs) ?? '';

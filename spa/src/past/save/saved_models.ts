@@ -1,5 +1,6 @@
 import type { Manifest } from '../../model/manifest.ts';
 import type { SavePorts } from './save_ports.ts';
+import type { SavedBalance } from './saved_balance.ts';
 import { modelsOf } from './saved_frames.ts';
 import type { SavedSpan } from './saved_span.ts';
 
@@ -15,6 +16,18 @@ export async function loadManifests(
     manifests.set(model, await models.manifest(model).catch(() => null));
   }
   return manifests;
+}
+
+/** What reads the balance of a span's frames with these models; null where it has none. The code for it, with that which draws
+ *  balance, comes only where a model can be had. */
+export async function loadBalance(
+  { schemas }: Pick<SavedSpan, 'schemas'>,
+  manifests: ReadonlyMap<string, Manifest | null>,
+): Promise<SavedBalance | null> {
+  const models = [...manifests.values()].filter((manifest) => manifest !== null);
+  if (models.length === 0) return null;
+  const { SavedBalance } = await import('./saved_balance.ts');
+  return SavedBalance.of(models, [...schemas.values()]);
 }
 
 /** Which model the robot had, for moments that are asked for in the order of time. */

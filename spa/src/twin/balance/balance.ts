@@ -1,9 +1,11 @@
 import type { Ground } from '@posecast/wire';
 import type { Vec3 } from '../rotation.ts';
-import type { Slide } from './centre_velocity.ts';
 
 /** A point on the floor: x and y in the world frame, metres. */
 export type Vec2 = readonly [x: number, y: number];
+
+/** A motion of the floor under a robot, in the world of the scene, metres. */
+export type Slide = (before: Vec3) => Vec3;
 
 /**
  * Why a part of the balance is null.
@@ -43,8 +45,11 @@ export interface FootBalance {
   readonly pressure: Vec3 | null;
   /** Whether that is on the sole's edge (at most 5 mm inside, or outside): the foot begins to tip. */
   readonly atEdge: boolean;
-  /** The sole's corners (world, metres), counter-clockwise seen from above while the foot is level. */
+  /** The sole's corners (world, metres), at least three, counter-clockwise about `normal`: seen from above while the foot is
+   *  level. */
   readonly corners: readonly Vec3[];
+  /** A unit vector, world. */
+  readonly normal: Vec3;
 }
 
 /**

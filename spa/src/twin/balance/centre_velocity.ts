@@ -1,5 +1,6 @@
 import type { Vec3 } from '../rotation.ts';
 import { addScaled, dot, rotateAbout, scale } from '../vectors.ts';
+import type { Slide } from './balance.ts';
 import type { FootState } from './foot_state.ts';
 
 /** The time constant of the velocity's filter, seconds. */
@@ -14,9 +15,6 @@ const UP: Vec3 = [0, 0, 1];
 export function follows(beforeS: number, nowS: number): boolean {
   return nowS >= beforeS && nowS - beforeS <= GAP_S;
 }
-
-/** A motion of the floor under a robot, in the world of the scene, metres. */
-export type Slide = (before: Vec3) => Vec3;
 
 /** Where a foot was. */
 type Stood = Pick<FootState, 'bears' | 'centre' | 'rows'>;
@@ -88,7 +86,7 @@ export class CentreVelocity {
   #sharedFoot(): number {
     let best = -1;
     for (const [i, { bears, forceN }] of this.#feet.entries()) {
-      if (bears !== true || this.#stood[i]?.bears !== true) continue;
+      if (!bears || !this.#stood[i]?.bears) continue;
       if (best < 0 || (forceN ?? 0) > (this.#feet[best]!.forceN ?? 0)) best = i;
     }
     return best;

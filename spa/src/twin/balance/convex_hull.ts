@@ -1,4 +1,4 @@
-import type { Vec2 } from './balance.ts';
+import type { FootBalance, Vec2 } from './balance.ts';
 
 /** Twice the area (m²) that a corner spans with its neighbours at least. Two feet side by side have corners on one line,
  *  but for rounding. */
@@ -13,7 +13,7 @@ export function convexHull(points: readonly Vec2[]): number[] {
   const order = points
     .map((_, i) => i)
     .sort((a, b) => points[a]![0] - points[b]![0] || points[a]![1] - points[b]![1])
-    .filter((point, i, all) => i === 0 || !areEqual(points[point]!, points[all[i - 1]!]!));
+    .filter((point, i, all) => i === 0 || points[point]!.some((x, axis) => x !== points[all[i - 1]!]![axis]));
   if (order.length < 2) return order;
   const corners = chain(points, order);
   corners.push(...chain(points, order.reverse()));
@@ -27,6 +27,12 @@ export function convexHull(points: readonly Vec2[]): number[] {
   return corners;
 }
 
+/** What feet span on the floor: the convex hull of their corners. */
+export function spanOf(feet: readonly Pick<FootBalance, 'corners'>[]): Vec2[] {
+  const points = feet.flatMap(({ corners }) => corners.map(([x, y]): Vec2 => [x, y]));
+  return convexHull(points).map((i) => points[i]!);
+}
+
 /** The corners on one side, without the last, with which the other side begins. */
 function chain(points: readonly Vec2[], order: readonly number[]): number[] {
   const corners: number[] = [];
@@ -37,10 +43,6 @@ function chain(points: readonly Vec2[], order: readonly number[]): number[] {
   }
   corners.pop();
   return corners;
-}
-
-function areEqual([ax, ay]: Vec2, [bx, by]: Vec2): boolean {
-  return ax === bx && ay === by;
 }
 
 /** Twice the area of the triangle a, b, c: positive when it turns counter-clockwise. */

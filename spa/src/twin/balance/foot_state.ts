@@ -10,11 +10,14 @@ const OUTSIDE_M = 0.2;
 /** Cosine of the most that a sole which bears is tilted: 60°. */
 const TILT_COS = 0.5;
 
+type Rows = readonly [Vec3, Vec3, Vec3];
+
 /** One foot in the newest pose. `update` and `setBears` rewrite it, in this order. */
 export class FootState implements FootBalance {
   readonly name: string;
   readonly link: string;
   corners: readonly Vec3[] = [];
+  normal: Vec3 = [0, 0, 1];
   bears: boolean | null = null;
   forceN: number | null = null;
   pressure: Vec3 | null = null;
@@ -23,16 +26,17 @@ export class FootState implements FootBalance {
   pressN = 0;
   /** Where the floor pushes (world, metres), also while it does not bear; null when the wrench has no such point. */
   pushedAt: Vec3 | null = null;
-  /** Height of its lowest corner, metres in the world. */
+  /** Height of its lowest corner, metres in the world; infinite while it is tilted. */
   lowestM = Number.NaN;
   /** Whether its sole is tilted by more than 60°, so that nothing can stand on it. */
   isTilted = false;
   /** The sole's centre in the world, metres. */
   centre: Vec3 = [0, 0, 0];
-  /** The first two rows of the rotation of world_from_link. */
-  rows: readonly [Vec3, Vec3] = [
+  /** The rows of the rotation of world_from_link. */
+  rows: Rows = [
     [1, 0, 0],
     [0, 1, 0],
+    [0, 0, 1],
   ];
   readonly foot: Foot;
   /** The centre of pressure in the link's frame. */
@@ -50,14 +54,13 @@ export class FootState implements FootBalance {
     const { link, sole } = this.foot;
     const m = worldFromLink.subarray(link * 16, link * 16 + 16);
     this.corners = sole.corners.map((corner) => pointThrough(m, corner));
-    this.lowestM = Math.min(...this.corners.map(([, , z]) => z)); // NaN wins
-    const [nx, ny, nz] = sole.normal;
-    this.isTilted = Math.abs(m[2]! * nx + m[6]! * ny + m[10]! * nz) < TILT_COS;
     this.centre = pointThrough(m, sole.centre);
-    this.rows = [
-      [m[0]!, m[4]!, m[8]!],
-      [m[1]!, m[5]!, m[9]!],
-    ];
+    const rows = [0, 1, 2].map((i): Vec3 => [m[i]!, m[i + 4]!, m[i + 8]!]);
+    this.rows = rows as unknown as Rows;
+    this.normal = rows.map((row) => dot(row, sole.normal)) as unknown as Vec3;
+    this.isTilted = Math.abs(this.normal[2]) < TILT_COS;
+    const lowest = Math.min(...this.corners.map(([, , z]) => z)); // NaN wins
+    this.lowestM = this.isTilted ? Number.POSITIVE_INFINITY : lowest;
     this.#takeWrench(wrench);
     this.pushedAt = this.#pressed && pointThrough(m, this.#pressed);
   }
@@ -65,7 +68,7 @@ export class FootState implements FootBalance {
   /** Sets whether it bears. A force below `leastN` has a centre of pressure that is not worth showing. */
   setBears(bears: boolean | null, leastN: number): void {
     this.bears = bears;
-    this.pressure = bears === true && this.forceN !== null && this.forceN >= leastN ? this.pushedAt : null;
+    this.pressure = bears && this.forceN !== null && this.forceN >= leastN ? this.pushedAt : null;
     this.atEdge =
       this.pressure !== null && this.#pressed !== null && !isInside(this.foot.sole, this.#pressed, AT_EDGE_M);
   }

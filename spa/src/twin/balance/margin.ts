@@ -1,3 +1,4 @@
+import type { Vec3 } from '../rotation.ts';
 import type { Vec2 } from './balance.ts';
 
 /** Where a point lies to a polygon. */
@@ -17,17 +18,20 @@ export function marginIn(polygon: readonly Vec2[], point: Vec2): Margin {
     const to = polygon[(i + 1) % polygon.length]!;
     const turn = (to[0] - from[0]) * (point[1] - from[1]) - (to[1] - from[1]) * (point[0] - from[0]);
     if (turn < 0) inside = false;
-    const distance = Math.hypot(...fromEdge(from, to, point));
+    const distance = Math.hypot(...fromEdge<Vec2>(from, to, point));
     if (distance < least) [least, edge] = [distance, i];
   }
   return { metres: inside ? least : -least, edge };
 }
 
-/** From the nearest point between two corners to a point. */
-export function fromEdge(from: Vec2, to: Vec2, point: Vec2): Vec2 {
-  const [ex, ey] = [to[0] - from[0], to[1] - from[1]];
-  const [px, py] = [point[0] - from[0], point[1] - from[1]];
-  const squared = ex * ex + ey * ey;
-  const along = squared > 0 ? Math.min(1, Math.max(0, (px * ex + py * ey) / squared)) : 0;
-  return [px - along * ex, py - along * ey];
+/** From the nearest point between two corners to a point, in a plane or in space. */
+export function fromEdge<V extends Vec2 | Vec3>(from: V, to: V, point: V): V {
+  let [along, squared] = [0, 0];
+  for (let i = 0; i < from.length; i += 1) {
+    const edge = to[i]! - from[i]!;
+    along += (point[i]! - from[i]!) * edge;
+    squared += edge * edge;
+  }
+  const part = squared > 0 ? Math.min(1, Math.max(0, along / squared)) : 0;
+  return point.map((x, i) => x - from[i]! - part * (to[i]! - from[i]!)) as readonly number[] as V;
 }

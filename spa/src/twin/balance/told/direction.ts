@@ -1,4 +1,4 @@
-import type { Balance } from '../balance.ts';
+import type { Balance, Vec2 } from '../balance.ts';
 import { fromEdge } from '../margin.ts';
 
 /** Where to, as seen by the robot. */
@@ -17,14 +17,12 @@ export function fallDirection(
   const from = nearestEdge === null ? undefined : polygon[nearestEdge];
   if (centreOfMass === null || from === undefined) return null;
   const to = polygon[(nearestEdge! + 1) % polygon.length]!;
-  const [x, y] = fromEdge(from, to, [centreOfMass[0], centreOfMass[1]]);
+  const [x, y] = fromEdge<Vec2>(from, to, [centreOfMass[0], centreOfMass[1]]);
   const [cos, sin] = [Math.cos(headingRad), Math.sin(headingRad)];
   const ahead = x * cos + y * sin;
   const left = y * cos - x * sin;
   const along: Side = ahead >= 0 ? 'forwards' : 'backwards';
   const across: Side = left >= 0 ? 'left' : 'right';
-  const [more, less] = [Math.abs(ahead), Math.abs(left)];
-  if (before === along && more * CLEARLY > less) return along;
-  if (before === across && less * CLEARLY > more) return across;
-  return more >= less ? along : across;
+  const held = before === along ? CLEARLY : before === across ? 1 / CLEARLY : 1;
+  return Math.abs(ahead) * held >= Math.abs(left) ? along : across;
 }

@@ -1,7 +1,7 @@
 import type { Level } from '@posecast/wire';
 import { worseOf } from '../../limits/level_latch.ts';
-import type { Balance, Vec2 } from '../balance.ts';
-import { convexHull } from '../convex_hull.ts';
+import type { Balance } from '../balance.ts';
+import { spanOf } from '../convex_hull.ts';
 import { marginIn } from '../margin.ts';
 import { fallDirection, type Side } from './direction.ts';
 import type { MarginLimits } from './margin_limits.ts';
@@ -42,20 +42,15 @@ const STEPPING_MPS = 0.03;
 /** Judges one balance after the other, so that words and levels don't flicker where a value lies at a limit: a level rises at
  *  once and falls when the margin is well back. */
 export class StanceJudge {
-  #kind: StanceKind | null = null;
-  #level: Level = 'ok';
-  #side: Side | null = null;
+  #last: Stance | null = null;
   #limits: MarginLimits | null = null;
 
   /** The newest balance; `headingRad` from the world's x. null: nothing can be said, as of an arm. */
   next(balance: Balance, headingRad: number, limits: MarginLimits): Stance | null {
-    if (limits !== this.#limits) this.#level = 'ok'; // the level was by other limits
+    if (this.#last !== null && limits !== this.#limits) this.#last = { ...this.#last, level: 'ok' }; // by other limits
     this.#limits = limits;
-    const stance = this.#judge(balance, headingRad, limits);
-    this.#kind = stance?.kind ?? null;
-    this.#level = stance?.level ?? 'ok';
-    this.#side = stance?.side ?? null;
-    return stance;
+    this.#last = this.#judge(balance, headingRad, limits);
+    return this.#last;
   }
 
   #judge(balance: Balance, headingRad: number, limits: MarginLimits): Stance | null {
@@ -70,12 +65,12 @@ export class StanceJudge {
     const caught = marginMm < 0 && this.#isCaught(balance);
     const kind = this.#kindOf(marginMm, caught);
     const level = this.#levelOf(marginMm, caught, limits);
-    const side = kind === 'outside' ? fallDirection(balance, headingRad, this.#side) : null;
+    const side = kind === 'outside' ? fallDirection(balance, headingRad, this.#last?.side ?? null) : null;
     return { kind, level, marginMm, side, assumed };
   }
 
   #kindOf(marginMm: number, caught: boolean): StanceKind {
-    const wasOnEdge = this.#kind === 'edge';
+    const wasOnEdge = this.#last?.kind === 'edge';
     if (Math.abs(marginMm) <= (wasOnEdge ? EDGE_MM + BACK_MM : EDGE_MM)) return 'edge';
     if (marginMm > 0) return 'inside';
     return caught ? 'moving' : 'outside';
@@ -87,8 +82,8 @@ export class StanceJudge {
     if (capturePoint === null || polygon.length === 0) return false;
     const [x, y] = capturePoint;
     const steps = velocity !== null && Math.hypot(velocity[0], velocity[1]) >= STEPPING_MPS;
-    const { metres } = marginIn(steps ? hullOf(balance) : polygon, [x, y]);
-    return metres >= (this.#kind === 'moving' ? 0 : CAUGHT_M);
+    const { metres } = marginIn(steps ? spanOf(balance.feet) : polygon, [x, y]);
+    return metres >= (this.#last?.kind === 'moving' ? 0 : CAUGHT_M);
   }
 
   #levelOf(marginMm: number, caught: boolean, limits: MarginLimits): Level {
@@ -97,17 +92,11 @@ export class StanceJudge {
     const eased = (level: Level) => (caught && owner === 'page' ? 'caution' : level);
     const now = eased(levelAt(marginMm));
     const lingering = eased(worseOf(levelAt(marginMm - BACK_MM), levelAt(marginMm + BACK_MM)));
-    const held = this.#level;
+    const held = this.#last?.level ?? 'ok';
     return worseOf(now, held) === now ? now : lesser(held, worseOf(now, lingering));
   }
 }
 
 function lesser(a: Level, b: Level): Level {
   return worseOf(a, b) === a ? b : a;
-}
-
-/** What it would stand on with every foot on the floor. */
-function hullOf({ feet }: Balance): Vec2[] {
-  const corners = feet.flatMap((foot) => foot.corners.map(([x, y]): Vec2 => [x, y]));
-  return convexHull(corners).map((i) => corners[i]!);
 }
