@@ -20,7 +20,8 @@ const NO_RULE: BalanceRule = { feet: null, ground: null, soles: new Map() };
  * 2. the wrench sensors on a link with a sole (or on what is fixed to it), if they are at least two;
  * 3. with fewer such sensors, the model's soles, if they are at least two.
  *
- * A foot that is named but not there, or whose sole can't be one, is left out; with ground `measured` no feet are known then.
+ * A foot that is named but not there, or whose sole can't be one, or that is another one under a second name, is left out;
+ * with ground `measured` no feet are known then.
  *
  * Which of them bear is `measured` when the profile says so, else in 1 when every foot has a sensor of the force along
  * its normal, and in 2; all else is `lowest`.
@@ -113,13 +114,14 @@ function findFeet(
   };
 
   if (rule.feet !== null) {
-    return rule.feet.flatMap((name) => {
+    const named = rule.feet.flatMap((name) => {
       const own = sensors.find(({ site }) => site === name);
       const link = own?.link ?? links.indexOf(name);
       const sole = soleOn(link);
       const on = rule.soles.has(name) ? link : (sole?.link ?? -1);
       return foot(name, on, sole?.points, own ?? sensors.find(isFixedTo(link)));
     });
+    return withoutTwins(named, lacks);
   }
   const taken = new Set<number>();
   const measured = sensors.flatMap((sensor) => {
@@ -131,6 +133,19 @@ function findFeet(
   if (measured.length > 1) return measured;
   const assumed = soles.flatMap(({ link, points }) => foot(links[link]!, link, points));
   return assumed.length > 1 ? assumed : [];
+}
+
+/** Feet of one sole or one sensor are one foot under two names, whose force would count twice. */
+function withoutTwins(feet: readonly Foot[], lacks: string[]): readonly Foot[] {
+  const kept: Foot[] = [];
+  for (const foot of feet) {
+    const twin = kept.find(
+      ({ link, sensor }) => link === foot.link || (sensor !== null && sensor.site === foot.sensor?.site),
+    );
+    if (twin === undefined) kept.push(foot);
+    else lacks.push(`[balance] ${twin.name} and ${foot.name} are one foot`);
+  }
+  return kept;
 }
 
 /** A sensor seen from the link `of` with the sole, to which its link is fixed. */
