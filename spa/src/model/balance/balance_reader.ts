@@ -19,7 +19,7 @@ export class BalanceReader {
   readonly manifest: Manifest;
   readonly schema: Schema;
   readonly #standing: Standing;
-  readonly #balancer: Balancer;
+  #balancer: Balancer;
   readonly #wrenches: FootWrenchReader;
   #body: FrameBody | null = null;
   /** The links that matter, by index, and world_from_link of all. */
@@ -36,6 +36,12 @@ export class BalanceReader {
     this.#wrenches = new FootWrenchReader(schema, sites);
     this.#links = [...new Set([...masses, ...feet].map(({ link }) => link))];
     this.#worldFromLink = new Float64Array(manifest.links.length * 16);
+  }
+
+  /** Begins a new course of poses: what comes next does not go on from the newest one. */
+  begin(): void {
+    this.#balancer = new Balancer(this.#standing);
+    this.#body = null;
   }
 
   /** Whether the page shows balance unless told otherwise: it has masses, and two feet with wrenches. */

@@ -30,6 +30,8 @@ export class BalanceOverlay implements BalanceDrawing {
   #judge = new StanceJudge();
   #limits: MarginLimits = marginLimits(null);
   readonly #left = new Footprints();
+  /** The way to the pose that is at rest, once it has been taken. */
+  #led: unknown = null;
   #labels: OverlayLabel[] = [];
 
   /** `facets`: where it is drawn, with that of the other robots of the picture. `jointLimits`: what draws the limits of
@@ -47,6 +49,7 @@ export class BalanceOverlay implements BalanceDrawing {
     if (readings.choice === 'auto' && !reader.onByItself) return;
     const facets = this.#facets;
     const tS = pose.tS ?? 0;
+    this.#follow(reader, readings, tS, style.reach);
     const balance = reader.ofBody(body, reader.wrenchesOf(pose.wrenches ?? []), tS);
     this.#left.take(balance, tS, readings.anchored, style.reach);
     const level = this.#levelOf(readings, balance);
@@ -91,8 +94,25 @@ export class BalanceOverlay implements BalanceDrawing {
       this.#reader = new BalanceReader(manifest, schema);
       this.#judge = new StanceJudge();
       this.#left.forget();
+      this.#led = null;
     }
     return this.#reader;
+  }
+
+  /** Takes what led up to the pose of a moment at rest, once: its signs are then those of a moment that was played to, and have the
+   *  level of the words, which are computed from the same. */
+  #follow(reader: BalanceReader, readings: BalanceReadings, tS: number, reach: number): void {
+    const { lead, anchored } = readings;
+    if (!lead || lead.states === this.#led || lead.tS !== tS) return;
+    this.#led = lead.states;
+    reader.begin();
+    this.#judge = new StanceJudge();
+    this.#left.forget();
+    for (const state of lead.states) {
+      const balance = reader.ofFrame(state.codes, state.tS);
+      this.#left.take(balance, state.tS, anchored, reach);
+      this.#levelOf(readings, balance);
+    }
   }
 
   #levelOf({ limits }: BalanceReadings, balance: Balance): Level {

@@ -50,6 +50,7 @@ export class Footprints {
     this.#trace = [];
     this.#prints = [];
     this.#standing.clear();
+    this.#tS = Number.NaN;
   }
 
   /**
