@@ -105,14 +105,12 @@ export class BalanceOverlay implements BalanceDrawing {
     const { lead, anchored } = readings;
     if (!lead || lead.states === this.#led || lead.tS !== tS) return;
     this.#led = lead.states;
-    reader.begin();
     this.#judge = new StanceJudge();
     this.#left.forget();
-    for (const state of lead.states) {
-      const balance = reader.ofFrame(state.codes, state.tS);
+    reader.begin(lead.states, (balance, state) => {
       this.#left.take(balance, state.tS, anchored, reach);
       this.#levelOf(readings, balance);
-    }
+    });
   }
 
   #levelOf({ limits }: BalanceReadings, balance: Balance): Level {
