@@ -97,35 +97,36 @@ export class BalanceWatch {
       this.#known = OF_RAW_FILES;
       return;
     }
-    if (model !== this.reader?.manifest || schema !== this.reader.schema) {
+    if (isLed || model !== this.reader?.manifest || schema !== this.reader.schema) {
       this.reader = new BalanceReader(model, schema);
       this.#judge = new StanceJudge();
     }
     const { reader } = this;
-    if (isLed) {
-      // At rest all that is told of a moment comes from the same poses, whatever was shown before.
-      this.#judge = new StanceJudge();
-      reader.begin(lead, this.#take);
-    }
+    // At rest all that is told of a moment comes from the same poses, whatever was shown before.
+    if (isLed) for (const one of lead) this.#take(reader, one);
     this.#led = lead;
-    const balance = reader.ofFrame(state.codes, state.tS);
-    const stance = this.#take(balance, state);
+    const { balance, stance } = this.#take(reader, state);
     const { hasAny: possible, problems } = reader;
     this.#known = { possible, stance, balance, findings: toldOfMasses(model.raw.findings), problems };
   };
 
-  /** Judges the balance of a state, and notes what is crossed in it: a crossing counts while the page shows the balance. */
-  readonly #take = (balance: Balance, { atMs }: LeadState): Stance | null => {
+  /** Takes a state, and notes what is crossed in it. */
+  #take(reader: BalanceReader, { codes, tS, atMs }: LeadState) {
+    const balance = reader.ofFrame(codes, tS);
+    const stance = this.#judge.next(balance, reader.headingRad, marginLimits(this.#link.twin.limits));
+    this.#note(stance, atMs);
+    return { balance, stance };
+  }
+
+  /** A crossing counts while the page shows the balance. */
+  #note(stance: Stance | null, atMs: number): void {
     const { twin } = this.#link;
-    const limits = marginLimits(twin.limits);
-    const stance = this.#judge.next(balance, this.reader!.headingRad, limits);
-    if (!this.isShown || stance === null || stance.marginMm === null) return stance;
-    const { owner, threshold } = limits;
+    if (!this.isShown || stance === null || stance.marginMm === null) return;
+    const { owner, threshold } = marginLimits(twin.limits);
     const text = balanceText();
     const reading = { ...MARGIN, name: text.margin, unit: 'mm', value: stance.marginMm, level: stance.level };
     noteComputed(twin, text.balance, reading, { threshold, own: owner === 'viewer' }, atMs);
-    return stance;
-  };
+  }
 
   /** Asks for the model that the robot has now, from where its body has it. */
   #ask(): void {

@@ -8,11 +8,6 @@ import type { PosedBody } from '../posed_body.ts';
 import { FrameBody } from './frame_body.ts';
 import { chooseStanding } from './standing_choice.ts';
 
-interface Frame {
-  readonly codes: Int32Array;
-  readonly tS: number;
-}
-
 /** What a body must tell of its links. */
 type LinkedBody = Pick<PosedBody, 'linkMatrix'>;
 
@@ -24,7 +19,7 @@ export class BalanceReader {
   readonly manifest: Manifest;
   readonly schema: Schema;
   readonly #standing: Standing;
-  #balancer: Balancer;
+  readonly #balancer: Balancer;
   readonly #wrenches: FootWrenchReader;
   #body: FrameBody | null = null;
   /** The links that matter, by index, and world_from_link of all. */
@@ -41,14 +36,6 @@ export class BalanceReader {
     this.#wrenches = new FootWrenchReader(schema, sites);
     this.#links = [...new Set([...masses, ...feet].map(({ link }) => link))];
     this.#worldFromLink = new Float64Array(manifest.links.length * 16);
-  }
-
-  /** Begins a new course of poses with those of some states, oldest first: nothing goes on from what came before. `take` is called
-   *  with the balance of each, which the next one rewrites. */
-  begin<T extends Frame>(states: readonly T[], take: (balance: Balance, state: T) => void): void {
-    this.#balancer = new Balancer(this.#standing);
-    this.#body = null;
-    for (const state of states) take(this.ofFrame(state.codes, state.tS), state);
   }
 
   /** Whether the page shows balance unless told otherwise: it has masses, and two feet with wrenches. */
