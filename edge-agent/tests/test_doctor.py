@@ -159,7 +159,8 @@ CORPUS = [
     Case("mass-heavy", "warning", 2, "400 kg in a box of 8 litres", (link("head", box("0.2 0.2 0.2") + inertial(400, "1 1 1")),)),
     Case("mass-heavy", "warning", 2, "1e+07 kg", (link("a", inertial(10000000, "1 1 1")),)),
     Case("dense", "hint", 2, "in a box of 8 litres", (link("a", box("0.2 0.2 0.2") + inertial(400, "1 1 1")), link("b", box("1 1 1") + inertial(2000, "99 99 99")), joint("ab", "a", "b"))),
-    Case("mass-far", "warning", 2, "10,000 km", (link("a", inertial(1, "1 1 1", "2e7 0 0")),)),
+    Case("mass-far", "warning", 2, "'a': a centre of mass 200 m away (millimetres?); no balance", (link("a", inertial(1, "1 1 1", "0 0 -200")),)),
+    Case("mass-far", "warning", 2, "2e+07 m away", (link("a", inertial(1, "1 1 1", "2e7 0 0")),)),
     Case("xacro", "error", 2, "xacro robot.xacro", ("<xacro:include/>", A)),
 ]  # fmt: skip
 

@@ -270,6 +270,9 @@ def test_a_sensor_that_measures_forces_alone_tells_who_bears_and_no_pressure() -
         ({"feet": ["RF", "LF"], "ground": "lowest"}, ["RF", "LF"], "lowest"),
         ({"feet": ["RF", "tail"]}, [], None),
         ({"feet": ["RF", "tail"], "ground": "lowest"}, ["RF"], "lowest"),
+        ({"feet": ["LF", "left_foot", "RF"]}, [], None),
+        ({"feet": ["LF", "left_foot", "RF"], "ground": "lowest"}, ["LF", "RF"], "lowest"),
+        ({"feet": ["RF", "right_sole"], "soles": {"RF": SOLE, "right_sole": SOLE}}, [], None),
         ({"feet": ["trunk"]}, [], None),
         ({"feet": ["trunk"], "soles": {"trunk": SOLE}}, ["trunk"], "lowest"),
         ({"feet": ["trunk"], "soles": {"trunk": [[0, 0, 0], [1, 0, 0], [2, 0, 0]]}}, [], None),
@@ -333,14 +336,17 @@ def test_the_nearest_edge_of_a_polygon() -> None:
 
 
 def test_a_sole_is_a_plane_whatever_the_order_of_its_corners() -> None:
-    plane = make_sole_plane([(0, 0, 1), (1, 1, 1), (1, 0, 1), (0, 1, 1)])
+    plane = make_sole_plane([(0, 0, 1), (1, 1, 1), (1, 0, 1), (0, 1, 1)], (0, 0, 3))
     assert plane is not None
     assert len(plane.corners) == 4
-    assert abs(plane.normal[2]) == pytest.approx(1)
+    assert plane.normal == pytest.approx((0, 0, 1))
+    below = make_sole_plane([(0, 0, 1), (1, 1, 1), (1, 0, 1), (0, 1, 1)], (0, 0, -3))
+    assert below is not None
+    assert below.normal == pytest.approx((0, 0, -1))
     assert plane.centre == pytest.approx((0.5, 0.5, 1))
-    assert make_sole_plane([(0, 0, 0), (1, 1, 1), (2, 2, 2)]) is None
-    assert make_sole_plane([(0, 0, 0), (0, 0, 0), (0, 0, 0)]) is None
-    assert make_sole_plane([(0, 0, 0), (1, 0, 0)]) is None
+    assert make_sole_plane([(0, 0, 0), (1, 1, 1), (2, 2, 2)], (0, 0, 1)) is None
+    assert make_sole_plane([(0, 0, 0), (0, 0, 0), (0, 0, 0)], (0, 0, 1)) is None
+    assert make_sole_plane([(0, 0, 0), (1, 0, 0)], (0, 0, 1)) is None
 
 
 def test_no_force_along_the_normal_no_pressure() -> None:

@@ -12,7 +12,7 @@ import type { Inertial, Link } from './types.ts';
 const DENSITY_MAX = 12_000; // kg/m³
 const BOX_MIN_M3 = 1e-6;
 const MASS_MAX_KG = 1e6;
-const FAR_M = 1e7;
+const REACH_M = 100;
 /** Of the robot's mass, or of the boxes of all links: what less concerns is a hint. */
 const HEAVY_SHARE = 0.25;
 const MOMENTS_SHARE = 0.1;
@@ -92,8 +92,8 @@ function emptiness({ visuals }: Link, share: number): Problem | null {
 function extreme({ mass, xyz }: Inertial): Problem | null {
   if (mass < 0) return ['mass-negative', `a mass of ${general(mass)} kg`];
   if (mass > MASS_MAX_KG) return ['mass-heavy', `a mass of ${general(mass)} kg`];
-  if (Math.max(...xyz.map(Math.abs)) > FAR_M)
-    return ['mass-far', 'a centre of mass more than 10,000 km away'];
+  const far = Math.max(...xyz.map(Math.abs));
+  if (far > REACH_M) return ['mass-far', `a centre of mass ${general(far, 3)} m away (millimetres?)`];
   return null;
 }
 

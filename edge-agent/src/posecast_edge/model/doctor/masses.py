@@ -10,11 +10,12 @@ from posecast_edge.model.doctor.meshes import MeshFacts, compute_shape_box
 from posecast_edge.model.finding import NO_BALANCE, Finding, quote_name
 from posecast_edge.model.kinematics import matrix_from_quaternion, quaternion_from_rpy
 from posecast_edge.model.urdf.tree import Tree
-from posecast_edge.model.urdf.types import FAR_M, Inertial, Link
+from posecast_edge.model.urdf.types import Inertial, Link
 
 DENSITY_MAX = 12_000.0  # kg/m³; lead has 11,340
 BOX_MIN_M3 = 1e-6
 MASS_MAX_KG = 1e6
+REACH_M = 100.0  # along an axis, of a centre from its link; what reads a bundle has the same limits
 # Robots that work have parts that can't be: a finger without mass, a camera with made-up moments, a pelvis
 # that shows only a bracket. The centre of mass hardly feels them, so they are hints; masses are distrusted
 # where that part of the robot's mass, or of its boxes, is concerned.
@@ -81,8 +82,9 @@ def _find_extreme(inertial: Inertial) -> tuple[str, str] | None:
         return "mass-negative", f"a mass of {inertial.mass:g} kg"
     if inertial.mass > MASS_MAX_KG:
         return "mass-heavy", f"a mass of {inertial.mass:g} kg"
-    if max(map(abs, inertial.pose.xyz)) > FAR_M:
-        return "mass-far", "a centre of mass more than 10,000 km away"
+    far = max(map(abs, inertial.pose.xyz))
+    if far > REACH_M:
+        return "mass-far", f"a centre of mass {far:.3g} m away (millimetres?)"
     return None
 
 
