@@ -21,6 +21,7 @@ from posecast_relay.kinematics.manifest_values import ModelTreeError
 from .balance_stage import SENSORS, SOLE, WEIGHT_N, Standing, make_manifest, make_model, make_schema_text
 
 NO_SENSORS: dict[str, Any] = {}
+TRUNK: dict[str, Any] = make_manifest()["inertials"][0]
 ONE = {"RF": SENSORS["RF"]}
 
 
@@ -114,6 +115,11 @@ def test_a_foot_begins_to_bear_at_five_parts_of_a_hundred_and_ends_at_three() ->
     assert not robot.read(10.0, RF_fz=0.04 * WEIGHT_N).feet[0].bears, "after a gap it begins anew"
 
 
+def test_a_link_may_weigh_next_to_nothing_where_the_robot_does_not() -> None:
+    light = {**TRUNK, "link": 1, "mass_kg": 1e-9}
+    assert Standing(model=make_model(inertials=[TRUNK, light])).read().mass_kg == pytest.approx(40)
+
+
 def test_without_masses_twenty_newtons_bear() -> None:
     for newtons, wanted in ((19.0, False), (21.0, True)):
         found = Standing(model=make_model(inertials=[])).read(RF_fz=newtons)
@@ -181,6 +187,12 @@ def test_velocity_begins_anew_where_no_foot_bears_in_both_poses() -> None:
         ({"inertials": [], "findings": [{"code": "mass-negative"}]}, "impossible-masses"),
         ({"inertials": [], "findings": [{"code": "inertia-triangle"}]}, "impossible-masses"),
         ({"inertials": [], "findings": [{"code": "mesh-missing"}, 5]}, "no-masses"),
+        ({"inertials": [{**TRUNK, "mass_kg": 1e-300}]}, "impossible-masses"),
+        (
+            {"inertials": [{**TRUNK, "mass_kg": 5e-4}, {**TRUNK, "link": 1, "mass_kg": 4e-4}]},
+            "impossible-masses",
+        ),
+        ({"inertials": [{**TRUNK, "xyz": [0, 0, -200]}]}, "impossible-masses"),
     ],
 )
 def test_no_masses_no_ball(changes: dict[str, Any], gap: str) -> None:
