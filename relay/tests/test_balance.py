@@ -348,14 +348,17 @@ def test_the_nearest_edge_of_a_polygon() -> None:
 
 
 def test_a_sole_is_a_plane_whatever_the_order_of_its_corners() -> None:
-    plane = make_sole_plane([(0, 0, 1), (1, 1, 1), (1, 0, 1), (0, 1, 1)])
+    plane = make_sole_plane([(0, 0, 1), (1, 1, 1), (1, 0, 1), (0, 1, 1)], (0, 0, 3))
     assert plane is not None
     assert len(plane.corners) == 4
-    assert abs(plane.normal[2]) == pytest.approx(1)
+    assert plane.normal == pytest.approx((0, 0, 1))
+    below = make_sole_plane([(0, 0, 1), (1, 1, 1), (1, 0, 1), (0, 1, 1)], (0, 0, -3))
+    assert below is not None
+    assert below.normal == pytest.approx((0, 0, -1))
     assert plane.centre == pytest.approx((0.5, 0.5, 1))
-    assert make_sole_plane([(0, 0, 0), (1, 1, 1), (2, 2, 2)]) is None
-    assert make_sole_plane([(0, 0, 0), (0, 0, 0), (0, 0, 0)]) is None
-    assert make_sole_plane([(0, 0, 0), (1, 0, 0)]) is None
+    assert make_sole_plane([(0, 0, 0), (1, 1, 1), (2, 2, 2)], (0, 0, 1)) is None
+    assert make_sole_plane([(0, 0, 0), (0, 0, 0), (0, 0, 0)], (0, 0, 1)) is None
+    assert make_sole_plane([(0, 0, 0), (1, 0, 0)], (0, 0, 1)) is None
 
 
 def test_no_force_along_the_normal_no_pressure() -> None:

@@ -128,6 +128,8 @@ it('a robot is on by itself with masses and two feet that measure force', () => 
     'its profile says it stands on nothing',
     'one foot alone has a wrench',
     'lies on its back',
+    'stands on its head, without wrenches',
+    'kneels',
     'a sole that is none',
     'its profile names a foot that is not there',
     "has masses beyond any robot's",

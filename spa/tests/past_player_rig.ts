@@ -148,6 +148,7 @@ export class FakeSource implements PastSource {
 export class FakeSink implements PastSink {
   readonly told: string[] = [];
   readonly fills: (readonly PastState[])[] = [];
+  readonly leads: (readonly PastState[])[] = [];
   /** States, a list for each jump. */
   readonly jumps: PastState[][] = [];
 
@@ -173,6 +174,9 @@ export class FakeSink implements PastSink {
   state(state: PastState): void {
     this.told.push(`${state.seq}`);
     this.jumps.at(-1)!.push(state);
+  }
+  lead(states: readonly PastState[]): void {
+    this.leads.push(states);
   }
   fill(_schema: Schema, states: readonly PastState[]): void {
     this.fills.push(states);

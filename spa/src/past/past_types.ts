@@ -32,6 +32,9 @@ export interface PastSink {
   event(event: EventMessage): void;
   word(word: RobotStatus): void;
   state(state: PastState): void;
+  /** What led up to the state that is shown, oldest first: the ten seconds before it as far as they are here. Told once the moment
+   *  rests, and again when more of them have come. */
+  lead(states: readonly PastState[]): void;
   /** The minute before the newest jump's moment, ten states a second at most, oldest first: for plots. */
   fill(schema: Schema, states: readonly PastState[]): void;
 }

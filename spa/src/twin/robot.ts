@@ -28,6 +28,9 @@ export interface RobotState {
   lateMs?: number;
 }
 
+/** A state that led up to another. */
+export type LeadState = Pick<RobotState, 'tS' | 'codes' | 'atMs'>;
+
 /**
  * All that the page knows about one robot, kept outside React. It has two kinds of listener: `onState` for each new
  * frame (at frame rate), `onChange` for what changes seldom (schema, info, events, model, connection).
@@ -36,6 +39,8 @@ export class RobotTwin {
   readonly robot: string;
   schema: Schema | null = null;
   state: RobotState | null = null;
+  /** What led up to `state`, oldest first, where the past is at rest; null otherwise. */
+  lead: readonly LeadState[] | null = null;
   info: ReadonlyMap<string, string> = new Map();
   /** Newest last. */
   events: readonly EventMessage[] = [];
@@ -96,7 +101,7 @@ export class RobotTwin {
     if (this.schema?.id === schema.id) return;
     this.schema = schema;
     this.limits = new ValueLimits(schema.mapping, this.edits);
-    this.state = null;
+    this.state = this.lead = null;
     this.#joints = null;
     this.#changed();
   }
@@ -116,6 +121,7 @@ export class RobotTwin {
   acceptState(state: RobotState): void {
     if (this.schema?.id !== state.schemaId) return; // overtaken by a new schema on its way here
     this.state = state;
+    this.lead = null;
     if (state.freshMs !== null) this.evidence.freshMs = state.freshMs;
     if (this.#watching) this.evidence.changedMs = state.changedMs; // else no later one will tell that it has changed
     this.#shows(state.bornMs);
@@ -123,11 +129,19 @@ export class RobotTwin {
     for (const listener of this.#stateListeners) listener();
   }
 
+  /** Takes what led up to the newest state, oldest first, of its schema. Listeners of states are called again with that state: what
+   *  depends on the way to it can be computed now, as if it had been played. */
+  acceptLead(lead: readonly LeadState[]): void {
+    if (this.state === null) return;
+    this.lead = lead;
+    for (const listener of this.#stateListeners) listener();
+  }
+
   /** Takes what the relay says. One that the page has just been moved to may not know the robot yet: that is no news, until what the
    *  one before has said is old. */
   acceptStatus(status: Status): void {
     const oldMs = newestAgeMs(this.evidence, status.atMs);
-    const isNoNews = status.degraded || status.seq === null;
+    const isNoNews = status.degraded || status.robot === 'offline' || status.seq === null;
     if (this.#moved && isNoNews && oldMs !== null && oldMs < STALE_AFTER_MS) return;
     this.#moved = false;
     this.evidence.status = status;

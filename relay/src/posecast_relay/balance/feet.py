@@ -27,7 +27,7 @@ from posecast_relay.balance.model import BalanceModel, Sole
 from posecast_relay.balance.sole import SolePlane, make_sole_plane
 from posecast_relay.balance.wrench_reading import AXES, WrenchSensor
 from posecast_relay.kinematics.channel_places import ChannelPlaces
-from posecast_relay.kinematics.link_poses import LinkPose, compose_poses, invert_pose
+from posecast_relay.kinematics.link_poses import LinkPose, compose_poses, invert_pose, place_point
 from posecast_relay.kinematics.rotation import quat_of_rpy, rotate_vector
 from posecast_relay.kinematics.vector import dot
 
@@ -154,7 +154,9 @@ class _FootFinder:
         return self._soles.get(link) or self._soles_of_groups.get(self._model.groups[link])
 
     def _make(self, name: str, sole: Sole, mounted: _Mounted | None) -> Foot | None:
-        plane = make_sole_plane(self._rule.soles.get(name, sole.points))
+        link_from_root = invert_pose(self._model.root_from_link[sole.link])
+        inside = place_point(link_from_root, self._model.inside)
+        plane = make_sole_plane(self._rule.soles.get(name, sole.points), inside)
         if plane is None:
             self._lack(name)
             return None

@@ -21,6 +21,7 @@ from posecast_relay.kinematics.manifest_values import (
     make_xyz,
 )
 from posecast_relay.kinematics.model_tree import ModelTree, load_manifest, make_model_tree
+from posecast_relay.kinematics.vector import add, scale
 
 SOLES_MAX = 64
 CORNERS_MAX = 16  # of a sole
@@ -87,6 +88,23 @@ class BalanceModel:
             at_rest = LinkPose(joint.xyz, joint.quat)
             poses.append(compose_poses(poses[joint.parent], at_rest) if is_fixed else AT_ORIGIN)
         return tuple(poses)
+
+    @cached_property
+    def root_from_link(self) -> tuple[LinkPose, ...]:
+        """By link, where it is while all joints are at 0."""
+        poses = [AT_ORIGIN]
+        for joint in self.tree.joints:
+            poses.append(compose_poses(poses[joint.parent], LinkPose(joint.xyz, joint.quat)))
+        return tuple(poses)
+
+    @cached_property
+    def inside(self) -> Xyz:
+        """A point on the inside of any sole: the mean of the links' origins (root's frame, metres) while all
+        joints are at 0."""
+        total: Xyz = (0.0, 0.0, 0.0)
+        for pose in self.root_from_link:
+            total = add(total, pose.xyz)
+        return scale(total, 1 / len(self.root_from_link))
 
     @cached_property
     def link_of(self) -> Mapping[str, int]:

@@ -38,9 +38,9 @@ class BalanceTraces implements DerivedTraces {
   update(history: History, nowMs: number): boolean {
     const shown = this.#watch.reader;
     if (shown === null) return false;
-    if (shown !== this.#madeFor) {
+    const { manifest, schema } = shown;
+    if (manifest !== this.#madeFor?.manifest || schema !== this.#madeFor.schema) {
       this.#madeFor = shown;
-      const { manifest, schema } = shown;
       // Its own reader: the watch's one goes on with the newest frames.
       const reader = new BalanceReader(manifest, schema);
       this.#history = new DerivedHistory(schema, VALUES.length, (codes, atMs, into) =>

@@ -6,7 +6,7 @@ import { MARGIN } from '../../twin/balance/told/margin_channel.ts';
 import { marginLimits } from '../../twin/balance/told/margin_limits.ts';
 import { toldOfMasses } from '../../twin/balance/told/mass_findings.ts';
 import { type Stance, StanceJudge } from '../../twin/balance/told/stance.ts';
-import type { RobotTwin } from '../../twin/robot.ts';
+import type { LeadState, RobotTwin } from '../../twin/robot.ts';
 import { noteComputed } from '../state/own_alarms.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { settings } from '../state/settings.ts';
@@ -45,6 +45,8 @@ export class BalanceWatch {
   #judge = new StanceJudge();
   #askedForMs = Number.NEGATIVE_INFINITY;
   #lookedMs = Number.NEGATIVE_INFINITY;
+  /** The way to the state that is at rest, once it has been taken. */
+  #led: readonly LeadState[] | null = null;
   #known: KnownBalance | null = null;
 
   constructor(link: Pick<RobotLink, 'twin' | 'manifestUrl'>) {
@@ -83,36 +85,47 @@ export class BalanceWatch {
   }
 
   readonly #look = () => {
-    const { schema, state, limits } = this.#link.twin;
+    const { schema, state, lead } = this.#link.twin;
     this.#ask();
     const model = this.#model;
     if (schema === null || state === null || model === null) return;
-    if (state.atMs >= this.#lookedMs && state.atMs - this.#lookedMs < EVERY_MS) return;
+    const isLed = lead !== null && lead !== this.#led;
+    if (!isLed && state.atMs >= this.#lookedMs && state.atMs - this.#lookedMs < EVERY_MS) return;
     if (this.#known !== null && !this.isShown && performance.now() - this.#askedForMs > UNASKED_MS) return;
     this.#lookedMs = state.atMs;
     if (model === 'raw') {
       this.#known = OF_RAW_FILES;
       return;
     }
-    if (model !== this.reader?.manifest || schema !== this.reader.schema) {
+    if (isLed || model !== this.reader?.manifest || schema !== this.reader.schema) {
       this.reader = new BalanceReader(model, schema);
       this.#judge = new StanceJudge();
     }
-    const { hasAny: possible, problems } = this.reader;
-    const balance = this.reader.ofFrame(state.codes, state.tS);
-    const stance = this.#judge.next(balance, this.reader.headingRad, marginLimits(limits));
+    const { reader } = this;
+    // At rest all that is told of a moment comes from the same poses, whatever was shown before.
+    if (isLed) for (const one of lead) this.#take(reader, one);
+    this.#led = lead;
+    const { balance, stance } = this.#take(reader, state);
+    const { hasAny: possible, problems } = reader;
     this.#known = { possible, stance, balance, findings: toldOfMasses(model.raw.findings), problems };
-    this.#note(stance, state.atMs);
   };
+
+  /** Takes a state, and notes what is crossed in it. */
+  #take(reader: BalanceReader, { codes, tS, atMs }: LeadState) {
+    const balance = reader.ofFrame(codes, tS);
+    const stance = this.#judge.next(balance, reader.headingRad, marginLimits(this.#link.twin.limits));
+    this.#note(stance, atMs);
+    return { balance, stance };
+  }
 
   /** A crossing counts while the page shows the balance. */
   #note(stance: Stance | null, atMs: number): void {
     const { twin } = this.#link;
     if (!this.isShown || stance === null || stance.marginMm === null) return;
     const { owner, threshold } = marginLimits(twin.limits);
-    const { balance, margin } = balanceText();
-    const reading = { ...MARGIN, name: margin, unit: 'mm', value: stance.marginMm, level: stance.level };
-    noteComputed(twin, balance, reading, { threshold, own: owner === 'viewer' }, atMs);
+    const text = balanceText();
+    const reading = { ...MARGIN, name: text.margin, unit: 'mm', value: stance.marginMm, level: stance.level };
+    noteComputed(twin, text.balance, reading, { threshold, own: owner === 'viewer' }, atMs);
   }
 
   /** Asks for the model that the robot has now, from where its body has it. */

@@ -14,7 +14,7 @@ export function stanceWords(stance: Stance, was: boolean, text: BalanceText = ba
 const SAID = {
   inside: ['inside', 'wasInside', 'briefInside'],
   edge: ['edge', 'wasEdge', 'briefEdge'],
-  moving: ['moving', 'wasOutside', 'briefMoving'],
+  moving: ['moving', 'wasMoving', 'briefMoving'],
   outside: ['forwards', 'wasOutside', 'briefOutside'],
   airborne: ['airborne', 'wasAirborne', 'briefAirborne'],
   unread: ['unread', null, 'briefUnread'],

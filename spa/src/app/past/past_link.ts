@@ -9,10 +9,11 @@ import { OwnTape } from '../../past/player/tape/own_tape.ts';
 import { RelayPast } from '../../past/relay/relay_past.ts';
 import { nowMs } from '../../stream/clock.ts';
 import { isClaim, type Recorded } from '../../twin/liveness.ts';
-import { RobotTwin } from '../../twin/robot.ts';
+import { type LeadState, RobotTwin } from '../../twin/robot.ts';
 import { FaultKeeper } from '../state/fault_keeper.ts';
 import { HistoryKeeper } from '../state/history_keeper.ts';
 import { momentIn, pastControls, shownMoment } from '../state/moment.ts';
+import { forgetOwnAlarms } from '../state/own_alarms.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { isHeard } from './heard.ts';
 import { PastWatch } from './past_watch.ts';
@@ -56,11 +57,18 @@ export function playPast(played: Played, atMs: number | null | undefined) {
   const minute = new HistoryKeeper(twin);
   const watch = new PastWatch(twin, clock, () => player, recorded === null ? 'PAST' : 'RECORDED');
 
+  let edits = twin.edits;
+  const lead = (states: readonly LeadState[]) => {
+    edits = twin.edits;
+    forgetOwnAlarms(twin, states[0]?.atMs ?? clock()); // those of the lead are noted anew, at their true times
+    twin.acceptLead(states);
+  };
   const sink: PastSink = {
     jump: () => {
       twin.forgetEvents();
       faults.begin();
       minute.begin();
+      forgetOwnAlarms(twin);
     },
     schema: (schema) => twin.acceptSchema(schema),
     // before a robot has told its model it had the same body
@@ -72,6 +80,7 @@ export function playPast(played: Played, atMs: number | null | undefined) {
       twin.acceptState(shownState(state));
       watch.look();
     },
+    lead,
     fill: (schema, states) => minute.history.prepend(schema, states),
   };
   void READER.load();
@@ -107,6 +116,9 @@ export function playPast(played: Played, atMs: number | null | undefined) {
   const named = () => go(momentIn(window.location.hash));
   const ends = [
     player.onChange(look),
+    twin.onChange(() => {
+      if (twin.edits !== edits && twin.lead !== null) lead([...twin.lead]); // judged by the new limits
+    }),
     () => window.removeEventListener('hashchange', named),
     () => cancelAnimationFrame(frame),
     () => shownMoment.set(null),

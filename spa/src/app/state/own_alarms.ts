@@ -20,10 +20,13 @@ export function watchOwnLimits(twin: RobotTwin): void {
   const own = ownOf(twin);
   let table: { schema: RobotTwin['schema']; of: SensorTable } | null = null;
   twin.onState(() => {
-    const { schema, state, limits, edits } = twin;
+    const { schema, state, limits, edits, lead } = twin;
     if (schema === null || state === null || limits === null || edits.size === 0) return;
     if (table?.schema !== schema) table = { schema, of: new SensorTable(schema) };
-    if (own.log.look(table.of.read(state.codes, limits), limits, state.atMs)) tell(own);
+    const before = own.log.crossings;
+    for (const { codes, atMs } of [...(lead ?? []), state])
+      own.log.look(table.of.read(codes, limits), limits, atMs);
+    if (own.log.crossings !== before) tell(own);
   });
 }
 
@@ -39,6 +42,14 @@ export function noteComputed(
   const before = own.log.crossings;
   own.log.note(title, reading, limit.threshold, atMs, limit.own);
   if (own.log.crossings !== before) tell(own);
+}
+
+/** Forgets the crossings from a moment on, all unless one is given: what comes next does not go on from them. What is beyond a limit
+ *  in the first frame then is no crossing: nobody knows when it was. */
+export function forgetOwnAlarms(twin: RobotTwin, sinceMs = Number.NEGATIVE_INFINITY): void {
+  const own = ownOf(twin);
+  own.log.begin(sinceMs);
+  tell(own);
 }
 
 function ownOf(twin: RobotTwin): OwnAlarms {

@@ -93,6 +93,12 @@ function findFeet(
   const isFixedTo = (link: number) => (one: { readonly link: number }) => groups[one.link] === groups[link];
   const soleOn = (link: number) => soles.find((sole) => sole.link === link) ?? soles.find(isFixedTo(link));
   const { rootFromLink } = new Kinematics(joints);
+  const at = (link: number) => rootFromLink.subarray(link * 16, link * 16 + 16);
+  /** The mean of the links' origins, which is on the inside of any sole. */
+  const body = links.reduce<Vec3>(
+    (sum, _, link) => addScaled(sum, originOf(at(link)), 1 / links.length),
+    [0, 0, 0],
+  );
   const mounts = schema.mapping.sensors;
   const sensors = new FootWrenchReader(schema, mounts.keys()).wrenches.flatMap(
     ({ site, force, moment }): Mounted[] => {
@@ -104,8 +110,8 @@ function findFeet(
 
   /** A foot with the profile's sole, else the model's. None when there is no such link, or no sole that can be one. */
   const foot = (name: string, link: number, points: readonly Vec3[] = [], mounted?: Mounted): Foot[] => {
-    const sole = planeOfSole(rule.soles.get(name) ?? points);
-    if (link < 0 || sole === null) {
+    const sole = link < 0 ? null : planeOfSole(rule.soles.get(name) ?? points, pointBefore(at(link), body));
+    if (sole === null) {
       lacks.push(`[balance] ${name} has no sole, or one that can't be`);
       return [];
     }
@@ -148,6 +154,12 @@ function withoutTwins(feet: readonly Foot[], lacks: string[]): readonly Foot[] {
   return kept;
 }
 
+/** The point that a transform takes to `point`. */
+function pointBefore(transform: Float64Array, point: Vec3): Vec3 {
+  const back = invertQuat(quatOfTransform(transform));
+  return rotateVector(back, addScaled(point, originOf(transform), -1));
+}
+
 /** A sensor seen from the link `of` with the sole, to which its link is fixed. */
 function sensorFrom(
   rootFromLink: Float64Array,
@@ -159,7 +171,6 @@ function sensorFrom(
   const rootFromMount = rootFromLink.subarray(link * 16, link * 16 + 16);
   const back = invertQuat(quatOfTransform(rootFromSole));
   const turn = multiplyQuats(back, multiplyQuats(quatOfTransform(rootFromMount), quatOfRpy(rpy)));
-  const place = addScaled(pointThrough(rootFromMount, xyz), originOf(rootFromSole), -1);
   const axes: FootSensor['axes'] = [
     rotateVector(turn, [1, 0, 0]),
     rotateVector(turn, [0, 1, 0]),
@@ -170,5 +181,11 @@ function sensorFrom(
   const measuresForce = forceAxes.includes(nearest);
   const measuresMoments = [0, 1, 2].every((axis) => axis === nearest || momentAxes.includes(axis));
   const measuresPressure = measuresForce && measuresMoments;
-  return { site, xyz: rotateVector(back, place), axes, measuresForce, measuresPressure };
+  return {
+    site,
+    xyz: pointBefore(rootFromSole, pointThrough(rootFromMount, xyz)),
+    axes,
+    measuresForce,
+    measuresPressure,
+  };
 }

@@ -1,4 +1,4 @@
-import type { Level, Schema } from '@posecast/wire';
+import type { Level } from '@posecast/wire';
 import { BalanceReader } from '../../model/balance/balance_reader.ts';
 import type { PosedBody } from '../../model/posed_body.ts';
 import type { Balance } from '../../twin/balance/balance.ts';
@@ -29,7 +29,9 @@ export class BalanceOverlay implements BalanceDrawing {
   /** The judge that the page's words have, so that both have one level. */
   #judge = new StanceJudge();
   #limits: MarginLimits = marginLimits(null);
-  readonly #left = new Footprints();
+  #left = new Footprints();
+  /** The way to the pose that is at rest, once it has been taken. */
+  #led: unknown = null;
   #labels: OverlayLabel[] = [];
 
   /** `facets`: where it is drawn, with that of the other robots of the picture. `jointLimits`: what draws the limits of
@@ -42,11 +44,11 @@ export class BalanceOverlay implements BalanceDrawing {
   draw(body: PosedBody | null, pose: Pose | null, readings: BalanceReadings, style: BalanceStyle): void {
     this.shown = null;
     this.#labels = [];
-    const reader = body === null ? null : this.#readerOf(body, readings.schema);
-    if (body === null || pose === null || reader === null) return;
+    if (body === null || pose === null) return;
+    const tS = pose.tS ?? 0;
+    const reader = this.#readerOf(body, readings, tS, style.reach);
     if (readings.choice === 'auto' && !reader.onByItself) return;
     const facets = this.#facets;
-    const tS = pose.tS ?? 0;
     const balance = reader.ofBody(body, reader.wrenchesOf(pose.wrenches ?? []), tS);
     this.#left.take(balance, tS, readings.anchored, style.reach);
     const level = this.#levelOf(readings, balance);
@@ -86,13 +88,26 @@ export class BalanceOverlay implements BalanceDrawing {
     return this.#labels;
   }
 
-  #readerOf({ manifest }: PosedBody, schema: Schema): BalanceReader {
-    if (this.#reader?.manifest !== manifest || this.#reader.schema !== schema) {
+  /** The reader of the pose at `tS`. Once in the past at rest it is one that has read what led up to that pose: the signs are then
+   *  those of a moment that was played to, and have the level of the words, which come from the same. */
+  #readerOf({ manifest }: PosedBody, readings: BalanceReadings, tS: number, reach: number): BalanceReader {
+    const { schema, lead, anchored } = readings;
+    const isOther = this.#reader?.manifest !== manifest || this.#reader.schema !== schema;
+    const isLed = lead?.tS === tS && (isOther || lead.states !== this.#led);
+    if (isOther || isLed) {
       this.#reader = new BalanceReader(manifest, schema);
       this.#judge = new StanceJudge();
-      this.#left.forget();
+      this.#left = new Footprints();
     }
-    return this.#reader;
+    const reader = this.#reader!;
+    if (!isLed) return reader;
+    this.#led = lead.states;
+    for (const { codes, tS } of lead.states) {
+      const balance = reader.ofFrame(codes, tS);
+      this.#left.take(balance, tS, anchored, reach);
+      this.#levelOf(readings, balance);
+    }
+    return reader;
   }
 
   #levelOf({ limits }: BalanceReadings, balance: Balance): Level {

@@ -46,7 +46,7 @@ export class Footprints {
     return this.#trace.length;
   }
 
-  forget(): void {
+  #forget(): void {
     this.#trace = [];
     this.#prints = [];
     this.#standing.clear();
@@ -59,7 +59,7 @@ export class Footprints {
    */
   take({ feet, slide, centreOfMass, floorM }: Balance, tS: number, anchored: boolean, reach: number): void {
     if (tS === this.#tS || feet.some(({ bears }) => bears === null)) return;
-    if (tS < this.#tS || (!anchored && slide === null)) this.forget();
+    if (tS < this.#tS || (!anchored && slide === null)) this.#forget();
     else if (!anchored && slide !== null) this.#move(slide);
     this.#tS = tS;
     const stands = new Map<string, readonly Vec3[]>();

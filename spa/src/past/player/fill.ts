@@ -24,11 +24,13 @@ export class Fill {
   #cancel = (): void => undefined;
   #runs = 0;
 
+  /** `onFilled` is called when the sink has been given a minute. */
   constructor(
     private readonly ports: FillPorts,
     private readonly tape: Tape,
     private readonly reel: Reel,
     private readonly loads: Loads,
+    private readonly onFilled: () => void,
   ) {}
 
   stop(): void {
@@ -42,7 +44,9 @@ export class Fill {
     const run = this.#runs;
     this.#cancel = this.ports.schedule(() => {
       void this.#collect({ fromMs: last.atMs - FILL_MS, toMs: last.atMs }, last, run).then((states) => {
-        if (states.length > 0 && run === this.#runs) this.ports.sink.fill(last.schema, states);
+        if (states.length === 0 || run !== this.#runs) return;
+        this.ports.sink.fill(last.schema, states);
+        this.onFilled();
       });
     }, AFTER_MS);
   }

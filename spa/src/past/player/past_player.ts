@@ -3,6 +3,7 @@ import type { PastControls, PastEvent, Playhead, Span, Speed, Timeline } from '.
 import { visitFault } from './fault_visits.ts';
 import { Fill } from './fill.ts';
 import { KeyPageFetcher } from './key_page_fetcher.ts';
+import { LeadIn } from './lead_in.ts';
 import { type PastPorts, PlayheadState } from './playhead_state.ts';
 import { goSteps, playOn } from './playing.ts';
 import { Projector } from './projector.ts';
@@ -20,6 +21,7 @@ import { Tape, type TapeFrame } from './tape/tape.ts';
 export class PastPlayer implements PastControls {
   readonly #parts: PlayerParts;
   readonly #state: PlayheadState;
+  readonly #leadIn: LeadIn;
   readonly #unfollow: () => void;
   readonly onChange: PastControls['onChange'];
 
@@ -32,7 +34,11 @@ export class PastPlayer implements PastControls {
     const reel = new Reel(source, tape, own, loads, (alignment) => this.#align(alignment));
     const projector = new Projector(sink, own, (momentMs) => listRecentEvents(source, heard(), momentMs));
     const keyFetcher = new KeyPageFetcher(source, loads, schedule);
-    const fill = new Fill(ports, tape, reel, loads);
+    const fill = new Fill(ports, tape, reel, loads, () => {
+      projector.isLed = false; // segments of before may have come
+      work();
+    });
+    this.#leadIn = new LeadIn(ports, tape, reel);
     const goLive = () => this.goLive();
     this.#parts = { ports, state, tape, loads, reel, projector, keyFetcher, fill, work, goLive };
     this.#state = state;
@@ -251,6 +257,17 @@ export class PastPlayer implements PastControls {
     if (state.wantedMs === null) goSteps(this.#parts);
     else showWanted(this.#parts, state.wantedMs);
     state.publish();
+    this.#lead();
+  }
+
+  /** Tells what led up to the shown frame, once it rests. */
+  #lead(): void {
+    const { frame } = this;
+    const { clock, scrubbing, steps } = this.#state;
+    const { projector, ports } = this.#parts;
+    if (frame === null || projector.isLed || clock.running || scrubbing !== null || steps !== 0) return;
+    projector.isLed = true;
+    ports.sink.lead(this.#leadIn.before(frame));
   }
 
   /** A segment has told the run and the moments of the page's own frames: moves the playhead along with the frame that it shows. */

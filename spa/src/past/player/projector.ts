@@ -9,6 +9,8 @@ import type { SchemaReader, TapeFrame, TapePart } from './tape/tape.ts';
 export class Projector {
   /** The newest frame that was shown; null where only the first pose of a segment is. */
   cursor: TapeFrame | null = null;
+  /** Whether the sink has been told what led up to it. */
+  isLed = false;
   readonly #teller: Teller;
   readonly #own: OwnTape;
   /** The first pose of a segment that is shown until the frame is here. */
@@ -36,6 +38,7 @@ export class Projector {
     this.#teller.situation({ ...situation, faults: [...this.listRecent(momentMs), ...situation.faults] });
     if (frame !== null) this.#teller.state(frame.schema, frame);
     this.cursor = frame;
+    this.isLed = false;
     this.#key = null;
     this.#jumpMs = momentMs;
     this.#ownToldMs = momentMs;
@@ -67,6 +70,7 @@ export class Projector {
     this.tell(near, next.frame.atMs, next);
     this.#teller.state(next.frame.schema, next.frame);
     this.cursor = next.frame;
+    this.isLed = false;
   }
 
   /** Tells what happened up to a moment, or before a frame. */

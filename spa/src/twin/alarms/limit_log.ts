@@ -30,7 +30,17 @@ export class LimitLog {
   /** Newest last. */
   crossings: readonly Crossing[] = [];
   readonly #past = new Map<string, { level: Level; past: Past }>();
+  /** By reading, the limit that it was last judged by since `begin`; null: the log has not been begun anew. */
+  #judgedBy: Map<string, Threshold> | null = null;
   #next = 1;
+
+  /** Drops the crossings from a moment (Unix ms) on. What comes next may be of any time: a reading that is beyond its limit when it
+   *  is first judged by it is no crossing. */
+  begin(sinceMs: number): void {
+    this.crossings = this.crossings.filter(({ atMs }) => atMs < sinceMs);
+    this.#past.clear();
+    this.#judgedBy = new Map();
+  }
 
   /** Takes the readings of a new frame (`atMs`: Unix ms). True when crossings were added. */
   look(groups: readonly SensorGroup[], limits: ValueLimits, atMs: number): boolean {
@@ -52,14 +62,17 @@ export class LimitLog {
       this.#past.delete(key);
       return;
     }
+    if (value === null) return;
+    const isFirst = this.#judgedBy !== null && this.#judgedBy.get(key) !== threshold;
+    this.#judgedBy?.set(key, threshold);
     const source = `${title} ${name}`;
-    if (level === 'fault' && before?.level !== 'fault' && value !== null) {
+    if (level === 'fault' && before?.level !== 'fault') {
       const past = { ...pastOf(threshold, value, unit), own };
       this.#past.set(key, { level, past });
-      this.#add({ atMs, source, ...past, state: 'on' });
-    } else if (level !== 'fault' && before?.level === 'fault' && value !== null) {
+      if (!isFirst) this.#add({ atMs, source, ...past, state: 'on' });
+    } else if (level !== 'fault' && before?.level === 'fault') {
       this.#past.delete(key);
-      this.#add({ atMs, source, ...before.past, state: 'off' });
+      if (!isFirst) this.#add({ atMs, source, ...before.past, state: 'off' });
     }
   }
 

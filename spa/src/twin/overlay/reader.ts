@@ -1,6 +1,7 @@
 import type { Schema } from '@posecast/wire';
 import { JointChannels } from '../joint_channels.ts';
 import type { Threshold, ValueLimits } from '../limits/limits.ts';
+import type { LeadState } from '../robot.ts';
 import { type Imu, ImuTable } from '../sensors/imus.ts';
 import { type Load, type LoadField, type LoadScale, LoadTable } from '../sensors/load.ts';
 import { type Wrench, WrenchTable } from '../sensors/wrenches.ts';
@@ -30,6 +31,8 @@ export interface BalanceReadings {
   readonly joints: readonly string[];
   /** Whether the robot reports where it is in the world, and is shown there. */
   readonly anchored: boolean;
+  /** At rest in the past: the states that led up to the one whose pose is shown, at `tS`; null or left out otherwise. */
+  readonly lead?: { readonly states: readonly Pick<LeadState, 'tS' | 'codes'>[]; readonly tS: number } | null;
 }
 
 /** Readings of the newest frame for the overlay. Kinds that are switched off, or that the robot does not have, are

@@ -67,7 +67,10 @@ export function bindOverlay(scene: OverlaidBody, { twin, watch }: RobotLink): Ov
     }
     if (reader?.schema !== schema) reader = new OverlayReader(schema);
     const choice = { ...settings(), joint: selection()?.joint ?? null };
-    const readings = reader.read(state.codes, limits, choice);
+    const read = reader.read(state.codes, limits, choice);
+    const isMeasured = choice.shown !== 'ref' || !reader.can.lens; // a lead has no commands
+    const lead = twin.lead === null || !isMeasured ? null : { states: twin.lead, tS: state.tS };
+    const readings = { ...read, balance: read.balance && { ...read.balance, lead } };
     const ghost = reader.ghost(readings, choice);
     scene.lockHeading(choice.headingLocked);
     if (ghost !== null) scene.showGhost(ghost, [...ghost.keys()]);

@@ -15,6 +15,8 @@ export const balanceEn = {
   wasOutside: (mm: string) => `The centre of mass was ${mm} outside of what it stood on.`,
   moving: (mm: string) =>
     `It is moving: the centre of mass is ${mm} outside, but it would come to rest over its feet.`,
+  wasMoving: (mm: string) =>
+    `It was moving: the centre of mass was ${mm} outside, but it would have come to rest over its feet.`,
   airborne: 'No foot bears weight.',
   wasAirborne: 'No foot bore weight.',
   unread: 'A foot has no reading of its force, so nobody knows what it stands on.',
