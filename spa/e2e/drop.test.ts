@@ -79,14 +79,14 @@ describe("a robot from one's own computer", () => {
   });
 
   it('has its centre of mass, which follows the sliders; in one line what can not be known', async () => {
-    const weighing = (kg: string) =>
+    const weighing = (kg: string, centre = '0 0 0') =>
       URDF.replaceAll(/<link name="(base|rod)">/g, (link, name) => {
         const mass = name === 'rod' ? kg : '3';
-        return `${link}<inertial><mass value="${mass}"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>`;
+        return `${link}<inertial><origin xyz="${centre}"/><mass value="${mass}"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>`;
       });
     const page = await listed();
-    const open = (kg: string) =>
-      page.evaluate(choose('choose-zip', zipSync({ 'arm.urdf': strToU8(weighing(kg)) }), 'arm.zip'));
+    const open = (...weight: Parameters<typeof weighing>) =>
+      page.evaluate(choose('choose-zip', zipSync({ 'arm.urdf': strToU8(weighing(...weight)) }), 'arm.zip'));
     const ball = () =>
       page.evaluate<number[] | null>('window.posecast.scene?.signs.balance?.centreOfMass ?? null');
     const entry = () => page.findByTestId('local-balance').text();
@@ -109,6 +109,12 @@ describe("a robot from one's own computer", () => {
     await closed(page);
     await open('nan');
     await until('the reason', async () => (await page.text()).includes("'nan'; no balance is shown"), 30_000);
+    await until('the entry', async () => (await entry()).includes('masses that can’t be'));
+    expect(await ball()).toBeNull();
+    await closed(page);
+    await open('1', '0 0 -200'); // millimetres
+    const far = "link 'rod': a centre of mass 200 m away (millimetres?); no balance is shown";
+    await until('the links that are far', async () => (await page.text()).includes(far), 30_000);
     await until('the entry', async () => (await entry()).includes('masses that can’t be'));
     expect(await ball()).toBeNull();
   });
