@@ -125,7 +125,7 @@ function marginLabel(
   live: boolean,
 ): OverlayLabel {
   const mm = Math.round(marginM! * 1000);
-  const text = `${mm < 0 ? '−' : ''}${Math.abs(mm)} mm`;
+  const text = `${mm} mm`.replace('-', '−');
   const corners = polygon.map(([x, y]): Vec3 => [x, y, edge[2]]);
   const outline = corners.map((from, i) => [from, corners[(i + 1) % corners.length]!] as const);
   const lines: OverlayLabel['lines'] = [[foot, edge], [edge, sign ?? edge], ...outline];
