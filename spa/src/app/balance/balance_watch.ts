@@ -114,14 +114,15 @@ export class BalanceWatch {
   #take(reader: BalanceReader, { codes, tS, atMs }: LeadState) {
     const { twin } = this.#link;
     const limits = marginLimits(twin.limits);
-    const { owner, threshold } = limits;
     const balance = reader.ofFrame(codes, tS);
     const stance = this.#judge.next(balance, reader.headingRad, limits);
-    const value = stance?.marginMm ?? null;
-    if (!this.isShown || stance === null || value === null) return { balance, stance };
-    const text = balanceText();
-    const reading = { ...MARGIN, name: text.margin, unit: 'mm', value, level: stance.level };
-    noteComputed(twin, text.balance, reading, { threshold, own: owner === 'viewer' }, atMs);
+    if (this.isShown && stance?.marginMm != null) {
+      const { level, marginMm: value } = stance;
+      const { threshold, owner } = limits;
+      const { balance: title, margin: name } = balanceText();
+      const own = owner === 'viewer';
+      noteComputed(twin, title, { ...MARGIN, name, unit: 'mm', value, level }, { threshold, own }, atMs);
+    }
     return { balance, stance };
   }
 

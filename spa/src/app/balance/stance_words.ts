@@ -6,7 +6,7 @@ import { type BalanceText, balanceText } from '../text/balance.ts';
 export function stanceWords(stance: Stance, was: boolean, text: BalanceText = balanceText()): string {
   const { kind, assumed } = stance;
   const sentence = sentenceOf(stance, was, text);
-  const holds = kind !== 'airborne' && kind !== 'unread' && sentence !== '';
+  const holds = kind !== 'airborne' && kind !== 'unread';
   return assumed && holds ? `${sentence} ${text.assumed}` : sentence;
 }
 
@@ -21,7 +21,7 @@ export function briefWords({ kind, marginMm }: Stance, was: boolean, text: Balan
 }
 
 function capitalized<T extends string>(kind: T): Capitalize<T> {
-  return (kind[0]!.toUpperCase() + kind.slice(1)) as Capitalize<T>;
+  return kind.replace(/./, (first) => first.toUpperCase()) as Capitalize<T>;
 }
 
 function inWords(words: string | ((mm: string) => string), marginMm: number | null): string {
