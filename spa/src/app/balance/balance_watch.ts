@@ -131,8 +131,7 @@ export class BalanceWatch {
     const url = this.#urlNow();
     if (url !== this.#url) {
       this.#model = this.#known = null;
-      this.#askedMs = Number.NEGATIVE_INFINITY;
-      this.#lookedMs = Number.NEGATIVE_INFINITY;
+      this.#askedMs = this.#lookedMs = Number.NEGATIVE_INFINITY;
     }
     this.#url = url;
     const now = performance.now();
