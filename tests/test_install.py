@@ -183,6 +183,16 @@ def test_one_wheel_is_all_of_it(stack: Any, wheels: Path, alone: Any, tmp_path: 
     routes_page(alone, url)
 
 
+@pytest.mark.full
+@pytest.mark.parametrize("how", ["uvx", "pip install"])
+def test_one_command_is_enough(how: str, stack: Any, wheels: Path, tmp_path: Path) -> None:
+    (line,) = (block.strip() for block in blocks("sh") if how in block and "posecast demo" in block)
+    (tmp_path / "dist").symlink_to(wheels)
+    path = f"PATH={UV.parent}:{os.environ['PATH']}"
+    demo = stack.start("demo", "env", path, "bash", "-euc", f"cd {tmp_path}\n{line} --no-browser")
+    until("it is on air", lambda: "on air:" in demo.out, 240)
+
+
 def test_what_builds_models_is_small_too(wheels: Path, tmp_path: Path) -> None:
     (wheel,) = wheels.glob("posecast-*.whl")
     sh(

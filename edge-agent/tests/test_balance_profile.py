@@ -64,6 +64,11 @@ def test_a_profile_that_says_nothing_says_nothing() -> None:
         ('feet = ["torso"]', r"balance\.feet\[0\]: 'torso' is a sensor of kind imu, not wrench"),
         ('feet = ["RH"]', r"balance\.feet\[0\]: sensor 'RH' has no link"),
         ('feet = ["RF", "RF"]', r"balance\.feet\[1\]: 'RF' stands there twice"),
+        (
+            'feet = ["LF", "left_foot", "RF"]',
+            r"balance\.feet\[1\]: 'LF' and 'left_foot' are one foot: both are on link 'left_foot'",
+        ),
+        ('feet = ["left_foot", "RF", "LF"]', r"balance\.feet\[2\]: 'left_foot' and 'LF' are one foot"),
         ('feet = "RF"', r"balance\.feet: must be a list"),
         (f"feet = {[f'l{i}' for i in range(17)]}", r"balance\.feet: more than 16"),
         ('ground = "air"', r"balance\.ground: unknown ground 'air'"),

@@ -47,7 +47,12 @@ def test_environment_stands_in_and_flags_win() -> None:
         ([*GOOD, "--urdf", "a", "--model", "b"], {}, "--urdf and --model: give one"),
         ([*GOOD, "--robot", "../x"], {}, "--robot"),
         ([*GOOD, "--robot", ""], {}, "--robot"),
-        ([*GOOD, "--source", "ros"], {}, "--source: unknown source 'ros': one of jsonl, "),
+        (
+            [*GOOD, "--source", "ros"],
+            {},
+            "--source: unknown source 'ros' (did you mean ros2?): one of jsonl, ",
+        ),
+        ([*GOOD, "--source", "jsnl"], {}, "--source: unknown source 'jsnl' (did you mean jsonl?): one of "),
         ([*GOOD, "--relay", "relay.example"], {}, "--relay: 'relay.example' is no endpoint like tcp/"),
         ([*GOOD, "--relay", "tcp/1.2.3.4:99999"], {}, "--relay"),
         ([*GOOD, "--relay", "tcp/a:1#bind=x"], {}, "--relay"),

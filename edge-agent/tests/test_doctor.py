@@ -159,7 +159,17 @@ CORPUS = [
     Case("mass-heavy", "warning", 2, "400 kg in a box of 8 litres", (link("head", box("0.2 0.2 0.2") + inertial(400, "1 1 1")),)),
     Case("mass-heavy", "warning", 2, "1e+07 kg", (link("a", inertial(10000000, "1 1 1")),)),
     Case("dense", "hint", 2, "in a box of 8 litres", (link("a", box("0.2 0.2 0.2") + inertial(400, "1 1 1")), link("b", box("1 1 1") + inertial(2000, "99 99 99")), joint("ab", "a", "b"))),
-    Case("mass-far", "warning", 2, "10,000 km", (link("a", inertial(1, "1 1 1", "2e7 0 0")),)),
+    Case("mass-far", "warning", 2, "'a': a centre of mass 200 m away (millimetres?); no balance", (link("a", inertial(1, "1 1 1", "0 0 -200")),)),
+    Case("mass-far", "warning", 2, "2e+07 m away", (link("a", inertial(1, "1 1 1", "2e7 0 0")),)),
+    Case("mass-light", "warning", 2, "all masses together are 2e-300 kg; no balance", (link("a", inertial(1e-300, "0 0 0")), link("b", inertial(1e-300, "0 0 0")), AB)),
+    Case("unweighed", "hint", 3, "2 links with shells have no mass: 'b', 'c'", (link("a", inertial(1, "1 1 1")), link("b", box("1 1 1")), link("c", box("1 1 1")), AB, joint("bc", "b", "c"))),
+    Case("unweighed", "hint", 3, "8 links with shells have no mass: 'b0', 'b1', 'b2', 'b3', 'b4', 'b5' and 2 more", (link("a", inertial(1, "1 1 1")), *(link(f"b{i}", box("1 1 1")) for i in range(8)), *(joint(f"j{i}", "a", f"b{i}") for i in range(8)))),
+    Case("inertial-empty", "warning", 2, "'a': an <inertial> without a <mass>", (link("a", box("1 1 1") + '<inertial><inertia ixx="1"/></inertial>'),)),
+    Case("inertial-empty", "warning", 2, "without a <mass>", (link("a", box("1 1 1") + "<inertial><mass/></inertial>"),)),
+    Case(
+        "centre-outside", "warning", 3, "'b': its centre of mass is 4.25 m outside of the robot, which is 1.5 m large",
+        (link("a", box("0.5 0.5 1") + inertial(9, "1 1 1")), link("b", box("0.5 0.5 0.5") + inertial(9, "1 1 1", "0 4.5 0")), joint("ab", "a", "b", inside='<origin xyz="0 0 .75"/><axis xyz="0 1 0"/>')),
+    ),
     Case("xacro", "error", 2, "xacro robot.xacro", ("<xacro:include/>", A)),
 ]  # fmt: skip
 
@@ -214,6 +224,21 @@ def test_what_is_no_urdf(text: bytes, reason: str) -> None:
         read_urdf(io.BytesIO(text))
 
 
+def test_a_link_without_a_mass_that_is_fixed_to_one_with_a_mass_is_weighed_there(tmp_path: Path) -> None:
+    weighed = link("a", box("0.2 0.2 0.2") + inertial(1, "1 1 1"))
+    bare = link("b", box("0.2 0.2 0.2"))
+    assert diagnose(written(tmp_path, robot(weighed, bare, joint("ab", "a", "b", "fixed", "", "")))) == []
+
+
+def test_a_centre_less_outside_than_the_robot_is_large_is_no_finding(tmp_path: Path) -> None:
+    """A shell may be drawn far from its link's origin, and its centre with it."""
+    away = link("a", box("1 1 1", '<origin xyz="7 0 0"/>') + inertial(1, "1 1 1", "7 0 0"))
+    assert diagnose(written(tmp_path, robot(away))) == []
+    lost = link("a", mesh("meshes/a.stl") + inertial(1, "1 1 1", "7 0 0"))
+    found = diagnose(written(tmp_path / "lost", robot(lost)))
+    assert [f.code for f in found] == ["mesh-missing"], "nobody knows how large it is"
+
+
 def test_a_profile_that_does_not_fit() -> None:
     free = joint("cd", "c", "d", "floating", "", "")
     parts = (A, B, C, link("d"), AB, joint("bc", "b", "c", "fixed", "", ""), free)
@@ -254,6 +279,7 @@ def test_shared_robots(name: str) -> None:
     findings = diagnose(shared_robot(name))
     wanted = {
         "hubo2plus-stl": {"mesh-missing", "visual-empty"},
+        "hubo2plus-collision": {"unweighed"},
         "hubo2plus-collada": {"visual-empty", "collada-axis", "bundle-size"},
         "g1-hands": {"bundle-size"},
     }

@@ -88,6 +88,7 @@ LOOKED_AT = [
         [cube("a.stl", 3)],
     ),
     (robot(A, B, link("c"), link("d"), *LEVER), []),
+    *((robot(*case.parts), []) for case in CORPUS if case.code == "centre-outside"),
     (shape("sphere radius='0.02'"), []),
     (shape("cylinder radius='0.01' length='30'"), []),
     (shape("capsule radius='0.01' length='0.02'"), []),

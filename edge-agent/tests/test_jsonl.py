@@ -220,7 +220,9 @@ def test_a_path_that_is_not_there() -> None:
 
 
 def test_unknown_kind() -> None:
-    with pytest.raises(SourceError, match=f"^unknown source 'ros': one of {', '.join(KINDS)}$"):
+    with pytest.raises(
+        SourceError, match=rf"^unknown source 'ros' \(did you mean ros2\?\): one of {', '.join(KINDS)}$"
+    ):
         open_source("ros", None)
 
 

@@ -98,3 +98,30 @@ def test_the_same_input_gives_the_same_bytes(tmp_path: Path) -> None:
     for name in ("a", "b"):
         build(tmp_path / name)
     assert (tmp_path / "a" / "manifest.json").read_bytes() == (tmp_path / "b" / "manifest.json").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        ("ModuleNotFoundError('no PIL')", "needs the mesh tools: pip install "),
+        (
+            "ImportError('libstdc++.so.6: cannot open')",
+            "the mesh tools can't be loaded: libstdc++.so.6: cannot open",
+        ),
+    ],
+)
+def test_tools_that_are_there_and_do_not_load_are_told_from_missing_ones(error: str, said: str) -> None:
+    program = f"""
+import sys
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        if name == "PIL":
+            raise {error}
+sys.meta_path.insert(0, Finder())
+from posecast_edge.cli.main import main
+main()
+"""
+    command = [sys.executable, "-c", program, "model", "build", "--no-cache", str(DEMO), "-o", "/nowhere"]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert ended.returncode == 2
+    assert ended.stderr.startswith(f"posecast-edge: {DEMO}: {said}")

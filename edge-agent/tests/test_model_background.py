@@ -32,7 +32,7 @@ labels = ["RF.fz", "LF.fz"]
 RF = { kind = "wrench", link = "right_foot" }
 LF = { kind = "wrench", link = "a" }
 [balance]
-feet = ["RF", "LF", "lost", "a"]
+feet = ["RF", "LF", "lost"]
 """
 
 

@@ -21,6 +21,7 @@ from posecast_relay.kinematics.manifest_values import ModelTreeError
 from .balance_stage import SENSORS, SOLE, WEIGHT_N, Standing, make_manifest, make_model, make_schema_text
 
 NO_SENSORS: dict[str, Any] = {}
+TRUNK: dict[str, Any] = make_manifest()["inertials"][0]
 ONE = {"RF": SENSORS["RF"]}
 
 
@@ -114,6 +115,11 @@ def test_a_foot_begins_to_bear_at_five_parts_of_a_hundred_and_ends_at_three() ->
     assert not robot.read(10.0, RF_fz=0.04 * WEIGHT_N).feet[0].bears, "after a gap it begins anew"
 
 
+def test_a_link_may_weigh_next_to_nothing_where_the_robot_does_not() -> None:
+    light = {**TRUNK, "link": 1, "mass_kg": 1e-9}
+    assert Standing(model=make_model(inertials=[TRUNK, light])).read().mass_kg == pytest.approx(40)
+
+
 def test_without_masses_twenty_newtons_bear() -> None:
     for newtons, wanted in ((19.0, False), (21.0, True)):
         found = Standing(model=make_model(inertials=[])).read(RF_fz=newtons)
@@ -181,6 +187,12 @@ def test_velocity_begins_anew_where_no_foot_bears_in_both_poses() -> None:
         ({"inertials": [], "findings": [{"code": "mass-negative"}]}, "impossible-masses"),
         ({"inertials": [], "findings": [{"code": "inertia-triangle"}]}, "impossible-masses"),
         ({"inertials": [], "findings": [{"code": "mesh-missing"}, 5]}, "no-masses"),
+        ({"inertials": [{**TRUNK, "mass_kg": 1e-300}]}, "impossible-masses"),
+        (
+            {"inertials": [{**TRUNK, "mass_kg": 5e-4}, {**TRUNK, "link": 1, "mass_kg": 4e-4}]},
+            "impossible-masses",
+        ),
+        ({"inertials": [{**TRUNK, "xyz": [0, 0, -200]}]}, "impossible-masses"),
     ],
 )
 def test_no_masses_no_ball(changes: dict[str, Any], gap: str) -> None:
@@ -270,6 +282,9 @@ def test_a_sensor_that_measures_forces_alone_tells_who_bears_and_no_pressure() -
         ({"feet": ["RF", "LF"], "ground": "lowest"}, ["RF", "LF"], "lowest"),
         ({"feet": ["RF", "tail"]}, [], None),
         ({"feet": ["RF", "tail"], "ground": "lowest"}, ["RF"], "lowest"),
+        ({"feet": ["LF", "left_foot", "RF"]}, [], None),
+        ({"feet": ["LF", "left_foot", "RF"], "ground": "lowest"}, ["LF", "RF"], "lowest"),
+        ({"feet": ["RF", "right_sole"], "soles": {"RF": SOLE, "right_sole": SOLE}}, [], None),
         ({"feet": ["trunk"]}, [], None),
         ({"feet": ["trunk"], "soles": {"trunk": SOLE}}, ["trunk"], "lowest"),
         ({"feet": ["trunk"], "soles": {"trunk": [[0, 0, 0], [1, 0, 0], [2, 0, 0]]}}, [], None),
@@ -333,14 +348,17 @@ def test_the_nearest_edge_of_a_polygon() -> None:
 
 
 def test_a_sole_is_a_plane_whatever_the_order_of_its_corners() -> None:
-    plane = make_sole_plane([(0, 0, 1), (1, 1, 1), (1, 0, 1), (0, 1, 1)])
+    plane = make_sole_plane([(0, 0, 1), (1, 1, 1), (1, 0, 1), (0, 1, 1)], (0, 0, 3))
     assert plane is not None
     assert len(plane.corners) == 4
-    assert abs(plane.normal[2]) == pytest.approx(1)
+    assert plane.normal == pytest.approx((0, 0, 1))
+    below = make_sole_plane([(0, 0, 1), (1, 1, 1), (1, 0, 1), (0, 1, 1)], (0, 0, -3))
+    assert below is not None
+    assert below.normal == pytest.approx((0, 0, -1))
     assert plane.centre == pytest.approx((0.5, 0.5, 1))
-    assert make_sole_plane([(0, 0, 0), (1, 1, 1), (2, 2, 2)]) is None
-    assert make_sole_plane([(0, 0, 0), (0, 0, 0), (0, 0, 0)]) is None
-    assert make_sole_plane([(0, 0, 0), (1, 0, 0)]) is None
+    assert make_sole_plane([(0, 0, 0), (1, 1, 1), (2, 2, 2)], (0, 0, 1)) is None
+    assert make_sole_plane([(0, 0, 0), (0, 0, 0), (0, 0, 0)], (0, 0, 1)) is None
+    assert make_sole_plane([(0, 0, 0), (1, 0, 0)], (0, 0, 1)) is None
 
 
 def test_no_force_along_the_normal_no_pressure() -> None:

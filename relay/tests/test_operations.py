@@ -32,7 +32,7 @@ from posecast_relay.server.workers.metrics import LEAST, SUMMED, JoinedCollector
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 ROBOTS_FLAGS = {  # of `posecast-relay robots`
     *("--ca", "--certificate", "--days", "--private", "--url"),
-    *("--anyone", "--keep", "--link", "--signed-in", "--begin", "--finish"),
+    *("--anyone", "--keep", "--link", "--signed-in", "--begin", "--finish", "--networks"),
 }
 PAST_FLAGS = {"--all", "--from", "--to", "--view", "--yes"}  # of `posecast-relay past`
 EDGE_FLAGS = {"--credential", "--hz", "--relay", "--robot", "--tls-ca", "--tls-cert", "--tls-key"}

@@ -192,7 +192,6 @@ def test_enrolling_one_costs_others_one_frame_and_revoking_ends_it(lab: Lab, tmp
     with Agent(lab, tmp_path, lab.credential("hubo")) as edge:
         until("on air", lambda: edge.seq(url) is not None, 20.0)
         until("the relay has noticed the first enrolment", lambda: lab.told("enrolled: hubo"))
-        refused = lab.figure("posecast_publishers_refused_total")
 
         before = missing(lab, edge, url)
         seq = edge.seq(url) or 0
@@ -201,7 +200,6 @@ def test_enrolling_one_costs_others_one_frame_and_revoking_ends_it(lab: Lab, tmp
         until("the robot goes on", lambda: (edge.seq(url) or 0) > seq + 60, 20.0)
         assert missing(lab, edge, url) - before <= 1
         until("it is still there", lambda: _robots(url)[0]["status"] == "online")
-        assert lab.figure("posecast_publishers_refused_total") == refused, "who is let in is none"
 
         lab.robots("remove", "hubo")
         until("nobody sees it any more", lambda: _robots(url) == [], 20.0)

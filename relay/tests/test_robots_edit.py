@@ -27,8 +27,8 @@ anyone = { view = "*" }
 [robots.'*']
 """
 MISTAKES = [
-    "[robots.hubo]: unknown field 'secrte': use secret, expires, link_key, keep, anyone, signed-in, link "
-    "(at line 3)",
+    "[robots.hubo]: unknown field 'secrte': use secret, expires, link_key, keep, anyone, signed-in, link, "
+    "next_secret (at line 3)",
     "[robots.hubo.anyone] hz: want a number from 0.1 to 60 (at line 7)",
     "[robots.hubo.anyone] delay_s: want a number from 0 to 60 (at line 8)",
     "[robots.g1.anyone] view '*'",

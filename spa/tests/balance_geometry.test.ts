@@ -137,41 +137,54 @@ describe('the limit margin', () => {
 });
 
 describe('a sole', () => {
+  const UP = [0, 0, 1] as const;
+
   it('takes its corners in any order, and points within it away', () => {
-    const sole = planeOfSole([
+    const corners = [
       [0, 0, -0.1],
       [0.2, 0.1, -0.1],
       [0.2, 0, -0.1],
       [0.1, 0.05, -0.1],
       [0, 0.1, -0.1],
-    ]);
+    ] as const;
+    const sole = planeOfSole(corners, [0, 0, 0]);
     expect(sole?.corners.length).toBe(4);
-    expect(sole?.normal.map(Math.abs)).toEqual([0, 0, 1].map((part) => expect.closeTo(part, 12)));
+    expect(sole?.normal).toEqual([0, 0, 1].map((part) => expect.closeTo(part, 12)));
+    expect(planeOfSole(corners, [0, 0, -1])?.normal[2]).toBeCloseTo(-1, 12);
     expect(sole?.centre).toEqual([0.1, 0.05, -0.1].map((part) => expect.closeTo(part, 12)));
   });
 
   it('is none where the points span no area', () => {
-    expect(planeOfSole([])).toBeNull();
+    expect(planeOfSole([], UP)).toBeNull();
     expect(
-      planeOfSole([
-        [1, 1, 1],
-        [1, 1, 1],
-        [1, 1, 1],
-      ]),
+      planeOfSole(
+        [
+          [1, 1, 1],
+          [1, 1, 1],
+          [1, 1, 1],
+        ],
+        UP,
+      ),
     ).toBeNull();
     expect(
-      planeOfSole([
-        [0, 0, 0],
-        [1, 0, 0],
-        [2, 0, 0],
-      ]),
+      planeOfSole(
+        [
+          [0, 0, 0],
+          [1, 0, 0],
+          [2, 0, 0],
+        ],
+        UP,
+      ),
     ).toBeNull();
     expect(
-      planeOfSole([
-        [0, 0, 0],
-        [1, 0, Number.NaN],
-        [2, 1, 0],
-      ]),
+      planeOfSole(
+        [
+          [0, 0, 0],
+          [1, 0, Number.NaN],
+          [2, 1, 0],
+        ],
+        UP,
+      ),
     ).toBeNull();
   });
 });

@@ -108,6 +108,16 @@ it('with one of these missing and the ground measured there is no polygon, and n
   expect([told.feet, told.gaps.polygon, told.margin_m]).toEqual([{}, 'no-feet', null]);
 });
 
+it('a foot under two names, its sensor and its link, counts once', () => {
+  const { sensors } = JSON.parse(stands.schema.text).mapping;
+  const feet = ['RF', 'LF', 'lfoot'];
+  const measured = readOtherwise({}, { sensors, balance: { feet } });
+  expect([measured.told.feet, measured.told.gaps.polygon]).toEqual([{}, 'no-feet']);
+  expect(measured.reader.problems).toEqual(['[balance] LF and lfoot are one foot']);
+  const { told } = readOtherwise({}, { sensors, balance: { feet, ground: 'lowest' } });
+  expect(Object.keys(told.feet)).toEqual(['RF', 'LF']);
+});
+
 it('a robot is on by itself with masses and two feet that measure force', () => {
   const on = cases.map(
     ({ name, manifest, schema }) => [name, new BalanceReader(manifest, schema).onByItself] as const,
@@ -118,6 +128,8 @@ it('a robot is on by itself with masses and two feet that measure force', () => 
     'its profile says it stands on nothing',
     'one foot alone has a wrench',
     'lies on its back',
+    'stands on its head, without wrenches',
+    'kneels',
     'a sole that is none',
     'its profile names a foot that is not there',
     "has masses beyond any robot's",

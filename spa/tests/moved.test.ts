@@ -17,6 +17,7 @@ const told = (atMs: number, changed: Partial<Status> = {}): Status => ({
 /** What a relay says that has not read the robot's state yet. */
 const UNKNOWING: readonly Partial<Status>[] = [
   { robot: 'offline', ageMs: null, seq: null },
+  { robot: 'offline' }, // of its frames it has heard already
   { robot: 'silent', ageMs: null, seq: null },
   { degraded: true },
 ];
@@ -47,8 +48,8 @@ describe('a page that was moved to another relay', () => {
 
   it('believes the new one from its first news on', () => {
     const twin = moved();
-    twin.acceptStatus(told(T + 100, { robot: 'offline' }));
-    expect(word(twin, T + 100)).toBe('OFFLINE');
+    twin.acceptStatus(told(T + 100, { robot: 'silent' }));
+    expect(word(twin, T + 100)).toBe('STALE');
     for (const unknowing of UNKNOWING) {
       const other = moved();
       other.acceptStatus(told(T + 100));

@@ -71,7 +71,7 @@ def free_port() -> int:
 def cloud(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cloud]:
     folder = tmp_path_factory.mktemp("compose")
     try:
-        project = Project(folder, (free_port(), free_port(), free_port()))
+        project = Project(folder, (free_port(), free_port(), free_port(), free_port()))
     except LookupError as e:
         pytest.skip(str(e))
     subprocess.run([ROOT / "tests/compose/base_images.sh"], check=True, timeout=BUILD_S)

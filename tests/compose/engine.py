@@ -37,14 +37,15 @@ def compose_command() -> list[str]:
 class Project:
     """One cloud: infra/docker-compose.yml under a name of its own, on ports of its own."""
 
-    def __init__(self, folder: Path, ports: tuple[int, int, int]) -> None:
+    def __init__(self, folder: Path, ports: tuple[int, int, int, int]) -> None:
         self.name = f"posecast-test-{os.getpid()}"
-        self.https_port, self.http_port, self.robots_port = ports
+        self.https_port, self.http_port, self.robots_port, prometheus_port = ports
         self.settings = {
             "BIND": "127.0.0.1",
             "HTTPS_PORT": str(self.https_port),
             "HTTP_PORT": str(self.http_port),
             "ROBOTS_PORT": str(self.robots_port),
+            "PROMETHEUS_PORT": str(prometheus_port),
             # an engine in a sandbox may not give more than this process has
             "NOFILE": str(min(65536, resource.getrlimit(resource.RLIMIT_NOFILE)[1])),
         }

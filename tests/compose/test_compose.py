@@ -273,3 +273,31 @@ def viewers(container: str) -> int:
     text = docker("exec", container, "python3", "-c", ask)
     (line,) = (line for line in text.splitlines() if line.startswith("posecast_viewers "))
     return int(float(line.split()[1]))
+
+
+def test_prometheus_asks_the_relay_and_listens_here_only(cloud: Any) -> None:
+    cloud.project.compose(
+        "--profile", "observe", "up", "--detach", "--wait", "--no-deps", "prometheus", limit_s=180
+    )
+    try:
+        (prometheus,) = cloud.project.containers("prometheus")
+
+        def ask(query: str) -> list[Any]:
+            url = "http://127.0.0.1:9090/api/v1/" + query
+            found: list[Any] = json.loads(docker("exec", prometheus, "wget", "-q", "-O", "-", url))["data"]
+            return found
+
+        def is_asked() -> bool:
+            found: Any = ask("query?query=posecast_viewers")
+            return [each["metric"]["service"] for each in found["result"]] == ["relay"]
+
+        until("the relay's metrics are there", is_asked, 60)
+        groups: Any = ask("rules")
+        alarms = [rule["name"] for group in groups["groups"] for rule in group["rules"]]
+        assert "RelayDown" in alarms
+        host = cloud.project.inspect(prometheus)["HostConfig"]
+        assert (host["ReadonlyRootfs"], host["CapDrop"]) == (True, ["ALL"])
+        at = cloud.project.inspect(prometheus)["NetworkSettings"]["Ports"]["9090/tcp"]
+        assert {each["HostIp"] for each in at} == {"127.0.0.1"}
+    finally:
+        cloud.project.compose("--profile", "observe", "rm", "--stop", "--force", "--volumes", "prometheus")

@@ -154,7 +154,7 @@ class Screen:
     def text(self, message: dict[str, Any], now_s: float) -> None:
         """One JSON message."""
         if message["type"] == "status":
-            is_no_news = message.get("degraded") or message["seq"] is None
+            is_no_news = message.get("degraded") or message["robot"] == "offline" or message["seq"] is None
             age_s = self.find_age_s(now_s)
             if self.moves and is_no_news and age_s is not None and age_s < STALE_S:
                 return  # it does not know the robot yet

@@ -22,11 +22,11 @@ from posecast_command.link import (
     open_browser,
 )
 from posecast_command.ports import PAGE_PORT, ROBOTS_PORT, PortError, find_free_port, is_taken
-from posecast_command.processes import Processes, obey_endings
+from posecast_command.processes import POLL_S, Processes, obey_endings
 
 ROBOTS_HOST = "127.0.0.1"  # without credentials a robot is on this machine
 START_S = 30.0
-POLL_S = 0.1
+SERVES = b": serving http"
 PORT_TRIES = 5  # another program may take a port between our look and the relay's
 ENDED, FAILED, NOT_STARTED = 0, 1, 2
 STATUSES = {
@@ -106,8 +106,10 @@ def _start_relay(
         uplink_port = find_free_port(ROBOTS_HOST, ROBOTS_PORT)
         uplink = f"tcp/{ROBOTS_HOST}:{uplink_port}"
         flags = ["--host", place.host, "--port", str(port), "--zenoh-listen", uplink]
-        relay = processes.start(["relay", "run", "--dev", *flags], quiet=True, environment=environment)
-        if _wait(f"http://{name_local_host(place.host)}:{port}/livez", processes):
+        command = ["relay", "run", "--dev", *flags]
+        # by its own word: what answers on the port may be somebody else's relay
+        relay, serves = processes.start_until(command, SERVES, START_S, environment)
+        if serves:
             return port, uplink
         lost = is_taken(place.host, port) or is_taken(ROBOTS_HOST, uplink_port)
         if not lost or relay.poll() is None:

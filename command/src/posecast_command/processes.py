@@ -5,9 +5,12 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Mapping, Sequence
 from types import TracebackType
 
+POLL_S = 0.1
 END_S = 5.0  # then a process that goes on is killed
 ENDINGS = ("SIGINT", "SIGTERM", "SIGHUP")  # Ctrl-C, kill, a closed terminal; Windows has no SIGHUP
 
@@ -49,18 +52,39 @@ class Processes:
                 process.wait()
 
     def start(
-        self, command: Sequence[str], *, quiet: bool = False, environment: Mapping[str, str] | None = None
+        self, command: Sequence[str], *, read: int | None = None, environment: Mapping[str, str] | None = None
     ) -> subprocess.Popen[bytes]:
-        """Start `posecast COMMAND …`. `quiet`: what it writes to stdout is dropped. It has a session of its
-        own: Ctrl-C reaches only this process, which ends the others in order."""
+        """Start `posecast COMMAND …`. `read`: subprocess.PIPE for what it writes to stdout. It has a session
+        of its own: Ctrl-C reaches only this process, which ends the others in order."""
         process = subprocess.Popen(
             [sys.executable, "-P", "-m", "posecast_command", *command],
-            stdout=subprocess.DEVNULL if quiet else None,
+            stdout=read,
             start_new_session=True,
             env=environment,
         )
         self._started.append(process)
         return process
+
+    def start_until(
+        self, command: Sequence[str], word: bytes, limit_s: float, environment: Mapping[str, str]
+    ) -> tuple[subprocess.Popen[bytes], bool]:
+        """Likewise, and wait until it has written a word to stdout; False where it ended before, or took
+        longer. What it writes is not shown."""
+        process = self.start(command, read=subprocess.PIPE, environment=environment)
+        written = threading.Event()
+
+        def read() -> None:
+            assert process.stdout is not None
+            for line in process.stdout:  # to its end, so that the pipe is never full
+                if word in line:
+                    written.set()
+
+        threading.Thread(target=read, name="stdout", daemon=True).start()
+        give_up_s = time.monotonic() + limit_s
+        while not written.wait(POLL_S):
+            if self.find_ended() is not None or time.monotonic() > give_up_s:
+                return process, False
+        return process, True
 
     def find_ended(self) -> subprocess.Popen[bytes] | None:
         """The first process that has ended; None while all of them run."""

@@ -141,7 +141,7 @@ export class RobotTwin {
    *  one before has said is old. */
   acceptStatus(status: Status): void {
     const oldMs = newestAgeMs(this.evidence, status.atMs);
-    const isNoNews = status.degraded || status.seq === null;
+    const isNoNews = status.degraded || status.robot === 'offline' || status.seq === null;
     if (this.#moved && isNoNews && oldMs !== null && oldMs < STALE_AFTER_MS) return;
     this.#moved = false;
     this.evidence.status = status;

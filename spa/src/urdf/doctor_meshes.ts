@@ -127,15 +127,21 @@ function size(link: string, shape: Shape, facts: Facts, say: Say): void {
   }
 }
 
-/** Reports an unlikely size of the robot with all joints at 0. */
-function whole({ root, joints, links }: Tree, facts: Facts, say: Say): void {
-  if (root === null) return;
+/** root_from_link of each link with all joints at 0, column-major. */
+export function zeroPoses({ root, joints }: Tree): ReadonlyMap<string, readonly number[]> {
+  if (root === null) return new Map();
   const poses = new Map([[root.name, poseOf({ xyz: [0, 0, 0], rpy: [0, 0, 0] })]]);
   for (const joint of joints) poses.set(joint.child, product(poses.get(joint.parent)!, poseOf(joint)));
+  return poses;
+}
+
+/** The lowest and highest corner of all that is shown with all joints at 0, in the root's axes, m; the lowest is above the
+ *  highest where nothing is. */
+export function robotBox(tree: Tree, facts: Facts): { low: number[]; high: number[] } {
   const low = [Infinity, Infinity, Infinity];
   const high = [-Infinity, -Infinity, -Infinity];
-  for (const [name, pose] of poses) {
-    for (const visual of links.get(name)?.visuals ?? []) {
+  for (const [name, pose] of zeroPoses(tree)) {
+    for (const visual of tree.links.get(name)?.visuals ?? []) {
       const box = visual.shape === null ? null : boxOf(visual.shape, facts);
       if (box === null) continue;
       const at = product(pose, poseOf(visual));
@@ -149,6 +155,12 @@ function whole({ root, joints, links }: Tree, facts: Facts, say: Say): void {
       }
     }
   }
+  return { low, high };
+}
+
+/** Reports an unlikely size of the robot with all joints at 0. */
+function whole(tree: Tree, facts: Facts, say: Say): void {
+  const { low, high } = robotBox(tree, facts);
   const largest = Math.max(...high.map((value, i) => value - low[i]!));
   if (largest > LARGE_M) {
     const text = `the robot is ${general(largest, 3)} m large: are its meshes or origins in millimetres?`;

@@ -147,6 +147,11 @@ describe('masses', () => {
   test('none, where one can not be; soles are not known', () => {
     expect(readMasses(weighed('', ''))).toEqual([]);
     expect(readMasses(weighed(weighing(2), weighing(-2)))).toEqual([]);
+    const far = weighed(weighing(2), weighing(2).replace('0.1 0.2 0.3', '0 0 -200'));
+    expect(readMasses(far)).toEqual([]);
+    expect(toldOfMasses(far.raw.findings)).toEqual([
+      "link 'b': a centre of mass 200 m away (millimetres?); no balance is shown",
+    ]);
     expect(readSoles(weighed(weighing(2)))).toBeNull();
   });
 

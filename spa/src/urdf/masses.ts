@@ -1,5 +1,5 @@
 import { quaternionFromRpy, transform } from '../model/kinematics.ts';
-import { boxOf, type Facts } from './doctor_meshes.ts';
+import { boxOf, type Facts, robotBox, zeroPoses } from './doctor_meshes.ts';
 import { distrustsMasses, type Finding, general, NO_BALANCE, quoted } from './finding.ts';
 import type { Tree } from './tree.ts';
 import type { Inertial, Link } from './types.ts';
@@ -12,7 +12,9 @@ import type { Inertial, Link } from './types.ts';
 const DENSITY_MAX = 12_000; // kg/m³
 const BOX_MIN_M3 = 1e-6;
 const MASS_MAX_KG = 1e6;
-const FAR_M = 1e7;
+/** Of a robot. */
+const MASS_MIN_KG = 1e-3;
+const REACH_M = 100;
 /** Of the robot's mass, or of the boxes of all links: what less concerns is a hint. */
 const HEAVY_SHARE = 0.25;
 const MOMENTS_SHARE = 0.1;
@@ -23,6 +25,8 @@ const GROSS = 0.5;
 const SPAN_M = 1e-3;
 /** Of the largest number of a matrix: what may be left of a moment of 0. */
 const NOISE = 1e-6;
+/** Names in one line. */
+const SHOWN = 6;
 
 type Problem = readonly [code: string, text: string];
 
@@ -34,7 +38,7 @@ export function massFindings(tree: Tree, facts: Facts | null): Finding[] {
   let [whole, shown] = [0, 0];
   for (const { inertial } of links) whole += Math.max(inertial?.mass ?? 0, 0);
   for (const box of boxes) shown += box ?? 0;
-  return links.flatMap((link, i): Finding[] => {
+  const found = links.flatMap((link, i): Finding[] => {
     const { name, inertial } = link;
     if (inertial === null) return [];
     const box = boxes[i] ?? null;
@@ -50,6 +54,56 @@ export function massFindings(tree: Tree, facts: Facts | null): Finding[] {
     const told = `link ${quoted(name)}: ${text}${distrusted ? `; ${NO_BALANCE}` : ''}`;
     return [{ severity: distrusted ? 'warning' : 'hint', code, text: told, line: inertial.line }];
   });
+  if (whole > 0) found.push(...wholeFindings(links, held, whole));
+  if (facts !== null) found.push(...centreFindings(tree, links, facts));
+  return found;
+}
+
+function wholeFindings(links: readonly Link[], held: ReadonlySet<string>, whole: number): Finding[] {
+  const found: Finding[] = [];
+  if (whole < MASS_MIN_KG) {
+    const text = `all masses together are ${general(whole, 3)} kg; ${NO_BALANCE}`;
+    const { line = null } = links.find(({ inertial }) => inertial !== null)?.inertial ?? {};
+    found.push({ severity: 'warning', code: 'mass-light', text, line });
+  }
+  const bare = links.filter((link) => link.inertial === null && !held.has(link.name) && shows(link));
+  if (bare.length > 0) {
+    const more = bare.length > SHOWN ? ` and ${bare.length - SHOWN} more` : '';
+    const have = bare.length > 1 ? 'links with shells have' : 'link with shells has';
+    const names = bare.slice(0, SHOWN).map(({ name }) => quoted(name));
+    const text = `${bare.length} ${have} no mass: ${names.join(', ')}${more}`;
+    found.push({ severity: 'hint', code: 'unweighed', text, line: bare[0]!.line });
+  }
+  return found;
+}
+
+/** Centres farther outside of the robot than it is large, with all joints at 0; none where nobody knows how large it is. */
+function centreFindings(tree: Tree, links: readonly Link[], facts: Facts): Finding[] {
+  const shapes = links.flatMap(({ visuals }) => visuals.map(({ shape }) => shape));
+  if (shapes.length === 0 || shapes.some((shape) => shape === null || boxOf(shape, facts) === null))
+    return [];
+  const { low, high } = robotBox(tree, facts);
+  const size = Math.max(...high.map((value, i) => value - low[i]!));
+  const poses = zeroPoses(tree);
+  return links.flatMap(({ name, inertial }): Finding[] => {
+    if (inertial === null || inertial.mass <= 0 || Math.max(...inertial.xyz.map(Math.abs)) > REACH_M)
+      return [];
+    const at = poses.get(name)!;
+    const [x, y, z] = inertial.xyz;
+    const outside = Math.hypot(
+      ...low.map((least, i) => {
+        const value = at[i]! * x + at[i + 4]! * y + at[i + 8]! * z + at[i + 12]!;
+        return Math.max(least - value, value - high[i]!, 0);
+      }),
+    );
+    if (outside <= size) return [];
+    const text = `link ${quoted(name)}: its centre of mass is ${general(outside, 3)} m outside of the robot, which is ${general(size, 3)} m large`;
+    return [{ severity: 'warning', code: 'centre-outside', text, line: inertial.line }];
+  });
+}
+
+function shows({ visuals }: Link): boolean {
+  return visuals.some(({ shape }) => shape !== null);
 }
 
 /** The manifest's members `inertials`, and of `findings` what says that a mass can't be: then no mass is listed. `found`: in
@@ -84,16 +138,16 @@ function heldLinks({ joints }: Tree, links: readonly Link[]): Set<string> {
   return new Set([...groups].flatMap(([name, group]) => (heavyOnes.has(group) ? [name] : [])));
 }
 
-function emptiness({ visuals }: Link, share: number): Problem | null {
-  if (visuals.every(({ shape }) => shape === null)) return null;
+function emptiness(link: Link, share: number): Problem | null {
+  if (!shows(link)) return null;
   return [share > EMPTY_SHARE ? 'mass-zero' : 'massless', 'it shows something and has a mass of 0 kg'];
 }
 
 function extreme({ mass, xyz }: Inertial): Problem | null {
   if (mass < 0) return ['mass-negative', `a mass of ${general(mass)} kg`];
   if (mass > MASS_MAX_KG) return ['mass-heavy', `a mass of ${general(mass)} kg`];
-  if (Math.max(...xyz.map(Math.abs)) > FAR_M)
-    return ['mass-far', 'a centre of mass more than 10,000 km away'];
+  const far = Math.max(...xyz.map(Math.abs));
+  if (far > REACH_M) return ['mass-far', `a centre of mass ${general(far, 3)} m away (millimetres?)`];
   return null;
 }
 

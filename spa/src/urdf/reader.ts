@@ -168,7 +168,11 @@ class UrdfReader implements Urdf {
     const inertia = element.first('inertia');
     const massOf = element.first('mass');
     const mass = massOf === null ? null : this.#number(massOf, 'value', null, what);
-    if (mass === null) return null;
+    if (mass === null) {
+      if ((massOf?.get('value') ?? null) === null)
+        this.#say('warning', 'inertial-empty', `${what}: an <inertial> without a <mass>`, element);
+      return null;
+    }
     const moments = ['ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz'].map((name) =>
       inertia === null ? 0 : (this.#number(inertia, name, 0, what) ?? 0),
     );

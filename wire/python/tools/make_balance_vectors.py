@@ -188,6 +188,25 @@ def _lies(dice: Luck) -> list[Frame]:
     return [Frame(0.0, straight, {}, {"rsole": False, "lsole": False}, base, gaps=gaps)]
 
 
+def _stands_on_its_head(dice: Luck, pushed: bool = True) -> list[Frame]:
+    """Its soles are level, and their outsides look up."""
+    frames = _stands(dice, 2)
+    for i, frame in enumerate(frames):
+        frame.base = ([1, 2, 0.85], [0.05 * i, 3.1, 0.6])
+        frame.gaps = all_gaps("airborne") | ({} if pushed else UNFORCED)
+        frame.pushes = frame.pushes if pushed else {}
+        frame.bears = dict.fromkeys(frame.bears if pushed else ("rsole", "lsole"), False)
+    return frames
+
+
+def _kneels(dice: Luck) -> list[Frame]:
+    """Its toes point backwards: the outsides of the soles look up though its mass is above them."""
+    [frame] = _stands_on_its_head(dice, pushed=False)[:1]
+    bent = {"rknee": 2.3, "lknee": 2.3}
+    frame.joints, frame.base = {**dict.fromkeys(frame.joints, 0.0), **bent}, ([0, 0, 0.45], [0, 0, 0])
+    return [frame]
+
+
 def _at_limits(dice: Luck) -> list[Frame]:
     """A moment, then a force at the limit of its code; then a push far outside the sole."""
     frames = _stands(dice, 3)
@@ -258,6 +277,11 @@ def make_cases() -> list[Case]:
         Case("one foot alone has a wrench", _afoot(Luck("one"))[:1], ground="lowest", sensors=right_only,
              placed_by="", feet={"rsole": "rsole", "lsole": "lsole"}),
         Case("lies on its back", _lies(Luck("back")), ground="lowest", sensors={},
+             feet={"rsole": "rsole", "lsole": "lsole"}),
+        Case("stands on its head", _stands_on_its_head(Luck("head"))),
+        Case("stands on its head, without wrenches", _stands_on_its_head(Luck("head"), pushed=False),
+             ground="lowest", sensors={}, feet={"rsole": "rsole", "lsole": "lsole"}),
+        Case("kneels", _kneels(Luck("kneels")), ground="lowest", sensors={},
              feet={"rsole": "rsole", "lsole": "lsole"}),
         Case("sensors at their limits, a push outside the sole", _at_limits(Luck("limits"))),
         Case("a sole that is none", _off_the_ground(Luck("far"), all_gaps("no-feet")), model="far sole",

@@ -14,7 +14,7 @@ from posecast_wire.command_line.color import paint
 from posecast_wire.command_line.parser import CommandParser
 
 from posecast_edge.cli.doctor import examine_source
-from posecast_edge.cli.progress_bar import Bar
+from posecast_edge.cli.progress_bar import Bar, show_countdown
 from posecast_edge.cli.robot_flags import add_robot_flags, list_packages
 from posecast_edge.model.builder.manifest import FINDINGS_MAX
 from posecast_edge.model.doctor.skeleton import examine_model
@@ -35,7 +35,6 @@ from posecast_edge.sources.base import Discovering
 from posecast_edge.sources.registry import find_defaults, open_source
 
 DESCRIPTION = "robot_description"
-NEEDS_TOOLS = "needs the mesh tools"
 UP_AXIS_HELP = "whether Collada files mean the up axis that they name: what fits together (auto)"
 SEVERITY_STYLES = {"error": "red", "warning": "yellow"}  # where colours are wanted
 CLEAN, PROBLEMS, UNUSABLE = 0, 1, 2
@@ -110,6 +109,16 @@ def make_parser(program: str = "posecast-edge") -> CommandParser:
     return parser
 
 
+def _explain_missing(error: ImportError) -> str:
+    """Why there are no mesh tools: not installed, or not to be loaded, as without a library they need."""
+    if isinstance(error, ModuleNotFoundError):
+        return f"needs the mesh tools: {advise_mesh_tools()}"
+    first: BaseException = error
+    while (cause := first.__cause__ or first.__context__) is not None:
+        first = cause
+    return f"the mesh tools can't be loaded: {str(first).strip().partition(chr(10))[0]}"
+
+
 def _doctor(args: argparse.Namespace, packages: Sequence[Path]) -> int:
     profile = load_profile(args.profile) if args.profile is not None else None
     robot = load_robot_file(args.urdf, packages, dict(args.xacro_arg)) if args.urdf is not None else None
@@ -133,9 +142,9 @@ def _model(
     try:
         from posecast_edge.model.builder.model_files import collect_facts, read_visual_files  # noqa: PLC0415 - an extra
         from posecast_edge.model.builder.up_axis import settle_up_axis  # noqa: PLC0415 - the same
-    except ImportError:
+    except ImportError as e:
         facts = None
-        _print(sys.stderr, f"{args.program}: meshes not looked at: {NEEDS_TOOLS}: {advise_mesh_tools()}")
+        _print(sys.stderr, f"{args.program}: meshes not looked at: {_explain_missing(e)}")
     else:
         with Bar(sys.stderr) as bar:
             files = read_visual_files(robot, Resolver(path, packages), bar.show_progress)
@@ -159,7 +168,8 @@ def _source(args: argparse.Namespace, profile: Profile | None, urdf: Urdf | None
         source.send_urdf_to(described.append)
     elif urdf is not None and isinstance(source, Discovering):
         source.take_joints(list_moving_joints(urdf))
-    seen = observe_source(source, args.seconds, profile)
+    with show_countdown(sys.stderr, args.seconds, f"s of {args.source}"):
+        seen = observe_source(source, args.seconds, profile)
     if described:
         urdf = read_urdf(BytesIO(described[-1].encode()))
     findings = examine_source(seen, urdf, args.hz, given=profile is not None)
@@ -197,8 +207,8 @@ def _build(args: argparse.Namespace, packages: Sequence[Path], cache: Path | Non
     try:
         from posecast_edge.model.builder.build import build_model  # noqa: PLC0415 - an extra
         from posecast_edge.model.builder.mesh_coder import describe_lack  # noqa: PLC0415 - the same
-    except ImportError:
-        raise ModelRefused(f"{NEEDS_TOOLS}: {advise_mesh_tools()}") from None
+    except ImportError as e:
+        raise ModelRefused(_explain_missing(e)) from None
     kept = Cache(cache, path, packages, arguments, args.up_axis) if cache is not None else None
     files = kept.get() if kept is not None else None
     if files is None:

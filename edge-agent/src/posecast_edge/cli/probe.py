@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import io
 import logging
+import sys
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
 from posecast_wire.command_line.parser import CommandParser
 
+from posecast_edge.cli.progress_bar import show_countdown
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.moving_joints import list_moving_joints
 from posecast_edge.model.robot_file import load_robot_file
@@ -62,7 +64,8 @@ def run_probe(argv: Sequence[str], program: str = "posecast-edge") -> int:
         if urdf is not None:
             source.take_joints(list_moving_joints(urdf))
     try:
-        seen = observe_source(source, args.seconds, profile)
+        with show_countdown(sys.stderr, args.seconds, f"s of {args.source}"):
+            seen = observe_source(source, args.seconds, profile)
     except SourceError as e:
         log.error("%s", e)
         for line in _offers(source):

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import TracebackType
 from typing import TextIO
 
 WIDTH = 24
+TICK_S = 0.25
 NAME = 40
 
 
@@ -36,3 +41,27 @@ class Bar:
         self._out.write(f"\r\x1b[K[{'#' * full}{'.' * (WIDTH - full)}] {done}/{total} {name}")
         self._out.flush()
         self._shown = True
+
+
+@contextmanager
+def show_countdown(
+    out: TextIO, duration_s: float, what: str, now_s: Callable[[], float] = time.monotonic
+) -> Iterator[None]:
+    """Show how much of `duration_s` is over, from the second second on, until the block ends."""
+    ended = threading.Event()
+    begun_s = now_s()
+
+    def tick(bar: Bar) -> None:
+        while not ended.wait(TICK_S):
+            passed_s = now_s() - begun_s
+            if passed_s >= 1:
+                bar.show_progress(min(int(passed_s), int(duration_s)), int(duration_s), what)
+
+    with Bar(out) as bar:
+        ticking = threading.Thread(target=tick, args=(bar,), name="countdown", daemon=True)
+        ticking.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            ticking.join()

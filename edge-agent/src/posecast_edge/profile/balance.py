@@ -41,11 +41,8 @@ def read_balance(reader: ProfileReader, value: object, sensors: Mapping[str, Sen
 def find_unknown_feet(meaning: Meaning, links: Collection[str]) -> dict[str, str]:
     """The feet of [balance] that a model with these links lacks, each with the link that is not there: its
     sensor's, else its own name."""
-    sensors, rule = meaning.sensors, meaning.balance
-    link_of = {
-        foot: (sensors[foot].link or foot) if foot in sensors else foot
-        for foot in (*(rule.feet or ()), *rule.soles)
-    }
+    rule = meaning.balance
+    link_of = {foot: _find_link(foot, meaning.sensors) for foot in (*(rule.feet or ()), *rule.soles)}
     return {foot: link for foot, link in link_of.items() if link not in links}
 
 
@@ -64,7 +61,26 @@ def _feet(
             reader.fail(where, f"{quote(foot)} is a sensor of kind {mount.kind}, not {WRENCH}")
         elif mount.link is None:
             reader.fail(where, f"sensor {quote(foot)} has no link in [sensors]")
+    _refuse_one_link_twice(reader, feet, sensors)
     return feet
+
+
+def _refuse_one_link_twice(
+    reader: ProfileReader, feet: Collection[str], sensors: Mapping[str, SensorMount]
+) -> None:
+    """Its force would count twice."""
+    foot_on: dict[str, str] = {}
+    for i, foot in enumerate(feet):
+        link = _find_link(foot, sensors)
+        if link in foot_on:
+            both = f"{quote(foot_on[link])} and {quote(foot)}"
+            reader.fail(f"balance.feet[{i}]", f"{both} are one foot: both are on link {quote(link)}")
+        foot_on[link] = foot
+
+
+def _find_link(foot: str, sensors: Mapping[str, SensorMount]) -> str:
+    """The link that a foot is: its sensor's, else its own name."""
+    return (sensors[foot].link or foot) if foot in sensors else foot
 
 
 def _sole(reader: ProfileReader, value: object, where: str) -> tuple[Xyz, ...]:

@@ -14,6 +14,8 @@ from collections.abc import Mapping
 from types import MappingProxyType, ModuleType
 from typing import TYPE_CHECKING, Protocol, cast
 
+from posecast_wire.command_line.parser import suggest
+
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.base import Defaults, Source
 
@@ -46,7 +48,7 @@ def split_spec(spec: str) -> tuple[str, str]:
     unknown."""
     kind, _, address = spec.partition(":")
     if kind not in KINDS:
-        raise SourceError(f"unknown source {kind!r}: one of {', '.join(KINDS)}")
+        raise SourceError(f"unknown source {kind!r}{suggest(kind, KINDS)}: one of {', '.join(KINDS)}")
     return kind, address
 
 

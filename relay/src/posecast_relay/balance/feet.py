@@ -6,8 +6,8 @@
 2. Else the wrench sensors on a link with a sole, or on one that is fixed to it, if there are two or more.
 3. Else, where there are fewer such sensors, the model's soles if there are two or more.
 
-A foot that is named but not there, or whose sole can't be one, is left out; with ground `measured` no feet
-are known then.
+A foot that is named but not there, or whose sole can't be one, or that is another one under a second name, is
+left out; with ground `measured` no feet are known then.
 
 Which of them bear is `measured` where the profile says so, else if every foot measures the force along its
 normal; otherwise it is assumed of the `lowest`.
@@ -27,7 +27,7 @@ from posecast_relay.balance.model import BalanceModel, Sole
 from posecast_relay.balance.sole import SolePlane, make_sole_plane
 from posecast_relay.balance.wrench_reading import AXES, WrenchSensor
 from posecast_relay.kinematics.channel_places import ChannelPlaces
-from posecast_relay.kinematics.link_poses import LinkPose, compose_poses, invert_pose
+from posecast_relay.kinematics.link_poses import LinkPose, compose_poses, invert_pose, place_point
 from posecast_relay.kinematics.rotation import quat_of_rpy, rotate_vector
 from posecast_relay.kinematics.vector import dot
 
@@ -110,7 +110,7 @@ class _FootFinder:
     def find(self) -> tuple[Foot, ...]:
         """The feet by the first part of the rule that applies."""
         if self._rule.feet is not None:
-            return _list_known(map(self._find_named, self._rule.feet))
+            return self._drop_twins(_list_known(map(self._find_named, self._rule.feet)))
         by_sole: dict[int, Foot | None] = {}
         for mounted in self._sensors.values():
             sole = self._find_sole(mounted.link)
@@ -138,12 +138,25 @@ class _FootFinder:
             return None
         return self._make(name, sole, sensor)
 
+    def _drop_twins(self, feet: Iterable[Foot]) -> tuple[Foot, ...]:
+        """Feet of one sole or one sensor are one foot under two names, whose force would count twice."""
+        kept: list[Foot] = []
+        for foot in feet:
+            twin = next((other for other in kept if _are_one(foot, other)), None)
+            if twin is None:
+                kept.append(foot)
+            else:
+                self.problems.append(f"[balance] {twin.name} and {foot.name} are one foot")
+        return tuple(kept)
+
     def _find_sole(self, link: int) -> Sole | None:
         """The sole of a link, else of one that is fixed to it."""
         return self._soles.get(link) or self._soles_of_groups.get(self._model.groups[link])
 
     def _make(self, name: str, sole: Sole, mounted: _Mounted | None) -> Foot | None:
-        plane = make_sole_plane(self._rule.soles.get(name, sole.points))
+        link_from_root = invert_pose(self._model.root_from_link[sole.link])
+        inside = place_point(link_from_root, self._model.inside)
+        plane = make_sole_plane(self._rule.soles.get(name, sole.points), inside)
         if plane is None:
             self._lack(name)
             return None
@@ -166,6 +179,10 @@ class _FootFinder:
         return Foot(
             foot.name, foot.link, foot.sole, sensor, sole_from_sensor, measures_force, measures_pressure
         )
+
+
+def _are_one(foot: Foot, other: Foot) -> bool:
+    return foot.link == other.link or (foot.sensor is not None and foot.sensor is other.sensor)
 
 
 def _list_known(feet: Iterable[Foot | None]) -> tuple[Foot, ...]:

@@ -22,7 +22,7 @@ REACH_M = 1e9  # points beyond are no points of a robot
 
 class FootPose(NamedTuple):
     """A foot in the world, metres. `lowest_m`: height of its lowest corner; `is_tilted`:
-    by more than 60°, so that nothing can stand on its sole; `centre`: of its sole; `turn`: of
+    by more than 60° or upside down, so that nothing can stand on its sole; `centre`: of its sole; `turn`: of
     the link that has it, world_from_link; `push_n`: the force along the sole's normal, N, with the sensor's
     sign, None where it is not measured or has no reading; `pushed_at`: where in the sole's plane it acts,
     also while the foot does not bear; `at_edge`: whether that is on the sole's edge."""
@@ -62,7 +62,7 @@ def pose_foot(foot: Foot, codes: Sequence[int], poses: Sequence[LinkPose]) -> Fo
         foot,
         corners,
         lowest_m,
-        abs(rotate_vector(world_from_sole.quat, sole.normal)[2]) < TILT_COS,
+        rotate_vector(world_from_sole.quat, sole.normal)[2] < TILT_COS,
         place_point(world_from_sole, sole.centre),
         world_from_sole.quat,
         push_n,

@@ -21,10 +21,12 @@ from posecast_relay.kinematics.manifest_values import (
     make_xyz,
 )
 from posecast_relay.kinematics.model_tree import ModelTree, load_manifest, make_model_tree
+from posecast_relay.kinematics.vector import add, scale
 
 SOLES_MAX = 64
 CORNERS_MAX = 16  # of a sole
 MASS_MAX_KG = 1e6  # more is no mass of a link
+MASS_MIN_KG = 1e-3  # less is no mass of a robot
 REACH_M = 100.0  # farther is no centre of a link's mass
 IMPOSSIBLE = ("mass", "inertia")  # how the codes of findings begin that masses which can't be lead to
 
@@ -88,6 +90,23 @@ class BalanceModel:
         return tuple(poses)
 
     @cached_property
+    def root_from_link(self) -> tuple[LinkPose, ...]:
+        """By link, where it is while all joints are at 0."""
+        poses = [AT_ORIGIN]
+        for joint in self.tree.joints:
+            poses.append(compose_poses(poses[joint.parent], LinkPose(joint.xyz, joint.quat)))
+        return tuple(poses)
+
+    @cached_property
+    def inside(self) -> Xyz:
+        """A point on the inside of any sole: the mean of the links' origins (root's frame, metres) while all
+        joints are at 0."""
+        total: Xyz = (0.0, 0.0, 0.0)
+        for pose in self.root_from_link:
+            total = add(total, pose.xyz)
+        return scale(total, 1 / len(self.root_from_link))
+
+    @cached_property
     def link_of(self) -> Mapping[str, int]:
         """The index of a link by its name."""
         return {name: i for i, name in enumerate(self.tree.links)}
@@ -100,7 +119,8 @@ def read_balance_model(manifest: bytes | bytearray) -> BalanceModel:
     tree = make_model_tree(doc)
     links = len(tree.links)
     inertials, wrong_masses = _attempt(lambda: _read_by_link(doc, "inertials", links, links, _read_mass))
-    is_impossible = not all(map(_can_be, inertials or ()))
+    listed = inertials or ()
+    is_impossible = len(listed) > 0 and not _can_be(listed)
     inertials = () if is_impossible else inertials
     soles, wrong_soles = _attempt(lambda: _read_by_link(doc, "soles", SOLES_MAX, links, _read_sole))
     has_impossible = is_impossible or (not inertials and _has_impossible(doc.get("findings")))
@@ -148,8 +168,10 @@ def _read_mass(entry: Mapping[str, object], link: int, where: str) -> LinkMass:
     return LinkMass(link, mass_kg, make_xyz(check_numbers(entry.get("xyz"), 3, f"{where}.xyz")))
 
 
-def _can_be(mass: LinkMass) -> bool:
-    return mass.mass_kg <= MASS_MAX_KG and all(abs(each) <= REACH_M for each in mass.xyz)
+def _can_be(masses: Sequence[LinkMass]) -> bool:
+    return sum(each.mass_kg for each in masses) >= MASS_MIN_KG and all(
+        each.mass_kg <= MASS_MAX_KG and all(abs(x) <= REACH_M for x in each.xyz) for each in masses
+    )
 
 
 def _read_sole(entry: Mapping[str, object], link: int, where: str) -> Sole:

@@ -22,7 +22,7 @@ ORIGIN: Xyz = (0.0, 0.0, 0.0)
 
 class SolePlane(NamedTuple):
     """A sole, in the frame of the link that has it, metres. `corners`: a convex polygon, counter-clockwise
-    about `normal` (a unit vector); `centre`: the mean of the corners."""
+    about `normal` (a unit vector, which points into the foot); `centre`: the mean of the corners."""
 
     corners: tuple[Xyz, ...]
     normal: Xyz
@@ -41,10 +41,11 @@ class SolePlane(NamedTuple):
         return True
 
 
-def make_sole_plane(points: Sequence[Xyz]) -> SolePlane | None:
+def make_sole_plane(points: Sequence[Xyz], inside: Xyz) -> SolePlane | None:
     """The plane of a sole, from points in any order. They may be a centimetre off their plane, which is
-    that of the largest triangle with their mean and the point farthest from it. None when the points span no
-    area, or are no sole: beyond 10 m, or not flat."""
+    that of the largest triangle with their mean and the point farthest from it. `inside`: a point
+    (link's frame) on the foot's side of that plane. None when the points span no area, or are no sole: beyond
+    10 m, or not flat."""
     if len(points) < 3 or not all(abs(each) <= REACH_M for point in points for each in point):
         return None
     centre = _find_mean(points)
@@ -55,10 +56,7 @@ def make_sole_plane(points: Sequence[Xyz]) -> SolePlane | None:
     width = math.hypot(*widest)
     if not (PARALLEL * reach * reach < width < math.inf):
         return None
-    turning = ORIGIN
-    for i, arm in enumerate(arms):
-        turning = add(turning, cross(arm, arms[(i + 1) % len(arms)]))
-    normal = scale(widest, (-1 if dot(widest, turning) < 0 else 1) / width)
+    normal = scale(widest, (-1 if dot(widest, subtract(inside, centre)) < 0 else 1) / width)
     if any(abs(dot(arm, normal)) > FLAT_M for arm in arms):
         return None
     across = scale(far, 1 / reach)

@@ -27,12 +27,13 @@ COMMANDS = {
     "link": "print a share link: whoever has it sees what [robots.ID.link] says, until it expires",
     "unlink": "no share link of this robot is worth anything from then on",
     "remove": "forget a robot; its credential is worth nothing from then on",
+    "admin": "print a new credential for the page /admin; the one before is worth nothing from then on",
     "list": "the robots, without their secrets",
     "edit": "open the file in $VISUAL or $EDITOR, or take its text from stdin: robots edit < FILE. It is "
     "checked before it is written; the version before stays as FILE.bak",
     "check": "all that is wrong with the file, with lines; exit status 1 if anything is",
 }
-OF_A_FILE = ("list", "edit", "check")  # the others are of a robot
+OF_A_FILE = ("admin", "list", "edit", "check")  # the others are of a robot
 
 
 class _Parser(CommandParser):
@@ -78,6 +79,13 @@ def make_robots_parser(environ: Mapping[str, str], program: str = "posecast-rela
                 "--certificate",
                 action="store_true",
                 help="no secret: it will show a certificate whose common name is ID (the relay's --zenoh-ca)",
+            )
+        if do == "admin":
+            command.add_argument(
+                "--networks",
+                nargs="*",
+                metavar="NET",
+                help="from where it may be used, beside the relay's own machine: 10.0.0.0/8; none: nowhere",
             )
         if do == "set":
             _add_rules(command)

@@ -120,6 +120,18 @@ class RobotsDocument:
         """End all share links of a robot."""
         self._find(robot)["link_key"] = secrets.token_urlsafe(32)
 
+    def set_admin_secret(self, networks: Sequence[str] | None) -> str:
+        """Make the credential for the page `/admin`, and return it. `networks`: from where it may be used,
+        beside the relay's own machine; None: as it was.
+        """
+        if "admin" not in self._doc:
+            self._doc["admin"] = tomlkit.table()
+        admin: Any = self._doc["admin"]
+        admin["secret"] = secrets.token_urlsafe(32)
+        if networks is not None:
+            admin["networks"] = list(networks)
+        return str(admin["secret"])
+
     def _find(self, robot: str) -> Any:
         if robot not in self._robots:
             raise SettingsError(f"no robot {robot!r} in {self._name}")

@@ -17,7 +17,7 @@ from posecast_relay.config.robots_arguments import find_rules, parse_robots_argu
 from posecast_relay.config.robots_changes import RobotsDocument, expire_in_days
 from posecast_relay.config.robots_editor import edit_text, read_stdin
 from posecast_relay.config.robots_file import read_robots, read_text
-from posecast_relay.config.robots_reader import Robots, RobotsError, format_duration, parse_robots
+from posecast_relay.config.robots_reader import Robots, RobotsError, describe_rule, parse_robots
 from posecast_relay.config.robots_storage import lock_folder, replace_text
 from posecast_relay.config.settings import MEMORY, SettingsError
 from posecast_relay.core.policy.policy import Audience, Rule
@@ -102,6 +102,11 @@ def _change(path: Path, asked: argparse.Namespace, parse: Parse) -> None:
         seen_by = _describe_audiences(robots.enrolled[asked.robot].rules)
         hint = f". `robots set {asked.robot}` says otherwise" if asked.do == "add" else ""
         sys.stderr.write(f"Who may watch {asked.robot!r}: {seen_by}{hint}.\n")
+    if asked.do == "admin":
+        sys.stderr.write(
+            "The next line is the credential for the page /admin, shown this once; the one before is worth\n"
+            "nothing. It is typed into the page, on this machine unless --networks says where else.\n"
+        )
     if isinstance(made, str):
         print(made, flush=True)
     elif isinstance(made, Credential):
@@ -118,6 +123,8 @@ def _change(path: Path, asked: argparse.Namespace, parse: Parse) -> None:
 
 def _apply(doc: RobotsDocument, asked: argparse.Namespace, ca: str | None) -> Credential | str | None:
     """Change the document, and return the new credential or the new share link, if any."""
+    if asked.do == "admin":
+        return doc.set_admin_secret(asked.networks)
     robot, now = asked.robot, datetime.now(UTC)
     if asked.do == "add" and asked.certificate:
         doc.add_certified_robot(robot, asked.private, expire_in_days(now, asked.days))
@@ -157,17 +164,6 @@ def _list(robots: Robots) -> None:
 def _describe_audiences(rules: Mapping[Audience, Rule]) -> str:
     """Describe who sees a robot, and what, in a few words."""
     return (
-        ", ".join(f"{audience.value}: {_describe(audience, rule)}" for audience, rule in rules.items())
+        ", ".join(f"{audience.value}: {describe_rule(audience, rule)}" for audience, rule in rules.items())
         or "nobody"
     )
-
-
-def _describe(audience: Audience, rule: Rule) -> str:
-    if rule.blackout:
-        return "nothing for now"
-    limits = [f"{rule.hz:g} Hz"] if rule.hz < 60 else []
-    limits += [f"{rule.delay_s:g} s late"] if rule.delay_s else []
-    limits += [f"{rule.viewers} at a time"] if rule.viewers is not None else []
-    past_s = rule.compute_past_s(audience)
-    limits += [f"{format_duration(past_s)} back" if past_s else "no past"]
-    return f"{rule.view} ({', '.join(limits)})"

@@ -8,6 +8,9 @@
     delay_s = 10
     past = "30m"            # how far back it may look; 0: not at all
     frames = ["https://course.example"]  # `anyone` only: pages that may frame it; without: any
+    [admin]                 # the page /admin; without this table there is none
+    secret = "…"            # by `posecast-relay robots admin`
+    networks = ["10.0.0.0/8"]  # from where, beside the relay's own machine
 
 An audience without a table sees nothing.
 """
@@ -25,11 +28,13 @@ from posecast_wire import check_name
 from posecast_wire.credential import SECRET
 from posecast_wire.toml_lines import find_line, index_lines
 
+from posecast_relay.auth.addresses import Network, parse_networks
 from posecast_relay.auth.origins import ORIGIN
 from posecast_relay.core.policy.policy import DELAY_MAX_S, FULL_HZ, PUBLIC, Audience, Policy, Rule
 
 AUDIENCES = tuple(str(audience.value) for audience in Audience)
 ROBOT_FIELDS = ("secret", "expires", "link_key", "keep", *AUDIENCES, "next_secret")
+ADMIN_FIELDS = ("secret", "networks")
 RULE_FIELDS = ("view", "hz", "delay_s", "viewers", "blackout", "frames", "past")
 DURATION = re.compile(r"(0|[1-9][0-9]{0,5})([smhd])", re.ASCII)
 DURATION_UNITS_S = {"s": 1, "m": 60, "h": 3600, "d": 86400}
@@ -65,10 +70,19 @@ class RobotEntry:
 
 
 @dataclass(frozen=True)
+class AdminEntry:
+    """Who may use the page `/admin`: whoever has `secret`, on the relay's machine or in one of `networks`."""
+
+    secret: str = field(repr=False)
+    networks: tuple[Network, ...] = ()
+
+
+@dataclass(frozen=True)
 class Robots:
-    """The content of the file: its robots, by name."""
+    """The content of the file: its robots, by name. `admin`: None where nobody may use the page `/admin`."""
 
     enrolled: Mapping[str, RobotEntry]
+    admin: AdminEntry | None = None
 
     def find_secrets(self, unix_s: float) -> dict[str, str]:
         """Return the passwords of the robots that may publish by password at this time, by robot."""
@@ -118,6 +132,18 @@ def format_duration(seconds: float) -> str:
     return next(
         (f"{seconds / size:g} {name}" for name, size in units if seconds % size == 0), f"{seconds:g} s"
     )
+
+
+def describe_rule(audience: Audience, rule: Rule) -> str:
+    """Describe what an audience gets of a robot, in a few words."""
+    if rule.blackout:
+        return "nothing for now"
+    limits = [f"{rule.hz:g} Hz"] if rule.hz < FULL_HZ else []
+    limits += [f"{rule.delay_s:g} s late"] if rule.delay_s else []
+    limits += [f"{rule.viewers} at a time"] if rule.viewers is not None else []
+    past_s = rule.compute_past_s(audience)
+    limits += [f"{format_duration(past_s)} back" if past_s else "no past"]
+    return f"{rule.view} ({', '.join(limits)})"
 
 
 class _Mistakes:
@@ -203,7 +229,8 @@ class _Table:
 
 
 def _read_document(doc: Mapping[str, Any], mistakes: _Mistakes, has_store: bool) -> Robots:
-    _Table(doc, "", ("robots",), mistakes)
+    _Table(doc, "", ("robots", "admin"), mistakes)
+    admin = _read_admin(doc, mistakes)
     robots = doc.get("robots", {})
     if not isinstance(robots, dict):
         mistakes.add("robots", "robots: want tables [robots.NAME]")
@@ -222,7 +249,28 @@ def _read_document(doc: Mapping[str, Any], mistakes: _Mistakes, has_store: bool)
         enrolled[name] = _read_robot(robot, path, mistakes, has_store)
         if mistakes.is_full:
             break
-    return Robots(enrolled)
+    return Robots(enrolled, admin)
+
+
+def _read_admin(doc: Mapping[str, Any], mistakes: _Mistakes) -> AdminEntry | None:
+    admin = doc.get("admin")
+    if admin is None:
+        return None
+    if not isinstance(admin, dict):
+        mistakes.add("admin", "[admin]: want a table")
+        return None
+    table = _Table(admin, "admin", ADMIN_FIELDS, mistakes)
+    secret, given = table.read_secret("secret"), table.read("networks", [])
+    networks: tuple[Network, ...] = ()
+    try:
+        if not isinstance(given, list) or not all(isinstance(each, str) for each in given):
+            raise ValueError
+        networks = parse_networks(",".join(given))
+    except ValueError:
+        table.refuse(' networks: want a list of networks like "10.0.0.0/8"', "networks")
+    if "secret" not in admin:
+        table.refuse(" secret: make one by `posecast-relay robots admin`")
+    return None if secret is None else AdminEntry(secret, networks)
 
 
 def _read_robot(doc: Mapping[str, Any], path: str, mistakes: _Mistakes, has_store: bool) -> RobotEntry:

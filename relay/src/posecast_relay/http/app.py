@@ -17,6 +17,8 @@ from starlette.exceptions import HTTPException as StarletteHTTPException
 from posecast_relay.auth.access import Access
 from posecast_relay.core.policy.admission import HIDDEN
 from posecast_relay.core.policy.policy import ANYONE, Grant
+from posecast_relay.http.admin.report import AdminSources
+from posecast_relay.http.admin.routes import add_admin_routes
 from posecast_relay.http.answer_cache import AnswerCache
 from posecast_relay.http.auth import (
     OPEN,
@@ -77,6 +79,7 @@ def make_app(
     past: PastDesk | None = None,
     find_missing: Callable[[], MissingPart | None] = lambda: None,
     find_config_trouble: Callable[[], str | None] = lambda: None,
+    admin: AdminSources | None = None,
 ) -> FastAPI:
     """Make the relay's HTTP application. WebSocket upgrades never reach it.
 
@@ -84,6 +87,7 @@ def make_app(
     `publish_at`: where anybody on this machine may publish; None when nobody may without a credential.
     `past`: where the past of this process is; None when it keeps none. `find_missing` returns what does
     not serve beside this process; `find_config_trouble`, which of its files it could not take.
+    `admin`: what the page `/admin` shows; None without a file of robots, which has its credential.
     """
     # FastAPI's own /docs loads its scripts from another origin; the built page brings them (spa/public/docs).
     # Without a default answer it tells of a 422 that never comes: all parameters are texts that we read.
@@ -122,6 +126,9 @@ def make_app(
     preview = LinkPreview(access, thumbnails, public_url)
     _add_previews(app, access, models, thumbnails, preview)
     _add_health(app, access.live, past, find_missing, find_config_trouble)
+
+    if admin is not None:
+        add_admin_routes(app, access, admin)
 
     @app.get("/api/{_rest:path}", include_in_schema=False)
     async def no_such_route(_rest: str) -> Response:

@@ -156,11 +156,13 @@ def _export(
         folder = place if page is not None else place.with_name("collected")
         folder.mkdir()
         collector = Collector(source, folder, packs=page is not None and unpacks_segments(page))
+        collecting = _collect_and_close(collector, asked, source, about)
         try:
-            recording = asyncio.run(_collect_and_close(collector, asked, source, about))
+            recording = asyncio.run(collecting)
         except asyncio.CancelledError:
             raise KeyboardInterrupt from None
         finally:
+            collecting.close()  # ended before its loop ran it, Python would warn on stderr
             _catch_sigterm()  # a loop that ends gives it back to the system
         span = ExportedSpan(folder, recording, asked.from_ms, asked.to_ms)
         written = _write(asked, span, place, page)

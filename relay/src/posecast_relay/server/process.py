@@ -19,10 +19,12 @@ from posecast_wire.command_line.installation import advise_extra
 
 from posecast_relay.auth.access import Access
 from posecast_relay.config.robots_reader import Robots
+from posecast_relay.config.robots_watcher import RobotsWatcher
 from posecast_relay.config.settings import Settings, StartError
 from posecast_relay.core.delayed_hub import DelayedHub
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.roster import Headcount
+from posecast_relay.http.admin.report import AdminSources
 from posecast_relay.http.app import make_app
 from posecast_relay.http.metrics import start_metrics
 from posecast_relay.http.past.desk import PastDesk
@@ -112,6 +114,7 @@ async def _serve(settings: Settings, argv: Sequence[str], ends: contextlib.ExitS
         desk,
         _find_nothing if crew is None else crew.find_missing,
         configuration.find_trouble,
+        _make_admin(settings, watch, configuration, refusals, past),
     )
     config = make_server_config(app, access, decoded, has_streams=settings.role != "ingest")
     server = RelayServer(config, access.dispatchers, serving)
@@ -151,6 +154,27 @@ def _tell(listener: socket.socket, router: RouterSession | None, past: str) -> N
     shown = f"[{host}]" if ":" in host else host
     source = f"on {', '.join(router.endpoints)}" if router else "from Redis"
     print(f"posecast-relay: serving http://{shown}:{port}, robots {source}", past, sep="\n", flush=True)
+
+
+def _make_admin(
+    settings: Settings,
+    watch: RobotsWatcher | None,
+    configuration: Configuration,
+    refusals: AuthFailures | None,
+    past: PastServices | None,
+) -> AdminSources | None:
+    """Return what the page for the relay's admin shows; None without a file of robots."""
+    if settings.robots is None or watch is None:
+        return None
+    return AdminSources(
+        settings.robots,
+        lambda: watch.robots,
+        configuration.find_trouble,
+        configuration.find_expiries,
+        int if refusals is None else lambda: refusals.count,
+        None if past is None else past.kept,
+        None if past is None else past.written_archive,
+    )
 
 
 def _gather_crew(

@@ -28,6 +28,23 @@ test('none there, and none known: a bundle of an older builder', () => {
 });
 
 test.each([
+  [
+    'a robot of less than 1 g',
+    [
+      { ...MASS, mass_kg: 5e-4 },
+      { ...MASS, link: 2, mass_kg: 4e-4 },
+    ],
+  ],
+  ['a centre more than 100 m away', [MASS, { ...MASS, link: 2, xyz: [0, 0, -200] }]],
+])("masses that can't be are none: %s", (_, inertials) => {
+  expect(readMasses(manifest({ inertials }))).toEqual([]);
+});
+
+test('a link may weigh next to nothing where the robot does not', () => {
+  expect(readMasses(manifest({ inertials: [MASS, { ...MASS, link: 2, mass_kg: 1e-9 }] }))).toHaveLength(2);
+});
+
+test.each([
   [{}, 'inertials is no list'],
   [[MASS, MASS], 'inertials[1]: its link does not come after the one before'],
   [[MASS, MASS, MASS, MASS], 'inertials: 4 are too many'],

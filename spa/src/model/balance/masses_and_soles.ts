@@ -22,13 +22,17 @@ export interface Sole {
 const MAX_CORNERS = 16;
 /** More is no mass of a link, and farther is no centre of one. */
 const MAX_KG = 1e6;
+/** Less is no mass of a robot. */
+const MIN_KG = 1e-3;
 const REACH_M = 100;
 
 /** The links that have a mass, ascending; [] where the description has no masses, or some that can't be; null: an older
  *  builder made the bundle. Throws a one-line BundleError. */
 export function readMasses(manifest: Manifest): readonly LinkMass[] | null {
   const masses = readByLink(manifest, 'inertials', readMass);
-  return masses?.every(canBe) === false ? [] : masses;
+  if (masses === null || masses.length === 0) return masses;
+  const massKg = masses.reduce((sum, mass) => sum + mass.massKg, 0);
+  return massKg >= MIN_KG && masses.every(canBe) ? masses : [];
 }
 
 /** The links that can be a foot, ascending; null: an older builder made the bundle. Throws a one-line BundleError. */

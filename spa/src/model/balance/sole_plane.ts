@@ -13,18 +13,18 @@ const FLAT_M = 0.01;
 
 /**
  * The plane of a sole, from points in any order. They may be a centimetre off their plane, and need not be a convex
- * polygon: the plane is that of the largest triangle with their mean and the point farthest from it. null when the
- * points span no area, or are no sole: beyond 10 m, or not flat.
+ * polygon: the plane is that of the largest triangle with their mean and the point farthest from it. `body` is a point
+ * on the inside of that plane, in the same frame. null when the points span no area, or are no sole: beyond 10 m, or not
+ * flat.
  */
-export function planeOfSole(points: readonly Vec3[]): SolePlane | null {
+export function planeOfSole(points: readonly Vec3[], body: Vec3): SolePlane | null {
   if (points.length < 3 || !points.flat().every((x) => Math.abs(x) <= REACH_M)) return null;
   const centre = meanOf(points);
   const arms = points.map((point) => addScaled(point, centre, -1));
   const far = longest(arms);
   const widest = longest(arms.map((arm) => cross(far, arm)));
   if (Math.hypot(...widest) <= PARALLEL * dot(far, far)) return null;
-  const turning = arms.map((arm, i) => cross(arm, arms[(i + 1) % arms.length]!)).reduce(sumOf);
-  const normal = scale(normalize(widest), dot(widest, turning) < 0 ? -1 : 1);
+  const normal = scale(normalize(widest), dot(widest, addScaled(body, centre, -1)) < 0 ? -1 : 1);
   if (arms.some((arm) => Math.abs(dot(arm, normal)) > FLAT_M)) return null;
   const across = normalize(far);
   const along = cross(normal, across);

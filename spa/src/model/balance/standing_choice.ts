@@ -20,7 +20,8 @@ const NO_RULE: BalanceRule = { feet: null, ground: null, soles: new Map() };
  * 2. the wrench sensors on a link with a sole (or on what is fixed to it), if they are at least two;
  * 3. with fewer such sensors, the model's soles, if they are at least two.
  *
- * A foot that is named but not there, or whose sole can't be one, is left out; with ground `measured` no feet are known then.
+ * A foot that is named but not there, or whose sole can't be one, or that is another one under a second name, is left out;
+ * with ground `measured` no feet are known then.
  *
  * Which of them bear is `measured` when the profile says so, else in 1 when every foot has a sensor of the force along
  * its normal, and in 2; all else is `lowest`.
@@ -92,6 +93,12 @@ function findFeet(
   const isFixedTo = (link: number) => (one: { readonly link: number }) => groups[one.link] === groups[link];
   const soleOn = (link: number) => soles.find((sole) => sole.link === link) ?? soles.find(isFixedTo(link));
   const { rootFromLink } = new Kinematics(joints);
+  const at = (link: number) => rootFromLink.subarray(link * 16, link * 16 + 16);
+  /** The mean of the links' origins, which is on the inside of any sole. */
+  const body = links.reduce<Vec3>(
+    (sum, _, link) => addScaled(sum, originOf(at(link)), 1 / links.length),
+    [0, 0, 0],
+  );
   const mounts = schema.mapping.sensors;
   const sensors = new FootWrenchReader(schema, mounts.keys()).wrenches.flatMap(
     ({ site, force, moment }): Mounted[] => {
@@ -103,8 +110,8 @@ function findFeet(
 
   /** A foot with the profile's sole, else the model's. None when there is no such link, or no sole that can be one. */
   const foot = (name: string, link: number, points: readonly Vec3[] = [], mounted?: Mounted): Foot[] => {
-    const sole = planeOfSole(rule.soles.get(name) ?? points);
-    if (link < 0 || sole === null) {
+    const sole = link < 0 ? null : planeOfSole(rule.soles.get(name) ?? points, pointBefore(at(link), body));
+    if (sole === null) {
       lacks.push(`[balance] ${name} has no sole, or one that can't be`);
       return [];
     }
@@ -113,13 +120,14 @@ function findFeet(
   };
 
   if (rule.feet !== null) {
-    return rule.feet.flatMap((name) => {
+    const named = rule.feet.flatMap((name) => {
       const own = sensors.find(({ site }) => site === name);
       const link = own?.link ?? links.indexOf(name);
       const sole = soleOn(link);
       const on = rule.soles.has(name) ? link : (sole?.link ?? -1);
       return foot(name, on, sole?.points, own ?? sensors.find(isFixedTo(link)));
     });
+    return withoutTwins(named, lacks);
   }
   const taken = new Set<number>();
   const measured = sensors.flatMap((sensor) => {
@@ -133,6 +141,25 @@ function findFeet(
   return assumed.length > 1 ? assumed : [];
 }
 
+/** Feet of one sole or one sensor are one foot under two names, whose force would count twice. */
+function withoutTwins(feet: readonly Foot[], lacks: string[]): readonly Foot[] {
+  const kept: Foot[] = [];
+  for (const foot of feet) {
+    const twin = kept.find(
+      ({ link, sensor }) => link === foot.link || (sensor !== null && sensor.site === foot.sensor?.site),
+    );
+    if (twin === undefined) kept.push(foot);
+    else lacks.push(`[balance] ${twin.name} and ${foot.name} are one foot`);
+  }
+  return kept;
+}
+
+/** The point that a transform takes to `point`. */
+function pointBefore(transform: Float64Array, point: Vec3): Vec3 {
+  const back = invertQuat(quatOfTransform(transform));
+  return rotateVector(back, addScaled(point, originOf(transform), -1));
+}
+
 /** A sensor seen from the link `of` with the sole, to which its link is fixed. */
 function sensorFrom(
   rootFromLink: Float64Array,
@@ -144,7 +171,6 @@ function sensorFrom(
   const rootFromMount = rootFromLink.subarray(link * 16, link * 16 + 16);
   const back = invertQuat(quatOfTransform(rootFromSole));
   const turn = multiplyQuats(back, multiplyQuats(quatOfTransform(rootFromMount), quatOfRpy(rpy)));
-  const place = addScaled(pointThrough(rootFromMount, xyz), originOf(rootFromSole), -1);
   const axes: FootSensor['axes'] = [
     rotateVector(turn, [1, 0, 0]),
     rotateVector(turn, [0, 1, 0]),
@@ -155,5 +181,11 @@ function sensorFrom(
   const measuresForce = forceAxes.includes(nearest);
   const measuresMoments = [0, 1, 2].every((axis) => axis === nearest || momentAxes.includes(axis));
   const measuresPressure = measuresForce && measuresMoments;
-  return { site, xyz: rotateVector(back, place), axes, measuresForce, measuresPressure };
+  return {
+    site,
+    xyz: pointBefore(rootFromSole, pointThrough(rootFromMount, xyz)),
+    axes,
+    measuresForce,
+    measuresPressure,
+  };
 }

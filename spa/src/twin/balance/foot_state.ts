@@ -28,7 +28,7 @@ export class FootState implements FootBalance {
   pushedAt: Vec3 | null = null;
   /** Height of its lowest corner, metres in the world; infinite while it is tilted. */
   lowestM = Number.NaN;
-  /** Whether its sole is tilted by more than 60°, so that nothing can stand on it. */
+  /** Whether its sole is tilted by more than 60°, or upside down, so that nothing can stand on it. */
   isTilted = false;
   /** The sole's centre in the world, metres. */
   centre: Vec3 = [0, 0, 0];
@@ -58,7 +58,7 @@ export class FootState implements FootBalance {
     const rows = [0, 1, 2].map((i): Vec3 => [m[i]!, m[i + 4]!, m[i + 8]!]);
     this.rows = rows as unknown as Rows;
     this.normal = rows.map((row) => dot(row, sole.normal)) as unknown as Vec3;
-    this.isTilted = Math.abs(this.normal[2]) < TILT_COS;
+    this.isTilted = this.normal[2] < TILT_COS;
     const lowest = Math.min(...this.corners.map(([, , z]) => z)); // NaN wins
     this.lowestM = this.isTilted ? Number.POSITIVE_INFINITY : lowest;
     this.#takeWrench(wrench);

@@ -15,7 +15,7 @@ export interface MassPoint {
 export interface SolePlane {
   /** A convex polygon, counter-clockwise about `normal`. */
   readonly corners: readonly Vec3[];
-  /** A unit vector. What follows does not depend on its sign: corners of a profile have no order. */
+  /** A unit vector, which points into the foot. */
   readonly normal: Vec3;
   /** The mean of the corners, in the plane. */
   readonly centre: Vec3;

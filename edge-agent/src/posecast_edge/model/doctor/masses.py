@@ -6,15 +6,22 @@ import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import product as corners_of
 
-from posecast_edge.model.doctor.meshes import MeshFacts, compute_shape_box
+from posecast_edge.model.doctor.meshes import (
+    MeshFacts,
+    compute_robot_box,
+    compute_shape_box,
+    compute_zero_poses,
+)
 from posecast_edge.model.finding import NO_BALANCE, Finding, quote_name
 from posecast_edge.model.kinematics import matrix_from_quaternion, quaternion_from_rpy
 from posecast_edge.model.urdf.tree import Tree
-from posecast_edge.model.urdf.types import FAR_M, Inertial, Link
+from posecast_edge.model.urdf.types import Inertial, Link
 
 DENSITY_MAX = 12_000.0  # kg/m³; lead has 11,340
 BOX_MIN_M3 = 1e-6
 MASS_MAX_KG = 1e6
+MASS_MIN_KG = 1e-3  # of a robot
+REACH_M = 100.0  # along an axis, of a centre from its link; what reads a bundle has the same limits
 # Robots that work have parts that can't be: a finger without mass, a camera with made-up moments, a pelvis
 # that shows only a bracket. The centre of mass hardly feels them, so they are hints; masses are distrusted
 # where that part of the robot's mass, or of its boxes, is concerned.
@@ -25,6 +32,7 @@ SLACK = 0.01  # of the largest moment, how far the others together may fall shor
 GROSS = 0.5  # so much no rounding explains
 SPAN_M = 1e-3  # a body with moments of a smaller one has been given none
 NOISE = 1e-6  # of the largest number of a matrix: what may be left of a moment of 0
+SHOWN = 6  # names in one line
 DISTRUST = "mass-"  # how the codes begin of what makes masses useless
 
 
@@ -49,11 +57,55 @@ def examine_masses(tree: Tree, facts: Mapping[str, MeshFacts] | None) -> Iterato
             distrusted = code.startswith(DISTRUST)
             text = f"link {quote_name(link.name)}: {text}{f'; {NO_BALANCE}' if distrusted else ''}"
             yield Finding("warning" if distrusted else "hint", code, text, link.inertial.line)
+    yield from _examine_whole(tree, whole)
+    if facts is not None:
+        yield from _examine_centres(tree, facts)
 
 
 def has_impossible_masses(findings: Collection[Finding]) -> bool:
     """Whether one of the findings says that masses can't be, or are not known."""
     return any(f.code.startswith(DISTRUST) for f in findings)
+
+
+def _examine_whole(tree: Tree, whole: float) -> Iterator[Finding]:
+    if whole == 0:
+        return
+    if whole < MASS_MIN_KG:
+        lines = [link.inertial.line for link in tree.links if link.inertial is not None]
+        text = f"all masses together are {whole:.3g} kg; {NO_BALANCE}"
+        yield Finding("warning", "mass-light", text, lines[0])
+    held = _list_held(tree)
+    bare = [x for i, x in enumerate(tree.links) if x.inertial is None and i not in held and _shows(x)]
+    if bare:
+        more = f" and {len(bare) - SHOWN} more" if len(bare) > SHOWN else ""
+        have = "links with shells have" if len(bare) > 1 else "link with shells has"
+        names = ", ".join(quote_name(link.name) for link in bare[:SHOWN])
+        yield Finding("hint", "unweighed", f"{len(bare)} {have} no mass: {names}{more}", bare[0].line)
+
+
+def _examine_centres(tree: Tree, facts: Mapping[str, MeshFacts]) -> Iterator[Finding]:
+    """Centres farther outside of the robot than it is large, with all joints at 0."""
+    shapes = [shape for link in tree.links for shape in link.visuals]
+    if not shapes or any(compute_shape_box(shape.geometry, facts) is None for shape in shapes):
+        return  # nobody knows how large it is
+    low, high = compute_robot_box(tree, facts)
+    size = max(b - a for a, b in zip(low, high, strict=True))
+    for link, at in zip(tree.links, compute_zero_poses(tree), strict=True):
+        inertial = link.inertial
+        if inertial is None or inertial.mass <= 0 or max(map(abs, inertial.pose.xyz)) > REACH_M:
+            continue
+        centre = [sum(at[i][k] * inertial.pose.xyz[k] for k in range(3)) + at[i][3] for i in range(3)]
+        outside = math.hypot(*(max(a - c, c - b, 0.0) for a, c, b in zip(low, centre, high, strict=True)))
+        if outside > size:
+            text = (
+                f"link {quote_name(link.name)}: its centre of mass is {outside:.3g} m outside of the robot, "
+                f"which is {size:.3g} m large"
+            )
+            yield Finding("warning", "centre-outside", text, inertial.line)
+
+
+def _shows(link: Link) -> bool:
+    return any(shape.geometry is not None for shape in link.visuals)
 
 
 def _list_held(tree: Tree) -> set[int]:
@@ -70,7 +122,7 @@ def _list_held(tree: Tree) -> set[int]:
 
 def _find_empty(link: Link, share: float) -> tuple[str, str] | None:
     """The code and the words; `share`: of the boxes of all links."""
-    if not any(shape.geometry is not None for shape in link.visuals):
+    if not _shows(link):
         return None
     code = "mass-zero" if share > EMPTY_SHARE else "massless"
     return code, "it shows something and has a mass of 0 kg"
@@ -81,8 +133,9 @@ def _find_extreme(inertial: Inertial) -> tuple[str, str] | None:
         return "mass-negative", f"a mass of {inertial.mass:g} kg"
     if inertial.mass > MASS_MAX_KG:
         return "mass-heavy", f"a mass of {inertial.mass:g} kg"
-    if max(map(abs, inertial.pose.xyz)) > FAR_M:
-        return "mass-far", "a centre of mass more than 10,000 km away"
+    far = max(map(abs, inertial.pose.xyz))
+    if far > REACH_M:
+        return "mass-far", f"a centre of mass {far:.3g} m away (millimetres?)"
     return None
 
 

@@ -133,33 +133,39 @@ def _size(name: str, shape: Shape, facts: Mapping[str, MeshFacts]) -> Iterator[F
 
 
 def _whole(tree: Tree, facts: Mapping[str, MeshFacts]) -> Iterator[Finding]:
-    """The robot's size with all joints at 0."""
-    poses: list[Matrix] = []
-    low, high = [math.inf] * 3, [-math.inf] * 3
-    for number, link in enumerate(tree.links):
-        if number == 0:
-            poses.append(matrix_from_quaternion((0, 0, 0), (1, 0, 0, 0)))
-        else:
-            joint = tree.joints[number - 1]
-            at = matrix_from_quaternion(joint.pose.xyz, quaternion_from_rpy(joint.pose.rpy))
-            poses.append(multiply(poses[tree.index[joint.parent]], at))
-        for shape in link.visuals:
-            box = compute_shape_box(shape.geometry, facts)
-            if box is None:
-                continue
-            at = multiply(
-                poses[number], matrix_from_quaternion(shape.pose.xyz, quaternion_from_rpy(shape.pose.rpy))
-            )
-            for corner in corners_of(*zip(*box, strict=True)):
-                point = [sum(at[i][k] * corner[k] for k in range(3)) + at[i][3] for i in range(3)]
-                low, high = [*map(min, low, point)], [*map(max, high, point)]
-    size = max((b - a for a, b in zip(low, high, strict=True)), default=0.0)
+    low, high = compute_robot_box(tree, facts)
+    size = max(b - a for a, b in zip(low, high, strict=True))
     if size > LARGE_M:
         text = f"the robot is {size:.3g} m large: are its meshes or origins in millimetres?"
         yield Finding("warning", "robot-large", text, None)
     elif 0 <= size < SMALL_M:
         text = f"the robot is only {size:.3g} m large: is it scaled twice?"
         yield Finding("warning", "robot-small", text, None)
+
+
+def compute_zero_poses(tree: Tree) -> list[Matrix]:
+    """root_from_link of each link with all joints at 0."""
+    poses = [matrix_from_quaternion((0, 0, 0), (1, 0, 0, 0))]
+    for joint in tree.joints:
+        at = matrix_from_quaternion(joint.pose.xyz, quaternion_from_rpy(joint.pose.rpy))
+        poses.append(multiply(poses[tree.index[joint.parent]], at))
+    return poses
+
+
+def compute_robot_box(tree: Tree, facts: Mapping[str, MeshFacts]) -> tuple[list[float], list[float]]:
+    """The lowest and highest corner of all that is shown, with all joints at 0, in the root's axes, metres;
+    the lowest is above the highest where nothing is."""
+    low, high = [math.inf] * 3, [-math.inf] * 3
+    for link, pose in zip(tree.links, compute_zero_poses(tree), strict=False):  # no link, one pose
+        for shape in link.visuals:
+            box = compute_shape_box(shape.geometry, facts)
+            if box is None:
+                continue
+            at = multiply(pose, matrix_from_quaternion(shape.pose.xyz, quaternion_from_rpy(shape.pose.rpy)))
+            for corner in corners_of(*zip(*box, strict=True)):
+                point = [sum(at[i][k] * corner[k] for k in range(3)) + at[i][3] for i in range(3)]
+                low, high = [*map(min, low, point)], [*map(max, high, point)]
+    return low, high
 
 
 def compute_shape_box(

@@ -196,6 +196,8 @@ class _Reader:
         mass, inertia = element.find_first("mass"), element.find_first("inertia")
         value = self._number(mass, "value", None, what) if mass else None
         if value is None:
+            if mass is None or mass.get("value") is None:
+                self._note("warning", "inertial-empty", f"{what}: an <inertial> without a <mass>", element)
             return None
         moments = [
             self._number(inertia, n, 0.0, what) or 0.0 if inertia else 0.0

@@ -1,0 +1,103 @@
+"""What the page `/admin` shows, as one JSON document."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from posecast_relay.auth.access import Access
+from posecast_relay.config.robots_reader import RobotEntry, Robots, describe_rule
+from posecast_relay.core.policy.policy import Audience
+from posecast_relay.core.state.robot import Robot
+from posecast_relay.http.archive_metrics import ArchiveStats
+
+
+class MemoryStats(Protocol):
+    """What the past in memory takes, and may take, in bytes."""
+
+    bytes: int
+    bytes_max: int
+
+
+@dataclass(frozen=True)
+class AdminSources:
+    """Where the page gets what it shows. `path`: the file of robots; `get_robots`: what it says, as far as it
+    is in force; `find_trouble`: what is wrong with the relay, in a line; `find_expiries`: when certificates
+    expire, in unix seconds by flag; `count_refused`: publishers that were refused so far.
+    """
+
+    path: Path
+    get_robots: Callable[[], Robots]
+    find_trouble: Callable[[], str | None]
+    find_expiries: Callable[[], Mapping[str, float]]
+    count_refused: Callable[[], int]
+    past: MemoryStats | None
+    archive: ArchiveStats | None
+
+
+def make_report(access: Access, sources: AdminSources) -> dict[str, Any]:
+    """Return what the page shows now. Holds no secret."""
+    hubs = [dispatcher.hub for dispatcher in access.dispatchers]
+    rooms = [room for hub in hubs for robot in hub.robots.values() for room in robot.rooms.values()]
+    previews = sum(len(hub.previews) for hub in hubs)
+    robots = sources.get_robots().enrolled
+    past, archive = sources.past, sources.archive
+    # a gateway hears the robots that somebody watches there, and of the others from who writes the store
+    told = {doc["robot"]: str(doc["status"]) for doc in access.live.store.list_robots() or ()}
+    return {
+        "relay": {
+            "trouble": sources.find_trouble(),
+            "viewers": sum(len(hub.viewers) for hub in hubs) - previews,
+            "previews": previews,
+            "delivered_frames": sum(hub.delivered for hub in hubs) + sum(room.delivered for room in rooms),
+            "skipped_frames": sum(hub.skipped for hub in hubs) + sum(room.skipped for room in rooms),
+            "refused_publishers": sources.count_refused(),
+        },
+        "robots": [_make_row(access, name, entry, told.get(name)) for name, entry in sorted(robots.items())],
+        "past": None if past is None else {"bytes": past.bytes, "bytes_max": past.bytes_max},
+        "archive": None if archive is None else _describe_archive(archive),
+        "certificates": {flag: round(at_s) for flag, at_s in sources.find_expiries().items()},
+    }
+
+
+def _make_row(access: Access, name: str, entry: RobotEntry, told: str | None) -> dict[str, Any]:
+    live = access.live
+    robot = live.hub.robots.get(name)
+    shown = {audience.value: describe_rule(audience, rule) for audience, rule in entry.rules.items()}
+    return {
+        "robot": name,
+        "publishes_by": "certificate" if entry.secret is None else "credential",
+        "expires_s": None if entry.expires_s == float("inf") else round(entry.expires_s),
+        "audiences": shown,
+        "may_link": Audience.LINK in entry.rules,
+        "has_links": entry.link_key is not None,
+        "viewers": _count_viewers(access, name),
+        **(_describe_robot(robot, live.now()) if robot is not None else {"status": told or "offline"}),
+    }
+
+
+def _describe_robot(robot: Robot, now: float) -> dict[str, Any]:
+    return {
+        "status": robot.compute_status(next(iter(robot.rooms.values()), None), now),
+        "conflict": robot.in_conflict,
+        "over_share": robot.share.find_exceeded_limit(now),
+        "lateness_ms": round(robot.runs.lateness_s * 1000),
+    }
+
+
+def _count_viewers(access: Access, name: str) -> int:
+    here = [of for each in access.dispatchers if (of := each.hub.robots.get(name)) is not None]
+    return sum(of.count_viewers() for of in here) + access.live.store.count_viewers_elsewhere(name)
+
+
+def _describe_archive(archive: ArchiveStats) -> dict[str, Any]:
+    told = archive.measure()
+    return {
+        "trouble": told.trouble,
+        "stored_bytes": told.stored_bytes,
+        "waiting_bytes": told.waiting_bytes,
+        "free_bytes": told.free_bytes,
+        "disk_bytes": told.disk_bytes,
+    }

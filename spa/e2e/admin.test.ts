@@ -1,0 +1,144 @@
+/** The page of whoever runs the relay, with a real relay and its file of robots. */
+
+import { execFileSync } from 'node:child_process';
+import { mkdirSync, readFileSync } from 'node:fs';
+import path from 'node:path';
+import { describe, expect, it } from 'vitest';
+import { violations } from './axe.ts';
+import type { Page } from './driver/page.ts';
+import { until } from './driver/until.ts';
+import { REPO, type Relay } from './stack.ts';
+import { setStage } from './stage.ts';
+
+const stage = setStage();
+const SHOTS = path.join(REPO, 'spa/e2e/shots');
+const KOREAN = 'Object.defineProperty(navigator, "language", { get: () => "ko-KR" })';
+
+interface Lab {
+  readonly relay: Relay;
+  readonly secret: string;
+  readonly robots: (...words: readonly string[]) => string;
+}
+
+/** A relay with two robots in its file, one of them on air. */
+async function startLab(): Promise<Lab> {
+  const file = path.join(stage.stack.folder(), 'robots.toml');
+  const robots = (...words: readonly string[]) =>
+    execFileSync(path.join(REPO, '.venv/bin/posecast-relay'), ['robots', ...words, '--robots', file], {
+      encoding: 'utf8',
+      stdio: ['ignore', 'pipe', 'ignore'],
+    });
+  robots('add', 'demo');
+  robots('set', 'demo', '--anyone', 'nothing', '--link', 'view=public');
+  robots('add', 'arm-in-the-other-hall-behind-the-blue-door', '--private', '--days', '30');
+  const secret = robots('admin').trim();
+  const relay = await stage.stack.relay({ robots: file });
+  stage.stack.edge(relay);
+  return { relay, secret, robots };
+}
+
+const run = (page: Page, script: string) => page.evaluate<string>(script);
+const says = (page: Page, words: string) => async () => (await page.text()).includes(words);
+
+async function open(page: Page, lab: Lab, secret = lab.secret): Promise<void> {
+  await page.open(`${lab.relay.url}/admin`);
+  await until('the door', () => page.evaluate<boolean>('document.activeElement?.id === "credential"'));
+  await run(page, `document.getElementById('credential').value = ${JSON.stringify(secret)}; ''`);
+  await page.press('Enter');
+}
+
+const button = (robot: string, n: number) =>
+  `document.querySelector('li[data-robot="${robot}"]').querySelectorAll('.line > button')[${n}]`;
+
+describe('the page /admin', () => {
+  it('shows robots and figures, makes and revokes share links, and keeps its credential nowhere', async () => {
+    const lab = await startLab();
+    const page = await stage.newPage();
+    page.forgive(/401/);
+    await open(page, lab, 'x'.repeat(43));
+    await until('it is refused', says(page, 'That is not the credential of this page.'));
+    await open(page, lab);
+    await until('the robot is on air', says(page, 'online'));
+    const told = await page.text();
+    for (const words of [
+      'ready',
+      'Skipped frames',
+      'link: public (no past)',
+      'nobody may watch',
+      'Past in memory',
+    ])
+      expect(told).toContain(words);
+
+    await run(page, `${button('demo', 0)}.click(); ''`);
+    const address = `document.querySelector('li[data-robot="demo"] input').value`;
+    await until('a link', async () => (await run(page, address)) !== '');
+    const link = await run(page, address);
+    expect(link.startsWith(`${lab.relay.url}/#/r/demo?t=`)).toBe(true);
+    const authorization = `Bearer ${link.split('?t=')[1]}`;
+    const see = async () =>
+      (await fetch(`${lab.relay.url}/api/v1/robots/demo/state`, { headers: { authorization } })).status;
+    await until('it is good', async () => (await see()) === 200);
+
+    await until('it may be revoked', () => page.evaluate<boolean>(`!${button('demo', 1)}.hidden`));
+    await run(page, `${button('demo', 1)}.click(); ''`);
+    expect(await run(page, `${button('demo', 1)}.textContent`)).toBe('Really revoke all?');
+    expect(await see(), 'one click is not enough').toBe(200);
+    await run(page, `${button('demo', 1)}.click(); ''`);
+    await until('it is good no more', async () => (await see()) === 401);
+    expect(await page.text()).toContain('All share links of this robot are revoked.');
+
+    const kept = await run(
+      page,
+      'JSON.stringify([document.cookie, {...localStorage}, {...sessionStorage}, location.href])',
+    );
+    expect(kept).not.toContain(lab.secret);
+    expect(await run(page, 'document.cookie')).toBe('');
+    expect(await run(page, 'document.documentElement.outerHTML')).not.toContain(lab.secret);
+    await page.reload();
+    await until('it asks again', () => page.evaluate<boolean>('!document.getElementById("door").hidden'));
+    expect(await page.text()).not.toContain('online');
+    await open(page, lab);
+    await until('open', says(page, 'online'));
+    await run(page, `document.getElementById('lock').click(); ''`);
+    expect(await page.text()).not.toContain('online');
+  });
+
+  it('can be read and used on a phone, in both themes, and in Korean', async () => {
+    const lab = await startLab();
+    mkdirSync(SHOTS, { recursive: true });
+    for (const [name, viewport, scheme, preload, word] of [
+      ['phone_dark', { width: 360, height: 740 }, 'dark', '', 'Robots'],
+      ['phone_korean', { width: 360, height: 740 }, 'light', KOREAN, '로봇'],
+      ['laptop_light', { width: 1280, height: 800 }, 'light', '', 'Robots'],
+    ] as const) {
+      const page = await stage.newPage({ viewport, media: { scheme }, preload });
+      await page.open(`${lab.relay.url}/admin`);
+      await until('the door', () => page.evaluate<boolean>('document.activeElement?.id === "credential"'));
+      expect(await violations(page), `${name}: the door`).toEqual([]);
+      await open(page, lab);
+      await until(name, says(page, word));
+      await run(page, `${button('demo', 0)}.click(); ''`);
+      await until('a link', () =>
+        page.evaluate<boolean>(`!document.querySelector('li[data-robot="demo"] input').hidden`),
+      );
+      expect(
+        await page.evaluate('document.documentElement.scrollWidth <= innerWidth'),
+        `${name}: nothing is cut`,
+      ).toBe(true);
+      const low = `[...document.querySelectorAll('button, input')].filter((each) => each.offsetParent !== null && each.offsetHeight < 44).length`;
+      expect(await page.evaluate(low), `${name}: for fingers`).toBe(0);
+      expect(await violations(page), name).toEqual([]);
+      await page.screenshot(path.join(SHOTS, `admin_${name}.png`));
+    }
+  });
+
+  it('says all in both languages', () => {
+    const script = readFileSync(path.join(REPO, 'relay/src/posecast_relay/http/admin/page/admin.js'), 'utf8');
+    const [english, korean] = ['ENGLISH', 'KOREAN'].map((name) => {
+      const found = new RegExp(`const ${name} = \\{\\n([\\s\\S]*?)\\n\\};`).exec(script)?.[1] ?? '';
+      return [...found.matchAll(/^ {2}(\w+):/gm)].map((each) => each[1]);
+    });
+    expect(english?.length).toBeGreaterThan(20);
+    expect(korean).toEqual(english);
+  });
+});

@@ -1,0 +1,65 @@
+"""What docs/BALANCE.md says of a robot's profile is so."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from posecast_edge.profile.reader import ProfileError, parse_profile
+from posecast_edge.profile.schema import make_schema_text
+from posecast_relay.unit_conversion import find_factor
+from posecast_wire.mapping import Threshold
+from posecast_wire.schema import Schema
+
+PAGE = (Path(__file__).resolve().parent.parent / "docs" / "BALANCE.md").read_text(encoding="utf-8")
+WRENCHES = """
+[labels]
+joint = ["A"]
+[[fields]]
+name = "pos"
+[[fields]]
+name = "ftf"
+unit = "{force}"
+labels = ["RF.fz", "LF.fz"]
+[[fields]]
+name = "ftm"
+unit = "{moment}"
+labels = ["RF.mx", "LF.mx"]
+[sensors]
+RF = {{ kind = "wrench", link = "right_foot" }}
+LF = {{ kind = "wrench", link = "left_foot" }}
+"""
+
+
+def find_units(before: str, after: str) -> list[str]:
+    """The units between two words of the page."""
+    [between] = re.findall(rf"{before}([^.;]*?){after}", PAGE)
+    return re.findall(r"[mk]?N(?:·mm|·m)?\b", between)
+
+
+def test_the_example_is_a_profile() -> None:
+    [example] = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
+    text = WRENCHES.format(force="N", moment="N·m") + example
+    mapping = Schema.parse(make_schema_text(parse_profile(text))).mapping
+    assert (mapping.balance.feet, mapping.balance.ground) == (("RF", "LF"), "measured")
+    assert mapping.find_threshold("balance", "margin") == Threshold(10, None, 0.4)
+
+
+def test_a_profile_takes_the_units_that_the_page_says_and_no_other_that_is_read() -> None:
+    taken = find_units("Forces and moments come in ", ", the only units")
+    assert taken == ["N", "N·m"]
+    parse_profile(WRENCHES.format(force=taken[0], moment=taken[1]))
+    others = find_units("by itself may also say ", "; in another unit")
+    forces = [unit for unit in others if "·" not in unit]
+    moments = [unit for unit in others if "·" in unit]
+    assert (forces, moments) == (["mN", "kN"], ["mN·m", "N·mm", "kN·m"])
+    for unit in forces:
+        assert find_factor("force", unit) is not None
+        with pytest.raises(ProfileError, match=f"unknown unit '{unit}'"):
+            parse_profile(WRENCHES.format(force=unit, moment="N·m"))
+    for unit in moments:
+        assert find_factor("torque", unit) is not None
+        with pytest.raises(ProfileError, match=f"unknown unit '{unit}'"):
+            parse_profile(WRENCHES.format(force="N", moment=unit))
+    assert find_factor("force", "lbf") is None
