@@ -89,7 +89,7 @@ export class BalanceWatch {
     this.#ask();
     const model = this.#model;
     if (schema === null || state === null || model === null) return;
-    const isLed = lead !== null && lead !== this.#led;
+    const isLed = lead && lead !== this.#led;
     if (!isLed && state.atMs >= this.#lookedMs && state.atMs - this.#lookedMs < EVERY_MS) return;
     if (this.#known !== null && !this.isShown && performance.now() - this.#askedForMs > UNASKED_MS) return;
     this.#lookedMs = state.atMs;
@@ -110,22 +110,20 @@ export class BalanceWatch {
     this.#known = { possible, stance, balance, findings: toldOfMasses(model.raw.findings), problems };
   };
 
-  /** Takes a state, and notes what is crossed in it. */
+  /** Takes a state, and notes what is crossed in it: a crossing counts while the page shows the balance. */
   #take(reader: BalanceReader, { codes, tS, atMs }: LeadState) {
-    const balance = reader.ofFrame(codes, tS);
-    const stance = this.#judge.next(balance, reader.headingRad, marginLimits(this.#link.twin.limits));
-    this.#note(stance, atMs);
-    return { balance, stance };
-  }
-
-  /** A crossing counts while the page shows the balance. */
-  #note(stance: Stance | null, atMs: number): void {
     const { twin } = this.#link;
-    if (!this.isShown || stance === null || stance.marginMm === null) return;
-    const { owner, threshold } = marginLimits(twin.limits);
-    const text = balanceText();
-    const reading = { ...MARGIN, name: text.margin, unit: 'mm', value: stance.marginMm, level: stance.level };
-    noteComputed(twin, text.balance, reading, { threshold, own: owner === 'viewer' }, atMs);
+    const limits = marginLimits(twin.limits);
+    const balance = reader.ofFrame(codes, tS);
+    const stance = this.#judge.next(balance, reader.headingRad, limits);
+    if (this.isShown && stance?.marginMm != null) {
+      const { level, marginMm: value } = stance;
+      const { threshold, owner } = limits;
+      const { balance: title, margin: name } = balanceText();
+      const own = owner === 'viewer';
+      noteComputed(twin, title, { ...MARGIN, name, unit: 'mm', value, level }, { threshold, own }, atMs);
+    }
+    return { balance, stance };
   }
 
   /** Asks for the model that the robot has now, from where its body has it. */
@@ -133,8 +131,7 @@ export class BalanceWatch {
     const url = this.#urlNow();
     if (url !== this.#url) {
       this.#model = this.#known = null;
-      this.#askedMs = Number.NEGATIVE_INFINITY;
-      this.#lookedMs = Number.NEGATIVE_INFINITY;
+      this.#askedMs = this.#lookedMs = Number.NEGATIVE_INFINITY;
     }
     this.#url = url;
     const now = performance.now();

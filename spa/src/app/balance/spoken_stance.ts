@@ -12,6 +12,6 @@ export function spokenStance(link: RobotLink): { text: string; gist: string } | 
   const standing = kind === 'inside' || kind === 'edge' ? '' : kind;
   return {
     text: stanceWords(stance, false),
-    gist: ['balance', level, standing, side ?? '', assumed].join(' '),
+    gist: ['balance', level, standing, side, assumed].join(' '),
   };
 }

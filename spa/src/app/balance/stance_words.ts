@@ -6,29 +6,22 @@ import { type BalanceText, balanceText } from '../text/balance.ts';
 export function stanceWords(stance: Stance, was: boolean, text: BalanceText = balanceText()): string {
   const { kind, assumed } = stance;
   const sentence = sentenceOf(stance, was, text);
-  const holds = kind !== 'airborne' && kind !== 'unread' && sentence !== '';
+  const holds = kind !== 'airborne' && kind !== 'unread';
   return assumed && holds ? `${sentence} ${text.assumed}` : sentence;
 }
 
-/** What is said of each kind, what once it is no longer so, and what beside other robots. */
-const SAID = {
-  inside: ['inside', 'wasInside', 'briefInside'],
-  edge: ['edge', 'wasEdge', 'briefEdge'],
-  moving: ['moving', 'wasMoving', 'briefMoving'],
-  outside: ['forwards', 'wasOutside', 'briefOutside'],
-  airborne: ['airborne', 'wasAirborne', 'briefAirborne'],
-  unread: ['unread', null, 'briefUnread'],
-} as const;
-
 function sentenceOf({ kind, marginMm, side }: Stance, was: boolean, text: BalanceText): string {
-  const [is, before] = SAID[kind];
-  const name = was ? before : (side ?? is);
-  return name === null ? '' : inWords(text[name], marginMm);
+  if (!was) return inWords(text[side ?? (kind === 'outside' ? 'forwards' : kind)], marginMm);
+  return kind === 'unread' ? '' : inWords(text[`was${capitalized(kind)}`], marginMm);
 }
 
 /** The same in two or three words, beside other robots; '' for what is old. */
 export function briefWords({ kind, marginMm }: Stance, was: boolean, text: BalanceText): string {
-  return was ? '' : inWords(text[SAID[kind][2]], marginMm);
+  return was ? '' : inWords(text[`brief${capitalized(kind)}`], marginMm);
+}
+
+function capitalized<T extends string>(kind: T): Capitalize<T> {
+  return kind.replace(/./, (first) => first.toUpperCase()) as Capitalize<T>;
 }
 
 function inWords(words: string | ((mm: string) => string), marginMm: number | null): string {

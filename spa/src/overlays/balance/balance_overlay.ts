@@ -93,19 +93,20 @@ export class BalanceOverlay implements BalanceDrawing {
   #readerOf({ manifest }: PosedBody, readings: BalanceReadings, tS: number, reach: number): BalanceReader {
     const { schema, lead, anchored } = readings;
     const isOther = this.#reader?.manifest !== manifest || this.#reader.schema !== schema;
-    const isLed = lead?.tS === tS && (isOther || lead.states !== this.#led);
+    const isLed = lead?.tS === tS && lead.states !== this.#led;
     if (isOther || isLed) {
       this.#reader = new BalanceReader(manifest, schema);
       this.#judge = new StanceJudge();
       this.#left = new Footprints();
     }
     const reader = this.#reader!;
-    if (!isLed) return reader;
-    this.#led = lead.states;
-    for (const { codes, tS } of lead.states) {
-      const balance = reader.ofFrame(codes, tS);
-      this.#left.take(balance, tS, anchored, reach);
-      this.#levelOf(readings, balance);
+    if (isLed) {
+      this.#led = lead.states;
+      for (const { codes, tS } of lead.states) {
+        const balance = reader.ofFrame(codes, tS);
+        this.#left.take(balance, tS, anchored, reach);
+        this.#levelOf(readings, balance);
+      }
     }
     return reader;
   }
@@ -125,7 +126,7 @@ function marginLabel(
   live: boolean,
 ): OverlayLabel {
   const mm = Math.round(marginM! * 1000);
-  const text = `${mm < 0 ? '−' : ''}${Math.abs(mm)} mm`;
+  const text = `${mm} mm`.replace('-', '−');
   const corners = polygon.map(([x, y]): Vec3 => [x, y, edge[2]]);
   const outline = corners.map((from, i) => [from, corners[(i + 1) % corners.length]!] as const);
   const lines: OverlayLabel['lines'] = [[foot, edge], [edge, sign ?? edge], ...outline];

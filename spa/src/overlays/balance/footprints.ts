@@ -46,12 +46,6 @@ export class Footprints {
     return this.#trace.length;
   }
 
-  #forget(): void {
-    this.#trace = [];
-    this.#prints = [];
-    this.#standing.clear();
-  }
-
   /**
    * Takes the balance of the next pose, at `tS` (the robot's time, seconds); one in which nobody knows whether a foot bears is
    * left out. `anchored`: the robot reports where it is in the world. Otherwise the foot that goes on bearing is what stands
@@ -59,8 +53,11 @@ export class Footprints {
    */
   take({ feet, slide, centreOfMass, floorM }: Balance, tS: number, anchored: boolean, reach: number): void {
     if (tS === this.#tS || feet.some(({ bears }) => bears === null)) return;
-    if (tS < this.#tS || (!anchored && slide === null)) this.#forget();
-    else if (!anchored && slide !== null) this.#move(slide);
+    if (tS < this.#tS || (!anchored && slide === null)) {
+      this.#trace = [];
+      this.#prints = [];
+      this.#standing.clear();
+    } else if (!anchored && slide) this.#move(slide);
     this.#tS = tS;
     const stands = new Map<string, readonly Vec3[]>();
     for (const { name, bears, corners } of feet) {
