@@ -65,9 +65,15 @@ const SHARED_CHUNKS = [
     includeDependenciesRecursively: false,
   },
   {
+    // What reads a schema's mapping, whole: figures need most of it, balance the rest.
+    name: 'mapping_parser',
+    test: /wire\/typescript\/src\/(mapping_parser|stance)\.ts$/,
+    includeDependenciesRecursively: false,
+  },
+  {
     // What reads balance, draws it and tells of it, without its numbers, and without a selected joint's limits.
     name: 'balance',
-    test: /spa\/src\/((overlays|model)\/balance\/(?!joint_arc)|view\/balance|app\/balance\/(balance_(part|watch)|Stood|spoken|stance)|twin\/balance\/(?!limit_margin|told\/(could|lacks|margin_channel)))|wire\/typescript\/src\/stance/,
+    test: /spa\/src\/((overlays|model)\/balance\/(?!joint_arc)|view\/balance|app\/balance\/(balance_(part|watch)|Stood|spoken|stance)|twin\/balance\/(?!limit_margin|told\/(could|lacks|margin_channel)))/,
     includeDependenciesRecursively: false,
   },
 ];
