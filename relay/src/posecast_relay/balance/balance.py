@@ -18,6 +18,7 @@ BalanceGap = Literal[
     "no-feet",
     "no-wrench",
     "unread",
+    "orientation-unread",
     "airborne",
     "first-pose",
 ]

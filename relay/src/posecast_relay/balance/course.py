@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from posecast_wire import Schema
 from posecast_wire.mapping import Xyz
@@ -14,13 +15,15 @@ from posecast_relay.balance.foot_pose import FootPose, is_near, pose_foot
 from posecast_relay.balance.model import BalanceModel
 from posecast_relay.balance.polygon import find_hull, find_nearest_edge
 from posecast_relay.balance.velocity_filter import VelocityFilter
-from posecast_relay.kinematics.link_poses import LinkPose, place_point
+from posecast_relay.kinematics.link_poses import FrameReadings, LinkPose, place_point
 from posecast_relay.kinematics.vector import add, scale
 
 GRAVITY = 9.81  # m/s²
 BEARS_FROM = 0.05  # of the weight, along the sole's normal
 BEARS_UNTIL = 0.03  # a foot that bears does so until it is below
 UNKNOWN_WEIGHT_N = 400.0  # stands in when no masses are known: a foot bears from 20 N on
+NAN = math.nan
+NOWHERE = LinkPose((NAN, NAN, NAN), (NAN, NAN, NAN, NAN))
 LOWEST_M = 0.01  # soles that are assumed to bear are at most so much higher than the lowest
 
 
@@ -49,8 +52,16 @@ class BalanceCourse:
         """The feet's names."""
         return tuple(foot.name for foot in self._choice.feet)
 
-    def read(self, codes: Sequence[int], poses: Sequence[LinkPose], t_s: float) -> Balance:
-        """The balance of a frame: its codes, world_from_link of each link, and the robot's time, seconds."""
+    def read(
+        self, codes: Sequence[int], readings: FrameReadings, poses: Sequence[LinkPose], t_s: float
+    ) -> Balance:
+        """The balance of a frame: its codes and what they say of the body, world_from_link of each link, and
+        the robot's time, seconds. Nothing in the world is told while nobody knows how the body is turned."""
+        blind = _find_blind_spot(readings)
+        told = self._read(codes, [NOWHERE] * len(poses) if blind else poses, t_s)
+        return told if blind is None else replace(told, gaps=_name_unread(told.gaps, blind))
+
+    def _read(self, codes: Sequence[int], poses: Sequence[LinkPose], t_s: float) -> Balance:
         centre = _compute_centre(self._model, poses)
         posed = [pose_foot(foot, codes, poses) for foot in self._choice.feet]
         feet, gap = self._judge_feet(posed, self._velocity.follows(t_s))
@@ -158,6 +169,15 @@ class BalanceCourse:
                 sums = [sums[0] + force_n, sums[1] + force_n * at[0], sums[2] + force_n * at[1]]
         point = (sums[1] / sums[0], sums[2] / sums[0], floor_m) if sums[0] > 0 else (math.nan,) * 3
         return (point, None) if is_near(point) else (None, "unread")
+
+
+def _find_blind_spot(readings: FrameReadings) -> BalanceGap | None:
+    """Why nobody knows where the links are."""
+    return "orientation-unread" if readings.lacks_turn else None
+
+
+def _name_unread(gaps: BalanceGaps, why: BalanceGap) -> BalanceGaps:
+    return BalanceGaps(**{part: why if gap == "unread" else gap for part, gap in vars(gaps).items()})
 
 
 def _compute_centre(model: BalanceModel, poses: Sequence[LinkPose]) -> Xyz | None:

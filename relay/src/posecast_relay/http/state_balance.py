@@ -37,7 +37,7 @@ class StateBalance:
     ) -> Mapping[str, Any] | None:
         """The member `balance` of a state; None where a robot has no masses and stands on nothing known.
 
-        A joint, base or IMU without a reading in this frame is at rest, at the origin, upright.
+        A joint without a reading in this frame is at rest.
         """
         if isinstance(model, NoBalance):
             return _tell_none(model.code, model.detail)
@@ -53,7 +53,8 @@ class StateBalance:
         readings.take(frame.codes)
         poses.update(readings)
         course = BalanceCourse(model, frame.schema, choice)
-        told = make_balance_document(course.read(frame.codes, poses.compute_world_poses(), frame.t_s))
+        world = poses.compute_world_poses()
+        told = make_balance_document(course.read(frame.codes, readings, world, frame.t_s))
         detail = "; ".join(filter(None, (model.why, choice.why)))
         return {**told, "detail": detail} if detail else told
 

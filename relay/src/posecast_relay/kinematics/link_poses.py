@@ -68,6 +68,7 @@ class FrameReadings:
         places = ChannelPlaces(schema)
         self.imu = _find_body_imu(schema, places)
         self.world_from_imu: Quat | None = None
+        self.lacks_turn = False  # what tells how the body is turned has no reading in the newest frame
         self._schema = schema
         self._base = _find_channels(schema, places, "base", "base", "xyz")
         self._base_turn = _find_channels(schema, places, "baseq", "base", "wxyz")
@@ -81,8 +82,12 @@ class FrameReadings:
         quat = None if turn is None else normalise_quat(turn)
         if xyz is not None and quat is not None:
             self.base = LinkPose((xyz[0], xyz[1], xyz[2]), quat)
-        if self.imu is not None:
-            self.world_from_imu = self.imu.read(codes) or self.world_from_imu
+        turned = None if self.imu is None else self.imu.read(codes)
+        self.world_from_imu = turned or self.world_from_imu
+        if self._base and self._base_turn:
+            self.lacks_turn = xyz is None or quat is None
+        else:
+            self.lacks_turn = self.imu is not None and turned is None
 
 
 class LinkPoses:

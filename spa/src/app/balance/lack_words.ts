@@ -11,6 +11,7 @@ const WHY = {
   'no-feet': 'noFeet',
   'no-wrench': 'noForce',
   'no-pressure': 'noPressure',
+  'orientation-unread': 'orientationUnread',
 } as const;
 
 /** Why a part of balance can't be known, in one line. */

@@ -4,9 +4,9 @@ import { type BalanceText, balanceText } from '../text/balance.ts';
 /** The sentence about a stance, with whether it is assumed. `was`: of a pose that is no longer the robot's own, or of then;
  *  '' where nothing can be said. */
 export function stanceWords(stance: Stance, was: boolean, text: BalanceText = balanceText()): string {
-  const { kind, assumed } = stance;
+  const { marginMm, assumed } = stance;
   const sentence = sentenceOf(stance, was, text);
-  const holds = kind !== 'airborne' && kind !== 'unread' && sentence !== '';
+  const holds = marginMm !== null && sentence !== '';
   return assumed && holds ? `${sentence} ${text.assumed}` : sentence;
 }
 
@@ -18,6 +18,7 @@ const SAID = {
   outside: ['forwards', 'wasOutside', 'briefOutside'],
   airborne: ['airborne', 'wasAirborne', 'briefAirborne'],
   unread: ['unread', null, 'briefUnread'],
+  'orientation-unread': ['orientationUnread', null, 'briefOrientation'],
 } as const;
 
 function sentenceOf({ kind, marginMm, side }: Stance, was: boolean, text: BalanceText): string {

@@ -47,7 +47,7 @@ export class BalanceOverlay implements BalanceDrawing {
     if (readings.choice === 'auto' && !reader.onByItself) return;
     const facets = this.#facets;
     const tS = pose.tS ?? 0;
-    const balance = reader.ofBody(body, reader.wrenchesOf(pose.wrenches ?? []), tS);
+    const balance = reader.ofBody(body, reader.wrenchesOf(pose.wrenches ?? []), tS, pose);
     this.#left.take(balance, tS, readings.anchored, style.reach);
     const level = this.#levelOf(readings, balance);
     const paints = paintsOf(style, level);

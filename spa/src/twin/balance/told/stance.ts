@@ -12,9 +12,12 @@ import type { MarginLimits } from './margin_limits.ts';
  * - `inside`, `edge`, `outside`: where the centre of mass is, seen from above, to the edge of what it stands on.
  * - `moving`: it is outside, but the robot moves so that it would come to rest over its feet, with one that is in the air
  *   set down: so it walks.
- * - `airborne`: no foot bears weight; `unread`: a foot has no reading, so nobody knows.
+ * - `airborne`: no foot bears weight; `unread`: a foot has no reading, so nobody knows; `orientation-unread`: nor where
+ *   what tells how the body is turned has none.
  */
-export type StanceKind = 'inside' | 'edge' | 'outside' | 'moving' | 'airborne' | 'unread';
+export type StanceKind = 'inside' | 'edge' | 'outside' | 'moving' | (typeof WITHOUT)[number];
+
+const WITHOUT = ['airborne', 'unread', 'orientation-unread'] as const;
 
 /** What is told of one balance. */
 export interface Stance {
@@ -57,9 +60,8 @@ export class StanceJudge {
     const { marginM, ground, gaps } = balance;
     const assumed = ground === 'lowest';
     if (marginM === null) {
-      const { polygon: gap } = gaps;
-      if (gap !== 'airborne' && gap !== 'unread') return null;
-      return { kind: gap, level: 'ok', marginMm: null, side: null, assumed };
+      const kind = WITHOUT.find((one) => one === gaps.polygon);
+      return kind === undefined ? null : { kind, level: 'ok', marginMm: null, side: null, assumed };
     }
     const marginMm = marginM * 1000;
     const caught = marginMm < 0 && this.#isCaught(balance);
