@@ -177,6 +177,7 @@ describe('what is said', () => {
     expect(look(null, gaps('airborne'))).toMatchObject({ kind: 'airborne', level: 'ok', marginMm: null });
     expect(look(null, gaps('unread'))?.kind).toBe('unread');
     expect(look(null, gaps('orientation-unread'))?.kind).toBe('orientation-unread');
+    expect(look(null, gaps('joint-unread'))?.kind).toBe('joint-unread');
   });
 
   const stance = (changed: Partial<Stance>): Stance => ({
@@ -214,7 +215,14 @@ describe('what is said', () => {
     expect(brief({})).toBe('31\u00a0mm inside');
     expect(brief({ kind: 'outside', marginMm: -12 })).toBe('12\u00a0mm outside');
     expect(brief({}, true)).toBe('');
-    for (const kind of ['edge', 'moving', 'airborne', 'unread', 'orientation-unread'] as const)
+    for (const kind of [
+      'edge',
+      'moving',
+      'airborne',
+      'unread',
+      'orientation-unread',
+      'joint-unread',
+    ] as const)
       expect(brief({ kind })).not.toBe('');
   });
 
@@ -312,6 +320,7 @@ describe('what can’t be known', () => {
   it('passes with time: no foot bears, one is not read', () => {
     expect(lacksOf(gaps(null, 'airborne'), [])).toEqual([]);
     expect(lacksOf(gaps(null, 'unread'), [])).toEqual([]);
+    expect(lacksOf(gaps('joint-unread', 'joint-unread'), [])).toEqual([{ why: 'joint-unread' }]);
     expect(lacksOf(gaps('orientation-unread', 'orientation-unread'), [])).toEqual([
       { why: 'orientation-unread' },
     ]);

@@ -231,6 +231,23 @@ def _loses_its_tilt(dice: Luck) -> list[Frame]:
     return frames
 
 
+def _loses_joints(dice: Luck) -> list[Frame]:
+    """A leg is lost, then a joint of the other, then the neck: the head has 3.1 of 41.4 kg."""
+    frames = _stands(dice, 4)
+    _loses(frames[1], "joint-unread", lost=["lhip", "lknee", "lankle"])
+    _loses(frames[2], "joint-unread", lost=["rankle"])
+    _loses(frames[3], "joint-unread", lost=["neck"])
+    return frames
+
+
+def _loses_a_light_joint(dice: Luck) -> list[Frame]:
+    """The head is light there, and stays as it was."""
+    frames = _stands(dice, 2)
+    frames[0].joints = {**frames[0].joints, "neck": 0.0}
+    frames[1].joints, frames[1].lost = {**frames[1].joints, "neck": 0.0}, ["neck"]
+    return frames
+
+
 def _at_limits(dice: Luck) -> list[Frame]:
     """A moment, then a force at the limit of its code; then a push far outside the sole."""
     frames = _stands(dice, 3)
@@ -295,6 +312,8 @@ def make_cases() -> list[Case]:
              feet={"rsole": "rsole", "lsole": "lsole"}),
         Case("knows its tilt alone", _turns(Luck("turns")), sensors=tilted, placed_by="tilt"),
         Case("loses how its body is turned", _loses_its_turn(Luck("base lost"))),
+        Case("loses joints", _loses_joints(Luck("joints lost"))),
+        Case("loses a joint carrying little", _loses_a_light_joint(Luck("neck lost")), model="light head"),
         Case("loses its tilt", _loses_its_tilt(Luck("tilt lost")), sensors=tilted, placed_by="tilt"),
         Case("its profile has feet and soles", _named(Luck("named")), ground="lowest",
              sensors=right_only, rule=rule, feet={"RF": "rfoot", "lfoot": "lfoot"}, soles=own),
@@ -335,8 +354,10 @@ def make_models() -> dict[str, Document]:
     soles = make_model()["soles"]
     far = [[0, 0, 0], [1e30, 0, 0], [0, 1e30, 0]]
     vast = {"link": 0, "mass_kg": 1e308, "xyz": [0, 0, 0], "inertia": [1, 0, 0, 1, 0, 1]}
+    light = [{**each, "mass_kg": 0.3} if each["link"] == 1 else each for each in make_model()["inertials"]]
     return {
         "biped": {},
+        "light head": {"inertials": light},
         "no soles": {"soles": []},
         "no masses": {"inertials": []},
         "impossible masses": {"inertials": [], "findings": [finding]},

@@ -64,6 +64,7 @@ class FrameReadings:
 
     def __init__(self, schema: Schema) -> None:
         self.joints: dict[str, float] = {}  # by URDF name (or JOINT/variable), rad or m
+        self.unread: set[str] = set()  # those without a reading in the newest frame
         self.base: LinkPose | None = None  # world_from_root
         places = ChannelPlaces(schema)
         self.imu = _find_body_imu(schema, places)
@@ -75,9 +76,12 @@ class FrameReadings:
 
     def take(self, codes: Sequence[int]) -> None:
         """Take a frame's codes, all channels in the schema's order."""
+        self.unread.clear()
         for joint, value in compute_joint_values(self._schema, codes, "pos").items():
             if math.isfinite(value):
                 self.joints[joint] = value
+            else:
+                self.unread.add(joint)
         xyz, turn = _read(codes, self._base), _read(codes, self._base_turn)
         quat = None if turn is None else normalise_quat(turn)
         if xyz is not None and quat is not None:

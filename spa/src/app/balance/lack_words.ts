@@ -12,6 +12,7 @@ const WHY = {
   'no-wrench': 'noForce',
   'no-pressure': 'noPressure',
   'orientation-unread': 'orientationUnread',
+  'joint-unread': 'jointUnread',
 } as const;
 
 /** Why a part of balance can't be known, in one line. */

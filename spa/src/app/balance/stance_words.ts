@@ -18,7 +18,8 @@ const SAID = {
   outside: ['forwards', 'wasOutside', 'briefOutside'],
   airborne: ['airborne', 'wasAirborne', 'briefAirborne'],
   unread: ['unread', null, 'briefUnread'],
-  'orientation-unread': ['orientationUnread', null, 'briefOrientation'],
+  'orientation-unread': ['orientationUnread', null, 'briefUnread'],
+  'joint-unread': ['jointUnread', null, 'briefUnread'],
 } as const;
 
 function sentenceOf({ kind, marginMm, side }: Stance, was: boolean, text: BalanceText): string {

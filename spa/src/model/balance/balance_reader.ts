@@ -1,9 +1,10 @@
 import type { Schema } from '@posecast/wire';
-import type { Balance, BalanceGap } from '../../twin/balance/balance.ts';
+import type { Balance } from '../../twin/balance/balance.ts';
 import { Balancer } from '../../twin/balance/balancer.ts';
 import { FootWrenchReader } from '../../twin/balance/foot_wrench.ts';
 import type { FootWrench, Standing } from '../../twin/balance/standing.ts';
-import type { Pose } from '../../twin/playback/pose.ts';
+import { type Pose, whyUnknown } from '../../twin/playback/pose.ts';
+import { jointsThatCarry } from '../kinematics.ts';
 import type { Manifest } from '../manifest.ts';
 import type { PosedBody } from '../posed_body.ts';
 import { FrameBody } from './frame_body.ts';
@@ -13,7 +14,7 @@ import { chooseStanding } from './standing_choice.ts';
 type LinkedBody = Pick<PosedBody, 'linkMatrix'>;
 
 /** What of a pose has no reading. */
-type Lacks = Pick<Pose, 'unturned'>;
+type Lacks = Pick<Pose, 'unturned' | 'unread'>;
 
 /**
  * Reads a robot's balance pose by pose, from frames' codes or from a body that is shown. One reader serves one course of
@@ -24,6 +25,8 @@ export class BalanceReader {
   readonly schema: Schema;
   readonly #standing: Standing;
   readonly #balancer: Balancer;
+  /** The joints beyond which a foot is, or 1 % of the mass. */
+  readonly #carriers: readonly string[];
   readonly #wrenches: FootWrenchReader;
   #body: FrameBody | null = null;
   /** world_from_link of all links of a body that is shown. */
@@ -34,7 +37,9 @@ export class BalanceReader {
     this.schema = schema;
     this.#standing = chooseStanding(manifest, schema);
     this.#balancer = new Balancer(this.#standing);
-    const sites = this.#standing.feet.flatMap(({ sensor }) => sensor?.site ?? []);
+    const { masses, feet } = this.#standing;
+    const sites = feet.flatMap(({ sensor }) => sensor?.site ?? []);
+    this.#carriers = jointsThatCarry(manifest.joints, masses, feet);
     this.#wrenches = new FootWrenchReader(schema, sites);
     this.#worldFromLink = new Float64Array(manifest.links.length * 16);
   }
@@ -42,7 +47,7 @@ export class BalanceReader {
   /** Whether the page shows balance unless told otherwise: it has masses, and two feet with wrenches. */
   get onByItself(): boolean {
     const { massGap, feet } = this.#standing;
-    return massGap === null && feet.filter(({ sensor }) => sensor?.measuresForce === true).length >= 2;
+    return massGap === null && feet.filter(({ sensor }) => sensor?.measuresForce).length >= 2;
   }
 
   /** Whether there is anything to show: masses, or feet. */
@@ -91,13 +96,8 @@ export class BalanceReader {
     return this.#update(this.#worldFromLink, wrenches, tS, lacks);
   }
 
-  #update(
-    worldFromLink: Float64Array,
-    wrenches: readonly FootWrench[],
-    tS: number,
-    { unturned }: Lacks,
-  ): Balance {
-    const blind: BalanceGap | undefined = unturned ? 'orientation-unread' : undefined;
+  #update(worldFromLink: Float64Array, wrenches: readonly FootWrench[], tS: number, lacks: Lacks): Balance {
+    const blind = whyUnknown(lacks, this.#carriers);
     if (blind !== undefined) worldFromLink.fill(Number.NaN); // nobody knows where they are
     this.#balancer.update(worldFromLink, wrenches, tS, blind);
     return this.#balancer;

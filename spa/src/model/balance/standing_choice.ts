@@ -6,7 +6,7 @@ import { toldOfMasses } from '../../twin/balance/told/mass_findings.ts';
 import { quatOfRpy, rotateVector, type Vec3 } from '../../twin/rotation.ts';
 import { Kinematics } from '../kinematics.ts';
 import type { Manifest } from '../manifest.ts';
-import { addScaled, dot, originOf, pointThrough } from '../vectors.ts';
+import { addScaled, dot, originOf, pointBefore, pointThrough } from '../vectors.ts';
 import { type LinkMass, readMasses, readSoles, type Sole } from './masses_and_soles.ts';
 import { planeOfSole } from './sole_plane.ts';
 
@@ -106,9 +106,9 @@ function findFeet(
   const mounts = schema.mapping.sensors;
   const sensors = new FootWrenchReader(schema, mounts.keys()).wrenches.flatMap(
     ({ site, force, moment }): Mounted[] => {
-      const { link: name, xyz, rpy } = mounts.get(site)!;
-      const link = links.indexOf(name ?? '');
-      return link < 0 ? [] : [{ site, link, xyz, rpy, forceAxes: force.axes, momentAxes: moment.axes }];
+      const mount = mounts.get(site)!;
+      const link = links.indexOf(mount.link ?? '');
+      return link < 0 ? [] : [{ ...mount, site, link, forceAxes: force.axes, momentAxes: moment.axes }];
     },
   );
 
@@ -142,14 +142,6 @@ function findFeet(
   if (measured.length > 1) return measured;
   const assumed = soles.flatMap(({ link, points }) => foot(links[link]!, link, points));
   return assumed.length > 1 ? assumed : [];
-}
-
-/** The point that a transform takes to `point`. */
-function pointBefore(transform: Float64Array, point: Vec3): Vec3 {
-  const along = addScaled(point, originOf(transform), -1);
-  return [0, 4, 8].map((i) =>
-    dot([...transform.subarray(i, i + 3)] as unknown as Vec3, along),
-  ) as unknown as Vec3;
 }
 
 /** A sensor seen from the link with the sole (`rootFromSole`), to which its own is fixed (`rootFromMount`). */

@@ -76,7 +76,7 @@ export class BalanceOverlay implements BalanceDrawing {
     this.#labels.push(...joints.map(({ label }) => label));
     this.shown = {
       ...balance, // a copy: the balance is rewritten with the next pose
-      feet: balance.feet.map(({ name, bears, pressure, atEdge }) => ({ name, bears, pressure, atEdge })),
+      feet: balance.feet.map((foot) => ({ ...foot })),
       ...{ level, footprints: this.#left.prints, trace: this.#left.points },
       joints: joints.map(({ shown }) => shown),
     };

@@ -18,6 +18,7 @@ export type Slide = (before: Vec3) => Vec3;
  * - `no-wrench`: its feet measure no force, or too few components of it.
  * - `unread`: a foot measures its force, but has no reading now.
  * - `orientation-unread`: what tells how the body is turned has no reading now.
+ * - `joint-unread`: a joint that carries weight has no reading now.
  * - `airborne`: no foot bears weight.
  * - `first-pose`: a velocity takes two poses that share a foot that bears.
  */
@@ -30,6 +31,7 @@ export type BalanceGap =
   | 'no-wrench'
   | 'unread'
   | 'orientation-unread'
+  | 'joint-unread'
   | 'airborne'
   | 'first-pose';
 

@@ -29,6 +29,15 @@ export interface Base {
   quat_wxyz: Quat;
 }
 
+/** Why nobody knows where the links of a pose are, of which these joints carry weight; undefined while it is known. */
+export function whyUnknown(
+  { unturned, unread }: Pick<Pose, 'unturned' | 'unread'>,
+  carriers: readonly string[],
+): 'orientation-unread' | 'joint-unread' | undefined {
+  if (unturned) return 'orientation-unread';
+  return carriers.some((joint) => unread?.has(joint)) ? 'joint-unread' : undefined;
+}
+
 /** Turns a frame's codes into poses: by measured positions (`pos`) or by commands (`ref`). */
 export class Poser {
   readonly #schema: Schema;

@@ -14,6 +14,7 @@ export interface Lack {
         | 'no-feet'
         | 'no-wrench'
         | 'orientation-unread'
+        | 'joint-unread'
       >;
   readonly told?: string;
 }
@@ -26,6 +27,7 @@ const TOLD: ReadonlySet<BalanceGap> = new Set([
   'no-feet',
   'no-wrench',
   'orientation-unread',
+  'joint-unread',
 ]);
 
 /** What is lacking, each once. `balance`: null of a model's files as they are, which list no masses; `findings`: what
