@@ -127,7 +127,7 @@ def balanced(data: bytes) -> None:
         codes = [code] * schema.size
         readings.take(codes)
         poses.update(readings)
-        found = course.read(codes, poses.compute_world_poses(), t_s)
+        found = course.read(codes, readings, poses.compute_world_poses(), t_s)
         points = [found.centre_of_mass, found.velocity, found.capture_point, found.pressure, *found.polygon]
         numbers = [each for point in points for each in point or ()]
         if not all(math.isfinite(each) for each in (*numbers, found.margin_m or 0.0, found.floor_m or 0.0)):

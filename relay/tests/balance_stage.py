@@ -115,4 +115,4 @@ class Standing:
         codes = make_codes(self.schema, **values)
         self._readings.take(codes)
         self._poses.update(self._readings)
-        return self._course.read(codes, self._poses.compute_world_poses(), t_s)
+        return self._course.read(codes, self._readings, self._poses.compute_world_poses(), t_s)

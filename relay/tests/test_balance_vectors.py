@@ -29,7 +29,7 @@ def test_balance_is_what_the_vectors_say(case: dict[str, Any]) -> None:
     for i, frame in enumerate(case["frames"]):
         readings.take(frame["codes"])
         poses.update(readings)
-        found = tell(course.read(frame["codes"], poses.compute_world_poses(), frame["t"]))
+        found = tell(course.read(frame["codes"], readings, poses.compute_world_poses(), frame["t"]))
         begin_alike(found, frame["balance"])
         compare(found, frame["balance"], f"frame {i}")
 

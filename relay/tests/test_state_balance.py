@@ -76,6 +76,21 @@ def test_what_is_none_is_null_and_says_why() -> None:
     }
 
 
+def test_without_a_joint_that_carries_a_foot_there_is_no_number_and_its_name() -> None:
+    found = read_state(make_model(), left_leg=None)["balance"]
+    parts = {"centre_of_mass_m", "support_polygon_m", "margin_mm", "centre_of_pressure_m"}
+    assert found["why"] == dict.fromkeys(parts, "joint-unread")
+    assert [found[part] for part in parts] == [None] * 4
+    assert found["detail"] == "no reading of left_leg"
+
+
+def test_a_joint_that_copies_another_needs_no_reading() -> None:
+    joints = make_manifest()["joints"]
+    joints[2]["mimic"] = {"joint": 0, "multiplier": 1.0, "offset": 0.0}
+    found = read_state(make_model(joints=joints), left_leg=None)["balance"]
+    assert (found["margin_mm"], found["why"]) == (100.0, {})
+
+
 def test_a_robot_without_a_model_or_without_masses_and_feet_has_no_member() -> None:
     assert "balance" not in read_state(None)
     assert "balance" not in read_state(make_model(inertials=[], soles=[]))

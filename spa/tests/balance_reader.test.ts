@@ -41,8 +41,8 @@ it.each(cases)(
     };
     for (const { t, codes } of frames) {
       const read = Int32Array.from(codes);
-      body.place(read);
-      const found = byBody.ofBody({ linkMatrix }, byBody.wrenches(read), t);
+      const pose = body.place(read);
+      const found = byBody.ofBody({ linkMatrix }, byBody.wrenches(read), t, pose);
       expect(tellBalance(found)).toEqual(tellBalance(byFrame.ofFrame(read, t)));
     }
   },

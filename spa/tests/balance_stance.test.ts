@@ -176,6 +176,8 @@ describe('what is said', () => {
     expect(look(null, { gaps: { ...NO_GAPS, margin: 'no-masses' } })).toBeNull();
     expect(look(null, gaps('airborne'))).toMatchObject({ kind: 'airborne', level: 'ok', marginMm: null });
     expect(look(null, gaps('unread'))?.kind).toBe('unread');
+    expect(look(null, gaps('orientation-unread'))?.kind).toBe('orientation-unread');
+    expect(look(null, gaps('joint-unread'))?.kind).toBe('joint-unread');
   });
 
   const stance = (changed: Partial<Stance>): Stance => ({
@@ -207,6 +209,9 @@ describe('what is said', () => {
     expect(said({ assumed: true })).toMatch(/inside .* is assumed: no sensor measures it\.$/);
     expect(said({ kind: 'airborne', marginMm: null, assumed: true })).toBe('No foot bears weight.');
     expect(said({ kind: 'unread', marginMm: null }, true)).toBe('');
+    expect(said({ kind: 'orientation-unread', marginMm: null, assumed: true })).toBe(
+      'How its body is turned has no reading, so nobody knows how it stands.',
+    );
   });
 
   it('beside others in two or three words, and silent of what is old', () => {
@@ -214,7 +219,14 @@ describe('what is said', () => {
     expect(brief({})).toBe('31\u00a0mm inside');
     expect(brief({ kind: 'outside', marginMm: -12 })).toBe('12\u00a0mm outside');
     expect(brief({}, true)).toBe('');
-    for (const kind of ['edge', 'moving', 'airborne', 'unread'] as const)
+    for (const kind of [
+      'edge',
+      'moving',
+      'airborne',
+      'unread',
+      'orientation-unread',
+      'joint-unread',
+    ] as const)
       expect(brief({ kind })).not.toBe('');
   });
 
@@ -312,6 +324,10 @@ describe('what can’t be known', () => {
   it('passes with time: no foot bears, one is not read', () => {
     expect(lacksOf(gaps(null, 'airborne'), [])).toEqual([]);
     expect(lacksOf(gaps(null, 'unread'), [])).toEqual([]);
+    expect(lacksOf(gaps('joint-unread', 'joint-unread'), [])).toEqual([{ why: 'joint-unread' }]);
+    expect(lacksOf(gaps('orientation-unread', 'orientation-unread'), [])).toEqual([
+      { why: 'orientation-unread' },
+    ]);
     expect(lackWords({ why: 'raw' }, balanceEn)).toBe(balanceEn.rawModel);
   });
 

@@ -166,7 +166,9 @@ describe('a base by odometry', () => {
     player.push(state(0, at(0, 0, 0, 1000, 0, 0, 0), floating));
     player.push(state(1, at(100, 0, 0, -1000, 0, 0, 0), floating));
     player.sample(END);
-    player.push(state(2, at(500, 0, 0, 0, 0, 0, 0), floating));
+    expect(player.pose('pos').unturned).toBe(false);
+    expect(player.push(state(2, at(500, 0, 0, 0, 0, 0, 0), floating))).toBe(true);
+    expect(player.pose('pos').unturned, 'its last turn is shown, and known to be old').toBe(true);
     player.sample(2 * END);
     const { xyz, quat_wxyz } = player.pose('pos').base!;
     expect(xyz[0]).toBeCloseTo(0.1);

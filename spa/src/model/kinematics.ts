@@ -62,6 +62,23 @@ const KIND: Readonly<Record<JointType, number>> = {
 /** A shorter quaternion is taken as no rotation. */
 const NO_ROTATION = 1e-6;
 
+/** The joints of one variable, none that copies another, beyond which one of these feet is, or at least 1 % of the mass. */
+export function jointsThatCarry(
+  joints: readonly Joint[],
+  masses: readonly { readonly link: number; readonly massKg: number }[],
+  feet: readonly { readonly link: number }[],
+): string[] {
+  const whole = masses.reduce((sum, { massKg }) => sum + massKg, 0) || 1;
+  const beyond = new Float64Array(joints.length + 1);
+  for (const { link, massKg } of masses) beyond[link]! += massKg;
+  for (const { link } of feet) beyond[link]! += whole;
+  for (let i = joints.length; i > 0; i -= 1) beyond[joints[i - 1]!.parent]! += beyond[i]!;
+  return joints.flatMap(({ name, type, mimic }, i) => {
+    const isOne = KIND[type] === TURN || KIND[type] === SLIDE;
+    return isOne && mimic === null && beyond[i + 1]! >= whole / 100 ? [name] : [];
+  });
+}
+
 /** Computes the pose of every link from joint readings. */
 export class Kinematics {
   /** root_from_link: 16 numbers a link, column-major, metres. Link 0 is the root: always the identity. */

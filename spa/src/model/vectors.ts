@@ -1,5 +1,5 @@
 import type { Quat, Vec3 } from '../twin/rotation.ts';
-import { normalize, type Transform } from '../twin/vectors.ts';
+import { addScaled, normalize, type Transform } from '../twin/vectors.ts';
 
 /** With them, vector algebra for all that is drawn about a robot, independent of three.js. */
 export {
@@ -41,4 +41,11 @@ export function quatOfTransform(m: Transform): Quat {
   if (most === x4) return [yz * half, most * half, sxy * half, szx * half];
   if (most === y4) return [zx * half, sxy * half, most * half, syz * half];
   return [xy * half, szx * half, syz * half, most * half];
+}
+
+/** The point that a transform (column-major, without scale) takes to `point`. */
+export function pointBefore(transform: Float64Array, point: Vec3): Vec3 {
+  const [x, y, z] = addScaled(point, originOf(transform), -1);
+  const along = (i: number) => transform[i]! * x + transform[i + 1]! * y + transform[i + 2]! * z;
+  return [along(0), along(4), along(8)];
 }

@@ -115,6 +115,8 @@ class Frame:
     gaps: Mapping[str, str] = field(default_factory=dict)
     lost: Sequence[str] = ()  # channels without a reading though there is a push
     full: Sequence[str] = ()  # channels at the limit of their code: no reading either
+    zero: Sequence[str] = ()  # channels whose code is 0
+    blind: str | None = None  # why nobody knows where the links are
 
 
 @dataclass
@@ -198,6 +200,7 @@ class Course:
         for f in self.schema.fields:
             for label in f.labels:
                 code = CODE_MAX if label in frame.full else codes.get(f"{f.name} {label}", MISSING)
+                code = 0 if label in frame.zero else code
                 row.append(MISSING if label in frame.lost else code)
         return {"t": frame.t, "codes": row, "balance": self._balance(frame, links)}
 
@@ -266,10 +269,11 @@ class Course:
 
     def _balance(self, frame: Frame, links: Sequence[Array]) -> Document:
         case, gaps = self.case, dict(frame.gaps)
-        masses = [] if "centre_of_mass" in gaps else self.model.get("inertials") or []
+        is_known = frame.blind is not None or "centre_of_mass" not in gaps
+        masses = (self.model.get("inertials") or []) if is_known else []
         total = sum(m["mass_kg"] for m in masses)
         centre = None
-        if masses:
+        if masses and frame.blind is None:
             centre = sum(m["mass_kg"] * (links[m["link"]] @ [*m["xyz"], 1])[:3] for m in masses) / total
         feet = {foot: self._foot(frame, foot, links) for foot in case.feet}
         bearing = [feet[foot]["corners"] for foot, bears in frame.bears.items() if bears]

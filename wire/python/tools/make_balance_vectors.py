@@ -14,7 +14,7 @@ from __future__ import annotations
 import json
 import math
 import random
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -190,9 +190,9 @@ def _lies(dice: Luck) -> list[Frame]:
 
 def _stands_on_its_head(dice: Luck, pushed: bool = True) -> list[Frame]:
     """Its soles are level, and their outsides look up."""
-    frames = _stands(dice, 2)
-    for i, frame in enumerate(frames):
-        frame.base = ([1, 2, 0.85], [0.05 * i, 3.1, 0.6])
+    frames = _stands(dice, 1)
+    for frame in frames:
+        frame.base = ([1, 2, 0.85], [0.05, 3.1, 0.6])
         frame.gaps = all_gaps("airborne") | ({} if pushed else UNFORCED)
         frame.pushes = frame.pushes if pushed else {}
         frame.bears = dict.fromkeys(frame.bears if pushed else ("rsole", "lsole"), False)
@@ -201,10 +201,51 @@ def _stands_on_its_head(dice: Luck, pushed: bool = True) -> list[Frame]:
 
 def _kneels(dice: Luck) -> list[Frame]:
     """Its toes point backwards: the outsides of the soles look up though its mass is above them."""
-    [frame] = _stands_on_its_head(dice, pushed=False)[:1]
+    [frame] = _stands_on_its_head(dice, pushed=False)
     bent = {"rknee": 2.3, "lknee": 2.3}
     frame.joints, frame.base = {**dict.fromkeys(frame.joints, 0.0), **bent}, ([0, 0, 0.45], [0, 0, 0])
     return [frame]
+
+
+def _loses(frame: Frame, why: str, lost: Sequence[str] = (), zero: Sequence[str] = ()) -> None:
+    """Nothing in the world is known of a frame."""
+    frame.lost, frame.zero, frame.blind = lost, zero, why
+    frame.bears = dict.fromkeys(frame.bears)
+    frame.gaps = {"centre_of_mass": why, **all_gaps(why)}
+
+
+def _loses_its_turn(dice: Luck) -> list[Frame]:
+    """A part of the quaternion is lost, later all of it is 0."""
+    frames = _stands(dice, 4)
+    _loses(frames[1], "orientation-unread", lost=["base.w"])
+    _loses(frames[3], "orientation-unread", zero=["base.w", "base.x", "base.y", "base.z"])
+    return frames
+
+
+def _loses_its_tilt(dice: Luck) -> list[Frame]:
+    """From the first frame on, then again."""
+    frames = _turns(dice)[:3]
+    _loses(frames[0], "orientation-unread", lost=["imu.roll", "imu.pitch"])
+    frames[1].gaps = dict(FIRST)
+    _loses(frames[2], "orientation-unread", lost=["imu.pitch"])
+    return frames
+
+
+def _loses_joints(dice: Luck) -> list[Frame]:
+    """A leg is lost, then a joint of the other, then the neck: the head has 3.1 of 41.4 kg."""
+    frames = _stands(dice, 4)
+    _loses(frames[1], "joint-unread", lost=["lhip", "lknee", "lankle"])
+    _loses(frames[2], "joint-unread", lost=["rankle"])
+    _loses(frames[3], "joint-unread", lost=["neck"])
+    return frames
+
+
+def _loses_a_light_joint(dice: Luck) -> list[Frame]:
+    """The head is light there, and stays as it was."""
+    frames = _stands(dice, 2)
+    frames[0].joints = {**frames[0].joints, "neck": 0.0}
+    frames[1].joints, frames[1].lost = {**frames[1].joints, "neck": 0.0}, ["neck"]
+    return frames
 
 
 def _at_limits(dice: Luck) -> list[Frame]:
@@ -270,6 +311,10 @@ def make_cases() -> list[Case]:
         Case("has no wrenches", _afoot(Luck("afoot")), ground="lowest", sensors={}, placed_by="",
              feet={"rsole": "rsole", "lsole": "lsole"}),
         Case("knows its tilt alone", _turns(Luck("turns")), sensors=tilted, placed_by="tilt"),
+        Case("loses how its body is turned", _loses_its_turn(Luck("base lost"))),
+        Case("loses joints", _loses_joints(Luck("joints lost"))),
+        Case("loses a joint carrying little", _loses_a_light_joint(Luck("neck lost")), model="light head"),
+        Case("loses its tilt", _loses_its_tilt(Luck("tilt lost")), sensors=tilted, placed_by="tilt"),
         Case("its profile has feet and soles", _named(Luck("named")), ground="lowest",
              sensors=right_only, rule=rule, feet={"RF": "rfoot", "lfoot": "lfoot"}, soles=own),
         Case("its profile says it stands on nothing", _off_the_ground(Luck("none"), all_gaps("no-feet")),
@@ -309,8 +354,10 @@ def make_models() -> dict[str, Document]:
     soles = make_model()["soles"]
     far = [[0, 0, 0], [1e30, 0, 0], [0, 1e30, 0]]
     vast = {"link": 0, "mass_kg": 1e308, "xyz": [0, 0, 0], "inertia": [1, 0, 0, 1, 0, 1]}
+    light = [{**each, "mass_kg": 0.3} if each["link"] == 1 else each for each in make_model()["inertials"]]
     return {
         "biped": {},
+        "light head": {"inertials": light},
         "no soles": {"soles": []},
         "no masses": {"inertials": []},
         "impossible masses": {"inertials": [], "findings": [finding]},

@@ -18,6 +18,8 @@ BalanceGap = Literal[
     "no-feet",
     "no-wrench",
     "unread",
+    "orientation-unread",
+    "joint-unread",
     "airborne",
     "first-pose",
 ]
@@ -58,7 +60,8 @@ class Balance:
     floor; `floor_m`: height of the lowest corner of the soles that bear; `polygon`: convex hull of these
     soles' corners, counter-clockwise, () for none; `nearest_edge`: index of the corner where the edge begins
     that is nearest to the centre of mass; `margin_m`: its distance from that, positive inside; `pressure`:
-    the centre of pressure of all feet that bear, on the floor.
+    the centre of pressure of all feet that bear, on the floor; `unread_joints`: those that carry weight and
+    have no reading.
     """
 
     mass_kg: float
@@ -73,6 +76,7 @@ class Balance:
     pressure: Xyz | None
     feet: tuple[FootBalance, ...]
     gaps: BalanceGaps
+    unread_joints: tuple[str, ...] = ()
 
 
 def make_balance_document(balance: Balance) -> Mapping[str, Any]:

@@ -4,23 +4,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from posecast_wire import Schema
 from posecast_wire.mapping import Xyz
 
 from posecast_relay.balance.balance import Balance, BalanceGap, BalanceGaps, FootBalance
-from posecast_relay.balance.feet import FootChoice, choose_feet
+from posecast_relay.balance.feet import Foot, FootChoice, choose_feet
 from posecast_relay.balance.foot_pose import FootPose, is_near, pose_foot
 from posecast_relay.balance.model import BalanceModel
 from posecast_relay.balance.polygon import find_hull, find_nearest_edge
 from posecast_relay.balance.velocity_filter import VelocityFilter
-from posecast_relay.kinematics.link_poses import LinkPose, place_point
+from posecast_relay.kinematics.link_poses import FrameReadings, LinkPose, place_point
+from posecast_relay.kinematics.model_tree import VARIABLES
 from posecast_relay.kinematics.vector import add, scale
 
 GRAVITY = 9.81  # m/s²
 BEARS_FROM = 0.05  # of the weight, along the sole's normal
 BEARS_UNTIL = 0.03  # a foot that bears does so until it is below
 UNKNOWN_WEIGHT_N = 400.0  # stands in when no masses are known: a foot bears from 20 N on
+CARRIES = 0.01  # a joint does so from this part of the mass on
+NAN = math.nan
+NOWHERE = LinkPose((NAN, NAN, NAN), (NAN, NAN, NAN, NAN))
 LOWEST_M = 0.01  # soles that are assumed to bear are at most so much higher than the lowest
 
 
@@ -36,6 +41,7 @@ class BalanceCourse:
         self._model = model
         self._choice = choose_feet(model, schema) if choice is None else choice
         self._weight_n = model.mass_kg * GRAVITY or UNKNOWN_WEIGHT_N
+        self._carriers = _list_carriers(model, self._choice.feet)
         self._bore: set[str] = set()
         self._velocity = VelocityFilter()
 
@@ -49,8 +55,22 @@ class BalanceCourse:
         """The feet's names."""
         return tuple(foot.name for foot in self._choice.feet)
 
-    def read(self, codes: Sequence[int], poses: Sequence[LinkPose], t_s: float) -> Balance:
-        """The balance of a frame: its codes, world_from_link of each link, and the robot's time, seconds."""
+    def read(
+        self, codes: Sequence[int], readings: FrameReadings, poses: Sequence[LinkPose], t_s: float
+    ) -> Balance:
+        """The balance of a frame: its codes and what they say of the body, world_from_link of each link, and
+        the robot's time, seconds. Nothing in the world is told while nobody knows how the body is turned, or
+        where a joint is that carries weight."""
+        unread = tuple(name for name in self._carriers if name in readings.unread)
+        blind: BalanceGap | None = "joint-unread" if unread else None
+        if readings.lacks_turn:
+            blind = "orientation-unread"
+        told = self._read(codes, [NOWHERE] * len(poses) if blind else poses, t_s)
+        if blind is None:
+            return told
+        return replace(told, gaps=_name_unread(told.gaps, blind), unread_joints=unread)
+
+    def _read(self, codes: Sequence[int], poses: Sequence[LinkPose], t_s: float) -> Balance:
         centre = _compute_centre(self._model, poses)
         posed = [pose_foot(foot, codes, poses) for foot in self._choice.feet]
         feet, gap = self._judge_feet(posed, self._velocity.follows(t_s))
@@ -158,6 +178,28 @@ class BalanceCourse:
                 sums = [sums[0] + force_n, sums[1] + force_n * at[0], sums[2] + force_n * at[1]]
         point = (sums[1] / sums[0], sums[2] / sums[0], floor_m) if sums[0] > 0 else (math.nan,) * 3
         return (point, None) if is_near(point) else (None, "unread")
+
+
+def _list_carriers(model: BalanceModel, feet: Sequence[Foot]) -> tuple[str, ...]:
+    """The joints of one variable beyond which a foot is, or a noticeable part of the mass."""
+    joints = model.tree.joints
+    whole = model.mass_kg or 1.0
+    loads = [0.0] * len(model.tree.links)
+    for each in model.inertials or ():
+        loads[each.link] += each.mass_kg
+    for foot in feet:
+        loads[foot.link] += whole
+    for i in reversed(range(len(joints))):
+        loads[joints[i].parent] += loads[i + 1]
+    return tuple(
+        joint.name
+        for joint, load in zip(joints, loads[1:], strict=True)
+        if joint.mimic is None and len(VARIABLES[joint.type]) == 1 and load >= CARRIES * whole
+    )
+
+
+def _name_unread(gaps: BalanceGaps, why: BalanceGap) -> BalanceGaps:
+    return BalanceGaps(**{part: why if gap == "unread" else gap for part, gap in vars(gaps).items()})
 
 
 def _compute_centre(model: BalanceModel, poses: Sequence[LinkPose]) -> Xyz | None:

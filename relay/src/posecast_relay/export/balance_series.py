@@ -93,4 +93,5 @@ class _Body:
             return None
         self._readings.take(row.codes)
         self._poses.update(self._readings)
-        return self._course.read(row.codes, self._poses.compute_world_poses(), row.robot_s)
+        world = self._poses.compute_world_poses()
+        return self._course.read(row.codes, self._readings, world, row.robot_s)

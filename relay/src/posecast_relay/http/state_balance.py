@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 from weakref import ReferenceType, WeakKeyDictionary, ref
 
@@ -21,6 +21,7 @@ from posecast_relay.streaming.turns import Turns
 LINK_US, FOOT_US, CHANNEL_US = 15, 100, 1  # what it takes for each, about; 0.4 ms for the demo robot
 ROBOT_US_PER_S = 40_000  # for one robot; states beyond go without
 US_PER_S = 100_000  # for all robots, each the same share
+NAMED_MAX = 3  # joints without a reading that are told by name
 
 Choices = WeakKeyDictionary[Stream, tuple[Schema, ReferenceType[BalanceModel], FootChoice]]
 
@@ -37,7 +38,7 @@ class StateBalance:
     ) -> Mapping[str, Any] | None:
         """The member `balance` of a state; None where a robot has no masses and stands on nothing known.
 
-        A joint, base or IMU without a reading in this frame is at rest, at the origin, upright.
+        A joint without a reading in this frame that carries next to nothing is at rest.
         """
         if isinstance(model, NoBalance):
             return _tell_none(model.code, model.detail)
@@ -53,8 +54,10 @@ class StateBalance:
         readings.take(frame.codes)
         poses.update(readings)
         course = BalanceCourse(model, frame.schema, choice)
-        told = make_balance_document(course.read(frame.codes, poses.compute_world_poses(), frame.t_s))
-        detail = "; ".join(filter(None, (model.why, choice.why)))
+        world = poses.compute_world_poses()
+        found = course.read(frame.codes, readings, world, frame.t_s)
+        told = make_balance_document(found)
+        detail = "; ".join(filter(None, (model.why, choice.why, _name_joints(found.unread_joints))))
         return {**told, "detail": detail} if detail else told
 
     def _choose_feet(self, stream: Stream, schema: Schema, model: BalanceModel) -> FootChoice:
@@ -62,6 +65,12 @@ class StateBalance:
         if known is None or known[0] is not schema or known[1]() is not model:
             known = self._choices[stream] = schema, ref(model), choose_feet(model, schema)
         return known[2]
+
+
+def _name_joints(joints: Sequence[str]) -> str:
+    """Which have no reading, the first of them by name; "" for none."""
+    more = f" and {len(joints) - NAMED_MAX} more" if len(joints) > NAMED_MAX else ""
+    return f"no reading of {', '.join(joints[:NAMED_MAX])}{more}" if joints else ""
 
 
 def _has_positions(frame: Frame) -> bool:

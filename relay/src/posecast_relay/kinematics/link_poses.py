@@ -64,25 +64,34 @@ class FrameReadings:
 
     def __init__(self, schema: Schema) -> None:
         self.joints: dict[str, float] = {}  # by URDF name (or JOINT/variable), rad or m
+        self.unread: set[str] = set()  # those without a reading in the newest frame
         self.base: LinkPose | None = None  # world_from_root
         places = ChannelPlaces(schema)
         self.imu = _find_body_imu(schema, places)
         self.world_from_imu: Quat | None = None
+        self.lacks_turn = False  # what tells how the body is turned has no reading in the newest frame
         self._schema = schema
         self._base = _find_channels(schema, places, "base", "base", "xyz")
         self._base_turn = _find_channels(schema, places, "baseq", "base", "wxyz")
 
     def take(self, codes: Sequence[int]) -> None:
         """Take a frame's codes, all channels in the schema's order."""
+        self.unread.clear()
         for joint, value in compute_joint_values(self._schema, codes, "pos").items():
             if math.isfinite(value):
                 self.joints[joint] = value
+            else:
+                self.unread.add(joint)
         xyz, turn = _read(codes, self._base), _read(codes, self._base_turn)
         quat = None if turn is None else normalise_quat(turn)
         if xyz is not None and quat is not None:
             self.base = LinkPose((xyz[0], xyz[1], xyz[2]), quat)
-        if self.imu is not None:
-            self.world_from_imu = self.imu.read(codes) or self.world_from_imu
+        turned = None if self.imu is None else self.imu.read(codes)
+        self.world_from_imu = turned or self.world_from_imu
+        if self._base and self._base_turn:
+            self.lacks_turn = xyz is None or quat is None
+        else:
+            self.lacks_turn = self.imu is not None and turned is None
 
 
 class LinkPoses:

@@ -11,6 +11,8 @@ const WHY = {
   'no-feet': 'noFeet',
   'no-wrench': 'noForce',
   'no-pressure': 'noPressure',
+  'orientation-unread': 'orientationUnread',
+  'joint-unread': 'jointUnread',
 } as const;
 
 /** Why a part of balance can't be known, in one line. */

@@ -4,20 +4,33 @@ import { type BalanceText, balanceText } from '../text/balance.ts';
 /** The sentence about a stance, with whether it is assumed. `was`: of a pose that is no longer the robot's own, or of then;
  *  '' where nothing can be said. */
 export function stanceWords(stance: Stance, was: boolean, text: BalanceText = balanceText()): string {
-  const { kind, assumed } = stance;
+  const { marginMm, assumed } = stance;
   const sentence = sentenceOf(stance, was, text);
-  const holds = kind !== 'airborne' && kind !== 'unread';
+  const holds = marginMm !== null && sentence !== '';
   return assumed && holds ? `${sentence} ${text.assumed}` : sentence;
 }
 
+/** What is said where a reading is missing. */
+const UNREAD = {
+  unread: 'unread',
+  'orientation-unread': 'orientationUnread',
+  'joint-unread': 'jointUnread',
+} as const;
+
+function isUnread(kind: Stance['kind']): kind is keyof typeof UNREAD {
+  return kind in UNREAD;
+}
+
 function sentenceOf({ kind, marginMm, side }: Stance, was: boolean, text: BalanceText): string {
-  if (!was) return inWords(text[side ?? (kind === 'outside' ? 'forwards' : kind)], marginMm);
-  return kind === 'unread' ? '' : inWords(text[`was${capitalized(kind)}`], marginMm);
+  if (isUnread(kind)) return was ? '' : text[UNREAD[kind]];
+  if (was) return inWords(text[`was${capitalized(kind)}`], marginMm);
+  return inWords(text[side ?? (kind === 'outside' ? 'forwards' : kind)], marginMm);
 }
 
 /** The same in two or three words, beside other robots; '' for what is old. */
 export function briefWords({ kind, marginMm }: Stance, was: boolean, text: BalanceText): string {
-  return was ? '' : inWords(text[`brief${capitalized(kind)}`], marginMm);
+  if (was) return '';
+  return isUnread(kind) ? text.briefUnread : inWords(text[`brief${capitalized(kind)}`], marginMm);
 }
 
 function capitalized<T extends string>(kind: T): Capitalize<T> {

@@ -3,6 +3,8 @@ import type { Balance } from '../../twin/balance/balance.ts';
 import { Balancer } from '../../twin/balance/balancer.ts';
 import { FootWrenchReader } from '../../twin/balance/foot_wrench.ts';
 import type { FootWrench, Standing } from '../../twin/balance/standing.ts';
+import { type Pose, whyUnknown } from '../../twin/playback/pose.ts';
+import { jointsThatCarry } from '../kinematics.ts';
 import type { Manifest } from '../manifest.ts';
 import type { PosedBody } from '../posed_body.ts';
 import { FrameBody } from './frame_body.ts';
@@ -10,6 +12,9 @@ import { chooseStanding } from './standing_choice.ts';
 
 /** What a body must tell of its links. */
 type LinkedBody = Pick<PosedBody, 'linkMatrix'>;
+
+/** What of a pose has no reading. */
+type Lacks = Pick<Pose, 'unturned' | 'unread'>;
 
 /**
  * Reads a robot's balance pose by pose, from frames' codes or from a body that is shown. One reader serves one course of
@@ -20,10 +25,11 @@ export class BalanceReader {
   readonly schema: Schema;
   readonly #standing: Standing;
   readonly #balancer: Balancer;
+  /** The joints beyond which a foot is, or 1 % of the mass. */
+  readonly #carriers: readonly string[];
   readonly #wrenches: FootWrenchReader;
   #body: FrameBody | null = null;
-  /** The links that matter, by index, and world_from_link of all. */
-  readonly #links: readonly number[];
+  /** world_from_link of all links of a body that is shown. */
   readonly #worldFromLink: Float64Array;
 
   constructor(manifest: Manifest, schema: Schema) {
@@ -33,15 +39,15 @@ export class BalanceReader {
     this.#balancer = new Balancer(this.#standing);
     const { masses, feet } = this.#standing;
     const sites = feet.flatMap(({ sensor }) => sensor?.site ?? []);
+    this.#carriers = jointsThatCarry(manifest.joints, masses, feet);
     this.#wrenches = new FootWrenchReader(schema, sites);
-    this.#links = [...new Set([...masses, ...feet].map(({ link }) => link))];
     this.#worldFromLink = new Float64Array(manifest.links.length * 16);
   }
 
   /** Whether the page shows balance unless told otherwise: it has masses, and two feet with wrenches. */
   get onByItself(): boolean {
     const { massGap, feet } = this.#standing;
-    return massGap === null && feet.filter(({ sensor }) => sensor?.measuresForce === true).length >= 2;
+    return massGap === null && feet.filter(({ sensor }) => sensor?.measuresForce).length >= 2;
   }
 
   /** Whether there is anything to show: masses, or feet. */
@@ -58,7 +64,7 @@ export class BalanceReader {
    *  its body is turned, else along the world's x. */
   get headingRad(): number {
     const [ahead = 1, left = 0] = this.#body?.worldFromLink ?? [];
-    return Math.atan2(left, ahead);
+    return Math.atan2(left, ahead) || 0; // NaN while nobody knows
   }
 
   /** The wrenches of the feet in a frame's codes, in N and N·m. They are rewritten by the next call. */
@@ -76,19 +82,24 @@ export class BalanceReader {
    *  the next call. */
   ofFrame(codes: Int32Array, tS: number): Balance {
     this.#body ??= new FrameBody(this.manifest, this.schema);
-    this.#body.place(codes);
-    this.#balancer.update(this.#body.worldFromLink, this.wrenches(codes), tS);
-    return this.#balancer;
+    const pose = this.#body.place(codes);
+    return this.#update(this.#body.worldFromLink, this.wrenches(codes), tS, pose);
   }
 
   /** The balance of a body as it is shown (for signs), with the wrenches of the same moment. `tS` is the time of the pose
-   *  that is shown, seconds. The result is rewritten by the next call. */
-  ofBody(body: LinkedBody, wrenches: readonly FootWrench[], tS: number): Balance {
-    const { links } = this.manifest;
+   *  that is shown, seconds; `lacks`: what of that pose has no reading. The result is rewritten by the next call. */
+  ofBody(body: LinkedBody, wrenches: readonly FootWrench[], tS: number, lacks: Lacks = {}): Balance {
     this.#worldFromLink.fill(Number.NaN);
-    for (const link of this.#links)
-      this.#worldFromLink.set(body.linkMatrix(links[link]!)?.elements ?? [], link * 16);
-    this.#balancer.update(this.#worldFromLink, wrenches, tS);
+    this.manifest.links.forEach((link, i) => {
+      this.#worldFromLink.set(body.linkMatrix(link)?.elements ?? [], i * 16);
+    });
+    return this.#update(this.#worldFromLink, wrenches, tS, lacks);
+  }
+
+  #update(worldFromLink: Float64Array, wrenches: readonly FootWrench[], tS: number, lacks: Lacks): Balance {
+    const blind = whyUnknown(lacks, this.#carriers);
+    if (blind !== undefined) worldFromLink.fill(Number.NaN); // nobody knows where they are
+    this.#balancer.update(worldFromLink, wrenches, tS, blind);
     return this.#balancer;
   }
 }

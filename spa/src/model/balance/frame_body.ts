@@ -1,5 +1,5 @@
 import type { Schema } from '@posecast/wire';
-import { Poser } from '../../twin/playback/pose.ts';
+import { type Pose, Poser } from '../../twin/playback/pose.ts';
 import { ImuTable } from '../../twin/sensors/imus.ts';
 import { ArticulatedBody } from '../articulated_body.ts';
 import { placeLinks, transform } from '../kinematics.ts';
@@ -22,14 +22,15 @@ export class FrameBody extends ArticulatedBody {
     this.#imus = new ImuTable(schema);
   }
 
-  /** Rewrites `worldFromLink`. */
-  place(codes: Int32Array): void {
-    const pose = this.#poser.pose(codes);
-    this.setJoints(pose.joints);
+  /** Rewrites `worldFromLink`, and returns what the frame says of the body. */
+  place(codes: Int32Array): Pose {
     this.#imus.read(codes);
-    this.#root.update({ ...pose, lean: this.#imus.body });
+    const pose = this.#poser.pose(codes, this.#imus.body);
+    this.setJoints(pose.joints);
+    this.#root.update(pose);
     const { xyz, quat_wxyz } = this.#root.root((link) => this.rootTurn(link));
     const stands = xyz ?? ([0, 0, -this.lowestPoint(quat_wxyz)] as const);
     placeLinks(transform(stands, quat_wxyz), this.kinematics.rootFromLink, this.worldFromLink);
+    return pose;
   }
 }

@@ -3,13 +3,18 @@ import type { BalanceGap } from '../../twin/balance/balance.ts';
 import { FootWrenchReader } from '../../twin/balance/foot_wrench.ts';
 import type { Foot, FootSensor, SolePlane, Standing } from '../../twin/balance/standing.ts';
 import { toldOfMasses } from '../../twin/balance/told/mass_findings.ts';
-import { invertQuat, multiplyQuats, quatOfRpy, rotateVector, type Vec3 } from '../../twin/rotation.ts';
+import { quatOfRpy, rotateVector, type Vec3 } from '../../twin/rotation.ts';
 import { Kinematics } from '../kinematics.ts';
 import type { Manifest } from '../manifest.ts';
-import { addScaled, dot, originOf, pointThrough, quatOfTransform } from '../vectors.ts';
+import { addScaled, dot, originOf, pointBefore, pointThrough } from '../vectors.ts';
 import { type LinkMass, readMasses, readSoles, type Sole } from './masses_and_soles.ts';
 import { planeOfSole } from './sole_plane.ts';
 
+const AXES: FootSensor['axes'] = [
+  [1, 0, 0],
+  [0, 1, 0],
+  [0, 0, 1],
+];
 const NO_RULE: BalanceRule = { feet: null, ground: null, soles: new Map() };
 
 /**
@@ -102,9 +107,9 @@ function findFeet(
   const mounts = schema.mapping.sensors;
   const sensors = new FootWrenchReader(schema, mounts.keys()).wrenches.flatMap(
     ({ site, force, moment }): Mounted[] => {
-      const { link: name, xyz, rpy } = mounts.get(site)!;
-      const link = links.indexOf(name ?? '');
-      return link < 0 ? [] : [{ site, link, xyz, rpy, forceAxes: force.axes, momentAxes: moment.axes }];
+      const mount = mounts.get(site)!;
+      const link = links.indexOf(mount.link ?? '');
+      return link < 0 ? [] : [{ ...mount, site, link, forceAxes: force.axes, momentAxes: moment.axes }];
     },
   );
 
@@ -115,7 +120,7 @@ function findFeet(
       lacks.push(`[balance] ${name} has no sole, or one that can't be`);
       return [];
     }
-    const sensor = mounted === undefined ? null : sensorFrom(rootFromLink, link, sole, mounted);
+    const sensor = mounted === undefined ? null : sensorFrom(at(link), at(mounted.link), sole, mounted);
     return [{ name, link, linkName: links[link]!, sole, sensor }];
   };
 
@@ -154,38 +159,21 @@ function withoutTwins(feet: readonly Foot[], lacks: string[]): readonly Foot[] {
   return kept;
 }
 
-/** The point that a transform takes to `point`. */
-function pointBefore(transform: Float64Array, point: Vec3): Vec3 {
-  const back = invertQuat(quatOfTransform(transform));
-  return rotateVector(back, addScaled(point, originOf(transform), -1));
-}
-
-/** A sensor seen from the link `of` with the sole, to which its link is fixed. */
+/** A sensor seen from the link with the sole (`rootFromSole`), to which its own is fixed (`rootFromMount`). */
 function sensorFrom(
-  rootFromLink: Float64Array,
-  of: number,
+  rootFromSole: Float64Array,
+  rootFromMount: Float64Array,
   sole: SolePlane,
-  { site, link, xyz, rpy, forceAxes, momentAxes }: Mounted,
+  { site, xyz: mounted, rpy, forceAxes, momentAxes }: Mounted,
 ): FootSensor {
-  const rootFromSole = rootFromLink.subarray(of * 16, of * 16 + 16);
-  const rootFromMount = rootFromLink.subarray(link * 16, link * 16 + 16);
-  const back = invertQuat(quatOfTransform(rootFromSole));
-  const turn = multiplyQuats(back, multiplyQuats(quatOfTransform(rootFromMount), quatOfRpy(rpy)));
-  const axes: FootSensor['axes'] = [
-    rotateVector(turn, [1, 0, 0]),
-    rotateVector(turn, [0, 1, 0]),
-    rotateVector(turn, [0, 0, 1]),
-  ];
+  const seen = (point: Vec3) => pointBefore(rootFromSole, pointThrough(rootFromMount, point));
+  const xyz = seen(mounted);
+  const axes = AXES.map((axis) =>
+    addScaled(seen(addScaled(mounted, rotateVector(quatOfRpy(rpy), axis))), xyz, -1),
+  ) as unknown as FootSensor['axes'];
   const along = axes.map((axis) => Math.abs(dot(axis, sole.normal)));
   const nearest = along.indexOf(Math.max(...along));
   const measuresForce = forceAxes.includes(nearest);
   const measuresMoments = [0, 1, 2].every((axis) => axis === nearest || momentAxes.includes(axis));
-  const measuresPressure = measuresForce && measuresMoments;
-  return {
-    site,
-    xyz: pointBefore(rootFromSole, pointThrough(rootFromMount, xyz)),
-    axes,
-    measuresForce,
-    measuresPressure,
-  };
+  return { site, xyz, axes, measuresForce, measuresPressure: measuresForce && measuresMoments };
 }

@@ -139,6 +139,10 @@ it.each([
 it('what is not known is not drawn', () => {
   expect(drawn(null, pose(392)).count).toBe(0);
   expect(drawn(leg(), null).count).toBe(0);
+  const none = { count: 0, centreOfMass: null, polygon: [], marginM: null, labels: [] };
+  expect(drawn(leg(), { ...pose(392), unturned: true })).toMatchObject(none);
+  expect(drawn(leg(), { ...pose(392), unread: new Set(['knee']) })).toMatchObject(none);
+  expect(drawn(leg(), { ...pose(392), unread: new Set(['a finger']) }).marginM).not.toBeNull();
   expect(drawn(leg(), pose(392), { choice: 'auto' }).count, 'one foot is no biped').toBe(0);
 
   const massless = drawn(leg({ masses: false }), pose(392));

@@ -49,7 +49,7 @@ export class BalanceOverlay implements BalanceDrawing {
     const reader = this.#readerOf(body, readings, tS, style.reach);
     if (readings.choice === 'auto' && !reader.onByItself) return;
     const facets = this.#facets;
-    const balance = reader.ofBody(body, reader.wrenchesOf(pose.wrenches ?? []), tS);
+    const balance = reader.ofBody(body, reader.wrenchesOf(pose.wrenches ?? []), tS, pose);
     this.#left.take(balance, tS, readings.anchored, style.reach);
     const level = this.#levelOf(readings, balance);
     const paints = paintsOf(style, level);
@@ -78,7 +78,7 @@ export class BalanceOverlay implements BalanceDrawing {
     this.#labels.push(...joints.map(({ label }) => label));
     this.shown = {
       ...balance, // a copy: the balance is rewritten with the next pose
-      feet: balance.feet.map(({ name, bears, pressure, atEdge }) => ({ name, bears, pressure, atEdge })),
+      feet: balance.feet.map((foot) => ({ ...foot })),
       ...{ level, footprints: this.#left.prints, trace: this.#left.points },
       joints: joints.map(({ shown }) => shown),
     };

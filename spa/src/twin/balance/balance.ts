@@ -17,6 +17,8 @@ export type Slide = (before: Vec3) => Vec3;
  * - `no-feet`: nothing is known that the robot stands on (an arm, wheels, a stand).
  * - `no-wrench`: its feet measure no force, or too few components of it.
  * - `unread`: a foot measures its force, but has no reading now.
+ * - `orientation-unread`: what tells how the body is turned has no reading now.
+ * - `joint-unread`: a joint that carries weight has no reading now.
  * - `airborne`: no foot bears weight.
  * - `first-pose`: a velocity takes two poses that share a foot that bears.
  */
@@ -28,6 +30,8 @@ export type BalanceGap =
   | 'no-feet'
   | 'no-wrench'
   | 'unread'
+  | 'orientation-unread'
+  | 'joint-unread'
   | 'airborne'
   | 'first-pose';
 

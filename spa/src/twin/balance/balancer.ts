@@ -39,6 +39,7 @@ export class Balancer implements Balance {
   readonly #weightN: number;
   readonly #velocity: CentreVelocity;
   #tS = Number.NaN;
+  #unread: BalanceGap = 'unread';
 
   constructor(standing: Standing) {
     this.#standing = standing;
@@ -51,8 +52,14 @@ export class Balancer implements Balance {
   }
 
   /** Takes a pose: world_from_link of every link (16 numbers each, column-major, metres), the wrenches of the same
-   *  moment, and its time, seconds. */
-  update(worldFromLink: Float64Array, wrenches: readonly FootWrench[], tS: number): void {
+   *  moment, and its time, seconds. `unread`: why there is nothing of what has no reading, or no finite place. */
+  update(
+    worldFromLink: Float64Array,
+    wrenches: readonly FootWrench[],
+    tS: number,
+    unread: BalanceGap = 'unread',
+  ): void {
+    this.#unread = unread;
     const centreGap = this.#findCentre(worldFromLink);
     for (const foot of this.feet) {
       const wrench = wrenches.find(({ site }) => site === foot.foot.sensor?.site);
@@ -61,8 +68,11 @@ export class Balancer implements Balance {
     const gap = this.#findBearing(follows(this.#tS, tS));
     this.#tS = tS;
     this.#findPolygon(gap);
-    const unread = gap === 'unread' || gap === 'no-wrench' || centreGap === 'unread';
-    this.#velocity.update(tS, this.centreOfMass, unread);
+    this.#velocity.update(
+      tS,
+      this.centreOfMass,
+      gap === unread || gap === 'no-wrench' || centreGap === unread,
+    );
     this.velocity = this.#velocity.value;
     this.slide = this.#velocity.slide;
     this.#findCapturePoint();
@@ -84,7 +94,7 @@ export class Balancer implements Balance {
       const at = pointThrough(worldFromLink.subarray(link * 16, link * 16 + 16), xyz);
       return addScaled(all, at, massKg);
     }, ORIGIN);
-    if (!sum.every(Number.isFinite)) return 'unread';
+    if (!sum.every(Number.isFinite)) return this.#unread;
     this.centreOfMass = scale(sum, 1 / this.massKg);
     return massGap;
   }
@@ -108,7 +118,7 @@ export class Balancer implements Balance {
       foot.setBears(bears, leastN);
       if (bears) bearing += 1;
       else if (bears === null && gap !== 'no-wrench')
-        gap = this.ground === 'measured' && !foot.foot.sensor?.measuresForce ? 'no-wrench' : 'unread';
+        gap = this.ground === 'measured' && !foot.foot.sensor?.measuresForce ? 'no-wrench' : this.#unread;
     }
     return gap === 'airborne' && bearing > 0 ? null : gap;
   }
@@ -140,7 +150,7 @@ export class Balancer implements Balance {
     for (const { foot, bears, forceN, pushedAt, pressN } of this.feet) {
       if (!foot.sensor?.measuresPressure) gap = 'no-wrench';
       else if (forceN === null || bears === null || (bears && pushedAt === null && pressN !== 0))
-        gap ??= 'unread';
+        gap ??= this.#unread;
       if (Math.abs(pressN) > Math.abs(strongest)) strongest = pressN;
     }
     if (strongest === 0 || this.floorM === null) gap ??= 'airborne';
@@ -152,7 +162,7 @@ export class Balancer implements Balance {
       sx += force * pushedAt[0];
       sy += force * pushedAt[1];
     }
-    if (sum === 0) gap ??= 'unread'; // the only force has no moments
+    if (sum === 0) gap ??= this.#unread; // the only force has no moments
     if (gap === null && this.floorM !== null) this.pressure = [sx / sum, sy / sum, this.floorM];
     return gap;
   }

@@ -33,11 +33,7 @@ export class FootState implements FootBalance {
   /** The sole's centre in the world, metres. */
   centre: Vec3 = [0, 0, 0];
   /** The rows of the rotation of world_from_link. */
-  rows: Rows = [
-    [1, 0, 0],
-    [0, 1, 0],
-    [0, 0, 1],
-  ];
+  rows!: Rows;
   readonly foot: Foot;
   /** The centre of pressure in the link's frame. */
   #pressed: Vec3 | null = null;

@@ -5,7 +5,7 @@ import type { Quat } from '../rotation.ts';
 import { type Imu, ImuTable } from '../sensors/imus.ts';
 import { ForcePlay } from './force_play.ts';
 import { Playout } from './playout.ts';
-import { type Base, baseOf, type Pose, Poser } from './pose.ts';
+import { type Base, baseOf, isUnturned, type Pose, Poser } from './pose.ts';
 
 /**
  * One robot's motion as it is shown, with a small delay and interpolated: positions and commands of its joints, its
@@ -28,6 +28,7 @@ export class Player {
   readonly #forces: ForcePlay;
   readonly #forcesAt: number;
   #unread: ReadonlySet<string> = new Set();
+  #unturned = false;
 
   constructor(schema: Schema) {
     this.#schema = schema;
@@ -82,8 +83,13 @@ export class Player {
     });
     this.#forces.read(codes, values.subarray(this.#forcesAt));
     const unread = this.#pos.joints.filter((_, i) => Number.isNaN(pos[i]));
-    const other = unread.length !== this.#unread.size || unread.some((joint) => !this.#unread.has(joint));
+    const unturned = isUnturned(this.#schema, base, this.#imus.body);
+    const other =
+      unturned !== this.#unturned ||
+      unread.length !== this.#unread.size ||
+      unread.some((joint) => !this.#unread.has(joint));
     if (other) this.#unread = new Set(unread);
+    this.#unturned = unturned;
     return this.#playout.push({ seq, tS, atMs }, values) || other;
   }
 
@@ -98,7 +104,8 @@ export class Player {
     const ghost = shown === 'both' && this.#ref !== null ? this.#joints(this.#ref) : null;
     const { shownS: tS, shown: values } = this.#playout;
     const wrenches = this.#forces.of(values.subarray(this.#forcesAt));
-    return { joints, base: this.#base(), unread: this.#unread, lean: this.#lean(), ghost, tS, wrenches };
+    const [unread, unturned] = [this.#unread, this.#unturned];
+    return { joints, base: this.#base(), unread, unturned, lean: this.#lean(), ghost, tS, wrenches };
   }
 
   #joints(poser: Poser): Map<string, number> {

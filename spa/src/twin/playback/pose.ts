@@ -11,6 +11,8 @@ export interface Pose {
   base: Base | null;
   /** URDF joints without a reading now: they stay where they were last known. */
   unread?: ReadonlySet<string>;
+  /** Whether what the robot declares to tell how its body is turned has no reading now: it stays as it was last known. */
+  unturned?: boolean;
   /** The sensor that says how the body is turned, with its reading; for a robot without a base. */
   lean?: Imu | null;
   /** The commanded joints of a second, see-through body that is shown whole. */
@@ -25,6 +27,15 @@ export interface Pose {
 export interface Base {
   xyz: Vec3;
   quat_wxyz: Quat;
+}
+
+/** Why nobody knows where the links of a pose are, of which these joints carry weight; undefined while it is known. */
+export function whyUnknown(
+  { unturned, unread }: Pick<Pose, 'unturned' | 'unread'>,
+  carriers: readonly string[],
+): 'orientation-unread' | 'joint-unread' | undefined {
+  if (unturned) return 'orientation-unread';
+  return carriers.some((joint) => unread?.has(joint)) ? 'joint-unread' : undefined;
 }
 
 /** Turns a frame's codes into poses: by measured positions (`pos`) or by commands (`ref`). */
@@ -47,8 +58,9 @@ export class Poser {
     return this.#mapping.evaluate(codes);
   }
 
-  /** The pose of a frame. Joints without a reading are left out, so that they stay where they were last known. */
-  pose(codes: Int32Array): Pose {
+  /** The pose of a frame, with the sensor that says how the body is turned, as it was read from the same frame. Joints without a
+   *  reading are left out, so that they stay where they were last known. */
+  pose(codes: Int32Array, lean: Imu | null = null): Pose {
     const values = this.values(codes);
     const joints = new Map<string, number>();
     const unread = new Set<string>();
@@ -56,15 +68,30 @@ export class Poser {
       if (Number.isFinite(values[i])) joints.set(joint, values[i]!);
       else unread.add(joint);
     });
-    return { joints, base: baseOf(this.#schema, codes), unread };
+    const base = baseOf(this.#schema, codes);
+    return { joints, base, unread, lean, unturned: isUnturned(this.#schema, base, lean) };
   }
+}
+
+const BASE: readonly (readonly [field: string, labels: readonly string[]])[] = [
+  ['base', ['base.x', 'base.y', 'base.z']],
+  ['baseq', ['base.w', 'base.x', 'base.y', 'base.z']],
+];
+
+/** Whether what tells how the body is turned has no reading: odometry where the robot declares it, else the IMU of its body. A
+ *  robot that declares neither is taken as upright. */
+export function isUnturned(schema: Schema, base: Base | null, imu: Imu | null): boolean {
+  const declared = BASE.every(([name, labels]) => {
+    const field = schema.field(name);
+    return field !== null && labels.every((label) => field.labels.includes(label));
+  });
+  return declared ? base === null : imu !== null && imu.worldFromSensor === null;
 }
 
 /** world_from_root by the robot's odometry; null without odometry or a reading, or when the quaternion has no length.
  *  */
 export function baseOf(schema: Schema, codes: Int32Array): Base | null {
-  const [x, y, z] = valuesOf(schema, codes, 'base', ['base.x', 'base.y', 'base.z']);
-  const [qw, qx, qy, qz] = valuesOf(schema, codes, 'baseq', ['base.w', 'base.x', 'base.y', 'base.z']);
+  const [x, y, z, qw, qx, qy, qz] = BASE.flatMap(([name, labels]) => valuesOf(schema, codes, name, labels));
   if (x === undefined || y === undefined || z === undefined) return null;
   if (qw === undefined || qx === undefined || qy === undefined || qz === undefined) return null;
   const quat = normalizeQuat([qw, qx, qy, qz]);

@@ -20,6 +20,8 @@ export const balanceEn = {
   airborne: 'No foot bears weight.',
   wasAirborne: 'No foot bore weight.',
   unread: 'A foot has no reading of its force, so nobody knows what it stands on.',
+  orientationUnread: 'How its body is turned has no reading, so nobody knows how it stands.',
+  jointUnread: 'A joint that carries weight has no reading, so nobody knows how it stands.',
   assumed: 'That it stands on its lowest feet is assumed: no sensor measures it.',
 
   // ---- beside others
@@ -28,7 +30,7 @@ export const balanceEn = {
   briefOutside: (mm: string) => `${mm} outside`,
   briefMoving: (mm: string) => `${mm} outside, moving`,
   briefAirborne: 'no foot bears',
-  briefUnread: 'foot not read',
+  briefUnread: 'no reading',
 
   // ---- why there is none, or not all of it
   builtBefore: 'This model was built before masses were kept: build it again.',

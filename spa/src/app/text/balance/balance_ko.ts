@@ -20,6 +20,8 @@ export const balanceKo: typeof balanceEn = {
   airborne: '체중을 받치는 발이 없습니다.',
   wasAirborne: '체중을 받치는 발이 없었습니다.',
   unread: '한쪽 발의 힘이 읽히지 않아, 무엇을 딛고 있는지 알 수 없습니다.',
+  orientationUnread: '몸이 어느 쪽으로 기울었는지 읽히지 않아, 어떻게 서 있는지 알 수 없습니다.',
+  jointUnread: '무게가 걸리는 관절이 읽히지 않아, 어떻게 서 있는지 알 수 없습니다.',
   assumed: '가장 낮은 발을 딛고 있다고 가정합니다: 이를 재는 센서가 없습니다.',
 
   briefInside: (mm) => `안쪽 ${mm}`,
@@ -27,7 +29,7 @@ export const balanceKo: typeof balanceEn = {
   briefOutside: (mm) => `바깥쪽 ${mm}`,
   briefMoving: (mm) => `바깥쪽 ${mm}, 움직이는 중`,
   briefAirborne: '받치는 발 없음',
-  briefUnread: '발 읽기 없음',
+  briefUnread: '읽기 없음',
 
   builtBefore: '질량을 담기 전에 만든 모델입니다. 모델을 다시 만들어 주세요.',
   rawModel:

@@ -1,6 +1,6 @@
 import type { Level } from '@posecast/wire';
 import { worseOf } from '../../limits/level_latch.ts';
-import type { Balance } from '../balance.ts';
+import type { Balance, BalanceGap } from '../balance.ts';
 import { spanOf } from '../convex_hull.ts';
 import { marginIn } from '../margin.ts';
 import { fallDirection, type Side } from './direction.ts';
@@ -12,9 +12,12 @@ import type { MarginLimits } from './margin_limits.ts';
  * - `inside`, `edge`, `outside`: where the centre of mass is, seen from above, to the edge of what it stands on.
  * - `moving`: it is outside, but the robot moves so that it would come to rest over its feet, with one that is in the air
  *   set down: so it walks.
- * - `airborne`: no foot bears weight; `unread`: a foot has no reading, so nobody knows.
+ * - `airborne`: no foot bears weight; `unread`: a foot has no reading, so nobody knows; `orientation-unread`,
+ *   `joint-unread`: nor where what tells how the body is turned, or a joint that carries weight, has none.
  */
-export type StanceKind = 'inside' | 'edge' | 'outside' | 'moving' | 'airborne' | 'unread';
+export type StanceKind = 'inside' | 'edge' | 'outside' | 'moving' | Without;
+
+type Without = Extract<BalanceGap, 'airborne' | `${string}unread`>;
 
 /** What is told of one balance. */
 export interface Stance {
@@ -57,9 +60,10 @@ export class StanceJudge {
     const { marginM, ground, gaps } = balance;
     const assumed = ground === 'lowest';
     if (marginM === null) {
-      const { polygon: gap } = gaps;
-      if (gap !== 'airborne' && gap !== 'unread') return null;
-      return { kind: gap, level: 'ok', marginMm: null, side: null, assumed };
+      const kind = gaps.polygon as Without;
+      return !/unread|airborne/.test(kind)
+        ? null
+        : { kind, level: 'ok', marginMm: null, side: null, assumed };
     }
     const marginMm = marginM * 1000;
     const caught = marginMm < 0 && this.#isCaught(balance);
