@@ -1,12 +1,15 @@
-"""What is installed here, and how what is missing can be added to it."""
+"""What is installed here, and how what is missing can be added to it.
+
+What looks that up is imported by the functions: it takes 3 MB, which an agent beside a robot never needs.
+"""
 
 from __future__ import annotations
 
-import json
-import shlex
-from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from pathlib import Path
-from urllib.parse import unquote, urlparse
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from importlib.metadata import Distribution
 
 WHOLE = "posecast"  # the distribution that contains all the others
 PART = "posecast-wire"
@@ -21,12 +24,16 @@ def find_version() -> str:
 def advise_extra(part: str, extra: str) -> str:
     """The command that adds an extra to what is installed. `part`: the distribution whose extra it is, such
     as posecast-edge; where the whole is installed, it has the extra too."""
+    import shlex  # noqa: PLC0415
+
     found = _find(WHOLE) or _find(part)
     where = None if found is None else _locate(found) or found.name
     return f"pip install {shlex.quote(f'{where or part}[{extra}]')}"
 
 
 def _find(name: str) -> Distribution | None:
+    from importlib.metadata import PackageNotFoundError, distribution  # noqa: PLC0415
+
     try:
         return distribution(name)
     except PackageNotFoundError:
@@ -36,6 +43,9 @@ def _find(name: str) -> Distribution | None:
 def _locate(found: Distribution) -> str | None:
     """The wheel or folder it was installed from, when that is a file that is still there; nothing of ours may
     be at the index that pip asks."""
+    import json  # noqa: PLC0415
+    from urllib.parse import unquote, urlparse  # noqa: PLC0415
+
     try:
         url = urlparse(json.loads(found.read_text("direct_url.json") or "{}").get("url", ""))
     except (ValueError, AttributeError):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
@@ -20,6 +19,8 @@ HEADING = re.compile(r"^([a-z][a-z ]*):", re.MULTILINE)
 
 def suggest(word: str, known: Iterable[str]) -> str:
     """` (did you mean X?)`, or "" when nothing known is like `word`."""
+    import difflib  # noqa: PLC0415 - for mistakes only
+
     found = difflib.get_close_matches(word, [*known], n=1, cutoff=ALIKE)
     return f" (did you mean {found[0]}?)" if found else ""
 
