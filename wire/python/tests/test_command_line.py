@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import io
 import json
 from importlib.metadata import PackageNotFoundError
@@ -9,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from posecast_wire.command_line import installation
 from posecast_wire.command_line.color import paint, wants_color
 from posecast_wire.command_line.installation import advise_extra, find_version
 from posecast_wire.command_line.parser import CommandParser, suggest
@@ -126,7 +126,7 @@ def test_advice_names_what_is_installed(tmp_path: Path, monkeypatch: pytest.Monk
             raise PackageNotFoundError(name)
         return there[name]
 
-    monkeypatch.setattr(installation, "distribution", find)
+    monkeypatch.setattr(importlib.metadata, "distribution", find)
     assert (advise_extra("posecast-edge", "ros"), find_version()) == (
         "pip install 'posecast-edge[ros]'",
         "unknown",
