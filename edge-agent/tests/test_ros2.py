@@ -7,6 +7,7 @@ import json
 import logging
 import math
 import random
+import re
 import struct
 import time
 from collections.abc import Callable, Iterator
@@ -31,6 +32,7 @@ from posecast_edge.sources.ros.messages import (
     WRENCH,
 )
 from posecast_edge.sources.ros.ros2 import Inbox
+from posecast_wire.command_line.installation import advise_extra
 from ros_stage import (
     Graph,
     battery,
@@ -389,5 +391,6 @@ def test_addresses(address: str, description: str) -> None:
 
 def test_without_the_extra_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(SourceError, match=r'ros2 needs .*: pip install "posecast-edge\[ros\]"'):
+    advice = re.escape(advise_extra("posecast-edge", "ros"))
+    with pytest.raises(SourceError, match=f"ros2 needs .*: {advice}"):
         open_source("ros2", None)

@@ -18,6 +18,7 @@ from posecast_edge.sample import SourceError
 from posecast_edge.sources.registry import open_source
 from posecast_edge.sources.ros import rosbridge as rosbridge_module
 from posecast_edge.sources.ros.messages import DIAGNOSTICS, JOINT_STATE
+from posecast_wire.command_line.installation import advise_extra
 from rosbridge_stage import Rosbridge, joint_state, ros_1, ros_2
 from source_stage import Listen, Move, Mover, flood
 from websockets.utils import accept_key
@@ -314,5 +315,6 @@ def test_addresses(address: str, url: str) -> None:
 
 def test_without_the_extra_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(SourceError, match=r'rosbridge needs .*: pip install "posecast-edge\[ros\]"'):
+    advice = re.escape(advise_extra("posecast-edge", "ros"))
+    with pytest.raises(SourceError, match=f"rosbridge needs .*: {advice}"):
         open_source("rosbridge:robot", None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.robot_file import find_format, load_robot_file
 from posecast_edge.model.xacro import child, expander
 from posecast_edge.model.xacro.expressions import ExpressionRefused, evaluate_expression
+from posecast_wire.command_line.installation import advise_extra
 
 HEAD = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
 MAIN = f"""{HEAD}
@@ -205,7 +207,7 @@ def test_what_grows_too_large_is_cut(tmp_path: Path) -> None:
 
 def test_without_xacro_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(expander, "NEEDED", ("no_such_module",))
-    with pytest.raises(ModelRefused, match=r"pip install 'posecast-edge\[model\]'"):
+    with pytest.raises(ModelRefused, match=re.escape(advise_extra("posecast-edge", "model"))):
         load_robot_file(one_file(tmp_path, ""))
 
 

@@ -36,7 +36,7 @@ TRIES = 30  # on a busy machine not all is done in that time
 AT_OTHER_TIMES = {
     "LiveSocket.shutdown",
     "EventStream.shutdown",
-    "HttpConnection.shutdown",
+    *("HttpConnection.shutdown", "HttpConnection.close_if_idle"),
     "HttpConnection.timeout_keep_alive_handler",
     "Access.on_policy",
     "Access._tell_recorder",

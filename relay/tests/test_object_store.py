@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import socket
 import stat
 import subprocess
@@ -19,6 +20,7 @@ from posecast_relay.archive.object_store import (
     open_object_store,
 )
 from posecast_relay.store_url import StoreUrlError, check_store_url
+from posecast_wire.command_line.installation import advise_extra
 
 
 @pytest.fixture
@@ -153,7 +155,7 @@ def test_a_folder_that_can_not_be_made(tmp_path: Path) -> None:
 
 def test_without_the_extra_it_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "obstore.store", None)
-    with pytest.raises(StoreUrlError, match=r"^install posecast-relay\[archive\]$"):
+    with pytest.raises(StoreUrlError, match=f"^{re.escape(advise_extra('posecast-relay', 'archive'))}$"):
         open_object_store(f"file://{tmp_path}/store")
 
 
