@@ -17,6 +17,7 @@ from posecast_relay.core.past.segment_record import pack_record, unpack_record
 from posecast_relay.core.policy.share_link import make_link, read_link
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.http.past.address import (
+    EVERY_STEPS,
     AddressError,
     PastSpan,
     read_after,
@@ -113,10 +114,19 @@ def request(data: bytes) -> None:
 
 
 def past_address(data: bytes) -> None:
-    """A part of an address of the past, as UTF-8: none, or what it says comes back as it was."""
+    """A part of an address of the past, as UTF-8: none, or what it says comes back as it was. `every` alone
+    may come back smaller, because the relay limits it.
+    """
     text = data.decode("utf-8", "replace")
     said, refusal = [], None
-    for read in (read_span, read_take, read_index, read_after, read_every, read_sha256):
+    try:
+        every = read_every(text)
+    except AddressError:
+        pass
+    else:
+        if not (f"{every}" == text or EVERY_STEPS == every < int(text)):
+            raise Differs(f"every={text!r} is read as {every}")
+    for read in (read_span, read_take, read_index, read_after, read_sha256):
         try:
             said.append(read(text))
         except AddressError as e:
