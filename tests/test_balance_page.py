@@ -1,4 +1,4 @@
-"""What docs/BALANCE.md says of a robot's profile is so."""
+"""What docs/explanation/balance.md says of a robot's profile is so."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from posecast_relay.unit_conversion import find_factor
 from posecast_wire.mapping import Threshold
 from posecast_wire.schema import Schema
 
-PAGE = (Path(__file__).resolve().parent.parent / "docs" / "BALANCE.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).resolve().parent.parent / "docs" / "explanation/balance.md").read_text(encoding="utf-8")
 WRENCHES = """
 [labels]
 joint = ["A"]

@@ -1,4 +1,4 @@
-"""The plots of docs/BENCHMARKS.md show what its tables say."""
+"""The plots of docs/reference/benchmarks.md show what its tables say."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_one_bar_per_row_that_has_a_figure() -> None:
 
 
 def test_a_marker_without_its_table_is_named() -> None:
-    with pytest.raises(ValueError, match=r"BENCHMARKS.md:2: no table with a column 'ms'"):
+    with pytest.raises(ValueError, match=r"benchmarks.md:2: no table with a column 'ms'"):
         bars_of(TABLE.replace("| µs | µs CPU", "| ms | ms"))
 
 

@@ -1,6 +1,6 @@
 """Wheels, installed outside the checkout, put a robot on air where there is no route to the internet.
 
-The commands are those of docs/INSTALL.md.
+The commands are those of docs/how-to/operate/install.md.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from tests.conftest import BIN, until
 from tests.namespaces import Namespace
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGE = (ROOT / "docs" / "INSTALL.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "how-to/operate/install.md").read_text(encoding="utf-8")
 UNIT = ROOT / "infra" / "systemd" / "posecast-edge@.service"
 RELAY_UNIT = ROOT / "infra" / "systemd" / "posecast-relay.service"
 UV = ROOT / ".tools" / "bin" / "uv"

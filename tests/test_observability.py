@@ -23,7 +23,7 @@ from tests.conftest import BIN, Stack, free_port, until
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "infra/observability"
-OPERATIONS = (ROOT / "docs/OPERATIONS.md").read_text()
+OPERATIONS = (ROOT / "docs/how-to/operate/operations.md").read_text()
 DASHBOARD: dict[str, Any] = json.loads((FOLDER / "grafana/posecast.json").read_text())
 ALERTS: list[dict[str, Any]] = [
     rule for group in yaml.safe_load((FOLDER / "rules.yml").read_text())["groups"] for rule in group["rules"]

@@ -1,4 +1,4 @@
-"""docs/PROTOCOL.md, done as it says: every example runs, every sample shows the members there are."""
+"""docs/reference/protocol.md, done as it says: every example runs, every sample shows the members there are."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ import pytest
 
 from tests.conftest import until
 
-PAGE = (Path(__file__).resolve().parent.parent / "docs" / "PROTOCOL.md").read_text()
+PAGE = (Path(__file__).resolve().parent.parent / "docs" / "reference/protocol.md").read_text()
 ADDRESS = "127.0.0.1:8080"  # where the page says the demo is
 SEGMENTS = Path(__file__).resolve().parent.parent / "wire" / "vectors" / "segments"
 BYTES = {"content-type": "application/octet-stream"}

@@ -1,4 +1,4 @@
-"""docs/RECORDINGS.md, done as it says: a demo's past is exported by its commands and served by its nginx."""
+"""docs/how-to/record/recordings.md, done as it says: a demo's past is exported by its commands and served by its nginx."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from posecast_wire.recording import decode_recording
 from tests.conftest import BIN, free_port, until
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGE = (ROOT / "docs/RECORDINGS.md").read_text()
+PAGE = (ROOT / "docs/how-to/record/recordings.md").read_text()
 COMMANDS = re.findall(r"^    (posecast-relay past export .*)$", PAGE, re.MULTILINE)
 SPAN = {"--from": "2026-01-01", "--to": "2099-01-01"}  # instead of a lecture's
 BEYOND = r"posecast-relay: \S+: there is nothing before \S+, nothing after \S+\n"

@@ -1,4 +1,4 @@
-"""What docs/ROBOTS.md and the pages of its sources say is so; test_source_doctor.py looks at the findings."""
+"""What docs/how-to/robots/add-a-robot.md and the pages of its sources say is so; test_source_doctor.py looks at the findings."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ from posecast_wire.schema import Schema
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
-GUIDE = (DOCS / "ROBOTS.md").read_text(encoding="utf-8")
-OF_SOURCE = {path.stem: path.read_text(encoding="utf-8") for path in sorted((DOCS / "robots").glob("*.md"))}
+GUIDE = (DOCS / "how-to/robots/add-a-robot.md").read_text(encoding="utf-8")
+OF_SOURCE = {path.stem: path.read_text(encoding="utf-8") for path in sorted((DOCS / "how-to/robots").glob("*.md"))}
 PAGE = "\n".join([GUIDE, *OF_SOURCE.values()])
 LINK = re.compile(r"\]\(([^)#:]+\.md)(?:#([^)]*))?\)")
 
@@ -122,7 +122,7 @@ def test_every_source_has_a_page_that_the_guide_links_to_and_starts_with_a_comma
 
 
 def test_links_of_these_pages_lead_somewhere() -> None:
-    for path in (DOCS / "ROBOTS.md", *(DOCS / "robots").glob("*.md")):
+    for path in (DOCS / "how-to/robots/add-a-robot.md", *(DOCS / "how-to/robots").glob("*.md")):
         for name, anchor in LINK.findall(path.read_text(encoding="utf-8")):
             target = (path.parent / name).read_text(encoding="utf-8")
             heads = re.findall(r"^#+ (.*)$", target, re.MULTILINE)

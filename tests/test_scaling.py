@@ -1,4 +1,4 @@
-"""docs/SCALING.md and its plots are what tools/scaling.py makes of tools/crowd.py; the arithmetic by hand."""
+"""docs/explanation/scaling.md and its plots are what tools/scaling.py makes of tools/crowd.py; the arithmetic by hand."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def test_page_and_plots_are_up_to_date(tmp_path: Path) -> None:
     subprocess.run(script, cwd=ROOT, check=True, timeout=60)
     made = sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*") if path.is_file())
     assert [str(path) for path in made] == [
-        "OPERATIONS.md",
-        "SCALING.md",
+        "how-to/operate/operations.md",
+        "explanation/scaling.md",
         "img/scaling-cost.svg",
         "img/scaling-origin.svg",
     ]
@@ -33,11 +33,11 @@ def test_page_and_plots_are_up_to_date(tmp_path: Path) -> None:
 
 def test_a_page_without_its_markers_is_refused() -> None:
     with pytest.raises(ValueError, match="'capacity'"):
-        scaling.written("OPERATIONS.md", "# Operations\n")
+        scaling.written("how-to/operate/operations.md", "# Operations\n")
 
 
 def test_the_page_names_the_constants_it_uses() -> None:
-    page = " ".join((ROOT / "docs" / "SCALING.md").read_text().split())
+    page = " ".join((ROOT / "docs" / "explanation/scaling.md").read_text().split())
     around = crowd.WEBSOCKET_BYTES + crowd.TLS_BYTES + crowd.TCP_IP_BYTES
     for said in (
         f"{crowd.CPU_US_PER_MESSAGE:g} µs",
@@ -68,13 +68,13 @@ def test_the_page_names_the_constants_it_uses() -> None:
 
 
 def test_benchmarks_page_has_what_scaling_stands_on() -> None:
-    page = (ROOT / "docs" / "BENCHMARKS.md").read_text()
+    page = (ROOT / "docs" / "reference/benchmarks.md").read_text()
     for said in (
         f"{crowd.CPU_US_PER_MESSAGE:g}",
         f"{crowd.RSS_MB_PER_1000:g}",
         f"{crowd.HANDSHAKES_PER_S:,.0f}",
     ):
-        assert said in page, f"BENCHMARKS.md does not say {said}"
+        assert said in page, f"reference/benchmarks.md does not say {said}"
 
 
 # ---- by WebSocket ----

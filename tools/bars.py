@@ -1,4 +1,4 @@
-"""Plots of the tables in docs/BENCHMARKS.md, read from the page itself, so that both say the same.
+"""Plots of the tables in docs/reference/benchmarks.md, read from the page itself, so that both say the same.
 
 python -m tools.bars [--out DIR]: for every table under a line
 
@@ -16,7 +16,7 @@ from pathlib import Path
 from tools import plot
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGE = ROOT / "docs" / "BENCHMARKS.md"
+PAGE = ROOT / "docs" / "reference/benchmarks.md"
 MARKER = re.compile(
     r"^<!-- bars: (?P<file>\S+) \| (?P<title>[^|]+) \| (?P<column>[^|]+) \| (?P<unit>[^|]*) -->$"
 )
@@ -43,7 +43,7 @@ def bars_of(page: str) -> dict[str, str]:
             rows.append(cells(text))
         if len(rows) < 3 or marker["column"] not in rows[0]:
             raise ValueError(
-                f"BENCHMARKS.md:{number + 1}: no table with a column {marker['column']!r} follows"
+                f"benchmarks.md:{number + 1}: no table with a column {marker['column']!r} follows"
             )
         at = rows[0].index(marker["column"])
         figures = [(row[0], NUMBER.search(row[at])) for row in rows[2:]]

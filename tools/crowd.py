@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import ceil, floor
 from typing import NamedTuple
 
-# ---- measured: docs/BENCHMARKS.md ----------------------------------------------------
+# ---- measured: docs/reference/benchmarks.md ----------------------------------------------------
 
 # 1,000 viewers × 30 Hz × 200 B on one core, frames read at once, loopback
 CPU_US_PER_MESSAGE = 8.3

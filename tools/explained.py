@@ -1,4 +1,4 @@
-"""Writes tables of docs/SIGNS.md, docs/FAULTS.md and docs/VIEWERS.md from what the page says when something
+"""Writes tables of docs/reference/signs.md, docs/explanation/faults.md and docs/how-to/watch/watch.md from what the page says when something
 is pressed: both say the same.
 
 python -m tools.explained: replaces whatever stands between two lines
@@ -20,7 +20,7 @@ from posecast_edge.profile.reader import SHIPPED, load_profile
 
 ROOT = Path(__file__).resolve().parent.parent
 CATALOGUES = ROOT / "spa/src/app/explain"
-PAGES = (ROOT / "docs/SIGNS.md", ROOT / "docs/FAULTS.md", ROOT / "docs/VIEWERS.md")
+PAGES = (ROOT / "docs/reference/signs.md", ROOT / "docs/explanation/faults.md", ROOT / "docs/how-to/watch/watch.md")
 BLOCK = re.compile(
     r"(?P<first><!-- explained: (?P<section>\S+) -->\n)(?P<table>.*?)(?P<last><!-- explained end -->\n)",
     re.DOTALL,

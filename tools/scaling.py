@@ -1,7 +1,7 @@
 """How many processes, how much traffic, what price: from the cost of one message to a million viewers.
 
 python -m tools.scaling [--out DIR]: writes the plots (docs/img/scaling-*.svg) and the tables between the
-markers of docs/SCALING.md and docs/OPERATIONS.md. What is assumed stands in tools/crowd.py.
+markers of docs/explanation/scaling.md and docs/how-to/operate/operations.md. What is assumed stands in tools/crowd.py.
 """
 
 from __future__ import annotations
@@ -275,7 +275,7 @@ def plots() -> dict[str, str]:
 
 
 BLOCKS: dict[str, dict[str, Callable[[], str]]] = {
-    "SCALING.md": {
+    "explanation/scaling.md": {
         "counted": counted,
         "sizes": sizes,
         "limits": limits,
@@ -285,7 +285,7 @@ BLOCKS: dict[str, dict[str, Callable[[], str]]] = {
         "million": million,
         "storms": storms,
     },
-    "OPERATIONS.md": {"capacity": capacity},
+    "how-to/operate/operations.md": {"capacity": capacity},
 }
 
 

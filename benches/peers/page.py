@@ -1,4 +1,4 @@
-"""`python -m benches.peers.page`: puts the last run's tables (out/peers/peers.json) into docs/BENCHMARKS.md.
+"""`python -m benches.peers.page`: puts the last run's tables (out/peers/peers.json) into docs/reference/benchmarks.md.
 
 Between the lines BEGIN and END; the plots are drawn anew from them (tools/bars.py).
 """
@@ -112,7 +112,7 @@ def put(page: str, text: str) -> str:
     before, begin, rest = page.partition(BEGIN + "\n")
     _, end, after = rest.partition("\n" + END)
     if not begin or not end:
-        raise ValueError(f"BENCHMARKS.md lacks the line {END if begin else BEGIN!r}")
+        raise ValueError(f"benchmarks.md lacks the line {END if begin else BEGIN!r}")
     return f"{before}{begin}\n{text}\n{end}{after}"
 
 

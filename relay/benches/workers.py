@@ -8,7 +8,7 @@ so that they have the same neighbours; the groups come before whatever else runs
 
     python -m relay.benches.workers [--rounds 3] [--workers 2] [--share 0.25] [--hz 30] [--bound 100]
 
-Writes out/bench/workers.json; with `--write` also the table of docs/BENCHMARKS.md, with `--rounds 0 --write`
+Writes out/bench/workers.json; with `--write` also the table of docs/reference/benchmarks.md, with `--rounds 0 --write`
 that of the last report.
 """
 
@@ -263,7 +263,7 @@ def make_block(report: dict[str, Any]) -> str:
 
 
 def write_page() -> None:
-    """Put the table of the last report into docs/BENCHMARKS.md."""
+    """Put the table of the last report into docs/reference/benchmarks.md."""
     PAGE.write_text(fill(PAGE.read_text(), {"workers": make_block(json.loads(REPORT.read_text()))}))
 
 
@@ -275,7 +275,7 @@ def main() -> int:
     parser.add_argument("--share", type=float, default=0.25, help="of a core, for each worker")
     parser.add_argument("--hz", type=float, default=30.0)
     parser.add_argument("--bound", type=float, default=100.0, help="ms, of the 99th percentile of lateness")
-    parser.add_argument("--write", action="store_true", help="into docs/BENCHMARKS.md")
+    parser.add_argument("--write", action="store_true", help="into docs/reference/benchmarks.md")
     asked = parser.parse_args()
     if asked.rounds == 0:
         if asked.write:

@@ -1,4 +1,4 @@
-"""What docs/RECORDINGS.md says of CSV and MCAP is so: its examples run, its tables are whole."""
+"""What docs/how-to/record/recordings.md says of CSV and MCAP is so: its examples run, its tables are whole."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from posecast_wire import Schema
 from .export_stage import Take, csv_of, mcap_of
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGE = (ROOT / "docs" / "RECORDINGS.md").read_text()
+PAGE = (ROOT / "docs" / "how-to/record/recordings.md").read_text()
 UV = ROOT / ".tools" / "bin" / "uv"
 DEMO = (ROOT / "wire" / "vectors" / "segments" / "schema.json").read_text()
 

@@ -42,7 +42,7 @@ COMPOSE_FLAGS = {  # of docker, docker compose and tar
     *("--numeric-owner", "--profile", "--project-name", "--quiet", "--rm", "--scale", "--user", "--volume"),
     *("--volumes", "--wait"),
 }
-PAGE = (DOCS / "OPERATIONS.md").read_text()
+PAGE = (DOCS / "how-to/operate/operations.md").read_text()
 
 
 async def test_every_series_is_explained_and_no_other() -> None:

@@ -1,4 +1,4 @@
-"""The recipes of docs/OPERATIONS.md for the containers, each played as it stands there."""
+"""The recipes of docs/how-to/operate/operations.md for the containers, each played as it stands there."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tests.conftest import BIN, until
 
 pytestmark = pytest.mark.full
 
-PAGE = (ROOT / "docs/OPERATIONS.md").read_text()
+PAGE = (ROOT / "docs/how-to/operate/operations.md").read_text()
 SECTION = PAGE[PAGE.index("## Recipes for the containers") :]
 ALIAS, BUILD, GATEWAYS, RELAY, REST, BACKUP, RESTORE, SECOND, NOFILE = re.findall(
     r"^```sh\n(.*?)^```", SECTION, re.DOTALL | re.MULTILINE

@@ -3,7 +3,7 @@
 `python -m relay.benches.lane.simulation [--viewers 1000000] [--nodes 200]`: viewers who join over a minute,
 with delays of their own and clocks that run wrong, ask as the page does (spa/src/stream/lane/lane.ts). Nodes
 collapse requests for one name and keep "not yet" for a second. The origin holds a request for 8 s, and 1,000
-of them at once. Prints a table as Markdown; `--write` puts it into docs/BENCHMARKS.md.
+of them at once. Prints a table as Markdown; `--write` puts it into docs/reference/benchmarks.md.
 """
 
 from __future__ import annotations
@@ -314,7 +314,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--viewers", type=int, default=1_000_000)
     parser.add_argument("--nodes", type=int, default=200)
-    parser.add_argument("--write", action="store_true", help="into docs/BENCHMARKS.md")
+    parser.add_argument("--write", action="store_true", help="into docs/reference/benchmarks.md")
     asked = parser.parse_args()
     began, rows = time.monotonic(), []
     for number, (name, held_max, robots) in enumerate(CASES, 1):

@@ -39,7 +39,7 @@ class TooManyTopicsError(ValueError):
 
 
 def write_mcap(file: BinaryIO, table: TableReader, find_model: FindModel = lambda _: None) -> int:
-    """Write the frames and events of a table and return how many frames there are; see docs/RECORDINGS.md,
+    """Write the frames and events of a table and return how many frames there are; see docs/how-to/record/recordings.md,
     MCAP.
 
     `find_model`: a manifest by its SHA-256, hexadecimal; None where it is not kept. Without one there is no
