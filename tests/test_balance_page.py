@@ -12,7 +12,9 @@ from posecast_relay.unit_conversion import find_factor
 from posecast_wire.mapping import Threshold
 from posecast_wire.schema import Schema
 
-PAGE = (Path(__file__).resolve().parent.parent / "docs" / "explanation/balance.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).resolve().parent.parent / "docs" / "explanation/balance.md").read_text(
+    encoding="utf-8"
+)
 WRENCHES = """
 [labels]
 joint = ["A"]

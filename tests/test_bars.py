@@ -7,7 +7,7 @@ import pytest
 from tools.bars import PAGE, bars_of
 
 TABLE = """
-<!-- bars: img/x.svg | Cost | µs | µs CPU -->
+<!-- bars: ../img/x.svg | Cost | µs | µs CPU -->
 
 | server | µs | note |
 |---|---|---|
@@ -34,5 +34,5 @@ def test_plots_are_up_to_date() -> None:
     made = bars_of(PAGE.read_text())
     assert made
     for name, image in made.items():
-        assert (PAGE.parent / name).read_text() == image, f"docs/{name}: run `python -m tools.bars`"
-        assert f"({name})" in PAGE.read_text(), f"docs/{name} is shown nowhere"
+        assert (PAGE.parent / name).read_text() == image, f"{name}: run `python -m tools.bars`"
+        assert f"({name})" in PAGE.read_text(), f"{name} is shown nowhere"

@@ -338,12 +338,3 @@ def test_systemd_takes_the_unit(unit: Path, instance: str, tmp_path: Path) -> No
     )
     ours = [line for line in done.stderr.splitlines() if unit.stem in line]
     assert ours == []
-
-
-def test_links_lead_somewhere() -> None:
-    for link in re.findall(r"\]\(([^)]+)\)", PAGE):
-        file, _, head = link.partition("#")
-        assert file == "" or (ROOT / "docs" / file).exists(), link
-        text = (ROOT / "docs" / file).read_text(encoding="utf-8") if file else PAGE
-        heads = {title.lower().replace(" ", "-") for title in re.findall(r"^#+ (.*)$", text, re.MULTILINE)}
-        assert head == "" or head in heads, link

@@ -35,7 +35,9 @@ from posecast_wire.schema import Schema
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
 GUIDE = (DOCS / "how-to/robots/add-a-robot.md").read_text(encoding="utf-8")
-OF_SOURCE = {path.stem: path.read_text(encoding="utf-8") for path in sorted((DOCS / "how-to/robots").glob("*.md"))}
+OF_SOURCE = {
+    path.stem: path.read_text(encoding="utf-8") for path in sorted((DOCS / "how-to/robots").glob("*.md"))
+}
 PAGE = "\n".join([GUIDE, *OF_SOURCE.values()])
 LINK = re.compile(r"\]\(([^)#:]+\.md)(?:#([^)]*))?\)")
 

@@ -1,4 +1,4 @@
-"""docs/explanation/scaling.md and its plots are what tools/scaling.py makes of tools/crowd.py; the arithmetic by hand."""
+"""The page on scaling and its plots are what tools/scaling.py makes of tools/crowd.py; the arithmetic."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def test_page_and_plots_are_up_to_date(tmp_path: Path) -> None:
     subprocess.run(script, cwd=ROOT, check=True, timeout=60)
     made = sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*") if path.is_file())
     assert [str(path) for path in made] == [
-        "how-to/operate/operations.md",
         "explanation/scaling.md",
+        "how-to/operate/operations.md",
         "img/scaling-cost.svg",
         "img/scaling-origin.svg",
     ]

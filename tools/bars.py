@@ -1,15 +1,15 @@
 """Plots of the tables in docs/reference/benchmarks.md, read from the page itself, so that both say the same.
 
-python -m tools.bars [--out DIR]: for every table under a line
+python -m tools.bars: for every table under a line
 
-    <!-- bars: img/NAME.svg | TITLE | COLUMN | UNIT -->
+    <!-- bars: ../img/NAME.svg | TITLE | COLUMN | UNIT -->
 
-writes DIR/img/NAME.svg: one bar per row, by the first number in that column. Rows without one have no bar.
+writes NAME.svg, relative to the page: one bar per row, by the first number in that column. Rows without a
+number have no bar.
 """
 
 from __future__ import annotations
 
-import argparse
 import re
 from pathlib import Path
 
@@ -52,18 +52,11 @@ def bars_of(page: str) -> dict[str, str]:
     return found
 
 
-def draw(out: Path) -> None:
-    """All plots of the page, below `out`."""
+def draw() -> None:
+    """All plots of the page."""
     for name, image in bars_of(PAGE.read_text()).items():
-        (out / name).parent.mkdir(parents=True, exist_ok=True)
-        (out / name).write_text(image)
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--out", type=Path, default=ROOT / "docs", help="instead of docs/")
-    draw(parser.parse_args().out)
+        (PAGE.parent / name).write_text(image)
 
 
 if __name__ == "__main__":
-    main()
+    draw()

@@ -20,7 +20,11 @@ from posecast_edge.profile.reader import SHIPPED, load_profile
 
 ROOT = Path(__file__).resolve().parent.parent
 CATALOGUES = ROOT / "spa/src/app/explain"
-PAGES = (ROOT / "docs/reference/signs.md", ROOT / "docs/explanation/faults.md", ROOT / "docs/how-to/watch/watch.md")
+PAGES = (
+    ROOT / "docs/reference/signs.md",
+    ROOT / "docs/explanation/faults.md",
+    ROOT / "docs/how-to/watch/watch.md",
+)
 BLOCK = re.compile(
     r"(?P<first><!-- explained: (?P<section>\S+) -->\n)(?P<table>.*?)(?P<last><!-- explained end -->\n)",
     re.DOTALL,

@@ -1,7 +1,8 @@
 """How many processes, how much traffic, what price: from the cost of one message to a million viewers.
 
 python -m tools.scaling [--out DIR]: writes the plots (docs/img/scaling-*.svg) and the tables between the
-markers of docs/explanation/scaling.md and docs/how-to/operate/operations.md. What is assumed stands in tools/crowd.py.
+markers of docs/explanation/scaling.md and docs/how-to/operate/operations.md. tools/crowd.py has the
+assumptions.
 """
 
 from __future__ import annotations
@@ -309,6 +310,7 @@ def write(out: Path) -> None:
     """Pages and plots, below `out`."""
     (out / "img").mkdir(parents=True, exist_ok=True)
     for file in BLOCKS:
+        (out / file).parent.mkdir(parents=True, exist_ok=True)
         (out / file).write_text(written(file, (ROOT / "docs" / file).read_text()))
     for name, image in plots().items():
         (out / "img" / name).write_text(image)

@@ -98,9 +98,9 @@ def block(report: dict[str, Any]) -> str:
     for name, (head, image, bar) in TABLES.items():
         scenario = SCENARIOS[name]
         if any(row["scenario"] == name for row in rows):
-            said += ["", f"{scenario.title}:", "", f"<!-- bars: img/{image}.svg | {bar} -->", ""]
+            said += ["", f"{scenario.title}:", "", f"<!-- bars: ../img/{image}.svg | {bar} -->", ""]
             said += table(head, rows, scenario)
-            said += ["", f"![{bar.partition(' |')[0]}](img/{image}.svg)"]
+            said += ["", f"![{bar.partition(' |')[0]}](../img/{image}.svg)"]
     if report["absent"]:
         missing = "; ".join(f"{name} ({why})" for name, why in report["absent"].items())
         said += ["", f"Not measured: {missing}."]
@@ -126,7 +126,7 @@ def main() -> int:
         print(f"page: no {report}: `make peers` writes it", file=sys.stderr)
         return 2
     bars.PAGE.write_text(page)
-    bars.draw(bars.PAGE.parent)
+    bars.draw()
     return 0
 
 

@@ -81,16 +81,6 @@ def test_every_flag_is_one() -> None:
     assert set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", PAGE)) <= known
 
 
-def test_links_lead_somewhere() -> None:
-    for link in re.findall(r"\]\(([^)]+)\)", PAGE):
-        file, _, head = link.partition("#")
-        assert file == "" or (DOCS / file).exists(), link
-        text = (DOCS / file).read_text() if file else PAGE
-        titles = [title.lower() for title in re.findall(r"^#+ (.*)$", text, re.MULTILINE)]
-        heads = {re.sub(r"[^a-z ]", "", title).replace(" ", "-") for title in titles}
-        assert head == "" or head in heads, link
-
-
 def test_the_commands_for_the_file_of_robots_do_what_they_say(tmp_path: Path) -> None:
     path = tmp_path / "robots.toml"
     environ = os.environ | {"POSECAST_ROBOTS": str(path), "EDITOR": "true"}

@@ -127,7 +127,7 @@ def make_bytes(rows: Sequence[Row]) -> str:
         figures = [f"{part:,.0f}" for part in row["parts_s"]]
         lines.append([name, *figures, f"**{row['bytes_s']:,.0f}**", f"{ratio:.2f}"])
     head = ["a viewer at 30 Hz", "frames or segments", "status, or headers of HTTP", "TLS, TCP and IP"]
-    drawn = "<!-- bars: img/lane-bytes.svg | To a viewer at 30 Hz | bytes a second | B/s -->"
+    drawn = "<!-- bars: ../img/lane-bytes.svg | To a viewer at 30 Hz | bytes a second | B/s -->"
     return f"{drawn}\n\n{markdown([*head, 'bytes a second', '÷ WebSocket'], lines)}"
 
 
