@@ -1,0 +1,75 @@
+"""Builds the guide, a static site that needs no other origin and works below any path, and from files.
+
+python -m tools.site [--out FOLDER]: out/site by default. What Zensical warns of is an error.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from tools.site.navigation import make_navigation
+from tools.site.staging import stage_pages
+
+ROOT = Path(__file__).resolve().parents[2]
+HERE = Path(__file__).resolve().parent
+SHIM = "node_modules/iframe-worker/shim/index.js"
+COLOURS = re.compile(r"\x1b\[[0-9;]*m")
+UNUSED = ("sitemap.xml", "search.json", "assets/stylesheets/classic", "assets/images")
+
+
+class SiteError(Exception):
+    """What is wrong with which page."""
+
+
+def build(out: Path) -> None:
+    """Build the guide into the folder `out`, which is replaced. Raises SiteError."""
+    stage = ROOT / "out" / "site-pages"
+    shutil.rmtree(stage, ignore_errors=True)
+    stage.mkdir(parents=True)
+    pages = stage / "docs"
+    stage_pages(ROOT, pages)
+    shutil.copytree(HERE / "overrides", stage / "overrides")
+    shutil.copytree(HERE / "look", pages / "look")
+    shutil.copyfile(ROOT / SHIM, pages / "look" / "iframe-worker.js")
+    shutil.copyfile(ROOT / "spa/public/favicon.svg", pages / "look" / "favicon.svg")
+    settings = (ROOT / "zensical.toml").read_text(encoding="utf-8")
+    nav = _write_toml(make_navigation(pages))
+    (stage / "zensical.toml").write_text(settings.replace("[project]\n", f"[project]\nnav = {nav}\n", 1))
+    zensical = Path(sys.executable).parent / "zensical"
+    done = subprocess.run([zensical, "build", "--strict"], cwd=stage, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise SiteError(COLOURS.sub("", done.stdout + done.stderr.partition("Traceback")[0]))
+    for name in UNUSED:
+        path = stage / "site" / name
+        shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+    shutil.rmtree(out, ignore_errors=True)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    shutil.move(stage / "site", out)
+
+
+def _write_toml(value: object) -> str:
+    """Texts, lists and tables as one line of TOML."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{json.dumps(k)} = {_write_toml(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_write_toml, value)) + "]"
+    return json.dumps(value, ensure_ascii=False)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--out", type=Path, default=ROOT / "out" / "site", help="instead of out/site")
+    try:
+        build(parser.parse_args().out.resolve())
+    except SiteError as e:
+        raise SystemExit(f"{e}the guide is not built") from None
+
+
+if __name__ == "__main__":
+    main()
