@@ -1,6 +1,6 @@
 # Every target sets up what it needs; `make` alone lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers lane balance load attack faults soak gallery pictures explained compose-test dist bare clean unit python python-a python-b typescript page e2e browsers
+.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers lane balance load attack faults soak gallery pictures explained site compose-test dist bare clean unit python python-a python-b typescript page e2e browsers
 SHELL := /bin/bash
 export UV_PYTHON_DOWNLOADS := never
 export PYTHONDONTWRITEBYTECODE := 1
@@ -59,7 +59,14 @@ $(DEMO)/model/manifest.json: $(DEMO)/robot.urdf $(wildcard edge-agent/src/poseca
 	$(BIN)/posecast-edge model build --no-cache $< -o $(@D)
 	@touch $@
 
-setup: .venv/.ready node_modules/.ready spa/dist/index.html $(DEMO)/model/manifest.json ## prepare everything, start nothing
+# beside the page, where the relay finds it; packed like the page
+spa/dist/guide/index.html: spa/dist/index.html .venv/.ready $(shell git ls-files --cached --others --exclude-standard docs tools/site zensical.toml '*.md' 2>/dev/null)
+	$(BIN)/python -m tools.site --out out/site
+	rm -rf $(@D) && cp -r out/site $(@D)
+	find $(@D) -type f -regex '.*\.\(html\|css\|js\|json\|svg\)' -exec gzip -9kn {} +
+	@touch $@
+
+setup: .venv/.ready node_modules/.ready spa/dist/index.html spa/dist/guide/index.html $(DEMO)/model/manifest.json ## prepare everything, start nothing
 
 # ---- for people --------------------------------------------------------------
 
@@ -68,6 +75,8 @@ demo: setup ## a robot on http://127.0.0.1:8080, or the next free port (PORT=…
 
 dev: setup ## the same with the page served by Vite, reloading as you edit
 	@exec env POSECAST_STATIC=spa/dist $(BIN)/python tools/dev.py
+
+site: spa/dist/guide/index.html ## the guide (docs/) as a static site: out/site for any web server, and /guide/ of the relay
 
 # ---- proof -------------------------------------------------------------------
 

@@ -41,8 +41,8 @@ def build(out: Path) -> None:
     settings = (ROOT / "zensical.toml").read_text(encoding="utf-8")
     nav = _write_toml(make_navigation(pages))
     (stage / "zensical.toml").write_text(settings.replace("[project]\n", f"[project]\nnav = {nav}\n", 1))
-    zensical = Path(sys.executable).parent / "zensical"
-    done = subprocess.run([zensical, "build", "--strict"], cwd=stage, capture_output=True, text=True, check=False)
+    command = [str(Path(sys.executable).parent / "zensical"), "build", "--strict"]
+    done = subprocess.run(command, cwd=stage, capture_output=True, text=True, check=False)
     if done.returncode:
         raise SiteError(COLOURS.sub("", done.stdout + done.stderr.partition("Traceback")[0]))
     for name in UNUSED:

@@ -1,4 +1,4 @@
-"""The guide's navigation: a page is listed by the folder in which it lies, after those that are read first."""
+"""The guide's navigation: each page is listed by its folder, after the pages to read first."""
 
 from __future__ import annotations
 

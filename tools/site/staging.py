@@ -1,4 +1,4 @@
-"""Collects the guide's pages in one folder: docs/, pages from elsewhere in the repository, and generated ones."""
+"""Collects the guide's pages in one folder: docs/, and pages from elsewhere in the repository."""
 
 from __future__ import annotations
 

@@ -31,11 +31,13 @@ from posecast_relay.http.balance_models import BalanceModels
 from posecast_relay.http.gzip_cache import GzipCache
 from posecast_relay.http.link_preview import FRAME_PX, LinkPreview
 from posecast_relay.http.models import make_model_answer
+from posecast_relay.http.pages.guide import Guide
+from posecast_relay.http.pages.static_folder import KeptFiles
+from posecast_relay.http.pages.static_page import Page
 from posecast_relay.http.past.desk import PastDesk
 from posecast_relay.http.past.routes import add_past_routes
 from posecast_relay.http.robot_state import StateReader
 from posecast_relay.http.robots import make_robot_document, make_robots_document
-from posecast_relay.http.static_page import Page
 from posecast_relay.http.thumbnails import Thumbnails
 from posecast_relay.models.cache import Absent, ModelCache, ModelFile, Unavailable
 from posecast_relay.past_source import PastAway
@@ -47,6 +49,7 @@ NO_PAGE = """The relay serves, but it has no page to show: start it with --stati
 """
 PACKED_PAGE = Path(__file__).parent.parent / "page"  # the built page, where the wheel carries it
 API = "/api/v1/robots"
+GUIDE = "/guide"  # and the folder of that name in the built page
 PICTURE_FRESH = "public, max-age=60"
 OLD_MODEL_FRESH = "public, max-age=3600"
 PREFLIGHT = OPEN | {
@@ -139,7 +142,9 @@ def make_app(
 
     page = static or (PACKED_PAGE if (PACKED_PAGE / "index.html").is_file() else None)
     if page is not None:
-        app.mount("/", Page(page, access.list_frame_ancestors, preview))
+        kept = KeptFiles()
+        app.mount(GUIDE, Guide(page / GUIDE[1:], kept))
+        app.mount("/", Page(page, kept, access.list_frame_ancestors, preview))
     else:
 
         @app.get("/", include_in_schema=False)
