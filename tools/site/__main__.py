@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[2]
 HERE = Path(__file__).resolve().parent
 SHIM = "node_modules/iframe-worker/shim/index.js"
 COLOURS = re.compile(r"\x1b\[[0-9;]*m")
-UNUSED = ("sitemap.xml", "search.json", "assets/stylesheets/classic", "assets/images")
+UNUSED = ("search.json", "assets/stylesheets/classic", "assets/images")
 
 
 class SiteError(Exception):

@@ -16,6 +16,8 @@ MOVED: Mapping[str, str] = {
     "CONTRIBUTING.md": "project/contributing.md",
     "benches/peers/README.md": "project/peer-benchmarks.md",
 }
+HOME = Path("index.md")
+HOME_META = "---\nhide:\n  - navigation\n  - toc\n  - path\n---\n\n"  # no columns beside it
 FILES = "files"  # the folder of what pages link to besides pages
 LINK = re.compile(r"(?P<before>\]\(|\b(?:href|src)=\")(?P<target>[^)\s\"]+)")
 
@@ -27,10 +29,12 @@ def stage_pages(root: Path, out: Path) -> None:
     shutil.copytree(root / "docs", out)
     pages = {path: path.relative_to(root / "docs") for path in (root / "docs").rglob("*.md")}
     pages |= {root / page: Path(place) for page, place in MOVED.items()}
-    home = {root / "README.md": Path("index.md")}  # which is a page of its own
+    home = {root / "README.md": HOME}  # which is a page of its own
     for page, place in pages.items():
         text = page.read_text(encoding="utf-8")
         moved = LINK.sub(lambda found: _move_link(found, root, page, place, pages | home, out), text)  # noqa: B023
+        if place == HOME:
+            moved = HOME_META + moved
         (out / place).parent.mkdir(parents=True, exist_ok=True)
         (out / place).write_text(moved, encoding="utf-8")
 
