@@ -14,13 +14,15 @@ import sys
 from pathlib import Path
 
 from tools.site.navigation import make_navigation
+from tools.site.python_page import write_python_page
+from tools.site.routes_page import read_description, write_routes
 from tools.site.staging import stage_pages
 
 ROOT = Path(__file__).resolve().parents[2]
 HERE = Path(__file__).resolve().parent
 SHIM = "node_modules/iframe-worker/shim/index.js"
 COLOURS = re.compile(r"\x1b\[[0-9;]*m")
-UNUSED = ("search.json", "assets/stylesheets/classic", "assets/images")
+UNUSED = ("assets/stylesheets/classic", "assets/images")
 
 
 class SiteError(Exception):
@@ -34,6 +36,8 @@ def build(out: Path) -> None:
     stage.mkdir(parents=True)
     pages = stage / "docs"
     stage_pages(ROOT, pages)
+    (pages / "reference/routes.md").write_text(write_routes(read_description()), encoding="utf-8")
+    (pages / "reference/python-api.md").write_text(write_python_page(ROOT), encoding="utf-8")
     shutil.copytree(HERE / "overrides", stage / "overrides")
     shutil.copytree(HERE / "look", pages / "look")
     shutil.copyfile(ROOT / SHIM, pages / "look" / "iframe-worker.js")

@@ -6,12 +6,11 @@ import math
 from collections.abc import Awaitable, Callable
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from fastapi import FastAPI, HTTPException, Request, Response
 from fastapi.responses import JSONResponse, PlainTextResponse
 from fastapi.routing import APIRoute
-from pydantic import BaseModel
 from starlette.exceptions import HTTPException as StarletteHTTPException
 
 from posecast_relay.auth.access import Access
@@ -20,6 +19,15 @@ from posecast_relay.core.policy.policy import ANYONE, Grant
 from posecast_relay.http.admin.report import AdminSources
 from posecast_relay.http.admin.routes import add_admin_routes
 from posecast_relay.http.answer_cache import AnswerCache
+from posecast_relay.http.answers import (
+    ErrorAnswer,
+    OEmbed,
+    Readiness,
+    RobotDetails,
+    RobotList,
+    RobotState,
+    describe_bytes,
+)
 from posecast_relay.http.auth import (
     OPEN,
     identify_asker,
@@ -52,17 +60,21 @@ API = "/api/v1/robots"
 GUIDE = "/guide"  # and the folder of that name in the built page
 PICTURE_FRESH = "public, max-age=60"
 OLD_MODEL_FRESH = "public, max-age=3600"
+EVENTS: dict[int | str, dict[str, Any]] = {
+    200: {
+        "description": "Server-sent events: the messages of the stream, frames in base64 (wire/SPEC.md §6)",
+        "content": {"text/event-stream": {"schema": {"type": "string"}}},
+    }
+}
+ALIVE: dict[int | str, dict[str, Any]] = {
+    200: {"description": "`ok`", "content": {"text/plain": {"schema": {"type": "string"}}}}
+}
+MODEL = describe_bytes("*/*", "manifest.json, or a file that it names, in that file's own type")
 PREFLIGHT = OPEN | {
     "access-control-allow-methods": "GET, OPTIONS",
     "access-control-allow-headers": "authorization, if-none-match, last-event-id",
     "access-control-max-age": "86400",
 }
-
-
-class ErrorAnswer(BaseModel):
-    """What every refusal holds: why, in one line."""
-
-    error: str
 
 
 class MissingPart(NamedTuple):
@@ -111,6 +123,8 @@ def make_app(
     @app.get(
         API + "/{robot}/live.sse",
         summary="The stream as events: hz, view, format=json, preview=1",
+        response_class=Response,
+        responses=EVENTS,
     )
     async def events(request: Request, robot: str) -> Response:  # noqa: ARG001 — served below ASGI, mostly
         if request.method == "HEAD":
@@ -161,7 +175,7 @@ def _add_health(
     find_missing: Callable[[], MissingPart | None],
     find_config_trouble: Callable[[], str | None],
 ) -> None:
-    @app.get("/livez", summary="The process answers")
+    @app.get("/livez", summary="The process answers", response_class=Response, responses=ALIVE)
     async def livez() -> PlainTextResponse:
         return PlainTextResponse("ok\n")
 
@@ -169,6 +183,7 @@ def _add_health(
         "/readyz",
         summary="Whether viewers are accepted; `degraded` when the store, the past or a worker is away, or a "
         "file of the configuration is wrong",
+        response_model=Readiness,
     )
     async def readyz() -> JSONResponse:
         if dispatcher.draining:
@@ -190,7 +205,7 @@ def _add_robots(
     reader = StateReader(dispatcher.now, decoded)
     balances = BalanceModels(models, dispatcher.now)
 
-    @app.get(API, summary="Robots on air")
+    @app.get(API, summary="Robots on air", response_model=RobotList)
     async def robots(request: Request) -> Response:
         who = await identify_asker(access, request)
         here = publish_at if is_on_this_machine(access, request) else None
@@ -201,7 +216,9 @@ def _add_robots(
         name = f"{who.audience}/{who.robot}/{'' if here is None else 'here'}"
         return answers.get_answer(request, name, made, headers)
 
-    @app.get(API + "/{robot}", summary="One robot: liveness, viewers, schema, model")
+    @app.get(
+        API + "/{robot}", summary="One robot: liveness, viewers, schema, model", response_model=RobotDetails
+    )
     async def one_robot(request: Request, robot: str) -> Response:
         grant = await require_grant(access, request, robot)
         await dispatcher.open_robot(robot)
@@ -212,7 +229,11 @@ def _add_robots(
         name = f"{robot}/{grant.view}/{grant.delay_s:g}"
         return answers.get_answer(request, name, made, make_sharing_headers(request, grant.open))
 
-    @app.get(API + "/{robot}/state", summary="The newest state with names and units, and its balance")
+    @app.get(
+        API + "/{robot}/state",
+        summary="The newest state with names and units, and its balance",
+        response_model=RobotState,
+    )
     async def state(request: Request, robot: str, view: str | None = None) -> Response:
         grant = await require_grant(access, request, robot, view)
         await dispatcher.open_robot(robot)
@@ -230,7 +251,12 @@ def _add_robots(
 def _add_models(app: FastAPI, access: Access, models: ModelCache, past: PastDesk | None) -> None:
     packed = GzipCache(models.room)
 
-    @app.get(API + "/{robot}/model/{digest}/{path:path}", summary="A model's manifest.json and files")
+    @app.get(
+        API + "/{robot}/model/{digest}/{path:path}",
+        summary="A model's manifest.json and files",
+        response_class=Response,
+        responses=MODEL,
+    )
     async def model(request: Request, robot: str, digest: str, path: str) -> Response:
         grant = await require_grant(access, request, robot)
         is_old = past is not None and past.has_models and not await _announces(access, grant, digest)
@@ -272,7 +298,12 @@ def _add_previews(
 ) -> None:
     packed = GzipCache(models.room)
 
-    @app.get(API + "/{robot}/picture", summary="A small picture of the robot, as its model has it now")
+    @app.get(
+        API + "/{robot}/picture",
+        summary="A small picture of the robot, as its model has it now",
+        response_class=Response,
+        responses=describe_bytes("image/*", "PNG, JPEG or WebP"),
+    )
     async def picture(request: Request, robot: str) -> Response:
         grant = await require_grant(access, request, robot)
         await access.live.open_robot(robot)
@@ -287,7 +318,11 @@ def _add_previews(
             answer.headers.update(make_sharing_headers(request, False))
         return answer
 
-    @app.get("/api/v1/oembed", summary="oEmbed of a robot's page: url, maxwidth, maxheight, format=json")
+    @app.get(
+        "/api/v1/oembed",
+        summary="oEmbed of a robot's page: url, maxwidth, maxheight, format=json",
+        response_model=OEmbed,
+    )
     async def oembed(
         url: str = "",
         maxwidth: str = "",

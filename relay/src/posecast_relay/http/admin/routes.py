@@ -24,6 +24,7 @@ from posecast_relay.config.robots_reader import AdminEntry, RobotsError
 from posecast_relay.config.robots_storage import lock_folder, replace_text
 from posecast_relay.config.settings import SettingsError
 from posecast_relay.http.admin.report import AdminSources, make_report
+from posecast_relay.http.answers import AdminReport, Nothing, ShareLink
 from posecast_relay.http.auth import is_on_this_machine
 from posecast_relay.streaming.request import read_bearer
 
@@ -60,12 +61,16 @@ def add_admin_routes(app: FastAPI, access: Access, sources: AdminSources) -> Non
             raise HTTPException(404, "no such file")
         return FileResponse(PAGE / FILES[name], headers=PAGE_HEADERS)
 
-    @app.get(API, summary="What the page /admin shows; takes its credential")
+    @app.get(API, summary="What the page /admin shows; takes its credential", response_model=AdminReport)
     async def report(request: Request) -> JSONResponse:
         _require_admin(access, sources, request)
         return JSONResponse(make_report(access, sources), headers=PRIVATE)
 
-    @app.post(API + "/robots/{robot}/links", summary="A new share link, good for days=; 7 without")
+    @app.post(
+        API + "/robots/{robot}/links",
+        summary="A new share link, good for days=; 7 without",
+        response_model=ShareLink,
+    )
     async def make_link(request: Request, robot: str, days: str = "7") -> JSONResponse:
         _require_admin(access, sources, request)
         if not DAYS.fullmatch(days):
@@ -76,7 +81,11 @@ def add_admin_routes(app: FastAPI, access: Access, sources: AdminSources) -> Non
         fragment = f"#/r/{robot}?t={token}"
         return JSONResponse({"link": fragment, "until_s": round(until.timestamp())}, headers=PRIVATE)
 
-    @app.delete(API + "/robots/{robot}/links", summary="No share link of this robot is good from now on")
+    @app.delete(
+        API + "/robots/{robot}/links",
+        summary="No share link of this robot is good from now on",
+        response_model=Nothing,
+    )
     async def revoke_links(request: Request, robot: str) -> JSONResponse:
         _require_admin(access, sources, request)
 
