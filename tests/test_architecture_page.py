@@ -21,6 +21,7 @@ ROOTS = (
     REPO / "relay/src/posecast_relay",
     REPO / "spa/src",
     REPO / "spa/src/stream/lane",
+    REPO / "wire",
 )
 
 
