@@ -1,4 +1,5 @@
-"""The guide's navigation: a page is listed by the folder in which it lies, after those that are read first."""
+"""The guide's navigation: a page is listed by the folder in which it lies, after those that are read
+first."""
 
 from __future__ import annotations
 

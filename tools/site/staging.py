@@ -1,4 +1,5 @@
-"""Collects the guide's pages in one folder: docs/, pages from elsewhere in the repository, and generated ones."""
+"""Collects the guide's pages in one folder: docs/, pages from elsewhere in the repository, and generated
+ones."""
 
 from __future__ import annotations
 
