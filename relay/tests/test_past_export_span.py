@@ -37,7 +37,8 @@ def list_frames_ms(kept: Sequence[KeptSegment]) -> list[int]:
 @pytest.fixture
 def export(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Export:
     """Exports what is given from a store; the lines of standard output and error, without the path."""
-    monkeypatch.setattr("posecast_relay.past_command.export.PAGES", (make_page(tmp_path / "page"),))
+    page = make_page(tmp_path / "page")
+    monkeypatch.setattr("posecast_relay.past_command.export.find_page", lambda: page)
     places = iter(range(100))
 
     def run(out: str, kept: Sequence[KeptSegment], from_ms: int, to_ms: int) -> tuple[str, str]:

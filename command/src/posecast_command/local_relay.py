@@ -10,6 +10,7 @@ import urllib.request
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from posecast_relay.config.built_page import CHECKOUT, find_page
 from posecast_relay.port_holder import name_holder
 from posecast_wire.command_line.color import paint
 
@@ -86,9 +87,13 @@ def show_robot(
             if not _wait(f"{local}/api/v1/robots/{robot}/state", processes):
                 print(f"posecast: {robot} did not come on air", file=sys.stderr, flush=True)
                 return process.poll() or FAILED
-            _announce(f"http://{name_host(place.host)}:{port}/#/r/{robot}", uplink, is_for_others(place.host))
-            if browser and has_browser(environment):
-                open_browser(f"{local}/#/r/{robot}")
+            has_page = bool(environment.get("POSECAST_STATIC") or find_page())
+            path = f"/#/r/{robot}" if has_page else f"/api/v1/robots/{robot}/state"
+            if not has_page:
+                print(f"posecast: there is no page: `make setup` in {CHECKOUT} builds it", file=sys.stderr)
+            _announce(f"http://{name_host(place.host)}:{port}{path}", uplink, is_for_others(place.host))
+            if has_page and browser and has_browser(environment):
+                open_browser(f"{local}{path}")
             while (over := processes.find_ended()) is None:
                 time.sleep(POLL_S)
             return over.returncode if over is process else FAILED

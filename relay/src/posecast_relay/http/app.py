@@ -45,7 +45,6 @@ from posecast_relay.streaming.decode_cache import DecodeCache
 NO_PAGE = """The relay serves, but it has no page to show: start it with --static DIR, the built page
 (in a checkout spa/dist, which `make setup` builds). The API is described in /openapi.json
 """
-PACKED_PAGE = Path(__file__).parent.parent / "page"  # the built page, where the wheel carries it
 API = "/api/v1/robots"
 PICTURE_FRESH = "public, max-age=60"
 OLD_MODEL_FRESH = "public, max-age=3600"
@@ -73,7 +72,7 @@ def make_app(
     access: Access,
     models: ModelCache,
     decoded: DecodeCache,
-    static: Path | None,
+    page: Path | None,
     public_url: str | None = None,
     publish_at: str | None = None,
     past: PastDesk | None = None,
@@ -83,6 +82,7 @@ def make_app(
 ) -> FastAPI:
     """Make the relay's HTTP application. WebSocket upgrades never reach it.
 
+    `page`: the folder of the built page; None when there is none.
     `public_url`: where people open the page, without a slash at its end; None when nobody has said so.
     `publish_at`: where anybody on this machine may publish; None when nobody may without a credential.
     `past`: where the past of this process is; None when it keeps none. `find_missing` returns what does
@@ -137,7 +137,6 @@ def make_app(
     for route in [each for each in app.routes if isinstance(each, APIRoute) and each.methods == {"GET"}]:
         app.add_api_route(route.path, route.endpoint, methods=["HEAD"], include_in_schema=False)
 
-    page = static or (PACKED_PAGE if (PACKED_PAGE / "index.html").is_file() else None)
     if page is not None:
         app.mount("/", Page(page, access.list_frame_ancestors, preview))
     else:

@@ -18,6 +18,7 @@ from posecast_wire.recording.contents import TITLE_CHARACTERS_MAX
 from posecast_wire.recording.reader import CONTROLS
 
 from posecast_relay.archive.names import PAGE_MS
+from posecast_relay.config.built_page import find_page
 from posecast_relay.config.settings import SettingsError
 from posecast_relay.core.policy.policy import PUBLIC, Audience
 from posecast_relay.counted import write_count
@@ -41,8 +42,6 @@ from posecast_relay.recording.zip_file import pack_recording
 
 HELP = "write a span of the past as files: a folder that plays in a browser, .posecast, .csv or .mcap"
 RELAY = "http://127.0.0.1:8080"
-PACKAGE = Path(__file__).resolve().parents[1]
-PAGES = (PACKAGE / "page", PACKAGE.parents[2] / "spa/dist")  # as it is packed in, and in a checkout
 FILES = (".posecast", ".csv", ".mcap")
 FOREIGN = frozenset(  # formats that are not written here: without this, a folder would get that name
     [
@@ -107,7 +106,7 @@ def add_arguments(parser: argparse.ArgumentParser, environ: Mapping[str, str]) -
     ):
         add(flag, metavar="TEXT", type=_read_heading, help=told)
     add("--notes", metavar="FILE", type=Path, help="a TOML file with notes at moments")
-    add("--page", metavar="DIR", type=Path, help="for a folder: the built page [the one in this package]")
+    add("--page", metavar="DIR", type=Path, help="for a folder: the built page [as for the relay]")
     add(
         "--url",
         metavar="URL",
@@ -277,9 +276,8 @@ def _find_page(asked: argparse.Namespace) -> Path | None:
         if asked.out.suffix != ".posecast" and asked.notes is not None:
             raise SettingsError(f"--notes: a file {asked.out.suffix} has no place for them")
         return None
-    places = PAGES if asked.page is None else (asked.page,)
-    found = next((page for page in places if (page / "index.html").is_file()), places[0])
-    if asked.page is None and not (found / "index.html").is_file():
+    found = asked.page or find_page()
+    if found is None:
         raise SettingsError("--page: this package has no built page: name the folder of one")
     check_page(found)
     return found

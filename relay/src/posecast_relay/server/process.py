@@ -18,6 +18,7 @@ import zenoh
 from posecast_wire.command_line.installation import advise_extra
 
 from posecast_relay.auth.access import Access
+from posecast_relay.config.built_page import find_page
 from posecast_relay.config.robots_reader import Robots
 from posecast_relay.config.robots_watcher import RobotsWatcher
 from posecast_relay.config.settings import Settings, StartError
@@ -108,7 +109,7 @@ async def _serve(settings: Settings, argv: Sequence[str], ends: contextlib.ExitS
         access,
         services.models,
         decoded,
-        settings.static,
+        settings.static or find_page(),
         settings.public_url,
         _find_publish_at(settings, router),
         desk,
