@@ -128,7 +128,9 @@ describe('a robot in a format that only the edge reads', () => {
     ['a name that looks like a flag', { '-o.sdf': 'x' }, '-o.sdf', 'SDF', 'FILE'],
   ])('%s: one line names it and the command that builds it', async (_, files, path, format, typed) => {
     expect(await refusal(files)).toBe(moreEn.dropOtherFormat(path, format, typed));
-    expect(moreEn.dropOtherFormat(path, format, typed)).toContain(`“posecast model build ${typed} -o bundle”`);
+    expect(moreEn.dropOtherFormat(path, format, typed)).toContain(
+      `“posecast model build ${typed} -o bundle”`,
+    );
   });
 
   it.each([

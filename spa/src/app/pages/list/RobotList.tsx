@@ -244,7 +244,10 @@ function Empty({ publishAt }: { publishAt: string | null }) {
     <div className="empty" data-testid="no-robots">
       <p>{rest.nobodyOnAir}</p>
       <Command what={rest.demoRobot} line={`posecast run --robot demo --source demo --relay ${relay}`} />
-      <Command what={rest.yours} line={`my-robot | posecast run --robot mine --source jsonl --relay ${relay}`} />
+      <Command
+        what={rest.yours}
+        line={`my-robot | posecast run --robot mine --source jsonl --relay ${relay}`}
+      />
       <p className="quiet">
         {publishAt === null ? rest.askOperator : rest.onThatComputer} {rest.agentAlone}
       </p>
