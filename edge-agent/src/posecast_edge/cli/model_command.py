@@ -12,9 +12,9 @@ from typing import Any, NoReturn, TextIO
 
 from posecast_wire.command_line.color import paint
 from posecast_wire.command_line.parser import CommandParser
+from posecast_wire.command_line.progress_bar import ProgressBar, show_countdown
 
 from posecast_edge.cli.doctor import examine_source
-from posecast_edge.cli.progress_bar import Bar, show_countdown
 from posecast_edge.cli.robot_flags import add_robot_flags, list_packages
 from posecast_edge.model.builder.manifest import FINDINGS_MAX
 from posecast_edge.model.doctor.skeleton import examine_model
@@ -146,7 +146,7 @@ def _model(
         facts = None
         _print(sys.stderr, f"{args.program}: meshes not looked at: {_explain_missing(e)}")
     else:
-        with Bar(sys.stderr) as bar:
+        with ProgressBar(sys.stderr) as bar:
             files = read_visual_files(robot, Resolver(path, packages), bar.show_progress)
         if tree.links:
             settle_up_axis(urdf, tree, files, args.up_axis)
@@ -213,7 +213,7 @@ def _build(args: argparse.Namespace, packages: Sequence[Path], cache: Path | Non
     files = kept.get() if kept is not None else None
     if files is None:
         robot, resolver = load_robot_file(path, packages, arguments), Resolver(path, packages)
-        with Bar(sys.stderr) as bar:
+        with ProgressBar(sys.stderr) as bar:
             built = build_model(robot, resolver, bar.show_progress, args.up_axis)
         files = {**built.files, MANIFEST: built.manifest}
         if kept is not None:
