@@ -11,6 +11,7 @@ from typing import Any
 import httpx
 import pytest
 from posecast_relay.config.robots_file import read_robots
+from posecast_relay.http.admin.documents import AdminReport, MadeShareLink
 
 from .stage import Relay, ZenohEdge, until
 
@@ -109,6 +110,7 @@ def test_it_shows_robots_and_figures_and_no_secret(lab: Lab, edges: Callable[...
     edges(lab.relay.zenoh, robot="hubo")
     until("on air", lambda: lab.ask().json()["robots"][0]["status"] == "online")
     report: dict[str, Any] = lab.ask().json()
+    assert AdminReport.model_validate(report, strict=True).robots[0].lateness_ms >= 0
     hubo, private = report["robots"]
     assert hubo["audiences"] == {"anyone": "public (30 min back)", "link": "public (no past)"}
     assert (hubo["robot"], hubo["conflict"], hubo["may_link"], hubo["has_links"]) == (
@@ -130,6 +132,7 @@ def test_share_links_are_made_and_revoked(lab: Lab, edges: Callable[..., ZenohEd
     edges(lab.relay.zenoh, robot="hubo")
     made = lab.ask("POST", "/robots/hubo/links?days=3")
     assert made.status_code == 200
+    MadeShareLink.model_validate(made.json(), strict=True)
     token = made.json()["link"].partition("?t=")[2]
     state = f"http://{lab.relay.address}/api/v1/robots/hubo/state"
 
@@ -151,6 +154,22 @@ def test_share_links_are_made_and_revoked(lab: Lab, edges: Callable[..., ZenohEd
         answer = lab.ask("POST", path)
         assert (answer.status_code, says in answer.json()["error"]) == (status, True), answer.text
     assert token not in lab.relay.errors()
+
+
+def test_the_api_describes_its_routes_and_what_they_answer(lab: Lab) -> None:
+    paths = httpx.get(f"http://{lab.relay.address}/openapi.json").json()["paths"]
+    told = {
+        (method.upper(), path.removeprefix("/api/v1/admin")): route["responses"]
+        for path, methods in paths.items()
+        if path.startswith("/api/v1/admin")
+        for method, route in methods.items()
+    }
+    assert told.keys() == {(method, path.replace("hubo", "{robot}")) for method, path in ROUTES}
+    for (method, _), answers in told.items():
+        assert answers.keys() >= {"200", "401", "403", "404"}
+        assert ({"400", "409", "503"} <= answers.keys()) == (method != "GET")
+        assert "422" not in answers
+        assert answers["200"]["content"]["application/json"]["schema"]["$ref"]
 
 
 def test_the_page_has_a_policy_and_its_own_files_alone(lab: Lab) -> None:

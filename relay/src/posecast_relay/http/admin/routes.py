@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 from fastapi import FastAPI, HTTPException, Request, Response
 from fastapi.responses import FileResponse, JSONResponse, RedirectResponse
@@ -23,6 +24,7 @@ from posecast_relay.config.robots_file import read_text
 from posecast_relay.config.robots_reader import AdminEntry, RobotsError
 from posecast_relay.config.robots_storage import lock_folder, replace_text
 from posecast_relay.config.settings import SettingsError
+from posecast_relay.http.admin import documents
 from posecast_relay.http.admin.report import AdminSources, make_report
 from posecast_relay.http.auth import is_on_this_machine
 from posecast_relay.streaming.request import read_bearer
@@ -43,6 +45,16 @@ PAGE_HEADERS = PRIVATE | {
     "x-content-type-options": "nosniff",
     "permissions-policy": "camera=(), geolocation=(), microphone=(), payment=(), usb=()",
 }
+ERRORS: dict[int | str, dict[str, Any]] = {
+    401: {"description": "Not the credential of this page"},
+    403: {"description": "From another machine than may ask, or for a page of another origin"},
+    404: {"description": "The file of robots has no credential for this page"},
+}
+CHANGE_ERRORS = ERRORS | {
+    400: {"description": "There can be no such robot, or no such number of days"},
+    409: {"description": "The file of robots does not allow it, and why"},
+    503: {"description": "The file of robots can't be written, and why"},
+}
 DAYS = re.compile(r"[1-9][0-9]{0,3}", re.ASCII)
 
 
@@ -60,12 +72,20 @@ def add_admin_routes(app: FastAPI, access: Access, sources: AdminSources) -> Non
             raise HTTPException(404, "no such file")
         return FileResponse(PAGE / FILES[name], headers=PAGE_HEADERS)
 
-    @app.get(API, summary="What the page /admin shows; takes its credential")
+    @app.get(
+        API,
+        summary="What the page /admin shows; takes its credential",
+        responses=ERRORS | _tells(documents.AdminReport),
+    )
     async def report(request: Request) -> JSONResponse:
         _require_admin(access, sources, request)
         return JSONResponse(make_report(access, sources), headers=PRIVATE)
 
-    @app.post(API + "/robots/{robot}/links", summary="A new share link, good for days=; 7 without")
+    @app.post(
+        API + "/robots/{robot}/links",
+        summary="A new share link, good for days=; 7 without",
+        responses=CHANGE_ERRORS | _tells(documents.MadeShareLink),
+    )
     async def make_link(request: Request, robot: str, days: str = "7") -> JSONResponse:
         _require_admin(access, sources, request)
         if not DAYS.fullmatch(days):
@@ -76,7 +96,11 @@ def add_admin_routes(app: FastAPI, access: Access, sources: AdminSources) -> Non
         fragment = f"#/r/{robot}?t={token}"
         return JSONResponse({"link": fragment, "until_s": round(until.timestamp())}, headers=PRIVATE)
 
-    @app.delete(API + "/robots/{robot}/links", summary="No share link of this robot is good from now on")
+    @app.delete(
+        API + "/robots/{robot}/links",
+        summary="No share link of this robot is good from now on",
+        responses=CHANGE_ERRORS | _tells(documents.Nothing),
+    )
     async def revoke_links(request: Request, robot: str) -> JSONResponse:
         _require_admin(access, sources, request)
 
@@ -87,6 +111,11 @@ def add_admin_routes(app: FastAPI, access: Access, sources: AdminSources) -> Non
         await _change(sources.path, robot, revoke)
         log.warning("admin: all share links of %s were revoked", robot)
         return JSONResponse({}, headers=PRIVATE)
+
+
+def _tells(model: type) -> dict[int | str, dict[str, Any]]:
+    """What an answer holds, for the description of the API."""
+    return {200: {"model": model, "description": "JSON"}}
 
 
 def _require_place(access: Access, sources: AdminSources, request: Request) -> AdminEntry:
