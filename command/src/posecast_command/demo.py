@@ -17,7 +17,8 @@ def make_demo_parser() -> CommandParser:
     """The parser of the command."""
     parser = CommandParser(
         prog="posecast demo",
-        description="A relay, its page and a robot of ours, in this terminal; Ctrl-C ends them.",
+        description="Show a robot that comes with Posecast. This starts a relay, which serves the page, and the "
+        "robot's agent, prints the link, and opens it in a browser where there is one. Ctrl-C ends both.",
         statuses=STATUSES,
         allow_abbrev=False,
     )

@@ -51,12 +51,16 @@ def add_place_flags(parser: argparse._ActionsContainer) -> None:
         "--host",
         default=Place.host,
         metavar="HOST",
-        help="address the page is served on (127.0.0.1); 0.0.0.0 for the phone in your hand",
+        help="address on which the page is served (127.0.0.1: this machine alone); with 0.0.0.0 a phone in the "
+        "same network can open it",
     )
     parser.add_argument(
-        "--port", type=_port, metavar="PORT", help=f"port of the page (the first free one from {PAGE_PORT})"
+        "--port",
+        type=_port,
+        metavar="PORT",
+        help=f"port of the page (the first one from {PAGE_PORT} on that is free)",
     )
-    parser.add_argument("--no-browser", action="store_true", help="only print the link")
+    parser.add_argument("--no-browser", action="store_true", help="print the link, and open no browser")
 
 
 def read_place(args: argparse.Namespace) -> Place:
