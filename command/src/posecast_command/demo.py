@@ -17,8 +17,8 @@ def make_demo_parser() -> CommandParser:
     """The parser of the command."""
     parser = CommandParser(
         prog="posecast demo",
-        description="Show a robot that comes with Posecast. This starts a relay, which serves the page, and the "
-        "robot's agent, prints the link, and opens it in a browser where there is one. Ctrl-C ends both.",
+        description="Show a robot that comes with Posecast. This starts a relay, which serves the page, and "
+        "the robot's agent, prints the link, and opens it in a browser where there is one. Ctrl-C ends both.",
         statuses=STATUSES,
         allow_abbrev=False,
     )

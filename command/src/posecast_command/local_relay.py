@@ -51,8 +51,8 @@ def add_place_flags(parser: argparse._ActionsContainer) -> None:
         "--host",
         default=Place.host,
         metavar="HOST",
-        help="address on which the page is served (127.0.0.1: this machine alone); with 0.0.0.0 a phone in the "
-        "same network can open it",
+        help="address on which the page is served (127.0.0.1: this machine alone); with 0.0.0.0 a phone in "
+        "the same network can open it",
     )
     parser.add_argument(
         "--port",

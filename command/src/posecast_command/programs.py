@@ -5,14 +5,14 @@ from __future__ import annotations
 from posecast_wire.command_line.parser import CommandParser
 
 EDGE = {
-    "edge": "all commands of the agent beside a robot, as posecast-edge has them",
+    "edge": "the commands of a robot's agent, as posecast-edge has them",
     "doctor": "say what is wrong with a model, a profile or a source",
     "probe": "list what a source offers, before there is a profile",
     "model": "model build: make a robot's model small enough for phones",
     "profile": "profile new: write a profile to start from, made of a model",
 }
 RELAY = {
-    "relay": "all commands of the relay, as posecast-relay has them",
+    "relay": "the commands of a relay, as posecast-relay has them",
     "robots": "set who may publish and watch; make share links",
     "past": "list, export and delete what the relay keeps of the past",
 }
@@ -28,14 +28,14 @@ def make_parser() -> CommandParser:
     """The commands, without their arguments."""
     parser = CommandParser(
         prog="posecast",
-        description="Put a robot on a URL. Posecast reads the robot and never commands it. Begin with `posecast demo`; "
-        "`posecast COMMAND --help` has the flags of each command.",
+        description="Put a robot on a URL. Posecast reads the robot and never commands it. Begin with "
+        "`posecast demo`; `posecast COMMAND --help` has the flags of each command.",
         statuses=STATUSES,
         version=True,
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", title="commands")
     commands.add_parser("demo", help="show a robot that comes with Posecast, on a page of its own")
-    commands.add_parser("run", help="put your robot on a page; starts a relay unless --relay names one")
+    commands.add_parser("run", help="put your robot on a page, by a relay that it starts or joins")
     for name, text in (EDGE | RELAY).items():
         commands.add_parser(name, help=text)
     completion = commands.add_parser(

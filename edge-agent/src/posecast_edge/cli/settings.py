@@ -29,6 +29,7 @@ STATUSES = {
     2: "wrong arguments, profile or model",
     130: "ended by Ctrl-C before it ran",
 }
+SUCH = "KIND[:ADDRESS], such as demo, csv:log.csv or mujoco:arm.xml"
 
 
 class UsageError(Exception):
@@ -192,7 +193,7 @@ def add_run_flags(
     flag(
         "source",
         _source,
-        f"KIND[:ADDRESS], such as demo, csv:log.csv or mujoco:arm.xml; kinds: {', '.join(KINDS)}",
+        f"{SUCH}; kinds: {', '.join(KINDS)}",
     )
     flag("relay", _relay, "the relay: tls/HOST:PORT, or tcp/127.0.0.1:PORT on this machine")
     flag("credential", _credential, "file with the line that the relay's `robots add` printed")
