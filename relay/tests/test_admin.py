@@ -175,6 +175,7 @@ def test_the_api_describes_its_routes_and_what_they_answer(lab: Lab) -> None:
 def test_the_page_has_a_policy_and_its_own_files_alone(lab: Lab) -> None:
     page = f"http://{lab.relay.address}/admin"
     assert httpx.get(page).headers["location"] == "admin/"
+    assert '<link rel="icon" href="data:,">' in httpx.get(f"{page}/").text  # a browser asks for no other
     for name, kind in (("", "text/html"), ("admin.js", "javascript"), ("admin.css", "text/css")):
         answer = httpx.get(f"{page}/{name}")
         assert (answer.status_code, kind in answer.headers["content-type"]) == (200, True)

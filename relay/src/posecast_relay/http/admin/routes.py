@@ -36,9 +36,10 @@ PAGE = Path(__file__).parent / "page"
 FILES = {"": "index.html", "admin.js": "admin.js", "admin.css": "admin.css"}
 PRIVATE = {"cache-control": "no-store"}
 PAGE_HEADERS = PRIVATE | {
-    # nothing but its own two files and its own routes; no form leaves it, and nobody frames it
+    # nothing but its own two files and its own routes; no form leaves it, and nobody frames it; its icon is
+    # an empty one that stands in the page
     "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
-    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
     "x-frame-options": "DENY",
     "referrer-policy": "no-referrer",
     "cross-origin-opener-policy": "same-origin",
