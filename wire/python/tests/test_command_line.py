@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from posecast_wire.command_line.color import paint, wants_color
+from posecast_wire.command_line.color import paint, print_error, wants_color
 from posecast_wire.command_line.installation import advise_extra, find_version
 from posecast_wire.command_line.parser import CommandParser, suggest
 
@@ -42,10 +42,13 @@ def test_colour_is_for_terminals_that_want_it(
     assert paint("x", "red", out, environment) == ("\x1b[31mx\x1b[0m" if colored else "x")
 
 
-def test_a_closed_stream_wants_none() -> None:
+def test_a_closed_stream_wants_none(monkeypatch: pytest.MonkeyPatch) -> None:
     out = io.StringIO()
     out.close()
     assert not wants_color(out, {})
+    assert not wants_color(None, {"FORCE_COLOR": "1"})
+    monkeypatch.setattr("sys.stderr", out)
+    print_error("p", "nobody reads it")
 
 
 @pytest.mark.parametrize(
