@@ -43,13 +43,18 @@ def is_for_others(host: str) -> bool:
         return host != "localhost"
 
 
-def draw_qr(url: str) -> str:
-    """The link as a QR code for a terminal."""
+def draw_qr(url: str, encoding: str) -> str:
+    """The link as a QR code for a terminal; "" where its encoding lacks the characters."""
     import segno  # noqa: PLC0415 - only for the phone
 
     out = io.StringIO()
     segno.make(url, error="l").terminal(out, compact=True)
-    return out.getvalue()
+    code = out.getvalue()
+    try:
+        code.encode(encoding)
+    except UnicodeEncodeError:
+        return ""
+    return code
 
 
 def has_browser(environment: Mapping[str, str], platform: str = sys.platform) -> bool:
