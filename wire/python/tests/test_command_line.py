@@ -104,6 +104,15 @@ def test_abbreviations_and_what_stands_behind_two_dashes_are_no_mistakes() -> No
     assert parser.parse_args(["--po", "1", "--", "--prot"]).rest == ["--prot"]
 
 
+def test_an_abbreviation_that_is_not_taken_is_a_mistake(capsys: pytest.CaptureFixture[str]) -> None:
+    parser = CommandParser(prog="p", allow_abbrev=False)
+    parser.add_argument("--port")
+    assert parser.parse_args(["--port=1"]).port == "1"
+    with pytest.raises(SystemExit):
+        parser.parse_args(["--por", "1"])
+    assert capsys.readouterr().err == "p: unrecognized arguments: --por (did you mean --port?)\n"
+
+
 def test_help_lists_the_exit_statuses(monkeypatch: pytest.MonkeyPatch) -> None:
     for parser, lines in ((make_parser(), "  0   "), (make_parser(), "  3   ")):
         assert f"\n{lines}" in parser.format_help().partition("exit status:")[2]

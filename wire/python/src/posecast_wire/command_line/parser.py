@@ -51,12 +51,15 @@ class CommandParser(argparse.ArgumentParser):
             if word == "--":
                 return
             flag = word.partition("=")[0]
-            if not flag.startswith("--") or any(
-                known.startswith(flag) for known in self._option_string_actions
-            ):
+            if not flag.startswith("--") or self._is_flag(flag):
                 continue
             if hint := suggest(flag, self._option_string_actions):
                 self.error(f"unrecognized arguments: {flag}{hint}")
+
+    def _is_flag(self, word: str) -> bool:
+        if self.allow_abbrev:
+            return any(known.startswith(word) for known in self._option_string_actions)
+        return word in self._option_string_actions
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         """Likewise for commands and choices."""
