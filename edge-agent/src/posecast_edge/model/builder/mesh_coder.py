@@ -32,8 +32,8 @@ def can_pack() -> bool:
     return meshoptimizer is not None
 
 
-def describe_lack() -> str | None:
-    """What follows from its absence, in one line; None when it is there."""
+def explain_coarser() -> str | None:
+    """One line that says why models are coarser here than they could be; None where they are not."""
     if can_pack():
         return None
     advice = advise_extra("posecast-edge", "meshopt")
