@@ -15,6 +15,7 @@ from model_stage import glb_document
 from numpy.typing import NDArray
 from posecast_edge.model.builder import mesh_coder
 from posecast_edge.model.builder.mesh_coder import simplify
+from posecast_edge.model.finding import advise_mesh_tools
 
 WITHOUT = "import sys; sys.modules['meshoptimizer'] = None; from posecast_edge.cli.main import main; main()"
 DEMO = Path(mesh_coder.__file__).parents[2] / "demo_bundle" / "robot.urdf"
@@ -112,7 +113,7 @@ def test_the_same_input_gives_the_same_bytes(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("error", "said"),
     [
-        ("ModuleNotFoundError('no PIL')", "needs the mesh tools: pip install "),
+        ("ModuleNotFoundError('no PIL')", f"needs the mesh tools: {advise_mesh_tools()}"),
         (
             "ImportError('libstdc++.so.6: cannot open')",
             "the mesh tools can't be loaded: libstdc++.so.6: cannot open",

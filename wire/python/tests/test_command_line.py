@@ -123,11 +123,14 @@ def test_help_lists_the_exit_statuses(monkeypatch: pytest.MonkeyPatch) -> None:
 class Installed:
     """A distribution."""
 
-    def __init__(self, name: str, url: str | None) -> None:
-        self.name, self.version, self._url = name, "1.2.3", url
+    def __init__(self, name: str, url: str | None, installer: str = "pip") -> None:
+        self.name, self.version = name, "1.2.3"
+        self._files = {"INSTALLER": f"{installer}\n"}
+        if url is not None:
+            self._files["direct_url.json"] = json.dumps({"url": url})
 
-    def read_text(self, _: str) -> str | None:
-        return None if self._url is None else json.dumps({"url": self._url})
+    def read_text(self, name: str) -> str | None:
+        return self._files.get(name)
 
 
 def test_advice_names_what_is_installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -150,3 +153,6 @@ def test_advice_names_what_is_installed(tmp_path: Path, monkeypatch: pytest.Monk
     assert advise_extra("posecast-edge", "ros") == f"pip install '{wheel}[ros]'"
     there["posecast"] = Installed("posecast", None)
     assert (advise_extra("posecast-edge", "ros"), find_version()) == ("pip install 'posecast[ros]'", "1.2.3")
+    there["posecast"] = Installed("posecast", None, "uv")
+    monkeypatch.setattr("sys.executable", "/a b/python")
+    assert advise_extra("posecast-edge", "ros") == "uv pip install --python '/a b/python' 'posecast[ros]'"

@@ -19,7 +19,14 @@ from posecast_edge.cli.progress_bar import Bar, show_countdown
 from posecast_edge.cli.robot_flags import add_robot_flags, list_packages
 from posecast_edge.model.builder.manifest import FINDINGS_MAX
 from posecast_edge.model.doctor.skeleton import examine_model
-from posecast_edge.model.finding import SEVERITIES, Finding, ModelRefused, advise_mesh_tools, quote_name
+from posecast_edge.model.finding import (
+    SEVERITIES,
+    Finding,
+    ModelRefused,
+    advise_mesh_tools,
+    explain_coarser,
+    quote_name,
+)
 from posecast_edge.model.moving_joints import list_moving_joints
 from posecast_edge.model.robot_file import RobotFile, find_format, load_robot_file
 from posecast_edge.model.serve.bundle_dir import MANIFEST, write_folder
@@ -211,7 +218,6 @@ def _build(args: argparse.Namespace, packages: Sequence[Path], cache: Path | Non
     path, out, arguments = args.urdf, args.out, dict(args.xacro_arg)
     try:
         from posecast_edge.model.builder.build import build_model  # noqa: PLC0415 - an extra
-        from posecast_edge.model.builder.mesh_coder import explain_coarser  # noqa: PLC0415 - the same
     except ImportError as e:
         raise ModelRefused(_explain_missing(e)) from None
     kept = Cache(cache, path, packages, arguments, args.up_axis) if cache is not None else None

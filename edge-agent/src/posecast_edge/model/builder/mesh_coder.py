@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from posecast_wire.command_line.installation import advise_extra
 
 from posecast_edge.model.meshes.mesh import Faces
 
@@ -30,14 +29,6 @@ UV_CELLS = 64  # along a texture: vertices of one place but of distant places in
 def can_pack() -> bool:
     """Whether meshoptimizer is installed."""
     return meshoptimizer is not None
-
-
-def explain_coarser() -> str | None:
-    """One line that says why models are coarser here than they could be; None where they are not."""
-    if can_pack():
-        return None
-    advice = advise_extra("posecast-edge", "meshopt")
-    return f"built without meshoptimizer, so it is coarser; where there is a C++ compiler: {advice}"
 
 
 def simplify(
