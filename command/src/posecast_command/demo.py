@@ -1,4 +1,4 @@
-"""`posecast demo`: a relay, its page and a robot of ours."""
+"""`posecast demo`: a relay, its page and a demo robot."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def make_demo_parser() -> CommandParser:
     """The parser of the command."""
     parser = CommandParser(
         prog="posecast demo",
-        description="A relay, its page and a robot of ours, in this terminal; Ctrl-C ends them.",
+        description="A relay, its page and a demo robot, in this terminal; Ctrl-C ends them.",
         statuses=STATUSES,
         allow_abbrev=False,
     )
