@@ -17,7 +17,7 @@ RELAY = {
     "past": "list, export and delete what is kept of the past",
 }
 COMPLETION = (
-    'in ~/.bashrc: eval "$(posecast completion bash)"; in ~/.zshrc likewise; '
+    'in ~/.bashrc: eval "$(posecast completion bash)"; in ~/.zshrc likewise, below compinit; '
     "in ~/.config/fish/config.fish: posecast completion fish | source"
 )
 SHELLS = ("bash", "zsh", "fish")
