@@ -70,8 +70,9 @@ class Processes:
     def start_until(
         self, command: Sequence[str], word: bytes, limit_s: float, environment: Mapping[str, str]
     ) -> tuple[subprocess.Popen[bytes], bool]:
-        """Likewise, and wait until it has written a word to stdout; False where it ended before, or took
-        longer than `limit_s`. What it writes is not shown. Raises KeyboardInterrupt as `pause` does."""
+        """Start a program as `start` does, and wait until it has written `word` to stdout: True then, False
+        where it ended before or took longer than `limit_s`. What it writes to stdout is not shown. Raises
+        KeyboardInterrupt when a signal has told this process to end."""
         process = self.start(command, read=subprocess.PIPE, environment=environment)
         written = threading.Event()
 

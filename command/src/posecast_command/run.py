@@ -17,7 +17,7 @@ from posecast_command.ports import PortError
 
 PROGRAM = "posecast"
 NAMELESS = "robot"
-# of a relay elsewhere: it can't be started here
+# flags that go with a relay elsewhere: each of them means that none is started here
 ELSEWHERE = ("relay", "credential", "tls_cert", "tls_key", "tls_ca")
 
 

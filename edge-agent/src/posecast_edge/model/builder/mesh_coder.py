@@ -69,7 +69,7 @@ def pack_attributes(values: NDArray[Any]) -> bytes:
 
 
 def pack_indices(indices: NDArray[np.uint32], vertices: int) -> bytes:
-    """Likewise of triangles."""
+    """Corners of triangles, packed as EXT_meshopt_compression means. Only where `can_pack`."""
     meshoptimizer.encode_index_version(1)
     return bytes(meshoptimizer.encode_index_buffer(indices, len(indices), vertices))
 

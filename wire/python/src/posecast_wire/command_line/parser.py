@@ -1,4 +1,4 @@
-"""argparse with manners: `--version`, "did you mean", exit statuses in `--help`, errors of one line."""
+"""argparse, with `--version`, hints for mistyped words, exit statuses in `--help`, and errors of one line."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class CommandParser(argparse.ArgumentParser):
         return word in self._option_string_actions
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
-        """Likewise for commands and choices."""
+        """Refuse what is none of the choices, with a hint."""
         if action.choices is None or value in action.choices:
             return
         known = [str(choice) for choice in action.choices]
