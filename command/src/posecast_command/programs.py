@@ -17,7 +17,7 @@ RELAY = {
     "past": "list, export and delete what the relay keeps of the past",
 }
 COMPLETION = (
-    'in ~/.bashrc: eval "$(posecast completion bash)"; in ~/.zshrc likewise; '
+    'in ~/.bashrc: eval "$(posecast completion bash)"; in ~/.zshrc likewise, below compinit; '
     "in ~/.config/fish/config.fish: posecast completion fish | source"
 )
 SHELLS = ("bash", "zsh", "fish")
@@ -34,12 +34,12 @@ def make_parser() -> CommandParser:
         version=True,
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", title="commands")
-    commands.add_parser("demo", help="show a robot that comes with Posecast, on a page of its own")
+    commands.add_parser("demo", help="show a demo robot on a page, all of it started in this terminal")
     commands.add_parser("run", help="put your robot on a page, by a relay that it starts or joins")
     for name, text in (EDGE | RELAY).items():
         commands.add_parser(name, help=text)
     completion = commands.add_parser(
-        "completion", help="print a script with which a shell completes these commands"
+        "completion", help="print a script that makes a shell complete commands and flags"
     )
     completion.add_argument("shell", choices=SHELLS)
     completion.epilog = COMPLETION

@@ -12,6 +12,7 @@ from posecast_wire.command_line.parser import CommandParser
 from posecast_wire.credential import Credential
 from posecast_wire.keys import check_name
 
+from posecast_edge.cli.number_flag import limit_number
 from posecast_edge.cli.robot_flags import add_robot_flags, parse_folders, parse_xacro_argument
 from posecast_edge.model.urdf.types import AUTO, UP_AXIS_MODES
 from posecast_edge.profile.reader import find_profile
@@ -155,21 +156,6 @@ def _xacro_arguments(text: str) -> list[tuple[str, str]]:
     return [parse_xacro_argument(word) for word in text.split()]
 
 
-def _number(low: float, high: float) -> Callable[[str], float]:
-    """A float type for argparse within [low, high]."""
-
-    def parse(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            value = float("nan")
-        if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"{quote(text)} is no number from {low:g} to {high:g}")
-        return value
-
-    return parse
-
-
 def add_run_flags(
     parser: argparse.ArgumentParser,
     environment: Mapping[str, str],
@@ -204,8 +190,8 @@ def add_run_flags(
     )
     flag("tls-key", Path, "the private key of --tls-cert (PEM)")
     flag("tls-ca", Path, "certificate of the authority that signed the relay's (PEM); without, a public one")
-    flag("hz", _number(1, 60), "frames a second, 1 to 60 (30)", 30.0)
-    flag("key-interval", _number(0.2, 600), "seconds between KEY frames, by which viewers begin (4)", 4.0)
+    flag("hz", limit_number(1, 60), "frames a second, 1 to 60 (30)", 30.0)
+    flag("key-interval", limit_number(0.2, 600), "seconds between KEY frames, where viewers begin (4)", 4.0)
     flag(
         "profile",
         find_profile,
