@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import secrets
 from collections.abc import Mapping, Sequence
 from datetime import datetime, timedelta
@@ -9,6 +10,7 @@ from typing import Any
 
 import tomlkit
 from posecast_wire import Credential
+from tomlkit.items import InlineTable
 
 from posecast_relay.config.robots_reader import RULE_FIELDS, parse_robots
 from posecast_relay.config.settings import SettingsError
@@ -18,6 +20,7 @@ from posecast_relay.core.policy.share_link import make_link
 HEAD = "Who may publish and who may watch. A running relay follows within a second. See docs/SECURITY.md."
 NOTHING = "nothing"  # what an audience without a table sees
 TEXTS = ("view",)  # fields whose value is text even where it looks like a number
+HEADER = re.compile(r"""^[ \t]*\[[ \t]*(robots|"robots"|'robots')[ \t]*\.""", re.MULTILINE)  # [robots.NAME]
 
 
 class RobotsDocument:
@@ -37,6 +40,8 @@ class RobotsDocument:
         if "robots" not in self._doc:
             self._doc["robots"] = tomlkit.table(is_super_table=True)
         self._robots: Any = self._doc["robots"]
+        # robots written as `hubo = { … }` or `hubo.secret = "…"`: a table with a header can't be among them
+        self._is_flat = bool(self._robots) and HEADER.search(text or "") is None
 
     def make_text(self) -> str:
         """Return the text of the file, never an empty one: a relay takes that for one half written."""
@@ -95,10 +100,12 @@ class RobotsDocument:
             if list(fields) == [NOTHING]:
                 of.pop(audience.value, None)
                 continue
+            changes = [_read_field(audience, field) for field in fields]
             if audience.value not in of:
-                of[audience.value] = tomlkit.table()
-            for field in fields:
-                name, value = _read_field(audience, field)
+                if all(value is None for _, value in changes):
+                    continue  # an empty table would show the default view to whoever has seen nothing so far
+                self._add_table(of, audience.value)
+            for name, value in changes:
                 if value is None:
                     of[audience.value].pop(name, None)
                 else:
@@ -139,10 +146,15 @@ class RobotsDocument:
 
     def _enrol(self, robot: str, is_private: bool, expires: datetime | None) -> None:
         if robot not in self._robots:
-            self._robots[robot] = tomlkit.table()
+            self._add_table(self._robots, robot)
             if not is_private:
-                self._robots[robot][Audience.ANYONE.value] = {"view": PUBLIC}
+                self._add_table(self._robots[robot], Audience.ANYONE.value)
+                self._robots[robot][Audience.ANYONE.value]["view"] = PUBLIC
         self._set_expires(self._robots[robot], expires)
+
+    def _add_table(self, parent: Any, name: str) -> None:
+        is_inline = self._is_flat or isinstance(parent, InlineTable)
+        parent[name] = tomlkit.inline_table() if is_inline else tomlkit.table()
 
     @staticmethod
     def _set_expires(of: Any, expires: datetime | None) -> None:
