@@ -24,6 +24,8 @@ FORMS = {
 
 @pytest.mark.parametrize("form", FORMS)
 def test_every_form_of_toml_can_be_changed(form: str) -> None:
+    text = FORMS[form]
+
     def change(call: Callable[[RobotsDocument], object]) -> Robots:
         nonlocal text
         doc = RobotsDocument(text, "robots.toml")
@@ -31,7 +33,6 @@ def test_every_form_of_toml_can_be_changed(form: str) -> None:
         text = doc.make_text()
         return parse_robots(text)
 
-    text = FORMS[form]
     began = parse_robots(text)
     assert began.enrolled["a"].rules[Audience.LINK].view == "staff"
     until = datetime(2030, 1, 1, tzinfo=UTC)
