@@ -27,11 +27,11 @@ class RobotsDocument:
     """The file as it is to be. Each change raises SettingsError, one line, where it can't be made."""
 
     def __init__(self, text: str | None, name: str) -> None:
-        """`text`: of the file; None: there is none yet. `name`: of the file, for messages. Raises RobotsError
-        where it is wrong already: what the relay would refuse is not to be built upon.
+        """`text`: of the file; None or an empty one: there is none yet. `name`: of the file, for messages.
+        Raises RobotsError where it is wrong already: what the relay would refuse is not to be built upon.
         """
         self._name = name
-        if text is None:
+        if text is None or not text.strip():
             self._doc = tomlkit.document()
             self._doc.add(tomlkit.comment(HEAD))
         else:
