@@ -174,6 +174,7 @@ def _make_admin(
         int if refusals is None else lambda: refusals.count,
         None if past is None else past.kept,
         None if past is None else past.written_archive,
+        settings.public_url,
     )
 
 

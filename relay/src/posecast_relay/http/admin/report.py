@@ -25,7 +25,8 @@ class MemoryStats(Protocol):
 class AdminSources:
     """Where the page gets what it shows. `path`: the file of robots; `get_robots`: what it says, as far as it
     is in force; `find_trouble`: what is wrong with the relay, in a line; `find_expiries`: when certificates
-    expire, in unix seconds by flag; `count_refused`: publishers that were refused so far.
+    expire, in unix seconds by flag; `count_refused`: publishers that were refused so far; `public_url`: where
+    people open robots, without a slash at its end, None when nobody has said so.
     """
 
     path: Path
@@ -35,6 +36,7 @@ class AdminSources:
     count_refused: Callable[[], int]
     past: MemoryStats | None
     archive: ArchiveStats | None
+    public_url: str | None
 
 
 def make_report(access: Access, sources: AdminSources) -> dict[str, Any]:
