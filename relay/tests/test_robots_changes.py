@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 
 import pytest
 from posecast_relay.config.robots_changes import RobotsDocument
-from posecast_relay.config.robots_reader import Robots, parse_robots
+from posecast_relay.config.robots_reader import Robots, RobotsError, parse_robots
 from posecast_relay.core.policy.policy import Audience
 
 SECRET = "C" * 43
@@ -47,6 +47,13 @@ def test_every_form_of_toml_can_be_changed(form: str) -> None:
     assert robots.admin is not None
     robots = change(lambda doc: doc.remove_robot("a"))
     assert (set(robots.enrolled), robots.enrolled["b"]) == ({"b", "c"}, began.enrolled["b"])
+
+
+def test_a_file_that_is_wrong_already_is_named() -> None:
+    with pytest.raises(RobotsError) as error:
+        RobotsDocument("[robots.a]\nx = 1\n[robots.b]\ny = 1\n", "robots.toml")
+    assert len(error.value.mistakes) == 2
+    assert all(mistake.startswith("robots.toml: [robots.") for mistake in error.value.mistakes)
 
 
 def test_a_field_taken_out_shows_nothing_to_whoever_saw_nothing() -> None:

@@ -119,7 +119,7 @@ async def test_a_file_that_cannot_be_read_is_tried_again_and_said_once(
     assert [list(robots.enrolled) for robots in of.told] == [["b"]]
     assert of.watch.trouble is None
     assert [record.getMessage() for record in caplog.records] == [
-        f"{of.path}: too many open files; going on with what it said before",
+        f"{of.path}: too many open files; its last good version stays in force",
         f"{of.path}: is good again",
     ]
 

@@ -12,7 +12,7 @@ import tomlkit
 from posecast_wire import Credential
 from tomlkit.items import InlineTable
 
-from posecast_relay.config.robots_reader import RULE_FIELDS, parse_robots
+from posecast_relay.config.robots_reader import RULE_FIELDS, RobotsError, parse_robots
 from posecast_relay.config.settings import SettingsError
 from posecast_relay.core.policy.policy import PUBLIC, Audience
 from posecast_relay.core.policy.share_link import make_link
@@ -28,14 +28,18 @@ class RobotsDocument:
 
     def __init__(self, text: str | None, name: str) -> None:
         """`text`: of the file; None or an empty one: there is none yet. `name`: of the file, for messages.
-        Raises RobotsError where it is wrong already: what the relay would refuse is not to be built upon.
+        Raises RobotsError, whose lines begin with that name, where the text is wrong already: what the relay
+        would refuse is not to be built upon.
         """
         self._name = name
         if text is None or not text.strip():
             self._doc = tomlkit.document()
             self._doc.add(tomlkit.comment(HEAD))
         else:
-            parse_robots(text)
+            try:
+                parse_robots(text)
+            except RobotsError as e:
+                raise RobotsError(*(f"{name}: {mistake}" for mistake in e.mistakes)) from None
             self._doc = tomlkit.parse(text)
         if "robots" not in self._doc:
             self._doc["robots"] = tomlkit.table(is_super_table=True)

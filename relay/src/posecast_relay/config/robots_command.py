@@ -119,7 +119,10 @@ def _change(path: Path, asked: argparse.Namespace, parse: Parse) -> None:
             "its own beside the robot, chmod 600, and give the agent --credential FILE.\n"
         )
         if asked.do == "rotate" and asked.begin:
-            sys.stderr.write(f"It is worth nothing until `robots rotate {asked.robot} --finish`.\n")
+            sys.stderr.write(
+                f"It is worth nothing until `robots rotate {asked.robot} --finish`.\n"
+                "It replaces the one that an earlier --begin made.\n"
+            )
         print(made.line(), flush=True)
     elif asked.do == "add":
         sys.stderr.write(f"{asked.robot!r} may publish with a certificate whose common name is that.\n")

@@ -76,7 +76,7 @@ class RobotsWatcher:
             self._must_retry = isinstance(e, UnreadableError)
             if is_new or str(e) != self.trouble:
                 self.refused += 1
-                log.warning("%s; going on with what it said before", e)
+                log.warning("%s; its last good version stays in force", e)
             self.trouble = str(e)
             return
         self._must_retry = False
