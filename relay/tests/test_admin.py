@@ -193,3 +193,6 @@ def test_a_gateway_knows_of_robots_that_nobody_watches_there(
     until(
         "it is on air", lambda: [row["status"] for row in lab.ask().json()["robots"]] == ["online", "offline"]
     )
+    redis_server.kill()
+    until("the page says so", lambda: "redis" in (lab.ask().json()["relay"]["trouble"] or ""))
+    assert "redis" in httpx.get(f"http://{gateway.address}/readyz").json()["why"]

@@ -45,8 +45,13 @@ PAGE_HEADERS = PRIVATE | {
 DAYS = re.compile(r"[1-9][0-9]{0,3}", re.ASCII)
 
 
-def add_admin_routes(app: FastAPI, access: Access, sources: AdminSources) -> None:
-    """Add the page and its routes. Without `[admin]` in the file of robots all of them are 404."""
+def add_admin_routes(
+    app: FastAPI, access: Access, sources: AdminSources, find_trouble: Callable[[], str | None]
+) -> None:
+    """Add the page and its routes. Without `[admin]` in the file of robots all of them are 404.
+
+    `find_trouble` returns what is wrong with the relay, in a line; None: nothing.
+    """
 
     @app.get("/admin", include_in_schema=False)
     async def without_slash(request: Request) -> Response:
@@ -63,7 +68,7 @@ def add_admin_routes(app: FastAPI, access: Access, sources: AdminSources) -> Non
     @app.get(API, summary="What the page /admin shows; takes its credential")
     async def report(request: Request) -> JSONResponse:
         _require_admin(access, sources, request)
-        return JSONResponse(make_report(access, sources), headers=PRIVATE)
+        return JSONResponse(make_report(access, sources, find_trouble()), headers=PRIVATE)
 
     @app.post(API + "/robots/{robot}/links", summary="A new share link, good for days=; 7 without")
     async def make_link(request: Request, robot: str, days: str = "7") -> JSONResponse:
