@@ -72,7 +72,7 @@ class AdminReport(_Document):
 
 
 class MadeShareLink(_Document):
-    """A share link. `link`: its part from # on, behind the page's address; `until_s`: unix seconds."""
+    """A share link. `link`: all of it with --public-url, else from # on; `until_s`: unix seconds."""
 
     link: str
     until_s: int
