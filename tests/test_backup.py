@@ -1,4 +1,5 @@
-"""docs/how-to/operate/backup.md, done as it says: what is lost comes back, and what was deleted goes again."""
+"""docs/how-to/operate/backup.md, done as it says: what is lost comes back, and what was deleted goes
+again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""docs/how-to/record/recordings.md, done as it says: a demo's past is exported by its commands and served by its nginx."""
+"""docs/how-to/record/recordings.md, done as it says: a demo's past is exported by its commands and served by
+its nginx."""
 
 from __future__ import annotations
 

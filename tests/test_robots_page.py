@@ -1,4 +1,5 @@
-"""What docs/how-to/robots/add-a-robot.md and the pages of its sources say is so; test_source_doctor.py looks at the findings."""
+"""What docs/how-to/robots/add-a-robot.md and the pages of its sources say is so; test_source_doctor.py looks
+at the findings."""
 
 from __future__ import annotations
 

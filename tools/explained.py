@@ -1,5 +1,5 @@
-"""Writes tables of docs/reference/signs.md, docs/explanation/faults.md and docs/how-to/watch/watch.md from what the page says when something
-is pressed: both say the same.
+"""Writes tables of docs/reference/signs.md, docs/explanation/faults.md and docs/how-to/watch/watch.md from
+what the page says when something is pressed: both say the same.
 
 python -m tools.explained: replaces whatever stands between two lines
 

@@ -1,4 +1,5 @@
-"""`python -m benches.peers.page`: puts the last run's tables (out/peers/peers.json) into docs/reference/benchmarks.md.
+"""`python -m benches.peers.page`: puts the last run's tables (out/peers/peers.json) into
+docs/reference/benchmarks.md.
 
 Between the lines BEGIN and END; the plots are drawn anew from them (tools/bars.py).
 """

@@ -1,4 +1,5 @@
-"""docs/how-to/operate/load-tests.md: Locust started by hand in the three ways that the page shows, by its own lines."""
+"""docs/how-to/operate/load-tests.md: Locust started by hand in the three ways that the page shows, by its
+own lines."""
 
 from __future__ import annotations
 

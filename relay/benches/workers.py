@@ -8,8 +8,8 @@ so that they have the same neighbours; the groups come before whatever else runs
 
     python -m relay.benches.workers [--rounds 3] [--workers 2] [--share 0.25] [--hz 30] [--bound 100]
 
-Writes out/bench/workers.json; with `--write` also the table of docs/reference/benchmarks.md, with `--rounds 0 --write`
-that of the last report.
+Writes out/bench/workers.json; with `--write` also the table of docs/reference/benchmarks.md, with `--rounds
+0 --write` that of the last report.
 """
 
 from __future__ import annotations

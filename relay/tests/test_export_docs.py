@@ -1,4 +1,5 @@
-"""What docs/how-to/record/recordings.md says of CSV and MCAP is so: its examples run, its tables are whole."""
+"""What docs/how-to/record/recordings.md says of CSV and MCAP is so: its examples run, its tables are
+whole."""
 
 from __future__ import annotations
 

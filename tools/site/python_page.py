@@ -9,7 +9,8 @@ import griffe
 
 HEAD = """# Python API
 
-What `import posecast` gives, generated from the module itself. [From Python](../how-to/robots/python.md) shows it at work.
+Everything in the module `posecast`, generated from its docstrings. For examples see
+[publish from Python](../how-to/robots/python.md).
 """
 SEARCHED = ("edge-agent/src", "wire/python/src")
 STARS = {griffe.ParameterKind.var_positional: "*", griffe.ParameterKind.var_keyword: "**"}

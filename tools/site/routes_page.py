@@ -13,11 +13,9 @@ Described = Mapping[str, Any]
 
 HEAD = """# Routes
 
-All HTTP routes of a relay, generated from its `/openapi.json`. The same document is at `/docs/` of every relay, to
-be tried out there. [Reading a robot](protocol.md) explains the routes with examples.
-
-Every refusal is `{"error": "…"}` with the HTTP status that fits. The stream itself is
-`WS /api/v1/robots/{robot}/live`: OpenAPI has no words for WebSockets.
+Every HTTP route of a relay, generated from its `/openapi.json`. Each relay shows the same at `/docs/`,
+where you can try the routes. For examples see [the protocol](protocol.md), which also describes the WebSocket
+`/api/v1/robots/{robot}/live`.
 """
 UNSAID = "Successful Response"  # FastAPI's word where there is no other
 SCHEMAS = "#/components/schemas/"
@@ -105,12 +103,11 @@ def _write_type(schema: Described) -> str:
         return " or ".join(map(_write_type, schema["anyOf"]))
     if "const" in schema or "enum" in schema:
         return " or ".join(f"`{json.dumps(value)}`" for value in schema.get("enum", [schema.get("const")]))
-    kind = schema.get("type", "any value")
-    if kind == "array":
-        items = schema.get("items") or {}
-        if "prefixItems" in schema:
-            return f"{len(schema['prefixItems'])} × {_write_type(schema['prefixItems'][0])}"
-        return f"list of {_write_type(items)}"
-    if kind == "object" and isinstance(schema.get("additionalProperties"), dict):
-        return f"by name: {_write_type(schema['additionalProperties'])}"
-    return str(kind)
+    kind = str(schema.get("type", "any value"))
+    if "prefixItems" in schema:
+        kind = f"{len(schema['prefixItems'])} × {_write_type(schema['prefixItems'][0])}"
+    elif kind == "array":
+        kind = f"list of {_write_type(schema['items'])}"
+    elif isinstance(schema.get("additionalProperties"), dict):
+        kind = f"by name: {_write_type(schema['additionalProperties'])}"
+    return kind

@@ -68,7 +68,7 @@ def run_profile(argv: Sequence[str], program: str = "posecast-edge") -> int:
 def make_parser(program: str = "posecast-edge") -> CommandParser:
     """The parser of the command."""
     parser = CommandParser(prog=f"{program} profile")
-    commands = parser.add_subparsers(dest="command", required=True)
+    commands = parser.add_subparsers(dest="command", required=True, metavar="new")
     new = commands.add_parser(
         "new", help="a profile to start from, made of a robot's description", statuses=STATUSES
     )
@@ -107,7 +107,7 @@ def make_profile_text(urdf: Urdf, file: str) -> str:
     fine = f"scale = {SLIDING['pos'].scale:g} # 0.1 mm: sliding joints need it, angles get it too"
     units = [fine, _units(sliding, SLIDING["pos"].unit)] if sliding else []
     out = [
-        f"# Made of {_text(file)} by `posecast-edge profile new`; docs/how-to/robots/add-a-robot.md explains every table.",
+        f"# Made of {_text(file)} by `posecast-edge profile new`; the guide explains every table.",
         "",
         "[robot]",
         f"name = {_text(urdf.name or 'robot')}",

@@ -257,7 +257,7 @@ FLAGS = (
     _Flag("firebase_project", _project, None, "whose accounts are `signed-in`", "ID"),
     _Flag("firebase_revoked", _boolean, "", "ask Google about revoked accounts; takes its credentials"),
     _Flag("firebase_database", _database, None, "mirror of what anyone may see, 2 Hz; one relay each", "URL"),
-    _Flag("static", _directory, None, "the built page; default: the one packed in, if any", "DIR"),
+    _Flag("static", _directory, None, "the built page [the packaged one; in a checkout spa/dist]", "DIR"),
     _Flag("public_url", _public_url, None, "where people open the page; chats want it for pictures", "URL"),
     _Flag("workers", _workers, "1", "processes that serve viewers on the port: a core each", "N"),
     _Flag("max_viewers", _count, "5000", "further ones are told `full`", "N"),
@@ -270,7 +270,7 @@ FLAGS = (
     _Flag("model_cache_mb", _count, "256", "memory for robots' models", "MB"),
     _Flag("past", _past, MEMORY, "memory:, an object store's URL (file:///…, s3://…), or 0: none", "WHERE"),
     _Flag("past_memory", _memory, "256M", "for it, 16M at least; who has most loses its oldest", "SIZE"),
-    _Flag("past_socket", _socket, None, "where `past delete` finds this process; see docs/how-to/operate/operations.md", "PATH"),
+    _Flag("past_socket", _socket, None, "where `past delete` finds this process", "PATH"),
     _Flag("log_level", _level, "warning", "debug, info, warning or error; JSON but on a terminal", "LEVEL"),
 )  # fmt: skip
 

@@ -6,7 +6,6 @@ from typing import Any, Literal
 
 from posecast_wire.messages import RobotStatus
 from pydantic import BaseModel, ConfigDict, Field
-from typing_extensions import TypedDict
 
 Xyz = tuple[float, float, float]
 Xy = tuple[float, float]
@@ -139,75 +138,6 @@ class OEmbed(Answer):
     width: int = 0
     height: int = 0
     html: str = ""
-
-
-class RelayReport(Answer):
-    """The relay's own counts since it began. `trouble`: what is wrong with it, in one line."""
-
-    trouble: str | None
-    viewers: int
-    previews: int
-    delivered_frames: int
-    skipped_frames: int
-    refused_publishers: int
-
-
-class RobotReport(Answer):
-    """A robot of the robots file. `audiences`: what each may see, in words. `over_share`: which limit it
-    exceeds. `conflict`, `over_share` and `lateness_ms` are missing where this process does not hear it.
-    """
-
-    robot: str
-    publishes_by: Literal["certificate", "credential"]
-    expires_s: int | None
-    audiences: dict[str, str]
-    may_link: bool
-    has_links: bool
-    viewers: int
-    status: RobotStatus
-    conflict: bool = False
-    over_share: str | None = None
-    lateness_ms: int = 0
-
-
-class MemoryReport(Answer):
-    """Memory that the past takes, and may take."""
-
-    bytes: int
-    bytes_max: int
-
-
-class ArchiveReport(Answer):
-    """The archive. `waiting_bytes`: recorded and not stored yet; null is not known."""
-
-    trouble: str | None
-    stored_bytes: int | None
-    waiting_bytes: int | None
-    free_bytes: int | None
-    disk_bytes: int | None
-
-
-class AdminReport(Answer):
-    """What the page `/admin` shows. `certificates`: when each expires, unix seconds, by the flag that names
-    its file.
-    """
-
-    relay: RelayReport
-    robots: list[RobotReport]
-    past: MemoryReport | None
-    archive: ArchiveReport | None
-    certificates: dict[str, int]
-
-
-class ShareLink(Answer):
-    """A share link: what follows the page's address, and when it ends, unix seconds."""
-
-    link: str
-    until_s: int
-
-
-class Nothing(TypedDict):
-    """An empty document."""
 
 
 def describe_bytes(media_type: str, description: str) -> dict[int | str, dict[str, Any]]:
