@@ -12,6 +12,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from tools.site.navigation import make_navigation
 from tools.site.python_page import write_python_page
@@ -31,9 +32,14 @@ class SiteError(Exception):
 
 def build(out: Path) -> None:
     """Build the guide into the folder `out`, which is replaced. Raises SiteError."""
-    stage = ROOT / "out" / "site-pages"
-    shutil.rmtree(stage, ignore_errors=True)
-    stage.mkdir(parents=True)
+    with TemporaryDirectory() as folder:
+        site = _build_within(Path(folder))
+        shutil.rmtree(out, ignore_errors=True)
+        out.parent.mkdir(parents=True, exist_ok=True)
+        shutil.move(site, out)
+
+
+def _build_within(stage: Path) -> Path:
     pages = stage / "docs"
     stage_pages(ROOT, pages)
     (pages / "reference/routes.md").write_text(write_routes(read_description()), encoding="utf-8")
@@ -52,9 +58,7 @@ def build(out: Path) -> None:
     for name in UNUSED:
         path = stage / "site" / name
         shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
-    shutil.rmtree(out, ignore_errors=True)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    shutil.move(stage / "site", out)
+    return stage / "site"
 
 
 def _write_toml(value: object) -> str:

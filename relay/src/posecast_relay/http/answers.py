@@ -12,19 +12,19 @@ Xy = tuple[float, float]
 Value = float | str | list[str] | None
 
 
-class Answer(BaseModel):
+class AnswerDocument(BaseModel):
     """A document with these members and no others."""
 
     model_config = ConfigDict(extra="forbid")
 
 
-class ErrorAnswer(Answer):
+class ErrorAnswer(AnswerDocument):
     """What every refusal holds: why, in one line."""
 
     error: str
 
 
-class RobotSummary(Answer):
+class RobotSummary(AnswerDocument):
     """A robot in the list. `age_ms` and `seq`: of its newest frame; null before any. `hz`: frames per second
     from the robot; null when not known. `viewers`: over all relays. `model`: SHA-256 of the manifest.
     """
@@ -39,7 +39,7 @@ class RobotSummary(Answer):
     model: str | None
 
 
-class RobotList(Answer):
+class RobotList(AnswerDocument):
     """The robots that the asker may see. `publish_at`: where anybody on the relay's own machine may publish;
     missing for everybody else.
     """
@@ -63,7 +63,7 @@ class RobotDetails(RobotSummary):
     model_config = ConfigDict(extra="forbid", alias_generator=lambda name: name.rstrip("_"))
 
 
-class FieldState(Answer):
+class FieldState(AnswerDocument):
     """One field. `values`: by label; of a field of bits the names of those that are set; null is no reading.
     `units`: of labels whose unit is another one.
     """
@@ -73,7 +73,7 @@ class FieldState(Answer):
     units: dict[str, str] = Field(default={})
 
 
-class FootState(Answer):
+class FootDocument(AnswerDocument):
     """One foot. `bears`: whether the robot stands on it."""
 
     bears: bool
@@ -81,7 +81,7 @@ class FootState(Answer):
     centre_of_pressure_m: Xyz | None
 
 
-class BalanceState(Answer):
+class BalanceState(AnswerDocument):
     """Where the mass is and what the robot stands on, in the world, z up. `feet`: by sensor site or link.
     `why`: the reason for each member that is null; of `balance` where no other member is there.
     """
@@ -93,12 +93,12 @@ class BalanceState(Answer):
     support_polygon_m: list[Xy] | None = None
     margin_mm: float | None = None
     centre_of_pressure_m: Xyz | None = None
-    feet: dict[str, FootState] = Field(default={})
+    feet: dict[str, FootDocument] = Field(default={})
     why: dict[str, str]
     detail: str = ""
 
 
-class RobotState(Answer):
+class RobotState(AnswerDocument):
     """The newest state. `t`: the robot's own clock, seconds. `seq`, `t` and `fields` are missing while no
     frame can be decoded; `balance` where the robot has no masses and stands on nothing known.
     """
@@ -114,14 +114,14 @@ class RobotState(Answer):
     balance: BalanceState | None = None
 
 
-class Readiness(Answer):
+class Readiness(AnswerDocument):
     """Whether viewers are accepted: yes when `ready` or `degraded`. `why`: what is missing, in one line."""
 
     status: Literal["ready", "degraded", "starting", "draining"]
     why: str = ""
 
 
-class OEmbed(Answer):
+class OEmbed(AnswerDocument):
     """oEmbed 1.0 of a robot's page. Of type `rich`, with width, height and html, where every page may frame
     the robot, else of type `link`.
     """
