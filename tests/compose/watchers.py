@@ -67,6 +67,13 @@ class Watched:
                     longest_s = max(longest_s, end_s - line["at"])
         return longest_s
 
+    def count_missed(self) -> int:
+        """The most of the robot's frames that any page has missed in a row."""
+        seqs: list[list[int]] = [
+            [line["seq"] for line in lines if "seq" in line] for lines in self.lines.values()
+        ]
+        return max(after - before for shown in seqs for before, after in pairwise(shown))
+
     def list_repeated(self) -> list[tuple[int, float]]:
         """Frames (number and robot's time) that a page has shown more than once, or after a newer one."""
         found = []
