@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
@@ -88,17 +87,9 @@ def test_a_credential_is_changed_while_the_robot_runs(
     until("the old one is refused", lambda: "does not let 'hubo' in" in late.log, 60)
 
 
-def ask_admin(cloud: Any, secret: str, method: str = "GET", path: str = "") -> Any:
-    """What /api/v1/admin answers to a page of the proxy. HTTPError."""
-    headers = {"authorization": f"Bearer {secret}", "origin": cloud.url}
-    asked = urllib.request.Request(f"{cloud.url}/api/v1/admin{path}", method=method, headers=headers)
-    with urllib.request.urlopen(asked, timeout=10, context=cloud.trust) as answer:
-        return json.load(answer)
-
-
 def find_status(cloud: Any, secret: str) -> int:
     try:
-        ask_admin(cloud, secret)
+        cloud.ask_admin(secret)
     except urllib.error.HTTPError as e:
         return e.code
     return 200
@@ -114,8 +105,8 @@ def test_the_admin_opens_the_page_from_this_machine(cloud: Any, relay: str, tmp_
     assert find_status(cloud, nowhere) == 401
     with urllib.request.urlopen(f"{cloud.url}/admin", timeout=10, context=cloud.trust) as page:
         assert "admin.js" in page.read().decode()
-    assert {"demo", "hubo"} <= {robot["robot"] for robot in ask_admin(cloud, secret)["robots"]}
-    assert "#/r/hubo?t=" in ask_admin(cloud, secret, "POST", "/robots/hubo/links")["link"]
+    assert {"demo", "hubo"} <= {robot["robot"] for robot in cloud.ask_admin(secret)["robots"]}
+    assert "#/r/hubo?t=" in cloud.ask_admin(secret, "POST", "/robots/hubo/links")["link"]
     assert ask_neighbour(cloud, secret) == "403"
 
 
