@@ -9,13 +9,13 @@ import { setStage } from './stage.ts';
 
 const stage = setStage();
 
-/** A script that replaces what serves the page, and how many of the robot's frames the page may miss by it from the last one before
- *  it says that it is not live to the first one after; 0: it may not say so at all. */
-const { POSECAST_UPGRADE, POSECAST_MAY_MISS = '0' } = process.env;
+/** A script that replaces what serves the page, and how many of the robot's frames may lie between the last one before the page says
+ *  that it is not live and the first one after. */
+const { POSECAST_UPGRADE, POSECAST_MAY_MISS } = process.env;
 
 interface Noted {
   readonly state: string;
-  /** Why it is not live; '' also where the page itself was held up by a busy machine. */
+  /** Why it is not live; '' also where a busy machine held up the page itself. */
   readonly cause: string;
   /** The frame that is shown. */
   readonly seq: number | null;
@@ -65,7 +65,6 @@ describe('a page that watches while what serves it is replaced', () => {
       const next = words.slice(i).find((word) => isLive(word.state));
       return isLive(state) || cause === '' ? [] : [(next?.seq ?? Number.POSITIVE_INFINITY) - (seq ?? 0)];
     });
-    if (POSECAST_MAY_MISS === '0') expect(missed).toEqual([]);
     for (const frames of missed) expect(frames).toBeLessThanOrEqual(Number(POSECAST_MAY_MISS));
 
     const seqs = await page.evaluate<number[]>('window.shownSeqs');
