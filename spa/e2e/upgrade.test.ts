@@ -68,7 +68,7 @@ describe('a page that watches while what serves it is replaced', () => {
     for (const frames of missed) expect(frames).toBeLessThanOrEqual(Number(POSECAST_MAY_MISS));
 
     const seqs = await page.evaluate<number[]>('window.shownSeqs');
-    expect(seqs.length).toBeGreaterThan(60);
+    expect(seqs.length).toBeGreaterThan(30);
     expect(seqs).toEqual([...new Set(seqs)].sort((a, b) => a - b));
   }, 420_000);
 });
