@@ -79,6 +79,39 @@ def test_it_says_on_air_when_it_is_and_ends_whole(posecast: Starter, how: signal
     assert gone(started)
 
 
+@pytest.mark.parametrize("redirection", ["", ">&- <&-"])
+def test_a_robot_is_on_air_whether_anybody_reads_that_or_not(redirection: str, tmp_path: Path) -> None:
+    """As with `posecast demo | true`, or started by a program that closes what it does not need."""
+    opened, browser, said = tmp_path / "opened", tmp_path / "browser", tmp_path / "said"
+    browser.write_text(f'#!/bin/sh\necho "$1" > {opened}.part && mv {opened}.part {opened}\n')
+    browser.chmod(0o700)
+    environment = {k: v for k, v in os.environ.items() if k != "CI" and not k.startswith("SSH_")}
+    environment |= dict([PAGE.split("=", 1)]) | {"DISPLAY": ":0", "BROWSER": f"{browser} %s"}
+    port = free_port()
+    read, write = os.pipe()
+    os.close(read)  # what is written there is an error
+    with said.open("wb") as file:
+        command = ["bash", "-c", f"exec {BIN}/posecast demo --port {port} {redirection}"]
+        demo = subprocess.Popen(command, stdout=write, stderr=file, env=environment)
+    os.close(write)
+    try:
+        until("a browser opens the link", opened.exists, 60)
+        started = children(demo.pid)
+        assert opened.read_text() == f"http://127.0.0.1:{port}/#/r/demo\n"
+        assert ask(f"http://127.0.0.1:{port}/api/v1/robots/demo/state")["fields"]["pos"]["values"]
+    finally:
+        demo.terminate()
+    assert demo.wait(timeout=30) == 0
+    assert gone(started)
+    assert "Traceback" not in said.read_text()
+
+
+def test_the_demo_is_the_same_whatever_is_set_for_others(posecast: Starter) -> None:
+    others = ("POSECAST_ROBOTS=/nowhere", "POSECAST_URDF=/nowhere", "POSECAST_CREDENTIAL=/nowhere")
+    demo = posecast("demo", "--no-browser", "--port", str(free_port()), env=(PAGE, *others))
+    assert ask(f"{demo.line(ON_AIR)[1]}/api/v1/robots/demo/state")["fields"]["pos"]["values"]
+
+
 def test_two_side_by_side(posecast: Starter) -> None:
     both = [posecast("demo", "--no-browser") for _ in range(2)]
     said = [(demo.line(ON_AIR)[1], demo.line(MORE)[1]) for demo in both]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from importlib.metadata import version
@@ -58,6 +59,25 @@ def test_a_mistake_is_one_line_of_the_name_that_was_typed(argv: tuple[str, ...],
     ended = posecast(*argv)
     assert ended.stderr.startswith(line)
     assert (ended.stderr.count("\n"), ended.returncode, ended.stdout) == (1, 2, "")
+
+
+@pytest.mark.parametrize("argv", [("completion", "bash"), ("--help",)])
+@pytest.mark.parametrize(("stdout", "said"), [(None, ""), ("/dev/full", "No space left on device")])
+def test_output_that_cannot_be_written_is_no_traceback(
+    argv: tuple[str, ...], stdout: str | None, said: str
+) -> None:
+    """None: a pipe that nobody reads."""
+    read, out = (os.open(stdout, os.O_WRONLY),) * 2 if stdout else os.pipe()
+    if stdout is None:
+        os.close(read)
+    command = [sys.executable, "-m", "posecast_command", *argv]
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONUNBUFFERED"}
+    ended = subprocess.run(
+        command, stdout=out, stderr=subprocess.PIPE, env=environment, text=True, timeout=60, check=False
+    )
+    os.close(out)
+    assert ended.returncode == 1
+    assert ended.stderr == (f"posecast: stdout: {said}\n" if said else "")
 
 
 def test_the_version_is_the_installed_one() -> None:

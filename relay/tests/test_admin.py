@@ -87,6 +87,13 @@ def test_it_is_for_this_machine_unless_told_otherwise(tmp_path: Path, relays: Ca
     until("the relay follows", lambda: lab.ask(**far).status_code == 200)
     assert lab.ask(**{"x-forwarded-for": "10.2.0.1"}).status_code == 403
     assert lab.ask(**{"x-forwarded-for": "fd00::1"}).status_code == 200
+    assert lab.ask(**{"x-forwarded-for": "::ffff:10.1.2.3"}).status_code == 200
+    headers = [("x-forwarded-for", "10.1.2.3"), ("x-forwarded-for", "10.2.0.1")]
+    headers.append(("authorization", f"Bearer {lab.secret}"))
+    assert httpx.get(lab.url, headers=headers).status_code == 403, "the first is the asker's own invention"
+    lab.secret = lab.robots("admin", "--networks", "fd00::1/128").strip()
+    until("the relay follows", lambda: lab.ask(**{"x-forwarded-for": "fd00::1"}).status_code == 200)
+    assert lab.ask(**{"x-forwarded-for": "fd00::2"}).status_code == 403
     lab.secret = lab.robots("admin", "--networks").strip()
     until("the relay follows", lambda: lab.ask().status_code == 200)
     assert lab.ask(**far).status_code == 403
@@ -100,7 +107,7 @@ def test_without_a_credential_in_the_file_there_is_no_page(
     lab.file.write_text(text[: text.index("[admin]")])
     page = f"http://{lab.relay.address}/admin/"
     until("it is gone", lambda: lab.ask().status_code == 404)
-    assert httpx.get(page).status_code == 404
+    assert httpx.get(page).status_code == httpx.get(page.removesuffix("/")).status_code == 404
     open_to_all = relays()
     assert httpx.get(f"http://{open_to_all.address}/api/v1/admin").status_code == 404
 
@@ -153,6 +160,12 @@ def test_share_links_are_made_and_revoked(lab: Lab, edges: Callable[..., ZenohEd
     assert token not in lab.relay.errors()
 
 
+def test_links_lead_to_where_people_open_the_page(tmp_path: Path, relays: Callable[..., Relay]) -> None:
+    lab = Lab(tmp_path, relays, "--public-url", "https://lab.example/robots")
+    made = lab.ask("POST", "/robots/hubo/links").json()["link"]
+    assert made.startswith("https://lab.example/robots/#/r/hubo?t=")
+
+
 def test_the_page_has_a_policy_and_its_own_files_alone(lab: Lab) -> None:
     page = f"http://{lab.relay.address}/admin"
     assert httpx.get(page).headers["location"] == "admin/"
@@ -180,3 +193,6 @@ def test_a_gateway_knows_of_robots_that_nobody_watches_there(
     until(
         "it is on air", lambda: [row["status"] for row in lab.ask().json()["robots"]] == ["online", "offline"]
     )
+    redis_server.kill()
+    until("the page says so", lambda: "redis" in (lab.ask().json()["relay"]["trouble"] or ""))
+    assert "redis" in httpx.get(f"http://{gateway.address}/readyz").json()["why"]

@@ -63,8 +63,9 @@ describe('the page /admin', () => {
     for (const words of [
       'ready',
       'Skipped frames',
-      'link: public (no past)',
-      'nobody may watch',
+      'public (no past)',
+      'nobody',
+      'posecast-relay robots set arm-in-the-other-hall-behind-the-blue-door --link view=public',
       'Past in memory',
     ])
       expect(told).toContain(words);
@@ -73,6 +74,15 @@ describe('the page /admin', () => {
     const address = `document.querySelector('li[data-robot="demo"] input').value`;
     await until('a link', async () => (await run(page, address)) !== '');
     const link = await run(page, address);
+    expect(await page.text()).toContain('start the relay with --public-url');
+    await run(page, `document.querySelector('li[data-robot="demo"] input').focus(); ''`);
+    const asked = () =>
+      page.evaluate<number>(
+        'performance.getEntriesByType("resource").filter((each) => each.name.endsWith("/api/v1/admin")).length',
+      );
+    const before = await asked();
+    await until('it has asked twice more', async () => (await asked()) >= before + 2);
+    expect(await run(page, 'document.activeElement.value'), 'the focus stays').toBe(link);
     expect(link.startsWith(`${lab.relay.url}/#/r/demo?t=`)).toBe(true);
     const authorization = `Bearer ${link.split('?t=')[1]}`;
     const see = async () =>

@@ -17,7 +17,7 @@ RELAY = {
     "past": "list, export and delete what is kept of the past",
 }
 COMPLETION = (
-    'in ~/.bashrc: eval "$(posecast completion bash)"; in ~/.zshrc likewise; '
+    'in ~/.bashrc: eval "$(posecast completion bash)"; in ~/.zshrc likewise, below compinit; '
     "in ~/.config/fish/config.fish: posecast completion fish | source"
 )
 SHELLS = ("bash", "zsh", "fish")
@@ -33,11 +33,13 @@ def make_parser() -> CommandParser:
         version=True,
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", title="commands")
-    commands.add_parser("demo", help="a relay, its page and a robot of ours, in this terminal")
-    commands.add_parser("run", help="put a robot on a relay: on one started here if --relay names none")
+    commands.add_parser("demo", help="a relay, its page and a demo robot, in this terminal")
+    commands.add_parser("run", help="put a robot on a relay; one is started here if --relay names none")
     for name, text in (EDGE | RELAY).items():
         commands.add_parser(name, help=text)
-    completion = commands.add_parser("completion", help="a script by which a shell completes all of this")
+    completion = commands.add_parser(
+        "completion", help="print a script that makes a shell complete commands and flags"
+    )
     completion.add_argument("shell", choices=SHELLS)
     completion.epilog = COMPLETION
     return parser

@@ -47,7 +47,7 @@ class Bar:
 def show_countdown(
     out: TextIO, duration_s: float, what: str, now_s: Callable[[], float] = time.monotonic
 ) -> Iterator[None]:
-    """Show how much of `duration_s` is over, from the second second on, until the block ends."""
+    """Show how much of `duration_s` is over, once a second has passed, until the block ends."""
     ended = threading.Event()
     begun_s = now_s()
 

@@ -12,6 +12,7 @@ from posecast_wire.command_line.parser import CommandParser
 from posecast_wire.credential import Credential
 from posecast_wire.keys import check_name
 
+from posecast_edge.cli.number_flag import limit_number
 from posecast_edge.cli.robot_flags import add_robot_flags, parse_folders, parse_xacro_argument
 from posecast_edge.model.urdf.types import AUTO, UP_AXIS_MODES
 from posecast_edge.profile.reader import find_profile
@@ -154,21 +155,6 @@ def _xacro_arguments(text: str) -> list[tuple[str, str]]:
     return [parse_xacro_argument(word) for word in text.split()]
 
 
-def _number(low: float, high: float) -> Callable[[str], float]:
-    """A float type for argparse within [low, high]."""
-
-    def parse(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            value = float("nan")
-        if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"{quote(text)} is no number from {low:g} to {high:g}")
-        return value
-
-    return parse
-
-
 def add_run_flags(
     parser: argparse.ArgumentParser,
     environment: Mapping[str, str],
@@ -195,8 +181,8 @@ def add_run_flags(
     flag("tls-cert", Path, "instead: the robot's certificate (PEM), where the relay has --zenoh-ca")
     flag("tls-key", Path, "its private key (PEM)")
     flag("tls-ca", Path, "what signed the relay's certificate (PEM); without: an authority of the web")
-    flag("hz", _number(1, 60), "frames a second, 1 to 60 (30)", 30.0)
-    flag("key-interval", _number(0.2, 600), "seconds between frames that stand alone (4)", 4.0)
+    flag("hz", limit_number(1, 60), "frames a second, 1 to 60 (30)", 30.0)
+    flag("key-interval", limit_number(0.2, 600), "seconds between frames that stand alone (4)", 4.0)
     flag(
         "profile",
         find_profile,

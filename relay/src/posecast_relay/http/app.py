@@ -125,10 +125,11 @@ def make_app(
     thumbnails = Thumbnails(models)
     preview = LinkPreview(access, thumbnails, public_url)
     _add_previews(app, access, models, thumbnails, preview)
-    _add_health(app, access.live, past, find_missing, find_config_trouble)
+    find_trouble = partial(_find_trouble, access.live, past, find_missing, find_config_trouble)
+    _add_health(app, access.live, find_missing, find_trouble)
 
     if admin is not None:
-        add_admin_routes(app, access, admin)
+        add_admin_routes(app, access, admin, find_trouble)
 
     @app.get("/api/{_rest:path}", include_in_schema=False)
     async def no_such_route(_rest: str) -> Response:
@@ -149,12 +150,24 @@ def make_app(
     return app
 
 
-def _add_health(
-    app: FastAPI,
+def _find_trouble(
     dispatcher: Dispatcher,
     past: PastDesk | None,
     find_missing: Callable[[], MissingPart | None],
     find_config_trouble: Callable[[], str | None],
+) -> str | None:
+    """Return why the relay is degraded, in a line that anybody may read; None where nothing is wrong."""
+    missing = find_missing()
+    live, past_ = dispatcher.store.find_trouble(), None if past is None else past.source.find_trouble()
+    whys = (missing and missing.why, find_config_trouble(), live, past_ and f"the past: {past_}")
+    return "; ".join(filter(None, whys)) or None
+
+
+def _add_health(
+    app: FastAPI,
+    dispatcher: Dispatcher,
+    find_missing: Callable[[], MissingPart | None],
+    find_trouble: Callable[[], str | None],
 ) -> None:
     @app.get("/livez", summary="The process answers")
     async def livez() -> PlainTextResponse:
@@ -171,9 +184,7 @@ def _add_health(
         missing = find_missing()
         if missing is not None and not missing.has_begun:
             return JSONResponse({"status": "starting", "why": missing.why}, 503)
-        live, past_ = dispatcher.store.find_trouble(), None if past is None else past.source.find_trouble()
-        config = find_config_trouble()
-        why = "; ".join(filter(None, (missing and missing.why, config, live, past_ and f"the past: {past_}")))
+        why = find_trouble()
         return JSONResponse({"status": "degraded", "why": why} if why else {"status": "ready"})
 
 

@@ -169,11 +169,11 @@ def _make_admin(
     return AdminSources(
         settings.robots,
         lambda: watch.robots,
-        configuration.find_trouble,
         configuration.find_expiries,
         int if refusals is None else lambda: refusals.count,
         None if past is None else past.kept,
         None if past is None else past.written_archive,
+        settings.public_url,
     )
 
 
