@@ -1,4 +1,5 @@
-"""The recipes of docs/how-to/operate/operations.md for the containers, as scripts for the tests' own project."""
+"""The recipes of docs/how-to/operate/operations.md for the containers, as scripts for the tests' own
+project."""
 
 from __future__ import annotations
 
