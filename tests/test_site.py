@@ -13,6 +13,7 @@ import pytest
 from markdown_it import MarkdownIt
 
 from tools.site.__main__ import SiteError, build
+from tools.site.dialect import indent_lists
 from tools.site.navigation import make_navigation
 from tools.site.python_page import write_python_page
 from tools.site.routes_page import read_description, write_routes
@@ -143,8 +144,11 @@ def test_every_page_can_be_reached_and_found(site: Path, pages: dict[Path, Page]
     assert (site / "search.js").read_text(encoding="utf-8").startswith("var __index = {")
 
 
-def test_a_page_shows_what_its_markdown_says(site: Path, pages: dict[Path, Page], tmp_path: Path) -> None:
-    """As GitHub does: the generator has rules of its own about indented lists and the like."""
+def test_a_page_shows_what_its_markdown_says(
+    site: Path, pages: dict[Path, Page], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As GitHub does: the generator has rules of its own about indented lists."""
+    monkeypatch.setattr("tools.site.staging.indent_lists", lambda text: text)
     stage_pages(ROOT, tmp_path / "docs")
     markdown = MarkdownIt("commonmark").enable("table")
     other: dict[str, dict[str, tuple[int, int]]] = {}
@@ -157,6 +161,19 @@ def test_a_page_shows_what_its_markdown_says(site: Path, pages: dict[Path, Page]
         if faults:
             other[str(name)] = faults
     assert other == {}, "tag: (meant, shown)"
+
+
+def test_lists_are_indented_for_the_generator() -> None:
+    page = (
+        "Words:\n- a\n  more\nlazy\n  - b\n\n"
+        "1. one\n\n   ```sh\n   run\n     deep\n   ```\n10. ten\n    ten\n"
+    )
+    shown = (
+        "Words:\n\n- a\n    more\nlazy\n    - b\n\n"
+        "1. one\n\n    ```sh\n    run\n      deep\n    ```\n\n10. ten\n    ten\n"
+    )
+    assert indent_lists(page) == shown
+    assert indent_lists("```\n- no\n  list\n```\n") == "```\n- no\n  list\n```\n"
 
 
 def test_a_link_to_nowhere_ends_the_build(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

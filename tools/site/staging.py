@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from urllib.parse import unquote
 
+from tools.site.dialect import indent_lists
+
 # pages that stand outside docs/, and where the guide has them
 MOVED: Mapping[str, str] = {
     "wire/SPEC.md": "reference/wire-format.md",
@@ -33,6 +35,7 @@ def stage_pages(root: Path, out: Path) -> None:
     for page, place in pages.items():
         text = page.read_text(encoding="utf-8")
         moved = LINK.sub(lambda found: _move_link(found, root, page, place, pages | home, out), text)  # noqa: B023
+        moved = indent_lists(moved)
         if place == HOME:
             moved = HOME_META + moved
         (out / place).parent.mkdir(parents=True, exist_ok=True)
