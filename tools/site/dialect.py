@@ -29,9 +29,9 @@ def indent_lists(page: str) -> str:
             if not all(line.strip() for line in lines[before[token.level] : start]):
                 set_off.add(start)
             before[token.level] = start
-            for line in range(start + 1, end):
-                more[line] += INDENT - len(found["marker"])
-                needed[line] += len(found["marker"])
+            for inside in range(start + 1, end):
+                more[inside] += INDENT - len(found["marker"])
+                needed[inside] += len(found["marker"])
     made: list[str] = []
     for number, line in enumerate(lines):
         if number in set_off and made and made[-1].strip():
