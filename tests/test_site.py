@@ -18,6 +18,7 @@ from tools.site.navigation import make_navigation
 from tools.site.python_page import write_python_page
 from tools.site.routes_page import read_description, write_routes
 from tools.site.staging import MOVED, stage_pages
+from tools.site.strict_policy import adopt_style
 
 ROOT = Path(__file__).resolve().parent.parent
 BYTES_MAX = 6_000_000
@@ -109,6 +110,18 @@ def test_nothing_comes_from_elsewhere(site: Path, pages: dict[Path, Page]) -> No
 
 def test_a_strict_content_policy_suffices(pages: dict[Path, Page]) -> None:
     assert {file.name: page.inline for file, page in pages.items() if page.inline} == {}
+
+
+def test_a_script_that_puts_other_styles_into_pages_is_refused(tmp_path: Path) -> None:
+    script = tmp_path / "assets/javascripts/bundle.1a2b3c4d.min.js"
+    script.parent.mkdir(parents=True)
+    script.write_text('o.appendChild(C("style",{},Tc.toString()));')
+    adopt_style(tmp_path)
+    assert script.read_text() == (
+        "(s=>{s.replaceSync(Tc.toString());o.adoptedStyleSheets=[s]})(new CSSStyleSheet);"
+    )
+    with pytest.raises(ValueError, match=r"bundle\.1a2b3c4d\.min\.js: 0 style elements"):
+        adopt_style(tmp_path)
 
 
 def test_every_link_and_anchor_leads_somewhere(site: Path, pages: dict[Path, Page]) -> None:
@@ -242,7 +255,7 @@ def test_the_generated_pages_have_what_they_are_about() -> None:
     assert "wrong: NoReturn" not in python
     routes = write_routes(read_description())
     for route in ("GET /api/v1/robots", "GET /api/v1/robots/{robot}/past", "GET /api/v1/admin"):
-        assert f"## `{route}`\n" in routes
+        assert f"\n\n`{route}`" in routes
     assert "[RobotState](#robotstate)" in routes
     assert "### RobotState\n" in routes
     assert "any value" not in routes

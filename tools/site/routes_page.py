@@ -51,9 +51,10 @@ class _Nothing:
 
 
 def _write_route(method: str, path: str, operation: Described) -> Iterator[str]:
-    yield f"## `{method} {path}`"
+    title, _, more = operation["summary"].partition(":")
+    yield f"## {title}"
     yield ""
-    yield f"{operation['summary']}."
+    yield f"`{method} {path}`" + (f":{more}." if more else "")
     yield ""
     parameters = [each for each in operation.get("parameters", ()) if each["in"] == "query"]
     if parameters:

@@ -275,6 +275,7 @@ export const moreEn = {
   mouseFoxglove: 'Foxglove: left moves, right turns',
   keysOfTheCamera: 'Keys of the camera',
   keptHere: 'Kept in this browser only.',
+  guide: 'Open the guide',
   limitsOf: (robot: string) => `Limits of ${robot}`,
   allAsProfile: 'All as in the profile',
   asProfile: 'As in the profile',
