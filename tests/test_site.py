@@ -223,6 +223,15 @@ def test_links_follow_a_page_that_moves(tmp_path: Path) -> None:
     assert (out / "project/changelog.md").read_text() == "[a](../how-to/run.md#x)"
 
 
+def test_the_image_is_built_of_all_that_the_guide_is_made_of(site: Path) -> None:
+    lines = (ROOT / ".dockerignore").read_text(encoding="utf-8").splitlines()
+    copied = [line[1:] for line in lines if line.startswith("!")]
+    linked = [path.relative_to(site / "files").as_posix() for path in (site / "files").rglob("*.*")]
+    assert linked
+    for name in (*linked, *MOVED, "docs/index.md", "zensical.toml", "tools/site/__main__.py"):
+        assert any(name == each or name.startswith(f"{each}/") for each in copied), f"{name} is left out"
+
+
 def test_pages_are_listed_by_their_folder(tmp_path: Path) -> None:
     for name, title in (
         ("index.md", "Home"),

@@ -53,7 +53,6 @@ describe.each(SIZES)('the guide on a $name', ({ name, width, height }) => {
       return page.evaluate<boolean>('location.search === "?h=HOLDING"');
     });
     await page.loaded();
-    expect(await page.text()).toContain('HOLDING');
     await until('the word is marked', () =>
       page.evaluate<boolean>(
         `[...document.querySelectorAll('mark')].some((mark) => mark.innerText === 'HOLDING')`,
