@@ -48,10 +48,10 @@ describe.each(SIZES)('the guide on a $name', ({ name, width, height }) => {
     await until('the index was asked for', async () =>
       page.requested.some((url) => url.endsWith('/guide/search.json')),
     );
-    await until('a page that explains it', async () => {
-      await page.press('Enter');
-      return page.evaluate<boolean>('location.search === "?h=HOLDING"');
-    });
+    const results = `[...document.querySelectorAll('body > div')].map((each) => each.shadowRoot?.textContent ?? '').join()`;
+    await until('results, with the word', () => page.evaluate<boolean>(`${results}.includes('HOLDING')`));
+    await page.press('Enter');
+    await until('a page that explains it', () => page.evaluate<boolean>('location.search === "?h=HOLDING"'));
     await page.loaded();
     await until('the word is marked', () =>
       page.evaluate<boolean>(

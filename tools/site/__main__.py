@@ -15,6 +15,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from tools.site.navigation import make_navigation
+from tools.site.notices import list_notices
 from tools.site.python_page import write_python_page
 from tools.site.routes_page import read_description, write_routes
 from tools.site.staging import stage_pages
@@ -60,6 +61,9 @@ def _build_within(stage: Path) -> Path:
     for name in UNUSED:
         path = stage / "site" / name
         shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+    bundle = (stage / "site/assets/javascripts/LICENSE").read_text(encoding="utf-8")
+    notices = json.dumps(list_notices(ROOT, bundle), indent=1)
+    (stage / "site/licenses.json").write_text(notices, encoding="utf-8")
     return stage / "site"
 
 

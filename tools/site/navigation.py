@@ -22,7 +22,7 @@ FIRST = {
     "how-to/install": ("install",),
     "how-to/robots": ("add-a-robot", "python", "ros2"),
     "reference": ("glossary", "signs", "settings", "robots-file", "protocol", "routes", "python-api"),
-    "explanation": ("architecture", "states", "faults", "balance", "scaling"),
+    "explanation": ("states", "faults", "balance", "edge-agent", "relay", "web-page", "rendering", "lane"),
 }
 
 
