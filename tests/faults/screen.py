@@ -131,8 +131,8 @@ class Screen:
 
     def lost(self, now_s: float, code: int | None, lived_s: float) -> None:
         """It stands no more."""
-        isnt_old = self.heard_s is not None and now_s - self.heard_s < STALE_S
-        self.moves = isnt_old and (code == Close.DRAIN or (self.moves and code is None))
+        is_recent = self.heard_s is not None and now_s - self.heard_s < STALE_S
+        self.moves = is_recent and (code == Close.DRAIN or (self.moves and code is None))
         if not self.moves:
             self.cut = self.cut or self.connected
             self.connected = False
@@ -154,9 +154,9 @@ class Screen:
     def text(self, message: dict[str, Any], now_s: float) -> None:
         """One JSON message."""
         if message["type"] == "status":
-            is_no_news = message.get("degraded") or message["robot"] == "offline" or message["seq"] is None
+            says_nothing = message.get("degraded") or message["robot"] == "offline" or message["seq"] is None
             age_s = self.find_age_s(now_s)
-            if self.moves and is_no_news and age_s is not None and age_s < STALE_S:
+            if self.moves and says_nothing and age_s is not None and age_s < STALE_S:
                 return  # it does not know the robot yet
             self.moves = False
             self.status, self.status_s = message, self._left_s(now_s)
