@@ -139,6 +139,15 @@ def routes_page(place: Any, url: str) -> None:
     assert "/api/v1/robots/{robot}/state" in json.loads(get(place, f"{url}/openapi.json"))["paths"]
 
 
+def guide_page(place: Any, url: str) -> None:
+    """The guide with its own files, and what it finds by."""
+    page = get(place, f"{url}/guide/").decode()
+    files = re.findall(r"(?:src|href)=\"\./((?:assets|look)/[^\"]+)\"", page)
+    assert len(files) > 5
+    for file in (*files, "search.json", "reference/routes.html"):
+        assert get(place, f"{url}/guide/{file}"), file
+
+
 def test_wheels_put_a_robot_on_air_without_internet(
     stack: Any, wheels: Path, alone: Any, tmp_path: Path
 ) -> None:
@@ -154,6 +163,7 @@ def test_wheels_put_a_robot_on_air_without_internet(
     moves(alone, url)
     whole_page(alone, url)
     routes_page(alone, url)
+    guide_page(alone, url)
 
 
 def megabytes(folder: Path) -> float:
@@ -181,6 +191,7 @@ def test_one_wheel_is_all_of_it(stack: Any, wheels: Path, alone: Any, tmp_path: 
     moves(alone, url)
     whole_page(alone, url)
     routes_page(alone, url)
+    guide_page(alone, url)
 
 
 @pytest.mark.full
@@ -226,6 +237,7 @@ def test_a_wheelhouse_is_enough(stack: Any, wheels: Path, alone: Any, tmp_path: 
     moves(alone, url)
     whole_page(alone, url)
     routes_page(alone, url)
+    guide_page(alone, url)
 
 
 @pytest.mark.full

@@ -26,6 +26,8 @@ describe.each(SIZES)('the guide on a $name', ({ name, width, height }) => {
     await until('doors', () => page.evaluate<boolean>('document.querySelectorAll(".doors a").length >= 4'));
     const wide = await page.evaluate<number>('document.documentElement.scrollWidth - innerWidth');
     expect(wide, 'pixels beside the screen').toBeLessThanOrEqual(0);
+    const left = await page.evaluate<number>('document.querySelector("h1").getBoundingClientRect().left');
+    expect(left, 'pixels beside the text').toBeGreaterThanOrEqual(12);
     expect(await violations(page)).toEqual([]);
     if (stage.browser.lacks.media === undefined) {
       const ground = await page.evaluate<string>('getComputedStyle(document.body).backgroundColor');
