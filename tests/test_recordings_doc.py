@@ -45,8 +45,9 @@ def blocks(page: str, language: str) -> list[str]:
 
 
 def commands(pattern: re.Pattern[str], *pages: str) -> list[str]:
-    """The commands of a kind in the blocks of pages."""
-    return [each for page in pages for text in blocks(page, "sh") for each in pattern.findall(text)]
+    """The commands of a kind in the blocks of pages, each as one line."""
+    text = "\n".join(block for page in pages for block in blocks(page, "sh"))
+    return pattern.findall(re.sub(r" *\\\n *", " ", text))
 
 
 def get(address: str, **headers: str) -> tuple[Message, bytes]:
