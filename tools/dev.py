@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 from pathlib import Path
 
 from posecast_command.ports import PAGE_PORT, find_free_port
-from posecast_command.processes import Processes, obey_endings
+from posecast_command.processes import Processes, name_program
 
-SPA = Path(__file__).resolve().parent.parent / "spa"
+ROOT = Path(__file__).resolve().parent.parent
+VITE = ROOT / "node_modules" / ".bin" / "vite"  # not by npx, which leaves it running when it is ended itself
 
 
 def main() -> int:
-    """Run both until one ends; the exit status."""
+    """Run both until one ends, which is status 1, or Ctrl-C ends them."""
     port = find_free_port("127.0.0.1", PAGE_PORT)
     environment = {**os.environ, "POSECAST_RELAY": f"http://127.0.0.1:{port}"}
-    obey_endings()
     try:
         with Processes() as processes:
-            processes.start(["demo", "--no-browser", "--port", str(port)])
-            vite = ["npx", "--no-install", "vite", "--port", "5173"]
-            return subprocess.run(vite, cwd=SPA, env=environment, check=False).returncode
+            processes.start(name_program("demo", "--no-browser", "--port", str(port)))
+            processes.start([str(VITE), "--port", "5173"], environment=environment, folder=ROOT / "spa")
+            while processes.find_ended() is None:
+                processes.pause()
+            return 1
     except KeyboardInterrupt:
         return 0
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 from pathlib import Path
@@ -20,6 +21,32 @@ def test_the_shell_reads_it(shell: str, tmp_path: Path) -> None:
     script.write_text(make_script(shell))
     read = subprocess.run([program, "-n", str(script)], capture_output=True, text=True, check=False)
     assert (read.returncode, read.stderr) == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("shell", "script", "answer"),
+    [
+        (
+            "zsh",
+            'autoload -U compinit; compinit -u -D; eval "$SCRIPT"; echo $_comps[posecast]',
+            "_shtab_posecast",
+        ),
+        ("fish", "echo $SCRIPT | source; complete -C 'posecast comp' | cut -f 1", "completion"),
+    ],
+)
+def test_the_line_of_the_docs_makes_the_shell_complete(shell: str, script: str, answer: str) -> None:
+    program = shutil.which(shell)
+    if program is None:
+        pytest.skip(f"no {shell} here")
+    no_settings = {"zsh": "-f", "fish": "--no-config"}[shell]
+    told = subprocess.run(
+        [program, no_settings, "-c", script],
+        env={**os.environ, "SCRIPT": make_script(shell)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (told.stdout.strip(), told.stderr) == (answer, "")
 
 
 @pytest.mark.parametrize(

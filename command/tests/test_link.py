@@ -41,7 +41,8 @@ def test_hosts_in_links() -> None:
     )
 
 
-def test_the_code_is_drawn_in_blocks() -> None:
-    drawn = draw_qr("http://10.0.0.5:8080/#/r/demo")
+def test_the_code_is_drawn_in_blocks_where_the_terminal_has_them() -> None:
+    drawn = draw_qr("http://10.0.0.5:8080/#/r/demo", "utf-8")
     assert len(drawn.splitlines()) > 10
     assert set("▀▄█") & set(drawn)
+    assert draw_qr("http://10.0.0.5:8080/#/r/demo", "ascii") == ""

@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
+import os
+import re
 import subprocess
 import sys
 from importlib.metadata import version
 
 import pytest
+from posecast_command.ports import PAGE_PORT
 from posecast_command.programs import EDGE, RELAY, make_parser
+from posecast_edge.sources.registry import split_spec
 
 
 def posecast(*argv: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "posecast_command", *argv]
     return subprocess.run(
-        command, capture_output=True, text=True, timeout=60, check=False, stdin=subprocess.DEVNULL
+        command,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+        stdin=subprocess.DEVNULL,
+        env={**os.environ, "COLUMNS": "80"},
     )
 
 
@@ -39,6 +49,23 @@ def test_help_is_of_the_name_that_was_typed(argv: tuple[str, ...], usage: str) -
     assert (told.returncode, told.stderr) == (0, "")
 
 
+@pytest.mark.parametrize("argv", [(), ("demo",), ("run",)])
+def test_help_fits_a_terminal_and_its_examples_are_right(argv: tuple[str, ...]) -> None:
+    text = posecast(*argv, "--help").stdout
+    assert max(map(len, text.splitlines())) <= 80
+    whole = " ".join(text.split())
+    for command in re.findall(r"`posecast (\w+)`", whole):
+        assert command in ("demo", "run", *EDGE, *RELAY)
+    if argv == ("run",):
+        such = re.search(r"such as (.+?) or (\S+); kinds:", whole)
+        assert such is not None
+        assert [split_spec(one)[0] for one in (*such[1].split(", "), such[2])] == ["demo", "csv", "mujoco"]
+    if argv != ():
+        assert whole.count(f"the first one from {PAGE_PORT} on that is free") == 1
+    else:
+        assert "Begin with `posecast demo`" in whole
+
+
 @pytest.mark.parametrize(
     ("argv", "line"),
     [
@@ -58,6 +85,25 @@ def test_a_mistake_is_one_line_of_the_name_that_was_typed(argv: tuple[str, ...],
     ended = posecast(*argv)
     assert ended.stderr.startswith(line)
     assert (ended.stderr.count("\n"), ended.returncode, ended.stdout) == (1, 2, "")
+
+
+@pytest.mark.parametrize("argv", [("completion", "bash"), ("--help",)])
+@pytest.mark.parametrize(("stdout", "said"), [(None, ""), ("/dev/full", "No space left on device")])
+def test_output_that_cannot_be_written_is_no_traceback(
+    argv: tuple[str, ...], stdout: str | None, said: str
+) -> None:
+    """None: a pipe that nobody reads."""
+    read, out = (os.open(stdout, os.O_WRONLY),) * 2 if stdout else os.pipe()
+    if stdout is None:
+        os.close(read)
+    command = [sys.executable, "-m", "posecast_command", *argv]
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONUNBUFFERED"}
+    ended = subprocess.run(
+        command, stdout=out, stderr=subprocess.PIPE, env=environment, text=True, timeout=60, check=False
+    )
+    os.close(out)
+    assert ended.returncode == 1
+    assert ended.stderr == (f"posecast: stdout: {said}\n" if said else "")
 
 
 def test_the_version_is_the_installed_one() -> None:

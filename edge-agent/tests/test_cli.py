@@ -139,6 +139,22 @@ def test_wrong_configuration_ends_with_2(tmp_path: Path) -> None:
         assert part in done.stderr
 
 
+@pytest.mark.parametrize("command", [("probe", "demo"), ("doctor", "--source", "demo")])
+@pytest.mark.parametrize("seconds", ["nan", "inf", "-1", "long"])
+def test_a_source_is_watched_for_a_time_that_ends(command: tuple[str, ...], seconds: str) -> None:
+    done = run_edge(*command, "--seconds", seconds)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.endswith(f"argument --seconds: '{seconds}' is no number from 0 to 3600\n")
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(("command", "missing"), [("model", "build"), ("profile", "new")])
+def test_a_missing_word_is_named(command: str, missing: str) -> None:
+    done = run_edge(command)
+    assert done.returncode == 2
+    assert done.stderr.endswith(f": the following arguments are required: {missing}\n")
+
+
 STREAMS = {
     "doctor --urdf no.urdf >&-": 2,
     "probe demo --seconds 0.1 >/dev/full": 1,

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from edge_stage import ROBOT, Edge, Router, until
 from model_stage import cube_stl, link, mesh, robot, written
+from posecast_edge.model import finding
 from posecast_edge.model.finding import advise_mesh_tools
 from posecast_edge.model.serve.background import NEEDED, BackgroundBuild
 from posecast_edge.model.serve.bundle import Bundle, load_bundle
@@ -141,6 +142,23 @@ def test_without_the_mesh_tools_the_meshes_go_as_they_are(
     [record] = caplog.records
     assert advise_mesh_tools() in record.getMessage()
     assert "\n" not in record.getMessage()
+
+
+@pytest.mark.parametrize("fine", [True, False])
+def test_an_agent_that_serves_a_coarser_model_says_so(
+    fine: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(finding, "has_simplifier", lambda: fine)
+    path = cube_robot(tmp_path)
+    ready = Ready()
+    build = BackgroundBuild(path, load_bundle(path), ready)
+    build.start()
+    assert ready.came.wait(60)
+    build.stop()
+    said = [r.getMessage() for r in caplog.records if "without meshoptimizer" in r.getMessage()]
+    assert len(said) == (0 if fine else 1)
+    if said:
+        assert said[0].startswith("model: built without meshoptimizer, so it is coarser; ")
 
 
 def test_what_can_t_be_built_goes_as_it_is(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from model_stage import cube_stl, link, mesh, nothing, robot
 from posecast_edge.model.builder.build import build_model
-from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.finding import ModelRefused, advise_mesh_tools
 from posecast_edge.model.meshes.mesh import Mesh
 from posecast_edge.model.meshes.stl import read_stl
 from posecast_edge.model.robot_file import RobotFile, find_format, load_robot_file
@@ -90,4 +90,4 @@ def test_what_only_the_builder_reads_is_not_shown_without_it(
     build.stop()
     assert shown == []
     [record] = caplog.records
-    assert "robot.xml is not shown: it needs the mesh tools: pip install" in record.getMessage()
+    assert f"robot.xml is not shown: it needs the mesh tools: {advise_mesh_tools()}" in record.getMessage()

@@ -7,6 +7,7 @@ import socket
 from contextlib import ExitStack
 
 import pytest
+from posecast_relay.config.settings import StartError
 from posecast_relay.server import listener
 
 from .stage import until
@@ -43,3 +44,9 @@ def test_who_reads_nothing_is_cut_and_who_reads_slowly_is_not(monkeypatch: pytes
 
         until("it is cut", cut, 30)
         assert reads.recv(512)
+
+
+@pytest.mark.parametrize("host", ["a..b", "a" * 80, "no.such.host.invalid"])
+def test_a_host_that_is_none_is_named_in_one_line(host: str) -> None:
+    with pytest.raises(StartError, match=f"^--host {host}: [^\n]+$"):
+        listener.listen(host, 0)

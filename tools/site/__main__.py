@@ -42,7 +42,9 @@ def build(out: Path) -> None:
     nav = _write_toml(make_navigation(pages))
     (stage / "zensical.toml").write_text(settings.replace("[project]\n", f"[project]\nnav = {nav}\n", 1))
     zensical = Path(sys.executable).parent / "zensical"
-    done = subprocess.run([zensical, "build", "--strict"], cwd=stage, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [zensical, "build", "--strict"], cwd=stage, capture_output=True, text=True, check=False
+    )
     if done.returncode:
         raise SiteError(COLOURS.sub("", done.stdout + done.stderr.partition("Traceback")[0]))
     for name in UNUSED:

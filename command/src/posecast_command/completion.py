@@ -1,4 +1,4 @@
-"""Scripts by which shells complete commands, flags and files."""
+"""Scripts that make shells complete commands, flags and files."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ FILES = ("FILE", "URDF", "PROFILE", "CREDENTIAL", "TLS_CERT", "TLS_KEY", "TLS_CA
 
 
 def make_whole_parser() -> argparse.ArgumentParser:
-    """The parser of `posecast` with those of all its commands inside. It completes; each program parses with
-    its own."""
+    """The parser of `posecast` with those of all its commands inside. It is only for completion: each program
+    parses with its own."""
     models = _commands(model_command.make_parser())
     profile, probing = profile_new.make_parser(), probe.make_parser()
     agent, serving = edge.make_parser({}), relay.make_parser("posecast relay")

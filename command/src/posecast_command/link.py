@@ -24,13 +24,13 @@ def find_lan_address() -> str:
 
 
 def name_host(host: str) -> str:
-    """What stands for the host a relay listens on in a link that other machines open."""
+    """The host in a link that other machines open, of a relay that listens on `host`."""
     shown = find_lan_address() if host in EVERYWHERE else host
     return f"[{shown}]" if ":" in shown else shown
 
 
 def name_local_host(host: str) -> str:
-    """Likewise in one that this machine opens."""
+    """The host in a link that this machine opens, of a relay that listens on `host`."""
     local = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)
     return f"[{local}]" if ":" in local else local
 
@@ -43,17 +43,22 @@ def is_for_others(host: str) -> bool:
         return host != "localhost"
 
 
-def draw_qr(url: str) -> str:
-    """The link as a QR code for a terminal."""
+def draw_qr(url: str, encoding: str) -> str:
+    """The link as a QR code for a terminal; "" where its encoding lacks the characters."""
     import segno  # noqa: PLC0415 - only for the phone
 
     out = io.StringIO()
     segno.make(url, error="l").terminal(out, compact=True)
-    return out.getvalue()
+    code = out.getvalue()
+    try:
+        code.encode(encoding)
+    except UnicodeEncodeError:
+        return ""
+    return code
 
 
 def has_browser(environment: Mapping[str, str], platform: str = sys.platform) -> bool:
-    """Whether a person sits before this machine's own screen."""
+    """Whether the user can be expected to see a browser that is opened on this machine."""
     if any(environment.get(name) for name in ("CI", "SSH_CONNECTION", "SSH_TTY")):
         return False
     if platform.startswith(("darwin", "win")):

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import argparse
+import subprocess
 import sys
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
+from posecast_relay.config.built_page import CHECKOUT, find_page
 from posecast_relay.port_holder import name_holder
-from posecast_wire.command_line.color import paint
+from posecast_wire.command_line.color import paint, print_error
 
 from posecast_command.link import (
     draw_qr,
@@ -22,16 +25,17 @@ from posecast_command.link import (
     open_browser,
 )
 from posecast_command.ports import PAGE_PORT, ROBOTS_PORT, PortError, find_free_port, is_taken
-from posecast_command.processes import POLL_S, Processes, obey_endings
+from posecast_command.processes import Processes, name_program
 
 ROBOTS_HOST = "127.0.0.1"  # without credentials a robot is on this machine
-START_S = 30.0
+START_S = 30.0  # for the relay
+SHOWN_S = 30.0  # then it is said that the robot takes its time
 SERVES = b": serving http"
 PORT_TRIES = 5  # another program may take a port between our look and the relay's
 ENDED, FAILED, NOT_STARTED = 0, 1, 2
 STATUSES = {
-    ENDED: "ended by Ctrl-C, by a signal, or with its terminal",
-    FAILED: "the relay or the robot's agent ended",
+    ENDED: "ended by Ctrl-C or a signal, or the source has ended",
+    FAILED: "the relay or the robot's agent failed",
     NOT_STARTED: "wrong arguments, or one of them can't start",
 }
 
@@ -50,12 +54,16 @@ def add_place_flags(parser: argparse._ActionsContainer) -> None:
         "--host",
         default=Place.host,
         metavar="HOST",
-        help="address the page is served on (127.0.0.1); 0.0.0.0 for the phone in your hand",
+        help="address on which the page is served (127.0.0.1: this machine alone); with 0.0.0.0 a phone in "
+        "the same network can open it",
     )
     parser.add_argument(
-        "--port", type=_port, metavar="PORT", help=f"port of the page (the first free one from {PAGE_PORT})"
+        "--port",
+        type=_port,
+        metavar="PORT",
+        help=f"port of the page (the first one from {PAGE_PORT} on that is free)",
     )
-    parser.add_argument("--no-browser", action="store_true", help="only print the link")
+    parser.add_argument("--no-browser", action="store_true", help="print the link, and open no browser")
 
 
 def read_place(args: argparse.Namespace) -> Place:
@@ -72,47 +80,85 @@ def _port(text: str) -> int:
 def show_robot(
     robot: str, agent: Sequence[str], place: Place, environment: Mapping[str, str], *, browser: bool
 ) -> int:
-    """Start a relay and `posecast AGENT…`, say where the robot is to be seen once it is, and wait for the
-    end. Return the exit status. Raises PortError."""
-    obey_endings()
+    """Start a relay and `posecast AGENT…`, both with `environment`. Print the robot's link once it is on air,
+    and wait for the end. Return the exit status. Raises PortError."""
     try:
         with Processes() as processes:
             found = _start_relay(processes, place, environment)
             if found is None:
                 return NOT_STARTED
-            port, uplink = found
-            process = processes.start([*agent, "--robot", robot, "--relay", uplink])
+            relay, port, uplink = found
+            words = [*agent, "--robot", robot, "--relay", uplink]
+            process = processes.start(name_program(*words), environment=environment)
             local = f"http://{name_local_host(place.host)}:{port}"
-            if not _wait(f"{local}/api/v1/robots/{robot}/state", processes):
-                print(f"posecast: {robot} did not come on air", file=sys.stderr, flush=True)
-                return process.poll() or FAILED
-            _announce(f"http://{name_host(place.host)}:{port}/#/r/{robot}", uplink, is_for_others(place.host))
-            if browser and has_browser(environment):
-                open_browser(f"{local}/#/r/{robot}")
-            while (over := processes.find_ended()) is None:
-                time.sleep(POLL_S)
-            return over.returncode if over is process else FAILED
+            has_page = bool(environment.get("POSECAST_STATIC") or find_page())
+            path = f"/#/r/{robot}" if has_page else f"/api/v1/robots/{robot}/state"
+            if wait_until_shown(f"{local}/api/v1/robots/{robot}/state", robot, processes):
+                if not has_page:
+                    _say(f"there is no page: `make setup` in {CHECKOUT} builds it")
+                with suppress(OSError, ValueError):  # nobody reads it: the robot is on air all the same
+                    shown = f"http://{name_host(place.host)}:{port}{path}"
+                    _announce(shown, uplink, is_for_others(place.host))
+                if has_page and browser and has_browser(environment):
+                    open_browser(f"{local}{path}")
+            while processes.find_ended() is None:
+                processes.pause()
+            return explain_end(relay, process)
     except KeyboardInterrupt:
         return ENDED
 
 
+def wait_until_shown(
+    state_url: str, robot: str, processes: Processes, now_s: Callable[[], float] = time.monotonic
+) -> bool:
+    """Whether the relay has the robot's state at `state_url`; False when a process has ended first: what
+    answers then is somebody else's. A robot that takes longer than SHOWN_S is waited for, and that is said.
+    """
+    say_at_s: float | None = now_s() + SHOWN_S
+    while True:
+        answered = _answers(state_url)
+        if processes.find_ended() is not None:
+            return False
+        if answered:
+            return True
+        if say_at_s is not None and now_s() >= say_at_s:
+            _say(f"{robot} is not on air yet; waiting for it")
+            say_at_s = None
+        processes.pause()
+
+
+def explain_end(relay: subprocess.Popen[bytes], agent: subprocess.Popen[bytes]) -> int:
+    """The exit status after one of the two has ended. Prints why, unless that one has said it itself."""
+    for process, name in ((relay, "the relay"), (agent, "the robot's agent")):
+        status = process.poll()
+        if status is not None and status < 0:
+            _say(f"{name} was ended by signal {-status}")
+            return FAILED
+    if relay.poll() is not None:
+        _say("the relay has ended")
+        return FAILED
+    return agent.returncode
+
+
 def _start_relay(
     processes: Processes, place: Place, environment: Mapping[str, str]
-) -> tuple[int, str] | None:
-    """The ports a relay listens on, for pages and (an endpoint) for robots; None when it has said why it
-    doesn't."""
+) -> tuple[subprocess.Popen[bytes], int, str] | None:
+    """A relay and where it listens: the port for pages, and an endpoint for robots; None when there is none,
+    which has been said."""
     for _ in range(PORT_TRIES):
         port = _choose_port(place)
         uplink_port = find_free_port(ROBOTS_HOST, ROBOTS_PORT)
         uplink = f"tcp/{ROBOTS_HOST}:{uplink_port}"
         flags = ["--host", place.host, "--port", str(port), "--zenoh-listen", uplink]
-        command = ["relay", "run", "--dev", *flags]
+        command = name_program("relay", "run", "--dev", *flags)
         # by its own word: what answers on the port may be somebody else's relay
         relay, serves = processes.start_until(command, SERVES, START_S, environment)
         if serves:
-            return port, uplink
-        lost = is_taken(place.host, port) or is_taken(ROBOTS_HOST, uplink_port)
-        if not lost or relay.poll() is None:
+            return relay, port, uplink
+        if relay.poll() is None:
+            _say(f"the relay did not start within {START_S:g} s")
+            return None
+        if not (is_taken(place.host, port) or is_taken(ROBOTS_HOST, uplink_port)):
             return None
         processes.forget(relay)
     return None
@@ -126,20 +172,6 @@ def _choose_port(place: Place) -> int:
     return place.port
 
 
-def _wait(url: str, processes: Processes) -> bool:
-    """Whether `url` answers in time, and by a process of ours: what answers when one of them has ended is
-    somebody else's."""
-    deadline_s = time.monotonic() + START_S
-    while time.monotonic() < deadline_s:
-        answered = _answers(url)
-        if processes.find_ended() is not None:
-            return False
-        if answered:
-            return True
-        time.sleep(POLL_S)
-    return False
-
-
 def _answers(url: str) -> bool:
     try:
         with urllib.request.urlopen(url, timeout=1) as answer:
@@ -149,9 +181,20 @@ def _answers(url: str) -> bool:
 
 
 def _announce(url: str, uplink: str, for_others: bool) -> None:
+    _erase_progress_line()
+    out = sys.stdout
+    print(f"\n  Posecast is on air:  {paint(url, 'bold', out)}\n", file=out)
+    if for_others and (code := draw_qr(url, out.encoding)):
+        print(code, file=out)
+    print(f"  More robots on this machine: --relay {uplink}\n  Ctrl-C ends it.", file=out, flush=True)
+
+
+def _say(text: str) -> None:
+    _erase_progress_line()
+    print_error("posecast", text)
+
+
+def _erase_progress_line() -> None:
+    """The agent's: it stands on the terminal's last line."""
     if sys.stderr.isatty():
-        print("\r\x1b[K", end="", file=sys.stderr, flush=True)  # the agent's line of progress stands there
-    code = f"{draw_qr(url)}\n" if for_others else ""
-    print(f"\n  Posecast is on air:  {paint(url, 'bold', sys.stdout)}\n")
-    print(f"{code}  More robots on this machine: --relay {uplink}")
-    print("  Ctrl-C ends it.", flush=True)
+        print("\r\x1b[K", end="", file=sys.stderr, flush=True)

@@ -8,44 +8,66 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import NoReturn
 
-from posecast_command.programs import EDGE, RELAY, make_parser
+FAILED = 1
 
 
 def main() -> NoReturn:
     """Entry point; ends the process."""
     status = 0
-    with suppress(KeyboardInterrupt):
-        status = _command(sys.argv[1:])
+    try:
+        with suppress(KeyboardInterrupt):
+            status = _run(sys.argv[1:])
+        sys.stdout.flush()
+    except BrokenPipeError:  # who read has heard enough
+        status = FAILED
+    except OSError as e:
+        from posecast_wire.command_line.color import print_error  # noqa: PLC0415 - see _command
+
+        print_error("posecast", f"{e.filename or 'stdout'}: {e.strerror or e}")
+        status = FAILED
     with suppress(OSError, ValueError):  # the terminal may be gone
         sys.stdout.flush()
     os._exit(status)
 
 
+def _run(argv: Sequence[str]) -> int:
+    try:
+        return _command(argv)
+    except SystemExit as end:  # argparse's, after --help and after mistakes
+        return end.code if isinstance(end.code, int) else 0
+
+
 def _command(argv: Sequence[str]) -> int:
-    """Run one command; the exit status. Those of agent and relay end the process themselves."""
+    """Run one command; the exit status. Those of agent and relay end the process themselves. Only what is
+    asked for is loaded, and nothing before, so that Ctrl-C is never a traceback."""
+    from posecast_wire.command_line.standard_streams import open_closed_streams  # noqa: PLC0415
+
+    from posecast_command.programs import EDGE, RELAY, make_parser  # noqa: PLC0415
+
+    open_closed_streams()
     first = argv[0] if argv else ""
     if first in EDGE:
-        from posecast_edge.cli.main import main as run_edge  # noqa: PLC0415 - only what is asked for is loaded
+        from posecast_edge.cli.main import main as run_edge  # noqa: PLC0415
 
         if first == "edge":
             run_edge(argv[1:], "posecast edge")
         run_edge(argv, "posecast")
     if first in RELAY:
-        from posecast_relay.cli import main as run_relay  # noqa: PLC0415 - the same
+        from posecast_relay.cli import main as run_relay  # noqa: PLC0415
 
         if first == "relay":
             run_relay(argv[1:], "posecast relay")
         run_relay(argv, "posecast")
     if first == "demo":
-        from posecast_command.demo import run_demo  # noqa: PLC0415 - the same
+        from posecast_command.demo import run_demo  # noqa: PLC0415
 
         return run_demo(argv[1:], os.environ)
     if first == "run":
-        from posecast_command.run import run_robot  # noqa: PLC0415 - the same
+        from posecast_command.run import run_robot  # noqa: PLC0415
 
         return run_robot(argv[1:], os.environ)
     asked = make_parser().parse_args(argv)  # ends the process unless it is the last of them
-    from posecast_command.completion import make_script  # noqa: PLC0415 - the same
+    from posecast_command.completion import make_script  # noqa: PLC0415
 
     print(make_script(asked.shell))
     return 0

@@ -5,19 +5,19 @@ from __future__ import annotations
 from posecast_wire.command_line.parser import CommandParser
 
 EDGE = {
-    "edge": "the agent beside a robot: run|probe|doctor|model|profile, as posecast-edge",
-    "doctor": "what is wrong with a model, a profile, a source, in plain words",
-    "probe": "what a source offers",
-    "model": "model build: a robot's model and meshes, made small for phones",
-    "profile": "profile new: a profile to start from, made of a model",
+    "edge": "the commands of a robot's agent, as posecast-edge has them",
+    "doctor": "say what is wrong with a model, a profile or a source",
+    "probe": "list what a source offers, before there is a profile",
+    "model": "model build: make a robot's model small enough for phones",
+    "profile": "profile new: write a profile to start from, made of a model",
 }
 RELAY = {
-    "relay": "the relay: run|robots|past, as posecast-relay",
-    "robots": "who may publish and watch; share links",
-    "past": "list, export and delete what is kept of the past",
+    "relay": "the commands of a relay, as posecast-relay has them",
+    "robots": "set who may publish and watch; make share links",
+    "past": "list, export and delete what the relay keeps of the past",
 }
 COMPLETION = (
-    'in ~/.bashrc: eval "$(posecast completion bash)"; in ~/.zshrc likewise; '
+    'in ~/.bashrc: eval "$(posecast completion bash)"; in ~/.zshrc likewise, below compinit; '
     "in ~/.config/fish/config.fish: posecast completion fish | source"
 )
 SHELLS = ("bash", "zsh", "fish")
@@ -28,16 +28,19 @@ def make_parser() -> CommandParser:
     """The commands, without their arguments."""
     parser = CommandParser(
         prog="posecast",
-        description="Put a robot on a URL: reads it, never commands it.",
+        description="Put a robot on a URL. Posecast reads the robot and never commands it. Begin with "
+        "`posecast demo`; `posecast COMMAND --help` has the flags of each command.",
         statuses=STATUSES,
         version=True,
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", title="commands")
-    commands.add_parser("demo", help="a relay, its page and a robot of ours, in this terminal")
-    commands.add_parser("run", help="put a robot on a relay: on one started here if --relay names none")
+    commands.add_parser("demo", help="show a demo robot on a page, all of it started in this terminal")
+    commands.add_parser("run", help="put your robot on a page, by a relay that it starts or joins")
     for name, text in (EDGE | RELAY).items():
         commands.add_parser(name, help=text)
-    completion = commands.add_parser("completion", help="a script by which a shell completes all of this")
+    completion = commands.add_parser(
+        "completion", help="print a script that makes a shell complete commands and flags"
+    )
     completion.add_argument("shell", choices=SHELLS)
     completion.epilog = COMPLETION
     return parser

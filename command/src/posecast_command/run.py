@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 import re
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from posecast_edge.cli.settings import Settings, UsageError, add_run_flags, parse_settings
+from posecast_edge.cli.settings import UsageError, add_run_flags, parse_settings
+from posecast_wire.command_line.color import print_error
 from posecast_wire.command_line.parser import WRONG_ARGUMENTS, CommandParser
 from posecast_wire.keys import check_name
 
@@ -17,17 +17,17 @@ from posecast_command.ports import PortError
 
 PROGRAM = "posecast"
 NAMELESS = "robot"
-# of a relay elsewhere: it can't be started here
+# flags that go with a relay elsewhere: each of them means that none is started here
 ELSEWHERE = ("relay", "credential", "tls_cert", "tls_key", "tls_ca")
-OWN_FLAGS = ("host", "port", "no_browser")
 
 
 def make_run_parser(environment: Mapping[str, str]) -> CommandParser:
     """The parser of the command: the agent's flags, and the place of the relay that is started."""
     parser = CommandParser(
         prog=f"{PROGRAM} run",
-        description="Read a source and send it to a relay. Without --relay one is started on this machine, "
-        "with its page. Every flag of the agent may also stand in the environment.",
+        description="Read a robot from a source and show it on a page. Only --source is needed: without "
+        "--relay, a relay is started on this machine; without --robot, the robot is named after its model. "
+        "A flag that is not given is taken from the environment variable in [].",
         statuses=STATUSES,
         allow_abbrev=False,
     )
@@ -43,10 +43,10 @@ def run_robot(argv: Sequence[str], environment: Mapping[str, str]) -> int:
     named = [name for name in ELSEWHERE if getattr(args, name) is not None]
     if named:
         if agent != [*argv]:
-            print(
-                f"{PROGRAM} run: --host, --port and --no-browser are of a relay that is started here; "
+            print_error(
+                f"{PROGRAM} run",
+                "--host, --port and --no-browser are of a relay that is started here; "
                 f"--{named[0].replace('_', '-')} is of one elsewhere",
-                file=sys.stderr,
             )
             return WRONG_ARGUMENTS
         from posecast_edge.cli.main import main as run_edge  # noqa: PLC0415 - Zenoh is not loaded before
@@ -59,7 +59,7 @@ def run_robot(argv: Sequence[str], environment: Mapping[str, str]) -> int:
             robot, ["edge", "run", *agent], read_place(args), environment, browser=not args.no_browser
         )
     except (UsageError, PortError) as e:
-        print(f"{PROGRAM} run: {e}", file=sys.stderr)
+        print_error(f"{PROGRAM} run", str(e))
         return WRONG_ARGUMENTS
 
 
@@ -74,11 +74,9 @@ def name_robot(model: Path | None) -> str:
         return NAMELESS
 
 
-def _check(agent: Sequence[str], robot: str, environment: Mapping[str, str]) -> Settings:
-    """What the agent will read. Raises UsageError before anything is started."""
-    return parse_settings(
-        ["run", *agent, "--robot", robot, "--relay", f"tcp/{ROBOTS_HOST}:1"], environment, PROGRAM
-    )
+def _check(agent: Sequence[str], robot: str, environment: Mapping[str, str]) -> None:
+    """Raise UsageError for what the agent will refuse, before anything is started."""
+    parse_settings(["run", *agent, "--robot", robot, "--relay", f"tcp/{ROBOTS_HOST}:1"], environment, PROGRAM)
 
 
 def _drop_own_flags(argv: Sequence[str]) -> list[str]:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from posecast_wire.command_line.color import paint, wants_color
+from posecast_wire.command_line.color import paint, print_error, wants_color
 from posecast_wire.command_line.installation import advise_extra, find_version
 from posecast_wire.command_line.parser import CommandParser, suggest
 
@@ -42,10 +42,13 @@ def test_colour_is_for_terminals_that_want_it(
     assert paint("x", "red", out, environment) == ("\x1b[31mx\x1b[0m" if colored else "x")
 
 
-def test_a_closed_stream_wants_none() -> None:
+def test_a_closed_stream_wants_none(monkeypatch: pytest.MonkeyPatch) -> None:
     out = io.StringIO()
     out.close()
     assert not wants_color(out, {})
+    assert not wants_color(None, {"FORCE_COLOR": "1"})
+    monkeypatch.setattr("sys.stderr", out)
+    print_error("p", "nobody reads it")
 
 
 @pytest.mark.parametrize(
@@ -101,9 +104,20 @@ def test_abbreviations_and_what_stands_behind_two_dashes_are_no_mistakes() -> No
     assert parser.parse_args(["--po", "1", "--", "--prot"]).rest == ["--prot"]
 
 
+def test_an_abbreviation_that_is_not_taken_is_a_mistake(capsys: pytest.CaptureFixture[str]) -> None:
+    parser = CommandParser(prog="p", allow_abbrev=False)
+    parser.add_argument("--port")
+    assert parser.parse_args(["--port=1"]).port == "1"
+    with pytest.raises(SystemExit):
+        parser.parse_args(["--por", "1"])
+    assert capsys.readouterr().err == "p: unrecognized arguments: --por (did you mean --port?)\n"
+
+
 def test_help_lists_the_exit_statuses(monkeypatch: pytest.MonkeyPatch) -> None:
-    for parser, lines in ((make_parser(), "  0   "), (make_parser(), "  3   ")):
-        assert f"\n{lines}" in parser.format_help().partition("exit status:")[2]
+    monkeypatch.setenv("NO_COLOR", "1")
+    told = make_parser().format_help().partition("\nexit status:\n")[2]
+    assert [line.split() for line in told.splitlines()] == [["0", "done"], ["3", "no"]]
+    monkeypatch.delenv("NO_COLOR")
     monkeypatch.setenv("FORCE_COLOR", "1")
     assert "\x1b[1musage\x1b[0m:" in make_parser().format_help()
 
@@ -111,11 +125,14 @@ def test_help_lists_the_exit_statuses(monkeypatch: pytest.MonkeyPatch) -> None:
 class Installed:
     """A distribution."""
 
-    def __init__(self, name: str, url: str | None) -> None:
-        self.name, self.version, self._url = name, "1.2.3", url
+    def __init__(self, name: str, url: str | None, installer: str = "pip") -> None:
+        self.name, self.version = name, "1.2.3"
+        self._files = {"INSTALLER": f"{installer}\n"}
+        if url is not None:
+            self._files["direct_url.json"] = json.dumps({"url": url})
 
-    def read_text(self, _: str) -> str | None:
-        return None if self._url is None else json.dumps({"url": self._url})
+    def read_text(self, name: str) -> str | None:
+        return self._files.get(name)
 
 
 def test_advice_names_what_is_installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -138,3 +155,6 @@ def test_advice_names_what_is_installed(tmp_path: Path, monkeypatch: pytest.Monk
     assert advise_extra("posecast-edge", "ros") == f"pip install '{wheel}[ros]'"
     there["posecast"] = Installed("posecast", None)
     assert (advise_extra("posecast-edge", "ros"), find_version()) == ("pip install 'posecast[ros]'", "1.2.3")
+    there["posecast"] = Installed("posecast", None, "uv")
+    monkeypatch.setattr("sys.executable", "/a b/python")
+    assert advise_extra("posecast-edge", "ros") == "uv pip install --python '/a b/python' 'posecast[ros]'"

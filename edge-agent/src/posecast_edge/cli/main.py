@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, NoReturn
 
+from posecast_wire.command_line.standard_streams import open_closed_streams
 from posecast_wire.schema import SchemaError
 
 from posecast_edge.cli.console import Console
@@ -38,7 +39,7 @@ INTERRUPTED = 130  # as shells have it
 def main(argv: Sequence[str] | None = None, program: str = "posecast-edge") -> NoReturn:
     """Entry point; ends the process. `argv`: None for those of the process; `program`: what it is called in
     messages."""
-    _open_closed_streams()
+    open_closed_streams()
     console = Console(program=program)
     # on all loggers: by logging's last resort what a library says comes with its traceback
     logging.getLogger().addHandler(console)
@@ -54,16 +55,6 @@ def main(argv: Sequence[str] | None = None, program: str = "posecast-edge") -> N
         log.error("%s: %s", e.filename or "stdout", e.strerror or e)
         status = NOT_TOLD
     _leave(status)
-
-
-def _open_closed_streams() -> None:
-    """A service may start us without them; then a socket would become our stderr."""
-    while (number := os.open(os.devnull, os.O_RDWR)) < 3:  # the lowest that is free
-        pass
-    os.close(number)
-    sys.stdin = sys.stdin or os.fdopen(0, closefd=False)
-    sys.stdout = sys.stdout or os.fdopen(1, "w", closefd=False)
-    sys.stderr = sys.stderr or os.fdopen(2, "w", closefd=False)
 
 
 def _log_thread_end(ended: threading.ExceptHookArgs) -> None:

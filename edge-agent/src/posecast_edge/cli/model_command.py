@@ -12,13 +12,21 @@ from typing import Any, NoReturn, TextIO
 
 from posecast_wire.command_line.color import paint
 from posecast_wire.command_line.parser import CommandParser
+from posecast_wire.command_line.progress_bar import ProgressBar, show_countdown
 
 from posecast_edge.cli.doctor import examine_source
-from posecast_edge.cli.progress_bar import Bar, show_countdown
+from posecast_edge.cli.number_flag import limit_number
 from posecast_edge.cli.robot_flags import add_robot_flags, list_packages
 from posecast_edge.model.builder.manifest import FINDINGS_MAX
 from posecast_edge.model.doctor.skeleton import examine_model
-from posecast_edge.model.finding import SEVERITIES, Finding, ModelRefused, advise_mesh_tools, quote_name
+from posecast_edge.model.finding import (
+    SEVERITIES,
+    Finding,
+    ModelRefused,
+    advise_mesh_tools,
+    explain_coarser,
+    quote_name,
+)
 from posecast_edge.model.moving_joints import list_moving_joints
 from posecast_edge.model.robot_file import RobotFile, find_format, load_robot_file
 from posecast_edge.model.serve.bundle_dir import MANIFEST, write_folder
@@ -27,7 +35,7 @@ from posecast_edge.model.urdf.reader import read_urdf
 from posecast_edge.model.urdf.resolver import Resolver
 from posecast_edge.model.urdf.tree import build_tree
 from posecast_edge.model.urdf.types import AUTO, UP_AXIS_MODES, Urdf
-from posecast_edge.pipeline.source_stats import observe_source
+from posecast_edge.pipeline.source_stats import WATCH_MAX_S, observe_source
 from posecast_edge.profile.reader import ProfileError, find_profile, load_profile
 from posecast_edge.profile.types import Profile
 from posecast_edge.sample import SourceError
@@ -87,8 +95,8 @@ def make_parser(program: str = "posecast-edge") -> CommandParser:
     """The parser of both commands."""
     parser = _Parser(prog=program)
     parser.set_defaults(program=program)
-    commands = parser.add_subparsers(dest="command", required=True)
-    model = commands.add_parser("model").add_subparsers(dest="action", required=True)
+    commands = parser.add_subparsers(dest="command", required=True, metavar="model|doctor")
+    model = commands.add_parser("model").add_subparsers(dest="action", required=True, metavar="build")
     build = model.add_parser(
         "build", help="a robot and its meshes, made small for phones", statuses=BUILD_STATUSES
     )
@@ -101,8 +109,12 @@ def make_parser(program: str = "posecast-edge") -> CommandParser:
     doctor.add_argument("--urdf", type=Path, help="the robot: URDF, xacro, SDF or MJCF")
     doctor.add_argument("--profile", type=find_profile, help="also whether the profile fits it")
     doctor.add_argument("--source", help="also whether what it delivers fits both")
-    doctor.add_argument("--seconds", type=float, default=5.0, help="how long to watch the source (5)")
-    doctor.add_argument("--hz", type=float, default=30.0, help="frames a second that are wanted (30)")
+    doctor.add_argument(
+        "--seconds", type=limit_number(0, WATCH_MAX_S), default=5.0, help="how long to watch the source (5)"
+    )
+    doctor.add_argument(
+        "--hz", type=limit_number(1, 60), default=30.0, help="frames a second that are wanted, 1 to 60 (30)"
+    )
     for command in (build, doctor):
         add_robot_flags(command)
         command.add_argument("--up-axis", choices=UP_AXIS_MODES, default=AUTO, help=UP_AXIS_HELP)
@@ -146,7 +158,7 @@ def _model(
         facts = None
         _print(sys.stderr, f"{args.program}: meshes not looked at: {_explain_missing(e)}")
     else:
-        with Bar(sys.stderr) as bar:
+        with ProgressBar(sys.stderr) as bar:
             files = read_visual_files(robot, Resolver(path, packages), bar.show_progress)
         if tree.links:
             settle_up_axis(urdf, tree, files, args.up_axis)
@@ -206,20 +218,19 @@ def _build(args: argparse.Namespace, packages: Sequence[Path], cache: Path | Non
     path, out, arguments = args.urdf, args.out, dict(args.xacro_arg)
     try:
         from posecast_edge.model.builder.build import build_model  # noqa: PLC0415 - an extra
-        from posecast_edge.model.builder.mesh_coder import describe_lack  # noqa: PLC0415 - the same
     except ImportError as e:
         raise ModelRefused(_explain_missing(e)) from None
     kept = Cache(cache, path, packages, arguments, args.up_axis) if cache is not None else None
     files = kept.get() if kept is not None else None
     if files is None:
         robot, resolver = load_robot_file(path, packages, arguments), Resolver(path, packages)
-        with Bar(sys.stderr) as bar:
+        with ProgressBar(sys.stderr) as bar:
             built = build_model(robot, resolver, bar.show_progress, args.up_axis)
         files = {**built.files, MANIFEST: built.manifest}
         if kept is not None:
             kept.put(files, resolver, robot.inputs)
-        if lack := describe_lack():
-            _print(sys.stderr, f"{args.program}: {path}: {lack}")
+    if coarser := explain_coarser():
+        _print(sys.stderr, f"{args.program}: {path}: {coarser}")
     write_folder(out, files)
     return _report(path, out, json.loads(files[MANIFEST]), args.program)
 

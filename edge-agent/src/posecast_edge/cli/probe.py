@@ -10,14 +10,15 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from posecast_wire.command_line.parser import CommandParser
+from posecast_wire.command_line.progress_bar import show_countdown
 
-from posecast_edge.cli.progress_bar import show_countdown
+from posecast_edge.cli.number_flag import limit_number
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.moving_joints import list_moving_joints
 from posecast_edge.model.robot_file import load_robot_file
 from posecast_edge.model.serve.bundle import find_sliding
 from posecast_edge.model.urdf.reader import read_urdf
-from posecast_edge.pipeline.source_stats import WAIT_S, ChannelStats, SourceStats, observe_source
+from posecast_edge.pipeline.source_stats import WAIT_S, WATCH_MAX_S, ChannelStats, SourceStats, observe_source
 from posecast_edge.profile.field_defaults import find_usual_unit, guess_unit
 from posecast_edge.profile.reader import ProfileError, find_profile, load_profile
 from posecast_edge.profile.schema import mark_sliding
@@ -91,7 +92,9 @@ def make_parser(program: str = "posecast-edge") -> CommandParser:
         statuses=STATUSES,
     )
     parser.add_argument("source", help=f"KIND[:ADDRESS]; kinds: {', '.join(KINDS)}")
-    parser.add_argument("--seconds", type=float, default=3.0, help="how long to watch (3)")
+    parser.add_argument(
+        "--seconds", type=limit_number(0, WATCH_MAX_S), default=3.0, help="how long to watch (3)"
+    )
     parser.add_argument(
         "--urdf", type=Path, help="the robot's model (URDF, xacro, SDF, MJCF), for joints that only /tf tells"
     )

@@ -68,7 +68,7 @@ def run_profile(argv: Sequence[str], program: str = "posecast-edge") -> int:
 def make_parser(program: str = "posecast-edge") -> CommandParser:
     """The parser of the command."""
     parser = CommandParser(prog=f"{program} profile")
-    commands = parser.add_subparsers(dest="command", required=True)
+    commands = parser.add_subparsers(dest="command", required=True, metavar="new")
     new = commands.add_parser(
         "new", help="a profile to start from, made of a robot's description", statuses=STATUSES
     )

@@ -12,6 +12,7 @@ from posecast_wire.command_line.parser import CommandParser
 from posecast_wire.credential import Credential
 from posecast_wire.keys import check_name
 
+from posecast_edge.cli.number_flag import limit_number
 from posecast_edge.cli.robot_flags import add_robot_flags, parse_folders, parse_xacro_argument
 from posecast_edge.model.urdf.types import AUTO, UP_AXIS_MODES
 from posecast_edge.profile.reader import find_profile
@@ -29,6 +30,7 @@ STATUSES = {
     2: "wrong arguments, profile or model",
     130: "ended by Ctrl-C before it ran",
 }
+SUCH = "KIND[:ADDRESS], such as demo, csv:log.csv or mujoco:arm.xml"
 
 
 class UsageError(Exception):
@@ -154,21 +156,6 @@ def _xacro_arguments(text: str) -> list[tuple[str, str]]:
     return [parse_xacro_argument(word) for word in text.split()]
 
 
-def _number(low: float, high: float) -> Callable[[str], float]:
-    """A float type for argparse within [low, high]."""
-
-    def parse(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            value = float("nan")
-        if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"{quote(text)} is no number from {low:g} to {high:g}")
-        return value
-
-    return parse
-
-
 def add_run_flags(
     parser: argparse.ArgumentParser,
     environment: Mapping[str, str],
@@ -188,31 +175,39 @@ def add_run_flags(
             help=f"{text} [{variable}]",
         )
 
-    flag("robot", _robot, "the robot's name in the link: a-z, 0-9 and -; its credential knows it too")
-    flag("source", _source, f"KIND[:ADDRESS]; kinds: {', '.join(KINDS)}")
-    flag("relay", _relay, "where the relay listens: tls/HOST:PORT, or tcp/… on one machine")
-    flag("credential", _credential, "file with the line that `posecast-relay robots add` printed")
-    flag("tls-cert", Path, "instead: the robot's certificate (PEM), where the relay has --zenoh-ca")
-    flag("tls-key", Path, "its private key (PEM)")
-    flag("tls-ca", Path, "what signed the relay's certificate (PEM); without: an authority of the web")
-    flag("hz", _number(1, 60), "frames a second, 1 to 60 (30)", 30.0)
-    flag("key-interval", _number(0.2, 600), "seconds between frames that stand alone (4)", 4.0)
+    flag("robot", _robot, "the robot's name in the link: a-z, 0-9 and -; a credential has it, too")
+    flag(
+        "source",
+        _source,
+        f"{SUCH}; kinds: {', '.join(KINDS)}",
+    )
+    flag("relay", _relay, "the relay: tls/HOST:PORT, or tcp/127.0.0.1:PORT on this machine")
+    flag("credential", _credential, "file with the line that the relay's `robots add` printed")
+    flag(
+        "tls-cert",
+        Path,
+        "instead of --credential: the robot's certificate (PEM), for a relay with --zenoh-ca",
+    )
+    flag("tls-key", Path, "the private key of --tls-cert (PEM)")
+    flag("tls-ca", Path, "certificate of the authority that signed the relay's (PEM); without, a public one")
+    flag("hz", limit_number(1, 60), "frames a second, 1 to 60 (30)", 30.0)
+    flag("key-interval", limit_number(0.2, 600), "seconds between KEY frames, where viewers begin (4)", 4.0)
     flag(
         "profile",
         find_profile,
-        "TOML file that says what the channels mean, or the name of one that comes along",
+        "TOML file that says what the robot's channels mean, or the name of one in Posecast",
     )
     flag(
         "urdf",
         Path,
-        "the robot's model (URDF, xacro, SDF, MJCF); it is made small and served, meshes and all",
+        "the robot's model, a file of URDF, xacro, SDF or MJCF; its meshes are made small for phones",
     )
     flag("model", Path, "instead of --urdf: the folder that `model build` made")
     add_robot_flags(parser)
     flag(
         "up-axis",
         _up_axis,
-        "whether Collada files mean the up axis they name: auto, ignore, apply (auto)",
+        "whether Collada meshes mean the up axis they name: auto, ignore, apply (auto)",
         AUTO,
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from dataclasses import dataclass, replace
 
 from posecast_wire.command_line.installation import advise_extra
@@ -13,6 +14,19 @@ SEVERITIES = ("error", "warning", "hint")
 def advise_mesh_tools() -> str:
     """The command that installs what builds models."""
     return advise_extra("posecast-edge", "model")
+
+
+def has_simplifier() -> bool:
+    """Whether meshoptimizer is installed, so that models are built as fine and as small as they can be."""
+    return importlib.util.find_spec("meshoptimizer") is not None
+
+
+def explain_coarser() -> str | None:
+    """One line that says why models are coarser here than they could be; None where they are not."""
+    if has_simplifier():
+        return None
+    advice = advise_extra("posecast-edge", "meshopt")
+    return f"built without meshoptimizer, so it is coarser; where there is a C++ compiler: {advice}"
 
 
 class ModelRefused(Exception):

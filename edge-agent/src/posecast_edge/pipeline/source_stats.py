@@ -18,6 +18,7 @@ from posecast_edge.sample import Reading, Sample, SourceError
 from posecast_edge.sources.base import Source
 
 WAIT_S = 5.0  # for the first sample
+WATCH_MAX_S = 3600.0
 MAX_CHANNELS = 4096  # of a field, and as many fields and texts
 MAX_BITS = 256
 FINITE = sys.float_info.max

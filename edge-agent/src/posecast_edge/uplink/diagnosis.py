@@ -14,8 +14,6 @@ from posecast_edge.uplink.session_config import make_zenoh_config
 
 PATIENCE_S = 2.0
 KNOCK = bytes(2)  # an empty batch: Zenoh says goodbye to it, and the relay counts nobody as refused
-
-
 SURE_AFTER = 3  # times in a row that a relay which answers made no link,
 SURE_AFTER_S = 5.0  # and for so long: a busy machine may be too slow once or twice
 

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from posecast_wire.command_line.installation import advise_extra
 
 from posecast_edge.model.meshes.mesh import Faces
 
@@ -30,14 +29,6 @@ UV_CELLS = 64  # along a texture: vertices of one place but of distant places in
 def can_pack() -> bool:
     """Whether meshoptimizer is installed."""
     return meshoptimizer is not None
-
-
-def describe_lack() -> str | None:
-    """What follows from its absence, in one line; None when it is there."""
-    if can_pack():
-        return None
-    advice = advise_extra("posecast-edge", "meshopt")
-    return f"built without meshoptimizer, so it is coarser; where there is a C++ compiler: {advice}"
 
 
 def simplify(
@@ -78,7 +69,7 @@ def pack_attributes(values: NDArray[Any]) -> bytes:
 
 
 def pack_indices(indices: NDArray[np.uint32], vertices: int) -> bytes:
-    """Likewise of triangles."""
+    """Corners of triangles, packed as EXT_meshopt_compression means. Only where `can_pack`."""
     meshoptimizer.encode_index_version(1)
     return bytes(meshoptimizer.encode_index_buffer(indices, len(indices), vertices))
 

@@ -17,7 +17,7 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from posecast_edge.model.finding import advise_mesh_tools
+from posecast_edge.model.finding import advise_mesh_tools, explain_coarser
 from posecast_edge.model.serve.bundle import Bundle, ModelError, load_built
 
 log = logging.getLogger("posecast_edge.model")
@@ -103,6 +103,8 @@ class BackgroundBuild:
         took_s = time.monotonic() - began_s
         raw = f" of {_megabytes(self._raw):.1f} MB" if self._raw is not None else ""
         log.info("model: %.1f MB%s, after %.1f s", _megabytes(bundle), raw, took_s)
+        if coarser := explain_coarser():
+            log.warning("model: %s", coarser)
         if problems := _problems(bundle):
             log.warning("model: %s; posecast-edge doctor --urdf %s names them", problems, self._urdf)
         self._ready(bundle)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import importlib.util
 import json
 import os
 import shutil
@@ -16,7 +15,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.finding import ModelRefused, has_simplifier
 from posecast_edge.model.serve.bundle_dir import read_folder, write_folder
 from posecast_edge.model.urdf.resolver import Resolver, resolve_links
 from posecast_edge.model.urdf.types import AUTO
@@ -30,11 +29,6 @@ def find_cache_folder(environment: Mapping[str, str]) -> Path | None:
     """The folder of the entries (XDG base directories); None for a user without a home folder."""
     base = environment.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     return Path(base, "posecast", "models") if os.path.isabs(base) else None
-
-
-def _has_simplifier() -> bool:
-    """Whether the builder makes models as fine as it can."""
-    return importlib.util.find_spec("meshoptimizer") is not None
 
 
 class Cache:
@@ -52,7 +46,7 @@ class Cache:
         self._packages = packages
         given = sorted(f"{name}:={value}" for name, value in (xacro_arguments or {}).items())
         name = "\0".join(
-            map(str, (BUILDER, _has_simplifier(), up_axis, self._urdf, *map(resolve_links, packages), *given))
+            map(str, (BUILDER, has_simplifier(), up_axis, self._urdf, *map(resolve_links, packages), *given))
         )
         self._entry = folder / hashlib.sha256(os.fsencode(name)).hexdigest()[:32]
 

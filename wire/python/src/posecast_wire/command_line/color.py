@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import TextIO
 
 STYLES = {"bold": "1", "red": "31", "yellow": "33", "green": "32", "cyan": "36"}
 
 
-def wants_color(out: TextIO, environment: Mapping[str, str] | None = None) -> bool:
-    """Whether text written to `out` should have colours. `environment`: None for that of the process."""
+def wants_color(out: TextIO | None, environment: Mapping[str, str] | None = None) -> bool:
+    """Whether text written to `out` should have colours; None, as sys.stderr is where it was closed, has
+    none. `environment`: None for that of the process."""
+    if out is None:
+        return False
     known = os.environ if environment is None else environment
     if known.get("NO_COLOR"):
         return False
@@ -22,6 +27,12 @@ def wants_color(out: TextIO, environment: Mapping[str, str] | None = None) -> bo
         return False
 
 
-def paint(text: str, style: str, out: TextIO, environment: Mapping[str, str] | None = None) -> str:
+def paint(text: str, style: str, out: TextIO | None, environment: Mapping[str, str] | None = None) -> str:
     """`text` in one of STYLES where `out` wants colours, else as it is."""
     return f"\x1b[{STYLES[style]}m{text}\x1b[0m" if wants_color(out, environment) else text
+
+
+def print_error(program: str, text: str) -> None:
+    """Print a line that begins with the program's name to stderr, if that can be written to."""
+    with suppress(OSError, ValueError):
+        print(paint(f"{program}:", "red", sys.stderr), text, file=sys.stderr, flush=True)

@@ -5,6 +5,7 @@ What looks that up is imported by the functions: it takes 3 MB, which an agent b
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,12 +24,16 @@ def find_version() -> str:
 
 def advise_extra(part: str, extra: str) -> str:
     """The command that adds an extra to what is installed. `part`: the distribution whose extra it is, such
-    as posecast-edge; where the whole is installed, it has the extra too."""
+    as posecast-edge; where the whole is installed, it has the extra too. An environment that uv has made has
+    no pip, and one of uvx is not on the PATH."""
     import shlex  # noqa: PLC0415
 
     found = _find(WHOLE) or _find(part)
     where = None if found is None else _locate(found) or found.name
-    return f"pip install {shlex.quote(f'{where or part}[{extra}]')}"
+    words = ["pip", "install"]
+    if found is not None and (found.read_text("INSTALLER") or "").strip() == "uv":
+        words = ["uv", *words, "--python", sys.executable]
+    return shlex.join([*words, f"{where or part}[{extra}]"])
 
 
 def _find(name: str) -> Distribution | None:

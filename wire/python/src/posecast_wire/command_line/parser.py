@@ -1,4 +1,4 @@
-"""argparse with manners: `--version`, "did you mean", exit statuses in `--help`, errors of one line."""
+"""argparse, with `--version`, hints for mistyped words, exit statuses in `--help`, and errors of one line."""
 
 from __future__ import annotations
 
@@ -51,15 +51,18 @@ class CommandParser(argparse.ArgumentParser):
             if word == "--":
                 return
             flag = word.partition("=")[0]
-            if not flag.startswith("--") or any(
-                known.startswith(flag) for known in self._option_string_actions
-            ):
+            if not flag.startswith("--") or self._is_flag(flag):
                 continue
             if hint := suggest(flag, self._option_string_actions):
                 self.error(f"unrecognized arguments: {flag}{hint}")
 
+    def _is_flag(self, word: str) -> bool:
+        if self.allow_abbrev:
+            return any(known.startswith(word) for known in self._option_string_actions)
+        return word in self._option_string_actions
+
     def _check_value(self, action: argparse.Action, value: Any) -> None:
-        """Likewise for commands and choices."""
+        """Refuse what is none of the choices, with a hint."""
         if action.choices is None or value in action.choices:
             return
         known = [str(choice) for choice in action.choices]
