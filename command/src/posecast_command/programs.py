@@ -16,6 +16,11 @@ RELAY = {
     "robots": "who may publish and watch; share links",
     "past": "list, export and delete what is kept of the past",
 }
+OWN = {
+    "demo": "a relay, its page and a demo robot, in this terminal",
+    "run": "put a robot on a relay; one is started here if --relay names none",
+}
+COMMANDS = (*OWN, *EDGE, *RELAY, "completion")
 COMPLETION = (
     'in ~/.bashrc: eval "$(posecast completion bash)"; in ~/.zshrc likewise, below compinit; '
     "in ~/.config/fish/config.fish: posecast completion fish | source"
@@ -33,9 +38,7 @@ def make_parser() -> CommandParser:
         version=True,
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", title="commands")
-    commands.add_parser("demo", help="a relay, its page and a demo robot, in this terminal")
-    commands.add_parser("run", help="put a robot on a relay; one is started here if --relay names none")
-    for name, text in (EDGE | RELAY).items():
+    for name, text in (OWN | EDGE | RELAY).items():
         commands.add_parser(name, help=text)
     completion = commands.add_parser(
         "completion", help="print a script that makes a shell complete commands and flags"

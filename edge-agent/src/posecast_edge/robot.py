@@ -185,9 +185,9 @@ class Robot:
         """Take what the robot reports now. Returns within microseconds, never blocks and never raises: what
         is wrong is logged once and counted in status().
 
-        Joints, by name or, with joints=[…], in order: `pos` and `ref` (rad or m), `vel` (rad/s), `effort`
-        (N·m), `cur` (A), `temp` (°C), `duty` (%), `heat` (J), `flags` (names of bits, or a mask).
-        `base`: where the root link is, x, y, z (m) and a quaternion x, y, z, w.
+        Joints, by name or, with joints=[…], in order: `pos` and `ref` (rad or m), `vel` (rad/s or m/s),
+        `effort` (N·m or N), `cur` (A), `temp` (°C), `duty` (%), `heat` (J), `flags` (names of bits, or a
+        mask). `base`: where the root link is, x, y, z (m) and a quaternion x, y, z, w.
         Sensors, by site: `ftf` (N), `ftm` (N·m), `quat` (x, y, z, w), `gyro` (rad/s), `acc` (m/s²),
         `tilt` (rad), `volt`, `amp`, `watt`, `charge` (%).
         `diag`: bits of parts; `info`: texts; other names become plain tables. `t`: the robot's clock,

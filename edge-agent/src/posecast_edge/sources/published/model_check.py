@@ -20,7 +20,7 @@ LEAST = 0.1  # rad or m
 SLACK = 0.02  # rad or m
 
 
-class Limits(NamedTuple):
+class JointLimits(NamedTuple):
     """Where a joint may be, rad, or m where it slides; `lower` is below `upper`."""
 
     slides: bool
@@ -47,7 +47,7 @@ class ModelCheck:
     def __init__(self, problems: ProblemList) -> None:
         self._problems = problems
         self._readings: frozenset[str] | None = None
-        self._limits: Mapping[str, Limits] = {}
+        self._limits: Mapping[str, JointLimits] = {}
         self._told: set[str] = set()
         self._doubts: dict[str, str] = {}  # by their question: what is said of the first joint
 
@@ -63,7 +63,7 @@ class ModelCheck:
                 f"model: it has further errors; `{name_edge_command('doctor')} --urdf` names them"
             )
         self._limits = {
-            j.name: Limits(j.slides, j.lower, j.upper)
+            j.name: JointLimits(j.slides, j.lower, j.upper)
             for j in bundle.joints
             if j.lower is not None and j.upper is not None and j.lower < j.upper
         }
@@ -86,7 +86,7 @@ class ModelCheck:
                 if limits is not None and type(reading) is float and limits.is_far(reading):
                     self._doubt(f"{name} of {quote(label)}", limits, reading)
 
-    def _doubt(self, what: str, limits: Limits, reading: float) -> None:
+    def _doubt(self, what: str, limits: JointLimits, reading: float) -> None:
         question = limits.suspect_unit(reading)
         text = f"{what} is far beyond the joint's limits, {limits}{question}"
         self._problems.add(self._doubts.setdefault(question or text, text))

@@ -13,6 +13,7 @@ from posecast_edge.profile.types import Profile
 from posecast_edge.sample import Reading, Sample
 from posecast_edge.sources.base import Deliver
 from posecast_edge.sources.published.channels import JOINT_FIELDS, OF_PROFILE, Labels, PublishedChannels
+from posecast_edge.sources.published.clock_check import ClockCheck
 from posecast_edge.sources.published.model_check import ModelCheck
 from posecast_edge.sources.published.problems import ProblemList
 from posecast_edge.sources.published.slot import FLAGS, PublishedSlot, Readings, Taken
@@ -39,7 +40,7 @@ class PublishedSource:
         self._slot, self._joints, self._problems = slot, tuple(joints), problems
         self._profile_given = profile is not None
         self._channels = PublishedChannels(robot, joints, profile, problems)
-        self._model = ModelCheck(problems)
+        self._model, self._clock = ModelCheck(problems), ClockCheck(problems)
         self._is_compared = True  # the names of joints with the model's
         self._ended = False
 
@@ -64,6 +65,8 @@ class PublishedSource:
                 first_s = time.monotonic() if first_s is None else first_s
                 self._sleep(first_s + SETTLE_S, stop)
             taken = self._slot.take(clock.now_s())
+            if taken:
+                self._clock.check_time(taken.t_s, time.monotonic())
             wanted_s = self._deliver(taken, deliver) if taken else None
             self._problems.log_new()
             if ended:
