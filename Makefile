@@ -64,10 +64,10 @@ setup: .venv/.ready node_modules/.ready spa/dist/index.html $(DEMO)/model/manife
 # ---- for people --------------------------------------------------------------
 
 demo: setup ## a robot on http://127.0.0.1:8080, or the next free port (PORT=…, HOST=0.0.0.0 for the phone in your hand)
-	@exec env POSECAST_STATIC=spa/dist $(BIN)/posecast demo $(if $(HOST),--host $(HOST)) $(if $(PORT),--port $(PORT))
+	@exec $(BIN)/posecast demo $(if $(HOST),--host $(HOST)) $(if $(PORT),--port $(PORT))
 
 dev: setup ## the same with the page served by Vite, reloading as you edit
-	@exec env POSECAST_STATIC=spa/dist $(BIN)/python tools/dev.py
+	@exec $(BIN)/python tools/dev.py
 
 # ---- proof -------------------------------------------------------------------
 

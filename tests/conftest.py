@@ -15,36 +15,19 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import pytest
 import websockets
 from posecast_wire.decoder import Decoder, Frame
 from posecast_wire.frame import FrameError
 
+from relay.tests.stage import free_port, until
+
+__all__ = ("free_port", "until")  # of the relay's tests, and for all of these
+
 BIN = Path(sys.executable).parent
 GRACE_S = 10.0
-
-
-T = TypeVar("T")
-
-
-def until(what: str, probe: Callable[[], T | None], deadline_s: float = 20.0) -> T:
-    """The first answer of `probe` that is neither None nor False."""
-    end_s = time.monotonic() + deadline_s
-    while True:
-        answer = probe()
-        if answer is not None and answer is not False:
-            return answer
-        assert time.monotonic() < end_s, f"not within {deadline_s:g} s: {what}"
-        time.sleep(0.02)
-
-
-def free_port() -> int:
-    """A port nobody listens on now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 class Part:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -18,7 +19,6 @@ import pytest
 from tests.conftest import BIN, Part, free_port, until
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGE = f"POSECAST_STATIC={ROOT / 'spa' / 'dist'}"  # in a checkout the page is not inside the relay
 ON_AIR = r"Posecast is on air:  (http://[^/]+)/#/r/(\S+)"
 MORE = r"More robots on this machine: --relay (tcp/\S+)"
 Starter = Callable[..., Part]
@@ -28,7 +28,7 @@ Starter = Callable[..., Part]
 def posecast(stack: Any) -> Starter:
     """Starts `posecast` with arguments."""
 
-    def start(*argv: str, stdin: int | None = None, env: tuple[str, ...] = (PAGE,)) -> Part:
+    def start(*argv: str, stdin: int | None = None, env: tuple[str, ...] = ()) -> Part:
         part: Part = stack.start("posecast", "env", *env, f"{BIN}/posecast", *argv, stdin=stdin)
         return part
 
@@ -50,7 +50,7 @@ def gone(processes: set[int]) -> bool:
 
 def refused(*argv: str, **environment: str) -> subprocess.CompletedProcess[str]:
     """To its end."""
-    environment = {**os.environ, **dict([PAGE.split("=", 1)]), **environment}
+    environment = {**os.environ, **environment}
     command = [f"{BIN}/posecast", *argv]
     return subprocess.run(
         command,
@@ -79,6 +79,23 @@ def test_it_says_on_air_when_it_is_and_ends_whole(posecast: Starter, how: signal
     assert gone(started)
 
 
+def test_from_a_checkout_it_shows_the_page_that_was_built_there(posecast: Starter) -> None:
+    url = posecast("demo", "--no-browser", "--port", str(free_port())).line(ON_AIR)[1]
+    with urllib.request.urlopen(url, timeout=5) as answer:
+        assert answer.read() == (ROOT / "spa/dist/index.html").read_bytes()
+
+
+def test_without_a_page_it_says_how_to_build_one_and_links_to_what_there_is(
+    posecast: Starter, tmp_path: Path
+) -> None:
+    source = tmp_path / "checkout/relay/src"
+    shutil.copytree(ROOT / "relay/src", source, ignore=shutil.ignore_patterns("page", "__pycache__"))
+    demo = posecast("demo", "--no-browser", "--port", str(free_port()), env=(f"PYTHONPATH={source}",))
+    url = demo.line(r"Posecast is on air:  (\S+)")[1]
+    assert ask(url)["fields"]["pos"]["values"]
+    assert demo.log.count(f"posecast: there is no page: `make setup` in {tmp_path}/checkout builds it\n") == 1
+
+
 @pytest.mark.parametrize("redirection", ["", ">&- <&-"])
 def test_a_robot_is_on_air_whether_anybody_reads_that_or_not(redirection: str, tmp_path: Path) -> None:
     """As with `posecast demo | true`, or started by a program that closes what it does not need."""
@@ -86,7 +103,7 @@ def test_a_robot_is_on_air_whether_anybody_reads_that_or_not(redirection: str, t
     browser.write_text(f'#!/bin/sh\necho "$1" > {opened}.part && mv {opened}.part {opened}\n')
     browser.chmod(0o700)
     environment = {k: v for k, v in os.environ.items() if k != "CI" and not k.startswith("SSH_")}
-    environment |= dict([PAGE.split("=", 1)]) | {"DISPLAY": ":0", "BROWSER": f"{browser} %s"}
+    environment |= {"DISPLAY": ":0", "BROWSER": f"{browser} %s"}
     port = free_port()
     read, write = os.pipe()
     os.close(read)  # what is written there is an error
@@ -108,7 +125,7 @@ def test_a_robot_is_on_air_whether_anybody_reads_that_or_not(redirection: str, t
 
 def test_the_demo_is_the_same_whatever_is_set_for_others(posecast: Starter) -> None:
     others = ("POSECAST_ROBOTS=/nowhere", "POSECAST_URDF=/nowhere", "POSECAST_CREDENTIAL=/nowhere")
-    demo = posecast("demo", "--no-browser", "--port", str(free_port()), env=(PAGE, *others))
+    demo = posecast("demo", "--no-browser", "--port", str(free_port()), env=others)
     assert ask(f"{demo.line(ON_AIR)[1]}/api/v1/robots/demo/state")["fields"]["pos"]["values"]
 
 

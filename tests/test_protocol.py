@@ -22,7 +22,7 @@ from typing import Any
 
 import pytest
 
-from tests.conftest import until
+from tests.conftest import BIN, until
 
 PAGE = (Path(__file__).resolve().parent.parent / "docs" / "PROTOCOL.md").read_text()
 ADDRESS = "127.0.0.1:8080"  # where the page says the demo is
@@ -226,6 +226,71 @@ def test_the_answers_have_the_members_shown(demo: str) -> None:
     assert added is not None
     one, listed = get(demo, "/api/v1/robots/demo"), get(demo, "/api/v1/robots")["robots"][0]
     assert set(re.findall(r"`([a-z_]+)`", added[1])) == one.keys() - listed.keys()
+
+
+def test_the_admins_routes_are_those_there_are_and_answer_what_is_shown(stack: Any, tmp_path: Path) -> None:
+    file = tmp_path / "robots.toml"
+
+    def robots(*words: str) -> str:
+        command = [f"{BIN}/posecast-relay", "robots", *words, "--robots", str(file)]
+        return str(
+            subprocess.run(command, check=True, capture_output=True, text=True, timeout=20).stdout
+        ).strip()
+
+    credential = robots("add", "hubo", "--days", "30")
+    robots("set", "hubo", "--link", "view=public")
+    kept = tmp_path / "credential"
+    kept.touch(0o600)
+    kept.write_text(credential)
+    secret = robots("admin")
+    flags = ("--robots", str(file), "--past", f"file://{tmp_path}/past")
+    part = stack.start(
+        *("relay", *stack.relay_command, "run", "--port", "0", "--zenoh-listen", "tcp/127.0.0.1:0", *flags)
+    )
+    address, zenoh = part.line(r"serving http://(\S+), robots on (tcp/\S+)").groups()
+    agent = ("run", "--robot", "hubo", "--source", "demo", "--relay", zenoh)
+    stack.start("edge", *stack.edge_command, *agent, "--credential", str(kept))
+
+    def ask(method: str, path: str, token: str = secret) -> tuple[int, Any]:
+        headers = {"authorization": f"Bearer {token}"}
+        request = urllib.request.Request(f"http://{address}{path}", method=method, headers=headers)
+        try:
+            with urllib.request.urlopen(request, timeout=10) as answer:
+                return answer.status, json.load(answer)
+        except urllib.error.HTTPError as refusal:
+            return refusal.code, json.load(refusal)
+
+    def report() -> Any:
+        return ask("GET", "/api/v1/admin")[1]
+
+    until("it is on air", lambda: report()["robots"][0]["status"] == "online")
+    shown, real = sample('"delivered_frames"'), report()
+    assert shown.keys() == real.keys()
+    for part_name in ("relay", "past", "archive"):
+        assert shown[part_name].keys() == real[part_name].keys(), part_name
+    assert shown["robots"][0].keys() == real["robots"][0].keys()
+    rows = re.findall(r"^\| `(GET|POST|DELETE) (/api/v1/admin\S*)` \| ", PAGE, re.MULTILINE)
+    document = ask("GET", "/openapi.json")[1]["paths"]
+    there = {(method.upper(), path) for path in document if "/admin" in path for method in document[path]}
+    assert {(method, path.partition("?")[0]) for method, path in rows} == there
+    statuses = {*re.findall(r"^\| (\d{3}) \| ", section("The admin's page"), re.MULTILINE)}
+    assert statuses == {
+        status
+        for method, path in there
+        for status in document[path][method.lower()]["responses"]
+        if status.startswith(("4", "5"))
+    }
+    for method, path in rows:
+        of_hubo = path.replace("{robot}", "hubo")
+        assert ask(method, of_hubo, "x")[0] == 401
+        status, told = ask(method, of_hubo)
+        assert status == 200
+        assert method != "POST" or told.keys() == {"link", "until_s"}
+
+
+def section(heading: str) -> str:
+    """The text below a heading of the page, up to the next one of its kind."""
+    return PAGE.partition(f"\n## {heading}\n")[2].partition("\n## ")[0]
 
 
 def test_links_lead_somewhere() -> None:

@@ -101,6 +101,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     settings = {
         "SITE": "localhost",
         "VIEWERS_AT": "127.0.0.1",
+        "ADMIN_AT": "127.0.0.1",
         "LANE_AT": "127.0.0.1" if NGINX else "",
         "LANE_PORT": "8090",
         "PAGE": page,

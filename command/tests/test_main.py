@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from importlib.metadata import version
 
 import pytest
+from posecast_command.ports import PAGE_PORT
 from posecast_command.programs import EDGE, RELAY, make_parser
+from posecast_edge.sources.registry import split_spec
 
 
 def posecast(*argv: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "posecast_command", *argv]
     return subprocess.run(
-        command, capture_output=True, text=True, timeout=60, check=False, stdin=subprocess.DEVNULL
+        command,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+        stdin=subprocess.DEVNULL,
+        env={**os.environ, "COLUMNS": "80"},
     )
 
 
@@ -38,6 +47,23 @@ def test_help_is_of_the_name_that_was_typed(argv: tuple[str, ...], usage: str) -
     told = posecast(*argv, "--help")
     assert told.stdout.startswith(f"usage: {usage} ")
     assert (told.returncode, told.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("argv", [(), ("demo",), ("run",)])
+def test_help_fits_a_terminal_and_its_examples_are_right(argv: tuple[str, ...]) -> None:
+    text = posecast(*argv, "--help").stdout
+    assert max(map(len, text.splitlines())) <= 80
+    whole = " ".join(text.split())
+    for command in re.findall(r"`posecast (\w+)`", whole):
+        assert command in ("demo", "run", *EDGE, *RELAY)
+    if argv == ("run",):
+        such = re.search(r"such as (.+?) or (\S+); kinds:", whole)
+        assert such is not None
+        assert [split_spec(one)[0] for one in (*such[1].split(", "), such[2])] == ["demo", "csv", "mujoco"]
+    if argv != ():
+        assert whole.count(f"the first one from {PAGE_PORT} on that is free") == 1
+    else:
+        assert "Begin with `posecast demo`" in whole
 
 
 @pytest.mark.parametrize(

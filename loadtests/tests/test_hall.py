@@ -38,8 +38,8 @@ def test_nobody_is_refused_while_the_relay_is_replaced(viewers: int, places: int
 REPLACED = Replacement(10.0, 12.0)
 
 
-def make_counts(*last_s: float, **more: Any) -> HallCounts:
-    viewers = [HallViewer("lane", at_s, 5.0, 9.0) for at_s in last_s]
+def make_counts(*last_s: float, by: str = "lane", **more: Any) -> HallCounts:
+    viewers = [HallViewer(by, at_s, 5.0, 9.0) for at_s in last_s]
     return HallCounts(viewers=viewers, **{"told_lane": 1, **more})
 
 
@@ -54,6 +54,7 @@ def test_all_of_it_held() -> None:
         (make_counts(13.0), "1 viewers came, not 2"),
         (make_counts(13.0, 11.0), "1 viewers got nothing after the relay was replaced"),
         (make_counts(13.0, 14.0, told_lane=0), "only 0 were told the lane"),
+        (make_counts(13.0, 14.0, by="socket"), "only 0 went on by the lane, not 1"),
         (make_counts(13.0, 14.0, refusals=[(9.0, "socket: 1013")]), "1 refused, the first: socket: 1013"),
         (make_counts(13.0, 14.0, repeats=1), "1 repeats"),
         (make_counts(13.0, 14.0, missed=3), "3 missed"),

@@ -23,18 +23,16 @@
  * 16,384 in a record of TLS, each answer by itself. */
 #define _GNU_SOURCE
 #include "histogram.h"
-#include <arpa/inet.h>
+#include "loopback.h"
 #include <ctype.h>
 #include <errno.h>
 #include <inttypes.h>
-#include <netinet/tcp.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 #include <sys/epoll.h>
 #include <sys/resource.h>
-#include <sys/socket.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -169,28 +167,14 @@ static void ask(struct viewer *v) {
 }
 
 static void connect_anew(struct viewer *v) {
-    int on = 1, source = (int)(v - viewers) % o.sources;
-    struct linger reset = {1, 0}; /* leave no TIME_WAIT behind: thousands of ports are needed again at once */
-    struct sockaddr_in from = {.sin_family = AF_INET}, to = {.sin_family = AF_INET, .sin_port = htons((uint16_t)o.port)};
-    from.sin_addr.s_addr = htonl(0x7f010001u + (uint32_t)(source / 200) * 256 + (uint32_t)(source % 200));
-    inet_pton(AF_INET, o.host, &to.sin_addr);
-    v->fd = socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK, 0);
-    if (v->fd < 0) {
-        perror("lane_viewers: socket");
-        exit(1);
-    }
-    setsockopt(v->fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
-    setsockopt(v->fd, IPPROTO_IP, IP_BIND_ADDRESS_NO_PORT, &on, sizeof on);
-    setsockopt(v->fd, SOL_SOCKET, SO_LINGER, &reset, sizeof reset);
+    v->fd = open_socket("lane_viewers");
     struct epoll_event e = {.events = EPOLLOUT, .data.ptr = v};
     epoll_ctl(epoll, EPOLL_CTL_ADD, v->fd, &e);
     v->phase = CONNECTING;
     v->asked_ns = now_ns();
     v->used = 0;
     seen.opened++;
-    if (bind(v->fd, (struct sockaddr *)&from, sizeof from) ||
-        (connect(v->fd, (struct sockaddr *)&to, sizeof to) && errno != EINPROGRESS))
-        lose(v);
+    if (!begin_connect(v->fd, o.host, o.port, (int)(v - viewers) % o.sources)) lose(v);
 }
 
 static void go_on(struct viewer *v) {

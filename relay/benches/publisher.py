@@ -53,6 +53,40 @@ def open_session(relay: str) -> zenoh.Session:
     return zenoh.open(config)
 
 
+class BenchUplink:
+    """A run of a robot with one view, as an agent has it: it answers for its snapshot, and sends frames."""
+
+    def __init__(self, relay: str, robot: str, schema: Schema, encoder: Encoder) -> None:
+        self.began_ns = time.monotonic_ns()
+        self._run, self._robot, self._schema, self._encoder = secrets.randbits(63) | 1, robot, schema, encoder
+        self._session = open_session(relay)
+        self._session.declare_queryable(snapshot_key(robot, "public"), self._answer)
+        self._publisher = self._session.declare_publisher(
+            frame_key(robot, "public"),
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.REAL_TIME,
+        )
+
+    def announce(self) -> None:
+        """Go on air; print "READY" when the relay listens."""
+        self._session.liveliness().declare_token(alive_key(self._robot))
+        while not self._publisher.matching_status.matching:  # type: ignore[attr-defined]  # the stub says bool
+            time.sleep(0.01)
+        print("READY", flush=True)
+
+    def put(self, frame: bytes) -> None:
+        """Send a frame."""
+        self._publisher.put(frame, attachment=self._stamp())
+
+    def _stamp(self) -> bytes:
+        return Stamp(self._run, time.monotonic_ns() - self.began_ns).pack()
+
+    def _answer(self, query: zenoh.Query) -> None:
+        if self._encoder.key is not None:
+            snapshot = Snapshot(self._schema.text, {}, self._encoder.key, self._encoder.ref, None)
+            query.reply(snapshot_key(self._robot, "public"), snapshot.pack(), attachment=self._stamp())
+
+
 def make_schema(robot: str, frame_bytes: int) -> Schema:
     labels = [f"J{i}" for i in range(round(frame_bytes * CHANNELS_PER_BYTE))]
     fields = [{"name": "pos", "labels": "joint", "unit": "rad", "scale": 0.001}]
@@ -69,36 +103,18 @@ def main() -> None:
     asked = parser.parse_args()
 
     stamps, schema = Stamps(asked.stamps), make_schema(asked.robot, asked.bytes)
-    encoder, run_id, began_ns = Encoder(schema), secrets.randbits(63) | 1, time.monotonic_ns()
-
-    def attachment() -> bytes:
-        return Stamp(run_id, time.monotonic_ns() - began_ns).pack()
-
-    def answer(query: zenoh.Query) -> None:
-        if encoder.key is not None:
-            snapshot = Snapshot(schema.text, {}, encoder.key, encoder.ref, None)
-            query.reply(snapshot_key(asked.robot, "public"), snapshot.pack(), attachment=attachment())
-
-    session = open_session(asked.relay)
-    session.declare_queryable(snapshot_key(asked.robot, "public"), answer)
-    publisher = session.declare_publisher(
-        frame_key(asked.robot, "public"),
-        congestion_control=zenoh.CongestionControl.DROP,
-        priority=zenoh.Priority.REAL_TIME,
-    )
+    encoder = Encoder(schema)
+    uplink = BenchUplink(asked.relay, asked.robot, schema, encoder)
     source = random.Random(1)
 
     def draw() -> list[int]:
         return source.choices(range(-REACH, REACH + 1), k=schema.size)
 
     first = encoder.encode(draw(), 0, 0.0, time.monotonic())
-    session.liveliness().declare_token(alive_key(asked.robot))
-    while not publisher.matching_status.matching:  # type: ignore[attr-defined]  # the stub says bool
-        time.sleep(0.01)
-    print("READY", flush=True)
+    uplink.announce()
 
     def make(seq: int, now: float) -> bytes:
-        t_s = now - began_ns * 1e-9
+        t_s = now - uplink.began_ns * 1e-9
         if asked.bytes > DRAWN_BYTES:
             return KEY_HEADER.pack(first[0], schema.id, seq, t_s) + first[KEY_HEADER.size :]
         return encoder.encode(draw(), seq, t_s, now, force_key=seq == 1)
@@ -111,7 +127,7 @@ def main() -> None:
         due = max(due + stamps.period_s(asked.hz), now)
         time.sleep(max(0.0, due - time.monotonic()))
         stamps.note(seq)
-        publisher.put(frame, attachment=attachment())
+        uplink.put(frame)
 
 
 if __name__ == "__main__":

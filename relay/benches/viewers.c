@@ -15,15 +15,13 @@
  * permessage-deflate is not offered. Output: one JSON object on stdout; exit 1 when viewers could not connect. */
 #define _GNU_SOURCE
 #include "histogram.h"
+#include "loopback.h"
 #include "stamps.h"
 #include "wire_header.h"
-#include <arpa/inet.h>
 #include <dirent.h>
 #include <errno.h>
-#include <netinet/tcp.h>
 #include <sys/epoll.h>
 #include <sys/resource.h>
-#include <sys/socket.h>
 
 #define READ_AT_ONCE 65536u
 #define GIVE_UP_S 60.0 /* handshakes not done by then have failed */
@@ -246,28 +244,13 @@ static void ask_upgrade(struct viewer *v) {
 }
 
 static void start(struct viewer *v, int number) {
-    int on = 1;
-    struct linger reset = {1, 0}; /* leave no TIME_WAIT behind: thousands of ports are needed again at once */
-    struct sockaddr_in from = {.sin_family = AF_INET}, to = {.sin_family = AF_INET, .sin_port = htons((uint16_t)o.port)};
-    int source = number % o.sources;
-    from.sin_addr.s_addr = htonl(0x7f010001u + (uint32_t)(source / 200) * 256 + (uint32_t)(source % 200));
-    inet_pton(AF_INET, o.host, &to.sin_addr);
-    v->fd = socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK, 0);
-    if (v->fd < 0) {
-        perror("viewers: socket");
-        exit(1);
-    }
-    setsockopt(v->fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
-    setsockopt(v->fd, IPPROTO_IP, IP_BIND_ADDRESS_NO_PORT, &on, sizeof on);
-    setsockopt(v->fd, SOL_SOCKET, SO_LINGER, &reset, sizeof reset);
+    v->fd = open_socket("viewers");
     struct epoll_event e = {.events = EPOLLOUT, .data.ptr = v};
     epoll_ctl(epoll, EPOLL_CTL_ADD, v->fd, &e);
     v->phase = CONNECTING;
     v->began_ns = now_ns();
     waiting++;
-    if (bind(v->fd, (struct sockaddr *)&from, sizeof from) ||
-        (connect(v->fd, (struct sockaddr *)&to, sizeof to) && errno != EINPROGRESS))
-        lose(v);
+    if (!begin_connect(v->fd, o.host, o.port, number % o.sources)) lose(v);
 }
 
 static void poll_once(int limit_ms) {

@@ -11,6 +11,7 @@ from typing import Any
 import httpx
 import pytest
 from posecast_relay.config.robots_file import read_robots
+from posecast_relay.http.admin.documents import AdminReport, MadeShareLink
 
 from .stage import Relay, ZenohEdge, until
 
@@ -87,6 +88,13 @@ def test_it_is_for_this_machine_unless_told_otherwise(tmp_path: Path, relays: Ca
     until("the relay follows", lambda: lab.ask(**far).status_code == 200)
     assert lab.ask(**{"x-forwarded-for": "10.2.0.1"}).status_code == 403
     assert lab.ask(**{"x-forwarded-for": "fd00::1"}).status_code == 200
+    assert lab.ask(**{"x-forwarded-for": "::ffff:10.1.2.3"}).status_code == 200
+    headers = [("x-forwarded-for", "10.1.2.3"), ("x-forwarded-for", "10.2.0.1")]
+    headers.append(("authorization", f"Bearer {lab.secret}"))
+    assert httpx.get(lab.url, headers=headers).status_code == 403, "the first is the asker's own invention"
+    lab.secret = lab.robots("admin", "--networks", "fd00::1/128").strip()
+    until("the relay follows", lambda: lab.ask(**{"x-forwarded-for": "fd00::1"}).status_code == 200)
+    assert lab.ask(**{"x-forwarded-for": "fd00::2"}).status_code == 403
     lab.secret = lab.robots("admin", "--networks").strip()
     until("the relay follows", lambda: lab.ask().status_code == 200)
     assert lab.ask(**far).status_code == 403
@@ -100,7 +108,7 @@ def test_without_a_credential_in_the_file_there_is_no_page(
     lab.file.write_text(text[: text.index("[admin]")])
     page = f"http://{lab.relay.address}/admin/"
     until("it is gone", lambda: lab.ask().status_code == 404)
-    assert httpx.get(page).status_code == 404
+    assert httpx.get(page).status_code == httpx.get(page.removesuffix("/")).status_code == 404
     open_to_all = relays()
     assert httpx.get(f"http://{open_to_all.address}/api/v1/admin").status_code == 404
 
@@ -109,6 +117,7 @@ def test_it_shows_robots_and_figures_and_no_secret(lab: Lab, edges: Callable[...
     edges(lab.relay.zenoh, robot="hubo")
     until("on air", lambda: lab.ask().json()["robots"][0]["status"] == "online")
     report: dict[str, Any] = lab.ask().json()
+    assert AdminReport.model_validate(report, strict=True).robots[0].lateness_ms >= 0
     hubo, private = report["robots"]
     assert hubo["audiences"] == {"anyone": "public (30 min back)", "link": "public (no past)"}
     assert (hubo["robot"], hubo["conflict"], hubo["may_link"], hubo["has_links"]) == (
@@ -130,6 +139,7 @@ def test_share_links_are_made_and_revoked(lab: Lab, edges: Callable[..., ZenohEd
     edges(lab.relay.zenoh, robot="hubo")
     made = lab.ask("POST", "/robots/hubo/links?days=3")
     assert made.status_code == 200
+    MadeShareLink.model_validate(made.json(), strict=True)
     token = made.json()["link"].partition("?t=")[2]
     state = f"http://{lab.relay.address}/api/v1/robots/hubo/state"
 
@@ -153,9 +163,32 @@ def test_share_links_are_made_and_revoked(lab: Lab, edges: Callable[..., ZenohEd
     assert token not in lab.relay.errors()
 
 
+def test_the_api_describes_its_routes_and_what_they_answer(lab: Lab) -> None:
+    paths = httpx.get(f"http://{lab.relay.address}/openapi.json").json()["paths"]
+    told = {
+        (method.upper(), path.removeprefix("/api/v1/admin")): route["responses"]
+        for path, methods in paths.items()
+        if path.startswith("/api/v1/admin")
+        for method, route in methods.items()
+    }
+    assert told.keys() == {(method, path.replace("hubo", "{robot}")) for method, path in ROUTES}
+    for (method, _), answers in told.items():
+        assert answers.keys() >= {"200", "401", "403", "404"}
+        assert ({"400", "409", "503"} <= answers.keys()) == (method != "GET")
+        assert "422" not in answers
+        assert answers["200"]["content"]["application/json"]["schema"]["$ref"]
+
+
+def test_links_lead_to_where_people_open_the_page(tmp_path: Path, relays: Callable[..., Relay]) -> None:
+    lab = Lab(tmp_path, relays, "--public-url", "https://lab.example/robots")
+    made = lab.ask("POST", "/robots/hubo/links").json()["link"]
+    assert made.startswith("https://lab.example/robots/#/r/hubo?t=")
+
+
 def test_the_page_has_a_policy_and_its_own_files_alone(lab: Lab) -> None:
     page = f"http://{lab.relay.address}/admin"
     assert httpx.get(page).headers["location"] == "admin/"
+    assert '<link rel="icon" href="data:,">' in httpx.get(f"{page}/").text  # a browser asks for no other
     for name, kind in (("", "text/html"), ("admin.js", "javascript"), ("admin.css", "text/css")):
         answer = httpx.get(f"{page}/{name}")
         assert (answer.status_code, kind in answer.headers["content-type"]) == (200, True)
@@ -180,3 +213,6 @@ def test_a_gateway_knows_of_robots_that_nobody_watches_there(
     until(
         "it is on air", lambda: [row["status"] for row in lab.ask().json()["robots"]] == ["online", "offline"]
     )
+    redis_server.kill()
+    until("the page says so", lambda: "redis" in (lab.ask().json()["relay"]["trouble"] or ""))
+    assert "redis" in httpx.get(f"http://{gateway.address}/readyz").json()["why"]

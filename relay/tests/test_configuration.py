@@ -161,11 +161,13 @@ def test_a_running_relay_keeps_what_a_file_said_before(lab: Lab, edges: Callable
     good = lab.file.read_text()
     write(lab.file, WRONG)
     until("it is degraded", lambda: explain(lab)["status"] == "degraded")
-    assert explain(lab)["why"] == "the robots can't be taken, and those of before go on: the log says why"
+    assert explain(lab)["why"] == (
+        "the robots file can't be used, so its last good version stays in force; the log says why"
+    )
     assert lab.figure("posecast_config_up") == 1
     seq = edge.seq
     until("the robot goes on", lambda: edge.seq > seq + 30 and httpx.get(state).json()["seq"] > seq)
-    assert lab.told("unknown field 'secrte'.*going on with what it said before")
+    assert lab.told("unknown field 'secrte'.*its last good version stays in force")
     write(lab.file, good)
     until("all is well", lambda: explain(lab) == {"status": "ready"})
     assert lab.figure("posecast_config_up") == 2
@@ -181,8 +183,8 @@ def test_certificates_that_are_damaged_are_those_of_before_and_new_ones_are_take
     good = cert.read_bytes()
     cert.write_text("no certificate")
     until("it is degraded", lambda: explain(lab)["status"] == "degraded", 30.0)
-    assert explain(lab)["why"].startswith("the certificates can't be taken, and those of before go on")
-    assert lab.told("no certificate and its key; going on with the certificates of before")
+    assert explain(lab)["why"].startswith("the certificates file can't be used, so its last good version")
+    assert lab.told("no certificate and its key; the last good certificates stay in force")
     other = lab.credential("other")  # for which the session is opened anew
     until("it is enrolled", lambda: lab.told("publishers enrolled: other"))
     edges(relay.zenoh, robot="other", credential=other)

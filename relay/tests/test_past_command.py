@@ -16,7 +16,6 @@ from posecast_relay.config.settings import SettingsError
 from posecast_relay.core.past.deletions import Deletions
 from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.past_command.main import run_past
-from posecast_relay.past_command.progress import CommandProgress
 from posecast_relay.server.past_deletion import ObedientMemory
 from posecast_relay.server.past_socket import PastSocket
 
@@ -184,23 +183,6 @@ async def test_strangers_at_the_socket_are_answered_or_let_go(tmp_path: Path) ->
         assert len(json.loads(await ask(b'{"do":"list"}\n'))["rows"]) == 1
     assert len(kept) == 1
     assert not path.exists()
-
-
-def test_progress_is_for_a_terminal_and_for_what_takes_a_while(monkeypatch: pytest.MonkeyPatch) -> None:
-    for is_terminal, waited_s, shown in (
-        (True, 0.5, ""),
-        (False, 2.0, ""),
-        (True, 2.0, "\r\x1b[Khalf\r\x1b[K"),
-    ):
-        stderr = Keyboard() if is_terminal else io.StringIO()
-        monkeypatch.setattr(sys, "stderr", stderr)
-        now_s = 100.0
-        monkeypatch.setattr(time, "monotonic", lambda: now_s)  # noqa: B023
-        with CommandProgress() as progress:
-            now_s += waited_s
-            progress.show("half")
-            progress.show("more")  # too soon after
-        assert stderr.getvalue() == shown
 
 
 async def test_a_relay_with_a_store_deletes_nothing_from_memory_alone(

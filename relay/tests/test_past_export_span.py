@@ -12,6 +12,7 @@ from posecast_relay.core.past.kept_segment import KeptSegment
 from posecast_relay.export.held_time import HeldTime
 from posecast_relay.past_command.main import run_past
 from posecast_relay.past_command.moments import write_moment, write_moment_utc
+from posecast_wire.command_line.progress_bar import ProgressBar
 from posecast_wire.segment import decode_segment
 
 from .recording_stage import make_page
@@ -37,7 +38,8 @@ def list_frames_ms(kept: Sequence[KeptSegment]) -> list[int]:
 @pytest.fixture
 def export(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Export:
     """Exports what is given from a store; the lines of standard output and error, without the path."""
-    monkeypatch.setattr("posecast_relay.past_command.export.PAGES", (make_page(tmp_path / "page"),))
+    page = make_page(tmp_path / "page")
+    monkeypatch.setattr("posecast_relay.past_command.export.find_page", lambda: page)
     places = iter(range(100))
 
     def run(out: str, kept: Sequence[KeptSegment], from_ms: int, to_ms: int) -> tuple[str, str]:
@@ -51,6 +53,22 @@ def export(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pyte
         return tuple(text.replace(f"{folder}/", "").rstrip("\n") for text in said)  # type: ignore[return-value]
 
     return run
+
+
+@pytest.mark.parametrize("out", FILES[:3])
+def test_collecting_and_writing_show_how_far_they_are(
+    export: Export, out: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown: list[tuple[int, int, str]] = []
+    monkeypatch.setattr(ProgressBar, "show_progress", lambda _, *told, what: shown.append((*told, what)))
+    kept = record(40.0)
+    export(out, kept, kept[0].from_ms, kept[-1].to_ms)
+    collected = [each for each in shown if " MB, waiting for " in each[2]]
+    assert max(collected)[:2] == (len(kept), len(kept))
+    written = [each for each in shown if each[2].endswith(f"/{out}")]
+    files = len(kept) if out in TABLES else written[0][1]
+    assert [each[:2] for each in written] == [(done, files) for done in range(1, files + 1)]
+    assert files >= len(kept) > 3
 
 
 @pytest.mark.parametrize("out", TABLES)

@@ -223,6 +223,13 @@ def test_a_rotation_in_two_steps(tmp_path: Path) -> None:
     assert read_robots(path).find_secrets(0.0) == {"hubo": second.secret}
     assert read_robots(path).find_secrets(1e11) == {}
 
+    lost = Credential.parse(robots(path, "rotate", "hubo", "--begin").stdout)
+    done = robots(path, "rotate", "hubo", "--begin")
+    assert "It replaces the one that an earlier --begin made." in done.stderr
+    robots(path, "rotate", "hubo", "--finish")
+    assert Credential.parse(done.stdout).secret != lost.secret
+    assert read_robots(path).find_secrets(0.0) == {"hubo": Credential.parse(done.stdout).secret}
+
     robots(path, "rotate", "hubo", "--begin")
     Credential.parse(robots(path, "rotate", "hubo").stdout)  # at once: what was begun is forgotten
     assert "no rotation of 'hubo' was begun" in refused(path, "rotate", "hubo", "--finish")

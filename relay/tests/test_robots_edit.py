@@ -95,7 +95,7 @@ def test_a_text_from_stdin_is_written_if_it_is_good(tmp_path: Path) -> None:
     assert len(done.stderr.splitlines()) == len(MISTAKES) + 1
     assert "stdin: [robots.hubo.anyone] hz: want a number from 0.1 to 60 (at line 7)\n" in done.stderr
     for stdin, says in (
-        (b" \n", "stdin: is empty"),
+        (b" \n", "stdin: is empty; for no robots at all, leave a comment in it\n"),
         (b"\xff", "not UTF-8"),
         (b"#" * 4_000_001, "over 40000"),
     ):
@@ -153,10 +153,11 @@ def test_an_editor_is_opened_again_until_the_file_is_right(tmp_path: Path) -> No
     lab.mkdir()
     own.mkdir()
     path = write(lab, "[robots.hubo]\n")
-    edit = Terminal(path, own, WRONG, "[robots.g1]\n")
-    edit.answer("\n")
+    edit = Terminal(path, own, WRONG, "", "[robots.g1]\n")
+    edit.answer("\n\n")
     status, said = edit.end()
     assert status == 0, said
+    assert "robots.toml: is empty; for no robots at all, leave a comment in it\n" in said
     assert "robots.toml: [robots.hubo.anyone] hz: want a number from 0.1 to 60 (at line 7)\n" in said
     assert path.read_text() == "[robots.g1]\n"
     assert (lab / "robots.toml.bak").read_text() == "[robots.hubo]\n"
@@ -182,7 +183,8 @@ def test_who_gives_up_changes_nothing(tmp_path: Path) -> None:
     assert [each.name for each in lab.iterdir()] == ["robots.toml"]
 
 
-def test_what_somebody_else_wrote_meanwhile_is_not_lost(tmp_path: Path) -> None:
+@pytest.mark.parametrize("theirs", ["[robots.theirs]\n", None])
+def test_what_two_people_write_at_once_is_not_lost(tmp_path: Path, theirs: str | None) -> None:
     path = write(tmp_path, "[robots.hubo]\n")
     at, terminal = pty.openpty()
     mark = tmp_path / "editing"
@@ -196,13 +198,16 @@ def test_what_somebody_else_wrote_meanwhile_is_not_lost(tmp_path: Path) -> None:
         command, stdin=terminal, stderr=subprocess.PIPE, env=os.environ | {"VISUAL": str(editor)}
     )
     until("the editor is open", mark.exists)
-    run(path, "edit", b"[robots.theirs]\n")
+    if theirs is None:
+        path.unlink()
+    else:
+        run(path, "edit", theirs.encode())
     mark.unlink()
     said = edit.communicate(timeout=20)[1].decode()
     os.close(at)
     os.close(terminal)
     assert edit.returncode == 2
-    assert path.read_text() == "[robots.theirs]\n"
+    assert (path.read_text() if path.exists() else None) == theirs
     kept = Path(said.strip().rpartition(" ")[2])
     assert kept.read_text() == "[robots.mine]\n"
     assert stat.S_IMODE(kept.stat().st_mode) == 0o600

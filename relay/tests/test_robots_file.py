@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from posecast_relay.config.robots_file import read_robots
+from posecast_relay.config.robots_file import UnreadableError, read_robots
 from posecast_relay.config.robots_reader import RobotsError
 from posecast_relay.core.policy.policy import Audience, Rule
 
@@ -58,8 +60,22 @@ def test_who_may_watch(tmp_path: Path) -> None:
     assert policy.find_rules("h1") == {}
 
 
-def test_an_empty_file_lets_nobody_in(tmp_path: Path) -> None:
-    assert read_robots(write(tmp_path, "")).find_secrets(0.0) == {}
+def test_a_file_with_a_comment_alone_lets_nobody_in(tmp_path: Path) -> None:
+    assert read_robots(write(tmp_path, "# nobody\n")).find_secrets(0.0) == {}
+
+
+def test_what_is_no_file_is_refused_and_never_waited_for(tmp_path: Path) -> None:
+    path = tmp_path / "robots.toml"
+    makers: dict[str, Callable[[], object]] = {
+        "is a folder": path.mkdir,
+        "is no file": lambda: os.mkfifo(path, 0o600),
+        "too many levels of symbolic links": lambda: path.symlink_to(path),
+    }
+    for says, make in makers.items():
+        make()
+        with pytest.raises(UnreadableError, match=says):
+            read_robots(path)
+        path.rmdir() if path.is_dir() else path.unlink()
 
 
 @pytest.mark.parametrize(
@@ -103,6 +119,7 @@ def test_an_empty_file_lets_nobody_in(tmp_path: Path) -> None:
         ("[robots.hubo]\nsecret = 'CANARY:x\\ny'", "[robots.hubo] secret: want one that"),
         ("[robots.hubo]\nexpires = 2030", "[robots.hubo] expires: want a time"),
         ("[robots.hubo\nsecret = 'CANARY'", "line 1"),
+        (" \n", "is empty; for no robots at all, leave a comment in it"),
         ('[robots.hubo]\n"a\\nb" = 1', "unknown field 'a?b'"),
     ],
 )

@@ -6,10 +6,12 @@ import os
 import stat
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from posecast_relay.config.robots_storage import replace_text
+from posecast_relay.config.robots_storage import lock_folder, replace_text
+from posecast_relay.config.settings import SettingsError
 
 RELAY, OTHER = 10001, 10002
 ROOT = pytest.mark.skipif(os.geteuid() != 0, reason="only root can make files of other users")
@@ -99,3 +101,60 @@ def test_a_link_to_the_file_stays_one(tmp_path: Path) -> None:
     replace_text(link, "[robots.hubo]\n")
     assert link.is_symlink()
     assert "[robots.hubo" in real.read_text()
+
+
+def test_nobody_waits_forever_for_who_holds_the_lock(tmp_path: Path) -> None:
+    lab, elsewhere = tmp_path / "lab", tmp_path / "elsewhere"
+    lab.mkdir()
+    elsewhere.mkdir()
+    real, link = lab / "robots.toml", elsewhere / "robots.toml"
+    link.symlink_to(real)
+    with lock_folder(link):
+        says = f"{real}: another command is changing it, for over 0 s"
+        with pytest.raises(SettingsError, match=says), lock_folder(real, wait_s=0.0):
+            pass
+    with lock_folder(real, wait_s=0.0):
+        pass
+
+
+def test_what_a_killed_command_left_goes_with_the_next_one(tmp_path: Path) -> None:
+    path, other = tmp_path / "robots.toml", tmp_path / "other"
+    other.write_text("another file")
+    left = tmp_path / ".robots.toml.new"
+    leavers: tuple[Callable[[], object], ...] = (
+        lambda: left.write_text("half"),
+        lambda: left.symlink_to(other),
+    )
+    for leave in leavers:
+        leave()
+        replace_text(path, "[robots.hubo]\n")
+        assert path.read_text() == "[robots.hubo]\n"
+        assert sorted(each.name for each in tmp_path.iterdir()) == ["other", "robots.toml"]
+    assert other.read_text() == "another file"
+
+
+def test_a_link_put_in_the_way_changes_no_other_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The folder's user may be quicker than root, who works for them."""
+    path, other = tmp_path / "robots.toml", tmp_path / "other"
+    other.write_text("another file")
+    other.chmod(0o644)
+    open_file = os.open
+
+    def open_and_swap(name: str | Path, *words: int, **named: int) -> int:
+        handle = open_file(name, *words, **named)
+        if Path(name).name.startswith(".robots.toml"):
+            Path(name).unlink()
+            Path(name).symlink_to(other)
+        return handle
+
+    monkeypatch.setattr(os, "open", open_and_swap)
+    replace_text(path, "[robots.hubo]\n")
+    assert (other.read_text(), stat.S_IMODE(other.stat().st_mode)) == ("another file", 0o644)
+
+
+def test_a_pipe_in_its_place_is_replaced_and_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "robots.toml"
+    os.mkfifo(path, 0o600)
+    replace_text(path, "[robots.hubo]\n", keep_before=True)
+    assert path.read_text() == "[robots.hubo]\n"
+    assert [each.name for each in tmp_path.iterdir()] == ["robots.toml"]

@@ -67,6 +67,20 @@ async def test_a_wrong_or_vanished_file_changes_nothing(tmp_path: Path) -> None:
     assert [robots.find_secrets(0.0) for robots in of.told] == [{}]
 
 
+async def test_a_file_that_is_emptied_while_it_is_read_changes_nothing(tmp_path: Path) -> None:
+    of = Watched(tmp_path, f"[robots.a]\nsecret = '{SECRET}'\n")
+
+    def read_too_late(path: Path) -> Robots:
+        path.write_text("")  # an editor begins to write it
+        return read_robots(path)
+
+    of.read = read_too_late
+    of.write("[robots.b]\n")
+    await of.watch.check_file(1.0)
+    assert (of.told, of.watch.refused) == ([], 1)
+    assert of.watch.trouble == f"{of.path}: is empty; for no robots at all, leave a comment in it"
+
+
 async def test_a_credential_that_expires_is_told(tmp_path: Path) -> None:
     of = Watched(tmp_path, f"[robots.a]\nsecret = '{SECRET}'\nexpires = 2100-01-01T00:00:00Z\n")
     expires_s = of.watch.robots.enrolled["a"].expires_s
@@ -105,7 +119,7 @@ async def test_a_file_that_cannot_be_read_is_tried_again_and_said_once(
     assert [list(robots.enrolled) for robots in of.told] == [["b"]]
     assert of.watch.trouble is None
     assert [record.getMessage() for record in caplog.records] == [
-        f"{of.path}: too many open files; going on with what it said before",
+        f"{of.path}: too many open files; its last good version stays in force",
         f"{of.path}: is good again",
     ]
 

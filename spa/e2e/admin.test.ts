@@ -38,12 +38,13 @@ async function startLab(): Promise<Lab> {
 }
 
 const run = (page: Page, script: string) => page.evaluate<string>(script);
+const act = (page: Page, statement: string) => page.evaluate(`(() => { ${statement}; return null; })()`);
 const says = (page: Page, words: string) => async () => (await page.text()).includes(words);
 
 async function open(page: Page, lab: Lab, secret = lab.secret): Promise<void> {
   await page.open(`${lab.relay.url}/admin`);
   await until('the door', () => page.evaluate<boolean>('document.activeElement?.id === "credential"'));
-  await run(page, `document.getElementById('credential').value = ${JSON.stringify(secret)}; ''`);
+  await act(page, `document.getElementById('credential').value = ${JSON.stringify(secret)}`);
   await page.press('Enter');
 }
 
@@ -63,16 +64,26 @@ describe('the page /admin', () => {
     for (const words of [
       'ready',
       'Skipped frames',
-      'link: public (no past)',
-      'nobody may watch',
+      'public (no past)',
+      'nobody',
+      'posecast-relay robots set arm-in-the-other-hall-behind-the-blue-door --link view=public',
       'Past in memory',
     ])
       expect(told).toContain(words);
 
-    await run(page, `${button('demo', 0)}.click(); ''`);
+    await act(page, `${button('demo', 0)}.click()`);
     const address = `document.querySelector('li[data-robot="demo"] input').value`;
     await until('a link', async () => (await run(page, address)) !== '');
     const link = await run(page, address);
+    expect(await page.text()).toContain('start the relay with --public-url');
+    await run(page, `document.querySelector('li[data-robot="demo"] input').focus(); ''`);
+    const asked = () =>
+      page.evaluate<number>(
+        'performance.getEntriesByType("resource").filter((each) => each.name.endsWith("/api/v1/admin")).length',
+      );
+    const before = await asked();
+    await until('it has asked twice more', async () => (await asked()) >= before + 2);
+    expect(await run(page, 'document.activeElement.value'), 'the focus stays').toBe(link);
     expect(link.startsWith(`${lab.relay.url}/#/r/demo?t=`)).toBe(true);
     const authorization = `Bearer ${link.split('?t=')[1]}`;
     const see = async () =>
@@ -80,10 +91,10 @@ describe('the page /admin', () => {
     await until('it is good', async () => (await see()) === 200);
 
     await until('it may be revoked', () => page.evaluate<boolean>(`!${button('demo', 1)}.hidden`));
-    await run(page, `${button('demo', 1)}.click(); ''`);
+    await act(page, `${button('demo', 1)}.click()`);
     expect(await run(page, `${button('demo', 1)}.textContent`)).toBe('Really revoke all?');
     expect(await see(), 'one click is not enough').toBe(200);
-    await run(page, `${button('demo', 1)}.click(); ''`);
+    await act(page, `${button('demo', 1)}.click()`);
     await until('it is good no more', async () => (await see()) === 401);
     expect(await page.text()).toContain('All share links of this robot are revoked.');
 
@@ -99,7 +110,7 @@ describe('the page /admin', () => {
     expect(await page.text()).not.toContain('online');
     await open(page, lab);
     await until('open', says(page, 'online'));
-    await run(page, `document.getElementById('lock').click(); ''`);
+    await act(page, `document.getElementById('lock').click()`);
     expect(await page.text()).not.toContain('online');
   });
 
@@ -117,7 +128,7 @@ describe('the page /admin', () => {
       expect(await violations(page), `${name}: the door`).toEqual([]);
       await open(page, lab);
       await until(name, says(page, word));
-      await run(page, `${button('demo', 0)}.click(); ''`);
+      await act(page, `${button('demo', 0)}.click()`);
       await until('a link', () =>
         page.evaluate<boolean>(`!document.querySelector('li[data-robot="demo"] input').hidden`),
       );

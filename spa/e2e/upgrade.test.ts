@@ -4,22 +4,36 @@ import { describe, expect, it } from 'vitest';
 import { CLOUD } from './cloud.ts';
 import { engineName } from './driver/engines.ts';
 import { until } from './driver/until.ts';
-import { liveness, RECORD, shownSeq } from './robot_page.ts';
+import { liveness, shownSeq } from './robot_page.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
 
-/** A script that replaces what serves the page, and for how long the page may say that it is not live meanwhile, ms. */
-const { POSECAST_UPGRADE, POSECAST_STALE_MS = '0' } = process.env;
+/** A script that replaces what serves the page, and how many of the robot's frames may lie between the last one before the page says
+ *  that it is not live and the first one after. */
+const { POSECAST_UPGRADE, POSECAST_MAY_MISS } = process.env;
 
-/** Notes the number of each frame that the table shows, in order. */
-const NOTE_SEQS = `${RECORD};(() => {
-  const seqs = [];
-  window.shownSeqs = seqs;
+interface Noted {
+  readonly state: string;
+  /** Why it is not live; '' also where a busy machine held up the page itself. */
+  readonly cause: string;
+  /** The frame that is shown. */
+  readonly seq: number | null;
+}
+
+/** Notes the number of each frame that the table shows, in order, and each word of the chip with what was shown then. */
+const NOTE = `(() => {
+  const seqs = [], words = [];
+  Object.assign(window, { shownSeqs: seqs, shownWords: words });
   new MutationObserver(() => {
     const seq = Number(document.querySelector('[data-seq]')?.dataset.seq || NaN);
     if (!Number.isNaN(seq) && seq !== seqs.at(-1)) seqs.push(seq);
-  }).observe(document, { subtree: true, childList: true, attributes: true, attributeFilter: ['data-seq'] });
+    const { state = '', cause = '' } = document.querySelector('[data-testid="liveness"]')?.dataset ?? {};
+    const last = words.at(-1);
+    if (last?.state !== state || last.cause !== cause) words.push({ state, cause, seq: seqs.at(-1) ?? null });
+  }).observe(document, {
+    subtree: true, childList: true, attributes: true, attributeFilter: ['data-state', 'data-cause', 'data-seq'],
+  });
 })()`;
 
 const isLive = (state: string) => ['LIVE', 'HOLDING'].includes(state);
@@ -30,10 +44,11 @@ describe('a page that watches while what serves it is replaced', () => {
       return context.skip('make compose-test has a cloud, and what replaces a part of it');
     if (engineName() !== 'chromium')
       context.skip('only Chromium takes a certificate of an unknown authority');
-    const page = await stage.newPage({ preload: NOTE_SEQS });
+    const page = await stage.newPage({ preload: NOTE });
+    page.forgive(/status of 503/); // what has just begun may ask for a moment, and is asked again
     await page.open(`${CLOUD.url}/#/r/demo`);
     await until('LIVE', async () => isLive(await liveness(page)), 60_000);
-    const begun = await page.evaluate<number>('window.recorded.chips.length');
+    const begun = await page.evaluate<number>('window.shownWords.length');
     const first = (await shownSeq(page)) ?? 0;
     await until('frames', async () => ((await shownSeq(page)) ?? 0) > first + 60);
 
@@ -42,18 +57,18 @@ describe('a page that watches while what serves it is replaced', () => {
     const last = (await shownSeq(page)) ?? 0;
     await until('frames afterwards', async () => ((await shownSeq(page)) ?? 0) > last + 60, 60_000);
 
-    const chips = await page.evaluate<{ atMs: number; state: string }[]>('window.recorded.chips');
-    const nowMs = await page.evaluate<number>('Date.now()');
-    const words = chips.slice(begun).map(({ state, atMs }, i, all) => ({
-      state,
-      ms: (all[i + 1]?.atMs ?? nowMs) - atMs,
-    }));
-    const lostMs = words.reduce((sum, { state, ms }) => sum + (isLive(state) ? 0 : ms), 0);
-    console.info(`not live for ${lostMs} ms: ${JSON.stringify(words)}`);
-    expect(lostMs).toBeLessThanOrEqual(Number(POSECAST_STALE_MS));
+    const words = (await page.evaluate<Noted[]>('window.shownWords')).slice(begun);
+    console.info(JSON.stringify(words));
+    expect(words.length === 0 || isLive(words.at(-1)?.state ?? '')).toBe(true);
+    // counted in frames of the robot: what a busy machine takes longer for, the robot's does as well
+    const missed = words.flatMap(({ state, cause, seq }, i) => {
+      const next = words.slice(i).find((word) => isLive(word.state));
+      return isLive(state) || cause === '' ? [] : [(next?.seq ?? Number.POSITIVE_INFINITY) - (seq ?? 0)];
+    });
+    for (const frames of missed) expect(frames).toBeLessThanOrEqual(Number(POSECAST_MAY_MISS));
 
     const seqs = await page.evaluate<number[]>('window.shownSeqs');
-    expect(seqs.length).toBeGreaterThan(60);
+    expect(seqs.length).toBeGreaterThan(30);
     expect(seqs).toEqual([...new Set(seqs)].sort((a, b) => a - b));
   }, 420_000);
 });

@@ -129,7 +129,7 @@ describe('a robot in a format that only the edge reads', () => {
   ])('%s: one line names it and the command that builds it', async (_, files, path, format, typed) => {
     expect(await refusal(files)).toBe(moreEn.dropOtherFormat(path, format, typed));
     expect(moreEn.dropOtherFormat(path, format, typed)).toContain(
-      `posecast-edge model build ${typed} -o bundle`,
+      `“posecast model build ${typed} -o bundle”`,
     );
   });
 

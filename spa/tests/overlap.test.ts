@@ -18,3 +18,14 @@ it('lets a frame of the same number and another time through, and all where noth
   overlap.begin(null);
   expect(overlap.isShown({ seq: 7, tS: 0.5 })).toBe(false);
 });
+
+it('passes over what another relay tells late, but not another run of the robot', () => {
+  const overlap = new Overlap();
+  overlap.begin({ seq: 70, tS: 5 });
+  expect(overlap.isShown({ seq: 69, tS: 4.96 })).toBe(true);
+  expect(overlap.isShown({ seq: 70, tS: 5 })).toBe(true);
+  expect(overlap.isShown({ seq: 71, tS: 5.03 })).toBe(false);
+  expect(overlap.isShown({ seq: 69, tS: 4.96 })).toBe(false);
+  overlap.begin({ seq: 70, tS: 5 });
+  expect(overlap.isShown({ seq: 1, tS: 0.03 })).toBe(false);
+});

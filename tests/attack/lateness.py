@@ -12,10 +12,10 @@ import selectors
 import sys
 import time
 
-from posecast_loadtests.check import Clock, Viewer
 from posecast_loadtests.connection import Connection
+from posecast_loadtests.results.check import Clock, Viewer
+from posecast_loadtests.results.tally import Tally
 from posecast_loadtests.rfc6455 import Opcode, WebSocketReader, client_frame
-from posecast_loadtests.tally import Tally
 
 ACK_S = 1.0
 

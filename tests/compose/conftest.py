@@ -40,6 +40,13 @@ class Cloud:
         with urllib.request.urlopen(self.url + path, timeout=5, context=self.trust) as answer:
             return json.load(answer)
 
+    def ask_admin(self, secret: str, method: str = "GET", path: str = "") -> Any:
+        """What /api/v1/admin answers to the proxy's own page. HTTPError."""
+        headers = {"authorization": f"Bearer {secret}", "origin": self.url}
+        asked = urllib.request.Request(f"{self.url}/api/v1/admin{path}", method=method, headers=headers)
+        with urllib.request.urlopen(asked, timeout=10, context=self.trust) as answer:
+            return json.load(answer)
+
     def status(self, robot: str) -> str | None:
         """What the relay says of a robot; None when it knows none of that name."""
         try:

@@ -17,6 +17,7 @@ import websockets
 from posecast_wire.decoder import Decoder
 
 from tests.compose.engine import ROOT, docker
+from tests.compose.recipes import ADMIN, carry_out
 from tests.conftest import BIN, until
 
 pytestmark = pytest.mark.full
@@ -235,10 +236,25 @@ def test_three_gateways_serve_one_robot(cloud: Any) -> None:
                     await link.close()
 
         asyncio.run(watch())
+        # gateways only read the file of robots: the admin's page is the relay's all the same
+        secret = carry_out(cloud, ADMIN, ROOT, **many).strip()
+        link = ("posecast-relay", "robots", "set", "demo", "--link")
+        docker("exec", *cloud.project.containers("relay"), *link, "view=public")
+        until("the admin is let in", lambda: can_ask(cloud, secret))
+        assert "#/r/demo?t=" in cloud.ask_admin(secret, "POST", "/robots/demo/links")["link"]
+        docker("exec", *cloud.project.containers("relay"), *link, "nothing")
     finally:
         cloud.project.compose(*words[:2], "up", "--detach", "--wait", "--remove-orphans", limit_s=180)
         cloud.project.compose("--profile", "gateways", "rm", "--stop", "--force", "gateway")
     cloud.until_moves()
+
+
+def can_ask(cloud: Any, secret: str) -> bool:
+    try:
+        cloud.ask_admin(secret)
+    except OSError:
+        return False
+    return True
 
 
 def test_the_lane_goes_through_a_cache(cloud: Any) -> None:

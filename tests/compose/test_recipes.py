@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import shlex
 import subprocess
 import time
@@ -15,41 +14,27 @@ import pytest
 
 from tests.compose.conftest import free_port
 from tests.compose.engine import ROOT, docker
+from tests.compose.recipes import (
+    BACKUP,
+    BUILD,
+    GATEWAYS,
+    NOFILE,
+    RELAY,
+    REST,
+    RESTORE,
+    SECOND,
+    adapt,
+    carry_out,
+    start_robot,
+)
 from tests.compose.test_compose import IMAGES, play
-from tests.compose.watchers import PAGES, watch
-from tests.conftest import BIN, until
+from tests.compose.watchers import HZ, PAGES, STALE_FRAMES, watch
+from tests.conftest import until
 
 pytestmark = pytest.mark.full
 
-PAGE = (ROOT / "docs/OPERATIONS.md").read_text()
-SECTION = PAGE[PAGE.index("## Recipes for the containers") :]
-ALIAS, BUILD, GATEWAYS, RELAY, REST, BACKUP, RESTORE, SECOND, NOFILE = re.findall(
-    r"^```sh\n(.*?)^```", SECTION, re.DOTALL | re.MULTILINE
-)
 MANY = {"RELAY_ROLE": "ingest", "VIEWERS_AT": "gateway", "GATEWAYS": "3"}
-STALE_MS = 2000  # of one relay
-
-
-def adapt(cloud: Any, block: str, **settings: str) -> str:
-    """A block as a script for the tests' own project."""
-    assert ALIAS.strip() == "alias compose='docker compose -f infra/docker-compose.yml'"
-    command = cloud.project.write_command(**settings)
-    script = block.replace("docker compose -f infra/docker-compose.yml", "compose")
-    script = re.sub(r"\bposecast_(?=\w+:)", f"{cloud.project.name}_", script)
-    return f'set -euo pipefail\ncd {ROOT}\ncompose() {{ {shlex.join(command)} "$@"; }}\n{script}'
-
-
-def carry_out(cloud: Any, block: str, **settings: str) -> str:
-    """Run a block; what it prints."""
-    done = subprocess.run(
-        ["bash", "-c", adapt(cloud, block, **settings)],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=300,
-    )
-    assert done.returncode == 0, f"{block}\n{done.stdout[-4000:]}{done.stderr[-8000:]}"
-    return done.stdout
+MAY_MISS = STALE_FRAMES + 2 * HZ  # until a page has been STALE for 2 s
 
 
 def test_three_gateways_are_upgraded_and_no_page_notices(cloud: Any, tmp_path: Path) -> None:
@@ -60,7 +45,12 @@ def test_three_gateways_are_upgraded_and_no_page_notices(cloud: Any, tmp_path: P
         before = set(cloud.project.containers("gateway"))
         assert len(before) == 3
         with watch(cloud, tmp_path) as pages:
-            found = play(cloud, "upgrade", POSECAST_UPGRADE=adapt(cloud, GATEWAYS, **MANY))
+            found = play(
+                cloud,
+                "upgrade",
+                POSECAST_UPGRADE=adapt(cloud, GATEWAYS, ROOT, **MANY),
+                POSECAST_MAY_MISS=str(STALE_FRAMES - 1),
+            )
         assert found == {"passed": 1}
         assert pages.count_moves() >= PAGES
         assert pages.list_lost_by_moves() == []
@@ -78,13 +68,14 @@ def test_one_relay_is_upgraded_and_pages_are_stale_for_two_seconds_at_most(
     cloud: Any, stack: Any, tmp_path: Path
 ) -> None:
     (before,) = cloud.project.containers("relay")
-    robot = start_robot(cloud, stack, tmp_path, "outside")
+    robot = start_robot(cloud, stack, "outside", tmp_path / "outside.credential")
     script = adapt(cloud, RELAY)
     with watch(cloud, tmp_path) as pages:
-        found = play(cloud, "upgrade", POSECAST_UPGRADE=script, POSECAST_STALE_MS=str(STALE_MS))
+        found = play(cloud, "upgrade", POSECAST_UPGRADE=script, POSECAST_MAY_MISS=str(MAY_MISS))
     assert found == {"passed": 1}
     assert pages.count_moves() >= PAGES
-    assert pages.measure_longest_s() <= STALE_MS / 1000
+    print(f"STALE for {pages.measure_longest_s():.1f} s at most, {pages.count_missed()} frames missed")
+    assert pages.count_missed() <= MAY_MISS
     assert pages.list_repeated() == []
     (after,) = cloud.project.containers("relay")
     assert after != before
@@ -95,24 +86,10 @@ def test_one_relay_is_upgraded_and_pages_are_stale_for_two_seconds_at_most(
     docker("exec", after, "posecast-relay", "robots", "remove", "outside")
 
 
-def start_robot(cloud: Any, stack: Any, folder: Path, name: str) -> Any:
-    """A robot outside of the containers, with a credential of its own."""
-    (relay,) = cloud.project.containers("relay")
-    credential = folder / f"{name}.credential"
-    credential.touch(0o600)
-    enrol = ("posecast-relay", "robots", "add", name, "--ca", "/secret/ca.pem")
-    credential.write_text(docker("exec", relay, *enrol))
-    to = f"tls/localhost:{cloud.project.robots_port}"
-    words = ("run", "--source", "demo", "--credential", str(credential), "--relay", to)
-    robot = stack.start("edge", str(BIN / "posecast-edge"), *words)
-    until(f"{name} is on air", lambda: cloud.status(name) == "online", 60)
-    return robot
-
-
 def test_what_was_backed_up_comes_back_with_the_credentials(
     cloud: Any, stack: Any, tmp_path: Path, record_testsuite_property: Any
 ) -> None:
-    start_robot(cloud, stack, tmp_path, "kept")
+    start_robot(cloud, stack, "kept", tmp_path / "kept.credential")
     kept = tmp_path / "posecast.tar.gz"
     carry_out(cloud, BACKUP.replace("> posecast.tar.gz", f"> {kept}"))
     assert kept.stat().st_mode & 0o777 == 0o600

@@ -21,6 +21,8 @@ from tests.conftest import until
 
 PAGES = 12
 LIVE = ("LIVE", "HOLDING")
+HZ = 30  # of the robot, and of what pages ask for
+STALE_FRAMES = round(1.5 * HZ)  # so many has a page missed that says STALE because of what lies between
 SAME_S = 0.3  # at the same moment, more or less
 AFTER_S = 2.0  # a page that is moved and not served again would be STALE after 1.5 s
 
@@ -34,12 +36,15 @@ class Watched:
     def list_lost_by_moves(self) -> list[dict[str, Any]]:
         """What pages said within AFTER_S of being moved that was not LIVE or HOLDING.
 
+        Not where they missed none of the robot's frames: then it was the robot that was slow.
+
         Not what pages said as well that stayed where they were: then it was the machine, or Redis.
         """
         found = []
         for lines in self.lines.values():
             for line in lines:
-                if line.get("word", "LIVE") not in LIVE and self._was_moved(lines, line["at"]):
+                is_lost = line.get("word", "LIVE") not in LIVE and self._was_moved(lines, line["at"])
+                if is_lost and self._count_missed_at(lines, line["at"]) >= STALE_FRAMES:
                     stayed = [each for each in self.lines.values() if not self._was_moved(each, line["at"])]
                     if all(self._find_word(each, line["at"] + SAME_S) in LIVE for each in stayed):
                         found.append(line)
@@ -49,6 +54,12 @@ class Watched:
     def _was_moved(lines: list[dict[str, Any]], at_s: float) -> bool:
         moved_s = [line["at"] for line in lines if line.get("closed") == Close.DRAIN]
         return any(-SAME_S <= at_s - each_s < AFTER_S for each_s in moved_s)
+
+    @staticmethod
+    def _count_missed_at(lines: list[dict[str, Any]], at_s: float) -> float:
+        before = [line["seq"] for line in lines if "seq" in line and line["at"] <= at_s]
+        after = [line["seq"] for line in lines if "seq" in line and line["at"] > at_s]
+        return after[0] - before[-1] if before and after else float("inf")
 
     @staticmethod
     def _find_word(lines: list[dict[str, Any]], at_s: float) -> str | None:
@@ -67,6 +78,13 @@ class Watched:
                     longest_s = max(longest_s, end_s - line["at"])
         return longest_s
 
+    def count_missed(self) -> int:
+        """The most of the robot's frames that any page has missed in a row."""
+        seqs: list[list[int]] = [
+            [line["seq"] for line in lines if "seq" in line] for lines in self.lines.values()
+        ]
+        return max(after - before for shown in seqs for before, after in pairwise(shown))
+
     def list_repeated(self) -> list[tuple[int, float]]:
         """Frames (number and robot's time) that a page has shown more than once, or after a newer one."""
         found = []
@@ -83,7 +101,7 @@ class Watched:
 @contextmanager
 def watch(cloud: Any, folder: Path) -> Iterator[Watched]:
     """Let PAGES pages watch the demo robot within the context, beginning when all are LIVE."""
-    url = cloud.url.replace("https", "wss") + "/api/v1/robots/demo/live?hz=30"
+    url = cloud.url.replace("https", "wss") + f"/api/v1/robots/demo/live?hz={HZ}"
     out = folder / "pages.jsonl"
     env = os.environ | {"SSL_CERT_FILE": str(cloud.authority), "PYTHONPATH": str(ROOT)}
     made = Watched()

@@ -22,7 +22,7 @@ from typing import Any
 
 import websockets
 from posecast_wire.closes import Close, Retry, retry_of
-from posecast_wire.decoder import Decoder
+from posecast_wire.decoder import Decoder, Frame
 from posecast_wire.frame import FrameError
 
 STALE_S = 1.5
@@ -178,6 +178,11 @@ class Screen:
             born_s = self.status_s - self.status["age_ms"] / 1000
             self.shown_s = max(born_s, self.shown_s if self.shown_s is not None else born_s)
 
+    def _was_passed(self, frame: Frame) -> bool:
+        """Whether it is the frame that is shown, or one of the same run before it."""
+        lag_s = self._t_s - frame.t_s
+        return (frame.seq, lag_s) == (self._seq, 0.0) or (frame.seq < self._seq and 0.0 < lag_s < STALE_S)
+
     def frame(self, decoder: Decoder, payload: bytes, now_s: float) -> None:
         """One binary message."""
         try:
@@ -185,8 +190,8 @@ class Screen:
         except FrameError as e:
             self.say(now_s, undecodable=str(e))
             return
-        if self.moved and (frame.seq, frame.t_s) == (self._seq, self._t_s):
-            return  # the old relay had it, too
+        if self.moved and self._was_passed(frame):
+            return  # the old relay had it, too, or a newer one already
         self.moved = False
         known = self.status["seq"] if self.status else None
         if payload[0] & BASE and known is not None and frame.seq < known:

@@ -12,10 +12,10 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from posecast_loadtests.check import Clock, Viewer
 from posecast_loadtests.connection import Connection
+from posecast_loadtests.results.check import Clock, Viewer
+from posecast_loadtests.results.tally import Tally
 from posecast_loadtests.rfc6455 import Opcode
-from posecast_loadtests.tally import Tally
 
 from tests.conftest import Stack, until
 from tests.faults.conftest import Scene

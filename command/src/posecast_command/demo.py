@@ -18,7 +18,8 @@ def make_demo_parser() -> CommandParser:
     """The parser of the command."""
     parser = CommandParser(
         prog="posecast demo",
-        description="A relay, its page and a demo robot, in this terminal; Ctrl-C ends them.",
+        description="Show a demo robot. This starts a relay, which serves the page, and "
+        "the robot's agent, prints the link, and opens it in a browser where there is one. Ctrl-C ends both.",
         statuses=STATUSES,
         allow_abbrev=False,
     )

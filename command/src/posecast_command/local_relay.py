@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
+from posecast_relay.config.built_page import CHECKOUT, find_page
 from posecast_relay.port_holder import name_holder
 from posecast_wire.command_line.color import paint, print_error
 
@@ -33,7 +34,7 @@ SERVES = b": serving http"
 PORT_TRIES = 5  # another program may take a port between our look and the relay's
 ENDED, FAILED, NOT_STARTED = 0, 1, 2
 STATUSES = {
-    ENDED: "ended by Ctrl-C or another signal, or the source has ended",
+    ENDED: "ended by Ctrl-C or a signal, or the source has ended",
     FAILED: "the relay or the robot's agent failed",
     NOT_STARTED: "wrong arguments, or one of them can't start",
 }
@@ -53,12 +54,16 @@ def add_place_flags(parser: argparse._ActionsContainer) -> None:
         "--host",
         default=Place.host,
         metavar="HOST",
-        help="address the page is served on (127.0.0.1); 0.0.0.0 for the phone in your hand",
+        help="address on which the page is served (127.0.0.1: this machine alone); with 0.0.0.0 a phone in "
+        "the same network can open it",
     )
     parser.add_argument(
-        "--port", type=_port, metavar="PORT", help=f"port of the page (the first free one from {PAGE_PORT})"
+        "--port",
+        type=_port,
+        metavar="PORT",
+        help=f"port of the page (the first one from {PAGE_PORT} on that is free)",
     )
-    parser.add_argument("--no-browser", action="store_true", help="only print the link")
+    parser.add_argument("--no-browser", action="store_true", help="print the link, and open no browser")
 
 
 def read_place(args: argparse.Namespace) -> Place:
@@ -86,12 +91,16 @@ def show_robot(
             words = [*agent, "--robot", robot, "--relay", uplink]
             process = processes.start(name_program(*words), environment=environment)
             local = f"http://{name_local_host(place.host)}:{port}"
-            page = f"http://{name_host(place.host)}:{port}/#/r/{robot}"
+            has_page = bool(environment.get("POSECAST_STATIC") or find_page())
+            path = f"/#/r/{robot}" if has_page else f"/api/v1/robots/{robot}/state"
             if wait_until_shown(f"{local}/api/v1/robots/{robot}/state", robot, processes):
+                if not has_page:
+                    _say(f"there is no page: `make setup` in {CHECKOUT} builds it")
                 with suppress(OSError, ValueError):  # nobody reads it: the robot is on air all the same
-                    _announce(page, uplink, is_for_others(place.host))
-                if browser and has_browser(environment):
-                    open_browser(f"{local}/#/r/{robot}")
+                    shown = f"http://{name_host(place.host)}:{port}{path}"
+                    _announce(shown, uplink, is_for_others(place.host))
+                if has_page and browser and has_browser(environment):
+                    open_browser(f"{local}{path}")
             while processes.find_ended() is None:
                 processes.pause()
             return explain_end(relay, process)

@@ -5,20 +5,20 @@ from __future__ import annotations
 from posecast_wire.command_line.parser import CommandParser
 
 EDGE = {
-    "edge": "the agent beside a robot: run|probe|doctor|model|profile, as posecast-edge",
-    "doctor": "what is wrong with a model, a profile, a source, in plain words",
-    "probe": "what a source offers",
-    "model": "model build: a robot's model and meshes, made small for phones",
-    "profile": "profile new: a profile to start from, made of a model",
+    "edge": "the commands of a robot's agent, as posecast-edge has them",
+    "doctor": "say what is wrong with a model, a profile or a source",
+    "probe": "list what a source offers, before there is a profile",
+    "model": "model build: make a robot's model small enough for phones",
+    "profile": "profile new: write a profile to start from, made of a model",
 }
 RELAY = {
-    "relay": "the relay: run|robots|past, as posecast-relay",
-    "robots": "who may publish and watch; share links",
-    "past": "list, export and delete what is kept of the past",
+    "relay": "the commands of a relay, as posecast-relay has them",
+    "robots": "set who may publish and watch; make share links",
+    "past": "list, export and delete what the relay keeps of the past",
 }
 OWN = {
-    "demo": "a relay, its page and a demo robot, in this terminal",
-    "run": "put a robot on a relay; one is started here if --relay names none",
+    "demo": "show a demo robot on a page, all of it started in this terminal",
+    "run": "put your robot on a page, by a relay that it starts or joins",
 }
 COMMANDS = (*OWN, *EDGE, *RELAY, "completion")
 COMPLETION = (
@@ -33,7 +33,8 @@ def make_parser() -> CommandParser:
     """The commands, without their arguments."""
     parser = CommandParser(
         prog="posecast",
-        description="Put a robot on a URL: reads it, never commands it.",
+        description="Put a robot on a URL. Posecast reads the robot and never commands it. Begin with "
+        "`posecast demo`; `posecast COMMAND --help` has the flags of each command.",
         statuses=STATUSES,
         version=True,
     )

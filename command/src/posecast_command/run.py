@@ -25,8 +25,9 @@ def make_run_parser(environment: Mapping[str, str]) -> CommandParser:
     """The parser of the command: the agent's flags, and the place of the relay that is started."""
     parser = CommandParser(
         prog=f"{PROGRAM} run",
-        description="Read a source and send it to a relay. Without --relay one is started on this machine, "
-        "with its page. Every flag of the agent may also stand in the environment.",
+        description="Read a robot from a source and show it on a page. Only --source is needed: without "
+        "--relay, a relay is started on this machine; without --robot, the robot is named after its model. "
+        "A flag that is not given is taken from the environment variable in [].",
         statuses=STATUSES,
         allow_abbrev=False,
     )

@@ -13,9 +13,9 @@ import sys
 from contextlib import ExitStack
 from pathlib import Path
 
+from posecast_loadtests.results.tally import Tally, breaches, report
 from posecast_loadtests.scenarios import SCENARIOS, Scenario
 from posecast_loadtests.stage import Address, ends_on_term, own_relay, started
-from posecast_loadtests.tally import Tally, breaches, report
 
 SOURCE_HZ = 30
 

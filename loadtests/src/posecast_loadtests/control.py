@@ -13,10 +13,10 @@ import sys
 import threading
 from contextlib import suppress
 
-from posecast_loadtests.check import Clock, Viewer
 from posecast_loadtests.connection import Connection
+from posecast_loadtests.results.check import Clock, Viewer
+from posecast_loadtests.results.tally import Tally
 from posecast_loadtests.rfc6455 import Opcode, ProtocolError
-from posecast_loadtests.tally import Tally
 
 
 def watch(address: str, step: int, tally: Tally, ended: threading.Event) -> None:

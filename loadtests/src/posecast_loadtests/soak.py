@@ -37,9 +37,9 @@ from posecast_loadtests.endurance import (
     table,
 )
 from posecast_loadtests.page_heap import Page, PageError, page
+from posecast_loadtests.results.tally import LoadLimits, Tally, breaches
 from posecast_loadtests.scenarios import SOAK
 from posecast_loadtests.stage import OwnRelay, ends_on_term, ends_with, own_relay, started
-from posecast_loadtests.tally import LoadLimits, Tally, breaches
 from posecast_loadtests.vitals import figures, gauge, redis_mb, vitals
 
 READINGS = 360  # in one run, at most one a second

@@ -11,12 +11,12 @@ from typing import Any
 from locust import User, events, task
 from locust.env import Environment
 
-from posecast_loadtests.check import Clock, Viewer
 from posecast_loadtests.connection import Connection
+from posecast_loadtests.results.check import Clock, Viewer
+from posecast_loadtests.results.tally import Tally
+from posecast_loadtests.results.verdict import tally
 from posecast_loadtests.rfc6455 import Opcode, ProtocolError
 from posecast_loadtests.scenarios import SCENARIOS, SOAK, Scenario, Stage
-from posecast_loadtests.tally import Tally
-from posecast_loadtests.verdict import tally
 
 # every tenth frame of a viewer goes into Locust's own table, every fiftieth viewer decodes in full
 _REPORTED = 10

@@ -10,7 +10,6 @@ sets are not there, the demo's motion stands for them.
 from __future__ import annotations
 
 import argparse
-import secrets
 import signal
 import threading
 import time
@@ -18,13 +17,12 @@ from collections.abc import Sequence
 from itertools import count, cycle
 from pathlib import Path
 
-import zenoh
 from posecast_edge.profile.reader import load_profile
 from posecast_edge.profile.schema import make_schema_text
 from posecast_edge.sources.demo import BUNDLE, PROFILE, read_motion
-from posecast_wire import Encoder, Quantiser, Schema, Snapshot, Stamp, alive_key, frame_key, snapshot_key
+from posecast_wire import Encoder, Quantiser, Schema
 
-from relay.benches.publisher import open_session
+from relay.benches.publisher import BenchUplink
 from relay.benches.stamps import Stamps
 from wire.python.benches.bytes_per_frame import SHARED, rows
 
@@ -77,34 +75,16 @@ def main() -> None:
     _, schema, feed = read_feed()
     quantiser, encoder = Quantiser(schema), Encoder(schema, KEY_INTERVAL_S)
     stamps = Stamps(str(asked.stamps)) if asked.stamps else None
-    run, began_ns, pace = secrets.randbits(63) | 1, time.monotonic_ns(), Pace()
-
-    def attachment() -> bytes:
-        return Stamp(run, time.monotonic_ns() - began_ns).pack()
-
-    def answer(query: zenoh.Query) -> None:
-        if encoder.key is not None:
-            snapshot = Snapshot(schema.text, {}, encoder.key, encoder.ref, None)
-            query.reply(snapshot_key(asked.robot, "public"), snapshot.pack(), attachment=attachment())
-
-    session = open_session(asked.relay)
-    session.declare_queryable(snapshot_key(asked.robot, "public"), answer)
-    publisher = session.declare_publisher(
-        frame_key(asked.robot, "public"),
-        congestion_control=zenoh.CongestionControl.DROP,
-        priority=zenoh.Priority.REAL_TIME,
-    )
-    session.liveliness().declare_token(alive_key(asked.robot))
-    while not publisher.matching_status.matching:  # type: ignore[attr-defined]  # the stub says bool
-        time.sleep(0.01)
-    print("READY", flush=True)
+    pace = Pace()
+    uplink = BenchUplink(asked.relay, asked.robot, schema, encoder)
+    uplink.announce()
     due = time.monotonic()
     for seq, sample in zip(count(1), cycle(feed), strict=False):
         now = pace.wait_turn(due)
-        frame = encoder.encode(quantiser.quantise(sample), seq, now - began_ns * 1e-9, now)
+        frame = encoder.encode(quantiser.quantise(sample), seq, now - uplink.began_ns * 1e-9, now)
         if stamps is not None:
             stamps.note(seq)
-        publisher.put(frame, attachment=attachment())
+        uplink.put(frame)
         due = max(due + 1 / asked.hz, now - LATE_MAX_S)  # a late frame makes the next one no later
 
 

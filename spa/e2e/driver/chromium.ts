@@ -84,7 +84,9 @@ class ChromiumPage implements Page {
     page.on('websocket', (socket) => this.requested.push(socket.url()));
     page.on('pageerror', (error) => this.#complaints.add(`uncaught: ${error.stack ?? error.message}`));
     page.on('console', (message) => {
-      if (message.type() === 'error') this.#complaints.add(message.text());
+      if (message.type() !== 'error') return;
+      const isOfAnswer = message.text().startsWith('Failed to load resource: the server responded');
+      this.#complaints.add(isOfAnswer ? `${message.text()} ${message.location().url}` : message.text());
     });
   }
 

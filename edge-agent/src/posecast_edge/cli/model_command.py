@@ -12,10 +12,10 @@ from typing import Any, NoReturn, TextIO
 
 from posecast_wire.command_line.color import paint
 from posecast_wire.command_line.parser import CommandParser
+from posecast_wire.command_line.progress_bar import ProgressBar, show_countdown
 
 from posecast_edge.cli.doctor import examine_source
 from posecast_edge.cli.number_flag import limit_number
-from posecast_edge.cli.progress_bar import Bar, show_countdown
 from posecast_edge.cli.robot_flags import add_robot_flags, list_packages
 from posecast_edge.model.builder.manifest import FINDINGS_MAX
 from posecast_edge.model.doctor.lost_files import find_lost_files
@@ -161,7 +161,7 @@ def _model(
         text = f"meshes not looked at, only whether they are there: {_explain_missing(e)}"
         _print(sys.stderr, f"{args.program}: {text}")
     else:
-        with Bar(sys.stderr) as bar:
+        with ProgressBar(sys.stderr) as bar:
             files = read_visual_files(robot, Resolver(path, packages), bar.show_progress)
         if tree.links:
             settle_up_axis(urdf, tree, files, args.up_axis)
@@ -227,7 +227,7 @@ def _build(args: argparse.Namespace, packages: Sequence[Path], cache: Path | Non
     files = kept.get() if kept is not None else None
     if files is None:
         robot, resolver = load_robot_file(path, packages, arguments), Resolver(path, packages)
-        with Bar(sys.stderr) as bar:
+        with ProgressBar(sys.stderr) as bar:
             built = build_model(robot, resolver, bar.show_progress, args.up_axis)
         files = {**built.files, MANIFEST: built.manifest}
         if kept is not None:

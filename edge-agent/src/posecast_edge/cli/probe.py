@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from posecast_wire.command_line.parser import CommandParser
+from posecast_wire.command_line.progress_bar import show_countdown
 
 from posecast_edge.cli.number_flag import limit_number
-from posecast_edge.cli.progress_bar import show_countdown
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.moving_joints import list_moving_joints
 from posecast_edge.model.robot_file import load_robot_file

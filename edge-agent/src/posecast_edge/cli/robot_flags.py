@@ -12,7 +12,7 @@ from posecast_edge.model.urdf.resolver import list_package_folders
 
 def add_robot_flags(parser: argparse.ArgumentParser) -> None:
     """Add --package-path (also spelled --packages) and --xacro-arg."""
-    text = f"folders of packages or models, with {os.pathsep} between; looked into before ROS_PACKAGE_PATH"
+    text = f"folders where packages or models lie, with {os.pathsep} between; before ROS_PACKAGE_PATH"
     parser.add_argument(
         "--package-path",
         "--packages",
@@ -28,7 +28,7 @@ def add_robot_flags(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME:=VALUE",
-        help="a value for an argument of a xacro file; may be given more than once",
+        help="a value for an argument of a xacro file; can be given more than once",
     )
 
 

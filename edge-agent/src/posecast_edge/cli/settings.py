@@ -30,6 +30,7 @@ STATUSES = {
     2: "wrong arguments, profile or model",
     130: "ended by Ctrl-C before it ran",
 }
+SUCH = "KIND[:ADDRESS], such as demo, csv:log.csv or mujoco:arm.xml"
 
 
 class UsageError(Exception):
@@ -174,31 +175,39 @@ def add_run_flags(
             help=f"{text} [{variable}]",
         )
 
-    flag("robot", _robot, "the robot's name in the link: a-z, 0-9 and -; its credential knows it too")
-    flag("source", _source, f"KIND[:ADDRESS]; kinds: {', '.join(KINDS)}")
-    flag("relay", _relay, "where the relay listens: tls/HOST:PORT, or tcp/… on one machine")
-    flag("credential", _credential, "file with the line that `posecast-relay robots add` printed")
-    flag("tls-cert", Path, "instead: the robot's certificate (PEM), where the relay has --zenoh-ca")
-    flag("tls-key", Path, "its private key (PEM)")
-    flag("tls-ca", Path, "what signed the relay's certificate (PEM); without: an authority of the web")
+    flag("robot", _robot, "the robot's name in the link: a-z, 0-9 and -; a credential has it, too")
+    flag(
+        "source",
+        _source,
+        f"{SUCH}; kinds: {', '.join(KINDS)}",
+    )
+    flag("relay", _relay, "the relay: tls/HOST:PORT, or tcp/127.0.0.1:PORT on this machine")
+    flag("credential", _credential, "file with the line that the relay's `robots add` printed")
+    flag(
+        "tls-cert",
+        Path,
+        "instead of --credential: the robot's certificate (PEM), for a relay with --zenoh-ca",
+    )
+    flag("tls-key", Path, "the private key of --tls-cert (PEM)")
+    flag("tls-ca", Path, "certificate of the authority that signed the relay's (PEM); without, a public one")
     flag("hz", limit_number(1, 60), "frames a second, 1 to 60 (30)", 30.0)
-    flag("key-interval", limit_number(0.2, 600), "seconds between frames that stand alone (4)", 4.0)
+    flag("key-interval", limit_number(0.2, 600), "seconds between KEY frames, where viewers begin (4)", 4.0)
     flag(
         "profile",
         find_profile,
-        "TOML file that says what the channels mean, or the name of one that comes along",
+        "TOML file that says what the robot's channels mean, or the name of one in Posecast",
     )
     flag(
         "urdf",
         Path,
-        "the robot's model (URDF, xacro, SDF, MJCF); it is made small and served, meshes and all",
+        "the robot's model, a file of URDF, xacro, SDF or MJCF; its meshes are made small for phones",
     )
     flag("model", Path, "instead of --urdf: the folder that `model build` made")
     add_robot_flags(parser)
     flag(
         "up-axis",
         _up_axis,
-        "whether Collada files mean the up axis they name: auto, ignore, apply (auto)",
+        "whether Collada meshes mean the up axis they name: auto, ignore, apply (auto)",
         AUTO,
     )
 

@@ -99,6 +99,8 @@ def find_breaches(counts: HallCounts, viewers: int, places: int, replaced: Repla
         found.append(f"{missing} viewers got nothing after the relay was replaced")
     if counts.told_lane < viewers - places:
         found.append(f"only {counts.told_lane} were told the lane")
+    if counts.count_by("lane") < viewers - places:
+        found.append(f"only {counts.count_by('lane')} went on by the lane, not {viewers - places}")
     bad = {name: getattr(counts, name) for name in ("repeats", "missed", "unreadable")}
     return [*found, *(f"{count} {name}" for name, count in bad.items() if count)]
 

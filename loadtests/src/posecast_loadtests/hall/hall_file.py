@@ -20,12 +20,12 @@ import gevent
 from locust import User, events, task
 from locust.env import Environment
 
-from posecast_loadtests.check import Clock, Viewer
 from posecast_loadtests.connection import Connection
 from posecast_loadtests.hall.hall_counts import HallCounts, HallViewer
 from posecast_loadtests.hall.lane_reader import LaneReader
+from posecast_loadtests.results.check import Clock, Viewer
+from posecast_loadtests.results.tally import Tally
 from posecast_loadtests.rfc6455 import Opcode, ProtocolError
-from posecast_loadtests.tally import Tally
 
 FULL, MOVED = 1013, 1012
 HZ, SOURCE_HZ = 10, 30

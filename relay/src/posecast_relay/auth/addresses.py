@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from posecast_relay.core.roster import CountsElsewhere
 
+Address = ipaddress.IPv4Address | ipaddress.IPv6Address
 Network = ipaddress.IPv4Network | ipaddress.IPv6Network
 FORWARDED_MAX = 4000  # letters of the header; what stands further left anybody may have written
 OWN_V6 = "::/64"
@@ -19,8 +20,9 @@ def parse_networks(text: str) -> tuple[Network, ...]:
     return tuple(ipaddress.ip_network(part.strip(), strict=False) for part in text.split(",") if part.strip())
 
 
-def find_real_address(peer: str, forwarded: str | None, trusted: Sequence[Network]) -> str:
-    """Return the last address of `X-Forwarded-For` that is no trusted proxy's; else the peer's own.
+def find_asker(peer: str, forwarded: str | None, trusted: Sequence[Network]) -> Address | None:
+    """Return the last address of `X-Forwarded-For` that is no trusted proxy's; else the peer's own, which is
+    None on a Unix socket. `forwarded`: all headers of that name, with commas between.
 
     Without trusted proxies the header counts for nothing, since anybody may send it.
     """
@@ -31,6 +33,12 @@ def find_real_address(peer: str, forwarded: str | None, trusted: Sequence[Networ
         if nearer is None:
             break
         found = nearer
+    return found
+
+
+def find_real_address(peer: str, forwarded: str | None, trusted: Sequence[Network]) -> str:
+    """Return by what an asker is counted: see find_asker. Of IPv6 the prefix, which one household shares."""
+    found = find_asker(peer, forwarded, trusted)
     if found is None:
         return peer
     if found.version == 6:
@@ -44,7 +52,7 @@ def is_loopback(peer: str) -> bool:
     return found is not None and found.is_loopback
 
 
-def _parse_address(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
+def _parse_address(text: str) -> Address | None:
     try:
         found = ipaddress.ip_address(text.partition("%")[0])
     except ValueError:

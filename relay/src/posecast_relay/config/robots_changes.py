@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import secrets
 from collections.abc import Mapping, Sequence
 from datetime import datetime, timedelta
@@ -9,8 +10,9 @@ from typing import Any
 
 import tomlkit
 from posecast_wire import Credential
+from tomlkit.items import InlineTable
 
-from posecast_relay.config.robots_reader import RULE_FIELDS, parse_robots
+from posecast_relay.config.robots_reader import RULE_FIELDS, RobotsError, parse_robots
 from posecast_relay.config.settings import SettingsError
 from posecast_relay.core.policy.policy import PUBLIC, Audience
 from posecast_relay.core.policy.share_link import make_link
@@ -18,25 +20,32 @@ from posecast_relay.core.policy.share_link import make_link
 HEAD = "Who may publish and who may watch. A running relay follows within a second. See docs/SECURITY.md."
 NOTHING = "nothing"  # what an audience without a table sees
 TEXTS = ("view",)  # fields whose value is text even where it looks like a number
+HEADER = re.compile(r"""^[ \t]*\[[ \t]*(robots|"robots"|'robots')[ \t]*\.""", re.MULTILINE)  # [robots.NAME]
 
 
 class RobotsDocument:
     """The file as it is to be. Each change raises SettingsError, one line, where it can't be made."""
 
     def __init__(self, text: str | None, name: str) -> None:
-        """`text`: of the file; None: there is none yet. `name`: of the file, for messages. Raises RobotsError
-        where it is wrong already: what the relay would refuse is not to be built upon.
+        """`text`: of the file; None or an empty one: there is none yet. `name`: of the file, for messages.
+        Raises RobotsError, whose lines begin with that name, where the text is wrong already: what the relay
+        would refuse is not to be built upon.
         """
         self._name = name
-        if text is None:
+        if text is None or not text.strip():
             self._doc = tomlkit.document()
             self._doc.add(tomlkit.comment(HEAD))
         else:
-            parse_robots(text)
+            try:
+                parse_robots(text)
+            except RobotsError as e:
+                raise RobotsError(*(f"{name}: {mistake}" for mistake in e.mistakes)) from None
             self._doc = tomlkit.parse(text)
         if "robots" not in self._doc:
             self._doc["robots"] = tomlkit.table(is_super_table=True)
         self._robots: Any = self._doc["robots"]
+        # robots written as `hubo = { … }` or `hubo.secret = "…"`: a table with a header can't be among them
+        self._is_flat = bool(self._robots) and HEADER.search(text or "") is None
 
     def make_text(self) -> str:
         """Return the text of the file, never an empty one: a relay takes that for one half written."""
@@ -95,10 +104,12 @@ class RobotsDocument:
             if list(fields) == [NOTHING]:
                 of.pop(audience.value, None)
                 continue
+            changes = [_read_field(audience, field) for field in fields]
             if audience.value not in of:
-                of[audience.value] = tomlkit.table()
-            for field in fields:
-                name, value = _read_field(audience, field)
+                if all(value is None for _, value in changes):
+                    continue  # an empty table would show the default view to whoever has seen nothing so far
+                self._add_table(of, audience.value)
+            for name, value in changes:
                 if value is None:
                     of[audience.value].pop(name, None)
                 else:
@@ -139,10 +150,15 @@ class RobotsDocument:
 
     def _enrol(self, robot: str, is_private: bool, expires: datetime | None) -> None:
         if robot not in self._robots:
-            self._robots[robot] = tomlkit.table()
+            self._add_table(self._robots, robot)
             if not is_private:
-                self._robots[robot][Audience.ANYONE.value] = {"view": PUBLIC}
+                self._add_table(self._robots[robot], Audience.ANYONE.value)
+                self._robots[robot][Audience.ANYONE.value]["view"] = PUBLIC
         self._set_expires(self._robots[robot], expires)
+
+    def _add_table(self, parent: Any, name: str) -> None:
+        is_inline = self._is_flat or isinstance(parent, InlineTable)
+        parent[name] = tomlkit.inline_table() if is_inline else tomlkit.table()
 
     @staticmethod
     def _set_expires(of: Any, expires: datetime | None) -> None:

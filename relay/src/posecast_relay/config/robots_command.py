@@ -59,7 +59,7 @@ def run_robots(argv: Sequence[str], environ: Mapping[str, str], program: str = "
 def _edit(path: Path, environ: Mapping[str, str], parse: Parse) -> None:
     """Take the text from stdin unless that is a terminal; else from an editor."""
     if not sys.stdin.isatty():
-        text = read_stdin(path)
+        text = read_stdin()
         try:
             parse(text)
         except RobotsError as e:
@@ -73,12 +73,16 @@ def _edit(path: Path, environ: Mapping[str, str], parse: Parse) -> None:
     if changed is None:
         sys.stderr.write(f"{path}: nothing has changed\n")
         return
-    with lock_folder(path):
-        if read_text(path) != before:
-            raise SettingsError(
-                f"{path}: somebody else changed it meanwhile; what you wrote is in {_save(changed)}"
-            )
-        replace_text(path, changed, keep_before=True)
+    try:
+        with lock_folder(path):
+            if read_text(path) != before:
+                raise SettingsError(f"{path}: somebody else changed it meanwhile")
+            replace_text(path, changed, keep_before=True)
+    except (SettingsError, RobotsError) as e:
+        raise SettingsError(f"{e}; what you wrote is in {_save(changed)}") from None
+    except OSError as e:  # as a full disk
+        why = (e.strerror or str(e)).lower()
+        raise SettingsError(f"{path}: {why}; what you wrote is in {_save(changed)}") from None
 
 
 def _save(text: str) -> str:
@@ -115,7 +119,10 @@ def _change(path: Path, asked: argparse.Namespace, parse: Parse) -> None:
             "its own beside the robot, chmod 600, and give the agent --credential FILE.\n"
         )
         if asked.do == "rotate" and asked.begin:
-            sys.stderr.write(f"It is worth nothing until `robots rotate {asked.robot} --finish`.\n")
+            sys.stderr.write(
+                f"It is worth nothing until `robots rotate {asked.robot} --finish`.\n"
+                "It replaces the one that an earlier --begin made.\n"
+            )
         print(made.line(), flush=True)
     elif asked.do == "add":
         sys.stderr.write(f"{asked.robot!r} may publish with a certificate whose common name is that.\n")

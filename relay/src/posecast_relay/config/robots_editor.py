@@ -19,20 +19,15 @@ EDITORS = ("sensible-editor", "nano", "vim", "vi")  # where neither $VISUAL nor 
 ASK = "Enter: edit again. q: leave the file as it is. "
 
 
-def read_stdin(path: Path) -> str:
-    """Return the text that stdin holds. Raises SettingsError where it is no text, empty or too long."""
+def read_stdin() -> str:
+    """Return the text that stdin holds. Raises SettingsError where it is no text or too long."""
     raw = sys.stdin.buffer.read(BYTES_MAX + 1)
     if len(raw) > BYTES_MAX:
         raise SettingsError(f"stdin: over {BYTES_MAX} bytes")
     try:
-        text = raw.decode("utf-8-sig")
+        return raw.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise SettingsError("stdin: not UTF-8") from None
-    if not text.strip():
-        raise SettingsError(
-            f"stdin: is empty; for no robots at all, leave a comment in it. {path} is as it was"
-        )
-    return text
 
 
 def edit_text(
@@ -50,13 +45,18 @@ def edit_text(
         while True:
             _run(editor, copy)
             try:
-                text = copy.read_bytes().decode("utf-8-sig")
+                raw = copy.read_bytes()
+                text = raw.decode("utf-8-sig")
                 if text == before:
                     return None
+                if len(raw) > BYTES_MAX:
+                    raise RobotsError(f"over {BYTES_MAX} bytes")
                 check(text)
                 return text
             except UnicodeDecodeError:
                 mistakes: tuple[str, ...] = ("not UTF-8",)
+            except OSError as e:  # the editor has left none, or a folder
+                mistakes = ((e.strerror or str(e)).lower(),)
             except RobotsError as e:
                 mistakes = e.mistakes
             for mistake in mistakes:

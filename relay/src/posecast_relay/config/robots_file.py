@@ -31,14 +31,10 @@ def read_robots(path: Path, has_store: bool = True) -> Robots:
 def read_text(path: Path) -> str:
     """Return the text of the file. Raises RobotsError if it can't be read, or everybody may read it."""
     try:
-        found = path.stat()
-        if not stat.S_ISREG(found.st_mode):  # to open a pipe would wait for its other end
-            raise UnreadableError(f"{path}: is {'a folder' if stat.S_ISDIR(found.st_mode) else 'no file'}")
-        with path.open("rb") as file:
-            raw = file.read(BYTES_MAX + 1)
+        raw, mode = _read_bytes(path)
     except OSError as e:
         raise UnreadableError(f"{path}: {(e.strerror or str(e)).lower()}{_explain(path, e)}") from None
-    if found.st_mode & 0o007:
+    if mode & 0o007:
         raise RobotsError(f"{path}: holds secrets, and everybody on this machine may read it: chmod 600")
     if len(raw) > BYTES_MAX:
         raise RobotsError(f"{path}: over {BYTES_MAX} bytes")
@@ -46,6 +42,21 @@ def read_text(path: Path) -> str:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise RobotsError(f"{path}: not UTF-8") from None
+
+
+def _read_bytes(path: Path) -> tuple[bytes, int]:
+    """Return what the file holds, up to one byte more than it may, and its mode. Raises OSError, and
+    UnreadableError where it is no file.
+    """
+    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK)  # else opening a pipe waits for its other end
+    try:
+        found = os.fstat(handle)
+        if not stat.S_ISREG(found.st_mode):
+            raise UnreadableError(f"{path}: is {'a folder' if stat.S_ISDIR(found.st_mode) else 'no file'}")
+        with open(handle, "rb", closefd=False) as file:
+            return file.read(BYTES_MAX + 1), found.st_mode
+    finally:
+        os.close(handle)
 
 
 def _explain(path: Path, error: OSError) -> str:

@@ -109,6 +109,8 @@ def parse_robots(text: str, has_store: bool = True) -> Robots:
 
     `has_store`: whether the past may be kept; without one a robot's `keep` is a mistake, as nothing would be.
     """
+    if not text.strip():  # an editor has just begun to write it, or the disk is full
+        raise RobotsError("is empty; for no robots at all, leave a comment in it")
     endless = ENDLESS.search(text)
     if endless is not None:
         line = text.count("\n", 0, endless.start()) + 1

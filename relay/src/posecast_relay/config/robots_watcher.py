@@ -64,21 +64,19 @@ class RobotsWatcher:
         self._looked_s = unix_s
         seen = _find_state(self._path)
         if seen != self._seen or self._must_retry:
-            await self._reread(seen, is_new=seen != self._seen)
+            await self._reread(is_new=seen != self._seen)
             self._seen = seen
         if self._has_new_beside() or has_expired or self.robots != before:
             await self._changed(self.robots)
 
-    async def _reread(self, seen: FileState | None, is_new: bool) -> None:
+    async def _reread(self, is_new: bool) -> None:
         try:
-            if seen is not None and seen[1] == 0:
-                raise RobotsError(f"{self._path}: is empty; for no robots at all, leave a comment in it")
             self.robots = await asyncio.to_thread(self._read, self._path)
         except RobotsError as e:
             self._must_retry = isinstance(e, UnreadableError)
             if is_new or str(e) != self.trouble:
                 self.refused += 1
-                log.warning("%s; going on with what it said before", e)
+                log.warning("%s; its last good version stays in force", e)
             self.trouble = str(e)
             return
         self._must_retry = False

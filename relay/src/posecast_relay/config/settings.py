@@ -257,7 +257,7 @@ FLAGS = (
     _Flag("firebase_project", _project, None, "whose accounts are `signed-in`", "ID"),
     _Flag("firebase_revoked", _boolean, "", "ask Google about revoked accounts; takes its credentials"),
     _Flag("firebase_database", _database, None, "mirror of what anyone may see, 2 Hz; one relay each", "URL"),
-    _Flag("static", _directory, None, "the built page; default: the one packed in, if any", "DIR"),
+    _Flag("static", _directory, None, "the built page [the packaged one; in a checkout spa/dist]", "DIR"),
     _Flag("public_url", _public_url, None, "where people open the page; chats want it for pictures", "URL"),
     _Flag("workers", _workers, "1", "processes that serve viewers on the port: a core each", "N"),
     _Flag("max_viewers", _count, "5000", "further ones are told `full`", "N"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,18 +16,22 @@ class ExportedSpan:
 
     `from_ms`, `to_ms`: the span that was asked for, unix; the recording holds whole segments, and so begins a
     little before and ends a little after it.
+    `report` is told how many segments of how many have been read, after each.
     """
 
     folder: Path
     recording: PastRecording
     from_ms: int
     to_ms: int
+    report: Callable[[int, int], None] = lambda _done, _total: None
 
     def read_segments(self) -> Iterator[tuple[str, bytes]]:
         """Yield a name to tell of each segment, and its bytes, by the moment at which they begin."""
-        for each in self.recording.segments:
+        total = len(self.recording.segments)
+        for done, each in enumerate(self.recording.segments, 1):
             path = segment_path(each.take, each.index)
             yield path, unpack_segment((self.folder / path).read_bytes())
+            self.report(done, total)
 
     def find_model_file(self, model: str, name: str = "manifest.json") -> bytes | None:
         """Return a file of a model, by the SHA-256 of its manifest; None where the recording lacks it.

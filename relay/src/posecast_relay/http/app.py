@@ -45,7 +45,6 @@ from posecast_relay.streaming.decode_cache import DecodeCache
 NO_PAGE = """The relay serves, but it has no page to show: start it with --static DIR, the built page
 (in a checkout spa/dist, which `make setup` builds). The API is described in /openapi.json
 """
-PACKED_PAGE = Path(__file__).parent.parent / "page"  # the built page, where the wheel carries it
 API = "/api/v1/robots"
 PICTURE_FRESH = "public, max-age=60"
 OLD_MODEL_FRESH = "public, max-age=3600"
@@ -73,7 +72,7 @@ def make_app(
     access: Access,
     models: ModelCache,
     decoded: DecodeCache,
-    static: Path | None,
+    page: Path | None,
     public_url: str | None = None,
     publish_at: str | None = None,
     past: PastDesk | None = None,
@@ -83,6 +82,7 @@ def make_app(
 ) -> FastAPI:
     """Make the relay's HTTP application. WebSocket upgrades never reach it.
 
+    `page`: the folder of the built page; None when there is none.
     `public_url`: where people open the page, without a slash at its end; None when nobody has said so.
     `publish_at`: where anybody on this machine may publish; None when nobody may without a credential.
     `past`: where the past of this process is; None when it keeps none. `find_missing` returns what does
@@ -125,10 +125,11 @@ def make_app(
     thumbnails = Thumbnails(models)
     preview = LinkPreview(access, thumbnails, public_url)
     _add_previews(app, access, models, thumbnails, preview)
-    _add_health(app, access.live, past, find_missing, find_config_trouble)
+    find_trouble = partial(_find_trouble, access.live, past, find_missing, find_config_trouble)
+    _add_health(app, access.live, find_missing, find_trouble)
 
     if admin is not None:
-        add_admin_routes(app, access, admin)
+        add_admin_routes(app, access, admin, find_trouble)
 
     @app.get("/api/{_rest:path}", include_in_schema=False)
     async def no_such_route(_rest: str) -> Response:
@@ -137,7 +138,6 @@ def make_app(
     for route in [each for each in app.routes if isinstance(each, APIRoute) and each.methods == {"GET"}]:
         app.add_api_route(route.path, route.endpoint, methods=["HEAD"], include_in_schema=False)
 
-    page = static or (PACKED_PAGE if (PACKED_PAGE / "index.html").is_file() else None)
     if page is not None:
         app.mount("/", Page(page, access.list_frame_ancestors, preview))
     else:
@@ -149,12 +149,24 @@ def make_app(
     return app
 
 
-def _add_health(
-    app: FastAPI,
+def _find_trouble(
     dispatcher: Dispatcher,
     past: PastDesk | None,
     find_missing: Callable[[], MissingPart | None],
     find_config_trouble: Callable[[], str | None],
+) -> str | None:
+    """Return why the relay is degraded, in a line that anybody may read; None where nothing is wrong."""
+    missing = find_missing()
+    live, past_ = dispatcher.store.find_trouble(), None if past is None else past.source.find_trouble()
+    whys = (missing and missing.why, find_config_trouble(), live, past_ and f"the past: {past_}")
+    return "; ".join(filter(None, whys)) or None
+
+
+def _add_health(
+    app: FastAPI,
+    dispatcher: Dispatcher,
+    find_missing: Callable[[], MissingPart | None],
+    find_trouble: Callable[[], str | None],
 ) -> None:
     @app.get("/livez", summary="The process answers")
     async def livez() -> PlainTextResponse:
@@ -171,9 +183,7 @@ def _add_health(
         missing = find_missing()
         if missing is not None and not missing.has_begun:
             return JSONResponse({"status": "starting", "why": missing.why}, 503)
-        live, past_ = dispatcher.store.find_trouble(), None if past is None else past.source.find_trouble()
-        config = find_config_trouble()
-        why = "; ".join(filter(None, (missing and missing.why, config, live, past_ and f"the past: {past_}")))
+        why = find_trouble()
         return JSONResponse({"status": "degraded", "why": why} if why else {"status": "ready"})
 
 

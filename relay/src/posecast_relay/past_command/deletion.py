@@ -8,6 +8,8 @@ import sys
 import time
 from collections.abc import Mapping
 
+from posecast_wire.command_line.progress_bar import ProgressBar
+
 from posecast_relay.archive.deletion.eraser import Erased, erase, find_covered
 from posecast_relay.archive.deletion.tombstones import put_tombstone
 from posecast_relay.archive.names import TOMBSTONES
@@ -19,7 +21,6 @@ from posecast_relay.deletion_record import make_deletion, pack_deletion
 from posecast_relay.past_command.failure import CommandFailed
 from posecast_relay.past_command.location import add_location, add_robot, open_store
 from posecast_relay.past_command.moments import TimeError, read_moment, write_span
-from posecast_relay.past_command.progress import CommandProgress
 from posecast_relay.past_command.relay_socket import OTHER_VERSION, RelayAway, ask_relay, find_relay_store
 
 HELP = "delete a robot's past, or a span of it: in the store, in Redis and, within 10 s, in running relays"
@@ -64,11 +65,11 @@ def run(asked: argparse.Namespace) -> None:
 async def _delete(store: ObjectStore, deletion: Deletion, what: str, asked: argparse.Namespace) -> None:
     await _check_robot(store, asked)
     segments, size = 0, 0
-    with CommandProgress() as progress:
+    with ProgressBar(sys.stderr) as bar:
         async for names in find_covered(store, deletion):
             segments += len(names)
             size += sum(each.size for each in names)
-            progress.show(f"{write_count(segments, 'segment')} found")
+            bar.show_text(f"{write_count(segments, 'segment')} found")
     found = _write_sum(segments, size) if segments else "there is nothing of it in the store"
     _confirm(asked.yes, f"{what}: {found}.")
     is_ordered = True
@@ -78,10 +79,10 @@ async def _delete(store: ObjectStore, deletion: Deletion, what: str, asked: argp
         if str(e) != NO_SPACE:
             raise
         is_ordered = False  # what is deleted makes room for it
-    with CommandProgress() as progress:
+    with ProgressBar(sys.stderr) as bar:
 
         def show(erased: Erased) -> None:
-            progress.show(f"deleted {erased.segments:,} of {write_count(segments, 'segment')}")
+            bar.show_progress(erased.segments, segments, "segments deleted")
 
         erased = await erase(store, deletion, show)
     if not is_ordered:

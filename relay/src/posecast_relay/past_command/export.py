@@ -13,11 +13,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 from posecast_wire.checked import is_unicode, make_visible
+from posecast_wire.command_line.progress_bar import ProgressBar
 from posecast_wire.recording import PastRecording, RecordingError
 from posecast_wire.recording.contents import TITLE_CHARACTERS_MAX
 from posecast_wire.recording.reader import CONTROLS
 
 from posecast_relay.archive.names import PAGE_MS
+from posecast_relay.config.built_page import find_page
 from posecast_relay.config.settings import SettingsError
 from posecast_relay.core.policy.policy import PUBLIC, Audience
 from posecast_relay.counted import write_count
@@ -29,7 +31,6 @@ from posecast_relay.export.table_file import write_table
 from posecast_relay.past_command.failure import CommandFailed
 from posecast_relay.past_command.location import open_store, read_name
 from posecast_relay.past_command.moments import TimeError, read_moment, write_length, write_moment
-from posecast_relay.past_command.progress import CommandProgress
 from posecast_relay.recording.collector import Collection, Collector, Description, NothingThere
 from posecast_relay.recording.http_source import HttpSource
 from posecast_relay.recording.notes import NotesError, place_notes, read_notes
@@ -41,8 +42,6 @@ from posecast_relay.recording.zip_file import pack_recording
 
 HELP = "write a span of the past as files: a folder that plays in a browser, .posecast, .csv or .mcap"
 RELAY = "http://127.0.0.1:8080"
-PACKAGE = Path(__file__).resolve().parents[1]
-PAGES = (PACKAGE / "page", PACKAGE.parents[2] / "spa/dist")  # as it is packed in, and in a checkout
 FILES = (".posecast", ".csv", ".mcap")
 FOREIGN = frozenset(  # formats that are not written here: without this, a folder would get that name
     [
@@ -107,7 +106,7 @@ def add_arguments(parser: argparse.ArgumentParser, environ: Mapping[str, str]) -
     ):
         add(flag, metavar="TEXT", type=_read_heading, help=told)
     add("--notes", metavar="FILE", type=Path, help="a TOML file with notes at moments")
-    add("--page", metavar="DIR", type=Path, help="for a folder: the built page [the one in this package]")
+    add("--page", metavar="DIR", type=Path, help="for a folder: the built page [as for the relay]")
     add(
         "--url",
         metavar="URL",
@@ -164,8 +163,10 @@ def _export(
         finally:
             collecting.close()  # ended before its loop ran it, Python would warn on stderr
             _catch_sigterm()  # a loop that ends gives it back to the system
-        span = ExportedSpan(folder, recording, asked.from_ms, asked.to_ms)
-        written = _write(asked, span, place, page)
+        with ProgressBar(sys.stderr) as bar:
+            report = partial(bar.show_progress, what=str(asked.out))
+            span = ExportedSpan(folder, recording, asked.from_ms, asked.to_ms, report)
+            written = _write(asked, span, place, page)
         size = _measure(place)
     lines = (*_tell_lost(collector.found), *written.warnings, *_tell_lacks(written.held, span))
     for line in lines:
@@ -194,13 +195,8 @@ async def _collect(
     for signal_ in (signal.SIGINT, signal.SIGTERM):
         asyncio.get_running_loop().add_signal_handler(signal_, task.cancel)
     there = await source.find_span()  # by which a relay also says which view it is
-    with CommandProgress() as progress:
-        collector.report_to(
-            lambda found: progress.show(
-                f"{found.done:,} of {write_count(found.total, 'segment')}, {found.size / 1e6:.1f} MB, "
-                f"waiting for {make_visible(found.awaited)}"
-            )
-        )
+    with ProgressBar(sys.stderr) as bar:
+        collector.report_to(partial(_show_collected, bar))
         try:
             if there is None:
                 raise NothingThere("nothing in this span")
@@ -213,6 +209,14 @@ async def _collect(
             if there is not None:
                 what = f"something from {write_moment(there.from_ms)} to {write_moment(there.to_ms)}"
             raise NothingThere(f"{source.robot}/{source.view}, {span}: {e}; there is {what}") from None
+
+
+def _show_collected(bar: ProgressBar, found: Collection) -> None:
+    waits = f"waiting for {make_visible(found.awaited)}"
+    if found.total:
+        bar.show_progress(found.done, found.total, what=f"segments, {found.size / 1e6:.1f} MB, {waits}")
+    else:
+        bar.show_text(waits)
 
 
 class _Written(NamedTuple):
@@ -229,7 +233,7 @@ def _write(asked: argparse.Namespace, span: ExportedSpan, place: Path, page: Pat
         add_page(page, place, span.recording, asked.url)
         return _sum_segments(span.recording)
     if asked.out.suffix == ".posecast":
-        pack_recording(span.folder, span.recording, place)
+        pack_recording(span.folder, span.recording, place, span.report)
         return _sum_segments(span.recording)
     with place.open("wb") as file:
         table = write_table(file, "csv" if asked.out.suffix == ".csv" else "mcap", span)
@@ -277,9 +281,8 @@ def _find_page(asked: argparse.Namespace) -> Path | None:
         if asked.out.suffix != ".posecast" and asked.notes is not None:
             raise SettingsError(f"--notes: a file {asked.out.suffix} has no place for them")
         return None
-    places = PAGES if asked.page is None else (asked.page,)
-    found = next((page for page in places if (page / "index.html").is_file()), places[0])
-    if asked.page is None and not (found / "index.html").is_file():
+    found = asked.page or find_page()
+    if found is None:
         raise SettingsError("--page: this package has no built page: name the folder of one")
     check_page(found)
     return found

@@ -8,12 +8,13 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from posecast_wire.command_line.progress_bar import ProgressBar
+
 from posecast_relay.archive.names import DAY_MS, read_segment_key, write_day
 from posecast_relay.archive.object_store import ObjectStore
 from posecast_relay.counted import write_count
 from posecast_relay.past_command.location import add_location, add_robot, open_store
 from posecast_relay.past_command.moments import write_moment_utc
-from posecast_relay.past_command.progress import CommandProgress
 from posecast_relay.past_command.relay_socket import OTHER_VERSION, RelayAway, ask_relay, find_relay_store
 
 HELP = "list what is kept of the past: from, to, bytes and segments of each robot and view (UTC)"
@@ -82,10 +83,10 @@ async def sum_store(store: ObjectStore, robot: str | None) -> dict[Key, KeptSum]
     """Sum up what a store has of a robot, or of all, by day. Raises ArchiveError."""
     sums: dict[Key, KeptSum] = {}
     looked = 0
-    with CommandProgress() as progress:
+    with ProgressBar(sys.stderr) as bar:
         async for part in store.list_objects(robot or ""):
             looked += len(part)
-            progress.show(f"looked at {write_count(looked, 'object')}")
+            bar.show_text(f"looked at {write_count(looked, 'object')}")
             for each in part:
                 found = read_segment_key(each.key)
                 if found is not None:

@@ -18,10 +18,10 @@ class Configuration:
         self._watch, self._router = watch, router
 
     def find_trouble(self) -> str | None:
-        """Return what can't be taken, for everybody to read, so without names of robots; None: nothing."""
+        """Return which files can't be used, None where all can. Anybody may read it, so it names no robot."""
         return (
             "; ".join(
-                f"the {what} can't be taken, and those of before go on: the log says why"
+                f"the {what} file can't be used, so its last good version stays in force; the log says why"
                 for what, is_good in self.measure().items()
                 if not is_good
             )

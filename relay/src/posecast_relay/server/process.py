@@ -18,6 +18,7 @@ import zenoh
 from posecast_wire.command_line.installation import advise_extra
 
 from posecast_relay.auth.access import Access
+from posecast_relay.config.built_page import find_page
 from posecast_relay.config.robots_reader import Robots
 from posecast_relay.config.robots_watcher import RobotsWatcher
 from posecast_relay.config.settings import Settings, StartError
@@ -108,7 +109,7 @@ async def _serve(settings: Settings, argv: Sequence[str], ends: contextlib.ExitS
         access,
         services.models,
         decoded,
-        settings.static,
+        settings.static or find_page(),
         settings.public_url,
         _find_publish_at(settings, router),
         desk,
@@ -169,11 +170,11 @@ def _make_admin(
     return AdminSources(
         settings.robots,
         lambda: watch.robots,
-        configuration.find_trouble,
         configuration.find_expiries,
         int if refusals is None else lambda: refusals.count,
         None if past is None else past.kept,
         None if past is None else past.written_archive,
+        settings.public_url,
     )
 
 

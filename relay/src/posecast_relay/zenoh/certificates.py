@@ -39,7 +39,7 @@ class RouterCertificates:
             read = self._read()
         except CertificateError as e:
             if str(e) != self.trouble:
-                log.warning("%s; going on with the certificates of before", e)
+                log.warning("%s; the last good certificates stay in force", e)
             self.trouble = str(e)
             return False
         if self.trouble is not None:

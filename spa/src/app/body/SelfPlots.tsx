@@ -51,7 +51,7 @@ export function SelfPlots({ link }: { link: RobotLink }) {
       <p className="self-plots-say">
         {text.addBody}{' '}
         <code dir="ltr">
-          posecast-edge run … <span>--urdf FILE</span>
+          posecast run … <span>--urdf FILE</span>
         </code>
       </p>
       <div className="plot-stack" ref={host} />

@@ -17,6 +17,7 @@ export const listEn = {
   nobodyOnAir: 'No robot is on air. One line beside the robot puts it here.',
   askOperator: 'PORT and FILE come from whoever runs this relay.',
   onThatComputer: "These work on the relay's own computer.",
+  agentAlone: 'Where only the agent is installed, type posecast-edge instead of posecast.',
   demoRobot: 'The demo robot',
   yours: 'Yours: one JSON object a line',
   copy: 'Copy',

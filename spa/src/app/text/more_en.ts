@@ -384,7 +384,7 @@ export const moreEn = {
   dropNoZip: 'This is no zip.',
   dropBomb: (path: string) => `The zip unpacks to more than a robot has, at ${path}.`,
   dropOtherFormat: (path: string, format: string, typed: string) =>
-    `${path} is ${format}; this page reads URDF alone. With the agent, “posecast-edge model build ${typed} -o bundle” makes the model, and “posecast-edge run --model bundle” shows it with your robot.`,
+    `${path} is ${format}; this page reads URDF alone. “posecast model build ${typed} -o bundle” makes the model, and “posecast run --model bundle” shows it with your robot.`,
   dropNoUrdf: 'No .urdf among these files.',
   dropTooLarge: (path: string) => `${path}: larger than 8 MiB`,
   dropUnreadable: (where: string, why: string) => `${where}: ${why}`,

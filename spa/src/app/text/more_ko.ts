@@ -267,6 +267,7 @@ export const moreKo: More = {
   nobodyOnAir: '나와 있는 로봇이 없습니다. 로봇 옆에서 한 줄이면 됩니다.',
   askOperator: 'PORT와 FILE은 이 릴레이를 운영하는 사람이 알려 줍니다.',
   onThatComputer: '릴레이가 도는 컴퓨터에서 그대로 실행할 수 있습니다.',
+  agentAlone: '에이전트만 설치한 컴퓨터에서는 posecast 대신 posecast-edge를 입력하세요.',
   demoRobot: '데모 로봇',
   yours: '내 로봇: 한 줄에 JSON 객체 하나',
   copy: '복사',
@@ -293,7 +294,7 @@ export const moreKo: More = {
   dropNoZip: 'zip 파일이 아닙니다.',
   dropBomb: (path) => `${path}에서 zip이 로봇보다 훨씬 커집니다.`,
   dropOtherFormat: (path, format, typed) =>
-    `${path}의 형식은 ${format}입니다. 이 페이지는 URDF만 읽습니다. 에이전트에서 “posecast-edge model build ${typed} -o bundle”로 모델을 만들고, “posecast-edge run --model bundle”로 로봇과 함께 표시하세요.`,
+    `${path}의 형식은 ${format}입니다. 이 페이지는 URDF만 읽습니다. “posecast model build ${typed} -o bundle”로 모델을 만들고, “posecast run --model bundle”로 로봇과 함께 표시하세요.`,
   dropNoUrdf: '이 파일들에는 .urdf가 없습니다.',
   dropTooLarge: (path) => `${path}: 8 MiB보다 큽니다.`,
   dropUnreadable: (where, why) => `${where}을(를) 읽을 수 없습니다: ${why}`,

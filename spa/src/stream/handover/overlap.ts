@@ -4,7 +4,11 @@ interface FrameMark {
   readonly tS: number;
 }
 
-/** Passes over the frame that a socket tells when it begins, where a lane or another transport has shown it before. */
+/** By so much another relay may lag behind the one that has shown the newest frame, s: what lags more is not live, or of another run. */
+const LAG_S = 1.5;
+
+/** Passes over the frames that a socket tells when it begins, where a lane, another transport or another relay has shown them
+ *  before, or a newer one. */
 export class Overlap {
   #shown: FrameMark | null = null;
 
@@ -13,9 +17,13 @@ export class Overlap {
     this.#shown = shown;
   }
 
-  /** Whether a frame was shown before. The first one that was not ends it. */
+  /** Whether this frame, or a newer one of the same run, was shown before. The first one that was not ends it. */
   isShown({ seq, tS }: FrameMark): boolean {
-    if (seq === this.#shown?.seq && tS === this.#shown.tS) return true;
+    const shown = this.#shown;
+    if (shown !== null) {
+      if (seq === shown.seq && tS === shown.tS) return true;
+      if (seq < shown.seq && tS < shown.tS && shown.tS - tS < LAG_S) return true;
+    }
     this.#shown = null;
     return false;
   }

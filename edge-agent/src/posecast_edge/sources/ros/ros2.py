@@ -16,7 +16,6 @@ import re
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -38,9 +37,9 @@ from posecast_edge.sources.ros.keys import (
     match_token_key,
 )
 from posecast_edge.sources.ros.messages import DESCRIPTION_MAX, PAYLOAD_MAX, STRING, TF
+from posecast_edge.sources.ros.source import RosSource
 
 if TYPE_CHECKING:
-    from posecast_edge.model.moving_joints import MovingJoint
     from posecast_edge.profile.types import Profile
 
 log = logging.getLogger("posecast_edge.ros2")
@@ -71,40 +70,19 @@ def open_source(address: str, profile: Profile | None) -> Source:
     return Ros2Source(match[1] or "localhost", port, match[3], profile)
 
 
-class Ros2Source:
+class Ros2Source(RosSource):
     """Turns messages of a ROS 2 graph into samples."""
 
     def __init__(self, host: str, port: int, namespace: str, profile: Profile | None) -> None:
         self.description = f"ros2 {host}:{port}{namespace}"
         self._endpoint = f"tcp/{host}:{port}"
-        self._intake = RosInput(f"{host}:{port}", profile, namespace)
+        super().__init__(RosInput(f"{host}:{port}", profile, namespace))
         self._domain = profile.ros.domain if profile and profile.ros else None
         self._inbox = Inbox()
         self._bridged: deque[str] = deque(maxlen=BRIDGED_MAX)  # keys to subscribe to
         self._of_key: dict[str, Found] = {}  # keys of bridges
         self._bridged_frames: deque[Found] = deque(maxlen=BRIDGED_MAX)  # of /tf, which may be read later
         self._dropped = RateLimitedLog(log.warning, "times", SAY_EVERY_S)
-
-    @property
-    def offers(self) -> list[str]:
-        """Lines for `probe` about the topics found."""
-        return self._intake.list_topics()
-
-    def send_urdf_to(self, take: Callable[[str], None]) -> None:
-        """Pass every new robot_description (URDF text) to `take`, in the source's thread."""
-        self._intake.on_urdf = take
-
-    def watch_frames(self) -> None:
-        """Read /tf also where no profile asks for it, so that `offers` can list its frames."""
-        self._intake.frames.watch()
-        self._intake.watch_frames()
-
-    def take_joints(self, joints: Sequence[MovingJoint]) -> None:
-        """Read these joints, the shown model's, from /tf where no joint states come."""
-        self._intake.frames.joints.set_joints(joints)
-
-    def expect_joints(self) -> None:
-        """Nothing: what comes before `take_joints` is the past by then."""
 
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
         """Deliver what comes, until `stop`."""

@@ -15,7 +15,7 @@ import re
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from posecast_wire.command_line.installation import advise_extra
@@ -36,12 +36,12 @@ from posecast_edge.sources.ros.rosbridge_protocol import (
     make_subscribe,
     parse_json,
 )
+from posecast_edge.sources.ros.source import RosSource
 from posecast_edge.sources.ros.topics import TYPES_OF_ROLE, Route
 
 if TYPE_CHECKING:
     from websockets.sync.client import ClientConnection
 
-    from posecast_edge.model.moving_joints import MovingJoint
     from posecast_edge.profile.types import Profile
 
 log = logging.getLogger("posecast_edge.rosbridge")
@@ -84,40 +84,23 @@ def open_source(address: str, profile: Profile | None) -> Source:
     return RosbridgeSource(f"{match[1] or 'ws'}://{match[2]}:{port}{match[4]}", profile)
 
 
-class RosbridgeSource:
+class RosbridgeSource(RosSource):
     """Turns messages of a rosbridge server into samples."""
 
     def __init__(self, url: str, profile: Profile | None) -> None:
         self.description = f"rosbridge {url}"
         self._url = url
-        self._intake = RosInput(url, profile)
+        super().__init__(RosInput(url, profile))
         self._encoding = profile.ros.encoding if profile and profile.ros else "json"
         self._wants_urdf = False
         self._backoff = Backoff()
         self._trouble = RateLimitedLog(log.warning, f"failures of {url}", SAY_EVERY_S)
         self._words = RateLimitedLog(log.warning, "words of the server", SAY_EVERY_S)
 
-    @property
-    def offers(self) -> list[str]:
-        """Lines for `probe` about the topics found."""
-        return self._intake.list_topics()
-
     def send_urdf_to(self, take: Callable[[str], None]) -> None:
         """Pass every new robot_description (URDF text) to `take`, in the source's thread."""
-        self._intake.on_urdf = take
+        super().send_urdf_to(take)
         self._wants_urdf = True
-
-    def watch_frames(self) -> None:
-        """Read /tf also where no profile asks for it, so that `offers` can list its frames."""
-        self._intake.frames.watch()
-        self._intake.watch_frames()
-
-    def take_joints(self, joints: Sequence[MovingJoint]) -> None:
-        """Read these joints, the shown model's, from /tf where no joint states come."""
-        self._intake.frames.joints.set_joints(joints)
-
-    def expect_joints(self) -> None:
-        """Nothing: what comes before `take_joints` is the past by then."""
 
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
         """Deliver samples until `stop`. When the connection ends, connect again and repeat all

@@ -23,22 +23,24 @@ class MemoryStats(Protocol):
 
 @dataclass(frozen=True)
 class AdminSources:
-    """Where the page gets what it shows. `path`: the file of robots; `get_robots`: what it says, as far as it
-    is in force; `find_trouble`: what is wrong with the relay, in a line; `find_expiries`: when certificates
-    expire, in unix seconds by flag; `count_refused`: publishers that were refused so far.
+    """Where the page gets what it shows.
+
+    `path`: the file of robots; `get_robots`: what it says, as far as it is in force; `find_expiries`: when
+    certificates expire, in unix seconds by flag; `count_refused`: publishers that were refused so far;
+    `public_url`: where people open robots, without a slash at its end, None when nobody has said so.
     """
 
     path: Path
     get_robots: Callable[[], Robots]
-    find_trouble: Callable[[], str | None]
     find_expiries: Callable[[], Mapping[str, float]]
     count_refused: Callable[[], int]
     past: MemoryStats | None
     archive: ArchiveStats | None
+    public_url: str | None
 
 
-def make_report(access: Access, sources: AdminSources) -> dict[str, Any]:
-    """Return what the page shows now. Holds no secret."""
+def make_report(access: Access, sources: AdminSources, trouble: str | None) -> dict[str, Any]:
+    """Return what the page shows now. Holds no secret. `trouble`: what is wrong with the relay, in a line."""
     hubs = [dispatcher.hub for dispatcher in access.dispatchers]
     rooms = [room for hub in hubs for robot in hub.robots.values() for room in robot.rooms.values()]
     previews = sum(len(hub.previews) for hub in hubs)
@@ -48,7 +50,7 @@ def make_report(access: Access, sources: AdminSources) -> dict[str, Any]:
     told = {doc["robot"]: str(doc["status"]) for doc in access.live.store.list_robots() or ()}
     return {
         "relay": {
-            "trouble": sources.find_trouble(),
+            "trouble": trouble,
             "viewers": sum(len(hub.viewers) for hub in hubs) - previews,
             "previews": previews,
             "delivered_frames": sum(hub.delivered for hub in hubs) + sum(room.delivered for room in rooms),

@@ -4,28 +4,29 @@ from __future__ import annotations
 
 import asyncio
 import hmac
-import ipaddress
 import logging
 import re
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 from fastapi import FastAPI, HTTPException, Request, Response
 from fastapi.responses import FileResponse, JSONResponse, RedirectResponse
 from posecast_wire import check_name
 
 from posecast_relay.auth.access import Access
-from posecast_relay.auth.addresses import find_real_address
+from posecast_relay.auth.addresses import find_asker
 from posecast_relay.auth.origins import may_show
 from posecast_relay.config.robots_changes import RobotsDocument
 from posecast_relay.config.robots_file import read_text
 from posecast_relay.config.robots_reader import AdminEntry, RobotsError
 from posecast_relay.config.robots_storage import lock_folder, replace_text
 from posecast_relay.config.settings import SettingsError
+from posecast_relay.http.admin import documents
 from posecast_relay.http.admin.report import AdminSources, make_report
 from posecast_relay.http.auth import is_on_this_machine
-from posecast_relay.streaming.request import read_bearer
+from posecast_relay.streaming.request import join_all, read_bearer
 
 log = logging.getLogger("posecast_relay")
 
@@ -34,24 +35,41 @@ PAGE = Path(__file__).parent / "page"
 FILES = {"": "index.html", "admin.js": "admin.js", "admin.css": "admin.css"}
 PRIVATE = {"cache-control": "no-store"}
 PAGE_HEADERS = PRIVATE | {
-    # nothing but its own two files and its own routes; no form leaves it, and nobody frames it
+    # nothing but its own two files and its own routes; no form leaves it, and nobody frames it; its icon is
+    # an empty one that stands in the page
     "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
-    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
     "x-frame-options": "DENY",
     "referrer-policy": "no-referrer",
     "cross-origin-opener-policy": "same-origin",
     "x-content-type-options": "nosniff",
     "permissions-policy": "camera=(), geolocation=(), microphone=(), payment=(), usb=()",
 }
+ERRORS: dict[int | str, dict[str, Any]] = {
+    401: {"description": "Not the credential of this page"},
+    403: {"description": "From another machine than may ask, or for a page of another origin"},
+    404: {"description": "The file of robots has no credential for this page"},
+}
+CHANGE_ERRORS = ERRORS | {
+    400: {"description": "There can be no such robot, or no such number of days"},
+    409: {"description": "The file of robots does not allow it, and why"},
+    503: {"description": "The file of robots can't be written, and why"},
+}
 DAYS = re.compile(r"[1-9][0-9]{0,3}", re.ASCII)
 
 
-def add_admin_routes(app: FastAPI, access: Access, sources: AdminSources) -> None:
-    """Add the page and its routes. Without `[admin]` in the file of robots all of them are 404."""
+def add_admin_routes(
+    app: FastAPI, access: Access, sources: AdminSources, find_trouble: Callable[[], str | None]
+) -> None:
+    """Add the page and its routes. Without `[admin]` in the file of robots all of them are 404.
+
+    `find_trouble` returns what is wrong with the relay, in a line; None: nothing.
+    """
 
     @app.get("/admin", include_in_schema=False)
-    async def without_slash() -> Response:
-        return RedirectResponse("admin/")
+    async def without_slash(request: Request) -> Response:
+        _require_place(access, sources, request)
+        return RedirectResponse("admin/", headers=PRIVATE)
 
     @app.get("/admin/{name:path}", include_in_schema=False)
     async def page(request: Request, name: str) -> Response:
@@ -60,12 +78,20 @@ def add_admin_routes(app: FastAPI, access: Access, sources: AdminSources) -> Non
             raise HTTPException(404, "no such file")
         return FileResponse(PAGE / FILES[name], headers=PAGE_HEADERS)
 
-    @app.get(API, summary="What the page /admin shows; takes its credential")
+    @app.get(
+        API,
+        summary="What the page /admin shows; takes its credential",
+        responses=ERRORS | _tells(documents.AdminReport),
+    )
     async def report(request: Request) -> JSONResponse:
         _require_admin(access, sources, request)
-        return JSONResponse(make_report(access, sources), headers=PRIVATE)
+        return JSONResponse(make_report(access, sources, find_trouble()), headers=PRIVATE)
 
-    @app.post(API + "/robots/{robot}/links", summary="A new share link, good for days=; 7 without")
+    @app.post(
+        API + "/robots/{robot}/links",
+        summary="A new share link, good for days=; 7 without",
+        responses=CHANGE_ERRORS | _tells(documents.MadeShareLink),
+    )
     async def make_link(request: Request, robot: str, days: str = "7") -> JSONResponse:
         _require_admin(access, sources, request)
         if not DAYS.fullmatch(days):
@@ -73,10 +99,15 @@ def add_admin_routes(app: FastAPI, access: Access, sources: AdminSources) -> Non
         until = datetime.now(UTC) + timedelta(days=int(days))
         token = await _change(sources.path, robot, lambda doc: doc.make_share_link(robot, until))
         log.warning("admin: a share link of %s was made, good for %s days", robot, days)
-        fragment = f"#/r/{robot}?t={token}"
-        return JSONResponse({"link": fragment, "until_s": round(until.timestamp())}, headers=PRIVATE)
+        page = "" if sources.public_url is None else f"{sources.public_url}/"
+        answer = {"link": f"{page}#/r/{robot}?t={token}", "until_s": round(until.timestamp())}
+        return JSONResponse(answer, headers=PRIVATE)
 
-    @app.delete(API + "/robots/{robot}/links", summary="No share link of this robot is good from now on")
+    @app.delete(
+        API + "/robots/{robot}/links",
+        summary="No share link of this robot is good from now on",
+        responses=CHANGE_ERRORS | _tells(documents.Nothing),
+    )
     async def revoke_links(request: Request, robot: str) -> JSONResponse:
         _require_admin(access, sources, request)
 
@@ -87,6 +118,11 @@ def add_admin_routes(app: FastAPI, access: Access, sources: AdminSources) -> Non
         await _change(sources.path, robot, revoke)
         log.warning("admin: all share links of %s were revoked", robot)
         return JSONResponse({}, headers=PRIVATE)
+
+
+def _tells(model: type) -> dict[int | str, dict[str, Any]]:
+    """What an answer holds, for the description of the API."""
+    return {200: {"model": model, "description": "JSON"}}
 
 
 def _require_place(access: Access, sources: AdminSources, request: Request) -> AdminEntry:
@@ -101,8 +137,10 @@ def _require_place(access: Access, sources: AdminSources, request: Request) -> A
         raise HTTPException(403, "a page of another origin", PRIVATE)
     if not is_on_this_machine(access, request):
         peer = "" if request.client is None else request.client.host
-        real = find_real_address(peer, headers.get("x-forwarded-for"), access.addresses.trusted)
-        if not _is_within(real, admin):
+        # a proxy may have added a header of its own behind one that the asker wrote
+        forwarded = join_all(headers.getlist("x-forwarded-for"))
+        asker = find_asker(peer, forwarded, access.addresses.trusted)
+        if asker is None or not any(asker in network for network in admin.networks):
             raise HTTPException(403, "only on the relay's own machine, or from networks of [admin]", PRIVATE)
     return admin
 
@@ -113,17 +151,6 @@ def _require_admin(access: Access, sources: AdminSources, request: Request) -> N
     token = read_bearer(request.headers.get("authorization")) or ""
     if not hmac.compare_digest(token.encode(), admin.secret.encode()):
         raise HTTPException(401, "not the credential of this page", PRIVATE | {"www-authenticate": "Bearer"})
-
-
-def _is_within(address: str, admin: AdminEntry) -> bool:
-    try:
-        found = ipaddress.ip_network(address)  # of IPv6 the whole prefix counts as one address
-    except ValueError:
-        return False
-    return any(
-        found.version == network.version and found.subnet_of(network)  # type: ignore[arg-type]
-        for network in admin.networks
-    )
 
 
 async def _change(path: Path, robot: str, change: Callable[[RobotsDocument], str]) -> str:

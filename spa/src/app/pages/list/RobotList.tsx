@@ -243,12 +243,14 @@ function Empty({ publishAt }: { publishAt: string | null }) {
   return (
     <div className="empty" data-testid="no-robots">
       <p>{rest.nobodyOnAir}</p>
-      <Command what={rest.demoRobot} line={`posecast-edge run --robot demo --source demo --relay ${relay}`} />
+      <Command what={rest.demoRobot} line={`posecast run --robot demo --source demo --relay ${relay}`} />
       <Command
         what={rest.yours}
-        line={`my-robot | posecast-edge run --robot mine --source jsonl --relay ${relay}`}
+        line={`my-robot | posecast run --robot mine --source jsonl --relay ${relay}`}
       />
-      <p className="quiet">{publishAt === null ? rest.askOperator : rest.onThatComputer}</p>
+      <p className="quiet">
+        {publishAt === null ? rest.askOperator : rest.onThatComputer} {rest.agentAlone}
+      </p>
     </div>
   );
 }

@@ -10,7 +10,7 @@ const ENGLISH = {
   lock: 'Lock',
   credential: 'Credential of this page',
   open: 'Open',
-  made_by: 'Printed once by: posecast-relay robots admin. It stays in this page until you lock or close it.',
+  made_by: '`posecast-relay robots admin` prints it once. This page forgets it when you lock or close it.',
   robots: 'Robots',
   wrong: 'That is not the credential of this page.',
   away: 'The relay does not answer.',
@@ -21,7 +21,7 @@ const ENGLISH = {
   refused: 'Refused publishers',
   past: 'Past in memory',
   archive: 'Past in the store',
-  disk: 'Disk left',
+  disk: 'Free disk space',
   of: 'of',
   days: 'days',
   online: 'online',
@@ -29,18 +29,24 @@ const ENGLISH = {
   offline: 'offline',
   conflict: 'two agents send under this name',
   over_share: 'sends more than its share',
-  by_credential: 'publishes by credential',
-  by_certificate: 'publishes by certificate',
+  publishes: 'Publishes by',
+  by_credential: 'credential',
+  by_certificate: 'certificate',
   until: 'until',
-  nobody: 'nobody may watch',
+  anyone: 'Anyone sees',
+  'signed-in': 'Signed-in viewers see',
+  link: 'Link holders see',
+  watched_by: 'Who may watch',
+  nobody: 'nobody',
   make: 'Make a share link, 7 days',
-  made: 'Share link. Whoever has it may watch:',
+  made: 'Anyone with this link can watch.',
+  local: 'It only works on this machine. To make links for others, start the relay with --public-url.',
   copy: 'Copy',
   copied: 'Copied',
   revoke: 'Revoke all share links',
   sure: 'Really revoke all?',
   revoked: 'All share links of this robot are revoked.',
-  no_link_rule: 'Share links show nothing yet: posecast-relay robots set NAME --link view=public',
+  no_link_rule: 'Share links show nothing yet. This command changes that:',
 };
 const KOREAN = {
   admin: '관리',
@@ -66,18 +72,24 @@ const KOREAN = {
   offline: '오프라인',
   conflict: '두 에이전트가 같은 이름으로 보냅니다',
   over_share: '허용량보다 많이 보냅니다',
-  by_credential: '자격 증명으로 송신',
-  by_certificate: '인증서로 송신',
+  publishes: '송신 방법',
+  by_credential: '자격 증명',
+  by_certificate: '인증서',
   until: '만료',
-  nobody: '아무도 볼 수 없음',
+  anyone: '누구나 보는 것',
+  'signed-in': '로그인하면 보는 것',
+  link: '공유 링크로 보는 것',
+  watched_by: '볼 수 있는 사람',
+  nobody: '없음',
   make: '공유 링크 만들기 (7일)',
-  made: '공유 링크입니다. 이 링크가 있으면 누구나 볼 수 있습니다:',
+  made: '공유 링크입니다. 이 링크가 있으면 누구나 볼 수 있습니다.',
+  local: '이 컴퓨터에서만 열립니다. 페이지 주소를 --public-url 로 지정해 릴레이를 시작하세요.',
   copy: '복사',
   copied: '복사됨',
   revoke: '모든 공유 링크 취소',
   sure: '정말 모두 취소할까요?',
   revoked: '이 로봇의 공유 링크를 모두 취소했습니다.',
-  no_link_rule: '공유 링크에 보일 것이 없습니다: posecast-relay robots set NAME --link view=public',
+  no_link_rule: '아직 공유 링크로 보이는 것이 없습니다. 다음 명령으로 정합니다:',
 };
 const isKorean = navigator.language.toLowerCase().startsWith('ko');
 const text = isKorean ? KOREAN : ENGLISH;
@@ -87,7 +99,8 @@ for (const each of document.querySelectorAll('[data-text]')) each.textContent = 
 const $ = (id) => document.getElementById(id);
 let credential = '';
 let asked = 0; // an answer to an earlier question is dropped
-const cards = new Map(); // by robot
+const cards = new Map(); // by robot: its card, and what that shows
+const OWN_HOST = /^(localhost|127\.[\d.]+|\[::1\])$/;
 
 /** Asks the relay. Throws an Error whose message is for people; `status` 401: not the credential. */
 async function ask(path, method = 'GET') {
@@ -182,27 +195,32 @@ function showFigures({ relay, past, archive, certificates }) {
     const left = Math.floor((until_s - Date.now() / 1000) / DAY_S);
     rows.push([flag, `${date(until_s)} (${left} ${text.days})`, left < SOON_DAYS ? 'bad' : '']);
   }
-  $('figures').replaceChildren(
-    ...rows.map(([name, value, kind]) => {
-      const row = make('div');
-      row.append(make('dt', name), make('dd', value, kind));
-      return row;
-    }),
-  );
+  $('figures').replaceChildren(...rows.map((row) => makeFact(...row)));
+}
+
+function makeFact(name, value, kind = '') {
+  const row = make('div');
+  row.append(make('dt', name), make('dd', value, kind));
+  return row;
 }
 
 function showRobots(robots) {
   const names = new Set(robots.map((each) => each.robot));
-  for (const [name, card] of cards)
+  for (const [name, { card }] of cards)
     if (!names.has(name)) {
       card.remove();
       cards.delete(name);
     }
+  // what is in its place already, or says the same, is not touched: it may have the focus, or be marked to be copied
+  let next = $('robots').firstElementChild;
   for (const robot of robots) {
-    if (!cards.has(robot.robot)) cards.set(robot.robot, makeCard(robot.robot));
-    const card = cards.get(robot.robot);
-    fillCard(card, robot);
-    $('robots').append(card);
+    if (!cards.has(robot.robot)) cards.set(robot.robot, { card: makeCard(robot.robot), shows: '' });
+    const known = cards.get(robot.robot);
+    if (known.card === next) next = next.nextElementSibling;
+    else $('robots').insertBefore(known.card, next);
+    const told = JSON.stringify(robot);
+    if (known.shows !== told) fillCard(known.card, robot);
+    known.shows = told;
   }
 }
 
@@ -234,10 +252,11 @@ function makeCard(name) {
   link.onclick = () =>
     act(async () => {
       const made = await ask(path, 'POST');
-      address.value = new URL(`../${made.link}`, location.href).href;
+      const leads = new URL(made.link, new URL('../', location.href));
+      address.value = leads.href;
       address.hidden = copy.hidden = false;
       copy.textContent = text.copy;
-      said.textContent = text.made;
+      said.textContent = OWN_HOST.test(leads.hostname) ? `${text.made} ${text.local}` : text.made;
     });
   copy.onclick = () =>
     act(async () => {
@@ -276,17 +295,24 @@ function makeCard(name) {
 function fillCard(card, robot) {
   const head = make('div', '', 'head');
   const kind = { online: 'good', silent: 'bad', offline: 'quiet' }[robot.status];
-  head.append(make('h3', robot.robot), make('span', text[robot.status] ?? robot.status, kind));
+  head.append(make('h3', robot.robot), make('span', text[robot.status] ?? robot.status, `sign ${kind}`));
   const by = robot.publishes_by === 'certificate' ? text.by_certificate : text.by_credential;
   const until = robot.expires_s === null ? '' : `, ${text.until} ${date(robot.expires_s)}`;
-  const lines = [
-    make('p', `${text.viewers}: ${count(robot.viewers)} · ${by}${until}`, 'quiet'),
-    ...Object.entries(robot.audiences).map(([who, what]) => make('p', `${who}: ${what}`, 'quiet')),
-  ];
-  if (Object.keys(robot.audiences).length === 0) lines.push(make('p', text.nobody, 'quiet'));
+  const audiences = Object.entries(robot.audiences).map(([who, what]) => makeFact(text[who] ?? who, what));
+  const facts = make('dl', '', 'facts');
+  facts.append(
+    makeFact(text.viewers, count(robot.viewers)),
+    makeFact(text.publishes, `${by}${until}`),
+    ...(audiences.length > 0 ? audiences : [makeFact(text.watched_by, text.nobody)]),
+  );
+  const lines = [facts];
   if (robot.conflict) lines.push(make('p', text.conflict, 'bad'));
   if (robot.over_share) lines.push(make('p', `${text.over_share}: ${robot.over_share}`, 'bad'));
-  if (!robot.may_link) lines.push(make('p', text.no_link_rule.replace('NAME', robot.robot), 'quiet'));
+  if (!robot.may_link)
+    lines.push(
+      make('p', text.no_link_rule, 'quiet'),
+      make('code', `posecast-relay robots set ${robot.robot} --link view=public`),
+    );
   card.querySelector('[data-part=words]').replaceChildren(head, ...lines);
   const [link, revoke] = card.querySelectorAll('.line > button');
   link.hidden = !robot.may_link;

@@ -5,7 +5,7 @@ from __future__ import annotations
 from posecast_wire.decoder import Decoder
 from posecast_wire.frame import FrameError, frame_id, parse_header
 
-from posecast_loadtests.tally import Tally
+from posecast_loadtests.results.tally import Tally
 
 
 class Clock:

@@ -1,5 +1,5 @@
 import pytest
-from posecast_loadtests.tally import LoadLimits, Tally, breaches, report
+from posecast_loadtests.results.tally import LoadLimits, Tally, breaches, report
 
 
 def full(viewers: int = 3) -> Tally:

@@ -1,6 +1,6 @@
 import pytest
-from posecast_loadtests.check import Clock, Viewer
-from posecast_loadtests.tally import Tally
+from posecast_loadtests.results.check import Clock, Viewer
+from posecast_loadtests.results.tally import Tally
 from posecast_wire.encoder import Encoder
 from posecast_wire.schema import Schema, build_schema_text
 

@@ -27,7 +27,7 @@ from locust.runners import (
     WorkerRunner,
 )
 
-from posecast_loadtests.tally import LoadLimits, Tally, breaches, report
+from posecast_loadtests.results.tally import LoadLimits, Tally, breaches, report
 
 END, COUNTS = "posecast-end", "posecast-counts"  # messages: to a worker, and what it answers
 END_S = 30.0  # a worker has so long to end its users and answer

@@ -1,0 +1,1 @@
+"""What each viewer checks, what is counted of it in all processes, and the verdict on the counts."""
