@@ -12,6 +12,8 @@ from model_stage import joint, link, mesh, robot, written
 from posecast_edge import clock
 from posecast_edge.model.serve.bundle import load_bundle
 from posecast_edge.profile.reader import parse_profile
+from posecast_edge.sample import Sample
+from posecast_edge.sources.published.clock_check import BACK
 from posecast_edge.sources.published.copier import Copied
 from posecast_edge.sources.published.model_check import ERRORS_MAX, ModelCheck
 from posecast_edge.sources.published.problems import ProblemList
@@ -124,6 +126,27 @@ def test_a_program_without_the_mesh_tools_is_told_all_that(tmp_path: Path) -> No
     assert said[3:] == ["pos of 'elbo' moves nothing: the model has no such joint"]
     assert all(line in done.stderr for line in said), "logged too"
     assert "doctor --urdf" in done.stderr
+
+
+def test_the_source_compares_what_it_delivers(tmp_path: Path) -> None:
+    slot, problems = PublishedSlot(), ProblemList()
+    source = PublishedSource("r1", slot, (), None, problems)
+    source.expect_model(load_bundle(written(tmp_path / "robot", robot(*ARM))))
+    left = [1.0, 9.0]
+
+    def deliver(_: Sample) -> None:
+        if left:
+            slot.put(left.pop(), [Copied("pos", ("elbow", "elbo"), [90.0, 1.0])], {}, clock.now_s())
+        else:
+            source.end()
+
+    slot.put(8.0, [Copied("pos", ("elbow", "elbo"), [90.0, 1.0])], {}, clock.now_s())
+    source.run(deliver, threading.Event())
+    assert problems.get_counts() == {
+        "pos of 'elbo' moves nothing: the model has no such joint": 1,
+        f"{ELBOW}: are these degrees?": 3,
+        BACK: 1,
+    }
 
 
 def test_a_profile_says_itself_what_moves_what(tmp_path: Path) -> None:
