@@ -144,7 +144,7 @@ def guide_page(place: Any, url: str) -> None:
     page = get(place, f"{url}/guide/").decode()
     files = re.findall(r"(?:src|href)=\"\./((?:assets|look)/[^\"]+)\"", page)
     assert len(files) > 5
-    for file in (*files, "search.json", "reference/routes.html"):
+    for file in (*files, "search.js", "reference/routes.html"):
         assert get(place, f"{url}/guide/{file}"), file
 
 

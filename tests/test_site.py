@@ -14,11 +14,11 @@ from markdown_it import MarkdownIt
 
 from tools.site.__main__ import SiteError, build
 from tools.site.dialect import indent_lists
+from tools.site.generator_script import change_script
 from tools.site.navigation import make_navigation
 from tools.site.python_page import write_python_page
 from tools.site.routes_page import read_description, write_routes
 from tools.site.staging import MOVED, stage_pages
-from tools.site.strict_policy import adopt_style
 
 ROOT = Path(__file__).resolve().parent.parent
 BYTES_MAX = 6_000_000
@@ -112,16 +112,22 @@ def test_a_strict_content_policy_suffices(pages: dict[Path, Page]) -> None:
     assert {file.name: page.inline for file, page in pages.items() if page.inline} == {}
 
 
-def test_a_script_that_puts_other_styles_into_pages_is_refused(tmp_path: Path) -> None:
+def test_another_script_than_was_expected_is_refused(tmp_path: Path) -> None:
     script = tmp_path / "assets/javascripts/bundle.1a2b3c4d.min.js"
     script.parent.mkdir(parents=True)
-    script.write_text('o.appendChild(C("style",{},Tc.toString()));')
-    adopt_style(tmp_path)
+    (tmp_path / "search.json").write_text("{}")
+    script.write_text(
+        'o.appendChild(C("style",{},Tc.toString()));'
+        'return location.protocol==="file:"?ct(`${new URL("search.js",b)}`):Ge(new URL("search.json",b));'
+    )
+    change_script(tmp_path)
     assert script.read_text() == (
         "(s=>{s.replaceSync(Tc.toString());o.adoptedStyleSheets=[s]})(new CSSStyleSheet);"
+        'return !0?ct(`${new URL("search.js",b)}`):Ge(new URL("search.json",b));'
     )
-    with pytest.raises(ValueError, match=r"bundle\.1a2b3c4d\.min\.js: 0 style elements"):
-        adopt_style(tmp_path)
+    assert not (tmp_path / "search.json").exists()
+    with pytest.raises(ValueError, match=r"bundle\.1a2b3c4d\.min\.js: 0 of"):
+        change_script(tmp_path)
 
 
 def test_every_link_and_anchor_leads_somewhere(site: Path, pages: dict[Path, Page]) -> None:
@@ -150,11 +156,10 @@ def test_every_page_can_be_reached_and_found(site: Path, pages: dict[Path, Page]
                 reached.add(found)
                 ahead.append(found)
     assert pages.keys() - reached == {site / "404.html"}
-    index = json.loads((site / "search.json").read_text(encoding="utf-8"))
+    script = (site / "search.js").read_text(encoding="utf-8")  # since from files nothing can be fetched
+    index = json.loads(script.removeprefix("var __index = ").rstrip(";\n"))
     found_pages = {item["location"].partition("#")[0] for item in index["items"]}
     assert {file.relative_to(site).as_posix() for file in reached} <= found_pages
-    # the same for pages opened from files, where nothing can be fetched
-    assert (site / "search.js").read_text(encoding="utf-8").startswith("var __index = {")
 
 
 def test_a_page_shows_what_its_markdown_says(

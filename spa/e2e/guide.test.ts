@@ -48,7 +48,7 @@ describe.each(SIZES)('the guide on a $name', ({ name, width, height }) => {
     });
     for (const letter of 'HOLDING') await page.press(letter);
     await until('the index was asked for', async () =>
-      page.requested.some((url) => url.endsWith('/guide/search.json')),
+      page.requested.some((url) => url.endsWith('/guide/search.js')),
     );
     const results = `[...document.querySelectorAll('body > div')].map((each) => each.shadowRoot?.textContent ?? '').join()`;
     await until('results, with the word', () => page.evaluate<boolean>(`${results}.includes('HOLDING')`));

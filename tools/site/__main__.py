@@ -14,12 +14,12 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from tools.site.generator_script import change_script
 from tools.site.navigation import make_navigation
 from tools.site.notices import list_notices
 from tools.site.python_page import write_python_page
 from tools.site.routes_page import read_description, write_routes
 from tools.site.staging import stage_pages
-from tools.site.strict_policy import adopt_style
 
 ROOT = Path(__file__).resolve().parents[2]
 HERE = Path(__file__).resolve().parent
@@ -57,7 +57,7 @@ def _build_within(stage: Path) -> Path:
     done = subprocess.run(command, cwd=stage, capture_output=True, text=True, check=False)
     if done.returncode:
         raise SiteError(COLOURS.sub("", done.stdout + done.stderr.partition("Traceback")[0]))
-    adopt_style(stage / "site")
+    change_script(stage / "site")
     for name in UNUSED:
         path = stage / "site" / name
         shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
