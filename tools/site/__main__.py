@@ -25,6 +25,8 @@ ROOT = Path(__file__).resolve().parents[2]
 HERE = Path(__file__).resolve().parent
 SHIM = "node_modules/iframe-worker/shim/index.js"
 COLOURS = re.compile(r"\x1b\[[0-9;]*m")
+AS_IT_IS = re.compile(r"(<pre\b.*?</pre>|<script\b.*?</script>)", re.DOTALL)
+INDENTED = re.compile(r"\s*\n\s*")
 UNUSED = ("assets/stylesheets/classic", "assets/images")
 
 
@@ -61,10 +63,19 @@ def _build_within(stage: Path) -> Path:
     for name in UNUSED:
         path = stage / "site" / name
         shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+    _drop_indents(stage / "site")
     bundle = (stage / "site/assets/javascripts/LICENSE").read_text(encoding="utf-8")
     notices = json.dumps(list_notices(ROOT, bundle), indent=1)
     (stage / "site/licenses.json").write_text(notices, encoding="utf-8")
     return stage / "site"
+
+
+def _drop_indents(site: Path) -> None:
+    """Of the templates, which are a quarter of a page; code keeps its own."""
+    for page in site.rglob("*.html"):
+        parts = AS_IT_IS.split(page.read_text(encoding="utf-8"))
+        parts[::2] = [INDENTED.sub("\n", part) for part in parts[::2]]
+        page.write_text("".join(parts), encoding="utf-8")
 
 
 def _write_toml(value: object) -> str:
