@@ -1,5 +1,5 @@
-"""What docs/how-to/robots/add-a-robot.md and the pages of its sources say is so; test_source_doctor.py looks
-at the findings."""
+"""What docs/how-to/robots/ and docs/reference/profile.md say is so; test_source_doctor.py looks at the
+findings."""
 
 from __future__ import annotations
 
@@ -36,10 +36,11 @@ from posecast_wire.schema import Schema
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
 GUIDE = (DOCS / "how-to/robots/add-a-robot.md").read_text(encoding="utf-8")
+PROFILE = (DOCS / "reference/profile.md").read_text(encoding="utf-8")
 OF_SOURCE = {
     path.stem: path.read_text(encoding="utf-8") for path in sorted((DOCS / "how-to/robots").glob("*.md"))
 }
-PAGE = "\n".join([GUIDE, *OF_SOURCE.values()])
+PAGE = "\n".join([PROFILE, *OF_SOURCE.values()])
 LINK = re.compile(r"\]\(([^)#:]+\.md)(?:#([^)]*))?\)")
 
 
@@ -48,7 +49,7 @@ def blocks(language: str, page: str) -> list[str]:
 
 
 def test_the_profile_on_the_page_is_one() -> None:
-    text, _ = blocks("toml", GUIDE)
+    text, _ = blocks("toml", PROFILE)
     profile = parse_profile(text)
     Schema.parse(make_schema_text(profile))
     for view in profile.views.values():
@@ -58,7 +59,7 @@ def test_the_profile_on_the_page_is_one() -> None:
 
 
 def test_the_bipeds_profile_has_all_that_balance_needs() -> None:
-    schema = Schema.parse(make_schema_text(parse_profile(blocks("toml", GUIDE)[1])))
+    schema = Schema.parse(make_schema_text(parse_profile(blocks("toml", PROFILE)[1])))
     labels = {field.name: field.labels for field in schema.fields}
     balance = schema.mapping.balance
     assert balance.feet is not None
@@ -76,9 +77,10 @@ def test_the_bipeds_profile_has_all_that_balance_needs() -> None:
 
 
 @pytest.mark.parametrize("name", sorted(OF_SOURCE))
-def test_commands_stand_as_commands(name: str) -> None:
-    bare = re.findall(r"^(?:posecast-\w+|pip|python) .*$", OF_SOURCE[name], re.MULTILINE)
-    assert bare == [], "indented by four, else they run together into a paragraph"
+def test_commands_are_in_blocks_of_shell(name: str) -> None:
+    prose = re.sub(r"^ *```sh\n.*?^ *```", "", OF_SOURCE[name], flags=re.DOTALL | re.MULTILINE)
+    bare = re.findall(r"^ *(?:posecast|posecast-\w+|pip|python) .*$", prose, re.MULTILINE)
+    assert bare == [], "else they run together into a paragraph"
 
 
 def test_the_topics_on_the_page_are_a_table_of_a_profile() -> None:
@@ -125,7 +127,7 @@ def test_every_source_has_a_page_that_the_guide_links_to_and_starts_with_a_comma
 
 
 def test_links_of_these_pages_lead_somewhere() -> None:
-    for path in (DOCS / "how-to/robots/add-a-robot.md", *(DOCS / "how-to/robots").glob("*.md")):
+    for path in (DOCS / "reference/profile.md", *(DOCS / "how-to/robots").glob("*.md")):
         for name, anchor in LINK.findall(path.read_text(encoding="utf-8")):
             target = (path.parent / name).read_text(encoding="utf-8")
             heads = re.findall(r"^#+ (.*)$", target, re.MULTILINE)
@@ -171,7 +173,7 @@ def test_the_page_of_python_names_every_argument_and_its_programs_run(tmp_path: 
         assert [name for name in names if f"`{name}`" not in page] == []
     assert (STREAM_HELD_S, STATE_HELD_S, SETTLE_S, KEPT_MAX, PROBLEMS_MAX) == (1.5, 60, 0.5, 64, 50)
     shutil.copy(ROOT / "edge-agent/examples/arm.urdf", tmp_path)
-    first, second, _ = blocks("python", page)
+    first, second, *_ = blocks("python", page)
     for program in (first, second):
         away = program.replace(":7447", ":1")
         said = "print(robot.status().problems, robot.status().link)"
