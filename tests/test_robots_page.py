@@ -5,14 +5,17 @@ from __future__ import annotations
 
 import inspect
 import re
+import shlex
 import shutil
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 
 import pytest
+from posecast_command.completion import make_whole_parser
 from posecast_edge.pipeline.stream import Stream
-from posecast_edge.profile.field_defaults import UNITS
+from posecast_edge.profile.field_defaults import UNITS, WELL_KNOWN
 from posecast_edge.profile.reader import SHIPPED, parse_profile
 from posecast_edge.profile.ros import ROLES
 from posecast_edge.profile.schema import infer_profile, make_schema_text
@@ -45,7 +48,7 @@ LINK = re.compile(r"\]\(([^)#:]+\.md)(?:#([^)]*))?\)")
 
 
 def blocks(language: str, page: str) -> list[str]:
-    return re.findall(rf"```{language}\n(.*?)```", page, re.DOTALL)
+    return re.findall(rf"^ *```{language}\n(.*?)^ *```", page, re.DOTALL | re.MULTILINE)
 
 
 def test_the_profile_on_the_page_is_one() -> None:
@@ -81,6 +84,30 @@ def test_commands_are_in_blocks_of_shell(name: str) -> None:
     prose = re.sub(r"^ *```sh\n.*?^ *```", "", OF_SOURCE[name], flags=re.DOTALL | re.MULTILINE)
     bare = re.findall(r"^ *(?:posecast|posecast-\w+|pip|python) .*$", prose, re.MULTILINE)
     assert bare == [], "else they run together into a paragraph"
+
+
+def list_commands(page: str) -> list[list[str]]:
+    """What the page's shell blocks call posecast with."""
+    lines = "".join(blocks("sh", page)).splitlines()
+    found = [re.match(r" *(?:.* \| )?posecast (.*)", line) for line in lines]
+    return [shlex.split(each[1]) for each in found if each]
+
+
+def test_every_command_is_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("my-robot.credential").write_text(f"posecast1:my-robot:{'s' * 43}\n", encoding="ascii")
+    Path("my-robot.credential").chmod(0o600)
+    commands = [words for page in (*OF_SOURCE.values(), PROFILE) for words in list_commands(page)]
+    assert len(commands) > 20
+    for words in commands:
+        make_whole_parser().parse_args(words)  # ends the process on a flag that is none
+
+
+def test_the_known_fields_are_those_that_the_agent_knows() -> None:
+    table = PROFILE.partition("<!-- fields -->")[2].partition("<!-- /fields -->")[0]
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines()[3:] if line]
+    listed = {name.strip("`"): (of == "joint", unit, float(step)) for name, of, _, unit, step in rows}
+    assert listed == {name: (known.joints, known.unit, known.scale) for name, known in WELL_KNOWN.items()}
 
 
 def test_the_topics_on_the_page_are_a_table_of_a_profile() -> None:
@@ -173,8 +200,10 @@ def test_the_page_of_python_names_every_argument_and_its_programs_run(tmp_path: 
         assert [name for name in names if f"`{name}`" not in page] == []
     assert (STREAM_HELD_S, STATE_HELD_S, SETTLE_S, KEPT_MAX, PROBLEMS_MAX) == (1.5, 60, 0.5, 64, 50)
     shutil.copy(ROOT / "edge-agent/examples/arm.urdf", tmp_path)
-    first, second, *_ = blocks("python", page)
-    for program in (first, second):
+    first, second, _, silence = blocks("python", page)
+    (from_urdf,) = (textwrap.dedent(text) for text in blocks("python", OF_SOURCE["urdf"]))
+    arm = from_urdf.replace("robot.urdf", "arm.urdf").replace("while True", "for _ in range(3)")
+    for program in (first, second, arm, silence + first):
         away = program.replace(":7447", ":1")
         said = "print(robot.status().problems, robot.status().link)"
         done = subprocess.run(

@@ -21,8 +21,8 @@ FIRST = {
     "tutorials": ("first-robot", "find-the-fault", "balance-lesson"),
     "how-to": ("install", "robots", "watch", "record", "operate", "scale"),
     "how-to/install": ("install",),
-    "how-to/robots": ("add-a-robot", "python", "ros2"),
-    "reference": ("glossary", "signs", "settings", "robots-file", "protocol", "routes", "python-api"),
+    "how-to/robots": ("add-a-robot", "urdf", "python", "ros2"),
+    "reference": ("glossary", "profile", "signs", "settings", "robots-file", "protocol", "routes", "python-api"),
     "explanation": ("architecture", "states", "faults", "balance", "scaling"),
 }
 
