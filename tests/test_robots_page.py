@@ -9,7 +9,6 @@ import shlex
 import shutil
 import subprocess
 import sys
-import textwrap
 from pathlib import Path
 
 import pytest
@@ -201,10 +200,10 @@ def test_the_page_of_python_names_every_argument_and_its_programs_run(tmp_path: 
     assert (STREAM_HELD_S, STATE_HELD_S, SETTLE_S, KEPT_MAX, PROBLEMS_MAX) == (1.5, 60, 0.5, 64, 50)
     shutil.copy(ROOT / "edge-agent/examples/arm.urdf", tmp_path)
     first, second, _, silence = blocks("python", page)
-    (from_urdf,) = (textwrap.dedent(text) for text in blocks("python", OF_SOURCE["urdf"]))
-    arm = from_urdf.replace("robot.urdf", "arm.urdf").replace("while True", "for _ in range(3)")
+    (from_urdf,) = blocks("python", OF_SOURCE["urdf"])
+    arm = from_urdf.replace("robot.urdf", "arm.urdf")
     for program in (first, second, arm, silence + first):
-        away = program.replace(":7447", ":1")
+        away = program.replace(":7447", ":1").replace("while True:", "for _ in range(3):")
         said = "print(robot.status().problems, robot.status().link)"
         done = subprocess.run(
             [sys.executable, "-c", f"{away}{said}"], cwd=tmp_path, capture_output=True, text=True, check=False
