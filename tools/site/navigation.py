@@ -22,7 +22,16 @@ FIRST = {
     "how-to": ("install", "robots", "watch", "record", "operate", "scale"),
     "how-to/install": ("install",),
     "how-to/robots": ("add-a-robot", "urdf", "python", "ros2"),
-    "reference": ("glossary", "profile", "signs", "settings", "robots-file", "protocol", "routes", "python-api"),
+    "reference": (
+        "glossary",
+        "profile",
+        "signs",
+        "settings",
+        "robots-file",
+        "protocol",
+        "routes",
+        "python-api",
+    ),
     "explanation": ("architecture", "states", "faults", "balance", "scaling"),
 }
 
