@@ -20,10 +20,19 @@ FIRST = {
     "tutorials": ("first-robot", "find-the-fault", "balance-lesson"),
     "how-to": ("install", "robots", "watch", "record", "operate", "scale"),
     "how-to/install": ("install",),
-    "how-to/robots": ("add-a-robot", "python", "ros2"),
+    "how-to/robots": ("add-a-robot", "urdf", "python", "ros2"),
     "how-to/watch": ("watch-a-robot", "numbers-and-faults", "look-back", "share-and-embed"),
     "how-to/record": ("keep-a-lecture", "save-from-the-page", "host-a-recording"),
-    "reference": ("glossary", "signs", "settings", "robots-file", "protocol", "routes", "python-api"),
+    "reference": (
+        "glossary",
+        "profile",
+        "signs",
+        "settings",
+        "robots-file",
+        "protocol",
+        "routes",
+        "python-api",
+    ),
     "explanation": ("states", "faults", "balance", "edge-agent", "relay", "web-page", "rendering", "lane"),
 }
 

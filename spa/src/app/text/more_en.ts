@@ -222,7 +222,7 @@ export const moreEn = {
   stillThere: 'still there',
   acknowledgedStillThere: 'acknowledged, still there',
 
-  // ---- faults as sentences; places as in a profile, see docs/how-to/robots/add-a-robot.md
+  // ---- faults as sentences; places as in a profile, see docs/reference/profile.md
   itWas: (said: string) => `Was: ${said}`,
   offSentence: '{joint} is not where it was told to be[: {error} off][ for {age}].',
   hotSentence: '{joint} is too hot[: {temp}].',
