@@ -52,7 +52,7 @@ def test_no_page_mixes_the_flag_with_the_variable() -> None:
         for line in page.read_text().splitlines():
             for flag in re.findall(r"(?:docker compose|^compose)\b[^`]*--profile (\w+)[^`]* up\b", line):
                 assert flag == "demo", f"{page.name}: {line}"
-    for text in (INSTALL, (ROOT / "docs/how-to/operate/host-the-page.md").read_text()):
+    for text in (INSTALL, (ROOT / "docs/how-to/scale/cache-for-a-crowd.md").read_text()):
         assert "COMPOSE_PROFILES=demo,cache" in text
         assert re.search(r"`--profile`", text)
     rows = dict(re.findall(r"^\| `(\w+)` \| with the profile `(\w+)`", INSTALL, re.MULTILINE))

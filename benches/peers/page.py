@@ -25,16 +25,16 @@ from tools import bars
 
 BEGIN, END = "<!-- peers: written by benches/peers/page.py -->", "<!-- /peers -->"
 STEADY = ["server", "÷ relay", "µs CPU per message", "messages per CPU-second", "p50 ms", "p99 ms"]
-STEADY += ["MB per viewer and hour", "MB RSS per 1,000 viewers", "neighbours"]
-SLOW = ["server", "KiB for each of the five", "they are let go", "the others missed", "their p99 ms", ""]
+STEADY += ["MB per viewer and hour", "MB RSS per 1,000 viewers", "others' share"]
+SLOW = ["server", "KiB per stopped viewer", "cut after", "missed by the others", "p99 of the others, ms", ""]
 TABLES = {  # its columns, and its plot as tools/bars.py is told: title, column, unit
-    "steady": (STEADY, "bench-peers", "CPU for one message beside the relay's | ÷ relay | ×"),
-    "slow": (SLOW, "bench-peers-slow", f"Memory for a viewer that does not read | {SLOW[1]} | KiB"),
+    "steady": (STEADY, "bench-peers", "CPU per message, compared with the relay | ÷ relay | ×"),
+    "slow": (SLOW, "bench-peers-slow", f"Memory for a viewer that stops reading | {SLOW[1]} | KiB"),
 }
 NOTES = {
-    "foxglove": "its queue is bounded at 1,024 messages, the oldest go",
-    "nats": "bounded at 64 MB by its documentation",
-    "mosquitto": "every viewer's queue fills, not only theirs",
+    "foxglove": "bounded at 1,024 messages; drops the oldest",
+    "nats": "bounded at 64 MB, by its documentation",
+    "mosquitto": "the queues of all viewers fill",
 }
 
 
@@ -88,13 +88,13 @@ def block(report: dict[str, Any]) -> str:
     worst = max(row["others_share"] for row in rows)
     rounds = 1 + max(row["round"] for row in rows)
     disturbed = (
-        "" if worst < DISTURBED else " **Disturbed**: neighbours took more than a tenth; see the column."
+        "" if worst < DISTURBED else " **Disturbed**: other processes took more than a tenth; see the column."
     )
     said = [
         f"{about['day']}, commit `{about['commit']}`, Linux {about['kernel']}, {about['cores']} cores"
         f" ({about['cpu']}), {rounds} round{'s' if rounds > 1 else ''}; load average"
-        f" {about['load_average_before']:.1f} before, {about['load_average_after']:.1f} after; neighbours"
-        f" took at most {worst:.0%} of the server's core.{disturbed}",
+        f" {about['load_average_before']:.1f} before, {about['load_average_after']:.1f} after; other"
+        f" processes took at most {worst:.0%} of the server's core.{disturbed}",
     ]
     for name, (head, image, bar) in TABLES.items():
         scenario = SCENARIOS[name]

@@ -41,7 +41,7 @@ STEP = 1.04  # of the ladder
 RUN_S = 5.0
 SAMPLE_S = 0.1
 REPORT = OUT / "workers.json"
-HEAD = ["round", "1 worker", "{} workers", "ratio", "CPU a frame, µs: 1 worker", "{} workers", "load"]
+HEAD = ["round", "1 worker", "{} workers", "ratio", "µs CPU per frame: 1 worker", "{} workers", "load"]
 START_AT = 2400  # viewers of one worker with a whole core at 30 Hz, as a first guess
 
 
@@ -255,7 +255,7 @@ def make_block(report: dict[str, Any]) -> str:
         line = [f"{number}", *(f"{each:,}" for each in most), f"{most[1] / most[0]:.2f}" if most[0] else "–"]
         lines.append([*line, *(f"{each:.1f}" for each in cpu), f"{min(loads):.0f} to {max(loads):.0f}"])
     how = (
-        f"Viewers at {asked['hz']:g} Hz with a p99 of lateness within {asked['bound']:g} ms, "
+        f"The most viewers at {asked['hz']:g} Hz with p99 lateness within {asked['bound']:g} ms, "
         f"{asked['share']:g} of a core for each worker. Rounds: {len(lines)}; median ratio: "
         f"{statistics.median(report['ratios']):.2f}. {about['day']}, {about['cores']} cores ({about['cpu']})."
     )

@@ -321,8 +321,8 @@ def test_goals_are_missed_by_one_request_too_many_and_one_refused_viewer() -> No
     rows[1]["refused"] = {"503": 1}
     missed = [goal.name for goal in find_goals(rows) if not goal.reached]
     assert missed == [
-        "nginx: origin requests a segment and node, steady, the worst",
-        "nginx: refused, lost, twice, gaps",
+        "nginx: origin requests per segment, steady, worst",
+        "nginx: refused, lost, duplicated, gaps",
     ]
 
 

@@ -22,7 +22,7 @@ HOSTING = ROOT / "infra" / "hosting"
 RULES, VCL = (
     HOSTING / "nginx-lane.rules",
     HOSTING / "varnish.vcl",
-)  # what a reader of docs/how-to/operate/host-the-page.md uses
+)  # what a reader of docs/how-to/scale/cache-for-a-crowd.md uses
 NGINX = """
 worker_processes 1;
 worker_rlimit_nofile 20000;

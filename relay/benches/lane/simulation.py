@@ -276,22 +276,22 @@ BOTH_PAUSE = (make_timeline("a", pause=PAUSE), make_timeline("b", pause=PAUSE))
 SIX_PAUSE = tuple(make_timeline(name, pause=PAUSE) for name in "abcdef")
 CASES: tuple[tuple[str, int, tuple[SimulatedTimeline, ...]], ...] = (  # with what the origin holds at once
     ("one robot", HELD_MAX, (make_timeline("a"),)),
-    ("it pauses for 60 s", HELD_MAX, (make_timeline("a", pause=PAUSE),)),
-    ("it ends, and comes back as another run", HELD_MAX, (make_timeline("a", restart_s=90.5),)),
+    ("one robot, pauses for 60 s", HELD_MAX, (make_timeline("a", pause=PAUSE),)),
+    ("one robot, ends and returns as another run", HELD_MAX, (make_timeline("a", restart_s=90.5),)),
     ("two robots, their KEYs 2 s apart", HELD_MAX, (make_timeline("a"), make_timeline("b", begins_s=2.0))),
     ("two robots, their KEYs at the same time", HELD_MAX, (make_timeline("a"), make_timeline("b"))),
-    ("these two, both pause for 60 s", HELD_MAX, BOTH_PAUSE),
-    ("the same, if the origin held 300", 300, BOTH_PAUSE),
+    ("two robots, both pause for 60 s", HELD_MAX, BOTH_PAUSE),
+    ("the same, but the origin holds 300", 300, BOTH_PAUSE),
     ("six robots, all pause for 60 s", HELD_MAX, SIX_PAUSE),
 )
 HEAD: tuple[str, ...] = (
-    "what happens",
-    "parts × nodes",
-    "origin's answers with a part",
-    "(answers with a part + turned away) ÷ (parts × nodes)",
+    "case",
+    "segments × nodes",
+    "origin answers with a segment",
+    "(these + turned away) ÷ (segments × nodes)",
     "“not yet”",
 )
-HEAD += ("“that take is over”", "held at once, at most", "turned away", "behind p50", "p95")
+HEAD += ("“take is over”", "most held at once", "turned away", "delay p50", "p95")
 
 
 def make_row(name: str, tally: OriginTally) -> list[str]:
