@@ -17,8 +17,8 @@ ROOT = Path(__file__).resolve().parent.parent
 TEXT = (ROOT / "infra/docker-compose.yml").read_text()
 COMPOSE: dict[str, Any] = yaml.safe_load(TEXT)
 ENV = (ROOT / "infra/.env.example").read_text()
-INSTALL = (ROOT / "docs/how-to/operate/install.md").read_text()
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+INSTALL = (ROOT / "docs/how-to/install/containers.md").read_text()
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 PROFILES = {name for service in COMPOSE["services"].values() for name in service.get("profiles", ())}
 
 

@@ -11,7 +11,7 @@ SCALE = ("gateways-and-workers", "more-robots", "redis")
 REFERENCE = ("archive", "log-messages", "metrics", "robots-file", "settings")
 PAGES = sorted(
     [
-        *(page for page in (DOCS / "how-to/operate").glob("*.md") if page.name != "install.md"),
+        *(DOCS / "how-to/operate").glob("*.md"),
         *(DOCS / f"how-to/scale/{name}.md" for name in SCALE),
         DOCS / "how-to/install/cloud.md",
         *(DOCS / f"reference/{name}.md" for name in REFERENCE),
