@@ -76,7 +76,7 @@ describe('the page /admin', () => {
     await until('a link', async () => (await run(page, address)) !== '');
     const link = await run(page, address);
     expect(await page.text()).toContain('start the relay with --public-url');
-    await run(page, `document.querySelector('li[data-robot="demo"] input').focus(); ''`);
+    await act(page, `document.querySelector('li[data-robot="demo"] input').focus()`);
     const asked = () =>
       page.evaluate<number>(
         'performance.getEntriesByType("resource").filter((each) => each.name.endsWith("/api/v1/admin")).length',

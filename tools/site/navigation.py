@@ -22,6 +22,8 @@ FIRST = {
     "how-to": ("install", "robots", "watch", "record", "operate", "scale"),
     "how-to/install": ("install",),
     "how-to/robots": ("add-a-robot", "python", "ros2"),
+    "how-to/watch": ("watch-a-robot", "numbers-and-faults", "look-back", "share-and-embed"),
+    "how-to/record": ("keep-a-lecture", "save-from-the-page", "host-a-recording"),
     "reference": ("glossary", "signs", "settings", "robots-file", "protocol", "routes", "python-api"),
     "explanation": ("architecture", "states", "faults", "balance", "scaling"),
 }

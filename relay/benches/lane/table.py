@@ -169,13 +169,18 @@ def find_goals(rows: Sequence[Row]) -> list[Goal]:
 
 
 def make_goals(goals: Sequence[Goal]) -> str:
+    """A line for each goal, with the figures of all caches that have it."""
+    found: dict[tuple[str, float], list[tuple[str, Goal]]] = {}
+    for goal in goals:
+        cache, _, name = goal.name.rpartition(": ")
+        found.setdefault((name, goal.limit), []).append((cache, goal))
     lines = [
         [
-            goal.name,
-            f"≤ {goal.limit:g}",
-            f"**{spread(goal.values, goal.digits)}**",
-            "reached" if goal.reached else "**missed**",
+            name,
+            f"≤ {limit:g}",
+            ", ".join(f"{cache} **{spread(goal.values, goal.digits)}**".strip() for cache, goal in mine),
+            "reached" if all(goal.reached for _, goal in mine) else "**missed**",
         ]
-        for goal in goals
+        for (name, limit), mine in found.items()
     ]
     return markdown(["goal, within one run", "limit", "median (least–most)", "result"], lines)
