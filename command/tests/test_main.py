@@ -69,7 +69,8 @@ def test_help_fits_a_terminal_and_its_examples_are_right(argv: tuple[str, ...]) 
 @pytest.mark.parametrize(
     ("argv", "line"),
     [
-        ((), "posecast: the following arguments are required: COMMAND"),
+        ((), "posecast: give a command, one of demo, run, edge, doctor, "),
+        (("--versoin",), "posecast: unrecognized arguments: --versoin (did you mean --version?)"),
         (("dmeo",), "posecast: unknown command 'dmeo' (did you mean demo?): one of demo, run, "),
         (("demo", "--prot", "1"), "posecast demo: unrecognized arguments: --prot (did you mean --port?)"),
         (("demo", "--port", "70000"), "posecast demo: argument --port: use a number from 1 to 65535"),

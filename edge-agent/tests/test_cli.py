@@ -176,7 +176,10 @@ def test_a_stream_that_is_closed_or_full_is_no_traceback(arguments: str) -> None
         timeout=30,
         check=False,
     )
-    assert done.stderr.count("\n") <= 2, done.stderr  # what happened, and why there is no link
+    told = [
+        line for line in done.stderr.splitlines() if not line.startswith("a | ")
+    ]  # a slow machine's status
+    assert len(told) <= 2, done.stderr  # what happened, and why there is no link
     assert "Traceback" not in done.stderr
     if "head" not in arguments:  # which may have read it all in time
         assert done.returncode == STREAMS[arguments]

@@ -15,6 +15,7 @@ from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.files.csv import MAX_LINE, Table
 from posecast_edge.sources.files.playback import Player
 from posecast_edge.sources.registry import open_source
+from posecast_wire.command_line.installation import name_edge_command
 
 
 def table(tmp_path: Path, text: str, profile: str = "") -> Table:
@@ -307,7 +308,8 @@ def test_paths_that_nothing_reads_are_left_out_and_said_in_one_line(
         (sample,) = samples(tmp_path, "t,/a/b,/c/data,A,head/trans_x,index\n0,1,2,3,4,5\n")
     assert sample.values == {"pos": {"A": 3, "head/trans_x": 4}}
     assert caplog.messages == [
-        f"{tmp_path}/walk.csv:1: columns left out: /a/b, /c/data, index; `posecast-edge probe` says why"
+        f"{tmp_path}/walk.csv:1: columns left out: /a/b, /c/data, index; "
+        f"`{name_edge_command('probe')}` says why"
     ]
 
 

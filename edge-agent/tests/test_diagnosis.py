@@ -15,12 +15,23 @@ from pathlib import Path
 
 import pytest
 import zenoh
-from edge_stage import ROBOT, Edge, Router, until
+from edge_stage import ROBOT, Edge, Router, free_port, until
 from posecast_edge.uplink import diagnosis as doorbell
+from posecast_edge.uplink import knock
 from posecast_edge.uplink.certificate import Certificate
 from posecast_edge.uplink.diagnosis import Diagnosis, RefusalPatience, diagnose_link
 from posecast_wire import Credential
 from posecast_wire.keys import alive_key
+
+needs_openssl = pytest.mark.skipif(shutil.which("openssl") is None, reason="no openssl here")
+
+
+def make_certificate(folder: Path, name: str) -> None:
+    """NAME.pem and NAME.key, signed by itself."""
+    new = "-newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes"
+    names = "-addext subjectAltName=IP:127.0.0.1"
+    made = f"req -x509 {new} {names} -days 2 -subj /CN={name} -keyout {name}.key -out {name}.pem"
+    subprocess.run(["openssl", *made.split()], cwd=folder, check=True, capture_output=True)
 
 
 @pytest.fixture
@@ -58,7 +69,7 @@ def test_somebody_who_does_not_let_it_in(router: Router, tmp_path: Path) -> None
     }
     with zenoh.open(zenoh.Config.from_json5(json.dumps(config))):
         nothing = diagnose_link(router.endpoint, None)
-        assert "does it want a --credential?" in nothing.why
+        assert nothing.why.endswith("does it want a credential (--credential, in Python credential=)?")
         wrong = diagnose_link(router.endpoint, Credential("hubo", "x" * 43))
         assert wrong.why == "does not let 'hubo' in: its credential is wrong, expired or revoked"
         assert nothing.is_refusal
@@ -94,12 +105,12 @@ def test_a_relay_that_is_slow_at_first_is_not_said_to_refuse(
         until_s = time.monotonic() + 20.0
         while not knocked.is_set() and time.monotonic() < until_s:
             with slow.accept()[0] as link:
-                if link.recv(2) == doorbell.KNOCK:  # the agent asks why there is no link
+                if link.recv(2) == knock.KNOCK:  # the agent asks why there is no link
                     knocked.set()
         assert knocked.is_set()
     router.start()
     until(lambda: router.tokens[-1:] == [(alive_key(ROBOT), True)], "on air", 30.0)
-    assert not [line for line in running.lines if "does it want a --credential" in line]
+    assert not [line for line in running.lines if "does it want a credential" in line]
 
 
 def test_no_tls_where_it_is_asked_for(listener: socket.socket) -> None:
@@ -108,22 +119,85 @@ def test_no_tls_where_it_is_asked_for(listener: socket.socket) -> None:
 
     def answer() -> None:
         with listener.accept()[0] as link:
-            link.recv(1)
-            link.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+            link.recv(4096)
+            link.sendall(b"\x02\x00\x03\x02")  # as Zenoh does
 
-    thread = threading.Thread(target=answer)
+    def answer_twice() -> None:
+        answer()
+        answer()
+
+    thread = threading.Thread(target=answer_twice)
     thread.start()
     assert diagnose_link(address, None).why == "does not speak TLS: is it a tcp/… endpoint?"
     thread.join()
 
 
-@pytest.mark.skipif(shutil.which("openssl") is None, reason="no openssl here")
+NGINX = """
+daemon off; master_process off; pid {folder}/pid; error_log stderr; events {{}}
+http {{
+    access_log off;
+    client_body_temp_path {folder}/a; proxy_temp_path {folder}/b; fastcgi_temp_path {folder}/c;
+    uwsgi_temp_path {folder}/d; scgi_temp_path {folder}/e;
+    server {{ listen 127.0.0.1:{port}; return 200 page; }}
+    server {{
+        listen 127.0.0.1:{tls_port} ssl; return 200 page;
+        ssl_certificate {folder}/relay.pem; ssl_certificate_key {folder}/relay.key;
+    }}
+}}
+"""
+
+
+@needs_openssl
+@pytest.mark.skipif(shutil.which("nginx") is None, reason="no nginx here")
+def test_the_port_of_a_web_page(tmp_path: Path) -> None:
+    make_certificate(tmp_path, "relay")
+    port, tls_port = free_port(), free_port()
+    (tmp_path / "conf").write_text(NGINX.format(folder=tmp_path, port=port, tls_port=tls_port))
+    proof = Credential("hubo", "x" * 43, (tmp_path / "relay.pem").read_text())
+    server = subprocess.Popen(["nginx", "-p", tmp_path, "-c", tmp_path / "conf"], stderr=subprocess.DEVNULL)
+    try:
+        until(lambda: listens(port) and listens(tls_port), "nginx listens")
+        for endpoint in (f"tcp/127.0.0.1:{port}", f"tls/127.0.0.1:{port}", f"tls/127.0.0.1:{tls_port}"):
+            found = diagnose_link(endpoint, proof)
+            assert found == Diagnosis(knock.WEB), endpoint
+            assert not found.is_refusal, "it is told at once"
+    finally:
+        server.terminate()
+        server.wait(20)
+
+
+@needs_openssl
+def test_a_relay_that_wants_tls(tmp_path: Path) -> None:
+    make_certificate(tmp_path, "relay")
+    port = free_port()
+    config = {
+        "mode": "router",
+        "listen": {"endpoints": [f"tls/127.0.0.1:{port}"]},
+        "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        "transport": {
+            "link": {
+                "tls": {
+                    "listen_certificate": str(tmp_path / "relay.pem"),
+                    "listen_private_key": str(tmp_path / "relay.key"),
+                }
+            }
+        },
+    }
+    with zenoh.open(zenoh.Config.from_json5(json.dumps(config))):
+        found = diagnose_link(f"tcp/127.0.0.1:{port}", Credential("hubo", "x" * 43))
+    assert found == Diagnosis(f"wants TLS: it is tls/127.0.0.1:{port}")
+
+
+def listens(port: int) -> bool:
+    with suppress(OSError), socket.create_connection(("127.0.0.1", port), 1):
+        return True
+    return False
+
+
+@needs_openssl
 def test_what_a_relay_that_wants_certificates_has_against_ours(tmp_path: Path) -> None:
-    new = "-newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes"
     for name in ("relay", "robot"):  # each its own authority: the relay trusts its own alone
-        names = "-addext subjectAltName=IP:127.0.0.1"
-        made = f"req -x509 {new} {names} -days 2 -subj /CN={name} -keyout {name}.key -out {name}.pem"
-        subprocess.run(["openssl", *made.split()], cwd=tmp_path, check=True, capture_output=True)
+        make_certificate(tmp_path, name)
     relay_pem, relay_key = tmp_path / "relay.pem", tmp_path / "relay.key"
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.load_cert_chain(relay_pem, relay_key)
@@ -149,4 +223,4 @@ def test_what_a_relay_that_wants_certificates_has_against_ours(tmp_path: Path) -
         ours = Certificate(tmp_path / "robot.pem", tmp_path / "robot.key", relay_pem)
         assert asked(ours) == "does not take this robot's certificate: unknown ca"
         good = Certificate(relay_pem, relay_key, relay_pem)
-        assert "does it want a --credential, not a certificate?" in asked(good)
+        assert asked(good).endswith("(--credential, in Python credential=), not a certificate?")

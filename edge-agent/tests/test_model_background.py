@@ -12,11 +12,12 @@ from pathlib import Path
 
 import pytest
 from edge_stage import ROBOT, Edge, Router, until
-from model_stage import cube_stl, link, mesh, robot, written
+from model_stage import cube_stl, joint, link, mesh, robot, written
 from posecast_edge.model import finding
 from posecast_edge.model.finding import advise_mesh_tools
-from posecast_edge.model.serve.background import NEEDED, BackgroundBuild
-from posecast_edge.model.serve.bundle import Bundle, load_bundle
+from posecast_edge.model.serve.background import NEEDED, BackgroundBuild, describe_size
+from posecast_edge.model.serve.bundle import Bundle, BundleFile, load_bundle
+from posecast_wire.command_line.installation import name_edge_command
 from posecast_wire.keys import Snapshot, model_key
 
 Start = Callable[..., Edge]
@@ -144,6 +145,36 @@ def test_without_the_mesh_tools_the_meshes_go_as_they_are(
     assert "\n" not in record.getMessage()
 
 
+def test_without_the_mesh_tools_nothing_is_said_of_meshes_where_there_are_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setitem(sys.modules, NEEDED[0], None)
+    path, ready = written(tmp_path / "robot", robot(link("a"))), Ready()
+    build = BackgroundBuild(path, load_bundle(path), ready)
+    build.start()
+    build.stop()
+    assert len(ready.bundles) == 1
+    assert caplog.records == []
+
+
+def test_without_the_mesh_tools_what_is_wrong_is_counted_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setitem(sys.modules, NEEDED[0], None)
+    path = written(tmp_path / "robot", robot(link("a"), joint("j", "nowhere", "a"), link("b")))
+    build = BackgroundBuild(path, load_bundle(path), Ready())
+    build.start()
+    build.stop()
+    [message] = [r.getMessage() for r in caplog.records]
+    assert message == f"model: 2 errors; {name_edge_command('doctor')} --urdf {path} names them"
+
+
+@pytest.mark.parametrize("size", [(0, "0 kB"), (99_400, "99 kB"), (123_456, "0.1 MB"), (3_210_000, "3.2 MB")])
+def test_sizes_of_models_are_never_0_megabytes(size: tuple[int, str]) -> None:
+    file = BundleFile(Path("a.stl"), "a.stl", "a.stl", size[0], "")
+    assert describe_size(Bundle(b"", [file], [], frozenset())) == size[1]
+
+
 @pytest.mark.parametrize("fine", [True, False])
 def test_an_agent_that_serves_a_coarser_model_says_so(
     fine: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
@@ -183,7 +214,7 @@ def test_what_is_wrong_is_counted(tmp_path: Path, caplog: pytest.LogCaptureFixtu
     assert json.loads(ready.bundles[0].manifest)["v"] == 2
     assert ready.bundles[0].read("manifest", 0, 10) == ready.bundles[0].manifest[:10]
     build.stop()
-    assert f"1 error; posecast-edge doctor --urdf {path} names them" in caplog.text
+    assert f"1 error; {name_edge_command('doctor')} --urdf {path} names them" in caplog.text
 
 
 def test_what_the_page_can_t_read_is_announced_when_it_has_been_built(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import resource
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -56,6 +57,31 @@ def test_a_body_of_stand_ins_alone_is_a_problem(tmp_path: Path, capsys: pytest.C
             "--package-path DIR says where its meshes are"
         ]
         assert "high.glb" in read_folder(out)
+
+
+@pytest.mark.parametrize(
+    ("uri", "code", "said"),
+    [
+        ("meshes/b.stl", PROBLEMS, ":3: error: mesh 'meshes/b.stl' of link 'b': no such file [mesh-missing]"),
+        (
+            "package://lemur/b.stl",
+            PROBLEMS,
+            ":3: error: mesh 'package://lemur/b.stl' of link 'b': no package",
+        ),
+        ("meshes/there.stl", CLEAN, ": robot 'r', 2 links, 1 joint: nothing wrong"),
+    ],
+)
+def test_without_the_mesh_tools_the_doctor_sees_whether_meshes_are_there(
+    uri: str, code: int, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    monkeypatch.setitem(sys.modules, "posecast_edge.model.builder.model_files", None)
+    parts = (link("a"), link("b", mesh(uri)), joint("ab", "a", "b"))
+    path = written(tmp_path / "model", robot(*parts), there_stl=cube_stl())
+    assert run_command(["doctor", "--urdf", str(path)], {}) == code
+    told = capsys.readouterr()
+    assert told.out.startswith(f"{path}{said}")
+    assert "meshes not looked at, only whether they are there" in told.err
 
 
 def test_cache_is_used_until_anything_changes(tmp_path: Path) -> None:

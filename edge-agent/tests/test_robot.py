@@ -383,7 +383,7 @@ def test_joints_that_the_model_lacks_are_named(router: Router, make: Make) -> No
     until(lambda: bool(router.get(f"posecast/v1/{ROBOT}/model/manifest")), "the model is served")
 
 
-def test_a_model_as_it_is_says_nothing_about_joints(
+def test_a_sound_model_has_no_problems_without_the_mesh_tools_either(
     router: Router, make: Make, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from posecast_edge.sources.mujoco.source import ARM

@@ -24,6 +24,8 @@ from .link_pose_cases import VECTORS, make_manifest, make_schema
 
 CASES = json.loads(VECTORS.read_text())["cases"]
 
+NOT_BUILT = "v: a URDF that has not been built; the robot's program does that with the extra `model`"
+
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case["name"])
 def test_links_are_where_the_page_has_them(case: dict[str, Any]) -> None:
@@ -106,7 +108,10 @@ def broken(path: str, value: Any) -> bytes:
         (b"{", "manifest: not JSON"),
         (b"[]", "manifest: no object"),
         (b" " * (1 << 20) + b"{}", "manifest: over 1048576 bytes"),
-        (broken("v", 1), "v: a URDF that has not been built"),
+        (
+            broken("v", 1),
+            NOT_BUILT,
+        ),
         (broken("links", []), "links: none"),
         (broken("links", ["a"] * 1001), "links: 1001 are too many"),
         (broken("links.1", "trunk"), "links: a name stands there twice"),

@@ -42,7 +42,7 @@ def _command(argv: Sequence[str]) -> int:
     asked for is loaded, and nothing before, so that Ctrl-C is never a traceback."""
     from posecast_wire.command_line.standard_streams import open_closed_streams  # noqa: PLC0415
 
-    from posecast_command.programs import EDGE, RELAY, make_parser  # noqa: PLC0415
+    from posecast_command.programs import COMMANDS, EDGE, RELAY, make_parser  # noqa: PLC0415
 
     open_closed_streams()
     first = argv[0] if argv else ""
@@ -66,7 +66,10 @@ def _command(argv: Sequence[str]) -> int:
         from posecast_command.run import run_robot  # noqa: PLC0415
 
         return run_robot(argv[1:], os.environ)
-    asked = make_parser().parse_args(argv)  # ends the process unless it is the last of them
+    parser = make_parser()
+    if not argv:
+        parser.error(f"give a command, one of {', '.join(COMMANDS)}; --help says what they do")
+    asked = parser.parse_args(argv)  # ends the process unless it is the last of them
     from posecast_command.completion import make_script  # noqa: PLC0415
 
     print(make_script(asked.shell))

@@ -16,6 +16,11 @@ RELAY = {
     "robots": "set who may publish and watch; make share links",
     "past": "list, export and delete what the relay keeps of the past",
 }
+OWN = {
+    "demo": "show a demo robot on a page, all of it started in this terminal",
+    "run": "put your robot on a page, by a relay that it starts or joins",
+}
+COMMANDS = (*OWN, *EDGE, *RELAY, "completion")
 COMPLETION = (
     'in ~/.bashrc: eval "$(posecast completion bash)"; in ~/.zshrc likewise, below compinit; '
     "in ~/.config/fish/config.fish: posecast completion fish | source"
@@ -34,9 +39,7 @@ def make_parser() -> CommandParser:
         version=True,
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", title="commands")
-    commands.add_parser("demo", help="show a demo robot on a page, all of it started in this terminal")
-    commands.add_parser("run", help="put your robot on a page, by a relay that it starts or joins")
-    for name, text in (EDGE | RELAY).items():
+    for name, text in (OWN | EDGE | RELAY).items():
         commands.add_parser(name, help=text)
     completion = commands.add_parser(
         "completion", help="print a script that makes a shell complete commands and flags"

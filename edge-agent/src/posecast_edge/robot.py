@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import math
 import os
@@ -135,8 +134,7 @@ class Robot:
 
         def take_model(bundle: Bundle) -> None:
             agent.set_model(bundle)
-            if (names := _list_joints(bundle)) is not None:
-                source.check_model(names)
+            source.expect_model(bundle)
 
         build = None
         if built is not None:
@@ -144,6 +142,7 @@ class Robot:
         elif urdf is not None:
             if raw is not None:
                 agent.expect_model(raw)  # the model itself may take a minute
+                source.expect_model(raw)
             build = BackgroundBuild(Path(urdf), raw, take_model)
         orders = {f.name: f.labels for f in found.fields} if found else {}
         orders |= dict.fromkeys(JOINT_FIELDS, own) if own else {}
@@ -186,9 +185,9 @@ class Robot:
         """Take what the robot reports now. Returns within microseconds, never blocks and never raises: what
         is wrong is logged once and counted in status().
 
-        Joints, by name or, with joints=[…], in order: `pos` and `ref` (rad or m), `vel` (rad/s), `effort`
-        (N·m), `cur` (A), `temp` (°C), `duty` (%), `heat` (J), `flags` (names of bits, or a mask).
-        `base`: where the root link is, x, y, z (m) and a quaternion x, y, z, w.
+        Joints, by name or, with joints=[…], in order: `pos` and `ref` (rad or m), `vel` (rad/s or m/s),
+        `effort` (N·m or N), `cur` (A), `temp` (°C), `duty` (%), `heat` (J), `flags` (names of bits, or a
+        mask). `base`: where the root link is, x, y, z (m) and a quaternion x, y, z, w.
         Sensors, by site: `ftf` (N), `ftm` (N·m), `quat` (x, y, z, w), `gyro` (rad/s), `acc` (m/s²),
         `tilt` (rad), `volt`, `amp`, `watt`, `charge` (%).
         `diag`: bits of parts; `info`: texts; other names become plain tables. `t`: the robot's clock,
@@ -387,12 +386,4 @@ def _load_model(urdf: object, model: object) -> tuple[Bundle | None, Bundle | No
         raw = _checked("urdf", urdf, lambda text: load_bundle(Path(text), packages)) if is_urdf else None
     except ModelError as e:
         raise ValueError(f"{'urdf' if model is None else 'model'}: {e}") from None
-    if raw is not None:
-        raw.log_missing()
     return None, raw
-
-
-def _list_joints(bundle: Bundle) -> list[str] | None:
-    """The joints that a built model has; a raw one does not say."""
-    joints = json.loads(bundle.manifest).get("joints")
-    return None if joints is None else [str(joint["name"]) for joint in joints]

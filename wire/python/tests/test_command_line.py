@@ -77,6 +77,7 @@ def make_parser() -> CommandParser:
     [
         (["rnu"], "p: unknown command 'rnu' (did you mean run?): one of run\n"),
         (["run", "--prot", "1"], "p run: unrecognized arguments: --prot (did you mean --port?)\n"),
+        (["--versoin"], "p: unrecognized arguments: --versoin (did you mean --version?)\n"),
         (["run", "--prot=1"], "p run: unrecognized arguments: --prot (did you mean --port?)\n"),
         (
             ["run", "--port", "1", "--level", "hihg"],

@@ -18,6 +18,7 @@ from posecast_edge.cli.doctor import examine_source
 from posecast_edge.cli.number_flag import limit_number
 from posecast_edge.cli.robot_flags import add_robot_flags, list_packages
 from posecast_edge.model.builder.manifest import FINDINGS_MAX
+from posecast_edge.model.doctor.lost_files import find_lost_files
 from posecast_edge.model.doctor.skeleton import examine_model
 from posecast_edge.model.finding import (
     SEVERITIES,
@@ -151,19 +152,21 @@ def _model(
     args: argparse.Namespace, robot: RobotFile, packages: Sequence[Path], profile: Profile | None
 ) -> list[Finding]:
     path, urdf, tree = args.urdf, robot.urdf, build_tree(robot.urdf)
+    facts = lost = None
     try:
         from posecast_edge.model.builder.model_files import collect_facts, read_visual_files  # noqa: PLC0415 - an extra
         from posecast_edge.model.builder.up_axis import settle_up_axis  # noqa: PLC0415 - the same
     except ImportError as e:
-        facts = None
-        _print(sys.stderr, f"{args.program}: meshes not looked at: {_explain_missing(e)}")
+        lost = find_lost_files(urdf, Resolver(path, packages), robot.meshes)
+        text = f"meshes not looked at, only whether they are there: {_explain_missing(e)}"
+        _print(sys.stderr, f"{args.program}: {text}")
     else:
         with ProgressBar(sys.stderr) as bar:
             files = read_visual_files(robot, Resolver(path, packages), bar.show_progress)
         if tree.links:
             settle_up_axis(urdf, tree, files, args.up_axis)
         facts = collect_facts(files)
-    findings = examine_model(urdf, tree, facts, profile.mapping if profile else None)
+    findings = examine_model(urdf, tree, facts, profile.mapping if profile else None, lost)
     _list(findings, lambda _: _name_lines(path))
     counts = f"{_many(len(urdf.links), 'link')}, {_many(len(urdf.joints), 'joint')}"
     _print(sys.stdout, f"{path}: robot {quote_name(urdf.name)}, {counts}: {_counted(findings)}")

@@ -10,10 +10,12 @@ import zenoh
 from posecast_wire.credential import Credential
 
 from posecast_edge.uplink.certificate import Certificate
+from posecast_edge.uplink.knock import WEB, is_http, is_tls, knock
 from posecast_edge.uplink.session_config import make_zenoh_config
 
 PATIENCE_S = 2.0
-KNOCK = bytes(2)  # an empty batch: Zenoh says goodbye to it, and the relay counts nobody as refused
+SILENT = "takes connections and says nothing: does it hang, or is it just starting?"
+CREDENTIAL = "does it want a credential (--credential, in Python credential=)"
 SURE_AFTER = 3  # times in a row that a relay which answers made no link,
 SURE_AFTER_S = 5.0  # and for so long: a busy machine may be too slow once or twice
 
@@ -57,19 +59,21 @@ def diagnose_link(relay: str, credential: Credential | Certificate | None) -> Di
         with socket.create_connection((host, int(port)), PATIENCE_S) as plain:
             if scheme == "tls":
                 # brings ssl, 5 MB that an agent whose link is merely away must not take
-                from posecast_edge.uplink.diagnosis_tls import shake_hands  # noqa: PLC0415
+                from posecast_edge.uplink.diagnosis_tls import NO_TLS, shake_hands  # noqa: PLC0415
 
                 wrong, alert = shake_hands(plain, host, credential)
-            elif not _speaks(plain):
-                return Diagnosis("takes connections and says nothing: does it hang, or is it just starting?")
+                if wrong == NO_TLS and _is_web(host, int(port)):
+                    wrong = WEB
+            else:
+                wrong = _explain_answer(knock(plain), address)
     except (OSError, UnicodeError):  # also of a name that is none
         return Diagnosis("does not answer")
     if wrong is not None:
         return Diagnosis(wrong)
     if alert is None and scheme == "tcp" and isinstance(credential, Credential) and _takes_anybody(relay):
         return Diagnosis(
-            "takes robots without a credential, as a relay does with --dev: leave --credential out, or start "
-            "the relay with --robots"
+            "takes robots without a credential, as a relay does with --dev: leave the credential out, or "
+            "start the relay with --robots"
         )
     return Diagnosis(_refusal(credential, alert), alert is None)
 
@@ -83,16 +87,19 @@ def _takes_anybody(relay: str) -> bool:
         return False
 
 
-def _speaks(link: socket.socket) -> bool:
-    """Whether somebody is behind it: a system takes connections also for a process that stands still."""
-    try:
-        link.sendall(KNOCK)
-        link.recv(1)
-    except TimeoutError:
-        return False
-    except OSError:  # it hangs up: a word, too
-        pass
-    return True
+def _is_web(host: str, port: int) -> bool:
+    """Whether a web server without TLS listens there."""
+    with socket.create_connection((host, port), PATIENCE_S) as plain:
+        return is_http(knock(plain))
+
+
+def _explain_answer(answer: bytes | None, address: str) -> str | None:
+    """What is wrong with a tcp/… endpoint that answers so; None when it may be a relay's."""
+    if answer is None:
+        return SILENT
+    if is_http(answer):
+        return WEB
+    return f"wants TLS: it is tls/{address}" if is_tls(answer) else None
 
 
 def _refusal(credential: Credential | Certificate | None, alert: str | None) -> str:
@@ -102,7 +109,7 @@ def _refusal(credential: Credential | Certificate | None, alert: str | None) -> 
     if alert is not None:
         return f"does not take this robot's certificate: {alert}"
     if credential is None:
-        return "answers, but does not let this robot in: does it want a --credential?"
+        return "answers, but does not let this robot in: " + CREDENTIAL + "?"
     if isinstance(credential, Certificate):
-        return "answers, but does not let this robot in: does it want a --credential, not a certificate?"
+        return "answers, but does not let this robot in: " + CREDENTIAL + ", not a certificate?"
     return f"does not let {credential.robot!r} in: its credential is wrong, expired or revoked"

@@ -10,7 +10,9 @@ from contextlib import suppress
 from posecast_wire.credential import Credential
 
 from posecast_edge.uplink.certificate import Certificate
+from posecast_edge.uplink.knock import WEB, is_http, knock
 
+NO_TLS = "does not speak TLS: is it a tcp/… endpoint?"
 ALERT_S = 1.0  # TLS 1.3: whether the relay takes our certificate shows after the handshake
 
 
@@ -21,24 +23,27 @@ def shake_hands(
     relay rejects ours), None for each that is fine. Raises OSError when the relay does not answer."""
     try:
         with _trust(credential).wrap_socket(plain, server_hostname=host) as link:
-            return None, _alert(link)
+            return _hear(link)
     except ssl.SSLCertVerificationError as e:
         return f"shows a certificate that is not to be trusted: {e.verify_message.lower()}", None
     except ssl.SSLError:
-        return "does not speak TLS: is it a tcp/… endpoint?", None
+        return NO_TLS, None
 
 
-def _alert(link: ssl.SSLSocket) -> str | None:
-    """What the relay has against our certificate, in TLS's words; None when it says nothing."""
+def _hear(link: ssl.SSLSocket) -> tuple[str | None, str | None]:
+    """As shake_hands, of a link that stands. An alert is told in TLS's words."""
     link.settimeout(ALERT_S)
     try:
-        link.recv(1)
+        link.recv(1)  # before a word of ours: who closes on that may take the alert back
+    except TimeoutError:  # it waits for us
+        with suppress(OSError):
+            return (WEB if is_http(knock(link)) else None), None
     except ssl.SSLError as e:
         _, alert, words = (e.reason or "").partition("ALERT_")
-        return words.replace("_", " ").lower() if alert else None
-    except OSError:  # it waits for us, or has closed
+        return None, words.replace("_", " ").lower() if alert else None
+    except OSError:  # it has closed
         pass
-    return None
+    return None, None
 
 
 def _trust(credential: Credential | Certificate | None) -> ssl.SSLContext:

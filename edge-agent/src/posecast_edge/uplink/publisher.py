@@ -49,6 +49,7 @@ ECHO_S = 1.0
 ECHO_AGAIN_S = 0.3  # while frames are late, and
 NEW_LINK_S = 5.0  # so long on a link of which nobody knows what it carries
 ECHO_TIMEOUT_S = 2.0
+ECHO_END_S = 0.5  # so long its thread is waited for, which is in a call of the session for less
 ECHO_BYTES_MAX = 4096
 ECHO_REPLIES_MAX = 8  # to one question: there may be several relays
 
@@ -102,6 +103,7 @@ class ZenohPublisher:
         self._declared: list[object] = []  # Zenoh undeclares what nobody holds
         self._thread = threading.Thread(target=self._keep_link, name="link", daemon=True)
         self._echo_thread: threading.Thread | None = None
+        self._echo_ends = False
 
     # --- for the agent
 
@@ -224,15 +226,21 @@ class ZenohPublisher:
         if self._session is not session:
             self._declare(session)
         self._echo_thread = threading.Thread(target=self._ask_echo, args=(session,), name="echo", daemon=True)
+        self._echo_ends = False
         self._echo_thread.start()
-        while self._send_waiting():
-            newer = self._take_newer()
-            if newer is not None:
-                self._declare(newer)  # this one is closed after it, so that the relay misses nothing
-                return newer
-            if session.is_closed():
-                raise zenoh.ZError("the session has ended")
-        return None
+        try:
+            while self._send_waiting():
+                newer = self._take_newer()
+                if newer is not None:
+                    self._declare(newer)  # this one is closed after it, so that the relay misses nothing
+                    return newer
+                if session.is_closed():
+                    raise zenoh.ZError("the session has ended")
+            return None
+        finally:  # to close a session while another thread is in a call of it is an error
+            self._echo_ends = True
+            self._notify()
+            self._echo_thread.join(ECHO_END_S)
 
     def _take_newer(self) -> zenoh.Session | None:
         """The session that was opened with what is new in the credential's file, if there is one."""
@@ -338,14 +346,18 @@ class ZenohPublisher:
 
     # --- the echo's thread
 
+    @property
+    def _is_ending(self) -> bool:
+        return self._stopping or self._echo_ends
+
     def _ask_echo(self, session: zenoh.Session) -> None:
-        while not self._stopping and self._session is session:
+        while not self._is_ending and self._session is session:
             with self._wake:
                 new = time.monotonic() - self._linked_s < NEW_LINK_S
                 pause_s = ECHO_AGAIN_S if new or self._watch.late_s > LATE_S else ECHO_S
-                self._wake.wait_for(lambda: self._stopping or self._just_linked, pause_s)
+                self._wake.wait_for(lambda: self._is_ending or self._just_linked, pause_s)
                 self._just_linked = False
-            if self._stopping:
+            if self._is_ending:
                 continue
             if not self.connected:
                 if time.monotonic() - self._linked_s > WHY_S:
@@ -381,6 +393,6 @@ class ZenohPublisher:
                     raise ValueError(f"{len(reply.ok.payload)} bytes")
                 echo = Echo.unpack(reply.ok.payload.to_bytes())
         except Exception as e:
-            if self._session is session and not self._stopping:
+            if self._session is session and not self._is_ending:
                 self.exceptions.add("the relay's echo", e)
         return echo

@@ -96,7 +96,7 @@ def load_manifest(manifest: bytes | bytearray) -> Mapping[str, object]:
 def make_model_tree(doc: Mapping[str, object]) -> ModelTree:
     """Read links, joints and boxes of a manifest that has been parsed. Raises ModelTreeError."""
     if doc.get("v") != 2:
-        fail("v", "a URDF that has not been built")
+        fail("v", "a URDF that has not been built; the robot's program does that with the extra `model`")
     links = tuple(
         check_name(v, f"links[{i}]") for i, v in enumerate(check_list(doc.get("links"), "links", LINKS_MAX))
     )

@@ -46,8 +46,7 @@ def examine_meshes(urdf: Urdf, tree: Tree, facts: Mapping[str, MeshFacts] | None
         yield from _scale(name, shape)
     if facts is None:
         return
-    yield from _files(shapes, facts)
-    yield from _textures(urdf, shapes, facts)
+    yield from examine_files(urdf, facts)
     for name, shape in shapes:
         yield from _size(name, shape, facts)
     yield from _whole(tree, facts)
@@ -55,6 +54,13 @@ def examine_meshes(urdf: Urdf, tree: Tree, facts: Mapping[str, MeshFacts] | None
     if size > HEAVY_BYTES:
         text = f"the meshes have {size / 1e6:.1f} MB and {triangles:,} triangles"
         yield Finding("hint", "bundle-size", f"{text}; `posecast-edge model build` makes them small", None)
+
+
+def examine_files(urdf: Urdf, facts: Mapping[str, MeshFacts]) -> Iterator[Finding]:
+    """Yield the findings about the files that the visuals name; nothing about those without facts."""
+    shapes = [(link.name, s) for link in urdf.links for s in link.visuals if s.geometry is not None]
+    yield from _files(shapes, facts)
+    yield from _textures(urdf, shapes, facts)
 
 
 def _scale(name: str, shape: Shape) -> Iterator[Finding]:

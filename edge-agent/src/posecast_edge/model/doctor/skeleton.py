@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from posecast_wire.mapping import Mapping as Meaning
 
 from posecast_edge.model.doctor.masses import examine_masses
-from posecast_edge.model.doctor.meshes import MeshFacts, examine_meshes
+from posecast_edge.model.doctor.meshes import MeshFacts, examine_files, examine_meshes
 from posecast_edge.model.doctor.soles import examine_soles
 from posecast_edge.model.finding import Finding, quote_name, sort_by_severity
 from posecast_edge.model.kinematics import list_variables
@@ -26,10 +26,15 @@ UNIT = 1e-3  # how far an axis may be from length 1
 
 
 def examine_model(
-    urdf: Urdf, tree: Tree, facts: Mapping[str, MeshFacts] | None, meaning: Meaning | None = None
+    urdf: Urdf,
+    tree: Tree,
+    facts: Mapping[str, MeshFacts] | None,
+    meaning: Meaning | None = None,
+    lost: Mapping[str, MeshFacts] | None = None,
 ) -> list[Finding]:
     """All findings, worst first. `facts`: the meshes by URI, None if they were not read; `meaning`: what a
-    profile says about joints and sensors."""
+    profile says about joints and sensors; `lost`: where meshes were not read, the files that are not
+    there."""
     found = [*urdf.findings, *tree.findings]
     for joint in urdf.joints:
         found += _joint(joint)
@@ -39,6 +44,8 @@ def examine_model(
     found += _mentions(urdf)
     found += examine_masses(tree, facts)
     found += examine_meshes(urdf, tree, facts)
+    if facts is None and lost:
+        found += examine_files(urdf, lost)
     if meaning is not None:
         found += _profile(urdf, meaning)
         found += examine_soles(tree, meaning)

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import contextlib
 import importlib.util
-import json
 import logging
 import os
 import shutil
@@ -16,6 +15,8 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
+
+from posecast_wire.command_line.installation import name_edge_command
 
 from posecast_edge.model.finding import advise_mesh_tools, explain_coarser
 from posecast_edge.model.serve.bundle import Bundle, ModelError, load_built
@@ -67,11 +68,13 @@ class BackgroundBuild:
             )
             self._failed()
             return
-        log.warning(
-            "model: meshes go as they are, %.1f MB; to make them small, %s",
-            _megabytes(self._raw),
-            advise_mesh_tools(),
-        )
+        if len(self._raw.files) > 1:  # it has meshes, or pictures
+            log.warning(
+                "model: meshes go as they are, %s; to make them small, %s",
+                describe_size(self._raw),
+                advise_mesh_tools(),
+            )
+        self._log_findings(self._raw)
         self._ready(self._raw)
 
     def stop(self) -> None:
@@ -101,13 +104,17 @@ class BackgroundBuild:
         if self._stopping:
             return
         took_s = time.monotonic() - began_s
-        raw = f" of {_megabytes(self._raw):.1f} MB" if self._raw is not None else ""
-        log.info("model: %.1f MB%s, after %.1f s", _megabytes(bundle), raw, took_s)
+        raw = f" of {describe_size(self._raw)}" if self._raw is not None else ""
+        log.info("model: %s%s, after %.1f s", describe_size(bundle), raw, took_s)
         if coarser := explain_coarser():
             log.warning("model: %s", coarser)
-        if problems := _problems(bundle):
-            log.warning("model: %s; posecast-edge doctor --urdf %s names them", problems, self._urdf)
+        self._log_findings(bundle)
         self._ready(bundle)
+
+    def _log_findings(self, bundle: Bundle) -> None:
+        if problems := _count_findings(bundle):
+            doctor = name_edge_command("doctor")
+            log.warning("model: %s; %s --urdf %s names them", problems, doctor, self._urdf)
 
     def _built(self) -> Bundle:
         """ModelError with the builder's last word."""
@@ -141,12 +148,14 @@ class BackgroundBuild:
         return load_built(out)
 
 
-def _problems(bundle: Bundle) -> str:
+def _count_findings(bundle: Bundle) -> str:
     """`2 errors, 1 warning` in the URDF, "" when there are none."""
-    severities = [f["severity"] for f in json.loads(bundle.manifest).get("findings", [])]
+    severities = [f.severity for f in bundle.findings]
     counts = [(severities.count(s), s) for s in ("error", "warning")]
     return ", ".join(f"{n} {s}{'s' if n > 1 else ''}" for n, s in counts if n)
 
 
-def _megabytes(bundle: Bundle) -> float:
-    return sum(f.size for f in bundle.files) / 1e6
+def describe_size(bundle: Bundle) -> str:
+    """The size of all its files together, kB or MB."""
+    size = sum(f.size for f in bundle.files)
+    return f"{size / 1e6:.1f} MB" if size >= 100_000 else f"{size / 1e3:.0f} kB"

@@ -11,12 +11,15 @@ import hashlib
 import json
 import logging
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote, urlsplit
 
-from posecast_edge.model.finding import ModelRefused, make_printable
+from posecast_edge.model.doctor.lost_files import find_lost_files
+from posecast_edge.model.doctor.skeleton import examine_model
+from posecast_edge.model.finding import Finding, ModelRefused, make_printable
+from posecast_edge.model.kinematics import VARIABLES, list_variables
 from posecast_edge.model.moving_joints import (
     SLIDING_TYPE,
     MovingJoint,
@@ -26,6 +29,7 @@ from posecast_edge.model.moving_joints import (
 from posecast_edge.model.serve.bundle_dir import check_folder
 from posecast_edge.model.urdf.reader import load_urdf
 from posecast_edge.model.urdf.resolver import URI_MAX, Resolver, resolve_links
+from posecast_edge.model.urdf.tree import build_tree
 from posecast_edge.model.urdf.types import Urdf
 
 log = logging.getLogger("posecast_edge.model")
@@ -33,6 +37,7 @@ log = logging.getLogger("posecast_edge.model")
 RANGE_MAX = 250_000  # bytes of one reply: a larger one closes a thin uplink's connection
 FILE_MAX = 256 << 20
 FILES_MAX = 1000
+FINDINGS_MAX = 100
 
 # what is served, by suffix
 TYPES = {
@@ -74,13 +79,18 @@ class Bundle:
         links: frozenset[str],
         sliding: frozenset[str] = frozenset(),
         joints: tuple[MovingJoint, ...] = (),
+        readings: frozenset[str] = frozenset(),
+        findings: Sequence[Finding] = (),
     ) -> None:
         """`links`: the names of its links; `sliding`: those of its prismatic joints; `joints`: those that one
-        value moves."""
+        value moves; `readings`: what readings of any joint may be called; `findings`: errors and warnings of
+        the doctor, at most FINDINGS_MAX."""
         self.manifest = manifest
         self.links = links
         self.sliding = sliding
         self.joints = joints
+        self.readings = readings
+        self.findings = tuple(findings)
         self.files = tuple(files)
         self.missing = tuple(missing)
         self.hash = hashlib.sha256(self.manifest).hexdigest()
@@ -136,7 +146,22 @@ def load_bundle(urdf: Path, packages: Sequence[Path] = ()) -> Bundle:
             files.append(file)
     links = frozenset(link.name for link in read.links)
     manifest = _manifest(files, missing)
-    return Bundle(manifest, files, missing, links, find_sliding(read), list_moving_joints(read))
+    joints, readings = list_moving_joints(read), _list_readings((j.name, j.type) for j in read.joints)
+    found = _examine(read, resolver)
+    return Bundle(manifest, files, missing, links, find_sliding(read), joints, readings, found)
+
+
+def _examine(urdf: Urdf, resolver: Resolver) -> list[Finding]:
+    """What can be found out without a look into the meshes."""
+    found = examine_model(urdf, build_tree(urdf), None, lost=find_lost_files(urdf, resolver))
+    return [f for f in found if f.severity != "hint"][:FINDINGS_MAX]
+
+
+def _list_readings(joints: Iterable[tuple[str, str]]) -> frozenset[str]:
+    """By (name, type) of joints: their own names, which those of several variables have too, and these."""
+    return frozenset(
+        name for joint, kind in joints for name in (joint, *(v for v, _ in list_variables(joint, kind)))
+    )
 
 
 def find_sliding(urdf: Urdf) -> frozenset[str]:
@@ -177,9 +202,31 @@ def load_built(folder: Path) -> Bundle:
     except OSError as e:
         raise ModelError(f"{e.filename or folder}: {e.strerror or e}") from None
     files = [BundleFile(folder / e.path, e.path, e.path, *e[1:]) for e in entries]
-    links = json.loads(manifest).get("links")
+    document = json.loads(manifest)
+    links = document.get("links")
     names = frozenset(map(str, links if isinstance(links, list) else ()))
-    return Bundle(manifest, files, [], names, find_sliding_built(manifest), list_built_joints(manifest))
+    joints, sliding = list_built_joints(manifest), find_sliding_built(manifest)
+    readings = _list_readings(_read_types(document.get("joints")))
+    return Bundle(
+        manifest, files, [], names, sliding, joints, readings, _read_findings(document.get("findings"))
+    )
+
+
+def _read_types(joints: object) -> Iterator[tuple[str, str]]:
+    """(name, type) of each joint of a manifest, as far as there are any."""
+    for joint in joints if isinstance(joints, list) else ():
+        if isinstance(joint, dict) and joint.get("type") in VARIABLES:
+            yield str(joint.get("name")), joint["type"]
+
+
+def _read_findings(findings: object) -> list[Finding]:
+    """A manifest's errors and warnings. What a manifest should not hold is left out."""
+    return [
+        Finding(f["severity"], str(f.get("code")), str(f.get("text")), line if type(line) is int else None)
+        for f in (findings if isinstance(findings, list) else ())[:FINDINGS_MAX]
+        if isinstance(f, dict) and f.get("severity") in ("error", "warning")
+        for line in (f.get("line"),)
+    ]
 
 
 def find_sliding_built(manifest: bytes) -> frozenset[str]:

@@ -21,6 +21,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
+from posecast_wire.command_line.installation import name_edge_command
+
 from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import TIME_MAX_S, Reading, Sample, SourceError
 from posecast_edge.sources.base import Source
@@ -128,7 +130,8 @@ class Table:
                 make_visible(self._written[i], NAME_SHOWN) or "''" for i in [*self._left_out][:6]
             )
             more = ", …" if len(self._left_out) > 6 else ""
-            log.info("%s: columns left out: %s%s; `posecast-edge probe` says why", self._where, named, more)
+            probe = name_edge_command("probe")
+            log.info("%s: columns left out: %s%s; `%s` says why", self._where, named, more, probe)
 
     def _first_rows(self, lines: Iterator[tuple[int, str]]) -> list[list[str]]:
         rows, chars = [], 0

@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from posecast_edge import clock
+from posecast_edge.model.serve.bundle import Bundle
 from posecast_edge.profile.types import Profile
 from posecast_edge.sample import Reading, Sample
 from posecast_edge.sources.base import Deliver
 from posecast_edge.sources.published.channels import JOINT_FIELDS, OF_PROFILE, Labels, PublishedChannels
+from posecast_edge.sources.published.clock_check import ClockCheck
+from posecast_edge.sources.published.model_check import ModelCheck
 from posecast_edge.sources.published.problems import ProblemList
 from posecast_edge.sources.published.slot import FLAGS, PublishedSlot, Readings, Taken
 from posecast_edge.visible import quote
@@ -22,7 +25,7 @@ SETTLE_S = 0.5  # without a profile the first sample says what there is: it wait
 
 class PublishedSource:
     """`joints`: the robot's joints in order, empty when nobody said. The agent calls `run`; `end` and
-    `check_model` may be called from any thread."""
+    `expect_model` may be called from any thread."""
 
     description = "Python"
 
@@ -37,18 +40,19 @@ class PublishedSource:
         self._slot, self._joints, self._problems = slot, tuple(joints), problems
         self._profile_given = profile is not None
         self._channels = PublishedChannels(robot, joints, profile, problems)
-        self._model_joints: frozenset[str] | None = None
+        self._model, self._clock = ModelCheck(problems), ClockCheck(problems)
+        self._is_compared = True  # the names of joints with the model's
         self._ended = False
 
     def end(self) -> None:
         """Make `run` deliver what waits and return. Takes no lock, so the garbage collector may call it."""
         self._ended = True
 
-    def check_model(self, joints: Iterable[str]) -> None:
-        """Report the published joints that are none of these, which are the model's."""
-        self._model_joints = frozenset(joints)
-        if self._channels.labels is not None:
-            self._compare_with_model(self._channels.labels)
+    def expect_model(self, bundle: Bundle) -> None:
+        """Report what is wrong with the robot's model, and from now on what of the published is not meant for
+        it."""
+        self._model.take_model(bundle)
+        self._is_compared = False
 
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
         """Deliver the newest readings as often as frames are sent, until `end` or `stop`."""
@@ -61,6 +65,8 @@ class PublishedSource:
                 first_s = time.monotonic() if first_s is None else first_s
                 self._sleep(first_s + SETTLE_S, stop)
             taken = self._slot.take(clock.now_s())
+            if taken:
+                self._clock.check_time(taken.t_s, time.monotonic())
             wanted_s = self._deliver(taken, deliver) if taken else None
             self._problems.log_new()
             if ended:
@@ -85,9 +91,12 @@ class PublishedSource:
         known = self._channels.labels
         if known is None:
             return None
-        if known is not before:
-            self._compare_with_model(known)
+        if known is not before or not self._is_compared:
+            self._is_compared = True
+            self._compare_names(known)
         checked = self._check(values, known)
+        if not self._profile_given:
+            self._model.check_positions(checked)
         for t_s, flags in taken.flags:  # with all the rest: one of them may be the first
             replaced = {**checked, **self._check({FLAGS: flags}, known)}
             deliver(Sample(t_s, replaced, taken.info, newest=False, anew=anew))
@@ -124,9 +133,6 @@ class PublishedSource:
             return None
         return reading
 
-    def _compare_with_model(self, known: Labels) -> None:
-        if self._profile_given or self._model_joints is None:  # a profile says itself what moves what
-            return
-        for name in sorted(JOINT_FIELDS & known.keys()):
-            for label in sorted(known[name] - self._model_joints):
-                self._problems.add(f"{name} of {quote(label)} moves nothing: the model has no such joint")
+    def _compare_names(self, known: Labels) -> None:
+        if not self._profile_given:  # which says itself what moves what
+            self._model.check_names({name: known[name] for name in JOINT_FIELDS & known.keys()})

@@ -22,6 +22,14 @@ def find_version() -> str:
     return "unknown" if found is None else found.version
 
 
+def name_edge_command(command: str) -> str:
+    """What a user types for a command of the agent, such as doctor: `posecast doctor` where `posecast` is
+    installed, which uvx starts by that name alone, else `posecast-edge doctor`."""
+    from importlib.util import find_spec  # noqa: PLC0415
+
+    return f"posecast {command}" if find_spec("posecast_command") else f"posecast-edge {command}"
+
+
 def advise_extra(part: str, extra: str) -> str:
     """The command that adds an extra to what is installed. `part`: the distribution whose extra it is, such
     as posecast-edge; where the whole is installed, it has the extra too. An environment that uv has made has

@@ -6,6 +6,7 @@ import argparse
 import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import takewhile
 from typing import Any, NoReturn, TypeVar
 
 from posecast_wire.command_line.color import paint, wants_color
@@ -42,11 +43,11 @@ class CommandParser(argparse.ArgumentParser):
     ) -> tuple[N | argparse.Namespace, list[str]]:
         """As argparse does, but a mistyped flag is told before what it leaves missing."""
         given = sys.argv[1:] if args is None else [*args]
-        if self._subparsers is None:
-            self._check_flags(given)
+        own = given if self._subparsers is None else takewhile(lambda word: word.startswith("-"), given)
+        self._check_flags(own)
         return super().parse_known_args(given, namespace)
 
-    def _check_flags(self, given: Sequence[str]) -> None:
+    def _check_flags(self, given: Iterable[str]) -> None:
         for word in given:
             if word == "--":
                 return

@@ -1,0 +1,37 @@
+"""The publisher's threads inside this process: which of them uses the session while another closes it."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import pytest
+import zenoh
+from edge_stage import ROBOT, Router, until
+from posecast_edge.uplink import publisher
+from posecast_edge.uplink.publisher import ZenohPublisher
+
+LOOK_S = 0.3  # so long a question goes on after the end
+
+
+def test_a_session_is_closed_only_when_no_question_is_asked_over_it(
+    router: Router, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(publisher, "ECHO_END_S", 20.0)
+    asks, closed = threading.Event(), list[bool]()
+
+    def ask_until_it_ends(self: ZenohPublisher, session: zenoh.Session) -> None:
+        asks.set()
+        until(lambda: self._stopping, "the end", 20.0)
+        until_s = time.monotonic() + LOOK_S
+        while not session.is_closed() and time.monotonic() < until_s:
+            time.sleep(0.01)
+        closed.append(session.is_closed())
+
+    monkeypatch.setattr(ZenohPublisher, "_echo_of", ask_until_it_ends)
+    link = ZenohPublisher(ROBOT, ["public"], router.endpoint, snapshot=lambda _: None, heard=lambda _: None)
+    link.start()
+    until(asks.is_set, "it asks")
+    link.stop(20.0)
+    link.wait_for_end(20.0)
+    assert closed == [False]
