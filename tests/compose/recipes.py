@@ -1,5 +1,4 @@
-"""The recipes of docs/how-to/operate/operations.md for the containers, as scripts for the tests' own
-project."""
+"""The recipes of docs/how-to/operate/container-recipes.md, as scripts for the tests' own project."""
 
 from __future__ import annotations
 
@@ -7,14 +6,15 @@ import re
 import shlex
 import subprocess
 from pathlib import Path
+from textwrap import dedent
 from typing import Any
 
 from tests.compose.engine import ROOT, docker
 from tests.conftest import BIN, until
 
-PAGE = (ROOT / "docs/how-to/operate/operations.md").read_text()
-SECTION = PAGE[PAGE.index("## Recipes for the containers") :]
-BLOCKS = re.findall(r"^```sh\n(.*?)^```", SECTION, re.DOTALL | re.MULTILINE)
+PAGE = (ROOT / "docs/how-to/operate/container-recipes.md").read_text()
+FOUND = re.findall(r"^( *```sh\n.*?)^ *```", PAGE, re.DOTALL | re.MULTILINE)
+BLOCKS = [dedent(block).partition("\n")[2] for block in FOUND]  # those of lists are indented
 ALIAS, ADD, RULES, EDIT, BACK, BEGIN, FINISH, ADMIN = BLOCKS[:8]
 BUILD, GATEWAYS, RELAY, REST, BACKUP, RESTORE, SECOND, NOFILE = BLOCKS[8:]
 

@@ -1,4 +1,4 @@
-"""The recipes of docs/how-to/operate/operations.md for the containers, each played as it stands there."""
+"""The recipes of docs/how-to/operate/container-recipes.md, each played as it stands there."""
 
 from __future__ import annotations
 
