@@ -217,6 +217,7 @@ def test_a_rotation_in_two_steps(tmp_path: Path) -> None:
     assert "not allowed with argument" in refused(path, "rotate", "hubo", "--begin", "--finish")
     done = robots(path, "rotate", "hubo", "--begin")
     assert "worth nothing until `robots rotate hubo --finish`" in done.stderr
+    assert "replaces" not in done.stderr
     second = Credential.parse(done.stdout)
     assert read_robots(path).find_secrets(0.0) == {"hubo": first.secret}
     assert robots(path, "rotate", "hubo", "--finish", "--days", "3").stdout == ""
