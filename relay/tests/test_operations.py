@@ -118,5 +118,5 @@ def test_the_commands_for_the_file_of_robots_do_what_they_say(tmp_path: Path) ->
     os.close(terminal)
     assert read_robots(path).enrolled["hubo"].rules == {
         Audience.ANYONE: Rule(delay_s=10.0),
-        Audience.LINK: Rule("staff", past_s=7200.0),
+        Audience.LINK: Rule(past_s=7200.0),
     }

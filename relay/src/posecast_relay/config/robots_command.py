@@ -22,7 +22,7 @@ from posecast_relay.config.robots_file import read_robots, read_text
 from posecast_relay.config.robots_reader import Robots, RobotsError, describe_rule, parse_robots
 from posecast_relay.config.robots_storage import lock_folder, replace_text
 from posecast_relay.config.settings import MEMORY, SettingsError
-from posecast_relay.core.policy.policy import Audience, Rule
+from posecast_relay.core.policy.policy import PUBLIC, Audience, Rule
 
 Parse = Callable[[str], Robots]
 
@@ -133,6 +133,12 @@ def _change(path: Path, asked: argparse.Namespace, parse: Parse) -> None:
         seen_by = _describe_audiences(robots.enrolled[asked.robot].rules)
         hint = f". `robots set {asked.robot}` says otherwise" if asked.do == "add" else ""
         sys.stderr.write(f"Who may watch {asked.robot!r}: {seen_by}{hint}.\n")
+    if asked.do == "set":
+        for view in sorted({rule.view for rule in robots.enrolled[asked.robot].rules.values()} - {PUBLIC}):
+            sys.stderr.write(
+                f"View {view!r} shows nothing unless the robot's profile has it; "
+                "/admin says which views the robot sends.\n"
+            )
     if asked.do == "admin":
         sys.stderr.write(
             "The next line is the credential for the page /admin, shown this once; the one before is worth\n"

@@ -19,7 +19,7 @@ def list_credential_changes(before: Robots, after: Robots) -> list[str]:
             lines.append(f"{name}: is removed: its credential and its share links are worth nothing")
         else:
             lines += (f"{name}: {change}" for change in _list_changes(old, new))
-    admin_before, admin_after = (each.admin and each.admin.secret for each in (before, after))
+    admin_before, admin_after = (each.admin.secret if each.admin else None for each in (before, after))
     if admin_before != admin_after:
         lines.append(f"/admin: {_describe_change('credential', admin_before, admin_after)}")
     return lines
