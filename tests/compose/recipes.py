@@ -19,9 +19,7 @@ BUILD, REPLACE, GATEWAYS, RELAY, REST, GO_BACK = BLOCKS[9:15]
 BACKUP, RESTORE, SECOND, HEALTH, NOFILE = BLOCKS[15:]
 
 INSTALL = (ROOT / "docs/INSTALL.md").read_text()
-PAST = re.findall(
-    r"^```sh\n(.*?)^```", INSTALL[INSTALL.index("### The past in") :], re.DOTALL | re.MULTILINE
-)
+PAST = re.findall(r"^```sh\n(.*?)^```", INSTALL[INSTALL.index("### The past in") :], re.DOTALL | re.MULTILINE)
 (PAST_BACKUP,) = (block for block in PAST if "> past.tar.gz" in block)
 (PAST_RESTORE,) = (block for block in PAST if "< past.tar.gz" in block)
 

@@ -254,6 +254,8 @@ def test_the_past_comes_back_and_the_file_of_robots_stays(cloud: Any, tmp_path: 
     write_volume(cloud, "past", "past/tombstones/hubo/one.done", "")
     carry_out(cloud, restore)
     done = f"{cloud.project.name}_past:/past:ro"
-    found = docker("run", "--rm", "--network", "none", "--volume", done, "posecast", "find", "/past", "-name", "*.done")
+    found = docker(
+        "run", "--rm", "--network", "none", "--volume", done, "posecast", "find", "/past", "-name", "*.done"
+    )
     assert found == ""
     cloud.until_moves()
