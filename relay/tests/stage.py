@@ -39,6 +39,8 @@ from .sim import Edge, schema
 
 T = TypeVar("T")
 
+START_S = 60.0  # after so long a relay that has said nothing is ended, and its test fails
+
 
 def until(what: str, probe: Callable[[], T | None], deadline_s: float = 20.0) -> T:
     """The first answer of `probe` that is neither None nor False."""
@@ -81,7 +83,10 @@ class Relay:
                 [*command, "--zenoh-listen", listen, *flags], stdout=subprocess.PIPE, stderr=errors
             )
         assert self.process.stdout is not None
+        late = threading.Timer(START_S, self.process.kill)
+        late.start()
         line = self.process.stdout.readline().decode()
+        late.cancel()
         found = re.fullmatch(
             r"posecast-relay: serving http://(127\.0\.0\.1:(\d+)), "
             r"robots (?:on (t(?:cp|ls)/127\.0\.0\.1:(\d+))|from Redis)\n",

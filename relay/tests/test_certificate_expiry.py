@@ -59,6 +59,7 @@ def test_a_running_relay_tells_it(tmp_path: Path, relays: Callable[..., Relay]) 
     certificates(tmp_path)
     robots, port = tmp_path / "robots.toml", free_port()
     robots.touch(0o600)
+    robots.write_text("[robots]\n")
     relays(
         *("--robots", str(robots), "--metrics-port", str(port)),
         *("--zenoh-tls-cert", str(tmp_path / "server.pem"), "--zenoh-tls-key", str(tmp_path / "server.key")),
