@@ -1,4 +1,4 @@
-"""The recipes of docs/OPERATIONS.md for the containers, as scripts for the tests' own project."""
+"""The recipes for the containers in docs/, as scripts for the tests' own project."""
 
 from __future__ import annotations
 
@@ -14,17 +14,28 @@ from tests.conftest import BIN, until
 PAGE = (ROOT / "docs/OPERATIONS.md").read_text()
 SECTION = PAGE[PAGE.index("## Recipes for the containers") :]
 BLOCKS = re.findall(r"^```sh\n(.*?)^```", SECTION, re.DOTALL | re.MULTILINE)
-ALIAS, ADD, RULES, EDIT, BACK, BEGIN, FINISH, ADMIN = BLOCKS[:8]
-BUILD, GATEWAYS, RELAY, REST, BACKUP, RESTORE, SECOND, NOFILE = BLOCKS[8:]
+COMPOSE, ADD, RULES, LINK, EDIT, BACK, BEGIN, FINISH, ADMIN = BLOCKS[:9]
+BUILD, REPLACE, GATEWAYS, RELAY, REST, GO_BACK = BLOCKS[9:15]
+BACKUP, RESTORE, SECOND, HEALTH, NOFILE = BLOCKS[15:]
+
+INSTALL = (ROOT / "docs/INSTALL.md").read_text()
+PAST = re.findall(r"^```sh\n(.*?)^```", INSTALL[INSTALL.index("### The past in") :], re.DOTALL | re.MULTILINE)
+(PAST_BACKUP,) = (block for block in PAST if "> past.tar.gz" in block)
+(PAST_RESTORE,) = (block for block in PAST if "< past.tar.gz" in block)
 
 
 def adapt(cloud: Any, block: str, folder: Path = ROOT, **settings: str) -> str:
     """A block as a script for the tests' own project, run in `folder`."""
-    assert ALIAS.strip() == "alias compose='docker compose -f infra/docker-compose.yml'"
-    command = cloud.project.write_command(**settings)
-    script = block.replace("docker compose -f infra/docker-compose.yml", "compose")
-    script = re.sub(r"\bposecast_(?=\w+:|web\b)", f"{cloud.project.name}_", script)
-    return f'set -euo pipefail\ncd {folder}\ncompose() {{ {shlex.join(command)} "$@"; }}\n{script}'
+    command = shlex.join(cloud.project.write_command(**settings))
+    first = COMPOSE
+    for shown, mine in {
+        "lab=posecast": f"lab={cloud.project.name}",
+        'docker compose -f infra/docker-compose.yml --project-name "$lab"': command,
+    }.items():
+        assert first.count(shown) == 1
+        first = first.replace(shown, mine)
+    assert PAST[0] == COMPOSE
+    return f"set -euo pipefail\ncd {folder}\n{first}{REPLACE}{block}"
 
 
 def attempt(cloud: Any, block: str, folder: Path = ROOT, **settings: str) -> subprocess.CompletedProcess[str]:
