@@ -49,7 +49,7 @@ COMPOSE_FLAGS = {  # of docker, docker compose and tar
         "--no-start",
     ),
     *("--numeric-owner", "--profile", "--project-name", "--quiet", "--rm", "--scale", "--user", "--volume"),
-    *("--volumes", "--wait"),
+    *("--force", "--tail", "--volumes", "--wait"),
 }
 PAGE = (DOCS / "OPERATIONS.md").read_text()
 
