@@ -143,12 +143,23 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         place.close()
 
 
+def wait_for_segment(site: Site, past: str) -> str:
+    """The address of the newest segment, as soon as there is one."""
+    newest: dict[str, Any] = {}
+
+    def is_there() -> bool:
+        status, _, body = site.get(past)
+        newest.update((json.loads(body).get("newest") or {}) if status == 200 else {})
+        return bool(newest)
+
+    until("there is a segment", is_there)
+    return f"{past}/public/{newest['take']}/{newest['index']}"
+
+
 @pytest.mark.skipif(NGINX is None, reason="no nginx here: apt-get install nginx")
 def test_only_the_lane_goes_through_the_cache(site: Site) -> None:
     past = "/api/v1/robots/demo/past"
-    until("there is a segment", lambda: json.loads(site.get(past)[2]).get("newest"))
-    newest = json.loads(site.get(past)[2])["newest"]
-    segment = f"{past}/public/{newest['take']}/{newest['index']}"
+    segment = wait_for_segment(site, past)
     itself = site.get(f"http://127.0.0.1:8080{segment}")
     for kept in ("MISS", "HIT"):
         status, headers, body = site.get(segment)
@@ -164,9 +175,7 @@ def test_only_the_lane_goes_through_the_cache(site: Site) -> None:
 @pytest.mark.skipif(NGINX is None, reason="no nginx here: apt-get install nginx")
 def test_without_its_cache_the_lane_comes_from_the_relay(site: Site) -> None:
     past = "/api/v1/robots/demo/past"
-    until("there is a segment", lambda: json.loads(site.get(past)[2]).get("newest"))
-    newest = json.loads(site.get(past)[2])["newest"]
-    segment = f"{past}/public/{newest['take']}/{newest['index']}"
+    segment = wait_for_segment(site, past)
     assert site.get(segment)[1]["x-cache"] is not None
     assert site.cache is not None
     site.cache.stop()

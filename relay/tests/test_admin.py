@@ -134,6 +134,22 @@ def test_it_shows_robots_and_figures_and_no_secret(lab: Lab, edges: Callable[...
         assert secret not in lab.ask().text
 
 
+def test_a_view_that_the_robot_does_not_send_is_named(lab: Lab, edges: Callable[..., ZenohEdge]) -> None:
+    def find_views() -> tuple[list[str] | None, dict[str, str] | None]:
+        hubo = lab.ask().json()["robots"][0]
+        return hubo.get("sent_views"), hubo.get("unsent_views")
+
+    lab.robots("set", "hubo", "--link", "view=staff")
+    assert find_views() == (None, None), "nobody knows before it is on air"
+    edges(lab.relay.zenoh, robot="hubo")
+    until("it is said", lambda: find_views() == (["public"], {"link": "staff"}))
+    lab.robots("set", "hubo", "--link", "blackout=true")
+    until("it shows nothing on purpose", lambda: find_views() == (["public"], {}))
+    lab.robots("set", "hubo", "--link", "blackout=", "view=public")
+    until("it is right", lambda: lab.ask().json()["robots"][0]["audiences"]["link"] == "public (no past)")
+    assert find_views() == (["public"], {})
+
+
 def test_share_links_are_made_and_revoked(lab: Lab, edges: Callable[..., ZenohEdge]) -> None:
     lab.robots("set", "hubo", "--anyone", "nothing")
     edges(lab.relay.zenoh, robot="hubo")

@@ -170,7 +170,10 @@ def test_who_may_watch_is_said_without_an_editor(tmp_path: Path) -> None:
     words = ["--anyone", "view=public", "delay_s=10", "frames=https://a.example,https://b.example"]
     done = robots(path, "set", "hubo", *words, "--link", "view=7", "past=2h", "blackout=false")
     assert done.returncode == 0, done.stderr
-    assert "anyone: public (10 s late, no past), link: 7 (2 h back)" in done.stderr
+    assert done.stderr == (
+        "Who may watch 'hubo': anyone: public (10 s late, no past), link: 7 (2 h back).\n"
+        "View '7' shows nothing unless the robot's profile has it; /admin says which views the robot sends.\n"
+    )
     rules = read_robots(path).enrolled["hubo"].rules
     assert rules == {
         Audience.ANYONE: Rule(delay_s=10.0, frames=("https://a.example", "https://b.example")),
@@ -217,6 +220,7 @@ def test_a_rotation_in_two_steps(tmp_path: Path) -> None:
     assert "not allowed with argument" in refused(path, "rotate", "hubo", "--begin", "--finish")
     done = robots(path, "rotate", "hubo", "--begin")
     assert "worth nothing until `robots rotate hubo --finish`" in done.stderr
+    assert "replaces" not in done.stderr
     second = Credential.parse(done.stdout)
     assert read_robots(path).find_secrets(0.0) == {"hubo": first.secret}
     assert robots(path, "rotate", "hubo", "--finish", "--days", "3").stdout == ""

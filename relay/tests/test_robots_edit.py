@@ -36,9 +36,11 @@ MISTAKES = [
 ]
 
 
-def run(path: Path, do: str, stdin: bytes | None = None, **environ: str) -> subprocess.CompletedProcess[str]:
+def run(
+    path: Path, do: str, stdin: bytes | None = None, *flags: str, **environ: str
+) -> subprocess.CompletedProcess[str]:
     """`posecast-relay robots …` with its stdin from a file."""
-    command = [sys.executable, "-m", "posecast_relay.cli", "robots", do, "--robots", str(path)]
+    command = [sys.executable, "-m", "posecast_relay.cli", "robots", do, *flags, "--robots", str(path)]
     done = subprocess.run(
         command, input=stdin or b"", capture_output=True, timeout=20, check=False, env=os.environ | environ
     )
@@ -105,7 +107,7 @@ def test_a_text_from_stdin_is_written_if_it_is_good(tmp_path: Path) -> None:
     assert path.read_text() == "[robots.hubo]\n"
     assert [each.name for each in tmp_path.iterdir()] == ["robots.toml"]
 
-    assert run(path, "edit", b"[robots.g1]\n").returncode == 0
+    assert run(path, "edit", b"[robots.g1]\n", "--yes").returncode == 0
     assert path.read_text() == "[robots.g1]\n"
     backup = tmp_path / "robots.toml.bak"
     assert backup.read_text() == "[robots.hubo]\n"
@@ -159,6 +161,10 @@ def test_an_editor_is_opened_again_until_the_file_is_right(tmp_path: Path) -> No
     assert status == 0, said
     assert "robots.toml: is empty; for no robots at all, leave a comment in it\n" in said
     assert "robots.toml: [robots.hubo.anyone] hz: want a number from 0.1 to 60 (at line 7)\n" in said
+    assert said.endswith(
+        f"{path}: g1: is added, perhaps back again: it may publish\n"
+        f"{path}: hubo: is removed: its credential and its share links are worth nothing\n"
+    )
     assert path.read_text() == "[robots.g1]\n"
     assert (lab / "robots.toml.bak").read_text() == "[robots.hubo]\n"
     assert set((own / "modes").read_text().split()) == {"700"}
@@ -201,7 +207,7 @@ def test_what_two_people_write_at_once_is_not_lost(tmp_path: Path, theirs: str |
     if theirs is None:
         path.unlink()
     else:
-        run(path, "edit", theirs.encode())
+        run(path, "edit", theirs.encode(), "--yes")
     mark.unlink()
     said = edit.communicate(timeout=20)[1].decode()
     os.close(at)

@@ -160,7 +160,7 @@ def test_the_commands_of_the_reference_change_and_check_the_file(lab: Path) -> N
         os.close(terminal)
     assert read(lab).enrolled["hubo"].rules == {
         Audience.ANYONE: Rule(delay_s=10.0),
-        Audience.LINK: Rule("staff", past_s=7200.0),
+        Audience.LINK: Rule(past_s=7200.0),
     }
 
 

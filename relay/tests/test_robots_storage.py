@@ -90,7 +90,9 @@ def test_a_file_that_root_has_put_there_is_replaced_by_the_relays_own_user(lab: 
     done = robots(path, "check", user=RELAY)
     assert done.returncode == 1
     assert f"permission denied: it belongs to root (uid 0), mode 0600, and this is uid {RELAY}" in done.stdout
-    assert robots(path, "edit", user=RELAY, stdin="[robots.g1]\n").returncode == 0
+    done = robots(path, "edit", user=RELAY, stdin="[robots.g1]\n")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 2)
+    assert robots(path, "edit", "--yes", user=RELAY, stdin="[robots.g1]\n").returncode == 0
     assert owner(path) == (RELAY, RELAY, 0o600)
     assert path.read_text() == "[robots.g1]\n"
 

@@ -21,10 +21,19 @@ EDGE = {"--credential", "--hz", "--relay", "--robot", "--source", "--tls-ca", "-
 REDIS_CLI = {"--latency", "--pattern", "--scan"}
 OTHERS = {  # docker, docker compose, kubectl, gcloud, rsync and tar
     *("--cap-drop", "--cert", "--delete", "--detach", "--env-file", "--exclude", "--format", "--from-file"),
-    *("--from-literal", "--interactive", "--key", "--name", "--network", "--no-deps", "--no-recreate"),
-    *("--no-start", "--numeric-owner", "--profile", "--project-name", "--quiet", "--raw", "--read-only"),
-    *("--region", "--restart", "--rm", "--scale", "--security-opt", "--target", "--tmpfs", "--user"),
-    *("--volume", "--volumes", "--wait"),
+    *("--force", "--from-literal", "--interactive", "--key", "--name", "--network", "--no-deps"),
+    *(
+        "--no-recreate",
+        "--no-start",
+        "--numeric-owner",
+        "--profile",
+        "--project-name",
+        "--quiet",
+        "--raw",
+        "--read-only",
+    ),
+    *("--region", "--restart", "--rm", "--scale", "--security-opt", "--tail", "--target", "--tmpfs"),
+    *("--user", "--volume", "--volumes", "--wait"),
 }
 
 

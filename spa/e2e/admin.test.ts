@@ -98,6 +98,10 @@ describe('the page /admin', () => {
     await until('it is good no more', async () => (await see()) === 401);
     expect(await page.text()).toContain('All share links of this robot are revoked.');
 
+    lab.robots('set', 'demo', '--link', 'view=staff');
+    const unsent = 'Link holders see: staff. The robot does not send this view. It sends: ';
+    await until('a view that is not sent is named', says(page, unsent));
+
     const kept = await run(
       page,
       'JSON.stringify([document.cookie, {...localStorage}, {...sessionStorage}, location.href])',

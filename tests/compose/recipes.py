@@ -1,4 +1,4 @@
-"""The recipes of docs/how-to/operate/container-recipes.md, as scripts for the tests' own project."""
+"""The recipes for the containers in docs/how-to/, as scripts for the tests' own project."""
 
 from __future__ import annotations
 
@@ -12,20 +12,36 @@ from typing import Any
 from tests.compose.engine import ROOT, docker
 from tests.conftest import BIN, until
 
-PAGE = (ROOT / "docs/how-to/operate/container-recipes.md").read_text()
-FOUND = re.findall(r"^( *```sh\n.*?)^ *```", PAGE, re.DOTALL | re.MULTILINE)
-BLOCKS = [dedent(block).partition("\n")[2] for block in FOUND]  # those of lists are indented
-ALIAS, ADD, RULES, EDIT, BACK, BEGIN, FINISH, ADMIN = BLOCKS[:8]
-BUILD, GATEWAYS, RELAY, REST, BACKUP, RESTORE, SECOND, NOFILE = BLOCKS[8:]
+
+def list_blocks(page: str) -> list[str]:
+    """The shell blocks of a page below docs/how-to/, those of lists without their indent."""
+    text = (ROOT / "docs/how-to" / page).read_text()
+    found = re.findall(r"^( *```sh\n.*?)^ *```", text, re.DOTALL | re.MULTILINE)
+    return [dedent(block).partition("\n")[2] for block in found]
+
+
+BLOCKS = list_blocks("operate/container-recipes.md")
+COMPOSE, ADD, RULES, LINK, EDIT, BACK, BEGIN, FINISH, ADMIN = BLOCKS[:9]
+BUILD, REPLACE, GATEWAYS, RELAY, REST, GO_BACK = BLOCKS[9:15]
+BACKUP, RESTORE, SECOND, HEALTH, NOFILE = BLOCKS[15:]
+
+INSTALL = list_blocks("install/containers.md")
+(PAST_BACKUP,) = (block for block in INSTALL if "> past.tar.gz" in block)
+(PAST_RESTORE,) = (block for block in INSTALL if "< past.tar.gz" in block)
 
 
 def adapt(cloud: Any, block: str, folder: Path = ROOT, **settings: str) -> str:
     """A block as a script for the tests' own project, run in `folder`."""
-    assert ALIAS.strip() == "alias compose='docker compose -f infra/docker-compose.yml'"
-    command = cloud.project.write_command(**settings)
-    script = block.replace("docker compose -f infra/docker-compose.yml", "compose")
-    script = re.sub(r"\bposecast_(?=\w+:|web\b)", f"{cloud.project.name}_", script)
-    return f'set -euo pipefail\ncd {folder}\ncompose() {{ {shlex.join(command)} "$@"; }}\n{script}'
+    command = shlex.join(cloud.project.write_command(**settings))
+    first = COMPOSE
+    for shown, mine in {
+        "lab=posecast": f"lab={cloud.project.name}",
+        'docker compose -f infra/docker-compose.yml --project-name "$lab"': command,
+    }.items():
+        assert first.count(shown) == 1
+        first = first.replace(shown, mine)
+    assert COMPOSE in INSTALL
+    return f"set -euo pipefail\ncd {folder}\n{first}{REPLACE}{block}"
 
 
 def attempt(cloud: Any, block: str, folder: Path = ROOT, **settings: str) -> subprocess.CompletedProcess[str]:

@@ -1,7 +1,8 @@
-"""The recipes of docs/how-to/operate/container-recipes.md, each played as it stands there."""
+"""The recipes for the containers in docs/how-to/, each played as it stands there."""
 
 from __future__ import annotations
 
+import json
 import shlex
 import subprocess
 import time
@@ -18,12 +19,17 @@ from tests.compose.recipes import (
     BACKUP,
     BUILD,
     GATEWAYS,
+    GO_BACK,
+    HEALTH,
     NOFILE,
+    PAST_BACKUP,
+    PAST_RESTORE,
     RELAY,
     REST,
     RESTORE,
     SECOND,
     adapt,
+    attempt,
     carry_out,
     start_robot,
 )
@@ -94,11 +100,18 @@ def test_what_was_backed_up_comes_back_with_the_credentials(
     carry_out(cloud, BACKUP.replace("> posecast.tar.gz", f"> {kept}"))
     assert kept.stat().st_mode & 0o777 == 0o600
     root = docker("exec", cloud.project.containers("proxy")[0], "cat", ROOT_CERTIFICATE)
+    write_volume(cloud, "past", "past/stays", "here")
+    before = set(cloud.project.containers("proxy")) | set(cloud.project.containers("relay"))
+    torn = tmp_path / "torn.tar.gz"
+    torn.write_bytes(kept.read_bytes()[:-100])
+    assert attempt(cloud, RESTORE.replace("posecast.tar.gz", str(torn))).returncode
+    assert before == set(cloud.project.containers("proxy")) | set(cloud.project.containers("relay"))
     began_s = time.monotonic()
-    carry_out(cloud, RESTORE.replace("< posecast.tar.gz", f"< {kept}"))
+    carry_out(cloud, RESTORE.replace("posecast.tar.gz", str(kept)))
     restored_s = time.monotonic() - began_s
     assert docker("exec", cloud.project.containers("proxy")[0], "cat", ROOT_CERTIFICATE) == root
     until("the robot is back with its old credential", lambda: cloud.status("kept") == "online", 30)
+    assert read_volume(cloud, "past", "past/stays") == "here", "what is in no backup is left alone"
     print(f"restored in {restored_s:.1f} s, the robot back after {time.monotonic() - began_s:.1f} s")
     record_testsuite_property("restored_s", round(restored_s, 1))
     cloud.project.compose("--profile", "demo", "up", "--detach", "--wait", limit_s=180)
@@ -124,17 +137,21 @@ def test_a_second_lab_stands_beside_the_first_on_ports_of_its_own(cloud: Any, tm
         "HTTPS_PORT=8443": f"HTTPS_PORT={https}",
         "HTTP_PORT=8081": f"HTTP_PORT={http}",
         "ROBOTS_PORT=8447": f"ROBOTS_PORT={robots}\nNOFILE={cloud.project.settings['NOFILE']}",
-        "--project-name second": f"--project-name {cloud.project.name}-second",
+        "lab=second": f"lab={cloud.project.name}-second",
+        "docker compose": shlex.join(cloud.project.program),
     }.items():
         assert shown in block
         block = block.replace(shown, mine)
-    _, _, line = block.strip().rpartition("\n")
-    line = line.replace("docker compose", shlex.join(cloud.project.program))
-    script = f"cd {ROOT}\n{block.strip().rpartition(chr(10))[0]}\n{line}\n"
-    down = line.partition(" up ")[0] + " down --volumes --timeout 5"
+    begin, _, up = block.strip().rpartition("\n")
+    assert up.startswith("compose up")
+    down = f"cd {ROOT}\n{begin}\ncompose down --volumes --timeout 5"
     try:
         done = subprocess.run(
-            ["bash", "-euc", script], capture_output=True, text=True, check=False, timeout=240
+            ["bash", "-euc", f"cd {ROOT}\n{block}"],
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=240,
         )
         assert done.returncode == 0, done.stdout + done.stderr
         opener = urllib.request.build_opener(Stay)
@@ -147,7 +164,7 @@ def test_a_second_lab_stands_beside_the_first_on_ports_of_its_own(cloud: Any, tm
             )
         cloud.until_moves()
     finally:
-        subprocess.run(["bash", "-c", f"cd {ROOT} && {down}"], check=True, capture_output=True, timeout=180)
+        subprocess.run(["bash", "-euc", down], check=True, capture_output=True, timeout=180)
 
 
 def test_a_host_that_allows_fewer_open_files(cloud: Any) -> None:
@@ -166,8 +183,79 @@ def test_a_host_that_allows_fewer_open_files(cloud: Any) -> None:
     cloud.until_moves()
 
 
-def test_the_images_are_made_while_the_old_ones_run(cloud: Any) -> None:
-    before = cloud.project.containers("relay")
+def test_the_images_are_made_while_the_old_ones_run_and_one_can_go_back(cloud: Any) -> None:
+    services = {"relay": "posecast", "proxy": "posecast-proxy"}
+    before = {service: cloud.project.containers(service) for service in services}
     carry_out(cloud, BUILD)
-    assert cloud.project.containers("relay") == before
+    assert {service: cloud.project.containers(service) for service in services} == before
     assert {"posecast", "posecast-proxy"} <= set(IMAGES)
+    for image in services.values():
+        docker("tag", "redis:7", image)  # a bad version
+    carry_out(cloud, GO_BACK)
+    for service, image in services.items():
+        (container,) = before[service]
+        (made,) = json.loads(docker("image", "inspect", image))
+        assert made["Id"] == cloud.project.inspect(container)["Image"]
+
+
+def test_a_successor_that_is_not_ready_goes_and_the_old_relay_serves_on(cloud: Any) -> None:
+    before = cloud.project.containers("relay", running=False)
+    stopped = attempt(cloud, RELAY, MAX_VIEWERS="many")
+    assert stopped.returncode != 0
+    assert "the old one serves on" in stopped.stderr
+    assert "POSECAST_MAX_VIEWERS" in stopped.stdout + stopped.stderr, "what it said is shown"
+    assert cloud.project.containers("relay", running=False) == before
+    cloud.until_moves()
+
+
+def test_a_relay_starts_while_redis_does_not_answer(cloud: Any) -> None:
+    (redis,) = cloud.project.containers("redis")
+    docker("kill", "--signal", "STOP", redis)
+    try:
+        until(
+            "the engine has seen it",
+            lambda: cloud.project.inspect(redis)["State"]["Health"]["Status"] == "unhealthy",
+            60,
+        )
+        cloud.project.compose("up", "--detach", "--force-recreate", "relay", limit_s=180)
+        cloud.until_moves()
+        until("it says so", lambda: "degraded" in carry_out(cloud, HEALTH), 30)
+    finally:
+        docker("kill", "--signal", "CONT", redis)
+    until("all is well again", lambda: '"ready"' in carry_out(cloud, HEALTH), 60)
+
+
+def write_volume(cloud: Any, volume: str, path: str, text: str) -> None:
+    """A file in a volume of the cloud; `path` begins with the volume's name."""
+    folder = f"mkdir -p $(dirname /{path}) && printf %s {text} > /{path}"
+    mount = f"{cloud.project.name}_{volume}:/{volume}"
+    docker("run", "--rm", "--network", "none", "--volume", mount, "posecast", "sh", "-c", folder)
+
+
+def read_volume(cloud: Any, volume: str, path: str) -> str:
+    """What that file holds. AssertionError where it is missing."""
+    mount = f"{cloud.project.name}_{volume}:/{volume}:ro"
+    return docker("run", "--rm", "--network", "none", "--volume", mount, "posecast", "cat", f"/{path}")
+
+
+def test_the_past_comes_back_and_the_file_of_robots_stays(cloud: Any, tmp_path: Path) -> None:
+    kept = tmp_path / "past.tar.gz"
+    write_volume(cloud, "past", "past/hubo/one.segment", "recorded")
+    carry_out(cloud, PAST_BACKUP.replace("> past.tar.gz", f"> {kept}"))
+    assert kept.stat().st_mode & 0o777 == 0o600
+    write_volume(cloud, "past", "past/hubo/one.segment", "lost")
+    (relay,) = cloud.project.containers("relay")
+    docker("exec", relay, "posecast-relay", "robots", "add", "later", "--ca", "/secret/ca.pem")
+    restore = PAST_RESTORE.replace("past.tar.gz", str(kept))
+    carry_out(cloud, restore)
+    assert read_volume(cloud, "past", "past/hubo/one.segment") == "recorded"
+    (relay,) = cloud.project.containers("relay")
+    docker("exec", relay, "posecast-relay", "robots", "remove", "later")
+    write_volume(cloud, "past", "past/tombstones/hubo/one.done", "")
+    carry_out(cloud, restore)
+    done = f"{cloud.project.name}_past:/past:ro"
+    found = docker(
+        "run", "--rm", "--network", "none", "--volume", done, "posecast", "find", "/past", "-name", "*.done"
+    )
+    assert found == ""
+    cloud.until_moves()

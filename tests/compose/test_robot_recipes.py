@@ -19,6 +19,7 @@ from tests.compose.recipes import (
     BEGIN,
     EDIT,
     FINISH,
+    LINK,
     RULES,
     attempt,
     carry_out,
@@ -52,6 +53,7 @@ def test_a_robot_is_added_and_seen_as_the_admin_says(
     (line,) = (line for line in listed.splitlines() if line.startswith("hubo\t"))
     assert "10 s late" in line
     assert "link: " in line
+    assert "https://localhost/#/r/hubo?t=" in carry_out(cloud, LINK, tmp_path)
 
     before, copy = read_file(), tmp_path / "robots.toml"
     wrong = attempt(cloud, f"EDITOR='sed -i s/delay_s/delays/'\n{EDIT}", tmp_path)

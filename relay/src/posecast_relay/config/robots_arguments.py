@@ -30,7 +30,7 @@ COMMANDS = {
     "admin": "print a new credential for the page /admin; the one before is worth nothing from then on",
     "list": "the robots, without their secrets",
     "edit": "open the file in $VISUAL or $EDITOR, or take its text from stdin: robots edit < FILE. It is "
-    "checked before it is written; the version before stays as FILE.bak",
+    "checked before it is written; the version before stays as FILE.bak, with the credentials of then",
     "check": "all that is wrong with the file, with lines; exit status 1 if anything is",
 }
 OF_A_FILE = ("admin", "list", "edit", "check")  # the others are of a robot
@@ -89,6 +89,13 @@ def make_robots_parser(environ: Mapping[str, str], program: str = "posecast-rela
             )
         if do == "set":
             _add_rules(command)
+        if do == "edit":
+            command.add_argument(
+                "--yes",
+                action="store_true",
+                help="take a text from stdin also where it removes, replaces or brings back robots, "
+                "credentials or keys of share links",
+            )
         if do == "link":
             command.add_argument("--days", metavar="N", type=_days, default=7, help="good for so long; 7")
             command.add_argument(

@@ -69,6 +69,10 @@ class RobotsDocument:
         self._robots[robot].pop("next_secret", None)
         return self._set_secret(robot, ca)
 
+    def has_begun_rotation(self, robot: str) -> bool:
+        """Whether a robot has a next credential."""
+        return "next_secret" in self._robots.get(robot, {})
+
     def begin_rotation(self, robot: str, ca: str | None) -> Credential:
         """Make a robot's next credential, which is worth nothing until `finish_rotation`."""
         if "secret" not in self._find(robot):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import sys
 import tempfile
@@ -15,12 +16,13 @@ from posecast_wire import Credential
 
 from posecast_relay.config.robots_arguments import find_rules, parse_robots_arguments, read_authority
 from posecast_relay.config.robots_changes import RobotsDocument, expire_in_days
+from posecast_relay.config.robots_difference import list_credential_changes
 from posecast_relay.config.robots_editor import edit_text, read_stdin
 from posecast_relay.config.robots_file import read_robots, read_text
 from posecast_relay.config.robots_reader import Robots, RobotsError, describe_rule, parse_robots
 from posecast_relay.config.robots_storage import lock_folder, replace_text
 from posecast_relay.config.settings import MEMORY, SettingsError
-from posecast_relay.core.policy.policy import Audience, Rule
+from posecast_relay.core.policy.policy import PUBLIC, Audience, Rule
 
 Parse = Callable[[str], Robots]
 
@@ -42,7 +44,7 @@ def run_robots(argv: Sequence[str], environ: Mapping[str, str], program: str = "
             parse(read_text(path))
             sys.stderr.write(f"{path}: good\n")
         elif asked.do == "edit":
-            _edit(path, environ, parse)
+            _edit(path, environ, parse, asked.yes)
         else:
             _change(path, asked, parse)
     except RobotsError as e:
@@ -56,17 +58,10 @@ def run_robots(argv: Sequence[str], environ: Mapping[str, str], program: str = "
         raise SettingsError(f"{path}: {(e.strerror or str(e)).lower()}") from None
 
 
-def _edit(path: Path, environ: Mapping[str, str], parse: Parse) -> None:
+def _edit(path: Path, environ: Mapping[str, str], parse: Parse, may_change_credentials: bool) -> None:
     """Take the text from stdin unless that is a terminal; else from an editor."""
     if not sys.stdin.isatty():
-        text = read_stdin()
-        try:
-            parse(text)
-        except RobotsError as e:
-            sys.stderr.write("".join(f"stdin: {mistake}\n" for mistake in e.mistakes))
-            raise SettingsError(f"{path}: as it was before") from None
-        with lock_folder(path):
-            replace_text(path, text, keep_before=True)
+        _take_stdin(path, parse, may_change_credentials)
         return
     before = read_text(path)
     changed = edit_text(path, before, environ, parse)
@@ -83,6 +78,37 @@ def _edit(path: Path, environ: Mapping[str, str], parse: Parse) -> None:
     except OSError as e:  # as a full disk
         why = (e.strerror or str(e)).lower()
         raise SettingsError(f"{path}: {why}; what you wrote is in {_save(changed)}") from None
+    with contextlib.suppress(RobotsError):  # it was wrong, and the editor has shown what stood there
+        _print_lines(path, list_credential_changes(parse_robots(before), parse(changed)))
+
+
+def _take_stdin(path: Path, parse: Parse, may_change_credentials: bool) -> None:
+    """Write the text that stdin holds. It may be a copy that is older than the last `rotate` or `unlink`, so
+    what it changes in credentials is said, and written only where the user has agreed.
+    """
+    text = read_stdin()
+    try:
+        robots = parse(text)
+    except RobotsError as e:
+        _print_lines("stdin", e.mistakes)
+        raise SettingsError(f"{path}: as it was before") from None
+    with lock_folder(path):
+        changes: Sequence[str] = ()
+        if path.exists():
+            try:
+                changes = list_credential_changes(read_robots(path), robots)
+            except RobotsError as e:
+                changes = (f"nothing tells which credentials it changes: {e}",)
+        _print_lines("stdin", changes)
+        if changes and not may_change_credentials:
+            raise SettingsError(
+                f"{path}: as it was before; `robots edit --yes` writes this text all the same"
+            )
+        replace_text(path, text, keep_before=True)
+
+
+def _print_lines(name: object, lines: Sequence[str]) -> None:
+    sys.stderr.write("".join(f"{name}: {line}\n" for line in lines))
 
 
 def _save(text: str) -> str:
@@ -98,6 +124,7 @@ def _change(path: Path, asked: argparse.Namespace, parse: Parse) -> None:
     ca = read_authority(asked.ca) if asked.do in ("add", "rotate") else None
     with lock_folder(path):
         doc = RobotsDocument(read_text(path) if path.exists() else None, str(path))
+        had_begun = asked.do == "rotate" and doc.has_begun_rotation(asked.robot)
         made = _apply(doc, asked, ca)
         text = doc.make_text()
         robots = parse(text)
@@ -106,6 +133,12 @@ def _change(path: Path, asked: argparse.Namespace, parse: Parse) -> None:
         seen_by = _describe_audiences(robots.enrolled[asked.robot].rules)
         hint = f". `robots set {asked.robot}` says otherwise" if asked.do == "add" else ""
         sys.stderr.write(f"Who may watch {asked.robot!r}: {seen_by}{hint}.\n")
+    if asked.do == "set":
+        for view in sorted({rule.view for rule in robots.enrolled[asked.robot].rules.values()} - {PUBLIC}):
+            sys.stderr.write(
+                f"View {view!r} shows nothing unless the robot's profile has it; "
+                "/admin says which views the robot sends.\n"
+            )
     if asked.do == "admin":
         sys.stderr.write(
             "The next line is the credential for the page /admin, shown this once; the one before is worth\n"
@@ -119,10 +152,9 @@ def _change(path: Path, asked: argparse.Namespace, parse: Parse) -> None:
             "its own beside the robot, chmod 600, and give the agent --credential FILE.\n"
         )
         if asked.do == "rotate" and asked.begin:
-            sys.stderr.write(
-                f"It is worth nothing until `robots rotate {asked.robot} --finish`.\n"
-                "It replaces the one that an earlier --begin made.\n"
-            )
+            sys.stderr.write(f"It is worth nothing until `robots rotate {asked.robot} --finish`.\n")
+            if had_begun:
+                sys.stderr.write("It replaces the one that an earlier --begin made.\n")
         print(made.line(), flush=True)
     elif asked.do == "add":
         sys.stderr.write(f"{asked.robot!r} may publish with a certificate whose common name is that.\n")

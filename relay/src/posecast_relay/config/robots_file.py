@@ -69,7 +69,7 @@ def _explain(path: Path, error: OSError) -> str:
         return f": {name_user(os.geteuid())} may not enter its folder"
     return (
         f": it belongs to {name_user(found.st_uid)}, mode {stat.S_IMODE(found.st_mode):04o}, and this is "
-        f"{name_user(os.geteuid())}: chown it, or replace it by `posecast-relay robots edit < FILE`"
+        f"{name_user(os.geteuid())}: chown it, or replace it by `posecast-relay robots edit --yes < FILE`"
     )
 
 

@@ -67,6 +67,8 @@ class RobotEntry:
     rules: Mapping[Audience, Rule] = field(default_factory=dict)
     link_key: str | None = field(default=None, repr=False)  # signs its share links
     keep_s: float | None = None  # for how long its past is kept in an object store; None: not at all
+    # Of a rotation that was begun. It is worth nothing yet, so a relay has nothing to follow when it changes.
+    next_secret: str | None = field(default=None, repr=False, compare=False)
 
 
 @dataclass(frozen=True)
@@ -277,7 +279,6 @@ def _read_admin(doc: Mapping[str, Any], mistakes: _Mistakes) -> AdminEntry | Non
 
 def _read_robot(doc: Mapping[str, Any], path: str, mistakes: _Mistakes, has_store: bool) -> RobotEntry:
     table = _Table(doc, path, ROBOT_FIELDS, mistakes)
-    table.read_secret("next_secret")  # of a rotation that was begun: worth nothing yet
     rules: dict[Audience, Rule] = {}
     for audience in Audience:
         rule, at = doc.get(audience.value), f"{path}.{audience.value}"
@@ -295,6 +296,7 @@ def _read_robot(doc: Mapping[str, Any], path: str, mistakes: _Mistakes, has_stor
         rules,
         table.read_secret("link_key"),
         _read_keep_s(table, rules, path, mistakes, has_store),
+        table.read_secret("next_secret"),
     )
 
 

@@ -25,9 +25,10 @@ class RelayFigures(_Document):
 
 class AdminRobot(_Document):
     """A robot of the file. `expires_s`: when its credential does, unix seconds; `audiences`: what each may
-    see, in words; `may_link`: whether share links show anything. The last three are of a robot that this
-    process hears: whether two agents claim it, which limit of its share it exceeds ("" for none), and how
-    late its frames come.
+    see, in words; `may_link`: whether the file has a rule for share links. The last five are of a robot
+    that this process hears: whether two agents claim it, which limit of its share it exceeds ("" for none),
+    how late its frames come, which views it sends, and by audience the views that the file shows but the
+    robot does not send.
     """
 
     robot: str
@@ -41,6 +42,8 @@ class AdminRobot(_Document):
     conflict: bool = False
     over_share: str = ""
     lateness_ms: int = 0
+    sent_views: list[str] = []
+    unsent_views: dict[str, str] = {}
 
 
 class PastMemory(_Document):

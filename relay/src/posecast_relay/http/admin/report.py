@@ -47,7 +47,8 @@ def make_report(access: Access, sources: AdminSources, trouble: str | None) -> d
     robots = sources.get_robots().enrolled
     past, archive = sources.past, sources.archive
     # a gateway hears the robots that somebody watches there, and of the others from who writes the store
-    told = {doc["robot"]: str(doc["status"]) for doc in access.live.store.list_robots() or ()}
+    listed = access.live.store.list_robots()
+    told = {doc["robot"]: str(doc["status"]) for doc in listed or ()}
     return {
         "relay": {
             "trouble": trouble,
@@ -57,7 +58,11 @@ def make_report(access: Access, sources: AdminSources, trouble: str | None) -> d
             "skipped_frames": sum(hub.skipped for hub in hubs) + sum(room.skipped for room in rooms),
             "refused_publishers": sources.count_refused(),
         },
-        "robots": [_make_row(access, name, entry, told.get(name)) for name, entry in sorted(robots.items())],
+        "robots": [
+            _make_row(access, name, entry, told.get(name))
+            | (_compare_views(access, name, entry) if listed is None else {})
+            for name, entry in sorted(robots.items())
+        ],
         "past": None if past is None else {"bytes": past.bytes, "bytes_max": past.bytes_max},
         "archive": None if archive is None else _describe_archive(archive),
         "certificates": {flag: round(at_s) for flag, at_s in sources.find_expiries().items()},
@@ -86,6 +91,22 @@ def _describe_robot(robot: Robot, now: float) -> dict[str, Any]:
         "conflict": robot.in_conflict,
         "over_share": robot.share.find_exceeded_limit(now),
         "lateness_ms": round(robot.runs.lateness_s * 1000),
+    }
+
+
+def _compare_views(access: Access, name: str, entry: RobotEntry) -> dict[str, Any]:
+    """Tell which views a robot sends, and which its rules show that it does not send; nothing where none was
+    heard yet. Only for a process that hears robots itself: a gateway hears the views that are watched there.
+    """
+    robot = access.live.hub.robots.get(name)
+    rooms = {} if robot is None else robot.rooms  # also of views that viewers have asked for in vain
+    sent = sorted(view for view, room in rooms.items() if room.stream.schema is not None)
+    if not sent:
+        return {}
+    shown = {audience.value: rule.view for audience, rule in entry.rules.items() if not rule.blackout}
+    return {
+        "sent_views": sent,
+        "unsent_views": {audience: view for audience, view in shown.items() if view not in sent},
     }
 
 

@@ -29,6 +29,7 @@ const ENGLISH = {
   offline: 'offline',
   conflict: 'two agents send under this name',
   over_share: 'sends more than its share',
+  unsent: 'The robot does not send this view. It sends:',
   publishes: 'Publishes by',
   by_credential: 'credential',
   by_certificate: 'certificate',
@@ -72,6 +73,7 @@ const KOREAN = {
   offline: '오프라인',
   conflict: '두 에이전트가 같은 이름으로 보냅니다',
   over_share: '허용량보다 많이 보냅니다',
+  unsent: '로봇이 이 뷰를 보내지 않습니다. 보내는 뷰:',
   publishes: '송신 방법',
   by_credential: '자격 증명',
   by_certificate: '인증서',
@@ -308,6 +310,8 @@ function fillCard(card, robot) {
   const lines = [facts];
   if (robot.conflict) lines.push(make('p', text.conflict, 'bad'));
   if (robot.over_share) lines.push(make('p', `${text.over_share}: ${robot.over_share}`, 'bad'));
+  for (const [who, view] of Object.entries(robot.unsent_views ?? {}))
+    lines.push(make('p', `${text[who] ?? who}: ${view}. ${text.unsent} ${robot.sent_views.join(', ')}`, 'bad'));
   if (!robot.may_link)
     lines.push(
       make('p', text.no_link_rule, 'quiet'),
