@@ -35,3 +35,32 @@ def test_a_session_is_closed_only_when_no_question_is_asked_over_it(
     link.stop(20.0)
     link.wait_for_end(20.0)
     assert closed == [False]
+
+
+def test_the_end_waits_for_the_threads_of_callbacks(router: Router, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A callback that returns from Zenoh into an interpreter that ends would abort the process."""
+    is_called, may_return = threading.Event(), threading.Event()
+
+    def hold(self: ZenohPublisher, session: zenoh.Session, event: zenoh.TransportEvent) -> None:
+        del session
+        self.connected = event.kind == zenoh.SampleKind.PUT
+        if not self.connected:
+            is_called.set()
+            may_return.wait(20.0)
+
+    monkeypatch.setattr(ZenohPublisher, "_on_transport", hold)
+    link = ZenohPublisher(ROBOT, ["public"], router.endpoint, snapshot=lambda _: None, heard=lambda _: None)
+    before = set(threading.enumerate())
+    link.start()
+    until(lambda: link.connected, "a link")
+    ours = set(threading.enumerate()) - before
+    router.stop()
+    until(is_called.is_set, "the end of the link is told")
+    link.stop(20.0)
+    waiting = threading.Thread(target=link.wait_for_end, args=(20.0,))
+    waiting.start()
+    waiting.join(LOOK_S)
+    assert waiting.is_alive()
+    may_return.set()
+    waiting.join(20.0)
+    assert [t.name for t in ours if t.is_alive()] == []

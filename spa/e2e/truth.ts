@@ -52,7 +52,8 @@ export const WITNESS = `(() => {
     const number = text?.replace('\\u2212', '-').match(/-?\\d+(\\.\\d+)?/);
     return number ? Number(number[0]) : null;
   };
-  const note = () => {
+  const note = (pictureMs) => {
+    if (Date.now() - pictureMs > 1000) return; // this program was stopped in between: the picture is none of now
     const links = window.posecast?.scene?.linkPoses?.() ?? {};
     const word = document.querySelector('[data-testid="liveness"]')?.dataset.state ?? '';
     const behind = document.querySelector('[data-testid="behind"]')?.textContent.match(/^\\d+(?= ?[s초])/);
@@ -62,7 +63,7 @@ export const WITNESS = `(() => {
     ]);
   };
   const look = () => {
-    setTimeout(note); // when all that this picture changes is changed
+    setTimeout(note, 0, Date.now()); // when all that this picture changes is changed
     requestAnimationFrame(look);
   };
   look();

@@ -28,6 +28,7 @@ from posecast_wire.keys import (
 from posecast_edge.exception_log import ExceptionLog
 from posecast_edge.model.serve.bundle import Bundle
 from posecast_edge.pipeline.events import Event
+from posecast_edge.uplink.callback_threads import CallbackThreads
 from posecast_edge.uplink.certificate import Certificate
 from posecast_edge.uplink.credential_file import Proof
 from posecast_edge.uplink.lateness import LATE_S, EchoWatch, News
@@ -101,6 +102,7 @@ class ZenohPublisher:
         self._watch_lock = threading.Lock()
         self._session: zenoh.Session | None = None
         self._declared: list[object] = []  # Zenoh undeclares what nobody holds
+        self._callback_threads = CallbackThreads()
         self._thread = threading.Thread(target=self._keep_link, name="link", daemon=True)
         self._echo_thread: threading.Thread | None = None
         self._echo_ends = False
@@ -155,9 +157,9 @@ class ZenohPublisher:
     def wait_for_end(self, timeout_s: float) -> None:
         """After `stop`: wait for the threads that may still sit in a call of Zenoh's, at most so long."""
         until_s = time.monotonic() + timeout_s
-        for thread in (self._thread, self._echo_thread, self._rotation.thread):
-            if thread is not None:
-                thread.join(max(0.0, until_s - time.monotonic()))
+        for thread in filter(None, (self._thread, self._echo_thread, self._rotation.thread)):
+            thread.join(max(0.0, until_s - time.monotonic()))
+        self._callback_threads.join(until_s)
 
     @property
     def why_no_link(self) -> str:
@@ -210,8 +212,7 @@ class ZenohPublisher:
 
     def _drop_link(self) -> None:
         """Forget a link that has ended, and wait before the next one."""
-        self._session = None
-        self.connected = False
+        self._session, self.connected = None, False
         for view_publisher in self._view_publishers.values():
             view_publisher.close()
         with self._watch_lock:
@@ -289,12 +290,13 @@ class ZenohPublisher:
         before, self._session, self._declared = self._declared, session, []
         on_transport = self.exceptions.guard("the link", partial(self._on_transport, session))
         on_model = self.exceptions.guard("a question about the model", self._desk.enqueue_query)
-        self._declared += [
-            session.info.declare_transport_events_listener(on_transport, history=True),
-            session.declare_queryable(model_key(self._robot, "**"), on_model),
-        ]
-        for view_publisher in self._view_publishers.values():
-            self._declared += view_publisher.declare(session)
+        with self._callback_threads.collect():
+            self._declared += [
+                session.info.declare_transport_events_listener(on_transport, history=True),
+                session.declare_queryable(model_key(self._robot, "**"), on_model),
+            ]
+            for view_publisher in self._view_publishers.values():
+                self._declared += view_publisher.declare(session)
         self._declared.append(session.liveliness().declare_token(alive_key(self._robot)))
         del before  # Zenoh undeclares what nobody holds: not until the relay knows the newer ones
 
