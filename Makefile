@@ -1,6 +1,6 @@
 # Every target sets up what it needs; `make` alone lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers lane balance load attack faults soak gallery pictures explained compose-test dist bare clean unit python python-a python-b typescript page e2e browsers
+.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers lane balance load attack faults soak gallery pictures explained prose site compose-test dist bare clean unit python python-a python-b typescript page e2e browsers
 SHELL := /bin/bash
 export UV_PYTHON_DOWNLOADS := never
 export PYTHONDONTWRITEBYTECODE := 1
@@ -59,7 +59,14 @@ $(DEMO)/model/manifest.json: $(DEMO)/robot.urdf $(wildcard edge-agent/src/poseca
 	$(BIN)/posecast-edge model build --no-cache $< -o $(@D)
 	@touch $@
 
-setup: .venv/.ready node_modules/.ready spa/dist/index.html $(DEMO)/model/manifest.json ## prepare everything, start nothing
+# beside the page, where the relay finds it; packed like the page
+spa/dist/guide/index.html: spa/dist/index.html .venv/.ready $(shell git ls-files --cached --others --exclude-standard docs tools/site zensical.toml '*.md' 2>/dev/null)
+	$(BIN)/python -m tools.site --out out/site
+	rm -rf $(@D) && cp -r out/site $(@D)
+	find $(@D) -type f -regex '.*\.\(html\|css\|js\|json\|svg\)' -exec gzip -9kn {} +
+	@touch $@
+
+setup: .venv/.ready node_modules/.ready spa/dist/index.html spa/dist/guide/index.html $(DEMO)/model/manifest.json ## prepare everything, start nothing
 
 # ---- for people --------------------------------------------------------------
 
@@ -69,9 +76,11 @@ demo: setup ## a robot on http://127.0.0.1:8080, or the next free port (PORT=…
 dev: setup ## the same with the page served by Vite, reloading as you edit
 	@exec $(BIN)/python tools/dev.py
 
+site: spa/dist/guide/index.html ## the guide (docs/) as a static site: out/site for any web server, and /guide/ of the relay
+
 # ---- proof -------------------------------------------------------------------
 
-check: .venv/.ready node_modules/.ready ## lint, types, import directions, formats, known vulnerabilities
+check: .venv/.ready node_modules/.ready ## lint, types, import directions, formats, words of the docs, known vulnerabilities
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy $(PYSRC)
@@ -80,11 +89,16 @@ check: .venv/.ready node_modules/.ready ## lint, types, import directions, forma
 	@said=$$(XDG_DATA_HOME=$$(mktemp -d) $(BIN)/caddy validate --config infra/Caddyfile --adapter caddyfile 2>&1) || { echo "$$said"; exit 1; }
 	$(BIN)/kubernetes-validate --strict --quiet $(filter-out %/kustomization.yaml,$(wildcard infra/cloud/kubernetes/*.yaml))
 	npx --no-install biome check
+	@# the words of the documentation, but of pages whose turn has not come
+	npx --no-install textlint --ignore-path tools/prose/unfinished.txt README.md CONTRIBUTING.md 'docs/**/*.md'
 	npx --no-install tsc -p wire/typescript
 	npx --no-install tsc -p spa
 	npx --no-install tsc -p spa/tsconfig.pure.json
 	npx --no-install tsc -p fuzz/page
 	@UV=$(UV) tools/audit
+
+prose: .venv/.ready ## how each page of the docs reads: words, median and longest sentence, reading ease
+	$(BIN)/python -m tools.prose
 
 explained: .venv/.ready ## the docs' tables of what explains itself on the page, made of the page's own sentences
 	$(BIN)/python -m tools.explained

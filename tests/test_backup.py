@@ -1,4 +1,5 @@
-"""docs/BACKUP.md, done as it says: what is lost comes back, and what was deleted goes again."""
+"""docs/how-to/operate/back-up.md, done as it says: what is lost comes back, and what was deleted goes
+again."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ import pytest
 
 from tests.conftest import BIN
 
-PAGE = (Path(__file__).resolve().parent.parent / "docs/BACKUP.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).resolve().parent.parent / "docs/how-to/operate/back-up.md").read_text(encoding="utf-8")
 FOLDER, BACKUP, SAVE, RESTORE, DELETE = re.findall(r"^ *```sh\n(.*?)^ *```", PAGE, re.DOTALL | re.MULTILINE)
 NAME = "1795357260112-1795357264123-8f14e45fceea167b-{index}-7-a.segment"  # a moment of the deletion's span
 KEPT = NAME.format(index=1).replace("17953", "17952")  # and one of the day before

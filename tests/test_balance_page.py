@@ -1,4 +1,4 @@
-"""What docs/BALANCE.md says of a robot's profile is so."""
+"""What docs/how-to/robots/show-balance.md says of a robot's profile is so."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from posecast_relay.unit_conversion import find_factor
 from posecast_wire.mapping import Threshold
 from posecast_wire.schema import Schema
 
-PAGE = (Path(__file__).resolve().parent.parent / "docs" / "BALANCE.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = (ROOT / "docs/how-to/robots/show-balance.md").read_text(encoding="utf-8")
 WRENCHES = """
 [labels]
 joint = ["A"]
@@ -50,7 +51,7 @@ def test_a_profile_takes_the_units_that_the_page_says_and_no_other_that_is_read(
     taken = find_units("Forces and moments come in ", ", the only units")
     assert taken == ["N", "N·m"]
     parse_profile(WRENCHES.format(force=taken[0], moment=taken[1]))
-    others = find_units("by itself may also say ", "; in another unit")
+    others = find_units("its own schema may also use ", "; other units")
     forces = [unit for unit in others if "·" not in unit]
     moments = [unit for unit in others if "·" in unit]
     assert (forces, moments) == (["mN", "kN"], ["mN·m", "N·mm", "kN·m"])

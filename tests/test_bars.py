@@ -1,4 +1,4 @@
-"""The plots of docs/BENCHMARKS.md show what its tables say."""
+"""The plots of docs/reference/benchmarks.md show what its tables say."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 from tools.bars import PAGE, bars_of
 
 TABLE = """
-<!-- bars: img/x.svg | Cost | µs | µs CPU -->
+<!-- bars: ../img/x.svg | Cost | µs | µs CPU -->
 
 | server | µs | note |
 |---|---|---|
@@ -26,7 +26,7 @@ def test_one_bar_per_row_that_has_a_figure() -> None:
 
 
 def test_a_marker_without_its_table_is_named() -> None:
-    with pytest.raises(ValueError, match=r"BENCHMARKS.md:2: no table with a column 'ms'"):
+    with pytest.raises(ValueError, match=r"benchmarks.md:2: no table with a column 'ms'"):
         bars_of(TABLE.replace("| µs | µs CPU", "| ms | ms"))
 
 
@@ -34,5 +34,5 @@ def test_plots_are_up_to_date() -> None:
     made = bars_of(PAGE.read_text())
     assert made
     for name, image in made.items():
-        assert (PAGE.parent / name).read_text() == image, f"docs/{name}: run `python -m tools.bars`"
-        assert f"({name})" in PAGE.read_text(), f"docs/{name} is shown nowhere"
+        assert (PAGE.parent / name).read_text() == image, f"{name}: run `python -m tools.bars`"
+        assert f"({name})" in PAGE.read_text(), f"{name} is shown nowhere"

@@ -13,7 +13,9 @@ import yaml
 from posecast_relay.config.settings import FLAGS, parse
 from posecast_relay.server.http_server import END_S
 
-CLOUD = Path(__file__).resolve().parent.parent / "infra/cloud"
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = (ROOT / "docs/how-to/install/cloud.md").read_text(encoding="utf-8")
+CLOUD = ROOT / "infra/cloud"
 BASE = CLOUD / "kubernetes"
 POD_KINDS = ("Deployment",)
 VARIABLES = {flag.variable for flag in FLAGS}
@@ -56,6 +58,14 @@ def test_the_relay_understands_what_it_is_told() -> None:
     # an instance has room for the page beside the streams, and ends a stream before the platform does
     assert found.max_viewers < RUN["spec"]["containerConcurrency"] <= 1000
     assert found.max_connection_age * 1.1 < RUN["spec"]["timeoutSeconds"] <= 3600
+
+
+def test_the_relay_understands_the_ingest_that_the_page_shows() -> None:
+    (block,) = re.findall(r"^```ini\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
+    told = dict(line.split("=", 1) for line in block.splitlines())
+    assert told.keys() <= VARIABLES
+    found = parse(["run"], told)
+    assert (found.role, found.zenoh_listen) == ("ingest", ("tls/0.0.0.0:7447",))
 
 
 @pytest.mark.parametrize("name", PODS)

@@ -17,8 +17,8 @@ ROOT = Path(__file__).resolve().parent.parent
 TEXT = (ROOT / "infra/docker-compose.yml").read_text()
 COMPOSE: dict[str, Any] = yaml.safe_load(TEXT)
 ENV = (ROOT / "infra/.env.example").read_text()
-INSTALL = (ROOT / "docs/INSTALL.md").read_text()
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+INSTALL = (ROOT / "docs/how-to/install/containers.md").read_text()
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 PROFILES = {name for service in COMPOSE["services"].values() for name in service.get("profiles", ())}
 
 
@@ -52,7 +52,7 @@ def test_no_page_mixes_the_flag_with_the_variable() -> None:
         for line in page.read_text().splitlines():
             for flag in re.findall(r"(?:docker compose|^compose)\b[^`]*--profile (\w+)[^`]* up\b", line):
                 assert flag == "demo", f"{page.name}: {line}"
-    for text in (INSTALL, (ROOT / "docs/HOSTING.md").read_text()):
+    for text in (INSTALL, (ROOT / "docs/how-to/scale/cache-for-a-crowd.md").read_text()):
         assert "COMPOSE_PROFILES=demo,cache" in text
         assert re.search(r"`--profile`", text)
     rows = dict(re.findall(r"^\| `(\w+)` \| with the profile `(\w+)`", INSTALL, re.MULTILINE))

@@ -23,7 +23,8 @@ from tests.conftest import BIN, Stack, free_port, until
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "infra/observability"
-OPERATIONS = (ROOT / "docs/OPERATIONS.md").read_text()
+METRICS = (ROOT / "docs/reference/metrics.md").read_text()
+MONITOR = (ROOT / "docs/how-to/operate/monitor.md").read_text()
 DASHBOARD: dict[str, Any] = json.loads((FOLDER / "grafana/posecast.json").read_text())
 ALERTS: list[dict[str, Any]] = [
     rule for group in yaml.safe_load((FOLDER / "rules.yml").read_text())["groups"] for rule in group["rules"]
@@ -72,15 +73,17 @@ def test_each_alarm_sounds_when_it_should_and_not_before() -> None:
     assert sound == {alert["alert"] for alert in ALERTS}
 
 
-def test_the_operators_page_has_the_same_alarms() -> None:
+def test_the_reference_has_the_same_alarms() -> None:
     rows = re.findall(
-        r"^\| `(\w+)` \| `(.+)`(?: for (\w+))? \| \[[^]]+\]\(#([a-z-]+)\) \|$", OPERATIONS, re.M
+        r"^\| `(\w+)` \| `(.+)`(?: for (\w+))? \| \[[^]]+\]\(\.\./how-to/operate/([a-z-]+\.md#[a-z-]+)\) \|$",
+        METRICS,
+        re.MULTILINE,
     )
     assert {name: (when, duration or None, head) for name, when, duration, head in rows} == {
         alert["alert"]: (alert["expr"], alert.get("for"), alert["annotations"]["runbook"]) for alert in ALERTS
     }
     assert {alert["labels"]["severity"] for alert in ALERTS} == {"critical", "warning"}
-    for file in re.findall(r"^\| `([\w./]+\.(?:yml|json))` \|", OPERATIONS, re.MULTILINE):
+    for file in re.findall(r"^\| `([\w./]+\.(?:yml|json))` \|", MONITOR, re.MULTILINE):
         assert (FOLDER / file).is_file(), file
 
 

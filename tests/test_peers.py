@@ -107,6 +107,6 @@ def test_the_page_is_written_from_a_run() -> None:
     written = page.put(PAGE.read_text(), said)
     assert written.count(said) == 1
     assert page.put(written, said) == written
-    assert {"img/bench-peers.svg", "img/bench-peers-slow.svg"} <= bars_of(written).keys()
+    assert {"../img/bench-peers.svg", "../img/bench-peers-slow.svg"} <= bars_of(written).keys()
     with pytest.raises(ValueError, match="lacks the line"):
         page.put("nothing of the kind", said)

@@ -1,4 +1,5 @@
-"""docs/RECORDINGS.md, done as it says: a demo's past is exported by its commands and served by its nginx."""
+"""docs/how-to/record and docs/reference/past-export.md, done as they say: a demo's past is kept in an
+archive, exported by their commands from there and from a running relay, and served by their nginx."""
 
 from __future__ import annotations
 
@@ -20,18 +21,33 @@ from posecast_wire.recording import decode_recording
 from tests.conftest import BIN, free_port, until
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGE = (ROOT / "docs/RECORDINGS.md").read_text()
-COMMANDS = re.findall(r"^    (posecast-relay past export .*)$", PAGE, re.MULTILINE)
+PAGES = {
+    name: (ROOT / f"docs/{name}.md").read_text()
+    for name in (
+        *(f"how-to/record/{page}" for page in ("keep-a-lecture", "host-a-recording", "csv", "mcap")),
+        "reference/past-export",
+    )
+}
+LECTURE, HOST = PAGES["how-to/record/keep-a-lecture"], PAGES["how-to/record/host-a-recording"]
+KEEP = re.compile(r"^ *(posecast-relay robots set .*)$", re.MULTILINE)
+EXPORT = re.compile(r"^(?:runuser .* /opt/posecast/bin/)?(posecast-relay past export .*)$", re.MULTILINE)
+ARCHIVE = "file:///srv/posecast/past"
 SPAN = {"--from": "2026-01-01", "--to": "2099-01-01"}  # instead of a lecture's
 BEYOND = r"posecast-relay: \S+: there is nothing before \S+, nothing after \S+\n"
 
 pytestmark = pytest.mark.skipif(not (ROOT / "spa/dist/index.html").exists(), reason="no built page")
 
 
-def block(language: str) -> str:
-    """The one block of a language."""
-    (found,) = re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)
-    return str(found)
+def blocks(page: str, language: str) -> list[str]:
+    """The blocks of a language, without the indent of a list."""
+    found = re.findall(rf"^( *)```{language}\n(.*?)^ *```", page, re.DOTALL | re.MULTILINE)
+    return [re.sub(rf"^{indent}", "", text, flags=re.MULTILINE) for indent, text in found]
+
+
+def commands(pattern: re.Pattern[str], *pages: str) -> list[str]:
+    """The commands of a kind in the blocks of pages, each as one line."""
+    text = "\n".join(block for page in pages for block in blocks(page, "sh"))
+    return pattern.findall(re.sub(r" *\\\n *", " ", text))
 
 
 def get(address: str, **headers: str) -> tuple[Message, bytes]:
@@ -41,57 +57,91 @@ def get(address: str, **headers: str) -> tuple[Message, bytes]:
         return answer.headers, answer.read()
 
 
-def export_all(folder: Path, relay: str) -> None:
-    """Carry out each command of the page."""
-    for command in COMMANDS:
-        _, *arguments = shlex.split(command)
-        for flag, value in SPAN.items():
+def carry_out(command: str, folder: Path, at: Path, *more: str) -> subprocess.CompletedProcess[str]:
+    """Run a command of a page in `at`, with the archive in `folder`."""
+    command = command.replace(ARCHIVE, f"file://{folder}/past").replace("/srv/exports/", "")
+    _, *arguments = shlex.split(command)
+    for flag, value in SPAN.items():
+        if flag in arguments:
             arguments[arguments.index(flag) + 1] = value
-        done = subprocess.run(
-            [f"{BIN}/posecast-relay", *arguments, "--relay", relay],
-            cwd=folder,
-            capture_output=True,
-            text=True,
-            timeout=120,
-            check=False,
-        )
-        assert done.returncode == 0, (command, done.stderr)
+    done = subprocess.run(
+        [f"{BIN}/posecast-relay", *arguments, *more],
+        cwd=at,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, (command, done.stderr)
+    return done
+
+
+def export_all(folder: Path, relay: str) -> dict[str, Path]:
+    """Carry out each export of the pages, each in a folder of its own, or where it replaces the one before.
+    Return the commands, and where they wrote.
+    """
+    found: dict[str, Path] = {}
+    at = folder
+    for command in commands(EXPORT, *PAGES.values()):
+        if "--replace" not in command:
+            at = folder / str(len(found))
+            at.mkdir()
+            shutil.copy(folder / "notes.toml", at)
+        done = carry_out(command, folder, at, *(() if "--past" in command else ("--relay", relay)))
         assert re.fullmatch(BEYOND, done.stderr), (command, done.stderr)
+        found[command] = at / done.stdout.split(":")[0]
+    return found
 
 
-def test_what_the_page_says_is_so(stack: Any, tmp_path: Path) -> None:
-    (tmp_path / "notes.toml").write_text(block("toml"))
+def test_what_the_pages_say_is_so(stack: Any, tmp_path: Path) -> None:
+    (notes,) = blocks(LECTURE, "toml")
+    (tmp_path / "notes.toml").write_text(notes)
     texts = [note.text for note in read_notes(tmp_path / "notes.toml")]
     assert [text.split("\n")[0] for text in texts] == ["It takes the first step.", "The left knee warms up."]
-    (tmp_path / "notes.toml").write_text(re.sub(r"(?m)^at = [^#\n]*", 'at = "00:01" ', block("toml")))
+    (tmp_path / "notes.toml").write_text(re.sub(r"(?m)^at = [^#\n]*", 'at = "00:01" ', notes))
 
-    _, address, zenoh = stack.relay()
-    stack.edge(zenoh, "--source", "demo")
+    carry_out("posecast-relay robots add hubo --robots robots.toml", tmp_path, tmp_path)
+    keep, remember = commands(KEEP, LECTURE)
+    carry_out(remember, tmp_path, tmp_path)
+    carry_out(keep, tmp_path, tmp_path)
+    _, address, zenoh = stack.relay(
+        flags=("--robots", f"{tmp_path}/robots.toml", "--past", f"file://{tmp_path}/past")
+    )
+    stack.start(
+        "edge", f"{BIN}/posecast-edge", "run", "--robot", "hubo", "--relay", zenoh, "--source", "demo"
+    )
 
     def has_past() -> bool:
         try:
-            doc = json.loads(get(f"http://{address}/api/v1/robots/demo/past")[1])
+            newest = json.loads(get(f"http://{address}/api/v1/robots/hubo/past")[1])["newest"]
         except urllib.error.URLError:
             return False
-        return doc["newest"] is not None and bool(
-            json.loads(get(f"http://{address}/api/v1/robots/demo")[1])["model"]
-        )
+        kept = ("*.segment", "models/*/manifest.json")
+        return newest is not None and all(any((tmp_path / "past").rglob(name)) for name in kept)
 
-    until("the demo has a past and a model", has_past, 40)
-    export_all(tmp_path, f"http://{address}")
-    assert len(COMMANDS) == 5
-    recording = decode_recording((tmp_path / "lecture/recording.json").read_bytes())
+    until("the demo has a past and a model, also in the archive", has_past, 60)
+    listings = re.findall(r"posecast-relay past list [^`\n]+", LECTURE)
+    assert len(listings) == 2
+    for command in listings:
+        assert re.search(r"^hubo +public ", carry_out(command, tmp_path, tmp_path).stdout, re.MULTILINE)
+    found = export_all(tmp_path, f"http://{address}")
+    written = ["lecture"] * 4 + ["walk.posecast", "walk.csv", "walk.mcap"]  # one of them is on two pages
+    assert [place.name for place in found.values()] == written
+    assert sum(ARCHIVE in command for command in found) == 2
+    (lecture,) = (place for command, place in found.items() if "--title" in command)
+    recording = decode_recording((lecture / "recording.json").read_bytes())
     assert (recording.title, recording.licence) == ("Walking, lecture 7", "CC BY 4.0")
     assert [note.text for note in recording.notes] == texts
-    assert '"https://uni.example/robots/lecture-7/models/' in (tmp_path / "lecture/index.html").read_text()
+    assert '"https://uni.example/robots/lecture-7/models/' in (lecture / "index.html").read_text()
     if shutil.which("nginx") is not None:
-        check_nginx(stack, tmp_path, recording.models[0])
+        check_nginx(stack, lecture.parent, recording.models[0])
 
 
 def check_nginx(stack: Any, folder: Path, model: str) -> None:
     """The page's nginx serves the folder below a path, with the headers that its table promises."""
     port = free_port()
-    server = block("nginx").replace("listen 80", f"listen 127.0.0.1:{port}")
+    (server,) = blocks(HOST, "nginx")
+    server = server.replace("listen 80", f"listen 127.0.0.1:{port}")
     server = server.replace("/srv/recordings", str(folder))
     places = "".join(
         f"{kind}_temp_path {folder}/{kind};" for kind in ("client_body", "proxy", "fastcgi", "uwsgi", "scgi")

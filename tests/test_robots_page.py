@@ -1,17 +1,20 @@
-"""What docs/ROBOTS.md and the pages of its sources say is so; test_source_doctor.py looks at the findings."""
+"""What docs/how-to/robots/ and docs/reference/profile.md say is so; test_source_doctor.py looks at the
+findings."""
 
 from __future__ import annotations
 
 import inspect
 import re
+import shlex
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from posecast_command.completion import make_whole_parser
 from posecast_edge.pipeline.stream import Stream
-from posecast_edge.profile.field_defaults import UNITS
+from posecast_edge.profile.field_defaults import UNITS, WELL_KNOWN
 from posecast_edge.profile.reader import SHIPPED, parse_profile
 from posecast_edge.profile.ros import ROLES
 from posecast_edge.profile.schema import infer_profile, make_schema_text
@@ -34,18 +37,21 @@ from posecast_wire.schema import Schema
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
-GUIDE = (DOCS / "ROBOTS.md").read_text(encoding="utf-8")
-OF_SOURCE = {path.stem: path.read_text(encoding="utf-8") for path in sorted((DOCS / "robots").glob("*.md"))}
-PAGE = "\n".join([GUIDE, *OF_SOURCE.values()])
+GUIDE = (DOCS / "how-to/robots/add-a-robot.md").read_text(encoding="utf-8")
+PROFILE = (DOCS / "reference/profile.md").read_text(encoding="utf-8")
+OF_SOURCE = {
+    path.stem: path.read_text(encoding="utf-8") for path in sorted((DOCS / "how-to/robots").glob("*.md"))
+}
+PAGE = "\n".join([PROFILE, *OF_SOURCE.values()])
 LINK = re.compile(r"\]\(([^)#:]+\.md)(?:#([^)]*))?\)")
 
 
 def blocks(language: str, page: str) -> list[str]:
-    return re.findall(rf"```{language}\n(.*?)```", page, re.DOTALL)
+    return re.findall(rf"^ *```{language}\n(.*?)^ *```", page, re.DOTALL | re.MULTILINE)
 
 
 def test_the_profile_on_the_page_is_one() -> None:
-    text, _ = blocks("toml", GUIDE)
+    text, _ = blocks("toml", PROFILE)
     profile = parse_profile(text)
     Schema.parse(make_schema_text(profile))
     for view in profile.views.values():
@@ -55,7 +61,7 @@ def test_the_profile_on_the_page_is_one() -> None:
 
 
 def test_the_bipeds_profile_has_all_that_balance_needs() -> None:
-    schema = Schema.parse(make_schema_text(parse_profile(blocks("toml", GUIDE)[1])))
+    schema = Schema.parse(make_schema_text(parse_profile(blocks("toml", PROFILE)[1])))
     labels = {field.name: field.labels for field in schema.fields}
     balance = schema.mapping.balance
     assert balance.feet is not None
@@ -73,9 +79,34 @@ def test_the_bipeds_profile_has_all_that_balance_needs() -> None:
 
 
 @pytest.mark.parametrize("name", sorted(OF_SOURCE))
-def test_commands_stand_as_commands(name: str) -> None:
-    bare = re.findall(r"^(?:posecast-\w+|pip|python) .*$", OF_SOURCE[name], re.MULTILINE)
-    assert bare == [], "indented by four, else they run together into a paragraph"
+def test_commands_are_in_blocks_of_shell(name: str) -> None:
+    prose = re.sub(r"^ *```sh\n.*?^ *```", "", OF_SOURCE[name], flags=re.DOTALL | re.MULTILINE)
+    bare = re.findall(r"^ *(?:posecast|posecast-\w+|pip|python) .*$", prose, re.MULTILINE)
+    assert bare == [], "else they run together into a paragraph"
+
+
+def list_commands(page: str) -> list[list[str]]:
+    """What the page's shell blocks call posecast with."""
+    lines = "".join(blocks("sh", page)).splitlines()
+    found = [re.match(r" *(?:.* \| )?posecast (.*)", line) for line in lines]
+    return [shlex.split(each[1]) for each in found if each]
+
+
+def test_every_command_is_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("my-robot.credential").write_text(f"posecast1:my-robot:{'s' * 43}\n", encoding="ascii")
+    Path("my-robot.credential").chmod(0o600)
+    commands = [words for page in (*OF_SOURCE.values(), PROFILE) for words in list_commands(page)]
+    assert len(commands) > 20
+    for words in commands:
+        make_whole_parser().parse_args(words)  # ends the process on a flag that is none
+
+
+def test_the_known_fields_are_those_that_the_agent_knows() -> None:
+    table = PROFILE.partition("<!-- fields -->")[2].partition("<!-- /fields -->")[0]
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines()[3:] if line]
+    listed = {name.strip("`"): (of == "joint", unit, float(step)) for name, of, _, unit, step in rows}
+    assert listed == {name: (known.joints, known.unit, known.scale) for name, known in WELL_KNOWN.items()}
 
 
 def test_the_topics_on_the_page_are_a_table_of_a_profile() -> None:
@@ -122,7 +153,7 @@ def test_every_source_has_a_page_that_the_guide_links_to_and_starts_with_a_comma
 
 
 def test_links_of_these_pages_lead_somewhere() -> None:
-    for path in (DOCS / "ROBOTS.md", *(DOCS / "robots").glob("*.md")):
+    for path in (DOCS / "reference/profile.md", *(DOCS / "how-to/robots").glob("*.md")):
         for name, anchor in LINK.findall(path.read_text(encoding="utf-8")):
             target = (path.parent / name).read_text(encoding="utf-8")
             heads = re.findall(r"^#+ (.*)$", target, re.MULTILINE)
@@ -168,9 +199,11 @@ def test_the_page_of_python_names_every_argument_and_its_programs_run(tmp_path: 
         assert [name for name in names if f"`{name}`" not in page] == []
     assert (STREAM_HELD_S, STATE_HELD_S, SETTLE_S, KEPT_MAX, PROBLEMS_MAX) == (1.5, 60, 0.5, 64, 50)
     shutil.copy(ROOT / "edge-agent/examples/arm.urdf", tmp_path)
-    first, second, _ = blocks("python", page)
-    for program in (first, second):
-        away = program.replace(":7447", ":1")
+    first, second, _, silence = blocks("python", page)
+    (from_urdf,) = blocks("python", OF_SOURCE["urdf"])
+    arm = from_urdf.replace("robot.urdf", "arm.urdf")
+    for program in (first, second, arm, silence + first):
+        away = program.replace(":7447", ":1").replace("while True:", "for _ in range(3):")
         said = "print(robot.status().problems, robot.status().link)"
         done = subprocess.run(
             [sys.executable, "-c", f"{away}{said}"], cwd=tmp_path, capture_output=True, text=True, check=False

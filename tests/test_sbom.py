@@ -11,11 +11,11 @@ import pytest
 from cyclonedx.schema import SchemaVersion
 from cyclonedx.validation.json import JsonStrictValidator
 
-from tools.sbom import PAGE, PARTS, ROOT, UV, sbom
+from tools.sbom import GUIDE, PAGE, PARTS, ROOT, UV, sbom
 
 pytestmark = [
     pytest.mark.skipif(not UV.exists(), reason="no uv: run make setup"),
-    pytest.mark.skipif(not PAGE.exists(), reason="no built page: run make setup"),
+    pytest.mark.skipif(not GUIDE.exists(), reason="no built page with a guide: run make setup"),
 ]
 
 
@@ -44,6 +44,7 @@ def test_what_the_relay_needs_and_its_page_holds_is_in_it(documents: dict[str, d
     for name, version in page.items():
         if not name.startswith("@posecast/"):
             assert relay[name]["purl"] == f"pkg:npm/{name.replace('@', '%40')}@{version}"
+    assert {"zensical", "iframe-worker", "rxjs"} <= relay.keys(), "the guide's"
     refs = {part["bom-ref"] for part in relay.values()}
     assert {
         ref for node in documents["posecast-relay"]["dependencies"] for ref in node.get("dependsOn", [])
@@ -66,5 +67,7 @@ def test_the_pages_notices_go_with_it() -> None:
     for part in json.loads(PAGE.read_text()):
         if "MIT" in part["identifier"] and "OR" not in part["identifier"]:
             assert "Permission is hereby granted" in part["text"], part["name"]
+    for part in json.loads(GUIDE.read_text()):
+        assert part["text"], part["name"]
     for name in ("LICENSE", "NOTICE"):
         assert (PAGE.parent / "docs" / name).stat().st_size > 0

@@ -1,4 +1,4 @@
-"""docs/SCALING.md and its plots are what tools/scaling.py makes of tools/crowd.py; the arithmetic by hand."""
+"""The page on scaling and its plots are what tools/scaling.py makes of tools/crowd.py; the arithmetic."""
 
 from __future__ import annotations
 
@@ -20,10 +20,9 @@ def test_page_and_plots_are_up_to_date(tmp_path: Path) -> None:
     subprocess.run(script, cwd=ROOT, check=True, timeout=60)
     made = sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*") if path.is_file())
     assert [str(path) for path in made] == [
-        "OPERATIONS.md",
-        "SCALING.md",
         "img/scaling-cost.svg",
         "img/scaling-origin.svg",
+        "reference/capacity.md",
     ]
     for path in made:
         assert (tmp_path / path).read_text() == (ROOT / "docs" / path).read_text(), (
@@ -33,23 +32,25 @@ def test_page_and_plots_are_up_to_date(tmp_path: Path) -> None:
 
 def test_a_page_without_its_markers_is_refused() -> None:
     with pytest.raises(ValueError, match="'capacity'"):
-        scaling.written("OPERATIONS.md", "# Operations\n")
+        scaling.written("reference/capacity.md", "# Capacity\n")
 
 
-def test_the_page_names_the_constants_it_uses() -> None:
-    page = " ".join((ROOT / "docs" / "SCALING.md").read_text().split())
+def test_the_pages_name_the_constants_they_use() -> None:
+    pages = (ROOT / "docs" / name for name in ("reference/capacity.md", "explanation/scaling.md"))
+    text = " ".join(" ".join(page.read_text() for page in pages).split())
     around = crowd.WEBSOCKET_BYTES + crowd.TLS_BYTES + crowd.TCP_IP_BYTES
     for said in (
         f"{crowd.CPU_US_PER_MESSAGE:g} µs",
         f"{crowd.RSS_MB_PER_1000:g} kB",
         f"{around:g} B",
-        f"{crowd.HANDSHAKES_PER_S:,.0f} hands a second",
+        f"{crowd.HANDSHAKES_PER_S:,.0f} handshakes a second",
         f"{crowd.CORE_SHARE:g} core",
         f"segment + {crowd.ANSWER_BYTES:g} B, and {crowd.TCP_IP_BYTES:g} B for each",
         f"{crowd.TCP_PAYLOAD_BYTES:,.0f} of these bytes",
         f"{crowd.ORIGIN_MS_PER_ANSWER:g} ms",
         f"length + {crowd.BEHIND_S:g} s",
         f"{crowd.NODES} caches stand for a CDN",
+        f"watched through {crowd.NODES} caches",
         f"{crowd.NEWCOMER_BYTES / 1e6:g} MB and {crowd.NEWCOMER_REQUESTS:g} requests",
         f"| {crowd.BOTH.per_gb:g} a GB, {crowd.BOTH.per_million:.2f} a million requests |",
         f"| {crowd.REQUESTS.per_million:.2f} a million |",
@@ -57,24 +58,25 @@ def test_the_page_names_the_constants_it_uses() -> None:
         f"{crowd.CORE_HOUR:g} an hour for each server, which sends {crowd.CACHE_GBIT_S:g} Gbit/s",
         f"; {crowd.FLAT_GB:g} a GB |",
         f"{crowd.compute_lane_requests_per_h(1e6, 4) / 1e6:.0f} million requests an hour",
+        f"one core serves about {crowd.count_viewers_per_process(30) // 100 * 100:,} viewers at 30 Hz",
         f"| up to {crowd.count_viewers_per_process(30) // 100 * 100:,} | one relay |",
         f"handshakes is enough to refuse {crowd.count_retrying_viewers() // 1000 * 1000:,}. ",
-        f"{crowd.count_retrying_viewers() // 1000 * 1000:,} in the lane for each process",
+        f"{crowd.count_retrying_viewers() // 1000 * 1000:,} in the lane per process",
         f"asked is {crowd.compute_deploy_share(5000, 10):.0%} of its handshakes".replace("%", " %"),
         f"an instance of {crowd.INSTANCE_MB:g} MB, less {crowd.PROCESS_MB:g} for a relay",
         f"for each {crowd.CORE_SHARE * 1e6 / crowd.NGINX_US_PER_ANSWER:,.0f} answers a second",
     ):
-        assert said in page, said
+        assert said in text, said
 
 
 def test_benchmarks_page_has_what_scaling_stands_on() -> None:
-    page = (ROOT / "docs" / "BENCHMARKS.md").read_text()
+    page = (ROOT / "docs" / "reference/benchmarks.md").read_text()
     for said in (
         f"{crowd.CPU_US_PER_MESSAGE:g}",
         f"{crowd.RSS_MB_PER_1000:g}",
         f"{crowd.HANDSHAKES_PER_S:,.0f}",
     ):
-        assert said in page, f"BENCHMARKS.md does not say {said}"
+        assert said in page, f"reference/benchmarks.md does not say {said}"
 
 
 # ---- by WebSocket ----

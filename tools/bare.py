@@ -72,7 +72,7 @@ def main() -> int:
 
 
 def fill(wheels: Path, system: System) -> None:
-    """Put the wheel and what it needs into a folder, as docs/INSTALL.md does for an arm64 board."""
+    """Put the wheel and what it needs into a folder, as the guide does for an arm64 board."""
     (wheel,) = (ROOT / "dist").glob("posecast-*.whl")
     bin_ = ROOT / ".tools" / "bin"
     compiled = subprocess.run(

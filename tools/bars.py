@@ -1,22 +1,22 @@
-"""Plots of the tables in docs/BENCHMARKS.md, read from the page itself, so that both say the same.
+"""Plots of the tables in docs/reference/benchmarks.md, read from the page itself, so that both say the same.
 
-python -m tools.bars [--out DIR]: for every table under a line
+python -m tools.bars: for every table under a line
 
-    <!-- bars: img/NAME.svg | TITLE | COLUMN | UNIT -->
+    <!-- bars: ../img/NAME.svg | TITLE | COLUMN | UNIT -->
 
-writes DIR/img/NAME.svg: one bar per row, by the first number in that column. Rows without one have no bar.
+writes NAME.svg, relative to the page: one bar per row, by the first number in that column. Rows without a
+number have no bar.
 """
 
 from __future__ import annotations
 
-import argparse
 import re
 from pathlib import Path
 
 from tools import plot
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGE = ROOT / "docs" / "BENCHMARKS.md"
+PAGE = ROOT / "docs" / "reference/benchmarks.md"
 MARKER = re.compile(
     r"^<!-- bars: (?P<file>\S+) \| (?P<title>[^|]+) \| (?P<column>[^|]+) \| (?P<unit>[^|]*) -->$"
 )
@@ -43,7 +43,7 @@ def bars_of(page: str) -> dict[str, str]:
             rows.append(cells(text))
         if len(rows) < 3 or marker["column"] not in rows[0]:
             raise ValueError(
-                f"BENCHMARKS.md:{number + 1}: no table with a column {marker['column']!r} follows"
+                f"benchmarks.md:{number + 1}: no table with a column {marker['column']!r} follows"
             )
         at = rows[0].index(marker["column"])
         figures = [(row[0], NUMBER.search(row[at])) for row in rows[2:]]
@@ -52,18 +52,11 @@ def bars_of(page: str) -> dict[str, str]:
     return found
 
 
-def draw(out: Path) -> None:
-    """All plots of the page, below `out`."""
+def draw() -> None:
+    """All plots of the page."""
     for name, image in bars_of(PAGE.read_text()).items():
-        (out / name).parent.mkdir(parents=True, exist_ok=True)
-        (out / name).write_text(image)
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--out", type=Path, default=ROOT / "docs", help="instead of docs/")
-    draw(parser.parse_args().out)
+        (PAGE.parent / name).write_text(image)
 
 
 if __name__ == "__main__":
-    main()
+    draw()

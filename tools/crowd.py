@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import ceil, floor
 from typing import NamedTuple
 
-# ---- measured: docs/BENCHMARKS.md ----------------------------------------------------
+# ---- measured: docs/reference/benchmarks.md ----------------------------------------------------
 
 # 1,000 viewers × 30 Hz × 200 B on one core, frames read at once, loopback
 CPU_US_PER_MESSAGE = 8.3
@@ -102,9 +102,9 @@ BYTES = Provider("bytes", 0.01, 0.0)
 # an object store or functions at the edge whose traffic is free: $0.30 to $0.36 a million
 REQUESTS = Provider("requests", 0.0, 0.30)
 # CDNs of large clouds, and others: in Europe and North America $0.08 to $0.12 a GB, $0.75 to $1.00 a million
-BOTH = Provider("both", 0.085, 1.00)
-# nginx or Varnish on servers of one's own
-NEITHER = Provider("neither", FLAT_GB, 0.0, is_own=True)
+BOTH = Provider("bytes + requests", 0.085, 1.00)
+# nginx or Varnish on your own servers
+NEITHER = Provider("server-hours", FLAT_GB, 0.0, is_own=True)
 PROVIDERS = (BOTH, REQUESTS, BYTES, NEITHER)
 
 

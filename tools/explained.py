@@ -1,5 +1,5 @@
-"""Writes tables of docs/SIGNS.md, docs/FAULTS.md and docs/VIEWERS.md from what the page says when something
-is pressed: both say the same.
+"""Writes the tables of docs/reference/signs.md from what the page says when something is pressed: both say
+the same.
 
 python -m tools.explained: replaces whatever stands between two lines
 
@@ -20,7 +20,7 @@ from posecast_edge.profile.reader import SHIPPED, load_profile
 
 ROOT = Path(__file__).resolve().parent.parent
 CATALOGUES = ROOT / "spa/src/app/explain"
-PAGES = (ROOT / "docs/SIGNS.md", ROOT / "docs/FAULTS.md", ROOT / "docs/VIEWERS.md")
+PAGE = ROOT / "docs/reference/signs.md"
 BLOCK = re.compile(
     r"(?P<first><!-- explained: (?P<section>\S+) -->\n)(?P<table>.*?)(?P<last><!-- explained end -->\n)",
     re.DOTALL,
@@ -31,7 +31,7 @@ HEADS = {
     "columns": "column",
     "units": "unit",
     "words": "word",
-    "timeLine": "on the line",
+    "timeLine": "mark",
     "sensors": "sensor",
 }
 
@@ -78,7 +78,7 @@ def _flags() -> str:
             for bit, by_language in bits.items():
                 told = by_language["en"]
                 rows.setdefault(bit, [f"`{bit}`", told.say, told.why or ""])
-    return _table(["flag", "sentence", "one more"], list(rows.values()))
+    return _table(["flag", "what the page says", "how it is known"], list(rows.values()))
 
 
 def _table(heads: list[str], rows: list[list[str]]) -> str:
@@ -87,10 +87,9 @@ def _table(heads: list[str], rows: list[list[str]]) -> str:
 
 
 def main() -> None:
-    """Write every page anew."""
-    catalogue = read_catalogue("en")
-    for page in PAGES:
-        page.write_text(write_page(page.read_text(encoding="utf-8"), catalogue), encoding="utf-8")
+    """Write the page anew."""
+    text = write_page(PAGE.read_text(encoding="utf-8"), read_catalogue("en"))
+    PAGE.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

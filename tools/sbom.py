@@ -1,7 +1,8 @@
 """python -m tools.sbom DIST: what the wheels bring along, as CycloneDX 1.5 beside them.
 
 Python's part is uv's own export of the lock file (names, versions, hashes of every file); licences are what
-installed packages say of themselves. The page's part is what Vite says it bundled (spa/dist/licenses.json).
+installed packages say of themselves. The page's part is what Vite says it bundled (spa/dist/licenses.json),
+the guide's what tools/site says.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parent.parent
 UV = ROOT / ".tools/bin/uv"
 PAGE = ROOT / "spa/dist/licenses.json"
+GUIDE = ROOT / "spa/dist/guide/licenses.json"
 WITH_PAGE = ("posecast-relay", "posecast")
 PARTS = ("posecast-wire", "posecast-edge", *WITH_PAGE)
 # handed on as it comes, not bundled by Vite
@@ -62,10 +64,14 @@ def _add_page(document: dict[str, Any]) -> None:
     bundled = json.loads(PAGE.read_text())
     other = json.loads(AS_IT_COMES.read_text())
     bundled.append({"name": other["name"], "version": other["version"], "identifier": other["license"]})
+    known = {component["bom-ref"] for component in document["components"]}
     added = []
-    for part in bundled:
+    for part in [*bundled, *json.loads(GUIDE.read_text())]:
         name, version = part["name"], part["version"]
-        purl = f"pkg:npm/{name.replace('@', '%40')}@{version}"
+        purl = part.get("purl") or f"pkg:npm/{name.replace('@', '%40')}@{version}"
+        if purl in known:  # the page and the guide have it both
+            continue
+        known.add(purl)
         component = {"type": "library", "bom-ref": purl, "name": name, "version": version, "purl": purl}
         added.append(component | {"licenses": [{"expression": part["identifier"]}]})
     document["components"] += added

@@ -1,7 +1,7 @@
 """How many processes, how much traffic, what price: from the cost of one message to a million viewers.
 
 python -m tools.scaling [--out DIR]: writes the plots (docs/img/scaling-*.svg) and the tables between the
-markers of docs/SCALING.md and docs/OPERATIONS.md. What is assumed stands in tools/crowd.py.
+markers of docs/reference/capacity.md. tools/crowd.py has the assumptions.
 """
 
 from __future__ import annotations
@@ -89,19 +89,19 @@ def sizes() -> str:
 
 
 def counted() -> str:
-    """What the lane's bench counted, beside the same by arithmetic."""
+    """What the lane's bench measured, and the same calculated."""
     found = json.loads(MEASURED.read_text())
     caches, hz = list(found["lane_bytes_s"]), found["hz"]
     rates = [found["websocket_bytes_s"], *(found["lane_bytes_s"][name] for name in caches)]
     reckoned = [crowd.compute_socket_bytes_per_s(hz)]
     reckoned += [crowd.compute_lane_bytes_per_s(hz, SEGMENT_S)] * len(caches)
     rows = [
-        ["bytes a second to a viewer", *(f"{rate:,}" for rate in rates)],
-        ["the same by arithmetic", *(f"{rate:,.0f}" for rate in reckoned)],
-        ["counted beside that", *(f"{a / b - 1:+.1%}" for a, b in zip(rates, reckoned, strict=True))],
+        ["measured, B/s per viewer", *(f"{rate:,}" for rate in rates)],
+        ["calculated, B/s per viewer", *(f"{rate:,.0f}" for rate in reckoned)],
+        ["measured ÷ calculated − 1", *(f"{a / b - 1:+.1%}" for a, b in zip(rates, reckoned, strict=True))],
         ["headers of an answer, B", "–", *(f"{found['header_bytes'][name]}" for name in caches)],
         [
-            "further behind than a segment's length, p95, s",
+            "delay beyond the segment's length, p95, s",
             "–",
             *(f"{found['behind_p95_s'][name] - SEGMENT_S:.2f}" for name in caches),
         ],
@@ -120,9 +120,7 @@ def limits() -> str:
             [f"{hz:g} Hz", number(by_cpu), number(by_memory), number(crowd.VIEWERS_PER_PROCESS_MAX),
              f"**{viewers:,}**", number(mbit_s)]
         )  # fmt: skip
-    return table(
-        ["rate", "by CPU", "by memory", "by `--max-viewers`", "viewers of one process", "its Mbit/s"], rows
-    )
+    return table(["rate", "by CPU", "by memory", "by `--max-viewers`", "viewers per process", "Mbit/s"], rows)
 
 
 def origin() -> str:
@@ -131,13 +129,13 @@ def origin() -> str:
         [
             ("messages a second", lambda v, hz: v * hz),
             ("processes, one core each", crowd.count_processes),
-            ("cores that are busy with them", crowd.compute_socket_cores),
+            ("busy cores", crowd.compute_socket_cores),
         ],
         [
-            ("requests a second at the caches", lambda v, s: v / s),
-            (f"of these at the relay, {crowd.NODES} caches", crowd.compute_origin_requests_per_s),
+            ("requests a second to the caches", lambda v, s: v / s),
+            (f"of these, from {crowd.NODES} caches to the relay", crowd.compute_origin_requests_per_s),
             ("processes, one core each", crowd.count_origin_processes),
-            ("cores that are busy with them", crowd.compute_origin_cores),
+            ("busy cores", crowd.compute_origin_cores),
         ],
     )
 
@@ -176,7 +174,7 @@ def cost() -> str:
 
     clouds = (("in a large cloud", crowd.CLOUD_GB), ("on rented servers", crowd.FLAT_GB))
     rows = [crowds(f"WebSocket, {where}", by_socket(gb)) for where, gb in clouds]
-    rows += [crowds(f"lane, charged: {provider.name}", by_lane(provider)) for provider in PROVIDERS]
+    rows += [crowds(f"lane, billed by {provider.name}", by_lane(provider)) for provider in PROVIDERS]
     return of_crowds(rows)
 
 
@@ -193,28 +191,28 @@ def million() -> str:
     gb, requests = crowd.NEWCOMER_BYTES * MILLION / 1e9, crowd.NEWCOMER_REQUESTS * MILLION / 1e6
     for row, provider in zip(rows, PROVIDERS, strict=True):
         row.append(number(gb * provider.per_gb + requests * provider.per_million))
-    behind = ["behind, s", *(f"{s + crowd.BEHIND_S:g}" for _ in SOCKETS_HZ for s in SEGMENTS_S), "–"]
+    behind = ["delay, s", *(f"{s + crowd.BEHIND_S:g}" for _ in SOCKETS_HZ for s in SEGMENTS_S), "–"]
     names = [f"{s} s, {hz} Hz" for hz in SOCKETS_HZ for s in SEGMENTS_S]
-    return table(["charged", *names, "page and model, once"], [*rows, behind])
+    return table(["billed by", *names, "page and model, once"], [*rows, behind])
 
 
 def storms() -> str:
     hz = RATE_HZ
     rows = [
         crowds(
-            "one process replaced: share of the others' handshakes",
+            "one process is replaced: share of the others' handshake capacity",
             lambda v: f"{crowd.compute_deploy_share(v, hz):.1%}",
         ),
         crowds(
-            "schemas and frames for those who come back, MB",
+            "schemas and frames for the returning viewers, MB",
             lambda v: number(v / crowd.count_processes(v, hz) * crowd.JOIN_BYTES / 1e6),
         ),
         crowds(
-            "half of the processes die at once: the last one back after, s",
+            "half of the processes die at once: last viewer back after, s",
             lambda v: number(crowd.compute_half_dies_s(v, hz)),
         ),
         crowds(
-            "all die, and their successors are there: after, s",
+            "all die, and their successors are ready: last viewer back after, s",
             lambda v: number(crowd.compute_last_back_s(v, crowd.count_processes(v, hz))),
         ),
     ]
@@ -233,8 +231,8 @@ def capacity() -> str:
         mbit_s = crowd.compute_socket_gb_per_h(viewers, hz) / 3600 * 8000
         figures = [number(memory_mb), number(mbit_s), number(gb_per_1000)]
         rows.append([f"{hz:g} Hz", f"{viewers:,}", *figures, *costs])
-    head = ["viewers at", "of one process (one core)", "its MB", "its Mbit/s"]
-    return table([*head, "1,000 viewer-hours: GB", "large cloud, $", "rented server, $"], rows)
+    head = ["rate", "viewers per process", "MB", "Mbit/s", "GB"]
+    return table([*head, "large cloud, US$", "rented servers, US$"], rows)
 
 
 # ---- plots, and the pages ------------------------------------------------------------------
@@ -263,10 +261,10 @@ def plots() -> dict[str, str]:
     prices.sort(key=lambda line: line.points[-1][1], reverse=True)  # so that each is named beside its end
     return {
         "scaling-origin.svg": plot.lines(
-            f"Cores that the relays keep busy, with {crowd.NODES} caches", "viewers", "cores", busy
+            f"CPU cores that the relays use, with {crowd.NODES} caches", "viewers", "cores", busy
         ),
         "scaling-cost.svg": plot.lines(
-            f"An hour of one robot at {LANE_HZ} Hz, segments of {SEGMENT_S} s",
+            f"Cost of one robot at {LANE_HZ} Hz, segments of {SEGMENT_S} s",
             "viewers",
             "US$ an hour",
             prices,
@@ -275,7 +273,8 @@ def plots() -> dict[str, str]:
 
 
 BLOCKS: dict[str, dict[str, Callable[[], str]]] = {
-    "SCALING.md": {
+    "reference/capacity.md": {
+        "capacity": capacity,
         "counted": counted,
         "sizes": sizes,
         "limits": limits,
@@ -285,7 +284,6 @@ BLOCKS: dict[str, dict[str, Callable[[], str]]] = {
         "million": million,
         "storms": storms,
     },
-    "OPERATIONS.md": {"capacity": capacity},
 }
 
 
@@ -309,6 +307,7 @@ def write(out: Path) -> None:
     """Pages and plots, below `out`."""
     (out / "img").mkdir(parents=True, exist_ok=True)
     for file in BLOCKS:
+        (out / file).parent.mkdir(parents=True, exist_ok=True)
         (out / file).write_text(written(file, (ROOT / "docs" / file).read_text()))
     for name, image in plots().items():
         (out / "img" / name).write_text(image)

@@ -1,4 +1,5 @@
-"""`python -m benches.peers.page`: puts the last run's tables (out/peers/peers.json) into docs/BENCHMARKS.md.
+"""`python -m benches.peers.page`: puts the last run's tables (out/peers/peers.json) into
+docs/reference/benchmarks.md.
 
 Between the lines BEGIN and END; the plots are drawn anew from them (tools/bars.py).
 """
@@ -24,16 +25,16 @@ from tools import bars
 
 BEGIN, END = "<!-- peers: written by benches/peers/page.py -->", "<!-- /peers -->"
 STEADY = ["server", "÷ relay", "µs CPU per message", "messages per CPU-second", "p50 ms", "p99 ms"]
-STEADY += ["MB per viewer and hour", "MB RSS per 1,000 viewers", "neighbours"]
-SLOW = ["server", "KiB for each of the five", "they are let go", "the others missed", "their p99 ms", ""]
+STEADY += ["MB per viewer and hour", "MB RSS per 1,000 viewers", "others' share"]
+SLOW = ["server", "KiB per stopped viewer", "cut after", "missed by the others", "p99 of the others, ms", ""]
 TABLES = {  # its columns, and its plot as tools/bars.py is told: title, column, unit
-    "steady": (STEADY, "bench-peers", "CPU for one message beside the relay's | ÷ relay | ×"),
-    "slow": (SLOW, "bench-peers-slow", f"Memory for a viewer that does not read | {SLOW[1]} | KiB"),
+    "steady": (STEADY, "bench-peers", "CPU per message, compared with the relay | ÷ relay | ×"),
+    "slow": (SLOW, "bench-peers-slow", f"Memory for a viewer that stops reading | {SLOW[1]} | KiB"),
 }
 NOTES = {
-    "foxglove": "its queue is bounded at 1,024 messages, the oldest go",
-    "nats": "bounded at 64 MB by its documentation",
-    "mosquitto": "every viewer's queue fills, not only theirs",
+    "foxglove": "bounded at 1,024 messages; drops the oldest",
+    "nats": "bounded at 64 MB, by its documentation",
+    "mosquitto": "the queues of all viewers fill",
 }
 
 
@@ -87,20 +88,20 @@ def block(report: dict[str, Any]) -> str:
     worst = max(row["others_share"] for row in rows)
     rounds = 1 + max(row["round"] for row in rows)
     disturbed = (
-        "" if worst < DISTURBED else " **Disturbed**: neighbours took more than a tenth; see the column."
+        "" if worst < DISTURBED else " **Disturbed**: other processes took more than a tenth; see the column."
     )
     said = [
         f"{about['day']}, commit `{about['commit']}`, Linux {about['kernel']}, {about['cores']} cores"
         f" ({about['cpu']}), {rounds} round{'s' if rounds > 1 else ''}; load average"
-        f" {about['load_average_before']:.1f} before, {about['load_average_after']:.1f} after; neighbours"
-        f" took at most {worst:.0%} of the server's core.{disturbed}",
+        f" {about['load_average_before']:.1f} before, {about['load_average_after']:.1f} after; other"
+        f" processes took at most {worst:.0%} of the server's core.{disturbed}",
     ]
     for name, (head, image, bar) in TABLES.items():
         scenario = SCENARIOS[name]
         if any(row["scenario"] == name for row in rows):
-            said += ["", f"{scenario.title}:", "", f"<!-- bars: img/{image}.svg | {bar} -->", ""]
+            said += ["", f"{scenario.title}:", "", f"<!-- bars: ../img/{image}.svg | {bar} -->", ""]
             said += table(head, rows, scenario)
-            said += ["", f"![{bar.partition(' |')[0]}](img/{image}.svg)"]
+            said += ["", f"![{bar.partition(' |')[0]}](../img/{image}.svg)"]
     if report["absent"]:
         missing = "; ".join(f"{name} ({why})" for name, why in report["absent"].items())
         said += ["", f"Not measured: {missing}."]
@@ -112,7 +113,7 @@ def put(page: str, text: str) -> str:
     before, begin, rest = page.partition(BEGIN + "\n")
     _, end, after = rest.partition("\n" + END)
     if not begin or not end:
-        raise ValueError(f"BENCHMARKS.md lacks the line {END if begin else BEGIN!r}")
+        raise ValueError(f"benchmarks.md lacks the line {END if begin else BEGIN!r}")
     return f"{before}{begin}\n{text}\n{end}{after}"
 
 
@@ -126,7 +127,7 @@ def main() -> int:
         print(f"page: no {report}: `make peers` writes it", file=sys.stderr)
         return 2
     bars.PAGE.write_text(page)
-    bars.draw(bars.PAGE.parent)
+    bars.draw()
     return 0
 
 

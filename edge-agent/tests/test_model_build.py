@@ -1,4 +1,5 @@
-"""Bundles: the same robot from every distance, small enough, laid out as docs/MODEL.md says."""
+"""Bundles: the same robot from every distance, small enough, laid out as docs/reference/model-bundle.md
+says."""
 
 from __future__ import annotations
 

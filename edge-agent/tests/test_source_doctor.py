@@ -211,8 +211,8 @@ def test_a_slow_source_and_a_field_too_many_are_hints(urdf_file: Path) -> None:
 
 
 def test_the_page_explains_what_the_doctor_says(urdf_file: Path) -> None:
-    page = (Path(__file__).parents[2] / "docs/ROBOTS.md").read_text(encoding="utf-8")
-    table = page.partition("| it says |")[2].partition("\n\n")[0]
+    page = (Path(__file__).parents[2] / "docs/how-to/robots/add-a-robot.md").read_text(encoding="utf-8")
+    table = page.partition("| the doctor says |")[2].partition("\n\n")[0]
     explained = [
         words for row in table.splitlines()[2:] for words in re.findall(r"`([^`]+)`", row.split("|")[1])
     ]

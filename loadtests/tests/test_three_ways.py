@@ -1,4 +1,5 @@
-"""docs/LOADTESTS.md: Locust started by hand in the three ways that the page shows, by its own lines."""
+"""docs/how-to/scale/load-tests.md: Locust started by hand in the three ways that the page shows, by its
+own lines."""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ import pytest
 from posecast_loadtests.stage import own_relay
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGE = (ROOT / "docs/LOADTESTS.md").read_text()
+PAGE = (ROOT / "docs/how-to/scale/load-tests.md").read_text()
 HEADLESS, WITH_PAGE, MASTER, WORKER = re.findall(r"^```sh\n(locust .*)\n```$", PAGE, re.MULTILINE)
 VIEWERS = 12
 SMALLER = {

@@ -8,8 +8,8 @@ so that they have the same neighbours; the groups come before whatever else runs
 
     python -m relay.benches.workers [--rounds 3] [--workers 2] [--share 0.25] [--hz 30] [--bound 100]
 
-Writes out/bench/workers.json; with `--write` also the table of docs/BENCHMARKS.md, with `--rounds 0 --write`
-that of the last report.
+Writes out/bench/workers.json; with `--write` also the table of docs/reference/benchmarks.md, with `--rounds
+0 --write` that of the last report.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ STEP = 1.04  # of the ladder
 RUN_S = 5.0
 SAMPLE_S = 0.1
 REPORT = OUT / "workers.json"
-HEAD = ["round", "1 worker", "{} workers", "ratio", "CPU a frame, µs: 1 worker", "{} workers", "load"]
+HEAD = ["round", "1 worker", "{} workers", "ratio", "µs CPU per frame: 1 worker", "{} workers", "load"]
 START_AT = 2400  # viewers of one worker with a whole core at 30 Hz, as a first guess
 
 
@@ -255,7 +255,7 @@ def make_block(report: dict[str, Any]) -> str:
         line = [f"{number}", *(f"{each:,}" for each in most), f"{most[1] / most[0]:.2f}" if most[0] else "–"]
         lines.append([*line, *(f"{each:.1f}" for each in cpu), f"{min(loads):.0f} to {max(loads):.0f}"])
     how = (
-        f"Viewers at {asked['hz']:g} Hz with a p99 of lateness within {asked['bound']:g} ms, "
+        f"The most viewers at {asked['hz']:g} Hz with p99 lateness within {asked['bound']:g} ms, "
         f"{asked['share']:g} of a core for each worker. Rounds: {len(lines)}; median ratio: "
         f"{statistics.median(report['ratios']):.2f}. {about['day']}, {about['cores']} cores ({about['cpu']})."
     )
@@ -263,7 +263,7 @@ def make_block(report: dict[str, Any]) -> str:
 
 
 def write_page() -> None:
-    """Put the table of the last report into docs/BENCHMARKS.md."""
+    """Put the table of the last report into docs/reference/benchmarks.md."""
     PAGE.write_text(fill(PAGE.read_text(), {"workers": make_block(json.loads(REPORT.read_text()))}))
 
 
@@ -275,7 +275,7 @@ def main() -> int:
     parser.add_argument("--share", type=float, default=0.25, help="of a core, for each worker")
     parser.add_argument("--hz", type=float, default=30.0)
     parser.add_argument("--bound", type=float, default=100.0, help="ms, of the 99th percentile of lateness")
-    parser.add_argument("--write", action="store_true", help="into docs/BENCHMARKS.md")
+    parser.add_argument("--write", action="store_true", help="into docs/reference/benchmarks.md")
     asked = parser.parse_args()
     if asked.rounds == 0:
         if asked.write:

@@ -28,7 +28,7 @@ from relay.benches.lane.origin import CountedApp, OriginRequest, TimedCall, name
 from relay.benches.lane.page import PAGE, fill
 from relay.benches.lane.run import MEASURED
 from relay.benches.lane.simulation import HOLD_S, KEY_INTERVAL_S, OriginTally, make_timeline, simulate
-from relay.benches.lane.table import find_goals, make_steady, requests_a_segment
+from relay.benches.lane.table import find_goals, make_goals, make_steady, requests_a_segment
 
 ROOT = Path(__file__).resolve().parents[2]
 TAKE, NEXT_TAKE = 0xABC, 0xDEF
@@ -321,9 +321,20 @@ def test_goals_are_missed_by_one_request_too_many_and_one_refused_viewer() -> No
     rows[1]["refused"] = {"503": 1}
     missed = [goal.name for goal in find_goals(rows) if not goal.reached]
     assert missed == [
-        "nginx: origin requests a segment and node, steady, the worst",
-        "nginx: refused, lost, twice, gaps",
+        "nginx: origin requests per segment, steady, worst",
+        "nginx: refused, lost, duplicated, gaps",
     ]
+
+
+def test_a_goal_of_both_caches_is_one_line_and_missed_where_one_misses_it() -> None:
+    rows = [make_row(100, cache) for cache in ("nginx", "Varnish")]
+    assert "| refused, lost, duplicated, gaps | ≤ 0 | nginx **0**, Varnish **0** | reached |" in make_goals(
+        find_goals(rows)
+    )
+    rows[1]["refused"] = {"503": 1}
+    table = make_goals(find_goals(rows))
+    assert "| refused, lost, duplicated, gaps | ≤ 0 | nginx **0**, Varnish **1** | **missed** |" in table
+    assert "| delay of 100 viewers, p95, s | ≤ 4.7 | nginx **4.10**, Varnish **4.10** | reached |" in table
 
 
 def test_not_yet_counts_while_nothing_pauses_and_not_in_a_pause() -> None:

@@ -1,4 +1,4 @@
-"""What the bench of workers writes into docs/BENCHMARKS.md."""
+"""What the bench of workers writes into docs/reference/benchmarks.md."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Publishers with certificates (mutual TLS): real Zenoh, real certificates, the real agent.
 
-The certificates are made by the very lines that docs/OPERATIONS.md shows.
+The certificates are made by the very lines that docs/how-to/operate/use-certificates.md shows.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from posecast_wire.keys import Stamp
 from .certificates import certificates
 from .stage import Relay, client_config, until
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "OPERATIONS.md"
-SHOWN = re.search(r"### Certificates instead of passwords.*?```sh\n(.*?)```", PAGE.read_text(), re.DOTALL)
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "how-to/operate/use-certificates.md"
+SHOWN = re.search(r"## Create an authority.*?```sh\n(.*?)```", PAGE.read_text(), re.DOTALL)
 EVENT = {"type": "event", "t": 1.0, "level": "fault", "source": "x", "text": "x", "state": "on"}
 
 

@@ -1,4 +1,4 @@
-"""What docs/RECORDINGS.md says of CSV and MCAP is so: its examples run, its tables are whole."""
+"""What docs/how-to/record says of CSV and MCAP is so: its examples run, its tables are whole."""
 
 from __future__ import annotations
 
@@ -27,14 +27,15 @@ from posecast_wire import Schema
 from .export_stage import Take, csv_of, mcap_of
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGE = (ROOT / "docs" / "RECORDINGS.md").read_text()
+CSV, MCAP = ((ROOT / f"docs/how-to/record/{page}.md").read_text() for page in ("csv", "mcap"))
+COMMAND = (ROOT / "docs/reference/past-export.md").read_text()
 UV = ROOT / ".tools" / "bin" / "uv"
 DEMO = (ROOT / "wire" / "vectors" / "segments" / "schema.json").read_text()
 
 
 def example(name: str) -> str:
     """The block of Python that begins with its file's name."""
-    (found,) = re.findall(rf"```python\n(# {re.escape(name)}\n.*?)```", PAGE, re.DOTALL)
+    (found,) = re.findall(rf"```python\n(# {re.escape(name)}\n.*?)```", CSV + MCAP, re.DOTALL)
     return str(found)
 
 
@@ -73,15 +74,15 @@ def test_the_example_with_pandas_runs(folder: Path) -> None:
 def test_the_columns_are_those_of_the_file(folder: Path) -> None:
     header = (folder / "walk.csv").read_text(encoding="utf-8-sig").split("\n")[0]
     for column in FIRST_COLUMNS:
-        assert f"| `{column}` |" in PAGE
+        assert f"| `{column}` |" in CSV
     for column in ("pos.LKN [rad]", "ftf.RF.fz [N]"):
         assert column in header.split(",")
-        assert f"`{column}`" in PAGE
-    assert f"More than {COLUMNS_MAX:,} columns" in PAGE
+        assert f"`{column}`" in CSV
+    assert f"More than {COLUMNS_MAX:,} columns" in CSV
 
 
 def test_the_columns_of_balance_are_those_of_the_file() -> None:
-    table = PAGE[PAGE.index("### Balance") :]
+    table = CSV[CSV.index("### Balance") :]
     for column in BALANCE_COLUMNS:
         name, axis = re.sub(r"\.([xyz]) \[", " [", column), re.search(r"\.([xyz]) \[", column)
         if axis is None:
@@ -92,7 +93,7 @@ def test_the_columns_of_balance_are_those_of_the_file() -> None:
 
 
 def test_the_topics_are_those_of_the_file() -> None:
-    rows = re.findall(r"^\| `(/\S+)` \| `(\S+)` \|", PAGE, re.MULTILINE)
+    rows = re.findall(r"^\| `(/\S+)` \| `(\S+)` \|", MCAP, re.MULTILINE)
     assert rows == [
         ("/joint_states", JOINT_STATE),
         ("/joint_references", JOINT_STATE),
@@ -109,5 +110,5 @@ def test_the_topics_are_those_of_the_file() -> None:
 
 
 def test_the_sizes_are_those_in_force() -> None:
-    assert f"each {mcap_file.CHUNK_BYTES >> 20} MiB of messages" in PAGE
-    assert f"`{mcap_file.WORLD[1]}`" in PAGE
+    assert f"each {mcap_file.CHUNK_BYTES >> 20} MiB of messages" in COMMAND
+    assert f"`{mcap_file.WORLD[1]}`" in MCAP

@@ -50,7 +50,7 @@ async def test_a_robot_that_is_removed_loses_its_past_at_gateways(redis_server: 
 
 
 async def test_what_the_operators_page_deletes_is_the_past_and_all_of_it(redis_server: Redis) -> None:
-    page = (Path(__file__).resolve().parents[2] / "docs" / "OPERATIONS.md").read_text()
+    page = (Path(__file__).resolve().parents[2] / "docs" / "how-to/operate/delete-the-past.md").read_text()
     every, one = re.findall(r"--scan --pattern '([^']+)'", page)
     async with running(redis_server, RULES) as fleet:
         for robot in ("hubo", "open"):

@@ -215,7 +215,7 @@ async def test_a_relay_tells_it_on_request_and_fetches_no_model_before(relays: A
     assert (whole.asked, bad.asked) == (["manifest"], ["manifest"])
 
 
-PAGE = (Path(__file__).resolve().parents[2] / "docs" / "PROTOCOL.md").read_text()
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "reference/protocol.md").read_text()
 
 
 def test_the_docs_show_the_members_there_are_and_tell_every_reason() -> None:

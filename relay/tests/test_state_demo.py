@@ -11,6 +11,7 @@ from typing import Any
 
 import httpx
 import pytest
+from posecast_relay.http.answers import BalanceState
 
 from .redis_server import Redis
 from .stage import Relay, until
@@ -51,6 +52,8 @@ def check(found: dict[str, Any]) -> None:
     """Every value is there and is what a robot of that weight on both feet can have."""
     assert (found["mass_kg"], found["ground"], found["why"]) == (MASS_KG, "measured", {})
     assert None not in found.values()
+    described = BalanceState.model_validate(found)  # as /openapi.json describes it
+    assert described.model_fields_set == BalanceState.model_fields.keys() - {"detail"}
     x, y, height = found["centre_of_mass_m"]
     assert 0.3 < height - found["floor_m"] < 1.2
     assert len(found["support_polygon_m"]) >= 4

@@ -35,7 +35,7 @@ const ABILITIES: Readonly<Record<Ability, string>> = {
   stop: 'sleep',
   cache: 'cache',
 };
-const HEAD = `| browser | version | body in 3D | one finger turns it | fullscreen | without WebGL | not played: its driver can’t |
+const HEAD = `| browser | version | body in 3D | one finger turns it | fullscreen | without WebGL | not tested: its driver cannot |
 |---|---|---|---|---|---|---|`;
 const START = '<!-- browsers: written by `make browsers` -->';
 const END = '<!-- /browsers -->';

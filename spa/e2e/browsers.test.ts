@@ -97,7 +97,7 @@ async function withoutWebGl(relay: Relay): Promise<string> {
     );
     const flat = await until('the body, or why there is none', async () => {
       if ((await page.findByTestId('no-scene').count()) > 0) return 'table only';
-      return (await hasSkin(page)) ? '✓ a flat drawing of the body, and the table' : null;
+      return (await hasSkin(page)) ? '✓ drawn in 2D, with the table' : null;
     });
     await page.close();
     return flat;

@@ -40,7 +40,7 @@ class Ready:
 
 @attack()
 def keys_of_60_kb(at: Target) -> Steps:
-    """KEYs of 60 kB each, 500 a second"""
+    """KEYs of 60 kB, 500 a second"""
     robot = Robot(at).on_air()
     yield
     seq = itertools.count(robot.seq + 1)
@@ -49,7 +49,7 @@ def keys_of_60_kb(at: Target) -> Steps:
 
 @attack()
 def plain_frames_3000(at: Target) -> Steps:
-    """plain frames of one robot that 20 viewers watch, 3,000 a second"""
+    """plain frames of one robot with 20 viewers, 3,000 a second"""
     robot = Robot(at).on_air()
     ready = Ready(robot)
     ready.begin()
@@ -67,7 +67,7 @@ def plain_frames_3000(at: Target) -> Steps:
 
 @attack(guarded=True)
 def plain_frames_unpaced(at: Target) -> Steps:
-    """the same as fast as it goes, by an enrolled robot of a relay that asks for credentials"""
+    """plain frames at full speed, from an enrolled robot to a relay that requires credentials"""
     robot = Robot(at).on_air()
     ready = Ready(robot)
     ready.begin()
@@ -77,7 +77,7 @@ def plain_frames_unpaced(at: Target) -> Steps:
 
 @attack()
 def refs_of_2_kb(at: Target) -> Steps:
-    """REFs of 2 kB, which are hashed, 10,000 a second"""
+    """REFs of 2 kB, which the relay hashes, 10,000 a second"""
     robot = Robot(at).on_air()
     key = robot.frame(key=True)
     robot.put(key)
@@ -93,7 +93,7 @@ def refs_of_2_kb(at: Target) -> Steps:
 
 @attack()
 def sixteen_views(at: Target) -> Steps:
-    """one robot with 16 views, each of which sends 300 frames a second"""
+    """one robot with 16 views, each at 300 frames a second"""
     session = open_session(at)
     robots = [Robot(at, view=f"v{n}", session=session) for n in range(16)]
     ready = [Ready(robot) for robot in robots]
@@ -106,7 +106,7 @@ def sixteen_views(at: Target) -> Steps:
 
 @attack()
 def names_900(at: Target) -> Steps:
-    """900 robots of one session, 5,000 frames a second in all"""
+    """900 robots in one session, 5,000 frames a second in total"""
     session = open_session(at)
     robots = [Robot(at, f"rude-{n}", session=session) for n in range(900)]
     yield
@@ -122,7 +122,7 @@ def names_900(at: Target) -> Steps:
 
 @attack()
 def frames_of_100_mb(at: Target) -> Steps:
-    """frames of 100 MB each, as fast as they go"""
+    """frames of 100 MB at full speed"""
     robot = Robot(at).on_air()
     huge = bytes(100_000_000)
     yield
@@ -131,7 +131,7 @@ def frames_of_100_mb(at: Target) -> Steps:
 
 @attack()
 def attachments_of_1_mb(at: Target) -> Steps:
-    """sound frames with an attachment of 1 MB, 200 a second"""
+    """valid frames with an attachment of 1 MB, 200 a second"""
     robot = Robot(at).on_air()
     huge = bytes(1_000_000)
     yield
@@ -140,7 +140,7 @@ def attachments_of_1_mb(at: Target) -> Steps:
 
 @attack()
 def frames_that_are_none(at: Target) -> Steps:
-    """empty, cut, of other versions, of random bytes, at names that are none: 2,000 a second"""
+    """empty, truncated and random frames, of other versions and under invalid names: 2,000 a second"""
     robot = Robot(at).on_air()
     draw = random.Random(1)
     sound = robot.frame(key=True)
@@ -170,7 +170,7 @@ def frames_that_are_none(at: Target) -> Steps:
 
 @attack()
 def impossible_numbers(at: Target) -> Steps:
-    """new runs, stamps of 2⁶⁴ − 1, seq that wraps, times of ±1e308: 1,000 frames a second"""
+    """new runs, stamps of 2⁶⁴ − 1, wrapping seq, times of ±1e308: 1,000 frames a second"""
     robot = Robot(at).on_air()
     draw = random.Random(2)
     elapsed = (0, 1, 2**63, 2**64 - 1)
@@ -191,7 +191,7 @@ def impossible_numbers(at: Target) -> Steps:
 
 @attack()
 def a_schema_with_every_key(at: Target) -> Steps:
-    """KEYs of two schemas in turn, each of 4,096 channels, 200 a second; every question is answered"""
+    """KEYs of two alternating schemas of 4,096 channels, 200 a second; every query is answered"""
     robot = Robot(at).on_air()
     schemas = [schema_of(4096, name) for name in ("left.", "right.")]
     keys = [Encoder(schema).encode([9] * 4096, 1, 1.0, 1.0) for schema in schemas]
@@ -211,7 +211,7 @@ def a_schema_with_every_key(at: Target) -> Steps:
 
 @attack()
 def widest_frames_for_500(at: Target) -> Steps:
-    """frames of 16 kB, 60 a second, to 500 viewers that read and acknowledge all"""
+    """frames of 16 kB, 60 a second, to 500 viewers that read and acknowledge everything"""
     robot = Robot(at, schema=schema_of(4096)).on_air()
     key = robot.frame(key=True)
     robot.put(key)
@@ -235,7 +235,7 @@ def widest_frames_for_500(at: Target) -> Steps:
 
 @attack()
 def widest_robot_for_json(at: Target) -> Steps:
-    """a robot of 4,096 channels, 60 frames a second, which five viewers want as JSON"""
+    """a robot of 4,096 channels at 60 frames a second, with five JSON viewers"""
     robot = Robot(at, schema=schema_of(4096)).on_air()
     ready = Ready(robot)
     ready.begin()

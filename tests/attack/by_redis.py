@@ -14,7 +14,7 @@ from tests.attack.target import Steps, Target, attack
 
 @attack(behind_redis=True)
 def flood_through_redis(at: Target) -> Steps:
-    """frames, events, texts and models of one robot as fast as it goes, through Redis to a gateway"""
+    """frames, events, texts and models of one robot at full speed, through Redis to a gateway"""
     robot = Robot(at).on_air()
     ready = Ready(robot)
     ready.begin()
@@ -35,5 +35,5 @@ def flood_through_redis(at: Target) -> Steps:
 
 @attack(behind_redis=True)
 def names_of_nobody_at_a_gateway(at: Target) -> Steps:
-    """viewers of a gateway that ask for robots and views that do not exist, as fast as it goes"""
+    """viewers of a gateway that request absent robots and views, at full speed"""
     return (yield from asked_for_nobody(at))

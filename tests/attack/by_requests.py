@@ -45,7 +45,7 @@ def poured(at: Target, requests: list[tuple[bytes, bytes]], most: int) -> str:
 
 @attack(seconds=2.4)
 def headers_of_10_mb(at: Target) -> Steps:
-    """12 requests with 10 MB of header lines each"""
+    """12 requests, each with 10 MB of header lines"""
     line = b"a:b\r\n" * (HEADERS_BYTES // 5)
     yield
     return poured(at, [(b"GET / HTTP/1.1\r\nHost: x\r\n", line)] * 12, HEADERS_BYTES)
@@ -69,7 +69,7 @@ def lines_of_10_mb(at: Target) -> Steps:
 
 @attack()
 def malformed(at: Target) -> Steps:
-    """requests that are none, 1,000 a second, each on a connection of its own"""
+    """malformed requests, 1,000 a second, each on a new connection"""
     draw = random.Random(6)
     broken = [
         b"\x00\x01\x02\r\n\r\n",
@@ -100,7 +100,7 @@ def malformed(at: Target) -> Steps:
 
 @attack(seconds=2.8)
 def answers_never_read(at: Target) -> Steps:
-    """2,500 connections that ask for the page's largest file, and for more behind it, and read nothing"""
+    """2,500 connections that request the page's largest file and more, and read nothing"""
     with socket.create_connection(at.address, 5.0) as link:
         link.sendall(get("/", "Connection: close"))
         page = b"".join(iter(lambda: link.recv(65536), b""))
@@ -122,7 +122,7 @@ def answers_never_read(at: Target) -> Steps:
 
 @attack(seconds=2.4)
 def drop_by_drop(at: Target) -> Steps:
-    """1,000 requests that come one byte at a time (slowloris)"""
+    """1,000 requests sent one byte at a time (slowloris)"""
     request = get("/api/v1/robots", *(f"X-{n}: {n}" for n in range(50)))
     crowd = Crowd(at, lambda _n: request[:1])
     crowd.open(range(1000))
@@ -160,7 +160,7 @@ def hammered(at: Target, connections: int, per_s: float, paths: list[str]) -> St
 
 @attack()
 def states_1000(at: Target) -> Steps:
-    """states, and what does not exist, asked for 1,000 times a second, with targets of up to 16 kB"""
+    """states and absent paths requested 1,000 times a second, with targets of up to 16 kB"""
     states = ["/api/v1/robots/innocent/state"] * 100
     paths = [f"/api/v1/robots/innocent/model/{n:064x}/manifest.json" for n in range(50)]
     paths += [f"/api/v1/robots/{'x' * n}/state" for n in range(48)]
@@ -171,14 +171,14 @@ def states_1000(at: Target) -> Steps:
 
 @attack()
 def lists_unpaced(at: Target) -> Steps:
-    """list, document, state and openapi.json asked for on 500 connections, as fast as it goes"""
+    """list, document, state and openapi.json requested on 500 connections at full speed"""
     paths = ["/api/v1/robots", "/openapi.json", "/api/v1/robots/innocent", "/api/v1/robots/innocent/state"]
     return (yield from hammered(at, 500, AS_FAST_AS_IT_GOES, paths))
 
 
 @attack()
 def past_unpaced(at: Target) -> Steps:
-    """days, ten minutes, KEYs and takes of the past asked for on 500 connections, as fast as it goes"""
+    """days, ten minutes, KEYs and takes of the past requested on 500 connections at full speed"""
     past, now = "/api/v1/robots/innocent/past", datetime.now(UTC)
     page = f"{past}/public/{now:%Y-%m-%dT%H}:{now.minute // 10}0Z"
     paths = [past, f"{past}/public/{now:%Y-%m-%d}", page, f"{past}/public/{'0' * 16}/7"]
@@ -190,7 +190,7 @@ def past_unpaced(at: Target) -> Steps:
 
 @attack(guarded=True)
 def bad_tokens(at: Target) -> Steps:
-    """viewers with tokens that are none, of up to 7 kB, 500 a second"""
+    """viewers with invalid tokens of up to 7 kB, 500 a second"""
     draw = random.Random(7)
     shapes = ["x" * 7000, "a.b.c", "eyJhbGciOiJub25lIn0.e30.", "pc1.innocent.9999999999.x", "é", "." * 7000]
     paths = ["/api/v1/robots", "/api/v1/robots/innocent", "/api/v1/robots/innocent/live.sse"]

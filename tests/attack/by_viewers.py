@@ -30,7 +30,7 @@ def talking(at: Target, viewers: int, per_s: float, query: str, say: Callable[[i
 
 @attack(seconds=2.4)
 def subnormal_rates(at: Target) -> Steps:
-    """five viewers ask for 1e-320 to 7e-320 Hz and 0 in turn, eight times a second each"""
+    """five viewers alternate between 1e-320 to 7e-320 Hz and 0 Hz, eight times a second each"""
     rates = ["0", *(f"{n}e-320" for n in range(1, 8)), "5e-324", "1e-300", "0.0001"]
     return (
         yield from talking(
@@ -41,7 +41,7 @@ def subnormal_rates(at: Target) -> Steps:
 
 @attack()
 def chatter(at: Target) -> Steps:
-    """500 viewers that say as much as they may: pings, and rates between 0.1 and 60 Hz"""
+    """500 viewers that send as many messages as allowed: pings, and rates from 0.1 to 60 Hz"""
     draw = random.Random(5)
 
     def say(n: int) -> str:
@@ -54,7 +54,7 @@ def chatter(at: Target) -> Steps:
 
 @attack()
 def rates_of_their_own(at: Target) -> Steps:
-    """1,000 viewers, each with a rate that nobody else has, between 1 and 11 Hz"""
+    """1,000 viewers, each with a rate of its own between 1 and 11 Hz"""
     crowd = Crowd(at, lambda n: stream(query=f"hz={1 + n / 100:.3f}"))
     crowd.open(range(1000))
     crowd.until_heard()
@@ -66,7 +66,7 @@ def rates_of_their_own(at: Target) -> Steps:
 
 @attack()
 def joins_and_leaves(at: Target) -> Steps:
-    """viewers that come, are greeted and leave, 100 at a time, as fast as it goes"""
+    """viewers that join and leave, 100 at a time, at full speed"""
     crowd = Crowd(at, lambda _n: stream(query="hz=60"))
     yield
 
@@ -82,7 +82,7 @@ def joins_and_leaves(at: Target) -> Steps:
 
 @attack()
 def asks_and_resets(at: Target) -> Steps:
-    """50 at a time ask for JSON at 60 Hz and reset before they are answered, as fast as it goes"""
+    """50 clients at a time request JSON at 60 Hz and reset before the answer, at full speed"""
     crowd = Crowd(at, lambda _n: stream(query="hz=60&format=json"))
     yield
 
@@ -97,7 +97,7 @@ def asks_and_resets(at: Target) -> Steps:
 
 @attack()
 def json_for_nobody(at: Target) -> Steps:
-    """1,900 viewers that want JSON at 60 Hz and read nothing"""
+    """1,900 viewers that request JSON at 60 Hz and read nothing"""
     crowd = Crowd(at, lambda _n: stream(query="hz=60&format=json"), small=True)
     yield
     crowd.open(range(1900))
@@ -128,13 +128,13 @@ def asked_for_nobody(at: Target) -> Steps:
 
 @attack()
 def names_of_nobody(at: Target) -> Steps:
-    """viewers that ask for views and robots that do not exist, each for another one, as fast as it goes"""
+    """viewers that request absent views and robots, each another one, at full speed"""
     return (yield from asked_for_nobody(at))
 
 
 @attack(seconds=2.4)
 def nobody_reads(at: Target) -> Steps:
-    """500 viewers at 60 Hz that read nothing and acknowledge all; 300 likewise by server-sent events"""
+    """500 viewers at 60 Hz that read nothing and acknowledge everything; 300 more on server-sent events"""
 
     def ask(n: int) -> bytes:
         form = "&format=json" if n % 2 else ""
@@ -153,7 +153,7 @@ def nobody_reads(at: Target) -> Steps:
 
 @attack()
 def broken_rules(at: Target) -> Steps:
-    """100 viewers: false acknowledgements, 1e999 Hz, surrogates, pings and pieces without end, bad frames"""
+    """100 viewers: false acknowledgements, 1e999 Hz, surrogates, endless pings and fragments, bad frames"""
     counts = (2**53 - 1, 0, -1, "1e300", "1e999", 0.5, "9" * 3000, "true")
     said = [f'{{"type":"ack","n":{n}}}' for n in counts]
     said += [f'{{"type":"rate","hz":{n}}}' for n in ("1e999", "-1", "NaN", "9" * 3000, "1e-400", "null")]

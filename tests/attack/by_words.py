@@ -34,7 +34,7 @@ def ask_for(robot: Robot, seq: itertools.count[int]) -> None:
 
 @attack()
 def doubled_names(at: Target) -> Steps:
-    """schemas of 20,000 labels, and of the 37,000 that 256 KiB hold, with one label twice"""
+    """schemas of 20,000 labels, and of 37,000 (256 KiB), with one duplicate label"""
     seq, turns = itertools.count(1), itertools.count()
     texts = [doubled(20_000), doubled(37_000)]
     answers = [snapshot_text(text, key_frame(fnv1a32(text.encode()), 1, 200)) for text in texts]
@@ -46,7 +46,7 @@ def doubled_names(at: Target) -> Steps:
 
 @attack()
 def strange_words(at: Target) -> Steps:
-    """events, texts and labels of 1e999, 5,000 digits, depth, BOMs, direction marks: 1,000 a second"""
+    """events, texts and labels with 1e999, 5,000 digits, nesting, BOMs, direction marks: 1,000 a second"""
     marks = "\u202e\u2066\u200b\ufeff\u0301\u2028\U000e0041"
     robot = Robot(at, schema=schema_of(JOINTS, f"{marks}J")).on_air()
     depth = "[" * 900 + "]" * 900
@@ -74,7 +74,7 @@ def surrogates_in_events(at: Target) -> Steps:
 
 @attack()
 def surrogates_in_texts(at: Target) -> Steps:
-    """the same in info, in snapshots and in a schema's names, while list and document are asked for"""
+    """half surrogate pairs in info, snapshots and schema names, while clients request list and document"""
     robot = Robot(at).on_air()
     asks = [get("/api/v1/robots"), get("/api/v1/robots/rude"), get("/api/v1/robots/rude/state")]
     crowd = Crowd(at, lambda n: asks[n % 3])
@@ -98,7 +98,7 @@ def surrogates_in_texts(at: Target) -> Steps:
 
 @attack()
 def events_unpaced(at: Target) -> Steps:
-    """events of one robot that 20 viewers watch, as fast as it goes"""
+    """events of one robot with 20 viewers, at full speed"""
     robot = Robot(at).on_air()
     crowd = Crowd(at, lambda _n: stream("rude", "hz=1"))
     crowd.open(range(20))
@@ -114,7 +114,7 @@ def events_unpaced(at: Target) -> Steps:
 
 @attack()
 def models_and_texts(at: Target) -> Steps:
-    """another model and info 1,000 times a second; 20 viewers are told and ask for each model"""
+    """a new model and info 1,000 times a second; 20 viewers request each model"""
     robot = Robot(at).on_air()
     robot.model_answer = lambda _part, _range: b"{}"
     crowd = Crowd(at, lambda _n: stream("rude", "hz=1"))
@@ -139,7 +139,7 @@ def models_and_texts(at: Target) -> Steps:
 
 @attack()
 def snapshots_of_100_mb(at: Target) -> Steps:
-    """answers of 100 MB to every question for a snapshot"""
+    """an answer of 100 MB to every snapshot query"""
     seq = itertools.count(1)
     huge = snapshot_text("x" * 50_000_000, key_frame(1, 1, 200), '{"a":"' + "y" * 50_000_000 + '"}')
     yield
@@ -150,7 +150,7 @@ def snapshots_of_100_mb(at: Target) -> Steps:
 
 @attack()
 def a_thousand_answers(at: Target) -> Steps:
-    """1,000 answers of 100 kB to one question for a snapshot, over and over"""
+    """1,000 answers of 100 kB to one snapshot query, repeatedly"""
     seq = itertools.count(1)
     schema = schema_of(4096)
     key = Encoder(schema).encode([5] * 4096, 1, 1.0, 1.0)
@@ -163,7 +163,7 @@ def a_thousand_answers(at: Target) -> Steps:
 
 @attack()
 def widest_schemas(at: Target) -> Steps:
-    """20 robots, each question answered with another sound schema of 4,096 channels and 250 kB"""
+    """20 robots that answer each query with another valid schema of 4,096 channels and 250 kB"""
     seq, n = itertools.count(1), itertools.count()
     texts = [schema_of(4096, f"{name}{'x' * 48}") for name in range(8)]
     keys = [Encoder(schema).encode([5] * 4096, 1, 1.0, 1.0) for schema in texts]
@@ -210,7 +210,7 @@ def offers(robot: Robot, manifest: bytes) -> str:
 
 @attack(seconds=2.4)
 def models_of_250_mb(at: Target) -> Steps:
-    """40 declared files of 250 MB asked for at once, by askers that leave after a second"""
+    """40 declared files of 250 MB requested at once, by clients that leave after a second"""
     robot = Robot(at)
     digest = offers(robot, declared([(f"{n}.stl", "250000000") for n in range(40)]))
     crowd = Crowd(at, lambda n: get(f"/api/v1/robots/rude/model/{digest}/{n}.stl"))
@@ -231,7 +231,7 @@ def models_of_250_mb(at: Target) -> Steps:
 
 @attack()
 def sizes_of_1e999(at: Target) -> Steps:
-    """manifests whose sizes are 1e999, −1, 0.5, 5,000 digits, true, null, a text: 100 asked for a second"""
+    """manifests with sizes of 1e999, −1, 0.5, 5,000 digits, true, null or a text: 100 requests a second"""
     sizes = ["1e999", "-1", "0.5", "9" * 5000, "true", "null", '"7"', "[]", "1e300", "-1e999"]
     robot = Robot(at)
     digests = {}

@@ -19,7 +19,7 @@ from tests.attack.target import Steps, Target, attack
 
 @attack()
 def echoes(at: Target) -> Steps:
-    """questions for the echo, of one robot and of all, as fast as it goes"""
+    """echo queries, for one robot and for all, at full speed"""
     robot = Robot(at).on_air()
     keys = itertools.cycle([echo_key("rude"), echo_key("innocent"), echo_key("nobody"), "posecast/v1/*/echo"])
     yield
@@ -30,7 +30,7 @@ def echoes(at: Target) -> Steps:
 
 @attack()
 def tokens(at: Target) -> Steps:
-    """1,000 liveliness tokens a second of one robot that comes and goes, and of 1,800 others that stay"""
+    """1,000 liveliness tokens a second: one robot comes and goes, 1,800 others stay"""
     session = open_session(at)
     kept: list[object] = []
     n = itertools.count()
@@ -46,7 +46,7 @@ def tokens(at: Target) -> Steps:
 
 @attack()
 def tokens_that_stay(at: Target) -> Steps:
-    """900 liveliness tokens at once, each of another robot that never sends"""
+    """900 liveliness tokens at once, each for a robot that never sends"""
     session = open_session(at)
     yield
     kept = [session.liveliness().declare_token(alive_key(f"silent-{n}")) for n in range(900)]
@@ -56,7 +56,7 @@ def tokens_that_stay(at: Target) -> Steps:
 
 @attack()
 def declarations(at: Target) -> Steps:
-    """subscribers for everything and 2,000 keys more a second; false answers for the innocent robot"""
+    """subscriptions to everything and to 2,000 more keys a second; false answers for the innocent robot"""
     session = open_session(at)
     kept: list[object] = []
     n, answered = itertools.count(), itertools.count()
@@ -78,7 +78,7 @@ def declarations(at: Target) -> Steps:
 
 @attack()
 def links(at: Target) -> Steps:
-    """connections to both ports: silent, with bytes that mean nothing, sound and closed at once"""
+    """connections to both ports: silent, with meaningless bytes, or valid and closed at once"""
     allow_sockets()
     kept: list[socket.socket] = []
     draw, turns = random.Random(4), itertools.count()
@@ -101,7 +101,7 @@ def links(at: Target) -> Steps:
 
 @attack(guarded=True)
 def foreign_keys(at: Target) -> Steps:
-    """an enrolled robot writes as another one, 5,000 times a second; strangers try passwords"""
+    """an enrolled robot publishes as another, 5,000 times a second; strangers try passwords"""
     robot = Robot(at).on_air()
     session, frame = robot.session, robot.frame(key=True)
     of_another = [frame_key("innocent", "public"), event_key("innocent", "public"), alive_key("innocent")]

@@ -44,7 +44,7 @@ def beside_a_flood(relay_command: tuple[str, ...]) -> list[Figure]:
     pairs = [(p99_s(flooded), p99_s(calm)) for calm, flooded in turns]
     with_s, without_s = sorted(pairs, key=lambda pair: pair[0] / pair[1])[PAIRS // 2]
     more = f": {with_s * 1e3:.1f} ms beside {without_s * 1e3:.1f} ms, {len(late):,} frames"
-    what = f"{ROBOTS} robots at {HZ} Hz beside one that floods: p99 of their lateness ÷ without it"
+    what = f"{ROBOTS} robots at {HZ} Hz beside one that floods: p99 of their lateness ÷ p99 without it"
     return [Figure(what, with_s / without_s, RATIO_MAX, "×", more)]
 
 
@@ -84,4 +84,4 @@ def coming_at_once(relay_command: tuple[str, ...]) -> list[Figure]:
                 if line["word"] == "LIVE":
                     live.setdefault(line["viewer"], line["at"] - began_s)
         last_s = max(live.values()) if len(live) == VIEWERS else float("inf")
-    return [Figure(f"{VIEWERS:,} viewers from one address come in, all LIVE after", last_s, IN_MAX_S, "s")]
+    return [Figure(f"{VIEWERS:,} viewers join from one address: all LIVE after", last_s, IN_MAX_S, "s")]

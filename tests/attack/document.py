@@ -1,4 +1,4 @@
-"""The table of docs/SECURITY.md, as the last `make attack WRITE=1` found it."""
+"""The tables of docs/reference/attack-tests.md, as the last `make attack WRITE=1` found it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from tests.attack.figure import Figure
 from tests.attack.row import HEAD, Row, cells
 
-FILE = Path(__file__).parents[2] / "docs/SECURITY.md"
+FILE = Path(__file__).parents[2] / "docs/reference/attack-tests.md"
 BEGIN = "<!-- written by `make attack WRITE=1` -->\n"
 END = "<!-- until here -->\n"
 
@@ -18,13 +18,15 @@ def text(rows: Sequence[Row], figures: Sequence[Figure]) -> str:
     """What was measured, for people."""
     lines = [f"| {' | '.join(HEAD)} |", "|---" * 2 + "|---:" * (len(HEAD) - 2) + "|"]
     lines += [f"| {' | '.join((row.what, *cells(row)))} |" for row in rows]
-    lines += ["", "| beside these | measured | promised |", "|---|---:|---:|"]
+    lines += ["", "| further checks | measured | limit |", "|---|---:|---:|"]
     lines += [
         f"| {each.what} | {each.found:.2f} {each.unit}{each.more} | ≤ {each.limit:g} {each.unit} |"
         for each in figures
     ]
     cores = len(os.sched_getaffinity(0))
-    return "\n".join([f"On {cores} cores, shared by relay, robots, viewers and attackers:", "", *lines, ""])
+    return "\n".join(
+        [f"Measured on {cores} cores, shared by relay, robots, viewers and attackers:", "", *lines, ""]
+    )
 
 
 def put(document: str, table: str) -> str:

@@ -66,7 +66,7 @@ def served(made: Arena, attack: Attack | None) -> tuple[list[Part], str, str]:
 
 
 def played(attack: Attack | None, seconds: float, relay_command: Sequence[str]) -> Row:
-    """One attack on a relay of its own; None: nobody attacks."""
+    """One attack on a relay of its own; None: no attack."""
     with arena(tuple(relay_command), attack is not None and attack.guarded) as made:
         relays, http, zenoh = served(made, attack)
         robot = made.robot(zenoh)
@@ -101,7 +101,7 @@ def played(attack: Attack | None, seconds: float, relay_command: Sequence[str]) 
         closed = [line for line in said(screen, "closed") if began_s <= line["at"]]
         return Row(
             attack.name if attack else "nobody",
-            attack.what if attack else "nobody attacks",
+            attack.what if attack else "no attack",
             did[0]["did"] if did else "–",
             shares(sent, came, began_s, ended_s),
             longest_gap_s([at for _, at in came], began_s, ended_s),

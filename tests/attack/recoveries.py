@@ -70,7 +70,10 @@ def second_edge(made: Arena, http: str, zenoh: str) -> Figure:
     until("the other one sends", lambda: len(said(other, "sent")) > 60)
     other.kill()
     return Figure(
-        "a second edge of its name comes and goes: LIVE again", back.after(time.monotonic()), 5.0, "s"
+        "a second agent with the same robot name comes and goes: LIVE again after",
+        back.after(time.monotonic()),
+        5.0,
+        "s",
     )
 
 
@@ -83,7 +86,7 @@ def clock_stood_still(made: Arena, http: str, zenoh: str) -> Figure:
     robot.process.stdin.write(f"clock {SLEPT_S:g}\n".encode())
     robot.process.stdin.flush()
     back_s = back.after(time.monotonic())
-    return Figure("an edge's clock stood still for 60 s: LIVE again", back_s, 10.0, "s")
+    return Figure("an agent's clock stood still for 60 s: LIVE again after", back_s, 10.0, "s")
 
 
 def hostile_lines(made: Arena, http: str, zenoh: str) -> Figure:
@@ -107,7 +110,7 @@ def hostile_lines(made: Arena, http: str, zenoh: str) -> Figure:
         back_s = back.after(end_s) if edge.process.poll() is None else float("inf")
     finally:
         os.close(held)
-    return Figure("a program writes lines that are none to its agent: LIVE after", back_s, 2.0, "s")
+    return Figure("a program writes invalid lines to its agent: LIVE after", back_s, 2.0, "s")
 
 
 def _sends(robot: Part) -> None:
@@ -130,7 +133,9 @@ def forgotten_generation(made: Arena) -> Figure:
     robot = made.robot(stage.zenoh, "numbered")
     _sends(robot)
     back_s = back.after(time.monotonic())
-    return Figure("Redis loses a robot's generation while its edge restarts: LIVE again", back_s, 2.0, "s")
+    return Figure(
+        "Redis loses a robot's generation while its agent restarts: LIVE again after", back_s, 2.0, "s"
+    )
 
 
 def flushed(made: Arena) -> Figure:
@@ -143,7 +148,9 @@ def flushed(made: Arena) -> Figure:
     worst_s = back.after(time.monotonic())
     stage.ask("FLUSHALL")
     worst_s = max(worst_s, back.after(time.monotonic()))
-    return Figure("FLUSHALL with the ingest down, and with all well: LIVE again", worst_s, 2.0, "s")
+    return Figure(
+        "FLUSHALL with the ingest down, and in normal operation: LIVE again after", worst_s, 2.0, "s"
+    )
 
 
 def recoveries(relay_command: tuple[str, ...]) -> list[Figure]:
@@ -157,4 +164,4 @@ def recoveries(relay_command: tuple[str, ...]) -> list[Figure]:
         under_way += [threads.submit(each, made) for each in (forgotten_generation, flushed)]
         found = [each.result() for each in under_way]  # AssertionError when one was never LIVE
         tracebacks = sum(part.log.count("Traceback") for part in made.parts)
-    return [*found, Figure("tracebacks in all their logs", tracebacks, 0.0, "")]
+    return [*found, Figure("tracebacks in all logs", tracebacks, 0.0, "")]

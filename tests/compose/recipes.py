@@ -1,4 +1,4 @@
-"""The recipes for the containers in docs/, as scripts for the tests' own project."""
+"""The recipes for the containers in docs/how-to/, as scripts for the tests' own project."""
 
 from __future__ import annotations
 
@@ -6,22 +6,28 @@ import re
 import shlex
 import subprocess
 from pathlib import Path
+from textwrap import dedent
 from typing import Any
 
 from tests.compose.engine import ROOT, docker
 from tests.conftest import BIN, until
 
-PAGE = (ROOT / "docs/OPERATIONS.md").read_text()
-SECTION = PAGE[PAGE.index("## Recipes for the containers") :]
-BLOCKS = re.findall(r"^```sh\n(.*?)^```", SECTION, re.DOTALL | re.MULTILINE)
+
+def list_blocks(page: str) -> list[str]:
+    """The shell blocks of a page below docs/how-to/, those of lists without their indent."""
+    text = (ROOT / "docs/how-to" / page).read_text()
+    found = re.findall(r"^( *```sh\n.*?)^ *```", text, re.DOTALL | re.MULTILINE)
+    return [dedent(block).partition("\n")[2] for block in found]
+
+
+BLOCKS = list_blocks("operate/container-recipes.md")
 COMPOSE, ADD, RULES, LINK, EDIT, BACK, BEGIN, FINISH, ADMIN = BLOCKS[:9]
 BUILD, REPLACE, GATEWAYS, RELAY, REST, GO_BACK = BLOCKS[9:15]
 BACKUP, RESTORE, SECOND, HEALTH, NOFILE = BLOCKS[15:]
 
-INSTALL = (ROOT / "docs/INSTALL.md").read_text()
-PAST = re.findall(r"^```sh\n(.*?)^```", INSTALL[INSTALL.index("### The past in") :], re.DOTALL | re.MULTILINE)
-(PAST_BACKUP,) = (block for block in PAST if "> past.tar.gz" in block)
-(PAST_RESTORE,) = (block for block in PAST if "< past.tar.gz" in block)
+INSTALL = list_blocks("install/containers.md")
+(PAST_BACKUP,) = (block for block in INSTALL if "> past.tar.gz" in block)
+(PAST_RESTORE,) = (block for block in INSTALL if "< past.tar.gz" in block)
 
 
 def adapt(cloud: Any, block: str, folder: Path = ROOT, **settings: str) -> str:
@@ -34,7 +40,7 @@ def adapt(cloud: Any, block: str, folder: Path = ROOT, **settings: str) -> str:
     }.items():
         assert first.count(shown) == 1
         first = first.replace(shown, mine)
-    assert PAST[0] == COMPOSE
+    assert COMPOSE in INSTALL
     return f"set -euo pipefail\ncd {folder}\n{first}{REPLACE}{block}"
 
 

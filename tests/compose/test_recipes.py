@@ -1,4 +1,4 @@
-"""The recipes for the containers in docs/, each played as it stands there."""
+"""The recipes for the containers in docs/how-to/, each played as it stands there."""
 
 from __future__ import annotations
 

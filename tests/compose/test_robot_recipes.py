@@ -1,4 +1,5 @@
-"""The recipes for robots and the admin page in containers, each played as it stands in OPERATIONS.md."""
+"""The recipes for robots and the admin page in containers, each played as it stands in
+docs/how-to/operate/container-recipes.md."""
 
 from __future__ import annotations
 

@@ -19,7 +19,10 @@ from relay.benches.servers import CannotStart, end, start_on
 
 START_LIMIT_S = 20.0
 HOSTING = ROOT / "infra" / "hosting"
-RULES, VCL = HOSTING / "nginx-lane.rules", HOSTING / "varnish.vcl"  # what a reader of docs/HOSTING.md uses
+RULES, VCL = (
+    HOSTING / "nginx-lane.rules",
+    HOSTING / "varnish.vcl",
+)  # what a reader of docs/how-to/scale/cache-for-a-crowd.md uses
 NGINX = """
 worker_processes 1;
 worker_rlimit_nofile 20000;

@@ -16,7 +16,7 @@ from relay.benches.servers import CannotStart, Place
 HZ = 30
 HELD_S = 8.0  # the relay holds a request for so long
 SETTLE_S = JOIN_S + 6.0  # all have joined, and each has got a segment that it waited for
-# what lies around the bytes of the socket, as docs/SCALING.md reckons
+# what lies around the bytes of the socket, as docs/reference/capacity.md reckons
 TLS_RECORD_BYTES = 22.0
 PACKET_BYTES = 52.0  # IPv4 and TCP with timestamps
 

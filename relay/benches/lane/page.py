@@ -1,4 +1,4 @@
-"""Tables as Markdown, and where docs/BENCHMARKS.md has them."""
+"""Tables as Markdown, and where docs/reference/benchmarks.md has them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from relay.benches.build import ROOT
 
-PAGE = ROOT / "docs" / "BENCHMARKS.md"
+PAGE = ROOT / "docs" / "reference/benchmarks.md"
 
 
 def markdown(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
@@ -22,5 +22,5 @@ def fill(page: str, blocks: Mapping[str, str]) -> str:
         pattern = rf"(<!-- {name}: .*? -->\n).*?(<!-- /{name} -->)"
         page, found = re.subn(pattern, rf"\g<1>\n{block}\n\n\g<2>", page, flags=re.DOTALL)
         if found != 1:
-            raise ValueError(f"BENCHMARKS.md: {found} blocks called {name!r}, one is needed")
+            raise ValueError(f"benchmarks.md: {found} blocks called {name!r}, one is needed")
     return page

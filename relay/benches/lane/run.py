@@ -4,7 +4,7 @@ One sitting: both nodes stand before one origin and are read at the same time. T
 robot, the nodes and the viewers (relay/benches/lane_viewers.c) share another. In each round: the origin
 alone, then each crowd; afterwards each crowd through a pause of the robot and a new run. Says on stderr what
 it is at. Exit status 0: all goals were reached; 1: one was missed, as happens on a busy machine; 2: it could
-not run. Writes out/lane/lane.json; `--write` also the tables and plots of docs/BENCHMARKS.md, and
+not run. Writes out/lane/lane.json; `--write` also the tables and plots of docs/reference/benchmarks.md, and
 measured.json here, on which other arithmetic stands.
 """
 
@@ -62,7 +62,9 @@ def options() -> argparse.Namespace:
     parser.add_argument("--caches", default=",".join(CACHES), help=f"of {', '.join(CACHES)}")
     parser.add_argument("--viewers", help="crowds, as 100,1000,5000")
     parser.add_argument("--rounds", type=int)
-    parser.add_argument("--write", action="store_true", help="into docs/BENCHMARKS.md and measured.json")
+    parser.add_argument(
+        "--write", action="store_true", help="into docs/reference/benchmarks.md and measured.json"
+    )
     parser.add_argument("--again", type=Path, metavar="FILE", help="a lane.json: its tables, nothing is run")
     parser.add_argument("--out", type=Path, default=OUT)
     asked = parser.parse_args()
@@ -160,7 +162,7 @@ def main() -> int:
     print(f"\nload average {loads}; {about['took_s']} s; feed: {about['feed']}")
     if asked.write:
         PAGE.write_text(fill(PAGE.read_text(), blocks))
-        bars.draw(ROOT / "docs")
+        bars.draw()
         MEASURED.write_text(json.dumps(sum_up(rows, about), indent=1) + "\n")
         scaling.write(ROOT / "docs")
     missed = sum(not goal.reached for goal in goals)

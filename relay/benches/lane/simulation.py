@@ -3,7 +3,7 @@
 `python -m relay.benches.lane.simulation [--viewers 1000000] [--nodes 200]`: viewers who join over a minute,
 with delays of their own and clocks that run wrong, ask as the page does (spa/src/stream/lane/lane.ts). Nodes
 collapse requests for one name and keep "not yet" for a second. The origin holds a request for 8 s, and 1,000
-of them at once. Prints a table as Markdown; `--write` puts it into docs/BENCHMARKS.md.
+of them at once. Prints a table as Markdown; `--write` puts it into docs/reference/benchmarks.md.
 """
 
 from __future__ import annotations
@@ -276,22 +276,22 @@ BOTH_PAUSE = (make_timeline("a", pause=PAUSE), make_timeline("b", pause=PAUSE))
 SIX_PAUSE = tuple(make_timeline(name, pause=PAUSE) for name in "abcdef")
 CASES: tuple[tuple[str, int, tuple[SimulatedTimeline, ...]], ...] = (  # with what the origin holds at once
     ("one robot", HELD_MAX, (make_timeline("a"),)),
-    ("it pauses for 60 s", HELD_MAX, (make_timeline("a", pause=PAUSE),)),
-    ("it ends, and comes back as another run", HELD_MAX, (make_timeline("a", restart_s=90.5),)),
+    ("one robot, pauses for 60 s", HELD_MAX, (make_timeline("a", pause=PAUSE),)),
+    ("one robot, ends and returns as another run", HELD_MAX, (make_timeline("a", restart_s=90.5),)),
     ("two robots, their KEYs 2 s apart", HELD_MAX, (make_timeline("a"), make_timeline("b", begins_s=2.0))),
     ("two robots, their KEYs at the same time", HELD_MAX, (make_timeline("a"), make_timeline("b"))),
-    ("these two, both pause for 60 s", HELD_MAX, BOTH_PAUSE),
-    ("the same, if the origin held 300", 300, BOTH_PAUSE),
+    ("two robots, both pause for 60 s", HELD_MAX, BOTH_PAUSE),
+    ("the same, but the origin holds 300", 300, BOTH_PAUSE),
     ("six robots, all pause for 60 s", HELD_MAX, SIX_PAUSE),
 )
 HEAD: tuple[str, ...] = (
-    "what happens",
-    "parts × nodes",
-    "origin's answers with a part",
-    "(answers with a part + turned away) ÷ (parts × nodes)",
+    "case",
+    "segments × nodes",
+    "origin answers with a segment",
+    "(these + turned away) ÷ (segments × nodes)",
     "“not yet”",
 )
-HEAD += ("“that take is over”", "held at once, at most", "turned away", "behind p50", "p95")
+HEAD += ("“take is over”", "most held at once", "turned away", "delay p50", "p95")
 
 
 def make_row(name: str, tally: OriginTally) -> list[str]:
@@ -314,7 +314,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--viewers", type=int, default=1_000_000)
     parser.add_argument("--nodes", type=int, default=200)
-    parser.add_argument("--write", action="store_true", help="into docs/BENCHMARKS.md")
+    parser.add_argument("--write", action="store_true", help="into docs/reference/benchmarks.md")
     asked = parser.parse_args()
     began, rows = time.monotonic(), []
     for number, (name, held_max, robots) in enumerate(CASES, 1):

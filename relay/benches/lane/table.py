@@ -59,13 +59,13 @@ def trouble(row: Row) -> float:
     return float(sum(counts) + sum(row["refused"].values()) + (row["least"] == 0))
 
 
-STEADY = ["viewers of each node", "through", "origin requests a segment and node"]
+STEADY = ["viewers per cache", "cache", "origin requests per segment and cache"]
 STEADY += [
-    "origin's CPU for one",
-    "all of the origin's CPU in that time",
-    "the node's core",
-    "behind p50",
-    "behind p95",
+    "origin CPU per request",
+    "total origin CPU",
+    "the cache's share of a core",
+    "delay p50",
+    "delay p95",
     "max",
 ]
 
@@ -93,8 +93,8 @@ def make_steady(rows: Sequence[Row]) -> str:
     return markdown(STEADY, lines)
 
 
-TROUBLE = ["viewers of each node", "through", "what happens", "new segments", "origin requests for them"]
-TROUBLE += ["“not yet”", "“that take is over”", "refused, lost, twice, gaps", "fewest segments that one got"]
+TROUBLE = ["viewers per cache", "cache", "event", "new segments", "origin requests for them"]
+TROUBLE += ["“not yet”", "“take is over”", "refused, lost, duplicated, gaps", "fewest segments of a viewer"]
 
 
 def make_trouble(rows: Sequence[Row]) -> str:
@@ -126,8 +126,8 @@ def make_bytes(rows: Sequence[Row]) -> str:
         name = "WebSocket" if row["cache"] == "WebSocket" else f"lane, {row['cache']}"
         figures = [f"{part:,.0f}" for part in row["parts_s"]]
         lines.append([name, *figures, f"**{row['bytes_s']:,.0f}**", f"{ratio:.2f}"])
-    head = ["a viewer at 30 Hz", "frames or segments", "status, or headers of HTTP", "TLS, TCP and IP"]
-    drawn = "<!-- bars: img/lane-bytes.svg | To a viewer at 30 Hz | bytes a second | B/s -->"
+    head = ["at 30 Hz", "frames or segments", "status or HTTP headers", "TLS, TCP and IP"]
+    drawn = "<!-- bars: ../img/lane-bytes.svg | Traffic to one viewer at 30 Hz | bytes a second | B/s -->"
     return f"{drawn}\n\n{markdown([*head, 'bytes a second', '÷ WebSocket'], lines)}"
 
 
@@ -140,42 +140,47 @@ def find_goals(rows: Sequence[Row]) -> list[Goal]:
         mine = pick(rows, cache=cache)
         for scenario in ("steady", "pause", "restart"):
             asked = [max(map(requests_a_segment, pick(mine, scenario=scenario)), default=-1.0)]
-            name = f"{cache}: origin requests a segment and node, {scenario}, the worst"
+            name = f"{cache}: origin requests per segment, {scenario}, worst"
             found += [Goal(name, REQUESTS_GOAL, asked)] if asked[0] >= 0 else []
         for viewers in crowds:
             ages = [row["age_ms"]["p95"] / 1e3 for row in pick(mine, scenario="steady", viewers=viewers)]
-            name = f"{cache}: {viewers:,} viewers are behind, p95, s"
+            name = f"{cache}: delay of {viewers:,} viewers, p95, s"
             found += [Goal(name, KEY_INTERVAL_S + BEHIND_S, ages)] if ages else []
         live = pick(rows, scenario="bytes", cache="WebSocket")
         lane = pick(mine, scenario="bytes")
         ratios = [a["bytes_s"] / b["bytes_s"] for a, b in zip(lane, live, strict=False)]
-        found += [Goal(f"{cache}: bytes of a viewer ÷ the WebSocket's", BYTES_GOAL, ratios)] if ratios else []
+        found += [Goal(f"{cache}: bytes per viewer ÷ WebSocket", BYTES_GOAL, ratios)] if ratios else []
         bad = [max(map(trouble, mine))]
-        found.append(Goal(f"{cache}: refused, lost, twice, gaps", 0, bad, digits=0))
-    compared = f"{many:,} ÷ {few:,} viewers of each node"
+        found.append(Goal(f"{cache}: refused, lost, duplicated, gaps", 0, bad, digits=0))
+    compared = f"{many:,} ÷ {few:,} viewers per cache"
     asked, whole = list[float](), list[float]()
     for number in sorted({row["round"] for row in pick(rows, scenario="steady")}):
         fewer, more = (pick(rows, scenario="steady", round=number, viewers=v) for v in (few, many))
         asked.append(sum(map(request_ms, more)) / sum(map(request_ms, fewer)))
         whole.append(more[0]["cpu_ms"] / fewer[0]["cpu_ms"])
     if asked:
-        found.append(Goal(f"origin's CPU for a segment, {compared}", CPU_GOAL, asked))
-        found.append(Goal(f"all of the origin's CPU, {compared}", CPU_GOAL, whole))
+        found.append(Goal(f"origin CPU per segment, {compared}", CPU_GOAL, asked))
+        found.append(Goal(f"total origin CPU, {compared}", CPU_GOAL, whole))
     paused = pick(rows, scenario="pause")
     longest = [row["origin"]["not-yet"] / (row.get("pause_s", PAUSE_S) / HELD_S) for row in paused]
     if longest:
-        found.append(Goal(f"“not yet” a node, ÷ (pause ÷ {HELD_S:.0f} s), the worst", 1, [max(longest)]))
+        found.append(Goal(f"“not yet” per cache ÷ (pause ÷ {HELD_S:.0f} s), worst", 1, [max(longest)]))
     return found
 
 
 def make_goals(goals: Sequence[Goal]) -> str:
+    """A line for each goal, with the figures of all caches that have it."""
+    found: dict[tuple[str, float], list[tuple[str, Goal]]] = {}
+    for goal in goals:
+        cache, _, name = goal.name.rpartition(": ")
+        found.setdefault((name, goal.limit), []).append((cache, goal))
     lines = [
         [
-            goal.name,
-            f"≤ {goal.limit:g}",
-            f"**{spread(goal.values, goal.digits)}**",
-            "reached" if goal.reached else "**missed**",
+            name,
+            f"≤ {limit:g}",
+            ", ".join(f"{cache} **{spread(goal.values, goal.digits)}**".strip() for cache, goal in mine),
+            "reached" if all(goal.reached for _, goal in mine) else "**missed**",
         ]
-        for goal in goals
+        for (name, limit), mine in found.items()
     ]
-    return markdown(["must reach, within one run", "goal", "median (least–most)", ""], lines)
+    return markdown(["goal, within one run", "limit", "median (least–most)", "result"], lines)

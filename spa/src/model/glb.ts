@@ -4,7 +4,7 @@ import { isRecord } from './bundle.ts';
 
 /**
  * Reads the container of a level of detail: binary glTF 2.0 (GLB) whose buffer views are packed with meshopt. It reads
- * only what docs/MODEL.md describes, so it is a tenth of a general loader; every length is checked before use.
+ * only what docs/reference/model-bundle.md describes, so it is a tenth of a general loader; every length is checked before use.
  */
 
 /** A level's file that can't be read; the message says why. */

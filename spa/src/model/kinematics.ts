@@ -1,5 +1,5 @@
 /**
- * Forward kinematics of a tree of joints: joint readings go in, root_from_link of every link comes out (docs/MODEL.md).
+ * Forward kinematics of a tree of joints: joint readings go in, root_from_link of every link comes out (docs/reference/model-bundle.md).
  *
  * `root_from_child = root_from_parent · T(xyz) · R(quat) · M`, joint by joint in the manifest's order, which puts
  * a parent before its children. M is the joint's motion. Limits never clamp, because a monitor shows what is measured.

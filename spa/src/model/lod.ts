@@ -72,7 +72,7 @@ const SHORT = 5122;
 const UNSIGNED_INT = 5125;
 const FLOAT = 5126;
 
-/** Reads a level's GLB (docs/MODEL.md). Rejects with GlbError when it is invalid or has not exactly `visuals` nodes. */
+/** Reads a level's GLB (docs/reference/model-bundle.md). Rejects with GlbError when it is invalid or has not exactly `visuals` nodes. */
 export async function readLod(bytes: Uint8Array, visuals: number): Promise<Lod> {
   const glb = await Glb.read(bytes);
   const nodes = glb.list('nodes');

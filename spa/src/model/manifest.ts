@@ -3,7 +3,7 @@ import { BundleError, isRecord } from './bundle.ts';
 import type { Joint, JointType } from './kinematics.ts';
 
 /**
- * The manifest of a built model (docs/MODEL.md, version 2): all that kinematics and a skeleton need, and the names of
+ * The manifest of a built model (docs/reference/model-bundle.md, version 2): all that kinematics and a skeleton need, and the names of
  * the levels of detail, which hold the meshes. It comes over the network, so every part is checked before use.
  */
 export interface Manifest {

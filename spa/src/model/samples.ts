@@ -1,6 +1,6 @@
 import { MeshoptEncoder } from 'meshoptimizer/encoder';
 
-/** Small built models for tests (docs/MODEL.md, version 2): boxes on links, packed as the builder packs them. */
+/** Small built models for tests (docs/reference/model-bundle.md, version 2): boxes on links, packed as the builder packs them. */
 
 export interface SampleJoint {
   readonly type: string;

@@ -1,7 +1,7 @@
 import type { KeyPose, RobotStatus, Schema, Segment } from '@posecast/wire';
 import type { PastEvent, Span, Timeline } from './past_types.ts';
 
-/** What the index says of a segment, see *The past* in `docs/PROTOCOL.md`. */
+/** What the index says of a segment, see *The past* in `docs/reference/protocol.md`. */
 export interface SegmentRef extends Span {
   /** 16 hexadecimal digits, like `runId`. */
   readonly take: string;

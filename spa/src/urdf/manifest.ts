@@ -14,7 +14,7 @@ import {
   type Visual,
 } from './types.ts';
 
-/** A URDF converted to a built model's manifest (docs/MODEL.md), so that the same code moves and draws both. */
+/** A URDF converted to a built model's manifest (docs/reference/model-bundle.md), so that the same code moves and draws both. */
 export interface UrdfModel {
   /** The manifest, without levels: those are built from `shapes` as meshes are loaded. A mesh's box is null. */
   readonly manifest: Manifest;
@@ -88,7 +88,7 @@ export function modelOf(urdf: Urdf, canBeDrawn: (uri: string) => boolean = () =>
   };
 }
 
-/** The version of a manifest of files as they are (docs/MODEL.md), of which nobody has found the soles. */
+/** The version of a manifest of files as they are (docs/reference/model-bundle.md), of which nobody has found the soles. */
 const RAW = 1;
 
 /** Where the bones of a link are: in its own frame. */
@@ -157,7 +157,7 @@ function unit(axis: Vector | null): Vector {
 }
 
 /** Directions x and y of the plane across a unit axis: those of the frame, after the shortest rotation that takes z to
- *  the axis (docs/MODEL.md). */
+ *  the axis (docs/reference/model-bundle.md). */
 function planeAcross([a, b, c]: Vector): readonly [Vector, Vector] {
   if (c < -1 + 1e-9)
     return [

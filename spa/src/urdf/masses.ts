@@ -5,7 +5,7 @@ import type { Tree } from './tree.ts';
 import type { Inertial, Link } from './types.ts';
 
 /**
- * Finds masses that can't be, and gives the others as a manifest has them (docs/MODEL.md). Rules and wording are those of
+ * Finds masses that can't be, and gives the others as a manifest has them (docs/reference/model-bundle.md). Rules and wording are those of
  * `posecast-edge doctor` (posecast_edge.model.doctor.masses).
  */
 

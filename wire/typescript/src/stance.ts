@@ -11,7 +11,7 @@ const GROUNDS = ['measured', 'lowest'] as const;
 
 export type Ground = (typeof GROUNDS)[number];
 
-/** What is null or missing here the model and the sensors say (docs/MODEL.md). */
+/** What is null or missing here the model and the sensors say (docs/reference/model-bundle.md). */
 export interface BalanceRule {
   /** Sites of wrench sensors, or links; none: it stands on nothing that is known. */
   readonly feet: readonly string[] | null;

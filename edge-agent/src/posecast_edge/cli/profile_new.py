@@ -107,7 +107,7 @@ def make_profile_text(urdf: Urdf, file: str) -> str:
     fine = f"scale = {SLIDING['pos'].scale:g} # 0.1 mm: sliding joints need it, angles get it too"
     units = [fine, _units(sliding, SLIDING["pos"].unit)] if sliding else []
     out = [
-        f"# Made of {_text(file)} by `posecast-edge profile new`; docs/ROBOTS.md explains every table.",
+        f"# Made of {_text(file)} by `posecast-edge profile new`; the guide explains every table.",
         "",
         "[robot]",
         f"name = {_text(urdf.name or 'robot')}",

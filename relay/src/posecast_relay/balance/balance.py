@@ -10,7 +10,7 @@ from posecast_wire.mapping import Ground, Xyz
 
 from posecast_relay.balance.polygon import Xy
 
-# Why a part is None; docs/PROTOCOL.md tells each.
+# Why a part is None; docs/reference/protocol.md tells each.
 BalanceGap = Literal[
     "old-bundle",
     "no-masses",
@@ -80,8 +80,8 @@ class Balance:
 
 
 def make_balance_document(balance: Balance) -> Mapping[str, Any]:
-    """The member `balance` of a robot's state (docs/PROTOCOL.md): metres with tenths of a millimetre, newtons
-    with tenths."""
+    """The member `balance` of a robot's state (docs/reference/protocol.md): metres with tenths of a
+    millimetre, newtons with tenths."""
     gaps = balance.gaps
     why = {
         "centre_of_mass_m": gaps.centre_of_mass,

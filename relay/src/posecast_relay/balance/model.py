@@ -1,5 +1,5 @@
-"""What balance needs of a model's manifest (docs/MODEL.md): its tree, the masses of its links and its soles.
-A robot wrote it, so everything is checked, by the rules of the page's reader."""
+"""What balance needs of a model's manifest (docs/reference/model-bundle.md): its tree, the masses of its
+links and its soles. A robot wrote it, so everything is checked, by the rules of the page's reader."""
 
 from __future__ import annotations
 

@@ -270,7 +270,7 @@ FLAGS = (
     _Flag("model_cache_mb", _count, "256", "memory for robots' models", "MB"),
     _Flag("past", _past, MEMORY, "memory:, an object store's URL (file:///…, s3://…), or 0: none", "WHERE"),
     _Flag("past_memory", _memory, "256M", "for it, 16M at least; who has most loses its oldest", "SIZE"),
-    _Flag("past_socket", _socket, None, "where `past delete` finds this process; see OPERATIONS.md", "PATH"),
+    _Flag("past_socket", _socket, None, "where `past delete` finds this process", "PATH"),
     _Flag("log_level", _level, "warning", "debug, info, warning or error; JSON but on a terminal", "LEVEL"),
 )  # fmt: skip
 

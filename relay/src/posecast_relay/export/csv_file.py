@@ -36,7 +36,7 @@ def write_csv(
     find_model: FindModel = lambda _: None,
     models: Iterable[str] = (),
 ) -> int:
-    """Write the rows of a table and return how many there are; see docs/RECORDINGS.md, CSV.
+    """Write the rows of a table and return how many there are; see docs/how-to/record/csv.md.
 
     `find_model`: a manifest by its SHA-256, hexadecimal; None where it is not kept; `models`: the SHA-256 of
     each that rows may name: where one of them has a balance there are columns of it.

@@ -39,8 +39,8 @@ class TooManyTopicsError(ValueError):
 
 
 def write_mcap(file: BinaryIO, table: TableReader, find_model: FindModel = lambda _: None) -> int:
-    """Write the frames and events of a table and return how many frames there are; see docs/RECORDINGS.md,
-    MCAP.
+    """Write the frames and events of a table and return how many frames there are; see
+    docs/how-to/record/mcap.md.
 
     `find_model`: a manifest by its SHA-256, hexadecimal; None where it is not kept. Without one there is no
     /tf and no /balance, and a line in the table's losses says so. Raises McapMissingError, OSError,

@@ -1,5 +1,5 @@
 """What the channels of a schema are in messages of ROS 2: which topics there are, and how their numbers come
-from the codes of a frame. docs/RECORDINGS.md, MCAP, has the table.
+from the codes of a frame. docs/how-to/record/mcap.md has the table.
 
 A field that no message carries as a whole is a topic of its own, /posecast/FIELD, so nothing is left out.
 """

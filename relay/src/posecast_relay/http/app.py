@@ -6,12 +6,11 @@ import math
 from collections.abc import Awaitable, Callable
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from fastapi import FastAPI, HTTPException, Request, Response
 from fastapi.responses import JSONResponse, PlainTextResponse
 from fastapi.routing import APIRoute
-from pydantic import BaseModel
 from starlette.exceptions import HTTPException as StarletteHTTPException
 
 from posecast_relay.auth.access import Access
@@ -20,6 +19,15 @@ from posecast_relay.core.policy.policy import ANYONE, Grant
 from posecast_relay.http.admin.report import AdminSources
 from posecast_relay.http.admin.routes import add_admin_routes
 from posecast_relay.http.answer_cache import AnswerCache
+from posecast_relay.http.answers import (
+    ErrorAnswer,
+    OEmbed,
+    Readiness,
+    RobotDetails,
+    RobotList,
+    RobotState,
+    describe_bytes,
+)
 from posecast_relay.http.auth import (
     OPEN,
     identify_asker,
@@ -31,11 +39,13 @@ from posecast_relay.http.balance_models import BalanceModels
 from posecast_relay.http.gzip_cache import GzipCache
 from posecast_relay.http.link_preview import FRAME_PX, LinkPreview
 from posecast_relay.http.models import make_model_answer
+from posecast_relay.http.pages.guide import Guide
+from posecast_relay.http.pages.static_folder import KeptFiles
+from posecast_relay.http.pages.static_page import Page
 from posecast_relay.http.past.desk import PastDesk
 from posecast_relay.http.past.routes import add_past_routes
 from posecast_relay.http.robot_state import StateReader
 from posecast_relay.http.robots import make_robot_document, make_robots_document
-from posecast_relay.http.static_page import Page
 from posecast_relay.http.thumbnails import Thumbnails
 from posecast_relay.models.cache import Absent, ModelCache, ModelFile, Unavailable
 from posecast_relay.past_source import PastAway
@@ -46,19 +56,24 @@ NO_PAGE = """The relay serves, but it has no page to show: start it with --stati
 (in a checkout spa/dist, which `make setup` builds). The API is described in /openapi.json
 """
 API = "/api/v1/robots"
+GUIDE = "/guide"  # and the folder of that name in the built page
 PICTURE_FRESH = "public, max-age=60"
 OLD_MODEL_FRESH = "public, max-age=3600"
+EVENTS: dict[int | str, dict[str, Any]] = {
+    200: {
+        "description": "Server-sent events: the messages of the stream, frames in base64 (wire/SPEC.md §6)",
+        "content": {"text/event-stream": {"schema": {"type": "string"}}},
+    }
+}
+ALIVE: dict[int | str, dict[str, Any]] = {
+    200: {"description": "`ok`", "content": {"text/plain": {"schema": {"type": "string"}}}}
+}
+MODEL = describe_bytes("*/*", "manifest.json, or a file that it names, in that file's own type")
 PREFLIGHT = OPEN | {
     "access-control-allow-methods": "GET, OPTIONS",
     "access-control-allow-headers": "authorization, if-none-match, last-event-id",
     "access-control-max-age": "86400",
 }
-
-
-class ErrorAnswer(BaseModel):
-    """What every refusal holds: why, in one line."""
-
-    error: str
 
 
 class MissingPart(NamedTuple):
@@ -108,6 +123,8 @@ def make_app(
     @app.get(
         API + "/{robot}/live.sse",
         summary="The stream as events: hz, view, format=json, preview=1",
+        response_class=Response,
+        responses=EVENTS,
     )
     async def events(request: Request, robot: str) -> Response:  # noqa: ARG001 — served below ASGI, mostly
         if request.method == "HEAD":
@@ -139,7 +156,9 @@ def make_app(
         app.add_api_route(route.path, route.endpoint, methods=["HEAD"], include_in_schema=False)
 
     if page is not None:
-        app.mount("/", Page(page, access.list_frame_ancestors, preview))
+        kept = KeptFiles()
+        app.mount(GUIDE, Guide(page / GUIDE[1:], kept))
+        app.mount("/", Page(page, kept, access.list_frame_ancestors, preview))
     else:
 
         @app.get("/", include_in_schema=False)
@@ -168,7 +187,7 @@ def _add_health(
     find_missing: Callable[[], MissingPart | None],
     find_trouble: Callable[[], str | None],
 ) -> None:
-    @app.get("/livez", summary="The process answers")
+    @app.get("/livez", summary="The process answers", response_class=Response, responses=ALIVE)
     async def livez() -> PlainTextResponse:
         return PlainTextResponse("ok\n")
 
@@ -176,6 +195,7 @@ def _add_health(
         "/readyz",
         summary="Whether viewers are accepted; `degraded` when the store, the past or a worker is away, or a "
         "file of the configuration is wrong",
+        response_model=Readiness,
     )
     async def readyz() -> JSONResponse:
         if dispatcher.draining:
@@ -195,7 +215,7 @@ def _add_robots(
     reader = StateReader(dispatcher.now, decoded)
     balances = BalanceModels(models, dispatcher.now)
 
-    @app.get(API, summary="Robots on air")
+    @app.get(API, summary="Robots on air", response_model=RobotList)
     async def robots(request: Request) -> Response:
         who = await identify_asker(access, request)
         here = publish_at if is_on_this_machine(access, request) else None
@@ -206,7 +226,9 @@ def _add_robots(
         name = f"{who.audience}/{who.robot}/{'' if here is None else 'here'}"
         return answers.get_answer(request, name, made, headers)
 
-    @app.get(API + "/{robot}", summary="One robot: liveness, viewers, schema, model")
+    @app.get(
+        API + "/{robot}", summary="One robot: liveness, viewers, schema, model", response_model=RobotDetails
+    )
     async def one_robot(request: Request, robot: str) -> Response:
         grant = await require_grant(access, request, robot)
         await dispatcher.open_robot(robot)
@@ -217,7 +239,11 @@ def _add_robots(
         name = f"{robot}/{grant.view}/{grant.delay_s:g}"
         return answers.get_answer(request, name, made, make_sharing_headers(request, grant.open))
 
-    @app.get(API + "/{robot}/state", summary="The newest state with names and units, and its balance")
+    @app.get(
+        API + "/{robot}/state",
+        summary="The newest state with names and units, and its balance",
+        response_model=RobotState,
+    )
     async def state(request: Request, robot: str, view: str | None = None) -> Response:
         grant = await require_grant(access, request, robot, view)
         await dispatcher.open_robot(robot)
@@ -235,7 +261,12 @@ def _add_robots(
 def _add_models(app: FastAPI, access: Access, models: ModelCache, past: PastDesk | None) -> None:
     packed = GzipCache(models.room)
 
-    @app.get(API + "/{robot}/model/{digest}/{path:path}", summary="A model's manifest.json and files")
+    @app.get(
+        API + "/{robot}/model/{digest}/{path:path}",
+        summary="A model's manifest.json and files",
+        response_class=Response,
+        responses=MODEL,
+    )
     async def model(request: Request, robot: str, digest: str, path: str) -> Response:
         grant = await require_grant(access, request, robot)
         is_old = past is not None and past.has_models and not await _announces(access, grant, digest)
@@ -277,7 +308,12 @@ def _add_previews(
 ) -> None:
     packed = GzipCache(models.room)
 
-    @app.get(API + "/{robot}/picture", summary="A small picture of the robot, as its model has it now")
+    @app.get(
+        API + "/{robot}/picture",
+        summary="A small picture of the robot, as its model has it now",
+        response_class=Response,
+        responses=describe_bytes("image/*", "PNG, JPEG or WebP"),
+    )
     async def picture(request: Request, robot: str) -> Response:
         grant = await require_grant(access, request, robot)
         await access.live.open_robot(robot)
@@ -292,7 +328,11 @@ def _add_previews(
             answer.headers.update(make_sharing_headers(request, False))
         return answer
 
-    @app.get("/api/v1/oembed", summary="oEmbed of a robot's page: url, maxwidth, maxheight, format=json")
+    @app.get(
+        "/api/v1/oembed",
+        summary="oEmbed of a robot's page: url, maxwidth, maxheight, format=json",
+        response_model=OEmbed,
+    )
     async def oembed(
         url: str = "",
         maxwidth: str = "",

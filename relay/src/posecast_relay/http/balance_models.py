@@ -19,7 +19,8 @@ SOLE_BYTES = 3000
 
 
 class NoBalance(NamedTuple):
-    """Why there is no balance of a robot: a code (docs/PROTOCOL.md), and what is wrong in one line."""
+    """Why there is no balance of a robot: a code (docs/reference/protocol.md), and what is wrong in one
+    line."""
 
     code: str
     detail: str | None = None

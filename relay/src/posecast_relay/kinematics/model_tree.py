@@ -1,5 +1,5 @@
-"""What kinematics needs of a model's manifest (docs/MODEL.md, version 2): links, joints, and boxes to stand
-on. A robot wrote it, so everything is checked, by the rules of the page's reader."""
+"""What kinematics needs of a model's manifest (docs/reference/model-bundle.md, version 2): links, joints,
+and boxes to stand on. A robot wrote it, so everything is checked, by the rules of the page's reader."""
 
 from __future__ import annotations
 

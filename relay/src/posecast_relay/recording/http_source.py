@@ -1,4 +1,4 @@
-"""Reads the past of a running relay by its routes (docs/PROTOCOL.md, *The past*)."""
+"""Reads the past of a running relay by its routes (docs/reference/protocol.md, *The past*)."""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
 import { Suspense } from 'react';
-import { accounts } from '../../relay/relay.ts';
+import { recordingUrl } from '../../relay/recording_address.ts';
+import { accounts, relayChoice } from '../../relay/relay.ts';
 import { CameraKeys } from '../body/controls/CameraKeys.tsx';
 import { Dialog } from '../shell/Dialog.tsx';
 import { late } from '../shell/late.tsx';
@@ -15,11 +16,18 @@ import '../styles/signs.css';
 const SignIn = late(async () => (await import('../account/SignIn.tsx')).SignIn);
 const LimitSettings = late(async () => (await import('./LimitSettings.tsx')).LimitSettings);
 
+/** Where the relay serves the guide; null for a page that reads no relay. */
+function guideAddress(): string | null {
+  const { base } = relayChoice();
+  return base === null || recordingUrl() !== null ? null : new URL('guide/', base).href;
+}
+
 /** The dialog with the settings of the page and the limits of a robot; `link` null: no robot is shown. */
 export function SettingsSheet({ link, onClose }: { link: RobotLink | null; onClose: () => void }) {
   const { arrowScale } = useSettings();
   const text = useText();
   const rest = useMore();
+  const guide = guideAddress();
   const choice = <Name extends keyof Settings>(
     name: Name,
     legend: string,
@@ -78,6 +86,11 @@ export function SettingsSheet({ link, onClose }: { link: RobotLink | null; onClo
         </Suspense>
       )}
       <p className="quiet">{rest.keptHere}</p>
+      {guide !== null && (
+        <a className="text-button" href={guide} target="_blank" rel="noreferrer" data-testid="guide">
+          {rest.guide}
+        </a>
+      )}
     </Dialog>
   );
 }

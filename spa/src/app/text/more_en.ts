@@ -222,7 +222,7 @@ export const moreEn = {
   stillThere: 'still there',
   acknowledgedStillThere: 'acknowledged, still there',
 
-  // ---- faults as sentences; places as in a profile, see docs/ROBOTS.md
+  // ---- faults as sentences; places as in a profile, see docs/reference/profile.md
   itWas: (said: string) => `Was: ${said}`,
   offSentence: '{joint} is not where it was told to be[: {error} off][ for {age}].',
   hotSentence: '{joint} is too hot[: {temp}].',
@@ -275,6 +275,7 @@ export const moreEn = {
   mouseFoxglove: 'Foxglove: left moves, right turns',
   keysOfTheCamera: 'Keys of the camera',
   keptHere: 'Kept in this browser only.',
+  guide: 'Open the guide',
   limitsOf: (robot: string) => `Limits of ${robot}`,
   allAsProfile: 'All as in the profile',
   asProfile: 'As in the profile',

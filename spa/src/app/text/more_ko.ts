@@ -232,6 +232,7 @@ export const moreKo: More = {
   mouseFoxglove: 'Foxglove: 왼쪽은 이동, 오른쪽은 회전',
   keysOfTheCamera: '카메라 단축키',
   keptHere: '이 브라우저에만 저장됩니다.',
+  guide: '안내서 열기(영어)',
   limitsOf: (robot) => `${robot}의 한계`,
   allAsProfile: '모두 프로필대로',
   asProfile: '프로필대로',

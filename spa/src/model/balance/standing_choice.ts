@@ -18,7 +18,7 @@ const AXES: FootSensor['axes'] = [
 const NO_RULE: BalanceRule = { feet: null, ground: null, soles: new Map() };
 
 /**
- * Finds what a robot's masses are and what it stands on (docs/BALANCE.md). Feet are, in this order:
+ * Finds what a robot's masses are and what it stands on (docs/explanation/balance.md). Feet are, in this order:
  *
  * 1. those of the profile: sites of wrench sensors, else links; a link has the sensor that is mounted on it or on what is
  *    fixed to it. `[]` are none. Each has the profile's sole, else the model's.

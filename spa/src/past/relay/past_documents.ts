@@ -1,7 +1,7 @@
 import { type EventMessage, parseRelayMessage, type RobotStatus } from '@posecast/wire';
 import { PastError, type SegmentRef } from '../past_source.ts';
 
-/** Reads what the relay says about the past, see *The past* in `docs/PROTOCOL.md`. What is not as it stands there is a
+/** Reads what the relay says about the past, see *The past* in `docs/reference/protocol.md`. What is not as it stands there is a
  *  `PastError` ('damaged') that names the place; it holds nothing of the relay's own text. */
 
 export const MINUTE_MS = 60_000;

@@ -1,4 +1,4 @@
-/** Reads what a relay answers about its newest parts (`docs/PROTOCOL.md`, *The past*). What is not as it stands there is null. */
+/** Reads what a relay answers about its newest parts (`docs/reference/protocol.md`, *The past*). What is not as it stands there is null. */
 
 /** The name of a part: its take, 16 hexadecimal digits, and its index in it. */
 export interface PartName {

@@ -98,7 +98,8 @@ class Sentence:
 class BalanceRule:
     """What the robot stands on. `feet`: sites of wrench sensors, or links; `ground`: which of them bear,
     those whose wrench says so or the lowest; `soles`: the corners of a foot's sole, metres, in its link, by
-    its name in `feet`. What is None or missing the model and the sensors say (docs/MODEL.md)."""
+    its name in `feet`. What is None or missing the model and the sensors say
+    (docs/reference/model-bundle.md)."""
 
     feet: tuple[str, ...] | None = None
     ground: Ground | None = None

@@ -1,5 +1,5 @@
-"""Makes one level of detail: a GLB with every body simplified to the same degree. docs/MODEL.md describes
-it."""
+"""Makes one level of detail: a GLB with every body simplified to the same degree.
+docs/reference/model-bundle.md describes it."""
 
 from __future__ import annotations
 

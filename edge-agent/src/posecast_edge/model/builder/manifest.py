@@ -1,4 +1,5 @@
-"""Makes the manifest of a bundle, version 2 (docs/MODEL.md): the skeleton and the list of files."""
+"""Makes the manifest of a bundle, version 2 (docs/reference/model-bundle.md): the skeleton and the list of
+files."""
 
 from __future__ import annotations
 

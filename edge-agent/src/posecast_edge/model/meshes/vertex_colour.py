@@ -1,7 +1,8 @@
 """Converts vertex colours to paints: a few colours, each on triangles of its own.
 
-Levels of detail have paints but no vertex colours (docs/MODEL.md). Exporters use vertex colours to mark parts
-of a body, so a few colours are kept; the many colours of a scan are replaced by their mean.
+Levels of detail have paints but no vertex colours (docs/reference/model-bundle.md). Exporters use vertex
+colours to mark parts of a body, so a few colours are kept; the many colours of a scan are replaced by their
+mean.
 """
 
 from __future__ import annotations

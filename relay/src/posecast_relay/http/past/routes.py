@@ -96,6 +96,7 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
     @app.get(
         api + "/{view}/schema/{sha256}",
         summary="The text of a schema that a segment names",
+        response_model=dict[str, Any],
         responses=BELOW | HAD,
     )
     @tell_caches
@@ -128,6 +129,7 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
     @app.get(
         api + "/{view}/{page}/keys",
         summary="The first pose of each segment of ten minutes, or of each n-th: every, above 150 as 150",
+        response_class=Response,
         responses=BELOW | KEYS,
     )
     @tell_caches
@@ -141,7 +143,10 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
         return _send(request, body, BINARY, hashlib.sha256(body).hexdigest()[:16], headers)
 
     @app.get(
-        api + "/{view}/{take}/{index}", summary="A segment; the next one is held", responses=BELOW | HELD
+        api + "/{view}/{take}/{index}",
+        summary="A segment; the next one is held",
+        response_class=Response,
+        responses=BELOW | HELD,
     )
     @tell_caches
     async def segment(request: Request, robot: str, view: str, take: str, index: str) -> Response:

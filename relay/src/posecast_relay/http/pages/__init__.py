@@ -1,0 +1,1 @@
+"""Built files over HTTP: the page, and the guide."""

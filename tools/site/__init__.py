@@ -1,0 +1,1 @@
+"""The guide: builds docs/ into a static site. See tools/site/__main__.py."""

@@ -1,0 +1,100 @@
+"""Builds the guide, a static site that needs no other origin and works below any path, and from files.
+
+python -m tools.site [--out FOLDER]: out/site by default. What Zensical warns of is an error.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from tools.site.generator_script import change_script
+from tools.site.navigation import make_navigation
+from tools.site.notices import list_notices
+from tools.site.python_page import write_python_page
+from tools.site.routes_page import read_description, write_routes
+from tools.site.staging import stage_pages
+
+ROOT = Path(__file__).resolve().parents[2]
+HERE = Path(__file__).resolve().parent
+SHIM = "node_modules/iframe-worker/shim/index.js"
+COLOURS = re.compile(r"\x1b\[[0-9;]*m")
+AS_IT_IS = re.compile(r"(<pre\b.*?</pre>|<script\b.*?</script>)", re.DOTALL)
+INDENTED = re.compile(r"\s*\n\s*")
+UNUSED = ("assets/stylesheets/classic", "assets/images")
+
+
+class SiteError(Exception):
+    """What is wrong with which page."""
+
+
+def build(out: Path) -> None:
+    """Build the guide into the folder `out`, which is replaced. Raises SiteError."""
+    with TemporaryDirectory() as folder:
+        site = _build_within(Path(folder))
+        shutil.rmtree(out, ignore_errors=True)
+        out.parent.mkdir(parents=True, exist_ok=True)
+        shutil.move(site, out)
+
+
+def _build_within(stage: Path) -> Path:
+    pages = stage / "docs"
+    stage_pages(ROOT, pages)
+    (pages / "reference/routes.md").write_text(write_routes(read_description()), encoding="utf-8")
+    (pages / "reference/python-api.md").write_text(write_python_page(ROOT), encoding="utf-8")
+    shutil.copytree(HERE / "overrides", stage / "overrides")
+    shutil.copytree(HERE / "look", pages / "look")
+    shutil.copyfile(ROOT / SHIM, pages / "look" / "iframe-worker.js")
+    shutil.copyfile(ROOT / "spa/public/favicon.svg", pages / "look" / "favicon.svg")
+    settings = (ROOT / "zensical.toml").read_text(encoding="utf-8")
+    nav = _write_toml(make_navigation(pages))
+    (stage / "zensical.toml").write_text(settings.replace("[project]\n", f"[project]\nnav = {nav}\n", 1))
+    command = [str(Path(sys.executable).parent / "zensical"), "build", "--strict"]
+    done = subprocess.run(command, cwd=stage, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise SiteError(COLOURS.sub("", done.stdout + done.stderr.partition("Traceback")[0]))
+    change_script(stage / "site")
+    for name in UNUSED:
+        path = stage / "site" / name
+        shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+    _drop_indents(stage / "site")
+    bundle = (stage / "site/assets/javascripts/LICENSE").read_text(encoding="utf-8")
+    notices = json.dumps(list_notices(ROOT, bundle), indent=1)
+    (stage / "site/licenses.json").write_text(notices, encoding="utf-8")
+    return stage / "site"
+
+
+def _drop_indents(site: Path) -> None:
+    """Of the templates, which are a quarter of a page; code keeps its own."""
+    for page in site.rglob("*.html"):
+        parts = AS_IT_IS.split(page.read_text(encoding="utf-8"))
+        parts[::2] = [INDENTED.sub("\n", part) for part in parts[::2]]
+        page.write_text("".join(parts), encoding="utf-8")
+
+
+def _write_toml(value: object) -> str:
+    """Texts, lists and tables as one line of TOML."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{json.dumps(k)} = {_write_toml(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_write_toml, value)) + "]"
+    return json.dumps(value, ensure_ascii=False)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--out", type=Path, default=ROOT / "out" / "site", help="instead of out/site")
+    try:
+        build(parser.parse_args().out.resolve())
+    except SiteError as e:
+        raise SystemExit(f"{e}the guide is not built") from None
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,61 @@
+"""Collects the guide's pages in one folder: docs/, and pages from elsewhere in the repository."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from urllib.parse import unquote
+
+from tools.site.dialect import indent_lists
+
+# pages that stand outside docs/, and where the guide has them
+MOVED: Mapping[str, str] = {
+    "wire/SPEC.md": "reference/wire-format.md",
+    "CHANGELOG.md": "project/changelog.md",
+    "CONTRIBUTING.md": "project/contributing.md",
+    "benches/peers/README.md": "project/peer-benchmarks.md",
+}
+HOME = Path("index.md")
+HOME_META = "---\nhide:\n  - navigation\n  - toc\n  - path\n---\n\n"  # no columns beside it
+FILES = "files"  # the folder of what pages link to besides pages
+LINK = re.compile(r"(?P<before>\]\(|\b(?:href|src)=\")(?P<target>[^)\s\"]+)")
+
+
+def stage_pages(root: Path, out: Path) -> None:
+    """Copy all pages of the repository at `root` and their pictures into the folder `out`. A link leads to
+    where its page is now; a linked file that is no page comes along.
+    """
+    shutil.copytree(root / "docs", out)
+    pages = {path: path.relative_to(root / "docs") for path in (root / "docs").rglob("*.md")}
+    pages |= {root / page: Path(place) for page, place in MOVED.items()}
+    home = {root / "README.md": HOME}  # which is a page of its own
+    for page, place in pages.items():
+        text = page.read_text(encoding="utf-8")
+        moved = LINK.sub(lambda found: _move_link(found, root, page, place, pages | home, out), text)  # noqa: B023
+        moved = indent_lists(moved)
+        if place == HOME:
+            moved = HOME_META + moved
+        (out / place).parent.mkdir(parents=True, exist_ok=True)
+        (out / place).write_text(moved, encoding="utf-8")
+
+
+def _move_link(
+    found: re.Match[str], root: Path, page: Path, place: Path, pages: Mapping[Path, Path], out: Path
+) -> str:
+    name, mark, anchor = found["target"].partition("#")
+    file = (page.parent / unquote(name)).resolve()
+    if not name or ":" in name or not file.is_relative_to(root) or not file.exists():
+        return found[0]
+    if file in pages:
+        target = pages[file]
+    elif file.is_relative_to(root / "docs"):
+        target = file.relative_to(root / "docs")
+    else:
+        target = Path(FILES) / file.relative_to(root)
+        if file.is_file():
+            (out / target).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(file, out / target)
+    return f"{found['before']}{os.path.relpath(target, place.parent)}{mark}{anchor}"
