@@ -61,12 +61,12 @@ CORPUS = [
     Case("joint-parent", "error", 3, "no parent link 'gone'", (A, joint("j", "gone", "a"))),
     Case("joint-ends", "error", 3, "no child link", (A, '<joint name="j" type="fixed"><parent link="a"/></joint>')),
     Case("link-doubled", "error", 3, "first in line 2", (A, A)),
-    Case("joint-doubled", "error", 6, "'ab' stands twice", (A, B, C, AB, joint("ab", "b", "c"))),
+    Case("joint-doubled", "error", 6, "'ab' is defined twice", (A, B, C, AB, joint("ab", "b", "c"))),
     Case("two-parents", "error", 6, "child of two joints", (A, B, C, joint("j", "a", "c"), joint("k", "b", "c"))),
-    Case("no-root", "error", 2, "round in a circle", (A, B, AB, joint("ba", "b", "a"))),
+    Case("no-root", "error", 2, "form a loop", (A, B, AB, joint("ba", "b", "a"))),
     Case("loop", "error", 3, "'b', 'c'", (A, B, C, joint("j", "b", "c"), joint("k", "c", "b"))),
     Case("loop", "error", 3, "to itself", (A, joint("j", "a", "a"))),
-    Case("several-roots", "error", 4, "hangs on nothing", (A, B, C, AB)),
+    Case("several-roots", "error", 4, "is not connected to the root", (A, B, C, AB)),
     Case("joint-type", "error", 4, "'hinge'", (A, B, joint("j", "a", "b", "hinge"))),
     Case("name-missing", "error", 3, "without a name", (A, "<link/>")),
     Case("name-unusable", "error", 2, "control characters", (link("a&#10;b"), A)),
@@ -161,13 +161,13 @@ CORPUS = [
     Case("dense", "hint", 2, "in a box of 8 litres", (link("a", box("0.2 0.2 0.2") + inertial(400, "1 1 1")), link("b", box("1 1 1") + inertial(2000, "99 99 99")), joint("ab", "a", "b"))),
     Case("mass-far", "warning", 2, "'a': a centre of mass 200 m away (millimetres?); no balance", (link("a", inertial(1, "1 1 1", "0 0 -200")),)),
     Case("mass-far", "warning", 2, "2e+07 m away", (link("a", inertial(1, "1 1 1", "2e7 0 0")),)),
-    Case("mass-light", "warning", 2, "all masses together are 2e-300 kg; no balance", (link("a", inertial(1e-300, "0 0 0")), link("b", inertial(1e-300, "0 0 0")), AB)),
+    Case("mass-light", "warning", 2, "the total mass is 2e-300 kg; no balance", (link("a", inertial(1e-300, "0 0 0")), link("b", inertial(1e-300, "0 0 0")), AB)),
     Case("unweighed", "hint", 3, "2 links with shells have no mass: 'b', 'c'", (link("a", inertial(1, "1 1 1")), link("b", box("1 1 1")), link("c", box("1 1 1")), AB, joint("bc", "b", "c"))),
     Case("unweighed", "hint", 3, "8 links with shells have no mass: 'b0', 'b1', 'b2', 'b3', 'b4', 'b5' and 2 more", (link("a", inertial(1, "1 1 1")), *(link(f"b{i}", box("1 1 1")) for i in range(8)), *(joint(f"j{i}", "a", f"b{i}") for i in range(8)))),
     Case("inertial-empty", "warning", 2, "'a': an <inertial> without a <mass>", (link("a", box("1 1 1") + '<inertial><inertia ixx="1"/></inertial>'),)),
     Case("inertial-empty", "warning", 2, "without a <mass>", (link("a", box("1 1 1") + "<inertial><mass/></inertial>"),)),
     Case(
-        "centre-outside", "warning", 3, "'b': its centre of mass is 4.25 m outside of the robot, which is 1.5 m large",
+        "centre-outside", "warning", 3, "'b': its centre of mass is 4.25 m outside the robot, which measures 1.5 m",
         (link("a", box("0.5 0.5 1") + inertial(9, "1 1 1")), link("b", box("0.5 0.5 0.5") + inertial(9, "1 1 1", "0 4.5 0")), joint("ab", "a", "b", inside='<origin xyz="0 0 .75"/><axis xyz="0 1 0"/>')),
     ),
     Case("xacro", "error", 2, "xacro robot.xacro", ("<xacro:include/>", A)),
@@ -261,8 +261,8 @@ def test_a_profile_that_does_not_fit() -> None:
         + ", ".join(
             f"'cd/{v}'" for v in ("trans_x", "trans_y", "trans_z", "rot_x", "rot_y", "rot_z", "rot_w")
         ),
-        "the profile maps joint 'gone', which there is not",
-        "the profile mounts sensor 'RF' on link 'nowhere', which there is not",
+        "the profile maps joint 'gone', which does not exist",
+        "the profile mounts sensor 'RF' on link 'nowhere', which does not exist",
     ]
 
 

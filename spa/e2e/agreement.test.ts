@@ -59,7 +59,7 @@ const REASONS = [
   [/robot silent/, /robot silent/],
   [/no such robot/, /no robot of this name/],
   [/relay restarting/, /relay is restarting/],
-  [/hall full/, /hall is full/],
+  [/relay full/, /relay is full/],
 ] as const;
 
 /** A picture every so often is enough to show that the fading is over. */

@@ -218,7 +218,7 @@ it('large where it is presented, slim in a frame, short beside others; how much 
   await says(page, 'inside', /inside/);
   await page.evaluate(`document.querySelector('tr[data-label="RKN"] button').click()`);
   await until('what is left', async () =>
-    /left to the limit .*[\d.]+ rad to its (lower|upper) limit, \d+ % of its way/.test(
+    /left to the limit .*[\d.]+ rad to its (lower|upper) limit, \d+ % of its range/.test(
       await page.findByTestId('joint-room').text(),
     ),
   );

@@ -75,7 +75,7 @@ describe("a robot from one's own computer", () => {
     expect(strange).toEqual([]);
     await closed(page);
     await page.evaluate(choose('choose-zip', strToU8('no zip'), 'x.zip'));
-    await until('a reason', async () => (await page.text()).includes('This is no zip.'));
+    await until('a reason', async () => (await page.text()).includes('This is not a zip file.'));
   });
 
   it('has its centre of mass, which follows the sliders; in one line what can not be known', async () => {
@@ -179,7 +179,7 @@ ${mesh('binary', 'd.glb', 4.5)}
     for (const what of FULL ? [top, zip] : [top]) {
       await page.dropFiles({ x: 640, y: 300 }, [what]);
       await until(`a body of ${what}`, async () => (await rods(page)) === 1, 30_000);
-      await until('all of it', async () => (await page.text()).includes('Nothing wrong was found.'));
+      await until('all of it', async () => (await page.text()).includes('No problems found.'));
       await closed(page);
     }
   });
@@ -210,7 +210,7 @@ ${mesh('binary', 'd.glb', 4.5)}
     const wrong = strToU8('<!doctype html><html><body>Not found</body></html>');
     const broken = zipSync({ 'arm/arm.urdf': strToU8(URDF), 'arm/meshes/rod.stl': wrong });
     await page.evaluate(choose('choose-zip', broken, 'broken.zip'));
-    const why = `mesh 'package://arm/meshes/rod.stl' of link 'rod': a web page came instead of a mesh · line 2`;
+    const why = `mesh 'package://arm/meshes/rod.stl' of link 'rod': the server sent a web page instead of a mesh · line 2`;
     await until('why', async () => (await page.text()).includes(why), 30_000);
   });
 

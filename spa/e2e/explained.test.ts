@@ -59,7 +59,7 @@ it('columns, units, flags and sensors explain themselves when they are pressed, 
       await page.evaluate<boolean>('document.activeElement.dataset.explain === "columns.pos"'),
       'the focus goes back',
     ).toBe(true);
-    await asks(page, '.joints thead .c-pos .unit', /^rad\|A way to measure an angle.*\|$/s);
+    await asks(page, '.joints thead .c-pos .unit', /^rad\|A unit of angle.*\|$/s);
     await asks(page, '.fault-line [data-explain="flag"]', /^jam\|Right knee is blocked\./);
     await page.findByRole('tab', 'Sensors').click();
     await asks(page, '.sensor .kind', /\|.+/s);

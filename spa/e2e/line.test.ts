@@ -62,7 +62,7 @@ describe('robots side by side', () => {
         30_000,
       );
     }
-    await page.findByRole('button', 'Show some side by side').click();
+    await page.findByRole('button', 'View side by side').click();
     for (const robot of ['one', 'two', 'three']) await page.findByTestId(`robot-${robot}`).click();
     await page.findByRole('link', 'Show 3 side by side').click();
     expect(await page.evaluate<string>('location.hash')).toBe('#/r/one+two+three');

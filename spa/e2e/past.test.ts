@@ -166,7 +166,7 @@ it('a moment has its link while presented, and one that can’t be shown is name
   await page.screenshot(path.join(SHOTS, 'past-presented.png'));
 
   const link = (t: string) => `${relay.url}/#/r/demo?t=${t}`;
-  const old = /[123] Jan (2026 )?.*is not kept any more; this is the oldest there is, \d\d:\d\d:\d\d/;
+  const old = /[123] Jan (2026 )?.*is no longer kept; this is the oldest moment, \d\d:\d\d:\d\d/;
   await page.open(link('2026-01-02T12:00:00.000Z'));
   await until('the banner names it', async () => old.test(await text('stage-note')), 60_000);
   expect(await text('past-note')).toMatch(old);

@@ -197,7 +197,7 @@ it.skipIf(!FULL)('a fault of 30 ms reaches a viewer who may have one pose a seco
     source.write(JSON.stringify({ ...fine, flags: { RKN: ['homed', 'enabled', 'jam'] }, once: true }));
     await until(
       'latched',
-      async () => /^Was: Right knee is blocked\.RKN · jam · ended/.test(await line()),
+      async () => /^Earlier: Right knee is blocked\.RKN · jam · ended/.test(await line()),
       30_000,
     );
     await page.findByTestId('acknowledge').click();

@@ -204,7 +204,7 @@ describe('words', () => {
     expect(refused(4404)).toEqual(['no such robot', en.endedAbsent]);
     expect(refused(4403)).toEqual(['not shared', en.endedForbidden]);
     expect(refused(4401, 3200)).toEqual(['STALE 3.2 s: sign-in needed', en.endedToken]);
-    expect(refused(1013)).toEqual(['hall full', en.endedFull]);
+    expect(refused(1013)).toEqual(['relay full', en.endedFull]);
     expect(refused(1006)).toEqual(['no connection', en.endedLost]);
     expect(chip({ word: 'OFFLINE' }, at + 3200)).toBe('OFFLINE since 14:02');
     expect(chip({ word: 'OFFLINE', ageMs: null })).toBe('OFFLINE');
@@ -235,7 +235,7 @@ describe('words', () => {
       'No connection. Trying again in 4 s.',
     );
     expect(stage(lost, { phase: 'waiting', retryAtMs: 13_000, ending: { code: 1013, reason: '' } })).toBe(
-      'The hall is full. Trying again in 12 s.',
+      'The relay is full. Trying again in 12 s.',
     );
     expect(stage(lost, { phase: 'connecting' })).toBe('No connection. Trying again.');
     expect(stage(lost, { phase: 'ended', ending: { code: 4403, reason: '' } })).toBe(
@@ -277,7 +277,7 @@ describe('words', () => {
       all,
     ].map(waitingWords);
     expect(new Set(words).size).toBe(4);
-    expect(words[0]).toBe('Waiting for the relay to answer.');
+    expect(words[0]).toBe('Waiting for the relay.');
   });
 
   it('of missing meshes name them', () => {

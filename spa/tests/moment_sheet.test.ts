@@ -103,7 +103,7 @@ describe('going to a moment', () => {
     const { find, type, hint } = await sheet(past);
     const go = find<HTMLButtonElement>('[data-testid=moment-go]');
     await type('moment-date', dateOf(now + 2 * DAY));
-    await until(() => expect(hint()).toBe('That has not come yet.'));
+    await until(() => expect(hint()).toBe('That is in the future.'));
     expect(go.disabled).toBe(true);
     await type('moment-date', dateOf(now - 9 * DAY));
     await until(() => expect(hint()).toMatch(/^That is no longer kept. The oldest is /));

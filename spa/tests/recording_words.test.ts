@@ -79,7 +79,7 @@ describe('a recording says that it is one', () => {
   it('and that it has not the moment of a link', () => {
     const asked = head({ note: 'not-kept', askedMs: FROM_MS - 60_000, momentMs: FROM_MS });
     expect(stageWords(watchOf(asked).verdict(), LINK, 0)).toBe(
-      'Recorded: 12 Nov 2026 13:59:00 is not in this recording; this is the nearest there is, 14:00:00 · 0:00 of 25:00.',
+      'Recorded: 12 Nov 2026 13:59:00 is not in this recording; this is the nearest moment, 14:00:00 · 0:00 of 25:00.',
     );
   });
 });

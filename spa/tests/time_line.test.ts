@@ -319,7 +319,7 @@ describe('the time line', () => {
     const note = await find('past-note');
     expect(note.getAttribute('role')).toBe('status');
     expect(note.textContent).toMatch(
-      /^22 Nov (2026 )?\d\d:\d\d:00 is not kept any more; this is the oldest there is, .*\.$/,
+      /^22 Nov (2026 )?\d\d:\d\d:00 is no longer kept; this is the oldest moment, .*\.$/,
     );
     past.set({ note: 'not-come' });
     await vi.waitFor(() => expect(note.textContent).toMatch(/^22 Nov .* has not come yet; this is live\.$/));

@@ -86,7 +86,7 @@ const PACKED = 'bufferViews/0/extensions/EXT_meshopt_compression';
 
 test.each<[string, string, unknown, string]>([
   ['too many nodes', 'nodes/1', {}, '2 nodes for 1 visuals'],
-  ['a node nowhere', 'nodes/0/translation', [0, 'x', 0], 'a node that is nowhere'],
+  ['a node nowhere', 'nodes/0/translation', [0, 'x', 0], 'a node without a valid position'],
   ['a mesh that is not there', 'nodes/0/mesh', 7, 'no mesh 7'],
   ['a range past the end', 'meshes/0/primitives/0/extras/count', 1e9, 'past the last vertex'],
   ['triangles outside', 'meshes/0/primitives/0/extras/count', 3, 'outside its mesh'],
