@@ -98,7 +98,7 @@ it('one sentence tells whether it would fall and where to, to the eye and to the
   await says(page, 'no foot', /^No foot bears weight\.$/);
 
   source.write(JSON.stringify({ ...standing, ftf: { ...standing.ftf, 'RF.fz': null } }));
-  await says(page, 'no reading', /^A foot has no reading of its force/);
+  await says(page, 'no reading', /^A foot has no force reading/);
   const filled = await page.evaluate<string>(
     `getComputedStyle(document.querySelector('.stage .balance-mark')).backgroundColor`,
   );

@@ -109,13 +109,13 @@ describe("a robot from one's own computer", () => {
     await closed(page);
     await open('nan');
     await until('the reason', async () => (await page.text()).includes("'nan'; no balance is shown"), 30_000);
-    await until('the entry', async () => (await entry()).includes('masses that can’t be'));
+    await until('the entry', async () => (await entry()).includes('impossible masses'));
     expect(await ball()).toBeNull();
     await closed(page);
     await open('1', '0 0 -200'); // millimetres
     const far = "link 'rod': a centre of mass 200 m away (millimetres?); no balance is shown";
     await until('the links that are far', async () => (await page.text()).includes(far), 30_000);
-    await until('the entry', async () => (await entry()).includes('masses that can’t be'));
+    await until('the entry', async () => (await entry()).includes('impossible masses'));
     expect(await ball()).toBeNull();
   });
 

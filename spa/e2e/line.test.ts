@@ -25,7 +25,7 @@ describe('robots side by side', () => {
     const text = (robot: string) =>
       page.evaluate<string>(`document.querySelector('[data-testid="numbers-${robot}"]')?.textContent ?? ''`);
     await until('its numbers', async () => /RKN pos.0\.900 rad/.test(await text('bare')), 60_000);
-    expect(await text('bare')).toContain('It has sent no model');
+    expect(await text('bare')).toContain('It sent no model');
     await until(
       'one that is not there says so',
       async () => (await text('nobody')).includes('OFFLINE'),

@@ -171,7 +171,7 @@ it.skipIf(!FULL)(
     try {
       const page = await stage.newPage();
       await page.open(`${newer.url}/#/r/demo`);
-      await until('said so', async () => /newer language than this page/.test(await note(page)), 30_000);
+      await until('said so', async () => /newer protocol than this page/.test(await note(page)), 30_000);
       await until('LIVE', is(page, 'LIVE'), 30_000);
       expect(await note(page), 'it stays said').toMatch(/Reload/);
     } finally {

@@ -215,7 +215,7 @@ describe('words', () => {
     expect(chip({ overShare: true })).toBe('LIVE 30 Hz · 38 ms robot sends too much');
     expect(chip({ overShare: true, word: 'HOLDING' })).toBe('HOLDING 12 s robot sends too much');
     expect(ko.overShare).toBe('로봇이 너무 많이 보냄');
-    const why = /more than its share of the relay/;
+    const why = /more than its share/;
     expect(explanationWords(verdict({ overShare: true }), link).join(' ')).toMatch(why);
     expect(explanationWords(verdict({}), link).join(' ')).not.toMatch(why);
     const said = (overShare: boolean) =>
@@ -253,7 +253,7 @@ describe('words', () => {
     const events: Link = { ...link, by: 'events', roundTripMs: null };
     const { word, detail, more } = chipWords(verdict({}), events, 0);
     expect(`${word} ${detail}${more}`).toBe('LIVE 30 Hz · over HTTP');
-    expect(explanationWords(verdict({}), events).join(' ')).toMatch(/No WebSocket/);
+    expect(explanationWords(verdict({}), events).join(' ')).toMatch(/WebSocket does not work/);
     expect(explanationWords(verdict({}), link).join(' ')).not.toMatch(/WebSocket/);
   });
 
@@ -265,7 +265,7 @@ describe('words', () => {
       /reads a mirror.* at most 2 poses a second/,
     );
     const unwritten = explanationWords(verdict({ word: 'STALE', cause: 'relay degraded' }), mirror);
-    expect(unwritten[0]).toMatch(/^Nobody writes the mirror/);
+    expect(unwritten[0]).toMatch(/^The mirror is not being updated/);
   });
 
   it('of waiting name what is missing', () => {

@@ -206,7 +206,7 @@ describe('what is said', () => {
       'It was moving: the centre of mass was 12 mm outside, but it would have come to rest over its feet.',
     );
     expect(balanceKo.wasMoving('12 mm')).toMatch(/움직이는 중이었습니다: .*12 mm/);
-    expect(said({ assumed: true })).toMatch(/inside .* is assumed: no sensor measures it\.$/);
+    expect(said({ assumed: true })).toMatch(/inside .* Assumed: .* No sensor measures it\.$/);
     expect(said({ kind: 'airborne', marginMm: null, assumed: true })).toBe('No foot bears weight.');
     expect(said({ kind: 'unread', marginMm: null }, true)).toBe('');
     expect(said({ kind: 'orientation-unread', marginMm: null, assumed: true })).toBe(

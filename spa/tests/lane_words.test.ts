@@ -93,7 +93,7 @@ describe('a part that is overdue', () => {
   it('is the reason for STALE, in the chip, over the body and in the explanation', () => {
     expect(chip(OVERDUE)).toBe('STALE 3.2 s: waiting for the next part | 4 s behind');
     expect(stageWords(OVERDUE, IN_LANE, 0)).toBe('Stale for 3.2 s: waiting for the next part.');
-    expect(explanationWords(OVERDUE, IN_LANE)[0]).toMatch(/next part of the stream is overdue/);
+    expect(explanationWords(OVERDUE, IN_LANE)[0]).toMatch(/next part of the stream is late/);
   });
 });
 

@@ -119,9 +119,9 @@ describe('going to a moment', () => {
     const { type, hint } = await sheet(past);
     past.told.length = 0;
     await type('moment-date', dateOf(now - 2.2 * DAY));
-    await until(() => expect(hint()).toMatch(/^Looking/));
+    await until(() => expect(hint()).toMatch(/^Checking/));
     await until(() => expect(past.told.filter((told) => told.startsWith('day'))).toHaveLength(1));
-    await until(() => expect(hint(), 'it can’t be had').not.toMatch(/^Looking/));
+    await until(() => expect(hint(), 'it can’t be had').not.toMatch(/^Checking/));
   });
 
   it('is two taps away for an hour of yesterday', async () => {

@@ -42,7 +42,7 @@ describe('a recording says that it is one', () => {
     expect(stageWords({ ...verdict, past: { ...verdict.past!, isHere: true } }, LINK, Date.now())).toBe(
       'Recorded: 12 Nov 2026 14:02:07 · 2:07 of 25:00.',
     );
-    expect(stageWords(verdict, LINK, Date.now())).toMatch(/The pose of then is on its way\.$/);
+    expect(stageWords(verdict, LINK, Date.now())).toMatch(/Loading its pose\.$/);
     expect(isClaim(verdict.word)).toBe(false);
     expect(isThen(verdict.word)).toBe(true);
   });
@@ -93,7 +93,7 @@ it('lengths are told as players do', () => {
 it('what is wrong with a recording is one sentence', () => {
   expect(unreadableWords(new IndexError('newer', 'version'))).toMatch(/newer Posecast/);
   expect(unreadableWords(new IndexError('damaged', 'segments[3]: index'))).toContain('segments[3]: index');
-  expect(unreadableWords(new PastError('gone', 'x'))).toMatch(/no recording\.json/);
+  expect(unreadableWords(new PastError('gone', 'x'))).toMatch(/No recording\.json/);
   expect(unreadableWords(new PastError('away', 'x'))).toMatch(/does not answer/);
   expect(lostWords({ count: 0, isNewer: false }, 750)).toBeNull();
   expect(lostWords({ count: 1, isNewer: false }, 750)).toBe('1 of 750 parts is missing or damaged.');
