@@ -44,7 +44,7 @@ export const moreEn = {
     `All places are taken, so you see the robot ${span} late. The page asks for a place from time to time.`,
   explainCached: (span: string) =>
     `This page shows the robot ${span} late, so that any number of people can watch.`,
-  explainDelayed: (span: string) => `Whoever runs this robot chose to show it ${span} late.`,
+  explainDelayed: (span: string) => `Whoever runs this robot shows it ${span} late.`,
   explainDegraded: 'The relay answers, but it cannot show what the robot does now.',
   explainOverShare: 'The robot sends more than its share, so the relay drops some of its frames.',
   explainLost: 'The connection to the relay is lost. You see the last pose that arrived.',
