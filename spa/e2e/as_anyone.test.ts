@@ -51,7 +51,8 @@ describe.skipIf(!FULL)('who may see more', () => {
     await other.open(`${relay.url}/?as=anyone${hidden}`);
     await until(
       'nothing to be seen',
-      async () => /no robot here has this name/i.test(await other.evaluate<string>('document.body.innerText')),
+      async () =>
+        /no robot here has this name/i.test(await other.evaluate<string>('document.body.innerText')),
       30_000,
     );
     expect(

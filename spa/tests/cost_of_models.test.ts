@@ -65,9 +65,7 @@ describe('a manifest', () => {
     const twice = { ...robot(2, (i) => i), links: ['a', 'b', 'a'] };
     expect(() => readManifest(twice)).toThrow('model manifest: links: a name is used twice');
     const joints = [joint(0, 0), { ...joint(1, 1), name: 'j0' }];
-    expect(() => readManifest({ ...robot(2, (i) => i), joints })).toThrow(
-      'joints: a name is used twice',
-    );
+    expect(() => readManifest({ ...robot(2, (i) => i), joints })).toThrow('joints: a name is used twice');
   });
 });
 

@@ -65,7 +65,8 @@ describe('what is shown behind now', () => {
   it('is explained: why, how far, and that nothing need be done', () => {
     const lines = (link: Link, isLaneChosen?: boolean) =>
       explanationWords(LIVE, link, isLaneChosen).join(' ');
-    const full = /All places are taken, so you see the robot 4 s late. The page asks for a place from time to time/;
+    const full =
+      /All places are taken, so you see the robot 4 s late. The page asks for a place from time to time/;
     expect(lines(IN_LANE)).toMatch(full);
     expect(lines(IN_LANE, true)).not.toMatch(full);
     expect(lines(IN_LANE, true)).toMatch(/shows the robot 4 s late, so that any number of people can watch/);

@@ -73,7 +73,8 @@ export class Glb {
     const known = this.#lists.get(name);
     if (known !== undefined) return known;
     const value = this.#json[name] ?? [];
-    if (!Array.isArray(value) || !value.every(isRecord)) throw new GlbError(`${name} is not a list of objects`);
+    if (!Array.isArray(value) || !value.every(isRecord))
+      throw new GlbError(`${name} is not a list of objects`);
     this.#lists.set(name, value);
     return value;
   }

@@ -124,7 +124,9 @@ describe('a joint that mimics another', () => {
       '<mimic joint="j1" multiplier="1e200"/>',
     );
     expect(mimicsIn(endless).at(-1)).toBeNull();
-    expect(modelIn(endless).problems).toEqual(["joint 'j2' mimics another with a multiplier or offset that is not finite"]);
+    expect(modelIn(endless).problems).toEqual([
+      "joint 'j2' mimics another with a multiplier or offset that is not finite",
+    ]);
   });
 });
 

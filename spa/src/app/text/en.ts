@@ -19,8 +19,7 @@ export const en = {
   behind: (span: string) => `${span} behind`,
   overShare: 'robot sends too much',
   notOnAir: 'This robot is not on air. It appears here when it is.',
-  offlineSince: (clock: string) =>
-    `Offline since ${clock}. The page continues when the robot is back.`,
+  offlineSince: (clock: string) => `Offline since ${clock}. The page continues when the robot is back.`,
   noPoseYet: 'No pose yet',
   staleFor: (span: string) => `Stale for ${span}`,
   seconds: (count: number) => `${count} s`,

@@ -27,8 +27,7 @@ export const moreEn = {
   pastDamaged: 'A damaged part was skipped.',
   pastUnlooped: 'Repeating has stopped: this moment is outside the loop.',
   pastAway: 'The relay does not answer. Only loaded moments can be shown.',
-  recordingAway:
-    'The recording’s server does not answer. Only loaded moments can be shown. Trying again.',
+  recordingAway: 'The recording’s server does not answer. Only loaded moments can be shown. Trying again.',
 
   // ---- the explanation that the state chip opens
   notHeardYet: 'Relay: no message yet.',
@@ -90,7 +89,8 @@ export const moreEn = {
     return `${missing} of ${all} meshes ${one ? 'is' : 'are'} missing: ${names}.`;
   },
   bare: (why: string) => `Only the skeleton can be shown: ${why}.`,
-  remarks: (count: number) => (count === 1 ? '1 finding about the model' : `${count} findings about the model`),
+  remarks: (count: number) =>
+    count === 1 ? '1 finding about the model' : `${count} findings about the model`,
   backTo3d: 'Back to 3D',
   try3d: 'Try 3D again',
   lightView: 'Light view',
@@ -194,8 +194,7 @@ export const moreEn = {
   oldBy: (span: string) => `${span} old`,
 
   // ---- plots shown for a robot without a model
-  addBody:
-    'This robot has no body here. To add one, start its agent with a URDF, xacro, SDF or MJCF file:',
+  addBody: 'This robot has no body here. To add one, start its agent with a URDF, xacro, SDF or MJCF file:',
   ownPlots: 'Its values over the last minute',
   previousPlots: 'Values before these',
   nextPlots: 'More values',

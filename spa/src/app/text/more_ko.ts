@@ -10,7 +10,8 @@ export const moreKo: More = {
   pastDamaged: '손상된 부분을 건너뛰었습니다.',
   pastUnlooped: '반복 구간을 벗어나 반복을 끝냈습니다.',
   pastAway: '릴레이가 응답하지 않아, 이미 받은 순간만 보여 줄 수 있습니다.',
-  recordingAway: '이 녹화가 있는 서버가 응답하지 않아, 이미 받은 순간만 보여 줄 수 있습니다. 다시 시도합니다.',
+  recordingAway:
+    '이 녹화가 있는 서버가 응답하지 않아, 이미 받은 순간만 보여 줄 수 있습니다. 다시 시도합니다.',
   allExplained: '모든 용어 설명',
   explainIt: (what) => `${what}: 설명`,
   wordsExplained: '상태',
@@ -66,8 +67,7 @@ export const moreKo: More = {
   explainSilent: '릴레이는 응답하지만 로봇이 새 데이터를 보내지 않습니다. 보이는 것은 마지막 자세입니다.',
   explainNextPart:
     '다음 부분이 늦어지고 있습니다. 릴레이나 중간의 캐시가 느리거나 응답하지 않습니다. 도착하면 자동으로 이어집니다.',
-  explainFull: (span) =>
-    `자리가 모두 차서 로봇이 ${span} 늦게 보입니다. 페이지가 이따금 자리를 요청합니다.`,
+  explainFull: (span) => `자리가 모두 차서 로봇이 ${span} 늦게 보입니다. 페이지가 이따금 자리를 요청합니다.`,
   explainCached: (span) => `이 페이지는 몇 명이든 함께 볼 수 있도록 로봇을 ${span} 늦게 보여 줍니다.`,
   explainDelayed: (span) => `이 로봇은 운영자가 일부러 ${span} 늦게 보여 줍니다.`,
   explainDegraded: '릴레이는 응답하지만 로봇의 지금 모습을 보여 주지 못합니다.',

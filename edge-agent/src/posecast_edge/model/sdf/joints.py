@@ -76,7 +76,8 @@ class JointReader:
             return None
         full, what = scope.names + name, f"joint {quote_name(scope.names + name)}"
         if full in self._names:
-            self._values.note("error", "joint-doubled", f"{what} is defined twice; the first is used", element)
+            text = f"{what} is defined twice; the first is used"
+            self._values.note("error", "joint-doubled", text, element)
             return None
         self._names.add(full)
         ends = [get_text(element, end) for end in ("parent", "child")]

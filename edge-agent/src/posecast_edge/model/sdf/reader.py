@@ -175,7 +175,8 @@ class _Reader:
         held = attached if attached != scope.names + name else None
         frame = Frame(scope.find_base(pose, attached), self._values.read_pose(pose, what), held)
         if not self._frames.add(scope.names + name, frame):
-            self._values.note("error", "frame-doubled", f"{what} is defined twice; the first is used", element)
+            text = f"{what} is defined twice; the first is used"
+            self._values.note("error", "frame-doubled", text, element)
 
     # ---- what stands in them ----
 

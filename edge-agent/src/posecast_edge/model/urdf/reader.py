@@ -121,9 +121,8 @@ class _Reader:
             return
         first = self.urdf.materials.setdefault(material.name, material)
         if (first.rgba, first.texture) != (material.rgba, material.texture):
-            text = (
-                f"material {quote_name(material.name)} is defined twice; the first (line {first.line}) is used"
-            )
+            name = quote_name(material.name)
+            text = f"material {name} is defined twice; the first (line {first.line}) is used"
             self.urdf.findings.append(Finding("hint", "material-doubled", text, material.line))
 
     def _link(self, element: Element) -> None:

@@ -46,9 +46,7 @@ def build_tree(urdf: Urdf) -> Tree:
         findings.append(Finding("error", "no-links", "it has no links", None))
     elif not trees:
         line = next(iter(links.values())).line
-        findings.append(
-            Finding("error", "no-root", "there is no root link: the joints form a loop", line)
-        )
+        findings.append(Finding("error", "no-root", "there is no root link: the joints form a loop", line))
     else:
         root = max(trees, key=lambda name: len(trees[name]))
         order = trees[root]
@@ -67,7 +65,8 @@ def _unique_links(urdf: Urdf, findings: list[Finding]) -> dict[str, Link]:
     links: dict[str, Link] = {}
     for link in urdf.links:
         if first := links.get(link.name):
-            text = f"link {quote_name(link.name)} is defined twice (first in line {first.line}); the first is used"
+            name = quote_name(link.name)
+            text = f"link {name} is defined twice (first in line {first.line}); the first is used"
             findings.append(Finding("error", "link-doubled", text, link.line))
         else:
             links[link.name] = link

@@ -32,8 +32,7 @@ export const balanceKo: typeof balanceEn = {
   briefUnread: '측정값 없음',
 
   builtBefore: '질량 없이 빌드한 모델입니다. 다시 빌드하세요.',
-  rawModel:
-    '파일을 그대로 보여 주는 모델이라 발바닥을 알 수 없습니다. 빌드한 모델에는 발바닥이 있습니다.',
+  rawModel: '파일을 그대로 보여 주는 모델이라 발바닥을 알 수 없습니다. 빌드한 모델에는 발바닥이 있습니다.',
   noMasses: '로봇의 설명 파일에 질량이 없습니다.',
   impossibleMasses: '로봇의 설명 파일에 있을 수 없는 질량이 있습니다.',
   noFeet: '팔, 바퀴, 거치대처럼 알려진 발이 없는 로봇입니다. 발은 프로필의 [balance]에 적으세요.',
