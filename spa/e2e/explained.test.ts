@@ -137,7 +137,7 @@ it('an arrow that moves explains itself, green and all, by a tap 15 px beside it
         await page.click(beside);
       },
       async () =>
-        /^arrow at a hand or foot\|.*green is fine, yellow is close to a limit, red is past it/.test(
+        /^arrow at a hand or foot\|.*Green is fine, yellow is close to a limit, red is past it/.test(
           await explained(page),
         ),
     );
