@@ -42,7 +42,7 @@ it('a body whose code did not come while the relay was away is there when the re
     await until('STALE', is(page, 'STALE'), 30_000);
     await draw(page, 'light');
     await until('says so', async () => (await page.findByTestId('no-scene').count()) === 1, 30_000);
-    expect(await page.findByTestId('no-scene').text()).toMatch(/did not come. Trying again.*Try now/);
+    expect(await page.findByTestId('no-scene').text()).toMatch(/did not load. Trying again.*Try now/);
     await page.findByTestId('try-now').click();
     expect(await triangles(page)).toBe(0);
     link.heal();

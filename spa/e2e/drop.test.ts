@@ -99,7 +99,7 @@ describe("a robot from one's own computer", () => {
       slider.dispatchEvent(new Event('input', { bubbles: true }));
     })()`);
     await until('a quarter of the way', async () => Math.abs((await ball())![2]! - low - 0.1) < 1e-6);
-    expect(await entry()).toMatch(/^Balance\s*The page does not know the soles of a model/);
+    expect(await entry()).toMatch(/^Balance\s*This model is shown straight from its files/);
     mkdirSync(SHOTS, { recursive: true });
     await page.screenshot(path.join(SHOTS, 'drop-balance.png'));
     await page.evaluate(`document.querySelector('[data-testid="local-balance"] input').click()`);
@@ -201,7 +201,7 @@ ${mesh('binary', 'd.glb', 4.5)}
     const millimetres = binaryStl(cubeSoup().map((value) => 300 * value));
     const large = zipSync({ 'arm/arm.urdf': strToU8(URDF), 'arm/meshes/rod.stl': millimetres });
     await page.evaluate(choose('choose-zip', large, 'large.zip'));
-    await until('its size', async () => (await page.text()).includes('the robot is 300 m large'), 30_000);
+    await until('its size', async () => (await page.text()).includes('the robot measures 300 m'), 30_000);
     expect(await page.text()).toContain(
       `link 'rod': its mesh is 300 m long: millimetres? scale="0.001 0.001 0.001" · line 2`,
     );
@@ -233,7 +233,7 @@ ${mesh('binary', 'd.glb', 4.5)}
     );
     await page.evaluate(choose('choose-zip', bomb, 'bomb.zip'));
     await until('a reason', async () =>
-      (await page.text()).includes('unpacks to more than a robot has, at a.stl'),
+      (await page.text()).includes('unpacks to too much data, at a.stl'),
     );
     const cost = await page.evaluate<{ ms: number; mb: number }>(
       '({ ms: performance.now() - window.began, mb: ((performance.memory?.usedJSHeapSize ?? 0) - window.before) / 1e6 })',
