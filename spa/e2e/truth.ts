@@ -161,7 +161,8 @@ export class ClockRobot {
       return ['with an old pose', oldMs];
     if (trueUntilMs + behindMs + roundingMs < otherwiseMs - ON_ITS_WAY_MS - heldUpMs)
       return ['again with a pose from before', oldMs];
-    if (word === 'HOLDING' && !this.#stood(atMs - behindMs, roundingMs, heldUpMs)) return ['while it moved', oldMs];
+    if (word === 'HOLDING' && !this.#stood(atMs - behindMs, roundingMs, heldUpMs))
+      return ['while it moved', oldMs];
     return null;
   }
 }
