@@ -120,7 +120,7 @@ describe('limits', () => {
     await shown(page);
     await until('the fault again', async () => (await foot())?.level === 'fault');
     await openLimits();
-    await page.findByRole('button', 'Reset all to the profile').click();
+    await page.findByRole('button', 'Reset all to profile').click();
     await until('well again', async () => (await foot())?.level === 'ok');
   });
 });

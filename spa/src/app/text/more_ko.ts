@@ -225,7 +225,7 @@ export const moreKo: More = {
   arrowLength: '힘 화살표의 길이',
   follow: '로봇이 걸을 때 카메라는',
   followAlong: '따라감',
-  followTurn: '따라가며 돎',
+  followTurn: '함께 돎',
   followStay: '그대로',
   mouse: '마우스',
   mouseOrbit: '왼쪽은 회전, 오른쪽은 이동',
