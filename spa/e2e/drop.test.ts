@@ -232,9 +232,7 @@ ${mesh('binary', 'd.glb', 4.5)}
       '[(window.before = performance.memory?.usedJSHeapSize ?? 0), (window.began = performance.now())]',
     );
     await page.evaluate(choose('choose-zip', bomb, 'bomb.zip'));
-    await until('a reason', async () =>
-      (await page.text()).includes('unpacks to too much data, at a.stl'),
-    );
+    await until('a reason', async () => (await page.text()).includes('unpacks to too much data, at a.stl'));
     const cost = await page.evaluate<{ ms: number; mb: number }>(
       '({ ms: performance.now() - window.began, mb: ((performance.memory?.usedJSHeapSize ?? 0) - window.before) / 1e6 })',
     );
