@@ -101,13 +101,12 @@ export function useWord({ watch }: RobotLink): Word | null {
   return useSyncExternalStore(watch.onWord, () => watch.word);
 }
 
-/** Whether the shown pose was no longer the robot's own at the time that is shown. The component is drawn again when that
- *  changes. */
+/** Whether the shown pose is out of date at the shown time. The component is redrawn when that changes. */
 export function useIsOld({ watch }: RobotLink): boolean {
   return useSyncExternalStore(watch.onWord, () => isOld(watch.verdict()));
 }
 
-/** A number that grows whenever anything about the robots but their frames changes: schema, model, limits, info, events,
+/** A counter that increases whenever anything about the robots changes, except their frames: schema, model, limits, info, events,
  *  connection. The component is drawn again then. */
 export function useVersion(...links: readonly RobotLink[]): number {
   return useSyncExternalStore(
