@@ -270,7 +270,7 @@ export class PastPlayer implements PastControls {
     ports.sink.lead(this.#leadIn.before(frame));
   }
 
-  /** A segment has told the run and the moments of the page's own frames: moves the playhead along with the frame that it shows. */
+  /** A segment has revealed the run and the moments of the page's own frames: moves the playhead along with the shown frame. */
   #align({ formerRun, runId, byMs }: Alignment): void {
     const { projector, state } = this.#parts;
     const { cursor } = projector;
