@@ -48,7 +48,7 @@ export function asciiStl(soup: Float32Array): Uint8Array {
   return new TextEncoder().encode(`${text}endsolid cube\n`);
 }
 
-/** One triangle in Collada, in centimetres, in a file that claims to be Y-up, painted wholly transparent. */
+/** One triangle in Collada, in centimetres, in a file that claims to be Y-up, fully transparent. */
 export function collada(transparency = '0.0', up = 'Y_UP'): Uint8Array {
   return new TextEncoder().encode(`<?xml version="1.0"?>
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
