@@ -167,7 +167,7 @@ def test_a_segment_is_its_frames_and_little_beside() -> None:
 def test_segments_and_frames_are_as_large_as_it_says() -> None:
     path = SHARED / "telemetry" / "schema.json"
     if not path.exists():
-        pytest.skip("no telemetry sets beside this repository (POSECAST_SHARED names their folder)")
+        pytest.skip("the telemetry sets are missing (set POSECAST_SHARED to their folder)")
     for hz in (10, 30):
         played = segment_bytes.play(path.read_text(), path.with_name("idle.npz"), hz, 4.0, 6.0)
         assert played.frame_bytes == pytest.approx(crowd.FRAME_BYTES["idle", hz], abs=0.1)
