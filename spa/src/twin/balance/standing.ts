@@ -58,7 +58,7 @@ export interface Standing {
   /** Empty if `massGap` gives a reason. */
   readonly masses: readonly MassPoint[];
   readonly massGap: BalanceGap | null;
-  /** Empty when `footGap` says why. */
+  /** Empty if `footGap` gives a reason. */
   readonly feet: readonly Foot[];
   readonly footGap: BalanceGap | null;
   readonly ground: Ground | null;

@@ -48,7 +48,7 @@ export class Arrivals {
   #intervalMs = FIRST_GUESS_MS;
   #delayMs = FIRST_GUESS_MS;
 
-  /** Takes a frame that is newer than all before it. `moves`: its pose differs from the one before. */
+  /** Takes a frame that is newer than all before it. `moves`: its pose differs from the previous one. */
   add(stamp: Stamp, moves: boolean): Placed {
     const before = this.#stamps.at(-1);
     const sinceMs = before === undefined ? 0 : (stamp.tS - before.tS) * 1000 * this.#pace();

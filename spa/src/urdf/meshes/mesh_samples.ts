@@ -70,7 +70,7 @@ export function collada(transparency = '0.0', up = 'Y_UP'): Uint8Array {
 </COLLADA>`);
 }
 
-/** Two triangles: one red, one in a paint that its library does not know. */
+/** Two triangles: one red, one with a paint that its library does not define. */
 export const OBJ = `mtllib paints.mtl
 v 0 0 0
 v 1 0 0
