@@ -1,4 +1,4 @@
-"""The audit of dependencies: what is known stops it; a service that can't be reached does not."""
+"""The dependency audit: a known vulnerability stops it, an unreachable service does not."""
 
 from __future__ import annotations
 
