@@ -26,7 +26,7 @@ def test_everything_that_is_explained_has_a_table() -> None:
 
 
 def test_a_section_that_nobody_explains_is_named() -> None:
-    with pytest.raises(ValueError, match="nothing is explained under 'colours'"):
+    with pytest.raises(ValueError, match="no section 'colours'"):
         write_page("<!-- explained: colours -->\n<!-- explained end -->\n", ENGLISH)
 
 
