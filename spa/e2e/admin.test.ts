@@ -1,4 +1,4 @@
-/** The page of whoever runs the relay, with a real relay and its file of robots. */
+/** The operator's admin page, with a real relay and its robots file. */
 
 import { execFileSync } from 'node:child_process';
 import { mkdirSync, readFileSync } from 'node:fs';

@@ -10,9 +10,9 @@ import { setStage } from './stage.ts';
 
 const stage = setStage();
 const SHOTS = path.join(REPO, 'spa/e2e/shots');
-/** The light view draws the same words, and quicker. */
+/** The light view draws the same texts, and is faster. */
 const LIGHT = `try { if (localStorage.getItem('posecast.settings') === null) localStorage.setItem('posecast.settings', '{"body":"light"}') } catch {}`;
-/** Writes down what is saved. */
+/** Records what is saved. */
 const SAVES = `(() => {
   window.saved = [];
   const make = URL.createObjectURL;
@@ -25,7 +25,7 @@ const SAVES = `(() => {
 const STANDING_S = 2;
 const LEANING_S = 58;
 
-/** The same moment with nothing under one foot. */
+/** The same moment without force under one foot. */
 function without(foot: 'LF' | 'RF', moment: Moment): Moment {
   const light = (field: string, parts: readonly string[]) => ({
     ...moment[field],
@@ -141,7 +141,7 @@ it('the menu switches it off and on, says why it can’t be, and explains it; so
   const explained = () =>
     page.evaluate<string>(`document.querySelector('[data-testid=explained]')?.textContent ?? ''`);
   await tapped(
-    'explained', // once what explains has come
+    'explained', // once the explanations have loaded
     async () => page.click(await mark()),
     async () => /margin.*tipping over/.test(await explained()),
   );

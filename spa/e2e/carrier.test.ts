@@ -8,7 +8,7 @@ import { FULL, setStage } from './stage.ts';
 const stage = setStage();
 
 const SWINGING = { pos: { RKN: 0, LKN: 0.2 }, wave: { pos: { RKN: [0.4, 0.5] } } };
-/** What the browser says of a WebSocket that a proxy has made an ordinary request of. */
+/** The browser's message about a WebSocket that a proxy has turned into an ordinary request. */
 const NO_UPGRADE = /WebSocket|status of 40\d/;
 
 async function behind(fault: Fault): Promise<{ link: FaultyLink; page: Page }> {

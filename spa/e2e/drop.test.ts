@@ -16,7 +16,7 @@ const URDF = `<robot name="arm"><link name="base"><visual><geometry><box size="0
 <joint name="lift" type="prismatic"><parent link="base"/><child link="rod"/><axis xyz="0 0 1"/>
 <limit lower="0" upper="0.5" effort="1" velocity="1"/></joint></robot>`;
 
-/** The rod's mesh, 1 m of it. */
+/** A mesh of a rod, 1 m long. */
 const ROD = binaryStl(cubeSoup());
 
 const rods = (page: Page) =>
@@ -36,13 +36,13 @@ async function listed(): Promise<Page> {
   return page;
 }
 
-/** Leaves the robot for the list. */
+/** Leaves the robot and returns to the list. */
 async function closed(page: Page): Promise<void> {
   await page.findByRole('button', 'Close this robot').click();
   await chooses(page);
 }
 
-/** Puts a file into an input the way a person's choice does. */
+/** Puts a file into an input as if a person had chosen it. */
 const choose = (id: string, bytes: Uint8Array, name: string): string => `(() => {
   const bytes = Uint8Array.from(atob('${Buffer.from(bytes).toString('base64')}'), (c) => c.charCodeAt(0));
   const chosen = new DataTransfer();
@@ -172,7 +172,7 @@ ${mesh('binary', 'd.glb', 4.5)}
     for (const folder of ['urdf', 'meshes']) mkdirSync(path.join(top, folder), { recursive: true });
     writeFileSync(path.join(top, 'urdf/arm.urdf'), URDF);
     writeFileSync(path.join(top, 'meshes/rod.stl'), ROD);
-    // a browser hands out a folder's entries by the hundred
+    // browsers return a folder's entries in groups of a hundred
     for (let i = 0; i < 130; i++) writeFileSync(path.join(top, `meshes/spare${i}.stl`), '');
     const zip = path.join(top, '..', 'arm.zip');
     writeFileSync(zip, zipSync({ 'arm/arm.urdf': strToU8(URDF), 'arm/meshes/rod.stl': ROD }));
@@ -239,6 +239,6 @@ ${mesh('binary', 'd.glb', 4.5)}
     console.log(
       `a bomb of 60 MB in ${bomb.length} bytes: refused after ${cost.ms.toFixed(0)} ms, ${cost.mb.toFixed(1)} MB of heap`,
     );
-    expect(cost.mb).toBeLessThan(50); // Chromium's; the others tell none
+    expect(cost.mb).toBeLessThan(50); // Chromium's message; the others report none
   });
 });

@@ -21,7 +21,7 @@ const press = (page: Page, selector: string) =>
     return found !== null;
   })()`);
 
-/** What the open explanation says, also to a screen reader; empty while there is none. */
+/** The text of the open explanation, as screen readers get it; empty if there is none. */
 const explained = (page: Page) =>
   page.evaluate<string>(`(() => {
     const dialog = document.querySelector('[role="dialog"][data-testid="explained"]');
@@ -90,7 +90,7 @@ it('joints are named in plain words where the settings say so', async () => {
   await until('plain words', async () => /^right knee|^…?knee/.test(await name()));
 });
 
-/** A point beside the middle of a force's arrow, where no body is drawn, and the point of the arrow that it is beside. */
+/** A point beside the middle of a force arrow, away from the body, and the nearest point on the arrow. */
 const besideArrow = (page: Page, site: string, px: number) =>
   page.evaluate<{ beside: Point; on: Point } | null>(`(() => {
     const { scene } = window.posecast;

@@ -10,8 +10,8 @@ const stage = setStage();
 
 const URDF = path.join(REPO, 'edge-agent/src/posecast_edge/demo_bundle/robot.urdf');
 const SHOTS = path.join(REPO, 'spa/e2e/shots');
-/** What one robot may cost: shells, a skeleton or a ghost, and what casts its shadow; and what all have together, all their signs
- *  included. */
+/** Maximum draw calls for one robot (meshes, a skeleton or a ghost, and its shadow), and for everything shared, including all
+ *  signs. */
 const CALLS_PER_ROBOT = 5;
 const CALLS_AROUND = 7;
 

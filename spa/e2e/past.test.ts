@@ -14,13 +14,13 @@ const stage = setStage();
 const SHOTS = path.join(REPO, 'spa/e2e/shots');
 const PHONE = { width: 390, height: 844 };
 const LAPTOP = { width: 1366, height: 768 };
-/** From the joint to the relay, on a machine that does much else. */
+/** Time from the joint to the relay, on a busy machine. */
 const NEAR_MS = 1000;
 
 const is = (page: Page, word: string) => async () => (await liveness(page)) === word;
 const testId = (id: string) => `document.querySelector('[data-testid="${id}"]')`;
 
-/** Waits until a line of at least so many seconds can be looked back on. */
+/** Waits until at least this many seconds of past are available. */
 async function rewindable(page: Page, seconds: number): Promise<void> {
   await until(
     `${seconds} s of past`,
@@ -33,7 +33,7 @@ async function rewindable(page: Page, seconds: number): Promise<void> {
   );
 }
 
-/** Taps on the time line, so far along it. */
+/** Taps on the time line at this fraction of its length. */
 async function tapAt(page: Page, part: number): Promise<void> {
   const at = await page.evaluate<{ x: number; y: number }>(`(() => {
     const { left, top, width, height } = ${testId('track')}.getBoundingClientRect();
@@ -107,7 +107,7 @@ it.each(FULL ? [LAPTOP, PHONE] : [LAPTOP])(
     await until('PAST', is(page, 'PAST'));
     expect(await robot.lies(page)).toEqual([]);
 
-    // the relay is gone: what the page has can still be seen, and is said to be what it is
+    // the relay is gone: the page's own data is still shown, and labelled as such
     const segments = () => page.requested.filter((url) => /\/past\/public\/[0-9a-f]{16}\//.test(url)).length;
     await until('the seconds before are here, for the plots', async () => {
       const before = segments();

@@ -9,10 +9,10 @@ import type { Relay } from './stack.ts';
 import { setStage } from './stage.ts';
 import { shown } from './truth.ts';
 
-/** In the light view, whose pictures come often. */
+/** In the light view, which draws often. */
 const stage = setStage({ webgl: false });
 
-/** Puts files into an input the way a person's choice does. */
+/** Puts files into an input as if a person had chosen them. */
 const choose = (id: string, files: ReadonlyMap<string, Uint8Array>): string => `(() => {
   const chosen = new DataTransfer();
   for (const [name, text] of ${JSON.stringify([...files].map(([name, bytes]) => [name, Buffer.from(bytes).toString('base64')]))})

@@ -131,7 +131,7 @@ describe.skipIf(!FULL)('a robot', () => {
   });
 });
 
-/** A relay of tomorrow: every hello says another wire format. */
+/** A relay from the future: every hello announces another wire format. */
 async function newerRelay(port: number): Promise<{ url: string; close: () => void }> {
   const sockets = new Set<net.Socket>();
   const server = net.createServer((browser) => {
@@ -146,7 +146,7 @@ async function newerRelay(port: number): Promise<{ url: string; close: () => voi
       });
     }
     browser.pipe(relay);
-    // as long as before, so that its frame of the WebSocket still fits
+    // same length, so that its WebSocket frame still fits
     relay.on('data', (bytes) =>
       browser.write(bytes.toString('latin1').replace(/("wire": ?)1,/, '$19,'), 'latin1'),
     );

@@ -14,7 +14,7 @@ const LIMITS = new ValueLimits(SCHEMA.mapping);
 const CHOICE = { shown: 'pos', lens: false, forces: true, level: true, load: 'off' } as const;
 const LIVE = { word: 'LIVE', cause: null, overShare: false } as const;
 
-/** A body that leans so, degrees. */
+/** A body with this lean, degrees. */
 function lean(roll: number, pitch: number): Record<string, number> {
   const [w, x, y, z] = quatOfRpy([(roll * Math.PI) / 180, (pitch * Math.PI) / 180, 0.7]);
   const code = (part: number) => Math.round(part * 1000);

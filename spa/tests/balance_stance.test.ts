@@ -27,7 +27,7 @@ const FEET: readonly Vec2[] = [
 ];
 const NO_GAPS = { centreOfMass: null, polygon: null, margin: null, pressure: null, capturePoint: null };
 
-/** A robot on these feet whose margin is measured to the edge on its left (y = 0.1). */
+/** A robot on these feet, whose margin is measured to the left edge (y = 0.1). */
 function standing(marginMm: number | null, changed: Partial<Balance> = {}): Balance {
   return {
     massKg: 50,
@@ -55,7 +55,7 @@ function judged() {
     judge.next(standing(marginMm, changed), heading, limits);
 }
 
-/** One foot in the air beside what it stands on, on its left. */
+/** A raised foot to the left of the support. */
 const RAISED = {
   feet: [
     {

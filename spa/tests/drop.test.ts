@@ -168,7 +168,7 @@ describe('what is dropped', () => {
       fullPath,
       file: (take: (file: File) => void) => take(new File(['x'], fullPath)),
     }) as unknown as FileSystemEntry;
-  /** A folder whose reader hands out a hundred entries at a time, as browsers do. */
+  /** A folder whose reader returns a hundred entries at a time, as in browsers. */
   const directory = (entries: FileSystemEntry[]) => {
     const readEntries = (take: (some: FileSystemEntry[]) => void) => take(entries.splice(0, 100));
     return { isFile: false, createReader: () => ({ readEntries }) } as unknown as FileSystemEntry;

@@ -11,7 +11,7 @@ import { RobotTwin } from '../src/twin/robot.ts';
 import { codesWith, SCHEMA_TEXT } from './schema.ts';
 
 const AT_MS = 1_800_000_000_000;
-const JAM = 7; // homed and enabled, too
+const JAM = 7; // also homed and enabled
 const TOLD = {
   flags: {
     jam: {

@@ -18,7 +18,7 @@ afterEach(() => {
   document.body.replaceChildren();
 });
 
-/** Waits until a check passes, on a busy machine too. */
+/** Waits until a check passes, even on a busy machine. */
 const until = <T>(check: () => T) => vi.waitFor(check, 10_000);
 
 const MIN = 60_000;
@@ -51,7 +51,7 @@ const dateOf = (atMs: number) => {
 };
 const timeOf = (atMs: number) => new Date(atMs).toTimeString().slice(0, 8);
 
-/** Three days, of which the last two hours of each were recorded; the newest ends now. */
+/** Three days, each with its last two hours recorded; the newest ends now. */
 function threeDays(unknown = false) {
   const now = Math.floor(nowMs() / 1000) * 1000;
   const spans = [2, 1, 0].map((ago) => ({

@@ -8,7 +8,7 @@ import { moreKo } from '../src/app/text/more_ko.ts';
 import type { Playhead } from '../src/past/past_types.ts';
 import { playheadAt } from './past_fake.ts';
 
-/** In the zone of whoever runs the test. */
+/** In the local time zone of the test run. */
 const NOON = new Date(2026, 10, 22, 14, 4, 7, 250).getTime();
 const MIN = 60_000;
 const head = (more: Partial<Playhead>) => playheadAt(NOON, more);

@@ -9,7 +9,7 @@ import { codesWith, SCHEMA } from './schema.ts';
 
 const PLAYHEAD = { at: 'past', playing: true, speed: 1, loop: null } as const;
 
-/** The watch of a robot whose poses are given their moments. */
+/** The watch of a robot whose poses have assigned moments. */
 function watched() {
   const twin = new RobotTwin('demo', 0);
   twin.acceptSchema(SCHEMA);

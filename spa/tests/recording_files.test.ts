@@ -11,7 +11,7 @@ import { PageClock } from './past_rig.ts';
 const MOST = 100_000;
 const TEXT = new TextDecoder();
 
-/** What reading gives: a text, or why it fails. */
+/** The result of reading: a text, or the reason for failure. */
 async function read(files: RecordingFiles, path: string, most = MOST): Promise<string> {
   return files.read(path, most).then(
     (bytes) => TEXT.decode(bytes),
@@ -140,7 +140,7 @@ describe('a .posecast file', () => {
       () => 'opened',
       (error: Error) => error.message,
     );
-  /** Where a signature stands, the last time. */
+  /** The last position of a signature. */
   const at = (bytes: Uint8Array, signature: number) => {
     const view = new DataView(bytes.buffer, bytes.byteOffset);
     for (let i = bytes.length - 4; i >= 0; i -= 1) if (view.getUint32(i, true) === signature) return i;

@@ -17,7 +17,7 @@ import { isClaim, isOld, isThen } from '../src/twin/liveness.ts';
 import { RobotTwin } from '../src/twin/robot.ts';
 import { playheadAt } from './past_fake.ts';
 
-/** In the zone of whoever runs the test. */
+/** In the local time zone of the test run. */
 const FROM_MS = new Date(2026, 10, 12, 14, 0, 0, 0).getTime();
 const RECORDED = recordedAs({ fromMs: FROM_MS, toMs: FROM_MS + 1_500_000 }, () => false);
 const head = (more: Partial<Playhead> = {}) => playheadAt(FROM_MS + 127_250, { recorded: RECORDED, ...more });

@@ -37,7 +37,7 @@ test.each([
   expect(() => readRawManifest(parseManifest(text))).toThrow(new BundleError(`model manifest: ${why}`));
 });
 
-/** A host whose answers are held back until they are let go. */
+/** A host whose answers are held back until released. */
 function host(bodies: Record<string, Uint8Array | number>) {
   const open: (() => void)[] = [];
   const asked: string[] = [];

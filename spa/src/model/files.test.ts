@@ -16,7 +16,7 @@ const never = new AbortController().signal;
 let asked: string[] = [];
 let answer: (url: string) => Response = () => new Response('', { status: 404 });
 let turn = 0;
-/** Another address each time: what was fetched once stays known to the page. */
+/** A new address for each test, because the page caches what it has fetched. */
 let url = '';
 
 beforeEach(() => {

@@ -3,8 +3,8 @@ import { BundleError, isRecord } from './bundle.ts';
 import type { Joint, JointType } from './kinematics.ts';
 
 /**
- * The manifest of a built model (docs/reference/model-bundle.md, version 2): all that kinematics and a skeleton need, and the names of
- * the levels of detail, which hold the meshes. It comes over the network, so every part is checked before use.
+ * The manifest of a built model (docs/reference/model-bundle.md, version 2): everything that kinematics and a skeleton need, and
+ * the names of the levels of detail, which hold the meshes. It comes from the network, so every part is validated before use.
  */
 export interface Manifest {
   readonly robot: string;
@@ -19,7 +19,7 @@ export interface Manifest {
   readonly missing: readonly { readonly uri: string; readonly reason: string }[];
   /** What `posecast-edge doctor` found in the URDF, worst first. */
   readonly findings: readonly ModelFinding[];
-  /** As it came, for what few pages need: `balance/masses_and_soles.ts` reads more of it. */
+  /** The raw JSON, for data that few pages need; `balance/masses_and_soles.ts` reads more of it. */
   readonly raw: Raw;
 }
 
@@ -36,7 +36,7 @@ export interface Visual {
   readonly source: string;
   /** Bounding box in the link's frame, metres. */
   readonly box: LinkBox | null;
-  /** Why a box is shown instead of the mesh; null for a mesh that is there. */
+  /** Why a box is shown instead of the mesh; null if the mesh exists. */
   readonly placeholder: string | null;
 }
 
@@ -63,7 +63,7 @@ const IDENTITY = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
 
 export type Raw = Readonly<Record<string, unknown>>;
 
-/** Checks and reads a manifest of version 2. Throws a one-line BundleError when the robot can't be built from it. */
+/** Validates and reads a version 2 manifest. Throws a one-line BundleError if the robot can't be built from it. */
 export function readManifest(raw: Raw): Manifest {
   const links = list(raw.links, 'links', MAX_LINKS).map((name, i) => text(name, `links[${i}]`));
   if (links.length === 0) throw wrong('no links');
@@ -100,7 +100,7 @@ export function readManifest(raw: Raw): Manifest {
   };
 }
 
-/** For each link (by index) that shows something, the box around all its visuals, in the link's frame, metres. */
+/** For each link (by index) with visuals, the box around all of them, in the link's frame, metres. */
 export function boxesOfLinks({ visuals }: Manifest): Map<number, LinkBox> {
   const boxes = new Map<number, LinkBox>();
   for (const { link, box } of visuals) {
@@ -212,7 +212,7 @@ function unique(names: readonly string[], where: string): void {
   if (new Set(names).size < names.length) throw wrong(`${where}: a name is used twice`);
 }
 
-/** Lenient text, for values that are only shown: anything else becomes ''. */
+/** Lenient text, for values that are only displayed: anything else becomes ''. */
 function loose(value: unknown): string {
   return typeof value === 'string' ? value : '';
 }

@@ -14,7 +14,7 @@ import {
 } from './types.ts';
 
 /**
- * Finds what is readable in a URDF but probably not meant. Rules and wording are those of `posecast-edge doctor`
+ * Finds things in a URDF that are readable but probably not intended. Rules and wording are those of `posecast-edge doctor`
  * (posecast_edge.model.doctor.skeleton).
  */
 
@@ -118,7 +118,7 @@ function examineLink({ name, visuals }: Link, say: Say): void {
   for (const { xyz, rpy, line } of visuals) origin(`link ${quoted(name)}, visual`, xyz, rpy, line, say);
 }
 
-/** Reports material names that stand for no colour, each once. */
+/** Reports material names that define no colour, each once. */
 function materials(urdf: Urdf, say: Say): void {
   const lines = new Map<string, (number | null)[]>();
   for (const visual of urdf.links.flatMap((link) => link.visuals)) {

@@ -16,8 +16,8 @@ import {
 import { type XmlElement, XmlRefused } from './xml.ts';
 
 /**
- * Reads a URDF like the edge (posecast_edge.model.urdf.reader): a value that can't be read is reported and replaced by
- * the URDF default for an absent value.
+ * Reads a URDF the same way as the edge (posecast_edge.model.urdf.reader): an unreadable value is reported and replaced by the
+ * URDF default for a missing value.
  */
 
 const TYPES: ReadonlySet<string> = new Set([...SCALAR_TYPES, 'fixed', 'floating', 'planar']);
@@ -41,7 +41,7 @@ const ROOTS_OF_OTHERS: Readonly<Record<string, string>> = {
 };
 const SENSOR_TAGS = new Set(['camera', 'ray', 'imu', 'force_torque', 'contact', 'gps', 'lidar']);
 
-/** Reads the root element of a URDF. Throws XmlRefused when it is no URDF at all. */
+/** Reads the root element of a URDF. Throws XmlRefused if it is no URDF at all. */
 export function readUrdf(root: XmlElement): Urdf {
   if (root.tag !== 'robot') {
     const other = Object.hasOwn(ROOTS_OF_OTHERS, root.tag) ? ROOTS_OF_OTHERS[root.tag] : undefined;
@@ -94,7 +94,7 @@ class UrdfReader implements Urdf {
     this.#say('hint', 'collisions-shown', 'no link has a visual; the collision shapes are shown', root);
   }
 
-  /** Defines a material; the first definition of a name counts for the whole robot, as in ROS. */
+  /** Defines a material; the first definition of a name applies to the whole robot, as in ROS. */
   #define(material: Material): void {
     if (material.name === '' || (material.rgba === null && material.texture === null)) return;
     const first = this.materials.get(material.name);
@@ -269,7 +269,7 @@ class UrdfReader implements Urdf {
     this.#sensor(element, parent?.get('link') || parent?.get('joint') || '');
   }
 
-  /** Mounts a sensor that is said to sit on a joint, as force sensors do, on the joint's child. */
+  /** Mounts a sensor that the file places on a joint, as force sensors are, on the joint's child link. */
   #mountOnLinks(): void {
     const links = new Set(this.links.map(({ name }) => name));
     const children = new Map<string, string>();
@@ -368,7 +368,7 @@ const NUMBER = /^[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[+-]?\d+)?$/i;
 const SPACES = /(?:(?!\ufeff)[\s\u0085])+/;
 const NO_NUMBER = /^[+-]?(?:nan|inf(?:inity)?)$/i;
 
-/** The numbers in a text, NaN for those that are not finite; null when it has anything else. */
+/** The numbers in a text, NaN for those that are not finite; null if it has anything else. */
 function floats(text: string): number[] | null {
   const words = text.slice(0, 1000).split(SPACES).filter(Boolean);
   if (!words.every((word) => NUMBER.test(word) || NO_NUMBER.test(word))) return null;

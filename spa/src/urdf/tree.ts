@@ -3,7 +3,7 @@ import { type Joint, type Link, SCALAR_TYPES, type Urdf } from './types.ts';
 
 /** The kinematic tree of a URDF's links and joints (as in posecast_edge.model.urdf.tree). */
 export interface Tree {
-  /** The root link; null when there is none. */
+  /** The root link; null if there is none. */
   readonly root: Link | null;
   /** The joints below the root, each parent before its children. */
   readonly joints: readonly Joint[];
@@ -11,12 +11,13 @@ export interface Tree {
   readonly follows: ReadonlyMap<string, Follow>;
   /** Links by name, including unconnected ones; the first of each name. */
   readonly links: ReadonlyMap<string, Link>;
-  /** What is wrong with the tree. */
+  /** The problems in the tree. */
   readonly findings: readonly Finding[];
 }
 
-/** A mimic joint's value is multiplier × the leader's value + offset. Chains are resolved: a leader follows no other.
- *  */
+/** A mimic joint's value is multiplier × the leader's value + offset. Chains are resolved: a leader is never a mimic joint
+ *  itself.
+ */
 export interface Follow {
   readonly leader: Joint;
   readonly multiplier: number;
@@ -95,7 +96,7 @@ function jointsByParent(urdf: Urdf, links: ReadonlyMap<string, Link>, say: Say):
     if (problem !== null) {
       say(problem[0]!, `${problem[1]}; this joint is left out`, joint.line);
     } else if (parent !== '' && child !== '') {
-      held.set(child, joint); // the reader has named a joint without ends
+      held.set(child, joint); // the reader has reported a joint without parent or child
       const siblings = below.get(parent) ?? [];
       siblings.push(joint);
       below.set(parent, siblings);
@@ -104,7 +105,7 @@ function jointsByParent(urdf: Urdf, links: ReadonlyMap<string, Link>, say: Say):
   return below;
 }
 
-/** The joints below a link, depth first in the file's order, so each parent comes before its children. */
+/** The joints below a link, depth first in file order, so each parent comes before its children. */
 function walk(root: string, below: ReadonlyMap<string, readonly Joint[]>): Joint[] {
   const order: Joint[] = [];
   const waiting = [...(below.get(root) ?? [])].reverse();
@@ -139,7 +140,7 @@ function followsOf(urdf: Urdf, order: readonly Joint[], say: Say): Map<string, F
   const follows = new Map<string, Follow>();
   const leaders = new Leaders(order, new Set(urdf.joints.map(({ name }) => name)));
   for (const joint of order) {
-    if (joint.mimic === null || !SCALAR_TYPES.has(joint.type)) continue; // the doctor names the others
+    if (joint.mimic === null || !SCALAR_TYPES.has(joint.type)) continue; // the doctor reports the others
     const found = leaders.of(joint);
     if ('leader' in found) follows.set(joint.name, found);
     else say(found.code, `joint ${quoted(joint.name)} ${found.text}`, joint.mimic.line);
@@ -159,7 +160,7 @@ class Leaders {
   readonly #known: ReadonlySet<string>;
   readonly #found = new Map<string, Follow | NoLeader>();
 
-  /** `known`: the names of all joints, including those that are left out. */
+  /** `known`: the names of all joints, including omitted ones. */
   constructor(order: readonly Joint[], known: ReadonlySet<string>) {
     this.#shown = new Map(order.map((joint) => [joint.name, joint]));
     this.#known = known;
@@ -185,14 +186,14 @@ class Leaders {
     for (const one of [...chain.values()].reverse()) {
       if (end === null || inCircle) {
         end = { code: 'mimic-loop', text: `mimics in a loop, through ${quoted(one.name)}` };
-        inCircle = one !== at; // the circle closes here; joints before it only lead into it
+        inCircle = one !== at; // the cycle closes here; joints before it only lead into it
       } else end = behind(one, end);
       this.#found.set(one.name, end);
     }
     return end!;
   }
 
-  /** The end of a chain at this joint; null when the chain goes on. */
+  /** The end of a chain at this joint; null if the chain continues. */
   #end(at: Joint): Follow | NoLeader | null {
     if (at.mimic !== null) return this.#found.get(at.name) ?? null;
     if (SCALAR_TYPES.has(at.type)) return { leader: at, multiplier: 1, offset: 0 };

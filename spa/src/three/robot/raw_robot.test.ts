@@ -34,7 +34,7 @@ const ARM = `<robot name="arm">
     <limit lower="0" upper="0.1" effort="1" velocity="1"/></joint>
 </robot>`;
 
-/** A robot of a URDF, dressed in what the URDF describes itself; meshes are put on by hand. */
+/** A robot from a URDF, showing only what the URDF itself describes; meshes are added by hand. */
 class Model extends SkinnedRobot {
   readonly urdf: ReturnType<typeof modelOf>;
   readonly lod: LodBuilder;
@@ -183,7 +183,7 @@ test('a ghost is the same meshes in another pose: those that are there, and thos
   expect(ghost.mesh.parent).toBeNull();
 });
 
-/** Corners in the link's frame, as the graphics card has them, with their normals. */
+/** Corners in the link's frame, as uploaded to the GPU, with their normals. */
 function cornersOf(lod: Lod, visual: number): { at: number[]; normal: number[] }[] {
   const m = lod.linkFromMesh.subarray(visual * 16, visual * 16 + 16);
   const [start = 0, count = 0] = lod.ranges[visual]!;

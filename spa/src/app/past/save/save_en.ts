@@ -1,4 +1,4 @@
-/** The English sentences of the sheet that saves. */
+/** The English texts of the save dialog. */
 export const saveEn = {
   title: 'Save as a file',
   span: 'How much',
