@@ -29,7 +29,7 @@ def test_a_wrong_setting_is_one_line_and_status_2() -> None:
     assert (
         refused("run", "--dev", "--port", "x") == "posecast-relay: --port 'x': use a number from 0 to 65535\n"
     )
-    assert refused("run").startswith("posecast-relay: give --robots FILE (who may")
+    assert refused("run").startswith("posecast-relay: give --robots FILE (who can")
 
 
 def test_ports_in_use_are_one_line_and_status_2() -> None:

@@ -78,7 +78,7 @@ async def test_a_file_that_is_emptied_while_it_is_read_changes_nothing(tmp_path:
     of.write("[robots.b]\n")
     await of.watch.check_file(1.0)
     assert (of.told, of.watch.refused) == ([], 1)
-    assert of.watch.trouble == f"{of.path}: is empty; for no robots at all, leave a comment in it"
+    assert of.watch.trouble == f"{of.path}: is empty; if you want no robots, leave a comment in it"
 
 
 async def test_a_credential_that_expires_is_told(tmp_path: Path) -> None:
