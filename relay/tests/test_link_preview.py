@@ -116,7 +116,7 @@ def test_a_chat_sees_who_anyone_may_see_and_of_others_the_general_words(
         assert oembed_of(other).status_code == 404, other
     assert oembed_of(f"{AT}/r/open", format="xml").status_code == 501
     for none in (httpx.get(f"{base}/api/v1/oembed"), oembed_of("")):
-        assert (none.status_code, none.json()) == (400, {"error": "want url=, the address of a robot's page"})
+        assert (none.status_code, none.json()) == (400, {"error": "give url=, the address of a robot's page"})
 
     robots = tmp_path / "robots.toml"
     robots.write_text(robots.read_text().replace("[robots.lab.link]", "[robots.lab.anyone]"))

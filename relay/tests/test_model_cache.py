@@ -394,7 +394,7 @@ async def test_a_manifest_that_gives_a_file_another_size_is_not_believed(size: i
     assert await read(models, edge, "a.stl") == data
     false = {"path": "b.stl", "size": size, "sha256": sha256(data), "type": "model/stl"}
     source.edges["r"] = later = Edge({"b.stl": data}, {"v": 2, "files": [false]})
-    with pytest.raises(Unavailable, match="not of the size"):
+    with pytest.raises(Unavailable, match="not have the size"):
         await models.load_file("r", later.digest, "b.stl")
 
 

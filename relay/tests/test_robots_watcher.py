@@ -120,7 +120,7 @@ async def test_a_file_that_cannot_be_read_is_tried_again_and_said_once(
     assert of.watch.trouble is None
     assert [record.getMessage() for record in caplog.records] == [
         f"{of.path}: too many open files; its last good version stays in force",
-        f"{of.path}: is good again",
+        f"{of.path}: is valid again",
     ]
 
 
@@ -136,7 +136,7 @@ async def test_a_mistake_is_said_once_until_the_file_is_another_one(
     assert len(said) == 3
     assert "unknown field 'x'" in said[0]
     assert "unknown field 'y'" in said[1]
-    assert said[2] == f"{of.path}: is good again"
+    assert said[2] == f"{of.path}: is valid again"
     assert of.told == [], "it says the same as at first"
 
 

@@ -158,7 +158,7 @@ def start_logging(level: str, worker: int | None = None) -> None:
 
     def uncaught(kind: type[BaseException], error: BaseException | None, trace: TracebackType | None) -> None:
         if error is not None and isinstance(error, Exception):
-            log.error("not caught", exc_info=(kind, error, trace))
+            log.error("uncaught exception", exc_info=(kind, error, trace))
         elif not issubclass(kind, (KeyboardInterrupt, SystemExit)):
             sys.__excepthook__(kind, error or kind(), trace)
 
@@ -184,7 +184,7 @@ class LoopExceptionHandler:
         # what still came over TLS is answered into a transport that is closed already
         is_late = isinstance(why, RuntimeError) and transport is not None and transport.is_closing()
         if not is_late and not (isinstance(why, OSError) and "future" in context):
-            log.error("%s", context.get("message") or "not caught", exc_info=why)
+            log.error("%s", context.get("message") or "uncaught exception", exc_info=why)
         elif str(why) != self._said:
             self._said = str(why)
-            log.warning("a connection that took too long: %s", why)
+            log.warning("a connection timed out: %s", why)

@@ -35,9 +35,9 @@ def _find_remedy(url: str) -> str | None:
     if not url.startswith(("file:", "/")):
         return None
     if re.search(r"[^\S\r\n]", url) and "\n" not in url:
-        return "no space can stand in a URL: write %20 for it"
+        return "write %20 for each space"
     if url.startswith(("file://localhost/", "file://127.0.0.1/")):
-        return "name no host: write file:///FOLDER, with three slashes"
+        return "use file:///FOLDER without a host, with three slashes"
     if re.match(r"file:(?://)?[^/]", url):
-        return "want three slashes, and a folder from the root on: file:///FOLDER"
+        return "use three slashes and an absolute path: file:///FOLDER"
     return None

@@ -82,7 +82,7 @@ class RobotsWatcher:
         self._must_retry = False
         if self.trouble is not None:
             self.trouble = None
-            log.warning("%s: is good again", self._path)
+            log.warning("%s: is valid again", self._path)
 
     def _has_new_beside(self) -> bool:
         """Whether a file `beside` has a new version that has stayed the same for one check: a certificate and

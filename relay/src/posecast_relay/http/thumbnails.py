@@ -80,7 +80,7 @@ class Thumbnails:
         if size is None:
             data = self._models.find_data(entry.sha256)
             if data is None:
-                raise Unavailable("this model had to give way to other robots'")
+                raise Unavailable("no memory for this model: other robots' models need it")
             try:
                 size = read_picture_size(data, entry.type)
             except PictureError as e:

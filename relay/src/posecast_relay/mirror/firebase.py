@@ -85,7 +85,7 @@ class FirebaseMirror:
                     await self._look(client)
                 except Exception:  # a mistake of ours: no robot may end the mirror of all others
                     log.exception("mirror")
-                    self._failed("a mistake in the relay")
+                    self._failed("internal error of the relay")
 
     async def _look(self, client: httpx.AsyncClient) -> None:
         """Write all that has changed since the last time."""
@@ -155,7 +155,7 @@ class FirebaseMirror:
         self.written["failed"] += 1
         now = self._access.live.now()
         if self.breaker.record_failure(now):
-            log.warning("mirror: the database does not take it (%s); tried again more seldom", why)
+            log.warning("mirror: writing to the database failed (%s); retrying less often", why)
         self.breaker.postpone(random.random())  # several relays do not come back as one
 
 

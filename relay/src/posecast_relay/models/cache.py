@@ -131,7 +131,7 @@ class ModelCache:
             name = robot, f"{entry.sha256}/{entry.size}"
             await self._once(name, lambda: self._fetch_file(robot, digest, entry))
         elif len(self.find_data(entry.sha256) or b"") != entry.size:  # another manifest has told the truth
-            raise Unavailable(f"'{visible(path)}' is not of the size that the manifest says")
+            raise Unavailable(f"'{visible(path)}' does not have the size that the manifest gives")
         kind = entry.type if entry.type in TYPES else "application/octet-stream"
         return ModelFile(entry.sha256, kind, entry.size)
 
@@ -192,18 +192,20 @@ class ModelCache:
             data = await self._source.fetch_manifest(robot, digest)
             taken = (1 + READ_TIMES) * len(data) + ENTRY_BYTES
             if taken > most or hashlib.sha256(data).hexdigest() != digest:
-                raise Refused("the edge's manifest is another one by now, or too large")
+                raise Refused("the robot's manifest has changed, or is too large")
             try:
                 files = read_manifest(data)
             except ManifestError as e:
-                raise Refused(f"the edge's manifest can't be used: {e}") from None
+                raise Refused(f"the robot's manifest is invalid: {e}") from None
             self.room.keep(claim, digest, data, len(data))
             self.room.keep(claim, f"{robot}/{digest}", files, READ_TIMES * len(data))
         return files
 
     async def _fetch_file(self, robot: str, digest: str, entry: Entry) -> None:
         if entry.size + 2 * ENTRY_BYTES > self.room.most:
-            raise Unavailable(f"a file of {entry.size} bytes, more than this relay keeps")
+            raise Unavailable(
+                f"a file of {entry.size} bytes is more than this relay keeps (--model-cache-mb)"
+            )
         turn = self._turns.setdefault(robot, asyncio.Semaphore(AT_ONCE))
         async with turn, self._room_for(robot, entry.size + ENTRY_BYTES) as claim:
             data = bytearray()  # it grows as ranges come: a size that is only claimed takes no memory
@@ -219,12 +221,12 @@ class ModelCache:
                 size = min(RANGE_BYTES, entry.size - off)
                 part = await self._read(robot, digest, entry.sha256, off, size)
                 if len(part) != size:
-                    raise Refused(f"the edge answered {len(part)} bytes at {off} of {entry.size}")
+                    raise Refused(f"the robot's agent answered {len(part)} bytes at {off} of {entry.size}")
                 data += part
                 digester.update(part)
                 await asyncio.sleep(0)  # an edge nearby would keep the loop busy
             if digester.hexdigest() != entry.sha256:
-                raise Refused("the file is not what its manifest says")
+                raise Refused("the file does not match its manifest")
         except BaseException:
             data.clear()  # the error holds it with its traceback
             raise
@@ -258,13 +260,13 @@ class ModelCache:
                 while (claim := self.room.claim(robot, size, give_up)) is None:
                     await self.room.wait_for_release()
         except TimeoutError:
-            raise Unavailable("no room for this model just now") from None
+            raise Unavailable("no memory for this model now: try again later") from None
         try:
             yield claim
         except asyncio.CancelledError:
             if not gave_way:
                 raise
-            raise Unavailable("this model had to give way to other robots'") from None
+            raise Unavailable("no memory for this model: other robots' models need it") from None
         finally:
             self.room.release(claim)
 

@@ -150,7 +150,7 @@ class RedisGateway:
 
     async def _handle_failure(self, error: BaseException) -> None:
         if why := self.link.note_failure(error):
-            log.warning("redis: %s; viewers are told, trying on", why)
+            log.warning("redis: %s; viewers see STALE; retrying", why)
         self.failures += 1
         self.losses += self._trouble is None
         self._failure = None

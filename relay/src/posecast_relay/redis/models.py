@@ -47,7 +47,7 @@ class RedisModels:
         if data is None:
             of = self._hub.robots.get(robot)
             if of is not None and any(room.stream.model == digest for room in of.rooms.values()):
-                raise Unavailable("the model is on its way")
+                raise Unavailable("the model is still being copied: try again later")
             raise Absent("no such model")
         return data
 
@@ -97,9 +97,9 @@ class ModelUploader:
             try:
                 await self._carry(robot, digest)
             except (*REDIS_ERRORS, Absent, Unavailable) as e:  # the store says so itself; tried again
-                log.info("model of %s to redis: %s", robot, e)
+                log.info("copying a model of %s to redis: %s", robot, e)
             except Exception as e:  # a mistake of ours, at this model
-                log.error("model of %s to redis", robot, exc_info=e)
+                log.error("copying a model of %s to redis", robot, exc_info=e)
 
     async def _carry(self, robot: str, digest: str) -> None:
         """The manifest goes last: where it is, the files are."""
@@ -124,5 +124,5 @@ class ModelUploader:
     def _piece(self, name: str, off: int, size: int) -> bytes:
         piece = self._models.copy_piece(name, off, size)
         if piece is None:
-            raise Unavailable("this model had to give way to other robots'")
+            raise Unavailable("no memory for this model: other robots' models need it")
         return piece

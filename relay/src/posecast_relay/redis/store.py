@@ -168,7 +168,7 @@ class RedisStore:
 
     async def _handle_failure(self, error: BaseException) -> None:
         if why := self.link.note_failure(error):
-            log.warning("redis: %s; viewers here notice nothing, trying on", why)
+            log.warning("redis: %s; viewers here are not affected; retrying", why)
         self.failures += 1
         self.losses += self._trouble is None
         self._trouble = name_error(error)  # /readyz is public: no addresses

@@ -43,7 +43,7 @@ GRAIN_S = 0.002  # a timer this close is left as it is
 def _log_ended(viewer: Viewer, close: Close, reason: str) -> None:
     if log.isEnabledFor(logging.INFO):
         more = {"conn": viewer.number, "robot": viewer.robot, "code": int(close), "reason": reason}
-        log.info("viewer let go", extra=more)
+        log.info("viewer disconnected", extra=more)
 
 
 class RobotSource(Protocol):
@@ -154,8 +154,8 @@ class Dispatcher:
             if self.hub.load.ceiling_hz != before:
                 ceiling_hz = self.hub.load.ceiling_hz
                 what = "overload" if ceiling_hz < before else "less load"
-                rates = "as asked" if ceiling_hz == NO_CEILING else f"up to {ceiling_hz:g} Hz"
-                log.warning("%s: rates %s", what, rates)
+                rates = "not limited" if ceiling_hz == NO_CEILING else f"limited to {ceiling_hz:g} Hz"
+                log.warning("%s: frame rates %s", what, rates)
         self._watcher = self._loop.call_later(WATCH_S, self._watch, now + WATCH_S)
 
     def carry_out(self, actions: Iterable[Action]) -> None:
@@ -196,7 +196,7 @@ class Dispatcher:
     def report_fault(self, where: str, error: Exception) -> None:
         """Count an error of the relay's own code, and log it with its place."""
         self.faults[type(error).__name__] += 1
-        log.error("a fault of the relay's own%s", f" at {where}" if where else "", exc_info=error)
+        log.error("internal error%s", f" at {where}" if where else "", exc_info=error)
 
     def _decide(self, decide: Callable[[], list[Action]]) -> list[Action]:
         """What the core decides; should it fail as a whole, nothing, and it is asked again soon."""
@@ -275,7 +275,7 @@ class Dispatcher:
         here = viewer in self.hub.viewers
         self.handshakes["accepted" if here else "told to go"] += 1
         if here:
-            log.info("viewer came", extra={"conn": viewer.number, "robot": viewer.robot})
+            log.info("viewer connected", extra={"conn": viewer.number, "robot": viewer.robot})
 
     def flush(self) -> None:
         """Send viewers what has come in."""

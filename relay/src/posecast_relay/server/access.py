@@ -105,5 +105,8 @@ def _accounts(settings: Settings) -> Accounts | None:
 
 def _ring() -> IoUring | None:
     ring = IoUring.open()
-    log.info("frames go out %s", "by io_uring" if ring else "one write() each: io_uring is not allowed here")
+    log.info(
+        "frames are sent %s",
+        "with io_uring" if ring else "with one write() each: io_uring is not allowed here",
+    )
     return ring

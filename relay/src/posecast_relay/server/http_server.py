@@ -144,5 +144,5 @@ def settle_memory() -> None:
 
 def _end() -> None:
     """End the process: what is still waited for (a library's thread, a name server) is not worth a kill."""
-    log.warning("not all is closed %g s after the signal: ending as it is", END_S)
+    log.warning("some connections are still open %g s after the signal: exiting anyway", END_S)
     os._exit(0)

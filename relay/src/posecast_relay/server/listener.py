@@ -36,7 +36,7 @@ def listen(host: str, port: int, is_first: bool = False, is_shared: bool = False
         )[0]
         listener = socket.socket(family, kind, proto)
     except UnicodeError:
-        raise StartError(f"--host {host}: no host name") from None
+        raise StartError(f"--host {host}: not a host name") from None
     except OSError as e:
         raise StartError(f"--host {host}: {e.strerror}") from None
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -30,11 +30,11 @@ async def wait_for_robots(settings: Settings) -> Robots | None:
             robots = load_robots(settings)
         except (RobotsError, CertificateError) as e:
             if str(e) != said:
-                log.error("%s; until it is good nobody may publish or watch", e)
+                log.error("%s; nobody can publish or watch until this is fixed", e)
             said = str(e)
         else:
             if said:
-                log.warning("the configuration is good: starting")
+                log.warning("the configuration is valid: starting")
             return robots
         await asyncio.sleep(LOOK_S)
 

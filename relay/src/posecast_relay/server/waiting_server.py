@@ -10,7 +10,7 @@ import socket
 
 log = logging.getLogger("posecast_relay")
 
-WHY = "the file of robots or a certificate is wrong or can't be read; the log says which"
+WHY = "the robots file or a certificate is invalid or can't be read; the log says which"
 HEAD_BYTES_MAX = 1 << 14
 HEAD_S = 5.0
 CONNECTIONS_MAX = 100  # further ones are closed at once

@@ -38,7 +38,7 @@ class HandshakeQueue:
             try:
                 enter()
             except Exception as e:  # no reason to keep the others waiting
-                log.error("a handshake", exc_info=e)
+                log.error("handshake failed", exc_info=e)
         self._working = bool(self._waiting)
         if self._working:
             asyncio.get_running_loop().call_soon(self._work)

@@ -34,7 +34,7 @@ LINGER_BYTES = 1 << 18  # of what still comes meanwhile; the rest stays where it
 HEALTH = (b"/livez", b"/readyz")  # in a line of their own: who watches over the relay does not queue
 
 TOO_LARGE = HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE
-MALFORMED = "not a request in HTTP/1"
+MALFORMED = "not a valid HTTP/1 request"
 
 
 class RequestRefused(Exception):
@@ -171,9 +171,9 @@ class HttpConnection(HttpToolsProtocol):
         """Check the size of what the parser holds of an unfinished head or body. Raises RequestRefused."""
         if not self._in_message or self._in_head:
             if self._fed > HEAD_BYTES:
-                raise RequestRefused(TOO_LARGE, f"over {HEAD_BYTES} bytes of header")
+                raise RequestRefused(TOO_LARGE, f"header over {HEAD_BYTES} bytes")
         elif self._fed > BODY_BYTES:
-            raise RequestRefused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"over {BODY_BYTES} bytes of body")
+            raise RequestRefused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"body over {BODY_BYTES} bytes")
 
     def on_message_begin(self) -> None:
         """Begin a request."""
@@ -186,7 +186,7 @@ class HttpConnection(HttpToolsProtocol):
     def on_url(self, url: bytes) -> None:
         """Take a part of the request's target. Raises RequestRefused when it is too long."""
         if len(self.url) + len(url) > TARGET_BYTES:
-            raise RequestRefused(HTTPStatus.REQUEST_URI_TOO_LONG, f"over {TARGET_BYTES} bytes of address")
+            raise RequestRefused(HTTPStatus.REQUEST_URI_TOO_LONG, f"address over {TARGET_BYTES} bytes")
         super().on_url(url)
 
     def on_header(self, name: bytes, value: bytes) -> None:
@@ -194,7 +194,7 @@ class HttpConnection(HttpToolsProtocol):
         self._lines += 1
         self._head_bytes += len(name) + len(value) + 4
         if self._lines > LINES or self._head_bytes > HEAD_BYTES:
-            raise RequestRefused(TOO_LARGE, f"over {LINES} lines or {HEAD_BYTES} bytes of header")
+            raise RequestRefused(TOO_LARGE, f"header over {LINES} lines or {HEAD_BYTES} bytes")
         if self._in_head:
             super().on_header(name, value)
 
@@ -214,7 +214,7 @@ class HttpConnection(HttpToolsProtocol):
         except httptools.HttpParserInvalidURLError:
             path = None
         if path is None or not path.startswith(b"/") or not path.isascii():
-            raise RequestRefused(HTTPStatus.BAD_REQUEST, "no such address")
+            raise RequestRefused(HTTPStatus.BAD_REQUEST, "invalid address")
 
     def on_body(self, _body: bytes) -> None:
         """Ignore a request's body: the relay answers nothing that needs one."""
@@ -337,7 +337,7 @@ class HttpConnection(HttpToolsProtocol):
                 self._deaf = True
                 self.transport.close()
             else:
-                self.refuse(HTTPStatus.INTERNAL_SERVER_ERROR, "a fault of the relay's own")
+                self.refuse(HTTPStatus.INTERNAL_SERVER_ERROR, "internal error of the relay")
         except Exception:
             self.transport.abort()
 

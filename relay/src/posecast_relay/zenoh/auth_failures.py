@@ -22,14 +22,14 @@ SAID = re.compile(
     r"|link_tls::unicast.*(peer sent no certificates|invalid peer certificate)"
 )
 MEANINGS = {
-    "Invalid user": "no such robot here, or its credential has expired",
-    "Invalid password": "a wrong or replaced credential",
-    "Expected extension": "no credential",
-    "peer sent no certificates": "no certificate",
-    "invalid peer certificate": "a certificate that has expired, or of another authority",
+    "Invalid user": "unknown robot, or its credential has expired",
+    "Invalid password": "its credential is wrong or was replaced",
+    "Expected extension": "it sent no credential",
+    "peer sent no certificates": "it sent no certificate",
+    "invalid peer certificate": "its certificate has expired, or is from another authority",
 }
 NAMED = re.compile(r"link_tls::unicast.*Accepted TLS connection .*Common Name: (.*)\.\s*$")
-STRANGER = "a certificate of a name that the file of --robots does not let publish"
+STRANGER = "the robots file does not list the common name of its certificate"
 
 
 class AuthFailures:

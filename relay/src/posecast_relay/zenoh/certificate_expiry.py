@@ -23,9 +23,9 @@ def read_expiry(path: Path) -> float:
     try:
         found = [_find_expiry(base64.b64decode(block)) for block in _PEM.findall(text)]
     except (binascii.Error, IndexError, UnicodeDecodeError):
-        raise ValueError(f"{path}: a certificate in it can't be read") from None
+        raise ValueError(f"{path}: contains a certificate that can't be read") from None
     if not found:
-        raise ValueError(f"{path}: no certificate in it")
+        raise ValueError(f"{path}: contains no certificate")
     return min(found)
 
 

@@ -44,7 +44,7 @@ class RouterCertificates:
             return False
         if self.trouble is not None:
             self.trouble = None
-            log.warning("certificates are good again")
+            log.warning("certificates are valid again")
         is_new = read != self._kept
         self._kept = read
         return is_new
@@ -64,7 +64,7 @@ class RouterCertificates:
                 context.load_cert_chain(self._cert, self._key, password="")
             except OSError:  # ssl.SSLError is one
                 raise CertificateError(
-                    f"--zenoh-tls-cert {self._cert}, --zenoh-tls-key {self._key}: no certificate and its key"
+                    f"--zenoh-tls-cert {self._cert}, --zenoh-tls-key {self._key}: not a valid pair"
                 ) from None
         if self._ca is not None:
             found["root_ca_certificate"] = _read_file("--zenoh-ca", self._ca)
@@ -79,7 +79,7 @@ def _read_file(flag: str, path: Path) -> bytes:
     try:
         if not path.is_file():
             path.stat()  # says so where there is nothing
-            raise CertificateError(f"{flag} {path}: is no file")
+            raise CertificateError(f"{flag} {path}: is not a file")
         with path.open("rb") as file:
             return file.read(FILE_BYTES_MAX)
     except OSError as e:

@@ -33,9 +33,9 @@ RETURN_S = (
 )
 COMPLAIN_S = 10.0  # between two log lines about bad messages of a robot
 WHY = {  # a frame is dropped, as its robot's developer is told
-    FrameOutcome.BAD: "no frame of its schema",
-    FrameOutcome.VERSION: "a frame of a wire format not known here",
-    FrameOutcome.OVERSIZED: "a frame that is too large",
+    FrameOutcome.BAD: "a frame does not fit its schema",
+    FrameOutcome.VERSION: "a frame has an unknown wire format version",
+    FrameOutcome.OVERSIZED: "a frame is too large",
 }
 LOST = "there is room for"
 
@@ -226,7 +226,7 @@ class ZenohIngest:
             dispatcher.hub.take_event(robot, view, payload, at, dispatcher.now(), dispatcher.unix_s())
         )
         if dispatcher.hub.outcomes[FrameOutcome.BAD.value] > bad:
-            self._say(robot, f"{view}/event", "no event, info or model as the wire format has them")
+            self._say(robot, f"{view}/event", "not a valid event, info or model message (see wire/SPEC.md)")
 
     def _heard_token(self, opening: int, robot: str, present: bool) -> None:
         """Pass on whether a token is there, at most once in TOKENS_S seconds for each robot."""
@@ -264,7 +264,7 @@ class ZenohIngest:
         self._dispatcher.carry_out(hub.set_token(robot, present, self._dispatcher.now()))
         if present and robot not in hub.robots:
             self._waiting.add(robot)
-            self._say(robot, "alive", "the relay has as many robots as it takes (--max-robots)")
+            self._say(robot, "alive", "the relay has no place for another robot (--max-robots)")
             return
         self._waiting.discard(robot)
         log.info("robot %s %s", robot, "on air" if present else "gone")

@@ -35,7 +35,7 @@ class EdgeModels:
             piece = await self._get(f"{key}?off={len(data)};len={RANGE_BYTES}", RANGE_BYTES)
             data += piece
             if len(data) > BYTES_MAX:
-                raise Refused(f"the edge's manifest has more than {BYTES_MAX} bytes")
+                raise Refused(f"the robot's manifest has more than {BYTES_MAX} bytes")
             if not piece:
                 break
         return bytes(data)
@@ -76,12 +76,12 @@ class EdgeModels:
             async with asyncio.timeout(RANGE_TIMEOUT_S + 1):  # wait_for may swallow a cancellation
                 await ended
         except (zenoh.ZError, TimeoutError) as e:
-            raise Unavailable(f"the edge does not answer: {e or 'timeout'}") from None
+            raise Unavailable(f"the robot's agent does not answer: {e or 'timeout'}") from None
         finally:
             ended.cancel()
         if not replies:
-            raise Unavailable("the edge does not answer")
+            raise Unavailable("the robot's agent does not answer")
         reply = replies.pop()  # Zenoh holds the callback for some time yet
         if reply is None:
-            raise Refused(f"the edge answered more than {most} bytes")
+            raise Refused(f"the robot's agent answered more than {most} bytes")
         return reply

@@ -285,7 +285,7 @@ class RouterSession:
             went = sorted(before.secrets.keys() - secrets.keys())
             new = sorted(r for r in secrets.keys() & before.secrets.keys() if secrets[r] != before.secrets[r])
             if is_renewed:
-                log.warning("certificates are other ones now")
+                log.warning("using the renewed certificates")
             for what, robots in (("enrolled", came), ("revoked", went), ("with a new credential", new)):
                 if robots:
                     log.warning("publishers %s: %s", what, ", ".join(robots[:20]))

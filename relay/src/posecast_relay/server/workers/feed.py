@@ -206,7 +206,7 @@ class _Listener:
                     async with asyncio.timeout(STUCK_S):
                         await self._writer.drain()
         except TimeoutError:
-            log.warning("a worker takes nothing: it has to connect anew")
+            log.warning("a worker reads nothing: disconnecting it")
             self.abort()
         except OSError:
             self.abort()

@@ -25,8 +25,8 @@ ANSWER_S = 30.0  # without a byte of it; a request for the next segment is held 
 AGAIN_S = 0.005  # until it is tried again, where as many wait at the door as the kernel lets
 READ_BYTES = 1 << 16
 BY_HOP = frozenset((b"connection", b"keep-alive", b"upgrade", b"transfer-encoding", b"te", b"expect"))
-AWAY = b'{"error":"the first process of this relay does not answer: ask again"}'
-CROWDED = b'{"error":"this relay may open no more files just now: ask again"}'
+AWAY = b'{"error":"the first process of this relay does not answer: try again"}'
+CROWDED = b'{"error":"this relay can open no more files now: try again"}'
 
 Scope = MutableMapping[str, Any]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]

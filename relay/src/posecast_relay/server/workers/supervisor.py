@@ -93,9 +93,7 @@ class Supervisor:
                 self._counts.clear(number)
                 if self._leaving:
                     return
-                log.error(
-                    "worker %d has ended, status %d: starting it again", number, child.process.returncode
-                )
+                log.error("worker %d exited with status %d: restarting it", number, child.process.returncode)
             if time.monotonic() - began > SETTLED_S:
                 wait_s = BACKOFF_S[0]
             await asyncio.sleep(wait_s)
@@ -113,7 +111,7 @@ class Supervisor:
             before, beat = beat, self._counts.get_beat(number)
             silent = 0 if beat is None or beat != before else silent + 1
             if silent >= HUNG_POLLS and not self._leaving:
-                log.error("worker %d hangs: ending it", number)
+                log.error("worker %d does not respond: killing it", number)
                 process.kill()
                 silent = 0
 
