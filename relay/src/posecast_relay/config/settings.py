@@ -257,7 +257,7 @@ FLAGS = (
     _Flag("firebase_project", _project, None, "Firebase project whose accounts are `signed-in`", "ID"),
     _Flag("firebase_revoked", _boolean, "", "ask Google about revoked accounts (service account)"),
     _Flag("firebase_database", _database, None, "mirror there what anyone can see, at 2 Hz", "URL"),
-    _Flag("static", _directory, None, "the built page; by default the packaged one, in a checkout spa/dist", "DIR"),
+    _Flag("static", _directory, None, "the built page (default: packaged; in a checkout spa/dist)", "DIR"),
     _Flag("public_url", _public_url, None, "where people open the page; link previews need it", "URL"),
     _Flag("workers", _workers, "1", "processes that serve viewers; each can use one core", "N"),
     _Flag("max_viewers", _count, "5000", "viewers at once; the next is told `full`", "N"),
