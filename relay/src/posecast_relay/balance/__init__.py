@@ -1,1 +1,1 @@
-"""Computes a robot's center of mass and support in one pose. Plain arithmetic, the same as in the page."""
+"""Computes a robot's centre of mass and support in one pose. Plain arithmetic, the same as in the page."""

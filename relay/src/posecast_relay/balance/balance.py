@@ -1,4 +1,4 @@
-"""A robot's support and center of mass in one pose; the same as the page's `Balance`."""
+"""A robot's support and centre of mass in one pose; the same as the page's `Balance`."""
 
 from __future__ import annotations
 

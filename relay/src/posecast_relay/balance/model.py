@@ -27,7 +27,7 @@ SOLES_MAX = 64
 CORNERS_MAX = 16  # of a sole
 MASS_MAX_KG = 1e6  # a heavier link is invalid
 MASS_MIN_KG = 1e-3  # a lighter robot is invalid
-REACH_M = 100.0  # a link's center of mass farther away is invalid
+REACH_M = 100.0  # a link's centre of mass farther away is invalid
 IMPOSSIBLE = ("mass", "inertia")  # prefixes of the codes of findings about impossible masses
 
 T = TypeVar("T")

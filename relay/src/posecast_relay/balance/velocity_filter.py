@@ -1,4 +1,4 @@
-"""Computes the velocity of the center of mass from successive poses."""
+"""Computes the velocity of the centre of mass from successive poses."""
 
 from __future__ import annotations
 

@@ -83,7 +83,7 @@ class FootDocument(AnswerDocument):
 
 
 class BalanceState(AnswerDocument):
-    """The center of mass and the support, in world coordinates, z up. `feet`: by sensor site or link. `why`:
+    """The centre of mass and the support, in world coordinates, z up. `feet`: by sensor site or link. `why`:
     the reason for each member that is null. Its key `balance` gives the reason if there is no balance at all.
     """
 
