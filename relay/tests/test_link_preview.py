@@ -140,8 +140,8 @@ def test_without_an_address_of_its_own_a_relay_makes_no_whole_ones(start: Any, e
 @pytest.mark.parametrize(
     ("picture", "type_", "why"),
     [
-        (b"<script>alert(1)</script>", "image/png", "its bytes are no image/png"),
-        (make_png(50_000, 50_000), "image/png", "50000 × 50000 px; want 1 to 2048 either way"),
+        (b"<script>alert(1)</script>", "image/png", "not a valid image/png"),
+        (make_png(50_000, 50_000), "image/png", "50000 × 50000 px; want 1 to 2048 for each side"),
         (SMALL, "text/plain", None),
     ],
     ids=["html", "huge", "text"],

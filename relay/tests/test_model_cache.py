@@ -338,7 +338,7 @@ async def test_what_waits_for_room_gets_it_when_there_is_some(monkeypatch: pytes
     await turns()
     with monkeypatch.context() as patched:  # the other has as much, and is just being asked for
         patched.setattr("posecast_relay.models.cache.WAIT_S", 0.0)
-        with pytest.raises(Unavailable, match="no room"):
+        with pytest.raises(Unavailable, match="no memory"):
             await models.load_file("good", good.digest, "b")
     second = asyncio.create_task(read(models, good, "b", "good"))
     await turns()
