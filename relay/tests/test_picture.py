@@ -40,6 +40,8 @@ def test_what_is_no_picture_is_refused(data: bytes, type_: str) -> None:
 
 @pytest.mark.parametrize("side", [(50_000, 50_000), (SIDE_PX_MAX + 1, 1), (1, 2**32 - 1), (0, 5), (5, 0)])
 def test_one_that_would_fill_memory_or_has_no_side_is_refused(side: tuple[int, int]) -> None:
-    with pytest.raises(PictureError, match=f"{side[0]} × {side[1]} px; want 1 to {SIDE_PX_MAX} for each side"):
+    with pytest.raises(
+        PictureError, match=f"{side[0]} × {side[1]} px; want 1 to {SIDE_PX_MAX} for each side"
+    ):
         read_picture_size(make_png(*side), "image/png")
     assert read_picture_size(make_png(SIDE_PX_MAX, 1), "image/png") == (SIDE_PX_MAX, 1)
