@@ -61,6 +61,7 @@ describe.each(SIZES)('the guide on a $name', ({ name, width, height }) => {
         `[...document.querySelectorAll('mark')].some((mark) => mark.innerText === 'HOLDING')`,
       ),
     );
+    expect(await violations(page)).toEqual([]);
     await page.screenshot(path.join(SHOTS, `guide-found-${name}-${engineName()}.png`));
   });
 });

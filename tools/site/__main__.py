@@ -27,6 +27,10 @@ SHIM = "node_modules/iframe-worker/shim/index.js"
 COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 AS_IT_IS = re.compile(r"(<pre\b.*?</pre>|<script\b.*?</script>)", re.DOTALL)
 INDENTED = re.compile(r"\s*\n\s*")
+BREADCRUMBS = (
+    '<nav class="md-path" aria-label="Navigation"',
+    '<nav class="md-path" aria-label="Breadcrumbs"',
+)
 UNUSED = ("assets/stylesheets/classic", "assets/images")
 
 
@@ -63,11 +67,18 @@ def _build_within(stage: Path) -> Path:
     for name in UNUSED:
         path = stage / "site" / name
         shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+    _name_breadcrumbs(stage / "site")
     _drop_indents(stage / "site")
     bundle = (stage / "site/assets/javascripts/LICENSE").read_text(encoding="utf-8")
     notices = json.dumps(list_notices(ROOT, bundle), indent=1)
     (stage / "site/licenses.json").write_text(notices, encoding="utf-8")
     return stage / "site"
+
+
+def _name_breadcrumbs(site: Path) -> None:
+    """Tell the breadcrumbs from the side bar, which has the same label."""
+    for page in site.rglob("*.html"):
+        page.write_text(page.read_text(encoding="utf-8").replace(*BREADCRUMBS), encoding="utf-8")
 
 
 def _drop_indents(site: Path) -> None:
