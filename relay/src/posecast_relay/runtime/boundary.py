@@ -9,7 +9,7 @@ from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar
 P = ParamSpec("P")
 R = TypeVar("R")
 
-FAULT = "a fault of the relay's own at this connection"
+FAULT = "internal error of the relay at this connection"
 
 
 class Bounded(Protocol):

@@ -337,7 +337,7 @@ class HttpConnection(HttpToolsProtocol):
                 self._deaf = True
                 self.transport.close()
             else:
-                self.refuse(HTTPStatus.INTERNAL_SERVER_ERROR, "a fault of the relay's own")
+                self.refuse(HTTPStatus.INTERNAL_SERVER_ERROR, "internal error of the relay")
         except Exception:
             self.transport.abort()
 
