@@ -81,7 +81,7 @@ async def test_what_strangers_put_there_harms_nothing(store: ObjectStore) -> Non
     (deep / "f").touch()
     assert set(await list_all(store)) == {"r/public/a", "r/a line\nbreak"}
     assert await store.list_folders("r") == ["public"]
-    with pytest.raises(ArchiveRefused, match=r"^something else lies"):
+    with pytest.raises(ArchiveRefused, match=r"^something else is in the place"):
         await store.put("r/public/a/b", b"")
 
 

@@ -59,13 +59,13 @@ A, S = Audience.ANYONE, Audience.SIGNED_IN
             ARCHIVE,
             Policy({"hubo": {S: Rule(past_s=0.0)}, "r": {A: Rule()}}, {"hubo": 2592000.0, "r": 86400.0}),
             "the past: 30 min in memory, up to 256 MB; in file:///srv/past: r 1 d; keep of 'hubo' has no "
-            "effect: nobody may look back on it; give an audience `past`",
+            "effect: nobody may look back; give an audience `past`",
         ),
         (
             ARCHIVE,
             Policy({"r": {A: Rule(past_s=0.0), S: Rule("lab", past_s=86400.0)}}, {"r": 86400.0}),
             "the past: 31 min in memory, up to 256 MB; in file:///srv/past: r 1 d; view 'public': keep of "
-            "'r' has no effect: nobody may look back on it",
+            "'r' has no effect: nobody may look back",
         ),
     ],
 )
@@ -107,7 +107,7 @@ def test_keep_that_comes_and_goes_is_told(caplog: pytest.LogCaptureFixture) -> N
     kept, gone = caplog.messages
     assert kept == "r: the store keeps its past for 1 d"
     assert gone.startswith(
-        "r: `keep` was removed: nothing more is written to the store, and what is there stays"
+        "r: `keep` was removed: nothing more is written to the store, and existing data stays"
     )
 
 
