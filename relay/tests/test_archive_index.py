@@ -175,7 +175,7 @@ def test_a_day_of_another_or_damaged_is_refused() -> None:
         {"minutes": [[0, "a", 1, 1, 1, "online", 0, 5, 4]]},
         {"schemas": [["no hash", "a", 0, 1]]},
     ):
-        with pytest.raises(ValueError, match=r"^day: |^audiences"):
+        with pytest.raises(ValueError, match=r"^day: |^invalid audiences"):
             unpack_day("r", "public", DAY_START, json.dumps(doc | {"pages": [page | change]}).encode())
 
 

@@ -202,7 +202,7 @@ async def test_a_relay_with_a_store_deletes_nothing_from_memory_alone(
         told = capsys.readouterr()
         assert told.out.splitlines()[1].split()[:2] == ["r", "public"]
         assert told.err.startswith("posecast-relay: this lists only the relay's memory; ")
-        assert told.err.endswith("use --past s3://bucket/lab\n")
+        assert told.err.endswith("give --past s3://bucket/lab\n")
         reader, writer = await asyncio.open_unix_connection(str(tmp_path / "s"))
         writer.write(deletion.encode())
         assert "in a store too" in json.loads(await reader.read())["error"]
