@@ -1,6 +1,6 @@
-"""Builds the guide, a static site that needs no other origin and works below any path, and from files.
+"""Builds the guide: a static site that uses no other origin and works under any path, or opened from files.
 
-python -m tools.site [--out FOLDER]: out/site by default. What Zensical warns of is an error.
+python -m tools.site [--out FOLDER]: out/site by default. Warnings from Zensical are errors.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ UNUSED = ("assets/stylesheets/classic", "assets/images")
 
 
 class SiteError(Exception):
-    """What is wrong with which page."""
+    """The build failed; the message says what is wrong on which page."""
 
 
 def build(out: Path) -> None:
@@ -71,7 +71,7 @@ def _build_within(stage: Path) -> Path:
 
 
 def _drop_indents(site: Path) -> None:
-    """Of the templates, which are a quarter of a page; code keeps its own."""
+    """Remove the templates' indentation, a quarter of a page's size; code keeps its own."""
     for page in site.rglob("*.html"):
         parts = AS_IT_IS.split(page.read_text(encoding="utf-8"))
         parts[::2] = [INDENTED.sub("\n", part) for part in parts[::2]]
@@ -89,11 +89,11 @@ def _write_toml(value: object) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--out", type=Path, default=ROOT / "out" / "site", help="instead of out/site")
+    parser.add_argument("--out", type=Path, default=ROOT / "out" / "site", help="output folder (out/site)")
     try:
         build(parser.parse_args().out.resolve())
     except SiteError as e:
-        raise SystemExit(f"{e}the guide is not built") from None
+        raise SystemExit(f"{e}the guide was not built") from None
 
 
 if __name__ == "__main__":
