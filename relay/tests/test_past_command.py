@@ -205,7 +205,7 @@ async def test_a_relay_with_a_store_deletes_nothing_from_memory_alone(
         assert told.err.endswith("give --past s3://bucket/lab\n")
         reader, writer = await asyncio.open_unix_connection(str(tmp_path / "s"))
         writer.write(deletion.encode())
-        assert "in a store too" in json.loads(await reader.read())["error"]
+        assert "also in a store" in json.loads(await reader.read())["error"]
         writer.close()
     assert len(kept) == 1
 
