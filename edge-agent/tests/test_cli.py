@@ -105,7 +105,7 @@ def test_no_credential_is_one_short_line(tmp_path: Path, content: bytes) -> None
     file = tmp_path / "r1.credential"
     file.write_bytes(content)
     file.chmod(0o600)
-    with pytest.raises(UsageError, match=r"--credential: .*: no credential: ") as caught:
+    with pytest.raises(UsageError, match=r"--credential: .*: invalid credential: ") as caught:
         parse_settings([*GOOD, "--credential", str(file)], {})
     assert len(str(caught.value)) < 300
 

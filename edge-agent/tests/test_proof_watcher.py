@@ -54,7 +54,7 @@ def test_what_is_wrong_is_said_once_and_without_the_secret(tmp_path: Path) -> No
         (f"posecast1:hubo:{B}x", 0o600, "its secret is cut short or mistyped"),
         (Credential("hubo", B).line(), 0o644, "chmod 600"),
         (Credential("g1", B).line(), 0o600, "is of robot 'g1', not of 'hubo'"),
-        ("", 0o600, "no credential"),
+        ("", 0o600, "invalid credential"),
     ):
         of.write(text, mode)
         assert of.look(5) == []
