@@ -7,7 +7,7 @@ for the next sample. If none arrives in time, the newest sample is sent.
 from __future__ import annotations
 
 EARLY = 1 / 8  # of the interval: a sample that arrives this little early is sent
-# Of the interval: how long a due frame waits for a newer sample. It is more than one interval: otherwise every
+# Of the interval: how long a due frame waits for a newer sample. More than one interval: otherwise every
 # sample of a source slightly faster than `hz` would be delayed, instead of one in hundreds skipped.
 LATE = 5 / 4
 

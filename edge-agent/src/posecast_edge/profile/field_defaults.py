@@ -71,8 +71,8 @@ WELL_KNOWN = {
     "diag": WellKnown("", 1.0),
 }
 
-# field → its defaults for sliding joints, if the robot or its model reports them. Each halving of a step costs
-# one bit per joint of the field, so only positions have steps of 0.1 mm.
+# field → its defaults for sliding joints, if the robot or its model reports them. Halving a step costs one
+# bit per joint of the field, so only positions have steps of 0.1 mm.
 SLIDING = {
     "ref": WellKnown("m", 0.0001, joints=True),
     "pos": WellKnown("m", 0.0001, joints=True),

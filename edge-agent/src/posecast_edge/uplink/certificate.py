@@ -20,7 +20,7 @@ class Certificate:
 
     def check(self) -> None:
         """Raise ValueError with one line when the files can't be used."""
-        import ssl  # noqa: PLC0415 - over 1 MB, which an edge without a certificate does without
+        import ssl  # noqa: PLC0415 - over 1 MB, not needed without a certificate
 
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
         try:
