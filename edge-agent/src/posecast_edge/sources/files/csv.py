@@ -235,7 +235,7 @@ class Table:
         if clock.guessed:
             name = make_visible(self._written[clock.index], NAME_SHOWN)
             log.warning(
-                '%s: the unit of clock %s seems to be %s, because %s; to change it, in a profile: [csv] "%s" = "t_s"',
+                '%s: clock %s seems to be in %s, because %s; to change it, in a profile: [csv] "%s" = "t_s"',
                 *(self._where, name, clock.unit, clock.guessed, name),
             )
         return clock

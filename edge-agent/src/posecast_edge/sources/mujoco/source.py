@@ -6,7 +6,7 @@ MODEL is MJCF (.xml) or URDF; the default is a built-in arm. The robot moves lik
 * otherwise one servo-held joint after the other, a little way and back.
 
 `ref` is the target of the position servos. `pos`, `vel` and `effort` are those of the joints, `base` and
-`baseq` the pose of a free joint. `acc`, `gyro`, `quat`, `ftf` and `ftm` come from the model's sensors, by site.
+`baseq` the pose of a free joint. `acc`, `gyro`, `quat`, `ftf` and `ftm` are the model's sensors, by site.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Copies the values that a program passes, in the program's own thread: afterwards the program may change them.
+"""Copies the values that a program passes, in the program's thread: afterwards the program may change them.
 
 The usual cases (a dict of floats, a NumPy array) take a few microseconds; values are checked one by one only
 if something is unusual. NumPy is not imported: any object with `shape` and `tolist` is read as an array.

@@ -78,8 +78,8 @@ class ModelCheck:
                 self._tell_once(f"{name} of {quote(label)} moves nothing: the model has no such joint")
 
     def check_positions(self, values: Mapping[str, Mapping[str, Reading]]) -> None:
-        """Report a value far beyond a joint's limits, only for the first of many joints: if degrees are passed
-        as radians, all joints are affected."""
+        """Report a value far beyond a joint's limits, only for the first of many joints: if a program passes
+        degrees as radians, all joints are affected."""
         for name in POSITIONS:
             for label, reading in values.get(name, {}).items():
                 limits = self._limits.get(label)

@@ -1,8 +1,8 @@
 """Computes joint values from the transforms between links, for a robot without joint states. Pure: time is an
 argument.
 
-robot_state_publisher publishes, for each joint, the pose of its child link in its parent link. With the model,
-this gives the joint's value. A common prefix of a robot's frames (`r1/base_link`) is detected.
+robot_state_publisher publishes, for each joint, the pose of its child link in its parent link. With the
+model, this gives the joint's value. A common prefix of a robot's frames (`r1/base_link`) is detected.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ NO_MODEL = (
 
 
 class JointFrames:
-    """The joints of one robot. `namespace`: of the robot, "" without one; it decides between several prefixes
-    that fit. `channels`: joints with other names are left out; None: none is left out. `say` is called with a
-    line for each problem."""
+    """The joints of one robot. `namespace`: of the robot, "" without one; decides between several prefixes
+    that fit. `channels`: joints with other names are left out; None: none is left out. `say` is called with
+    a line for each problem."""
 
     def __init__(
         self, say: Callable[[str], None], namespace: str = "", channels: Collection[str] | None = None
@@ -186,7 +186,7 @@ class JointFrames:
             self._prefixes[child] = fits
 
     def _choose_prefix(self) -> None:
-        """Choose the prefix with which most frames are links of the model. It stays until another has more."""
+        """Choose the prefix with which most frames are links of the model. Keep it until another has more."""
         fits = {prefix: count for prefix, count in self._votes.items() if count}
         if not fits:
             return

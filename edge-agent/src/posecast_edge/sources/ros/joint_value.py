@@ -13,8 +13,8 @@ SLACK = 1e-3  # rad: a joint may be this far beyond its limit before a full turn
 
 
 class JointValue(NamedTuple):
-    """`value`: rad, or m for a joint that slides. `off_m`, `off_rad`: the part of the transform that the joint
-    can't produce."""
+    """`value`: rad, or m for a joint that slides. `off_m`, `off_rad`: the part of the transform that the
+    joint can't produce."""
 
     value: float
     off_m: float
@@ -22,8 +22,8 @@ class JointValue(NamedTuple):
 
 
 def compute_joint_value(joint: MovingJoint, parent_from_child: Pose) -> JointValue:
-    """The value at which the child link has this pose. An angle is in -π … π, or one turn away if only that is
-    within the joint's limits. `parent_from_child`: metres, unit quaternion w x y z."""
+    """The value at which the child link has this pose. An angle is in -π … π, or one turn away if only that
+    is within the joint's limits. `parent_from_child`: metres, unit quaternion w x y z."""
     (x, y, z), (w, qx, qy, qz) = multiply_poses(invert_pose((joint.xyz, joint.quat)), parent_from_child)
     a, b, c = joint.axis
     if joint.slides:

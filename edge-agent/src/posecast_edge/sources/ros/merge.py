@@ -1,9 +1,9 @@
 """Merges messages of many topics and publishers into one robot's samples. Pure: time is an argument.
 
-A reading is kept until it is replaced or expires, so the arm's publisher does not erase the leg's readings. The
-readings of a dead publisher expire after a while, so it never looks like a robot at rest. If two topics report
-the same channel, the first in alphabetical order is used (`/imu/data` before `/imu/data_raw`), so that values
-never alternate between the two.
+A reading is kept until it is replaced or expires, so the arm's publisher does not erase the leg's readings.
+The readings of a dead publisher expire after a while, so it never looks like a robot at rest. If two topics
+report the same channel, the first in alphabetical order is used (`/imu/data` before `/imu/data_raw`), so that
+values never alternate between the two.
 """
 
 from __future__ import annotations

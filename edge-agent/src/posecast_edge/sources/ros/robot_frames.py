@@ -1,5 +1,5 @@
-"""Reads a robot's base pose from /tf and /tf_static, and its joints if there are no joint states. Live sources
-and recordings both use it."""
+"""Reads a robot's base pose from /tf and /tf_static, and its joints if there are no joint states. Live
+sources and recordings both use it."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ JOINTS_TOPIC = "/tf (joints)"  # its name in the merger
 
 class RobotFrames:
     """Takes the transforms of one robot and reports to `merge`. `profile`: its `[ros] base` names the two
-    frames of the base; joints are not read if it lacks the field `pos`. `namespace`: see JointFrames; `say` is
-    called with a line for each problem."""
+    frames of the base; joints are not read if it lacks the field `pos`. `namespace`: see JointFrames; `say`
+    is called with a line for each problem."""
 
     def __init__(
         self,

@@ -3,8 +3,8 @@
     ros2                          the Zenoh router on this machine, port 7447
     ros2:HOST[:PORT][/NAMESPACE]  another router; only topics below the namespace. ros2://HOST… is the same
 
-The robot runs rmw_zenoh (and its router), or DDS with zenoh-bridge-ros2dds. The agent opens a Zenoh session to
-that router, separate from the uplink's. It only subscribes there and publishes nothing.
+The robot runs rmw_zenoh (and its router), or DDS with zenoh-bridge-ros2dds. The agent opens a Zenoh session
+to that router, separate from the uplink's. It only subscribes there and publishes nothing.
 """
 
 from __future__ import annotations
@@ -66,9 +66,7 @@ def open_source(address: str, profile: Profile | None) -> Source:
             f"ros2: {address!r} is not an address; use ros2, ros2:HOST or ros2://HOST:PORT/NAMESPACE"
         )
     if importlib.util.find_spec("rosbags") is None:
-        raise SourceError(
-            f"ros2: no decoder of ROS messages is installed; {advise_extra('posecast-edge', 'ros')}"
-        )
+        raise SourceError(f"ros2: its decoder is not installed; {advise_extra('posecast-edge', 'ros')}")
     return Ros2Source(match[1] or "localhost", port, match[3], profile)
 
 

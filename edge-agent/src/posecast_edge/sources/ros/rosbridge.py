@@ -3,8 +3,8 @@
     rosbridge:HOST[:PORT][/PATH]   port 9090; rosbridge://HOST… is the same
     rosbridge:wss://HOST…          over TLS
 
-rosapi, which is started with the server, lists the topics. Without it, the agent subscribes to the topics that
-the profile names, and to /joint_states and /robot_description. Nothing is published.
+rosapi, which is started with the server, lists the topics. Without it, the agent subscribes to the topics
+that the profile names, and to /joint_states and /robot_description. Nothing is published.
 """
 
 from __future__ import annotations
@@ -270,8 +270,8 @@ class RosbridgeConnection:
             self._connection.send(question)
 
     def _want(self, topic: str, route: Route) -> None:
-        """Subscribe. Streams are throttled, except topics with several publishers: there the newest message of
-        one publisher would replace that of another before it is sent."""
+        """Subscribe. Streams are throttled, except topics with several publishers: there, the newest message
+        of one publisher would replace that of another before it is sent."""
         if route.role in ("battery", "diagnostics", "description", "tf"):
             self._subscribe(topic, 0, described=route.role == "description")
             return

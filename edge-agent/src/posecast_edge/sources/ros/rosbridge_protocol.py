@@ -21,8 +21,8 @@ PARTS_MAX = 8  # messages being assembled at a time; beyond that, the oldest is 
 PARTS_CHARS_MAX = MESSAGE_MAX  # of all of them
 WORD_MAX = 300  # characters of a server's message, and of an id
 
-# Tags that cbor2 decodes by default: dates, fractions, regular expressions, references. ROS messages use none of
-# them, and some never end.
+# Tags that cbor2 decodes by default: dates, fractions, regular expressions, references. ROS messages use none
+# of them, and some never end.
 NO_TAGS = (0, 1, 2, 3, 4, 5, 25, 28, 29, 30, 35, 36, 37, 52, 54, 100, 256, 258, 260, 261, 1004, 43000, 55799)
 
 # RFC 8746: tags of typed arrays, as rosbridge writes them → struct's letter; little-endian

@@ -36,4 +36,4 @@ class RosSource:
         self._intake.frames.joints.set_joints(joints)
 
     def expect_joints(self) -> None:
-        """Do nothing: a live source does not wait, because messages before `take_joints` would be outdated."""
+        """Do nothing: a live source need not wait, since messages before `take_joints` would be outdated."""

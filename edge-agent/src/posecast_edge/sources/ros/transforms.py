@@ -40,8 +40,8 @@ class _Edge:
 
 
 class TransformTree:
-    """The frames of one robot. `base`: the two wanted frames; None to only list frames. `say` is called with a
-    line for each problem."""
+    """The frames of one robot. `base`: the two wanted frames; None to only list frames. `say` is called with
+    a line for each problem."""
 
     def __init__(self, base: tuple[str, str] | None, say: Callable[[str], None]) -> None:
         self._base = base
