@@ -1,7 +1,7 @@
-"""Reads an SDF tolerantly into the types of a URDF: the robot as it stands with every joint at zero.
+"""Reads an SDF tolerantly into the types of a URDF: the robot with every joint at zero.
 
-SDF places links in their model and joints at their child; a URDF hangs each link on its parent's joint. So a
-link whose joint is somewhere else than the link itself gets a link of its own for the joint, `JOINT::joint`.
+SDF places links in their model and joints at their child; a URDF places each link at its parent's joint. So a
+joint that is not at its link's origin gets an extra link, `JOINT::joint`.
 """
 
 from __future__ import annotations
@@ -80,8 +80,8 @@ class _Reader:
             raise ModelRefused(lost[0].text, lost[0].line)
         if lost:
             advice = "name the folder of its models with --package-path or GAZEBO_MODEL_PATH"
-            raise ModelRefused(f"none of the {len(lost)} files that it includes is found; {advice}")
-        raise ModelRefused("there is no <model> in it")
+            raise ModelRefused(f"none of the {len(lost)} files that it includes was found; {advice}")
+        raise ModelRefused("it has no <model>")
 
     def _make(self, models: list[ModelElement]) -> Urdf:
         name = (models[0].name or "") if len(models) == 1 else "world"
@@ -117,7 +117,7 @@ class _Reader:
         placed = self._values.read_pose(model.pose, what)
         if not self._frames.add(own, Frame(base, placed, self._find_canonical(model, scope))):
             self._values.note(
-                "error", "model-doubled", f"{what} stands twice; the first counts", model.element
+                "error", "model-doubled", f"{what} is defined twice; the first counts", model.element
             )
             return
         if outer is not None and not merged:
@@ -163,7 +163,7 @@ class _Reader:
         if self._frames.add(full, frame):
             self._elements.append((full, element, scope, model.base))
         else:
-            self._values.note("error", "link-doubled", f"{what} stands twice; the first counts", element)
+            self._values.note("error", "link-doubled", f"{what} is defined twice; the first counts", element)
 
     def _add_frame(self, element: Element, scope: Scope) -> None:
         name = self._values.read_name(element, "frame")
@@ -175,7 +175,7 @@ class _Reader:
         held = attached if attached != scope.names + name else None
         frame = Frame(scope.find_base(pose, attached), self._values.read_pose(pose, what), held)
         if not self._frames.add(scope.names + name, frame):
-            self._values.note("error", "frame-doubled", f"{what} stands twice; the first counts", element)
+            self._values.note("error", "frame-doubled", f"{what} is defined twice; the first counts", element)
 
     # ---- what stands in them ----
 
