@@ -63,10 +63,10 @@ def test_a_profile_that_says_nothing_says_nothing() -> None:
         ('feet = ["RF", "gone"]\nground = "measured"', r"balance\.feet\[1\]: unknown site 'gone'"),
         ('feet = ["torso"]', r"balance\.feet\[0\]: 'torso' is a sensor of kind imu, not wrench"),
         ('feet = ["RH"]', r"balance\.feet\[0\]: sensor 'RH' has no link"),
-        ('feet = ["RF", "RF"]', r"balance\.feet\[1\]: 'RF' stands there twice"),
+        ('feet = ["RF", "RF"]', r"balance\.feet\[1\]: 'RF' is listed twice"),
         (
             'feet = ["LF", "left_foot", "RF"]',
-            r"balance\.feet\[1\]: 'LF' and 'left_foot' are one foot: both are on link 'left_foot'",
+            r"balance\.feet\[1\]: 'LF' and 'left_foot' are the same foot: both are on link 'left_foot'",
         ),
         ('feet = ["left_foot", "RF", "LF"]', r"balance\.feet\[2\]: 'left_foot' and 'LF' are one foot"),
         ('feet = "RF"', r"balance\.feet: must be a list"),
@@ -94,7 +94,10 @@ def test_a_mistake_is_one_line_with_file_and_place(table: str, words: str) -> No
     ("table", "words"),
     [
         ("[thresholds.balance]\nedge = { low = 1 }", r"thresholds\.balance\.edge: unknown label 'edge'"),
-        ("[thresholds.balance]\nmargin = { caution = 1 }", r"thresholds\.balance\.margin: needs low or high"),
+        (
+            "[thresholds.balance]\nmargin = { caution = 1 }",
+            r"thresholds\.balance\.margin: give low, high or both",
+        ),
         ("[thresholds.gone]\nmargin = { low = 1 }", r"thresholds\.gone: unknown field 'gone'"),
     ],
 )

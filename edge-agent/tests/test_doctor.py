@@ -112,7 +112,7 @@ CORPUS = [
     Case("mesh-missing", "error", 2, "no package 'nowhere'", (link("a", mesh("package://nowhere/x.stl")),)),
     Case("mesh-outside", "error", 2, "outside", (link("a", mesh("../../../../etc/passwd.stl")),)),
     Case("mesh-unnamed", "error", 2, "without a filename", (link("a", mesh("")),)),
-    Case("mesh-broken", "error", 2, "no kind of mesh", (link("a", mesh("meshes/a.step")),), {"a_step": b"x"}),
+    Case("mesh-broken", "error", 2, "not a supported mesh", (link("a", mesh("meshes/a.step")),), {"a_step": b"x"}),
     Case("mesh-broken", "error", 2, "HTML", (link("a", mesh("meshes/a.stl")),), {"a_stl": b"<!DOCTYPE html><html></html>"}),
     Case("mesh-broken", "error", 2, "git lfs pull", (link("a", mesh("meshes/a.stl")),), {"a_stl": b"version https://git-lfs.github.com/spec/v1\n"}),
     Case("mesh-found", "hint", 2, "other letters", (link("a", mesh("meshes/ARM.stl")),), {"arm_stl": cube_stl()}),
@@ -261,8 +261,8 @@ def test_a_profile_that_does_not_fit() -> None:
         + ", ".join(
             f"'cd/{v}'" for v in ("trans_x", "trans_y", "trans_z", "rot_x", "rot_y", "rot_z", "rot_w")
         ),
-        "the profile maps joint 'gone', which there is not",
-        "the profile mounts sensor 'RF' on link 'nowhere', which there is not",
+        "the profile maps joint 'gone', which does not exist",
+        "the profile mounts sensor 'RF' on link 'nowhere', which does not exist",
     ]
 
 

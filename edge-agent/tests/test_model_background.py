@@ -103,7 +103,7 @@ def test_feet_of_the_profile_that_the_model_lacks_are_named_once(
     assert e.wait() == 0
     told = [line for line in e.lines if "[balance]" in line]
     assert told == [
-        "posecast-edge: profile: [balance] names feet that the model lacks: "
+        "posecast-edge: profile: [balance] names feet that are not in the model:  "
         "'RF' (on link 'right_foot'), 'lost'"
     ]
     built = next(i for i, line in enumerate(e.lines) if line.startswith("posecast-edge: model: "))
@@ -201,7 +201,7 @@ def test_what_can_t_be_built_goes_as_it_is(tmp_path: Path, caplog: pytest.LogCap
     build.stop()
     assert ready.bundles == [raw]
     [message] = [r.getMessage() for r in caplog.records]
-    assert message == f"model: not built, meshes go as they are: {path}: there is no link in it"
+    assert message == f"model: not built, meshes are sent unchanged: {path}: there is no link in it"
 
 
 def test_what_is_wrong_is_counted(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
@@ -244,5 +244,5 @@ def test_what_can_neither_be_built_nor_read_is_said(tmp_path: Path, caplog: pyte
     build.stop()
     assert ready.bundles == []
     [message] = [r.getMessage() for r in caplog.records]
-    assert message == f"model: not shown: {path}: there is no <model> in it"
+    assert message == f"model: not shown: {path}: it has no <model>"
     assert failed.is_set()

@@ -61,7 +61,7 @@ def test_what_is_wrong_is_said_once_and_without_the_secret(tmp_path: Path) -> No
         (said,) = of.warned
         assert said.startswith(f"{of.path}: ")
         assert says in said
-        assert said.endswith("; going on with what stood there before")
+        assert said.endswith("; keeping the previous one")
         assert B not in said
         of.warned.clear()
     of.path.unlink()

@@ -206,7 +206,7 @@ def test_of_endless_diagnostics_the_first_count() -> None:
         (
             JOINT_STATE,
             joints(position=[1, 2], header={"stamp": {"sec": "5", "nanosec": 0}}),
-            "a stamp that is no time",
+            "the timestamp is not a time",
         ),
     ],
 )

@@ -150,7 +150,7 @@ def test_topics_to_ask_for_by_name() -> None:
     ("line", "words"),
     [
         ('poss = "/a"', "profile:5: ros.poss: unknown key"),
-        ('base = "odom→"', "profile:5: ros.base: 'odom→' is not two frames, as in odom→base_link"),
+        ('base = "odom→"', "profile:5: ros.base: 'odom→' is not a pair of frames such as odom→base_link"),
         ('base = "a->b->c"', "profile:5: ros.base: 'a->b->c' is not two frames"),
         ('pos = "a b"', "profile:5: ros.pos: 'a b' is no topic"),
         ("pos = 5", "profile:5: ros.pos: must be a text"),

@@ -114,7 +114,7 @@ CORPUS = [
          clock=lambda k: k / 100 + (0.8 if k > 100 else 0)),
     Case("milliseconds", "clock-unit", "are these milliseconds?", clock=lambda k: k * 10.0),
     Case("nanoseconds", "clock-unit", "are these nanoseconds?", clock=lambda k: k * 1e7),
-    Case("stopped clock", "clock-stands", "robot time stands at 7.000 s", clock=lambda k: 7.0),
+    Case("stopped clock", "clock-stands", "robot time stays at 7.000 s", clock=lambda k: 7.0),
     Case("slow clock", "clock-pace", "robot time runs 0.5 s a second", clock=lambda k: k / 200),
     Case("clock set back", "clock-back",
          "robot time stepped back once", clock=lambda k: k / 100 - (k > 99) * 50),
@@ -137,15 +137,15 @@ CORPUS = [
     Case("a channel without a joint", "channel-moves-nothing", "channel 'tail' without effect",
          put("pos", tail=0.0), profile=PROFILE.replace('"lift"]', '"lift", "tail"]')),
     Case("a channel that never speaks", "channel-dead",
-         "pos of 'elbow' never had a reading", without("pos", "elbow")),
+         "no reading for pos of 'elbow'", without("pos", "elbow")),
     Case("a channel spelled otherwise", "channel-unknown", "pos has 'Elbow', which the profile does not name",
          lambda v: v["pos"].update(Elbow=v["pos"].pop("elbow")), also=("channel-dead",)),
     Case("a field that is not there", "field-missing",
          "the profile has 'ftf', the source does not", without("ftf"),
          also=("sensor-silent",)),
     Case("no positions at all", "no-positions",
-         "neither pos nor ref", without("pos"), also=("field-missing",)),
-    Case("another number of values", "field-length", "cur has 3 values, the profile 4",
+         "no pos and no ref", without("pos"), also=("field-missing",)),
+    Case("another number of values", "field-length", "cur has 3 values, but the profile has 4",
          lambda v: v.update(cur=[0.0, 0.0, 0.0])),
     Case("a bit nobody named", "bit-unknown", "flags has bits the profile does not name: 'bored'",
          put("flags", elbow=["bored"])),
@@ -156,12 +156,12 @@ CORPUS = [
     Case("a sensor nobody mounted", "sensor-link", "sensor 'hand' without a link",
          profile=PROFILE.replace("[sensors.hand]", "[sensors.arm]")),
     Case("a dead sensor", "sensor-silent",
-         "sensor 'hand' never had a reading", put("ftf", **{"hand.fz": None})),
-    Case("half a coupling", "coupling-dead", "joint 'elbow' needs 'n1', 'n2'; no reading of 'n2'",
+         "no reading from sensor 'hand'", put("ftf", **{"hand.fz": None})),
+    Case("half a coupling", "coupling-dead", "joint 'elbow' needs 'n1', 'n2'; no reading for 'n2'",
          put("pos", n1=0.1), profile=NECK + "elbow.terms=[['n1',1],['n2',1]]", also=("channel-dead",)),
     Case("a coupling off its range", "coupling-limit", "is the coupling right for n1 5, n2 5?",
          put("pos", n1=5.0, n2=5.0), profile=NECK + "elbow.terms=[['n1',1],['n2',1]]"),
-    Case("a coupling of nothing", "coupling-zero", "joint 'elbow' takes channel 'n2' times 0",
+    Case("a coupling of nothing", "coupling-zero", "joint 'elbow' multiplies channel 'n2' by 0",
          put("pos", n1=0.1, n2=0.1), profile=NECK + "elbow.terms=[['n1',1],['n2',0]]"),
     Case("one channel, two joints", "coupling-shared",
          "channel 'wrist' moves two joints, 'wrist' and 'elbow'",
@@ -276,9 +276,7 @@ def test_without_a_profile_the_first_sample_is_the_profile(
     source, _ = files(without("pos", "lift"))
     done = run_edge("doctor", "--source", source, "--urdf", str(urdf_file), "--seconds", "9")
     assert done.returncode == 1
-    assert (
-        "pos of 'lift' never had a reading: that part of the body stands still [channel-dead]" in done.stdout
-    )
+    assert "no reading for pos of 'lift': that part of the body stays still [channel-dead]" in done.stdout
 
 
 def test_probe_says_what_there_is(files: Callable[[Change], tuple[str, str]]) -> None:

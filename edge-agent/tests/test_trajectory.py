@@ -164,7 +164,7 @@ def test_wrong_configuration_is_refused(tmp_path: Path) -> None:
         open_source("trajectory", profile())
     with pytest.raises(SourceError, match="No such file"):
         open_source(f"trajectory:{tmp_path}/none", profile())
-    with pytest.raises(SourceError, match=r"\[trajectory\] table is needed"):
+    with pytest.raises(SourceError, match=r"\[trajectory\] table"):
         open_source(f"trajectory:{tmp_path}/none", None)
     with pytest.raises(ProfileError, match=r"trajectory.columns\[1\]: unknown channel 'base.w'"):
         profile(text=PROFILE.replace('"-"', '"base.w"'))

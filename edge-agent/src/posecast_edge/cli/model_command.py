@@ -210,7 +210,7 @@ def _list(findings: Sequence[Finding], name_file: Callable[[Finding], str]) -> N
 
 def _counted(findings: Sequence[Finding]) -> str:
     counts = [(sum(f.severity == s for f in findings), s) for s in SEVERITIES]
-    return ", ".join(_many(n, s) for n, s in counts if n) or "no problems"
+    return ", ".join(_many(n, s) for n, s in counts if n) or "nothing wrong"
 
 
 def _many(number: int, what: str) -> str:

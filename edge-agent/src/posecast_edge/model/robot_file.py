@@ -37,8 +37,8 @@ class RobotFile:
 
 
 def find_format(path: Path) -> str:
-    """The format, from the file's content: `urdf`, `xacro`, `sdf` or `mjcf`. A file that can't be read, or has
-    another root element, counts as `urdf`, whose reader reports the problem."""
+    """The format, from the file's content: `urdf`, `xacro`, `sdf` or `mjcf`. A file that can't be read, or
+    has another root element, counts as `urdf`, whose reader reports the problem."""
     try:
         with path.open("rb") as source:
             content = source.read(BYTES_MAX)

@@ -45,9 +45,7 @@ def encode_manifest(manifest: Mapping[str, Any]) -> bytes:
     many for a relay."""
     data = json.dumps(manifest, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
     if len(data) > BYTES_MAX:
-        raise ModelRefused(
-            f"its manifest would have {len(data) / 1000:,.0f} kB; a relay accepts at most 1 MiB"
-        )
+        raise ModelRefused(f"its manifest would have {len(data) / 1000:,.0f} kB; a relay takes at most 1 MiB")
     return data
 
 

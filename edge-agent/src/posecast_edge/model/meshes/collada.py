@@ -121,7 +121,7 @@ class _Reader:
         axis = self._root.find_first("asset", "up_axis")
         up = axis.text.strip() if axis is not None else ""
         if up not in ("", "Z_UP"):
-            self._notes.add(UP_NOTE, f"it declares {up[:10]}; ignored, as in RViz")
+            self._notes.add(UP_NOTE, f"it says {up[:10]}; ignored, as RViz does")
         scene = self._root.find_first("scene", "instance_visual_scene")
         visual = self._target(scene.get("url") if scene else None) or self._root.find_first(
             "library_visual_scenes", "visual_scene"

@@ -103,7 +103,7 @@ def turn_upright(mesh: Mesh) -> Mesh:
     turn = UPRIGHT[mesh.up].astype(np.float32)
     surfaces = tuple(replace(s, positions=s.positions @ turn.T) for s in mesh.surfaces)
     kept = tuple(note for note in mesh.notes if note[0] != UP_NOTE)
-    return Mesh(surfaces, (*kept, (UP_NOTE, f"it declares {mesh.up}; applied")))
+    return Mesh(surfaces, (*kept, (UP_NOTE, f"it says {mesh.up}; applied")))
 
 
 class Expansion:

@@ -1,9 +1,9 @@
 """Takes the meshes and pictures out of a MuJoCo model and compiles each in its own small model.
 
-MuJoCo builds a bounding volume hierarchy for each mesh, and keeps it with copies of everything until the whole
-model is compiled: several hundred megabytes, of which twenty are drawn. Compiled one by one, that memory is
-freed each time. In the model, a box and a white point replace them. Bodies and joints are not affected, and a
-geom that shows the box is where its file puts it.
+MuJoCo builds a bounding volume hierarchy for each mesh, and keeps it with copies of everything until the
+whole model is compiled: several hundred megabytes, of which twenty are drawn. Compiled one by one, that memory
+is freed each time. In the model, a box and a white point replace them. Bodies and joints are not affected,
+and a geom that shows the box is where its file puts it.
 """
 
 from __future__ import annotations
@@ -82,8 +82,8 @@ def take_assets(spec: Any, contents: Mapping[str, bytes]) -> TakenAssets:
     """Compile the meshes and pictures of a MjSpec that come from a file, and replace them by placeholders.
     `contents`: files by path. Raises AssetFailed.
 
-    A mesh that depends on more than its file stays: one that a primitive is fitted to, or that a plug-in makes.
-    So does a missing one, for which MuJoCo reports where it looked.
+    A mesh that depends on more than its file stays: one that a primitive is fitted to, or that a plug-in
+    makes. So does a missing one, for which MuJoCo reports where it looked.
     """
     taken = TakenAssets()
     places = sort_by_name(contents)

@@ -1,8 +1,8 @@
 """Collects the files that a MuJoCo model names, only inside the folders that belong to it.
 
-MuJoCo itself would open any file that a model names. So it gets the contents of these files and can't open any
-itself (child.py). Where it looks for a file depends on compiler settings that includes and attached models may
-change, so each file is looked up in every folder that may be meant.
+MuJoCo itself would open any file that a model names. So it gets the contents of these files and can't open
+any itself (child.py). Where it looks for a file depends on compiler settings that includes and attached
+models may change, so each file is looked up in every folder that may be meant.
 """
 
 from __future__ import annotations

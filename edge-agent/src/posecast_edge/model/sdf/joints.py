@@ -1,7 +1,7 @@
 """Reads the joints of an SDF, and connects its links to a tree.
 
-In an SDF each joint names two links, which have their own poses. A tree of them may need a joint reversed, and
-a joint that would close a loop is left out, because a URDF can't express it.
+In an SDF each joint names two links, which have their own poses. A tree of them may need a joint reversed.
+A joint that would close a loop is left out, because a URDF can't express it.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Finds the file of a URI, only inside the folders that belong to the model: an untrusted URDF must not publish
-other files of this machine.
+"""Finds the file of a URI, only inside the folders that belong to the model: an untrusted URDF must not
+publish other files of this machine.
 
 Model folders: the ROS package that holds the URDF (or the URDF's own folder), packages of the requested name
 beside or above it, and the user's package folders. Symbolic links are resolved before the check.
