@@ -212,7 +212,7 @@ def test_half_a_character_ends_nothing(running: Running, router: Router) -> None
     for view in ("public", "lab"):
         running.goes_on(view)
     assert (
-        "info 'bad' is left out: it is not valid Unicode \(half of a surrogate pair\)"
+        "info 'bad' is left out: it is not valid Unicode (half of a surrogate pair)"
         in running.said.getvalue()
     )
 

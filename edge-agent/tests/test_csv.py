@@ -245,7 +245,7 @@ def test_what_pandas_writes(tmp_path: Path) -> None:
         "left_knee.position  → pos of left_knee",
         "left_knee.velocity  → vel of left_knee",
         "phase  left out: it holds texts such as 'stance'; rename it info.NAME to show them",
-        'to change this, in a profile: [csv] "left_knee.position" = "vel.JOINT [deg/s]", or "-" to leave it out',
+        'to change it, in a profile: [csv] "left_knee.position" = "vel.JOINT [deg/s]", or "-" to leave it out',
     ]
 
 
@@ -288,7 +288,7 @@ def test_a_profile_gives_columns_other_names(tmp_path: Path) -> None:
         ),
         (["1700000000500000", "1700000000600000"], [1700000000.5, 1700000000.6], "us"),
         (["1700000000500000000", "1700000000600000000"], [1700000000.5, 1700000000.6], "ns"),
-        (["0", "10", "20"], [0, 0.01, 0.02], "ms, for its rows are 10 apart"),
+        (["0", "10", "20"], [0, 0.01, 0.02], "ms, because its rows are 10 apart"),
         (["0", "10000", "20000"], [0, 0.01, 0.02], "us"),
         (["0", "1", "2"], [0, 1, 2], ""),
         (["2026-11-23T10:00:00Z", "2026-11-23T10:00:00,5Z"], [1795428000, 1795428000.5], ""),
@@ -311,7 +311,7 @@ def test_paths_that_nothing_reads_are_left_out_and_said_in_one_line(
     assert sample.values == {"pos": {"A": 3, "head/trans_x": 4}}
     assert caplog.messages == [
         f"{tmp_path}/walk.csv:1: columns left out: /a/b, /c/data, index; "
-        f"`{name_edge_command('probe')}` says why"
+        f"`{name_edge_command('probe')}` tells why"
     ]
 
 

@@ -212,7 +212,7 @@ def test_words_that_are_blank_are_refused(table: str, where: str, blank: str) ->
         ),
         (BASE + "[thresholds.temp]\nA={high=1}\n", "p.toml:5: thresholds.temp: unknown field 'temp'"),
         (BASE + "[thresholds.pos]\nC={high=1}\n", "p.toml:6: thresholds.pos.C: unknown label 'C'"),
-        (BASE + "[thresholds.pos]\nA={}\n", "p.toml:6: thresholds.pos.A: needs low or high"),
+        (BASE + "[thresholds.pos]\nA={}\n", "p.toml:6: thresholds.pos.A: give low, high or both"),
         (
             BASE + "[thresholds.pos]\nA={low=2,high=1}\n",
             "p.toml:6: thresholds.pos.A: low 2 is not below high 1",
@@ -250,9 +250,9 @@ def test_words_that_are_blank_are_refused(table: str, where: str, blank: str) ->
         ),
         (
             BASE + "[trajectory]\ncolumns=['A']\nrate_hz=1\nheader=-1\n",
-            "p.toml:8: trajectory.header: must lie in",
+            "p.toml:8: trajectory.header: must be an integer from",
         ),
-        (BASE + "[ros]\ndomain=true\n", "p.toml:6: ros.domain: must lie in 0…232, not True"),
+        (BASE + "[ros]\ndomain=true\n", "p.toml:6: ros.domain: must be an integer from 0 to 232, not True"),
         (BASE + "[names]\nC='c'\n", "p.toml:6: names.C: unknown channel or site 'C'"),
         (BASE + "[names]\nA=''\n", "p.toml:6: names.A: must be a text"),
         (BASE + "[names.ko]\nC='c'\n", "p.toml:6: names.ko.C: unknown channel or site 'C'"),

@@ -357,7 +357,7 @@ def test_the_constructor_names_what_is_plainly_wrong(tmp_path: Path, profile_fil
     (tmp_path / "open").write_text("posecast1:x:y", encoding="utf-8")
     (tmp_path / "open").chmod(0o644)
     assert constructor_error(name="My Arm").startswith("robot 'My Arm': use 1 to 63")
-    assert constructor_error(name=7) == "name: 7 is no text"
+    assert constructor_error(name=7) == "name: 7 is not a string"
     assert (
         constructor_error(relay="127.0.0.1")
         == "relay: '127.0.0.1' is not an endpoint such as tcp/127.0.0.1:7447"

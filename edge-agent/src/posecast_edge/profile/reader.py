@@ -222,7 +222,7 @@ class ProfileReader(Values):
         if not FIELD_NAME.fullmatch(name):
             self.fail(
                 f"{where}.name",
-                f"{quote(name)} must consist of letters, digits and _, and not start with a digit",
+                f"{quote(name)} must be letters, digits and _, no digit first",
             )
         if name in before:
             self.fail(f"{where}.name", f"{name!r} is listed twice")

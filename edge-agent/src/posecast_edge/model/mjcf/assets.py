@@ -1,8 +1,8 @@
 """Takes the meshes and pictures out of a MuJoCo model and compiles each in its own small model.
 
 MuJoCo builds a bounding volume hierarchy for each mesh, and keeps it with copies of everything until the
-whole model is compiled: several hundred megabytes, of which twenty are drawn. Compiled one by one, that memory
-is freed each time. In the model, a box and a white point replace them. Bodies and joints are not affected,
+whole model is compiled: several hundred megabytes, of which twenty are drawn. Compiled one by one, meshes
+need less, because the memory is freed each time. In the model, a box and a white point replace them. Bodies and joints are not affected,
 and a geom that shows the box is where its file puts it.
 """
 

@@ -167,7 +167,7 @@ class Table:
             next((name for i, name in enumerate(self._written) if i in read), ""), NAME_SHOWN
         )
         lines.append(
-            f'to change this, in a profile: [csv] "{example}" = "vel.JOINT [deg/s]", or "-" to leave it out'
+            f'to change it, in a profile: [csv] "{example}" = "vel.JOINT [deg/s]", or "-" to leave it out'
         )
         return lines
 
