@@ -245,7 +245,7 @@ def test_what_pandas_writes(tmp_path: Path) -> None:
         "left_knee.position  → pos of left_knee",
         "left_knee.velocity  → vel of left_knee",
         "phase  left out: it holds texts such as 'stance'; rename it info.NAME to show them",
-        'to change it, in a profile: [csv] "left_knee.position" = "vel.JOINT [deg/s]", or "-" to leave it out',
+        'or, in a profile: [csv] "left_knee.position" = "vel.JOINT [deg/s]", or "-" to leave it out',
     ]
 
 

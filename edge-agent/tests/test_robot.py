@@ -249,8 +249,8 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"base": [1, 2, 3]}, "base: give 7 numbers, x, y, z in metres and a quaternion x, y, z, w"),
     ({"flags": {"elbow": "jam"}}, "flags of 'elbow' is 'jam', not a mask or a list of names"),
     ({"torque": {"elbow": 1.0}}, "torque becomes a plain table; did you mean effort=?"),
-    ({"info": {"mode": [1]}}, "info 'mode' is no text"),
-    ({"no name": {"a": 1}}, "'no name' is no name of a field"),
+    ({"info": {"mode": [1]}}, "info 'mode' is not a text"),
+    ({"no name": {"a": 1}}, "'no name' is not a field name"),
 ]
 
 
@@ -362,12 +362,12 @@ def test_the_constructor_names_what_is_plainly_wrong(tmp_path: Path, profile_fil
         constructor_error(relay="127.0.0.1")
         == "relay: '127.0.0.1' is not an endpoint such as tcp/127.0.0.1:7447"
     )
-    assert constructor_error(relay=None) == "relay: None is no text"
+    assert constructor_error(relay=None) == "relay: None is not a string"
     assert constructor_error(hz=0) == "hz: 0 is not a number from 1 to 60"
     assert constructor_error(hz="30") == "hz: '30' is not a number from 1 to 60"
-    assert constructor_error(joints="elbow") == "joints: 'elbow' is no list of names"
+    assert constructor_error(joints="elbow") == "joints: 'elbow' is not a list of names"
     assert constructor_error(joints=["a", "a"]) == "joints: 'a' is listed twice"
-    assert constructor_error(joints=[1]) == "joints: 1 is no name"
+    assert constructor_error(joints=[1]) == "joints: 1 is not a name"
     assert constructor_error(joints=["toe"], profile=profile_file) == "joints: the profile has no joint 'toe'"
     assert "No such file" in constructor_error(urdf=tmp_path / "none.urdf")
     assert constructor_error(urdf=tmp_path / "bad.urdf").startswith(f"urdf: {tmp_path / 'bad.urdf'}: ")

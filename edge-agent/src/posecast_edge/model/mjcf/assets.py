@@ -2,8 +2,8 @@
 
 MuJoCo builds a bounding volume hierarchy for each mesh, and keeps it with copies of everything until the
 whole model is compiled: several hundred megabytes, of which twenty are drawn. Compiled one by one, meshes
-need less, because the memory is freed each time. In the model, a box and a white point replace them. Bodies and joints are not affected,
-and a geom that shows the box is where its file puts it.
+need less, because the memory is freed each time. In the model, a box and a white point replace them. Bodies
+and joints are not affected, and a geom that shows the box is where its file puts it.
 """
 
 from __future__ import annotations

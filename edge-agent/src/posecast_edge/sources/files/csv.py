@@ -166,9 +166,7 @@ class Table:
         example = make_visible(
             next((name for i, name in enumerate(self._written) if i in read), ""), NAME_SHOWN
         )
-        lines.append(
-            f'to change it, in a profile: [csv] "{example}" = "vel.JOINT [deg/s]", or "-" to leave it out'
-        )
+        lines.append(f'or, in a profile: [csv] "{example}" = "vel.JOINT [deg/s]", or "-" to leave it out')
         return lines
 
     def read_samples(self, start_s: float, first_pass: bool) -> Iterator[Sample]:
