@@ -71,7 +71,7 @@ def test_a_header_may_be_written_in_other_ways() -> None:
         (b"\xff\xfe\n", "a header that is not text: this is not achd"),
         (b"a" * 1024, "a header line of over 1024 bytes: this is not achd"),
         (b"a: b\n" * 65, "a header of over 64 lines: this is not achd"),
-        (OK + b"achpope\0" + bytes(8), "no frame where one should begin: the stream is out of step"),
+        (OK + b"achpope\0" + bytes(8), "no frame where one should begin: the stream is out of sync"),
         (OK + b"achpipe\0" + struct.pack("<Q", 0), "a frame of 0 bytes"),
         (OK + b"achpipe\0" + struct.pack("<Q", 65537), "a frame of 65537 bytes; at most 65536"),
         (OK + b"achpipe\0" + b"\xff" * 8, "a frame of 18446744073709551615 bytes"),

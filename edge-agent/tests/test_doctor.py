@@ -115,7 +115,7 @@ CORPUS = [
     Case("mesh-broken", "error", 2, "not a supported mesh", (link("a", mesh("meshes/a.step")),), {"a_step": b"x"}),
     Case("mesh-broken", "error", 2, "HTML", (link("a", mesh("meshes/a.stl")),), {"a_stl": b"<!DOCTYPE html><html></html>"}),
     Case("mesh-broken", "error", 2, "git lfs pull", (link("a", mesh("meshes/a.stl")),), {"a_stl": b"version https://git-lfs.github.com/spec/v1\n"}),
-    Case("mesh-found", "hint", 2, "other letters", (link("a", mesh("meshes/ARM.stl")),), {"arm_stl": cube_stl()}),
+    Case("mesh-found", "hint", 2, "upper and lower case", (link("a", mesh("meshes/ARM.stl")),), {"arm_stl": cube_stl()}),
     Case("mesh-large", "warning", 2, "millimetres", (link("a", mesh("meshes/a.stl")),), {"a_stl": cube_stl(300)}),
     Case("robot-large", "warning", None, "300 m", (link("a", mesh("meshes/a.stl")),), {"a_stl": cube_stl(300)}),
     Case("robot-small", "warning", None, "scaled twice", (link("a", mesh("meshes/a.stl", ' scale="0.001 0.001 0.001"')),), {"a_stl": cube_stl()}),

@@ -159,7 +159,7 @@ MESHES: dict[str, tuple[str, bytes, str]] = {
     "nothing": ("a.stl", b"", "empty"),
     "zeros": ("a.stl", bytes(84), "no triangles"),
     "text without end": ("a.stl", b"solid x\nfacet normal 0 0 0\nvertex 1 2 3\nvertex 1 2", "within a triangle"),
-    "text of words": ("a.stl", b"solid x\nfacet normal 0 0 0\n" + b"vertex a b c\n" * 3, "no number"),
+    "text of words": ("a.stl", b"solid x\nfacet normal 0 0 0\n" + b"vertex a b c\n" * 3, "not a number"),
     "laughs": ("a.dae", COLLADA_LAUGHS, "DTD"),
     "deep collada": ("a.dae", b"<COLLADA>" + b"<a>" * 200_000, "nested"),
     "wide collada": ("a.dae", b"<COLLADA>" + b"<p/>" * 250_000 + b"</COLLADA>", "more than 200000 elements"),
@@ -167,7 +167,7 @@ MESHES: dict[str, tuple[str, bytes, str]] = {
     "stride of nothing": ("a.dae", cube_collada().replace(b'stride="3"', b'stride="0"'), "stride"),
     "corners beyond": ("a.dae", cube_collada().replace(b"<p>0 ", b"<p>99 "), "refers to a vertex"),
     "corners before": ("a.dae", cube_collada().replace(b"<p>0 ", b"<p>-9 "), "refers to a vertex"),
-    "words for numbers": ("a.dae", cube_collada().replace(b"<p>0 ", b"<p>zero "), "none"),
+    "words for numbers": ("a.dae", cube_collada().replace(b"<p>0 ", b"<p>zero "), "other than numbers"),
     "huge polygon": (
         "a.dae",
         cube_collada().replace(b"<triangles", b"<polylist").replace(b"</triangles>", b"</polylist>")

@@ -30,7 +30,7 @@ def rows(folder: Path, data: bytes) -> list[Sample]:
 def test_a_mask_without_end_is_a_bad_row(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     found = rows(tmp_path, b"t,A,flags.A\n0,1," + b"9" * 5000 + b"\n1,2,3\n")
     assert [s.values for s in found] == [{"pos": {"A": 2.0}, "flags": {"A": 3}}]
-    assert "is no mask; row skipped" in caplog.text
+    assert "is not a mask; row skipped" in caplog.text
 
 
 @pytest.mark.parametrize("time", ["1e300", "-1e13", "1e999", "nan"])

@@ -166,7 +166,7 @@ def test_without_the_mesh_tools_what_is_wrong_is_counted_too(
     build.start()
     build.stop()
     [message] = [r.getMessage() for r in caplog.records]
-    assert message == f"model: 2 errors; {name_edge_command('doctor')} --urdf {path} names them"
+    assert message == f"model: 2 errors; {name_edge_command('doctor')} --urdf {path} lists them"
 
 
 @pytest.mark.parametrize("size", [(0, "0 kB"), (99_400, "99 kB"), (123_456, "0.1 MB"), (3_210_000, "3.2 MB")])
@@ -214,7 +214,7 @@ def test_what_is_wrong_is_counted(tmp_path: Path, caplog: pytest.LogCaptureFixtu
     assert json.loads(ready.bundles[0].manifest)["v"] == 2
     assert ready.bundles[0].read("manifest", 0, 10) == ready.bundles[0].manifest[:10]
     build.stop()
-    assert f"1 error; {name_edge_command('doctor')} --urdf {path} names them" in caplog.text
+    assert f"1 error; {name_edge_command('doctor')} --urdf {path} lists them" in caplog.text
 
 
 def test_what_the_page_can_t_read_is_announced_when_it_has_been_built(

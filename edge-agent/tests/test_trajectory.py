@@ -62,8 +62,8 @@ def test_separators(line: str) -> None:
     [
         ("1 2", "2 columns, 3 expected"),
         ("1 2 3 4", "4 columns, 3 expected"),
-        ("1 nan 3", "column 2: 'nan' is no angle"),
-        ("1 2 -inf", "column 3: '-inf' is no angle"),
+        ("1 nan 3", "column 2: 'nan' is not an angle"),
+        ("1 2 -inf", "column 3: '-inf' is not an angle"),
         ("A B C", "column 1: 'A' is not a number"),
         ("1 2 3" + " " * MAX_LINE, f"over {MAX_LINE} characters"),
     ],
