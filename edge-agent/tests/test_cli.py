@@ -235,8 +235,8 @@ def test_a_certificate_instead(tmp_path: Path) -> None:
 
     named = ("--robot", "hubo")
     assert "required: --robot" in refused(*files)
-    assert "go together" in refused(*named, *files[:2])
-    assert "go together" in refused(*named, *files[4:])
+    assert "--tls-key together" in refused(*named, *files[:2])
+    assert "--tls-key together" in refused(*named, *files[4:])
     assert "use tls/… or quic/…" in refused(*named, *files, "--relay", "tcp/127.0.0.1:7447")
     assert "not a certificate and its key" in refused(*named, *files, "--tls-key", str(other))
     assert "no such file" in refused(*named, *files, "--tls-cert", str(tmp_path / "gone"))
