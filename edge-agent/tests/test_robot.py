@@ -372,7 +372,7 @@ def test_the_constructor_names_what_is_plainly_wrong(tmp_path: Path, profile_fil
     assert "No such file" in constructor_error(urdf=tmp_path / "none.urdf")
     assert constructor_error(urdf=tmp_path / "bad.urdf").startswith(f"urdf: {tmp_path / 'bad.urdf'}: ")
     assert "not a built model" in constructor_error(model=tmp_path)
-    assert constructor_error(urdf="a", model="b") == "urdf and model: give one of the two"
+    assert constructor_error(urdf="a", model="b") == "urdf and model: give one, not both"
     assert "profile: nope" in constructor_error(profile="nope")
     assert "chmod 600" in constructor_error(credential=tmp_path / "open")
 
