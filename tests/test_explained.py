@@ -34,7 +34,7 @@ def test_a_table_that_is_out_of_date_is_replaced() -> None:
     page = "a\n<!-- explained: sensors -->\nold\n<!-- explained end -->\nb\n"
     written = write_page(page, ENGLISH)
     assert "old" not in written
-    assert "| **IMU** | Feels where down is" in written
+    assert "| **IMU** | Feels which way is down" in written
     assert write_page(written, ENGLISH) == written
 
 

@@ -57,9 +57,9 @@ const is = (page: Page, word: string) => () =>
 const isClaim = (word: string) => word === 'LIVE' || word === 'HOLDING';
 const REASONS = [
   [/robot silent/, /robot silent/],
-  [/no such robot/, /no robot of this name/],
+  [/no such robot/, /No robot here has this name/],
   [/relay restarting/, /relay is restarting/],
-  [/hall full/, /hall is full/],
+  [/relay full/, /relay is full/],
 ] as const;
 
 /** A picture every so often is enough to show that the fading is over. */
@@ -136,9 +136,9 @@ it('a robot that is refused is called the same by chip and banner, and nothing i
   const chip = page.findByTestId('liveness');
   await until('refused', async () => /no such robot/.test(await chip.text()), 30_000);
   expect(await chip.text()).not.toMatch(/STALE|no connection/);
-  expect(await page.findByTestId('stage-note').text()).toMatch(/no robot of this name/);
+  expect(await page.findByTestId('stage-note').text()).toMatch(/No robot here has this name/);
   expect(await disagreements(page)).toEqual([]);
   await chip.click();
   await until('why', async () => (await page.findByTestId('liveness-explained').text()) !== '');
-  expect(await page.findByTestId('liveness-explained').text()).toMatch(/no robot of this name/);
+  expect(await page.findByTestId('liveness-explained').text()).toMatch(/No robot here has this name/);
 }, 120_000);

@@ -42,7 +42,7 @@ it('a body whose code did not come while the relay was away is there when the re
     await until('STALE', is(page, 'STALE'), 30_000);
     await draw(page, 'light');
     await until('says so', async () => (await page.findByTestId('no-scene').count()) === 1, 30_000);
-    expect(await page.findByTestId('no-scene').text()).toMatch(/did not come. Trying again.*Try now/);
+    expect(await page.findByTestId('no-scene').text()).toMatch(/did not load. Trying again.*Try now/);
     await page.findByTestId('try-now').click();
     expect(await triangles(page)).toBe(0);
     link.heal();
@@ -65,7 +65,7 @@ it('what may be needed later is here before the relay goes away', async () => {
     await draw(page, 'light');
     await until('a body, drawn by hand', async () => (await triangles(page)) > 500, 30_000);
     await page.findByRole('button', 'Share').click();
-    await until('the sheet', async () => (await page.text()).includes('In a page of yours'), 20_000);
+    await until('the sheet', async () => (await page.text()).includes('Embed in your own page'), 20_000);
     expect(await page.findByTestId('not-here').count()).toBe(0);
   } finally {
     await link.close();

@@ -95,7 +95,7 @@ it('a joint that stalls is found from page load in two taps at most: its row, it
     const quiet = { ...rest, flags: { ...flags, RKN: ['homed', 'enabled'] } };
     const line = () => page.findByTestId('fault-line').text();
     source.write(JSON.stringify({ ...quiet, ref: { ...ref, RKN: rest.pos!.RKN } }));
-    await until('the flag is over', async () => /^Was: [\s\S]*· ended /.test(await line()));
+    await until('the flag is over', async () => /^Earlier: [\s\S]*· ended /.test(await line()));
     await page.findByTestId('acknowledge').click();
     await until('all is well', async () => (await line()) === 'No faults');
     source.write(JSON.stringify({ ...quiet, ref }));

@@ -33,7 +33,9 @@ describe('where no WebSocket gets through', () => {
       expect(await carrier(page)).toBe('events');
       expect(await chipText(page)).toMatch(/over HTTP/);
       await page.findByTestId('liveness').click();
-      await until('why', async () => /plain HTTP/.test(await page.findByTestId('liveness-explained').text()));
+      await until('why', async () =>
+        /comes over HTTP/.test(await page.findByTestId('liveness-explained').text()),
+      );
       const before = (await chips(page)).length;
 
       link.heal();

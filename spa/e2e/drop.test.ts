@@ -75,7 +75,7 @@ describe("a robot from one's own computer", () => {
     expect(strange).toEqual([]);
     await closed(page);
     await page.evaluate(choose('choose-zip', strToU8('no zip'), 'x.zip'));
-    await until('a reason', async () => (await page.text()).includes('This is no zip.'));
+    await until('a reason', async () => (await page.text()).includes('This is not a zip file.'));
   });
 
   it('has its centre of mass, which follows the sliders; in one line what can not be known', async () => {
@@ -99,7 +99,7 @@ describe("a robot from one's own computer", () => {
       slider.dispatchEvent(new Event('input', { bubbles: true }));
     })()`);
     await until('a quarter of the way', async () => Math.abs((await ball())![2]! - low - 0.1) < 1e-6);
-    expect(await entry()).toMatch(/^Balance\s*The page does not know the soles of a model/);
+    expect(await entry()).toMatch(/^Balance\s*This model is shown straight from its files/);
     mkdirSync(SHOTS, { recursive: true });
     await page.screenshot(path.join(SHOTS, 'drop-balance.png'));
     await page.evaluate(`document.querySelector('[data-testid="local-balance"] input').click()`);
@@ -109,13 +109,13 @@ describe("a robot from one's own computer", () => {
     await closed(page);
     await open('nan');
     await until('the reason', async () => (await page.text()).includes("'nan'; no balance is shown"), 30_000);
-    await until('the entry', async () => (await entry()).includes('masses that can’t be'));
+    await until('the entry', async () => (await entry()).includes('impossible masses'));
     expect(await ball()).toBeNull();
     await closed(page);
     await open('1', '0 0 -200'); // millimetres
     const far = "link 'rod': a centre of mass 200 m away (millimetres?); no balance is shown";
     await until('the links that are far', async () => (await page.text()).includes(far), 30_000);
-    await until('the entry', async () => (await entry()).includes('masses that can’t be'));
+    await until('the entry', async () => (await entry()).includes('impossible masses'));
     expect(await ball()).toBeNull();
   });
 
@@ -179,7 +179,7 @@ ${mesh('binary', 'd.glb', 4.5)}
     for (const what of FULL ? [top, zip] : [top]) {
       await page.dropFiles({ x: 640, y: 300 }, [what]);
       await until(`a body of ${what}`, async () => (await rods(page)) === 1, 30_000);
-      await until('all of it', async () => (await page.text()).includes('Nothing wrong was found.'));
+      await until('all of it', async () => (await page.text()).includes('No problems found.'));
       await closed(page);
     }
   });
@@ -201,7 +201,7 @@ ${mesh('binary', 'd.glb', 4.5)}
     const millimetres = binaryStl(cubeSoup().map((value) => 300 * value));
     const large = zipSync({ 'arm/arm.urdf': strToU8(URDF), 'arm/meshes/rod.stl': millimetres });
     await page.evaluate(choose('choose-zip', large, 'large.zip'));
-    await until('its size', async () => (await page.text()).includes('the robot is 300 m large'), 30_000);
+    await until('its size', async () => (await page.text()).includes('the robot measures 300 m'), 30_000);
     expect(await page.text()).toContain(
       `link 'rod': its mesh is 300 m long: millimetres? scale="0.001 0.001 0.001" · line 2`,
     );
@@ -210,7 +210,7 @@ ${mesh('binary', 'd.glb', 4.5)}
     const wrong = strToU8('<!doctype html><html><body>Not found</body></html>');
     const broken = zipSync({ 'arm/arm.urdf': strToU8(URDF), 'arm/meshes/rod.stl': wrong });
     await page.evaluate(choose('choose-zip', broken, 'broken.zip'));
-    const why = `mesh 'package://arm/meshes/rod.stl' of link 'rod': a web page came instead of a mesh · line 2`;
+    const why = `mesh 'package://arm/meshes/rod.stl' of link 'rod': the server sent a web page instead of a mesh · line 2`;
     await until('why', async () => (await page.text()).includes(why), 30_000);
   });
 
@@ -232,9 +232,7 @@ ${mesh('binary', 'd.glb', 4.5)}
       '[(window.before = performance.memory?.usedJSHeapSize ?? 0), (window.began = performance.now())]',
     );
     await page.evaluate(choose('choose-zip', bomb, 'bomb.zip'));
-    await until('a reason', async () =>
-      (await page.text()).includes('unpacks to more than a robot has, at a.stl'),
-    );
+    await until('a reason', async () => (await page.text()).includes('unpacks to too much data, at a.stl'));
     const cost = await page.evaluate<{ ms: number; mb: number }>(
       '({ ms: performance.now() - window.began, mb: ((performance.memory?.usedJSHeapSize ?? 0) - window.before) / 1e6 })',
     );

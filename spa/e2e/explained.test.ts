@@ -59,7 +59,7 @@ it('columns, units, flags and sensors explain themselves when they are pressed, 
       await page.evaluate<boolean>('document.activeElement.dataset.explain === "columns.pos"'),
       'the focus goes back',
     ).toBe(true);
-    await asks(page, '.joints thead .c-pos .unit', /^rad\|A way to measure an angle.*\|$/s);
+    await asks(page, '.joints thead .c-pos .unit', /^rad\|A unit of angle.*\|$/s);
     await asks(page, '.fault-line [data-explain="flag"]', /^jam\|Right knee is blocked\./);
     await page.findByRole('tab', 'Sensors').click();
     await asks(page, '.sensor .kind', /\|.+/s);
@@ -137,7 +137,7 @@ it('an arrow that moves explains itself, green and all, by a tap 15 px beside it
         await page.click(beside);
       },
       async () =>
-        /^arrow at a hand or foot\|.*green is well, yellow is close to a limit, red is past it/.test(
+        /^arrow at a hand or foot\|.*Green is fine, yellow is close to a limit, red is past it/.test(
           await explained(page),
         ),
     );

@@ -193,7 +193,7 @@ it('who comes to a full relay is told the faults of before, as who has a place, 
     source.write(JSON.stringify({ ...JAMMED, once: true }));
     await until(`${times}`, async () => {
       const said = await saidOfFaults(first);
-      return /^Was: /.test(said.line) && said.times === times;
+      return /^Earlier: /.test(said.line) && said.times === times;
     });
     await goesOn(first, 30); // two faults within a second may count as one
   }

@@ -25,7 +25,7 @@ describe('robots side by side', () => {
     const text = (robot: string) =>
       page.evaluate<string>(`document.querySelector('[data-testid="numbers-${robot}"]')?.textContent ?? ''`);
     await until('its numbers', async () => /RKN pos.0\.900 rad/.test(await text('bare')), 60_000);
-    expect(await text('bare')).toContain('It has sent no model');
+    expect(await text('bare')).toContain('It sent no model');
     await until(
       'one that is not there says so',
       async () => (await text('nobody')).includes('OFFLINE'),
@@ -62,7 +62,7 @@ describe('robots side by side', () => {
         30_000,
       );
     }
-    await page.findByRole('button', 'Show some side by side').click();
+    await page.findByRole('button', 'View side by side').click();
     for (const robot of ['one', 'two', 'three']) await page.findByTestId(`robot-${robot}`).click();
     await page.findByRole('link', 'Show 3 side by side').click();
     expect(await page.evaluate<string>('location.hash')).toBe('#/r/one+two+three');

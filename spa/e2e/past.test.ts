@@ -166,13 +166,13 @@ it('a moment has its link while presented, and one that can’t be shown is name
   await page.screenshot(path.join(SHOTS, 'past-presented.png'));
 
   const link = (t: string) => `${relay.url}/#/r/demo?t=${t}`;
-  const old = /[123] Jan (2026 )?.*is not kept any more; this is the oldest there is, \d\d:\d\d:\d\d/;
+  const old = /[123] Jan (2026 )?.*is no longer kept; this is the oldest moment, \d\d:\d\d:\d\d/;
   await page.open(link('2026-01-02T12:00:00.000Z'));
   await until('the banner names it', async () => old.test(await text('stage-note')), 60_000);
   expect(await text('past-note')).toMatch(old);
   await page.open('about:blank');
   await page.open(link('2199-01-02T12:00:00.000Z'));
-  await until('it has not come', async () => /2199.*not come yet/.test(await text('past-note')), 60_000);
+  await until('it has not come', async () => /2199.*in the future/.test(await text('past-note')), 60_000);
   await until('LIVE', is(page, 'LIVE'), 60_000);
   await page.open('about:blank');
   await page.open(link('hello'));
@@ -186,7 +186,7 @@ it('a link to a moment says so where there is no past, and shows what is live', 
   const page = await stage.newPage({ viewport: PHONE });
   await page.open(`${relay.url}/#/r/demo?t=2026-11-22T14:02:07.250Z`);
   await until('it is said', async () =>
-    /moment of this link/.test(
+    /moment in this link/.test(
       (await page.evaluate<string>(`${testId('past-note')}?.textContent ?? ''`)) ?? '',
     ),
   );

@@ -126,7 +126,7 @@ it.skipIf(!FULL)(
     );
 
     await page.viewport({ width: 390, height: 844 });
-    await page.findByRole('button', 'Raise the numbers').click();
+    await page.findByRole('button', 'Expand the numbers').click();
     await until('room', () =>
       page.evaluate<boolean>('document.querySelector(".panel .plot .u-over")?.clientWidth < 360'),
     );

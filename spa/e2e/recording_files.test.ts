@@ -36,7 +36,7 @@ it('a .posecast file that is chosen is shown, and what is none says so in one se
   const refusal = () => textOf(page, 'drop-refused');
   for (const [name, file, says] of [
     ['cut.posecast', bytes.subarray(0, bytes.length >> 1), /can’t be read/],
-    ['empty.posecast', Buffer.from(zipOf({ 'x.txt': 'x' })), /no recording in this file/],
+    ['empty.posecast', Buffer.from(zipOf({ 'x.txt': 'x' })), /file contains no recording/],
     ['newer.posecast', Buffer.from(zipOf({ 'recording.json': newer })), /newer Posecast/],
     ['odd.posecast', Buffer.from(zipOf({ 'recording.json': '{"format":' })), /recording\.json is damaged/],
     ['recording.json', Buffer.from('{}'), /whole folder/],

@@ -67,7 +67,7 @@ describe.skipIf(!FULL || !canBuild())(
             () => second === undefined || page.requested.some((url) => url.endsWith(`/${second}`)),
           );
           mkdirSync(SHOTS, { recursive: true });
-          for (const side of ['Back to the first view', 'front', 'side', 'top']) {
+          for (const side of ['Reset the view', 'front', 'side', 'top']) {
             const before = await renderedFrames(page);
             await page.findByRole('button', side).click();
             await until('a picture', async () => (await renderedFrames(page)) > before);

@@ -87,7 +87,7 @@ it.skipIf(!FULL)(
       await fill(page, EMAIL, 'wrong');
       await until('it says so', there(page, 'sign-in-wrong'), 30_000);
       await photograph(page, 'sign-in-wrong');
-      expect(await page.findByTestId('sign-in-wrong').text()).toMatch(/do not fit together/);
+      expect(await page.findByTestId('sign-in-wrong').text()).toMatch(/Wrong e-mail or password/);
       await fill(page, EMAIL, PASSWORD);
       await until('the private robot', there(page, 'robot-lab'), 30_000);
 

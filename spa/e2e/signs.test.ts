@@ -112,7 +112,7 @@ describe('limits', () => {
     );
     await type('-99');
     expect(await page.findByTestId('limits').text()).toContain(
-      'The lower limit must lie below the upper one.',
+      'The lower limit must be below the upper one.',
     );
     expect((await foot())?.level, 'what makes no sense changes nothing').toBe('fault');
 
@@ -120,7 +120,7 @@ describe('limits', () => {
     await shown(page);
     await until('the fault again', async () => (await foot())?.level === 'fault');
     await openLimits();
-    await page.findByRole('button', 'All as in the profile').click();
+    await page.findByRole('button', 'Reset all to profile').click();
     await until('well again', async () => (await foot())?.level === 'ok');
   });
 });

@@ -96,11 +96,11 @@ describe.skipIf(!FULL)('a slow device', () => {
     await page.open(`${relay.url}/#/r/demo`);
     await until('a body', async () => (await shells(page)) > 500, 60_000);
     const whole = await ratio(page);
-    await until('fewer pixels', async () => (await ratio(page)) < whole, 60_000);
+    await until('lower resolution', async () => (await ratio(page)) < whole, 60_000);
     await until('it says so', async () => /pixels|detail/.test(await trouble(page)));
     const fine = await shells(page);
     await until('less detail', async () => (await trouble(page)) === 'detail', 60_000);
-    await until('a coarser body', async () => (await shells(page)) <= fine);
+    await until('less detail', async () => (await shells(page)) <= fine);
     expect(await page.findByTestId('view-note').text()).toMatch(/slow/);
     source.write(JSON.stringify({ pos: { joint1: 0.3, joint2: 0 } }));
     await until('sharp at rest', async () => (await ratio(page)) === whole, 30_000);

@@ -101,7 +101,7 @@ describe('a URDF', () => {
       await page.findByTestId('robot-free').click();
       const line = page.findByTestId('model-findings');
       await until('the line', async () => (await line.count()) === 1, 30_000);
-      expect(await line.text()).toMatch(/^One remark/);
+      expect(await line.text()).toMatch(/^1 finding/);
       await page.evaluate(`document.querySelector('[data-testid="model-findings"] summary').click()`);
       expect(await line.text()).toContain("joint 'tilt' is revolute and has no <limit> · line 10");
       await page.evaluate(`document.querySelector('[data-testid="model-findings"] summary').click()`);

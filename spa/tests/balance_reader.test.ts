@@ -76,8 +76,8 @@ function readOtherwise(members: Record<string, unknown>, mapping?: unknown) {
 it('what a bundle has wrong is told in a line, and is as good as not there', () => {
   const { reader, told } = readOtherwise({ inertials: [{ link: 99 }], soles: 'none' });
   expect(reader.problems).toEqual([
-    'model manifest: inertials[0]: its link is not there',
-    'model manifest: soles is no list',
+    'model manifest: inertials[0]: its link does not exist',
+    'model manifest: soles is not a list',
   ]);
   expect([told.gaps.centre_of_mass, told.gaps.polygon]).toEqual(['old-bundle', 'old-bundle']);
   expect([reader.hasAny, reader.onByItself]).toEqual([false, false]);

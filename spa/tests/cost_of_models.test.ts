@@ -63,11 +63,9 @@ describe('a manifest', () => {
 
   test('names that stand there twice are refused: they would go round in a circle', () => {
     const twice = { ...robot(2, (i) => i), links: ['a', 'b', 'a'] };
-    expect(() => readManifest(twice)).toThrow('model manifest: links: a name stands there twice');
+    expect(() => readManifest(twice)).toThrow('model manifest: links: a name is used twice');
     const joints = [joint(0, 0), { ...joint(1, 1), name: 'j0' }];
-    expect(() => readManifest({ ...robot(2, (i) => i), joints })).toThrow(
-      'joints: a name stands there twice',
-    );
+    expect(() => readManifest({ ...robot(2, (i) => i), joints })).toThrow('joints: a name is used twice');
   });
 });
 

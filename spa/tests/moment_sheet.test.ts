@@ -103,7 +103,7 @@ describe('going to a moment', () => {
     const { find, type, hint } = await sheet(past);
     const go = find<HTMLButtonElement>('[data-testid=moment-go]');
     await type('moment-date', dateOf(now + 2 * DAY));
-    await until(() => expect(hint()).toBe('That has not come yet.'));
+    await until(() => expect(hint()).toBe('That is in the future.'));
     expect(go.disabled).toBe(true);
     await type('moment-date', dateOf(now - 9 * DAY));
     await until(() => expect(hint()).toMatch(/^That is no longer kept. The oldest is /));
@@ -119,9 +119,9 @@ describe('going to a moment', () => {
     const { type, hint } = await sheet(past);
     past.told.length = 0;
     await type('moment-date', dateOf(now - 2.2 * DAY));
-    await until(() => expect(hint()).toMatch(/^Looking/));
+    await until(() => expect(hint()).toMatch(/^Checking/));
     await until(() => expect(past.told.filter((told) => told.startsWith('day'))).toHaveLength(1));
-    await until(() => expect(hint(), 'it can’t be had').not.toMatch(/^Looking/));
+    await until(() => expect(hint(), 'it can’t be had').not.toMatch(/^Checking/));
   });
 
   it('is two taps away for an hour of yesterday', async () => {

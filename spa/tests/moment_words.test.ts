@@ -37,10 +37,10 @@ describe('a moment in words', () => {
 
   it('names the moment that a link asks for, with its day, where it is not kept', () => {
     expect(notKeptWords(NOON - 30 * MIN, NOON, NOON + MIN)).toBe(
-      '22 Nov 13:34:07 is not kept any more; this is the oldest there is, 14:04:07',
+      '22 Nov 13:34:07 is no longer kept; this is the oldest moment, 14:04:07',
     );
     expect(notKeptWords(NOON, NOON, NOON + MIN)).toBe(
-      '22 Nov 14:04:07 was not recorded; this is the nearest there is, 14:04:07',
+      '22 Nov 14:04:07 was not recorded; this is the nearest moment, 14:04:07',
     );
   });
 

@@ -145,7 +145,7 @@ describe('the numbers', { timeout: 60_000 }, () => {
     await waitForText('.plot-legend', /RKN pos.*0\.250/);
     await click('[data-testid=plot-pause]');
     await say({ 'pos.RKN': 900 });
-    await waitForText('[data-testid=plot-pause]', 'Go on');
+    await waitForText('[data-testid=plot-pause]', 'Resume');
     expect(host.querySelector('.plot-legend')?.textContent).toMatch(/0\.250/);
     selectJoint('RKN');
     await find('#tab-Joints[aria-selected=true]');
@@ -181,7 +181,7 @@ describe('the numbers', { timeout: 60_000 }, () => {
     await say({ 'ftf.RF.fz': 10 });
     await waitForText(
       '[data-testid=alarms]',
-      /\d\d:\d\d:\d\dright foot Fz above 100 Nyour limit cleared.*right foot Fz above 100 Nyour limit/,
+      /\d\d:\d\d:\d\dright foot Fz above 100 Nyour limit ended.*right foot Fz above 100 Nyour limit/,
     );
     setOwnLimit(twin, 'ftf', 'RF.fz', null);
   });

@@ -62,7 +62,7 @@ export class LightPainter {
     this.#changed = changed;
     const context = this.canvas.getContext('2d', { alpha: false });
     if (context === null)
-      throw new Error('This browser draws no pictures. The numbers show everything the robot says.');
+      throw new Error('This browser can’t draw on a canvas. The table shows all readings.');
     this.#context = context;
     this.canvas.setAttribute('role', 'img');
     this.canvas.setAttribute('aria-label', 'View of the robot');

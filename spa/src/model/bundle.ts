@@ -45,7 +45,7 @@ export function parseManifest(text: string): Readonly<Record<string, unknown>> {
   } catch {
     throw new BundleError('model manifest: not JSON');
   }
-  if (!isRecord(raw)) throw new BundleError('model manifest: no object');
+  if (!isRecord(raw)) throw new BundleError('model manifest: not an object');
   return raw;
 }
 
@@ -87,7 +87,7 @@ export async function fetchBytes(
     if (!url.startsWith(folder)) continue;
     const path = decodeURIComponent(url.slice(folder.length));
     const bytes = await read(path, limit).catch((cause: unknown) => {
-      throw new BundleError(`${name}: not there`, { cause });
+      throw new BundleError(`${name}: not found`, { cause });
     });
     onBytes(bytes.length);
     return bytes;

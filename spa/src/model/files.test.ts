@@ -68,7 +68,7 @@ it('bytes that are too few, too many or others are refused by name', async () =>
   for (const [wrong, why] of [
     [LOW.slice(1), /2999 bytes instead of 3000/],
     [new Uint8Array(3001), /longer than 3000 bytes/],
-    [LOW.slice().fill(0, 7, 9), /not the bytes that were announced/],
+    [LOW.slice().fill(0, 7, 9), /its SHA-256 does not match/],
   ] as const) {
     answer = () => new Response(wrong.slice());
     await expect(lodBytes(file, url, never, () => {})).rejects.toThrow(why);

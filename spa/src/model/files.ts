@@ -98,7 +98,7 @@ class ComingLevel {
     const bytes = await fetchBytes(url, size, this.#leave.signal, (more) => this.#hear(more));
     if (bytes.length !== size) throw new BundleError(`${path}: ${bytes.length} bytes instead of ${size}`);
     if ((await matchesHash(sha256, bytes)) === false) {
-      throw new BundleError(`${path}: not the bytes that were announced (SHA-256)`);
+      throw new BundleError(`${path}: its SHA-256 does not match`);
     }
     void storeLod(sha256, bytes);
     return bytes;

@@ -63,7 +63,7 @@ export class Glb {
       else if (type === BINARY_CHUNK) binary = chunk as Uint8Array<ArrayBuffer>;
       at += 8 + length + ((4 - (length % 4)) % 4);
     }
-    if (!isRecord(json)) throw new GlbError('its JSON is no object');
+    if (!isRecord(json)) throw new GlbError('its JSON is not an object');
     await MeshoptDecoder.ready;
     return new Glb(json, binary);
   }
@@ -73,7 +73,8 @@ export class Glb {
     const known = this.#lists.get(name);
     if (known !== undefined) return known;
     const value = this.#json[name] ?? [];
-    if (!Array.isArray(value) || !value.every(isRecord)) throw new GlbError(`${name} is no list of objects`);
+    if (!Array.isArray(value) || !value.every(isRecord))
+      throw new GlbError(`${name} is not a list of objects`);
     this.#lists.set(name, value);
     return value;
   }
@@ -82,7 +83,7 @@ export class Glb {
     const raw = this.#entry('accessors', index);
     const { bufferView, byteOffset = 0, count, componentType, type } = raw;
     if (!isSize(bufferView) || !isSize(byteOffset) || !isSize(count))
-      throw new GlbError('an accessor of nothing');
+      throw new GlbError('an accessor without data');
     return {
       view: bufferView,
       offset: byteOffset,
@@ -122,7 +123,7 @@ export class Glb {
     const { byteStride: stride, count, mode, filter = 'NONE' } = packed;
     const fits = typeof mode === 'string' && Object.hasOwn(STRIDES, mode) ? STRIDES[mode] : undefined;
     if (!isSize(stride) || !isSize(count) || fits?.(stride) !== true || filter !== 'NONE') {
-      throw new GlbError('packed in a way that is not known');
+      throw new GlbError('unknown packing');
     }
     this.#unpacked += count * stride;
     if (this.#unpacked > MAX_UNPACKED_BYTES) throw new GlbError('unpacks to too many bytes');

@@ -174,7 +174,7 @@ class GlbLodSource implements LodSource {
     let room = MAX_UNPACKED_BYTES; // many may lie in one view
     this.pictures = images.map(({ bufferView, mimeType }) => {
       if (mimeType !== 'image/png' && mimeType !== 'image/jpeg')
-        throw new GlbError('a picture of unknown kind');
+        throw new GlbError('a picture of unknown type');
       const bytes = glb.view(bufferView);
       room -= bytes.length;
       if (room < 0) throw new GlbError('unpacks to too many bytes');
@@ -250,7 +250,7 @@ class GlbLodSource implements LodSource {
       normal.componentType !== BYTE ||
       normal.count !== position.count
     ) {
-      throw new GlbError('its vertices are not quantised as they should be');
+      throw new GlbError('its vertices are not quantised as expected');
     }
     this.positions = numbers(this.#glb, position, Int16Array, 4);
     this.normals = numbers(this.#glb, normal, Int8Array, 4);
@@ -262,7 +262,7 @@ class GlbLodSource implements LodSource {
     this.#laid = index;
     const uv = this.#glb.accessor(index);
     if (uv.componentType !== FLOAT || uv.count !== vertices)
-      throw new GlbError('its pictures have no places');
+      throw new GlbError('its textures have no coordinates');
     this.uvs = numbers(this.#glb, uv, Float32Array, 2);
   }
 }
@@ -287,7 +287,7 @@ function nodeTransform({
   scale = [1, 1, 1],
 }: Raw): number[] {
   const all = [translation, rotation, scale].flat().map(Number);
-  if (all.length !== 10 || !all.every(Number.isFinite)) throw new GlbError('a node that is nowhere');
+  if (all.length !== 10 || !all.every(Number.isFinite)) throw new GlbError('a node without a valid position');
   const [x, y, z, qx, qy, qz, qw, s] = all as [
     number,
     number,

@@ -79,7 +79,7 @@ export function readManifest(raw: Raw): Manifest {
   );
   for (const [i, { mimic }] of joints.entries()) {
     if (mimic !== null && joints[mimic.joint] === undefined)
-      throw wrong(`joints[${i}] mimics a joint that is not there`);
+      throw wrong(`joints[${i}] mimics a joint that does not exist`);
   }
   return {
     robot: typeof raw.robot === 'string' ? raw.robot : '',
@@ -169,7 +169,7 @@ function readLevelFile(raw: Raw, i: number): LodFile {
 
 function readVisual(raw: Raw, i: number, links: number): Visual {
   const { link, source, box, placeholder } = raw;
-  if (!isIndex(link, links)) throw wrong(`visuals[${i}]: its link is not there`);
+  if (!isIndex(link, links)) throw wrong(`visuals[${i}]: its link does not exist`);
   return {
     link,
     source: loose(source),
@@ -188,13 +188,13 @@ function wrong(what: string): BundleError {
 }
 
 function record(value: unknown, where: string): Raw {
-  if (!isRecord(value)) throw wrong(`${where} is no object`);
+  if (!isRecord(value)) throw wrong(`${where} is not an object`);
   return value;
 }
 
 export function list(value: unknown, where: string, most: number): readonly unknown[] {
-  if (!Array.isArray(value)) throw wrong(`${where} is no list`);
-  if (value.length > most) throw wrong(`${where}: ${value.length} are too many`);
+  if (!Array.isArray(value)) throw wrong(`${where} is not a list`);
+  if (value.length > most) throw wrong(`${where}: too many entries, ${value.length}`);
   return value;
 }
 
@@ -203,13 +203,13 @@ function optionalList(value: unknown): Raw[] {
 }
 
 function text(value: unknown, where: string): string {
-  if (typeof value !== 'string') throw wrong(`${where} is no name`);
+  if (typeof value !== 'string') throw wrong(`${where} is not a name`);
   return value;
 }
 
 /** Throws if a name occurs twice: links and joints are looked up by name. */
 function unique(names: readonly string[], where: string): void {
-  if (new Set(names).size < names.length) throw wrong(`${where}: a name stands there twice`);
+  if (new Set(names).size < names.length) throw wrong(`${where}: a name is used twice`);
 }
 
 /** Lenient text, for values that are only shown: anything else becomes ''. */

@@ -43,7 +43,7 @@ export interface PastSink {
  * Something that the person has to be told about what is shown. `loading`: it is on its way. `resumed`: its moment left
  * the window, so it goes on at the oldest. `not-kept`: the moment that a link names is not kept, and the nearest is shown.
  * `not-come`: it is still to come, and the present is shown. `unlooped`: somebody went out of the span that was repeated.
- * `damaged`: a part did not arrive as it was recorded, and was passed over. `away`: the relay, or the host of a recording, does
+ * `damaged`: a part did not arrive as it was recorded, and was skipped. `away`: the relay, or the host of a recording, does
  * not answer, so only what the page has can be shown.
  */
 export type PastNote = 'loading' | 'resumed' | 'not-kept' | 'not-come' | 'unlooped' | 'damaged' | 'away';

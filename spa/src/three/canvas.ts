@@ -17,8 +17,7 @@ export class SceneCanvas {
     this.#on = on;
     this.canvas = document.createElement('canvas');
     const context = this.canvas.getContext('webgl2', { antialias: true, alpha: false });
-    if (context === null)
-      throw new Error('This browser has no 3D. The table shows everything the robot says.');
+    if (context === null) throw new Error('This browser has no 3D. The table shows all readings.');
     this.renderer = new WebGLRenderer({ canvas: this.canvas, context });
     this.renderer.toneMapping = NeutralToneMapping; // keeps the colours of the URDF, rolls off highlights only
     this.renderer.shadowMap.enabled = true;

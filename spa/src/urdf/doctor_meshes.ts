@@ -31,7 +31,7 @@ export function meshFindings(
     visuals.flatMap(({ shape }): Named[] => (shape === null ? [] : [[name, shape]])),
   );
   if (urdf.links.length > 0 && shapes.length === 0)
-    say('warning', 'nothing-drawn', 'no link has a visual: only its skeleton is drawn', null);
+    say('warning', 'nothing-drawn', 'no link has a visual: only the skeleton is drawn', null);
   for (const [link, shape] of shapes) scale(link, shape, say);
   const facts = new Map(read);
   for (const uri of missing) facts.set(uri, missingMesh('no such file'));
@@ -163,13 +163,13 @@ function whole(tree: Tree, facts: Facts, say: Say): void {
   const { low, high } = robotBox(tree, facts);
   const largest = Math.max(...high.map((value, i) => value - low[i]!));
   if (largest > LARGE_M) {
-    const text = `the robot is ${general(largest, 3)} m large: are its meshes or origins in millimetres?`;
+    const text = `the robot measures ${general(largest, 3)} m: are its meshes or origins in millimetres?`;
     say('warning', 'robot-large', text, null);
   } else if (largest >= 0 && largest < SMALL_M) {
     say(
       'warning',
       'robot-small',
-      `the robot is only ${general(largest, 3)} m large: is it scaled twice?`,
+      `the robot measures only ${general(largest, 3)} m: is it scaled twice?`,
       null,
     );
   }

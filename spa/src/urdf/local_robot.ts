@@ -44,7 +44,7 @@ export async function urdfsIn(files: LocalFiles): Promise<string[]> {
   if (found.length > 0) return found;
   const other = await findOther(files, paths);
   if (other !== null) throw refuseFormat(other);
-  throw new DropError('No .urdf among these files.', { why: 'dropNoUrdf' });
+  throw new DropError('These files include no .urdf.', { why: 'dropNoUrdf' });
 }
 
 function refuseFormat(robot: OtherRobot): DropError {

@@ -62,7 +62,7 @@ export function massFindings(tree: Tree, facts: Facts | null): Finding[] {
 function wholeFindings(links: readonly Link[], held: ReadonlySet<string>, whole: number): Finding[] {
   const found: Finding[] = [];
   if (whole < MASS_MIN_KG) {
-    const text = `all masses together are ${general(whole, 3)} kg; ${NO_BALANCE}`;
+    const text = `the total mass is ${general(whole, 3)} kg; ${NO_BALANCE}`;
     const { line = null } = links.find(({ inertial }) => inertial !== null)?.inertial ?? {};
     found.push({ severity: 'warning', code: 'mass-light', text, line });
   }
@@ -97,7 +97,7 @@ function centreFindings(tree: Tree, links: readonly Link[], facts: Facts): Findi
       }),
     );
     if (outside <= size) return [];
-    const text = `link ${quoted(name)}: its centre of mass is ${general(outside, 3)} m outside of the robot, which is ${general(size, 3)} m large`;
+    const text = `link ${quoted(name)}: its centre of mass is ${general(outside, 3)} m outside the robot, which measures ${general(size, 3)} m`;
     return [{ severity: 'warning', code: 'centre-outside', text, line: inertial.line }];
   });
 }
@@ -140,7 +140,7 @@ function heldLinks({ joints }: Tree, links: readonly Link[]): Set<string> {
 
 function emptiness(link: Link, share: number): Problem | null {
   if (!shows(link)) return null;
-  return [share > EMPTY_SHARE ? 'mass-zero' : 'massless', 'it shows something and has a mass of 0 kg'];
+  return [share > EMPTY_SHARE ? 'mass-zero' : 'massless', 'it is visible but has a mass of 0 kg'];
 }
 
 function extreme({ mass, xyz }: Inertial): Problem | null {
@@ -164,7 +164,7 @@ function impossible({ mass, moments }: Inertial, share: number): Problem | null 
   const lack = Math.max(high - low - middle, -2 * low);
   if (lack <= SLACK * size) return null;
   const [a, b, c] = [high, middle, low].map((value) => general(value, 3));
-  const text = `no body has principal moments of inertia of ${a}, ${b} and ${c} kg·m²`;
+  const text = `impossible principal moments of inertia: ${a}, ${b} and ${c} kg·m²`;
   return lack > GROSS * size && size > mass * SPAN_M ** 2 && share > MOMENTS_SHARE
     ? ['mass-moments', text]
     : ['inertia', `${text}; simulators refuse it`];

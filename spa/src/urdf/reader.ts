@@ -66,7 +66,7 @@ class UrdfReader implements Urdf {
     if (this.name === '') this.#say('hint', 'robot-name', '<robot> has no name', root);
     const macro = root.children.find(({ tag }) => tag.startsWith('xacro:'));
     if (macro !== undefined) {
-      const text = 'xacro macros are left in it; expand them first: xacro robot.xacro > robot.urdf';
+      const text = 'it still has xacro macros; expand them first: xacro robot.xacro > robot.urdf';
       this.#say('error', 'xacro', text, macro);
     }
     for (const element of root.all('material')) this.#define(this.#material(element, 'material'));
@@ -101,7 +101,7 @@ class UrdfReader implements Urdf {
     if (first === undefined) {
       this.materials.set(material.name, material);
     } else if (String(first.rgba) !== String(material.rgba) || first.texture !== material.texture) {
-      const text = `material ${quoted(material.name)} has two meanings; the first (line ${first.line}) counts`;
+      const text = `material ${quoted(material.name)} is defined twice; the first (line ${first.line}) is used`;
       this.#say('hint', 'material-doubled', text, material);
     }
   }
@@ -204,7 +204,7 @@ class UrdfReader implements Urdf {
     }
     const known = holder.children.filter(isShape);
     if (known.length > 1) {
-      const text = `${what}: several shapes in one geometry; the first counts`;
+      const text = `${what}: several shapes in one geometry; the first is used`;
       this.#say('warning', 'shape-several', text, holder);
     }
     const [shape] = known;
@@ -251,7 +251,7 @@ class UrdfReader implements Urdf {
     const [most, least] = [Math.max(...values), Math.min(...values)];
     if (most > 1 || least < 0) {
       const bytes = most > 1 && least >= 0 && most <= 255;
-      this.#say('warning', 'color', `${what}: rgba beyond 0 … 1${bytes ? '; read as 0 … 255' : ''}`, color);
+      this.#say('warning', 'color', `${what}: rgba outside 0 … 1${bytes ? '; read as 0 … 255' : ''}`, color);
       const scale = bytes ? 255 : 1;
       values = values.map((value, i) => (i < 3 || value > 1 ? value / scale : value));
     }
@@ -307,7 +307,7 @@ class UrdfReader implements Urdf {
     if (name !== trimmed(name)) {
       this.#say('warning', 'name-odd', `${what} ${quoted(name)}: spaces around the name`, element);
     } else if (['__proto__', 'constructor', 'prototype'].includes(name) || /[<>&"'`]/.test(name)) {
-      this.#say('warning', 'name-odd', `${what} ${quoted(name)}: a name that trips other programs`, element);
+      this.#say('warning', 'name-odd', `${what} ${quoted(name)}: this name breaks other programs`, element);
     }
     return name;
   }
@@ -356,7 +356,7 @@ class UrdfReader implements Urdf {
     const wrong = expandable
       ? 'was not expanded by xacro'
       : values === null
-        ? 'is no number'
+        ? 'is not a number'
         : 'is not finite';
     this.#say('error', 'number', `${what}: <${element.tag} ${name}> ${wrong}: ${quoted(text, 40)}`, element);
     return null;

@@ -37,10 +37,10 @@ export function buildTree(urdf: Urdf): Tree {
   let root: string | null = null;
   let order: readonly Joint[] = [];
   if (links.size === 0) {
-    say('no-links', 'there is no link in it', null);
+    say('no-links', 'it has no links', null);
   } else if (trees.size === 0) {
     const [first] = links.values();
-    say('no-root', 'no link is the root: the joints go round in a circle', first?.line ?? null);
+    say('no-root', 'there is no root link: the joints form a loop', first?.line ?? null);
   } else {
     for (const [name, joints] of trees)
       if (root === null || joints.length > order.length) [root, order] = [name, joints];
@@ -60,7 +60,7 @@ function uniqueLinks(urdf: Urdf, say: Say): Map<string, Link> {
     else
       say(
         'link-doubled',
-        `link ${quoted(link.name)} stands twice (first in line ${first.line}); the first counts`,
+        `link ${quoted(link.name)} is defined twice (first in line ${first.line}); the first is used`,
         link.line,
       );
   }
@@ -78,17 +78,17 @@ function jointsByParent(urdf: Urdf, links: ReadonlyMap<string, Link>, say: Say):
     const other = held.get(child);
     const problem =
       first !== undefined
-        ? ['joint-doubled', `${what} stands twice (first in line ${first.line})`]
+        ? ['joint-doubled', `${what} is defined twice (first in line ${first.line})`]
         : parent !== '' && !links.has(parent)
-          ? ['joint-parent', `${what}: there is no parent link ${quoted(parent)}`]
+          ? ['joint-parent', `${what}: its parent link ${quoted(parent)} does not exist`]
           : child !== '' && !links.has(child)
-            ? ['joint-child', `${what}: there is no child link ${quoted(child)}`]
+            ? ['joint-child', `${what}: its child link ${quoted(child)} does not exist`]
             : parent !== '' && parent === child
               ? ['loop', `${what} joins link ${quoted(parent)} to itself`]
               : other !== undefined
                 ? [
                     'two-parents',
-                    `link ${quoted(child)} is child of two joints, ${quoted(other.name)} and ${quoted(joint.name)}`,
+                    `link ${quoted(child)} has two parent joints, ${quoted(other.name)} and ${quoted(joint.name)}`,
                   ]
                 : null;
     if (first === undefined) names.set(joint.name, joint);
@@ -126,13 +126,13 @@ function nameTheRest(
     for (const { child } of joints) reached.add(child);
     if (other === root) continue;
     const size = joints.length > 0 ? ` with the ${joints.length} below it` : '';
-    const text = `link ${quoted(other)}${size} hangs on nothing (the root is ${quoted(root)}); not shown`;
+    const text = `link ${quoted(other)}${size} is not connected to the root ${quoted(root)}; not shown`;
     say('several-roots', text, links.get(other)?.line ?? null);
   }
   const lost = [...links.values()].filter(({ name }) => !reached.has(name));
   if (lost.length === 0) return;
   const names = lost.slice(0, 4).map(({ name }) => quoted(name));
-  say('loop', `joints go round in a circle: ${names.join(', ')}; not shown`, lost[0]?.line ?? null);
+  say('loop', `joints form a loop: ${names.join(', ')}; not shown`, lost[0]?.line ?? null);
 }
 
 function followsOf(urdf: Urdf, order: readonly Joint[], say: Say): Map<string, Follow> {
@@ -174,7 +174,7 @@ class Leaders {
       const target = at.mimic!.joint;
       const next = this.#shown.get(target);
       if (next === undefined) {
-        const why = this.#known.has(target) ? ', which is left out' : ', which there is not';
+        const why = this.#known.has(target) ? ', which is left out' : ', which does not exist';
         end = { code: 'mimic-unknown', text: `mimics joint ${quoted(target)}${why}` };
       } else {
         at = next;
@@ -184,7 +184,7 @@ class Leaders {
     let inCircle = end === null;
     for (const one of [...chain.values()].reverse()) {
       if (end === null || inCircle) {
-        end = { code: 'mimic-loop', text: `mimics in a circle, over ${quoted(one.name)}` };
+        end = { code: 'mimic-loop', text: `mimics in a loop, through ${quoted(one.name)}` };
         inCircle = one !== at; // the circle closes here; joints before it only lead into it
       } else end = behind(one, end);
       this.#found.set(one.name, end);
@@ -208,6 +208,6 @@ function behind({ mimic }: Joint, end: Follow | NoLeader): Follow | NoLeader {
   const multiplier = mimic.multiplier * end.multiplier;
   const offset = mimic.multiplier * end.offset + mimic.offset;
   if (!Number.isFinite(multiplier) || !Number.isFinite(offset))
-    return { code: 'mimic-endless', text: 'mimics another by numbers that have no end' };
+    return { code: 'mimic-endless', text: 'mimics another with a multiplier or offset that is not finite' };
   return { leader: end.leader, multiplier, offset };
 }

@@ -87,7 +87,7 @@ export async function unzip(file: Blob): Promise<LocalFiles> {
     void source.cancel().catch(() => {});
   }
   if (refusal !== null) throw refusal;
-  if (members === 0) throw new DropError('This is no zip.', { why: 'dropNoZip' });
+  if (members === 0) throw new DropError('This is not a zip file.', { why: 'dropNoZip' });
   return found;
 }
 

@@ -36,7 +36,7 @@ export interface AnnouncementInput {
 const DEGREES = 180 / Math.PI;
 /** A tilt below this is called upright, without its angle. */
 const LEAN_DEG = 1.5;
-/** A tilt from here on is called far over, or from `LYING_DEG` on lying. */
+/** A tilt from here on is called far from upright, or from `LYING_DEG` on lying. */
 const FAR_DEG = 30;
 const LYING_DEG = 60;
 /** A tilt is announced again when it has changed by about this much. */
@@ -44,7 +44,7 @@ const LEAN_STEP_DEG = 5;
 const MOST_NAMED = 3;
 const ZERO_WIDTH = /^\u2007/;
 
-/** One line about a robot: "demo: live; upright, leaning 3° left; right hand 28 N, caution; 2 joints faulted". The
+/** One line about a robot: "demo: live; upright, leaning 3° left; right hand 28 N, caution; 2 joints with faults". The
  *  text is empty while the liveness is not known yet. */
 export function announcement({
   name,

@@ -14,7 +14,7 @@ const PART_REPORTED = '{joint}: {word}';
 
 /** A fault, as it is told to someone who did not build the robot. */
 export interface FaultSentence {
-  /** "Right knee is not where it was told to be: 0.40 rad off for 14 s."; once it is over, "Was: Right knee is blocked." */
+  /** "Right knee is not where it was told to be: 0.40 rad off for 14 s."; once it is over, "Earlier: Right knee is blocked." */
   readonly said: string;
   /** The joint's code, which stands beside the sentence in small ("RKN"); empty where the sentence has it: of a joint that
    *  has only a code, always. */

@@ -50,9 +50,9 @@ function readByLink<T>(
   let before = -1;
   return list(raw[member], member, links.length).map((entry, i) => {
     const where = `${member}[${i}]`;
-    if (!isRecord(entry)) throw wrong(`${where} is no object`);
+    if (!isRecord(entry)) throw wrong(`${where} is not an object`);
     const { link } = entry;
-    if (!isIndex(link, links.length)) throw wrong(`${where}: its link is not there`);
+    if (!isIndex(link, links.length)) throw wrong(`${where}: its link does not exist`);
     if (link <= before) throw wrong(`${where}: its link does not come after the one before`);
     before = link;
     return read(entry, link, where);

@@ -42,7 +42,7 @@ export async function openPosecastFile(file: Blob): Promise<PosecastFile> {
   const { listAt, listBytes, count } = await findList(file, tail);
   if (count > ENTRIES_MAX) throw new PosecastFileError(`more than ${ENTRIES_MAX} entries`);
   if (listBytes > LIST_BYTES_MAX || listAt + listBytes > file.size)
-    throw new PosecastFileError('its list of entries is cut');
+    throw new PosecastFileError('its list of entries is cut off');
   return new PosecastFile(file, readList(await bytesOf(file, listAt, listAt + listBytes), count));
 }
 
@@ -67,7 +67,7 @@ export class PosecastFile implements RecordingFiles {
     const { deflated, packed, size, at } = entry;
     if (size > most) throw new PastError('damaged', `${path}: more than ${most} bytes`);
     if (deflated ? size > packed * GROWTH_MAX : size !== packed)
-      throw new PastError('damaged', `${path}: a size that can't be`);
+      throw new PastError('damaged', `${path}: an impossible size`);
     const head = viewOf(await this.#bytes(path, at, at + LOCAL_BYTES));
     if (head.byteLength < LOCAL_BYTES || head.getUint32(0, true) !== LOCAL)
       throw new PastError('damaged', `${path}: not where the list says`);
@@ -118,7 +118,7 @@ async function findList(file: Blob, tail: Uint8Array) {
     const isLarge = found.count === 0xffff || found.listBytes === U32 || found.listAt === U32;
     return isLarge ? findLargeList(file, view, at - END64_AT_BYTES) : found;
   }
-  throw new PosecastFileError('no ZIP');
+  throw new PosecastFileError('not a ZIP file');
 }
 
 /** The same of a ZIP with more than 65,534 entries or 4 GB. */
@@ -134,7 +134,7 @@ async function findLargeList(file: Blob, tail: DataView, at: number) {
 /** A whole number of 64 bits. */
 function wholeAt(view: DataView, at: number): number {
   const value = view.getUint32(at + 4, true) * 2 ** 32 + view.getUint32(at, true);
-  if (value > Number.MAX_SAFE_INTEGER) throw new PosecastFileError('a size that can’t be');
+  if (value > Number.MAX_SAFE_INTEGER) throw new PosecastFileError('an impossible size');
   return value;
 }
 
@@ -151,12 +151,12 @@ function readList(list: Uint8Array, count: number): Map<string, Entry> {
     const extraBytes = view.getUint16(at + 30, true);
     const nameAt = at + ENTRY_BYTES;
     const nextAt = nameAt + nameBytes + extraBytes + view.getUint16(at + 32, true);
-    if (nextAt > list.length) throw new PosecastFileError('its list of entries is cut');
+    if (nextAt > list.length) throw new PosecastFileError('its list of entries is cut off');
     const [method, flags] = [view.getUint16(at + 10, true), view.getUint16(at + 8, true)];
     const name = decoder.decode(list.subarray(nameAt, nameAt + nameBytes));
     const sizes = readSizes(view, at, { from: nameAt + nameBytes, to: nameAt + nameBytes + extraBytes });
     total += sizes.size;
-    if (total > UNPACKED_BYTES_MAX) throw new PosecastFileError('it unpacks to more than a recording has');
+    if (total > UNPACKED_BYTES_MAX) throw new PosecastFileError('it unpacks to too much data');
     // others, and what is encrypted, can't be read, and a recording has none of them
     if ((method === 0 || method === 8) && (flags & 1) === 0 && !name.endsWith('/'))
       entries.set(name, { deflated: method === 8, ...sizes });

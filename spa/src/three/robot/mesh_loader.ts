@@ -35,11 +35,12 @@ export function meshKind(bytes: Uint8Array): MeshKind {
   if (isBinaryStl(bytes)) return 'stl';
   const head = new TextDecoder('latin1').decode(bytes.subarray(0, 4096));
   if (/<COLLADA[\s>]/.test(head)) return 'collada';
-  if (/<!doctype html|<html[\s>]/i.test(head)) throw new MeshError('a web page came instead of a mesh');
+  if (/<!doctype html|<html[\s>]/i.test(head))
+    throw new MeshError('the server sent a web page instead of a mesh');
   if (isAsciiStl(bytes)) return 'stl';
   if (bytes.length === 0) throw new MeshError('empty');
   if (/^\s*(?:v|mtllib|o|g)\s+\S/m.test(head) && !head.includes('\0')) return 'obj';
-  throw new MeshError('neither STL, Collada, OBJ nor GLB');
+  throw new MeshError('not STL, Collada, OBJ or GLB');
 }
 
 /** Loads the mesh files of one bundle, each once even if several links use it. */

@@ -26,15 +26,15 @@ export function readRawManifest(raw: Readonly<Record<string, unknown>>): RawMani
     files.set(file.uri, file);
     if (file.path === raw.urdf) urdf = file;
   }
-  if (total > MAX_BUNDLE_BYTES) throw new BundleError(`model manifest: ${total} bytes are too many`);
-  if (urdf === undefined) throw new BundleError('model manifest: its URDF is not among its files');
+  if (total > MAX_BUNDLE_BYTES) throw new BundleError(`model manifest: too many bytes, ${total}`);
+  if (urdf === undefined) throw new BundleError('model manifest: its files include no URDF');
   const missing = Array.isArray(raw.missing) ? raw.missing.filter((uri) => typeof uri === 'string') : [];
   return { urdf, files, missing: new Set(missing) };
 }
 
 function parseFile(entry: unknown, index: number): BundleFile {
   const where = `model manifest: file ${index}`;
-  if (!isRecord(entry)) throw new BundleError(`${where} is no object`);
+  if (!isRecord(entry)) throw new BundleError(`${where} is not an object`);
   const { path, uri, size } = entry;
   if (typeof path !== 'string' || !isInside(path)) throw new BundleError(`${where}: bad path`);
   if (typeof uri !== 'string' || uri === '') throw new BundleError(`${where}: no uri`);

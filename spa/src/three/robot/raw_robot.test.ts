@@ -236,7 +236,7 @@ test('one mesh that two thousand visuals show is stored once and bounded where i
   let shown = 0;
   expect(() => {
     for (; shown < shapes.length; shown += 1) lod.put(shown, large);
-  }).toThrow('left out: the robot unpacks to too many bytes already');
+  }).toThrow('left out: the robot already unpacks to too many bytes');
   expect(shown).toBe(14);
 });
 
@@ -303,7 +303,7 @@ test('a shape without end is named and not drawn, and no box is broken by it', (
   const box = '<visual><geometry><box size="1e300 1 1"/></geometry></visual>';
   const { shapes } = modelOf(readUrdf(readXml(`<robot name="r"><link name="a">${box}</link></robot>`)));
   const mesh = ownMesh(shapes[0]!);
-  expect(() => new LodBuilder(shapes).put(0, mesh)).toThrow('too large to be drawn');
+  expect(() => new LodBuilder(shapes).put(0, mesh)).toThrow('too large to draw');
 });
 
 test.each([

@@ -61,7 +61,7 @@ export class LodBuilder {
     const cost = mesh.reduce((sum, { surface: { positions, index } }) => {
       return sum + bytesOf({ count: positions.length / 3, index });
     }, 0);
-    if (cost > this.#room) throw new MeshError('left out: the robot unpacks to too many bytes already');
+    if (cost > this.#room) throw new MeshError('left out: the robot already unpacks to too many bytes');
     const { centre, step, pieces } = this.#body(mesh, shape.scale);
     this.#room -= cost;
     const linkFromVisual = transform(xyz, quat);
@@ -114,7 +114,7 @@ export class LodBuilder {
     const box = emptyBox();
     const stretch = [scale[0], 0, 0, 0, 0, scale[1], 0, 0, 0, 0, scale[2], 0, 0, 0, 0, 1];
     for (const { surface } of mesh) growBox(box, surface.positions, stretch);
-    if (![...box.min, ...box.max].every(Number.isFinite)) throw new MeshError('too large to be drawn');
+    if (![...box.min, ...box.max].every(Number.isFinite)) throw new MeshError('too large to draw');
     const centre = box.min.map((low, i) => (low + box.max[i]!) / 2) as unknown as Vector;
     const step = Math.max(...box.max.map((high, i) => (high - box.min[i]!) / 2), 1e-9) / REACH;
     return { centre, step, pieces: mesh.map(({ surface }) => this.#add(surface, scale, centre, step)) };

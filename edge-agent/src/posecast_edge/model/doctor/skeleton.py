@@ -57,7 +57,7 @@ def _joint(joint: Joint) -> Iterator[Finding]:
     if joint.type in ("floating", "planar"):
         channels = ", ".join(map(quote_name, _variables(joint)))
         yield Finding(
-            "hint", "joint-free", f"{what} is {joint.type}: it moves by channels {channels}", joint.line
+            "hint", "joint-free", f"{what} is {joint.type}: its channels are {channels}", joint.line
         )
     if joint.type not in SCALAR_TYPES and joint.mimic is not None:
         yield Finding("hint", "mimic-useless", f"{what} is {joint.type} and mimics another", joint.line)
@@ -65,7 +65,7 @@ def _joint(joint: Joint) -> Iterator[Finding]:
         return
     if joint.axis is None:
         plane = joint.type == "planar"
-        more = ": its plane stands upright; a floor is 0 0 1" if plane else ""
+        more = ": its plane is vertical; for a floor, use 0 0 1" if plane else ""
         text = f"{what} has no axis; the standard says x (1 0 0){more}"
         yield Finding("warning" if plane else "hint", "axis-missing", text, joint.line)
     else:
@@ -88,7 +88,7 @@ def _limits(joint: Joint, what: str) -> Iterator[Finding]:
         return
     line = limit.line
     if limit.lower is None and limit.upper is None:
-        text = f"{what}: a <limit> without lower and upper means 0 to 0: it could not move"
+        text = f"{what}: a <limit> without lower and upper means 0 to 0: it can't move"
         yield Finding("warning", "limit-empty", text, line)
         return
     lower, upper = limit.lower or 0.0, limit.upper or 0.0
@@ -98,7 +98,7 @@ def _limits(joint: Joint, what: str) -> Iterator[Finding]:
     elif lower == upper:
         yield Finding("warning", "limit-zero", f"{what}: lower and upper are the same: {shown}", line)
     elif not lower <= 0 <= upper:
-        text = f"{what}: 0 lies outside its limits, {shown}: the zero pose can't be taken"
+        text = f"{what}: 0 is outside its limits, {shown}: it can't reach the zero pose"
         yield Finding("hint", "limit-without-zero", text, line)
     largest = max(abs(lower), abs(upper))
     if joint.type == "revolute" and 2 * TURN < largest < UNBOUNDED:
@@ -139,7 +139,7 @@ def _materials(urdf: Urdf) -> Iterator[Finding]:
                     lines.setdefault(own.name, []).append(own.line)
     for name, where in lines.items():
         times = f", {len(where)} times" if len(where) > 1 else ""
-        text = f"material {quote_name(name)} has no colour anywhere{times}; grey is shown"
+        text = f"material {quote_name(name)} has no colour{times}; shown in grey"
         yield Finding("hint", "material-colour", text, where[0])
 
 
@@ -148,13 +148,13 @@ def _mentions(urdf: Urdf) -> Iterator[Finding]:
     links, joints = {x.name for x in urdf.links}, {x.name for x in urdf.joints}
     for sensor in urdf.sensors:
         if sensor.link not in links:
-            where = f"link {quote_name(sensor.link)}, which there is not" if sensor.link else "no link"
-            text = f"sensor {quote_name(sensor.name)} sits on {where}"
+            where = f"link {quote_name(sensor.link)}, which does not exist" if sensor.link else "no link"
+            text = f"sensor {quote_name(sensor.name)} is on {where}"
             yield Finding("warning", "sensor-link", text, sensor.line)
     for mention in urdf.references:
         known = joints if mention.what == "joint" else links | joints
         if mention.name not in known:
-            text = f"{mention.by} speaks of {mention.what} {quote_name(mention.name)}, which there is not"
+            text = f"{mention.by} refers to {mention.what} {quote_name(mention.name)}, which does not exist"
             yield Finding("warning", "reference", text, mention.line)
 
 
