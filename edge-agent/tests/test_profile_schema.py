@@ -72,7 +72,7 @@ def test_masks_have_bits_without_names() -> None:
         ({"ftf": [1.0]}, "ftf has 1 values without labels: name them, or give a --profile"),
         ({"pos": {"A": 1.0}, "cur": [1.0, 2.0]}, "cur has 2 values without labels"),
         ({}, "the first sample names no channel"),
-        ({"a b": {"x": 1.0}}, "'a b' is no field name"),
+        ({"a b": {"x": 1.0}}, "'a b' is not a field name"),
         ({"x": {str(i): 0.0 for i in range(5000)}}, "it names more than 4096 channels"),
     ],
 )

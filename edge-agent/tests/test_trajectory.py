@@ -160,7 +160,7 @@ def test_a_file_without_a_row_that_fits_is_refused(tmp_path: Path, rows: str, re
 
 
 def test_wrong_configuration_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(SourceError, match="a path is needed"):
+    with pytest.raises(SourceError, match="give a path"):
         open_source("trajectory", profile())
     with pytest.raises(SourceError, match="No such file"):
         open_source(f"trajectory:{tmp_path}/none", profile())
@@ -168,7 +168,7 @@ def test_wrong_configuration_is_refused(tmp_path: Path) -> None:
         open_source(f"trajectory:{tmp_path}/none", None)
     with pytest.raises(ProfileError, match=r"trajectory.columns\[1\]: unknown channel 'base.w'"):
         profile(text=PROFILE.replace('"-"', '"base.w"'))
-    with pytest.raises(ProfileError, match=r"trajectory\.fewest: must lie in 1…3, not 4"):
+    with pytest.raises(ProfileError, match=r"trajectory\.fewest: must be an integer from 1 to 3, not 4"):
         profile("fewest = 4")
 
 
