@@ -14,7 +14,7 @@ TEXT = ("text",)
 
 ROBOTS, OPERATE = "tests/doc_blocks/test_robot_commands.py", "tests/doc_blocks/test_relay_commands.py"
 START, SCALE = "tests/doc_blocks/test_start_commands.py", "tests/doc_blocks/test_scale_commands.py"
-SERVICE, INSTALL = "tests/doc_blocks/test_service_commands.py", "tests/test_install.py"
+MACHINE, INSTALL = "tests/doc_blocks/test_machine_commands.py", "tests/test_install.py"
 RECORD, EXPORT = "tests/test_recordings_doc.py", "relay/tests/test_export_docs.py"
 PROFILES, FILES = "tests/test_robots_page.py", "relay/tests/test_robots_pages.py"
 CONTAINERS = "tests/compose/recipes.py"
@@ -49,11 +49,11 @@ RUN: dict[str, dict[str, str]] = {
     },
     "docs/how-to/install/offline-and-arm64.md": {"```sh": INSTALL},
     "docs/how-to/install/service.md": {
-        "install -D": SERVICE,
-        "systemctl enable": SERVICE,
+        "install -D": MACHINE,
+        "systemctl enable": MACHINE,
         "```ini\nPOSECAST_": INSTALL,
-        "RequiresMountsFor": SERVICE,
-        "runuser": SERVICE,
+        "RequiresMountsFor": MACHINE,
+        "runuser": MACHINE,
     },
     "docs/how-to/operate/add-robots.md": {"```sh": OPERATE},
     "docs/how-to/operate/admin-page.md": {"posecast-relay": FILES},
@@ -67,10 +67,10 @@ RUN: dict[str, dict[str, str]] = {
         "redis-cli": SCALE,
     },
     "docs/how-to/operate/keep-months.md": {
-        "alias": SERVICE,
-        "relay robots": SERVICE,
-        "relay past list": SERVICE,
-        "```toml": SERVICE,
+        "alias": MACHINE,
+        "relay robots": MACHINE,
+        "relay past list": MACHINE,
+        "```toml": MACHINE,
     },
     "docs/how-to/operate/monitor.md": {"curl": OPERATE, "promtool": OPERATE},
     "docs/how-to/operate/troubleshoot-storage.md": {"redis-cli": SCALE},
@@ -95,9 +95,9 @@ RUN: dict[str, dict[str, str]] = {
     "docs/how-to/robots/trajectory.md": {"```sh": ROBOTS, "```toml": PROFILES},
     "docs/how-to/robots/urdf.md": {"```sh": ROBOTS, "```python": PROFILES},
     "docs/how-to/scale/cache-for-a-crowd.md": {
-        "nginx -t": SCALE,
+        "nginx -t": MACHINE,
         "x-cache": "tests/test_hosting.py",
-        "posecast.log": SCALE,
+        "posecast.log": MACHINE,
     },
     "docs/how-to/scale/gateways-and-workers.md": {"```sh": SCALE},
     "docs/how-to/scale/host-the-page.md": {"policy.mjs": SCALE, "```nginx": "tests/test_hosting.py"},

@@ -30,7 +30,21 @@ from tests.doc_blocks.block import ROOT
 OTHERS = {
     *("cat", "cd", "chmod", "chown", "cp", "curl", "date", "find", "gcloud", "git", "grep", "groupadd", "id"),
     *("install", "journalctl", "kubectl", "ls", "mkdir", "mountpoint", "mv", "nginx", "npx", "openssl"),
-    *("promtool", "redis-cli", "rm", "rsync", "ssh", "systemctl", "tar", "useradd", "uv", "uvx", "vi", "wc"),
+    *(
+        "promtool",
+        "redis-cli",
+        "rm",
+        "rsync",
+        "sed",
+        "ssh",
+        "systemctl",
+        "tar",
+        "useradd",
+        "uv",
+        "uvx",
+        "vi",
+        "wc",
+    ),
     "zenohd",
 }
 FOLDERS = ("benches", "edge-agent", "fuzz", "infra", "loadtests", "relay", "spa", "tests", "tools", "wire")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import urllib.request
 from collections.abc import Mapping
@@ -11,8 +12,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from tests.conftest import BIN, Part, Stack
+from tests.conftest import BIN, Part, Stack, until
 from tests.doc_blocks.block import read_pages
+
+START_S = 90.0
 
 
 def read_scripts(page: str, words: str = "") -> list[str]:
@@ -68,6 +71,16 @@ class Terminal:
         script = f"cd '{self.folder}'\ntrap 'trap - TERM; kill 0' TERM\n{{ {line}\n}} & wait $!"
         words = ("env", *variables, "setsid", "bash", "-uc", script)
         return self.stack.start("typed", *words)
+
+
+def find_line(part: Part, pattern: str) -> re.Match[str]:
+    """The first match in what it prints, also on a machine that is busy with other tests."""
+
+    def look() -> re.Match[str] | None:
+        assert part.process.poll() is None, part.log
+        return re.search(pattern, part.out)
+
+    return until(f"{part.name} prints {pattern}", look, START_S)
 
 
 def fetch(url: str) -> Any:

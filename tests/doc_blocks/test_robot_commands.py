@@ -16,7 +16,7 @@ from posecast_edge.profile.reader import find_profile, load_profile, parse_profi
 from relay.tests.certificates import certificates
 from tests.conftest import BIN, Stack, until
 from tests.doc_blocks.block import ROOT, read_pages
-from tests.doc_blocks.terminal import Terminal, fetch, read_script, read_scripts
+from tests.doc_blocks.terminal import Terminal, fetch, find_line, read_script, read_scripts
 
 EDGE_TESTS = ROOT / "edge-agent" / "tests"
 ARM = (ROOT / "edge-agent/examples/arm.urdf").read_text(encoding="utf-8")
@@ -76,7 +76,7 @@ class Desk:
                 self.show(line)
             case ["relay"]:
                 part = self.terminal.start(line, "--port", "0", "--zenoh-listen", "tcp/127.0.0.1:0")
-                part.line(r"serving http://\S+, robots on tcp/")
+                find_line(part, r"serving http://\S+, robots on tcp/")
                 part.stop()
             case ["probe"]:
                 assert re.search(r"\bpos\b", self.terminal.run(line))
@@ -160,7 +160,7 @@ def test_add_a_robot(ros2: Desk) -> None:
         *("--zenoh-listen", "tls/127.0.0.1:0", "--zenoh-tls-cert", f"{ros2.folder}/server.pem"),
         *("--zenoh-tls-key", f"{ros2.folder}/server.key"),
     )
-    _, port = relay.line(r"serving http://(\S+), robots on tls/127\.0\.0\.1:(\d+)").groups()
+    _, port = find_line(relay, r"serving http://(\S+), robots on tls/127\.0\.0\.1:(\d+)").groups()
     ros2.replace("tls/RELAY:7447", f"tls/localhost:{port}")
     robot = ros2.terminal.start(elsewhere)
     until("it is on air with its credential", lambda: "on air" in robot.log, 60)
@@ -255,7 +255,7 @@ def test_hubo_ach(desk: Desk) -> None:
     write_walk(desk.folder / "walk.traj")
     words = (sys.executable, str(EDGE_TESTS / "hubo_stage.py"), "hubo2plus", str(desk.folder / "walk.traj"))
     robot = desk.terminal.stack.start("hubo", "env", f"PYTHONPATH={EDGE_TESTS}", *words)
-    desk.replace("hubo-ach:192.168.0.5", robot.line(r"(hubo-ach:\S+)")[1])
+    desk.replace("hubo-ach:192.168.0.5", find_line(robot, r"(hubo-ach:\S+)")[1])
     desk.type_page(f"{ROBOTS}/hubo-ach.md", words="192.168.0.5")
     robot.stop()
 
