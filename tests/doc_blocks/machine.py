@@ -1,5 +1,5 @@
-"""A machine of the test's own: its /etc, /srv, /var and network are private, so commands that change them are typed
-as they stand on the pages. All of it is gone when the script ends. Linux and root only.
+"""A private machine: with its own /etc, /srv, /var and network, so that commands which change them are typed as
+they are on the pages. All of it is gone when the script ends. Linux and root only.
 """
 
 from __future__ import annotations
@@ -21,7 +21,10 @@ for folder in /srv /var/lib /var/log /var/cache /run; do mount -t tmpfs tmpfs $f
 mkdir -p /srv/posecast /var/log/nginx /var/lib/nginx /etc/systemd/system
 ip link set lo up
 shopt -s expand_aliases
-wait_for() { for _ in $(seq 900); do if "$@" > out 2>&1; then return; fi; sleep 0.1; done; cat out >&2; return 1; }
+wait_for() {
+  for _ in $(seq 900); do if "$@" > out 2>&1; then return; fi; sleep 0.1; done
+  cat out ./*.log >&2; return 1
+}
 """
 # What a container lacks. `runuser`: the tests' Python may be in a folder that only root reads.
 STAND_INS = {
@@ -34,7 +37,7 @@ STAND_INS = {
 
 
 class Machine:
-    """Runs scripts, each on a new machine with the files of `folder` and the checkout's `infra` beside them."""
+    """Runs scripts, each on a new machine, in `folder` with the checkout's `infra`."""
 
     def __init__(self, folder: Path) -> None:
         if subprocess.run([*ISOLATED, "true"], capture_output=True, check=False).returncode:

@@ -112,8 +112,9 @@ def test_what_is_left_of_a_past_is_listed(lab: Lab) -> None:
     days, minutes = read_script(f"{OPERATE}/delete-the-past.md", "past list").splitlines()
     day = fetch(past)["days"][-1]
     assert day in lab.terminal.run(days)
-    minute = fetch(f"{past}/public/{day}")["minutes"][-1]["minute"]
-    found = json.loads(lab.terminal.run(minutes.replace("2026-11-22T14:20Z", minute)))
+    minute = str(fetch(f"{past}/public/{day}")["minutes"][-1]["minute"])
+    ten_minutes = f"{minute.removesuffix('Z')[:-1]}0Z"
+    found = json.loads(lab.terminal.run(minutes.replace("2026-11-22T14:20Z", ten_minutes)))
     assert found["segments"]
 
 
