@@ -1,4 +1,4 @@
-"""A private machine: with its own /etc, /srv, /var and network, so that commands which change them are typed as
+"""A private machine: it has its own /etc, /srv, /var and network, so commands that change them are typed as
 they are on the pages. All of it is gone when the script ends. Linux and root only.
 """
 
