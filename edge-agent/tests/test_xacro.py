@@ -121,7 +121,7 @@ def test_an_include_of_a_package_that_was_taken_apart(tmp_path: Path) -> None:
         "include 'urdf/arm.xacro' not found; taken from beside the file"
     ]
     (tmp_path / "mine/urdf/passwd").write_text("<robot/>")
-    with pytest.raises(ModelRefused, match="'/etc/passwd': lies outside"):
+    with pytest.raises(ModelRefused, match="'/etc/passwd': is outside"):
         load_robot_file(one_file(tmp_path / "mine/urdf", "<xacro:include filename='/etc/passwd'/>"))
 
 
