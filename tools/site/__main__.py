@@ -1,6 +1,7 @@
 """Builds the guide, a static site that needs no other origin and works below any path, and from files.
 
-python -m tools.site [--out FOLDER]: out/site by default. What Zensical warns of is an error.
+python -m tools.site [--out FOLDER]: out/site by default. What Zensical warns of is an error. The gallery's
+recordings and their player are added to it, from the demo robot and the built page: see tools/site/moments.
 """
 
 from __future__ import annotations
@@ -14,7 +15,12 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from posecast_edge.model.serve.bundle import ModelError
+from posecast_relay.config.built_page import find_page
+
 from tools.site.generator_script import change_script
+from tools.site.moments.gallery import PAGE, add_gallery
+from tools.site.moments.simulated_relay import RecordingFailed
 from tools.site.navigation import make_navigation
 from tools.site.notices import list_notices
 from tools.site.python_page import write_python_page
@@ -65,9 +71,21 @@ def _build_within(stage: Path) -> Path:
         shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
     _drop_indents(stage / "site")
     bundle = (stage / "site/assets/javascripts/LICENSE").read_text(encoding="utf-8")
+    if (stage / "site" / PAGE).is_file():
+        _add_gallery(stage / "site")
     notices = json.dumps(list_notices(ROOT, bundle), indent=1)
     (stage / "site/licenses.json").write_text(notices, encoding="utf-8")
     return stage / "site"
+
+
+def _add_gallery(site: Path) -> None:
+    page = find_page()
+    if page is None:
+        raise SiteError("the gallery needs the built page: make setup\n")
+    try:
+        add_gallery(site, page)
+    except (RecordingFailed, ModelError) as e:
+        raise SiteError(f"{e}\n") from None
 
 
 def _drop_indents(site: Path) -> None:
