@@ -38,8 +38,8 @@ def draw_robot(bundle: Path) -> Image.Image:
 def read_triangles(
     manifest: Mapping[str, Any], glb: bytes, poses: Mapping[str, Any] | None = None
 ) -> tuple[Vectors, Vectors, Vectors]:
-    """A level's triangles as a viewer has them: corners and normals (m, 3, 3) in the root link, metres; display
-    colours (m, 3). `poses`: root_from_link by name; None: the home position."""
+    """A level's triangles as a viewer has them: corners and normals (m, 3, 3) in the root link, metres;
+    display colours (m, 3). `poses`: root_from_link by name; None: the home position."""
     length = struct.unpack_from("<I", glb, 12)[0]
     document, binary = json.loads(glb[20 : 20 + length]), glb[28 + length :]
     poses = poses or compute_link_poses(manifest, compute_home(manifest))

@@ -1,5 +1,7 @@
-"""A simulated quadrotor: a rigid body with thrust along its own z, flown by a controller, in still air but for a
-gust. It takes off, flies a circle, holds its place in the gust, and lands."""
+"""A simulated quadrotor: a rigid body with thrust along its own z axis and a controller that flies it.
+
+It takes off, flies a circle, returns to its place after a gust, and lands. There is no drag, nor other wind.
+"""
 
 from __future__ import annotations
 
@@ -30,20 +32,22 @@ def fly(from_s: float, to_s: float) -> Iterator[Sample]:
     """What the drone reports, RATE_HZ times a second."""
     place, speed = np.array([0.0, 0.0, GROUND_M]), np.zeros(3)
     turned, spin = np.eye(3), np.zeros(3)
-    step_s = 1 / (RATE_HZ * STEPS)
+    step_s, is_down = 1 / (RATE_HZ * STEPS), False
     for number in range(round(to_s * RATE_HZ) + 1):
         t_s = number / RATE_HZ
         felt = turned.T @ GRAVITY
         for part in range(STEPS):
             now_s = t_s + part * step_s
             aim, pace = aim_at(now_s)
-            wanted = PUSH * (aim - place) + BRAKE * (pace - speed) + GRAVITY
-            thrust = max(0.0, float(wanted @ turned[:, 2])) if UP_S <= now_s < LANDED_S else 0.0
+            gain = (aim_at(now_s + step_s)[1] - pace) / step_s  # of pace, m/s²
+            wanted = PUSH * (aim - place) + BRAKE * (pace - speed) + gain + GRAVITY
+            thrust = max(0.0, float(wanted @ turned[:, 2])) if UP_S <= now_s and not is_down else 0.0
             felt = np.array([0.0, 0.0, thrust])
             moved = thrust * turned[:, 2] - GRAVITY + (GUST if GUST_S <= now_s < CALM_S else 0.0)
             speed, spin = speed + moved * step_s, spin + (_right(turned, wanted) - CALM * spin) * step_s
             place = place + speed * step_s
             if place[2] <= GROUND_M:  # it stands on the floor
+                is_down = now_s > DOWN_S
                 place[2], speed, spin, turned = GROUND_M, np.zeros(3), np.zeros(3), _level(turned)
                 felt = turned.T @ GRAVITY
             turned = turned @ _rotation(spin * step_s)

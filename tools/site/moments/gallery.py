@@ -1,4 +1,4 @@
-"""Adds the recorded moments to the built guide: the player, the recordings, and what the page says of them."""
+"""Adds the recorded moments to the built guide: the recordings, their player, and posters in the page."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ FROM_MS = 1_795_867_200_000  # 2026-11-28T12:00Z: fixed, so that the same robot 
 STEP_MS = 600_000  # from moment to moment: each has a page of KEYs of its own, in the folder of all
 PLACE = re.compile(r'<div class="moment" data-moment="(?P<name>[a-z]*)">\s*</div>')
 REDIRECT = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Gallery</title>
-<meta http-equiv="refresh" content="0; url=../gallery.html"></head>
+<link rel="icon" href="favicon.svg"><meta http-equiv="refresh" content="0; url=../gallery.html"></head>
 <body><a href="../gallery.html">Gallery</a></body></html>
 """
 
@@ -72,7 +72,9 @@ def add_moment(moment: Moment, robot: Robot, from_ms: int, page: Path, folder: P
     """Record a moment and write all that it has. Raises RecordingFailed or OSError."""
     samples = list_samples(moment)
     segments = record_samples(moment.robot, robot.profile, samples, robot.bundle.hash, from_ms)
-    notes = [RecordingNote(from_ms + round(1000 * (at - moment.from_s)), moment.notes[at]) for at in moment.notes]
+    notes = [
+        RecordingNote(from_ms + round(1000 * (at - moment.from_s)), moment.notes[at]) for at in moment.notes
+    ]
     about = Description(moment.title, None, None, lambda *_: notes)
     collector = Collector(
         RecordedPast(moment.robot, segments, robot.bundle), folder, packs=unpacks_segments(page)
@@ -104,7 +106,7 @@ def build_bundle(urdf: Path, folder: Path) -> Bundle:
 
 
 def place_moments(page: Path) -> None:
-    """Put a poster that plays the moment into each place of the page, `<div class="moment" data-moment="NAME">`.
+    """Put a poster into each place of the page, which is `<div class="moment" data-moment="NAME"></div>`.
 
     Raises RecordingFailed when the page's places are not those of the moments.
     """

@@ -1,4 +1,4 @@
-"""Puts the player into the gallery: one copy of the built page for all moments, and two small pages for each."""
+"""Puts the player into the gallery: one copy of the built page, and two small pages for each moment."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Draws the picture of a moment that stands in the page until it is played: the recorded body, as it was then."""
+"""Draws the poster of a moment, which the page shows until somebody plays it: the body as it was recorded."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ QUALITY = 80
 
 
 def draw_poster(bundle: Bundle, segments: Iterable[KeptSegment], at_ms: int, eye: Vectors) -> bytes:
-    """A WebP of the body at a moment (unix ms), on nothing. `eye`: from the body to who looks, in the world."""
+    """A WebP of the body at a moment (unix ms), with nothing behind it. `eye`: from the body to the camera,
+    in the world."""
     readings = read_frames(segments, at_ms)
     manifest = json.loads(bundle.manifest)
     level = manifest["levels"][-1]["path"]

@@ -144,7 +144,8 @@ class RecordedPast:
         return self.bundle.manifest if model == self.bundle.hash else None
 
     async def load_model_file(self, model: str, path: str, sha256: str, size: int) -> bytes | None:
-        """Return a file of the model."""
+        """Return a file of the model, by its SHA-256."""
+        del model, path
         parts = (self.bundle.read(sha256, at, RANGE_MAX) for at in range(0, size, RANGE_MAX))
         return b"".join(parts)
 
