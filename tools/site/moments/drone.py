@@ -41,7 +41,7 @@ def fly(from_s: float, to_s: float) -> Iterator[Sample]:
             aim, pace = aim_at(now_s)
             gain = (aim_at(now_s + step_s)[1] - pace) / step_s  # of pace, m/s²
             wanted = PUSH * (aim - place) + BRAKE * (pace - speed) + gain + GRAVITY
-            thrust = max(0.0, float(wanted @ turned[:, 2])) if UP_S <= now_s and not is_down else 0.0
+            thrust = max(0.0, float(wanted @ turned[:, 2])) if now_s >= UP_S and not is_down else 0.0
             felt = np.array([0.0, 0.0, thrust])
             moved = thrust * turned[:, 2] - GRAVITY + (GUST if GUST_S <= now_s < CALM_S else 0.0)
             speed, spin = speed + moved * step_s, spin + (_right(turned, wanted) - CALM * spin) * step_s
