@@ -56,7 +56,8 @@ class Page(HTMLParser):
         if tag == "article":
             self._in_article = True
         if self._in_article:
-            self.elements[tag] += 1
+            is_note = "admonition" in given.get("class", "").split()
+            self.elements["blockquote" if is_note else tag] += 1  # as GitHub's `> [!NOTE]` is written
 
     def handle_endtag(self, tag: str) -> None:
         if tag == "article":

@@ -134,11 +134,11 @@ export class ClockRobot {
   }
 
   /** Whether it had stood for so long that it may be called that, as far as can be known by now. */
-  #stood(atMs: number, withinMs: number): boolean {
+  #stood(atMs: number, withinMs: number, heldUpMs: number): boolean {
     return this.#stands.some(
       ({ fromMs, toMs }) =>
         atMs - fromMs > HOLDING_AFTER_MS - ROUNDING_MS - withinMs &&
-        atMs < toMs + STALE_AFTER_MS + ON_ITS_WAY_MS + withinMs,
+        atMs < toMs + STALE_AFTER_MS + ON_ITS_WAY_MS + withinMs + heldUpMs,
     );
   }
 
@@ -161,7 +161,8 @@ export class ClockRobot {
       return ['with an old pose', oldMs];
     if (trueUntilMs + behindMs + roundingMs < otherwiseMs - ON_ITS_WAY_MS - heldUpMs)
       return ['again with a pose from before', oldMs];
-    if (word === 'HOLDING' && !this.#stood(atMs - behindMs, roundingMs)) return ['while it moved', oldMs];
+    if (word === 'HOLDING' && !this.#stood(atMs - behindMs, roundingMs, heldUpMs))
+      return ['while it moved', oldMs];
     return null;
   }
 }

@@ -145,6 +145,12 @@ export async function write(
       context.drawImage(bitmap, part.x, part.y, part.width, part.height, ...to, width, height);
       along += across ? width + ${GAP} : height;
     }
+    if (!across) {
+      const [red, green, blue] = context.getImageData(0, 0, 1, 1).data;
+      context.globalCompositeOperation = 'destination-over'; // parts of several widths: one background
+      context.fillStyle = 'rgb(' + [red, green, blue] + ')';
+      context.fillRect(0, 0, canvas.width, canvas.height);
+    }
     return canvas.toDataURL('image/webp', ${QUALITY}).split(',')[1];
   })()`);
   const bytes = Buffer.from(webp, 'base64');
