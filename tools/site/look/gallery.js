@@ -28,7 +28,8 @@
     });
   }
   addEventListener('message', ({ source, origin, data }) => {
-    if (origin !== location.origin || source !== shown?.frame.contentWindow || data.posecast !== 'ready') return;
+    if (origin !== location.origin || source !== shown?.frame.contentWindow || data.posecast !== 'ready')
+      return;
     tell({ posecast: 'look', view: shown.poster.dataset.look });
     tell({ posecast: 'play' });
   });
