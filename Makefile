@@ -1,10 +1,10 @@
-# Every target sets up what it needs; `make` alone lists them.
+# Every target prepares what it needs; `make` alone lists the targets.
 .DEFAULT_GOAL := help
 .PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers lane balance load attack faults soak gallery pictures explained prose site compose-test dist bare clean unit python python-a python-b typescript page e2e browsers
 SHELL := /bin/bash
 export UV_PYTHON_DOWNLOADS := never
 export PYTHONDONTWRITEBYTECODE := 1
-# hundreds of short processes start in the tests: their libraries are compiled once
+# tests start hundreds of short processes: compile their libraries once
 export UV_COMPILE_BYTECODE := 1
 
 UV    := .tools/bin/uv
@@ -14,9 +14,9 @@ ENGINES   := chromium firefox webkitgtk
 E2E_NEEDS := redis-server chromium firefox-esr webkit2gtk-driver xvfb
 DEMO  := edge-agent/src/posecast_edge/demo_bundle
 DIST  ?= dist
-# A test that loses against a busy machine is played once more, and named.
+# A test that fails on a busy machine is run once more, and reported.
 PYTEST := $(BIN)/pytest --reruns 1 -rR
-# two halves that take about as long
+# two halves that take about the same time
 PYTHON_A := relay/tests wire/python/tests loadtests/tests fuzz/tests
 PYTHON_B := edge-agent/tests command/tests tests
 PYTHON_NEEDS := for package in redis-server nginx rsync prometheus; do tools/need $$package || exit; done
@@ -25,7 +25,7 @@ E2E    := npm run --silent e2e -w spa -- --retry=1
 help: ## list the targets
 	@awk -F':.*## ' '/^[a-z0-9-]+:.*## /{printf "  make %-12s %s\n", $$1, $$2}' Makefile
 
-# ---- what the rest stands on -------------------------------------------------
+# ---- prerequisites -----------------------------------------------------------
 
 $(UV): tools/uv-version
 	@python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is needed."; exit 2; }
@@ -59,28 +59,28 @@ $(DEMO)/model/manifest.json: $(DEMO)/robot.urdf $(wildcard edge-agent/src/poseca
 	$(BIN)/posecast-edge model build --no-cache $< -o $(@D)
 	@touch $@
 
-# beside the page, where the relay finds it; packed like the page. Its gallery shows the demo robot
+# inside the page's folder, where the relay finds it; compressed like the page. Its gallery shows the demo robot
 spa/dist/guide/index.html: spa/dist/index.html $(DEMO)/model/manifest.json .venv/.ready $(shell git ls-files --cached --others --exclude-standard docs tools/site zensical.toml '*.md' 2>/dev/null)
 	$(BIN)/python -m tools.site --out out/site
 	rm -rf $(@D) && cp -r out/site $(@D)
 	find $(@D) -type f -regex '.*\.\(html\|css\|js\|json\|svg\)' -exec gzip -9kn {} +
 	@touch $@
 
-setup: .venv/.ready node_modules/.ready spa/dist/index.html spa/dist/guide/index.html $(DEMO)/model/manifest.json ## prepare everything, start nothing
+setup: .venv/.ready node_modules/.ready spa/dist/index.html spa/dist/guide/index.html $(DEMO)/model/manifest.json ## install and build everything, start nothing
 
 # ---- for people --------------------------------------------------------------
 
-demo: setup ## a robot on http://127.0.0.1:8080, or the next free port (PORT=…, HOST=0.0.0.0 for the phone in your hand)
+demo: setup ## a robot on http://127.0.0.1:8080, or the next free port (PORT=…; HOST=0.0.0.0 to open it on your phone)
 	@exec $(BIN)/posecast demo $(if $(HOST),--host $(HOST)) $(if $(PORT),--port $(PORT))
 
-dev: setup ## the same with the page served by Vite, reloading as you edit
+dev: setup ## the same, with the page served by Vite and reloaded as you edit
 	@exec $(BIN)/python tools/dev.py
 
-site: spa/dist/guide/index.html ## the guide (docs/) as a static site: out/site for any web server, and /guide/ of the relay
+site: spa/dist/guide/index.html ## the guide (docs/) as a static site: out/site for any web server, and /guide/ on the relay
 
-# ---- proof -------------------------------------------------------------------
+# ---- tests -------------------------------------------------------------------
 
-check: .venv/.ready node_modules/.ready ## lint, types, import directions, formats, words of the docs, known vulnerabilities
+check: .venv/.ready node_modules/.ready ## lint, types, import directions, formats, wording of the docs, known vulnerabilities
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy $(PYSRC)
@@ -97,20 +97,20 @@ check: .venv/.ready node_modules/.ready ## lint, types, import directions, forma
 	npx --no-install tsc -p fuzz/page
 	@UV=$(UV) tools/audit
 
-prose: .venv/.ready ## how each page of the docs reads: words, median and longest sentence, reading ease
+prose: .venv/.ready ## readability of each docs page: words, median and longest sentence, reading ease
 	$(BIN)/python -m tools.prose
 
-explained: .venv/.ready ## the docs' tables of what explains itself on the page, made of the page's own sentences
+explained: .venv/.ready ## write the docs' tables of explained terms from the page's own sentences
 	$(BIN)/python -m tools.explained
 
-fix: .venv/.ready node_modules/.ready ## what the linters can mend by themselves
+fix: .venv/.ready node_modules/.ready ## fix what the linters can fix automatically
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 	npx --no-install biome check --write
 
 unit: python typescript fuzz ## tests without a browser
 
-# under --jobs side by side, since most of them wait
+# in parallel with --jobs, because most of them wait
 python: python-a python-b
 
 python-a: setup
@@ -125,16 +125,16 @@ typescript: setup
 	npm test --silent -w wire/typescript
 	npm test --silent -w spa
 
-e2e: setup ## the whole path in real browsers: all of it in Chromium, a smoke in Firefox and WebKitGTK
+e2e: setup ## end-to-end tests in real browsers: all in Chromium, a smoke test in Firefox and WebKitGTK
 	@for package in $(E2E_NEEDS); do tools/need $$package || exit; done
 	$(E2E)
 	POSECAST_ENGINE=firefox $(E2E) smoke browsers
 	POSECAST_ENGINE=webkitgtk $(E2E) smoke browsers
 
-fuzz: .venv/.ready node_modules/.ready ## strangers' bytes for every reader on a boundary (SECONDS=3600 for an hour)
+fuzz: .venv/.ready node_modules/.ready ## untrusted bytes into every parser at a boundary (SECONDS=3600 for an hour)
 	$(BIN)/python -m fuzz --seconds $(or $(SECONDS),60)
 
-test: setup ## all tests CI runs: both halves of Python's and the page's side by side, since most of them wait
+test: setup ## all tests that CI runs: both halves of Python's and the page's in parallel, because most of them wait
 	@# once, before two ask for the same package
 	@$(PYTHON_NEEDS)
 	@$(MAKE) --no-print-directory --jobs=3 --output-sync=target python-a python-b page
@@ -142,7 +142,7 @@ test: setup ## all tests CI runs: both halves of Python's and the page's side by
 
 page: typescript e2e
 
-test-full: setup ## the long rest as well, and every browser test in each of the three engines
+test-full: setup ## also the slow tests, and every browser test in each of the three engines
 	@for package in $(E2E_NEEDS) nginx varnish rsync; do tools/need $$package || exit; done
 	@# and says what was skipped, and why
 	$(PYTEST) -rRs
@@ -154,59 +154,59 @@ test-full: setup ## the long rest as well, and every browser test in each of the
 	failed=; for engine in $(ENGINES); do POSECAST_FULL=1 POSECAST_ENGINE=$$engine $(E2E) || failed+=" $$engine"; done; \
 	  test -z "$$failed" || { echo "failed in:$$failed"; exit 1; }
 
-browsers: setup ## the README's table of browsers, as found on this machine
+browsers: setup ## write the README's table of browsers, as tested on this machine
 	@for package in $(E2E_NEEDS); do tools/need $$package || exit; done
 	@for engine in $(ENGINES); do POSECAST_WRITE_BROWSERS=1 POSECAST_ENGINE=$$engine npm run --silent e2e -w spa -- browsers || exit; done
 
-# ---- figures -----------------------------------------------------------------
+# ---- benchmarks ---------------------------------------------------------------
 
 bytes: .venv/.ready ## bytes per frame and per segment on the shared telemetry sets
 	$(BIN)/python wire/python/benches/bytes_per_frame.py
 	$(BIN)/python -m tools.segment_bytes
 
-bench: .venv/.ready ## the relay beside a bare send() loop, FastAPI and websockets (needs cc; 20 to 40 minutes)
+bench: .venv/.ready ## the relay compared with a bare send() loop, FastAPI and websockets (needs cc; 20 to 40 minutes)
 	$(BIN)/python -m relay.benches.bench
 
-peers: setup ## the relay beside Socket.IO, ws, Tornado, foxglove-sdk, Mosquitto and NATS (5 minutes)
+peers: setup ## the relay compared with Socket.IO, ws, Tornado, foxglove-sdk, Mosquitto and NATS (5 minutes)
 	benches/peers/install
 	$(BIN)/python -m benches.peers.run
 
-lane: setup ## a robot's segments through nginx and Varnish to 5,000 viewers each (needs cc; 15 minutes, SHORT=1 four)
+lane: setup ## a robot's segments through nginx and Varnish to 5,000 viewers each (needs cc; 15 minutes, 4 with SHORT=1)
 	@for package in nginx varnish; do tools/need $$package || exit; done
 	$(BIN)/python -m relay.benches.lane.run $(if $(SHORT),--short) $(if $(WRITE),--write)
 
-balance: setup ## the page's balance beside Pinocchio (installed into out/), MuJoCo's contacts and SciPy's hull (a minute)
+balance: setup ## the page's balance compared with Pinocchio (installed into out/), MuJoCo's contacts and SciPy's hull (1 minute)
 	$(BIN)/pytest -srs -m full tests/test_balance_centres.py tests/test_balance_contacts.py
 
-load: setup ## a lecture, a flash crowd, a fleet, slow phones and a hall against a relay of their own (5 minutes)
+load: setup ## load tests: a lecture, a flash crowd, a fleet, slow phones and a hall, each against its own relay (5 minutes)
 	$(BIN)/python -m posecast_loadtests
 	$(BIN)/python -m posecast_loadtests.hall
 
-gallery: .venv/.ready ## every robot of the packages installed here, or in FOLDERS="…", built and drawn on sheets in gallery/
+gallery: .venv/.ready ## build every robot in the installed packages, or in FOLDERS="…", and draw contact sheets into gallery/
 	$(BIN)/python -m tools.gallery $(FOLDERS)
 
-pictures: setup ## the docs' pictures, taken of the page in Chromium with the demo robot (docs/img; 10 minutes)
+pictures: setup ## the docs' pictures, captured from the page in Chromium with the demo robot (docs/img; 10 minutes)
 	@tools/need chromium
 	POSECAST_WRITE_PICTURES=1 $(E2E) pictures/
 
-soak: setup ## half an hour of viewers coming and going: what grows, what comes back (MINUTES=480 for a night)
+soak: setup ## viewers come and go for half an hour: what grows, what recovers (MINUTES=480 for a night)
 	@tools/need redis-server
 	@tools/need chromium
 	$(BIN)/python -m posecast_loadtests.soak --minutes $(or $(MINUTES),30)
 
-faults: setup ## break everything on the way from robot to viewer, and see what viewers see (8 minutes)
+faults: setup ## break every component between robot and viewer, and check what viewers see (8 minutes)
 	@tools/need redis-server
 	@tools/need nftables
 	$(BIN)/pytest tests/faults
 
-attack: setup ## strangers do their worst to a relay, and an innocent robot and viewer beside don't notice (3 minutes)
+attack: setup ## attack a relay while an innocent robot and viewer must notice nothing (3 minutes)
 	@tools/need redis-server
 	$(BIN)/python -m tests.attack $(if $(WRITE),--write)
 
-compose-test: setup ## infra/docker-compose.yml on a real Docker engine: built, started, looked at over TLS, taken down
+compose-test: setup ## test infra/docker-compose.yml on a real Docker engine: build, start, check over TLS, stop
 	$(BIN)/pytest -rs tests/compose
 
-dist: setup ## wheels in dist/: posecast (all of it), and wire, agent and relay alone; with what they bring along (SBOM)
+dist: setup ## wheels in dist/: posecast (everything), and wire, agent and relay alone; with their SBOMs
 	rm -rf $(DIST)
 	@# the relay is built from a copy with the page in it: a page left in the sources would be served by tests too
 	stage=$$(mktemp -d) && trap 'rm -rf "$$stage"' EXIT && cp -r relay "$$stage" && cp -r spa/dist "$$stage/relay/src/posecast_relay/page" && \
@@ -217,5 +217,5 @@ bare: dist ## from an empty Debian and an empty Ubuntu to a robot on air: second
 	@tools/need mmdebstrap
 	$(BIN)/python -m tools.bare
 
-clean: ## remove what was made
+clean: ## remove everything that was built
 	rm -rf .venv .tools node_modules spa/dist dist out $(DEMO)

@@ -1,7 +1,7 @@
 #!/bin/sh
-# first_start.sh: what a cloud has to know of itself, made where it is missing. It stands in two volumes and nowhere else:
-# /secret (Redis's password, certificates; laid into relays read-only) and /robots (who may publish).
-# SITE: names under which robots reach the relay, as in .env.
+# first_start.sh: creates the secrets and configuration of a cloud if they don't exist. They are stored in two volumes only:
+# /secret (Redis's password, certificates; mounted read-only in relays) and /robots (who may publish). SITE: the names under which
+# robots reach the relay, as in .env.
 set -eu
 umask 027
 cd "${SECRET_FOLDER:-/secret}"

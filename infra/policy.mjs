@@ -1,4 +1,5 @@
-// policy.mjs PAGE: what a built page says it may load, and that nobody may frame it, as lines for infra/Caddyfile.
+// policy.mjs PAGE: prints the Content-Security-Policy of a built page, plus a ban on framing it, as lines for
+// infra/Caddyfile.
 import { readFileSync } from 'node:fs';
 
 const page = readFileSync(process.argv[2], 'utf8');

@@ -10,13 +10,13 @@ import { leanThree } from './lean_three/plugin.ts';
 
 const RELAYS = 'https: wss: http://localhost:* ws://localhost:* http://127.0.0.1:* ws://127.0.0.1:*';
 /**
- * What the built page may load. It stands in the page itself, so that it holds on any host, also one that sets no
- * headers. The dev server's reload script is inline, hence only in the build.
+ * What the built page may load. It is in the page itself, so that it applies on any host, even one that sets no headers. The dev
+ * server's reload script is inline, so this is only in the build.
  */
 const CONTENT_POLICY = [
   "default-src 'self'",
   "script-src 'self' 'wasm-unsafe-eval'",
-  // A relay may be elsewhere: `relay/relay.ts` narrows these to the one it reads as soon as it knows which.
+  // A relay may be elsewhere: `relay/relay.ts` narrows these to the one it reads as soon as it is known.
   `img-src 'self' data: blob: ${RELAYS}`,
   `connect-src 'self' blob: data: ${RELAYS}`,
   "worker-src 'self' blob:",
@@ -25,14 +25,15 @@ const CONTENT_POLICY = [
   "form-action 'none'",
 ].join('; ');
 
-/** Chunks that the page itself imports, and those of who is signed in. A name that is missing here costs some bytes, nothing else. */
+/** Chunks that the page itself imports, and those for signed-in viewers. A missing name here costs some bytes, nothing else. */
 const IN_THE_PAGE =
   /\/(account|account_name|ahead|base|early|first_paint|jsx-runtime|language|level_latch|preload-helper|rolldown-runtime)-[\w-]{8}\.js$/;
 
-/** What page and lazy parts share, in few chunks: a browser asks for six files at a time, and the worker waits its turn. */
+/** Code shared by the page and lazy parts, in few chunks: a browser requests six files at a time, and the worker has to wait its
+ *  turn. */
 const SHARED_CHUNKS = [
   {
-    // What runs early needs this; the page's own script and most of what is loaded later need the next one as well.
+    // The early script needs this; the page's main script and most later parts need the next one as well.
     name: 'ahead',
     test: /spa\/src\/(auth\/(lane|token)|browser\/(storage|store)|model\/(bounds|bundle|files|lod_cache|manifest)|past\/past_source|relay\/(addresses|as_anyone|recording_address|relay)|stream\/clock)\.ts$/,
   },
@@ -41,13 +42,13 @@ const SHARED_CHUNKS = [
     test: /node_modules\/react\/|spa\/src\/(app\/(shell\/media|state\/(settings|use_store)|status\/span_words|text\/language)|browser\/(drawn_lines|first_paint|late_part|retry)|model\/kinematics|twin\/(format|joints|liveness|names|plain_names|rotation|values|limits\/(level_latch|limits))|view\/camera\/framing)\.ts$/,
   },
   {
-    // All of three.js but what only readers of mesh files need: a scene is one file of it, and its own.
+    // All of three.js except what only mesh readers need: a scene consists of this file and its own.
     name: 'three.core',
     test: /three\/src\/(?!loaders|animation|extras|math\/(?:I|i)nterpolant|objects\/(?:SkinnedMesh|Bone|Skeleton|Points|LineLoop)|lights\/(?:Ambient|Point|Spot)|materials\/(?:MeshPh|Points))/,
   },
-  // The list says little, and needs no more.
+  // The list has few texts, and needs no others.
   { name: 'list_words', test: /spa\/src\/app\/text\/list(_en)?\.ts$/ },
-  // What late parts say: all of them need it, and who plays the past has it by then.
+  // Texts of late parts: all of them need it, and the player of the past has loaded it by then.
   {
     name: 'more',
     test: /spa\/src\/(app\/(text\/(more|more_en|balance|balance\/balance_en|past|past\/past_en)|status\/(moment_words|past_words))|twin\/balance\/told\/margin_channel)\.ts$/,
@@ -59,19 +60,19 @@ const SHARED_CHUNKS = [
     includeDependenciesRecursively: false,
   },
   {
-    // What figures, balance and saving share.
+    // Shared by figures, balance and saving.
     name: 'root_pose',
     test: /spa\/src\/(model\/(articulated_body|root_pose|vectors)|overlays\/(colors|limb_across|picture_numbers)|twin\/(sensors\/imus|vectors|wrench_units))\.ts$/,
     includeDependenciesRecursively: false,
   },
   {
-    // What reads a schema's mapping, whole: figures need most of it, balance the rest.
+    // Reads a schema's mapping, as a whole: figures need most of it, balance the rest.
     name: 'mapping_parser',
     test: /wire\/typescript\/src\/(mapping_parser|stance)\.ts$/,
     includeDependenciesRecursively: false,
   },
   {
-    // What reads balance, draws it and tells of it, without its numbers, and without a selected joint's limits.
+    // Computes, draws and describes balance, without its numbers, and without a selected joint's limits.
     name: 'balance',
     test: /spa\/src\/((overlays|model)\/balance\/(?!joint_arc)|view\/balance|app\/balance\/(balance_(part|watch)|Stood|spoken|stance)|twin\/balance\/(?!limit_margin|told\/(could|lacks|margin_channel)))/,
     includeDependenciesRecursively: false,
@@ -92,7 +93,7 @@ function contentPolicy(): Plugin {
   };
 }
 
-/** `early.ts` runs as soon as it is here, whatever else is still on its way; Vite would put it into the page's own script. */
+/** `early.ts` runs as soon as it has loaded, whatever else is still loading; Vite would merge it into the main script. */
 function earlyStart(): Plugin {
   return {
     name: 'early-start',
@@ -113,7 +114,7 @@ function earlyStart(): Plugin {
   };
 }
 
-/** The documentation of the relay's routes, as FastAPI shows it, but from here and not from a CDN. */
+/** The documentation of the relay's routes, as in FastAPI, but served from here and not from a CDN. */
 function routesPage(): Plugin {
   const require = createRequire(import.meta.url);
   return {
@@ -128,9 +129,9 @@ function routesPage(): Plugin {
   };
 }
 
-/** `embed/index.html`, the entry for an iframe: the same page, one folder deeper, told so in its root element, and without
- *  the early start, since it asks for nothing before it is on the screen. As an entry of its own to the bundler it would
- *  split what the two have in common into a dozen files that a phone fetches one by one. */
+/** `embed/index.html`, the entry for an iframe: the same page, one folder deeper (as its root element says), and without the
+ *  early start, because it requests nothing before it is on screen. As a separate entry of the bundler it would split the common
+ *  code into a dozen files that a phone fetches one by one. */
 function embedEntry(): Plugin {
   let folder = '';
   return {
@@ -143,7 +144,7 @@ function embedEntry(): Plugin {
       const page = readFileSync(path.join(folder, 'index.html'), 'utf8');
       const deeper = page
         .replace(
-          /<script type="module" async src=("[^"]*")><\/script>/, // not run first, and yet not waited for
+          /<script type="module" async src=("[^"]*")><\/script>/, // not run first, but not waited for either
           '<link rel="modulepreload" crossorigin href=$1>',
         )
         .replace(/(href|src)="\.\//g, '$1="../')
@@ -154,7 +155,7 @@ function embedEntry(): Plugin {
   };
 }
 
-/** A `.gz` beside every file that shrinks, for hosts that serve what lies there, as the relay does. */
+/** A `.gz` beside every file that benefits, for hosts that serve such files, as the relay does. */
 function packed(): Plugin {
   let folder = '';
   return {
@@ -190,10 +191,10 @@ export default defineConfig({
     sourcemap: false,
     chunkSizeWarningLimit: 800,
     manifest: true,
-    license: { fileName: 'licenses.json' }, // of what is bundled, their texts too: they ask for that
+    license: { fileName: 'licenses.json' }, // of the bundled packages, including their texts: they require that
     modulePreload: {
       polyfill: false, // a browser without it fetches a little later
-      // What a part needs is fetched side by side with it; what the page has had from the start is not named again.
+      // A part's dependencies are fetched in parallel with it; those that the page has from the start are not listed again.
       resolveDependencies: (_, needed, { hostType }) =>
         hostType === 'js' ? needed.filter((file) => !IN_THE_PAGE.test(file)) : needed,
     },
@@ -206,6 +207,6 @@ export default defineConfig({
   server: {
     proxy: { '/api': { target: process.env.POSECAST_RELAY ?? 'http://127.0.0.1:8080', ws: true } },
   },
-  // no test of these measures time: on a busy machine the usual five seconds would
+  // these tests measure no time: on a busy machine, the default of five seconds would
   test: { include: ['src/**/*.test.ts', 'tests/**/*.test.ts'], environment: 'node', testTimeout: 30_000 },
 });

@@ -1,9 +1,9 @@
 """A man in the middle on Zenoh: an edge thinks it is the relay, the relay thinks it is the edge.
 
-    bridge.py tcp/127.0.0.1:RELAY ROBOT
+bridge.py tcp/127.0.0.1:RELAY ROBOT
 
-Prints `listening tcp/127.0.0.1:PORT` for the edge. Everything passes both ways unchanged, but after a line
-`drop` on stdin (answered by `armed`) the next KEY is swallowed, exactly that one (`dropped SEQ`).
+Prints `listening tcp/127.0.0.1:PORT` for the edge. Everything passes both ways unchanged, except that after a
+line `drop` on stdin (answered by `armed`) exactly the next KEY is dropped (`dropped SEQ`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ VIEW = "public"
 
 
 def opened(mode: str, direction: str, endpoint: str) -> zenoh.Session:
-    """A session that finds nobody by itself."""
+    """A session without discovery."""
     config = zenoh.Config()
     for key, value in {
         "mode": mode,
@@ -36,7 +36,7 @@ def opened(mode: str, direction: str, endpoint: str) -> zenoh.Session:
 
 
 def answer(query: zenoh.Query, other: zenoh.Session) -> None:
-    """Asks the other side the same question and hands its answers back."""
+    """Forwards a query to the other side and returns its answers."""
     for reply in other.get(query.selector, timeout=2.0):
         if reply.ok is not None:
             query.reply(reply.ok.key_expr, reply.ok.payload, attachment=reply.ok.attachment)

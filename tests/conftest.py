@@ -1,4 +1,5 @@
-"""The real parts for whole-path tests: processes on free ports, ended by pid, their logs shown on failure."""
+"""The real components for end-to-end tests: processes on free ports, stopped by pid, their logs shown on
+failure."""
 
 from __future__ import annotations
 
@@ -63,12 +64,12 @@ class Part:
         return "\n".join(f"--- {path.name}\n{path.read_text()}" for path in self._paths)
 
     def kill(self) -> None:
-        """SIGKILL and gone."""
+        """Sends SIGKILL and waits for the end."""
         self.process.kill()
         self.process.wait()
 
     def stop(self) -> None:
-        """Asks politely, then no longer."""
+        """Sends SIGTERM; SIGKILL if that is not enough."""
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGCONT)
             self.process.terminate()
@@ -80,7 +81,7 @@ class Part:
 
 @dataclass
 class Stack:
-    """What one test started."""
+    """Everything that one test started."""
 
     folder: Path
     parts: list[Part] = field(default_factory=list)
@@ -123,11 +124,11 @@ class Stack:
 
     @staticmethod
     def viewer(address: str, hz: int = 30) -> Viewer:
-        """Watches `demo` at the relay that serves on `address`."""
+        """Watches `demo` at the relay with this address."""
         return Viewer(f"ws://{address}/api/v1/robots/demo/live?hz={hz}")
 
     def redis(self) -> str:
-        """A Redis of its own, in memory only; its URL."""
+        """A separate Redis, in memory only; its URL."""
         port = free_port()
         self.start(
             "redis",
@@ -145,7 +146,7 @@ class Stack:
 
 @dataclass
 class Viewer:
-    """A browser's stream without a browser: reads, decodes, acknowledges, comes back at once when cut."""
+    """A browser's stream without a browser: reads, decodes, acknowledges, and reconnects at once when cut."""
 
     url: str
     frames: list[tuple[float, Frame]] = field(default_factory=list)
@@ -197,7 +198,7 @@ class Viewer:
 
 @pytest.fixture
 def stack(tmp_path: Path) -> Iterator[Stack]:
-    """Everything started on it ends with the test."""
+    """Everything started in it ends with the test."""
     made = Stack(tmp_path)
     yield made
     for part in reversed(made.parts):

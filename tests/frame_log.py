@@ -17,7 +17,7 @@ from posecast_wire.keys import Stamp, frame_key
 
 
 class Log:
-    """Numbers frames by the KEY or REF they are coded against; one whose base was lost is lost too."""
+    """Numbers frames by the KEY or REF they are coded against; a frame whose base was lost is lost too."""
 
     def __init__(self) -> None:
         self._seq_of: dict[int | None, int] = {None: 0}

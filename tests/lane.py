@@ -1,4 +1,4 @@
-"""The lane for tests: who follows it over HTTP, and what counts the requests that reach a relay."""
+"""The lane for tests: followers over HTTP, and a counter of the requests that reach a relay."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Link:
         return await self.receive()
 
     async def send(self, path: str, **headers: str) -> None:
-        """Ask, and wait for no answer."""
+        """Send a request without waiting for the answer."""
         lines = "".join(f"{name}: {value}\r\n" for name, value in headers.items())
         await self.write(f"GET {path} HTTP/1.1\r\nHost: localhost\r\n{lines}\r\n".encode())
 
@@ -53,7 +53,7 @@ class Link:
         self._open[1].write(data)
 
     async def read_until_closed(self) -> bytes:
-        """All that the other end sends until it closes, or resets, the connection."""
+        """Everything that the other end sends until it closes or resets the connection."""
         assert self._open is not None
         got = b""
         with suppress(ConnectionError, ssl.SSLError):
@@ -67,7 +67,7 @@ class Link:
         return (await read_answer(self._open[0]))[1]
 
     def cut(self) -> None:
-        """Leave at once, whatever is on its way."""
+        """Disconnect at once, whatever is in transit."""
         if self._open is not None:
             self._open[1].transport.abort()
             self._open = None
@@ -92,7 +92,7 @@ async def read_answer(reader: asyncio.StreamReader) -> tuple[bytes, Answer]:
 
 @dataclass
 class Follower:
-    """Reads segment after segment, the next one as soon as it has one. `got`: take and index of each."""
+    """Reads segment after segment, the next one as soon as one has arrived. `got`: take and index of each."""
 
     link: Link
     got: list[tuple[str, int]] = field(default_factory=list)
@@ -120,7 +120,7 @@ class Follower:
 
 @dataclass
 class Origin:
-    """Stands before a relay and counts what it is asked. `refuses`: it hangs up instead of answering."""
+    """Sits in front of a relay and counts the requests. `refuses`: it hangs up instead of answering."""
 
     address: str
     refuses: bool = False
@@ -138,7 +138,7 @@ class Origin:
         self._server.close()
 
     def list_segments(self) -> list[str]:
-        """The addresses of which it gave segments, each as often as it gave it."""
+        """The addresses of the segments it served, each as often as served."""
         return [path for path, answer in self.answered if answer.is_segment]
 
     def count(self, status: int) -> int:

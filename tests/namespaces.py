@@ -1,4 +1,4 @@
-"""Network namespaces made by a test, which go with it; skipped where root or iproute2 is lacking."""
+"""Network namespaces made by a test and removed with it; skipped if root or iproute2 is missing."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NEAR, FAR = "10.9.0.1", "10.9.0.2"
 
 
 class Namespace:
-    """A network namespace: a thread in it, and the processes which that thread starts."""
+    """A network namespace: a thread in it, and the processes that this thread starts."""
 
     def __init__(self) -> None:
         self._pool = ThreadPoolExecutor(1)
@@ -41,12 +41,12 @@ class Namespace:
         return self.submit(work).result()
 
     def do(self, *commands: str) -> None:
-        """Network tools, all of which must succeed."""
+        """Runs network tools, all of which must succeed."""
         for command in commands:
             self.run(lambda c=command: subprocess.run(c.split(), check=True))  # type: ignore[misc]
 
     def close(self) -> None:
-        """Gone as soon as its processes are."""
+        """Removed as soon as its processes have ended."""
         self._pool.shutdown()
 
 
@@ -68,7 +68,7 @@ class Cable:
             pytest.skip(f"{e.filename} is needed (iproute2)")
 
     def lend(self, loopback: str) -> None:
-        """Who is FAR reaches what listens on this address of NEAR's loopback."""
+        """Lets FAR reach what listens on this address of NEAR's loopback."""
         self.near.do("sysctl -qw net.ipv4.conf.cable.route_localnet=1")
         self.far.do(
             "sysctl -qw net.ipv4.conf.plug.route_localnet=1", f"ip route add {loopback}/32 dev plug src {FAR}"

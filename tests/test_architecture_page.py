@@ -1,4 +1,4 @@
-"""Every file that the pages on architecture and on extending Posecast name exists."""
+"""Every file named by the pages on architecture and on extending Posecast exists."""
 
 from __future__ import annotations
 

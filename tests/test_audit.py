@@ -1,4 +1,4 @@
-"""The audit of dependencies: what is known stops it; a service that can't be reached does not."""
+"""The dependency audit: a known vulnerability stops it, an unreachable service does not."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ AWAY = "npm error audit endpoint returned an error: error sending request"
 @pytest.mark.parametrize(
     ("says", "status", "strict", "ends", "tells"),
     [
-        ("found 0 vulnerabilities", 0, "", 0, "nothing known"),
+        ("found 0 vulnerabilities", 0, "", 0, "no known vulnerabilities"),
         ("1 high severity vulnerability", 1, "", 1, "1 high severity vulnerability"),
         (AWAY, 1, "", 0, "skipped, its service"),
         (AWAY, 1, "strict", 1, "skipped, its service"),

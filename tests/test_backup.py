@@ -1,4 +1,4 @@
-"""docs/how-to/operate/back-up.md, done as it says: what is lost comes back, and what was deleted goes
+"""docs/how-to/operate/back-up.md, followed step by step: lost data comes back, and deleted data is deleted
 again."""
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Do = Callable[[str], None]
 
 @pytest.fixture
 def do(tmp_path: Path) -> Do:
-    """Carry out a block of the page, with the folders of this test and as its user."""
+    """Run a block of the page, with the folders of this test and as its user."""
     (tmp_path / "relay").mkdir()
     (tmp_path / "relay/robots.toml").touch(0o600)
 
@@ -49,7 +49,7 @@ def mounted(block: str) -> str:
 
 
 def fill(store: Path) -> None:
-    """Two segments in a store, an hour of which the page deletes and a day before."""
+    """Two segments in a store: one in an hour that the page deletes, and one a day before."""
     for folder, name in (("2026-11-22/14-20", NAME.format(index=12)), ("2026-11-21/10-30", KEPT)):
         (store / "hubo/public" / folder).mkdir(parents=True)
         (store / "hubo/public" / folder / name).write_bytes(b"segment")

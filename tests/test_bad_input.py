@@ -1,4 +1,4 @@
-"""A wrong word on the command line is one line that says what, and exit 2; never a traceback."""
+"""A wrong word on the command line gives one line that names it, and exit code 2; never a traceback."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page's centre of mass and capture point beside Pinocchio's, for the robots of ../shared and of
+"""Compares the page's centre of mass and capture point with Pinocchio's, for the robots in ../shared and in
 example-robot-data. `make balance` and `make test-full` run it."""
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ OURS = sorted((SHARED / "robots").rglob("*.urdf"))
 
 @pytest.fixture(scope="module")
 def oracle() -> dict[str, str]:
-    """The URDFs of example-robot-data. Skips where Pinocchio can't be installed."""
+    """The URDFs of example-robot-data. Skips if Pinocchio can't be installed."""
     done = subprocess.run([REPO / "tests/balance/install"], capture_output=True, text=True, check=False)
     if done.returncode != 0:
         pytest.skip(f"no Pinocchio here: {done.stderr.strip()[-200:]}")
@@ -40,7 +40,7 @@ def oracle() -> dict[str, str]:
 
 
 def run_oracle(*arguments: str) -> Any:
-    """What the oracle prints."""
+    """The oracle's output."""
     done = subprocess.run([PYTHON, ORACLE, *arguments], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
@@ -90,7 +90,7 @@ def codes_of(schema: str, configuration: Mapping[str, Any]) -> list[int]:
 
 
 def make_manifest(path: Path) -> dict[str, Any]:
-    """What the page's kinematics need, and the masses as the URDF has them."""
+    """What the page's kinematics need, and the masses from the URDF."""
     urdf = load_urdf(path)
     skeleton = make_skeleton(urdf, build_tree(urdf))
     inertials = []

@@ -1,5 +1,5 @@
-"""The page's centre of pressure and support polygon beside MuJoCo's contacts, for a humanoid that stands,
-leans and walks. `make balance` and `make test-full` run it."""
+"""Compares the page's centre of pressure and support polygon with MuJoCo's contacts, for a humanoid that
+stands, leans and walks. `make balance` and `make test-full` run it."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def distance_to_outline(point: Any, polygon: Any) -> float:
 
 
 def read_values(model: Any, data: Any, joints: list[str]) -> dict[str, float]:
-    """What the robot reports, by "FIELD LABEL"."""
+    """The robot's report, by "FIELD LABEL"."""
     values = {f"pos {name}": float(data.qpos[model.joint(name).qposadr[0]]) for name in joints}
     values |= {f"base base.{part}": float(data.qpos[i]) for i, part in enumerate("xyz")}
     values |= {f"baseq base.{part}": float(data.qpos[3 + i]) for i, part in enumerate("wxyz")}
@@ -101,7 +101,7 @@ def read_values(model: Any, data: Any, joints: list[str]) -> dict[str, float]:
 
 
 def read_truth(model: Any, data: Any) -> dict[str, Any]:
-    """What MuJoCo knows."""
+    """MuJoCo's result."""
     points, forces = find_pressure(model, data)
     soles = {}
     for s in "rl":

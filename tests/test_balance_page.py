@@ -1,4 +1,4 @@
-"""What docs/how-to/robots/show-balance.md says of a robot's profile is so."""
+"""The statements of docs/how-to/robots/show-balance.md about a robot's profile are true."""
 
 from __future__ import annotations
 

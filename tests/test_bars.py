@@ -1,4 +1,4 @@
-"""The plots of docs/reference/benchmarks.md show what its tables say."""
+"""The plots of docs/reference/benchmarks.md agree with its tables."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""infra/cloud says what a relay understands, and binds it as compose does. Nothing of it is run here."""
+"""The relay understands the settings in infra/cloud, and they restrict it as compose does. Nothing in it is
+started here."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""infra/docker-compose.yml, .env.example and the pages that tell of them agree. Nothing is run here."""
+"""infra/docker-compose.yml, .env.example and the pages about them agree. Nothing is started here."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PROFILES = {name for service in COMPOSE["services"].values() for name in service
 
 
 def read_defaults() -> dict[str, str]:
-    """What each variable of the Compose file is where nobody says anything."""
+    """The default of each variable in the Compose file."""
     found = dict[str, str]()
     for name, default in re.findall(r"(?<!\$)\$\{([A-Z_]+):-([^}]*)\}", TEXT):
         assert found.setdefault(name, default) == default, name
@@ -94,7 +94,7 @@ def test_the_proxy_falls_back_on_the_relay() -> None:
 
 
 def test_the_proxy_takes_what_compose_tells_it() -> None:
-    """A variable that is set and empty is not one that is unset: Caddy then takes no default."""
+    """An empty variable is different from an unset one: Caddy then uses no default."""
     defaults = read_defaults()
     told = {
         key: re.sub(r"\$\{([A-Z_]+)[^}]*\}", lambda found: defaults[found[1]], str(value))

@@ -1,4 +1,4 @@
-"""`posecast demo` and `posecast run` as processes: what they print is true, and nothing stays behind them."""
+"""`posecast demo` and `posecast run` as processes: their output is true, and no process is left behind."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the page says of the demo robot's balance in its minute, and by the limits that a profile sets."""
+"""The page's text about the demo robot's balance during its minute, and with limits set by a profile."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def motion() -> Motion:
 
 
 def play(motion: Motion, schema: str, first: int = 0) -> dict[str, Any]:
-    """What is said of the minute's moments from a sample on."""
+    """The text for the minute's moments from a sample on."""
     manifest = json.loads((BUNDLE / "model/manifest.json").read_bytes())
     labels = {f["name"]: json.loads(schema)["labels"][f["labels"]] for f in json.loads(schema)["fields"]}
     frames = []
@@ -55,7 +55,7 @@ def test_a_walk_is_told_as_moving_and_nothing_is_logged(motion: Motion, first: i
 
 
 def test_a_profiles_limit_of_the_margin_holds_on_the_page(motion: Motion) -> None:
-    """From [thresholds.balance] by the schema, as the agent sends it, to words and log."""
+    """From [thresholds.balance] through the schema, as the agent sends it, to text and log."""
     text = PROFILE.read_text() + "\n[thresholds.balance]\nmargin = { low = 10, caution = 0.4 }\n"
     found = play(motion, make_schema_text(parse_profile(text, "demo")))
     assert found["owner"] == "profile"

@@ -1,4 +1,4 @@
-"""Every relative link, anchor and picture of every page leads somewhere."""
+"""Every relative link, anchor and picture on every page exists."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def tokens(page: Path) -> list[Token]:
 
 @cache
 def anchors(page: Path) -> set[str]:
-    """Of a heading that occurs twice, only the first counts: generators number the second differently."""
+    """If a heading occurs twice, only the first counts: generators number the second differently."""
     blocks, found = tokens(page), set()
     for heading, inline in pairwise(blocks):
         if heading.type == "heading_open":
@@ -69,7 +69,7 @@ def targets(page: Path) -> Iterator[str]:
 
 
 def find_fault(page: Path, target: str) -> str | None:
-    """Why a link leads nowhere; None when it is fine or leads elsewhere than to our files."""
+    """Why a link is broken; None if it is fine or leads outside our files."""
     if re.match(r"[a-z][a-z0-9+.-]*:", target):
         return None
     name, _, anchor = unquote(target).partition("#")

@@ -1,4 +1,4 @@
-"""The documentation is short and plain: words of a page, words of a sentence, and words we don't write.
+"""The documentation is short and plain: limits for the length of pages and sentences, and words to avoid.
 
 `make check` runs the vocabulary (tools/prose/vocabulary.yml) over each page that is not unfinished yet.
 """
@@ -33,7 +33,7 @@ FINISHED = sorted(PAGES.keys() - read_unfinished())
 
 @cache
 def find_words_to_replace() -> dict[str, list[str]]:
-    """Page → what the vocabulary says about it, for pages that are unfinished too."""
+    """Page → what the vocabulary reports, also for unfinished pages."""
     command = ["npx", "--no-install", "textlint", "--ignore-path", "/dev/null", "--format", "json", *PAGES]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode in (0, 1), done.stderr

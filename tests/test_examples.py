@@ -1,7 +1,7 @@
-"""The examples of edge-agent/examples, run beside a real relay: what they publish is what a viewer sees.
+"""The examples in edge-agent/examples, run with a real relay: a viewer sees what they publish.
 
-Those whose library is not installed here are skipped and say so. ROS 2's and
-LeRobot's programs need a robot: of them the function that publishes is called with their own messages.
+Examples whose library is not installed here are skipped with a message. The ROS 2 and LeRobot programs need a
+robot, so only their publishing function is called, with their own messages.
 """
 
 from __future__ import annotations

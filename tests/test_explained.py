@@ -1,4 +1,4 @@
-"""What explains itself on the page stands in the docs, in the same words, and is said in both languages."""
+"""The page's explanations are in the docs, in the same words, and exist in both languages."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tools.explained import PAGE, read_catalogue, write_page
 
 ENGLISH, KOREAN = read_catalogue("en"), read_catalogue("ko")
 TEXT = PAGE.read_text(encoding="utf-8")
-# What a sentence may not say without saying what it means: a reader has never seen a robot.
+# Terms that a sentence may use only with an explanation: a reader has never seen a robot.
 JARGON = re.compile(
     r"\b(actuator|encoder|PWM|torque|quaternion|schema|frame|latency|odometry|gyroscope|accelerometer|firmware|wrench|URDF|deviation)\b",
     re.IGNORECASE,
@@ -26,7 +26,7 @@ def test_everything_that_is_explained_has_a_table() -> None:
 
 
 def test_a_section_that_nobody_explains_is_named() -> None:
-    with pytest.raises(ValueError, match="nothing is explained under 'colours'"):
+    with pytest.raises(ValueError, match="no section 'colours'"):
         write_page("<!-- explained: colours -->\n<!-- explained end -->\n", ENGLISH)
 
 
@@ -34,7 +34,7 @@ def test_a_table_that_is_out_of_date_is_replaced() -> None:
     page = "a\n<!-- explained: sensors -->\nold\n<!-- explained end -->\nb\n"
     written = write_page(page, ENGLISH)
     assert "old" not in written
-    assert "| **IMU** | Feels where down is" in written
+    assert "| **IMU** | Feels which way is down" in written
     assert write_page(written, ENGLISH) == written
 
 

@@ -1,4 +1,4 @@
-"""The circle: what the demo robot did is exported as MCAP, played by an edge, and seen as it was."""
+"""Round trip: the demo robot's motion is exported as MCAP, played by an edge, and seen unchanged."""
 
 from __future__ import annotations
 

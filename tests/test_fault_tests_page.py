@@ -1,4 +1,4 @@
-"""docs/reference/fault-tests.md names tests that exist, and all ways in which parts are broken on purpose."""
+"""docs/reference/fault-tests.md names existing tests, and all ways to break components on purpose."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page on Firebase Hosting, as its emulator serves it by our firebase.json."""
+"""The page on Firebase Hosting, as its emulator serves it with our firebase.json."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ needs_page = pytest.mark.skipif(not (DIST / "index.html").exists(), reason="no b
 
 
 def own_policy() -> str:
-    """What the built page says it may load."""
+    """The built page's Content-Security-Policy."""
     found = POLICY.search((DIST / "index.html").read_text())
     assert found is not None
     return found[1].replace("&#39;", "'")

@@ -1,4 +1,4 @@
-"""infra/first_start.sh: what a cloud in containers makes for itself is what relay and robot take."""
+"""infra/first_start.sh: relay and robot accept the files that a containerised cloud creates for itself."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.skipif(shutil.which("openssl") is None, reason="no open
 
 
 def start(folder: Path, site: str = "localhost") -> dict[str, bytes]:
-    """Runs it; every file there is then."""
+    """Runs it; returns every file created."""
     for name in ("secret", "robots"):
         (folder / name).mkdir(exist_ok=True)
     environment = {

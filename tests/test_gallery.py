@@ -1,4 +1,4 @@
-"""The gallery tells what became of each robot in a folder, of those that can't be built too."""
+"""The gallery reports the result for each robot in a folder, including those that can't be built."""
 
 from __future__ import annotations
 

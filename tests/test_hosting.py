@@ -1,4 +1,4 @@
-"""The page on hosts of other kinds: real nginx, alone and before a relay."""
+"""The page on other web servers: real nginx, alone and in front of a relay."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ pytestmark = [
 
 
 def find_block(kind: str, words: str) -> str:
-    """The one block of the pages on hosting with these words."""
+    """The single block on the hosting pages that contains these words."""
     pages = (ROOT / "docs/how-to/scale" / name for name in ("host-the-page.md", "cache-for-a-crowd.md"))
     blocks = (b for page in pages for b in re.findall(rf"```{kind}\n(.*?)```", page.read_text(), re.DOTALL))
     (found,) = (b for b in blocks if words in b)
@@ -51,7 +51,7 @@ Answer = tuple[int, "Message[str, str]", bytes]
 
 
 class Site:
-    """nginx with one of our files, on a port of its own."""
+    """nginx with one of our files, on its own port."""
 
     def __init__(self, folder: Path, file: str, **instead: str) -> None:
         new = "req -x509 -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -days 2 -subj /CN=localhost"

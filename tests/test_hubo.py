@@ -1,4 +1,4 @@
-"""Both robots of the 2014 paper, from their daemon's protocol to a viewer's pose and the doctor's word."""
+"""Both robots of the 2014 paper, from their daemon's protocol to a viewer's pose and the doctor's result."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Wheels, installed outside the checkout, put a robot on air where there is no route to the internet.
+"""Wheels, installed outside the checkout, put a robot on air without a route to the internet.
 
-The commands are those of docs/how-to/install.
+The commands are those in docs/how-to/install.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def wheels(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def alone() -> Iterator[Any]:
-    """A place with a loopback and nothing else."""
+    """A namespace with a loopback interface and nothing else."""
     place = Namespace()
     place.do("ip link set lo up")
     yield place
@@ -83,7 +83,7 @@ def alone() -> Iterator[Any]:
 
 
 def on_air(stack: Any, place: Any, relay: Path, edge: Path) -> str:
-    """Starts both from their own virtual environments in a place without a route; the relay's URL."""
+    """Starts both from their own virtual environments in a namespace without a route; the relay's URL."""
     run: Callable[..., Any] = place.run
     serving = run(
         lambda: stack.start("relay", str(relay / "bin/posecast-relay"), "run", "--dev", "--port", "8080")

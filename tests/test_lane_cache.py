@@ -1,4 +1,5 @@
-"""The lane through real caches, set as infra/hosting says: a relay is asked once for a segment."""
+"""The lane through real caches, configured as in infra/hosting: each segment is requested once from the
+relay."""
 
 from __future__ import annotations
 
@@ -111,7 +112,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
 
 @dataclass
 class Cache:
-    """One before a relay, and what it has asked the relay."""
+    """A cache in front of a relay, and the requests that it has sent to the relay."""
 
     origin: Origin
     port: int
@@ -228,7 +229,7 @@ async def cache(request: pytest.FixtureRequest, world: World, tmp_path: Path) ->
 
 
 def check_refusal(answer: Answer) -> None:
-    """By the cache itself: no such request is made, and the connection ends."""
+    """The cache itself refuses the request, and the connection ends."""
     assert answer.status == 400
     assert answer.headers["content-type"] == "application/json"
     assert set(json.loads(answer.body)) == {"error"}
@@ -409,7 +410,8 @@ async def test_a_segment_has_one_name_whatever_is_added_to_it(cache: Cache) -> N
 
 
 async def test_what_stands_behind_a_hash_is_refused(cache: Cache) -> None:
-    """The relay would leave it out and answer, so each would be a further name of a segment that is held."""
+    """The relay would ignore the parameter and answer, so each would be another cache key for a segment that
+    is held."""
     path = await cache.find_next()
     for each in (f"{path}#1", f"{path}#a?b", f"{path}?#c", f"{ROBOT}/past#1", f"{ROBOT}/past?view=public#1"):
         check_refusal(await cache.connect().ask(each))
@@ -499,7 +501,7 @@ async def test_keys_of_each_nth_segment_have_few_names(cache: Cache) -> None:
     ],
 )
 async def test_who_sends_what_no_page_does_drop_by_drop_is_let_go(cache: Cache, head: str) -> None:
-    """A body, a method, a head without end: each drop used to begin the wait anew."""
+    """A body, a method, a header without end: each drop used to restart the wait."""
     link = cache.connect()
     await link.write(head.format(await cache.find_next()).encode())
     got = asyncio.create_task(link.read_until_closed())
@@ -583,7 +585,7 @@ async def test_what_has_left_the_window_is_gone_from_the_cache_as_well(cache: Ca
 async def test_a_crowd_in_a_blackout_asks_the_relay_as_one_and_hears_at_once_when_it_ends(
     cache: Cache, world: World
 ) -> None:
-    """A cache that repeats the 404 while one is held would keep all others in the dark for a hold."""
+    """A cache that repeats the 404 while one request is held would keep all others in the dark meanwhile."""
     async with play_crowd(cache) as crowd:
         await until_true("all follow", lambda: all(len(one.got) >= 2 for one in crowd))
         world.set_blackout(True)
@@ -615,7 +617,7 @@ async def test_a_crowd_in_a_blackout_asks_the_relay_as_one_and_hears_at_once_whe
 async def test_nobody_hears_of_a_blackout_while_one_is_held_for_what_follows_it(
     cache: Cache, world: World
 ) -> None:
-    """The cache has a 404 of before under the name of what comes next, which one asks the relay for."""
+    """The cache has an old 404 under the name of the next segment, for which one request is at the relay."""
     follower = Follower(cache.connect())
     following = asyncio.create_task(follower.follow())
     await until_true("it follows", lambda: len(follower.got) >= 2)
@@ -637,7 +639,8 @@ async def test_nobody_hears_of_a_blackout_while_one_is_held_for_what_follows_it(
         world.set_blackout(False)
         world.edge.process.send_signal(signal.SIGCONT)
         following.cancel()
-    # The robot is back before the hold is over: by then its past may have left the window, a 404 as well.
+    # The robot returns before the hold is over: by then its past may have left the window, which is also a
+    # 404.
     assert (await other.receive()).status in {200, 204}
 
 

@@ -1,4 +1,4 @@
-"""Two routers by infra/mesh/zenohd.json5: the robot comes in at one, the relay stands beside the other.
+"""Two routers with infra/mesh/zenohd.json5: the robot connects to one, the relay to the other.
 
 The routers are those of Zenoh's Python package; zenohd is the same router as a program.
 """
@@ -54,11 +54,11 @@ class Mesh:
         subprocess.run(["openssl", *words.split()], cwd=self.stack.folder, check=True, capture_output=True)
 
     def at(self, router: str) -> str:
-        """Where robots come in."""
+        """The address for robots."""
         return f"tls/127.0.0.1:{self.ports[router]}"
 
     def router(self, name: str, *connects: str) -> Part:
-        """By the file, with this machine's addresses and files."""
+        """From the file, with this machine's addresses and files."""
         config = zenoh.Config.from_file(str(FILE))
         for key, value in {
             "listen/endpoints": [self.at(name)],
@@ -124,7 +124,7 @@ def test_a_robot_may_do_at_a_router_what_it_may_do_at_the_relay() -> None:
 
 
 def said(part: dict[str, Any]) -> dict[str, Any]:
-    """Without what was left out."""
+    """Without the omitted settings."""
     return {name: value for name, value in part.items() if value is not None}
 
 

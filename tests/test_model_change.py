@@ -1,4 +1,4 @@
-"""A mesh is changed on disk: after a restart of the edge the open pages learn of the new model."""
+"""A mesh changes on disk: after a restart of the edge, the open pages learn about the new model."""
 
 from __future__ import annotations
 

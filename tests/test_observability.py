@@ -1,4 +1,4 @@
-"""infra/observability: the alarms sound when they should, and dashboard and alarms ask for what there is."""
+"""infra/observability: the alarms fire when they should, and dashboard and alarms use existing metrics."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def test_the_panels_stand_side_by_side_under_questions() -> None:
 
 
 class Prometheus:
-    """A real one before a real relay."""
+    """A real Prometheus that scrapes a real relay."""
 
     def __init__(self, port: int) -> None:
         self._url = f"http://127.0.0.1:{port}/api/v1"
@@ -116,12 +116,12 @@ class Prometheus:
             return json.load(got)["data"]
 
     def ask(self, expression: str) -> list[dict[str, Any]]:
-        """The samples of an expression now."""
+        """The current samples of an expression."""
         found: list[dict[str, Any]] = self._get("query", query=expression)["result"]
         return found
 
     def is_up(self) -> bool:
-        """Whether it has asked the relay a few times by now."""
+        """Whether it has scraped the relay a few times by now."""
         try:
             found = self.ask(
                 'min(count_over_time(posecast_edge_frames_total{fate="taken",job="posecast"}[1m]))'
@@ -140,13 +140,13 @@ class Prometheus:
         return {rule["health"] for group in self._get("rules")["groups"] for rule in group["rules"]}
 
     def list_alerts(self) -> dict[str, str]:
-        """Which alarms sound, or are about to."""
+        """Which alarms fire, or are about to."""
         return {each["labels"]["alertname"]: each["state"] for each in self._get("alerts")["alerts"]}
 
 
 @pytest.fixture(scope="module")
 def prometheus(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Prometheus]:
-    """Its own configuration, but for whom it asks and how often; before a relay with all its stores."""
+    """The shipped configuration with other targets and intervals; for a relay with all its stores."""
     folder = tmp_path_factory.mktemp("observability")
     stack = Stack(folder)
     try:
@@ -192,7 +192,7 @@ def prometheus(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Prometheus]
 
 
 def name_metrics(expression: str) -> set[str]:
-    """The metrics that it asks for."""
+    """The metrics that it uses."""
     return set(re.findall(r"posecast_\w+", expression))
 
 

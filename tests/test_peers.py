@@ -1,4 +1,4 @@
-"""The bench of peers: the relay's own row always, whoever else is installed here besides."""
+"""The peer benchmark: always the relay's own row, and those of all other peers installed here."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def test_mqtt_packets() -> None:
-    """Held against the examples of MQTT 3.1.1, 2.2.3 and 3.1."""
+    """Checked against the examples in MQTT 3.1.1, 2.2.3 and 3.1."""
     assert mqtt.connect().hex() == "100c00044d515454040200000000"
     assert mqtt.subscribe().hex() == "820600010001" + b"f".hex() + "00"
     assert mqtt.packet(0x30, bytes(321))[:3].hex() == "30c102"
@@ -42,7 +42,7 @@ def test_mosquitto_listens_for_robots_and_browsers() -> None:
     "asked", [["posecast"], pytest.param([], marks=pytest.mark.full)], ids=["relay", "all"]
 )
 def test_a_small_run(tmp_path: Path, asked: list[str]) -> None:
-    """The relay; in the long tests everybody who is installed here. Who is not is named."""
+    """The relay; in the long tests, every installed peer. Missing ones are reported."""
     if shutil.which("cc") is None:
         pytest.skip("no C compiler (cc) here")
     small = ["--quick", "--only", "steady", "--out", str(tmp_path)]
@@ -79,7 +79,7 @@ def row(scenario: str, server: str, cpu_us: float, round_number: int = 0) -> dic
 
 
 def test_the_page_is_written_from_a_run() -> None:
-    """Both tables and plots; who is cheapest first, the relay before all."""
+    """Both tables and plots, sorted by cost, the relay first."""
     about = {"day": "1 May 2026", "commit": "abc1234", "kernel": "6", "cores": 2, "cpu": "some"}
     runs = [
         row(scenario, server, cost * (1 + number), number)

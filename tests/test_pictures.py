@@ -1,4 +1,4 @@
-"""The pictures in the docs: each is there, small, told in words, made by a command, and used."""
+"""The pictures in the docs: each exists, is small, has a text, is made by a command, and is used."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ WORDS = re.compile(r'\balt="([^"]*)"')
 
 
 def pictures_of(page: Path) -> list[tuple[Path, str | None]]:
-    """(file, what is said for those who do not see it; None where an element beside it says so) in a page."""
+    """(file, alternative text; None if an element beside it has the text) in a page."""
     text = page.read_text()
     found: list[tuple[Path, str | None]] = [(page.parent / to, words) for words, to in MARKDOWN.findall(text)]
     for element in HTML.findall(text):
@@ -57,7 +57,7 @@ def test_each_picture_is_named_and_small() -> None:
 
 
 def test_each_screenshot_is_made_by_make_pictures() -> None:
-    """Each WebP is written by a file of spa/e2e/pictures, and each that those write is there."""
+    """Each WebP is written by a file in spa/e2e/pictures, and each file written there exists."""
     source = "".join(path.read_text() for path in sorted((ROOT / "spa/e2e/pictures").glob("*.ts")))
     made = set(re.findall(r"\b(?:write\(\s*page,|draw\()\s*'([a-z-]+)'", source))
     made |= set(re.findall(r"docs/img/([a-z-]+)\.webp", source))
@@ -65,7 +65,7 @@ def test_each_screenshot_is_made_by_make_pictures() -> None:
 
 
 def times_ms(moving: Path) -> list[int]:
-    """How long each frame is shown; frames that look the same are one, shown for longer."""
+    """How long each frame is shown; identical frames are merged and shown for longer."""
     with Image.open(moving) as picture:
         assert picture.info["loop"] == 0  # for ever
         times = []

@@ -1,4 +1,4 @@
-"""The page on the protocol, done as it says: every example runs, every sample shows the members there are."""
+"""The protocol page, followed step by step: every example runs, every sample is complete."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ LINES = 3  # of an example's output: it goes on
 
 
 def block(language: str, holding: str) -> str:
-    """The one block of that language with this in it."""
+    """The single block in that language that contains this."""
     found = [b for b in re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL) if holding in b]
     assert len(found) == 1, f"{holding}: {len(found)} times in the page"
     return str(found[0])
@@ -69,7 +69,7 @@ def get(address: str, path: str) -> Any:
 
 
 def first_lines(stack: Any, name: str, *command: str) -> list[str]:
-    """What this endless program prints first."""
+    """The first output of this endless program."""
     part = stack.start(name, *command)
     return str(part.line(rf"(?:.*\n){{{LINES}}}")[0]).splitlines()
 
@@ -189,7 +189,7 @@ def tell(document: Any) -> Answer:
 
 
 def listed(demo: str, past: str) -> list[dict[str, Any]]:
-    """The segments of the past, each in the ten minutes in which it begins."""
+    """The segments of the past, by the ten minutes in which each starts."""
     summary = get(demo, past)
     segments = []
     for ten_minutes in range(summary["from_ms"] // 600_000, summary["to_ms"] // 600_000 + 1):

@@ -1,4 +1,4 @@
-"""The shipped proxy (infra/Caddyfile) before a real relay, in a network namespace of its own."""
+"""The shipped proxy (infra/Caddyfile) in front of a real relay, in its own network namespace."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Stay(urllib.request.HTTPRedirectHandler):
 
 @dataclass
 class Site:
-    """Who asks is in the namespace too."""
+    """Clients are in the namespace too."""
 
     place: Namespace
     trust: ssl.SSLContext
@@ -89,7 +89,7 @@ def set_up_cache(folder: Path) -> tuple[str, ...]:
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
-    """A relay, its demo robot and the proxy before them, for all tests of this file."""
+    """A relay, its demo robot and the proxy in front of them, for all tests in this file."""
     folder = tmp_path_factory.mktemp("proxy")
     place, stack = Namespace(), Stack(folder)
     place.do("ip link set lo up", *(f"ip address add {OTHERS}{n}/32 dev lo" for n in (1, 2, 3)))
@@ -270,7 +270,7 @@ def test_viewers_are_told_apart_behind_the_proxy(site: Site) -> None:
     links = []
 
     def stream(address: str) -> str:
-        """The first event of one more stream from that address, which says that it is another."""
+        """The first event of one more stream from that address, which claims another address."""
         raw = socket.create_connection((f"{OTHERS}1", 443), 10, source_address=(address, 0))
         link = site.trust.wrap_socket(raw, server_hostname="localhost")
         links.append(link)

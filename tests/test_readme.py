@@ -1,4 +1,4 @@
-"""What the README tells a newcomer to type, typed."""
+"""The README's commands for newcomers, run as written."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ WORDS = 900
 
 
 def written(pattern: str) -> str:
-    """The one place in the README that matches."""
+    """The single place in the README that matches."""
     found = re.findall(pattern, README, re.DOTALL)
     assert len(found) == 1, f"{pattern}: {len(found)} times in the README"
     return str(found[0])

@@ -1,4 +1,4 @@
-"""A table, a bag and a simulation, each from its file to a viewer by one command."""
+"""A table, a bag and a simulation, each shown to a viewer from its file with one command."""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
-"""docs/how-to/record and docs/reference/past-export.md, done as they say: a demo's past is kept in an
-archive, exported by their commands from there and from a running relay, and served by their nginx."""
+"""docs/how-to/record and docs/reference/past-export.md, followed step by step: a demo's past is archived,
+exported with their commands from the archive and from a running relay, and served with their nginx
+configuration."""
 
 from __future__ import annotations
 
@@ -39,7 +40,7 @@ pytestmark = pytest.mark.skipif(not (ROOT / "spa/dist/index.html").exists(), rea
 
 
 def blocks(page: str, language: str) -> list[str]:
-    """The blocks of a language, without the indent of a list."""
+    """The blocks of a language, without the indentation of lists."""
     found = re.findall(rf"^( *)```{language}\n(.*?)^ *```", page, re.DOTALL | re.MULTILINE)
     return [re.sub(rf"^{indent}", "", text, flags=re.MULTILINE) for indent, text in found]
 
@@ -77,8 +78,8 @@ def carry_out(command: str, folder: Path, at: Path, *more: str) -> subprocess.Co
 
 
 def export_all(folder: Path, relay: str) -> dict[str, Path]:
-    """Carry out each export of the pages, each in a folder of its own, or where it replaces the one before.
-    Return the commands, and where they wrote.
+    """Run each export on the pages, each in its own folder, or where it replaces the previous one. Return the
+    commands and their output locations.
     """
     found: dict[str, Path] = {}
     at = folder
@@ -138,7 +139,7 @@ def test_what_the_pages_say_is_so(stack: Any, tmp_path: Path) -> None:
 
 
 def check_nginx(stack: Any, folder: Path, model: str) -> None:
-    """The page's nginx serves the folder below a path, with the headers that its table promises."""
+    """The page's nginx serves the folder below a path, with the headers promised in its table."""
     port = free_port()
     (server,) = blocks(HOST, "nginx")
     server = server.replace("listen 80", f"listen 127.0.0.1:{port}")

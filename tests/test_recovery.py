@@ -1,5 +1,5 @@
-"""What comes after a fault. Nobody waits for the next KEY, which is a minute away here, and nothing from
-before is shown as live."""
+"""Recovery after a fault. Nobody waits for the next KEY, which is a minute away here, and no old data is
+shown as live."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ BRIDGE = Path(__file__).with_name("bridge.py")
 class Robot:
     """A robot's program: JSON lines, 30 a second, on a clock that can be set back.
 
-    Its knees are the hand of a clock: who sees a pose knows when it was true.
+    Its knees are the hand of a clock, so every pose reveals when it was true.
     """
 
     def __init__(self, *others: str) -> None:
@@ -55,13 +55,13 @@ class Robot:
         self._offset_s -= 60.0
 
     def pause(self) -> None:
-        """Falls silent; nothing more is written when this returns."""
+        """Falls silent; nothing more is written once this returns."""
         self._silent.clear()
         self._going.clear()
         self._silent.wait()
 
     def go_on(self) -> None:
-        """Speaks again."""
+        """Resumes."""
         self._going.set()
 
     def _run(self) -> None:
@@ -92,7 +92,7 @@ def true_s(frame: Frame) -> float:
 
 
 def state_of(address: str) -> dict[str, Any]:
-    """What the relay says of the robot; {} while it knows none."""
+    """The relay's entry for the robot; {} while it knows none."""
     try:
         with urllib.request.urlopen(f"http://{address}/api/v1/robots/demo", timeout=5) as answer:
             document: dict[str, Any] = json.load(answer)
@@ -184,7 +184,8 @@ async def test_an_edge_that_was_stopped_shows_nothing_from_before(
 
 
 async def test_what_the_robot_said_while_nobody_listened_is_a_picture(stack: Any, robot: Robot) -> None:
-    """The relay is away, the robot says its last word, the relay is back: there it stands, and is silent."""
+    """While the relay is away, the robot sends its last sample; when the relay is back, the robot is there,
+    and silent."""
     part, address, zenoh = stack.relay()
     port, zenoh_port = int(address.rsplit(":", 1)[1]), int(zenoh.rsplit(":", 1)[1])
     stack.edge(zenoh, "--source", "jsonl", *KEYS, stdin=robot.read)
@@ -219,7 +220,7 @@ async def test_what_the_robot_said_while_nobody_listened_is_a_picture(stack: Any
 
 
 async def test_a_second_edge_of_the_same_name_comes_and_goes(stack: Any, robot: Robot) -> None:
-    """The first is refused meanwhile, sends on, and is on air again by itself."""
+    """The first one is refused meanwhile, keeps sending, and is on air again without help."""
     _, address, zenoh = stack.relay()
     first = stack.edge(zenoh, "--source", "jsonl", *KEYS, stdin=robot.read)
     viewer = stack.viewer(address)

@@ -1,5 +1,5 @@
-"""What docs/how-to/robots/ and docs/reference/profile.md say is so; test_source_doctor.py looks at the
-findings."""
+"""The statements in docs/how-to/robots/ and docs/reference/profile.md are true; test_source_doctor.py checks
+the findings."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_commands_are_in_blocks_of_shell(name: str) -> None:
 
 
 def list_commands(page: str) -> list[list[str]]:
-    """What the page's shell blocks call posecast with."""
+    """The posecast commands in the page's shell blocks."""
     lines = "".join(blocks("sh", page)).splitlines()
     found = [re.match(r" *(?:.* \| )?posecast (.*)", line) for line in lines]
     return [shlex.split(each[1]) for each in found if each]

@@ -1,4 +1,4 @@
-"""ROS robots from their own kind of source to a viewer: with one command, and a G1 with its profile."""
+"""ROS robots from their own kinds of source to a viewer: with one command, and a G1 with its profile."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def edge_tests(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def swing(t_s: float, i: int = 0) -> float:
-    """Where joint i is: rad."""
+    """The position of joint i: rad."""
     return 0.1 + 0.1 * math.sin(3 * t_s + i)  # within every limit of a G1
 
 
@@ -52,7 +52,7 @@ def fetch(url: str) -> Any:
 
 @pytest.mark.parametrize("kind", ["ros2", "rosbridge"])
 async def test_one_command_puts_a_robot_that_describes_itself_on_air(stack: Any, kind: str) -> None:
-    """Neither profile nor --urdf: joints and the model are what the robot says they are."""
+    """Neither profile nor --urdf: joints and model come from the robot itself."""
     import ros_stage
     from posecast_edge.sources.ros.messages import JOINT_STATE, STRING
     from rosbridge_stage import Rosbridge, joint_state

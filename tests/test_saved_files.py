@@ -1,4 +1,4 @@
-"""What the page saves is read by the programs of others, and says what the command exports."""
+"""Files saved by the page can be read by other programs, and agree with the command's exports."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def test_an_mcap_file_is_read_by_mcap_and_rosbags_and_is_that_of_the_command(sav
 
 
 def assert_same(found: object, wanted: object, where: str) -> None:
-    """Equal but for the last bits."""
+    """Equal except for the last bits."""
     if isinstance(found, np.ndarray | float):
         assert found == pytest.approx(wanted, abs=1e-12, nan_ok=True), where
     elif isinstance(found, list):

@@ -1,4 +1,4 @@
-"""What the wheels bring along is told, whole and in CycloneDX's own terms, and is fit to be handed on."""
+"""The SBOMs of the wheels are complete, valid CycloneDX, and can be published."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ pytestmark = [
 
 @pytest.fixture(scope="module")
 def documents() -> dict[str, dict[str, Any]]:
-    """One for each wheel."""
+    """One per wheel."""
     return {package: sbom(package) for package in PARTS}
 
 

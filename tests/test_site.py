@@ -1,4 +1,4 @@
-"""The guide as it is built: whole, small, on its own, and showing what the Markdown says."""
+"""The built guide: complete, small, self-contained, and faithful to the Markdown."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ STYLE_URL = re.compile(r"url\(([^)]*)\)")
 
 
 class Page(HTMLParser):
-    """What one built page consists of."""
+    """The parts of one built page."""
 
     def __init__(self, file: Path) -> None:
         super().__init__()
@@ -66,7 +66,7 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Built; any warning of the generator would have ended it."""
+    """Built; any warning of the generator would have failed."""
     out = tmp_path_factory.mktemp("guide") / "site"
     build(out)
     return out
@@ -78,7 +78,7 @@ def pages(site: Path) -> dict[Path, Page]:
 
 
 def find_file(site: Path, page: Path, target: str) -> Path:
-    """The file that a link within the site names."""
+    """The file behind a link within the site."""
     found = (page.parent / unquote(urlsplit(target).path)).resolve() if urlsplit(target).path else page
     assert found.is_relative_to(site.resolve()), f"{page.name}: {target} leads out of the site"
     return found / "index.html" if found.is_dir() else found
@@ -173,7 +173,7 @@ def test_every_page_can_be_reached_and_found(site: Path, pages: dict[Path, Page]
 def test_a_page_shows_what_its_markdown_says(
     site: Path, pages: dict[Path, Page], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As GitHub does: the generator has rules of its own about indented lists."""
+    """As on GitHub: the generator has its own rules about indented lists."""
     monkeypatch.setattr("tools.site.staging.indent_lists", lambda text: text)
     stage_pages(ROOT, tmp_path / "docs")
     markdown = MarkdownIt("commonmark").enable("table")

@@ -1,5 +1,5 @@
-"""docs/tutorials/first-robot.md, followed from its first command to its last, word for word, on a machine
-of one's own."""
+"""docs/tutorials/first-robot.md, followed word for word from its first command to its last, on a separate
+machine."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def blocks(language: str) -> list[str]:
 
 
 class Reader:
-    """Types the page's commands into terminals of an empty machine."""
+    """Types the page's commands into the terminals of an empty machine."""
 
     def __init__(self, stack: Any, place: Any, folder: Path) -> None:
         self.stack, self.place, self.folder = stack, place, folder
@@ -46,7 +46,7 @@ class Reader:
         return str(done.stdout)
 
     def start(self, name: str, line: str) -> Part:
-        """In a terminal of its own."""
+        """In a separate terminal."""
         script = f"cd '{self.folder}'\n{ACTIVATE}exec {line}"
         words = ("env", "-i", *(f"{k}={v}" for k, v in PLAIN.items()), "bash", "-euc", script)
         part: Part = self.place.run(lambda: self.stack.start(name, *words))
@@ -77,7 +77,7 @@ def until_state(reader: Reader, url: str, what: str, holds: Callable[[Any], bool
 
 
 def is_jammed(state: Any) -> bool:
-    """With the error that the page promises."""
+    """With the error that the page describes."""
     if "flags" not in state["fields"]:
         return False
     elbow = {name: field["values"]["elbow"] for name, field in state["fields"].items()}

@@ -1,8 +1,8 @@
 """A robot on a thin uplink: 10 Mbit/s (tbf), between two network namespaces made here that go with the test.
 
-A viewer asks for 4 MB of model, and the poses must keep flowing. Times mean little on a busy machine, so what
-is asserted is counted: frames lost, and how many bytes ever stand in the edge's socket, which is what a new
-frame waits behind. Of the lateness only the median is held to the bound; all of it is printed.
+A viewer requests 4 MB of model, and the poses must keep flowing. Times mean little on a busy machine, so the
+test counts lost frames and the bytes in the edge's socket, which a new frame has to wait for. For the
+lateness, only the median has a limit; everything is printed.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ FILES = {"high.glb": 0.85, "middle.glb": 0.11, "low.glb": 0.04}  # share of the 
 
 @pytest.fixture
 def uplink() -> Iterator[Cable]:
-    """A cable of MBIT from the robot (far) to the relay (near); the other way nothing is held up."""
+    """A cable of MBIT from the robot (far) to the relay (near); the other direction is unlimited."""
     made = Cable()
     made.lend(RELAY_HOST)
     made.far.do(f"tc qdisc add dev plug root tbf rate {MBIT}mbit burst 16kb latency 200ms")
@@ -50,7 +50,7 @@ def uplink() -> Iterator[Cable]:
 
 
 def random_bundle(folder: Path) -> str:
-    """A built model of BUNDLE_BYTES that nothing compresses; its hash."""
+    """A built model of BUNDLE_BYTES that can't be compressed; its hash."""
     folder.mkdir()
     files = []
     for name, share in FILES.items():
@@ -89,7 +89,7 @@ class Robot:
 
 
 class Arrival(NamedTuple):
-    """A frame: its number, its age beyond that of the least delayed one, when it came."""
+    """A frame: its number, its age compared with the least delayed one, and its arrival time."""
 
     seq: int
     late_s: float

@@ -1,5 +1,5 @@
-"""`make bare`: from an empty Debian 12 and an empty Ubuntu 24.04, with Python alone and without internet, to
-a robot on air from a folder of wheels: seconds and megabytes. Needs root and mmdebstrap.
+"""`make bare`: from an empty Debian 12 and an empty Ubuntu 24.04, with only Python and without internet, to a
+robot on air from a folder of wheels. Measures seconds and megabytes. Needs root and mmdebstrap.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 OUT = ROOT / "out" / "bare"
-# libstdc++6: numpy needs it, and the smallest Ubuntu is without
+# libstdc++6: numpy needs it, and the smallest Ubuntu lacks it
 PACKAGES = "python3,python3-venv,libstdc++6"
 PLATFORMS = ("manylinux_2_28_x86_64", "manylinux_2_17_x86_64", "manylinux2014_x86_64")
 FOR = ("--python-platform", "x86_64-manylinux_2_28")
@@ -33,7 +33,7 @@ PLAIN = {"PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "HOME": "/root", "LANG": "C.UT
 
 @dataclass(frozen=True)
 class System:
-    """An operating system's release, and the Python it comes with."""
+    """A release of an operating system, and its Python version."""
 
     name: str
     suite: str
@@ -43,7 +43,7 @@ class System:
 
 SYSTEMS = (
     System("Debian 12", "bookworm", "http://deb.debian.org/debian", "3.11.2"),
-    # its keys are not among Debian's; nothing of it is kept
+    # its keys are not in Debian's keyring; nothing of it is kept
     System(
         "Ubuntu 24.04",
         "noble",
@@ -54,7 +54,7 @@ SYSTEMS = (
 
 
 def main() -> int:
-    """Measure both; 1 when a bound does not hold."""
+    """Measure both; returns 1 if a limit is exceeded."""
     failed = False
     for system in SYSTEMS:
         folder = OUT / system.suite
@@ -72,7 +72,7 @@ def main() -> int:
 
 
 def fill(wheels: Path, system: System) -> None:
-    """Put the wheel and what it needs into a folder, as the guide does for an arm64 board."""
+    """Put the wheel and its dependencies into a folder, as the guide does for an arm64 board."""
     (wheel,) = (ROOT / "dist").glob("posecast-*.whl")
     bin_ = ROOT / ".tools" / "bin"
     compiled = subprocess.run(
@@ -95,7 +95,7 @@ def measure(folder: Path) -> list[tuple[str, float, float]]:
     first = run(folder, f"{INSTALL} && {DEMO}", "on air:")
     again = run(folder, DEMO, "on air:")
     run(folder, EMPTY, "done")
-    empty = megabytes(folder / "opt/empty")  # pip, above all
+    empty = megabytes(folder / "opt/empty")  # mostly pip
     installed = megabytes(folder / "opt/v") - empty
     run(folder, f"{MODELS} && {BUILD}", "triangles")
     return [
@@ -107,7 +107,7 @@ def measure(folder: Path) -> list[tuple[str, float, float]]:
 
 
 def run(folder: Path, script: str, until: str) -> float:
-    """Seconds until the script has printed a word, inside and without a network."""
+    """Seconds until the script has printed `until`, in the chroot and without a network."""
     inside = (
         f"ip link set lo up; mount -t proc proc {folder}/proc && exec chroot {folder} /bin/sh -c '{script}'"
     )
@@ -130,14 +130,14 @@ def run(folder: Path, script: str, until: str) -> float:
         found = next((line for line in process.stdout if until in line), None)
         took_s = time.monotonic() - begun_s
         late.cancel()
-        process.kill()  # and with it all that is inside
+        process.kill()  # and with it everything inside
     if found is None:
         raise SystemExit(f"{folder.name}: ended without {until!r}")
     return took_s
 
 
 def megabytes(folder: Path) -> float:
-    """What a folder takes on the disk."""
+    """A folder's size on disk."""
     return sum(path.lstat().st_blocks for path in folder.rglob("*")) * 512 / 1e6
 
 

@@ -1,4 +1,4 @@
-"""Plots of the tables in docs/reference/benchmarks.md, read from the page itself, so that both say the same.
+"""Plots the tables in docs/reference/benchmarks.md. The figures are read from the page, so that both agree.
 
 python -m tools.bars: for every table under a line
 
@@ -24,12 +24,12 @@ NUMBER = re.compile(r"\d[\d,]*(?:\.\d+)?")
 
 
 def cells(line: str) -> list[str]:
-    """Of one row, without emphasis."""
+    """The cells of one row, without emphasis."""
     return [cell.replace("*", "").replace("`", "").strip() for cell in line.strip().strip("|").split("|")]
 
 
 def bars_of(page: str) -> dict[str, str]:
-    """File → SVG. ValueError, naming the marker, when its table or column isn't there."""
+    """File → SVG. Raises ValueError, naming the marker, if its table or column is missing."""
     lines, found = page.splitlines(), dict[str, str]()
     for number, line in enumerate(lines):
         marker = MARKER.match(line)
@@ -53,7 +53,7 @@ def bars_of(page: str) -> dict[str, str]:
 
 
 def draw() -> None:
-    """All plots of the page."""
+    """Write all plots of the page."""
     for name, image in bars_of(PAGE.read_text()).items():
         (PAGE.parent / name).write_text(image)
 

@@ -1,4 +1,4 @@
-"""`make dev`: the demo, and its page served by Vite, which reloads as you edit and prints the link."""
+"""`make dev`: the demo, with its page served by Vite, which reloads as you edit and prints the link."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from posecast_command.ports import PAGE_PORT, find_free_port
 from posecast_command.processes import Processes, name_program
 
 ROOT = Path(__file__).resolve().parent.parent
-VITE = ROOT / "node_modules" / ".bin" / "vite"  # not by npx, which leaves it running when it is ended itself
+VITE = ROOT / "node_modules" / ".bin" / "vite"  # not npx: Vite would keep running after npx is stopped
 
 
 def main() -> int:
-    """Run both until one ends, which is status 1, or Ctrl-C ends them."""
+    """Run both until one ends (returns 1), or until Ctrl-C."""
     port = find_free_port("127.0.0.1", PAGE_PORT)
     environment = {**os.environ, "POSECAST_RELAY": f"http://127.0.0.1:{port}"}
     try:

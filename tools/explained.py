@@ -1,13 +1,12 @@
-"""Writes the tables of docs/reference/signs.md from what the page says when something is pressed: both say
-the same.
+"""Writes the tables in docs/reference/signs.md from the page's own explanations, so that both agree.
 
-python -m tools.explained: replaces whatever stands between two lines
+python -m tools.explained: replaces the text between two lines
 
     <!-- explained: SECTION -->
     <!-- explained end -->
 
-by a table of that section of spa/src/app/explain/en.json; of the section `flags`, by one of what the profiles
-that come with the agent say of their bits.
+with a table of that section of spa/src/app/explain/en.json. The section `flags` becomes a table of the flag
+bits in the agent's bundled profiles.
 """
 
 from __future__ import annotations
@@ -39,13 +38,13 @@ Section = dict[str, dict[str, str]]
 
 
 def read_catalogue(language: str) -> dict[str, Section]:
-    """What the page says in this language: section → key → its texts."""
+    """The page's explanations in this language: section → key → texts."""
     found: dict[str, Section] = json.loads((CATALOGUES / f"{language}.json").read_text(encoding="utf-8"))
     return found
 
 
 def write_page(text: str, catalogue: dict[str, Section]) -> str:
-    """The page with its tables anew. Raises ValueError when a section that it names does not exist."""
+    """The page with updated tables. Raises ValueError if it names a section that does not exist."""
 
     def table_of(block: re.Match[str]) -> str:
         section = block["section"]
@@ -54,9 +53,7 @@ def write_page(text: str, catalogue: dict[str, Section]) -> str:
         elif section in catalogue:
             table = _section(HEADS[section], catalogue[section])
         else:
-            raise ValueError(
-                f"nothing is explained under {section!r}; there are {', '.join(catalogue)}, flags"
-            )
+            raise ValueError(f"no section {section!r}; the sections are {', '.join(catalogue)}, flags")
         return f"{block['first']}\n{table}\n{block['last']}"
 
     return BLOCK.sub(table_of, text)
@@ -71,7 +68,7 @@ def _section(head: str, entries: Section) -> str:
 
 
 def _flags() -> str:
-    """Each bit once: profiles that come along say the same of the same bit."""
+    """Each bit once: bundled profiles describe the same bit in the same way."""
     rows: dict[str, list[str]] = {}
     for path in sorted(SHIPPED.glob("*.toml")):
         for bits in load_profile(path).mapping.sentences.values():
@@ -87,7 +84,7 @@ def _table(heads: list[str], rows: list[list[str]]) -> str:
 
 
 def main() -> None:
-    """Write the page anew."""
+    """Update the page."""
     text = write_page(PAGE.read_text(encoding="utf-8"), read_catalogue("en"))
     PAGE.write_text(text, encoding="utf-8")
 

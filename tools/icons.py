@@ -1,6 +1,6 @@
 """Draws the page's icons from its one SVG: python tools/icons.py (needs Chromium and Pillow).
 
-Home screens cut their own shape out of a square, so these have no round corners.
+Home screens crop a square to their own shape, so these have no round corners.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from PIL import Image
 
 PUBLIC = Path(__file__).resolve().parent.parent / "spa/public"
 SIZES_PX = {"apple-touch-icon.png": 180, "icon-192.png": 192, "icon-512.png": 512}
-COLORS_MAX = 32  # two colours and what lies between them at edges
+COLORS_MAX = 32  # two colours, and the blends at edges
 ROUND = 'rx="8"'
 
 
 def draw_icon(svg: str, size_px: int, target: Path) -> None:
-    """Write a PNG of `size_px` by `size_px`. Raises CalledProcessError when Chromium fails."""
+    """Write a PNG of `size_px` by `size_px`. Raises CalledProcessError if Chromium fails."""
     browser = shutil.which("chromium") or shutil.which("google-chrome")
     if browser is None:
         raise SystemExit("icons: needs chromium (apt-get install chromium)")
     with tempfile.TemporaryDirectory() as folder:
         page, shot = Path(folder, "icon.html"), Path(folder, "icon.png")
         page.write_text(f"<style>body{{margin:0}}svg{{display:block;width:{size_px}px}}</style>{svg}")
-        window = f"--window-size={size_px},{size_px + 200}"  # a low window is made higher
+        window = f"--window-size={size_px},{size_px + 200}"  # Chromium enlarges a low window
         command = [browser, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", window]
         subprocess.run(
             [*command, f"--screenshot={shot}", page.as_uri()], check=True, timeout=60, capture_output=True

@@ -1,5 +1,5 @@
 """Writes five segments of the demo robot to `wire/vectors/segments/`, once: every later version must read
-what this version wrote, so what is there is never written again. `python -m tools.keep_segments`"""
+what this version wrote, so existing files are never overwritten. `python -m tools.keep_segments`"""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FAULT = {"type": "event", "t": 1.2, "level": "fault", "source": "RKN", "text": "
 
 
 def make_frames(stream: Stream, start_s: float, count: int) -> list[bytes]:
-    """Frames as the agent makes them of the demo's motion, 30 a second, the first one a KEY."""
+    """Frames of the demo's motion as the agent encodes them, 30 a second, the first one a KEY."""
     motion = read_motion((BUNDLE / "motion.bin").read_bytes())
     stream.force_key()
     frames: list[bytes] = []
@@ -55,7 +55,7 @@ def begin(stream: Stream, index: int, **members: object) -> SegmentStart:
 
 
 def event(n: int, at_ms: int, state: str = "on") -> str:
-    """A numbered event, as viewers get it."""
+    """A numbered event, as viewers receive it."""
     return json.dumps(FAULT | {"state": state, "n": n, "at": at_ms / 1000}, separators=(",", ":"))
 
 
@@ -107,9 +107,9 @@ def make_segments() -> Iterator[tuple[str, bytes]]:
 
 
 def main() -> int:
-    """Write what is not there yet."""
+    """Write the segments, unless they exist."""
     if FOLDER.exists():
-        print(f"{FOLDER} is there, and is never written again")
+        print(f"{FOLDER} exists and is never overwritten")
         return 1
     made = dict(make_segments())
     FOLDER.mkdir()

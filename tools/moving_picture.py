@@ -17,8 +17,8 @@ FRAMES_MAX = 200
 
 
 def join_frames(folder: Path, out: Path, ms: int) -> int:
-    """Write the PNG files in `folder` as an animated WebP that repeats for ever, `ms` milliseconds a frame.
-    Returns its size in bytes. Raises ValueError when there are none, too many, or of different sizes."""
+    """Write the PNG files in `folder` as an animated WebP that repeats forever, `ms` milliseconds a frame.
+    Returns its size in bytes. Raises ValueError if there are none or too many, or if their sizes differ."""
     paths = sorted(folder.glob("*.png"))
     if not 1 <= len(paths) <= FRAMES_MAX:
         raise ValueError(f"{folder}: {len(paths)} PNG files; a moving picture has 1 to {FRAMES_MAX}")
@@ -35,11 +35,11 @@ def join_frames(folder: Path, out: Path, ms: int) -> int:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Join them, and say how large the picture is."""
+    """Join the screenshots, and print the picture's size."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("out", type=Path)
-    parser.add_argument("--ms", type=int, default=100, help="how long a frame is shown (100)")
+    parser.add_argument("--ms", type=int, default=100, help="display time of each frame, ms (100)")
     args = parser.parse_args(arguments)
     try:
         size = join_frames(args.folder, args.out, args.ms)

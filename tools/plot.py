@@ -10,7 +10,7 @@ from xml.sax.saxutils import escape
 WIDTH, HEIGHT = 640, 320
 LEFT, RIGHT, TOP, BOTTOM = 64, 150, 34, 44
 COLOURS = ("#0b7285", "#c2410c", "#6d28d9", "#4d7c0f", "#9d174d", "#1f2937")
-DASHES = ("", "7 4", "2 3", "10 3 2 3", "4 2", "1 4")  # colour is never the only difference
+DASHES = ("", "7 4", "2 3", "10 3 2 3", "4 2", "1 4")  # so that colour is never the only difference
 SUFFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
 BAR, GAP = 18, 8
 
@@ -45,7 +45,7 @@ def _decades(values: Sequence[float]) -> tuple[int, int]:
 
 
 def lines(title: str, x_name: str, y_name: str, curves: Sequence[Line]) -> str:
-    """Over logarithmic axes, each curve named at its end. ValueError when a coordinate is not above 0."""
+    """Lines over logarithmic axes, with labels. Raises ValueError unless all coordinates are positive."""
     every = [point for curve in curves for point in curve.points]
     if not every or min(min(point) for point in every) <= 0:
         raise ValueError(f"{title}: a logarithmic plot needs points above 0")
@@ -88,7 +88,7 @@ def lines(title: str, x_name: str, y_name: str, curves: Sequence[Line]) -> str:
 
 
 def bars(title: str, unit: str, values: Sequence[tuple[str, float]]) -> str:
-    """One bar each, longest = largest, with its figure."""
+    """One bar per value, scaled to the largest, with its figure."""
     largest = max(value for _, value in values)
     body: list[str] = []
     left = 200

@@ -1,8 +1,8 @@
-"""python -m tools.sbom DIST: what the wheels bring along, as CycloneDX 1.5 beside them.
+"""python -m tools.sbom DIST: writes an SBOM of each wheel (CycloneDX 1.5) beside it.
 
-Python's part is uv's own export of the lock file (names, versions, hashes of every file); licences are what
-installed packages say of themselves. The page's part is what Vite says it bundled (spa/dist/licenses.json),
-the guide's what tools/site says.
+The Python part is uv's export of the lock file (names, versions, hashes of every file). Licences come from
+the metadata of installed packages. The page's part is the list of what Vite bundled (spa/dist/licenses.json);
+the guide's part comes from tools/site.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ PAGE = ROOT / "spa/dist/licenses.json"
 GUIDE = ROOT / "spa/dist/guide/licenses.json"
 WITH_PAGE = ("posecast-relay", "posecast")
 PARTS = ("posecast-wire", "posecast-edge", *WITH_PAGE)
-# handed on as it comes, not bundled by Vite
+# shipped unchanged, not bundled by Vite
 AS_IT_COMES = ROOT / "node_modules/swagger-ui-dist/package.json"
 
 
 def sbom(package: str) -> dict[str, Any]:
-    """Of one wheel with all its extras. OSError, subprocess.CalledProcessError."""
+    """The SBOM of one wheel with all its extras. Raises OSError, subprocess.CalledProcessError."""
     words = ("export", "--quiet", "--frozen", "--no-dev", "--all-extras", "--format", "cyclonedx1.5")
     made = subprocess.run(
         [UV, *words, "--package", package], cwd=ROOT, capture_output=True, text=True, check=True
@@ -41,10 +41,10 @@ def sbom(package: str) -> dict[str, Any]:
 
 
 def licences(distribution: str) -> list[dict[str, Any]]:
-    """What a distribution says of its licence, in CycloneDX's terms; [] when it is not installed here."""
+    """A distribution's licence from its metadata, in CycloneDX terms; [] if it is not installed here."""
     try:
         told = metadata(distribution)
-    except PackageNotFoundError:  # for another system
+    except PackageNotFoundError:  # for a different system
         return []
     if "License-Expression" in told:
         return [{"expression": told["License-Expression"]}]
@@ -53,9 +53,9 @@ def licences(distribution: str) -> list[dict[str, Any]]:
     ]
     named = [name for name in classified if name != "OSI Approved"]
     text = told["License"].strip() if "License" in told else ""
-    if not named and 0 < len(text) < 100:  # some put all of it there
+    if not named and 0 < len(text) < 100:  # some put the licence name there
         named = [text]
-    if not named and text:  # and some the whole licence, as xacro does
+    if not named and text:  # and some the full text, as xacro does
         return [{"license": {"name": f"as {distribution} says", "text": {"content": text}}}]
     return [{"license": {"name": name}} for name in named]
 
@@ -69,7 +69,7 @@ def _add_page(document: dict[str, Any]) -> None:
     for part in [*bundled, *json.loads(GUIDE.read_text())]:
         name, version = part["name"], part["version"]
         purl = part.get("purl") or f"pkg:npm/{name.replace('@', '%40')}@{version}"
-        if purl in known:  # the page and the guide have it both
+        if purl in known:  # both the page and the guide have it
             continue
         known.add(purl)
         component = {"type": "library", "bom-ref": purl, "name": name, "version": version, "purl": purl}
@@ -82,7 +82,7 @@ def _add_page(document: dict[str, Any]) -> None:
 
 
 def main() -> None:
-    """Writes one file for each wheel."""
+    """Write one file per wheel."""
     folder = Path(sys.argv[1])
     for package in PARTS:
         file = folder / f"{package}.cdx.json"

@@ -1,4 +1,4 @@
-"""How many processes, how much traffic, what price: from the cost of one message to a million viewers.
+"""Calculates processes, traffic and prices, from the cost of one message to a million viewers.
 
 python -m tools.scaling [--out DIR]: writes the plots (docs/img/scaling-*.svg) and the tables between the
 markers of docs/reference/capacity.md. tools/crowd.py has the assumptions.
@@ -19,9 +19,9 @@ ROOT = Path(__file__).resolve().parent.parent
 
 MEASURED = ROOT / "relay/benches/lane/measured.json"
 RATE_HZ = 10.0
-LANE_HZ = 30  # what a robot in the lane sends
+LANE_HZ = 30  # the rate of a robot in the lane
 SEGMENTS_S = (2, 4, 10)
-Row = tuple[str, Callable[[int, int], float]]  # its name, and a figure of so many viewers and one case
+Row = tuple[str, Callable[[int, int], float]]  # its name, and a figure for this many viewers and one case
 LENGTHS = " · ".join(f"{s}" for s in SEGMENTS_S)  # the rows with three figures in a cell
 SEGMENT_S = 4
 SOCKETS_HZ = (10, 30)
@@ -32,7 +32,7 @@ MOTIONS = ("idle", "arm", MIXED, "walk")
 
 
 def number(value: float) -> str:
-    """Three digits are more than these deserve."""
+    """More than three digits would suggest false precision."""
     if value >= 100:
         return f"{float(f'{value:.3g}'):,.0f}"
     return f"{float(f'{value:.2g}'):g}"
@@ -52,7 +52,7 @@ def of_crowds(rows: Sequence[Sequence[str]]) -> str:
 
 
 def of_transports(sockets: Sequence[Row], lane: Sequence[Row]) -> str:
-    """Rows of both, each cell with a figure for each rate, or for each length."""
+    """Rows for both; each cell has a figure for each rate, or for each segment length."""
     rates = " · ".join(f"{hz}" for hz in SOCKETS_HZ)
     rows: list[list[str]] = []
     for name, cases, given in (
@@ -66,7 +66,7 @@ def of_transports(sockets: Sequence[Row], lane: Sequence[Row]) -> str:
 
 
 def each(values: Iterable[float]) -> str:
-    """Several figures in one cell, in the order that the row's name tells."""
+    """Several figures in one cell, in the order given in the row's name."""
     return " · ".join(map(number, values))
 
 
@@ -74,7 +74,7 @@ def each(values: Iterable[float]) -> str:
 
 
 def sizes() -> str:
-    """What one second of one viewer takes on the line, by what the robot does."""
+    """Bytes per second for one viewer, by the robot's motion."""
     rows = []
     for hz in SOCKETS_HZ:
         for motion in MOTIONS:
@@ -89,7 +89,7 @@ def sizes() -> str:
 
 
 def counted() -> str:
-    """What the lane's bench measured, and the same calculated."""
+    """The measurements of the lane benchmark, and the same figures calculated."""
     found = json.loads(MEASURED.read_text())
     caches, hz = list(found["lane_bytes_s"]), found["hz"]
     rates = [found["websocket_bytes_s"], *(found["lane_bytes_s"][name] for name in caches)]
@@ -124,7 +124,7 @@ def limits() -> str:
 
 
 def origin() -> str:
-    """What the relays do, and what reaches them."""
+    """The relays' work, and the requests that reach them."""
     return of_transports(
         [
             ("messages a second", lambda v, hz: v * hz),
@@ -141,7 +141,7 @@ def origin() -> str:
 
 
 def traffic() -> str:
-    """Bytes, at the origin and to the viewers, and requests."""
+    """Bytes from the origin and to the viewers, and requests."""
     return of_transports(
         [
             ("from the relays, Gbit/s", lambda v, hz: as_gbit_s(crowd.compute_socket_gb_per_h(v, hz))),
@@ -164,7 +164,7 @@ def as_gbit_s(gb_per_h: float) -> float:
 
 
 def cost() -> str:
-    """US$ an hour for each crowd."""
+    """US$ per hour for each crowd."""
 
     def by_socket(gb: float) -> Callable[[int], str]:
         return lambda v: each(crowd.compute_socket_cost_per_h(v, hz, gb) for hz in SOCKETS_HZ)
@@ -179,7 +179,7 @@ def cost() -> str:
 
 
 def million() -> str:
-    """US$ an hour for a million in the lane, by who charges what and how long a segment is."""
+    """US$ per hour for a million viewers in the lane, by provider and segment length."""
     rows = []
     for provider in PROVIDERS:
         row = [provider.name]
@@ -220,7 +220,7 @@ def storms() -> str:
 
 
 def capacity() -> str:
-    """For who runs it: one process of one core, and a thousand viewer-hours."""
+    """For operators: one process on one core, and a thousand viewer-hours."""
     rows = []
     for hz in (1.0, 10.0, 30.0):
         viewers = crowd.count_viewers_per_process(hz)
@@ -235,7 +235,7 @@ def capacity() -> str:
     return table([*head, "large cloud, US$", "rented servers, US$"], rows)
 
 
-# ---- plots, and the pages ------------------------------------------------------------------
+# ---- plots and pages -----------------------------------------------------------------------
 
 
 def plots() -> dict[str, str]:
@@ -258,7 +258,7 @@ def plots() -> dict[str, str]:
         )
         for provider in PROVIDERS
     ]
-    prices.sort(key=lambda line: line.points[-1][1], reverse=True)  # so that each is named beside its end
+    prices.sort(key=lambda line: line.points[-1][1], reverse=True)  # each label at its line's end
     return {
         "scaling-origin.svg": plot.lines(
             f"CPU cores that the relays use, with {crowd.NODES} caches", "viewers", "cores", busy
@@ -288,23 +288,23 @@ BLOCKS: dict[str, dict[str, Callable[[], str]]] = {
 
 
 def written(file: str, page: str) -> str:
-    """The page with its blocks made anew. ValueError when a marker is missing."""
+    """The page with regenerated blocks. Raises ValueError if a marker is missing."""
     for name, block in BLOCKS[file].items():
         pattern = rf"(<!-- {name}: .*? -->\n).*?(<!-- /{name} -->)"
         page, found = re.subn(pattern, rf"\g<1>\n{block()}\n\n\g<2>", page, flags=re.DOTALL)
         if found != 1:
-            raise ValueError(f"{file}: {found} blocks called {name!r}, one is needed")
+            raise ValueError(f"{file}: {found} blocks called {name!r}, expected one")
     return page
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--out", type=Path, default=ROOT / "docs", help="instead of docs/")
+    parser.add_argument("--out", type=Path, default=ROOT / "docs", help="output folder (docs/)")
     write(parser.parse_args().out)
 
 
 def write(out: Path) -> None:
-    """Pages and plots, below `out`."""
+    """Write pages and plots below `out`."""
     (out / "img").mkdir(parents=True, exist_ok=True)
     for file in BLOCKS:
         (out / file).parent.mkdir(parents=True, exist_ok=True)

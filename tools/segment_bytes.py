@@ -1,9 +1,9 @@
-"""Bytes of the same motion by WebSocket frames and in segments, on the shared telemetry sets.
+"""Compares the bytes of the same motion as WebSocket frames and as segments, for the shared telemetry sets.
 
 python -m tools.segment_bytes: encodes each set as the agent does, records it as the relay does, and prints
-what a viewer is sent either way, headers of HTTP, TLS and TCP not counted. Robots that send 10 and 30 frames
-a second; a KEY every 2, 4 and 10 s. A relay closes a segment after 6 s at most: where it is to last longer,
-its bound is raised here alone, and the line says so.
+the bytes sent to a viewer either way, without HTTP, TLS and TCP headers. Robots send 10 and 30 frames a
+second, with a KEY every 2, 4 and 10 s. A relay closes a segment after 6 s at most; for longer ones the limit
+is raised in this script only, and the line says so.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ RATES_HZ = (10, 30)
 KEY_INTERVALS_S = (2.0, 4.0, 10.0)
 START_S = 1000.0  # of the core's clock
 UNIX_S = 1_800_000_000.0
-UPLINK_S = (0.002, 0.012)  # what a frame takes to the relay, at random
+UPLINK_S = (0.002, 0.012)  # transit time of a frame to the relay, at random
 RUN = 7
 
 
@@ -52,12 +52,12 @@ class Played(NamedTuple):
 
     @property
     def bytes_per_s(self) -> float:
-        """Bytes of segments for each second of the robot's life."""
+        """Segment bytes per second of the robot's time."""
         return self.bytes / self.seconds
 
 
 def play(text: str, path: Path, hz: int, key_interval_s: float, segment_s_max: float) -> Played:
-    """Encode a set and record it. `segment_s_max`: a segment's longest."""
+    """Encode a set and record it. `segment_s_max`: the maximum length of a segment."""
     schema = Schema.parse(text)
     _, values = rows(schema, path)
     quantiser, encoder, draw = Quantiser(schema), Encoder(schema, key_interval_s), random.Random(1)
@@ -93,10 +93,10 @@ def play(text: str, path: Path, hz: int, key_interval_s: float, segment_s_max: f
 
 
 def main() -> int:
-    """Print a line for each set, rate and interval; 0 with a line when the data are not there."""
+    """Print a line for each set, rate and interval; if the data are missing, print a note and return 0."""
     path = SHARED / "telemetry" / "schema.json"
     if not path.exists():
-        print("skipped: no telemetry sets beside this repository (POSECAST_SHARED names their folder)")
+        print("skipped: the telemetry sets are missing (set POSECAST_SHARED to their folder)")
         return 0
     text = path.read_text(encoding="utf-8")
     print("set         Hz  KEY s   frame B  frames B/s   segment s  segment B  segments B/s")

@@ -243,8 +243,8 @@ def test_circles_of_mimics_are_named_as_ever(multipliers: list[str]) -> None:
     ]
     tree = build_tree(read_urdf(io.BytesIO(robot(*parts).encode())))
     said = [f.text.partition(" mimics ")[2] for f in tree.findings]
-    circle = "in a circle, over "
-    gone = "joint 'x', which there is not"
+    circle = "in a loop, through "
+    gone = "joint 'x', which does not exist"
     assert said == [f"{circle}'j1'", f"{circle}'j1'", f"{circle}'j2'", f"{circle}'j1'", gone, gone]
     assert tree.follows == (None,) * 6
 

@@ -201,7 +201,7 @@ def test_what_can_t_be_built_goes_as_it_is(tmp_path: Path, caplog: pytest.LogCap
     build.stop()
     assert ready.bundles == [raw]
     [message] = [r.getMessage() for r in caplog.records]
-    assert message == f"model: not built, meshes go as they are: {path}: there is no link in it"
+    assert message == f"model: not built, meshes go as they are: {path}: it has no links"
 
 
 def test_what_is_wrong_is_counted(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

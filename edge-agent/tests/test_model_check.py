@@ -34,8 +34,8 @@ BROKEN = (
 )
 FINDINGS = {
     "mesh 'meshes/gone.stl' of link 'a': no such file",
-    "joint 'ab': <axis xyz> is no number: '0 a 0'",
-    "joint 'lost': there is no parent link 'nowhere'; this joint is left out",
+    "joint 'ab': <axis xyz> is not a number: '0 a 0'",
+    "joint 'lost': its parent link 'nowhere' does not exist; this joint is left out",
 }
 ELBOW = "pos of 'elbow' is far beyond the joint's limits, -2.6 to 2.6 rad"
 EXTEND = "pos of 'extend' is far beyond the joint's limits, 0 to 0.3 m"

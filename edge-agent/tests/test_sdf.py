@@ -402,11 +402,11 @@ def test_sensors_of_links_and_joints() -> None:
 WRONG = {
     model(link("a", "1 2 3")): "link 'a': <pose> needs 6 numbers: '1 2 3'",
     model(link("a", "0 0 1e9 0 0 0")): "link 'a': <pose> is more than 10,000 km away",
-    model(link("a"), link("a")): "link 'a' stands twice; the first counts",
+    model(link("a"), link("a")): "link 'a' is defined twice; the first is used",
     model(link("a"), joint("j", "a", "gone")): "joint 'j': there is no link 'gone'; left out",
     model(link("a"), link("b"), joint("j", "a", "b", xyz="<xyz>0 0 0</xyz>")): "joint 'j': its axis is 0 0 0",
     model(link("a"), "<joint name='j' type='fixed'><child>a</child></joint>"): "joint 'j': no parent link",
-    model(link("a", relative=" relative_to='gone'")): "its pose is relative to 'gone', which there is not",
+    model(link("a", relative=" relative_to='gone'")): "its pose is relative to 'gone', which does not exist",
     model(
         link("a", relative=" relative_to='b'"), link("b", relative=" relative_to='a'"), joint("j", "a", "b")
     ): "its pose leads back to itself",
@@ -434,7 +434,7 @@ REFUSED = {
     sdf(
         include("model://a"), include("model://b")
     ): "none of the 2 files that it includes is found; name the folder",
-    sdf(model()): "there is no link in it",
+    sdf(model()): "it has no links",
     "<sdf><model>": "not XML",
     "<!DOCTYPE sdf [<!ENTITY a 'b'>]>" + sdf(model(link("&a;"))): "a document type (DTD) is not accepted",
     sdf(model("<model name='m'>" * 70 + "</model>" * 70)): "nested more than 64 deep",

@@ -105,7 +105,7 @@ def test_what_is_wrong_with_it_is_said_of_the_include(folder: Path) -> None:
     (folder / "arm" / "arm.urdf").write_text("<robot name='arm'/>")
     found = load_robot_file_of(folder)
     [lost] = [f for f in found.findings if f.code == "include"]
-    assert (lost.line, lost.text) == (2, "include 'arm/arm.urdf': there is no link in it")
+    assert (lost.line, lost.text) == (2, "include 'arm/arm.urdf': it has no links")
     (folder / "arm" / "arm.urdf").write_text(ARM.replace("</robot>", ""))
     [lost] = [f for f in load_robot_file_of(folder).findings if f.code == "include"]
     assert lost.text.startswith("include 'arm/arm.urdf': line ")

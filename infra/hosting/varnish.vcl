@@ -1,12 +1,12 @@
-# A cache for a crowd: Varnish (7) before a relay. It serves the lane (segments of the past, and models) and refuses all else:
+# A cache for a crowd: Varnish 7 in front of a relay. It serves the lane (segments of the past, and models) and refuses everything else:
 # no sockets, no page, no list of robots. It speaks HTTP only: something before it ends TLS (Caddy, nginx, hitch).
 #   varnishd -f /etc/varnish/varnish.vcl -a :6081 -s malloc,1g -s Transient=malloc,64m -p timeout_idle=10 -p idle_send_timeout=15 -p send_timeout=120
 #   posecast-relay run --trusted-proxies ADDRESS-OF-THIS-MACHINE …
 vcl 4.1;
 
-# yours
+# change this
 backend relay {
-	.host = "127.0.0.1"; # looked up when Varnish starts
+	.host = "127.0.0.1"; # resolved when Varnish starts
 	.port = "8080";
 	.connect_timeout = 2s;
 	.first_byte_timeout = 15s; # the relay holds a request for the next segment for 8 s
@@ -14,7 +14,7 @@ backend relay {
 }
 
 sub vcl_recv {
-	# what no page sends: refused, and the connection is closed
+ # requests that no page sends: refuse them and close the connection
 	if (req.http.Transfer-Encoding || req.http.Content-Length ~ "[1-9]") {
 		return (synth(400, "requests have no body here"));
 	}
@@ -31,10 +31,10 @@ sub vcl_recv {
 		return (synth(400, "a token never stands in an address: send it as Authorization"));
 	}
 	unset req.http.Cookie;
-	unset req.http.Range; # a segment is sent whole
-	# An address is written in one way only: other spellings would be further names for one answer. Names of models may have
-	# spaces and letters of any language, which pages write as encodeURIComponent does. So would made-up parameters be names:
-	# a day, a segment, a schema and a model have none; what else no page asks for passes, unkept.
+	unset req.http.Range; # send a segment in one piece
+ # Each address is written in only one way: other spellings would be additional cache keys for the same answer. Model names may
+ # contain spaces and letters of any language, which pages encode with encodeURIComponent. Made-up parameters would also be cache
+ # keys. A day, a segment, a schema and a model have none; anything else that no page requests passes through uncached.
 	if (req.url ~ "^/api/v1/robots/[a-z0-9-]+/past[^?]*[^A-Za-z0-9_:/?-]") {
 		return (synth(404, "not here, or not for you"));
 	}
@@ -52,9 +52,9 @@ sub vcl_recv {
 		set req.url = regsub(req.url, "\?.*$", "");
 	}
 	if (req.url ~ "^[^?]*/keys\?every=(15[1-9]|1[6-9][0-9]|[2-9][0-9][0-9]|1000)$") {
-		set req.url = regsub(req.url, "=.*$", "=150"); # the relay has no more steps
+		set req.url = regsub(req.url, "=.*$", "=150"); # the relay has no further steps
 	}
-	# who shows a token is not answered from what is kept, and nothing of theirs is kept
+ # requests with a token are neither answered from the cache nor cached
 	if (req.method == "OPTIONS" || req.http.Authorization ||
 	    (req.url ~ "\?" && req.url !~ "^[^?]*/past\?view=[A-Za-z0-9_-]+$" &&
 	     req.url !~ "^[^?]*Z\?after=[0-9a-f]{16}(,|%2C)[0-9]{1,10}$" && req.url !~ "^[^?]*/keys\?every=[1-9][0-9]{0,2}$")) {
@@ -75,7 +75,7 @@ sub vcl_synth {
 }
 
 sub vcl_hash {
-	hash_data(req.url); # by whatever host name this cache was asked
+	hash_data(req.url); # whatever host name this cache was addressed by
 	return (lookup);
 }
 
@@ -83,12 +83,12 @@ sub vcl_backend_response {
 	if (bereq.uncacheable) {
 		return (deliver);
 	}
-	# What is too old is not sent: who asks meanwhile waits with the one who asks the relay, and hears at once when there is more.
+ # Stale answers are not sent: clients wait with the one whose request is at the relay, and hear of news at once.
 	set beresp.grace = 0s;
 	set beresp.keep = 0s;
 	if (beresp.status >= 400) {
-		# Without a token all are refused alike. Kept for a second, so that a crowd asks once; Varnish would by itself let
-		# everybody go to the relay for the next 120 s.
+  # Without a token, all are refused alike. The refusal is kept for a second, so that a crowd asks once; by default Varnish would
+  # let everybody through to the relay for the next 120 s.
 		set beresp.ttl = 1s;
 	} else if (beresp.http.Set-Cookie || beresp.http.Cache-Control !~ "public") {
 		set beresp.uncacheable = true;
@@ -98,7 +98,7 @@ sub vcl_backend_response {
 }
 
 sub vcl_backend_error {
-	set beresp.ttl = 1s; # a relay that does not answer is asked by one, not by all who wait
+	set beresp.ttl = 1s; # if the relay does not answer, one request tries it, not all waiting ones
 	set beresp.grace = 0s;
 	set beresp.http.Cache-Control = "public, max-age=1";
 	set beresp.http.Retry-After = "1";

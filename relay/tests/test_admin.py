@@ -172,7 +172,7 @@ def test_share_links_are_made_and_revoked(lab: Lab, edges: Callable[..., ZenohEd
         ("/robots/none/links", 409, "no robot 'none'"),
         ("/robots/private/links", 409, "no [robots.private.link]"),
         ("/robots/*/links", 400, "robot '*'"),
-        ("/robots/hubo/links?days=0", 400, "days: want"),
+        ("/robots/hubo/links?days=0", 400, "days: use"),
     ):
         answer = lab.ask("POST", path)
         assert (answer.status_code, says in answer.json()["error"]) == (status, True), answer.text

@@ -42,7 +42,7 @@ class Edge:
     def _answer(self, digest: str) -> Model:
         self.asked += 1
         if self.is_away:
-            raise Unavailable("the edge does not answer")
+            raise Unavailable("the robot's agent does not answer")
         return self.models[digest]
 
 
@@ -104,7 +104,7 @@ async def test_what_is_damaged_in_the_store_is_not_served(tmp_path: Path) -> Non
     edge.models = {}
     (tmp_path / make_model_key("r", model.digest, "robot.urdf")).write_bytes(b"<ROBOT/>" * 9)
     models = make_cache(world, edge)
-    with pytest.raises(Unavailable, match="not what its manifest says"):
+    with pytest.raises(Unavailable, match="does not match its manifest"):
         await models.load_file("r", model.digest, "robot.urdf")
     await models.load_file("r", model.digest, "meshes/a b.glb")
     (tmp_path / make_model_key("r", model.digest, "manifest.json")).write_bytes(b"{}")

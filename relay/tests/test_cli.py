@@ -29,7 +29,7 @@ def test_a_wrong_setting_is_one_line_and_status_2() -> None:
     assert (
         refused("run", "--dev", "--port", "x") == "posecast-relay: --port 'x': use a number from 0 to 65535\n"
     )
-    assert refused("run").startswith("posecast-relay: give --robots FILE (who may")
+    assert refused("run").startswith("posecast-relay: give --robots FILE (who can")
 
 
 def test_ports_in_use_are_one_line_and_status_2() -> None:
@@ -65,7 +65,7 @@ async def test_the_end_is_told_and_quick(relays: Any, edges: Any, how: signal.Si
         bye = viewer.texts[-1]
         assert (bye["type"], bye["code"], bye["retry_s"]) == ("bye", Close.DRAIN, 0.5)
     assert relay.process.wait(30) == 0
-    assert "not all is closed" not in relay.errors()
+    assert "connections are still open" not in relay.errors()
 
 
 async def test_a_viewer_that_does_not_answer_the_close_does_not_hold_the_end_up(relays: Any) -> None:
@@ -75,4 +75,4 @@ async def test_a_viewer_that_does_not_answer_the_close_does_not_hold_the_end_up(
     with raw_viewer(relay) as sock:
         assert sock.recv(1000).startswith(b"HTTP/1.1 101")
         assert relay.stop() == 0
-        assert "not all is closed" not in relay.errors()
+        assert "connections are still open" not in relay.errors()

@@ -89,7 +89,9 @@ def test_a_relay_waits_for_a_file_that_is_wrong_or_not_there(
     path = tmp_path / "robots.toml"
     relay = starting(path, "--workers", str(workers))
     until("it waits", partial(relay.is_ready, "waiting"))
-    until("it says why", lambda: "robots.toml: no such file or directory; until it is good" in relay.errors())
+    until(
+        "it says why", lambda: "robots.toml: no such file or directory; nobody can publish" in relay.errors()
+    )
     write(path, WRONG)
     until("it says the next reason", lambda: "unknown field 'secrte'" in relay.errors())
     for route, status in (("/livez", 200), ("/readyz", 503), ("/api/v1/robots", 503), ("/", 503)):
@@ -97,7 +99,7 @@ def test_a_relay_waits_for_a_file_that_is_wrong_or_not_there(
         assert answer is not None
         assert answer.status_code == status
         assert "secret-robot" not in answer.text, "whoever asks may not know that it is there"
-    assert relay.errors().count("until it is good nobody may publish or watch") == 2
+    assert relay.errors().count("nobody can publish or watch until this is fixed") == 2
     assert relay.process.poll() is None
 
     write(path, "[robots.hubo.anyone]\n")
@@ -129,11 +131,11 @@ def test_a_certificate_that_is_none_is_one_line(tmp_path: Path) -> None:
     for pair in ((key, cert), (tmp_path / "names", key)):  # the wrong way round, and no certificate
         with pytest.raises(CertificateError) as error:
             RouterCertificates(*pair, None)
-        said = f"--zenoh-tls-cert {pair[0]}, --zenoh-tls-key {pair[1]}: no certificate and its key"
+        said = f"--zenoh-tls-cert {pair[0]}, --zenoh-tls-key {pair[1]}: not a certificate with its key"
         assert str(error.value) == said
     with pytest.raises(CertificateError, match=r"--zenoh-ca .*: no certificate in PEM form"):
         RouterCertificates(None, None, tmp_path / "names")
-    with pytest.raises(CertificateError, match=r"--zenoh-ca .*: is no file"):
+    with pytest.raises(CertificateError, match=r"--zenoh-ca .*: is not a file"):
         RouterCertificates(None, None, tmp_path)
     assert len(RouterCertificates(cert, key, tmp_path / "ca.pem").make_settings()) == 3
 
@@ -184,7 +186,7 @@ def test_certificates_that_are_damaged_are_those_of_before_and_new_ones_are_take
     cert.write_text("no certificate")
     until("it is degraded", lambda: explain(lab)["status"] == "degraded", 30.0)
     assert explain(lab)["why"].startswith("the certificates file can't be used, so its last good version")
-    assert lab.told("no certificate and its key; the last good certificates stay in force")
+    assert lab.told("not a valid pair; the last good certificates stay in force")
     other = lab.credential("other")  # for which the session is opened anew
     until("it is enrolled", lambda: lab.told("publishers enrolled: other"))
     edges(relay.zenoh, robot="other", credential=other)
@@ -195,7 +197,7 @@ def test_certificates_that_are_damaged_are_those_of_before_and_new_ones_are_take
 
     (lab.folder / "old.pem").write_bytes((lab.folder / "ca.pem").read_bytes())
     certificates(lab.folder)  # of another authority
-    until("they are taken", lambda: lab.told("certificates are other ones now"), 30.0)
+    until("they are taken", lambda: lab.told("using the renewed certificates"), 30.0)
     ca = (lab.folder / "ca.pem").read_text()
     newer = Credential("other", other.secret, ca)
     until("by the new ones it is let in", partial(is_let_in, lab, newer), 30.0)
@@ -222,7 +224,7 @@ def test_a_worker_that_is_started_anew_waits_for_the_file(
     write(path, WRONG)
     until("it is degraded", partial(relay.is_ready, "degraded"))
     subprocess.run(["kill", "-9", before], check=True)
-    until("it waits", lambda: "until it is good nobody may publish or watch" in relay.errors())
+    until("it waits", lambda: "nobody can publish or watch until this is fixed" in relay.errors())
     (after,) = children.read_text().split()
     assert after != before
     write(path, "[robots.hubo.anyone]\n")

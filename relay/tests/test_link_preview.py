@@ -116,7 +116,7 @@ def test_a_chat_sees_who_anyone_may_see_and_of_others_the_general_words(
         assert oembed_of(other).status_code == 404, other
     assert oembed_of(f"{AT}/r/open", format="xml").status_code == 501
     for none in (httpx.get(f"{base}/api/v1/oembed"), oembed_of("")):
-        assert (none.status_code, none.json()) == (400, {"error": "want url=, the address of a robot's page"})
+        assert (none.status_code, none.json()) == (400, {"error": "give url=, the address of a robot's page"})
 
     robots = tmp_path / "robots.toml"
     robots.write_text(robots.read_text().replace("[robots.lab.link]", "[robots.lab.anyone]"))
@@ -140,8 +140,8 @@ def test_without_an_address_of_its_own_a_relay_makes_no_whole_ones(start: Any, e
 @pytest.mark.parametrize(
     ("picture", "type_", "why"),
     [
-        (b"<script>alert(1)</script>", "image/png", "its bytes are no image/png"),
-        (make_png(50_000, 50_000), "image/png", "50000 × 50000 px; want 1 to 2048 either way"),
+        (b"<script>alert(1)</script>", "image/png", "not a valid image/png"),
+        (make_png(50_000, 50_000), "image/png", "50000 × 50000 px; want 1 to 2048 for each side"),
         (SMALL, "text/plain", None),
     ],
     ids=["html", "huge", "text"],

@@ -99,7 +99,10 @@ def test_what_fails_in_threads_and_libraries_is_a_line_and_they_are_few() -> Non
     done = subprocess.run([sys.executable, "-c", FAILS], capture_output=True, text=True, check=True)
     lines = [json.loads(line)["event"].partition(" (")[0] for line in done.stderr.splitlines()]
     assert 2 <= len(lines) <= 20
-    assert set(lines) == {"not caught: KeyError: 'in a thread'", "not caught: KeyError: 'at its end'"}
+    assert set(lines) == {
+        "uncaught exception: KeyError: 'in a thread'",
+        "uncaught exception: KeyError: 'at its end'",
+    }
 
 
 async def test_malformed_requests_fill_no_log(relays: Any) -> None:
@@ -137,5 +140,7 @@ async def test_a_crowd_that_comes_and_goes_is_counted(relays: Any) -> None:
     for _ in range(100):
         await asyncio.to_thread(come)
     lines = [json.loads(line)["event"] for line in relay.errors().splitlines()]
-    assert lines.count("viewer came") <= 10
-    await asyncio.to_thread(until, "the rest is counted", lambda: "viewer came … and " in relay.errors(), 30)
+    assert lines.count("viewer connected") <= 10
+    await asyncio.to_thread(
+        until, "the rest is counted", lambda: "viewer connected … and " in relay.errors(), 30
+    )

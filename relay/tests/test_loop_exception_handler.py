@@ -21,7 +21,7 @@ async def test_a_connection_given_up_is_one_line_and_a_mistake_of_ours_is_named(
     for error in (ssl.SSLError(1, "CERTIFICATE_VERIFY_FAILED"),) * 3 + (ConnectionResetError("gone"),):
         loop.create_future().set_exception(error)  # nobody holds it
     said = [(record.getMessage(), record.exc_info) for record in caplog.records]
-    assert [text.partition(": ")[0] for text, _ in said] == ["a connection that took too long"] * 2
+    assert [text.partition(": ")[0] for text, _ in said] == ["a connection timed out"] * 2
     assert "CERTIFICATE_VERIFY_FAILED" in said[0][0]
     assert not any(exc_info for _, exc_info in said)
     loop.create_future().set_exception(KeyError("ours"))

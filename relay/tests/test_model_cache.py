@@ -338,7 +338,7 @@ async def test_what_waits_for_room_gets_it_when_there_is_some(monkeypatch: pytes
     await turns()
     with monkeypatch.context() as patched:  # the other has as much, and is just being asked for
         patched.setattr("posecast_relay.models.cache.WAIT_S", 0.0)
-        with pytest.raises(Unavailable, match="no room"):
+        with pytest.raises(Unavailable, match="no memory"):
             await models.load_file("good", good.digest, "b")
     second = asyncio.create_task(read(models, good, "b", "good"))
     await turns()
@@ -394,7 +394,7 @@ async def test_a_manifest_that_gives_a_file_another_size_is_not_believed(size: i
     assert await read(models, edge, "a.stl") == data
     false = {"path": "b.stl", "size": size, "sha256": sha256(data), "type": "model/stl"}
     source.edges["r"] = later = Edge({"b.stl": data}, {"v": 2, "files": [false]})
-    with pytest.raises(Unavailable, match="not of the size"):
+    with pytest.raises(Unavailable, match="not have the size"):
         await models.load_file("r", later.digest, "b.stl")
 
 

@@ -128,10 +128,10 @@ def test_what_is_no_url_of_a_store(url: str) -> None:
     ("url", "told"),
     [
         ("/tmp/x", "write file:///tmp/x"),
-        ("file://localhost/x", "name no host: write file:///FOLDER, with three slashes"),
-        ("file://host/x", "want three slashes, and a folder from the root on: file:///FOLDER"),
-        ("file:x", "want three slashes, and a folder from the root on: file:///FOLDER"),
-        ("file:///a b", "no space can stand in a URL: write %20 for it"),
+        ("file://localhost/x", "use file:///FOLDER without a host, with three slashes"),
+        ("file://host/x", "use three slashes and an absolute path: file:///FOLDER"),
+        ("file:x", "use three slashes and an absolute path: file:///FOLDER"),
+        ("file:///a b", "write %20 for each space"),
     ],
 )
 def test_a_url_of_a_folder_that_is_nearly_right(url: str, told: str) -> None:

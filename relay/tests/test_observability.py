@@ -108,16 +108,16 @@ async def test_the_log_is_json_lines_and_holds_no_token(relays: Any, edges: Any)
         f"http://{relay.address}/api/v1/robots?token=CANARY", headers={"authorization": "Bearer CANARY"}
     )
     httpx.get(f"http://{relay.address}/api/v1/robots/r/live.sse?hz=CANARY")
-    await asyncio.to_thread(until, "the log", lambda: "viewer let go" in relay.errors())
+    await asyncio.to_thread(until, "the log", lambda: "viewer disconnected" in relay.errors())
     assert relay.stop() == 0
     assert "CANARY" not in relay.errors()
     lines = [json.loads(line) for line in relay.errors().splitlines()]
     assert all({"ts", "level", "event"} <= set(line) for line in lines)
-    (came,) = [line for line in lines if line["event"] == "viewer came"]
+    (came,) = [line for line in lines if line["event"] == "viewer connected"]
     assert (came["conn"], came["robot"], came["level"]) == (1, "r", "info")
-    (gone,) = [line for line in lines if line["event"] == "viewer let go"]
+    (gone,) = [line for line in lines if line["event"] == "viewer disconnected"]
     assert gone | {"ts": ""} == {
-        "ts": "", "level": "info", "event": "viewer let go", "conn": 1, "robot": "r",
+        "ts": "", "level": "info", "event": "viewer disconnected", "conn": 1, "robot": "r",
         "code": Close.NOT_ALLOWED, "reason": "type must be rate, ack, auth or ping",
     }  # fmt: skip
     assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}\+00:00", gone["ts"])

@@ -141,8 +141,8 @@ def test_who_crowds_the_memory_is_named_once_a_minute(caplog: pytest.LogCaptureF
 def test_robots_add_says_who_may_look_back(tmp_path: Path) -> None:
     path = tmp_path / "robots.toml"
     open_, private = (robots(path, "add", *more).stderr for more in (("hubo",), ("g1", "--private")))
-    assert "Who may watch 'hubo': anyone: public (30 min back)." in open_
-    assert "Who may watch 'g1': nobody." in private
+    assert "Who can watch 'hubo': anyone: public (30 min back)." in open_
+    assert "Who can watch 'g1': nobody." in private
 
 
 def test_a_deletion_is_a_line_at_the_default_level(caplog: pytest.LogCaptureFixture) -> None:

@@ -110,7 +110,7 @@ def test_a_blackout_and_a_stop(
     write(file, "[robots.r.anyone]\npast = 0\n")
     until("it has no past any more", lambda: httpx.get(address).status_code == 404)
     write(file, "[robots.r.anyone]\npast = '1h'\nhz = 5\n")
-    until("one line", lambda: "past: it holds every frame" in relay.errors())
+    until("one line", lambda: "past: not together with `hz`" in relay.errors())
     assert relay.stop(signal.SIGTERM) == 0
 
 
@@ -175,7 +175,7 @@ def test_keep_without_a_store_is_refused_in_one_line(tmp_path: Path) -> None:
     settings = parse(["run", "--dev", "--robots", str(file)], {})
     with pytest.raises(RobotsError) as error:
         load_robots(settings)
-    assert str(error.value).startswith(f"{file}: [robots.r] keep: wants an object store")
+    assert str(error.value).startswith(f"{file}: [robots.r] keep: needs an object store")
     assert "\n" not in str(error.value)
     for given in (["--past", "file:///srv/past"], ["--role", "gateway", "--store", "redis://h:1"]):
         assert load_robots(parse(["run", "--dev", "--robots", str(file), *given], {})) is not None

@@ -34,12 +34,14 @@ def test_a_picture_is_as_large_as_its_head_says(data: bytes, type_: str) -> None
 @pytest.mark.parametrize("type_", PICTURE_TYPES)
 @pytest.mark.parametrize("data", [b"", b"<html><script>alert(1)</script>" * 9, b"GIF89a" + bytes(99)])
 def test_what_is_no_picture_is_refused(data: bytes, type_: str) -> None:
-    with pytest.raises(PictureError, match=f"its bytes are no {type_}"):
+    with pytest.raises(PictureError, match=f"not a valid {type_}"):
         read_picture_size(data, type_)
 
 
 @pytest.mark.parametrize("side", [(50_000, 50_000), (SIDE_PX_MAX + 1, 1), (1, 2**32 - 1), (0, 5), (5, 0)])
 def test_one_that_would_fill_memory_or_has_no_side_is_refused(side: tuple[int, int]) -> None:
-    with pytest.raises(PictureError, match=f"{side[0]} × {side[1]} px; want 1 to {SIDE_PX_MAX} either way"):
+    with pytest.raises(
+        PictureError, match=f"{side[0]} × {side[1]} px; want 1 to {SIDE_PX_MAX} for each side"
+    ):
         read_picture_size(make_png(*side), "image/png")
     assert read_picture_size(make_png(SIDE_PX_MAX, 1), "image/png") == (SIDE_PX_MAX, 1)

@@ -44,7 +44,7 @@ async def test_a_file_that_is_another_is_fetched_once_in_a_while() -> None:
     assert edge.asked_for(data) == [0, RANGE_BYTES]
     edge.spoil = lambda answer: answer
     clock.now += REFUSED_S - 1
-    with pytest.raises(Refused, match="not what its manifest says") as refused:
+    with pytest.raises(Refused, match="does not match its manifest") as refused:
         await models.load_file("r", edge.digest, "a.stl")
     assert refused.value.retry_s == 1
     clock.now += 1
@@ -127,6 +127,6 @@ def test_over_a_real_uplink_fifty_requests_cost_one_file(relays: Any, edges: Any
     with httpx.Client() as client:
         answers = [client.get(f"{listed}/r/model/{model.digest}/a.glb") for _ in range(ASKERS)]
     assert {answer.status_code for answer in answers} == {503}
-    assert {answer.json()["error"] for answer in answers} == {"the file is not what its manifest says"}
+    assert {answer.json()["error"] for answer in answers} == {"the file does not match its manifest"}
     assert all(1 <= int(answer.headers["retry-after"]) <= REFUSED_S for answer in answers)
     assert model.sent == MB

@@ -116,7 +116,7 @@ def test_what_cannot_be_done_is_one_line(tmp_path: Path) -> None:
     assert "use a number of days" in refused(path, "add", "hubo", "--days", "0")
     assert "no such file or directory" in refused(tmp_path / "none" / "robots.toml", "add", "hubo")
     robots(path, "add", "hubo")
-    assert "has a credential already" in refused(path, "add", "hubo")
+    assert "already has a credential" in refused(path, "add", "hubo")
     path.write_text("[robots.hubo]\nsecrte = 1\n")
     assert "unknown field 'secrte'" in refused(path, "add", "g1")
     command = [sys.executable, "-m", "posecast_relay.cli", "robots", "list"]
@@ -171,8 +171,9 @@ def test_who_may_watch_is_said_without_an_editor(tmp_path: Path) -> None:
     done = robots(path, "set", "hubo", *words, "--link", "view=7", "past=2h", "blackout=false")
     assert done.returncode == 0, done.stderr
     assert done.stderr == (
-        "Who may watch 'hubo': anyone: public (10 s late, no past), link: 7 (2 h back).\n"
-        "View '7' shows nothing unless the robot's profile has it; /admin says which views the robot sends.\n"
+        "Who can watch 'hubo': anyone: public (10 s late, no past), link: 7 (2 h back).\n"
+        "View '7' shows nothing unless the robot's profile defines it; "
+        "/admin lists the views that the robot sends.\n"
     )
     rules = read_robots(path).enrolled["hubo"].rules
     assert rules == {
@@ -197,7 +198,7 @@ def test_who_may_watch_is_said_without_an_editor(tmp_path: Path) -> None:
 def test_what_cannot_be_set_is_one_line(tmp_path: Path) -> None:
     path = tmp_path / "robots.toml"
     robots(path, "add", "hubo")
-    assert "say what, as --anyone view=public" in refused(path, "set", "hubo")
+    assert "give a rule, such as --anyone view=public" in refused(path, "set", "hubo")
     assert "no robot 'g1' in" in refused(path, "set", "g1", "--anyone", "view=public")
     assert "--anyone hertz=3: use FIELD=VALUE" in refused(path, "set", "hubo", "--anyone", "hertz=3")
     assert "--anyone hz: use FIELD=VALUE" in refused(path, "set", "hubo", "--anyone", "hz")
@@ -215,11 +216,11 @@ def test_what_cannot_be_set_is_one_line(tmp_path: Path) -> None:
 def test_a_rotation_in_two_steps(tmp_path: Path) -> None:
     path = tmp_path / "robots.toml"
     first = Credential.parse(robots(path, "add", "hubo").stdout)
-    assert "no rotation of 'hubo' was begun" in refused(path, "rotate", "hubo", "--finish")
-    assert "say --days with --finish" in refused(path, "rotate", "hubo", "--begin", "--days", "3")
+    assert "no rotation of 'hubo' has begun" in refused(path, "rotate", "hubo", "--finish")
+    assert "give --days with --finish" in refused(path, "rotate", "hubo", "--begin", "--days", "3")
     assert "not allowed with argument" in refused(path, "rotate", "hubo", "--begin", "--finish")
     done = robots(path, "rotate", "hubo", "--begin")
-    assert "worth nothing until `robots rotate hubo --finish`" in done.stderr
+    assert "does not work until you run `robots rotate hubo --finish`" in done.stderr
     assert "replaces" not in done.stderr
     second = Credential.parse(done.stdout)
     assert read_robots(path).find_secrets(0.0) == {"hubo": first.secret}
@@ -229,13 +230,13 @@ def test_a_rotation_in_two_steps(tmp_path: Path) -> None:
 
     lost = Credential.parse(robots(path, "rotate", "hubo", "--begin").stdout)
     done = robots(path, "rotate", "hubo", "--begin")
-    assert "It replaces the one that an earlier --begin made." in done.stderr
+    assert "It replaces the one from an earlier --begin." in done.stderr
     robots(path, "rotate", "hubo", "--finish")
     assert Credential.parse(done.stdout).secret != lost.secret
     assert read_robots(path).find_secrets(0.0) == {"hubo": Credential.parse(done.stdout).secret}
 
     robots(path, "rotate", "hubo", "--begin")
     Credential.parse(robots(path, "rotate", "hubo").stdout)  # at once: what was begun is forgotten
-    assert "no rotation of 'hubo' was begun" in refused(path, "rotate", "hubo", "--finish")
+    assert "no rotation of 'hubo' has begun" in refused(path, "rotate", "hubo", "--finish")
     robots(path, "add", "g1", "--certificate")
-    assert "shows a certificate" in refused(path, "rotate", "g1", "--begin")
+    assert "uses a certificate" in refused(path, "rotate", "g1", "--begin")

@@ -12,31 +12,31 @@ from posecast_relay.config.robots_reader import parse_robots
 from .test_robots_command import robots
 from .test_robots_edit import Terminal, run
 
-OLDER = "perhaps an older one; the one before this change is worth nothing"
+OLDER = "possibly an older one; the previous one stops working"
 KINDS = {
-    "add": ([["add", "lab3"]], ["lab3: is removed: its credential and its share links are worth nothing"]),
-    "remove": ([["remove", "g1"]], ["g1: is added, perhaps back again: it may publish"]),
-    "rotate": ([["rotate", "hubo"]], [f"hubo: has another credential, {OLDER}"]),
+    "add": ([["add", "lab3"]], ["lab3: removed: its credential and its share links stop working"]),
+    "remove": ([["remove", "g1"]], ["g1: added, or restored after its removal: it can publish"]),
+    "rotate": ([["rotate", "hubo"]], [f"hubo: gets a different credential, {OLDER}"]),
     "rotate in two steps": (
         [["rotate", "hubo", "--begin"], ["rotate", "hubo", "--finish"]],
-        [f"hubo: has another credential, {OLDER}"],
+        [f"hubo: gets a different credential, {OLDER}"],
     ),
     "rotate, begun": (
         [["rotate", "hubo", "--begin"]],
-        ["hubo: has no next credential (`rotate --begin`) any more"],
+        ["hubo: loses its next credential (`rotate --begin`)"],
     ),
-    "admin": ([["admin"]], [f"/admin: has another credential, {OLDER}"]),
-    "unlink": ([["unlink", "hubo"]], [f"hubo: has another key of its share links, {OLDER}"]),
+    "admin": ([["admin"]], [f"/admin: gets a different credential, {OLDER}"]),
+    "unlink": ([["unlink", "hubo"]], [f"hubo: gets a different key of its share links, {OLDER}"]),
     "a credential that ends": (
         [["add", "g1", "--certificate", "--days", "3"]],
-        ["g1: may publish for longer (`expires`)"],
+        ["g1: can publish for longer (`expires`)"],
     ),
     "several": (
         [["rotate", "hubo"], ["add", "lab3"], ["admin"]],
         [
-            f"hubo: has another credential, {OLDER}",
-            "lab3: is removed: its credential and its share links are worth nothing",
-            f"/admin: has another credential, {OLDER}",
+            f"hubo: gets a different credential, {OLDER}",
+            "lab3: removed: its credential and its share links stop working",
+            f"/admin: gets a different credential, {OLDER}",
         ],
     ),
 }
@@ -71,7 +71,7 @@ def test_an_older_copy_brings_back_no_credential_unasked(
     said = done.stderr.splitlines()
     assert said[:-1] == [f"stdin: {line}" for line in lines]
     assert said[-1] == (
-        f"posecast-relay: {path}: as it was before; `robots edit --yes` writes this text all the same"
+        f"posecast-relay: {path}: nothing was changed; to write this text anyway, use `robots edit --yes`"
     )
     assert path.read_text() == now
 
@@ -85,7 +85,7 @@ def test_what_the_version_before_brings_back_is_said(path: Path) -> None:
     robots(path, "rotate", "hubo")
     done = run(path, "edit", Path(f"{path}.bak").read_bytes())
     assert (done.returncode, done.stderr.count("\n")) == (2, 2)
-    assert f"stdin: hubo: has another credential, {OLDER}\n" in done.stderr
+    assert f"stdin: hubo: gets a different credential, {OLDER}\n" in done.stderr
 
 
 def test_other_changes_are_written_unasked(path: Path) -> None:
@@ -103,7 +103,9 @@ def test_a_file_that_cannot_be_compared_is_replaced_only_when_asked(
     spoil(path)
     done = run(path, "edit", copy)
     assert (done.returncode, done.stderr.count("\n")) == (2, 2)
-    assert done.stderr.startswith(f"stdin: nothing tells which credentials it changes: {path}: ")
+    assert done.stderr.startswith(
+        f"stdin: can't compare credentials, because the present file is invalid: {path}: "
+    )
     assert run(path, "edit", copy, "--yes").returncode == 0
     assert path.read_bytes() == copy
 
@@ -121,7 +123,7 @@ def test_after_an_editor_it_is_said_too(path: Path, tmp_path: Path) -> None:
     copy = path.read_text()
     robots(path, "rotate", "hubo")
     status, said = Terminal(path, own, copy).end()
-    assert (status, said) == (0, f"{path}: hubo: has another credential, {OLDER}\n")
+    assert (status, said) == (0, f"{path}: hubo: gets a different credential, {OLDER}\n")
     assert path.read_text() == copy
 
 
@@ -133,4 +135,4 @@ def test_no_secret_is_said(path: Path) -> None:
     for secret in (hubo.secret, hubo.link_key, admin.secret):
         assert secret is not None
         assert secret not in lines
-    assert lines.count("has no") == 3
+    assert lines.count("loses its") == 3

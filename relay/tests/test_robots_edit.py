@@ -73,10 +73,10 @@ def test_all_that_is_wrong_is_said_at_once_with_lines(tmp_path: Path) -> None:
 def test_a_good_file_and_one_that_is_not_there(tmp_path: Path) -> None:
     path = write(tmp_path, "[robots.hubo]\nkeep = '30d'\n")
     done = run(path, "check")
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", f"{path}: good\n")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", f"{path}: no errors\n")
     done = run(path, "check", POSECAST_PAST="memory:")  # as in the relay's container
     assert done.returncode == 1
-    assert "[robots.hubo] keep: wants an object store" in done.stdout
+    assert "[robots.hubo] keep: needs an object store" in done.stdout
     done = run(tmp_path / "none.toml", "check")
     assert (done.returncode, done.stdout) == (1, f"{tmp_path}/none.toml: no such file or directory\n")
     done = run(tmp_path, "check")
@@ -97,7 +97,7 @@ def test_a_text_from_stdin_is_written_if_it_is_good(tmp_path: Path) -> None:
     assert len(done.stderr.splitlines()) == len(MISTAKES) + 1
     assert "stdin: [robots.hubo.anyone] hz: want a number from 0.1 to 60 (at line 7)\n" in done.stderr
     for stdin, says in (
-        (b" \n", "stdin: is empty; for no robots at all, leave a comment in it\n"),
+        (b" \n", "stdin: is empty; if you want no robots, leave a comment in it\n"),
         (b"\xff", "not UTF-8"),
         (b"#" * 4_000_001, "over 40000"),
     ):
@@ -159,11 +159,11 @@ def test_an_editor_is_opened_again_until_the_file_is_right(tmp_path: Path) -> No
     edit.answer("\n\n")
     status, said = edit.end()
     assert status == 0, said
-    assert "robots.toml: is empty; for no robots at all, leave a comment in it\n" in said
+    assert "robots.toml: is empty; if you want no robots, leave a comment in it\n" in said
     assert "robots.toml: [robots.hubo.anyone] hz: want a number from 0.1 to 60 (at line 7)\n" in said
     assert said.endswith(
-        f"{path}: g1: is added, perhaps back again: it may publish\n"
-        f"{path}: hubo: is removed: its credential and its share links are worth nothing\n"
+        f"{path}: g1: added, or restored after its removal: it can publish\n"
+        f"{path}: hubo: removed: its credential and its share links stop working\n"
     )
     assert path.read_text() == "[robots.g1]\n"
     assert (lab / "robots.toml.bak").read_text() == "[robots.hubo]\n"
@@ -181,11 +181,11 @@ def test_who_gives_up_changes_nothing(tmp_path: Path) -> None:
     edit.answer("q\n")
     status, said = edit.end()
     assert status == 2
-    assert said.endswith(f"{path}: as it was before\n")
+    assert said.endswith(f"{path}: nothing was changed\n")
     assert path.read_text() == "[robots.hubo]\n"
     (own / "turn").unlink()
     edit = Terminal(path, own, "[robots.hubo]\n")
-    assert edit.end() == (0, f"{path}: nothing has changed\n")
+    assert edit.end() == (0, f"{path}: unchanged\n")
     assert [each.name for each in lab.iterdir()] == ["robots.toml"]
 
 
@@ -227,8 +227,8 @@ def test_without_an_editor_the_other_ways_are_named(tmp_path: Path) -> None:
     for environ, says in (
         ({"PATH": "/nowhere"}, "use `robots set`, or `robots edit < FILE`"),
         ({"EDITOR": "/no/editor"}, "/no/editor: no such file or directory"),
-        ({"EDITOR": "false"}, "false ended with status 1: nothing was changed"),
-        ({"EDITOR": "'vi"}, "quotes that don't end"),
+        ({"EDITOR": "false"}, "false exited with status 1: nothing was changed"),
+        ({"EDITOR": "'vi"}, "a quote is not closed"),
     ):
         kept = {name: value for name, value in os.environ.items() if name not in ("EDITOR", "VISUAL")}
         done = subprocess.run(

@@ -68,7 +68,7 @@ def test_what_is_no_file_is_refused_and_never_waited_for(tmp_path: Path) -> None
     path = tmp_path / "robots.toml"
     makers: dict[str, Callable[[], object]] = {
         "is a folder": path.mkdir,
-        "is no file": lambda: os.mkfifo(path, 0o600),
+        "is not a file": lambda: os.mkfifo(path, 0o600),
         "too many levels of symbolic links": lambda: path.symlink_to(path),
     }
     for says, make in makers.items():
@@ -94,9 +94,9 @@ def test_what_is_no_file_is_refused_and_never_waited_for(tmp_path: Path) -> None
         ("[robots.hubo.link]\nviewers = 1.5", "[robots.hubo.link] viewers: want a whole number"),
         ("[robots.hubo.link]\nblackout = 1", "[robots.hubo.link] blackout: want true or false"),
         ("[robots.r.anyone]\nframes='*'", "[robots.r.anyone] frames: want a list of at most 100 origins"),
-        ("[robots.r.anyone]\nframes=['https://a.example/']", "frames: number 1 is no origin"),
+        ("[robots.r.anyone]\nframes=['https://a.example/']", "frames: number 1 is not an origin"),
         ("[robots.r.anyone]\nframes=['https://a', 'https://a; script-src *']", "frames: number 2 is no"),
-        ("[robots.r.link]\nframes=[]", "[robots.r.link] frames: only for `anyone`"),
+        ("[robots.r.link]\nframes=[]", "[robots.r.link] frames: only in `anyone`"),
         ("[robots.r.anyone]\ndelay_s=1\n[robots.r.link]\ndelay_s=2", "[robots.r]: two delays for view"),
         ('[robots.r]\nkeep = "30"', '[robots.r] keep: want a time like "90s", "30m", "12h" or "30d"'),
         ("[robots.r.anyone]\npast = 30", '[robots.r.anyone] past: want a time like "90s", "30m"'),
@@ -104,22 +104,25 @@ def test_what_is_no_file_is_refused_and_never_waited_for(tmp_path: Path) -> None
         ("[robots.r.anyone]\npast = '-1s'", "[robots.r.anyone] past: want a time"),
         ("[robots.r.anyone]\npast = '1e9d'", "[robots.r.anyone] past: want a time"),
         ("[robots.r.anyone]\npast = '3661d'", "[robots.r.anyone] past: want a time"),
-        ("[robots.r.anyone]\npast = '30m'\nhz = 10", "[robots.r.anyone] past: it holds every frame"),
+        (
+            "[robots.r.anyone]\npast = '30m'\nhz = 10",
+            "[robots.r.anyone] past: not together with `hz`, because the past has every frame",
+        ),
         ("[robots.r]\nkeep = 'CANARY'", "[robots.r] keep: want a time"),
         (
             "[robots.r]\nkeep='1h'\n[robots.r.link]\npast='61m'",
-            "[robots.r.link] past: more than `keep`, '1h'",
+            "[robots.r.link] past: longer than `keep`, '1h'",
         ),
         ("[robots.r]\nkeep = 0", "[robots.r] keep: to keep nothing, leave it out"),
         ("[robot.hubo]", "the file: unknown field 'robot': use robots"),
         ("[robots.'*']", "robot '*': use 1 to 63"),
         ("robots = 3", "robots: want tables"),
         ("[robots]\nhubo = 'CANARY'", "[robots.hubo]: want a table"),
-        ("[robots.hubo]\nsecret = 'CANARY'", "[robots.hubo] secret: want one that"),
-        ("[robots.hubo]\nsecret = 'CANARY:x\\ny'", "[robots.hubo] secret: want one that"),
+        ("[robots.hubo]\nsecret = 'CANARY'", "[robots.hubo] secret: use a secret that"),
+        ("[robots.hubo]\nsecret = 'CANARY:x\\ny'", "[robots.hubo] secret: use a secret that"),
         ("[robots.hubo]\nexpires = 2030", "[robots.hubo] expires: want a time"),
         ("[robots.hubo\nsecret = 'CANARY'", "line 1"),
-        (" \n", "is empty; for no robots at all, leave a comment in it"),
+        (" \n", "is empty; if you want no robots, leave a comment in it"),
         ('[robots.hubo]\n"a\\nb" = 1', "unknown field 'a?b'"),
     ],
 )
@@ -151,5 +154,5 @@ def test_how_long_robots_are_kept(tmp_path: Path) -> None:
     path = write(tmp_path, "[robots.r]\nkeep = '30d'\n[robots.r.link]\npast = '30d'\n[robots.s]\n")
     robots = read_robots(path)
     assert robots.make_policy().keeps_s == {"r": 30 * 86400.0}
-    with pytest.raises(RobotsError, match=r"\[robots.r\] keep: wants an object store"):
+    with pytest.raises(RobotsError, match=r"\[robots.r\] keep: needs an object store"):
         read_robots(path, has_store=False)

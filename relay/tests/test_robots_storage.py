@@ -89,7 +89,10 @@ def test_a_file_that_root_has_put_there_is_replaced_by_the_relays_own_user(lab: 
     path.chmod(0o600)
     done = robots(path, "check", user=RELAY)
     assert done.returncode == 1
-    assert f"permission denied: it belongs to root (uid 0), mode 0600, and this is uid {RELAY}" in done.stdout
+    assert (
+        f"permission denied: it belongs to root (uid 0), mode 0600, and this process runs as uid {RELAY}"
+        in done.stdout
+    )
     done = robots(path, "edit", user=RELAY, stdin="[robots.g1]\n")
     assert (done.returncode, done.stderr.count("\n")) == (2, 2)
     assert robots(path, "edit", "--yes", user=RELAY, stdin="[robots.g1]\n").returncode == 0
@@ -112,7 +115,7 @@ def test_nobody_waits_forever_for_who_holds_the_lock(tmp_path: Path) -> None:
     real, link = lab / "robots.toml", elsewhere / "robots.toml"
     link.symlink_to(real)
     with lock_folder(link):
-        says = f"{real}: another command is changing it, for over 0 s"
+        says = f"{real}: another command has been changing it for over 0 s"
         with pytest.raises(SettingsError, match=says), lock_folder(real, wait_s=0.0):
             pass
     with lock_folder(real, wait_s=0.0):

@@ -78,7 +78,7 @@ async def test_a_file_that_is_emptied_while_it_is_read_changes_nothing(tmp_path:
     of.write("[robots.b]\n")
     await of.watch.check_file(1.0)
     assert (of.told, of.watch.refused) == ([], 1)
-    assert of.watch.trouble == f"{of.path}: is empty; for no robots at all, leave a comment in it"
+    assert of.watch.trouble == f"{of.path}: is empty; if you want no robots, leave a comment in it"
 
 
 async def test_a_credential_that_expires_is_told(tmp_path: Path) -> None:
@@ -120,7 +120,7 @@ async def test_a_file_that_cannot_be_read_is_tried_again_and_said_once(
     assert of.watch.trouble is None
     assert [record.getMessage() for record in caplog.records] == [
         f"{of.path}: too many open files; its last good version stays in force",
-        f"{of.path}: is good again",
+        f"{of.path}: is valid again",
     ]
 
 
@@ -136,7 +136,7 @@ async def test_a_mistake_is_said_once_until_the_file_is_another_one(
     assert len(said) == 3
     assert "unknown field 'x'" in said[0]
     assert "unknown field 'y'" in said[1]
-    assert said[2] == f"{of.path}: is good again"
+    assert said[2] == f"{of.path}: is valid again"
     assert of.told == [], "it says the same as at first"
 
 

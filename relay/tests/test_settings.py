@@ -29,7 +29,7 @@ def test_a_flag_wins_over_its_variable_and_that_over_port() -> None:
     ("argv", "environ", "says"),
     [
         ([], {}, "required: run"),
-        (["run"], {}, "give --robots FILE (who may publish and watch), or --dev"),
+        (["run"], {}, "give --robots FILE (who can publish and watch), or --dev"),
         (["run", "--dev", "--prot", "1"], {}, "unrecognized arguments: --prot (did you mean --port?)"),
         (["run", "--dev", "--port"], {}, "--port"),
         (["run", "--dev", "--port", "80a"], {}, "--port '80a': use a number from 0 to 65535"),
@@ -37,10 +37,14 @@ def test_a_flag_wins_over_its_variable_and_that_over_port() -> None:
         (["run", "--dev"], {"PORT": "x"}, "PORT 'x': "),
         (["run"], {"POSECAST_DEV": "perhaps"}, "POSECAST_DEV 'perhaps': use 1 or 0"),
         (["run", "--dev", "--store", "mysql://x"], {}, "--store 'mysql://x': "),
-        (["run", "--dev", "--static", "/nowhere"], {}, "--static '/nowhere': no index.html there"),
+        (
+            ["run", "--dev", "--static", "/nowhere"],
+            {},
+            "--static '/nowhere': use a folder that contains index.html",
+        ),
         (["run", "--dev", "--zenoh-listen", "7447"], {}, "--zenoh-listen '7447': use tls/HOST:PORT or tcp"),
         (["run", "--dev", "--zenoh-listen", "tcp/127.0.0.1:99999"], {}, "use tls/HOST:PORT"),
-        (["run", "--dev", "--zenoh-listen", "tcp/0.0.0.0:7447"], {}, "only tcp/… on loopback"),
+        (["run", "--dev", "--zenoh-listen", "tcp/0.0.0.0:7447"], {}, "allows only tcp/… on loopback"),
         (["run", "--dev", "--zenoh-listen", "tcp/relay.example:7447"], {}, "on loopback"),
         (["run", "--dev", "--max-viewers", "0"], {}, "--max-viewers '0': "),
         (
@@ -57,10 +61,18 @@ def test_a_flag_wins_over_its_variable_and_that_over_port() -> None:
         ),
         (["run", "--dev", "--host", "a b"], {}, "--host 'a b': "),
         (["run", "--dev", "--trusted-proxies", "10.0.0"], {}, "--trusted-proxies '10.0.0': use addresses"),
-        (["run", "--dev", "--origins", "good.com"], {}, "--origins 'good.com': use https://HOST"),
-        (["run", "--dev", "--origins", "https://a.b/c"], {}, "--origins 'https://a.b/c': use https://HOST"),
-        (["run", "--dev", "--origins", "https://a.b;script-src"], {}, "use https://HOST[:PORT]"),
-        (["run", "--robots", __file__, "--zenoh-ca", __file__], {}, "with --zenoh-ca only tls/… or quic/…"),
+        (
+            ["run", "--dev", "--origins", "good.com"],
+            {},
+            "--origins 'good.com': use origins like https://HOST",
+        ),
+        (
+            ["run", "--dev", "--origins", "https://a.b/c"],
+            {},
+            "--origins 'https://a.b/c': use origins like https://HOST",
+        ),
+        (["run", "--dev", "--origins", "https://a.b;script-src"], {}, "use origins like https://HOST[:PORT]"),
+        (["run", "--robots", __file__, "--zenoh-ca", __file__], {}, "--zenoh-ca needs tls/… or quic/…"),
         (["run", "--dev", "--firebase-project", "X"], {}, "--firebase-project 'X': use the project's id"),
         (["run", "--dev", "--firebase-database", "http://x.firebaseio.com"], {}, "use https://HOST"),
         (["run", "--dev", "--firebase-database", "https://x.example/y"], {}, "use https://HOST"),
@@ -72,7 +84,7 @@ def test_a_flag_wins_over_its_variable_and_that_over_port() -> None:
         (
             ["run", "--robots", __file__],
             {"FIREBASE_AUTH_EMULATOR_HOST": "127.0.0.1:9099"},
-            "FIREBASE_AUTH_EMULATOR_HOST is set: with it anybody is whoever they say",
+            "FIREBASE_AUTH_EMULATOR_HOST is set: it accepts unsigned tokens, so it needs --dev",
         ),
     ],
 )

@@ -45,9 +45,9 @@ async def test_a_picture_that_is_one_is_found_with_its_size() -> None:
 @pytest.mark.parametrize(
     ("picture", "type_", "why"),
     [
-        (b"<script>alert(1)</script>", "image/png", "can't be shown: its bytes are no image/png"),
+        (b"<script>alert(1)</script>", "image/png", "can't be shown: not a valid image/png"),
         (make_png(50_000, 50_000), "image/png", "can't be shown: 50000 × 50000 px; want 1 to 2048"),
-        (SMALL, "image/jpeg", "can't be shown: its bytes are no image/jpeg"),
+        (SMALL, "image/jpeg", "can't be shown: not a valid image/jpeg"),
         (SMALL, "text/html", "no picture in this model"),
         (bytes(PICTURE_BYTES_MAX + 1), "image/png", "no picture in this model"),
     ],

@@ -1,4 +1,4 @@
-/** How long the page takes for a robot's balance: `node spa/benches/balance.mjs`. */
+/** The cost of computing a robot's balance on the page: `node spa/benches/balance.mjs`. */
 import path from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { runnerImport } from 'vite';

@@ -65,14 +65,14 @@ function makeSchema(): string {
   return JSON.stringify({ type: 'schema', v: 1, robot: 'r', labels, fields, mapping: { sensors } });
 }
 
-/** µs a frame, the median of the rounds, and the least and the most. */
+/** µs per frame: the median of the rounds, the minimum and the maximum. */
 function timed(work: (frame: number) => void): string {
   const rounds = Array.from({ length: ROUNDS + 2 }, () => {
     const from = performance.now();
     for (let frame = 0; frame < FRAMES; frame += 1) work(frame);
     return ((performance.now() - from) * 1000) / FRAMES;
   })
-    .slice(2) // the first ones are compiled meanwhile
+    .slice(2) // warm-up: the first rounds trigger compilation
     .sort((a, b) => a - b);
   const told = [rounds[Math.floor(ROUNDS / 2)]!, rounds[0]!, rounds.at(-1)!].map((us) => us.toFixed(1));
   return `${told[0]} µs (${told[1]}–${told[2]})`;

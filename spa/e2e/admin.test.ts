@@ -1,4 +1,4 @@
-/** The page of whoever runs the relay, with a real relay and its file of robots. */
+/** The operator's admin page, with a real relay and its robots file. */
 
 import { execFileSync } from 'node:child_process';
 import { mkdirSync, readFileSync } from 'node:fs';
@@ -57,7 +57,7 @@ describe('the page /admin', () => {
     const page = await stage.newPage();
     page.forgive(/401/);
     await open(page, lab, 'x'.repeat(43));
-    await until('it is refused', says(page, 'That is not the credential of this page.'));
+    await until('it is refused', says(page, 'Wrong credential.'));
     await open(page, lab);
     await until('the robot is on air', says(page, 'online'));
     const told = await page.text();

@@ -10,8 +10,8 @@ import { ClockRobot } from './truth.ts';
 
 const stage = setStage();
 
-/** What a picture showed: the chip's state and words, the banner's state and words, and how grey the body was meant to be
- *  and was (0…1); null where there was no banner or no body. */
+/** The content of one picture: the chip's state and text, the banner's state and text, and the target and actual grey of the body
+ *  (0…1); null without a banner or body. */
 interface Seen {
   readonly chip: string;
   readonly says: string;
@@ -22,7 +22,7 @@ interface Seen {
   readonly atMs: number;
 }
 
-/** Runs before the page's own scripts: notes after each picture what it showed, if that changed. */
+/** Runs before the page's own scripts: after each picture, records what it showed, if that changed. */
 const LOOKING = `(() => {
   const seen = (window.seen = []);
   let before = '';
@@ -45,27 +45,27 @@ const LOOKING = `(() => {
     seen.push({ ...all, atMs: performance.now() });
   };
   const look = () => {
-    setTimeout(note); // when all that this picture changes is changed
+    setTimeout(note); // after everything that this picture changes has changed
     requestAnimationFrame(look);
   };
   look();
 })()`;
 
-/** That the newest picture shows this word. */
+/** Whether the newest picture shows this state word. */
 const is = (page: Page, word: string) => () =>
   page.evaluate<boolean>(`window.seen?.at(-1)?.chip === '${word}'`);
 const isClaim = (word: string) => word === 'LIVE' || word === 'HOLDING';
 const REASONS = [
   [/robot silent/, /robot silent/],
-  [/no such robot/, /no robot of this name/],
+  [/no such robot/, /No robot here has this name/],
   [/relay restarting/, /relay is restarting/],
-  [/hall full/, /hall is full/],
+  [/relay full/, /relay is full/],
 ] as const;
 
-/** A picture every so often is enough to show that the fading is over. */
+/** Occasional pictures are enough to show that the fading is complete. */
 const FADED_MS = 1000;
 
-/** In what chip, banner and body disagreed. */
+/** Lists how chip, banner and body disagreed. */
 async function disagreements(page: Page): Promise<string[]> {
   const seen = await page.evaluate<Seen[]>('window.seen');
   const found = new Set<string>();
@@ -101,7 +101,7 @@ it('chip, banner and body agree in every picture, whatever happens to the robot,
     await until('LIVE', is(page, 'LIVE'), 30_000);
     for (const heldUpMs of [700, 3000])
       for (let times = 0; times < 2; times += 1) {
-        // a task of its own, as a page that is busy has it
+        // a separate task, as on a busy page
         await page.evaluate(
           `void setTimeout(() => { const end = performance.now() + ${heldUpMs}; while (performance.now() < end); window.heldUp = (window.heldUp ?? 0) + 1; })`,
         );
@@ -136,9 +136,9 @@ it('a robot that is refused is called the same by chip and banner, and nothing i
   const chip = page.findByTestId('liveness');
   await until('refused', async () => /no such robot/.test(await chip.text()), 30_000);
   expect(await chip.text()).not.toMatch(/STALE|no connection/);
-  expect(await page.findByTestId('stage-note').text()).toMatch(/no robot of this name/);
+  expect(await page.findByTestId('stage-note').text()).toMatch(/No robot here has this name/);
   expect(await disagreements(page)).toEqual([]);
   await chip.click();
   await until('why', async () => (await page.findByTestId('liveness-explained').text()) !== '');
-  expect(await page.findByTestId('liveness-explained').text()).toMatch(/no robot of this name/);
+  expect(await page.findByTestId('liveness-explained').text()).toMatch(/No robot here has this name/);
 }, 120_000);

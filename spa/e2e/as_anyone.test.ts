@@ -42,7 +42,7 @@ describe.skipIf(!FULL)('who may see more', () => {
     await page.viewport({ width: 390, height: 844 });
     await page.screenshot(path.join(SHOTS, 'as-anyone-phone.png'));
 
-    await page.findByRole('link', /back to what you see/i).click();
+    await page.findByRole('link', /back to your view/i).click();
     await page.loaded();
     await until('all of it again', async () => (await granted(page)) === 30, 30_000);
     expect(await page.findByTestId('as-anyone').count()).toBe(0);
@@ -51,7 +51,8 @@ describe.skipIf(!FULL)('who may see more', () => {
     await other.open(`${relay.url}/?as=anyone${hidden}`);
     await until(
       'nothing to be seen',
-      async () => /no robot of this name here/i.test(await other.evaluate<string>('document.body.innerText')),
+      async () =>
+        /no robot here has this name/i.test(await other.evaluate<string>('document.body.innerText')),
       30_000,
     );
     expect(

@@ -7,17 +7,17 @@ import { setStage } from './stage.ts';
 
 const stage = setStage();
 
-/** A browser that says that its reader saves data fetches nothing ahead. */
+/** A browser with data saving on prefetches nothing. */
 const SAVES_DATA = `Object.defineProperty(navigator, 'connection', { value: { saveData: true }, configurable: true })`;
 
 const triangles = (page: Page) => page.evaluate<number>('window.posecast?.scene?.triangles ?? 0');
 const is = (page: Page, word: string) => async () => (await liveness(page)) === word;
 const has = (page: Page, part: string) => page.requested.some((url) => url.includes(`/${part}-`));
-/** Goes over to the light view, as a slow device does by itself. */
+/** Switches to the light view, as a slow device does automatically. */
 const draw = (page: Page, how: 'light' | '3d') =>
   page.evaluate(`window.location.hash = '#/r/demo?body=${how}'`);
 
-/** A page that watches a robot over a link that the test can take away, its page's files included. */
+/** A page that watches a robot over a connection that the test can cut, including the page's own files. */
 async function watched(preload = ''): Promise<{ page: Page; link: FaultyLink }> {
   const relay = await stage.stack.relay();
   stage.stack.edge(relay);
@@ -26,7 +26,7 @@ async function watched(preload = ''): Promise<{ page: Page; link: FaultyLink }> 
   page.forgive(
     /WebSocket|ERR_|not-here|access control|NetworkError|Could not connect|Cross-Origin|Failed to load/i,
   );
-  page.forgive(/dynamically imported module|Loading module from|Importing a module script failed/); // as each browser has it
+  page.forgive(/dynamically imported module|Loading module from|Importing a module script failed/); // the message differs by browser
   await page.open(`${link.url}/#/r/demo`);
   await until('LIVE', is(page, 'LIVE'), 60_000);
   await until('a body', async () => (await triangles(page)) > 500, 60_000);
@@ -42,7 +42,7 @@ it('a body whose code did not come while the relay was away is there when the re
     await until('STALE', is(page, 'STALE'), 30_000);
     await draw(page, 'light');
     await until('says so', async () => (await page.findByTestId('no-scene').count()) === 1, 30_000);
-    expect(await page.findByTestId('no-scene').text()).toMatch(/did not come. Trying again.*Try now/);
+    expect(await page.findByTestId('no-scene').text()).toMatch(/did not load. Trying again.*Try now/);
     await page.findByTestId('try-now').click();
     expect(await triangles(page)).toBe(0);
     link.heal();
@@ -65,7 +65,7 @@ it('what may be needed later is here before the relay goes away', async () => {
     await draw(page, 'light');
     await until('a body, drawn by hand', async () => (await triangles(page)) > 500, 30_000);
     await page.findByRole('button', 'Share').click();
-    await until('the sheet', async () => (await page.text()).includes('In a page of yours'), 20_000);
+    await until('the sheet', async () => (await page.text()).includes('Embed in your own page'), 20_000);
     expect(await page.findByTestId('not-here').count()).toBe(0);
   } finally {
     await link.close();

@@ -17,14 +17,14 @@ const LAPTOP = { width: 1280, height: 800 };
 const OPEN_ALL = `[...document.querySelectorAll('dialog details')].map((part) => { part.open = true; })`;
 const BUNDLE = path.join(REPO, 'edge-agent/src/posecast_edge/demo_bundle');
 
-/** The demo robot with its jammed knee, standing still: faults, cautions, a ghost, and no picture to draw meanwhile. */
+/** The demo robot with its jammed knee, standing still: faults, cautions, a ghost, and no pictures to draw. */
 async function jammed(): Promise<Relay> {
   const relay = await stage.stack.relay();
   stage.stack.fedEdge(relay, demoAt(42), DEMO);
   return relay;
 }
 
-/** Looks at one place after another; what axe has found at each. */
+/** Visits one place after another; returns axe's findings for each. */
 class Looks {
   readonly found: Record<string, string[]> = {};
   readonly page: Page;
@@ -65,7 +65,7 @@ class Looks {
     await this.at('body and table');
   }
 
-  /** Looks back from where it is. */
+  /** Looks back from the current place. */
   async past(): Promise<void> {
     await this.testId('track');
     await this.page.findByTestId('play').click();

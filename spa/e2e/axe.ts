@@ -1,4 +1,4 @@
-/** What a machine finds wrong for those who see, hear or steer otherwise: https://github.com/dequelabs/axe-core */
+/** Automated accessibility checks: https://github.com/dequelabs/axe-core */
 
 import { readFileSync } from 'node:fs';
 import { createRequire } from 'node:module';
@@ -6,9 +6,9 @@ import type { Page } from './driver/page.ts';
 
 const AXE = readFileSync(createRequire(import.meta.url).resolve('axe-core/axe.min.js'), 'utf8');
 
-/** One line for each element that axe complains of, in the document as it stands. */
+/** One line for each element that axe reports, in the current document. */
 export async function violations(page: Page): Promise<string[]> {
-  // Half a megabyte: once for each document.
+  // Half a megabyte: injected once per document.
   if (!(await page.evaluate<boolean>('"axe" in window')))
     await page.evaluate(`(() => { ${AXE}; return true })()`);
   return page.evaluate<

@@ -79,7 +79,7 @@ describe('values that make no sense', () => {
     const bentBy = (rad: number) => ({
       pos: { ...sample.pos, ...Object.fromEntries(['RHP', 'RKN', 'RAP'].map((joint) => [joint, rad])) },
     });
-    /** The newest sample has come to the screen: it bends the knee. */
+    /** The newest sample, which bends the knee, is on the screen. */
     const seen = async (change: object) => {
       const before = await knee();
       source.write(JSON.stringify(change));
@@ -89,7 +89,7 @@ describe('values that make no sense', () => {
     expect(await root(), 'turned by a quaternion of no length').toEqual(stood);
     await seen({ ...at(null), ...bentBy(0) });
     expect(await root(), 'without a reading').toEqual(stood);
-    await seen({ ...at(0.5), ...bentBy(0.9), t: 5 }); // the robot's clock was set: decades back
+    await seen({ ...at(0.5), ...bentBy(0.9), t: 5 }); // the robot's clock was set back by decades
     await until('its newest place', async () => Math.abs(((await root())[3] ?? 9) - 0.5) < 1e-3);
     expect(await page.evaluate<number>('window.posecast.twin.t_s')).toBeLessThan(6);
     expect(await liveness(page)).toMatch(/LIVE|HOLDING/);
@@ -106,7 +106,7 @@ describe('values that make no sense', () => {
       await openBody(page, relay.url);
       await page.evaluate('window.born = true');
       first.edge.signal('SIGKILL');
-      page.forgive(/status of 503/); // its model may be asked for while nobody has it
+      page.forgive(/status of 503/); // the page may request its model while it is unavailable
       stage.stack.fedEdge(
         relay,
         { pos: { LEB: -0.9, RKN: 0.8 }, wave: { pos: { RKN: [0.2, 0.5] } }, t: 3 },

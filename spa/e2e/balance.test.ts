@@ -1,4 +1,4 @@
-/** The signs of balance, in both renderers: what holds the robot, what they cost, and grey for what is old. */
+/** The balance signs in both renderers: support, cost, and grey for old poses. */
 
 import { expect, it } from 'vitest';
 import { COUNT_DRAWS, drawCalls } from './draw_calls.ts';
@@ -10,7 +10,7 @@ import { setStage } from './stage.ts';
 
 const stage = setStage();
 
-/** Most draw calls that balance may add to a picture. */
+/** Maximum draw calls that balance may add to a picture. */
 const MOST_CALLS = 2;
 /** The robot stands on both feet. */
 const STANDING = demoAt(38);
@@ -34,7 +34,7 @@ function balance(page: Page): Promise<Balance | null> {
   );
 }
 
-/** Waits for signs of balance of which this holds. */
+/** Waits for balance signs that satisfy a condition. */
 function balanceWith(page: Page, what: string, holds: (balance: Balance) => boolean): Promise<Balance> {
   return until(
     what,
@@ -51,7 +51,7 @@ async function atRest(page: Page): Promise<void> {
   await until('rest', () => resting(page), 60_000);
 }
 
-/** Raises the robot's right foot, whose force goes to the left one. */
+/** Raises the robot's right foot, so that its load moves to the left one. */
 function onOneFoot({ ftf = {}, ftm = {}, ...moment }: Moment): Moment {
   const of = (part: Record<string, number | null>, site: string, value: number | null) =>
     Object.fromEntries(Object.keys(part).flatMap((key) => (key.startsWith(site) ? [[key, value]] : [])));

@@ -10,9 +10,9 @@ import { setStage } from './stage.ts';
 
 const stage = setStage();
 const SHOTS = path.join(REPO, 'spa/e2e/shots');
-/** The light view draws the same words, and quicker. */
+/** The light view draws the same texts, and is faster. */
 const LIGHT = `try { if (localStorage.getItem('posecast.settings') === null) localStorage.setItem('posecast.settings', '{"body":"light"}') } catch {}`;
-/** Writes down what is saved. */
+/** Records what is saved. */
 const SAVES = `(() => {
   window.saved = [];
   const make = URL.createObjectURL;
@@ -25,7 +25,7 @@ const SAVES = `(() => {
 const STANDING_S = 2;
 const LEANING_S = 58;
 
-/** The same moment with nothing under one foot. */
+/** The same moment without force under one foot. */
 function without(foot: 'LF' | 'RF', moment: Moment): Moment {
   const light = (field: string, parts: readonly string[]) => ({
     ...moment[field],
@@ -70,7 +70,7 @@ async function opened(at: string, moment: Moment, preload = '') {
 it('one sentence tells whether it would fall and where to, to the eye and to the ear', async () => {
   const standing = demoAt(STANDING_S);
   const { source, page } = await opened('', standing);
-  const INSIDE = /^The centre of mass is \d+ mm inside the edge of what it stands on\.$/;
+  const INSIDE = /^The centre of mass is \d+ mm inside the area it stands on\.$/;
   const first = await says(page, 'inside', INSIDE);
   expect([first.level, first.kind]).toEqual(['ok', 'inside']);
   await until(
@@ -98,7 +98,7 @@ it('one sentence tells whether it would fall and where to, to the eye and to the
   await says(page, 'no foot', /^No foot bears weight\.$/);
 
   source.write(JSON.stringify({ ...standing, ftf: { ...standing.ftf, 'RF.fz': null } }));
-  await says(page, 'no reading', /^A foot has no reading of its force/);
+  await says(page, 'no reading', /^A foot has no force reading/);
   const filled = await page.evaluate<string>(
     `getComputedStyle(document.querySelector('.stage .balance-mark')).backgroundColor`,
   );
@@ -117,7 +117,7 @@ it('on a laptop the sentence stands on one line, in the middle of the body', asy
   stage.stack.fedEdge(relay, demoAt(LEANING_S), DEMO);
   const page = await stage.newPage({ viewport: { width: 1440, height: 900 } });
   await page.open(`${relay.url}/#/r/demo`);
-  await says(page, 'inside', /inside the edge/);
+  await says(page, 'inside', /inside the area/);
   await until('roll and pitch', () =>
     page.evaluate<boolean>(`document.querySelector('.stage-level')?.offsetWidth > 0`),
   );
@@ -141,7 +141,7 @@ it('the menu switches it off and on, says why it can’t be, and explains it; so
   const explained = () =>
     page.evaluate<string>(`document.querySelector('[data-testid=explained]')?.textContent ?? ''`);
   await tapped(
-    'explained', // once what explains has come
+    'explained', // once the explanations have loaded
     async () => page.click(await mark()),
     async () => /margin.*tipping over/.test(await explained()),
   );
@@ -218,7 +218,7 @@ it('large where it is presented, slim in a frame, short beside others; how much 
   await says(page, 'inside', /inside/);
   await page.evaluate(`document.querySelector('tr[data-label="RKN"] button').click()`);
   await until('what is left', async () =>
-    /left to the limit .*[\d.]+ rad to its (lower|upper) limit, \d+ % of its way/.test(
+    /left to the limit .*[\d.]+ rad to its (lower|upper) limit, \d+ % of its range/.test(
       await page.findByTestId('joint-room').text(),
     ),
   );

@@ -14,7 +14,7 @@ const SHOTS = path.join(REPO, 'spa/e2e/shots');
 const PHONE = { width: 390, height: 844 };
 const LAPTOP = { width: 1280, height: 800 };
 
-/** The demo robot with its jammed knee, standing still; every look that a link is given is written down. */
+/** The demo robot with its jammed knee, standing still; every change of a link's appearance is recorded. */
 async function jammed(viewport: Viewport): Promise<{ page: Page; source: Process }> {
   const relay = await stage.stack.relay();
   const { source } = stage.stack.fedEdge(relay, demoAt(42), DEMO);
@@ -42,7 +42,7 @@ const cardOf = (page: Page) =>
   page.evaluate<string>('document.querySelector("[data-testid=joint-card]")?.ariaLabel ?? ""');
 const target = (page: Page) => page.evaluate<number[]>('window.posecast.scene.eye.target');
 
-/** Where a link's origin is in the world, metres. */
+/** A link's origin in the world, metres. */
 const originOf = (page: Page, link: string) =>
   page.evaluate<number[]>(
     `(() => { const m = window.posecast.scene.linkPoses()[${JSON.stringify(link)}]; return [m[3], m[7], m[11]]; })()`,
@@ -51,7 +51,7 @@ const originOf = (page: Page, link: string) =>
 const apart = (a: readonly number[], b: readonly number[]) =>
   Math.hypot(...a.map((value, i) => value - b[i]!));
 
-/** The middle of what is seen of this link, where a person taps: at its rim a label or a sign may answer. */
+/** The middle of the visible part of this link, where a person would tap: at its rim, a label or sign may receive the tap. */
 function pointOf(page: Page, link: string): Promise<Point> {
   return until(`${link} in the picture`, () =>
     page.evaluate<Point | null>(`(() => {
@@ -90,12 +90,12 @@ it('a joint that stalls is found from page load in two taps at most: its row, it
     await until('no card', async () => (await cardOf(page)) === '');
     await until('dark again', async () => (await lit(page)).length === 0);
 
-    // all is well, and then the same joint stalls without any flag: one tap
+    // normal, and then the same joint stalls without any flag: one tap
     const { flags, ref, ...rest } = demoAt(42);
     const quiet = { ...rest, flags: { ...flags, RKN: ['homed', 'enabled'] } };
     const line = () => page.findByTestId('fault-line').text();
     source.write(JSON.stringify({ ...quiet, ref: { ...ref, RKN: rest.pos!.RKN } }));
-    await until('the flag is over', async () => /^Was: [\s\S]*· ended /.test(await line()));
+    await until('the flag is over', async () => /^Earlier: [\s\S]*· ended /.test(await line()));
     await page.findByTestId('acknowledge').click();
     await until('all is well', async () => (await line()) === 'No faults');
     source.write(JSON.stringify({ ...quiet, ref }));
@@ -117,7 +117,7 @@ it('a tapped link finds its row and opens its card, and the eye stays where it i
   await tapped(
     'its card',
     async () => {
-      await still(page); // what comes of the body meanwhile may move the picture
+      await still(page); // parts of the body that load meanwhile may move the picture
       before = await target(page);
       await page.click(await pointOf(page, 'Body_RAP'));
     },
@@ -138,7 +138,7 @@ it('a tapped link finds its row and opens its card, and the eye stays where it i
   await still(page);
   expect(apart(await target(page), before)).toBeLessThan(1e-6);
 
-  // a filter that hides the row gives way
+  // a filter that hides the row is cleared
   await page.evaluate('document.querySelector(".filter").focus()');
   await page.findByTestId('filter').type('shoulder');
   await until('filtered', () =>

@@ -1,4 +1,4 @@
-/** The README's table of browsers: one row an engine, written and checked by the suite that found it out. */
+/** The README's table of browsers: one row per engine, written and checked by the tests that measured it. */
 
 import { readFileSync, writeFileSync } from 'node:fs';
 import path from 'node:path';
@@ -14,7 +14,7 @@ export interface BrowserRow {
   readonly touch: string;
   readonly fullscreen: string;
   readonly withoutWebGl: string;
-  /** What no test could find out there. */
+  /** What tests can't find out there. */
   readonly lacks: readonly Ability[];
 }
 
@@ -53,7 +53,7 @@ function line(row: BrowserRow): string {
 
 const calls = (n: number) => `${n} draw call${n === 1 ? '' : 's'}`;
 
-/** `markdown` with this row in its place in the table. Throws an Error when there is no table. */
+/** `markdown` with this row in its place in the table. Throws an Error if there is no table. */
 export function withRow(markdown: string, row: BrowserRow): string {
   const start = markdown.indexOf(START);
   const end = markdown.indexOf(END);
@@ -65,8 +65,7 @@ export function withRow(markdown: string, row: BrowserRow): string {
   return `${markdown.slice(0, start + START.length)}\n\n${HEAD}\n${table}\n\n${markdown.slice(end)}`;
 }
 
-/** What the table says otherwise than this row; null when it says the same. A version is what this machine has, and
- *  no fault of the table's. */
+/** How the table differs from this row; null if it agrees. The version is that of this machine, and does not count. */
 export function otherThan(markdown: string, row: BrowserRow): string | null {
   const there = linesOf(markdown).find((text) => isOf(row.engine, text));
   if (there === undefined) return 'nothing';

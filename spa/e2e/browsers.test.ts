@@ -86,7 +86,7 @@ async function fullscreen(page: Page): Promise<string> {
   return found === 'screen' ? '✓' : 'the body alone in the page';
 }
 
-/** What there is instead of a 3D view. */
+/** What is shown instead of a 3D view. */
 async function withoutWebGl(relay: Relay): Promise<string> {
   const browser = await openBrowser({ webgl: false });
   try {

@@ -1,4 +1,4 @@
-/** A built model on disk, and the URDF that says the same to anybody else. */
+/** A built model on disk, and the equivalent URDF for other programs. */
 
 import { createHash } from 'node:crypto';
 import { writeFileSync } from 'node:fs';
@@ -34,7 +34,7 @@ export async function writeBuilt(
   return { folder, urdf };
 }
 
-/** Turns are about z only, so that a quaternion is easily said in roll, pitch and yaw. */
+/** Rotations are only about z, so that a quaternion is easily converted to roll, pitch and yaw. */
 function urdfOf({ joints, visuals }: SampleModel): string {
   const link = (i: number) => (i === 0 ? 'base' : `link${i}`);
   const links = Array.from({ length: joints.length + 1 }, (_, i) => {

@@ -17,14 +17,14 @@ interface EyePlace {
   readonly target: readonly [number, number, number];
 }
 
-/** A page with the demo robot standing still, seen from its first view. */
+/** A page with the demo robot standing still, in its initial view. */
 async function standing(options: PageOptions = {}): Promise<Page> {
   const relay = await stage.stack.relay();
   stage.stack.builtEdge(relay, { folder: MODEL }, { pos: { RKN: 0 } }, 'demo');
   const page = await stage.newPage(options);
   await page.open(`${relay.url}/#/r/demo`);
   await until('a body', () => hasSkin(page), 60_000);
-  // it makes room for its buttons, which come after it
+  // the body makes room for its buttons, which load later
   await until('its buttons', () => page.evaluate<boolean>(`document.querySelector('.stage-tools') !== null`));
   await drawsNothing(page, 1);
   return page;
@@ -32,7 +32,7 @@ async function standing(options: PageOptions = {}): Promise<Page> {
 
 const still = (page: Page) => until('the eye rests', () => resting(page), 60_000);
 
-/** The eye after everything has come to rest. */
+/** The eye position once everything is at rest. */
 async function eye(page: Page): Promise<EyePlace & { distance: number; azimuth: number }> {
   await still(page);
   const place = await page.evaluate<EyePlace>('window.posecast.scene.eye');
@@ -53,7 +53,7 @@ const linkAt = (page: Page, { x, y }: Point) =>
 const apart = (a: readonly number[], b: readonly number[]) =>
   Math.hypot(...a.map((value, i) => value - b[i]!));
 
-/** A point of the picture where this link is met, and one where none is. */
+/** A point of the picture that hits this link, and one that hits nothing. */
 async function places(page: Page): Promise<{ robot: Point; link: string; floor: Point }> {
   const at = await middle(page);
   const robot = { x: at.x, y: at.y - 60 };

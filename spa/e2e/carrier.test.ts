@@ -8,7 +8,7 @@ import { FULL, setStage } from './stage.ts';
 const stage = setStage();
 
 const SWINGING = { pos: { RKN: 0, LKN: 0.2 }, wave: { pos: { RKN: [0.4, 0.5] } } };
-/** What the browser says of a WebSocket that a proxy has made an ordinary request of. */
+/** The browser's message about a WebSocket that a proxy has turned into an ordinary request. */
 const NO_UPGRADE = /WebSocket|status of 40\d/;
 
 async function behind(fault: Fault): Promise<{ link: FaultyLink; page: Page }> {
@@ -33,7 +33,9 @@ describe('where no WebSocket gets through', () => {
       expect(await carrier(page)).toBe('events');
       expect(await chipText(page)).toMatch(/over HTTP/);
       await page.findByTestId('liveness').click();
-      await until('why', async () => /plain HTTP/.test(await page.findByTestId('liveness-explained').text()));
+      await until('why', async () =>
+        /comes over HTTP/.test(await page.findByTestId('liveness-explained').text()),
+      );
       const before = (await chips(page)).length;
 
       link.heal();

@@ -1,4 +1,4 @@
-/** A cloud that somebody else has started, in which the tests then play instead of starting relays: `make compose-test`. */
+/** A cloud started by somebody else, in which the tests run instead of starting relays: `make compose-test`. */
 
 import { execFile } from 'node:child_process';
 import { promisify } from 'node:util';
@@ -7,11 +7,11 @@ import { until } from './driver/until.ts';
 export interface Cloud {
   /** Its page. */
   readonly url: string;
-  /** Where its robots come in. */
+  /** Its address for robots. */
   readonly robotsAt: string;
   /** A folder with a credential for each robot, by its name. */
   readonly credentials: string;
-  /** No robot, no event of an earlier test: as a relay that has just been started. */
+  /** No robot and no event from an earlier test: like a relay that has just started. */
   readonly forget: () => Promise<void>;
 }
 

@@ -10,16 +10,16 @@ import { setStage } from './stage.ts';
 const stage = setStage();
 const CONFIGURATIONS = 20;
 const ONE_MM = 0.001;
-/** Fewer pixels for what software draws; only poses are read. */
+/** Few pixels for software rendering; only poses are read. */
 const SMALL = { width: 480, height: 360 };
-/** A wire code is at most this far from what was sent, rad or m. */
+/** A wire code differs by at most this from the sent value, rad or m. */
 const CODED = 0.002;
 
 interface Manifest {
   readonly joints: readonly { name: string; type: string; mimic?: object }[];
 }
 
-/** A repeatable stream of numbers in −1…1. */
+/** A reproducible sequence of numbers in −1…1. */
 function numbers(seed: number): () => number {
   let state = seed;
   return () => {
@@ -74,7 +74,7 @@ describe.skipIf(process.env.POSECAST_FULL === undefined || !canBuild())('every r
         let apart = 0;
         for (const [i, links] of expected.entries()) {
           const [first] = Object.keys(links);
-          // how high it stands is another test's; here every link is seen from the first
+          // another test checks its height; here every link is checked relative to the first
           const lift = (seen[i]?.[first ?? '']?.[11] ?? NaN) - (links[first ?? '']?.[11] ?? NaN);
           for (const [link, pose] of Object.entries(links)) {
             for (const [at, value] of pose.entries()) {

@@ -6,7 +6,7 @@ import { setStage } from './stage.ts';
 
 const stage = setStage();
 
-/** Keeps the extension: once a context is lost it can't be asked for any more. */
+/** Keeps the extension object: it can't be requested after the context is lost. */
 const KEEP = `(() => {
   const of = HTMLCanvasElement.prototype.getContext;
   HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {

@@ -20,7 +20,7 @@ const has = (page: Page, selector: string) => () =>
 const text = (page: Page, id: string) => page.evaluate<string>(`${testId(id)}?.textContent ?? ''`);
 const momentMs = (page: Page) => page.evaluate<number | null>('window.posecast.twin.moment_ms');
 
-/** Fills a field as a person does who types. */
+/** Fills a field the way a person types. */
 const type = (page: Page, id: string, value: string) =>
   page.evaluate(`(() => {
     const field = ${testId(id)};
@@ -28,7 +28,7 @@ const type = (page: Page, id: string, value: string) =>
     field.dispatchEvent(new Event('input', { bubbles: true }));
   })()`);
 
-/** The demo robot's page, with so many seconds to look back on. */
+/** The demo robot's page, with this many seconds to look back on. */
 async function visit(seconds: number): Promise<Page> {
   const relay = await stage.stack.relay({ past: 'memory:' });
   stage.stack.edge(relay);
@@ -103,7 +103,7 @@ it('one goes to a moment by its time, to an hour by two taps, and by the keyboar
   await until('that moment', async () => Math.abs((await momentMs(page))! - wantedMs) < 1000);
   expect(await chipText(page)).toContain(clock);
 
-  // the clock of then leads there, too
+  // the clock time of then leads there too
   await page.evaluate(`document.querySelector('.transport-moment').click()`);
   await until('the sheet', has(page, '[data-testid="moment-sheet"][open]'));
   await type(page, 'moment-date', '2001-02-03');
@@ -146,7 +146,7 @@ interface Summary {
   readonly to_ms: number | null;
 }
 
-/** Some segments that a relay has recorded, whole ones, and the schema that they name. */
+/** Some complete segments that a relay has recorded, and their schema. */
 async function taken(relay: Relay): Promise<{ segments: Segment[]; schemaText: string }> {
   const bytes = async (route: string) => new Uint8Array(await (await fetch(relay.url + route)).arrayBuffer());
   const found = await until(

@@ -1,4 +1,4 @@
-"""Prints what the demo robot says at seconds of its programme, a line each, as `jsonl` reads it."""
+"""Prints the demo robot's readings at seconds of its motion, one line each, in the format of `jsonl`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-/** Draw calls as the graphics interface hears them, beside what three says of itself. */
+/** Draw calls counted at the graphics interface, compared with three.js's own count. */
 
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
@@ -7,7 +7,7 @@ import { renderedFrames, resting } from './robot_page.ts';
 export interface DrawCalls {
   /** Of the whole picture. */
   readonly all: number;
-  /** Of what is drawn through bones: the robot, and its ghost. */
+  /** For everything drawn with bones: the robot, and its ghost. */
   readonly bones: number;
 }
 
@@ -37,7 +37,8 @@ export const COUNT_DRAWS = `(() => {
   };
 })()`;
 
-/** Those of a picture in which only the camera has moved: the shadow is not drawn anew. The robot must stand still. */
+/** The draw calls of a picture in which only the camera has moved, so that the shadow is not redrawn. The robot must stand
+ *  still. */
 export async function drawCalls(page: Page): Promise<DrawCalls & { three: number }> {
   for (const side of ['front', 'side']) {
     const before = await renderedFrames(page);

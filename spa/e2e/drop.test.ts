@@ -16,7 +16,7 @@ const URDF = `<robot name="arm"><link name="base"><visual><geometry><box size="0
 <joint name="lift" type="prismatic"><parent link="base"/><child link="rod"/><axis xyz="0 0 1"/>
 <limit lower="0" upper="0.5" effort="1" velocity="1"/></joint></robot>`;
 
-/** The rod's mesh, 1 m of it. */
+/** A mesh of a rod, 1 m long. */
 const ROD = binaryStl(cubeSoup());
 
 const rods = (page: Page) =>
@@ -36,13 +36,13 @@ async function listed(): Promise<Page> {
   return page;
 }
 
-/** Leaves the robot for the list. */
+/** Leaves the robot and returns to the list. */
 async function closed(page: Page): Promise<void> {
   await page.findByRole('button', 'Close this robot').click();
   await chooses(page);
 }
 
-/** Puts a file into an input the way a person's choice does. */
+/** Puts a file into an input as if a person had chosen it. */
 const choose = (id: string, bytes: Uint8Array, name: string): string => `(() => {
   const bytes = Uint8Array.from(atob('${Buffer.from(bytes).toString('base64')}'), (c) => c.charCodeAt(0));
   const chosen = new DataTransfer();
@@ -75,7 +75,7 @@ describe("a robot from one's own computer", () => {
     expect(strange).toEqual([]);
     await closed(page);
     await page.evaluate(choose('choose-zip', strToU8('no zip'), 'x.zip'));
-    await until('a reason', async () => (await page.text()).includes('This is no zip.'));
+    await until('a reason', async () => (await page.text()).includes('This is not a zip file.'));
   });
 
   it('has its centre of mass, which follows the sliders; in one line what can not be known', async () => {
@@ -99,7 +99,7 @@ describe("a robot from one's own computer", () => {
       slider.dispatchEvent(new Event('input', { bubbles: true }));
     })()`);
     await until('a quarter of the way', async () => Math.abs((await ball())![2]! - low - 0.1) < 1e-6);
-    expect(await entry()).toMatch(/^Balance\s*The page does not know the soles of a model/);
+    expect(await entry()).toMatch(/^Balance\s*This model is shown straight from its files/);
     mkdirSync(SHOTS, { recursive: true });
     await page.screenshot(path.join(SHOTS, 'drop-balance.png'));
     await page.evaluate(`document.querySelector('[data-testid="local-balance"] input').click()`);
@@ -109,13 +109,13 @@ describe("a robot from one's own computer", () => {
     await closed(page);
     await open('nan');
     await until('the reason', async () => (await page.text()).includes("'nan'; no balance is shown"), 30_000);
-    await until('the entry', async () => (await entry()).includes('masses that can’t be'));
+    await until('the entry', async () => (await entry()).includes('impossible masses'));
     expect(await ball()).toBeNull();
     await closed(page);
     await open('1', '0 0 -200'); // millimetres
     const far = "link 'rod': a centre of mass 200 m away (millimetres?); no balance is shown";
     await until('the links that are far', async () => (await page.text()).includes(far), 30_000);
-    await until('the entry', async () => (await entry()).includes('masses that can’t be'));
+    await until('the entry', async () => (await entry()).includes('impossible masses'));
     expect(await ball()).toBeNull();
   });
 
@@ -172,14 +172,14 @@ ${mesh('binary', 'd.glb', 4.5)}
     for (const folder of ['urdf', 'meshes']) mkdirSync(path.join(top, folder), { recursive: true });
     writeFileSync(path.join(top, 'urdf/arm.urdf'), URDF);
     writeFileSync(path.join(top, 'meshes/rod.stl'), ROD);
-    // a browser hands out a folder's entries by the hundred
+    // browsers return a folder's entries in groups of a hundred
     for (let i = 0; i < 130; i++) writeFileSync(path.join(top, `meshes/spare${i}.stl`), '');
     const zip = path.join(top, '..', 'arm.zip');
     writeFileSync(zip, zipSync({ 'arm/arm.urdf': strToU8(URDF), 'arm/meshes/rod.stl': ROD }));
     for (const what of FULL ? [top, zip] : [top]) {
       await page.dropFiles({ x: 640, y: 300 }, [what]);
       await until(`a body of ${what}`, async () => (await rods(page)) === 1, 30_000);
-      await until('all of it', async () => (await page.text()).includes('Nothing wrong was found.'));
+      await until('all of it', async () => (await page.text()).includes('No problems found.'));
       await closed(page);
     }
   });
@@ -201,7 +201,7 @@ ${mesh('binary', 'd.glb', 4.5)}
     const millimetres = binaryStl(cubeSoup().map((value) => 300 * value));
     const large = zipSync({ 'arm/arm.urdf': strToU8(URDF), 'arm/meshes/rod.stl': millimetres });
     await page.evaluate(choose('choose-zip', large, 'large.zip'));
-    await until('its size', async () => (await page.text()).includes('the robot is 300 m large'), 30_000);
+    await until('its size', async () => (await page.text()).includes('the robot measures 300 m'), 30_000);
     expect(await page.text()).toContain(
       `link 'rod': its mesh is 300 m long: millimetres? scale="0.001 0.001 0.001" · line 2`,
     );
@@ -210,7 +210,7 @@ ${mesh('binary', 'd.glb', 4.5)}
     const wrong = strToU8('<!doctype html><html><body>Not found</body></html>');
     const broken = zipSync({ 'arm/arm.urdf': strToU8(URDF), 'arm/meshes/rod.stl': wrong });
     await page.evaluate(choose('choose-zip', broken, 'broken.zip'));
-    const why = `mesh 'package://arm/meshes/rod.stl' of link 'rod': a web page came instead of a mesh · line 2`;
+    const why = `mesh 'package://arm/meshes/rod.stl' of link 'rod': the server sent a web page instead of a mesh · line 2`;
     await until('why', async () => (await page.text()).includes(why), 30_000);
   });
 
@@ -232,15 +232,13 @@ ${mesh('binary', 'd.glb', 4.5)}
       '[(window.before = performance.memory?.usedJSHeapSize ?? 0), (window.began = performance.now())]',
     );
     await page.evaluate(choose('choose-zip', bomb, 'bomb.zip'));
-    await until('a reason', async () =>
-      (await page.text()).includes('unpacks to more than a robot has, at a.stl'),
-    );
+    await until('a reason', async () => (await page.text()).includes('unpacks to too much data, at a.stl'));
     const cost = await page.evaluate<{ ms: number; mb: number }>(
       '({ ms: performance.now() - window.began, mb: ((performance.memory?.usedJSHeapSize ?? 0) - window.before) / 1e6 })',
     );
     console.log(
       `a bomb of 60 MB in ${bomb.length} bytes: refused after ${cost.ms.toFixed(0)} ms, ${cost.mb.toFixed(1)} MB of heap`,
     );
-    expect(cost.mb).toBeLessThan(50); // Chromium's; the others tell none
+    expect(cost.mb).toBeLessThan(50); // Chromium's message; the others report none
   });
 });

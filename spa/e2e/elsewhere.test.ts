@@ -13,7 +13,7 @@ const stage = setStage();
 const PREFIX = '/~somebody/robots/';
 const SWINGING = { pos: { RKN: 0 }, wave: { pos: { RKN: [0.4, 0.5] } } };
 
-/** As a newer page would lie there: every script has another name, and the old names are gone. */
+/** Simulates a newer deployment: every script has a new name, and the old names are gone. */
 function deploy(folder: string): void {
   const assets = path.join(folder, 'assets');
   const scripts = readdirSync(assets).filter((name) => name.endsWith('.js'));
@@ -49,7 +49,7 @@ describe('the page on a host of plain files', () => {
     const page = await stage.newPage();
     page.allow(one.host);
     page.allow(two.host);
-    page.forgive(/WebSocket|404/); // it tries its own origin while it asks what config.json says
+    page.forgive(/WebSocket|404/); // it tries its own origin while it waits for config.json
     await page.open(`${host.url}${PREFIX}#/r/demo`);
     await until('LIVE', isLive(page), 30_000);
 
@@ -66,7 +66,7 @@ describe('the page on a host of plain files', () => {
       `fetch('${one.url}/api/v1/robots').then(() => 'came', () => 'refused')`,
     );
     expect(allowed, 'the browser itself asks nobody else').toBe('refused');
-    page.forgive(/Content.Security.Policy|Refused to connect|held back by policy/); // as each browser has it
+    page.forgive(/Content.Security.Policy|Refused to connect|held back by policy/); // the message differs by browser
 
     await page.open(`${host.url}${PREFIX}?relay=https://evil.example#/r/demo`);
     await until('refused', async () => (await page.findByTestId('relay-refused').count()) === 1, 30_000);
@@ -77,15 +77,15 @@ describe('the page on a host of plain files', () => {
     const relay = await stage.stack.relay();
     stage.stack.fedEdge(relay, SWINGING);
     config({ relay: relay.url });
-    // who saves data is sent nothing before it is asked for
+    // with data saving on, nothing is prefetched
     const preload = `Object.defineProperty(navigator, 'connection', { value: { saveData: true } })`;
     const page = await stage.newPage({ preload });
     page.allow(relay.host);
     page.forgive(/WebSocket|404|not-here/);
-    page.forgive(/dynamically imported module|Loading module from|Importing a module script failed/); // as each browser has it
+    page.forgive(/dynamically imported module|Loading module from|Importing a module script failed/); // the message differs by browser
     await page.open(`${host.url}${PREFIX}#/r/demo`);
     await until('LIVE', isLive(page), 30_000);
-    // all that comes by itself is here: what comes later would be loaded anew for as well
+    // everything that loads automatically has loaded; later parts would trigger the reload as well
     await until('its filter', () => page.evaluate<boolean>('document.querySelector(".filter") !== null'));
     await until('what is said aloud', async () => (await page.findByTestId('spoken').count()) === 1);
     await page.findByTestId('liveness').click();

@@ -1,16 +1,16 @@
-/** Finds what a page says in English although it should speak another language. */
+/** Finds English text on a page that should use another language. */
 
 import type { Page } from './driver/page.ts';
 
-/** The same in every language: the four words, units, formats, names of things and of keys. */
+/** The same in every language: the four states, units, formats, names of things and of keys. */
 const SAME = new Set(
   `live holding stale offline posecast hz ms rad deg min kb mb px json csv zip urdf xacro html iframe url qr http https
   websocket esc escape tab enter shift imu ft can pwm cpu mesh roll pitch yaw foxglove english language korean fx fy fz mx my mz
   config wx wy wz ax ay az nm csv gib mib sdf mjcf`.split(/\s+/),
 );
 
-/** Words of two letters and more that a reader or listener meets now and that are none of `known` (the robot's own names, lower
- *  case): "word: the sentence it stands in". Code to be copied is left out. */
+/** Words of two or more letters that are visible or announced and not in `known` (the robot's own names, lower case): "word: the
+ *  sentence that contains it". Code for copying is skipped. */
 export async function englishLeft(page: Page, known: ReadonlySet<string>): Promise<string[]> {
   const said = await page.evaluate<string[]>(`(() => {
     const said = new Set();

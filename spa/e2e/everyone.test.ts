@@ -39,7 +39,8 @@ describe('with the colours of the system', () => {
     expect(await page.evaluate<boolean>(`matchMedia('(forced-colors: active)').matches`)).toBe(true);
     mkdirSync(SHOTS, { recursive: true });
     await page.screenshot(path.join(SHOTS, 'forced-laptop.png'));
-    // What is a shape cut out of a ground keeps its ground, or it could not be seen. An SVG's clip cuts a drawing, and no ground.
+    // Shapes cut out of a background must keep their background, or they would be invisible. An SVG's clip cuts a drawing, not a
+    // background.
     const lost = await page.evaluate<string[]>(`[...document.querySelectorAll('*')].flatMap((element) => {
       const style = getComputedStyle(element);
       return style.clipPath !== 'none' && !(element instanceof SVGElement) && !element.classList.contains('unseen') && style.forcedColorAdjust !== 'none' ? [element.className] : [];

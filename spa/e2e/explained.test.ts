@@ -21,7 +21,7 @@ const press = (page: Page, selector: string) =>
     return found !== null;
   })()`);
 
-/** What the open explanation says, also to a screen reader; empty while there is none. */
+/** The text of the open explanation, as screen readers get it; empty if there is none. */
 const explained = (page: Page) =>
   page.evaluate<string>(`(() => {
     const dialog = document.querySelector('[role="dialog"][data-testid="explained"]');
@@ -59,7 +59,7 @@ it('columns, units, flags and sensors explain themselves when they are pressed, 
       await page.evaluate<boolean>('document.activeElement.dataset.explain === "columns.pos"'),
       'the focus goes back',
     ).toBe(true);
-    await asks(page, '.joints thead .c-pos .unit', /^rad\|A way to measure an angle.*\|$/s);
+    await asks(page, '.joints thead .c-pos .unit', /^rad\|A unit of angle.*\|$/s);
     await asks(page, '.fault-line [data-explain="flag"]', /^jam\|Right knee is blocked\./);
     await page.findByRole('tab', 'Sensors').click();
     await asks(page, '.sensor .kind', /\|.+/s);
@@ -90,7 +90,7 @@ it('joints are named in plain words where the settings say so', async () => {
   await until('plain words', async () => /^right knee|^…?knee/.test(await name()));
 });
 
-/** A point beside the middle of a force's arrow, where no body is drawn, and the point of the arrow that it is beside. */
+/** A point beside the middle of a force arrow, away from the body, and the nearest point on the arrow. */
 const besideArrow = (page: Page, site: string, px: number) =>
   page.evaluate<{ beside: Point; on: Point } | null>(`(() => {
     const { scene } = window.posecast;
@@ -137,7 +137,7 @@ it('an arrow that moves explains itself, green and all, by a tap 15 px beside it
         await page.click(beside);
       },
       async () =>
-        /^arrow at a hand or foot\|.*green is well, yellow is close to a limit, red is past it/.test(
+        /^arrow at a hand or foot\|.*Green is fine, yellow is close to a limit, red is past it/.test(
           await explained(page),
         ),
     );

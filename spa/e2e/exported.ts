@@ -1,4 +1,4 @@
-/** Recordings that `posecast-relay past export` writes of what a relay keeps. */
+/** Recordings exported by `posecast-relay past export` from what a relay keeps. */
 
 import { execFile } from 'node:child_process';
 import { readFileSync, writeFileSync } from 'node:fs';
@@ -13,11 +13,11 @@ export interface Told {
   readonly title?: string;
   readonly author?: string;
   readonly licence?: string;
-  /** Each so many seconds after the beginning, below a minute. */
+  /** Each this many seconds after the start, less than a minute. */
   readonly notes?: readonly (readonly [atS: number, text: string])[];
 }
 
-/** What an export's `recording.json` says, as far as tests need it. */
+/** The `recording.json` of an export, as far as tests need it. */
 export interface Exported {
   /** The folder, or the file. */
   readonly at: string;
@@ -27,7 +27,7 @@ export interface Exported {
   readonly segments: readonly string[];
 }
 
-/** Exports what a relay keeps of a robot as soon as it is so long: to a folder, or to a file where `name` ends in `.posecast`. */
+/** Exports a relay's past of a robot once it is this long: to a folder, or to a file if `name` ends in `.posecast`. */
 export async function exportPast(
   stack: Stack,
   relay: Relay,

@@ -34,7 +34,7 @@ it('a fault of 30 ms stays until it is acknowledged in this browser, also after 
 
   source.write(JSON.stringify({ ...JAMMED, once: true }));
   await until('it is over, and still there', async () => (await row(page)).latched === 'over');
-  const told = /^Was: Right knee is blocked\.RKN · jam · ended/;
+  const told = /^Earlier: Right knee is blocked\.RKN · jam · ended/;
   await until('in a sentence', async () => told.test(await line(page)));
   expect(await row(page)).toMatchObject({ flags: 'jam, ended', first: 'RKN' });
 
@@ -95,7 +95,7 @@ it('stands first in its line, whole, on every size; the button makes room, and t
   await page.open(`${relay.url}/#/r/demo`);
   await until('LIVE', async () => (await liveness(page)) === 'LIVE');
   source.write(JSON.stringify({ ...broken, flags: { ...broken.flags, LKN: ['jam'] }, once: true }));
-  await until('the first time', async () => /^Was: (Right|Left) knee is/.test(await line(page)));
+  await until('the first time', async () => /^Earlier: (Right|Left) knee is/.test(await line(page)));
   source.write(JSON.stringify(broken));
   await until('in a sentence, with its age', async () =>
     /^Right knee is not where it was told to be: 0\.\d\d rad off for \d+ s\.RKN · big error · 2nd time in 10 min/.test(

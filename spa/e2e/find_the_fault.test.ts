@@ -8,12 +8,12 @@ import { liveness } from './robot_page.ts';
 import { REPO } from './stack.ts';
 import { FULL, setStage } from './stage.ts';
 
-/** Without WebGL: the pictures come soon, however busy the machine is. */
+/** Without WebGL: pictures come quickly, however busy the machine is. */
 const stage = setStage({ webgl: false });
 const TUTORIAL = readFileSync(path.join(REPO, 'docs/tutorials/find-the-fault.md'), 'utf8');
-/** The fault comes 40 s after the robot. */
+/** The fault occurs 40 s after the robot goes on air. */
 const FAULT_MS = 120_000;
-/** Keeps what the page has the browser save: not every driver can say where a download went. */
+/** Records files that the page saves: not every driver can find a download. */
 const CATCH_DOWNLOAD = `(() => {
   const make = URL.createObjectURL;
   URL.createObjectURL = (blob) => {
@@ -27,7 +27,7 @@ const textOf = (page: Page, id: string) => page.evaluate<string>(`${testId(id)}?
 const momentOf = async (page: Page) =>
   /[?&]t=([\d:.TZ-]+)/.exec(await page.evaluate<string>('location.href'))?.[1];
 
-/** What the tutorial says must be in it as it is done or seen here. */
+/** The tutorial must contain what is done or seen here. */
 function told(words: string): string {
   expect(TUTORIAL.replaceAll(/\s+/g, ' ')).toContain(words);
   return words;

@@ -8,7 +8,7 @@ import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
 
-/** 1.6 Mbit/s for all connections together and a round trip of 150 ms, a new connection's handshake included. */
+/** 1.6 Mbit/s for all connections together, and a round trip of 150 ms, including the handshake of a new connection. */
 const SLOW = { delayMs: 75, bytesPerSecond: 200_000 };
 
 interface Asked {
@@ -37,7 +37,7 @@ const SIGHT = `(() => ({
   })),
 }))()`;
 
-/** What a page on a slow line has seen of a robot once it wears its shells. */
+/** What a page on a slow connection has seen of a robot once it shows its meshes. */
 async function firstSight(relay: Relay, robot: string): Promise<Sight> {
   await until(
     'on air, with a model',
@@ -68,7 +68,7 @@ async function firstSight(relay: Relay, robot: string): Promise<Sight> {
   return seen;
 }
 
-/** Nothing waits for what it does not need: order and bytes, whatever the machine's mood. */
+/** Nothing waits for anything it does not need: checks order and bytes, regardless of the machine's load. */
 function nothingInTheWay({ marks, asked }: Sight, manifestBytes: number): void {
   const file = (name: string): Asked => {
     const found = asked.find((one) => one.file === name);
@@ -77,7 +77,7 @@ function nothingInTheWay({ marks, asked }: Sight, manifestBytes: number): void {
   };
   const at = (mark: string): number => marks[mark] ?? Number.NaN;
 
-  // What the skeleton waits for, and nothing else: page, styles, stream, and last of all the manifest.
+  // What the skeleton waits for, and nothing else: page, styles, stream, and finally the manifest.
   const before = asked.filter((one) => one.endMs > 0 && one.endMs <= file('manifest.json').endMs);
   const needed = before.filter((one) => !/^(favicon|three|ghost_pose)|\.glb$/.test(one.file));
   expect(needed.map((one) => one.file)).toEqual(
@@ -88,7 +88,7 @@ function nothingInTheWay({ marks, asked }: Sight, manifestBytes: number): void {
   expect(file('early.js').startMs).toBeLessThan(file('index.js').endMs);
   expect(file('worker.js').startMs, 'the stream starts before the page is here').toBeLessThan(at('script'));
   expect(file('manifest.json').bytes, 'packed').toBeLessThan(manifestBytes);
-  // How soon a picture follows its bytes is the machine's; nothing heavy may come before it.
+  // The delay between bytes and picture depends on the machine; nothing large may come before it.
   expect(at('skeleton'), 'lines before 3D is set up').toBeLessThan(at('scene'));
   expect(
     asked.find((one) => one.file.endsWith('.glb'))?.startMs,

@@ -1,8 +1,8 @@
 """Forward kinematics by yourdfpy, independent of the page's: link → 4×4 matrix, as JSON.
 
 stdin: `{"urdf": path, "joints": [{joint: rad or m, or null}, …], "base": null | {"xyz": [x, y, z],
-"quat_wxyz": [w, x, y, z]}}`. stdout: `[{link: 16 numbers, row-major}, …]`; metres, world Z up. Without a base
-the robot's root stands upright with the lowest point of the pose at z = 0. Joints not named stand at 0.
+"quat_wxyz": [w, x, y, z]}}`. stdout: `[{link: 16 numbers, row-major}, …]`; metres, world Z up. Without a
+base, the robot's root is upright and the lowest point of the pose is at z = 0. Joints not named are at 0.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Matrix = np.ndarray[Any, np.dtype[np.float64]]
 
 
 def load(path: Path, meshes: bool) -> yourdfpy.URDF:
-    """The URDF with its meshes looked up beside it, whatever package its addresses name."""
+    """The URDF with its meshes searched beside it, whatever package their URIs name."""
 
     def find(fname: str, **_: object) -> str:
         tail = Path(fname.split("://", 1)[-1]).parts
@@ -47,7 +47,7 @@ def load(path: Path, meshes: bool) -> yourdfpy.URDF:
 def lowest_z_m(urdf: yourdfpy.URDF) -> float:
     """The lowest corner of all links' boxes, metres in the root's coordinates; boxes lie along links' axes.
 
-    Boxes, not vertices: that is what the page promises, and it is the same for flat feet.
+    Boxes, not vertices, as on the page; for flat feet both are the same.
     """
     scene = urdf.scene
     boxes: dict[str, list[Matrix]] = {}
@@ -66,7 +66,7 @@ def lowest_z_m(urdf: yourdfpy.URDF) -> float:
 
 
 def world_from_root(base: dict[str, list[float]] | None, urdf: yourdfpy.URDF) -> Matrix:
-    """Where the root stands: as reported, or on the floor."""
+    """The root's pose: as reported, or on the floor."""
     pose = np.eye(4)
     if base is None:
         pose[2, 3] = -lowest_z_m(urdf)

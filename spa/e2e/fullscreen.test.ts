@@ -10,7 +10,7 @@ import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
 const SHOTS = path.join(REPO, 'spa/e2e/shots');
-/** As on an iPhone, and in an iframe that may not. */
+/** As on an iPhone, and in an iframe without permission. */
 const NONE = `Object.defineProperty(Document.prototype, 'fullscreenEnabled', { get: () => false });
 delete Element.prototype.requestFullscreen;`;
 

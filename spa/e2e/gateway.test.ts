@@ -6,7 +6,7 @@ import { setStage } from './stage.ts';
 
 const stage = setStage();
 
-/** A knee that swings: unchanged poses would be HOLDING. */
+/** A swinging knee, because unchanged poses would be HOLDING. */
 const SWINGING = { pos: { RKN: 0, LKN: 0.2 }, wave: { pos: { RKN: [0.4, 0.5] } } };
 
 describe('a gateway and its Redis', () => {
@@ -21,7 +21,7 @@ describe('a gateway and its Redis', () => {
     await page.open(`${gateway.url}/#/r/demo`);
     const is = (word: string) => async () => (await liveness(page)) === word;
     await until('LIVE', is('LIVE'));
-    const before = (await chips(page)).length; // the page may have been there before the robot
+    const before = (await chips(page)).length; // the page may have opened before the robot connected
 
     const harms = [
       { harm: () => redis.signal('SIGSTOP'), mend: () => redis.signal('SIGCONT') },

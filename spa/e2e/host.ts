@@ -1,4 +1,4 @@
-/** A host of plain files on loopback, as somebody else's web space: no relay, another origin. */
+/** A static file host on loopback, like somebody else's web space: no relay, another origin. */
 
 import { readFile } from 'node:fs/promises';
 import http from 'node:http';
@@ -16,9 +16,9 @@ const TYPES: Readonly<Record<string, string>> = {
 export class Host {
   readonly #server: http.Server;
   readonly port: number;
-  /** Path → text that is served instead of what lies in the folder. */
+  /** Path → text served instead of the file in the folder. */
   readonly instead = new Map<string, string>();
-  /** As many hosts do: packs what shrinks, for who takes it packed. */
+  /** Like many hosts: compresses files for clients that accept it. */
   packs = false;
 
   private constructor(server: http.Server, port: number) {

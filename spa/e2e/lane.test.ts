@@ -12,18 +12,18 @@ import { ClockRobot, WITNESS } from './truth.ts';
 const stage = setStage();
 const SHOTS = path.join(REPO, 'spa/e2e/shots');
 
-/** A part is some four seconds, unless its robot's word changes. */
+/** A part takes about four seconds, unless its robot's state changes. */
 const BEHIND_MS = { least: 1000, most: 9000 };
 const FIRST_PART_MS = 7000;
-/** From the joint to the screen, on a machine that does much else. */
+/** Time from the joint to the screen, on a busy machine. */
 const NEAR_MS = 1500;
 
-/** Few pixels, and the table beside them. */
+/** Few pixels, with the table beside them. */
 const SMALL = { width: 1100, height: 420 };
-/** Two pages that draw in 3D by software are too much for one machine. */
+/** Two pages that draw in 3D in software would be too much for one machine. */
 const LIGHT = `try { localStorage.setItem('posecast.settings', '{"body":"light"}') } catch {}`;
 
-/** Runs before the page's own scripts: notes when each frame is first shown, and by what it came. */
+/** Runs before the page's own scripts: records when each frame is first shown, and over which transport it arrived. */
 const SHOWN = `(() => {
   const shown = (window.shownFrames = []);
   const look = () => {
@@ -32,7 +32,7 @@ const SHOWN = `(() => {
     if (twin?.seq != null && (last === undefined || last.seq !== twin.seq))
       shown.push({ seq: twin.seq, tS: twin.t_s, atMs: Date.now(), by: link.carrier, behindMs: link.behind_ms });
   };
-  setInterval(look, 10); // not with the pictures: of those a busy machine has few
+  setInterval(look, 10); // not per picture, because a busy machine draws few
 })()`;
 
 interface Shown {
@@ -60,7 +60,7 @@ async function watching(relay: { url: string }, by: 'websocket' | 'segments', se
   return page;
 }
 
-/** Waits until the page has shown so many frames more. */
+/** Waits until the page has shown this many more frames. */
 async function goesOn(page: Page, frames = 60): Promise<void> {
   const before = (await shownFrames(page)).length;
   await until(
@@ -70,17 +70,17 @@ async function goesOn(page: Page, frames = 60): Promise<void> {
   );
 }
 
-/** A place may be free for long before a page tries again by itself; coming back online is a reason to. */
+/** A place may be free for a long time before a page retries; coming back online triggers a retry. */
 const nudge = (page: Page) => page.evaluate(`window.dispatchEvent(new Event('online'))`);
 
-/** The frames of this page rise, each once, whatever they came by. */
+/** The frame numbers on this page increase, each occurring once, whatever the transport. */
 async function expectRising(page: Page): Promise<void> {
   const shown = await shownFrames(page);
   const fallen = shown.filter((frame, i) => i > 0 && frame.seq <= shown[i - 1]!.seq);
   expect(fallen, 'a frame that is shown again, or one from before').toEqual([]);
 }
 
-/** The words of this page since it was first LIVE. */
+/** The state words of this page since it was first LIVE. */
 async function wordsSince(page: Page): Promise<string[]> {
   const said = (await chips(page)).map(({ state }) => state);
   return said.slice(said.indexOf('LIVE'));
@@ -95,14 +95,14 @@ it('a relay that is full refuses nobody: who comes then sees the same, behind, a
   await until('how far behind', async () => / s behind$/.test(await chipText(second)));
   expect(await chipText(second)).toMatch(/^LIVE(\d+ Hz)?\d s behind$/);
   expect(await title(second)).toMatch(/^LIVE · \d s behind · /);
-  // of the first part it is known only how far behind it is at most
+  // for the first part, only an upper bound of its delay is known
   await until('the second part', async () => {
     const shown = await shownFrames(second);
     return (shown.at(-1)?.atMs ?? 0) - shown[0]!.atMs > FIRST_PART_MS;
   });
   await goesOn(second, 100);
 
-  // each frame is the robot's own, so much earlier: a page shows what it has time for, hence between two of the other's
+  // each frame is the robot's own, only earlier; a page skips frames, so compare with two surrounding ones of the other page
   const ofFirst = await shownFrames(first);
   const both = (await shownFrames(second)).slice(-100).flatMap((frame) => {
     const i = ofFirst.findIndex(({ seq }) => seq >= frame.seq);
@@ -129,7 +129,7 @@ it('a relay that is full refuses nobody: who comes then sees the same, behind, a
   await until('why', async () => /All places are taken/.test(await explained()));
   await second.press('Escape');
 
-  // the first leaves
+  // the first viewer leaves
   await first.close();
   const isPlaced = async () => (await carrier(second)) === 'websocket';
   await until(
@@ -150,7 +150,7 @@ it('a relay that is full refuses nobody: who comes then sees the same, behind, a
   expect(await robot.lies(second)).toEqual([]);
   if (!FULL) return;
 
-  // and comes back
+  // and returns
   const again = await watching(relay, 'segments');
   await goesOn(again);
   await expectRising(again);
@@ -163,7 +163,7 @@ const KNEE = {
 };
 const JAMMED = { ...KNEE, flags: { RKN: ['homed', 'enabled', 'jam'] } };
 
-/** What the page says of faults: in its line, but for how long ago, and how many beginnings and ends its list has. */
+/** What the page reports about faults: the line (without the duration), and the number of starts and ends in the list. */
 const saidOfFaults = (page: Page) =>
   page.evaluate<{ line: string; times: string | null; listed: string[] }>(`(() => {
     const line = document.querySelector('[data-testid=fault-line]')?.textContent ?? '';
@@ -193,7 +193,7 @@ it('who comes to a full relay is told the faults of before, as who has a place, 
     source.write(JSON.stringify({ ...JAMMED, once: true }));
     await until(`${times}`, async () => {
       const said = await saidOfFaults(first);
-      return /^Was: /.test(said.line) && said.times === times;
+      return /^Earlier: /.test(said.line) && said.times === times;
     });
     await goesOn(first, 30); // two faults within a second may count as one
   }

@@ -13,7 +13,7 @@ const PRELOAD = { preload: `${RECORD};${WITNESS}` };
 
 const isSocket = (url: string) => /^wss?:|\/live(\.sse)?\b/.test(url);
 
-/** Stands before a relay as a cache does, on another origin; notes what was asked of it, and with what. */
+/** Sits in front of a relay like a cache, on another origin; records the requests and their headers. */
 class Cache {
   readonly asked: { readonly url: string; readonly token: string | undefined }[] = [];
   readonly #server: http.Server;
@@ -78,7 +78,7 @@ it('reads by way of the lane that config.json names, and sends it no token', asy
     expect(cache.asked.some(({ url }) => url.endsWith('/manifest.json'))).toBe(true);
     expect(await robot.lies(page)).toEqual([]);
 
-    // with a token (of a robot that needs none, so that it may be any) the page takes a socket
+    // with a token (any, because this robot needs none), the page opens a socket
     page.allow(relay.host);
     const before = cache.asked.length;
     await page.open(`${host.url}/?again#/r/demo?t=L1.demo.1900000000.abcdefgh.signature`);

@@ -31,7 +31,7 @@ interface Described {
   };
 }
 
-/** Parts that come late may say something for a moment before they speak Korean. */
+/** Parts that load late may show English for a moment before they switch to Korean. */
 async function settledEnglish(page: Page, known: ReadonlySet<string>): Promise<string[]> {
   const untilMs = performance.now() + 10_000;
   for (;;) {
@@ -41,7 +41,7 @@ async function settledEnglish(page: Page, known: ReadonlySet<string>): Promise<s
   }
 }
 
-/** The robot's own words: they are the same in every language. */
+/** The robot's own words, which are the same in every language. */
 async function namesOf(relay: Relay): Promise<Set<string>> {
   const { name, schema } = (await relay.json('/api/v1/robots/demo')) as Described;
   const { labels, fields, mapping } = schema;
@@ -279,7 +279,7 @@ it.skipIf(!FULL)(
     await page.dropFiles({ x: 600, y: 400 }, [BUNDLE]);
     await has(page, 'local-page');
     await until('a body', () => hasSkin(page), 60_000);
-    // What the doctor finds is told in the words of `posecast-edge doctor`, so that they can be looked up.
+    // The doctor's findings use the words of `posecast-edge doctor`, so that people can search for them.
     await page.evaluate(
       '[...document.querySelectorAll("[data-testid=findings] li")].map((item) => item.remove())',
     );

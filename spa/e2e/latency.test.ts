@@ -5,7 +5,7 @@ import { setStage } from './stage.ts';
 
 const stage = setStage();
 
-/** Ages of the pose in the page at the moment it changes, ms; the source dates its samples by this machine's clock. */
+/** The age of the pose in the page at the moment it changes, ms; the source timestamps its samples with this machine's clock. */
 const WATCH_AGES = `(() => {
   window.ages = [];
   window.times = [];

@@ -19,12 +19,12 @@ const stage = setStage();
 const PLAYED =
   engineName() === 'chromium' ? SIZES : SIZES.filter(({ width }) => width === 390 || width === 1440);
 
-/** What a test takes in that others have seen at each size: a phone, either way round, and a laptop. */
+/** The sizes covered by a normal run: a phone in both orientations, and a laptop. */
 const FEW = FULL ? PLAYED : PLAYED.filter(({ width }) => [390, 844, 1440].includes(width));
 const NARROW = PLAYED.filter(({ width }) => width < 400);
 const TWO = PLAYED.filter(({ width }) => width === 390 || width === 1366 || width === 1440).slice(0, 2);
 
-/** Drawn by hand: as many notes, and a picture costs little. */
+/** Light view: the same notes, and cheap pictures. */
 const SETTINGS = {
   body: 'light',
   load: 'cur',
@@ -32,10 +32,10 @@ const SETTINGS = {
 };
 const CHOSEN = `try { localStorage.setItem('posecast.settings', ${JSON.stringify(JSON.stringify(SETTINGS))}) } catch {}`;
 
-/** A browser that says that its reader saves data fetches nothing ahead: so a part is missing once the relay is away. */
+/** A browser with data saving on prefetches nothing, so a part is missing once the relay is unreachable. */
 const SAVES_DATA = `Object.defineProperty(navigator, 'connection', { value: { saveData: true } })`;
 
-/** The demo robot's model, in whose manifest as much is wrong as may be. */
+/** The demo robot's model, with as many problems in its manifest as possible. */
 function faultyModel(): string {
   const folder = path.join(stage.stack.folder(), 'model');
   cpSync(DEMO.model, folder, { recursive: true });
@@ -58,14 +58,14 @@ const has = (page: Page, id: string) =>
 const tab = (page: Page, name: string) => page.evaluate(`document.getElementById('tab-${name}').click()`);
 
 it('nothing on the page of a robot lies over anything else, whatever there is to say', async () => {
-  const relay = await stage.stack.relay({ viewFrames: 7 }); // so that it sends too much
+  const relay = await stage.stack.relay({ viewFrames: 7 }); // so that it exceeds its share
   const still = demoAt(42);
   const demo = { ...still, wave: { pos: { RSP: [0.2, 0.2] } } };
   const { source } = stage.stack.fedEdge(relay, demo, { ...DEMO, model: faultyModel() });
   const page = await stage.newPage({ preload: `${CHOSEN};${SAVES_DATA}`, media: { motion: 'reduce' } });
   const wrongs = new Wrongs();
   onTestFinished(() => console.info(wrongs.lines.join('\n')));
-  /** The longest words that this note may have; why a device would need them differs. */
+  /** The longest possible text of this note; the reasons differ by device. */
   const slow = async (language: Language) => {
     const words = (language === 'ko' ? moreKo : moreEn).viewGivenUp;
     await page.evaluate(
@@ -83,7 +83,7 @@ it('nothing on the page of a robot lies over anything else, whatever there is to
   await has(page, 'unread-note');
   await until('too much', async () => /too much/.test(await chipText(page)), 30_000);
   await lookEverywhere(page, 'LIVE', wrongs, NARROW, slow);
-  source.signal('SIGSTOP'); // what moves is drawn again and again, and every size would take longer
+  source.signal('SIGSTOP'); // a moving robot is redrawn all the time, which would slow down every size
   await until('STALE', async () => (await liveness(page)) === 'STALE', 30_000);
   for (const name of ['Sensors', 'Alarms', 'Plots']) {
     await tab(page, name);
@@ -202,7 +202,7 @@ it('nor on the page of a recording, with notes as near to each other as they may
       page.evaluate<boolean>(`document.querySelector('[data-testid=note-caption]').textContent.length > 100`),
     );
     await page.press('Home');
-    for (let i = 0; i < 3; i += 1) await page.press('l'); // over the part that is missing
+    for (let i = 0; i < 3; i += 1) await page.press('l'); // over the part that failed to load
     await page.evaluate(`[...document.querySelectorAll('[data-testid=note-mark]')].at(-1).click()`);
     await lookEverywhere(page, 'recording', wrongs, FEW);
     await page.viewport({ width: 1440, height: 900 });

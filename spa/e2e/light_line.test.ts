@@ -21,7 +21,7 @@ const chip = (page: Page, robot: string) =>
   page.evaluate<string>(
     `document.querySelector('[data-testid="line-${robot}"] [data-testid=liveness]')?.dataset.state ?? ''`,
   );
-/** Where the name of a robot stands, CSS px; null while it has no body. */
+/** The position of a robot's name, CSS px; null while it has no body. */
 const nameAt = (page: Page, robot: string) =>
   page.evaluate<number | null>(`(() => {
     const label = document.querySelector('[data-testid="line-${robot}"]');

@@ -1,4 +1,4 @@
-/** What is drawn about a robot, in a browser without 3D. */
+/** The signs drawn about a robot, in a browser without 3D. */
 
 import { expect, it } from 'vitest';
 import { until } from './driver/until.ts';

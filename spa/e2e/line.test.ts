@@ -10,8 +10,8 @@ const stage = setStage();
 
 const URDF = path.join(REPO, 'edge-agent/src/posecast_edge/demo_bundle/robot.urdf');
 const SHOTS = path.join(REPO, 'spa/e2e/shots');
-/** What one robot may cost: shells, a skeleton or a ghost, and what casts its shadow; and what all have together, all their signs
- *  included. */
+/** Maximum draw calls for one robot (meshes, a skeleton or a ghost, and its shadow), and for everything shared, including all
+ *  signs. */
 const CALLS_PER_ROBOT = 5;
 const CALLS_AROUND = 7;
 
@@ -25,7 +25,7 @@ describe('robots side by side', () => {
     const text = (robot: string) =>
       page.evaluate<string>(`document.querySelector('[data-testid="numbers-${robot}"]')?.textContent ?? ''`);
     await until('its numbers', async () => /RKN pos.0\.900 rad/.test(await text('bare')), 60_000);
-    expect(await text('bare')).toContain('It has sent no model');
+    expect(await text('bare')).toContain('It sent no model');
     await until(
       'one that is not there says so',
       async () => (await text('nobody')).includes('OFFLINE'),
@@ -62,7 +62,7 @@ describe('robots side by side', () => {
         30_000,
       );
     }
-    await page.findByRole('button', 'Show some side by side').click();
+    await page.findByRole('button', 'View side by side').click();
     for (const robot of ['one', 'two', 'three']) await page.findByTestId(`robot-${robot}`).click();
     await page.findByRole('link', 'Show 3 side by side').click();
     expect(await page.evaluate<string>('location.hash')).toBe('#/r/one+two+three');

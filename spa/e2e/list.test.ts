@@ -38,7 +38,7 @@ it('an address without # leads to its robot, and a mistyped one to a sentence an
   const relay = await stage.stack.relay();
   stage.stack.fedEdge(relay, SWINGING, { robot: 'demo' });
   const page = await stage.newPage();
-  page.forgive(/404/); // the browser says so of the page itself
+  page.forgive(/404/); // the browser itself logs this about the page
   await page.open(`${relay.url}/r/demo`);
   await until('LIVE', async () => (await liveness(page)) === 'LIVE', 30_000);
   expect(await path(page)).toBe('/r/demo#/r/demo');

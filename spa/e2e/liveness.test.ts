@@ -12,7 +12,7 @@ import { ClockRobot, WITNESS } from './truth.ts';
 
 const stage = setStage();
 
-/** A knee that swings: unchanged poses would be HOLDING. */
+/** A swinging knee, because unchanged poses would be HOLDING. */
 const SWINGING = { pos: { RKN: 0, LKN: 0.2 }, wave: { pos: { RKN: [0.4, 0.5] } } };
 
 const SHOTS = path.join(REPO, 'spa/e2e/shots');
@@ -28,13 +28,13 @@ describe('the four words', () => {
     const page = await stage.newPage({ preload: `${RECORD};${WITNESS}` });
     await page.open(`${relay.url}/#/r/demo`);
     await until('LIVE', async () => (await liveness(page)) === 'LIVE');
-    const before = (await chips(page)).length; // it may have been OFFLINE, when the page was there first
+    const before = (await chips(page)).length; // it may have been OFFLINE if the page opened first
 
     source.signal('SIGSTOP');
     const stoppedMs = Date.now();
     await until('STALE', async () => (await liveness(page)) === 'STALE');
     expect(await chipText(page)).toMatch(/robot silent/i);
-    await pause(4000); // longer than a lease: it must not become OFFLINE, the edge is there
+    await pause(4000); // longer than a lease: it must not become OFFLINE, because the edge is running
     expect(await liveness(page)).toBe('STALE');
     const seen = (await chips(page)).slice(before);
     const stale = seen.find((change) => change.state === 'STALE' && change.atMs >= stoppedMs);
@@ -75,19 +75,19 @@ describe('the four words', () => {
     const page = await stage.newPage({ preload: `${RECORD};${WITNESS}` });
     await page.open(`${relay.url}/#/r/demo`);
     await until('LIVE', async () => (await liveness(page)) === 'LIVE');
-    await until('a body', () => whole(page)); // its files are the edge's
+    await until('a body', () => whole(page)); // the edge serves its files
 
     const killedMs = Date.now();
     await edge.kill();
     await until('OFFLINE', async () => (await liveness(page)) === 'OFFLINE');
-    // it may have been OFFLINE before, when the page was there first
+    // it may have been OFFLINE before, if the page opened first
     const offline = (await chips(page)).findLast((change) => change.state === 'OFFLINE');
     console.log(`edge killed: OFFLINE after ${(offline?.atMs ?? 0) - killedMs} ms`);
     expect(await robot.lies(page)).toEqual([]);
   });
 
   it('a robot that sends too much is LIVE and is said to, until it no longer does', async () => {
-    // far below 30: on a busy machine frames come late, and the edge halves its rate once or twice
+    // far below 30: on a busy machine frames are late, and the edge halves its rate once or twice
     const relay = await stage.stack.relay({ viewFrames: 7 });
     const { source } = stage.stack.fedEdge(relay, SWINGING);
     const page = await stage.newPage({ preload: RECORD, viewport: PHONE });
@@ -95,7 +95,7 @@ describe('the four words', () => {
     const says = (what: string, word: RegExp) =>
       until(what, async () => word.test(await chipText(page)), 30_000);
     await says('that it sends too much', /^LIVE.*robot sends too much$/);
-    const before = (await chips(page)).length; // it may have been OFFLINE, when the page was there first
+    const before = (await chips(page)).length; // it may have been OFFLINE if the page opened first
     mkdirSync(SHOTS, { recursive: true });
     await page.screenshot(path.join(SHOTS, 'over-share-phone.png'));
     expect(
@@ -131,7 +131,7 @@ describe('the four words', () => {
     expect((await chips(silent)).map(word)).not.toContain('LIVE');
     expect((await chips(silent)).map(word)).not.toContain('HOLDING');
 
-    // and now both
+    // now both are dead
     await edge.kill();
     const dead = await stage.newPage({ preload: RECORD });
     await dead.open(`${relay.url}/#/r/demo`);
@@ -211,7 +211,7 @@ describe('the four words', () => {
           await until(expected, async () => (await liveness(page)) === expected, 60_000);
           watched.push({ page, robot, expected });
         }
-        // a page that opens beside another may take all of the machine: counted from when all of them stand
+        // a page that opens beside another may need the whole machine: count from when all are up
         const before = new Map<Page, number>();
         for (const { page, expected } of watched) {
           await until(`${expected} once more`, async () => (await liveness(page)) === expected);

@@ -5,13 +5,13 @@ import { FaultyLink } from './proxy.ts';
 import { liveness, whole } from './robot_page.ts';
 import { FULL, setStage } from './stage.ts';
 
-/** A robot's page whose past is half an hour long, for the figures of the docs; else one of some seconds is made here. */
+/** The page of a robot with half an hour of past, for the figures in the docs; by default, some seconds are recorded here. */
 const AT = process.env.POSECAST_PAST_AT;
 const TAPS = AT === undefined ? 3 : 20;
 const ROUND_TRIP_MS = 50;
 const DRAG_MS = 4000;
 
-/** Without WebGL, for the light view: where software draws in 3D, pictures come so seldom that nothing else can be told. */
+/** Without WebGL, for the light view: with 3D in software, pictures are too rare to measure anything else. */
 const stage = setStage({ webgl: false });
 
 interface Drag {
@@ -22,7 +22,7 @@ interface Drag {
 
 const track = `document.querySelector('[data-testid="track"]')`;
 
-/** What the page does with a pointer of its own: `part` of the line, from 0 to 1. */
+/** Simulates a pointer in the page: `part` of the line, from 0 to 1. */
 const HAND = `(() => {
   const send = (type, part) => {
     const track = ${track};
@@ -33,7 +33,7 @@ const HAND = `(() => {
   const turn = () => new Promise((resolve) => setTimeout(resolve, 2));
   const past = () => { const { twin } = window.posecast; return twin.moment_ms === null ? null : twin.moment_ms + ' ' + twin.seq; };
   window.hand = {
-    /** Taps; how long until a pose of the past is in the twin, ms. */
+    /** Taps; the time until a pose from the past is in the twin, ms. */
     async tap(part) {
       const before = past();
       const began = performance.now();
@@ -42,7 +42,7 @@ const HAND = `(() => {
       while (past() === before || past() === null) await turn();
       return performance.now() - began;
     },
-    /** Drags across the line, a move each picture; how many new poses the twin got. */
+    /** Drags across the line, one move per picture; the number of new poses in the twin. */
     async drag(from, to) {
       let poses = 0, moves = 0, last = past();
       const see = () => { const now = past(); if (now !== null && now !== last) poses += 1; last = now; };
@@ -66,7 +66,7 @@ const asked = (page: Page) => page.requested.filter((url) => /\/past\b/.test(url
 const quantile = (values: readonly number[], part: number) =>
   values.toSorted((a, b) => a - b)[Math.ceil(values.length * part) - 1]!;
 
-/** Waits until as much can be looked back on as there should be. */
+/** Waits until enough past is available. */
 async function rewindable(page: Page): Promise<void> {
   const seconds = AT === undefined ? 12 : 60;
   const span = `(() => { const track = ${track}; return track !== null && track.ariaValueMax - track.ariaValueMin >= ${seconds}; })()`;

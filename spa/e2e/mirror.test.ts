@@ -32,7 +32,7 @@ interface Mirrored {
   readonly db: Awaited<ReturnType<typeof database>>;
 }
 
-/** A page on a host of plain files, with the relay's mirror at its disposal. */
+/** A page on a static file host, with a mirror written by the relay. */
 async function mirrored(then: (at: Mirrored) => Promise<void>): Promise<void> {
   const db = await database();
   const relay = await stage.stack.relay({ mirror: db.url });
@@ -74,7 +74,7 @@ it('is read from the database alone, twice a second, and the page says so', asyn
       `fetch('http://127.0.0.1:9/').then(() => 'came', () => 'refused')`,
     );
     expect(elsewhere).toBe('refused');
-    page.forgive(/Content.Security.Policy|Refused to connect|held back by policy/); // as each browser has it
+    page.forgive(/Content.Security.Policy|Refused to connect|held back by policy/); // the message differs by browser
 
     source.signal('SIGSTOP');
     await until(

@@ -28,7 +28,7 @@ const readings = (model: SampleModel, phase = 0): Record<string, number> =>
     ),
   );
 
-/** A page that shows the model in one pose, at rest, in its second level. `meanwhile`: on air, before the page. */
+/** A page that shows the model in one pose, at rest, in its second level. `meanwhile`: started before the page opens. */
 async function shown(
   relay: Relay,
   files: BuiltFiles,
@@ -49,7 +49,7 @@ async function shown(
 
 const asked = (page: Page, file: string) => page.requested.filter((url) => url.endsWith(`/${file}`)).length;
 
-/** Draw calls of a picture in which only the camera has moved: without those of the shadow. */
+/** Draw calls of a picture in which only the camera has moved, so without the shadow. */
 async function drawCalls(page: Page): Promise<number> {
   await until('framing has eased', () => resting(page));
   for (const side of ['front', 'side']) {
@@ -69,7 +69,7 @@ describe('a built model', () => {
     const pos = readings(model);
     const page = await shown(relay, files, pos);
     await until('a reading', () => page.evaluate<boolean>('window.posecast.twin.seq !== null'));
-    // as they came over the wire, in its steps
+    // as transmitted, in steps of the wire format
     const joints = await page.evaluate<Record<string, number>>(
       `Object.fromEntries(${JSON.stringify(Object.keys(pos))}.map((j) => [j, window.posecast.twin.value('pos', j)]))`,
     );
@@ -173,7 +173,7 @@ describe('a built model', () => {
     const page = await shown(relay, files, readings(model), 'demo', () =>
       writeFileSync(low, readFileSync(low).fill(0x3c, 40, 60)),
     );
-    page.forgive(/Failed to load resource/); // the relay refuses it first, by its hash
+    page.forgive(/Failed to load resource/); // the relay refuses it first because of its hash
     await until('a reason', async () =>
       (await page.text()).includes('Only the skeleton can be shown: low.glb'),
     );

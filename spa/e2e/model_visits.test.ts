@@ -18,7 +18,7 @@ const linkCount = async (page: Page) => Object.keys((await body(page))?.links ??
 const dressed = (page: Page) =>
   until('shells', () => page.evaluate<boolean>(`performance.getEntriesByName('posecast:skin').length > 0`));
 
-/** Bytes that the model has cost this page over the network. */
+/** Bytes that this page has downloaded for the model. */
 const modelBytes = (page: Page, file = '') =>
   page.evaluate<number>(
     `performance.getEntriesByType('resource').filter((e) => e.name.includes('/model/') && e.name.endsWith('${file}')).reduce((sum, e) => sum + e.transferSize, 0)`,
@@ -35,7 +35,7 @@ describe('a model', () => {
     const page = await stage.newPage();
     await page.open(`${relay.url}/#/r/demo`);
     await until('the first model', async () => (await linkCount(page)) === 5, 30_000);
-    page.forgive(/Failed to load resource/); // what it asks of an edge that is just leaving
+    page.forgive(/Failed to load resource/); // requests to an edge that is just disconnecting
     await page.evaluate('window.stayed = true');
     await before.edge.stop();
     await before.source.stop();
@@ -61,7 +61,7 @@ describe('a model', () => {
     await page.open('about:blank');
     await page.open(`${relay.url}/#/r/demo`);
     await dressed(page);
-    await pause(200); // the time line is written a moment later
+    await pause(200); // the performance time line is updated a moment later
     expect(await modelBytes(page, '.glb'), 'shells, which the page keeps itself').toBe(0);
     if (stage.browser.lacks.cache === undefined) expect(await modelBytes(page)).toBe(0);
   });

@@ -26,7 +26,7 @@ const theme = (page: Page, name: string) =>
   page.evaluate(`localStorage.setItem('posecast.settings', JSON.stringify({ theme: '${name}' }))`);
 
 async function open(page: Page, url: string): Promise<void> {
-  page.forgive(/WebGL/); // the browser's own complaint when it is asked for a context
+  page.forgive(/WebGL/); // the browser's own error when a context is requested
   await page.open(url);
   await until('a body', async () => (await triangles(page)) > 500, 60_000);
 }
@@ -51,7 +51,7 @@ describe('a browser without 3D', () => {
     expect(moved).not.toEqual(hand);
 
     await page.viewport({ width: 390, height: 844 });
-    // The note stands over the picture, and the robot stands under it.
+    // The note is above the robot in the picture.
     await until('its head below the note', () =>
       page.evaluate<boolean>(`(() => {
         const { scene } = window.posecast;
@@ -172,7 +172,7 @@ describe('a browser without 3D', () => {
       );
       const page = await stage.newPage();
       await open(page, `${relay.url}/#/r/g1`);
-      // The shortest picture at full size: what the machine can do when nobody else wants it; a busy one is given time for it.
+      // The fastest picture at full size: the machine's speed without other load; on a busy machine, wait for one.
       const best = await page.evaluate<{
         ms: number;
         triangles: number;

@@ -8,7 +8,7 @@ import { setStage } from './stage.ts';
 
 const stage = setStage();
 
-/** As in an iframe of another site whose storage the browser keeps shut. */
+/** As in an iframe of another site, for which the browser blocks storage. */
 const NO_STORAGE = `for (const name of ['localStorage', 'sessionStorage'])
   Object.defineProperty(window, name, { get() { throw new DOMException('denied', 'SecurityError'); } })`;
 
@@ -38,7 +38,7 @@ it('a board that falls silent, another set of joints and names that bite: table,
   await page.findByRole('button', /^RKN$/).click();
   await page.findByTestId('plot-cur').click();
 
-  // the currents fall silent while positions go on
+  // the currents lose their readings while positions continue
   first.source.write(JSON.stringify({ pos: { ...sample.pos, LKN: 0.3 } }));
   const cur = 'td[data-field="cur"][data-label="RKN"]';
   await until('it is old', () =>
@@ -53,7 +53,7 @@ it('a board that falls silent, another set of joints and names that bite: table,
   );
   await whole(page);
 
-  // it comes back as another robot, whose joints are called whatever one likes
+  // it returns as another robot, with arbitrary joint names
   first.edge.signal('SIGKILL');
   const odd = ['<img src=x onerror="window.bitten=true">', '__proto__', '=1+1', `LKN${'x'.repeat(190)}`];
   const values = (value: number) => Object.fromEntries(odd.map((name) => [name, value]));
@@ -89,7 +89,7 @@ it('a board that falls silent, another set of joints and names that bite: table,
   await whole(page);
 }, 240_000);
 
-/** An arm without any shells. */
+/** An arm without any visuals. */
 const BARE_ARM = `<robot name="arm"><link name="base"/><link name="upper"/><link name="hand"/>
 <joint name="lift" type="prismatic"><parent link="base"/><child link="upper"/><origin xyz="0 0 0.4"/><axis xyz="0 0 1"/>
 <limit lower="0" upper="0.5" effort="1" velocity="1"/></joint>

@@ -14,13 +14,13 @@ const stage = setStage();
 const SHOTS = path.join(REPO, 'spa/e2e/shots');
 const PHONE = { width: 390, height: 844 };
 const LAPTOP = { width: 1366, height: 768 };
-/** From the joint to the relay, on a machine that does much else. */
+/** Time from the joint to the relay, on a busy machine. */
 const NEAR_MS = 1000;
 
 const is = (page: Page, word: string) => async () => (await liveness(page)) === word;
 const testId = (id: string) => `document.querySelector('[data-testid="${id}"]')`;
 
-/** Waits until a line of at least so many seconds can be looked back on. */
+/** Waits until at least this many seconds of past are available. */
 async function rewindable(page: Page, seconds: number): Promise<void> {
   await until(
     `${seconds} s of past`,
@@ -33,7 +33,7 @@ async function rewindable(page: Page, seconds: number): Promise<void> {
   );
 }
 
-/** Taps on the time line, so far along it. */
+/** Taps on the time line at this fraction of its length. */
 async function tapAt(page: Page, part: number): Promise<void> {
   const at = await page.evaluate<{ x: number; y: number }>(`(() => {
     const { left, top, width, height } = ${testId('track')}.getBoundingClientRect();
@@ -107,7 +107,7 @@ it.each(FULL ? [LAPTOP, PHONE] : [LAPTOP])(
     await until('PAST', is(page, 'PAST'));
     expect(await robot.lies(page)).toEqual([]);
 
-    // the relay is gone: what the page has can still be seen, and is said to be what it is
+    // the relay is gone: the page's own data is still shown, and labelled as such
     const segments = () => page.requested.filter((url) => /\/past\/public\/[0-9a-f]{16}\//.test(url)).length;
     await until('the seconds before are here, for the plots', async () => {
       const before = segments();
@@ -166,13 +166,13 @@ it('a moment has its link while presented, and one that can’t be shown is name
   await page.screenshot(path.join(SHOTS, 'past-presented.png'));
 
   const link = (t: string) => `${relay.url}/#/r/demo?t=${t}`;
-  const old = /[123] Jan (2026 )?.*is not kept any more; this is the oldest there is, \d\d:\d\d:\d\d/;
+  const old = /[123] Jan (2026 )?.*is no longer kept; this is the oldest moment, \d\d:\d\d:\d\d/;
   await page.open(link('2026-01-02T12:00:00.000Z'));
   await until('the banner names it', async () => old.test(await text('stage-note')), 60_000);
   expect(await text('past-note')).toMatch(old);
   await page.open('about:blank');
   await page.open(link('2199-01-02T12:00:00.000Z'));
-  await until('it has not come', async () => /2199.*not come yet/.test(await text('past-note')), 60_000);
+  await until('it has not come', async () => /2199.*in the future/.test(await text('past-note')), 60_000);
   await until('LIVE', is(page, 'LIVE'), 60_000);
   await page.open('about:blank');
   await page.open(link('hello'));
@@ -186,7 +186,7 @@ it('a link to a moment says so where there is no past, and shows what is live', 
   const page = await stage.newPage({ viewport: PHONE });
   await page.open(`${relay.url}/#/r/demo?t=2026-11-22T14:02:07.250Z`);
   await until('it is said', async () =>
-    /moment of this link/.test(
+    /moment in this link/.test(
       (await page.evaluate<string>(`${testId('past-note')}?.textContent ?? ''`)) ?? '',
     ),
   );

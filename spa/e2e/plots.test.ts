@@ -17,7 +17,7 @@ const WALKS = {
   wave: { pos: { RKN: [0.4, 0.3], LKN: [0.2, 0.3] }, ftf: { 'RF.fz': [200, 0.5] } },
 };
 
-/** Writes down what is saved. */
+/** Records what is saved. */
 const SAVES = `(() => {
   window.saved = [];
   const make = URL.createObjectURL;
@@ -64,7 +64,7 @@ it.skipIf(!FULL)('a cell dragged onto their tab becomes a plot', async (context)
   const plotted = async () => (await named(page)).join() === 'RKN cur';
   await until('the plot', async () => {
     const from = await middleOf(page, 'td[data-field="cur"][data-label="RKN"]');
-    await page.drag(from, await middleOf(page, '#tab-Plots')); // nothing, before the code for it has come
+    await page.drag(from, await middleOf(page, '#tab-Plots')); // nothing, before its code has loaded
     return until('it', plotted, 3000).catch(() => false);
   });
 });
@@ -126,7 +126,7 @@ it.skipIf(!FULL)(
     );
 
     await page.viewport({ width: 390, height: 844 });
-    await page.findByRole('button', 'Raise the numbers').click();
+    await page.findByRole('button', 'Expand the numbers').click();
     await until('room', () =>
       page.evaluate<boolean>('document.querySelector(".panel .plot .u-over")?.clientWidth < 360'),
     );

@@ -19,15 +19,15 @@ it('the page and its worker load nothing but their own, and make no code from te
   expect(scripts).toBe("script-src 'self' 'wasm-unsafe-eval'");
   const worker = page.requested.find((url) => /\/worker-[^/]+\.js$/.test(url));
   for (const url of [relay.url, worker ?? 'no worker was asked for']) {
-    const told = url === worker ? own : `${own}; frame-ancestors 'none'`; // which only a header may say
+    const told = url === worker ? own : `${own}; frame-ancestors 'none'`; // which only a header can set
     expect((await fetch(url)).headers.get('content-security-policy'), url).toBe(told);
   }
 
   const signingIn = page.requested.filter((url) => /account|firebase|googleapis/i.test(url));
   expect(signingIn, 'nothing of Firebase where nobody signs in').toEqual([]);
 
-  page.forgive(/polic/i); // that it is held back is logged
-  // in a task of the page's own: what a driver evaluates may be excepted
+  page.forgive(/polic/i); // blocking it is logged
+  // in a separate task of the page: code evaluated by a driver may be exempt
   const made = await page.evaluate<string>(`new Promise((done) => setTimeout(() => {
     try { done(new Function('return "made"')()); } catch (error) { done(error.name); }
   }))`);

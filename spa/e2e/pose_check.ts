@@ -1,4 +1,4 @@
-/** The pose in the page beside the pose that the robot's edge sent. */
+/** Compares the pose in the page with the pose sent by the robot's edge. */
 
 import { expect } from 'vitest';
 import type { Page } from './driver/page.ts';
@@ -9,14 +9,14 @@ import { forwardKinematics, type Tap, type TappedFrame } from './stack.ts';
 
 const ONE_MM = 0.001;
 
-/** Stops the robot's edge and waits until page, scene and tap stand at its last frame. */
+/** Stops the robot's edge and waits until page, scene and tap have its last frame. */
 async function frozen(page: Page, edge: Process, tap: Tap): Promise<{ shown: Body; sent: TappedFrame }> {
-  // First its shells: without them it stands on what has come so far, and of a stopped edge no more comes.
+  // First waits for its meshes: without them, it stands on what has loaded so far, and a stopped edge sends no more.
   await until('the body is whole', () => whole(page), 60_000);
-  page.forgive(/status of 503/); // a part of its model that the page asks for just now can't be had of a stopped edge
+  page.forgive(/status of 503/); // a part of its model that the page is just requesting can't be had from a stopped edge
   edge.signal('SIGSTOP');
   let before = '';
-  // All the same twice: on a busy machine page and tap may each be late, and the body is played a little later.
+  // All values equal twice in a row: on a busy machine page and tap may both be late, and the body is played with a delay.
   const shown = await until(
     'page, body and tap stand at its last frame',
     async () => {

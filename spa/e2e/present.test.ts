@@ -13,7 +13,7 @@ import { setStage } from './stage.ts';
 const stage = setStage();
 const SHOTS = path.join(REPO, 'spa/e2e/shots');
 const CHOSEN = `try { localStorage.setItem('posecast.settings', '{"body":"light","load":"cur"}') } catch {}`;
-/** Held upright, what is said stands above and below the body. */
+/** In portrait, the texts are above and below the body. */
 const UPRIGHT = { width: 768, height: 1024 };
 const PROJECTORS = [
   { width: 1920, height: 1080 },
@@ -26,7 +26,7 @@ const presented = (page: Page) =>
   );
 const hash = (page: Page) => page.evaluate<string>('location.hash');
 
-/** What lies over the body. */
+/** What covers the body. */
 function overBody(page: Page): Promise<string[]> {
   return page.evaluate<string[]>(`(() => {
     const body = document.querySelector('.stage').getBoundingClientRect();
@@ -80,7 +80,7 @@ it('is read from the last row: by key, by the sheet, by a link, also in a frame'
   await until('a frame in slides', () => presented(page), 30_000);
   await until('legible', async () => (await tooSmall(page)).length === 0, 30_000);
   await page.screenshot(path.join(SHOTS, 'present-embed.png'));
-  // the largest last: pictures of 4K, drawn by software, keep a busy machine for long
+  // the largest last: 4K pictures in software keep a busy machine busy for a long time
   await page.open(`${relay.url}/?again#/r/demo?present`);
   await until('opened so', () => presented(page), 30_000);
   for (const size of PROJECTORS) {
@@ -89,7 +89,7 @@ it('is read from the last row: by key, by the sheet, by a link, also in a frame'
       ['ko', 'light'],
     ]) {
       const inForce = () => page.evaluate<boolean>(`document.documentElement.lang === '${language}'`);
-      // again if need be: the page writes its address itself
+      // retry if needed: the page writes its address itself
       await until('its language', async () => {
         await page.evaluate(
           `location.hash = '#/r/demo?joint=RKN&present&language=${language}&theme=${theme}'`,
@@ -103,7 +103,7 @@ it('is read from the last row: by key, by the sheet, by a link, also in a frame'
         if (small.length > 0) throw new Error(small.join('; '));
         return true;
       });
-      // a picture of another size has its labels and its legend a moment later
+      // after a change of picture size, labels and legend follow a moment later
       await until('nothing over anything', async () => {
         const wrong = findWrong(await readShown(page));
         if (wrong.length > 0) throw new Error(wrong.join('; '));

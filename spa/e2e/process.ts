@@ -1,4 +1,4 @@
-/** A child process whose output is kept, whose signals go by pid, and which does not outlive the test. */
+/** A child process whose output is kept, which receives signals by pid, and which does not outlive the test. */
 
 import { type ChildProcess, spawn } from 'node:child_process';
 import { Hopeless, until } from './driver/until.ts';
@@ -7,20 +7,20 @@ const KEPT_LINES = 400;
 const GRACE_MS = 5_000;
 
 const alive = new Set<Process>();
-// a runner that is interrupted takes its children with it
+// an interrupted runner stops its children
 process.on('exit', () => {
   for (const child of alive) child.signal('SIGKILL');
 });
 
 export interface ProcessOptions {
   readonly env?: Readonly<Record<string, string>>;
-  /** 'pipe' to `write` to it, or an open file descriptor. */
+  /** 'pipe' to use `write`, or an open file descriptor. */
   readonly stdin?: 'pipe' | 'ignore' | number;
-  /** An open file descriptor to write to; without it lines are kept. */
+  /** An open file descriptor to write to; by default, lines are kept. */
   readonly stdout?: number;
-  /** Gets every line of stdout; such lines are data and not kept. */
+  /** Receives every line of stdout; these lines are data and not kept. */
   readonly onLine?: (line: string) => void;
-  /** It starts others: they form a group, hear every signal together, and the kernel ends it when this runner is gone. */
+  /** It starts other processes: they form a group that receives every signal, and the kernel stops it if this runner dies. */
   readonly group?: boolean;
 }
 
@@ -58,7 +58,7 @@ export class Process {
     });
   }
 
-  /** The newest lines of both outputs, for the report of a failure. */
+  /** The newest lines of both outputs, for reporting a failure. */
   get log(): string {
     return this.#lines.join('\n');
   }
@@ -93,16 +93,16 @@ export class Process {
     this.child.stdin?.write(`${line}\n`);
   }
 
-  /** SIGKILL and gone. */
+  /** Sends SIGKILL and waits for the end. */
   async kill(): Promise<void> {
     this.signal('SIGKILL');
     await this.#ended;
     this.#endRest();
   }
 
-  /** Asks politely; after 5 s no longer. */
+  /** Sends SIGTERM; after 5 s, SIGKILL. */
   async stop(): Promise<number | null> {
-    this.signal('SIGCONT'); // a stopped process hears nothing else
+    this.signal('SIGCONT'); // a stopped process handles no other signal
     this.signal('SIGTERM');
     const hard = setTimeout(() => this.signal('SIGKILL'), GRACE_MS);
     const code = await this.#ended;
@@ -111,13 +111,13 @@ export class Process {
     return code;
   }
 
-  /** What a group's first process has left behind. */
+  /** Processes left behind by a group's first process. */
   #endRest(): void {
     if (!this.#group || this.child.pid === undefined) return;
     try {
       process.kill(-this.child.pid, 'SIGKILL');
     } catch {
-      // nobody is left
+      // none are left
     }
   }
 

@@ -4,7 +4,7 @@ import { afterEach, beforeEach, describe, expect, it } from 'vitest';
 import { until } from './driver/until.ts';
 import { FaultyLink } from './proxy.ts';
 
-/** A clock that goes on by hand, while somebody waits by it. */
+/** A clock that the test advances while somebody waits on it. */
 class Hand {
   nowMs = 0;
   #waiting: { atMs: number; go: () => void }[] = [];

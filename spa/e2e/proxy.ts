@@ -1,6 +1,6 @@
 /**
- * A TCP proxy on loopback whose faults switch while connections stand: the network between a page and the relay.
- * Bytes wait in Node's socket buffers (bounded by pausing the sender), so a fault looks like a network, not like a browser trick.
+ * A TCP proxy on loopback whose faults can be switched while connections are open: the network between a page and the relay.
+ * Bytes wait in Node's socket buffers (bounded by pausing the sender), so a fault looks like a real network.
  */
 
 import net from 'node:net';
@@ -8,19 +8,20 @@ import net from 'node:net';
 export interface Fault {
   /** Hold every byte, keep the connections; new ones are accepted and held as well. */
   readonly frozen?: boolean;
-  /** Every byte arrives this much later; a connection's first byte by one more round trip, its handshake. */
+  /** Every byte is delayed by this much; the first byte of a connection by one more round trip, its handshake. */
   readonly delayMs?: number;
-  /** Give or take so much, at random: bytes keep their order, as TCP's do. */
+  /** Random jitter: bytes keep their order, as in TCP. */
   readonly jitterMs?: number;
   /** Towards the browser, over all connections of this proxy. */
   readonly bytesPerSecond?: number;
-  /** As old proxies do: what asks for an upgrade is passed on as if it did not. */
+  /** Like old proxies: an upgrade request is passed on as an ordinary request. */
   readonly stripUpgrade?: boolean;
-  /** Towards the browser bytes go on only when so many are there, or the relay has said all: a buffer of a proxy's. */
+  /** Bytes to the browser are passed on only once this many are there, or the relay has sent everything: like a proxy's
+   *  buffer. */
   readonly gatherBytes?: number;
 }
 
-/** What the link reads, and waits by. */
+/** The clock and timer of the link. */
 export interface Clock {
   nowMs(): number;
   wait(ms: number): Promise<void>;
@@ -39,12 +40,12 @@ interface Pair {
 
 const SLICE = 1024;
 const HELD_BYTES = 64 * 1024;
-/** Header lines that make a request an upgrade; the key and version of a WebSocket alone make none. */
+/** Header lines that make a request an upgrade; the key and version of a WebSocket alone don't. */
 const UPGRADE = /^(?:Upgrade: websocket|Connection: Upgrade|Connection: keep-alive, Upgrade)\r\n/gim;
 
 export class FaultyLink {
   readonly port: number;
-  /** Bytes handed to the browser so far. */
+  /** Bytes delivered to the browser so far. */
   passedBytes = 0;
   readonly #server: net.Server;
   readonly #clock: Clock;
@@ -84,7 +85,7 @@ export class FaultyLink {
     return this.#links.size;
   }
 
-  /** Sets the faults that hold from now on; `{}` heals. */
+  /** Sets the current faults; `{}` removes them. */
   fault(fault: Fault): void {
     this.#fault = fault;
     if (fault.frozen !== true) for (const go of this.#thaw.splice(0)) go();
@@ -99,7 +100,7 @@ export class FaultyLink {
     }
   }
 
-  /** From now on every connection that stands holds its bytes for ever, and nobody is told; new ones are well. */
+  /** From now on every open connection holds its bytes forever, without any notice; new ones work. */
   strand(): void {
     for (const link of this.#links) link.stranded = true;
   }
@@ -117,7 +118,7 @@ export class FaultyLink {
   }
 
   #accept(browser: net.Socket, targetPort: number): void {
-    browser.on('error', () => undefined); // a reset is what this proxy is for
+    browser.on('error', () => undefined); // resets are the purpose of this proxy
     if (this.#refuse) {
       browser.resetAndDestroy();
       return;
@@ -137,7 +138,7 @@ export class FaultyLink {
     void this.#pump(link, relay, browser, true);
   }
 
-  /** Reads towards a lane of at most `HELD_BYTES`, so a slow or frozen lane pushes back on the sender. */
+  /** Reads from a lane of at most `HELD_BYTES`, so that a slow or frozen lane pushes back on the sender. */
   async #pump(link: Pair, from: net.Socket, to: net.Socket, limited: boolean): Promise<void> {
     const lane = { held: 0, last: Promise.resolve() };
     let gathered: Buffer[] = [];

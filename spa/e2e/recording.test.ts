@@ -12,7 +12,7 @@ import { REPO } from './stack.ts';
 import { FULL, setStage } from './stage.ts';
 import { shown, WITNESS } from './truth.ts';
 
-/** In the light view, whose pictures come often. */
+/** In the light view, which draws often. */
 const stage = setStage({ webgl: false });
 const shared = setLecture(24);
 
@@ -27,7 +27,7 @@ const atEnd =
     (await shown(page)).momentMs === toMs;
 const playName = (page: Page) => page.evaluate<string>(`${testId('play')}.ariaLabel`);
 
-/** The colour of the table's numbers, and that of what is old. */
+/** The colour of the table's numbers, and of out-of-date values. */
 const numberColors = (page: Page) =>
   page.evaluate<[string, string]>(`(() => {
     const probe = document.body.appendChild(document.createElement('i'));
@@ -37,7 +37,7 @@ const numberColors = (page: Page) =>
     return colors;
   })()`);
 
-/** What the page asked for besides its own files. */
+/** The page's requests other than its own files. */
 const askedOf = (page: Page) =>
   page.requested
     .map((url) => new URL(url).pathname)
@@ -63,7 +63,7 @@ it.each(FULL ? [LAPTOP, PHONE] : [PHONE])(
       );
       expect(asked.length, asked.join()).toBeLessThanOrEqual(4);
 
-      // it says what it is, everywhere
+      // it is labelled as a recording everywhere
       expect(await chipText(page)).toMatch(
         /^RECORDED\d+ [A-Z][a-z]+ 20\d\d \d\d:\d\d:\d\d · 0:00 of 0:[1-4]\d$/,
       );
@@ -80,7 +80,7 @@ it.each(FULL ? [LAPTOP, PHONE] : [PHONE])(
       mkdirSync(SHOTS, { recursive: true });
       await page.screenshot(path.join(SHOTS, `recording-${viewport.width}.png`));
 
-      // it plays, frame by frame too, rests at its end and plays again
+      // it plays, also frame by frame, pauses at its end and plays again
       const first = await shown(page);
       await page.press('Space');
       await until('it plays', async () => (await shown(page)).seq > first.seq + 10);
@@ -109,7 +109,7 @@ it.each(FULL ? [LAPTOP, PHONE] : [PHONE])(
       });
       await page.press('Space');
 
-      // it is presented, and played meanwhile
+      // it is presented, and plays meanwhile
       await page.press('p');
       await until('presented', async () => (await page.findByTestId('presentation').count()) === 1);
       expect(await textOf(page, 'present-word')).toMatch(/^RECORDED/);
@@ -140,7 +140,7 @@ it.each(FULL ? [LAPTOP, PHONE] : [PHONE])(
       await page.evaluate(`document.querySelectorAll('[data-testid="go-to-note"]')[1].click()`);
       await until('the note of the list', async () => (await shown(page)).momentMs === lecture.fromMs + 4000);
 
-      // a link to a moment, and to one that it has not
+      // a link to a moment, and one to a moment that it does not have
       await page.open('about:blank');
       await page.open(link);
       await isRecorded(page);
@@ -213,7 +213,7 @@ it.skipIf(!existsSync(NGINX))(
 it('parts that are missing, cut or swapped are gaps that the page counts', async () => {
   const lecture = shared.copy(stage.stack);
   const at = (n: number) => path.join(lecture.at, lecture.segments[n]!);
-  expect(lecture.segments.length).toBeGreaterThan(5); // the last one stays: at the end is a pose
+  expect(lecture.segments.length).toBeGreaterThan(5); // the last one stays: the end shows a pose
   rmSync(at(1));
   writeFileSync(at(2), readFileSync(at(2)).subarray(0, 500));
   renameSync(at(4), `${at(4)}.x`);
@@ -298,7 +298,7 @@ it('in a frame of another page it has its chip, a button that plays it and a sli
       ),
     );
     await page.screenshot(path.join(SHOTS, 'recording-framed.png'));
-    // the frame by itself: the driver looks into no other origin
+    // the frame alone: the driver can't look into another origin
     await page.open(`${host.url}${PREFIX}embed/index.html`);
     await isRecorded(page);
     expect(await page.findByTestId('transport').count()).toBe(0);

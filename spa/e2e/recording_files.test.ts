@@ -9,10 +9,10 @@ import type { Relay } from './stack.ts';
 import { setStage } from './stage.ts';
 import { shown } from './truth.ts';
 
-/** In the light view, whose pictures come often. */
+/** In the light view, which draws often. */
 const stage = setStage({ webgl: false });
 
-/** Puts files into an input the way a person's choice does. */
+/** Puts files into an input as if a person had chosen them. */
 const choose = (id: string, files: ReadonlyMap<string, Uint8Array>): string => `(() => {
   const chosen = new DataTransfer();
   for (const [name, text] of ${JSON.stringify([...files].map(([name, bytes]) => [name, Buffer.from(bytes).toString('base64')]))})
@@ -36,7 +36,7 @@ it('a .posecast file that is chosen is shown, and what is none says so in one se
   const refusal = () => textOf(page, 'drop-refused');
   for (const [name, file, says] of [
     ['cut.posecast', bytes.subarray(0, bytes.length >> 1), /can’t be read/],
-    ['empty.posecast', Buffer.from(zipOf({ 'x.txt': 'x' })), /no recording in this file/],
+    ['empty.posecast', Buffer.from(zipOf({ 'x.txt': 'x' })), /file contains no recording/],
     ['newer.posecast', Buffer.from(zipOf({ 'recording.json': newer })), /newer Posecast/],
     ['odd.posecast', Buffer.from(zipOf({ 'recording.json': '{"format":' })), /recording\.json is damaged/],
     ['recording.json', Buffer.from('{}'), /whole folder/],

@@ -1,4 +1,4 @@
-/** What the tests of recordings have in common. */
+/** Shared code for the tests of recordings. */
 
 import { cpSync } from 'node:fs';
 import path from 'node:path';
@@ -12,7 +12,7 @@ import type { Stage } from './stage.ts';
 import { ClockRobot } from './truth.ts';
 
 export const LAPTOP = { width: 1440, height: 900 };
-/** From the joint to the relay, on a machine that does much else. */
+/** Time from the joint to the relay, on a busy machine. */
 export const NEAR_MS = 1000;
 export const TOLD = {
   title: 'How a robot tells the time',
@@ -30,7 +30,7 @@ export const textOf = (page: Page, id: string) => page.evaluate<string>(`${testI
 export const isRecorded = (page: Page) =>
   until('RECORDED, with a body', async () => (await liveness(page)) === 'RECORDED' && whole(page), 60_000);
 
-/** A robot that tells the time, and an export of its first seconds. */
+/** A robot whose pose encodes the time, and an export of its first seconds. */
 export async function recorded(stack: Stack, seconds: number, name?: string) {
   const relay = await stack.relay({ past: 'memory:' });
   const robot = new ClockRobot(stack, relay);
@@ -44,8 +44,7 @@ export async function newPage(stage: Stage, viewport = LAPTOP, preload = '') {
   return page;
 }
 
-/** One export for all tests of a file, which takes its seconds once; the relay that it is of has ended. Call once at the top
- *  of the file. */
+/** One export for all tests in a file, because it takes seconds; its relay has ended. Call once at the top of the file. */
 export function setLecture(seconds: number) {
   const stack = new Stack();
   let made: Awaited<ReturnType<typeof recorded>> | null = null;
@@ -56,7 +55,7 @@ export function setLecture(seconds: number) {
 
   beforeAll(async () => {
     made = await recorded(stack, seconds);
-    await made.relay.process.kill(); // nobody is needed any more
+    await made.relay.process.kill(); // these processes are no longer needed
   }, 120_000);
 
   afterAll(() => stack.down());
@@ -65,7 +64,7 @@ export function setLecture(seconds: number) {
     get robot(): ClockRobot {
       return all().robot;
     },
-    /** A copy that a test may damage, in a folder of its own. */
+    /** A copy that a test may damage, in a separate folder. */
     copy(ofTest: Stack): Exported {
       const at = path.join(ofTest.folder(), 'lecture');
       cpSync(all().lecture.at, at, { recursive: true });

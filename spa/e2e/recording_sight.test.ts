@@ -8,7 +8,7 @@ import { setStage } from './stage.ts';
 
 const stage = setStage();
 
-/** 1.6 Mbit/s for all connections together and a round trip of 150 ms, a new connection's handshake included. */
+/** 1.6 Mbit/s for all connections together, and a round trip of 150 ms, including the handshake of a new connection. */
 const SLOW = { delayMs: 75, bytesPerSecond: 200_000 };
 
 interface Sight {
@@ -66,7 +66,7 @@ it('a recording on a slow line moves nothing before its first pose that it does 
     expect(before.map(({ file }) => file)).toEqual(
       expect.arrayContaining(['recording.json', 'manifest.json']),
     );
-    // how soon a picture follows its bytes is the machine's
+    // the delay between bytes and picture depends on the machine
     const needed = before.filter(({ file }) => !/^(three|articulated|imus|favicon)|\.glb$/.test(file));
     expect(needed.reduce((sum, { bytes }) => sum + bytes, 0)).toBeLessThan(215_000);
   } finally {

@@ -1,10 +1,10 @@
-/** The robot page as tests read it: its chip over time, its table by frame, its body. */
+/** The robot page as read by tests: its chip over time, its table by frame, its body. */
 
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 
 export interface ChipChange {
-  /** Unix time, ms: comparable with the test's own clock, it is one machine. */
+  /** Unix time, ms; comparable with the test's clock, because it is the same machine. */
   readonly atMs: number;
   readonly state: string;
   readonly text: string;
@@ -15,7 +15,7 @@ export interface Body {
   readonly links: Readonly<Record<string, readonly number[]>>;
 }
 
-/** Runs before the page's own scripts: notes every change of every liveness chip and every frame the table shows. */
+/** Runs before the page's own scripts: records every change of every liveness chip and every frame that the table shows. */
 export const RECORD = `(() => {
   const chips = [], rows = new Map();
   window.recorded = { chips, rows };
@@ -30,7 +30,7 @@ export const RECORD = `(() => {
     for (const table of document.querySelectorAll('[data-seq]')) {
       const seq = Number(table.dataset.seq);
       if (!table.dataset.seq || rows.has(seq)) continue;
-      // of the rows on the screen: others are written in turns
+      // for rows on screen: others are written in turns
       const room = (table.closest('.table-room') ?? document.body).getBoundingClientRect();
       const cells = {};
       for (const cell of table.querySelectorAll('[data-field="pos"]')) {
@@ -46,12 +46,12 @@ export const RECORD = `(() => {
   });
 })()`;
 
-/** Everything the chips have said, oldest first. */
+/** All states of the chips, oldest first. */
 export function chips(page: Page): Promise<ChipChange[]> {
   return page.evaluate<ChipChange[]>('window.recorded.chips');
 }
 
-/** The chip's word now, '' while there is no chip. */
+/** The chip's current word, '' if there is no chip. */
 export function liveness(page: Page): Promise<string> {
   return page.evaluate<string>('document.querySelector(\'[data-testid="liveness"]\')?.dataset.state ?? ""');
 }
@@ -65,7 +65,7 @@ export async function shownPositions(page: Page): Promise<Map<number, Record<str
   return new Map(await page.evaluate<[number, Record<string, string>][]>('[...window.recorded.rows]'));
 }
 
-/** The number in a table cell: its own minus sign, padding and unit taken off; null for "no reading". */
+/** The number in a table cell, without its special minus sign, padding and unit; null for "no reading". */
 export function cellNumber(text: string): number | null {
   const found = text.replace('\u2212', '-').match(/-?\d+(\.\d+)?/);
   return found === null ? null : Number(found[0]);
@@ -87,31 +87,31 @@ export function renderedFrames(page: Page): Promise<number> {
   return page.evaluate<number>('window.posecast?.scene?.renderedFrames ?? -1');
 }
 
-/** Whether the body has come to rest: what it shows is the newest pose, and no picture is asked for. */
+/** Whether the body is at rest: it shows the newest pose, and no picture is requested. */
 export function resting(page: Page): Promise<boolean> {
   return page.evaluate<boolean>('window.posecast?.scene?.resting ?? false');
 }
 
-/** Whether the robot wears the finest shells that it will: until then a finer level may still come by itself. A machine that is
- *  slow in 3D keeps to the coarsest. For a model of two levels. */
+/** Whether the robot has the finest meshes that it will get: until then, a finer level may still load automatically. A machine
+ *  that is slow in 3D keeps the coarsest. For a model with two levels. */
 export async function finest(page: Page): Promise<boolean> {
   const settled = `window.posecast.scene.finerBytes === null || document.querySelector('[data-trouble="detail"]') !== null`;
   return (await hasSkin(page)) && (await page.evaluate<boolean>(settled));
 }
 
-/** Whether a level of the robot's shells is in the picture, not the skeleton alone. */
+/** Whether a level of the robot's meshes is in the picture, not just the skeleton. */
 export function hasSkin(page: Page): Promise<boolean> {
   return page.evaluate<boolean>('(window.posecast?.scene?.triangles ?? 0) > 1000');
 }
 
-/** Whether the body has come, as far as it will before finer levels. */
+/** Whether the body has loaded, as far as it will before finer levels. */
 export function whole(page: Page): Promise<boolean> {
   return page.evaluate<boolean>(
     `Object.keys(window.posecast?.scene?.linkPoses() ?? {}).length > 0 && document.querySelector('[data-testid="progress"]') === null`,
   );
 }
 
-/** Waits until so many frames of the robot in a row have cost no picture; what was still on its way may come before. */
+/** Waits until this many consecutive frames of the robot have caused no picture; pending ones may come first. */
 export async function drawsNothing(page: Page, frames: number): Promise<void> {
   await until(
     `${frames} frames without a picture`,
@@ -125,7 +125,7 @@ export async function drawsNothing(page: Page, frames: number): Promise<void> {
   );
 }
 
-/** Taps until it has been seen as a tap: between down and up of a busy machine there may be longer than a person takes. */
+/** Retries until it is recognised as a tap: on a busy machine, the time between down and up may be longer than a person's. */
 export async function tapped(
   what: string,
   tap: () => Promise<void>,

@@ -51,7 +51,7 @@ describe.skipIf(!FULL || !canBuild())(
           let apart = Number.NaN;
           await until('the pose', async () => {
             const links = (await body(page))?.links ?? {};
-            // how high it stands is another test's; here every link is seen from the first
+            // another test checks its height; here every link is checked relative to the first
             const lift = (links[root ?? '']?.[11] ?? Number.NaN) - (expected[root ?? '']?.[11] ?? Number.NaN);
             const far = Object.entries(expected).flatMap(([link, pose]) =>
               pose.map((value, at) =>
@@ -67,11 +67,11 @@ describe.skipIf(!FULL || !canBuild())(
             () => second === undefined || page.requested.some((url) => url.endsWith(`/${second}`)),
           );
           mkdirSync(SHOTS, { recursive: true });
-          for (const side of ['Back to the first view', 'front', 'side', 'top']) {
+          for (const side of ['Reset the view', 'front', 'side', 'top']) {
             const before = await renderedFrames(page);
             await page.findByRole('button', side).click();
             await until('a picture', async () => (await renderedFrames(page)) > before);
-            await pause(1500); // the camera eases, in pictures that software draws
+            await pause(1500); // the camera eases, in software-rendered pictures
             await page.screenshot(path.join(SHOTS, `built-${name}-${side.split(' ').at(-1)}.png`));
           }
           const calls = await page.evaluate<number>('window.posecast.scene.drawCalls');

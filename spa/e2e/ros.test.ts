@@ -1,4 +1,4 @@
-/** A Unitree G1 from its ROS 2 topics, which no ROS has touched here, to the page. */
+/** A Unitree G1 from its ROS 2 topics to the page, without ROS installed here. */
 
 import { existsSync } from 'node:fs';
 import path from 'node:path';

@@ -19,7 +19,7 @@ const SHOTS = path.join(REPO, 'spa/e2e/shots');
 const PHONE = { width: 390, height: 844 };
 const LAPTOP = { width: 1440, height: 900 };
 
-/** Keeps what the page has the browser save, instead of saving it: not every driver can say where a download went. */
+/** Keeps files that the page saves instead of downloading them: not every driver can find a download. */
 const CATCH_DOWNLOADS = `(() => {
   const blobs = new Map();
   const make = URL.createObjectURL;
@@ -39,7 +39,7 @@ const CATCH_DOWNLOADS = `(() => {
 const testId = (id: string) => `document.querySelector('[data-testid="${id}"]')`;
 const textOf = (page: Page, id: string) => page.evaluate<string>(`${testId(id)}?.textContent ?? ''`);
 
-/** A page that looks back on the demo robot, of which there are at least `seconds`. */
+/** A page that looks back on the demo robot, with at least `seconds` of past. */
 async function lookBack(relay: Relay, viewport: Viewport, seconds = 12): Promise<Page> {
   const page = await stage.newPage({ preload: CATCH_DOWNLOADS, viewport });
   await page.open(`${relay.url}/#/r/demo`);
@@ -63,7 +63,7 @@ async function openSheet(page: Page): Promise<void> {
   await until('all of it, which the relay has yet to close', isClosed, 30_000);
 }
 
-/** Saves in a format. The file's name and bytes. */
+/** Saves in a format. Returns the file's name and bytes. */
 async function save(page: Page, format: string): Promise<{ name: string; bytes: Uint8Array }> {
   const before = await page.evaluate<number>('window.downloads.length');
   await page.evaluate(`${testId(`save-${format}`)}.click()`);
@@ -152,7 +152,7 @@ it('saves from one moment to another, says what is too much, and what can’t be
   const toMs = Math.floor(Date.now() / 1000) * 1000 - 8000;
   await enter('to', toMs);
   await enter('from', toMs - 3600_000);
-  await until('too much', async () => /too much: a file takes ten minutes/.test(await measure()));
+  await until('too much', async () => /too much. A file holds at most ten minutes/.test(await measure()));
   await enter('from', toMs + 5000);
   await until('nothing', async () => /an end after it/.test(await measure()));
   await enter('from', toMs - 2000);
@@ -163,13 +163,13 @@ it('saves from one moment to another, says what is too much, and what can’t be
   expect(lines).toBeGreaterThan(30);
   expect(lines).toBeLessThan(75);
 
-  // what cannot be had any more
+  // what is no longer available
   await relay.process.kill();
   await page.evaluate(`${testId('save-posecast')}.click()`);
   await until('measured', () => page.evaluate<boolean>(`${testId('save-go')}?.disabled === false`), 30_000);
   await page.evaluate(`${testId('save-go')}.click()`);
-  // segments that were fetched before are with the browser, the model is not all of it
-  const lacks = /lacks the body’s model|does not answer/;
+  // segments fetched earlier are in the browser; not all of the model is
+  const lacks = /lacks the model|does not answer/;
   await until('it says what it lacks', async () => lacks.test(await textOf(page, 'save-outcome')), 60_000);
   page.forgive(/ERR_|WebSocket|Failed to load|NetworkError|CORS|access control/i);
 }, 240_000);

@@ -61,7 +61,7 @@ describe('the address', () => {
 
     await page.press('s');
     await until('the sheet', async () => (await page.findByTestId('share').count()) === 1);
-    // without # a chat finds the robot's name and picture there
+    // without #, a chat finds the robot's name and picture there
     await until('the link', async () => (await page.findByTestId('share').text()).includes(link));
     expect(await page.findByTestId('share').text()).toContain('/embed/demo#/r/demo?');
     expect(
@@ -117,7 +117,7 @@ describe('a frame in a page of another origin', () => {
       );
       const page = await stage.newPage({
         viewport: { width: 800, height: 600 },
-        // as in a frame whose browser keeps nothing for others
+        // as in a frame in which the browser stores nothing
         preload: `if (window.parent !== window) Object.defineProperty(window, 'localStorage', { get() { throw new Error('no') } })`,
       });
       page.allow(relay.host);
@@ -166,7 +166,7 @@ describe('a frame in a page of another origin', () => {
       });
       const named = (what: RegExp) => page.requested.filter((url) => what.test(url)).length;
       await until('the first one runs', async () => named(/EmbedPage/) > 0, 30_000);
-      // a frame that runs asks for this once, whatever it finds in its cache
+      // a running frame requests this once, whatever is in its cache
       expect(named(/config\.json/)).toBe(1);
     } finally {
       await other.close();

@@ -1,4 +1,4 @@
-/** Real robots beside the checkout, and the builder that makes them small. */
+/** Real robots in shared/, and the builder that reduces them. */
 
 import { execFileSync, spawnSync } from 'node:child_process';
 import path from 'node:path';

@@ -42,7 +42,7 @@ async function fill(page: Page, email: string, password: string): Promise<void> 
   await page.findByTestId('sign-in-go').click();
 }
 
-/** Against Google's own emulator, which is installed for `make test-full`. */
+/** Uses Google's own emulator, which is installed for `make test-full`. */
 it.skipIf(!FULL)(
   'signs in, sees what is for those who are, comes back signed in, and signs out',
   async (context) => {
@@ -74,7 +74,7 @@ it.skipIf(!FULL)(
       const page = await stage.newPage();
       page.allow(new URL(relay.url).host);
       page.allow(emulatorHost);
-      page.forgive(/status of 40\d|WebSocket/); // a wrong password; its own origin before config.json is there
+      page.forgive(/status of 40\d|WebSocket/); // a wrong password; its own origin before config.json has loaded
 
       await page.open(`${host.url}/#/`);
       await until('the open robot', there(page, 'robot-open'), 30_000);
@@ -87,7 +87,7 @@ it.skipIf(!FULL)(
       await fill(page, EMAIL, 'wrong');
       await until('it says so', there(page, 'sign-in-wrong'), 30_000);
       await photograph(page, 'sign-in-wrong');
-      expect(await page.findByTestId('sign-in-wrong').text()).toMatch(/do not fit together/);
+      expect(await page.findByTestId('sign-in-wrong').text()).toMatch(/Wrong e-mail or password/);
       await fill(page, EMAIL, PASSWORD);
       await until('the private robot', there(page, 'robot-lab'), 30_000);
 

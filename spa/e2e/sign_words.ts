@@ -1,4 +1,4 @@
-/** Words of the tests of what is drawn about a robot. */
+/** Shared code for the tests of the overlay signs. */
 
 import { execFileSync } from 'node:child_process';
 import path from 'node:path';
@@ -35,10 +35,10 @@ export interface Signs {
   readonly ghostLinks: readonly string[];
 }
 
-/** What the demo robot says at a moment: field → label → value in the field's unit, null = no reading. */
+/** The demo robot's readings at a moment: field → label → value in the field's unit, null = no reading. */
 export type Moment = Record<string, Record<string, number | null>>;
 
-/** What the demo robot says at each of these seconds of its programme. */
+/** The demo robot's readings at each of these seconds of its motion. */
 export function demoOver(seconds: readonly number[]): Moment[] {
   const args = [path.join(REPO, 'spa/e2e/demo_moment.py'), ...seconds.map(String)];
   const output = execFileSync(PYTHON, args, { maxBuffer: 1 << 26 });
@@ -49,7 +49,7 @@ export function demoOver(seconds: readonly number[]): Moment[] {
     .map((line) => JSON.parse(line) as Moment);
 }
 
-/** What the demo robot says at a second of its programme. */
+/** The demo robot's readings at a second of its motion. */
 export function demoAt(second: number): Moment {
   return demoOver([second])[0]!;
 }
@@ -73,11 +73,11 @@ export async function choose(page: Page, settings: Record<string, unknown>): Pro
     const key = 'posecast.settings';
     const kept = JSON.parse(localStorage.getItem(key) ?? '{}');
     localStorage.setItem(key, JSON.stringify({ ...kept, ...${JSON.stringify(settings)} }));
-    // the address may say what was chosen before, and would win
+    // the address may contain the previous choice, which would win
     history.replaceState(null, '', location.hash.split('?')[0]);
     history.replaceState = () => {};
   })()`);
-  page.forgive(/Importing a module script failed/); // what WebKit says of one that the reload has cut off
+  page.forgive(/Importing a module script failed/); // WebKit's message about a request that the reload has cancelled
   await page.reload();
   await shown(page);
 }

@@ -9,7 +9,7 @@ import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
 
-/** A robot that stands still in one moment, and the page that shows it. */
+/** A robot that stands still at one moment, and its page. */
 async function standing(
   sample: Sample,
   preload = '',
@@ -52,7 +52,7 @@ describe('the lens', () => {
     expect(found.ghostLinks, 'what hangs on the knee').toContain('Body_RAR');
     for (const other of ['Body_RHP', 'Body_LAR', 'Body_Torso']) expect(found.ghostLinks).not.toContain(other);
     expect(await labels(page)).toContainEqual(expect.stringMatching(/^apart-RKN: RKN 0\.\d+ rad off$/));
-    // While shadows are drawn anew there are more.
+    // More while shadows are redrawn.
     await until('one draw call more', async () => (await calls(page)) === without + 1, 30_000);
 
     source.write(JSON.stringify(still));
@@ -112,7 +112,7 @@ describe('limits', () => {
     );
     await type('-99');
     expect(await page.findByTestId('limits').text()).toContain(
-      'The lower limit must lie below the upper one.',
+      'The lower limit must be below the upper one.',
     );
     expect((await foot())?.level, 'what makes no sense changes nothing').toBe('fault');
 
@@ -120,7 +120,7 @@ describe('limits', () => {
     await shown(page);
     await until('the fault again', async () => (await foot())?.level === 'fault');
     await openLimits();
-    await page.findByRole('button', 'All as in the profile').click();
+    await page.findByRole('button', 'Reset all to profile').click();
     await until('well again', async () => (await foot())?.level === 'ok');
   });
 });
@@ -155,7 +155,7 @@ describe('what a robot does not say', () => {
       quat: { ...sample.quat, 'torso.w': w, 'torso.x': x, 'torso.y': 0, 'torso.z': 0 },
     });
     const { source, page } = await standing(turned(1, 0));
-    /** Of the torso's own up axis, the part along the world's y and z. */
+    /** The y and z components, in the world, of the torso's own up axis. */
     const up = async () => {
       const pose = (await body(page))?.links.Body_Torso ?? [];
       return [pose[6] ?? Number.NaN, pose[10] ?? Number.NaN] as const;
@@ -240,7 +240,7 @@ it('on a phone the feet stand above the buttons', async () => {
   const page = await stage.newPage({ viewport: { width: 390, height: 844 } });
   await page.open(`${relay.url}/#/r/demo`);
   await shown(page);
-  // The lowest point of the robot that can be picked, beside the highest of the buttons.
+  // The lowest point of the robot that can be picked, compared with the highest of the buttons.
   const clear = () =>
     page.evaluate<boolean>(`(() => {
       const tools = document.querySelector('.stage-tools')?.getBoundingClientRect();

@@ -12,14 +12,14 @@ const trouble = (page: Page) =>
   page.evaluate<string>('document.querySelector("[data-testid=view-note]")?.dataset.trouble ?? ""');
 const shells = (page: Page) => page.evaluate<number>('window.posecast?.scene?.triangles ?? 0');
 
-/** Software that draws many pixels is as slow as any phone; a fast machine is made to wait between repaints. */
+/** Many pixels in software are as slow as any phone; a fast machine is made to wait between repaints. */
 const LONG_REPAINTS = `(() => {
   const of = window.requestAnimationFrame.bind(window);
   window.requestAnimationFrame = (tick) =>
     of((ms) => (window.hurry ? tick(ms) : setTimeout(() => tick(performance.now()), 70)));
 })()`;
 
-/** No settings: the page decides by itself. */
+/** No settings: the page decides automatically. */
 const AS_IT_COMES = `try { localStorage.setItem('posecast.settings', '{}') } catch {}`;
 
 describe.skipIf(!FULL)('a slow device', () => {
@@ -65,7 +65,7 @@ describe.skipIf(!FULL)('a slow device', () => {
     stage.needs(context, 'slow');
     const relay = await stage.stack.relay();
     stage.stack.edge(relay);
-    // Where a repaint takes long, as on a device with a weak graphics card.
+    // A slow repaint, as on a device with a weak GPU.
     const page = await stage.newPage({ viewport: { width: 390, height: 700 }, preload: LONG_REPAINTS });
     await page.open(`${relay.url}/#/r/demo`);
     await until(
@@ -73,7 +73,7 @@ describe.skipIf(!FULL)('a slow device', () => {
       async () => (await page.findByRole('button', 'Light view').count()) === 1,
       90_000,
     );
-    await page.evaluate('window.hurry = true'); // it was the graphics card
+    await page.evaluate('window.hurry = true'); // the GPU was the reason
     await page.findByRole('button', 'Light view').click();
     await until(
       'drawn by hand',
@@ -96,11 +96,11 @@ describe.skipIf(!FULL)('a slow device', () => {
     await page.open(`${relay.url}/#/r/demo`);
     await until('a body', async () => (await shells(page)) > 500, 60_000);
     const whole = await ratio(page);
-    await until('fewer pixels', async () => (await ratio(page)) < whole, 60_000);
+    await until('lower resolution', async () => (await ratio(page)) < whole, 60_000);
     await until('it says so', async () => /pixels|detail/.test(await trouble(page)));
     const fine = await shells(page);
     await until('less detail', async () => (await trouble(page)) === 'detail', 60_000);
-    await until('a coarser body', async () => (await shells(page)) <= fine);
+    await until('less detail', async () => (await shells(page)) <= fine);
     expect(await page.findByTestId('view-note').text()).toMatch(/slow/);
     source.write(JSON.stringify({ pos: { joint1: 0.3, joint2: 0 } }));
     await until('sharp at rest', async () => (await ratio(page)) === whole, 30_000);

@@ -1,4 +1,4 @@
-/** How many poses reach the screen, on this machine and on one with a sixth of its processor. */
+/** How many poses reach the screen, on this machine and on one with a sixth of its processor speed. */
 
 import { expect } from 'vitest';
 import type { Page } from './driver/page.ts';
@@ -9,13 +9,13 @@ const LEAST_POSES_PER_SECOND = 10;
 const COUNTED_SECONDS = 4;
 const MOST_ROUNDS = 15;
 
-/** Pictures with another pose than the one before, a second of the page's own time. */
+/** Pictures with a new pose, per second of the page's own time. */
 function posesPerSecond(page: Page): Promise<number> {
   return page.evaluate<number>(`new Promise((done) => {
     const begun = performance.now();
     let poses = 0, view = null, pictures = 0, pose = '';
     const look = (now) => {
-      const { scene } = window.posecast; // another one, or none, while the page goes over to another view
+      const { scene } = window.posecast; // a different one, or none, while the page switches views
       if (scene !== null && (scene !== view || scene.renderedFrames !== pictures)) {
         const shown = Object.values(scene.linkPoses()).slice(0, 40).map((m) => m[3].toFixed(6)).join();
         if (scene === view && shown !== pose) poses += 1;
@@ -30,8 +30,8 @@ function posesPerSecond(page: Page): Promise<number> {
   })`);
 }
 
-/** With the processor throttled six times at least ten poses a second reach the screen; on a machine so busy that it does
- *  not make forty by itself, at least a quarter of what it makes. `settled`: it will not become faster by itself any more. */
+/** With the processor slowed down six times, at least ten poses a second reach the screen; if the machine is so busy that it does
+ *  not reach forty otherwise, at least a quarter of its rate. `settled`: it will not get faster automatically. */
 export async function staysWatchable(
   page: Page,
   settled: () => Promise<boolean> = async () => false,
@@ -39,7 +39,7 @@ export async function staysWatchable(
   await until('it moves', async () => (await posesPerSecond(page)) > 1, 60_000);
   const usual = await posesPerSecond(page);
   await page.slow(TIMES_SLOWER);
-  // Time to find its pace.
+  // Time to settle.
   for (let i = 0; i < MOST_ROUNDS; i += 1) {
     if ((await posesPerSecond(page)) >= LEAST_POSES_PER_SECOND || (await settled())) break;
   }

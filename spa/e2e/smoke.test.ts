@@ -15,7 +15,7 @@ const URDF = path.join(REPO, 'edge-agent/src/posecast_edge/demo_bundle/robot.urd
 /** Three decimals are shown. */
 const HALF_DIGIT = 0.0005 + 1e-9;
 
-/** What `make test` plays in every engine. */
+/** The tests that `make test` runs in every engine. */
 describe('the whole path', () => {
   it('leads from the list to the numbers and the moving body, drawn in one call', async () => {
     const relay = await stage.stack.relay();
@@ -53,7 +53,7 @@ describe('the whole path', () => {
     edge.signal('SIGCONT');
     console.log(`${stage.browser.engine} ${stage.browser.version}: ${JSON.stringify(calls)} draw calls`);
     expect(calls.bones).toBe(1);
-    expect(calls.all).toBe(calls.three); // nothing is split up on its way
+    expect(calls.all).toBe(calls.three); // nothing is split in transit
     expect(calls.all).toBeLessThanOrEqual(20);
   });
 });

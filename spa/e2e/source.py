@@ -1,10 +1,10 @@
 """A robot's program for tests: reads samples as JSON lines and repeats the newest one at 30 Hz on stdout.
 
 One object a line on stdin. A member `wave: {field: {label: [amplitude, hertz, phase]}}` makes those readings
-swing (radians of phase, 0 unless given); with `still_at: seconds` they stay where they were then. All else is
-delivered as it stands. One with `once: true` is delivered a single time, between two of the one before it;
-one with `hz` is repeated so often instead.
-SIGSTOP silences it and leaves the edge that it feeds alone.
+oscillate (phase in radians, default 0); with `still_at: seconds` they keep their value at that time.
+Everything else is passed on unchanged. A sample with `once: true` is sent a single time, between two of the
+previous one; one with `hz` is repeated at that rate instead. SIGSTOP stops this program but not the edge that
+it feeds.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def main() -> None:
     threading.Thread(target=listen, daemon=True).start()
     try:
         while True:
-            t_s = time.time()  # the machine's clock as the robot's: what arrives can be dated
+            t_s = time.time()  # the machine's clock is the robot's, so arriving data can be dated
             print(json.dumps({"t": round(t_s, 4), **moved(once.pop() if once else newest, t_s)}), flush=True)
             time.sleep(1 / newest.get("hz", HZ))
     except BrokenPipeError:

@@ -1,4 +1,4 @@
-/** The real parts on free ports: Redis, relay, edges, a tap. Nothing here is simulated. */
+/** The real components on free ports: Redis, relay, edges, a tap. Nothing here is simulated. */
 
 import { execFile, execFileSync } from 'node:child_process';
 import { closeSync, existsSync, mkdtempSync, openSync, rmSync } from 'node:fs';
@@ -29,21 +29,21 @@ export interface RelayOptions {
   readonly store?: string;
   readonly httpPort?: number;
   readonly zenohPort?: number;
-  /** A file of who may watch. */
+  /** A file with the access rules for viewers. */
   readonly robots?: string;
-  /** A database that it writes what anyone may see into. */
+  /** A database to which it writes public data. */
   readonly mirror?: string;
-  /** Whose accounts are signed in: a project, and the host of its Auth emulator. */
+  /** The accounts that are signed in: a project, and the host of its Auth emulator. */
   readonly accounts?: { readonly project: string; readonly emulator: string };
-  /** Pages elsewhere that may show what is not for everybody. */
+  /** Origins of other sites that may embed non-public robots. */
   readonly origins?: string;
-  /** A robot's share of it: frames a second in a view. */
+  /** A robot's share: frames a second in a view. */
   readonly viewFrames?: number;
-  /** Where it keeps the past; '0': nowhere. */
+  /** Where it keeps the past; '0': no past. */
   readonly past?: string;
-  /** How many viewers it has places for. */
+  /** Its maximum number of viewers. */
   readonly maxViewers?: number;
-  /** One that breaks a promise (`tests/faults/broken_relay.py`). */
+  /** A relay that breaks a promise (`tests/faults/broken_relay.py`). */
   readonly breaks?: string;
 }
 
@@ -55,7 +55,7 @@ export interface EdgeOptions {
   readonly profile?: string;
   readonly urdf?: string;
   readonly model?: string;
-  /** false: as if the extra `model` were not installed, so that a URDF's meshes go as they are. */
+  /** false: as if the extra `model` were not installed, so that a URDF's meshes are sent unchanged. */
   readonly meshTools?: boolean;
 }
 
@@ -83,7 +83,7 @@ export class Relay {
     return new URL(this.url).host;
   }
 
-  /** Where it serves over plain HTTP. */
+  /** The address of plain HTTP. */
   get port(): number {
     this.#running();
     return Number(new URL(this.url).port);
@@ -126,14 +126,14 @@ export class Tap {
   }
 }
 
-/** What one test started; `down` ends all of it, newest first. */
+/** Everything that one test started; `down` ends it, newest first. */
 export class Stack {
   readonly #started: Process[] = [];
   readonly #folders: string[] = [];
   readonly #unfit: (why: string) => never;
   #inCloud = false;
 
-  /** `unfit`: what the test does needs more than a cloud shows to its outside. */
+  /** `unfit`: the test needs more than a cloud exposes. */
   constructor(
     unfit = (why: string): never => {
       throw new Error(why);
@@ -154,14 +154,14 @@ export class Stack {
     return made;
   }
 
-  /** A Redis of its own, in memory only; returns its URL. */
+  /** A separate Redis, in memory only; returns its URL. */
   async redis(): Promise<string> {
     const port = await freePort();
     await this.redisOn(port);
     return `redis://127.0.0.1:${port}/0`;
   }
 
-  /** The same on a port that the test knows. */
+  /** The same on a fixed port. */
   async redisOn(port: number): Promise<Process> {
     const running = this.start('redis', 'redis-server', [
       ...['--port', String(port), '--bind', '127.0.0.1', '--save', '', '--appendonly', 'no'],
@@ -228,7 +228,7 @@ export class Stack {
     );
   }
 
-  /** An edge fed over a pipe by `source.py`, which can be stopped apart from it. */
+  /** An edge fed over a pipe by `source.py`, which can be stopped separately. */
   fedEdge(relay: Relay, sample: Sample, options: EdgeOptions = {}): { source: Process; edge: Process } {
     const { read, write } = this.#pipe();
     const source = this.start('source', PYTHON, [path.join(REPO, 'spa/e2e/source.py')], {
@@ -237,17 +237,17 @@ export class Stack {
     });
     source.write(JSON.stringify(sample));
     const edge = this.edge(relay, { source: 'jsonl', ...options }, read);
-    closeSync(read); // ours; the edge has its own
+    closeSync(read); // ours; the edge has a copy
     closeSync(write);
     return { source, edge };
   }
 
-  /** An edge that stands still in one pose and offers a built model. */
+  /** An edge that holds one pose and offers a built model. */
   builtEdge(relay: Relay, files: { folder: string }, sample: Sample, robot: string): Process {
     return this.fedEdge(relay, sample, { robot, model: files.folder }).edge;
   }
 
-  /** Listens beside the relay and decodes what the edge published. */
+  /** Listens beside the relay and decodes what the edge publishes. */
   tap(relay: Relay, robot = 'demo'): Tap {
     if (CLOUD !== null) this.#unfit('nobody listens in on the robots of a cloud');
     const args = [path.join(REPO, 'spa/e2e/tap.py'), relay.zenoh, robot];
@@ -260,7 +260,7 @@ export class Stack {
   }
 
   async down(): Promise<void> {
-    for (const running of this.#started.toReversed()) await running.stop(); // kept for `logs`: a failure is told of afterwards
+    for (const running of this.#started.toReversed()) await running.stop(); // kept for `logs`: failures are reported afterwards
     for (const made of this.#folders.splice(0)) rmSync(made, { recursive: true, force: true });
   }
 
@@ -268,7 +268,7 @@ export class Stack {
     return CLOUD === null ? [] : ['--credential', path.join(CLOUD.credentials, robot)];
   }
 
-  /** A named pipe's two ends; Node's own pipes are read by Node before anyone else can. */
+  /** Both ends of a named pipe; Node reads its own pipes before anyone else can. */
   #pipe(): { read: number; write: number } {
     const name = path.join(this.folder(), 'pipe');
     execFileSync('mkfifo', [name]);
@@ -279,7 +279,7 @@ export class Stack {
   }
 }
 
-/** Link → 4×4 row-major matrix, by `fk.py`. Meanwhile proxies in this process go on. */
+/** Link → 4×4 row-major matrix, from `fk.py`. Proxies in this process continue meanwhile. */
 export async function forwardKinematics(
   urdf: string,
   joints: Configuration,

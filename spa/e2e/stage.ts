@@ -1,4 +1,5 @@
-/** What every browser test stands on: one browser a file, one stack and fresh pages a test, and what no page may do. */
+/** The basis of every browser test: one browser per file, one stack and fresh pages per test, and rules that no page may
+ *  break. */
 
 import { afterAll, afterEach, beforeAll, beforeEach, expect, type TestContext } from 'vitest';
 import { CLOUD } from './cloud.ts';
@@ -6,19 +7,19 @@ import { openBrowser } from './driver/engines.ts';
 import type { Ability, Browser, BrowserOptions, Page, PageOptions } from './driver/page.ts';
 import { Stack } from './stack.ts';
 
-/** Whether the long rest is played as well: `make test-full`. */
+/** Whether to run the slow tests as well: `make test-full`. */
 export const FULL = process.env.POSECAST_FULL === '1';
 
 export interface Stage {
   readonly stack: Stack;
   readonly browser: Browser;
-  /** Skips the test, saying why, in an engine whose driver can't do this. */
+  /** Skips the test, with the reason, in an engine whose driver does not support this. */
   needs(context: TestContext, ability: Ability): void;
   newPage(options?: PageOptions): Promise<Page>;
 }
 
-/** Software draws in 3D as slowly as the slowest phone: without this a page would go over to the light view in the middle of a
- *  test. A test that has settings of its own, `{}` for none, is left with those. */
+/** Software renders 3D as slowly as the slowest phone: without this, a page would switch to the light view in the middle of a
+ *  test. A test with its own settings (`{}` for none) keeps those. */
 const KEEP_3D = `(() => {
   try {
     if (localStorage.getItem('posecast.settings') === null) localStorage.setItem('posecast.settings', '{"body":"3d"}');
@@ -39,7 +40,7 @@ export function setStage(options: BrowserOptions = {}): Stage {
     stack = new Stack((why) => context.skip(why));
     pages = [];
     const ofThisTest = stack;
-    // with why, which is not told of a test that is played once more and passes
+    // with the reason, which is not reported for a test that passes on a retry
     context.onTestFailed(({ task }) => console.error(task.result?.errors?.at(-1)?.stack, ofThisTest.logs));
   });
 

@@ -1,4 +1,4 @@
-"""What a Redis holds of a robot's newest state, decoded, as one JSON object: `stored.py redis://… demo`."""
+"""Prints a robot's newest state in a Redis, decoded, as one JSON object: `stored.py redis://… demo`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ VIEW = "public"
 
 
 def main(url: str, robot: str) -> None:
-    """Exits with one line when nothing is stored."""
+    """Exits with one line if nothing is stored."""
     store = redis.Redis.from_url(url)
     key = f"posecast:{{{robot}}}:{VIEW}:state"
     state: dict[bytes, bytes] = store.hgetall(key)  # type: ignore[assignment]

@@ -131,7 +131,7 @@ describe.skipIf(!FULL)('a robot', () => {
   });
 });
 
-/** A relay of tomorrow: every hello says another wire format. */
+/** A relay from the future: every hello announces another wire format. */
 async function newerRelay(port: number): Promise<{ url: string; close: () => void }> {
   const sockets = new Set<net.Socket>();
   const server = net.createServer((browser) => {
@@ -146,7 +146,7 @@ async function newerRelay(port: number): Promise<{ url: string; close: () => voi
       });
     }
     browser.pipe(relay);
-    // as long as before, so that its frame of the WebSocket still fits
+    // same length, so that its WebSocket frame still fits
     relay.on('data', (bytes) =>
       browser.write(bytes.toString('latin1').replace(/("wire": ?)1,/, '$19,'), 'latin1'),
     );
@@ -171,7 +171,7 @@ it.skipIf(!FULL)(
     try {
       const page = await stage.newPage();
       await page.open(`${newer.url}/#/r/demo`);
-      await until('said so', async () => /newer language than this page/.test(await note(page)), 30_000);
+      await until('said so', async () => /newer protocol than this page/.test(await note(page)), 30_000);
       await until('LIVE', is(page, 'LIVE'), 30_000);
       expect(await note(page), 'it stays said').toMatch(/Reload/);
     } finally {
@@ -197,7 +197,7 @@ it.skipIf(!FULL)('a fault of 30 ms reaches a viewer who may have one pose a seco
     source.write(JSON.stringify({ ...fine, flags: { RKN: ['homed', 'enabled', 'jam'] }, once: true }));
     await until(
       'latched',
-      async () => /^Was: Right knee is blocked\.RKN · jam · ended/.test(await line()),
+      async () => /^Earlier: Right knee is blocked\.RKN · jam · ended/.test(await line()),
       30_000,
     );
     await page.findByTestId('acknowledge').click();

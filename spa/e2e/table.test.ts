@@ -5,7 +5,7 @@ import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
 
-/** All rows are on the screen: those that nobody sees are written in turns. */
+/** All rows are on screen: others are written in turns. */
 const TALL = { width: 1280, height: 1600 };
 /** Three decimals are shown. */
 const HALF_DIGIT = 0.0005 + 1e-9;
@@ -88,7 +88,7 @@ describe('the table', () => {
       const wordPx = word.getBoundingClientRect().width;
       word.remove();
       const room = cell.closest('.table-room');
-      const barPx = room.offsetWidth - room.clientWidth; // on a phone it lies over the page
+      const barPx = room.offsetWidth - room.clientWidth; // on a phone it covers the page
       return cell.clientWidth + barPx - parseFloat(paddingLeft) - parseFloat(paddingRight) - wordPx;
     })()`);
     expect(sparePx, 'room for a word such as "compliant"').toBeGreaterThanOrEqual(0);
@@ -171,7 +171,7 @@ describe('the table', () => {
       await until('a hundred updates', async () => (await sampled()).eachMs.length >= 100, 90_000);
       const eachMs = (await sampled()).eachMs.toSorted((a, b) => a - b);
       const mean = (all: readonly number[]) => all.reduce((sum, ms) => sum + ms, 0) / all.length;
-      // The page's clock ticks every 0.1 ms: a single update is that coarse, a mean is not.
+      // The page's clock has a resolution of 0.1 ms: a single update is that coarse, a mean is not.
       const undisturbed = mean(eachMs.slice(0, Math.floor(eachMs.length * 0.9)));
       console.log(
         `${mean(eachMs).toFixed(3)} ms of script for each update of 60 rows, ${undisturbed.toFixed(3)} without the slowest tenth`,

@@ -1,9 +1,9 @@
 """Listens on Zenoh beside a relay and prints every frame of one robot, decoded, one JSON object a line.
 
-    tap.py tcp/127.0.0.1:7447 demo
+tap.py tcp/127.0.0.1:7447 demo
 
-It decodes what the edge published, so a test can hold a page or a relay against it. A frame whose base it
-lacks makes it ask the edge for its snapshot, as the relay does; that frame itself is not printed.
+It decodes what the edge publishes, so a test can compare a page or a relay with it. For a frame whose base is
+missing it requests the edge's snapshot, as the relay does; that frame is not printed.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ import { ageOfLive, ClockRobot, WITNESS } from './truth.ts';
 
 const stage = setStage();
 
-/** Longer than a page may take an old pose for live, and shorter than what it takes a dead socket to be noticed. */
+/** Longer than a page may call an old pose live, and shorter than it takes to notice a dead socket. */
 const OUTAGE_MS = 2600;
 
 const is = (page: Page, word: string) => async () => (await liveness(page)) === word;
@@ -23,7 +23,7 @@ async function watched(url: string): Promise<Page> {
   return page;
 }
 
-/** Lets the page show what it shows now for longer than any claim lasts. */
+/** Lets the page show its current content for longer than any claim is valid. */
 async function goesOn(page: Page): Promise<void> {
   const seen = () => page.evaluate<number>('window.witnessed.length');
   const before = await seen();
@@ -48,7 +48,7 @@ it('what is claimed of a robot that moves, stands and moves is so', async () => 
 });
 
 describe('after an outage no pose from before it is claimed', () => {
-  /** Breaks something in the middle of a watched robot, mends it, and asks what was claimed. */
+  /** Breaks something while a robot is watched, repairs it, and checks the page's claims. */
   async function outage(
     link: { url: string },
     relay: Relay,

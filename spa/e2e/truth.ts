@@ -1,4 +1,4 @@
-/** Whether a page tells the truth: what its chip claims, beside what the robot's pose was when it claimed it. */
+/** Whether a page tells the truth: compares what its chip claims with the robot's pose at that time. */
 
 import { writeFileSync } from 'node:fs';
 import path from 'node:path';
@@ -6,27 +6,27 @@ import type { Page } from './driver/page.ts';
 import type { Process } from './process.ts';
 import type { Relay, Sample, Stack } from './stack.ts';
 
-/** Two joints are the hand of a clock, so a pose tells when it was true: once round in so long, by the machine's clock. */
+/** Two joints are the hand of a clock, so a pose reveals its time: one revolution takes this long, by the machine's clock. */
 const ROUND_S = 60;
 const REACH_RAD = 3;
 const HANDS: Sample = {
   pos: { RKN: 0, LKN: 0 },
   wave: { pos: { RKN: [REACH_RAD, 1 / ROUND_S, 0], LKN: [REACH_RAD, 1 / ROUND_S, Math.PI / 2] } },
 };
-/** A pose on its way from one place to another lies off the circle. */
+/** A pose in motion between two places is off the circle. */
 const OFF_THE_CIRCLE = 0.03;
 
 const STALE_AFTER_MS = 1500;
 const HOLDING_AFTER_MS = 3000;
-/** From the joint to the screen, played and drawn by software on a machine that does much else. */
+/** Time from the joint to the screen, played and rendered in software on a busy machine. */
 const ON_ITS_WAY_MS = 1000;
 const ROUNDING_MS = 100;
-/** From picture to picture, at most; what the page's machine took longer is no fault of the page's, for so long. */
+/** Maximum time between pictures; if the machine takes longer, the page is not to blame for that long. */
 const PICTURE_MS = 100;
 const CATCHING_UP_MS = 5000;
-/** How far behind is told in whole seconds, and told anew only when that is off by more. */
+/** The delay is shown in whole seconds, and changes only when it is off by more. */
 const BEHIND_ROUNDING_MS = 1250;
-/** A first pose of its segment stands for a moment until the segment is here. */
+/** The first pose of a segment is shown for a moment until the segment has loaded. */
 const A_SEGMENT_MS = 6000 + ON_ITS_WAY_MS;
 
 const joint = (name: string) => `
@@ -39,11 +39,11 @@ const URDF = `<robot name="clock">
   ${joint('RKN')}${joint('LKN')}
 </robot>`;
 
-/** What was to be seen after a picture: the chip's word, the two joints by body and by table, the moment of the past, and how many
- *  seconds behind the chip says that all this is. */
+/** What was visible after a picture: the chip's word, the two joints in the body and in the table, the moment of the past, and
+ *  the delay in seconds according to the chip. */
 type Seen = readonly [atMs: number, word: string, ...joints: (number | null)[]];
 
-/** Runs before the page's own scripts: notes what is to be seen after each picture. */
+/** Runs before the page's own scripts: records what is visible after each picture. */
 export const WITNESS = `(() => {
   const seen = (window.witnessed = []);
   const angle = (matrix) => (matrix ? Math.atan2(matrix[4], matrix[0]) : null);
@@ -53,7 +53,7 @@ export const WITNESS = `(() => {
     return number ? Number(number[0]) : null;
   };
   const note = (pictureMs) => {
-    if (Date.now() - pictureMs > 1000) return; // this program was stopped in between: the picture is none of now
+    if (Date.now() - pictureMs > 1000) return; // this program was stopped in between: the picture no longer shows the present
     const links = window.posecast?.scene?.linkPoses?.() ?? {};
     const word = document.querySelector('[data-testid="liveness"]')?.dataset.state ?? '';
     const behind = document.querySelector('[data-testid="behind"]')?.textContent.match(/^\\d+(?= ?[s초])/);
@@ -63,13 +63,13 @@ export const WITNESS = `(() => {
     ]);
   };
   const look = () => {
-    setTimeout(note, 0, Date.now()); // when all that this picture changes is changed
+    setTimeout(note, 0, Date.now()); // after everything that this picture changes has changed
     requestAnimationFrame(look);
   };
   look();
 })()`;
 
-/** A robot whose pose tells the time, and when it stood. */
+/** A robot whose pose encodes the time, and the times at which it stood still. */
 export class ClockRobot {
   readonly source: Process;
   readonly edge: Process;
@@ -81,20 +81,20 @@ export class ClockRobot {
     ({ source: this.source, edge: this.edge } = stack.fedEdge(relay, HANDS, { urdf, robot }));
   }
 
-  /** Holds its hand where it is now. */
+  /** Stops its hand at its current place. */
   stand(): void {
     const fromMs = Date.now();
     this.#stands.push({ fromMs, toMs: Number.POSITIVE_INFINITY });
     this.source.write(JSON.stringify({ ...HANDS, still_at: fromMs / 1000 }));
   }
 
-  /** Lets it jump to the present and go on. */
+  /** Lets its hand jump to the present and continue. */
   go(): void {
     this.#stands.at(-1)!.toMs = Date.now();
     this.source.write(JSON.stringify(HANDS));
   }
 
-  /** What the page has claimed and was not so: each kind once, with the oldest pose of it. */
+  /** The page's false claims: each kind once, with the oldest pose. */
   async lies(page: Page): Promise<string[]> {
     const seen = await page.evaluate<Seen[]>('window.witnessed');
     const worst = new Map<string, number>();
@@ -133,7 +133,7 @@ export class ClockRobot {
     return [...worst].map(([what, oldMs]) => `${what}, ${(oldMs / 1000).toFixed(1)} s`);
   }
 
-  /** Whether it had stood for so long that it may be called that, as far as can be known by now. */
+  /** Whether it had stood still long enough to be called HOLDING, as far as is known by now. */
   #stood(atMs: number, withinMs: number, heldUpMs: number): boolean {
     return this.#stands.some(
       ({ fromMs, toMs }) =>
@@ -154,7 +154,7 @@ export class ClockRobot {
     const roundingMs = behindMs === 0 ? 0 : BEHIND_ROUNDING_MS;
     const stand = this.#stands.find(({ fromMs }) => Math.abs(fromMs - poseMs) < ROUNDING_MS);
     const between = this.#stands.some(({ fromMs, toMs }) => poseMs > fromMs && poseMs < toMs);
-    if (between && stand === undefined) return null; // it never was there: on its way from where it stood
+    if (between && stand === undefined) return null; // it never was there: in motion from where it stood
     const trueUntilMs = stand?.toMs ?? poseMs;
     const oldMs = atMs - trueUntilMs;
     if (oldMs > behindMs + roundingMs + STALE_AFTER_MS + ON_ITS_WAY_MS + heldUpMs)
@@ -167,7 +167,7 @@ export class ClockRobot {
   }
 }
 
-/** How long the page's machine has lately let it show nothing. */
+/** How long the page's machine has recently prevented it from showing anything. */
 class HeldUp {
   #gaps: [atMs: number, longMs: number][] = [];
   #lastMs = Number.POSITIVE_INFINITY;
@@ -192,13 +192,13 @@ function isThen(word: string): boolean {
   return word === 'PAST' || word === 'RECORDED';
 }
 
-/** How far the pose is from the moment that it is said to be of; infinite for one that is called neither PAST nor RECORDED. */
+/** The difference between the pose and its claimed moment; infinite if it is called neither PAST nor RECORDED. */
 function offPast(word: string, momentMs: number | null, poseMs: number | null): number {
   if (!isThen(word)) return Number.POSITIVE_INFINITY;
   return poseMs === null || momentMs === null ? 0 : Math.abs(poseMs - momentMs);
 }
 
-/** When the hand was there: of all rounds, the moment nearest to now. */
+/** When the hand was there: of all revolutions, the time nearest to now. */
 function toldMs(sine: number | null, cosine: number | null, nowMs: number): number | null {
   if (sine === null || cosine === null) return null;
   if (Math.abs(Math.hypot(sine, cosine) / REACH_RAD - 1) > OFF_THE_CIRCLE) return null;
@@ -207,15 +207,15 @@ function toldMs(sine: number | null, cosine: number | null, nowMs: number): numb
   return withinMs + roundMs * Math.round((nowMs - withinMs) / roundMs);
 }
 
-/** What a page shows of a `ClockRobot` of the past. */
+/** A page's display of a past `ClockRobot`. */
 interface Shown {
   readonly seq: number;
   readonly momentMs: number | null;
-  /** How far the robot's hands are from that moment, ms. */
+  /** The difference between the robot's hands and that moment, ms. */
   readonly offMs: number;
 }
 
-/** What a page shows of a `ClockRobot` just now. */
+/** A page's current display of a `ClockRobot`. */
 export function shown(page: Page): Promise<Shown> {
   return page.evaluate<Shown>(`(() => {
     const { twin, scene } = window.posecast;
@@ -227,7 +227,7 @@ export function shown(page: Page): Promise<Shown> {
   })()`);
 }
 
-/** How old the body's pose was while it was LIVE, of half and of nearly all pictures, ms. */
+/** The age of the body's pose while it was LIVE, ms: median and a high percentile of all pictures. */
 export async function ageOfLive(page: Page): Promise<{ p50: number; p99: number }> {
   const seen = await page.evaluate<Seen[]>('window.witnessed');
   const ages = seen

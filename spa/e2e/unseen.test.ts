@@ -7,7 +7,7 @@ import { setStage } from './stage.ts';
 
 const stage = setStage();
 
-/** What the relay gives a page that asks for nothing. */
+/** What the relay sends to a page that requests nothing. */
 const NOTHING = 0;
 
 const grantedHz = (page: Page, of = 'window') =>
@@ -19,7 +19,7 @@ async function newestSeq(relay: Relay): Promise<number> {
   return seq;
 }
 
-/** The page at `of` catches up with the robot, not with what it has missed. */
+/** The page at `of` catches up with the robot's present, without replaying what it missed. */
 async function comesBack(page: Page, relay: Relay, of: string, missedFrom: number): Promise<void> {
   const newest = await newestSeq(relay);
   expect(newest, 'the robot went on').toBeGreaterThan(missedFrom + 15);
@@ -33,7 +33,7 @@ describe('a page that nobody sees', () => {
     const page = await stage.newPage();
     await page.open(`${relay.url}/#/r/demo`);
     await until('LIVE', async () => (await liveness(page)) === 'LIVE', 30_000);
-    // A headless browser has no other tab to put in front, so the page is told that there is one.
+    // A headless browser has no other tab to bring to the front, so the page is told that there is one.
     const hide = (hidden: boolean) =>
       page.evaluate(`(() => {
         Object.defineProperty(document, 'hidden', { value: ${hidden}, configurable: true });

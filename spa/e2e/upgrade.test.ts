@@ -9,19 +9,20 @@ import { setStage } from './stage.ts';
 
 const stage = setStage();
 
-/** A script that replaces what serves the page, and how many of the robot's frames may lie between the last one before the page says
- *  that it is not live and the first one after. */
+/** A script that replaces the server of the page, and the maximum number of robot frames between the last one before the page
+ *  says that it is not live and the first one after. */
 const { POSECAST_UPGRADE, POSECAST_MAY_MISS } = process.env;
 
 interface Noted {
   readonly state: string;
-  /** Why it is not live; '' also where a busy machine held up the page itself. */
+  /** The reason that it is not live; '' also if a busy machine held up the page itself. */
   readonly cause: string;
-  /** The frame that is shown. */
+  /** The displayed frame. */
   readonly seq: number | null;
 }
 
-/** Notes the number of each frame that the table shows, in order, and each word of the chip with what was shown then. */
+/** Records the number of each frame that the table shows, in order, and each word of the chip with the frame shown at that
+ *  time. */
 const NOTE = `(() => {
   const seqs = [], words = [];
   Object.assign(window, { shownSeqs: seqs, shownWords: words });
@@ -45,7 +46,7 @@ describe('a page that watches while what serves it is replaced', () => {
     if (engineName() !== 'chromium')
       context.skip('only Chromium takes a certificate of an unknown authority');
     const page = await stage.newPage({ preload: NOTE });
-    page.forgive(/status of 503/); // what has just begun may ask for a moment, and is asked again
+    page.forgive(/status of 503/); // it has just started and may need a moment, so the request is repeated
     await page.open(`${CLOUD.url}/#/r/demo`);
     await until('LIVE', async () => isLive(await liveness(page)), 60_000);
     const begun = await page.evaluate<number>('window.shownWords.length');
@@ -60,7 +61,7 @@ describe('a page that watches while what serves it is replaced', () => {
     const words = (await page.evaluate<Noted[]>('window.shownWords')).slice(begun);
     console.info(JSON.stringify(words));
     expect(words.length === 0 || isLive(words.at(-1)?.state ?? '')).toBe(true);
-    // counted in frames of the robot: what a busy machine takes longer for, the robot's does as well
+    // counted in robot frames: a busy machine slows the robot down as well
     const missed = words.flatMap(({ state, cause, seq }, i) => {
       const next = words.slice(i).find((word) => isLive(word.state));
       return isLive(state) || cause === '' ? [] : [(next?.seq ?? Number.POSITIVE_INFINITY) - (seq ?? 0)];

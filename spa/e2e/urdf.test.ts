@@ -29,14 +29,14 @@ const FREE = robot(
   joint('fly', 'floating', 'base', 'drone', at('0 0.5 0.5', '0 0 1')),
   TILT,
 );
-/** The same in joints of one value each, which every library knows; `pitch` in rad, as `rot_y` and `rot_w` have it. */
+/** The same with single-variable joints, which every library supports; `pitch` in rad, as in `rot_y` and `rot_w`. */
 const plain = (pitch: number) =>
   robot(
     ...['base', 'cart', 'slide', 'drone', 'rod', 'd1', 'd2', 'w1', 'w2', 'f1', 'f2', 'f3'].map(box),
     joint('drive/x', 'prismatic', 'base', 'd1', `${at('0 0 0.1', '0.2 0 0.5')}${axis('1 0 0')}${END}`),
     joint('drive/y', 'prismatic', 'd1', 'd2', `${axis('0 1 0')}${END}`),
     joint('drive/theta', 'continuous', 'd2', 'cart', axis('0 0 1')),
-    // the plane across y: what the shortest turn from z to y makes of x and y
+    // the plane across y: x and y after the shortest rotation from z to y
     joint('wall/x', 'prismatic', 'cart', 'w1', `${at('0.3 0 0')}${axis('1 0 0')}${END}`),
     joint('wall/y', 'prismatic', 'w1', 'w2', `${axis('0 0 -1')}${END}`),
     joint('wall/theta', 'continuous', 'w2', 'slide', axis('0 1 0')),
@@ -69,7 +69,7 @@ function written(urdf: string): string {
   return file;
 }
 
-/** A page of the list with the robot on air, standing in POS: as a built model, or from its URDF as it is. */
+/** A page with the list and the robot on air, in the pose POS: as a built model, or from its raw URDF. */
 async function listed(built = true): Promise<Page> {
   const urdf = written(FREE);
   const relay = await stage.stack.relay();
@@ -101,7 +101,7 @@ describe('a URDF', () => {
       await page.findByTestId('robot-free').click();
       const line = page.findByTestId('model-findings');
       await until('the line', async () => (await line.count()) === 1, 30_000);
-      expect(await line.text()).toMatch(/^One remark/);
+      expect(await line.text()).toMatch(/^1 finding/);
       await page.evaluate(`document.querySelector('[data-testid="model-findings"] summary').click()`);
       expect(await line.text()).toContain("joint 'tilt' is revolute and has no <limit> · line 10");
       await page.evaluate(`document.querySelector('[data-testid="model-findings"] summary').click()`);
@@ -109,7 +109,7 @@ describe('a URDF', () => {
       await until('body over numbers', () =>
         page.evaluate<boolean>(`document.querySelector('.stacked .model-findings') !== null`),
       );
-      // a line about a slow device, or joints without a reading, as it stands on a phone
+      // a line about a slow device, or joints without a reading, as shown on a phone
       const covered = await page.evaluate<number>(`(() => {
         const views = document.querySelector('.stage-views');
         views.textContent = '';

@@ -9,15 +9,15 @@ import { FULL, setStage } from './stage.ts';
 
 interface Look {
   readonly joint: string;
-  /** What is met where the joint appears in the picture: its limb, or another link by its name; null: nothing. */
+  /** What is at the joint's position in the picture: its limb, or another link by name; null: nothing. */
   readonly met: string | null;
-  /** How far the eye is from where it stood, metres: while the joint is selected, and after Escape. */
+  /** The distance of the eye from its previous position, metres: while the joint is selected, and after Escape. */
   readonly went: number;
   readonly left: number;
 }
 
-/** Selects each joint of the table that the model has, or each so many, and closes its card by Escape. The looks end up
- *  in `window.looks`. */
+/** Selects each joint in the table that the model has, or every n-th, and closes its card with Escape. The results are in
+ *  `window.looks`. */
 const look = (each: number) => `void (async () => {
   const { scene } = window.posecast;
   const canvas = document.querySelector('[data-testid="scene"] canvas');
@@ -28,7 +28,7 @@ const look = (each: number) => `void (async () => {
   };
   const apart = (a, b) => Math.hypot(...a.map((value, i) => value - b[i]));
   const originOf = (link) => [3, 7, 11].map((i) => scene.linkPoses()[link][i]);
-  // the links between two joints of one limb; those that carry several limbs are the trunk
+  // the links between two joints of one limb; links that carry several limbs are the trunk
   const carried = (link) => tree.joints.filter((joint) => tree.bodyOf(tree.before(joint) ?? '').includes(link)).length;
   const first = scene.eye.position;
   const looks = [];
@@ -43,7 +43,7 @@ const look = (each: number) => `void (async () => {
     await until(() => card() && scene.renderedFrames > before && off() < 1e-6, 200);
     const { position, target } = scene.eye;
     const { left, top, width } = canvas.getBoundingClientRect();
-    const { projection } = scene.rig; // what is looked at is in the middle of what no note and no button covers
+    const { projection } = scene.rig; // the target is in the middle of the uncovered area
     const hit = scene.pick(left + width / 2, top + projection.top + projection.free / 2);
     const limb = tree.bodyOf(tree.before(joint) ?? '').filter((near) => carried(near) < 2);
     const here = Object.keys(scene.linkPoses()).filter((near) => apart(originOf(near), target) < 0.01);
@@ -57,7 +57,7 @@ const look = (each: number) => `void (async () => {
 })()`;
 
 describe.each([
-  ['3D', {}, FULL ? 1 : 4], // software takes seconds for a picture in 3D
+  ['3D', {}, FULL ? 1 : 4], // software rendering takes seconds for a picture in 3D
   ['the light view', { webgl: false }, 1],
 ] as const)('a selected joint in %s', (name, options, each) => {
   const stage = setStage(options);
@@ -66,12 +66,12 @@ describe.each([
     const relay = await stage.stack.relay();
     stage.stack.fedEdge(relay, demoAt(1), DEMO);
     const page = await stage.newPage({ media: { motion: 'reduce' }, viewport: { width: 1100, height: 480 } });
-    page.forgive(/WebGL/); // the browser's own complaint when it is asked for a context
+    page.forgive(/WebGL/); // the browser's own error when a context is requested
     await page.open(`${relay.url}/#/r/demo`);
     await until('a body', async () => (await hasSkin(page)) && (await whole(page)), 60_000);
     await until('a table', () => page.evaluate<boolean>(`document.querySelector('tr[data-label]') !== null`));
     await until('its right side, where the trunk hides the left arm', async () => {
-      await page.press('2'); // the camera's keys come after the body
+      await page.press('2'); // the camera's keys load after the body
       return page.evaluate<boolean>(`(() => {
         const { position, target } = window.posecast.scene.eye;
         return Math.abs(position[0] - target[0]) < 0.01;

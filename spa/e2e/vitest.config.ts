@@ -1,7 +1,7 @@
 import { fileURLToPath } from 'node:url';
 import { defineConfig } from 'vitest/config';
 
-// One browser, one stack at a time: what is measured here is time and order.
+// One browser and one stack at a time, because the tests measure time and order.
 export default defineConfig({
   test: {
     root: fileURLToPath(new URL('.', import.meta.url)),

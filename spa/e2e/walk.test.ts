@@ -51,7 +51,7 @@ describe.skipIf(!FULL || !existsSync(URDF) || !existsSync(TRAJECTORY))('Hubo 2+ 
         if (pictures < 2 * PICTURES && seq > pictures * 10) {
           const side = pictures % 2 === 0 ? 'front' : 'side';
           await page.findByRole('button', side).click();
-          await pause(1500); // the camera eases for 250 ms of a picture that software draws
+          await pause(1500); // the camera eases for 250 ms, rendered in software
           await page.screenshot(path.join(SHOTS, `walk-${String(pictures++).padStart(2, '0')}-${side}.png`));
         }
         knees = Math.max(knees, await page.evaluate<number>('window.posecast.twin.value("pos", "RKN") ?? 0'));
@@ -61,7 +61,7 @@ describe.skipIf(!FULL || !existsSync(URDF) || !existsSync(TRAJECTORY))('Hubo 2+ 
       },
       150_000,
     );
-    // one foot is always near the floor: an ankle stands about 0.1 m above its sole
+    // one foot is always near the floor: an ankle is about 0.1 m above its sole
     expect(Math.max(...feet.map((at) => Math.min(at.left, at.right)))).toBeLessThan(0.15);
     expect(knees, 'a knee that bends').toBeGreaterThan(0.2);
   }, 200_000);

@@ -5,8 +5,8 @@ import type { Plugin } from 'vite';
 
 const SHARED = '__DOM_INTERNALS_DO_NOT_USE_OR_WARN_USERS_THEY_CANNOT_UPGRADE';
 
-/** Builds the page without the package `react-dom` but for the object that its client (`react-dom/client`) takes from it:
- *  portals and preloads are of no use here. In the build only: the dev server and the unit tests have it whole. */
+/** Builds the page without the package `react-dom`, except for the object that its client (`react-dom/client`) uses: portals and
+ *  preloads are not needed here. Only in the build: the dev server and the unit tests use all of it. */
 export function leanReact(): Plugin {
   const folder = path.dirname(createRequire(import.meta.url).resolve('react-dom'));
   return {
@@ -26,7 +26,7 @@ export function leanReact(): Plugin {
   };
 }
 
-/** Of the text of `react-dom` what the text of its client uses. Throws where the client uses anything else. */
+/** Keeps the parts of `react-dom` that its client uses. Throws if the client uses anything else. */
 export function sharedAlone(dom: string, client: string): string {
   const [, internals] = /\bvar (Internals = \{.*?\n {2}\}),/s.exec(dom) ?? [];
   const uses = client.match(/\bReactDOM\b(?! = require\("react-dom"\)).*/g)?.map((use) => use.trim());

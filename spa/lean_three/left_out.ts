@@ -1,16 +1,16 @@
 import type { KnownMacros } from './shader_text.ts';
 
-/** The version of three.js that these lists are for. For another one: look through them, then change this. */
+/** The version of three.js that these lists are for. Before changing it, review the lists. */
 export const VERSION = '0.187.0';
 
 /*
- * What of three.js the page does without. The scene (`src/three`) draws meshes, instances and lines of five materials in the
- * light of a sky and two suns, with one kind of shadow. three.js can do far more, and its renderer refers to all of it by
- * name, so no bundler leaves it out by itself. Whoever needs one of these in the scene takes it off its list here;
+ * The parts of three.js that the page leaves out. The scene (`src/three`) draws meshes, instances and lines with five materials,
+ * lit by a sky and two suns, with one kind of shadow. three.js can do far more, and its renderer refers to all of it by name, so
+ * bundlers can't remove it automatically. If the scene needs one of these, remove it from its list here;
  * `tests/lean_three.test.ts` fails until then.
  */
 
-/** What the scene may import from three.js. Everything below holds only for scenes made of these. */
+/** What the scene may import from three.js. Everything below is valid only for scenes made of these. */
 export const USED_BY_THE_SCENE: readonly string[] = [
   'Box3',
   'BoxGeometry',
@@ -61,7 +61,7 @@ export const USED_BY_THE_SCENE: readonly string[] = [
   'WebGLRenderer',
 ];
 
-/** Kinds of things that the scene never makes: the renderer's questions `….isSprite` are answered with false. */
+/** Kinds of objects that the scene never creates: the renderer's checks `….isSprite` are replaced by false. */
 export const KINDS: readonly string[] = [
   ...['isBatchedMesh', 'isSkinnedMesh', 'isSprite', 'isPoints', 'isLOD', 'isLineLoop'],
   ...['isArrayCamera', 'isXRRenderTarget', 'isWebGLCubeRenderTarget', 'isWebGLArrayRenderTarget'],
@@ -87,7 +87,7 @@ export const KINDS: readonly string[] = [
   ...['isFramebufferTexture', 'isHTMLTexture', 'isGLBufferAttribute'],
 ];
 
-/** Properties that the scene never sets: the renderer reads what they are by themselves. */
+/** Properties that the scene never sets: the renderer sees their default values. */
 export const PROPERTIES: ReadonlyMap<string, 'null' | 'undefined' | '0'> = new Map([
   ...[
     ...['scene.fog', 'scene.environment', 'scene.overrideMaterial'],
@@ -95,7 +95,7 @@ export const PROPERTIES: ReadonlyMap<string, 'null' | 'undefined' | '0'> = new M
     ...['material.displacementMap', 'material.emissiveMap', 'material.metalnessMap', 'material.roughnessMap'],
     ...['material.specularMap', 'material.alphaMap'],
   ].map((name) => [name, 'null'] as const),
-  // Other materials have these; those of the scene know nothing of them.
+  // Other materials have these; the scene's materials don't.
   ...[
     ...[
       'material.specularColorMap',
@@ -129,7 +129,7 @@ export const PROPERTIES: ReadonlyMap<string, 'null' | 'undefined' | '0'> = new M
   ...['material.alphaTest', 'material.alphaHash'].map((name) => [name, '0'] as const),
 ]);
 
-/** Macros of shaders that follow from the above: never defined, or a number. */
+/** Shader macros that follow from the above: never defined, or a number. */
 export const MACROS: KnownMacros = new Map<string, number | null>([
   ...[
     ...['USE_BATCHING', 'USE_BATCHING_COLOR', 'USE_SKINNING', 'USE_INSTANCING_MORPH', 'USE_INSTANCING_COLOR'],
@@ -215,22 +215,22 @@ export const MACROS: KnownMacros = new Map<string, number | null>([
       'NUM_LIGHT_PROBE_GRIDS',
     ],
   ].map((name) => [name, 0] as const),
-  ['DEPTH_PACKING', 3200], // as three's shadow map asks for; see MeshDepthMaterial
+  ['DEPTH_PACKING', 3200], // required by three's shadow map; see MeshDepthMaterial
 ]);
 
-/** Functions of shaders that three.js names by parts, so that no search finds who calls them. */
+/** Shader functions whose names three.js assembles from parts, so that no search finds their callers. */
 export const SHADER_ROOTS: readonly string[] = [
   'main',
   'NeutralToneMapping',
-  'LinearToneMapping', // what three.js falls back to
+  'LinearToneMapping', // three.js's fallback
   'sRGBTransferOETF',
   'LinearTransferOETF',
 ];
 
-/** Methods that nothing here calls on anything: three's own file format, and its search for what a ray meets. */
+/** Methods that nothing here calls: three's own file format, and its raycasting. */
 export const METHODS: readonly string[] = ['toJSON', 'fromJSON', 'raycast'];
 
-/** Members and methods that nothing here calls, by the file that has them. */
+/** Members and methods that nothing here calls, by file. */
 export const MEMBERS: Readonly<Record<string, readonly string[]>> = {
   'renderers/shaders/ShaderLib.js': [
     ...[
@@ -260,9 +260,9 @@ export const MEMBERS: Readonly<Record<string, readonly string[]>> = {
   ],
 };
 
-/** Modules that stand in for those of three.js whose work never comes up here. What they leave out throws, by name. */
+/** Replacements for three.js modules whose features are never used here. Omitted functions throw, by name. */
 export const STAND_INS: Readonly<Record<string, string>> = {
-  // No virtual reality: never presenting, so the renderer asks no more of it.
+  // No virtual reality: never presenting, so the renderer asks for nothing more.
   'renderers/webxr/WebXRManager.js': `
     export class WebXRManager {
       enabled = false;
@@ -272,7 +272,7 @@ export const STAND_INS: Readonly<Record<string, string>> = {
       removeEventListener() {}
       dispose() {}
     }`,
-  // No environment maps: the only question is for "none".
+  // No environment maps: the only query is for "none".
   'renderers/webgl/WebGLEnvironments.js': `
     export function WebGLEnvironments() {
       return {
@@ -297,7 +297,7 @@ export const STAND_INS: Readonly<Record<string, string>> = {
         },
       };
     }`,
-  // No output buffer of other types, no effects after it.
+  // No output buffers of other types, no post-processing.
   'renderers/webgl/WebGLOutput.js': `
     export class WebGLOutput {
       constructor() {

@@ -5,8 +5,8 @@ import type { Plugin } from 'vite';
 import { KINDS, MACROS, MEMBERS, METHODS, PROPERTIES, STAND_INS, VERSION } from './left_out.ts';
 import { type LeanShaders, leanShaders } from './shaders.ts';
 
-/** Builds three.js from its modules instead of from the one file of its package, without what `left_out.ts` lists. In the
- *  build only: the dev server and the unit tests have three.js whole. */
+/** Builds three.js from its modules instead of from the package's single file, without the parts listed in `left_out.ts`. Only in
+ *  the build: the dev server and the unit tests use all of three.js. */
 export function leanThree(scene: string): Plugin {
   const root = path.resolve(createRequire(import.meta.url).resolve('three'), '../..');
   const src = path.join(root, 'src/');
@@ -55,7 +55,7 @@ export function leanThree(scene: string): Plugin {
   };
 }
 
-/** Answers the questions whose answers are known: the minifier then removes what they lead to. */
+/** Replaces checks with known results: the minifier then removes the code behind them. */
 export function answered(text: string): string {
   const kinds = new RegExp(`(?<![\\w.])[\\w.]+\\.(?:${KINDS.join('|')})\\b(?!\\s*=[^=])`, 'g');
   const names = [...PROPERTIES.keys()].join('|').replaceAll('.', '\\.');
@@ -63,14 +63,14 @@ export function answered(text: string): string {
   return text.replace(kinds, 'false').replace(properties, (name) => PROPERTIES.get(name)!);
 }
 
-/** Removes the lines that define macros which are never defined. */
+/** Removes the lines that define macros that are never defined. */
 function withoutMacros(text: string): string {
   return text.replace(/^.*\? '#define (\w+).*' : '',\n/gm, (line, name) =>
     MACROS.get(name) === null ? '' : line,
   );
 }
 
-/** Removes the parameters of a program that only such lines read. */
+/** Removes program parameters that are read only by such lines. */
 function withoutParameters(text: string, program: string): string {
   const left = withoutMacros(program);
   const read = (of: string) => new Set([...of.matchAll(/parameters\.(\w+)/g)].map((match) => match[1]!));
@@ -89,7 +89,7 @@ interface Node {
   readonly [key: string]: unknown;
 }
 
-/** Removes methods, properties of literals, and functions set on `this`, by name. Throws Error when one is not there. */
+/** Removes methods, properties of literals, and functions set on `this`, by name. Throws Error if one is missing. */
 export function withoutMembers(text: string, names: readonly string[], tree: unknown, file: string): string {
   const cuts: { start: number; end: number }[] = [];
   const missing = new Set(names.filter((name) => !METHODS.includes(name)));

@@ -1,6 +1,6 @@
-/** What the build does to the texts of three.js's shaders: pure functions, which know neither Vite nor three.js. */
+/** The build's changes to three.js's shader texts: pure functions, independent of Vite and three.js. */
 
-/** What is known of macros when the page is built: a number, or null for one that is never defined. */
+/** What is known about macros at build time: a number, or null for one that is never defined. */
 export type KnownMacros = ReadonlyMap<string, number | null>;
 
 /** Removes comments, empty lines and needless spaces. Directives and `#pragma` keep their lines. */
@@ -23,12 +23,12 @@ export function withoutSpaces(glsl: string): string {
       .replace(/(?<![-+]) ([-+]) (?![-+])/g, '$1');
     text += /\w$/.test(text) && /^\w/.test(tight) ? ` ${tight}` : tight;
   }
-  // The scene and three.js look for this line to put something before it.
+  // The scene and three.js search for this line to insert something before it.
   return text.replace(/void main\(\)\{/g, '\nvoid main() {\n');
 }
 
-/** Removes the branches of `#if`, `#ifdef` and `#ifndef` that what is known decides. Throws Error when the directives do
- *  not match each other. */
+/** Removes the branches of `#if`, `#ifdef` and `#ifndef` that known macros decide. Throws Error if the directives are
+ *  unbalanced. */
 export function withoutDeadBranches(glsl: string, known: KnownMacros): string {
   const kept: string[] = [];
   const open: OpenIf[] = [];
@@ -71,7 +71,7 @@ export function withoutDeadBranches(glsl: string, known: KnownMacros): string {
   return kept.join('\n');
 }
 
-/** The names of all functions that a text defines, each with the whole definition. */
+/** The names of all functions defined in a text, each with its whole definition. */
 export function functionsIn(glsl: string): Map<string, string[]> {
   const found = new Map<string, string[]>();
   for (const match of glsl.matchAll(/^[ \t]*(?:highp )?\w+[ \t]+(\w+)[ \t]*\([^()]*\)[ \t\n]*\{/gm)) {
@@ -85,11 +85,11 @@ export function functionsIn(glsl: string): Map<string, string[]> {
 }
 
 interface OpenIf {
-  /** Whether its `#if` stands in the result. */
+  /** Whether its `#if` is kept in the result. */
   written: boolean;
   /** Whether a branch was certain, so that later ones are dead. */
   over: boolean;
-  /** Whether the present branch may be compiled. */
+  /** Whether the current branch may be compiled. */
   branch: boolean;
 }
 
@@ -105,7 +105,7 @@ function conditionOf(directive: string, rest: string): string {
   return directive === 'ifdef' ? defined : `! ${defined}`;
 }
 
-/** Decides a condition as far as what is known goes. Words are `defined( NAME )` and comparisons. */
+/** Evaluates a condition as far as possible. Terms are `defined( NAME )` and comparisons. */
 function decide(condition: string, known: KnownMacros): Test {
   const tokens =
     condition.match(
@@ -153,7 +153,7 @@ function wordOf(word: string, known: KnownMacros): Test {
   const name = /^defined\s*\(?\s*(\w+)/.exec(word)?.[1];
   if (name !== undefined) return known.has(name) ? known.get(name) !== null : { word };
   const [, left = '', sign = '', right = ''] = /^(\w+)\s*([<>]=?|[=!]=)\s*(\w+)$/.exec(word) ?? [];
-  // As in C, a macro that is not defined counts 0.
+  // As in C, an undefined macro counts as 0.
   const numberOf = (text: string) =>
     /^\d+$/.test(text) ? Number(text) : known.has(text) ? (known.get(text) ?? 0) : null;
   if (sign === '') {

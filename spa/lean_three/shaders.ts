@@ -3,7 +3,7 @@ import path from 'node:path';
 import { MACROS, MEMBERS, SHADER_ROOTS } from './left_out.ts';
 import { functionsIn, withoutDeadBranches, withoutSpaces } from './shader_text.ts';
 
-/** three.js's modules with shaders, reduced to what the scene's materials can reach. */
+/** three.js's shader modules, reduced to what the scene's materials can reach. */
 export interface LeanShaders {
   /** The text of a module with one or more shaders. */
   module(file: string, text: string): string;
@@ -15,7 +15,7 @@ const FOLDER = 'renderers/shaders/';
 const LITERAL = /\/\* glsl \*\/\s*`([^`]*)`/g;
 const INCLUDE = /^[ \t]*#include +<([\w\d./]+)>[ \t]*\n?/gm;
 
-/** `src`: three.js's sources; `scene`: the folder of the scene's sources, whose text tells what it uses. */
+/** `src`: three.js's sources; `scene`: the folder with the scene's sources, whose text shows what it uses. */
 export function leanShaders(src: string, scene: string): LeanShaders {
   const own = sourcesIn(scene);
   const reduced = (text: string) => withoutDeadBranches(text, MACROS);
@@ -34,7 +34,7 @@ export function leanShaders(src: string, scene: string): LeanShaders {
   }
   const kept = reachable(src, own, files, namesOf);
   const everything = () => [...kept].flatMap((name) => files.get(namesOf.get(name)!)!).join('\n');
-  // A chunk of which nothing is left is not asked for any more, unless the scene puts something of its own there.
+  // An empty chunk is no longer included, unless the scene puts its own code there.
   const empty = [...kept].filter(
     (name) => files.get(namesOf.get(name)!)!.every((text) => withoutSpaces(text) === '') && !named(own, name),
   );
@@ -74,7 +74,7 @@ export function leanShaders(src: string, scene: string): LeanShaders {
   };
 }
 
-/** The modules' names that the kept entries of `ShaderLib.js`, the renderer and the scene lead to. */
+/** The names of the modules reachable from the kept entries of `ShaderLib.js`, the renderer and the scene. */
 function reachable(
   src: string,
   own: string,

@@ -1,7 +1,7 @@
 /**
- * Runs before the page's own script has come: for a robot's page it starts what takes round trips. The stream connects,
- * the model's manifest and its coarsest level follow as soon as their names are known. The page finds all of it under way.
- * Of a recording it asks for the index.
+ * Runs before the page's main script has loaded. On a robot's page it starts everything that takes round trips: the stream
+ * connects, and the model's manifest and coarsest level are requested as soon as their names are known. The page then picks up
+ * these requests. For a recording, it requests the index.
  */
 
 import { adoptPath } from './app/state/path.ts';
@@ -26,19 +26,20 @@ if (recording !== null) {
   if (!embedded) {
     const stop = new AbortController();
     const answer = fetch(recording, { credentials: 'omit', signal: stop.signal });
-    answer.catch(() => {}); // it is asked for again, which says what is wrong
+    answer.catch(() => {}); // the page requests it again and reports the error
     early.request = { answer, stop };
   }
 } else if (route.page === 'robot' && !embedded) {
   const { robot } = route;
-  prepareStream(); // side by side with what is waited for
-  // `config.json` may tell the stream to take no socket. It is as quick as the stream's own code; the page waits for it as well.
+  prepareStream(); // in parallel with what the page waits for
+  // `config.json` may tell the stream not to open a socket. It loads as fast as the stream's own code, and the page waits for it
+  // as well.
   settled.then(({ base }) => {
     if (base === null) return;
     startEarly(
       streamUrl(robot),
       WANTED_HZ,
-      (hash) => void builtModelAt(manifestUrl(robot, hash)).catch(() => {}), // the page asks again, and says what is wrong
+      (hash) => void builtModelAt(manifestUrl(robot, hash)).catch(() => {}), // the page requests it again and reports the error
       laneUrl(robot),
     );
   });

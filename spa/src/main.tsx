@@ -21,19 +21,19 @@ import './app/styles/tokens.css';
 import './app/styles/page.css';
 import './app/styles/robot.css';
 
-/** `embed/index.html` is the same page for an iframe. It asks for nothing before it is on the screen. */
+/** `embed/index.html` is the same page for an iframe. It sends no request before it is on screen. */
 const EmbedPage = late(async () => (await import('./app/pages/embed/EmbedPage.tsx')).EmbedPage, onDemand);
 const embedded = document.documentElement.dataset.page === 'embed';
 
 performance.mark('posecast:script');
-// Before the first render: they are the largest parts of the page, and whoever opens a robot wants them.
+// Before the first render: these are the largest parts of the page, and every robot page needs them.
 const { page } = parseRoute(window.location.hash);
 const isRecording = recordingUrl() !== null;
 if (!embedded && isRecording) {
-  loadRecording().catch(() => {}); // the body comes behind its first pose
+  loadRecording().catch(() => {}); // the body is shown after its first pose
   loadPanel().catch(() => {});
 } else if (!embedded && page === 'robot') {
-  loadPanel().catch(() => {}); // the page asks again, and says what is wrong
+  loadPanel().catch(() => {}); // the page requests it again and reports the error
   if (hasWebGl()) loadThree().catch(() => {});
 } else if (!embedded && page === 'list') loadList().catch(() => {});
 installDebugApi();
@@ -41,7 +41,7 @@ const lend = () => applyLinkSettings(queryOf(window.location.hash));
 lend();
 leavePath();
 window.addEventListener('hashchange', leavePath);
-window.addEventListener('hashchange', lend); // another link, not what the page itself writes there
+window.addEventListener('hashchange', lend); // the user followed another link; the page's own writes don't trigger this
 reloadAfterDeploy();
 const root = document.getElementById('root');
 if (root !== null) {

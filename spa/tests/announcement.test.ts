@@ -14,7 +14,7 @@ const LIMITS = new ValueLimits(SCHEMA.mapping);
 const CHOICE = { shown: 'pos', lens: false, forces: true, level: true, load: 'off' } as const;
 const LIVE = { word: 'LIVE', cause: null, overShare: false } as const;
 
-/** A body that leans so, degrees. */
+/** A body with this lean, degrees. */
 function lean(roll: number, pitch: number): Record<string, number> {
   const [w, x, y, z] = quatOfRpy([(roll * Math.PI) / 180, (pitch * Math.PI) / 180, 0.7]);
   const code = (part: number) => Math.round(part * 1000);
@@ -45,14 +45,14 @@ describe('a robot in words', () => {
   it('is how it stands, what presses too hard, and what is faulted', () => {
     expect(say({}).text).toBe('Small: live; upright');
     expect(say({ ...lean(-3, 0.5), 'ftf.RF.fz': 280 }, [fault('LKN'), fault('RKN')]).text).toBe(
-      'Small: live; upright, leaning 3° left; right foot 280 N, caution; 2 joints faulted',
+      'Small: live; upright, leaning 3° left; right foot 280 N, caution; 2 joints with faults',
     );
     expect(say({ 'ftf.RF.fz': -20 }, [fault('RKN'), fault('LKN', 7)]).text).toBe(
       'Small: live; upright; RKN: jam',
     );
   });
 
-  it('leans to four sides, far over, or lies', () => {
+  it('leans to four sides, far from upright, or lies', () => {
     const postures = [lean(4, 1), lean(1, 8), lean(1, -8), lean(0, 40), lean(85, 0)].map(
       (changed) => say(changed).text.split('; ')[1],
     );
@@ -60,7 +60,7 @@ describe('a robot in words', () => {
       'upright, leaning 4° right',
       'upright, leaning 8° forward',
       'upright, leaning 8° backward',
-      'far over, leaning 40° forward',
+      'far from upright, leaning 40° forward',
       'lying, leaning 85° right',
     ]);
   });

@@ -204,7 +204,7 @@ describe('words', () => {
     expect(refused(4404)).toEqual(['no such robot', en.endedAbsent]);
     expect(refused(4403)).toEqual(['not shared', en.endedForbidden]);
     expect(refused(4401, 3200)).toEqual(['STALE 3.2 s: sign-in needed', en.endedToken]);
-    expect(refused(1013)).toEqual(['hall full', en.endedFull]);
+    expect(refused(1013)).toEqual(['relay full', en.endedFull]);
     expect(refused(1006)).toEqual(['no connection', en.endedLost]);
     expect(chip({ word: 'OFFLINE' }, at + 3200)).toBe('OFFLINE since 14:02');
     expect(chip({ word: 'OFFLINE', ageMs: null })).toBe('OFFLINE');
@@ -215,7 +215,7 @@ describe('words', () => {
     expect(chip({ overShare: true })).toBe('LIVE 30 Hz · 38 ms robot sends too much');
     expect(chip({ overShare: true, word: 'HOLDING' })).toBe('HOLDING 12 s robot sends too much');
     expect(ko.overShare).toBe('로봇이 너무 많이 보냄');
-    const why = /more than its share of the relay/;
+    const why = /more than its share/;
     expect(explanationWords(verdict({ overShare: true }), link).join(' ')).toMatch(why);
     expect(explanationWords(verdict({}), link).join(' ')).not.toMatch(why);
     const said = (overShare: boolean) =>
@@ -235,7 +235,7 @@ describe('words', () => {
       'No connection. Trying again in 4 s.',
     );
     expect(stage(lost, { phase: 'waiting', retryAtMs: 13_000, ending: { code: 1013, reason: '' } })).toBe(
-      'The hall is full. Trying again in 12 s.',
+      'The relay is full. Trying again in 12 s.',
     );
     expect(stage(lost, { phase: 'connecting' })).toBe('No connection. Trying again.');
     expect(stage(lost, { phase: 'ended', ending: { code: 4403, reason: '' } })).toBe(
@@ -253,7 +253,7 @@ describe('words', () => {
     const events: Link = { ...link, by: 'events', roundTripMs: null };
     const { word, detail, more } = chipWords(verdict({}), events, 0);
     expect(`${word} ${detail}${more}`).toBe('LIVE 30 Hz · over HTTP');
-    expect(explanationWords(verdict({}), events).join(' ')).toMatch(/No WebSocket/);
+    expect(explanationWords(verdict({}), events).join(' ')).toMatch(/WebSocket does not work/);
     expect(explanationWords(verdict({}), link).join(' ')).not.toMatch(/WebSocket/);
   });
 
@@ -265,7 +265,7 @@ describe('words', () => {
       /reads a mirror.* at most 2 poses a second/,
     );
     const unwritten = explanationWords(verdict({ word: 'STALE', cause: 'relay degraded' }), mirror);
-    expect(unwritten[0]).toMatch(/^Nobody writes the mirror/);
+    expect(unwritten[0]).toMatch(/^The mirror is not being updated/);
   });
 
   it('of waiting name what is missing', () => {
@@ -277,7 +277,7 @@ describe('words', () => {
       all,
     ].map(waitingWords);
     expect(new Set(words).size).toBe(4);
-    expect(words[0]).toBe('Waiting for the relay to answer.');
+    expect(words[0]).toBe('Waiting for the relay.');
   });
 
   it('of missing meshes name them', () => {

@@ -2,7 +2,7 @@ import { readdirSync, readFileSync } from 'node:fs';
 import path from 'node:path';
 import { describe, expect, it } from 'vitest';
 
-/** The rooms of `src/`, each with those that it may import from; `main.tsx` and `early.ts` may import from all. */
+/** The folders of `src/`, each with those that it may import from; `main.tsx` and `early.ts` may import from all. */
 const ROOMS: Readonly<Record<string, readonly string[]>> = {
   browser: [],
   relay: ['browser'],
@@ -19,7 +19,7 @@ const ROOMS: Readonly<Record<string, readonly string[]>> = {
   app: ['auth', 'browser', 'canvas2d', 'model', 'past', 'relay', 'stream', 'three', 'twin', 'urdf', 'view'],
 };
 
-/** Rooms that nothing of three.js or React reaches, over however many files. */
+/** Folders that must not reach three.js or React, even indirectly. */
 const PLAIN = [
   'browser',
   'relay',
@@ -34,12 +34,12 @@ const PLAIN = [
   'canvas2d',
 ];
 
-/** Lies among three.js's addons, and imports nothing. */
+/** In three.js's addons, without imports. */
 const DECODER = 'three/addons/libs/meshopt_decoder.module.js';
 
 const SRC = path.resolve(import.meta.dirname, '../src');
 
-/** Every source file with what it imports: files as paths below `src/`, packages by name. Types and lazy imports count. */
+/** Every source file with its imports: files as paths below `src/`, packages by name. Types and lazy imports count. */
 function importGraph(): Map<string, string[]> {
   const files = readdirSync(SRC, { recursive: true, encoding: 'utf8' }).filter(
     (file) => /\.tsx?$/.test(file) && !/(\.test|samples?)\.ts$/.test(file),

@@ -28,7 +28,7 @@ const STYLE = {
   live: true,
 } as const;
 
-/** The states of a case, so much later. */
+/** The states of a case, shifted by this time. */
 function statesOf({ schema, frames }: BalanceCase, laterMs = 0): RobotState[] {
   return frames.map(({ t, codes }, seq) => {
     const atMs = t * 1000 + laterMs;
@@ -37,7 +37,7 @@ function statesOf({ schema, frames }: BalanceCase, laterMs = 0): RobotState[] {
   });
 }
 
-/** The signs of a robot, drawn state by state as at rest, each as it is. */
+/** The signs of a robot, drawn state by state, each as if at rest. */
 function signsOf({ manifest, schema }: BalanceCase) {
   const signs = new BalanceOverlay(new Facets(), () => null);
   const body = new FrameBody(manifest, schema);

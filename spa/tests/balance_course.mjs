@@ -1,4 +1,4 @@
-/** Reads the page's balance of a course of frames, for tests in other languages: `node balance_course.mjs < COURSE`. */
+/** Computes the page's balance for a sequence of frames, for tests in other languages: `node balance_course.mjs < COURSE`. */
 import path from 'node:path';
 import { text } from 'node:stream/consumers';
 import { fileURLToPath } from 'node:url';

@@ -4,19 +4,20 @@ import { readManifest } from '../src/model/manifest.ts';
 import { captureTime } from '../src/twin/balance/capture_point.ts';
 import { type ExpectedBalance, tellBalance } from './balance_vectors.ts';
 
-/** A robot and what it reported. */
+/** A robot and its reports. */
 interface Course {
   readonly manifest: Record<string, unknown>;
   readonly schema: string;
   readonly frames: readonly {
     readonly t: number;
     readonly codes: readonly number[];
-    /** m/s of the centre of mass, for a capture point by it instead of the page's own velocity, above a floor at 0. */
+    /** m/s of the centre of mass, to compute the capture point from it instead of from the page's own velocity, with the floor at
+     *  0. */
     readonly velocity?: readonly number[];
   }[];
 }
 
-/** The page's balance of every frame, in the words of the vectors. */
+/** The page's balance for every frame, in the format of the vectors. */
 export function readCourse({ manifest, schema, frames }: Course): {
   readonly frames: readonly (ExpectedBalance & { readonly captured: readonly number[] | null })[];
 } {

@@ -7,7 +7,7 @@ import { Balancer } from '../src/twin/balance/balancer.ts';
 import type { Foot } from '../src/twin/balance/standing.ts';
 import type { Vec3 } from '../src/twin/rotation.ts';
 
-/** Where a link is: turned by `yaw` (rad) about the vertical. */
+/** The pose of a link, rotated by `yaw` (rad) about the vertical. */
 interface Place {
   readonly at: Vec3;
   readonly yaw?: number;
@@ -65,7 +65,7 @@ class Walker {
     return this;
   }
 
-  /** The middle of the footprint that was left last, by its first two facets. */
+  /** The middle of the newest footprint, from its first two facets. */
   get lastPrint(): number[] {
     const facets = new Facets();
     const style = {
@@ -89,7 +89,7 @@ const near = (...values: number[]) => values.map((value) => expect.closeTo(value
 
 it('without odometry what was left moves and turns with the foot that stands', () => {
   const walker = new Walker();
-  // The scene keeps the trunk at its origin: the right foot stands, and the left one is lifted.
+  // The scene keeps the trunk at its origin: the right foot stands, and the left one is raised.
   walker.step({ at: [0, 0, 1] }, { at: [0, -0.1, 0] }, { at: [0, 0.1, 0] });
   walker.step({ at: [0, 0, 1] }, { at: [0, -0.1, 0] }, { at: [0, 0.1, 0.05] });
   expect(walker.lastPrint).toEqual(near(0, 0.1));
@@ -125,7 +125,7 @@ it('begins anew where no foot is shared with the pose before, and after a gap', 
     walker.step({ at: [0, 0, 1] }, { at: [0, -0.1, 0] }, { at: [0, 0.1, 0] });
     walker.step({ at: [0, 0, 1] }, { at: [0, -0.1, 0] }, { at: [0, 0.1, 0.05] });
     expect(walker.left.prints).toBe(1);
-    // Either the left foot alone bears now, or nobody knows where the right one has been.
+    // Either the left foot alone now bears weight, or it is unknown where the right one has been.
     walker.step({ at: [0, 0, 1] }, { at: [0, -0.1, right] }, { at: [0, 0.1, right / 2] }, { afterS });
     expect([walker.left.prints, walker.left.points]).toEqual([0, 1]);
   }

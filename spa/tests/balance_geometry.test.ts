@@ -7,7 +7,7 @@ import { convexHull } from '../src/twin/balance/convex_hull.ts';
 import { limitMargin } from '../src/twin/balance/limit_margin.ts';
 import { marginIn } from '../src/twin/balance/margin.ts';
 
-/** Millimetres on a grid, so that there are repeated points and straight edges, and no slivers. */
+/** Millimetres on a grid, so that there are duplicate points and straight edges, and no slivers. */
 const points = (least: number) =>
   fc.array(fc.tuple(fc.integer({ min: -20, max: 20 }), fc.integer({ min: -20, max: 20 })), {
     minLength: least,
@@ -25,7 +25,7 @@ function turn(a: Vec2, b: Vec2, c: Vec2): number {
   return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
 }
 
-/** Jarvis' march: from the lowest point on, always to the one that has all others on its left. */
+/** Jarvis' march: from the lowest point, always to the point with all others on its left. */
 function giftWrap(corners: readonly Vec2[]): Vec2[] {
   const start = corners.reduce((a, b) => (b[0] < a[0] || (b[0] === a[0] && b[1] < a[1]) ? b : a));
   const found: Vec2[] = [];

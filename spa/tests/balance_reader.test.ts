@@ -6,10 +6,10 @@ import { readManifest } from '../src/model/manifest.ts';
 import { ForcePlay } from '../src/twin/playback/force_play.ts';
 import { type BalanceFrame, readBalanceCases, tellBalance } from './balance_vectors.ts';
 
-/** What codes of the vectors are rounded to: 0.1 mN and 0.1 mN·m move a centre of pressure by less. */
+/** Rounding of the codes in the vectors: 0.1 mN and 0.1 mN·m move a centre of pressure by less. */
 const NEAR = 5e-6;
 
-/** The numbers within the vectors' rounding, all else exactly. */
+/** Compares numbers within the vectors' rounding, everything else exactly. */
 function near(value: unknown, by = NEAR): unknown {
   if (typeof value === 'number')
     return expect.toSatisfy((found) => Math.abs((found as number) - value) <= by);
@@ -61,7 +61,7 @@ it.each(cases)('$name: what is played with the pose is in N and N·m, too', ({ m
 
 const stands = cases.find(({ name }) => name === 'stands')!;
 
-/** The balance of the first frame that stands, with some of the manifest or the schema otherwise. */
+/** The balance of the first standing frame, with changes to the manifest or the schema. */
 function readOtherwise(members: Record<string, unknown>, mapping?: unknown) {
   const manifest = readManifest({ ...stands.manifest.raw, ...members });
   const text = JSON.stringify({
@@ -76,8 +76,8 @@ function readOtherwise(members: Record<string, unknown>, mapping?: unknown) {
 it('what a bundle has wrong is told in a line, and is as good as not there', () => {
   const { reader, told } = readOtherwise({ inertials: [{ link: 99 }], soles: 'none' });
   expect(reader.problems).toEqual([
-    'model manifest: inertials[0]: its link is not there',
-    'model manifest: soles is no list',
+    'model manifest: inertials[0]: its link does not exist',
+    'model manifest: soles is not a list',
   ]);
   expect([told.gaps.centre_of_mass, told.gaps.polygon]).toEqual(['old-bundle', 'old-bundle']);
   expect([reader.hasAny, reader.onByItself]).toEqual([false, false]);

@@ -27,7 +27,7 @@ const FEET: readonly Vec2[] = [
 ];
 const NO_GAPS = { centreOfMass: null, polygon: null, margin: null, pressure: null, capturePoint: null };
 
-/** A robot on these feet whose margin is measured to the edge on its left (y = 0.1). */
+/** A robot on these feet, whose margin is measured to the left edge (y = 0.1). */
 function standing(marginMm: number | null, changed: Partial<Balance> = {}): Balance {
   return {
     massKg: 50,
@@ -55,7 +55,7 @@ function judged() {
     judge.next(standing(marginMm, changed), heading, limits);
 }
 
-/** One foot in the air beside what it stands on, on its left. */
+/** A raised foot to the left of the support. */
 const RAISED = {
   feet: [
     {
@@ -192,8 +192,8 @@ describe('what is said', () => {
     stanceWords(stance(changed), was, balanceEn).replaceAll('\u00a0', ' ');
 
   it('is one sentence, in the past tense of what is old', () => {
-    expect(said({})).toBe('The centre of mass is 31 mm inside the edge of what it stands on.');
-    expect(said({}, true)).toBe('The centre of mass was 31 mm inside the edge of what it stood on.');
+    expect(said({})).toBe('The centre of mass is 31 mm inside the area it stands on.');
+    expect(said({}, true)).toBe('The centre of mass was 31 mm inside the area it stood on.');
     expect(said({ kind: 'outside', marginMm: -12, side: 'left' })).toBe(
       'It would fall to its left: the centre of mass is 12 mm outside.',
     );
@@ -206,11 +206,11 @@ describe('what is said', () => {
       'It was moving: the centre of mass was 12 mm outside, but it would have come to rest over its feet.',
     );
     expect(balanceKo.wasMoving('12 mm')).toMatch(/움직이는 중이었습니다: .*12 mm/);
-    expect(said({ assumed: true })).toMatch(/inside .* is assumed: no sensor measures it\.$/);
+    expect(said({ assumed: true })).toMatch(/inside .* Assumed: .* No sensor measures it\.$/);
     expect(said({ kind: 'airborne', marginMm: null, assumed: true })).toBe('No foot bears weight.');
     expect(said({ kind: 'unread', marginMm: null }, true)).toBe('');
     expect(said({ kind: 'orientation-unread', marginMm: null, assumed: true })).toBe(
-      'How its body is turned has no reading, so nobody knows how it stands.',
+      'Its body’s orientation has no reading, so the page can’t tell how it stands.',
     );
   });
 
@@ -292,10 +292,10 @@ describe('what can’t be known', () => {
   it('is said once each, with what the doctor found', () => {
     expect(lacksOf(gaps(null, null), [])).toEqual([]);
     const old = lacksOf(gaps('old-bundle', 'old-bundle'), []);
-    expect(lines(old)).toEqual(['This model was built before masses were kept: build it again.']);
+    expect(lines(old)).toEqual(['This model was built without masses. Build it again.']);
     expect(lines(lacksOf(gaps('no-masses', 'no-feet'), []))).toEqual([
       'The robot’s description has no masses.',
-      'This robot has no feet that are known: an arm, wheels or a stand have none; [balance] in the profile names them.',
+      'This robot has no known feet, like an arm, wheels or a stand. Name its feet under [balance] in the profile.',
     ]);
     const findings = [null, { code: 7 }, { code: 'mass-negative', text: 'link head: \u202emass -3 kg' }];
     const bad = lacksOf(gaps('impossible-masses', null), toldOfMasses(findings));
@@ -303,8 +303,8 @@ describe('what can’t be known', () => {
     expect(lines(lacksOf(gaps('impossible-masses', null), toldOfMasses('nonsense')))).toEqual([
       balanceEn.impossibleMasses,
     ]);
-    expect(lines(lacksOf(gaps(null, null), [], ['soles[0]: its link is not there']))).toEqual([
-      'soles[0]: its link is not there',
+    expect(lines(lacksOf(gaps(null, null), [], ['soles[0]: its link does not exist']))).toEqual([
+      'soles[0]: its link does not exist',
     ]);
   });
 
@@ -316,7 +316,7 @@ describe('what can’t be known', () => {
     ]);
     expect(told('airborne')).toEqual(told(null));
     expect(told('no-wrench')).toEqual([
-      'Which feet bear weight is not known: not every foot measures its force (Fz).',
+      'The page can’t tell which feet bear weight: not every foot measures its force (Fz).',
     ]);
     expect(lackWords({ why: 'no-pressure' }, balanceKo)).toContain('Fz, Mx, My');
   });

@@ -3,7 +3,7 @@ import { parseSchema, type Schema } from '@posecast/wire';
 import { type Manifest, readManifest } from '../src/model/manifest.ts';
 import type { Balance, BalanceGap } from '../src/twin/balance/balance.ts';
 
-/** Of `wire/vectors/balance.json`; `wire/python/tools/make_balance_vectors.py` says what is what. */
+/** From `wire/vectors/balance.json`; `wire/python/tools/make_balance_vectors.py` documents the format. */
 export interface ExpectedBalance {
   readonly mass_kg: number;
   readonly centre_of_mass_m: readonly number[] | null;
@@ -67,7 +67,7 @@ export function readBalanceCases(): readonly BalanceCase[] {
   });
 }
 
-/** What was found, in the words of the vectors. */
+/** The result, in the format of the vectors. */
 export function tellBalance(found: Balance): ExpectedBalance {
   const { gaps } = found;
   const named = {

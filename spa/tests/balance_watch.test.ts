@@ -11,7 +11,7 @@ import { History } from '../src/twin/plots/history.ts';
 import { RobotTwin } from '../src/twin/robot.ts';
 import { type BalanceCase, readBalanceCases } from './balance_vectors.ts';
 
-/** By address, what a manifest is answered with. */
+/** The answer for a manifest, by address. */
 const manifests = new Map<string, unknown>();
 vi.mock('../src/model/files.ts', () => ({
   manifestAt: async (url: string) => {
@@ -25,7 +25,7 @@ const named = (name: string): BalanceCase => cases.find((one) => one.name.starts
 
 let robots = 0;
 
-/** A robot of a case, with its watch once the model is here. `show`: gives it the states of the case. */
+/** A robot of a case, with its watch once the model has loaded. `show`: passes it the states of the case. */
 async function robotOf({ manifest, schema, frames }: BalanceCase) {
   robots += 1;
   const twin = new RobotTwin(`r${robots}`, 0);
@@ -53,7 +53,7 @@ const margins = (watch: BalanceWatch) => watch.known?.stance?.marginMm ?? null;
 
 beforeEach(() => changeSettings({ balance: 'auto' }));
 
-/** What is lacking by what the watch knows; undefined before it knows anything. */
+/** The missing data according to the watch; undefined before it knows anything. */
 function lacksNow({ known }: BalanceWatch) {
   return known === null
     ? undefined

@@ -10,7 +10,7 @@ const blended = (layout: Layout, from: number[], to: number[], part: number) => 
   blend(layout, Float64Array.from(from), Float64Array.from(to), part, into);
   return [...into];
 };
-/** A turn about an axis as w, x, y, z. */
+/** A rotation about an axis as w, x, y, z. */
 const turn = ([x, y, z]: readonly number[], angle: number) => {
   const s = Math.sin(angle / 2) / Math.hypot(x!, y!, z!);
   return [Math.cos(angle / 2), x! * s, y! * s, z! * s];

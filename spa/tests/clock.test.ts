@@ -9,7 +9,7 @@ afterEach(() => {
   vi.useRealTimers();
 });
 
-/** The wall goes on while `performance.now()` stands still: a device that sleeps. */
+/** The wall clock continues while `performance.now()` stops, as on a sleeping device. */
 function sleep(ms: number): void {
   const standsAtMs = performance.now();
   vi.advanceTimersByTime(ms);

@@ -1,4 +1,4 @@
-/** What strangers send costs no more than in proportion to its length. */
+/** The cost of untrusted input grows at most in proportion to its length. */
 
 import { parseSchema } from '@posecast/wire';
 import { strToU8 } from 'fflate';

@@ -1,4 +1,4 @@
-/** A robot's model and a dropped folder cost no more than in proportion to their length, whatever lies in them. */
+/** The cost of a robot's model and of a dropped folder grows at most in proportion to their length, whatever they contain. */
 
 import { strToU8, zipSync } from 'fflate';
 import { afterAll, beforeAll, describe, expect, test, vi } from 'vitest';
@@ -63,15 +63,13 @@ describe('a manifest', () => {
 
   test('names that stand there twice are refused: they would go round in a circle', () => {
     const twice = { ...robot(2, (i) => i), links: ['a', 'b', 'a'] };
-    expect(() => readManifest(twice)).toThrow('model manifest: links: a name stands there twice');
+    expect(() => readManifest(twice)).toThrow('model manifest: links: a name is used twice');
     const joints = [joint(0, 0), { ...joint(1, 1), name: 'j0' }];
-    expect(() => readManifest({ ...robot(2, (i) => i), joints })).toThrow(
-      'joints: a name stands there twice',
-    );
+    expect(() => readManifest({ ...robot(2, (i) => i), joints })).toThrow('joints: a name is used twice');
   });
 });
 
-/** A GLB of this document, and as many bytes behind it. */
+/** A GLB with this document, followed by this many bytes. */
 function glb(document: object, binary: number): Uint8Array {
   const json = strToU8(JSON.stringify(document));
   const length = json.length + ((4 - (json.length % 4)) % 4);
@@ -132,7 +130,7 @@ describe('a GLB', () => {
 });
 
 describe('XML', () => {
-  // A browser's own reader is not ours to measure: it is told to find fault with everything.
+  // A browser's own parser is not measured: it is told to reject everything.
   beforeAll(() =>
     vi.stubGlobal(
       'DOMParser',
@@ -167,7 +165,7 @@ describe('XML', () => {
   ])('%s', (_, make) => expectNoFasterThanInput(make, readXml, 20_000));
 });
 
-/** As `readXml` gives it. */
+/** As returned by `readXml`. */
 function element(
   tag: string,
   attributes: Record<string, string> = {},
@@ -256,13 +254,13 @@ describe('a URDF', () => {
   ])('%s', (_, make, n) => expectNoFasterThanInput(make, (root) => drawn(readUrdf(root)), n));
 });
 
-/** All that is made of a URDF before its meshes are read. */
+/** Everything computed from a URDF before its meshes are read. */
 function drawn(urdf: Urdf): void {
   diagnose(urdf, new Set(), null);
   try {
     modelOf(urdf);
   } catch (cause) {
-    if (!(cause instanceof UrdfError)) throw cause; // a circle has no root
+    if (!(cause instanceof UrdfError)) throw cause; // a cycle has no root
   }
 }
 
@@ -321,7 +319,7 @@ describe('an STL', () => {
     ['vertices of nothing', (n) => `solid facet ${'vertex '.repeat(n / 7)}`],
   ])('of %s', (_, make) => expectNoFasterThanInput((n) => strToU8(make(n)), parseStl, 20_000));
 
-  /** A fan: each face leans its own way, round one corner. */
+  /** A fan: each face has a different tilt, around one corner. */
   const fan = (n: number) =>
     Float32Array.from(
       many(n, (i) => {
@@ -330,7 +328,7 @@ describe('an STL', () => {
       }).flat(),
     );
   test('of faces round one corner', () => expectNoFasterThanInput(fan, weld, 2000));
-  /** Corners whose bits fall into one place of a hash by the usual factors. */
+  /** Corners whose bits collide in a hash with the usual factors. */
   const colliding = (n: number) => {
     const bits = new Uint32Array(n * 9);
     for (let i = 0; i < n * 3; i += 1) bits.set([0x3f800000 + (i << 7), 0x3f800000, 0x3f800000], i * 3);

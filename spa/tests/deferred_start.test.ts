@@ -1,7 +1,7 @@
 import { expect, it } from 'vitest';
 import { startWhenLoaded } from '../src/app/shell/deferred_start.ts';
 
-/** Code that comes when it is told to. */
+/** Code that loads when the test says so. */
 function code() {
   const heard: string[] = [];
   let come!: () => void;

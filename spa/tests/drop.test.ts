@@ -89,7 +89,7 @@ describe('a dropped robot', () => {
   });
 
   it.each([
-    ['no URDF', { 'a.stl': 'x' }, 'No .urdf among these files.'],
+    ['no URDF', { 'a.stl': 'x' }, 'These files include no .urdf.'],
     [
       'an entity',
       { 'r.urdf': '<!DOCTYPE r [<!ENTITY a "b">]><robot/>' },
@@ -168,7 +168,7 @@ describe('what is dropped', () => {
       fullPath,
       file: (take: (file: File) => void) => take(new File(['x'], fullPath)),
     }) as unknown as FileSystemEntry;
-  /** A folder whose reader hands out a hundred entries at a time, as browsers do. */
+  /** A folder whose reader returns a hundred entries at a time, as in browsers. */
   const directory = (entries: FileSystemEntry[]) => {
     const readEntries = (take: (some: FileSystemEntry[]) => void) => take(entries.splice(0, 100));
     return { isFile: false, createReader: () => ({ readEntries }) } as unknown as FileSystemEntry;
@@ -222,6 +222,6 @@ describe('a zip', () => {
       Array.from({ length: MAX_FILES + 1 }, (_, i) => [`${i}.txt`, new Uint8Array()]),
     );
     await expect(unzip(zipped(many))).rejects.toThrow('more than 5000 members');
-    await expect(unzip(new Blob(['this is no zip at all']))).rejects.toThrow('This is no zip.');
+    await expect(unzip(new Blob(['this is no zip at all']))).rejects.toThrow('This is not a zip file.');
   });
 });

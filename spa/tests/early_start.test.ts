@@ -3,7 +3,7 @@ import { afterEach, expect, it, vi } from 'vitest';
 const HOME = 'https://page.example/';
 const CONFIG = { lane: 'https://cdn.example' };
 
-/** Runs the early script of a robot's page, whose `config.json` comes when it is let go. Returns what its worker is told. */
+/** Runs the early script of a robot's page, whose `config.json` arrives when released. Returns the messages to its worker. */
 async function begin() {
   vi.resetModules();
   const told: object[] = [];

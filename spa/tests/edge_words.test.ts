@@ -7,7 +7,7 @@ afterEach(() => {
   language.korean = null;
 });
 
-const TOO_LARGE = "robot's samples are too large"; // posecast_edge/sources/jsonl.py says it so
+const TOO_LARGE = "robot's samples are too large"; // the text in posecast_edge/sources/jsonl.py
 
 it('what an agent reports about its source is translated, a robot’s own words are not', async () => {
   expect(edgeWords('source', TOO_LARGE)).toBe(TOO_LARGE);

@@ -55,8 +55,8 @@ describe('words for endings', () => {
   const words = (code: number) => endingWords({ code, reason: '' });
 
   it('are of their own where the relay said why', () => {
-    expect(words(1011)).toBe('The relay met a fault of its own.');
-    expect(ko.endedFailed).toBe('릴레이에 문제가 생겼습니다.');
+    expect(words(1011)).toBe('The relay had an internal error.');
+    expect(ko.endedFailed).toBe('릴레이에 내부 오류가 생겼습니다.');
     expect([words(1012), words(1013)]).toEqual([en.endedRestarting, en.endedFull]);
     expect([words(1006), words(4408)]).toEqual([en.endedLost, en.endedLost]);
   });

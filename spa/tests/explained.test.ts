@@ -87,6 +87,6 @@ it('a label is about what it names', () => {
 });
 
 it('what is said of an arrow tells what its colours mean, in its first paragraph', () => {
-  expect(en.signs.force.what).toMatch(/green.*yellow.*red/);
+  expect(en.signs.force.what).toMatch(/green.*yellow.*red/i);
   expect(ko.signs.force.what).toMatch(/초록.*노랑.*빨강/);
 });

@@ -11,7 +11,7 @@ import { JointTable } from '../src/twin/joints.ts';
 import { codesWith, SCHEMA } from './schema.ts';
 
 const JAM = 4;
-/** Both clocks are right here, unless a test says otherwise. */
+/** Both clocks agree here, unless a test says otherwise. */
 const AT_S = 1_800_000_000;
 const AT_MS = AT_S * 1000;
 

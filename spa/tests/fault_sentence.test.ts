@@ -11,7 +11,7 @@ import { RobotTwin } from '../src/twin/robot.ts';
 import { codesWith, SCHEMA_TEXT } from './schema.ts';
 
 const AT_MS = 1_800_000_000_000;
-const JAM = 7; // homed and enabled, too
+const JAM = 7; // also homed and enabled
 const TOLD = {
   flags: {
     jam: {
@@ -69,7 +69,7 @@ it('leaves out what is not known: a value without a reading, and all of them onc
   look(0, { 'flags.LKN': JAM, 'pos.LKN': null });
   expect(told(9000)).toEqual({ said: 'LKN is blocked for 9 s.', code: '', bit: 'jam', aged: true });
   look(9100, {});
-  expect(told(9200)).toEqual({ said: 'Was: LKN is blocked.', code: '', bit: 'jam', aged: false });
+  expect(told(9200)).toEqual({ said: 'Earlier: LKN is blocked.', code: '', bit: 'jam', aged: false });
 });
 
 it('tells which joint: by its code before a sentence that names none', () => {

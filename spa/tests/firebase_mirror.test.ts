@@ -12,10 +12,10 @@ const URL_ = 'https://lab.firebaseio.com/posecast/r.json';
 const base64 = (bytes: Uint8Array) => Buffer.from(bytes).toString('base64');
 const bytesOf = (text: string) => Uint8Array.from(Buffer.from(text, 'base64'));
 
-/** Reader, session and twin as worker and page join them, with a hand on the clock. */
+/** Reader, session and twin connected as in worker and page, with a manual clock. */
 class Rig {
   now = 1_000_000;
-  /** The relay's clock is another. */
+  /** The relay has a different clock. */
   at = 77_000;
   readonly reader = new MirrorReader(WIRE_VERSION);
   readonly session = new Session(URL_, 30, true, () => 0.5);
@@ -23,7 +23,7 @@ class Rig {
   readonly actions: Action[] = [];
   readonly seqs: number[] = [];
   readonly #frames = new Frames();
-  /** Of the newest frame that was written. */
+  /** For the newest written frame. */
   seq = 0;
 
   constructor() {
@@ -61,7 +61,7 @@ class Rig {
     this.#hear(said);
   }
 
-  /** A whole node, as it stands there at first. */
+  /** A whole node, as it is at first. */
   node(changed: object = {}): object {
     const key = this.frame(true);
     const schema = base64(new TextEncoder().encode(SCHEMA_TEXT));

@@ -7,7 +7,7 @@ it.each([
   ['/embed/', '#/r/hubo', 'hubo'],
   ['/embed/index.html', '#/r/hubo', 'hubo'],
   ['/embed/', '', null],
-  // the headers that came with the page are of the one that the path names
+  // the page's headers are for the robot that the path names
   ['/embed/open', '#/r/hubo', null],
   ['/embed/%6fpen', '#/r/hubo', null],
   ['/embed/%6fpen', '', null],

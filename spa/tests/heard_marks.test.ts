@@ -27,7 +27,7 @@ it('what was heard stands at its moment, in place of the minutes that tell of it
     heardAt(10, 1.2 * MIN),
     heardAt(11, 20_000, { level: 'caution' }),
   ];
-  // the first minute began before what was heard, so it stays
+  // the first minute started before the first event heard, so it stays
   expect(placesOf(withHeard(timeline, heard).marks)).toEqual([
     [5 * MIN, false],
     [1.2 * MIN, true],

@@ -22,7 +22,7 @@ function schemaOf(labels: Record<string, string[]>, sensors: Record<string, unkn
 }
 
 const near = (q: Quat | null, expected: Quat) => {
-  const sign = q !== null && q[0] * expected[0] < 0 ? -1 : 1; // q and -q are one rotation
+  const sign = q !== null && q[0] * expected[0] < 0 ? -1 : 1; // q and -q are the same rotation
   expect(q?.map((part) => part * sign)).toEqual(expected.map((part) => expect.closeTo(part, 3)));
 };
 

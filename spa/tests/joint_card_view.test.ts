@@ -25,7 +25,7 @@ function cardOf(coming: (() => readonly PastState[]) | null): HTMLElement {
   return host;
 }
 
-/** From where to where a path goes, of a width of 300. */
+/** The start and end of a path, in a width of 300. */
 function reach(card: HTMLElement, selector: string): number[] {
   const path = card.querySelector(selector)?.getAttribute('d') ?? '';
   const xs = [...path.matchAll(/[ML]([\d.]+)/g)].map(([, x]) => Number(x));

@@ -12,7 +12,7 @@ import { codesWith, SCHEMA } from './schema.ts';
 
 const JAM = 4;
 
-/** A table on a page of its own, and what makes its robot say something. */
+/** A table on a separate page, and functions to simulate its robot's reports. */
 function table(from: TableSources = {}, schema = SCHEMA) {
   const twin = new RobotTwin('small', 0);
   const host = document.createElement('div');
@@ -166,7 +166,7 @@ describe('a reading that is gone', () => {
 });
 
 describe('rows that nobody sees', () => {
-  /** What the page says of which rows are on the screen. */
+  /** The page's report of which rows are on screen. */
   let tell: (seen: Record<string, boolean>) => void = () => {};
   class Sight {
     readonly #rows: HTMLElement[] = [];
@@ -250,7 +250,7 @@ describe('what an update costs', () => {
     say({}, 100, pose({}));
     expect(await counted(), 'an unchanged robot').toHaveLength(0);
     say({}, 200, pose({ 'pos.J7': 1, 'cur.J9': 3 }));
-    // pos, and the error that comes of it; cur
+    // pos, and the error computed from it; cur
     expect((await counted()).map(({ type }) => type)).toEqual(Array(3).fill('characterData'));
     observer.disconnect();
     const nodes = host.querySelectorAll('*').length;

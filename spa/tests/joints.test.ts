@@ -14,7 +14,7 @@ const row = (changed: Parameters<typeof codesWith>[0], label = 'RKN') => {
   return found;
 };
 
-/** What stands in the columns of the right knee. */
+/** The columns of the right knee. */
 const numbers = (changed: Parameters<typeof codesWith>[0]) => {
   const table = new JointTable(SCHEMA);
   const at = table.read(codesWith(changed)).findIndex((r) => r.label === 'RKN');

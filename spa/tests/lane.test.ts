@@ -19,10 +19,10 @@ function expectOnce(shown: readonly Shown[]): void {
   expect(accepted).toEqual([...accepted].sort((a, b) => a - b));
 }
 
-/** Moments for which the word is right, whatever the truth is: around a change, which the page learns by its ticks. */
+/** Moments at which the state word counts as correct whatever the truth: around a change, which the page learns at its ticks. */
 const SLACK_MS = 400;
 
-/** What the page should say of the moment that it shows, as one who sees all would. */
+/** What the page should say about the displayed moment, with full knowledge. */
 function expectHonest(
   relay: LaneRelay,
   viewer: LaneViewer,
@@ -79,12 +79,12 @@ describe('a page in the lane', () => {
         [...new Set(viewer.events.map(({ n }) => n))].sort((a, b) => a - b),
       );
       expect(viewer.events.length).toBeGreaterThan(8);
-      // told within a quarter of a second, and never too little by more than the way of an answer
+      // reported within a quarter of a second, and never too low by more than an answer's transit time
       for (const { atMs, acceptedMs } of found) {
         const told = viewer.behindAt(atMs);
         expect(Math.abs(told - (atMs - acceptedMs))).toBeLessThan(400);
       }
-      // where it begins, the newest part, its schema, and then one each
+      // the starting point, the newest part, its schema, and then one request each
       const parts = relay.parts.filter(({ closedMs }) => closedMs > joinsMs && closedMs < 88_000).length;
       expect(viewer.requests.length).toBeLessThanOrEqual(parts + 5);
       expectFew(viewer);

@@ -3,7 +3,7 @@ import { afterEach, beforeEach, expect, it, vi } from 'vitest';
 const HOME = 'https://page.example/';
 const ROBOT = 'robots/demo';
 
-/** The modules as a page has them that was opened at this address beside this `config.json`. */
+/** The modules as in a page opened at this address beside this `config.json`. */
 async function opened(search: string, config: object) {
   vi.resetModules();
   vi.stubGlobal('window', {
@@ -48,7 +48,7 @@ it('reads past and model where the config has its lane, and lists robots at the 
 it('reads past and model at the relay once a stream had to leave the lane', async () => {
   const page = await opened('', { relay: 'https://relay.example', lane: 'https://cdn.example' });
   page.setAccountToken('T');
-  page.leaveLane('demo'); // a socket, but because somebody has signed in
+  page.leaveLane('demo'); // a socket, only because somebody has signed in
   page.setAccountToken('');
   expect(page.pastUrl('demo')).toContain('https://cdn.example/');
   page.leaveLane('demo');

@@ -4,12 +4,12 @@ import { LaneRelay, type Span } from './lane_relay.ts';
 import { LaneViewer, quantile } from './lane_viewer.ts';
 import { seeded } from './playout_sim.ts';
 
-/** Courses drawn at random: pauses, new runs, another relay, cuts, refusals, frozen and hidden pages. */
+/** Random scenarios: pauses, new runs, another relay, cuts, refusals, frozen and hidden pages. */
 
 const KEY_MS = 4000;
 const LASTS_MS = 150_000;
 const CALM_MS = 100_000;
-/** The page learns a change by its next tick, and a status is told twice a second. */
+/** The page learns of a change at its next tick, and a status is sent twice a second. */
 const SLACK_MS = 600;
 const COURSES = Number(process.env.POSECAST_LANE_COURSES ?? 12);
 
@@ -96,7 +96,7 @@ describe.each(Array.from({ length: COURSES }, (_, i) => i + 1))('course %i', (se
       if (!isClaim(verdict.word)) continue;
       const newest = viewer.shown.findLast((each) => each.atMs <= atMs);
       const bySight = newest === undefined ? atMs : newest.acceptedMs + atMs - newest.atMs;
-      const moments = [atMs - viewer.behindAt(atMs), bySight]; // what is told is but a bound where the lane has just begun
+      const moments = [atMs - viewer.behindAt(atMs), bySight]; // only a bound is reported if the lane has just started
       const words = moments.flatMap((momentMs) =>
         Array.from({ length: 25 }, (_, i) => relay.wordAt(momentMs + (i - 12) * (SLACK_MS / 12))),
       );

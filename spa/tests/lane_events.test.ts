@@ -17,7 +17,7 @@ function watch(story: Partial<LaneStory>, joinsMs: number, network: Partial<Lane
   return { relay, viewer };
 }
 
-/** The page has been told each event in order and once, up to the moment that it shows. */
+/** The page has received each event in order and once, up to the displayed moment. */
 function expectWhole(relay: LaneRelay, viewer: LaneViewer): void {
   const shownMs = viewer.nowMs - viewer.behindAt(viewer.nowMs);
   const all = relay.events.filter(({ atMs }) => atMs < shownMs - 500).map(({ n }) => n);
@@ -27,7 +27,7 @@ function expectWhole(relay: LaneRelay, viewer: LaneViewer): void {
   expect(viewer.twin.events.map(({ n }) => n)).toEqual(told.slice(-100));
 }
 
-/** A fault that comes and goes, once in `everyMs`. */
+/** A fault that comes and goes, once every `everyMs`. */
 function comesAndGoes(everyMs: number, untilMs: number) {
   return Array.from({ length: Math.floor(untilMs / everyMs) }, (_, i) => [
     { atMs: (i + 0.3) * everyMs, source: 'RKN', state: 'on' as const },
@@ -123,7 +123,7 @@ describe('who joins the lane', () => {
     const occurrences = new Occurrences();
     const nowMs = UNIX_MS + shownMs;
     const rises = relay.events.filter(({ n, atMs }) => n % 2 === 1 && atMs < shownMs - 500);
-    // the page hears of the newest first
+    // the page receives the newest first
     for (const late of [false, true])
       for (const { n, source, state, at } of viewer.twin.events)
         if (state === 'on' && n <= all.length && (late || n > all.length - 6))

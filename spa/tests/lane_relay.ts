@@ -9,7 +9,7 @@ import {
 import type { LaneAnswer } from '../src/stream/lane/answers.ts';
 import { codesWith, SCHEMA, SCHEMA_TEXT } from './schema.ts';
 
-/** A robot, the relay that records it as `core/past/recorder.py` does, and what that answers. Times are ms since the beginning. */
+/** A robot, the relay that records it like `core/past/recorder.py`, and the relay's answers. Times are ms since the start. */
 
 export interface Span {
   readonly fromMs: number;
@@ -21,27 +21,27 @@ export interface LaneStory {
   readonly keyMs: number;
   /** The robot sends nothing. */
   readonly pauses?: readonly Span[];
-  /** Its agent is started anew, and counts frames from 1 again. */
+  /** Its agent restarts, and counts frames from 1 again. */
   readonly restartsMs?: readonly number[];
-  /** Another relay takes the place of the first: it knows nothing of before, and its clock differs by so much. */
+  /** Another relay replaces the first: it knows nothing about the time before, and its clock differs by this much. */
   readonly replacedMs?: number;
   readonly otherClockMs?: number;
-  /** An event about so often. */
+  /** The approximate interval between events. */
   readonly eventEveryMs?: number;
-  /** Events of these, each of text "jam", instead. */
+  /** These events instead, each with the text "jam". */
   readonly faults?: readonly {
     readonly atMs: number;
     readonly source: string;
     readonly state: 'on' | 'off';
   }[];
-  /** The other relay knows nothing of faults of before. */
+  /** The other relay does not know earlier faults. */
   readonly otherForgets?: boolean;
   readonly lateMs?: (atMs: number) => number;
-  /** Its answers say when they were made, to a second. */
+  /** Its answers contain their time, to the second. */
   readonly tellsDate?: boolean;
-  /** A cache tells where the past ends as it was up to so long ago. */
+  /** A cache reports the end of the past as it was up to this long ago. */
   readonly endKeptMs?: number;
-  /** From then on between KEYs. */
+  /** The interval between KEYs from then on. */
   readonly laterKeyMs?: { readonly atMs: number; readonly keyMs: number };
 }
 
@@ -49,7 +49,7 @@ export interface LaneStory {
 export interface TrueFrame {
   /** Run and number. */
   readonly name: string;
-  /** What its pose tells, whatever the number. */
+  /** The moment encoded in its pose, whatever the number. */
   readonly count: number;
   readonly runId: string;
   readonly seq: number;
@@ -79,7 +79,7 @@ export const LANE_SCHEMA = SCHEMA;
 
 export class LaneRelay {
   readonly frames: TrueFrame[] = [];
-  /** What the robot's status became, and when. */
+  /** The changes of the robot's status, and their times. */
   readonly words: { readonly atMs: number; readonly word: RobotStatus }[] = [];
   readonly events: { readonly atMs: number; readonly n: number; readonly text: string }[] = [];
   readonly parts: KeptPart[] = [];
@@ -93,12 +93,12 @@ export class LaneRelay {
     this.parts.sort((a, b) => a.closedMs - b.closedMs);
   }
 
-  /** The word at a moment. */
+  /** The state word at a moment. */
   wordAt(atMs: number): RobotStatus {
     return this.words.findLast((word) => word.atMs <= atMs)?.word ?? 'offline';
   }
 
-  /** What is answered to a request that arrives at `atMs`, and when; null: it is held until then, and then given up. */
+  /** The answer to a request that arrives at `atMs`, and its time; null: it is held until then and then dropped. */
   answer(path: string, atMs: number): { readonly atMs: number; readonly answer: LaneAnswer } {
     const found = this.#answer(path, atMs);
     const dateMs = this.#story.tellsDate ? 1000 * Math.floor((UNIX_MS + found.atMs) / 1000) : null;
@@ -181,7 +181,7 @@ export class LaneRelay {
     return this.parts.filter((part) => part.relay === relay && part.closedMs <= atMs);
   }
 
-  /** What happens, whoever records it. */
+  /** The events, whoever records them. */
   #live(): void {
     const {
       lastsMs,

@@ -8,32 +8,32 @@ import { RobotTwin } from '../src/twin/robot.ts';
 import { LANE_SCHEMA, type LaneRelay, type Span } from './lane_relay.ts';
 
 export interface LaneNetwork {
-  /** How long a request or an answer is on its way. */
+  /** Transit time of a request or an answer. */
   readonly wayMs: () => number;
   /** Requests that arrive then get no answer. */
   readonly cuts?: readonly Span[];
   /** Requests that arrive then are refused with 404. */
   readonly blackouts?: readonly Span[];
-  /** Whether the index can be had; else it is cut off. */
+  /** Whether the index is available; otherwise the request is cut off. */
   readonly hasIndex?: boolean;
-  /** Of the index's answers, each in its turn: how late it is, and its status instead of 200. */
+  /** For the index's answers in order: the delay, and the status instead of 200. */
   readonly index?: readonly { readonly lateMs?: number; readonly status?: number }[];
 }
 
 export interface Shown {
   readonly name: string;
-  /** When it was shown and when the relay had it, ms since the beginning. */
+  /** When it was shown and when the relay had it, ms since the start. */
   readonly atMs: number;
   readonly acceptedMs: number;
 }
 
-/** Where the codes tell which frame it is. */
+/** Where the codes encode the frame number. */
 const COUNT = LANE_SCHEMA.field('pos')!.start + 2;
 
-/** A page in the lane, by a clock that is wrong by a day. */
+/** A page in the lane, with a clock that is wrong by a day. */
 export class LaneViewer {
   readonly requests: { readonly atMs: number; readonly path: string }[] = [];
-  /** Of the index, beside them. */
+  /** The additional requests, for the index. */
   readonly looks: { readonly atMs: number; readonly path: string }[] = [];
   readonly shown: Shown[] = [];
   events: { readonly atMs: number; readonly n: number }[] = [];
@@ -42,7 +42,7 @@ export class LaneViewer {
   readonly posts: FromStream[] = [];
   readonly ends: { readonly code: number; readonly reason: string }[] = [];
   readonly twin: RobotTwin;
-  /** When the first part was there. */
+  /** When the first part had arrived. */
   openMs = Number.NaN;
   nowMs: number;
   #lane: Lane;
@@ -69,7 +69,7 @@ export class LaneViewer {
     this.#do(this.#lane.start(this.#clock(joinsMs)));
   }
 
-  /** Lets time pass. A frozen page does nothing meanwhile, and answers wait. */
+  /** Advances the time. A frozen page does nothing meanwhile, and answers wait. */
   run(untilMs: number, isFrozen = false): void {
     if (isFrozen) this.nowMs = untilMs;
     while (this.nowMs < untilMs && this.ends.length === 0) {
@@ -94,7 +94,7 @@ export class LaneViewer {
     }
   }
 
-  /** After its end: the page opens the lane anew, which is told what was shown before. */
+  /** After its end: the page opens the lane again, which is told what was shown before. */
   reopen(joinsMs: number): void {
     this.run(joinsMs, true);
     this.ends.length = 0;
@@ -112,13 +112,13 @@ export class LaneViewer {
     return new Lane({ ...settings, before: { ...before, frame } });
   }
 
-  /** The sources of faults that are open by what it told. */
+  /** The sources of open faults, from what it reported. */
   get openFaults(): string[] {
     const states = new Map(this.twin.events.map(({ source, state }) => [source, state]));
     return [...states].flatMap(([source, state]) => (state === 'on' ? [source] : []));
   }
 
-  /** How far behind it said to be. */
+  /** The delay that it reported. */
   behindAt(atMs: number): number {
     return this.behinds.findLast((told) => told.atMs <= atMs)?.ms ?? Number.NaN;
   }
@@ -212,7 +212,7 @@ export class LaneViewer {
   }
 }
 
-/** The value below which so large a part of them lies. */
+/** The value below which this fraction of them lies. */
 export function quantile(values: readonly number[], part: number): number {
   const sorted = [...values].sort((a, b) => a - b);
   return sorted[Math.min(sorted.length - 1, Math.floor(part * sorted.length))] ?? Number.NaN;

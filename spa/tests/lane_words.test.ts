@@ -65,13 +65,14 @@ describe('what is shown behind now', () => {
   it('is explained: why, how far, and that nothing need be done', () => {
     const lines = (link: Link, isLaneChosen?: boolean) =>
       explanationWords(LIVE, link, isLaneChosen).join(' ');
-    const full = /All places are taken. You see the same, 4 s later. Now and then the page asks for a place/;
+    const full =
+      /All places are taken, so you see the robot 4 s late. The page asks for a place from time to time/;
     expect(lines(IN_LANE)).toMatch(full);
     expect(lines(IN_LANE, true)).not.toMatch(full);
     expect(lines(IN_LANE, true)).toMatch(/shows the robot 4 s late, so that any number of people can watch/);
-    expect(lines(IN_LANE), 'a cache may have answered').not.toMatch(/Relay: last heard/);
+    expect(lines(IN_LANE), 'a cache may have answered').not.toMatch(/Relay: last message/);
     expect(lines(DELAYED)).toMatch(/shows it 30 s late/);
-    expect(lines(DELAYED)).toMatch(/Relay: last heard/);
+    expect(lines(DELAYED)).toMatch(/Relay: last message/);
     expect(lines({ ...DELAYED, behindMs: null })).not.toMatch(/late|later|behind/);
     for (const { words } of [english, hangul]) expect(words.BEHIND.what).not.toBe('');
     const korean = [moreKo.explainFull, moreKo.explainCached, moreKo.explainDelayed].map((say) => say('4초'));
@@ -93,7 +94,7 @@ describe('a part that is overdue', () => {
   it('is the reason for STALE, in the chip, over the body and in the explanation', () => {
     expect(chip(OVERDUE)).toBe('STALE 3.2 s: waiting for the next part | 4 s behind');
     expect(stageWords(OVERDUE, IN_LANE, 0)).toBe('Stale for 3.2 s: waiting for the next part.');
-    expect(explanationWords(OVERDUE, IN_LANE)[0]).toMatch(/next part of the stream is overdue/);
+    expect(explanationWords(OVERDUE, IN_LANE)[0]).toMatch(/next part of the stream is late/);
   });
 });
 

@@ -5,7 +5,7 @@ import { retryNow } from '../src/browser/retry.ts';
 
 vi.mock('../src/browser/first_paint.ts', () => ({ firstPaint: () => Promise.resolve() }));
 
-/** Whether the network is there; what it was asked for. */
+/** Whether the network is up; the requests sent. */
 let up = true;
 let asked: string[] = [];
 
@@ -25,7 +25,7 @@ afterEach(() => {
   vi.unstubAllGlobals();
 });
 
-/** A part that comes only while the network is there. */
+/** A part that loads only while the network is up. */
 function part<T>(what: T, ahead = false) {
   const made = new LatePart(
     async () => {
@@ -52,7 +52,7 @@ it('that did not come is tried again by itself, and imported only when its serve
   up = false;
   const coming = made.load();
   await vi.advanceTimersByTimeAsync(60_000);
-  expect(asked.filter((what) => what === 'import')).toHaveLength(1); // Firefox would keep a second failure, too
+  expect(asked.filter((what) => what === 'import')).toHaveLength(1); // Firefox would cache a second failure too
   expect(asked.filter((what) => what === 'HEAD').length).toBeGreaterThan(3);
   expect(made.failed()).toBe(true);
   up = true;

@@ -3,7 +3,7 @@ import { type Box, findWrong, type Shown } from '../e2e/layout/findings.ts';
 
 const box = (left: number, top: number, right: number, bottom: number): Box => ({ left, top, right, bottom });
 
-/** A text of one line, the element with this number, whole unless said otherwise. */
+/** A text of one line, the element with this number, whole unless stated otherwise. */
 function text(name: string, number: number, at: Box, other: Partial<Shown> = {}): Shown {
   return {
     ...{ kind: 'text' as const, name, from: number, to: number, whole: [at], seen: [at], reachable: false },

@@ -19,7 +19,7 @@ const THREE = path.resolve(createRequire(import.meta.url).resolve('three'), '../
 const sources = readdirSync(SCENE, { recursive: true, encoding: 'utf8' })
   .filter((file) => file.endsWith('.ts') && !/(\.test|sample)\.ts$/.test(file))
   .map((file) => [file, readFileSync(path.join(SCENE, file), 'utf8')] as const);
-/** What reads mesh files makes objects of many kinds, and hands over their surfaces and colours only. */
+/** The mesh readers create objects of many kinds, but pass on only their surfaces and colours. */
 const drawing = sources.filter(([file]) => file !== 'robot/mesh_loader.ts');
 
 /** The tokens of a shader, as its compiler sees them. */
@@ -28,7 +28,7 @@ const tokens = (glsl: string) =>
     .replace(/\/\*[\s\S]*?\*\/|\/\/[^\n]*/g, ' ')
     .match(/\w+(?:\.\w*)?|\+\+|--|&&|\|\||[<>=!*/+-]=|[^\s\w]/g);
 
-/** All macros decided: what is not listed is not defined. */
+/** All macros decided: unlisted ones are undefined. */
 const decided = (glsl: string, defined: KnownMacros) => {
   const names = new Set(glsl.match(/\b[A-Za-z_]\w*/g));
   const all = [...names].map((name) => [name, defined.get(name) ?? null] as const);
@@ -74,7 +74,7 @@ describe('what the scene uses of three.js', () => {
 
   it('sets nothing that the build takes for never set', () => {
     const properties = [...PROPERTIES.keys()].map((name) => name.split('.').at(-1)!);
-    // `position`, `normal` and `color` are also what every geometry has.
+    // `position`, `normal` and `color` exist in every geometry.
     const names = [
       ...properties,
       ...[
@@ -95,11 +95,11 @@ describe('what the scene uses of three.js', () => {
 describe('macros', () => {
   const renderer = (name: string) => readFileSync(path.join(THREE, `renderers/webgl/${name}.js`), 'utf8');
   const programs = answered(renderer('WebGLPrograms'));
-  /** What the page's materials, objects, lights and renderer leave unset (see above), and what a stand-in answers. */
+  /** What the page's materials, objects, lights and renderer leave unset (see above), and a stand-in's results. */
   const unset =
     /^(alphaToCoverage|sizeAttenuation|(logarithmic|reversed)DepthBuffer|instancing(Color|Morph)|extensionClipCullDistance|numLightProbes|morphTargetsCount|envMap|envMapPMREM|decodeVideoTexture)$/;
 
-  /** Whether an expression of the renderer is falsy whatever it reads. */
+  /** Whether an expression in the renderer is falsy whatever it reads. */
   const isFalse = (expression: string): boolean => {
     const constant = (name: string) => {
       const value = new RegExp(`const ${name} = ([^;]+);`).exec(programs)?.[1];

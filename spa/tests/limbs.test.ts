@@ -11,7 +11,7 @@ function schemaOf(joint: readonly string[], names: Readonly<Record<string, strin
   );
 }
 
-/** `A>B` hangs B on A; each joint moves the link of its name. */
+/** `A>B` attaches B to A; each joint moves the link with its name. */
 function treeOf(...chains: readonly string[]): KinematicTree {
   const links = new Map<string, TreeLink>([['root', { link: 'root', parent: null, joint: null }]]);
   for (const chain of chains) {

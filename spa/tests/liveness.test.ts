@@ -15,7 +15,7 @@ function status(changed: Partial<Status> = {}): Status {
   };
 }
 
-/** A robot that is fine, seen by a viewer who is fine. */
+/** A healthy robot, seen by a viewer with a good connection. */
 function evidence(changed: Partial<Evidence> = {}): Evidence {
   return {
     openedMs: NOW - 60_000,

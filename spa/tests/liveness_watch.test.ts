@@ -21,7 +21,7 @@ it('says STALE in the very moment in which the pose gets too old', () => {
   );
   twin.acceptConnection(true, nowMs());
   twin.acceptWatching(true, nowMs());
-  vi.advanceTimersByTime(137); // not a round number of looks
+  vi.advanceTimersByTime(137); // not a whole number of checks
   const shownMs = nowMs();
   twin.acceptStatus({ robot: 'online', ageMs: 20, seq: 7, degraded: false, overShare: false, atMs: shownMs });
   Object.assign(twin.evidence, { freshMs: shownMs, shownMs });
@@ -38,7 +38,7 @@ it('says STALE in the very moment in which the pose gets too old', () => {
   expect(Math.round(said[1]?.[1] ?? Number.NaN)).toBe(STALE_AFTER_MS);
 });
 
-/** Time passes, and the page can do nothing. */
+/** Time passes while the page is blocked. */
 function holdUp(ms: number): void {
   vi.setSystemTime(Date.now() + ms);
   const real = performance.now.bind(performance);
@@ -124,7 +124,7 @@ it('once it has called a pose old it is not LIVE again by that pose', () => {
   const { otherwiseMs } = twin.evidence;
   expect(otherwiseMs).not.toBeNull();
   expect(doubts).toEqual([otherwiseMs]);
-  Object.assign(twin.evidence, { freshMs: nowMs(), shownMs: otherwiseMs }); // a pose of that very moment may be old
+  Object.assign(twin.evidence, { freshMs: nowMs(), shownMs: otherwiseMs }); // a pose from that very moment may be old
   vi.advanceTimersByTime(100);
   fresh(twin);
   Object.assign(twin.evidence, { shownMs });

@@ -12,8 +12,8 @@ it('names the joints that have lost their reading, not those that never had one'
 });
 
 it('says so in one short line', () => {
-  expect(unreadWords(['RKN'])).toBe('No reading of RKN: shown where it was last known.');
+  expect(unreadWords(['RKN'])).toBe('No reading of RKN: shown in its last known position.');
   expect(unreadWords(['A', 'B', 'C', 'D', 'E', 'F'])).toBe(
-    'No reading of A, B, C, D and 2 more: shown where they were last known.',
+    'No reading of A, B, C, D and 2 more: shown in their last known positions.',
   );
 });

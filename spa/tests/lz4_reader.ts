@@ -1,6 +1,6 @@
 const PLAIN = 0x8000_0000;
 
-/** The bytes of an LZ4 frame of independent blocks without checksums. Written from the format's description. */
+/** The bytes of an LZ4 frame with independent blocks and without checksums. Written from the format's specification. */
 export function readLz4Frame(frame: Uint8Array): Uint8Array {
   const view = new DataView(frame.buffer, frame.byteOffset, frame.byteLength);
   if (view.getUint32(0, true) !== 0x184d2204 || frame[4] !== 0x60) throw new Error('another kind of frame');
@@ -24,7 +24,7 @@ function readBlock(block: Uint8Array): Uint8Array {
     for (let more = 255; part === 15 && more === 255; length += more) more = block[at++]!;
     return length;
   };
-  let matched = -1; // where the last match begins
+  let matched = -1; // latest start of the last match
   while (at < block.length) {
     const token = block[at++]!;
     const literals = lengthOf(token >> 4);

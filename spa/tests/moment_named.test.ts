@@ -15,9 +15,9 @@ it('says that a link names no moment, until that has been read, also once the ad
   const host = document.createElement('div');
   const root = createRoot(host);
   root.render(createElement(Page));
-  await vi.waitFor(() => expect(host.textContent).toMatch(/names no moment that can be read; this is live/));
+  await vi.waitFor(() => expect(host.textContent).toMatch(/moment in this link can’t be read. This is live/));
   window.history.replaceState(null, '', '#/r/demo');
   root.render(createElement(Page));
-  await vi.waitFor(() => expect(host.textContent).toMatch(/names no moment/));
+  await vi.waitFor(() => expect(host.textContent).toMatch(/moment in this link can’t be read/));
   root.unmount();
 });

@@ -18,7 +18,7 @@ afterEach(() => {
   document.body.replaceChildren();
 });
 
-/** Waits until a check passes, on a busy machine too. */
+/** Waits until a check passes, even on a busy machine. */
 const until = <T>(check: () => T) => vi.waitFor(check, 10_000);
 
 const MIN = 60_000;
@@ -51,7 +51,7 @@ const dateOf = (atMs: number) => {
 };
 const timeOf = (atMs: number) => new Date(atMs).toTimeString().slice(0, 8);
 
-/** Three days, of which the last two hours of each were recorded; the newest ends now. */
+/** Three days, each with its last two hours recorded; the newest ends now. */
 function threeDays(unknown = false) {
   const now = Math.floor(nowMs() / 1000) * 1000;
   const spans = [2, 1, 0].map((ago) => ({
@@ -103,7 +103,7 @@ describe('going to a moment', () => {
     const { find, type, hint } = await sheet(past);
     const go = find<HTMLButtonElement>('[data-testid=moment-go]');
     await type('moment-date', dateOf(now + 2 * DAY));
-    await until(() => expect(hint()).toBe('That has not come yet.'));
+    await until(() => expect(hint()).toBe('That is in the future.'));
     expect(go.disabled).toBe(true);
     await type('moment-date', dateOf(now - 9 * DAY));
     await until(() => expect(hint()).toMatch(/^That is no longer kept. The oldest is /));
@@ -119,9 +119,9 @@ describe('going to a moment', () => {
     const { type, hint } = await sheet(past);
     past.told.length = 0;
     await type('moment-date', dateOf(now - 2.2 * DAY));
-    await until(() => expect(hint()).toMatch(/^Looking/));
+    await until(() => expect(hint()).toMatch(/^Checking/));
     await until(() => expect(past.told.filter((told) => told.startsWith('day'))).toHaveLength(1));
-    await until(() => expect(hint(), 'it can’t be had').not.toMatch(/^Looking/));
+    await until(() => expect(hint(), 'it can’t be had').not.toMatch(/^Checking/));
   });
 
   it('is two taps away for an hour of yesterday', async () => {

@@ -8,7 +8,7 @@ import { moreKo } from '../src/app/text/more_ko.ts';
 import type { Playhead } from '../src/past/past_types.ts';
 import { playheadAt } from './past_fake.ts';
 
-/** In the zone of whoever runs the test. */
+/** In the local time zone of the test run. */
 const NOON = new Date(2026, 10, 22, 14, 4, 7, 250).getTime();
 const MIN = 60_000;
 const head = (more: Partial<Playhead>) => playheadAt(NOON, more);
@@ -37,10 +37,10 @@ describe('a moment in words', () => {
 
   it('names the moment that a link asks for, with its day, where it is not kept', () => {
     expect(notKeptWords(NOON - 30 * MIN, NOON, NOON + MIN)).toBe(
-      '22 Nov 13:34:07 is not kept any more; this is the oldest there is, 14:04:07',
+      '22 Nov 13:34:07 is no longer kept; this is the oldest moment, 14:04:07',
     );
     expect(notKeptWords(NOON, NOON, NOON + MIN)).toBe(
-      '22 Nov 14:04:07 was not recorded; this is the nearest there is, 14:04:07',
+      '22 Nov 14:04:07 was not recorded; this is the nearest moment, 14:04:07',
     );
   });
 

@@ -14,15 +14,15 @@ const told = (atMs: number, changed: Partial<Status> = {}): Status => ({
   ...changed,
 });
 
-/** What a relay says that has not read the robot's state yet. */
+/** The status of a relay that has not read the robot's state yet. */
 const UNKNOWING: readonly Partial<Status>[] = [
   { robot: 'offline', ageMs: null, seq: null },
-  { robot: 'offline' }, // of its frames it has heard already
+  { robot: 'offline' }, // but it has already heard frames
   { robot: 'silent', ageMs: null, seq: null },
   { degraded: true },
 ];
 
-/** A page that was live at T, and was moved to another relay. */
+/** A page that was live at T, and was then moved to another relay. */
 function moved(): RobotTwin {
   const twin = new RobotTwin('r', 0);
   twin.acceptConnection(true, T);

@@ -5,7 +5,7 @@ import { NameColumn } from '../src/app/numbers/table/name_column.ts';
 
 const LABELS = ['left_hip_pitch_joint', 'left_hip_roll_joint', 'left_knee_joint'];
 
-/** A table of three columns, the middle one 100 px wide, in so much room. Nothing is measured: a letter has 7 px. */
+/** A table of three columns, the middle one 100 px wide, in this much room. Nothing is measured: a letter is 7 px wide. */
 function columnIn(room: { px: number }) {
   const host = createElement('div', '');
   Object.defineProperty(host, 'clientWidth', { get: () => room.px });

@@ -11,7 +11,7 @@ import { RobotTwin } from '../src/twin/robot.ts';
 import { SensorTable } from '../src/twin/sensors/sensors.ts';
 import { WrenchTable } from '../src/twin/sensors/wrenches.ts';
 
-/** Turns what follows; nothing to be seen; left to right again, over and over. */
+/** Reverses what follows; invisible; left to right again, over and over. */
 const ODD = 'RKN\u202e\u200b\u2069\u2069';
 const ODD_SHOWN = 'RKN\\u{202e}\\u{200b}\\u{2069}\\u{2069}';
 const HEBREW = '\u05d0\u05d1\u05d2 1';

@@ -12,7 +12,7 @@ const fault = fc.record({
 });
 const random = () => 0.3;
 
-/** What it is called, and the faults. */
+/** Its name, and the faults. */
 const FOUND: [string, ...Fault[]][] = [
   [
     'a new run in a backlog that no noticed silence came before',

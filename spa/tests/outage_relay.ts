@@ -10,18 +10,18 @@ export interface Held {
   ref: Held | null;
 }
 
-/** A relay of one robot: keeps the newest frame and what it is coded against. Times are ms of the simulation's clock. */
+/** A relay for one robot: keeps the newest frame and its base. Times are ms of the simulation's clock. */
 export class Relay {
   key: Held | null = null;
   ref: Held | null = null;
   newest: Held | null = null;
   liveMs: number | null = null;
-  /** The edge sent the newest just now. */
+  /** The edge has just sent the newest one. */
   isLive = false;
   token = true;
   #run = 0;
 
-  /** `liveMs`: null for what a snapshot brings. */
+  /** `liveMs`: null for frames from a snapshot. */
   take(bytes: Uint8Array, run: number, liveMs: number | null): void {
     const header = parseHeader(bytes);
     const id = frameId(bytes);

@@ -7,8 +7,8 @@ import { type Held, Relay } from './outage_relay.ts';
 import { codesWith, SCHEMA, SCHEMA_TEXT } from './schema.ts';
 
 /**
- * A robot whose pose tells the time, its edge, a relay, a network and a page's stream, by a clock of their own: what breaks and
- * when goes in, what the page claimed that was not so comes out. The page's part is the real one.
+ * A robot whose pose encodes the time, its edge, a relay, a network and a page's stream, with a simulated clock: the input is
+ * what breaks and when, the output is the page's false claims. The page's part is the real code.
  */
 
 export const FAULTS = [
@@ -35,17 +35,17 @@ const CONFIRM_MS = 500;
 const VIEWER_MS = 100;
 const STATUS_MS = 1000;
 const TICK_MS = 250;
-/** As many ms of frames as a relay writes without an acknowledgement. */
+/** As many ms of frames as a relay sends without an acknowledgement. */
 const BACKLOG_MS = 2000;
-/** A code tells a moment to so many ms. */
+/** The resolution of the time in a code, ms. */
 const POSE_STEP_MS = 10;
-/** From the joint to the page, nothing broken: sampled, due at the viewer's rate, under way. */
+/** From the joint to the page if nothing is broken: sampled, due at the viewer's rate, in transit. */
 const ON_ITS_WAY_MS = SAMPLE_MS + VIEWER_MS + LINK_MS + 2 * STEP_MS + POSE_STEP_MS;
 const EPOCH_MS = 1_000_000;
 
 type Wire = { text: string } | { frame: Uint8Array };
 
-/** What stands between relay and page for one connection. */
+/** The network between relay and page for one connection. */
 class Connection {
   readonly on: 'websocket' | 'events';
   given: { key: Held | null; ref: Held | null; newest: Held | null } = { key: null, ref: null, newest: null };
@@ -81,7 +81,7 @@ export class World {
   #run = 1;
   #encodedMs = 0;
   #sentCode = -1;
-  /** When the robot said the next one after this code. */
+  /** When the robot reported the code after this one. */
   readonly #outdoneMs = new Map<number, number>();
   #sampleMs = EPOCH_MS;
   #stands: { fromMs: number; toMs: number }[] = [];
@@ -91,12 +91,12 @@ export class World {
   #on = new Set<Fault['what']>();
   #otherwiseMs = Number.NEGATIVE_INFINITY;
   #heardMs = EPOCH_MS;
-  /** When the newest silence ended that was long enough to be noticed. */
+  /** When the newest noticeable silence ended. */
   #silentUntilMs = EPOCH_MS;
   /**
-   * How long the shown pose was under way without a noticed silence. A WebSocket's messages don't tell when they were
-   * written, and a shorter silence looks like a pause that is LIVE. If the robot's next pose is long in coming, this one
-   * seems so much younger than it is.
+   * How long the shown pose was in transit without a noticed silence. A WebSocket's messages don't say when they were written,
+   * and a shorter silence looks like a pause that is LIVE. If the robot's next pose takes long, this one seems that much younger
+   * than it is.
    */
   #unseenMs = 0;
   #word: Word | null = null;
@@ -104,7 +104,7 @@ export class World {
   constructor(faults: readonly Fault[], carrier: 'websocket' | 'events', random: () => number) {
     this.#faults = faults;
     this.#carrier = carrier;
-    // On events lateness is learned from those that came: of the first ones it is known only when others follow.
+    // On events, lateness is learned from those that have arrived: for the first ones it is known only when others follow.
     const stalls = faults.filter(({ what }) => what === 'page stalled').map(({ forMs }) => forMs);
     const unknownMs = carrier === 'events' ? Math.min(STALE_AFTER_MS, Math.max(0, ...stalls)) : 0;
     this.#onItsWayMs = ON_ITS_WAY_MS + unknownMs;
@@ -118,11 +118,11 @@ export class World {
     return this;
   }
 
-  /** Runs on until nothing breaks any more and the page has claimed something for a while, or for so long. */
+  /** Runs until nothing breaks any more and the page has made a claim for a while, or for this long. */
   settle(mostMs: number): this {
     const lastMs = Math.max(0, ...this.#faults.map(({ atMs, forMs }) => atMs + forMs));
     this.run(EPOCH_MS + lastMs - this.nowMs);
-    this.run(2 * STALE_AFTER_MS); // it takes so long to notice
+    this.run(2 * STALE_AFTER_MS); // time needed to notice it
     for (const endMs = this.nowMs + mostMs; this.nowMs < endMs && this.#word !== 'LIVE'; )
       this.run(STATUS_MS);
     return this.run(2 * STALE_AFTER_MS);
@@ -153,7 +153,7 @@ export class World {
   #switch(what: Fault['what'], begins: boolean): void {
     if (begins) this.#on.add(what);
     switch (what) {
-      case 'edge restarted': // gone for as long as it lasts, then a new run
+      case 'edge restarted': // gone for this long, then a new run
         this.#relay.token = !begins;
         if (!begins) {
           this.#encoder = new Encoder(SCHEMA, 4, 30);
@@ -189,13 +189,13 @@ export class World {
     }
   }
 
-  /** The relay asks the edge for what it has: of any age. */
+  /** The relay requests the newest frame from the edge; its age is unknown. */
   #snapshot(): void {
     const { key, ref } = this.#encoder;
     for (const bytes of [key, ref]) if (bytes !== null) this.#relay.take(bytes, this.#run, null);
   }
 
-  /** What the link held comes one by one, as over a slow one. */
+  /** The data held by the link arrives one by one, as over a slow connection. */
   #thaw(): void {
     const held = ({ atMs }: { atMs: number }) => atMs === Number.POSITIVE_INFINITY;
     for (const [n, one] of (this.#connection?.down.filter(held) ?? []).entries())
@@ -209,7 +209,7 @@ export class World {
     this.#do(this.#session.closed(this.nowMs, 1006, 'cut'));
   }
 
-  /** Where the robot is: the time, or when it began to stand. */
+  /** Where the robot is: the time, or the time at which it stopped. */
   #poseMs(): number {
     const stand = this.#stands.at(-1);
     return this.#is('robot stands') && stand !== undefined ? stand.fromMs : this.nowMs;
@@ -229,7 +229,7 @@ export class World {
     if (!this.#is('uplink cut') && !this.#is('relay restarted')) {
       const before = this.#relay.newest;
       this.#relay.take(frame, this.#run, this.nowMs);
-      if (this.#relay.newest === before) this.#snapshot(); // its base was lost: it is asked for
+      if (this.#relay.newest === before) this.#snapshot(); // its base was lost: request it
     }
   }
 
@@ -263,12 +263,12 @@ export class World {
     if (link.hz > 0 && nowMs - link.frameMs >= VIEWER_MS) this.#hand(link);
   }
 
-  /** What this viewer lacks, and the newest. */
+  /** The frames that this viewer lacks, and the newest. */
   #hand(link: Connection): void {
     const { newest } = this.#relay;
     if (newest === null || link.given.newest === newest) return;
     link.frameMs = this.nowMs;
-    // What the edge did not send just now goes with its age: nobody takes it for a sign of life.
+    // A frame that the edge has not just sent is sent with its age, so that it does not count as a sign of life.
     if (!this.#relay.isLive) this.#write(link, { text: this.#relay.status(this.nowMs) });
     if (newest.key !== null && link.given.key !== newest.key) this.#write(link, { frame: newest.key.bytes });
     if (newest.ref !== null && link.given.ref !== newest.ref) this.#write(link, { frame: newest.ref.bytes });
@@ -278,12 +278,12 @@ export class World {
   }
 
   #write(link: Connection, wire: Wire): void {
-    const soonMs = Math.max(this.nowMs + LINK_MS, link.down.at(-1)?.atMs ?? 0); // after what is under way
+    const soonMs = Math.max(this.nowMs + LINK_MS, link.down.at(-1)?.atMs ?? 0); // after the data in transit
     const atMs = this.#frozenMs === null ? soonMs : Number.POSITIVE_INFINITY;
     link.down.push({ wire, atMs, writtenMs: this.nowMs });
   }
 
-  /** What has come; after a stall, all that has piled up. */
+  /** The arrived data; after a stall, all that has piled up. */
   #deliver(): void {
     const link = this.#connection;
     if (link === null) return;
@@ -366,7 +366,7 @@ export class World {
     const oldMs = this.nowMs - trueUntilMs;
     if (oldMs > STALE_AFTER_MS + Math.max(this.#onItsWayMs, this.#unseenMs))
       return `${word} with a pose of ${oldMs} ms ago`;
-    // What the robot has said since may still be under way.
+    // What the robot has reported since may still be in transit.
     const outdoneMs = this.#outdoneMs.get(Math.round(code * 1000)) ?? this.nowMs;
     const isOutdone = this.nowMs - outdoneMs > this.#onItsWayMs;
     if (isOutdone && trueUntilMs < this.#otherwiseMs - this.#onItsWayMs)

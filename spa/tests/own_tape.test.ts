@@ -114,7 +114,7 @@ describe('OwnTape', () => {
     tape.event(fault(1, at(0), 'hot'), at(0));
     tapeOf(frames, SCHEMA, tape);
     tape.event(fault(2, at(85), 'jam'), at(85));
-    tape.event(fault(1, at(0), 'hot'), at(86)); // told again
+    tape.event(fault(1, at(0), 'hot'), at(86)); // repeated
     tape.event(fault(3, at(87), 'jam', 'off'), at(87));
     tape.word('silent', at(88));
     tape.word('silent', at(89));

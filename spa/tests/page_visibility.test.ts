@@ -2,7 +2,7 @@
 import { afterEach, expect, it, vi } from 'vitest';
 import { PageVisibility } from '../src/stream/page_visibility.ts';
 
-/** A screen whose edges the test moves. */
+/** A screen whose edges the test can move. */
 class Edges {
   static made: Edges[] = [];
   watching = true;
@@ -41,7 +41,7 @@ it('tells when nobody can see the page, and when somebody can again', () => {
   edges!.say([{ isIntersecting: true }, { isIntersecting: false }]); // scrolled away
   hide(true);
   edges!.say([{ isIntersecting: true }]);
-  expect(told).toEqual([false]); // in view, but of a hidden tab
+  expect(told).toEqual([false]); // in view, but in a hidden tab
   hide(false);
   expect([visibility.visible, told]).toEqual([true, [false, true]]);
   visibility.close();

@@ -16,7 +16,7 @@ import { RobotTwin } from '../src/twin/robot.ts';
 import { codesWith, SCHEMA } from './schema.ts';
 
 const pen = new Proxy({}, { get: () => () => pen, set: () => true });
-/** What is opened late is compiled first, on a machine that may be busy. */
+/** A late part must be compiled first, on a possibly busy machine. */
 const PATIENCE_MS = 20_000;
 let root: Root | null = null;
 
@@ -51,7 +51,7 @@ function Page({ link }: { link: RobotLink }) {
   return createElement(Panel, { link, tab, onTab });
 }
 
-/** The numbers of a robot that says what the test wants, on a page without any relay. */
+/** The numbers of a robot controlled by the test, on a page without a relay. */
 async function panel(twin = new RobotTwin('small', 0)) {
   twin.acceptSchema(SCHEMA);
   const link = {
@@ -92,7 +92,7 @@ async function panel(twin = new RobotTwin('small', 0)) {
   return { twin, host, say, find, click, waitForText };
 }
 
-/** Texts that hold what nobody sees, or letters from right to left outside an isolate of the page's. */
+/** Texts with invisible characters, or right-to-left letters outside the page's isolates. */
 function shownRaw(host: HTMLElement): string[] {
   const texts = [...host.querySelectorAll('*')].flatMap((element) => [
     ...['title', 'aria-label', 'data-unit'].map((name) => element.getAttribute(name) ?? ''),
@@ -100,7 +100,7 @@ function shownRaw(host: HTMLElement): string[] {
   ]);
   const raw = (text: string) => {
     const outside = text.replace(/\u2068[^\u2068\u2069]*\u2069/g, '');
-    // the page's own: a figure space for a sign that is not there
+    // the page's own: a figure space in place of a sign
     return /(?![ \u2007])[\p{C}\p{Z}]/u.test(outside) || /[\u0590-\u08ff]/.test(outside);
   };
   return texts.filter(raw).map((text) => JSON.stringify(text));
@@ -145,13 +145,13 @@ describe('the numbers', { timeout: 60_000 }, () => {
     await waitForText('.plot-legend', /RKN pos.*0\.250/);
     await click('[data-testid=plot-pause]');
     await say({ 'pos.RKN': 900 });
-    await waitForText('[data-testid=plot-pause]', 'Go on');
+    await waitForText('[data-testid=plot-pause]', 'Resume');
     expect(host.querySelector('.plot-legend')?.textContent).toMatch(/0\.250/);
     selectJoint('RKN');
     await find('#tab-Joints[aria-selected=true]');
     await find('[data-testid=joint-card]');
     await vi.waitFor(() => {
-      window.dispatchEvent(new KeyboardEvent('keydown', { key: 'Escape' })); // it listens a moment after it stands
+      window.dispatchEvent(new KeyboardEvent('keydown', { key: 'Escape' })); // it starts listening a moment after it is shown
       expect(host.querySelector('[data-testid=joint-card]')).toBeNull();
     }, PATIENCE_MS);
     expect(selection()).toBeNull();
@@ -181,7 +181,7 @@ describe('the numbers', { timeout: 60_000 }, () => {
     await say({ 'ftf.RF.fz': 10 });
     await waitForText(
       '[data-testid=alarms]',
-      /\d\d:\d\d:\d\dright foot Fz above 100 Nyour limit cleared.*right foot Fz above 100 Nyour limit/,
+      /\d\d:\d\d:\d\dright foot Fz above 100 Nyour limit ended.*right foot Fz above 100 Nyour limit/,
     );
     setOwnLimit(twin, 'ftf', 'RF.fz', null);
   });

@@ -13,10 +13,10 @@ const DAY_MS = 86_400_000;
 const MIN_MS = 60_000;
 const HOUR_MS = 60 * MIN_MS;
 const SHA = createHash('sha256').update(SCHEMA.text).digest('hex');
-/** Four seconds at 30 Hz: what a minute of these weighs in an index does not depend on what moved. */
+/** Four seconds at 30 Hz: the size of a minute in an index does not depend on the motion. */
 const GIVEN = recorded(sent(120, { everyMs: 33, keyEveryS: 10 }), { schemaSha: SHA });
 
-/** A page that looks back on 31 days, whole days of them, and what it has asked for. */
+/** A page that looks back on 31 full days, and its requests. */
 class Visit {
   readonly rig = new PastRig();
   readonly sink = new FakeSink();
@@ -52,7 +52,7 @@ class Visit {
     }
   }
 
-  /** Lets time pass until something is so: hashes are made by a thread beside this one. */
+  /** Lets time pass until a condition holds: hashes are computed in another thread. */
   async until(is: () => boolean): Promise<void> {
     for (let i = 0; i < 200 && !is(); i += 1) {
       await this.pass(100);
@@ -61,7 +61,7 @@ class Visit {
     expect(is()).toBe(true);
   }
 
-  /** Until a segment has been asked for and shown. */
+  /** Lets time pass until a segment has been requested and shown. */
   shown(): Promise<void> {
     return this.until(() => this.player.frame !== null);
   }
@@ -94,7 +94,7 @@ describe('a month of one robot, recorded day and night', () => {
       const visit = new Visit();
       const momentMs = TO_MS - ago;
       visit.player.openAt(momentMs);
-      // as the time line does once it is known how far the past reaches
+      // as the time line does once it is known how far back the past reaches
       if (hasLine) visit.player.look({ fromMs: momentMs - 90 * MIN_MS, toMs: momentMs + 90 * MIN_MS });
       await visit.shown();
       const before = visit.asked.filter(({ path }) => !isSegment(path));

@@ -1,7 +1,7 @@
 import type { EventMessage } from '@posecast/wire';
 import type { Mark, PastControls, PastEvent, Playhead, Span, Timeline } from '../src/past/past_types.ts';
 
-/** A time line of ten minutes before `toMs`, all of it recorded, with marks some minutes before its end. */
+/** A time line of ten minutes up to `toMs`, fully recorded, with marks some minutes before its end. */
 export function timelineOf(toMs: number, minutes = 10, marks: readonly Partial<Mark>[] = []): Timeline {
   const fromMs = toMs - minutes * 60_000;
   const mark: Mark = { atMs: toMs, level: 'fault', source: 'RKN', text: 'jam', exact: true };
@@ -12,7 +12,7 @@ export function timelineOf(toMs: number, minutes = 10, marks: readonly Partial<M
   };
 }
 
-/** A playhead that plays at a moment of the past, but for what is given. */
+/** A playhead playing at a moment of the past, with overrides. */
 export function playheadAt(momentMs: number, more: Partial<Playhead> = {}): Playhead {
   return {
     ...{
@@ -29,7 +29,7 @@ export function playheadAt(momentMs: number, more: Partial<Playhead> = {}): Play
   };
 }
 
-/** Controls that write down what they were told, and a playhead that goes where it is told. */
+/** Controls that record their calls, and a playhead that goes where it is told. */
 export class FakePast implements PastControls {
   readonly told: string[] = [];
   readonly #listeners = new Set<() => void>();
@@ -38,7 +38,7 @@ export class FakePast implements PastControls {
   heard: readonly EventMessage[] = [];
   playhead: Playhead;
 
-  /** Moments are written down as seconds before `originMs`, the newest moment. */
+  /** Moments are recorded as seconds before `originMs`, the newest moment. */
   constructor(originMs: number, timeline: Timeline | null = timelineOf(originMs)) {
     this.#originMs = originMs;
     this.timeline = timeline;
@@ -56,7 +56,7 @@ export class FakePast implements PastControls {
     for (const listener of this.#listeners) listener();
   }
 
-  /** In the past, at rest, so many seconds before the newest moment. */
+  /** In the past, paused, this many seconds before the newest moment. */
   rest(agoS: number): void {
     this.set({ at: 'past', playing: false, momentMs: this.#originMs - agoS * 1000 });
   }
@@ -81,7 +81,7 @@ export class FakePast implements PastControls {
     this.set({ at: 'past', momentMs, playing: false });
   }
 
-  /** What comes when a day is asked for. */
+  /** The result of requesting a day. */
   answerDay: (momentMs: number) => boolean = () => true;
   async loadDay(momentMs: number): Promise<boolean> {
     this.told.push(`day ${new Date(momentMs).toISOString().slice(0, 10)}`);
@@ -94,7 +94,7 @@ export class FakePast implements PastControls {
     return this.events.filter(({ atMs }) => atMs >= fromMs && atMs <= toMs);
   }
 
-  /** What comes when the events of ten minutes are asked for. */
+  /** The result of requesting the events of ten minutes. */
   answerEvents: (momentMs: number) => boolean = () => true;
   async loadEvents(momentMs: number): Promise<boolean> {
     this.told.push(`events ${this.#ago(momentMs)}`);

@@ -5,7 +5,7 @@ import { FROM_MS, range, recorded, sent } from './past_recordings.ts';
 
 const at = (s: number): number => FROM_MS + 1000 * s;
 
-/** The numbers of the states of each lead that was told. */
+/** The numbers of the states in each lead-in received. */
 const leadsOf = ({ sink }: Rig) => sink.leads.map((states) => states.map(({ seq }) => seq));
 
 describe('what led up to a moment at rest', () => {

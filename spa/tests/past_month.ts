@@ -12,7 +12,7 @@ const PAGE_MS = 600_000;
 const DAY_MS = 86_400_000;
 const SEGMENT_MS = 4000;
 
-/** What a relay answers. */
+/** A relay's answer. */
 export interface Told {
   readonly body: string | Uint8Array<ArrayBuffer>;
   readonly type: 'application/json' | 'application/octet-stream';
@@ -22,15 +22,15 @@ export interface MonthOptions {
   readonly toMs: number;
   readonly days?: number;
   readonly schemaText: string;
-  /** Whether anything was recorded in a minute; by default in all. */
+  /** Whether anything was recorded in a minute; by default always. */
   readonly isRecorded?: (atMs: number) => boolean;
-  /** How many faults begin in a minute, a few seconds apart. */
+  /** How many faults start in a minute, a few seconds apart. */
   readonly faults?: (atMs: number) => number;
 }
 
 /**
- * The answers of a relay that has kept all of a robot for a month, in segments of four seconds: those that are given, again and
- * again, as if they had been recorded then. Nothing is made before it is asked for.
+ * The answers of a relay that has kept everything about a robot for a month, in segments of four seconds: the given ones,
+ * repeated as if recorded at that time. Everything is created on demand.
  */
 export class Month {
   readonly #given: readonly Segment[];
@@ -45,7 +45,7 @@ export class Month {
     this.fromMs -= this.fromMs % SEGMENT_MS;
   }
 
-  /** The answer for a path below `…/past`; null where a relay says 404. */
+  /** The answer for a path below `…/past`; null if the relay would answer 404. */
   answer(path: string): Told | null {
     const [where = '', query = ''] = path.split('?');
     if (where === '') return json(this.#summary());
@@ -162,7 +162,7 @@ export class Month {
     return { start, toMs: atMs + SEGMENT_MS - 1, records };
   }
 
-  /** What a store holds of a span: segments and their names, as `archive/names.py` of the relay has them. */
+  /** A store's content for a span: segments and their names, as in `archive/names.py` of the relay. */
   *files({ fromMs, toMs }: { fromMs: number; toMs: number }): Generator<[name: string, bytes: Uint8Array]> {
     for (let atMs = Math.ceil(fromMs / SEGMENT_MS) * SEGMENT_MS; atMs < toMs; atMs += SEGMENT_MS) {
       const segment = this.#segment(atMs);
@@ -176,7 +176,7 @@ export class Month {
   }
 }
 
-/** A take a day. */
+/** One take per day. */
 function takeOf(atMs: number): string {
   return Math.floor(atMs / DAY_MS)
     .toString(16)

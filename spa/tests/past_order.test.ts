@@ -74,7 +74,7 @@ describe('whatever was recorded', () => {
             rig.player.setSpeed(speed);
             for (let left = 2 * forMs; left > 0; left -= 700) {
               await rig.pass(700, 50);
-              waiting.splice((left * 7) % Math.max(1, waiting.length), 1)[0]?.(); // not as they were asked for
+              waiting.splice((left * 7) % Math.max(1, waiting.length), 1)[0]?.(); // not in the order of the requests
             }
             for (const resolve of waiting) resolve();
           }

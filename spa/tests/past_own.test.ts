@@ -3,7 +3,7 @@ import { FakeSource, Rig } from './past_player_rig.ts';
 import { range, recorded, type Sent, sent } from './past_recordings.ts';
 
 describe('the newest minute', () => {
-  /** A page that has received all frames for a while, 40 ms after the relay and by a clock of its own. */
+  /** A page that has received all frames for a while, 40 ms after the relay and with its own clock. */
   const live = (source: FakeSource, frames: readonly Sent[], clockAheadMs = 40): Rig => {
     const rig = new Rig(source);
     for (const frame of frames) {

@@ -17,10 +17,10 @@ import { FROM_MS, refOf, SCHEMA, SCHEMA_SHA, type Sent } from './past_recordings
 
 const PAGE_MS = 600_000;
 
-/** A source of segments that lie here. What it is asked for is answered when `answer` says so. */
+/** A source with the given segments. Requests are answered when `answer` is called. */
 export class FakeSource implements PastSource {
   timeline: Timeline | null = null;
-  /** What was asked for, in order. */
+  /** The requests, in order. */
   readonly asked: string[] = [];
   readonly follows: string[] = [];
   /** How a segment is answered; by default with itself. */
@@ -138,13 +138,13 @@ export class FakeSource implements PastSource {
 
   close(): void {}
 
-  /** Segments that were asked for. */
+  /** The requested segments. */
   get fetched(): string[] {
     return this.asked.filter((what) => what.includes('/'));
   }
 }
 
-/** PastNotes what it is told. */
+/** Records what it receives. */
 export class FakeSink implements PastSink {
   readonly told: string[] = [];
   readonly fills: (readonly PastState[])[] = [];
@@ -189,13 +189,13 @@ export class FakeSink implements PastSink {
   get newest(): PastState | undefined {
     return this.jumps.findLast((states) => states.length > 0)?.at(-1);
   }
-  /** What was told since the newest jump. */
+  /** What was received since the newest jump. */
   get since(): string[] {
     return this.told.slice(this.told.lastIndexOf('jump') + 1);
   }
 }
 
-/** A player with a clock that only the test moves. */
+/** A player with a clock controlled by the test. */
 export class Rig<Source extends PastSource = FakeSource> {
   nowMs = FROM_MS + 3_600_000;
   readonly sink = new FakeSink();
@@ -226,12 +226,12 @@ export class Rig<Source extends PastSource = FakeSource> {
     });
   }
 
-  /** Lets come what has been answered. */
+  /** Delivers what has been answered. */
   async settle(): Promise<void> {
     for (let i = 0; i < 30; i += 1) await Promise.resolve();
   }
 
-  /** Time passes, with a picture every so often. */
+  /** Time passes, with a picture at each interval. */
   async pass(ms: number, everyMs = 50): Promise<void> {
     await this.settle();
     for (let left = ms; left > 0; left -= everyMs) {

@@ -12,7 +12,7 @@ import {
 } from '@posecast/wire';
 import type { SegmentRef } from '../src/past/past_source.ts';
 
-/** Begins a page of the index. */
+/** Starts a page of the index. */
 export const FROM_MS = 1_764_000_000_000;
 export const RUN = '00000000000000a0';
 export const TAKE = '000000000000000a';
@@ -26,7 +26,7 @@ export function schemaOf(joints: number): Schema {
 
 export const SCHEMA = schemaOf(2);
 
-/** A frame that an edge sent. The first code is its number. */
+/** A frame sent by an edge. The first code is its number. */
 export interface Sent {
   readonly seq: number;
   readonly atMs: number;
@@ -41,7 +41,7 @@ export interface Sending {
   readonly everyMs?: number;
   readonly fromMs?: number;
   readonly refEvery?: number;
-  /** Between frames that stand alone, s. */
+  /** Between isolated frames, s. */
   readonly keyEveryS?: number;
 }
 
@@ -83,7 +83,7 @@ export interface Recording {
   readonly firstIndex?: number;
 }
 
-/** Segments as a recorder writes them: closed by KEYs, by time, and by the words STALE and OFFLINE. */
+/** Segments as a recorder writes them: ended by KEYs, by time, and by the states STALE and OFFLINE. */
 export function recorded(frames: readonly Sent[], recording: Recording = {}): Segment[] {
   const { take = TAKE, runId = RUN, schemaSha = SCHEMA_SHA, aheadMs = 0, happened = [] } = recording;
   const hears = recording.hears ?? (() => true);
@@ -127,7 +127,7 @@ export function recorded(frames: readonly Sent[], recording: Recording = {}): Se
     if ('frame' in item) {
       const { frame, seq } = item.frame;
       const header = parseHeader(frame);
-      // what a recorder did not hear it asks for, as far as others need it
+      // a recorder requests bases that it did not receive, as far as other frames need them
       const isBase = header.isKey || header.isRef;
       if (hears(item.frame)) {
         if (header.isKey && isOpen && atMs - segments.at(-1)!.fromMs >= 1000) isOpen = false;
@@ -169,7 +169,7 @@ export function fault(n: number, atMs: number, text: string, state: 'on' | 'off'
   return { type: 'event', n, t: 1, at: atMs / 1000, level: 'fault', source: 'LKN', text, state };
 }
 
-/** As an index has it. */
+/** As in an index. */
 export function refOf(segment: Segment): SegmentRef {
   const { start, toMs, records } = segment;
   const { take, index, runId, fromMs, schema, model, word } = start;

@@ -2,7 +2,7 @@ import type { Schema } from '@posecast/wire';
 import type { PastReader } from '../src/past/relay/past_requests.ts';
 import { RelayPast } from '../src/past/relay/relay_past.ts';
 
-/** A page's clock, far from the relay's, whose timers run when it is moved on. */
+/** A page's clock, far from the relay's, whose timers run when it is advanced. */
 export class PageClock {
   nowMs = 5000;
   #timers: { atMs: number; run: () => void }[] = [];
@@ -19,7 +19,7 @@ export class PageClock {
     return this.#timers.length;
   }
 
-  /** Lets time pass, and everything happen that waits for no more than that. */
+  /** Advances the time, and lets everything happen that waits for no longer than that. */
   async pass(ms: number): Promise<void> {
     const untilMs = this.nowMs + ms;
     for (;;) {
@@ -47,11 +47,11 @@ export const json = (value: unknown, status = 200) =>
 
 export const BASE = 'https://relay.example/api/v1/robots/demo/past';
 
-/** A `RelayPast` before answers that a test gives: by path, the query included. Others are 404. */
+/** A `RelayPast` with answers given by a test: by path, including the query. Other paths are 404. */
 export class PastRig {
   readonly clock = new PageClock();
   readonly answers = new Map<string, (init: RequestInit) => Response | Promise<Response>>();
-  /** The paths asked for since `asked` was read. */
+  /** The paths requested since `asked` was read. */
   #asked: string[] = [];
   hidden = false;
   liveSchema: Schema | null = null;
@@ -85,7 +85,7 @@ export class PastRig {
     this.answers.set(path, () => json(value, status));
   }
 
-  /** The paths asked for since this was called last. */
+  /** The paths requested since the last call. */
   takeAsked(): string[] {
     const asked = this.#asked;
     this.#asked = [];
@@ -96,7 +96,7 @@ export class PastRig {
 export const HASH = 'ab'.repeat(32);
 export const TAKE = '8f14e45fceea167a';
 
-/** A segment as the relay's index has it, of four seconds unless said otherwise. */
+/** A segment as in the relay's index, of four seconds unless stated otherwise. */
 export function entry(index: number, fromMs: number, more: Readonly<Record<string, unknown>> = {}) {
   return {
     ...{ take: TAKE, index, run: '00f0a1b2c3d4e5f6', from_ms: fromMs, to_ms: fromMs + 4000 },

@@ -9,7 +9,7 @@ import { codesWith, SCHEMA } from './schema.ts';
 
 const PLAYHEAD = { at: 'past', playing: true, speed: 1, loop: null } as const;
 
-/** The watch of a robot whose poses are given their moments. */
+/** The watch of a robot whose poses have assigned moments. */
 function watched() {
   const twin = new RobotTwin('demo', 0);
   twin.acceptSchema(SCHEMA);
@@ -100,9 +100,7 @@ it('names the moment that a link asked for, if that is not kept', () => {
   at.note = 'not-kept';
   expect(watch.verdict().past?.askedMs).toBe(7000);
   const words = stageWords(watch.verdict(), {} as Link, at.now);
-  expect(words).toMatch(
-    /^The past: 1 Jan .*:07 is not kept any more; this is the oldest there is, .* ago\.$/,
-  );
+  expect(words).toMatch(/^The past: 1 Jan .*:07 is no longer kept; this is the oldest moment, .* ago\.$/);
 });
 
 it('tells the moment and the age that the time line tells', () => {

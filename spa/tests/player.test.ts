@@ -19,7 +19,7 @@ function state(seq: number, codes: Int32Array, schema = SCHEMA): RobotState {
   };
 }
 
-/** A player that has seen ten frames of LKN, RKN moving on by 0.1 rad each time. */
+/** A player that has received ten frames of LKN, with RKN increasing by 0.1 rad each time. */
 function moving(): Player {
   const player = new Player(SCHEMA);
   for (let i = 0; i < 10; i += 1) {

@@ -31,7 +31,7 @@ describe('playing a stream between its frames', () => {
       const snapping = worstJump(played(frames, raw)) / truth;
       console.info(`seed ${seed}: ${smooth.toFixed(2)} × the true step, snapping ${snapping.toFixed(2)} ×`);
       expect(smooth).toBeLessThanOrEqual(5);
-      expect(snapping).toBeGreaterThan(8); // or the course would prove nothing
+      expect(snapping).toBeGreaterThan(8); // otherwise the sequence would prove nothing
     },
   );
 
@@ -59,7 +59,7 @@ describe('playing a stream between its frames', () => {
     ['a simulation at twice the pace', { ...HALL, pace: 2 }],
   ] as const)('its lateness never grows: %s', (_name, course) => {
     const pace = 'pace' in course ? course.pace : 1;
-    // Its value is its own time, so what is shown says how old it is.
+    // Its value is its own time, so what is shown reveals its age.
     const frames = arrivals({ ...course, seed: 9, motion: (ms) => ms });
     const playout = new Playout(ONE);
     let longest = 0;

@@ -1,4 +1,4 @@
-/** For tests: a robot that swings, a network that is late, and a screen that repaints 60 times a second. */
+/** For tests: a swinging robot, a network with delays, and a screen that repaints 60 times a second. */
 
 import type { Stamp } from '../src/twin/playback/arrivals.ts';
 
@@ -19,21 +19,21 @@ export interface Course {
   readonly seed: number;
   readonly hz: number;
   readonly seconds: number;
-  /** Mean of the exponentially distributed part of the way, ms. */
+  /** Mean of the exponentially distributed part of the transit time, ms. */
   readonly jitterMs: number;
   /** 0…1 */
   readonly loss: number;
-  /** ms of the robot's clock for each of the viewer's. */
+  /** ms of the robot's clock per ms of the viewer's. */
   readonly pace?: number;
-  /** The robot stands still whenever this says so (its own ms), and then sends every half second. */
+  /** The robot stands still whenever this returns true (in its own ms), and then sends every half second. */
   readonly still?: (ms: number) => boolean;
-  /** Where the robot is at its own time, ms. */
+  /** The robot's position at its own time, ms. */
   readonly motion?: (ms: number) => number;
 }
 
 const BASE_LATENCY_MS = 40;
 
-/** Two swings over one another, rad. */
+/** Two superimposed oscillations, rad. */
 export function swing(ms: number): number {
   const s = ms / 1000;
   return 0.8 * Math.sin(2 * Math.PI * 0.7 * s) + 0.2 * Math.sin(2 * Math.PI * 1.9 * s + 1);
@@ -43,7 +43,7 @@ export interface Arrival extends Stamp {
   readonly value: number;
 }
 
-/** Frames in the order of their arrival; as over TCP, none overtakes another. */
+/** Frames in the order of arrival; as over TCP, none overtakes another. */
 export function arrivals(course: Course): Arrival[] {
   const random = seeded(course.seed);
   const frames: Arrival[] = [];
@@ -82,7 +82,7 @@ export function play(
   return shown;
 }
 
-/** The largest step from one repaint to the next, once the stream has been known for two seconds. */
+/** The largest step between two repaints, once the stream has run for two seconds. */
 export function worstJump(shown: readonly { nowMs: number; value: number }[]): number {
   const from = shown.findIndex(({ nowMs }) => nowMs - shown[0]!.nowMs > 2000);
   let worst = 0;
@@ -92,7 +92,7 @@ export function worstJump(shown: readonly { nowMs: number; value: number }[]): n
   return worst;
 }
 
-/** The largest step that the true motion makes in one repaint. */
+/** The largest step of the true motion in one repaint. */
 export function trueJump(seconds: number): number {
   let worst = 0;
   for (let ms = TICK_MS; ms < seconds * 1000; ms += 1) {

@@ -7,12 +7,12 @@ import { History } from '../src/twin/plots/history.ts';
 import type { Trace } from '../src/twin/plots/trace.ts';
 import { codesWith, SCHEMA } from './schema.ts';
 
-/** The pictures themselves are the browser tests' business: here nothing is drawn. */
+/** Browser tests check the pictures: nothing is drawn here. */
 const pen = new Proxy({}, { get: () => () => pen, set: () => true });
 let PlotStack: typeof Stack;
 
 beforeAll(async () => {
-  // WebKitGTK's in the locale C, of which uPlot would make a number format while it is being loaded
+  // WebKitGTK's in the C locale, for which uPlot would create a number format while loading
   Object.defineProperty(navigator, 'language', { value: 'C', configurable: true });
   vi.spyOn(HTMLCanvasElement.prototype, 'getContext').mockReturnValue(pen as never);
   vi.stubGlobal(

@@ -3,7 +3,7 @@ import { afterEach, beforeEach, expect, it } from 'vitest';
 import { pressedLabel, watchPresses } from '../src/app/explain/pressed_sign.ts';
 import { noteLines, recentLines } from '../src/browser/drawn_lines.ts';
 
-/** Where the picture stands in the window, CSS px. */
+/** The position of the picture in the window, CSS px. */
 const [LEFT, TOP] = [50, 20];
 
 let stage: HTMLElement;
@@ -20,7 +20,7 @@ beforeEach(() => {
 });
 afterEach(() => stop());
 
-/** A label without room, so that only its lines are there. */
+/** A label without room, so that only its lines exist. */
 function arrow(sign: string): HTMLElement {
   const label = document.createElement('div');
   label.className = 'sign-label';
@@ -44,7 +44,7 @@ function upright(label: HTMLElement, x: number, sinceMs: number): void {
   );
 }
 
-/** Presses there (in the picture) and lifts `moved` px farther. */
+/** Presses there (in the picture) and releases `moved` px farther. */
 function tap(
   x: number,
   y: number,

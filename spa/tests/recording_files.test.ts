@@ -11,7 +11,7 @@ import { PageClock } from './past_rig.ts';
 const MOST = 100_000;
 const TEXT = new TextDecoder();
 
-/** What reading gives: a text, or why it fails. */
+/** The result of reading: a text, or the reason for failure. */
 async function read(files: RecordingFiles, path: string, most = MOST): Promise<string> {
   return files.read(path, most).then(
     (bytes) => TEXT.decode(bytes),
@@ -140,7 +140,7 @@ describe('a .posecast file', () => {
       () => 'opened',
       (error: Error) => error.message,
     );
-  /** Where a signature stands, the last time. */
+  /** The last position of a signature. */
   const at = (bytes: Uint8Array, signature: number) => {
     const view = new DataView(bytes.buffer, bytes.byteOffset);
     for (let i = bytes.length - 4; i >= 0; i -= 1) if (view.getUint32(i, true) === signature) return i;
@@ -191,9 +191,9 @@ describe('a .posecast file', () => {
   });
 
   it('that is none, is cut or lists what can’t be is refused in one line', async () => {
-    expect(await why(strToU8('no zip'))).toBe('no ZIP');
-    expect(await why(new Uint8Array())).toBe('no ZIP');
-    expect(await why(zip().subarray(0, -1))).toBe('no ZIP');
+    expect(await why(strToU8('no zip'))).toBe('not a ZIP file');
+    expect(await why(new Uint8Array())).toBe('not a ZIP file');
+    expect(await why(zip().subarray(0, -1))).toBe('not a ZIP file');
     expect(await why(changed(0x06054b50, 16, 0xfff_ffff))).toMatch(/cut/);
     expect(await why(changed(0x06054b50, 12, 50))).toMatch(/damaged|cut/);
     expect(ENTRIES_MAX).toBeGreaterThan(200_000);
@@ -206,7 +206,7 @@ describe('a .posecast file', () => {
     const view = new DataView(many.buffer);
     for (let i = 0; i + 4 < many.length; i += 1)
       if (view.getUint32(i, true) === 0x02014b50) view.setUint32(i + 24, 0xffff_fffe, true);
-    expect(await why(many)).toMatch(/more than a recording has/);
+    expect(await why(many)).toMatch(/unpacks to too much data/);
   });
 
   it('with an entry that unpacks to more or less than it says gives nothing of it', async () => {

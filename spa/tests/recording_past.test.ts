@@ -143,7 +143,7 @@ describe('a recording', () => {
     await rig.pass(12_000);
     expect(rig.player.playhead.note).toBe('away');
     const held = rig.sink.seqs.length;
-    expect(held).toBeGreaterThan(20); // what was fetched ahead
+    expect(held).toBeGreaterThan(20); // what was prefetched
     expect(held).toBeLessThan(150);
     files.isAway = false;
     await rig.pass(30_000);
@@ -152,7 +152,7 @@ describe('a recording', () => {
 });
 
 describe('parts that are lost', () => {
-  /** A whole play with some files changed: what was shown, and what is said to be lost. */
+  /** A whole playback with some files changed: what was shown, and what is reported as missing. */
   const played = async (change: (files: FilesHere) => void) => {
     const made = rigOf(exported(SEGMENTS));
     change(made.files);

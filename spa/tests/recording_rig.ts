@@ -16,7 +16,7 @@ import { PageClock } from './past_rig.ts';
 
 const PAGE_MS = 600_000;
 
-/** The files of a recording, in memory: what a test takes out, cuts or swaps. */
+/** The files of a recording, in memory: a test can remove, cut or swap them. */
 export class FilesHere implements RecordingFiles {
   readonly files = new Map<string, Uint8Array>();
   /** The paths that were read. */
@@ -34,7 +34,7 @@ export class FilesHere implements RecordingFiles {
   }
 }
 
-/** Lays segments out as an export does. */
+/** Arranges segments as an export does. */
 export function exported(
   segments: readonly Segment[],
   notes: readonly { atMs: number; text: string }[] = [],
@@ -67,7 +67,7 @@ export function exported(
   return here;
 }
 
-/** A recording that was opened from files, with a clock for what comes later. */
+/** A recording opened from files, with a clock for delayed work. */
 export function opened(files: FilesHere): { source: RecordingPast; clock: PageClock } {
   const clock = new PageClock();
   const source = new RecordingPast(readIndex(files.files.get('recording.json')!), {

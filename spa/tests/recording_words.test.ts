@@ -17,7 +17,7 @@ import { isClaim, isOld, isThen } from '../src/twin/liveness.ts';
 import { RobotTwin } from '../src/twin/robot.ts';
 import { playheadAt } from './past_fake.ts';
 
-/** In the zone of whoever runs the test. */
+/** In the local time zone of the test run. */
 const FROM_MS = new Date(2026, 10, 12, 14, 0, 0, 0).getTime();
 const RECORDED = recordedAs({ fromMs: FROM_MS, toMs: FROM_MS + 1_500_000 }, () => false);
 const head = (more: Partial<Playhead> = {}) => playheadAt(FROM_MS + 127_250, { recorded: RECORDED, ...more });
@@ -42,7 +42,7 @@ describe('a recording says that it is one', () => {
     expect(stageWords({ ...verdict, past: { ...verdict.past!, isHere: true } }, LINK, Date.now())).toBe(
       'Recorded: 12 Nov 2026 14:02:07 · 2:07 of 25:00.',
     );
-    expect(stageWords(verdict, LINK, Date.now())).toMatch(/The pose of then is on its way\.$/);
+    expect(stageWords(verdict, LINK, Date.now())).toMatch(/Loading its pose\.$/);
     expect(isClaim(verdict.word)).toBe(false);
     expect(isThen(verdict.word)).toBe(true);
   });
@@ -79,7 +79,7 @@ describe('a recording says that it is one', () => {
   it('and that it has not the moment of a link', () => {
     const asked = head({ note: 'not-kept', askedMs: FROM_MS - 60_000, momentMs: FROM_MS });
     expect(stageWords(watchOf(asked).verdict(), LINK, 0)).toBe(
-      'Recorded: 12 Nov 2026 13:59:00 is not in this recording; this is the nearest there is, 14:00:00 · 0:00 of 25:00.',
+      'Recorded: 12 Nov 2026 13:59:00 is not in this recording; this is the nearest moment, 14:00:00 · 0:00 of 25:00.',
     );
   });
 });
@@ -93,7 +93,7 @@ it('lengths are told as players do', () => {
 it('what is wrong with a recording is one sentence', () => {
   expect(unreadableWords(new IndexError('newer', 'version'))).toMatch(/newer Posecast/);
   expect(unreadableWords(new IndexError('damaged', 'segments[3]: index'))).toContain('segments[3]: index');
-  expect(unreadableWords(new PastError('gone', 'x'))).toMatch(/no recording\.json/);
+  expect(unreadableWords(new PastError('gone', 'x'))).toMatch(/No recording\.json/);
   expect(unreadableWords(new PastError('away', 'x'))).toMatch(/does not answer/);
   expect(lostWords({ count: 0, isNewer: false }, 750)).toBeNull();
   expect(lostWords({ count: 1, isNewer: false }, 750)).toBe('1 of 750 parts is missing or damaged.');

@@ -1,4 +1,4 @@
-/** Reads ROS 2 messages as CDR by their definitions alone (`ros2msg`), as a stranger's program would. */
+/** Reads ROS 2 messages as CDR using only their definitions (`ros2msg`), as an independent program would. */
 
 type Member = { readonly name: string; readonly type: string; readonly count: number | 'any' | null };
 export type RosValue = number | string | null | readonly RosValue[] | { readonly [name: string]: RosValue };

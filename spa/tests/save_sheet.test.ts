@@ -119,7 +119,7 @@ describe('the sheet', () => {
   it('measures, saves and says so', async () => {
     const { find, says, ready } = open(new FakeSource(recorded(sent(150))));
     await says('save-measure', /150 frames, about \d/);
-    await says('save-until', 'It reaches to');
+    await says('save-until', 'Saves up to');
     await ready();
     find('save-go')!.click();
     await says('save-outcome', /^Saved: r_2025-11-2\d_[\d-]+\.csv, \d/);

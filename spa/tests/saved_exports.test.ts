@@ -97,7 +97,7 @@ function readMcap(bytes: Uint8Array): [topic: string, type: string, atUs: number
   return found;
 }
 
-/** Where two contents differ by more than rounding. */
+/** The differences between two contents beyond rounding. */
 function differencesOf(found: RosValue, wanted: RosValue, where: string): string[] {
   if (typeof found === 'number' && typeof wanted === 'number')
     return Math.abs(found - wanted) < NEAR ? [] : [`${where}: ${found}, not ${wanted}`];

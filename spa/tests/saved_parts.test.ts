@@ -19,7 +19,7 @@ const MANIFEST = JSON.stringify({
 });
 const MODEL = sha256Of(MANIFEST);
 
-/** A robot of two joints, with frames ten times a second. */
+/** A robot of two joints, with ten frames a second. */
 function stage(
   count: number,
   sending: Sending = {},

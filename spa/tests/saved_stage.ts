@@ -9,14 +9,14 @@ export function sha256Of(data: string | Uint8Array): string {
   return createHash('sha256').update(data).digest('hex');
 }
 
-/** What saving needs, of segments, schemas and manifests that lie here. */
+/** What saving needs, with the given segments, schemas and manifests. */
 export class SavedStage implements Omit<SavePorts, 'breathe'> {
   readonly refs: readonly SegmentRef[];
   readonly leave = new AbortController();
   readonly signal = this.leave.signal;
-  /** Names (`take/index`) of segments that can't be had, and why. */
+  /** Names (`take/index`) of unavailable segments, and the reasons. */
   readonly lost = new Map<string, PastError['why']>();
-  /** Paths of model files that can't be had. */
+  /** Paths of unavailable model files. */
   readonly lostFiles = new Set<string>();
   readonly progress: number[] = [];
   breaths = 0;

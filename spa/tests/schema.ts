@@ -39,7 +39,7 @@ export const SCHEMA_TEXT = JSON.stringify({
 
 export const SCHEMA = parseSchema(SCHEMA_TEXT);
 
-/** Codes of a quiet pose, changed where told: `{ 'pos.RKN': 520 }`. A null is no reading. */
+/** Codes of a pose at rest, with changes: `{ 'pos.RKN': 520 }`. null is no reading. */
 export function codesWith(changed: Readonly<Record<string, number | null>> = {}): Int32Array {
   const codes = new Int32Array(SCHEMA.size);
   const set = (field: string, label: string, code: number | null) => {

@@ -139,7 +139,7 @@ describe('acknowledging', () => {
       rig.frame(frames.next());
     }
     expect(acks(rig)).toEqual([]);
-    rig.pass(250); // no further frame comes
+    rig.pass(250); // no further frame arrives
     expect(acks(rig)).toEqual([{ type: 'ack', n: 30 }]);
     rig.passWithStatus(5000);
     expect(acks(rig)).toEqual([]);
@@ -212,7 +212,7 @@ describe('frames', () => {
   it('whose base is not here change nothing, until a KEY mends it', () => {
     const rig = opened();
     const frames = new Frames();
-    frames.next(); // the KEY that is lost on the way
+    frames.next(); // the KEY that is lost in transit
     rig.frame(frames.next());
     expect(states(rig)).toEqual([]);
     rig.frame(frames.next({}, true));
@@ -248,7 +248,7 @@ describe('frames', () => {
     rig.now += 700;
     rig.take();
     rig.status({ seq: 1, age_ms: 900 });
-    rig.status({ seq: 2, age_ms: 900 }); // of one that is not here yet
+    rig.status({ seq: 2, age_ms: 900 }); // of one that is not loaded yet
     expect(rig.posts('status').map(({ status }) => status.ageMs)).toEqual([1700, 900]);
   });
 
@@ -449,7 +449,7 @@ describe('where no WebSocket gets through', () => {
     expect(messages.find((message) => message.kind === 'status')?.status.atMs).toBe(rig.now - 1800);
   });
 
-  /** Frames that come later and later, as through a buffer that fills. */
+  /** Frames that arrive later and later, as through a filling buffer. */
   function flood(rig: Rig, frames: Frames, seconds: number, lateMs: (second: number) => number): string[] {
     const asked: string[] = [];
     for (let second = 0; second < seconds && asked.length === 0; second++) {

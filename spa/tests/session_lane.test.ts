@@ -6,7 +6,7 @@ import { Rig } from './session_rig.ts';
 const BYE = { type: 'bye', code: 1013, reason: 'full', retry_s: 30, lane: 'past/public' };
 const LANE = { do: 'connect', by: 'segments', url: 'past/public ws://relay/live' };
 
-/** A relay that is full has named its lane, and the lane runs. */
+/** A full relay has named its lane, and the lane runs. */
 function inLane(random = 0.5, bye: object = BYE): Rig {
   const rig = new Rig(random);
   rig.open();
@@ -163,7 +163,7 @@ describe('a lane that the page was told', () => {
   const addressesOf = (actions: readonly Action[]) =>
     actions.flatMap((action) => (action.do === 'connect' ? [action.url] : []));
 
-  /** What is asked for while the lane fails and sockets do; one that is refused names the relay's own lane. */
+  /** The requests while the lane fails and sockets do too; a refused socket names the relay's own lane. */
   function withoutLane(
     random: number,
     ms: number,

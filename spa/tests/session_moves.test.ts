@@ -11,7 +11,7 @@ function sendAway(rig: Rig): void {
   rig.do(rig.session.closed(rig.now, 1012, ''));
 }
 
-/** Whether the page is told that it moves, at each change of the connection since the last look. */
+/** Whether the page is told that it moves, at each change of the connection since the last check. */
 const moves = (rig: Rig) => rig.posts('link').map(({ phase, moves }) => [phase, moves]);
 
 describe('a relay that is being replaced', () => {

@@ -4,7 +4,7 @@ import { SCHEMA_TEXT } from './schema.ts';
 
 type Kind = FromStream['kind'];
 
-/** A session with a hand on its clock and a record of all it wanted done. */
+/** A session with a manual clock and a record of its actions. */
 export class Rig {
   now = 1_000_000;
   readonly session: Session;
@@ -18,7 +18,7 @@ export class Rig {
     this.done.push(...actions);
   }
 
-  /** What it wanted done since the last look. */
+  /** Its actions since the last check. */
   take(): Action[] {
     return this.done.splice(0);
   }
@@ -37,12 +37,12 @@ export class Rig {
     );
   }
 
-  /** The addresses it wanted since the last look. */
+  /** The addresses that it requested since the last check. */
   asked(): string[] {
     return this.take().flatMap((action) => (action.do === 'connect' ? [action.url] : []));
   }
 
-  /** Two openings fail: it stands on events now. */
+  /** Two attempts fail: it now uses events. */
   fallBack(): void {
     this.do(this.session.start(this.now));
     for (let failure = 0; failure < 2; failure++) {
@@ -62,7 +62,7 @@ export class Rig {
     });
   }
 
-  /** A frame that the relay wrote so long ago. */
+  /** A frame that the relay wrote this long ago. */
   lateFrame(bytes: Uint8Array, lateMs: number): void {
     this.session.stamped(this.now, this.now - lateMs);
     this.frame(bytes);
@@ -89,7 +89,7 @@ export class Rig {
     this.do(this.session.binary(this.now, bytes));
   }
 
-  /** Lets time pass, ticking as the worker does. */
+  /** Advances the time, ticking like the worker. */
   pass(ms: number): void {
     const until = this.now + ms;
     while (this.now < until) {
@@ -98,7 +98,7 @@ export class Rig {
     }
   }
 
-  /** Time passes while the relay says what it must: a status a second. */
+  /** Time passes while the relay sends what it must: a status a second. */
   passWithStatus(ms: number): void {
     const until = this.now + ms;
     while (this.now < until) {
@@ -108,7 +108,7 @@ export class Rig {
   }
 }
 
-/** It stands, and is told of a robot without a frame so far. */
+/** It is connected, to a robot without a frame so far. */
 export function opened(): Rig {
   const rig = new Rig();
   rig.open();

@@ -79,7 +79,7 @@ it('is the first message of every connection, and never in its address', () => {
     expect(connect).toEqual({ do: 'connect', by: 'websocket', url: 'ws://relay/live?hz=30&auth=1' });
     const sent = session.opened(nowMs).flatMap((a) => (a.do === 'send' ? [JSON.parse(a.text)] : []));
     expect(sent[0]).toEqual({ type: 'auth', token: TOKEN });
-    session.text(nowMs, '{"type":"status"}'); // it works, so the next one is asked for in the same way
+    session.text(nowMs, '{"type":"status"}'); // it works, so the next request uses the same way
   }
 });
 

@@ -9,7 +9,7 @@ const legs = ['left', 'right'].flatMap((side) =>
   ),
 );
 
-/** What a cut name stands for. */
+/** The full name behind a cut one. */
 const patternOf = (text: string) => {
   const parts = text.split('…').map((part) => part.replace(/[.*+?^${}()|[\]\\/]/g, '\\$&'));
   return new RegExp(`^${parts.join('.+')}$`, 'su');
@@ -95,7 +95,7 @@ describe('whatever the names and the room', () => {
     fc.assert(
       fc.property(names, fc.integer({ min: 0, max: 30 }), (robot, room) => {
         const whole = letters(robot, 1e9);
-        fc.pre(new Set(whole).size === whole.length); // two that are escaped alike never could
+        fc.pre(new Set(whole).size === whole.length); // two with the same escaped form never could
         const shown = letters(robot, room);
         expect(new Set(shown).size).toBe(robot.length);
         for (const [i, text] of shown.entries()) {

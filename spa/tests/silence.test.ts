@@ -3,7 +3,7 @@ import { QUIET_AFTER_MS, STALE_AFTER_MS } from '../src/twin/liveness.ts';
 import { Frames } from './schema.ts';
 import { opened, Rig } from './session_rig.ts';
 
-/** What was shown since the last look, and when each counts as new. */
+/** What was shown since the last check, and when each pose counts as new. */
 const born = (rig: Rig) => rig.posts('state').map(({ state }) => [state.seq, state.bornMs]);
 const pings = (rig: Rig) =>
   rig.sent().flatMap((message) => {

@@ -3,28 +3,28 @@ import { fileURLToPath } from 'node:url';
 import { gzipSync } from 'node:zlib';
 import { describe, expect, it } from 'vitest';
 
-/** What a visitor downloads. kB = 1000 bytes, gzip -9. The list and the table must work without the scene. */
+/** The download sizes for a visitor. kB = 1000 bytes, gzip -9. The list and the table must work without the scene. */
 const ENTRY_LIMIT_KB = 120;
 const NUMBERS_LIMIT_KB = 129;
 const SCENE_LIMIT_KB = 127;
-/** The page, its worker and the scene: all that comes before a body in 3D. */
+/** The page, its worker and the scene: everything before a body in 3D. */
 const FIRST_3D_VIEW_LIMIT_KB = 271;
 const LIGHT_LIMIT_KB = 38;
 const PAST_LIMIT_KB = 25;
-/** What draws the line, and what one goes to a moment by: once there is a line, or somebody asks. */
+/** Draws the time line, and the dialog for going to a moment: loaded once there is a line, or on demand. */
 const LINE_PART_LIMIT_KB = 7;
 const MOMENTS_LIMIT_KB = 5;
 const INCIDENTS_LIMIT_KB = 4;
-/** What segments are read with, once somebody looks back. */
+/** Reads segments, once somebody looks back. */
 const PAST_READER_LIMIT_KB = 4;
-/** What reads segments as a stream, with a decoder of its own, and the index for the events of before. */
+/** Reads segments as a stream, with a separate decoder, and the index for earlier events. */
 const LANE_LIMIT_KB = 15;
-/** What saves the past, for who saves: the sheet, and what writes the files (of which @mcap/core is 15 kB and fflate 7). */
+/** Saves the past: the dialog, and the file writers (of which @mcap/core is 15 kB and fflate 7). */
 const SAVE_SHEET_LIMIT_KB = 7;
 const SAVE_LIMIT_KB = 50;
 
-/** What reads balance, draws it and tells of it, with its style sheet: all that is loaded when it is switched on. Not counted is
- *  what a page with a body has anyway, the sentences of all late parts among it (0.6 kB of them are about balance). */
+/** Computes, draws and describes balance, with its style sheet: everything loaded when it is switched on. Excludes what a page
+ *  with a body has anyway, including the sentences of all late parts (0.6 kB of them about balance). */
 const BALANCE_LIMIT_KB = 12;
 /** The table and the traces of its numbers, and the limits of a selected joint. */
 const BALANCE_EXTRAS_LIMIT_KB = 1.5;
@@ -56,7 +56,7 @@ describe.skipIf(!built)('bundle (skipped when spa/dist is not built)', () => {
     return seen;
   };
 
-  /** The chunk of the time line, and of what plays the past. */
+  /** The chunks of the time line, and of playing the past. */
   const timeLineOf = (all: Record<string, Chunk>): string =>
     Object.keys(all).find((name) => all[name]?.dynamicImports?.includes(READER)) ?? '';
 
@@ -195,8 +195,7 @@ describe.skipIf(!built)('bundle (skipped when spa/dist is not built)', () => {
     const entry = Object.keys(all).find((name) => all[name]?.isEntry) ?? '';
     const part = 'src/app/balance/balance_part.ts';
     const scene = Object.keys(all).find((name) => name.endsWith('src/three/index.ts')) ?? '';
-    // What a page that shows a robot with its numbers has in any case; that two of its parts share a file is no reason to
-    // count it.
+    // Chunks that any page with a robot and its numbers has; a file shared by two of its parts does not count.
     const had = new Set<string>();
     const before = [entry, scene, READER, 'src/app/numbers/Panel.tsx', 'src/app/status/Announcer.tsx'];
     const links = Object.keys(all).filter((name) =>

@@ -3,7 +3,7 @@ import { afterEach, expect, it } from 'vitest';
 import { bindInsets } from '../src/app/body/controls/stage_insets.ts';
 import type { Insets } from '../src/view/camera/insets.ts';
 
-/** A stage of 300 px; what stands over it by class, from so far to so far below its upper edge. */
+/** A stage of 300 px; the elements over it by class, with their range below its top edge. */
 function stage(parts: Readonly<Record<string, readonly [number, number]>>): HTMLElement {
   document.body.innerHTML = '<section><div class="canvas"></div></section>';
   const section = document.querySelector('section')!;

@@ -1,4 +1,5 @@
-/** Reads what the page says of a course of frames, for tests in other languages: `node stance_course.mjs < COURSE`. */
+/** Computes the page's balance sentence for a sequence of frames, for tests in other languages: `node stance_course.mjs <
+ *  COURSE`. */
 import path from 'node:path';
 import { text } from 'node:stream/consumers';
 import { fileURLToPath } from 'node:url';

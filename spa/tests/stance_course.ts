@@ -7,14 +7,14 @@ import { marginLimits } from '../src/twin/balance/told/margin_limits.ts';
 import { StanceJudge } from '../src/twin/balance/told/stance.ts';
 import { ValueLimits } from '../src/twin/limits/limits.ts';
 
-/** A robot and what it reported, seconds and codes. */
+/** A robot and its reports, seconds and codes. */
 interface Course {
   readonly manifest: Record<string, unknown>;
   readonly schema: string;
   readonly frames: readonly { readonly t: number; readonly codes: readonly number[] }[];
 }
 
-/** What the page says of every frame, and the crossings that it notes, by the limits that hold before a viewer sets any. */
+/** The page's report for every frame, and the recorded crossings of the default limits. */
 export function readCourse({ manifest, schema: text, frames }: Course) {
   const schema = parseSchema(text);
   const reader = new BalanceReader(readManifest(manifest), schema);

@@ -12,7 +12,7 @@ const LENGTHS = [5 * MIN, 30 * MIN, 3 * HOUR, DAY, 7 * DAY];
 const WIDTHS = [150, 186, 230, 360, 614, 1366, 3840];
 const HOME = process.env.TZ;
 
-/** Of these zones: no hours apart; ahead; behind; with summer time; with one of half an hour; one whose clock goes on at midnight. */
+/** Time zones: no offset; ahead; behind; with summer time; with one of half an hour; one whose clock changes at midnight. */
 const ZONES = {
   UTC: Date.UTC(2026, 10, 22, 14, 30),
   'Asia/Seoul': Date.UTC(2026, 10, 22, 14, 58),

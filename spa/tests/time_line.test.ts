@@ -143,7 +143,7 @@ describe('the time line', () => {
     const { past, find, named } = await timeLine();
     past.rest(120);
     await find('transport');
-    for (const name of ['Back 10 s', 'On 10 s', 'One frame back', 'One frame on', 'Play'])
+    for (const name of ['Back 10 s', 'Forward 10 s', 'One frame back', 'One frame forward', 'Play'])
       named(name).click();
     expect(past.told).toEqual(['skip -10000', 'skip 10000', 'step -1', 'step 1', 'toggle']);
     await vi.waitFor(() => expect(named('Pause')).not.toBeNull());
@@ -319,10 +319,10 @@ describe('the time line', () => {
     const note = await find('past-note');
     expect(note.getAttribute('role')).toBe('status');
     expect(note.textContent).toMatch(
-      /^22 Nov (2026 )?\d\d:\d\d:00 is not kept any more; this is the oldest there is, .*\.$/,
+      /^22 Nov (2026 )?\d\d:\d\d:00 is no longer kept; this is the oldest moment, .*\.$/,
     );
     past.set({ note: 'not-come' });
-    await vi.waitFor(() => expect(note.textContent).toMatch(/^22 Nov .* has not come yet; this is live\.$/));
+    await vi.waitFor(() => expect(note.textContent).toMatch(/^22 Nov .* is in the future\. This is live\.$/));
     past.set({ note: 'loading' });
     await gone('past-note');
     expect((await find('playhead')).dataset.loading).toBe('true');

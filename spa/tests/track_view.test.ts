@@ -136,7 +136,7 @@ describe('marks', () => {
     const said = (xPx: number) =>
       whatWords(timeline, VIEW, xPx, msAt(VIEW, xPx)).replace(/[\u2068\u2069]/g, '');
     expect(said(309)).toBe('RKN jam and 2 more');
-    expect(said(487)).toBe('a fault, within this minute');
+    expect(said(487)).toBe('a fault in this minute');
     expect(said(400)).toBe('');
   });
 

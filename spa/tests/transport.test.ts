@@ -29,7 +29,7 @@ it('stays with events that have worked, and with a WebSocket that does', () => {
   expect(choice.chooseNext(2)).toBe('events');
   choice.recordSuccess();
   expect(choice.chooseNext(60_000)).toBe('events');
-  choice.now = 'websocket'; // one that was tried beside them
+  choice.now = 'websocket'; // one that was tried in parallel
   choice.recordSuccess();
   expect(choice.chooseNext(120_000)).toBe('websocket');
   choice.recordFailure(0);

@@ -1,7 +1,7 @@
 import { afterEach, beforeEach, expect, it, vi } from 'vitest';
 import { tryWebSocket } from '../src/stream/trial.ts';
 
-/** Stands in for the browser's; says what the relay is to say. */
+/** Replaces the browser's WebSocket; simulates the relay's messages. */
 class FakeSocket {
   static newest: FakeSocket;
   readonly sent: string[] = [];

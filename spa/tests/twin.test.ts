@@ -86,7 +86,7 @@ describe('twin', () => {
     for (const n of [7, 8]) twin.acceptEvent(event(n));
     twin.acceptEarlier([], false);
     expect(twin.hasAllEvents).toBe(false);
-    twin.acceptEvent({ ...event(8.5), state: 'off' }); // told because nobody had
+    twin.acceptEvent({ ...event(8.5), state: 'off' }); // reported because nobody had
     twin.acceptEvent(event(10));
     twin.acceptEarlier([event(5), event(6), event(7), event(9)], true);
     expect(twin.events.map(({ n }) => n)).toEqual([5, 6, 7, 8, 9, 10]);
@@ -171,7 +171,7 @@ describe('events', () => {
   it('are kept once each, the newest hundred', () => {
     const twin = new RobotTwin('small', 0);
     for (let n = 1; n <= 150; n++) twin.acceptEvent(event(n));
-    for (let n = 51; n <= 150; n++) twin.acceptEvent(event(n)); // a new connection gives them again
+    for (let n = 51; n <= 150; n++) twin.acceptEvent(event(n)); // a new connection repeats them
     expect(twin.events.length).toBe(EVENT_LIMIT);
     expect(twin.events.map((e) => e.n)).toEqual(Array.from({ length: 100 }, (_, i) => i + 51));
   });

@@ -1,1 +1,1 @@
-"""Attacks on a real relay with an innocent robot and viewer beside (`make attack`)."""
+"""Attacks on a real relay, while an innocent robot and viewer use it (`make attack`)."""

@@ -1,8 +1,9 @@
-"""`python -m tests.attack [WHAT …]`: attacks a relay, an innocent robot and viewer beside (`make attack`).
+"""`python -m tests.attack [WHAT …]`: attacks a relay while an innocent robot and viewer use it (`make
+attack`).
 
-Each attack has a relay of its own. One that does the innocent more harm than is promised is played once more,
-and named, and oftener while others compute on this machine; exit code 1 when it goes on doing so.
-ATTACK_SECONDS=60 in the environment: each attack lasts for so long.
+Each attack gets its own relay. If it harms the innocent more than promised, it is repeated and reported, more
+often while other programs use this machine's CPU. The exit code is 1 if it keeps failing. ATTACK_SECONDS=60
+in the environment sets the length of each attack.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ def options() -> argparse.Namespace:
 
 
 class Run:
-    """All that was played, and what was not kept."""
+    """All rows, and the broken promises."""
 
     def __init__(self, relay: tuple[str, ...]) -> None:
         self._relay = relay
@@ -71,7 +72,8 @@ class Run:
         return row
 
     def attack(self, name: str) -> None:
-        """Twice when it is needed, oftener while others take the machine; with a control of that moment."""
+        """Repeated once if needed, more often while other programs use the CPU; with a control run at that
+        time."""
         row = self._play(ATTACKS[name])
         for turn in range(TURNS_MAX - 1):
             found = misses(row, self._control)
@@ -86,7 +88,7 @@ class Run:
     def _measure(self, name: str) -> list[Figure]:
         try:
             found = STAGES[name](self._relay)
-        except AssertionError as e:  # of `until`: what should have come never did
+        except AssertionError as e:  # from `until`: something expected never arrived
             found = [Figure(f"{name}: {str(e).splitlines()[0]}", float("inf"), 0.0, "")]
         print("".join(f"    {figure}\n" for figure in found), end="", flush=True)
         return found

@@ -1,4 +1,4 @@
-"""Relays, innocent robots and viewers, attackers: processes of one scene, all killed at its end."""
+"""Relays, innocent robots and viewers, attackers: the processes of one scene, all killed at its end."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ HERE = "tests.attack"
 
 @dataclass
 class Arena:
-    """What runs. `relay_command` starts the relay that is attacked, another version's perhaps."""
+    """The running processes. `relay_command` starts the attacked relay, perhaps of another version."""
 
     folder: Path
     relay_command: tuple[str, ...]
@@ -41,7 +41,8 @@ class Arena:
         return part
 
     def module(self, name: str, *arguments: str, nice: bool = False) -> Part:
-        """A program of this suite. `nice`: an attacker has a machine of its own; here it takes the rest."""
+        """A program of this suite. `nice`: an attacker has its own machine in reality; here it gets only the
+        rest of the CPU."""
         first = ("nice", "-n", "19") if nice else ()
         return self.start(name, *first, sys.executable, "-m", f"{HERE}.{name}", *arguments)
 
@@ -76,11 +77,11 @@ class Arena:
         return self.start("edge", *first, str(Path(relay).with_name("posecast-edge")), "run", *arguments)
 
     def robot(self, zenoh: str, name: str = "innocent") -> Part:
-        """One that does no harm."""
+        """An innocent robot."""
         return self.module("innocent_robot", zenoh, name, *self.secret(name))
 
     def screen(self, http: str, name: str = "innocent") -> Part:
-        """A viewer of it, as the page is one."""
+        """A viewer of it, behaving like the page."""
         return self.start(
             "screen", sys.executable, str(self.screen_program), f"ws://{http}/api/v1/robots/{name}/live?hz=60"
         )
@@ -88,7 +89,7 @@ class Arena:
 
 @contextmanager
 def arena(relay_command: tuple[str, ...], guarded: bool = False) -> Iterator[Arena]:
-    """All that was started on it is killed in the end."""
+    """Everything started in it is killed at the end."""
     with tempfile.TemporaryDirectory(prefix="attack-") as folder:
         made = Arena(Path(folder), relay_command, guarded)
         try:

@@ -1,8 +1,8 @@
-"""One attacker in a process of its own; it ends by itself.
+"""One attacker in a separate process, which ends on its own.
 
-    python -m tests.attack.attacker NAME HTTP ZENOH SECONDS [SECRET]
+python -m tests.attack.attacker NAME HTTP ZENOH SECONDS [SECRET]
 
-Prints READY when all is prepared, attacks from the line on stdin on, and says as JSON what it did.
+Prints READY when it is prepared, attacks once it reads a line on stdin, and prints what it did as JSON.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def main(name: str, http: str, zenoh: str, seconds: str, *secret: str) -> None:
     steps = ATTACKS[name].steps(at)
     next(steps)
     print("READY", flush=True)
-    if not sys.stdin.readline():  # who wanted it is gone
+    if not sys.stdin.readline():  # its parent is gone
         return
     last = threading.Timer(at.seconds + SPARE_S, os._exit, [1])
     last.daemon = True
@@ -35,7 +35,7 @@ def main(name: str, http: str, zenoh: str, seconds: str, *secret: str) -> None:
         next(steps)
     except StopIteration as done:
         print(json.dumps({"did": done.value}), flush=True)
-    os._exit(0)  # a session that closes waits for a relay that may be held up
+    os._exit(0)  # closing a session waits for a relay, which may be held up
 
 
 if __name__ == "__main__":

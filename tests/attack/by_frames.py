@@ -19,7 +19,7 @@ ONE_BASE_FRAMES = 60_000  # a distance is a u16
 
 
 class Ready:
-    """Sound plain frames of one robot, made beforehand: encoding must not be what bounds the attack."""
+    """Valid plain frames of one robot, made in advance: encoding must not limit the attack."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot

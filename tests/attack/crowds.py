@@ -1,4 +1,4 @@
-"""Where many are innocent: a hundred robots beside one that floods, a thousand viewers that come at once."""
+"""Many innocent clients: a hundred robots beside one that floods, a thousand viewers that arrive at once."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ IN_MAX_S = 10.0
 
 
 def percentile(values: Sequence[float], share: float) -> float:
-    """The value below which that share of them lies; infinite when there are none."""
+    """The value below which this share of them lies; infinite if there are none."""
     ordered = sorted(values)
     return ordered[min(len(ordered) - 1, int(len(ordered) * share))] if ordered else float("inf")
 
 
 def beside_a_flood(relay_command: tuple[str, ...]) -> list[Figure]:
-    """p99 of the lateness of a hundred robots' frames, with a flood ÷ without; the middle one of three."""
+    """p99 of the lateness of a hundred robots' frames, with a flood ÷ without; the median of three."""
     with arena(relay_command) as made:
         _, http, zenoh = made.relay()
         fleet = ["-m", "posecast_loadtests.fleet", "--relay", f"tcp/{zenoh}"]
@@ -69,7 +69,7 @@ def _turn(attacker: Part | None) -> tuple[float, float]:
 
 
 def coming_at_once(relay_command: tuple[str, ...]) -> list[Figure]:
-    """Until the last of a thousand viewers from one address says LIVE."""
+    """Seconds until the last of a thousand viewers from one address says LIVE."""
     with arena(relay_command) as made:
         _, http, zenoh = made.relay()
         robot = made.robot(zenoh)

@@ -1,4 +1,4 @@
-"""The tables of docs/reference/attack-tests.md, as the last `make attack WRITE=1` found it."""
+"""The tables of docs/reference/attack-tests.md, from the last `make attack WRITE=1`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ END = "<!-- until here -->\n"
 
 
 def text(rows: Sequence[Row], figures: Sequence[Figure]) -> str:
-    """What was measured, for people."""
+    """The measurements, for people."""
     lines = [f"| {' | '.join(HEAD)} |", "|---" * 2 + "|---:" * (len(HEAD) - 2) + "|"]
     lines += [f"| {' | '.join((row.what, *cells(row)))} |" for row in rows]
     lines += ["", "| further checks | measured | limit |", "|---|---:|---:|"]
@@ -30,7 +30,7 @@ def text(rows: Sequence[Row], figures: Sequence[Figure]) -> str:
 
 
 def put(document: str, table: str) -> str:
-    """The document with another table. ValueError when it has no place for one."""
+    """The document with a new table. ValueError if it has no place for one."""
     before, begin, rest = document.partition(BEGIN)
     _, end, after = rest.partition(END)
     if not begin or not end:
@@ -39,5 +39,5 @@ def put(document: str, table: str) -> str:
 
 
 def write(rows: Sequence[Row], figures: Sequence[Figure]) -> None:
-    """Into the file."""
+    """Writes the file."""
     FILE.write_text(put(FILE.read_text(), text(rows, figures)))

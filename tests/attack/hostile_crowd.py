@@ -1,4 +1,4 @@
-"""Many TCP connections of one attacker, in one thread: opened at once, written to, read from or not."""
+"""Many TCP connections of one attacker, in one thread: opened at once, written to, and read or not."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def text(said: str) -> bytes:
 
 
 class Crowd:
-    """`write` and `read` never wait; what a socket does not take is lost. `first`: written when it opens."""
+    """`write` and `read` never wait; what a socket refuses is lost. `first`: written on opening."""
 
     def __init__(self, at: Target, first: Callable[[int], bytes], small: bool = False) -> None:
         allow_sockets()
@@ -85,7 +85,7 @@ class Crowd:
                 found.send(data)
 
     def read(self, wait_s: float = 0.0) -> list[int]:
-        """All that is there, thrown away. Whose connections have ended."""
+        """Reads and discards everything available. Returns the clients whose connections have ended."""
         gone = []
         for key, _ in self._selector.select(wait_s):
             number = int(key.data)
@@ -115,11 +115,11 @@ class Crowd:
             found.close()
 
     def until_heard(self, wait_s: float = 5.0) -> None:
-        """All that are open have been answered something."""
+        """Whether all open ones have received an answer."""
         end_s = time.monotonic() + wait_s
         while len(self.heard) < len(self.sockets) and time.monotonic() < end_s:
             self.read(0.05)
 
     def reopen(self) -> None:
-        """Whoever was let go comes back at once."""
+        """Replaces disconnected clients at once."""
         self.open(self.read())

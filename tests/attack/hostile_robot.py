@@ -1,4 +1,4 @@
-"""A robot that means harm: a session, a run, sound frames to begin with, and answers of its own choice."""
+"""A malicious robot: a session, a run, valid frames to begin with, and answers of its own choice."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def schema_of(joints: int = JOINTS, name: str = "J") -> Schema:
 
 
 class Robot:
-    """`answers`: what it replies to the question for its snapshot; a sound one unless set."""
+    """`answers`: its reply to a snapshot query; a valid one unless set."""
 
     def __init__(
         self,
@@ -115,7 +115,7 @@ class Robot:
         )
 
     def snapshot(self, schema: str | None = None, info: dict[str, str] | None = None) -> bytes:
-        """A sound one but for what is given."""
+        """A valid one with changes."""
         if self._encoder.key is None:
             self.frame(key=True)
         key, ref = self._encoder.key, self._encoder.ref
@@ -123,7 +123,7 @@ class Robot:
         return Snapshot(schema or self.schema.text, info or {}, key, ref, self.model).pack()
 
     def on_air(self) -> Robot:
-        """Until the relay listens, and has its schema."""
+        """Waits until the relay listens and has its schema."""
         end_s = time.monotonic() + MATCH_S
         while not self.frames.matching_status.matching and time.monotonic() < end_s:  # type: ignore[attr-defined]
             time.sleep(0.01)
@@ -147,7 +147,7 @@ class Robot:
 
 
 def key_frame(schema_id: int, seq: int, size: int, t_s: float = 1.0) -> bytes:
-    """A KEY of so many bytes, of which only the header makes sense."""
+    """A KEY of this many bytes, of which only the header is meaningful."""
     return struct.pack("<BIId", 0x13, schema_id, seq, t_s) + bytes(size - 17)
 
 

@@ -1,9 +1,9 @@
-"""A robot that does nobody any harm: 30 frames a second from a process of its own.
+"""An innocent robot: 30 frames a second from a separate process.
 
-    python -m tests.attack.innocent_robot HOST:PORT NAME [SECRET]
+python -m tests.attack.innocent_robot HOST:PORT NAME [SECRET]
 
-{"sent": seq, "at": monotonic s} for every frame. Its first two joints are the hand of `tests.faults.robot`.
-A line `clock SECONDS` on stdin: from now on its stamps are so much behind, as after a laptop's sleep.
+{"sent": seq, "at": monotonic s} for every frame. Its first two joints are the hand of `tests.faults.robot`. A
+line `clock SECONDS` on stdin: from now on its timestamps are this far behind, as after a laptop's sleep.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """How late frames of many robots reach viewers: one viewer a robot, all in this process.
 
-    python -m tests.attack.lateness HOST:PORT NAME COUNT
+python -m tests.attack.lateness HOST:PORT NAME COUNT
 
-Watches NAME-0, NAME-1, … Prints READY when all have sent, then [monotonic s, lateness s] for every frame:
-what it took beyond the quickest of all.
+Watches NAME-0, NAME-1, … Prints READY when all have sent, then [monotonic s, lateness s] for every frame: its
+delay compared with the fastest of all.
 """
 
 from __future__ import annotations

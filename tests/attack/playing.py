@@ -1,4 +1,4 @@
-"""One attack, an innocent robot and viewer beside it, and newcomers in its middle: one row of figures."""
+"""One attack, with an innocent robot and viewer, and newcomers in its middle: one row of figures."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ LOOKED_S = 5.0  # a newcomer is waited for so long
 
 
 class Newcomer(threading.Thread):
-    """A robot that comes while the attack goes on, and a viewer that wants to see it."""
+    """A robot that connects during the attack, and a viewer that wants to see it."""
 
     def __init__(self, made: Arena, http: str, zenoh: str) -> None:
         super().__init__(daemon=True)
@@ -34,7 +34,7 @@ class Newcomer(threading.Thread):
         self.seconds = LOOKED_S
 
     def run(self) -> None:
-        """From both being there to the first frame."""
+        """Seconds from both being started to the first frame."""
         robot = self._arena.robot(self._zenoh, "newcomer")
         with suppress(AssertionError, OSError):  # it may not get in, and all may end meanwhile
             until("the newcomer sends", lambda: "sent" in robot.out, LOOKED_S)
@@ -66,7 +66,7 @@ def served(made: Arena, attack: Attack | None) -> tuple[list[Part], str, str]:
 
 
 def played(attack: Attack | None, seconds: float, relay_command: Sequence[str]) -> Row:
-    """One attack on a relay of its own; None: no attack."""
+    """One attack on its own relay; None: no attack."""
     with arena(tuple(relay_command), attack is not None and attack.guarded) as made:
         relays, http, zenoh = served(made, attack)
         robot = made.robot(zenoh)

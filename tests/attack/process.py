@@ -1,4 +1,4 @@
-"""What a process takes of its machine, as Linux tells it."""
+"""A process's use of its machine, from Linux's accounts."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from pathlib import Path
 
 
 class Process:
-    """What it took of its machine since this was made. 10⁶ bytes; of its main thread, s."""
+    """The resources it has used since this object was made: 10⁶ bytes; seconds of its main thread."""
 
     def __init__(self, pid: int) -> None:
         self._at = Path(f"/proc/{pid}")
         self._waited_s = self._wait_s()
-        (self._at / "clear_refs").write_text("5")  # the peak begins anew
+        (self._at / "clear_refs").write_text("5")  # resets the peak
         self._before_mb = self._figure("VmRSS")
 
     def _figure(self, name: str) -> float:
@@ -27,7 +27,7 @@ class Process:
         return ready_s + stolen / os.sysconf("SC_CLK_TCK") / (os.cpu_count() or 1)
 
     def waited_s(self) -> float:
-        """How long it would have computed and had no core, or its cores were not there; 0 when it is gone."""
+        """Seconds for which it wanted to compute but got no core; 0 once it is gone."""
         with suppress(OSError):
             return self._wait_s() - self._waited_s
         return 0.0

@@ -1,6 +1,6 @@
-"""What must come back by itself: after a second edge, a clock that stood still, a Redis that forgot.
+"""Recovery without help: after a second edge, a clock that stood still, a Redis that lost its data.
 
-All at once, each with a robot and a viewer of its own: they wait more than they work.
+All run at once, each with its own robot and viewer: they wait more than they work.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ NEVER_S = float("inf")
 
 
 class Back:
-    """When a viewer was well again, for good."""
+    """When a viewer had recovered for good."""
 
     def __init__(self, screen: Part) -> None:
         self._screen = screen
@@ -48,7 +48,8 @@ class Back:
         until("LIVE at first", lambda: any(line["word"] == "LIVE" for line in said(self._screen, "word")))
 
     def after(self, since_s: float) -> float:
-        """Seconds from then to its last return to LIVE: 0 when it said nothing else, infinite without one."""
+        """Seconds from then to its last return to LIVE: 0 if it said nothing else, infinite if it never
+        returned."""
         end_s = since_s + LOOKED_S
         while time.monotonic() < end_s:
             words = said(self._screen, "word")
@@ -90,7 +91,7 @@ def clock_stood_still(made: Arena, http: str, zenoh: str) -> Figure:
 
 
 def hostile_lines(made: Arena, http: str, zenoh: str) -> Figure:
-    """A robot's program writes what no reader expects between its own lines: the agent goes on."""
+    """A robot's program writes unreadable lines between its own: the agent continues."""
     fifo = made.folder / "lines"
     os.mkfifo(fifo)
     held = os.open(fifo, os.O_RDWR | os.O_NONBLOCK)
@@ -139,7 +140,7 @@ def forgotten_generation(made: Arena) -> Figure:
 
 
 def flushed(made: Arena) -> Figure:
-    """FLUSHALL while the ingest is down, and again while all is well."""
+    """FLUSHALL while the ingest is down, and again while everything works."""
     stage = RedisStage(made)
     made.robot(stage.zenoh, "flushed")
     back = Back(made.screen(stage.http, "flushed"))

@@ -1,4 +1,4 @@
-"""What one attack did to the innocent, and whether that is within what is promised."""
+"""The effect of one attack on the innocent, and whether it is within the promised limits."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ WAITED_S = 0.3  # worth saying: others compute on this machine
 @dataclass(frozen=True)
 class Row:
     """Beside one attack. `gap_s`: the longest time without a frame; `newcomer_s`: from the moment that a
-    robot and a viewer of it come, in the middle of the attack, to the first frame. `words`: what the viewer
-    read beside LIVE. `held_up_s`: how long the machine did not let the innocent robot itself send;
-    `waited_s`: how long the relay would have computed and had no core.
+    robot and a viewer of it come, in the middle of the attack, to the first frame. `words`: the viewer's
+    other state words. `held_up_s`: how long the machine prevented the innocent robot from sending;
+    `waited_s`: how long the relay wanted to compute but got no core.
     """
 
     name: str
@@ -43,7 +43,7 @@ class Row:
 def shares(
     sent: Sequence[tuple[int, float]], came: Sequence[tuple[int, float]], from_s: float, to_s: float
 ) -> float:
-    """Part of the frames sent in that time that came, and in time: (seq, monotonic s) at either end."""
+    """The share of the frames sent in that time that arrived in time: (seq, monotonic s) at either end."""
     due = {seq for seq, at in sent if from_s <= at <= to_s - ON_ITS_WAY_S}
     got = {seq for seq, at in came if at <= to_s}
     return len(due & got) / len(due) if due else 0.0
@@ -56,14 +56,14 @@ def longest_gap_s(came: Sequence[float], from_s: float, to_s: float) -> float:
 
 
 def held_up_s(sent: Sequence[float], period_s: float, from_s: float, to_s: float) -> float:
-    """How much too late a frame was sent at worst: by whatever held up the sender."""
+    """The worst delay in sending a frame, whatever held up the sender."""
     return max(0.0, longest_gap_s(sent, from_s, to_s) - 1.5 * period_s)
 
 
 def misses(row: Row, control: Row | None) -> list[str]:
-    """What is not as promised, a line each. `control`: the same without an attack.
+    """The broken promises, one line each. `control`: the same without an attack.
 
-    A machine that stutters by itself makes frames late for everybody: its own part is not the attack's.
+    A machine that stutters makes frames late for everybody: that part is not blamed on the attack.
     """
     gap_max_s = max(GAP_MAX_S, control.gap_s if control else 0.0) + row.held_up_s
     share_min = SHARE_MIN * (min(1.0, control.share) if control else 1.0)
@@ -94,6 +94,6 @@ HEAD = ("attack", "rate", "frames", "gap s", "newcomer s", "relay + MB", "log li
 
 
 def cells(row: Row) -> tuple[str, ...]:
-    """Of the table, without the first."""
+    """The cells of the table except the first."""
     numbers = (f"{row.share:.1%}", f"{row.gap_s:.2f}", f"{row.newcomer_s:.2f}", f"{row.growth_mb:.0f}")
     return (row.did, *numbers, f"{row.lines_per_s:.1f}")

@@ -1,7 +1,7 @@
-"""What an attacker knows of the relay it attacks, and how attacks are written down.
+"""What an attacker knows about the relay, and how attacks are written.
 
-An attack is a generator: what it prepares stands before its only `yield`, the attack itself behind it, and it
-returns what it did, in a few words. Its docstring is its line in the table.
+An attack is a generator: it prepares before its only `yield`, attacks after it, and returns a short summary
+of what it did. Its docstring is its line in the table.
 """
 
 from __future__ import annotations
@@ -42,7 +42,8 @@ class Target:
         return time.monotonic() >= self.end_s
 
     def paced(self, per_s: float, act: Callable[[], object]) -> str:
-        """Calls `act` so often until the time is over; what is missed is not made up for. Tells the rate."""
+        """Calls `act` at this rate until the time is over; missed calls are not repeated. Returns the
+        achieved rate."""
         began_s = due_s = time.monotonic()
         count = 0
         while due_s < self.end_s:

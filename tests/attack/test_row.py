@@ -1,4 +1,4 @@
-"""What an attack is judged by."""
+"""The criteria for an attack's result."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_what_the_machine_itself_held_up_is_not_the_attacks() -> None:
 def test_frames_count_when_they_come_in_time() -> None:
     sent = [(seq, seq / 10) for seq in range(20)]
     came = [(seq, seq / 10 + 0.01) for seq in range(20) if seq != 5]
-    assert shares(sent, came, 0.0, 1.35) == 10 / 11  # those of the last 0.3 s may be on their way
+    assert shares(sent, came, 0.0, 1.35) == 10 / 11  # those of the last 0.3 s may be in transit
     assert shares(sent, [], 0.0, 1.0) == 0.0
     assert shares([], [], 0.0, 1.0) == 0.0
 

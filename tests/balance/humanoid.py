@@ -57,7 +57,7 @@ MODEL = f"""<mujoco><option timestep="{STEP_S}" integrator="implicitfast" cone="
 
 
 def make_manifest(model: Any) -> Document:
-    """The same robot as the page has it."""
+    """The same robot as the page sees it."""
     bodies = range(1, model.nbody)
     joints, inertials = [], []
     for body in bodies:
@@ -113,8 +113,8 @@ def make_sensors(model: Any) -> Document:
 def bend(
     shift: float, right: float, left: float, ahead: tuple[float, float], lean: float
 ) -> dict[str, float]:
-    """Joints for a trunk that is `shift` m to the left of the middle, with feet lifted by `right` and
-    `left` m and put `ahead` m; `lean` is how far the ankles lean ahead, rad."""
+    """Joint angles for a trunk `shift` m to the left of the middle, with the feet raised by `right` and
+    `left` m and moved `ahead` m; `lean` is how far the ankles lean ahead, rad."""
     joints = {}
     for s, lift, x in (("r", right, ahead[0]), ("l", left, ahead[1])):
         height = THIGH_M + SHIN_M - 0.03 - lift
@@ -140,12 +140,12 @@ def stand(t: float) -> dict[str, float]:
 
 
 def lean(t: float) -> dict[str, float]:
-    """Ahead until it is near the edge, then to one side."""
+    """Leans forward until it is near the edge, then to one side."""
     return bend(0.05 * _ease((t - 4) / 2), 0, 0, (0, 0), 0.07 * _ease(t / 3))
 
 
 def walk(t: float) -> dict[str, float]:
-    """A step every four seconds: onto one foot, the other one up, ahead and down."""
+    """A step every four seconds: shift onto one foot, move the other one up, forward and down."""
     stride = 0.05
     number, part = int(t // 4), (t % 4) / 4
     onto = -1 if number % 2 == 0 else 1  # the foot that bears: right, then left
@@ -189,7 +189,7 @@ def play(gait: str) -> Iterator[tuple[Any, Any]]:
 
 
 def find_pressure(model: Any, data: Any) -> tuple[dict[str, Any], dict[str, float]]:
-    """Of each foot the centre of pressure (world, m; None without contact) and the force (N), by MuJoCo's
+    """For each foot, the centre of pressure (world, m; None without contact) and the force (N), from MuJoCo's
     contacts."""
     sums = {s: np.zeros(3) for s in "rl"}
     forces = dict.fromkeys("rl", 0.0)

@@ -1,4 +1,4 @@
-"""The page's balance of a course of frames, read by its own TypeScript in Node."""
+"""The page's balance for a sequence of frames, computed by its own TypeScript in Node."""
 
 from __future__ import annotations
 
@@ -49,13 +49,13 @@ def encode_values(schema_text: str, values: Mapping[str, float]) -> list[int]:
 
 
 def read_balance(manifest: Document, schema: str, frames: Sequence[Document]) -> list[Document]:
-    """What the page makes of frames of `t`, `codes` and perhaps `velocity` (spa/tests/balance_course.ts)."""
+    """The page's result for frames with `t`, `codes`, optionally `velocity` (spa/tests/balance_course.ts)."""
     found: list[Document] = _run("balance_course.mjs", manifest, schema, frames)["frames"]
     return found
 
 
 def read_stances(manifest: Document, schema: str, frames: Sequence[Document]) -> Document:
-    """What the page says of frames of `t` and `codes` (spa/tests/stance_course.ts)."""
+    """The page's text for frames with `t` and `codes` (spa/tests/stance_course.ts)."""
     return _run("stance_course.mjs", manifest, schema, frames)
 
 

@@ -1,4 +1,4 @@
-"""One cloud for all tests of this folder: built, started, taken down."""
+"""One cloud for all tests in this folder: built, started, stopped."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ START_S = 180.0
 
 @dataclass
 class Cloud:
-    """A running project and how its page is reached."""
+    """A running project and the address of its page."""
 
     project: Project
     authority: Path  # the proxy's own
@@ -48,7 +48,7 @@ class Cloud:
             return json.load(answer)
 
     def status(self, robot: str) -> str | None:
-        """What the relay says of a robot; None when it knows none of that name."""
+        """The relay's entry for a robot; None if it does not know that name."""
         try:
             return str(self.get(f"/api/v1/robots/{robot}")["status"])
         except OSError:

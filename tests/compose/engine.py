@@ -1,4 +1,4 @@
-"""A Docker engine and Compose, where there are any, and one project of its own on them."""
+"""A Docker engine and Compose, if available, and a separate project on them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FILE = ROOT / "infra" / "docker-compose.yml"
 
 
 def compose_command() -> list[str]:
-    """`docker compose`, or the program of that version by itself. LookupError says what is missing."""
+    """`docker compose`, or the standalone program of that version. LookupError says what is missing."""
     if shutil.which("docker") is None:
         raise LookupError("no docker here")
     answer = subprocess.run(["docker", "info"], capture_output=True, text=True, check=False, timeout=60)
@@ -35,7 +35,7 @@ def compose_command() -> list[str]:
 
 
 class Project:
-    """One cloud: infra/docker-compose.yml under a name of its own, on ports of its own."""
+    """One cloud: infra/docker-compose.yml under its own name and ports."""
 
     def __init__(self, folder: Path, ports: tuple[int, int, int, int]) -> None:
         self.name = f"posecast-test-{os.getpid()}"
@@ -57,14 +57,14 @@ class Project:
         self._here.write_text(json.dumps({"services": {"relay": build, "proxy": build}}))
 
     def write_command(self, **settings: str) -> list[str]:
-        """The command that works on this project, with these settings beside its own."""
+        """The command for this project, with additional settings."""
         env_file = self._folder / ".env"
         env_file.write_text("".join(f"{k}={v}\n" for k, v in {**self.settings, **settings}.items()))
         named = ("--project-name", self.name, "--env-file", str(env_file))
         return [*self.program, *named, "-f", str(FILE), "-f", str(self._here)]
 
     def compose(self, *words: str, limit_s: float = 120, **settings: str) -> str:
-        """Runs a command; its output. AssertionError with what it said when it fails."""
+        """Runs a command; returns its output. AssertionError with its output if it fails."""
         command = [*self.write_command(**settings), *words]
         done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=limit_s)
         assert done.returncode == 0, f"compose {' '.join(words)}\n{done.stdout[-4000:]}{done.stderr[-8000:]}"

@@ -14,7 +14,7 @@ from tests.conftest import BIN, until
 
 
 def list_blocks(page: str) -> list[str]:
-    """The shell blocks of a page below docs/how-to/, those of lists without their indent."""
+    """The shell blocks of a page below docs/how-to/, without the indentation of lists."""
     text = (ROOT / "docs/how-to" / page).read_text()
     found = re.findall(r"^( *```sh\n.*?)^ *```", text, re.DOTALL | re.MULTILINE)
     return [dedent(block).partition("\n")[2] for block in found]
@@ -45,7 +45,7 @@ def adapt(cloud: Any, block: str, folder: Path = ROOT, **settings: str) -> str:
 
 
 def attempt(cloud: Any, block: str, folder: Path = ROOT, **settings: str) -> subprocess.CompletedProcess[str]:
-    """Run a block, whatever comes of it."""
+    """Run a block, whatever the result."""
     return subprocess.run(
         ["bash", "-c", adapt(cloud, block, folder, **settings)],
         stdin=subprocess.DEVNULL,
@@ -64,7 +64,7 @@ def carry_out(cloud: Any, block: str, folder: Path = ROOT, **settings: str) -> s
 
 
 def start_robot(cloud: Any, stack: Any, name: str, credential: Path) -> Any:
-    """A robot outside of the containers, once it is on air; its credential is made if there is none."""
+    """Waits until a robot outside the containers is on air; creates its credential if needed."""
     if not credential.exists():
         (relay,) = cloud.project.containers("relay")
         credential.touch(0o600)

@@ -1,4 +1,4 @@
-"""infra/docker-compose.yml on a real Docker engine: `make compose-test`. Skipped where there is none."""
+"""infra/docker-compose.yml on a real Docker engine: `make compose-test`. Skipped if there is none."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_page_and_routes_come_with_their_headers(cloud: Any) -> None:
 
     with urllib.request.urlopen(cloud.url, timeout=5, context=cloud.trust) as answer:
         asset = re.findall(r"\./(assets/[^\"]+\.js)", answer.read().decode())[0]
-    # the same words as a header bind the page's workers too
+    # the same policy as a header also applies to the page's workers
     assert "default-src 'self'" in headers(f"/{asset}")["content-security-policy"]
     assert headers("/")["content-security-policy"].endswith("; frame-ancestors 'none'")
     # whoever the file of robots lets see the demo robot may frame it
@@ -75,7 +75,8 @@ def test_page_and_routes_come_with_their_headers(cloud: Any) -> None:
 
 
 def play(cloud: Any, *files: str, **settings: str) -> dict[str, int]:
-    """Browser tests, here instead of before a relay of their own: how many passed, how many were skipped."""
+    """Runs browser tests against the cloud instead of their own relay: how many passed, how many were
+    skipped."""
     here = {"POSECAST_URL": cloud.url, "NODE_EXTRA_CA_CERTS": str(cloud.authority)}
     words = ("npm", "run", "--silent", "e2e", "-w", "spa", "--", "--retry=1", "--reporter=verbose")
     done = subprocess.run(
@@ -97,9 +98,9 @@ def test_a_browser_sees_it(cloud: Any) -> None:
     assert play(cloud, "deployed") == {"passed": 1}
 
 
-# The browser tests of what lies between robot and page, and so of what a proxy can spoil. Those that need a
-# relay's process, settings or plain port in hand skip themselves. What is kept for a second visit is not
-# looked at here: behind a certificate that it has no trust in, a browser keeps nothing.
+# The browser tests for everything between robot and page that a proxy can break. Tests that need a relay's
+# process, settings or plain port skip themselves. Caching between visits is not tested here: a browser stores
+# nothing behind a certificate that it does not trust.
 PLAYED = ("share", "elsewhere", "policy", "table", "unseen", "everyone", "liveness", "faults", "model")
 ROBOTS = ("first", "second")  # beside `demo`
 

@@ -1,4 +1,4 @@
-"""The recipes for the containers in docs/how-to/, each played as it stands there."""
+"""The recipes for the containers in docs/how-to/, each run as written."""
 
 from __future__ import annotations
 
@@ -233,7 +233,7 @@ def write_volume(cloud: Any, volume: str, path: str, text: str) -> None:
 
 
 def read_volume(cloud: Any, volume: str, path: str) -> str:
-    """What that file holds. AssertionError where it is missing."""
+    """The content of that file. AssertionError if it is missing."""
     mount = f"{cloud.project.name}_{volume}:/{volume}:ro"
     return docker("run", "--rm", "--network", "none", "--volume", mount, "posecast", "cat", f"/{path}")
 

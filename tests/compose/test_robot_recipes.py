@@ -1,4 +1,4 @@
-"""The recipes for robots and the admin page in containers, each played as it stands in
+"""The recipes for robots and the admin page in containers, each run as written in
 docs/how-to/operate/container-recipes.md."""
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ pytestmark = pytest.mark.full
 
 @pytest.fixture
 def relay(cloud: Any) -> Iterator[str]:
-    """The relay's container, from which `hubo` is gone afterwards."""
+    """The relay's container, from which `hubo` is removed afterwards."""
     (found,) = cloud.project.containers("relay")
     yield found
     docker("exec", found, "posecast-relay", "robots", "remove", "hubo")
@@ -114,7 +114,7 @@ def test_the_admin_opens_the_page_from_this_machine(cloud: Any, relay: str, tmp_
 
 
 def ask_neighbour(cloud: Any, secret: str) -> str:
-    """The status for whoever comes to the proxy from another address than this machine's."""
+    """The status for a client that reaches the proxy from another address than this machine's."""
     asks = (
         "import http.client, ssl, socket\n"
         "context = ssl._create_unverified_context()\n"

@@ -1,4 +1,4 @@
-"""Many pages without a browser that watch through the proxy while something is replaced."""
+"""Many simulated pages that watch through the proxy while something is replaced."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ AFTER_S = 2.0  # a page that is moved and not served again would be STALE after 
 
 @dataclass
 class Watched:
-    """What each page has said and shown, filled when the watching has ended."""
+    """What each page has reported and shown, filled when the watching has ended."""
 
     lines: dict[int, list[dict[str, Any]]] = field(default_factory=lambda: defaultdict(list))
 
     def list_lost_by_moves(self) -> list[dict[str, Any]]:
-        """What pages said within AFTER_S of being moved that was not LIVE or HOLDING.
+        """The words other than LIVE or HOLDING that pages said within AFTER_S of being moved.
 
-        Not where they missed none of the robot's frames: then it was the robot that was slow.
+        Excluded: pages that missed none of the robot's frames, because then the robot was slow.
 
-        Not what pages said as well that stayed where they were: then it was the machine, or Redis.
+        Excluded: words that pages that were not moved said too, because then the machine or Redis was slow.
         """
         found = []
         for lines in self.lines.values():
@@ -67,7 +67,7 @@ class Watched:
         return words[-1] if words else None
 
     def measure_longest_s(self) -> float:
-        """The longest time for which any page said that what it shows is not live."""
+        """The longest time for which any page said that its picture is not live."""
         longest_s = 0.0
         for lines in self.lines.values():
             words = [line for line in lines if "word" in line]
@@ -79,7 +79,7 @@ class Watched:
         return longest_s
 
     def count_missed(self) -> int:
-        """The most of the robot's frames that any page has missed in a row."""
+        """The most consecutive robot frames that any page has missed."""
         seqs: list[list[int]] = [
             [line["seq"] for line in lines if "seq" in line] for lines in self.lines.values()
         ]
@@ -100,7 +100,7 @@ class Watched:
 
 @contextmanager
 def watch(cloud: Any, folder: Path) -> Iterator[Watched]:
-    """Let PAGES pages watch the demo robot within the context, beginning when all are LIVE."""
+    """Let PAGES pages watch the demo robot within the context, starting once all are LIVE."""
     url = cloud.url.replace("https", "wss") + f"/api/v1/robots/demo/live?hz={HZ}"
     out = folder / "pages.jsonl"
     env = os.environ | {"SSL_CERT_FILE": str(cloud.authority), "PYTHONPATH": str(ROOT)}

@@ -1,8 +1,8 @@
-"""`posecast-edge`, broken on purpose: what the fault suite must notice.
+"""`posecast-edge`, broken on purpose: the fault suite must notice it.
 
 broken_edge.py sticks|late run …
 
-The product knows none of this; it is patched here, in a process of its own.
+The product contains none of this; it is patched here, in a separate process.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from posecast_edge.cli.main import main
 from posecast_edge.pipeline.sampler import NEVER, Due, Sampler, Values
 from posecast_wire.quantiser import Quantiser
 
-WELL = 60  # it breaks after so many frames
+WELL = 60  # it breaks after this many frames
 LATE_SAMPLES = 5 * 30
 
 
 def codes_that_stick() -> None:
-    """The robot moves, and its frames say that it does not."""
+    """The robot moves, but its frames say that it does not."""
     tick, codes = Sampler.tick, Quantiser.quantise
     sent: list[Due] = []
 
@@ -38,7 +38,7 @@ def codes_that_stick() -> None:
 
 
 def old_samples_as_fresh() -> None:
-    """Each sample waits for a hundred and fifty others, and is then sent as if it had been taken just now."""
+    """Each sample waits for a hundred and fifty others, and is then sent as if it had just been taken."""
     offer = Sampler.offer
     waiting: deque[tuple[float, Values]] = deque()
 

@@ -1,8 +1,8 @@
-"""`posecast-relay`, broken on purpose: what the fault suite must notice.
+"""`posecast-relay`, broken on purpose: the fault suite must notice it.
 
 broken_relay.py backpressure|fifo|runs run …
 
-The product knows none of this; it is patched here, in a process of its own.
+The product contains none of this; it is patched here, in a separate process.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from posecast_relay.core.viewer.viewer import Viewer
 from posecast_wire import parse_header
 from posecast_wire.frame import TAG_PLAIN, Header
 
-WELL_SEQ = 60  # it breaks after so many frames
+WELL_SEQ = 60  # it breaks after this many frames
 LATE_S = 5.0
 PLAIN = struct.Struct("<BIHH")  # tag, base, distance, ms
 
 
 def without_backpressure() -> None:
-    """Writes on, whatever the socket and the acknowledgements say."""
+    """Keeps writing, whatever the socket and the acknowledgements say."""
     Viewer.pause = lambda _self, _now: None  # type: ignore[method-assign, assignment]
     Viewer.may_send = lambda _self, _now: True  # type: ignore[method-assign, assignment]
 
 
 def fifo_instead_of_mailbox() -> None:
-    """Who can't take a frame now gets it later, and all those after it, in order."""
+    """A viewer that can't receive a frame now gets it later, and all those after it, in order."""
     mailbox = Room._send_frame
 
     def queue(
@@ -57,12 +57,12 @@ def fifo_instead_of_mailbox() -> None:
 
 
 def unchecked_runs() -> None:
-    """No run is ever retired: whoever sends a KEY is believed."""
+    """No run is ever retired: anyone who sends a KEY is believed."""
     Runs.is_retired = lambda _self, _run_id, _now: False  # type: ignore[method-assign, assignment]
 
 
 def dropped_frames() -> None:
-    """The robot counts as heard, and nothing of what it sends is handed on."""
+    """The robot counts as heard, but none of its data is passed on."""
     take = Stream.take_frame
 
     def drop(
@@ -77,7 +77,7 @@ def dropped_frames() -> None:
 
 
 def an_old_pose_again() -> None:
-    """The same pose for ever, in frames that are new by number and time."""
+    """The same pose forever, in frames with new numbers and times."""
     take = Stream.take_frame
     kept: list[bytes] = []
     steps = count(1)
@@ -100,7 +100,7 @@ def an_old_pose_again() -> None:
 
 
 def old_frames_as_fresh() -> None:
-    """Every frame some seconds late, and counted as sent just now."""
+    """Every frame some seconds late, but counted as just sent."""
     take = Stream.take_frame
     waiting: deque[tuple[float, bytes, Header, int]] = deque()
 

@@ -1,4 +1,4 @@
-"""What the fault suite's scenarios are told with: a robot, an edge, screens; and the table at the end."""
+"""The building blocks of the fault suite's scenarios: a robot, an edge, screens; and the table at the end."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SETTLED_S = 0.5  # what a screen said before is written down
 
 
 class Screen:
-    """A viewer in a process of its own, and all it has said."""
+    """A viewer in a separate process, and its reports."""
 
     def __init__(self, part: Part, stood: Callable[[], list[Stand]]) -> None:
         self.part = part
@@ -38,7 +38,7 @@ class Screen:
 
     @property
     def word(self) -> str | None:
-        """What it says now."""
+        """Its current word."""
         said = self.lines("word")
         return said[-1]["word"] if said else None
 
@@ -63,7 +63,7 @@ class Screen:
         until(f"{count} frames", lambda: len(self.frames(since_s)) >= count, deadline_s)
 
     def never_lied(self) -> None:
-        """What it claimed was so; no frame was older than the one before it; every one could be decoded."""
+        """Its claims were true; no frame was older than the previous one; every one could be decoded."""
         told = lies(self.lines("at"), self._stood(), time.monotonic() - SETTLED_S)
         assert not told, "; ".join(told)
         assert self.lines("undecodable") == []
@@ -76,7 +76,7 @@ class Screen:
 
 
 class Hall:
-    """Many viewers in one process, and all they have said."""
+    """Many viewers in one process, and their reports."""
 
     def __init__(self, part: Part, viewers: int, stood: Callable[[], list[Stand]]) -> None:
         self.viewers = viewers
@@ -105,7 +105,7 @@ class Hall:
         return until(f"{self.viewers} viewers say LIVE", found, deadline_s)
 
     def never_lied(self) -> None:
-        """What a screen claimed was so; nobody saw a frame older than the one before it, or a broken one."""
+        """A screen's claims were true; nobody saw a frame older than the previous one, or a broken one."""
         by_viewer: dict[int, list[dict[str, Any]]] = {}
         for line in self.said():
             assert "undecodable" not in line, line
@@ -119,7 +119,7 @@ class Hall:
 
 @dataclass
 class Scene:
-    """One scenario's parts."""
+    """The components of one scenario."""
 
     stack: Stack
     name: str
@@ -127,7 +127,7 @@ class Scene:
     robots: list[Part] = field(default_factory=list)
 
     def stood(self) -> list[Stand]:
-        """When its robots stood still, by their own word."""
+        """When its robots stood still, according to themselves."""
         return [
             stand
             for robot in self.robots
@@ -144,7 +144,7 @@ class Scene:
         return self.robots[-1], fifo
 
     def edge(self, zenoh: str, fifo: Path, *arguments: str) -> Part:
-        """On air as `demo` with what is written into the FIFO."""
+        """The agent of `demo`, fed by the FIFO."""
         return self.stack.edge(zenoh, "--source", f"jsonl:{fifo}", *arguments)
 
     def router(self, listen: str, relay: str) -> Part:
@@ -176,7 +176,7 @@ class Scene:
 
 
 def told(robot: Part, order: str) -> float:
-    """Gives a robot's program an order and waits until it has taken it; when it did."""
+    """Gives a robot's program a command and waits until it has accepted it; returns the time."""
     before = len(robot.out.splitlines())
     assert robot.process.stdin is not None
     os.write(robot.process.stdin.fileno(), f"{order}\n".encode())

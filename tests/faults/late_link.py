@@ -1,4 +1,4 @@
-"""A network far away: passes bytes on late, by a time that wanders. For `netem`, which kernels may lack.
+"""A distant network: passes bytes on with a varying delay. Replaces `netem`, which kernels may lack.
 
 late_link.py HOST:PORT DELAY_MS WANDER_MS
 

@@ -1,10 +1,11 @@
-"""A robot's program for the fault suite: a pose that tells the time, as JSON lines into a FIFO, 30 a second.
+"""A robot's program for the fault suite: its pose encodes the time, written as JSON lines into a FIFO, 30 a
+second.
 
-    robot.py FIFO RKN,LKN
+robot.py FIFO RKN,LKN
 
 The first two joints are the hand of a clock that goes round once an hour, by the machine's monotonic clock:
-whoever sees a pose knows when it was true. Lines on stdin: `step SECONDS` moves the robot's own clock, as
-when it finds the time; `stand` holds the hand where it is; `go` lets it jump to the present and go on.
+so every pose reveals when it was true. Lines on stdin: `step SECONDS` changes the robot's own clock, as a
+time sync does; `stand` stops the hand; `go` lets it jump to the present and continue.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ def hand(at_s: float) -> tuple[float, float]:
 
 
 def told_s(sine: float, cosine: float, near_s: float) -> float:
-    """When the joints were there: of all rounds, the moment nearest to `near_s`."""
+    """When the joints were there: of all revolutions, the time nearest to `near_s`."""
     within_s = math.atan2(sine, cosine) / (2 * math.pi) * ROUND_S
     return within_s + ROUND_S * round((near_s - within_s) / ROUND_S)
 

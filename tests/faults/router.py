@@ -1,4 +1,4 @@
-"""A second Zenoh router on the way from robot to relay, as labs with several machines have one.
+"""A second Zenoh router between robot and relay, as in labs with several machines.
 
 router.py tcp/127.0.0.1:LISTEN tcp/127.0.0.1:RELAY
 """

@@ -1,11 +1,12 @@
-"""A page without a browser: watches a robot and says the word that the page would say, as lines of JSON.
+"""A page without a browser: watches a robot and prints the state word that the page would show, as lines of
+JSON.
 
-    screen.py ws://127.0.0.1:8080/api/v1/robots/demo/live?hz=10 [VIEWERS]
+screen.py ws://127.0.0.1:8080/api/v1/robots/demo/live?hz=10 [VIEWERS]
 
 {"viewer", "at", "word", "cause"} when the word changes, and likewise "seq", "t", "schema", "behind_s", "pose"
-for every frame that is shown, "closed" with the close code when a connection ends, "undecodable" for a frame
-that is none. `at` is the machine's monotonic clock; `behind_s` is a frame's age beyond that of the least
-delayed one; `pose` the first two positions; `held_up_s` how long its machine let it do nothing before that.
+for every frame that is shown, "closed" with the close code when a connection ends, "undecodable" for an
+invalid frame. `at` is the machine's monotonic clock; `behind_s` is a frame's age compared with the least
+delayed one; `pose` the first two positions; `held_up_s` how long the machine had blocked this process before.
 The rules of the page (twin/liveness.ts, stream/) and of wire/SPEC.md, written a second time on purpose.
 """
 
@@ -28,12 +29,12 @@ from posecast_wire.frame import FrameError
 STALE_S = 1.5
 QUIET_S = 2.0
 HOLDING_S = 3.0
-GAP_S = 2.5  # after a longer pause nobody knows whether the pose moved meanwhile
+GAP_S = 2.5  # after a longer pause, it is unknown whether the pose moved meanwhile
 JOINING_S = 3.0
-SILENT_S = 3.0  # a socket that says nothing for so long is dead, whatever the kernel thinks
+SILENT_S = 3.0  # a socket that is silent for this long is dead, whatever the kernel thinks
 ACK_S = 1.0
 LOOK_S = 0.01
-HELD_UP_S = 0.25  # between two looks
+HELD_UP_S = 0.25  # between two checks
 BASE = 0x02  # bit of a frame's first byte: later frames may build on this one
 
 
@@ -41,14 +42,14 @@ VIEWER: ContextVar[int] = ContextVar("viewer")
 
 
 class Screen:
-    """What one viewer knows."""
+    """The knowledge of one viewer."""
 
     def __init__(self) -> None:
         self.opened_s = time.monotonic()
         self.connected = False
-        self.cut = False  # a connection was lost, and there is no other yet
-        self.moves = False  # its relay is being replaced, and what that one told is not old yet
-        self.moved = False  # no frame has come of the relay that it was moved to
+        self.cut = False  # the connection was lost, and there is no other yet
+        self.moves = False  # its relay is being replaced, and the old one's data is not old yet
+        self.moved = False  # no frame has arrived from the relay that it was moved to
         self.heard_s: float | None = None
         self.status: dict[str, Any] | None = None
         self.status_s = 0.0
@@ -56,7 +57,7 @@ class Screen:
         self.changed_s: float | None = None
         self.shown_s: float | None = None  # when the pose that is shown was the robot's newest, for sure
         self.left_s: float | None = None  # when the newest frame left the relay, at the earliest
-        self.silent_since_s: float | None = None  # what comes was under way since then, perhaps
+        self.silent_since_s: float | None = None  # data may have been in transit since then
         self.retry_s: float | None = None  # what the relay asked for in its bye
         self._alive_s = time.monotonic()
         self._codes: tuple[int, ...] = ()
@@ -85,9 +86,9 @@ class Screen:
         if age_s is None or age_s >= STALE_S:
             return "STALE", "robot silent"
         if self.shown_s is None:
-            return None, None  # the first pose is on its way
+            return None, None  # the first pose is in transit
         if now_s - self.shown_s >= STALE_S:
-            return "STALE", "relay degraded"  # the robot is well, but not what is shown
+            return "STALE", "relay degraded"  # the robot is fine, but not what is shown
         holding = self.changed_s is not None and now_s - self.changed_s >= HOLDING_S
         return ("HOLDING" if holding else "LIVE"), None
 
@@ -108,7 +109,7 @@ class Screen:
         print(json.dumps({"viewer": VIEWER.get(), "at": now_s, **what}), flush=True)
 
     def look(self, now_s: float) -> None:
-        """Says the word if it is another one."""
+        """Prints the word if it has changed."""
         found = self.judge(now_s)
         if found != self._said:
             self._said = found
@@ -118,7 +119,7 @@ class Screen:
         self._alive_s = now_s
 
     def opened(self, now_s: float) -> None:
-        """A connection stands: what an old one knew of the robot long ago is not what this one knows."""
+        """A new connection: old knowledge about the robot may not hold for it."""
         moved = self.moves and self.heard_s is not None and now_s - self.heard_s < STALE_S
         self.connected, self.cut, self.heard_s = True, False, now_s
         self.moved = moved
@@ -130,7 +131,7 @@ class Screen:
         self.look(now_s)
 
     def lost(self, now_s: float, code: int | None, lived_s: float) -> None:
-        """It stands no more."""
+        """The connection is lost."""
         is_recent = self.heard_s is not None and now_s - self.heard_s < STALE_S
         self.moves = is_recent and (code == Close.DRAIN or (self.moves and code is None))
         if not self.moves:
@@ -140,7 +141,7 @@ class Screen:
         self.look(now_s)
 
     def hears(self, now_s: float) -> bool:
-        """Something comes. True when the relay must be asked how much of it is old, after a silence."""
+        """Something arrives. True if the relay must be asked how much of it is old, after a silence."""
         silent = self.heard_s is not None and now_s - self.heard_s >= STALE_S and self.silent_since_s is None
         if silent:
             self.silent_since_s = self.heard_s
@@ -148,7 +149,7 @@ class Screen:
         return silent
 
     def _left_s(self, now_s: float) -> float:
-        """When what comes now left the relay, at the earliest."""
+        """The earliest time at which the data arriving now left the relay."""
         return now_s if self.silent_since_s is None else self.silent_since_s
 
     def text(self, message: dict[str, Any], now_s: float) -> None:
@@ -161,7 +162,7 @@ class Screen:
             self.moves = False
             self.status, self.status_s = message, self._left_s(now_s)
             if self.left_s is not None and message["seq"] == self._seq and message["age_ms"] is not None:
-                # of a frame that is here more is known: it is at least as old as it has been here
+                # a frame that is here has a stricter bound: it is at least as old as its time here
                 message["age_ms"] = max(message["age_ms"], 1000 * (self.status_s - self.left_s))
             self._vouch()
         elif message["type"] == "pong":
@@ -171,7 +172,7 @@ class Screen:
         self.look(now_s)
 
     def _vouch(self) -> None:
-        """What the newest status says of the frame that is shown."""
+        """What the newest status says about the shown frame."""
         if self.left_s is None or self.status is None or self.status["age_ms"] is None:
             return
         if self.status["seq"] == self._seq:
@@ -191,11 +192,11 @@ class Screen:
             self.say(now_s, undecodable=str(e))
             return
         if self.moved and self._was_passed(frame):
-            return  # the old relay had it, too, or a newer one already
+            return  # the old relay had already sent it, or a newer one
         self.moved = False
         known = self.status["seq"] if self.status else None
         if payload[0] & BASE and known is not None and frame.seq < known:
-            return  # what the newest is coded against, not what the robot does now
+            return  # a base of the newest frame, not the robot's current state
         if frame.schema.id != self._schema or frame.seq < self._seq:
             self._schema, self._least_s = frame.schema.id, float("inf")
         left_s = self._left_s(now_s)
@@ -256,7 +257,7 @@ def code_of(end: websockets.ConnectionClosed) -> int | None:
 
 
 async def watch(url: str, viewer: int) -> None:
-    """Comes back by the retry rules of the close table."""
+    """Reconnects by the retry rules of the close table."""
     VIEWER.set(viewer)
     screen, failures = Screen(), 0
 

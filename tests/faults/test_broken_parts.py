@@ -1,4 +1,5 @@
-"""The suite would notice: each scenario fails against a part that lacks what the scenario is about."""
+"""Proves that the suite would notice: each scenario fails against a component that breaks what the scenario
+tests."""
 
 from __future__ import annotations
 

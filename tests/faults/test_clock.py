@@ -1,4 +1,4 @@
-"""The wall clock of a machine on the way is set: nobody who watches notices."""
+"""The wall clock of a machine on the path is changed: no viewer notices."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ class WallClock:
         self.prefix = ("env", f"LD_PRELOAD={self._library}", f"WALL_CLOCK={self._step}")
 
     def set(self, step_s: int) -> None:
-        """So many seconds beside the true time, at once."""
+        """Sets it this many seconds from the true time, at once."""
         descriptor = os.open(self._step, os.O_WRONLY | os.O_CREAT)
         os.write(descriptor, step_s.to_bytes(8, "little", signed=True))
         os.close(descriptor)
 
     def rules(self, part: Part) -> bool:
-        """Whether that process runs on it."""
+        """Whether that process uses it."""
         return str(self._library) in Path(f"/proc/{part.process.pid}/maps").read_text()
 
 
 def server_time_s(address: str) -> float:
-    """What the relay takes the time to be."""
+    """The time according to the relay."""
     link = Connection(f"ws://{address}/api/v1/robots/demo/live?hz=1")
     _, payload, _ = next(link.messages())
     link.close()

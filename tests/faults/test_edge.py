@@ -1,4 +1,4 @@
-"""What breaks beside the robot."""
+"""Faults on the robot's side."""
 
 from __future__ import annotations
 
@@ -106,13 +106,14 @@ Cut = Callable[[Cable], Callable[[], None]]
 
 
 def unplug(cable: Cable) -> Callable[[], None]:
-    """The robot's own interface goes down; what plugs it in again."""
+    """Takes the robot's own interface down; returns a function that restores it."""
     cable.far.do("ip link set plug down")
     return lambda: cable.far.do("ip link set plug up", f"ip route add {RELAY_HOST}/32 dev plug src {FAR}")
 
 
 def swallow(cable: Cable) -> Callable[[], None]:
-    """Somewhere on the way every packet vanishes, as on a lost radio link; what ends that."""
+    """Every packet vanishes somewhere on the path, as on a lost radio link; returns a function that ends
+    that."""
     try:
         cable.near.do(
             "nft add table inet cut",
@@ -131,7 +132,7 @@ def swallow(cable: Cable) -> Callable[[], None]:
 def test_uplink_away(
     scene: Scene, stack: Stack, cable: Cable, cut: Callable[[Cable], Callable[[], None]]
 ) -> None:
-    """Both ways go silent and nobody is told, for AWAY_S. The robot goes on, and so does its agent."""
+    """Both directions go silent without notice, for AWAY_S. The robot and its agent continue."""
     _, address, zenoh = cable.near.run(lambda: stack.relay(zenoh_host=RELAY_HOST))
     _, fifo = scene.robot()
     edge = cable.far.run(lambda: scene.edge(zenoh, fifo))
@@ -170,7 +171,7 @@ def test_uplink_away(
 
 @pytest.mark.full
 def test_two_edges_claim_one_robot(scene: Scene) -> None:
-    """The newest wins and keeps; nobody's picture flaps."""
+    """The newest agent wins and keeps the name; no viewer's picture flaps."""
     _, address, zenoh = scene.stack.relay()
     _, first = scene.robot("RKN,LKN")
     _, second = scene.robot("RKN,LKN,WST")
@@ -190,7 +191,7 @@ def test_two_edges_claim_one_robot(scene: Scene) -> None:
 
 
 def test_schema_changed(scene: Scene) -> None:
-    """The edge comes back with other joints; who watches just goes on."""
+    """The edge returns with other joints; viewers continue without action."""
     _, address, zenoh = scene.stack.relay()
     _, first = scene.robot("RKN,LKN")
     edge = scene.edge(zenoh, first)

@@ -1,4 +1,4 @@
-"""The mirror's database goes away: no viewer of the relay notices."""
+"""The mirror's database becomes unreachable: no viewer of the relay notices."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ OUTAGE_S = 60.0
 
 @pytest.fixture
 def double() -> Iterator[Double]:
-    """The database, or what stands for it."""
+    """The database, or its double."""
     made = Double()
     yield made
     made.stop()
@@ -72,6 +72,6 @@ def test_mirrors_database_is_away_for_a_minute(scene: Scene, double: Double, fau
 
 
 def p99_s(screens: list[Screen], from_s: float, to_s: float) -> float:
-    """Of the frames' age beyond that of the least delayed one."""
+    """Of the frames' age compared with the least delayed one."""
     ages = [f["behind_s"] for screen in screens for f in screen.frames(from_s) if f["at"] < to_s]
     return float(quantiles(ages, n=100)[98])

@@ -1,4 +1,4 @@
-"""What breaks in the store: gateways say so and come back; who hears robots itself does not notice."""
+"""Faults in the store: gateways report them and recover; a relay with its own robots does not notice."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.faults.conftest import Scene, Screen, killed, signalled
 
 
 class Hall(NamedTuple):
-    """A Redis between an ingest that serves viewers too (`all`) and a gateway; a screen on each."""
+    """A Redis between an ingest that also serves viewers (`all`) and a gateway; a screen on each."""
 
     redis: Part | None
     url: str
@@ -86,7 +86,7 @@ def test_redis_frozen(scene: Scene, outage_s: float) -> None:
 @pytest.mark.full
 @pytest.mark.parametrize("command", [b"FLUSHALL", b"CLIENT KILL TYPE pubsub"])
 def test_redis_loses_everything(scene: Scene, command: bytes) -> None:
-    """Emptied, or rid of its listeners: at worst a moment, never a wrong picture."""
+    """Emptied, or without its listeners: at worst a short interruption, never a wrong picture."""
     made = hall(scene)
     at_s = time.monotonic()
     with socket.create_connection(("127.0.0.1", int(made.url.rsplit(":", 1)[1].split("/")[0]))) as link:
@@ -133,7 +133,7 @@ def test_redis_fails_over(scene: Scene, cluster: Cluster, how: str) -> None:
 
 
 def word_s(screen: Screen, since_s: float) -> float:
-    """When it said its last word, which must be LIVE; 0 when it has said none."""
+    """The time of its last word, which must be LIVE; 0 if it has said none."""
     said = screen.lines("word", since_s)
     assert screen.word == "LIVE"
     return float(said[-1]["at"]) - since_s if said else 0.0
@@ -145,7 +145,7 @@ def longest_gap_s(screen: Screen, since_s: float) -> float:
 
 
 def check(made: Hall, at_s: float) -> None:
-    """What holds whatever became of Redis."""
+    """What holds whatever happened to Redis."""
     assert made.beside.lines("word", at_s) == []
     made.behind.watches(20, since_s=time.monotonic())
     assert made.behind.word == "LIVE"

@@ -1,4 +1,4 @@
-"""What breaks between robot and viewers."""
+"""Faults between robot and viewers."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_relay_killed(scene: Scene) -> None:
 
 @pytest.mark.full
 def test_relay_killed_before_a_hall(scene: Scene) -> None:
-    """SIGKILL with three hundred watching, and the next one started at once: they come back by themselves."""
+    """SIGKILL with three hundred viewers; the next relay is started at once: they return without help."""
     relay, address, zenoh = scene.stack.relay()
     _, fifo = scene.robot()
     scene.edge(zenoh, fifo)
@@ -69,7 +69,7 @@ def test_relay_frozen(scene: Scene) -> None:
 
 @pytest.mark.full
 def test_relay_redeployed_under_load(scene: Scene) -> None:
-    """SIGTERM with a hall watching: everybody is moved away by name and comes back to the next relay."""
+    """SIGTERM with a full hall: every viewer is moved away and returns to the next relay."""
     relay, address, zenoh = scene.stack.relay()
     _, fifo = scene.robot()
     scene.edge(zenoh, fifo)

@@ -1,4 +1,4 @@
-"""What a screen claims is so: its words and poses beside what the robot's pose was then."""
+"""A screen's claims are true: compares its words and poses with the robot's pose at that time."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def test_a_robot_that_moves_is_live(scene: Scene) -> None:
 
 
 def test_whatever_is_claimed_is_so(scene: Scene) -> None:
-    """Seen by one that asks for nothing but that: which words there are is another's."""
+    """Checks only the claims; other tests check which words are used."""
     _, address, zenoh = scene.stack.relay()
     _, fifo = scene.robot()
     scene.edge(zenoh, fifo)
@@ -117,7 +117,7 @@ def test_whatever_is_claimed_is_so(scene: Scene) -> None:
 
 
 def test_moves_and_stands(scene: Scene) -> None:
-    """The words of a robot that moves, stands and moves again, without anything broken."""
+    """The words for a robot that moves, stands and moves again, without any fault."""
     _, address, zenoh = scene.stack.relay()
     robot, fifo = scene.robot()
     scene.edge(zenoh, fifo)
@@ -134,7 +134,7 @@ def test_moves_and_stands(scene: Scene) -> None:
 
 
 def test_it_moved_while_nobody_could_see(scene: Scene) -> None:
-    """It stands and is HOLDING when the relay freezes. What the relay has of then is not handed on as now."""
+    """It stands and is HOLDING when the relay freezes. The relay's old data is not passed on as current."""
     relay, address, zenoh = scene.stack.relay()
     robot, fifo = scene.robot()
     scene.edge(zenoh, fifo)
@@ -153,7 +153,7 @@ def test_it_moved_while_nobody_could_see(scene: Scene) -> None:
 
 
 def test_what_it_did_while_nobody_heard_it_is_not_the_present(scene: Scene) -> None:
-    """It moves on without its link, falls silent, and the link comes back: the relay hears a later pose."""
+    """It moves on without its link, falls silent, and the link returns: the relay receives a later pose."""
     _, address, zenoh = scene.stack.relay()
     listen = f"tcp/127.0.0.1:{free_port()}"
     middle = scene.router(listen, zenoh)
@@ -180,6 +180,6 @@ def test_what_it_did_while_nobody_heard_it_is_not_the_present(scene: Scene) -> N
 
 
 def told_of(screen: Screen) -> float:
-    """When the pose on the screen was true."""
+    """When the displayed pose was true."""
     frame = screen.frames()[-1]
     return told_s(frame["pose"][0], frame["pose"][1], frame["at"])

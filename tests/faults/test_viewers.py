@@ -1,4 +1,4 @@
-"""What breaks on the viewers' side."""
+"""Faults on the viewers' side."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def cable() -> Iterator[Cable]:
 
 
 def far_relay(cable: Cable, scene: Scene, stack: Stack) -> str:
-    """A relay that hears the demo robot, near; its address for those far."""
+    """A relay near the demo robot; its address for distant viewers."""
     _, address, zenoh = cable.near.run(lambda: stack.relay(flags=("--host", NEAR)))
     _, fifo = scene.robot()
     cable.near.run(lambda: scene.edge(zenoh, fifo))
@@ -75,9 +75,9 @@ def passed(since_s: float, seconds: float) -> bool:
 
 
 def made_before_a_pause_ended(address: str, pause_s: float) -> list[float]:
-    """What a viewer that stops reading for so long is then handed over 4 s.
+    """What a viewer that stops reading for this long receives in 4 s afterwards.
 
-    Of each frame, how long before it read again it was made, s; below 0: after that.
+    For each frame, how long before the viewer read again it was made, s; negative: after that.
     """
     link = Connection(f"ws://{address}/api/v1/robots/demo/live?hz=10")
     viewer = Viewer(Tally(), Clock(), step=3, decode=True)
@@ -101,7 +101,8 @@ def made_before_a_pause_ended(address: str, pause_s: float) -> list[float]:
 
 
 def test_a_viewer_that_reads_again(scene: Scene) -> None:
-    """Before it is cut. It gets what was under way when it stopped, then the newest, nothing in between."""
+    """Before it is disconnected. It gets what was in transit when it stopped, then the newest, nothing in
+    between."""
     _, address, zenoh = scene.stack.relay()
     _, fifo = scene.robot()
     scene.edge(zenoh, fifo)
@@ -131,7 +132,7 @@ def test_half_open_viewer(scene: Scene, stack: Stack, cable: Cable) -> None:
 
 
 def test_one_kilobyte_a_second(scene: Scene, stack: Stack, cable: Cable) -> None:
-    """Far less than 30 Hz need: it gets fewer frames, each as new as the link allows."""
+    """Far less than 30 Hz needs: it gets fewer frames, each as new as the link allows."""
     address = far_relay(cable, scene, stack)
     cable.near.do("tc qdisc add dev cable root tbf rate 8kbit burst 1540 latency 2000ms")
     screen = scene.screen(address, hz=30, namespace=cable.far)
@@ -165,7 +166,7 @@ def test_a_tenth_of_the_packets_lost(scene: Scene, stack: Stack, cable: Cable) -
 
 
 def test_far_away(scene: Scene, stack: Stack) -> None:
-    """150 ms each way, give or take 50: LIVE, every frame in order, and hardly later than the way is long."""
+    """150 ms each way, plus or minus 50: LIVE, every frame in order, hardly later than the link's delay."""
     _, address, zenoh = stack.relay()
     _, fifo = scene.robot()
     scene.edge(zenoh, fifo)

@@ -1,7 +1,7 @@
-"""Whether a screen told the truth: its words and poses beside what the robot's pose was then.
+"""Whether a screen told the truth: compares its words and poses with the robot's pose at that time.
 
-The robot's pose tells the time (`robot.py`), so the age of what a screen shows can be read off the pose
-itself, whatever statuses, stamps and numbers on the way say.
+The robot's pose encodes the time (`robot.py`), so the age of what a screen shows can be read from the pose
+itself, whatever statuses, timestamps and numbers say.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ ROUNDING_S = 0.1  # of a hand that is told in steps of 0.001 rad, beside hystere
 
 @dataclass(frozen=True)
 class Stand:
-    """The robot held still, by its own word; `to_s` is infinite while it does."""
+    """The robot stood still, according to itself; `to_s` is infinite while it does."""
 
     from_s: float
     to_s: float
 
 
 def stands(orders: Iterable[dict[str, Any]]) -> list[Stand]:
-    """When a robot stood still, by what it said of its orders."""
+    """When a robot stood still, from its confirmations of commands."""
     found: list[Stand] = []
     for order in orders:
         if order["order"] == "stand":
@@ -41,9 +41,9 @@ def stands(orders: Iterable[dict[str, Any]]) -> list[Stand]:
 
 @dataclass(frozen=True)
 class Shown:
-    """What stood on a screen from one moment to another.
+    """What a screen showed from one moment to another.
 
-    `otherwise_s`: when it last ceased to claim that what it shows is so, −inf when it never did.
+    `otherwise_s`: when it last stopped claiming that its picture is true, −inf if it never did.
     """
 
     word: str
@@ -53,7 +53,7 @@ class Shown:
     pose: Sequence[float] | None
 
     def lie(self, known: Iterable[Stand]) -> tuple[str, float] | None:
-        """What is wrong with it, and of how long ago its pose is, s; None: it is true."""
+        """What is wrong with it, and the age of its pose, s; None: it is true."""
         if self.word not in CLAIMS:
             return None
         if self.pose is None:
@@ -72,7 +72,7 @@ class Shown:
 
 
 def shown(said: Sequence[dict[str, Any]], until_s: float) -> Iterator[Shown]:
-    """What stood on the screen, piece by piece. What its own machine did not let it draw is left out."""
+    """What the screen showed, piece by piece. Times when its machine blocked it are left out."""
     word: str | None = None
     otherwise_s = float("-inf")
     pose: Sequence[float] | None = None
@@ -89,7 +89,7 @@ def shown(said: Sequence[dict[str, Any]], until_s: float) -> Iterator[Shown]:
 
 
 def steps_back(frames: Sequence[dict[str, Any]]) -> list[str]:
-    """Frames whose pose was true before that of the frame shown before them, whatever their numbers say."""
+    """Frames with a pose older than that of the previously shown frame, whatever their numbers say."""
     told = [(frame["seq"], told_s(frame["pose"][0], frame["pose"][1], frame["at"])) for frame in frames]
     return [
         f"seq {seq} is {before_s - at_s:.1f} s older than seq {before}, shown before it"
@@ -99,7 +99,7 @@ def steps_back(frames: Sequence[dict[str, Any]]) -> list[str]:
 
 
 def lies(said: Sequence[dict[str, Any]], known: Sequence[Stand], until_s: float) -> list[str]:
-    """All that a screen claimed and that was not so: each kind once, with the oldest pose of it."""
+    """All false claims of a screen: each kind once, with the oldest pose."""
     oldest_s: dict[str, float] = {}
     for piece in shown(said, until_s):
         lie = piece.lie(known)

@@ -19,7 +19,7 @@ __all__ = ["PROJECT", "AuthEmulator", "NotHere"]
 
 
 class AuthEmulator(Emulator):
-    """NotHere when it can't be installed."""
+    """NotHere if it can't be installed."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(folder, "auth")
@@ -46,7 +46,7 @@ class AuthEmulator(Emulator):
 
 
 def main() -> None:
-    """For tests that are not Python's."""
+    """For tests in other languages."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     with tempfile.TemporaryDirectory() as folder:
         try:

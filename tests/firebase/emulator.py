@@ -21,11 +21,11 @@ NOWHERE = "http://127.0.0.1:9"
 
 
 class NotHere(RuntimeError):
-    """Why there is no emulator."""
+    """Why the emulator is unavailable."""
 
 
 class Emulator:
-    """Answers on `host`, an address with its port. NotHere when it can't be installed."""
+    """Serves on `host`, an address with its port. NotHere if it can't be installed."""
 
     def __init__(self, folder: Path, kind: str, settings: dict[str, Any] | None = None) -> None:
         """`settings`: the rest of firebase.json, which is laid into `folder`."""
@@ -76,7 +76,7 @@ class Emulator:
         return bool(answer.status_code == 200)
 
     def stop(self) -> None:
-        """End it and what it has started."""
+        """Stop it and the processes it has started."""
         for number in (signal.SIGTERM, signal.SIGKILL):
             if self.process.poll() is None:
                 os.killpg(self.process.pid, number)

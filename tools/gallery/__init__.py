@@ -1,1 +1,1 @@
-"""Builds every robot in some folders, and shows what became of it: pictures, costs, findings."""
+"""Builds every robot in some folders, and shows the results: pictures, costs, findings."""

@@ -1,7 +1,7 @@
-"""Builds every robot in some folders, one after the other, and shows what became of each.
+"""Builds every robot in some folders, one after another, and shows the result of each.
 
 python -m tools.gallery [--out gallery] [FOLDER …]: writes table.csv, findings.txt and contact sheets. Without
-folders it looks into the robot packages that are installed, and into shared/robots.
+folders it searches the installed robot packages and shared/robots.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ NAMED = 5  # of the largest in the summary
 @dataclass
 class Row:
     """One robot in the table. `status`: built, stand-ins (nothing else can be shown), refused, part (other
-    files include it), stopped (at the time limit) or crashed; `worst_mm`: the largest distance of a link from
-    where Pinocchio or MuJoCo has it; `line`: why it was refused, or why nothing was compared."""
+    files include it), stopped (at the time limit) or crashed; `worst_mm`: the largest distance between a link
+    and its position in Pinocchio or MuJoCo; `line`: why it was refused, or why nothing was compared."""
 
     name: str
     format: str
@@ -116,16 +116,16 @@ def summarise(rows: Sequence[Row]) -> list[str]:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the gallery. Returns the exit status: 1 when no robot was found."""
+    """Run the gallery. Returns the exit status: 1 if no robot was found."""
     parser = argparse.ArgumentParser(prog="python -m tools.gallery", description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("gallery"), help="the folder to write (gallery)")
-    parser.add_argument("folders", type=Path, nargs="*", help="where robots are (installed packages)")
+    parser.add_argument("--out", type=Path, default=Path("gallery"), help="output folder (gallery)")
+    parser.add_argument("folders", type=Path, nargs="*", help="folders to search (installed packages)")
     args = parser.parse_args(arguments)
     places = args.folders or list_packages()
     robots = find_robots(places)
     if not robots:
         looked = ", ".join(map(str, places)) or f"no {', '.join(PACKAGES)} installed, no {SHARED}"
-        print(f"gallery: no robot found ({looked}); name folders: make gallery FOLDERS=…", file=sys.stderr)
+        print(f"gallery: no robot found ({looked}); pass folders: make gallery FOLDERS=…", file=sys.stderr)
         return 1
     os.nice(10)
     pictures = args.out / "robots"
@@ -143,10 +143,10 @@ def main(arguments: Sequence[str]) -> int:
         print(
             f"{number + 1}/{len(robots)} {row.status}, {row.cpu_s} s, {row.rss_mb} MB: {row.name}", flush=True
         )
-        _write_table(rows, args.out / "table.csv")  # whole after each, should it be stopped
+        _write_table(rows, args.out / "table.csv")  # complete after each robot, in case it is stopped
     (args.out / "findings.txt").write_text("".join(f"{line}\n" for line in sorted(findings)))
     (args.out / "shown.json").write_text(json.dumps(shown))
-    # by a process of its own: this one has to stay small (child.py)
+    # in a separate process, because this one must stay small (child.py)
     made = run_measured([sys.executable, "-m", "tools.gallery.sheets", str(args.out)])
     if made.status != 0:
         print(made.err, file=sys.stderr)

@@ -1,4 +1,4 @@
-"""Runs a command with a time limit and tells what it cost, its own children included."""
+"""Runs a command with a time limit and reports its cost, including its children."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 LIMIT_S = 60.0
-SAID_MAX = 1 << 20  # bytes that are read of what it says
+SAID_MAX = 1 << 20  # maximum bytes of output read
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a command ended. `status`: its exit status, None when it was stopped at the limit; `rss_mb`: of the
-    largest process. The kernel counts the size of the process that started it too: keep that one small."""
+    """How a command ended. `status`: its exit status, None if it was stopped at the limit; `rss_mb`: memory
+    of the largest process. The kernel's figure includes the size of the parent at the start, so keep the
+    parent small."""
 
     status: int | None
     wall_s: float

@@ -1,4 +1,4 @@
-"""Finds robots in folders: URDF, xacro, SDF and MJCF, by what the files begin with."""
+"""Finds robots in folders: URDF, xacro, SDF and MJCF, detected by how the files begin."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ SUFFIXES = (".urdf", ".xacro", ".sdf", ".xml", ".mjcf")
 ROOTS = ("robot", "sdf", "mujoco")
 PACKAGES = ("example_robot_data", "dm_control", "gymnasium_robotics", "robosuite", "pybullet_data")
 SHARED = Path("shared/robots")
-CMEEL = "cmeel.prefix"  # a wheel of this kind keeps its data in share/, often with no module beside it
-OBJECTS = "random_urdfs"  # of pybullet_data: a thousand things to grasp, no robot among them
+CMEEL = "cmeel.prefix"  # such a wheel keeps its data in share/, often without a module
+OBJECTS = "random_urdfs"  # in pybullet_data: a thousand objects to grasp, none of them a robot
 BYTES_MAX = 8 << 20
 INCLUDED = re.compile(rb"<(?:include|model)\b[^>]*\bfile\s*=\s*[\"']([^\"']+)")
 JOINT = re.compile(rb"<(?:free)?joint\b|<include\b|<attach\b|<composite\b|<replicate\b")
@@ -25,8 +25,8 @@ JOINT = re.compile(rb"<(?:free)?joint\b|<include\b|<attach\b|<composite\b|<repli
 
 @dataclass(frozen=True)
 class RobotPath:
-    """A robot's file. `name`: its path below the folder in which it was found, for people;
-    `is_included`: another robot's file includes one of that name."""
+    """A robot's file. `name`: its path below the folder in which it was found, for display; `is_included`:
+    another robot's file includes a file with that name."""
 
     path: Path
     name: str
@@ -34,7 +34,7 @@ class RobotPath:
 
 
 def list_packages() -> list[Path]:
-    """The folders of the robot packages that are installed here, and shared/robots if there is one."""
+    """The folders of the installed robot packages, and shared/robots if it exists."""
     site = Path(sysconfig.get_path("purelib"))
     places = [p for name in PACKAGES for p in (site / name, site / CMEEL / "share" / name.replace("_", "-"))]
     found = [place for place in places if place.is_dir()]
@@ -42,8 +42,8 @@ def list_packages() -> list[Path]:
 
 
 def find_robots(places: Iterable[Path]) -> list[RobotPath]:
-    """Every robot in these folders; a place may also be a file. Of MJCF only what may have a joint of its
-    own. A file that can be reached by two ways counts once."""
+    """Every robot in these folders; a place may also be a file. MJCF files count only if they can have a
+    joint. A file reachable in two ways counts once."""
     found: dict[Path, str] = {}
     included: set[str] = set()
     for place in places:

@@ -1,4 +1,4 @@
-"""Looks at one built robot: draws it, and compares its links with Pinocchio's or MuJoCo's, where installed.
+"""Checks one built robot: draws it, and compares its links with Pinocchio's or MuJoCo's, if installed.
 
 python -m tools.gallery.look ROBOT BUNDLE PICTURE: prints one line of JSON.
 """
@@ -23,7 +23,7 @@ NEEDED = {"urdf": "pinocchio", "xacro": "pinocchio", "mjcf": "mujoco"}
 
 
 def compare_poses(robot: Path, manifest: dict[str, Any]) -> tuple[Worst | None, str]:
-    """The differences, or None and why nothing was compared."""
+    """The differences, or None and the reason why nothing was compared."""
     kind = find_format(robot)
     if kind not in NEEDED:
         return None, f"nothing to compare {kind} with"

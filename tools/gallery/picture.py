@@ -1,4 +1,4 @@
-"""Draws a built robot from its bundle alone: what a viewer has of it."""
+"""Draws a built robot from its bundle alone, the data that a viewer has."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from posecast_edge.model.builder.thumbnail import FRONT_LEFT_ABOVE, draw_thumbna
 from posecast_edge.model.kinematics import compute_link_poses, matrix_from_quaternion
 
 SIDE = 160  # pixels of one view
-EYES = (np.array([1.0, 0.0, 0.0]), FRONT_LEFT_ABOVE)  # from the front, and ¾
+EYES = (np.array([1.0, 0.0, 0.0]), FRONT_LEFT_ABOVE)  # from the front, and three-quarter view
 PAPER = (244, 245, 247)
 
 Vectors = NDArray[np.float64]
 
 
 def draw_robot(bundle: Path) -> Image.Image:
-    """The robot at its home position, from the front and ¾ side by side."""
+    """The robot at its home position: front and three-quarter views side by side."""
     manifest = json.loads((bundle / "manifest.json").read_text())
-    level = manifest["levels"][min(1, len(manifest["levels"]) - 1)]  # the middle one where there is one
+    level = manifest["levels"][min(1, len(manifest["levels"]) - 1)]  # the middle one if there is one
     triangles = read_triangles(manifest, (bundle / level["path"]).read_bytes())
     both = Image.new("RGB", (SIDE * len(EYES), SIDE), PAPER)
     for number, eye in enumerate(EYES):
@@ -38,7 +38,7 @@ def draw_robot(bundle: Path) -> Image.Image:
 def read_triangles(
     manifest: Mapping[str, Any], glb: bytes, poses: Mapping[str, Any] | None = None
 ) -> tuple[Vectors, Vectors, Vectors]:
-    """A level's triangles as a viewer has them: corners and normals (m, 3, 3) in the root link, metres;
+    """A level's triangles as a viewer sees them: corners and normals (m, 3, 3) in the root link, metres;
     display colours (m, 3). `poses`: root_from_link by name; None: the home position."""
     length = struct.unpack_from("<I", glb, 12)[0]
     document, binary = json.loads(glb[20 : 20 + length]), glb[28 + length :]
@@ -93,7 +93,7 @@ def _read(
 
 
 def _colour(material: Mapping[str, Any], mean: str) -> Vectors:
-    """A paint's colour; of one with a picture, the visual's mean."""
+    """A paint's colour; for a textured one, the visual's mean."""
     pbr = material["pbrMetallicRoughness"]
     if "baseColorTexture" in pbr:
         return np.array([int(mean[i : i + 2], 16) / 255 for i in (1, 3, 5)])

@@ -1,4 +1,4 @@
-"""Measures how far a built robot's links are from where MuJoCo or Pinocchio has them."""
+"""Measures how far a built robot's links are from their positions in MuJoCo or Pinocchio."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from posecast_edge.model.kinematics import compute_link_poses, list_variables
 
 CONFIGURATIONS = 20
-SLIDE_M = 0.5  # how far a sliding joint goes
+SLIDE_M = 0.5  # range of a prismatic joint
 MUJOCO_BALL, MUJOCO_SLIDE, MUJOCO_HINGE = 1, 2, 3
 
 Manifest = Mapping[str, Any]
@@ -20,8 +20,8 @@ Matrix = NDArray[np.float64]
 
 
 class Worst:
-    """The largest difference so far: `distance_m` of origins, `turn` of a matrix's elements; `links`: how
-    many links were compared each time."""
+    """The largest difference so far: `distance_m` between origins, `turn` between elements of the rotation
+    matrices; `links`: how many links were compared each time."""
 
     def __init__(self) -> None:
         self.distance_m = self.turn = 0.0
@@ -40,7 +40,7 @@ class Worst:
 
 def compare_with_mujoco(manifest: Manifest, path: Path, seed: int) -> Worst:
     """Compare a body built from MJCF with MuJoCo's kinematics."""
-    import mujoco  # noqa: PLC0415 - it need not be there
+    import mujoco  # noqa: PLC0415 - it may not be installed
     from posecast_edge.model.mjcf.compiler import name_joint  # noqa: PLC0415 - the same
 
     model = mujoco.MjModel.from_xml_path(str(path))
@@ -73,9 +73,9 @@ def compare_with_mujoco(manifest: Manifest, path: Path, seed: int) -> Worst:
 
 
 def compare_with_pinocchio(manifest: Manifest, urdf: str, seed: int) -> Worst:
-    """Compare a body built from URDF with Pinocchio's kinematics of the same text. Joints that mimic others
-    are given a reading of their own, like all others."""
-    import pinocchio  # noqa: PLC0415 - it need not be there
+    """Compare a body built from URDF with Pinocchio's kinematics of the same text. Mimic joints get their own
+    reading, like all others."""
+    import pinocchio  # noqa: PLC0415 - it may not be installed
 
     model = pinocchio.buildModelFromXML(urdf)
     data = model.createData()
@@ -116,7 +116,7 @@ def _choose(kind: str, chance: np.random.Generator) -> list[float]:
 
 
 def _write(kind: str, values: Sequence[float]) -> list[float]:
-    """The same as Pinocchio's configuration, where an angle without limits is its cosine and sine."""
+    """The same in Pinocchio's configuration, which stores an unlimited angle as its cosine and sine."""
     if kind in ("continuous", "planar"):
         return [*values[:-1], math.cos(values[-1]), math.sin(values[-1])]
     return list(values)

@@ -1,7 +1,7 @@
 """Puts pictures of many robots on contact sheets.
 
 python -m tools.gallery.sheets FOLDER: reads FOLDER/shown.json, a list of a name, a picture's path or null,
-and what is said instead of one.
+and the text shown instead of a missing picture.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from PIL import Image, ImageDraw, ImageFont
 from tools.gallery.picture import EYES, PAPER, SIDE
 
 NAME = 18  # pixels below a picture
-CHARACTERS = 52  # of a line
+CHARACTERS = 52  # per line
 ACROSS, DOWN = 6, 5
 INK, RED, RULE = (40, 44, 52), (190, 30, 30), (210, 212, 216)
 
 
 def write_sheets(robots: Sequence[tuple[str, str | None, str]], out: Path) -> list[Path]:
-    """Put pictures on sheets, ACROSS × DOWN each. `robots`: name, picture or None, and what is said instead
-    of one. Returns the sheets' paths."""
+    """Put pictures on sheets, ACROSS × DOWN each. `robots`: name, picture or None, and the text shown instead
+    of a missing picture. Returns the sheets' paths."""
     font = ImageFont.load_default(size=11)
     width, height = SIDE * len(EYES) + 6, SIDE + NAME
     sheets: list[Path] = []

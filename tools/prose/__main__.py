@@ -1,4 +1,4 @@
-"""How each page of the documentation reads: words, median and longest sentence, reading ease.
+"""Readability of each page of the documentation: words, median and longest sentence, reading ease.
 
 python -m tools.prose [PAGE…]
 """

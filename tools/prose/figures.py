@@ -1,4 +1,4 @@
-"""Words, sentences and Flesch's reading ease of a page: of its prose, not of its code and tables."""
+"""Words, sentences and Flesch's reading ease of a page, counting its prose but not its code and tables."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MARKDOWN = MarkdownIt("commonmark").enable("table")
 SENTENCE_END = re.compile(r"(?<=[.!?])[\"')\]]*\s+(?=[\"'(\[]*[A-Z0-9`])")
 ABBREVIATION = re.compile(r"\b(?:e\.g|i\.e|etc|vs|cf|approx|No|St)\.$")
 WORD = re.compile(r"[^\W_][\w'’.:/-]*")
-CODE = "code"  # how a piece of code within a sentence counts: as one easy word
+CODE = "code"  # stands for a piece of code in a sentence: counts as one easy word
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class ProseFigures:
 
     @property
     def median(self) -> float:
-        """Words of the middle sentence; 0 on a page without any."""
+        """Median sentence length in words; 0 on a page without sentences."""
         return median(self.sentence_words) if self.sentence_words else 0
 
 
@@ -48,7 +48,7 @@ def measure_prose(page: str) -> ProseFigures:
 
 
 def split_sentences(text: str) -> list[str]:
-    """The sentences of a paragraph that have a word."""
+    """The sentences of a paragraph that contain a word."""
     found: list[str] = []
     for part in SENTENCE_END.split(text):
         if found and ABBREVIATION.search(found[-1]):
@@ -59,13 +59,13 @@ def split_sentences(text: str) -> list[str]:
 
 
 def find_words(text: str) -> list[str]:
-    """The words of a text, numbers too."""
+    """The words of a text, including numbers."""
     return WORD.findall(text)
 
 
 @cache
 def count_syllables(word: str) -> int:
-    """By where the word may be hyphenated; at least one."""
+    """Counted by possible hyphenation points; at least one."""
     return len(_hyphenation().positions(word.lower())) + 1
 
 

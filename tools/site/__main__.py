@@ -1,7 +1,7 @@
-"""Builds the guide, a static site that needs no other origin and works below any path, and from files.
+"""Builds the guide: a static site that uses no other origin and works under any path, or opened from files.
 
-python -m tools.site [--out FOLDER]: out/site by default. What Zensical warns of is an error. The gallery's
-recordings and their player are added to it, from the demo robot and the built page: see tools/site/moments.
+python -m tools.site [--out FOLDER]: out/site by default. Warnings from Zensical are errors. The recordings of
+the gallery and their player are added, from the demo robot and the built page (tools/site/moments).
 """
 
 from __future__ import annotations
@@ -33,11 +33,15 @@ SHIM = "node_modules/iframe-worker/shim/index.js"
 COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 AS_IT_IS = re.compile(r"(<pre\b.*?</pre>|<script\b.*?</script>)", re.DOTALL)
 INDENTED = re.compile(r"\s*\n\s*")
+BREADCRUMBS = (
+    '<nav class="md-path" aria-label="Navigation"',
+    '<nav class="md-path" aria-label="Breadcrumbs"',
+)
 UNUSED = ("assets/stylesheets/classic", "assets/images")
 
 
 class SiteError(Exception):
-    """What is wrong with which page."""
+    """The build failed; the message says what is wrong on which page."""
 
 
 def build(out: Path) -> None:
@@ -69,6 +73,7 @@ def _build_within(stage: Path) -> Path:
     for name in UNUSED:
         path = stage / "site" / name
         shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+    _name_breadcrumbs(stage / "site")
     _drop_indents(stage / "site")
     bundle = (stage / "site/assets/javascripts/LICENSE").read_text(encoding="utf-8")
     if (stage / "site" / PAGE).is_file():
@@ -88,8 +93,14 @@ def _add_gallery(site: Path) -> None:
         raise SiteError(f"{e}\n") from None
 
 
+def _name_breadcrumbs(site: Path) -> None:
+    """Tell the breadcrumbs from the side bar, which has the same label."""
+    for page in site.rglob("*.html"):
+        page.write_text(page.read_text(encoding="utf-8").replace(*BREADCRUMBS), encoding="utf-8")
+
+
 def _drop_indents(site: Path) -> None:
-    """Of the templates, which are a quarter of a page; code keeps its own."""
+    """Remove the templates' indentation, a quarter of a page's size; code keeps its own."""
     for page in site.rglob("*.html"):
         parts = AS_IT_IS.split(page.read_text(encoding="utf-8"))
         parts[::2] = [INDENTED.sub("\n", part) for part in parts[::2]]
@@ -107,11 +118,11 @@ def _write_toml(value: object) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--out", type=Path, default=ROOT / "out" / "site", help="instead of out/site")
+    parser.add_argument("--out", type=Path, default=ROOT / "out" / "site", help="output folder (out/site)")
     try:
         build(parser.parse_args().out.resolve())
     except SiteError as e:
-        raise SystemExit(f"{e}the guide is not built") from None
+        raise SystemExit(f"{e}the guide was not built") from None
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Turns Markdown as GitHub reads it into what the generator reads the same way."""
+"""Converts GitHub's Markdown so that the generator reads it the same way."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ import re
 from markdown_it import MarkdownIt
 
 MARKER = re.compile(r"\s*(?P<marker>(?:[-*+]|\d+[.)])\s+)")
-INDENT = 4  # of what belongs to an item of a list, where GitHub takes the width of its marker
+INDENT = 4  # of a list item's content; GitHub uses the width of the marker
 MARKDOWN = MarkdownIt("commonmark").enable("table")
 
 
 def indent_lists(page: str) -> str:
-    """Indent what belongs to items of lists by four spaces; set lists, and items of paragraphs, off."""
+    """Indent the content of list items by four spaces; add blank lines before lists, and before items with
+    paragraphs."""
     lines = page.split("\n")
-    more, needed = [0] * len(lines), [0] * len(lines)  # spaces to add, and spaces of a line that belongs
+    more, needed = [0] * len(lines), [0] * len(lines)  # spaces to add; spaces required in the item
     set_off: set[int] = set()
-    before: dict[int, int] = {}  # by level, where the item before begins
+    before: dict[int, int] = {}  # by level, the first line of the previous item
     for token in MARKDOWN.parse(page):
         if token.map is None:
             continue

@@ -1,4 +1,4 @@
-"""The guide's navigation: each page is listed by its folder, after the pages to read first."""
+"""The guide's navigation: each page is listed in its folder, after the pages to read first."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TABS = {
     "project": "Project",
 }
 TITLES = {"mujoco": "MuJoCo", "api": "API"}
-# what comes first in its folder, in this order; the rest follows by title
+# the first pages of each folder, in this order; the others follow by title
 FIRST = {
     "tutorials": ("first-robot", "find-the-fault", "balance-lesson"),
     "how-to": ("install", "robots", "watch", "record", "operate", "scale"),
@@ -38,7 +38,7 @@ FIRST = {
 
 
 def make_navigation(pages: Path) -> list[Item]:
-    """The tabs and what is below each, for all pages below a folder."""
+    """The tabs and their pages, for all pages below a folder."""
     tabs: list[Item] = [{"Home": "index.md"}] if (pages / "index.md").is_file() else []
     for name, title in TABS.items():
         items = _list_folder(pages, Path(name)) if (pages / name).is_dir() else []
@@ -72,7 +72,7 @@ def _list_folder(pages: Path, folder: Path) -> list[Item]:
 
 
 def _read_title(path: Path) -> str:
-    """A page's heading; of a folder its name."""
+    """A page's heading, or a folder's title."""
     if path.is_dir():
         return TITLES.get(path.name) or path.name.replace("-", " ").capitalize()
     found = re.search(r"^# (.+)$", path.read_text(encoding="utf-8"), re.MULTILINE) if path.is_file() else None

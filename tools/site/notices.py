@@ -1,4 +1,4 @@
-"""What the guide brings along from others, with licences, in the form of the page's licenses.json."""
+"""Third-party parts of the guide, with licences, in the form of the page's licenses.json."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SHIM = "node_modules/iframe-worker"
 BUNDLED = re.compile(
     r"Package: (?P<name>\S+)@(?P<version>\S+)\nLicense: (?P<licence>\S+)\n(?P<text>(?:.+\n?)+)"
 )
-SPDX = {"W3C": "W3C-20150513"}  # of names that are not SPDX's own
+SPDX = {"W3C": "W3C-20150513"}  # SPDX identifiers for names that are not SPDX's own
 
 
 class Notice(TypedDict):
@@ -28,7 +28,7 @@ class Notice(TypedDict):
 
 
 def list_notices(root: Path, bundle: str) -> list[Notice]:
-    """All of them. `bundle`: the generator's notice of its script. Raises LookupError when one is missing."""
+    """All notices. `bundle`: the notice in the generator's script. Raises LookupError if one is missing."""
     generator = metadata(GENERATOR)
     version = generator["Version"]
     shim = json.loads((root / SHIM / "package.json").read_text(encoding="utf-8"))
@@ -41,7 +41,7 @@ def list_notices(root: Path, bundle: str) -> list[Notice]:
     ]
     parts = list(BUNDLED.finditer(bundle))
     if not parts:
-        raise LookupError("the generator names no licences of its script: another version of Zensical?")
+        raise LookupError("the generator's script lists no licences; did the version of Zensical change?")
     for part in parts:
         identifier = SPDX.get(part["licence"], part["licence"])
         found.append(_make_notice(part["name"], part["version"], identifier, "npm", part["text"].strip()))
@@ -57,4 +57,4 @@ def _read_installed(end: str) -> str:
     for file in files(GENERATOR) or ():
         if file.as_posix().endswith(end):
             return file.read_text(encoding="utf-8")
-    raise LookupError(f"{GENERATOR} brings no {end}: another version of it?")
+    raise LookupError(f"{GENERATOR} has no {end}; did its version change?")

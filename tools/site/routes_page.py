@@ -1,4 +1,4 @@
-"""The page on the relay's routes, written from what the relay itself says in /openapi.json."""
+"""The page about the relay's routes, generated from its /openapi.json."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Every HTTP route of a relay, generated from its `/openapi.json`. Each relay show
 where you can try the routes. For examples see [the protocol](protocol.md), which also describes the WebSocket
 `/api/v1/robots/{robot}/live`.
 """
-UNSAID = "Successful Response"  # FastAPI's word where there is no other
+UNSAID = "Successful Response"  # FastAPI's default text
 SCHEMAS = "#/components/schemas/"
 
 
@@ -34,14 +34,14 @@ def write_routes(document: Described) -> str:
 
 
 def read_description() -> Described:
-    """What /openapi.json says, with all routes that a relay may have."""
-    # only described, never asked: nothing of what the routes are served from is touched
+    """The /openapi.json with all routes that a relay may have."""
+    # only described, never called: the dummies are not used
     nothing = cast("Any", _Nothing())
     return make_app(nothing, nothing, nothing, None, past=nothing, admin=nothing).openapi()
 
 
 class _Nothing:
-    """Takes the place of everything behind the routes."""
+    """A dummy for everything behind the routes."""
 
     def __getattr__(self, name: str) -> _Nothing:
         return _Nothing()

@@ -11,7 +11,7 @@ from urllib.parse import unquote
 
 from tools.site.dialect import indent_lists
 
-# pages that stand outside docs/, and where the guide has them
+# pages outside docs/, and their place in the guide
 MOVED: Mapping[str, str] = {
     "wire/SPEC.md": "reference/wire-format.md",
     "CHANGELOG.md": "project/changelog.md",
@@ -19,19 +19,19 @@ MOVED: Mapping[str, str] = {
     "benches/peers/README.md": "project/peer-benchmarks.md",
 }
 HOME = Path("index.md")
-HOME_META = "---\nhide:\n  - navigation\n  - toc\n  - path\n---\n\n"  # no columns beside it
-FILES = "files"  # the folder of what pages link to besides pages
+HOME_META = "---\nhide:\n  - navigation\n  - toc\n  - path\n---\n\n"  # without side columns
+FILES = "files"  # the folder for linked files that are not pages
 LINK = re.compile(r"(?P<before>\]\(|\b(?:href|src)=\")(?P<target>[^)\s\"]+)")
 
 
 def stage_pages(root: Path, out: Path) -> None:
-    """Copy all pages of the repository at `root` and their pictures into the folder `out`. A link leads to
-    where its page is now; a linked file that is no page comes along.
+    """Copy all pages of the repository at `root` and their pictures into the folder `out`. Links are changed
+    to the new places; a linked file that is not a page is copied too.
     """
     shutil.copytree(root / "docs", out)
     pages = {path: path.relative_to(root / "docs") for path in (root / "docs").rglob("*.md")}
     pages |= {root / page: Path(place) for page, place in MOVED.items()}
-    home = {root / "README.md": HOME}  # which is a page of its own
+    home = {root / "README.md": HOME}  # which becomes a separate page
     for page, place in pages.items():
         text = page.read_text(encoding="utf-8")
         moved = LINK.sub(lambda found: _move_link(found, root, page, place, pages | home, out), text)  # noqa: B023

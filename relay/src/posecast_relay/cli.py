@@ -1,4 +1,4 @@
-"""`posecast-relay`: reads the settings and runs the relay, or does as `robots` or `past` is told."""
+"""`posecast-relay`: reads the settings and runs the relay, or runs the command `robots` or `past`."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from posecast_relay.config.settings import SettingsError, StartError, parse
 
 
 def main(argv: Sequence[str] | None = None, program: str = "posecast-relay") -> NoReturn:
-    """Entry point; ends the process: 0 after SIGTERM or Ctrl-C, 2 for a wrong setting or a port in use.
+    """Entry point. Exits with status 0 after SIGTERM or Ctrl-C, 2 for a wrong setting or a port in use.
 
-    `argv`: None for those of the process; `program`: what it is called in messages.
+    `argv`: the arguments; None: those of the process. `program`: its name in messages.
     """
     status = 0
     try:
-        # until the loop takes the signals over nothing is to be closed; an exception may be lost in an import
+        # until the event loop handles signals, nothing needs closing; an import could swallow an exception
         signal.signal(signal.SIGTERM, lambda *_: os._exit(0))
         _run(sys.argv[1:] if argv is None else argv, program)
     except (SettingsError, StartError) as e:
@@ -29,8 +29,8 @@ def main(argv: Sequence[str] | None = None, program: str = "posecast-relay") -> 
         status = 2
     except KeyboardInterrupt:
         pass
-    # All is closed. The interpreter's own farewell would wait for threads of libraries (a name server that
-    # does not answer), and one of Zenoh's that calls into it meanwhile aborts the process.
+    # Everything is closed. A normal interpreter exit would wait for library threads (a DNS server that does
+    # not answer), and a Zenoh thread that calls into Python meanwhile would abort the process.
     with suppress(BrokenPipeError):
         sys.stdout.flush()
         sys.stderr.flush()

@@ -1,7 +1,8 @@
-"""The log on stderr: lines for people on a terminal, JSON lines for whatever collects them elsewhere.
+"""Logs to stderr: plain lines on a terminal, otherwise JSON lines for log collectors.
 
-A stranger can make a line be written, so lines are bounded: in number (`repeat_filter.py`), in length, and to
-what can be seen of a text. A traceback is written at level debug only; else what failed and where.
+Strangers can cause log lines. So the number of lines is limited (`repeat_filter.py`), and so is their length;
+invisible characters are escaped. Tracebacks appear only at level debug. Other levels show what failed and
+where.
 """
 
 from __future__ import annotations
@@ -21,7 +22,12 @@ from posecast_wire.checked import UNSEEN
 
 from posecast_relay.repeat_filter import WINDOW_S, RepeatFilter
 
-MEMBERS = ("conn", "robot", "code", "reason")  # beside ts, level and event; nothing else a viewer sent
+MEMBERS = (
+    "conn",
+    "robot",
+    "code",
+    "reason",
+)  # besides ts, level and event; nothing else from a viewer
 LINE_MAX = 1000  # characters of an event
 NAME_MAX = 80  # characters of a name from outside
 OURS = "posecast_"
@@ -30,8 +36,9 @@ log = logging.getLogger("posecast_relay")
 
 
 def visible(text: str, most: int = NAME_MAX, kept: str = "") -> str:
-    """A text from outside as one line of at most `most` characters. What would not be seen in it, or would
-    turn the direction of what follows, is escaped, unless it is among `kept`."""
+    """Return a text from outside as one line of at most `most` characters. Characters that are invisible or
+    change the text direction are escaped, except those in `kept`.
+    """
     shown = text if len(text) <= most else text[: most - 1] + "…"
     if shown.isprintable() and UNSEEN.isdisjoint(shown):
         return shown
@@ -51,7 +58,7 @@ def describe_error(error: BaseException) -> str:
 
 
 def _event(record: logging.LogRecord) -> str:
-    """What a record says, in one line."""
+    """Return a record's message as one line."""
     said = record.getMessage()
     error = record.exc_info[1] if record.exc_info else None
     if error is not None:
@@ -64,7 +71,7 @@ def _shows_tracebacks() -> bool:
 
 
 class JsonLines(logging.Formatter):
-    """`{"ts": …, "level": …, "event": …}` and what is known of the connection."""
+    """Formats records as `{"ts": …, "level": …, "event": …}` plus what is known of the connection."""
 
     def __init__(self, worker: int | None = None) -> None:
         """`worker`: the number of this process among those of its relay, where there are several."""
@@ -72,7 +79,7 @@ class JsonLines(logging.Formatter):
         self._more: dict[str, object] = {} if worker is None else {"worker": worker}
 
     def format(self, record: logging.LogRecord) -> str:
-        """One line, whatever is in it."""
+        """Format a record as one line."""
         doc: dict[str, object] = {
             "ts": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
             "level": record.levelname.lower(),
@@ -103,7 +110,7 @@ class _Plain(logging.Formatter):
 
 
 class _Stderr(logging.StreamHandler[Any]):
-    """What repeats is said once in a while, and counted."""
+    """Writes to stderr. Limits repeated lines and counts the rest."""
 
     def __init__(self) -> None:
         super().__init__(sys.stderr)
@@ -111,7 +118,7 @@ class _Stderr(logging.StreamHandler[Any]):
         self._timer: threading.Timer | None = None
 
     def handle(self, record: logging.LogRecord) -> bool:
-        """Also from other threads."""
+        """Handle a record; may be called from any thread."""
         self.acquire()
         try:
             now_s = time.monotonic()
@@ -130,7 +137,7 @@ class _Stderr(logging.StreamHandler[Any]):
             self.emit(record)
 
     def _start_timer(self) -> None:
-        """What was left out last is told also when nothing follows it."""
+        """Make sure that the summary is written even if no further line follows."""
         self._timer = threading.Timer(WINDOW_S, self._later)
         self._timer.daemon = True
         self._timer.start()
@@ -147,7 +154,7 @@ class _Stderr(logging.StreamHandler[Any]):
 
 
 def start_logging(level: str, worker: int | None = None) -> None:
-    """Log to stderr from `level` on, including errors in threads and in callbacks of libraries.
+    """Log to stderr at `level` and above, including errors in threads and library callbacks.
 
     `worker`: the number of this process among those of its relay, where there are several.
     """
@@ -158,7 +165,7 @@ def start_logging(level: str, worker: int | None = None) -> None:
 
     def uncaught(kind: type[BaseException], error: BaseException | None, trace: TracebackType | None) -> None:
         if error is not None and isinstance(error, Exception):
-            log.error("not caught", exc_info=(kind, error, trace))
+            log.error("uncaught exception", exc_info=(kind, error, trace))
         elif not issubclass(kind, (KeyboardInterrupt, SystemExit)):
             sys.__excepthook__(kind, error or kind(), trace)
 
@@ -168,23 +175,23 @@ def start_logging(level: str, worker: int | None = None) -> None:
 
 
 class LoopExceptionHandler:
-    """The event loop's exception handler: one line with what failed and where. How often, the log counts.
+    """The event loop's exception handler. It logs one line with what failed and where.
 
-    A connection that was given up (Redis, too slow) may fail afterwards: not again until another reason
-    comes.
+    A connection that was given up because it was too slow (to Redis) may fail again later. The same reason is
+    then not logged twice in a row.
     """
 
     def __init__(self) -> None:
         self._said = ""
 
     def __call__(self, _loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-        """As asyncio calls it."""
+        """Handle an exception; asyncio calls this."""
         why = context.get("exception")
         transport = context.get("transport")
-        # what still came over TLS is answered into a transport that is closed already
+        # TLS answers late data into a transport that is already closed
         is_late = isinstance(why, RuntimeError) and transport is not None and transport.is_closing()
         if not is_late and not (isinstance(why, OSError) and "future" in context):
-            log.error("%s", context.get("message") or "not caught", exc_info=why)
+            log.error("%s", context.get("message") or "uncaught exception", exc_info=why)
         elif str(why) != self._said:
             self._said = str(why)
-            log.warning("a connection that took too long: %s", why)
+            log.warning("a connection timed out: %s", why)

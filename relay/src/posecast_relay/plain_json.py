@@ -1,4 +1,4 @@
-"""JSON as everybody can read it: finite numbers, and UTF-8 whatever the texts hold."""
+"""Writes JSON that every parser accepts: only finite numbers, and always valid UTF-8."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 
 
 def json_bytes(document: object) -> bytes:
-    """Compact. What is no finite number becomes null, half of a surrogate pair a question mark."""
+    """Encode compactly. NaN and infinity become null; an unpaired surrogate becomes a question mark."""
     try:
         text = json.dumps(document, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
     except ValueError:

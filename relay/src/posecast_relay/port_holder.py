@@ -1,4 +1,4 @@
-"""Names the program that listens on a port of this machine, where the system tells."""
+"""Finds the program that listens on a port of this machine, if the system allows it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LSOF_S = 5.0
 
 
 def name_holder(port: int, proc: Path = Path("/proc")) -> str | None:
-    """Return `nginx (process 812)`; None when it can't be known: only root sees other users' programs."""
+    """Return a text like `nginx (process 812)`; None if unknown. Only root sees other users' programs."""
     number = _find_by_proc(port, proc) if sys.platform == "linux" else _find_by_lsof(port)
     if number is None:
         return None
@@ -23,7 +23,7 @@ def name_holder(port: int, proc: Path = Path("/proc")) -> str | None:
 
 
 def explain_taken(error: OSError, port: int) -> str:
-    """Return why a socket could not be opened, and by whom its port is held where that can be known."""
+    """Return why a socket could not be opened, with the program that uses its port if that is known."""
     why = (error.strerror or str(error)).lower()
     holder = name_holder(port) if error.errno == errno.EADDRINUSE else None
     return f"{why} by {holder}" if holder else why
@@ -34,7 +34,7 @@ def _find_by_proc(port: int, proc: Path) -> int | None:
     if not sockets:
         return None
     for process in proc.glob("[0-9]*"):
-        with suppress(OSError):  # another user's, or gone meanwhile
+        with suppress(OSError):  # another user's process, or it has ended
             for descriptor in (process / "fd").iterdir():
                 with suppress(OSError):
                     if os.readlink(descriptor) in sockets:
@@ -54,7 +54,7 @@ def _list_inodes(port: int, proc: Path) -> list[str]:
 
 
 def _find_by_lsof(port: int) -> int | None:
-    """Return the process that macOS's own tool names."""
+    """Find the process with `lsof`, which macOS includes."""
     command = ["lsof", "-nP", f"-iTCP:{port}", "-sTCP:LISTEN", "-t"]
     try:
         told = subprocess.run(command, capture_output=True, text=True, timeout=LSOF_S, check=False).stdout

@@ -1,7 +1,7 @@
-"""Decides which lines of a log are written: lines that repeat are written a few times, then counted.
+"""Limits the log: repeated lines are written a few times, then counted.
 
-Whatever strangers do, at most LINES_PER_S lines a second are written. Lines left out are counted in a line of
-their own: `… and 1,234 more in 10 s`.
+At most LINES_PER_S lines a second are written, whatever strangers do. A summary line counts the others:
+`… and 1,234 more in 10 s`.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ OTHERS: Kind = ("others",)
 @dataclass
 class _Window:
     since_s: float
-    first: str  # as it was written: a record would hold all that an error went through
+    first: str  # as text: a record would keep the error's whole traceback in memory
     of: tuple[str, int, str, int]  # logger, level and place
     said: int = 0
     more: int = 0
 
 
 class RepeatFilter:
-    """Asked before each line. Lines at level debug always pass: whoever asks for them wants them all."""
+    """Decides for each line whether it is written. Lines at level debug always pass."""
 
     def __init__(self, shown: Callable[[logging.LogRecord], str] = logging.LogRecord.getMessage) -> None:
-        """`shown` returns the text of a record, in one line."""
+        """`shown` returns a record's text as one line."""
         self._shown = shown
         self._kinds: dict[Kind, _Window] = {}
         self._second = float("-inf")
@@ -40,11 +40,11 @@ class RepeatFilter:
 
     @property
     def owes(self) -> bool:
-        """Whether lines were left out that no line has counted yet."""
+        """Whether lines were left out that no summary has counted yet."""
         return any(window.more for window in self._kinds.values())
 
     def allow_record(self, record: logging.LogRecord, now_s: float) -> bool:
-        """Return whether this line is written; if not, count it. `now_s` is a clock in seconds."""
+        """Return whether to write this line; if not, count it. `now_s` is a clock in seconds."""
         if record.levelno <= logging.DEBUG:
             return True
         kind = _kind(record)
@@ -62,7 +62,7 @@ class RepeatFilter:
         return False
 
     def take_summaries(self, now_s: float) -> list[logging.LogRecord]:
-        """End the windows that have passed; return a line for each in which lines were left out."""
+        """Close the windows that have passed. Return a summary for each one that left lines out."""
         found = []
         for kind, window in list(self._kinds.items()):
             if now_s - window.since_s < WINDOW_S and now_s >= window.since_s:
@@ -82,7 +82,7 @@ class RepeatFilter:
 
 
 def _kind(record: logging.LogRecord) -> Kind:
-    """Tell kinds of lines apart by where they come from, not by text: strangers choose names in it."""
+    """Return a line's kind, by its place in the code, not its text: strangers choose the names in it."""
     error = record.exc_info[1] if record.exc_info else None
     trace = error.__traceback__ if error is not None else None
     while trace is not None and trace.tb_next is not None:

@@ -1,4 +1,4 @@
-"""Does once what several ask for at the same time: all of them wait for the same task."""
+"""Shares a task among simultaneous requests for the same thing."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ T = TypeVar("T")
 
 
 class SharedTasks:
-    """The tasks that run, by key. One runs to its end even when nobody waits for it any more."""
+    """Running tasks, by key. A task runs to its end even if nobody waits for it anymore."""
 
     def __init__(self, name: str) -> None:
-        """`name`: of the tasks, for debugging."""
+        """`name`: the tasks' name, for debugging."""
         self._name = name
         self._running: dict[Hashable, asyncio.Task[Any]] = {}
 
@@ -33,4 +33,4 @@ class SharedTasks:
     def _forget(self, key: Hashable, task: asyncio.Task[Any]) -> None:
         del self._running[key]
         if not task.cancelled():
-            task.exception()  # retrieved: those who asked may have gone
+            task.exception()  # marks the error as retrieved: nobody may be waiting

@@ -1,4 +1,4 @@
-"""The store `memory://`: it does nothing, since no other process needs the state."""
+"""The store `memory://`. It does nothing, because no other process needs the state."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from posecast_relay.core.state.stream import Stream
 
 
 class MemoryStore:
-    """A state store for a single process. It keeps nothing of its own."""
+    """A state store for a single process. It stores nothing."""
 
     def keep(self, stream: Stream) -> None:
-        """Do nothing: the stream holds its newest state itself."""
+        """Do nothing: the stream already has its newest state."""
 
     def find_trouble(self) -> str | None:
         """Return None: nothing can fail here."""

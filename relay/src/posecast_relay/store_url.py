@@ -1,4 +1,4 @@
-"""URLs of object stores: which there are, without opening one."""
+"""Checks URLs of object stores without opening them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ URL_FORM = "use file:///FOLDER, s3://BUCKET/PREFIX, gs://BUCKET/PREFIX or az://C
 
 
 class StoreUrlError(ValueError):
-    """No URL of an object store, or what it needs is not installed. The message is one line."""
+    """The URL is not an object store's, or a package is missing. The message is one line."""
 
 
 def is_store_url(text: str) -> bool:
@@ -29,15 +29,15 @@ def check_store_url(url: str) -> str:
 
 
 def _find_remedy(url: str) -> str | None:
-    """Say what is wrong with the URL of a folder, or a path; None when it is neither, or nobody knows."""
+    """Return how to correct a path or a folder's URL; None if there is no advice."""
     if re.fullmatch(r"/[^\s/][^\s?#]*", url):
         return f"write file://{url}"
     if not url.startswith(("file:", "/")):
         return None
     if re.search(r"[^\S\r\n]", url) and "\n" not in url:
-        return "no space can stand in a URL: write %20 for it"
+        return "write %20 for each space"
     if url.startswith(("file://localhost/", "file://127.0.0.1/")):
-        return "name no host: write file:///FOLDER, with three slashes"
+        return "use file:///FOLDER without a host, with three slashes"
     if re.match(r"file:(?://)?[^/]", url):
-        return "want three slashes, and a folder from the root on: file:///FOLDER"
+        return "use three slashes and an absolute path: file:///FOLDER"
     return None

@@ -1,4 +1,4 @@
-"""What the units that robots report are worth in SI, by the quantity they measure."""
+"""Converts the units that robots report to SI, by quantity."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ ACCELERATION = {
     **dict.fromkeys(("mm/s²", "mm/s2", "mm/s^2"), 1e-3),
     "g": 9.80665,
 }
-# a field without a unit is in its usual one, which is SI (SPEC §2)
+# a field without a unit uses the usual one, which is SI (SPEC §2)
 USUAL = {"": 1.0}
 
 FACTORS: Mapping[Quantity, Mapping[str, float]] = {
@@ -43,6 +43,6 @@ FACTORS: Mapping[Quantity, Mapping[str, float]] = {
 
 
 def find_factor(quantity: Quantity, unit: str) -> float | None:
-    """By what a value in `unit` is multiplied to be in SI (rad, m, s, N and products of them); None when the
-    unit is none of this quantity, or not known here."""
+    """Return the factor that converts a value in `unit` to SI (rad, m, s, N and their products). None if the
+    unit is unknown or measures another quantity."""
     return FACTORS[quantity].get(unit)

@@ -1,9 +1,9 @@
-/** Input as both WebDriver protocols take it (https://www.w3.org/TR/webdriver2/#actions). */
+/** Input in the format of both WebDriver protocols (https://www.w3.org/TR/webdriver2/#actions). */
 
 import type { Button, Finger, Json, Point } from './page.ts';
 
 const BUTTONS: Readonly<Record<Button, number>> = { left: 0, middle: 1, right: 2 };
-/** A drag is seen as a drag only if it passes through points. */
+/** A drag is recognised only if it passes through intermediate points. */
 const STEPS = 6;
 const STEP_MS = 16;
 
@@ -97,7 +97,7 @@ export function doubleTap(at: Point): Actions {
   return [{ type: 'pointer', id: 'finger0', parameters: { pointerType: 'touch' }, actions }];
 }
 
-/** The points that a straight line passes, its end included, its start not. */
+/** The points of a straight line, including its end but not its start. */
 export function line({ from, to }: Finger): Point[] {
   return Array.from({ length: STEPS }, (_, i) => {
     const part = (i + 1) / STEPS;

@@ -1,4 +1,4 @@
-/** Chromium behind the words of `page.ts`, by Playwright's library (its test runner is not used). */
+/** Chromium behind the interface of `page.ts`, using Playwright's library (its test runner is not used). */
 
 import {
   type BrowserContext,
@@ -27,12 +27,12 @@ const EXECUTABLE = process.env.POSECAST_CHROMIUM ?? '/usr/bin/chromium';
 const ARGS = [
   '--no-sandbox',
   '--no-first-run',
-  '--enable-precise-memory-info', // else the heap is told in steps of tens of megabytes
+  '--enable-precise-memory-info', // otherwise the heap size is reported in steps of tens of megabytes
   '--disable-background-networking',
   '--disable-component-update',
   '--disable-default-apps',
   '--disable-sync',
-  // nothing but loopback has a name: what the page or the browser asks of the world goes nowhere
+  // only loopback resolves: requests from the page or the browser to other hosts go nowhere
   '--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1 , EXCLUDE localhost',
 ];
 const WEBGL = ['--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist'];
@@ -141,7 +141,7 @@ class ChromiumPage implements Page {
 
   async click({ x, y }: Point): Promise<void> {
     const { mouse } = this.#page;
-    // sent together: on a slow machine an answer may take longer than a person between down and up
+    // sent together: on a slow machine, an answer may take longer than a person's time between down and up
     await Promise.all([mouse.move(x, y), mouse.down(), mouse.up()]);
   }
 
@@ -176,7 +176,7 @@ class ChromiumPage implements Page {
     const cdp = await this.#cdp();
     const touch = (type: 'touchStart' | 'touchEnd') =>
       cdp.send('Input.dispatchTouchEvent', { type, touchPoints: type === 'touchStart' ? [at] : [] });
-    // sent together: on a slow machine an answer may take longer than a person between two taps
+    // sent together: on a slow machine, an answer may take longer than a person's time between two taps
     await Promise.all([touch('touchStart'), touch('touchEnd'), touch('touchStart'), touch('touchEnd')]);
   }
 
@@ -225,7 +225,7 @@ class ChromiumPage implements Page {
     return this.#context.close();
   }
 
-  /** Chromium's own protocol, for what Playwright has no word for. */
+  /** Chromium's own protocol, for what Playwright does not support. */
   #cdp(): Promise<CDPSession> {
     this.#devtools ??= this.#context.newCDPSession(this.#page);
     return this.#devtools;
@@ -235,7 +235,7 @@ class ChromiumPage implements Page {
 function element(locator: Locator): Element {
   return {
     count: () => locator.count(),
-    // biome-ignore lint/performance/useDomNodeTextContent: what a reader sees, not what is in the tree
+    // biome-ignore lint/performance/useDomNodeTextContent: the visible text, not everything in the tree
     text: () => locator.innerText(),
     attribute: (name) => locator.getAttribute(name),
     visible: () => locator.isVisible(),

@@ -1,9 +1,9 @@
-/** What a page has complained of, kept until a test forgives it. */
+/** The errors that a page has logged, kept until a test forgives them. */
 export class Complaints {
   readonly errors: string[] = [];
   readonly #forgiven: RegExp[];
 
-  /** `always`: what the browser itself says about a connection that a test has cut; the page can't silence it. */
+  /** `always`: the browser's own messages about a connection that a test has cut; the page can't silence them. */
   constructor(...always: RegExp[]) {
     this.#forgiven = always;
   }
@@ -19,7 +19,7 @@ export class Complaints {
   }
 }
 
-/** Which of these addresses lie at another host than the one opened and those that a test has allowed. */
+/** Returns those addresses that are neither on the opened host nor on one that a test has allowed. */
 export function foreignTo(
   host: string | null,
   allowed: ReadonlySet<string>,

@@ -1,15 +1,15 @@
-/** An X display without a screen: Firefox and WebKitGTK draw WebGL only where there is one. */
+/** An X display without a screen: Firefox and WebKitGTK need one for WebGL. */
 
 import { Process } from '../process.ts';
 
 export interface Display {
-  /** What a browser must find in its environment. */
+  /** The environment for a browser. */
   readonly env: Readonly<Record<string, string>>;
   close(): Promise<void>;
 }
 
 export async function openDisplay(): Promise<Display> {
-  // Xvfb itself looks for a free number and says which; no TCP, and nothing is reset when a browser leaves
+  // Xvfb chooses and reports a free number; no TCP, and no reset when a browser exits
   const args = ['-displayfd', '1', '-screen', '0', '1920x1400x24', '-nolisten', 'tcp', '-noreset'];
   const server = new Process('Xvfb', 'Xvfb', args, { group: true });
   const [number] = await server.line(/^\d+$/);

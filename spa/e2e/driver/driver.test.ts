@@ -14,7 +14,7 @@ const HTML = `<!doctype html><title>words</title>
 <input aria-label="name" data-testid="name"><p data-testid="hidden" style="display: none">x</p>
 <p data-testid="row" style="display: flex"><span>one</span></p>`;
 
-/** A page that says what its address asks for; Content-Security-Policy as strict as ours. */
+/** A page that does what its address asks for; with a Content-Security-Policy as strict as ours. */
 function serve(): Promise<http.Server> {
   const server = http.createServer((request, response) => {
     const worker = request.url?.startsWith('/worker.js');
@@ -70,7 +70,7 @@ describe('the page driver', () => {
 
   it('presses only what it aimed at, also where that moves away under its finger', async () => {
     const page = await opened();
-    // as a page does that something late has pushed down: between aim and press another button comes to lie there
+    // like a page whose layout is pushed down late: between aim and press, another button moves there
     await page.evaluate(`(() => {
       window.heard = [];
       const [button] = document.getElementsByTagName('button');
@@ -109,7 +109,7 @@ describe('the page driver', () => {
     const page = await opened();
     const away = `127.0.0.1:${await freePort()}`; // where nobody answers
     await page.evaluate(script.replace('AWAY', away));
-    // what the page's own policy holds back never leaves, but is complained of: either fails a test
+    // a request blocked by the page's own policy is never sent, but is logged: both fail a test
     await until('the request or the complaint', () => page.foreign.length + page.errors.length > 0);
     await page.close();
   });
@@ -124,7 +124,7 @@ describe('the page driver', () => {
     await page.close();
   });
 
-  /** What the page was told by its input events, in short words, a run of equal ones told once. */
+  /** The input events that the page received, abbreviated, with repetitions merged. */
   const listen = (page: Page) =>
     page.evaluate(`(() => {
       window.heard = [];
@@ -149,7 +149,7 @@ describe('the page driver', () => {
     await listen(page);
     await page.drag(middle, beside);
     expect(await said(page)).toEqual(['down mouse 1', 'move mouse 1', 'up mouse 0']);
-    await page.doubleClick({ x: 300, y: 200 }); // where the drag began, this would be the second and the third click
+    await page.doubleClick({ x: 300, y: 200 }); // if the drag began here, this would be the second and the third click
     await until('two clicks', async () => (await said(page)).at(-1) === 'dblclick');
     await page.press('Escape');
     await page.press('Shift+ArrowLeft');

@@ -1,4 +1,4 @@
-/** The engine that a run of the suite is played in: `POSECAST_ENGINE`, else Chromium. */
+/** The engine in which a test run takes place: `POSECAST_ENGINE`, else Chromium. */
 
 import { openChromium } from './chromium.ts';
 import { openFirefox } from './firefox.ts';

@@ -1,4 +1,4 @@
-/** Firefox behind the words of `page.ts`, over WebDriver BiDi. */
+/** Firefox behind the interface of `page.ts`, over WebDriver BiDi. */
 
 import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
@@ -15,7 +15,7 @@ const EXECUTABLE = process.env.POSECAST_FIREFOX ?? '/usr/bin/firefox-esr';
 
 const PREFERENCES = {
   'remote.active-protocols': 1, // BiDi
-  // a page sends everything through its own proxy; what the browser asks of the world itself goes nowhere
+  // a page sends everything through its own proxy; the browser's own requests go nowhere
   'network.proxy.type': 1,
   'network.proxy.http': '127.0.0.1',
   'network.proxy.http_port': 9,
@@ -33,7 +33,7 @@ const PREFERENCES = {
   'dom.w3c_touch_events.enabled': 1,
 };
 
-/** What the system says to a page, as Firefox's preferences have it. */
+/** System settings seen by a page, as Firefox preferences. */
 function mediaPreferences({ motion, scheme, colors }: PageOptions['media'] = {}): Record<string, number> {
   return {
     'ui.prefersReducedMotion': motion === 'reduce' ? 1 : 0,
@@ -73,7 +73,7 @@ export async function openFirefox(options: BrowserOptions = {}): Promise<Browser
     EXECUTABLE,
     [
       ...['--headless', '--no-remote', '--profile', profile, '--remote-debugging-port', '0'],
-      '--remote-allow-system-access', // to its preferences
+      '--remote-allow-system-access', // for its preferences
     ],
     { group: true, env: { ...display.env, HOME: profile, MOZ_CRASHREPORTER_DISABLE: '1' } },
   );
@@ -108,7 +108,7 @@ export async function openFirefox(options: BrowserOptions = {}): Promise<Browser
   }
 }
 
-/** Preferences are the whole browser's: they hold for every page until the next one comes. */
+/** Preferences apply to the whole browser: they hold for every page until the next one is opened. */
 async function prefer(
   connection: BidiConnection,
   preferences: Readonly<Record<string, number>>,
@@ -124,7 +124,7 @@ async function prefer(
   await connection.send('script.evaluate', { expression, target: window, awaitPromise: false });
 }
 
-/** A page with a user context, and so with storage, caches and a proxy, of its own. */
+/** A page with its own user context, and so with its own storage, caches and proxy. */
 async function newPage(connection: BidiConnection, options: PageOptions = {}): Promise<Page> {
   const complaints = new Complaints(...NETWORK_LOG);
   const proxy = await WatchingProxy.open({ onReport: (text) => complaints.add(text) });
@@ -134,7 +134,7 @@ async function newPage(connection: BidiConnection, options: PageOptions = {}): P
     proxy: { proxyType: 'manual', httpProxy: address, sslProxy: address },
   });
   const { context } = await connection.send<{ context: string }>('browsingContext.create', {
-    type: 'window', // a tab behind another would be a hidden page
+    type: 'window', // a tab behind another one would be a hidden page
     userContext,
   });
   connection.onEvent((method, params) => {

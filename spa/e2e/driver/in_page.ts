@@ -1,4 +1,4 @@
-/** Finding and reading elements from inside the page, for engines whose driver does not do it as Playwright does. */
+/** Finds and reads elements from inside the page, for engines whose driver does not do it the way Playwright does. */
 
 import type { Json, Role } from './page.ts';
 
@@ -17,18 +17,18 @@ export type Act =
   | { readonly do: 'attribute'; readonly name: string }
   | { readonly do: 'fill'; readonly text: string };
 
-/** What became of the press that the last `aim` was for: it hit, or it missed and was kept from what lay there instead.
- *  null in a document that came after. */
+/** The result of the press after the last `aim`: a hit, or a miss that was kept from hitting another element. null in a later
+ *  document. */
 export const LANDED = '(() => window.aimed?.landed() ?? null)()';
 export type Landed = 'hit' | 'missed' | 'nothing yet' | null;
 
-/** An expression that does it in the page and gives JSON; `{ not: why }` asks to be tried again. */
+/** An expression that does this in the page and returns JSON; `{ not: why }` requests a retry. */
 export function inPage(query: Query, act: Act): string {
   return `(${find.toString()})(${JSON.stringify(query)}, ${JSON.stringify(act)})`;
 }
 
-/** Runs in the page: only what is written here is there. As Playwright has it, a name is a part of the accessible name
- *  in any case of letters, and what is hidden has no role. */
+/** Runs in the page, so only names defined in here exist. As in Playwright, a name matches a part of the accessible name,
+ *  ignoring case, and hidden elements have no role. */
 function find(query: Query, act: Act): Json {
   const implicit: Record<Role, string> = {
     link: 'a[href]',
@@ -53,7 +53,7 @@ function find(query: Query, act: Act): Json {
       by.map((id) => document.getElementById(id)?.textContent ?? '').join(' ') ||
       element.getAttribute('aria-label') ||
       element.getAttribute('alt') ||
-      // biome-ignore lint/performance/useDomNodeTextContent: a name is what can be read
+      // biome-ignore lint/performance/useDomNodeTextContent: the name is the readable text
       element.innerText ||
       element.getAttribute('title') ||
       '';
@@ -77,7 +77,7 @@ function find(query: Query, act: Act): Json {
         element.closest('[aria-hidden=true], [inert]') === null && shown(element) && named(element),
     );
   };
-  /** The page may move between aim and press: what is not meant then is not pressed. */
+  /** The page may move between aim and press: an unintended target is not pressed. */
   const watch = (meant: (target: Node) => boolean): void => {
     const kinds = ['pointerdown', 'mousedown', 'pointerup', 'mouseup', 'click'];
     let landed: Landed = 'nothing yet';
@@ -110,7 +110,7 @@ function find(query: Query, act: Act): Json {
   if (found.length > 1) return { not: `one element but ${found.length}` };
   switch (act.do) {
     case 'text':
-      // biome-ignore lint/performance/useDomNodeTextContent: what a reader sees, not what is in the tree
+      // biome-ignore lint/performance/useDomNodeTextContent: the visible text, not everything in the tree
       return element.innerText.trim(); // WebKit ends a flex row with a line break
     case 'attribute':
       return element.getAttribute(act.name);
@@ -119,7 +119,7 @@ function find(query: Query, act: Act): Json {
         return { not: 'a field to type into' };
       }
       element.focus();
-      // past React's own setter, which would take the new value for the old one
+      // bypasses React's own setter, which would take the new value for the old one
       Object.getOwnPropertyDescriptor(Object.getPrototypeOf(element), 'value')?.set?.call(element, act.text);
       element.dispatchEvent(new Event('input', { bubbles: true }));
       element.dispatchEvent(new Event('change', { bubbles: true }));

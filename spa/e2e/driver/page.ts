@@ -1,9 +1,9 @@
 /**
- * The words every browser test is written in. One of three engines stands behind them (`engines.ts`); what an engine
- * can't do it names in `lacks`, and a test that needs it is skipped with that reason.
+ * The interface that every browser test is written in, implemented for three engines (`engines.ts`). Features that an engine
+ * lacks are listed in `lacks`; a test that needs one is skipped with that reason.
  */
 
-/** What may cross into the page and back: JSON, nothing else. */
+/** Values that can be passed into the page and back: only JSON. */
 export type Json = null | boolean | number | string | readonly Json[] | { readonly [key: string]: Json };
 
 export type Role =
@@ -54,30 +54,30 @@ export interface PageOptions {
   readonly preload?: string;
   /** A device with a touch screen; needs `touch`. */
   readonly touch?: boolean;
-  /** What the reader has asked of the system; needs `media`. */
+  /** Preferences that the reader has set in the system; needs `media`. */
   readonly media?: {
     readonly motion?: 'reduce';
     readonly scheme?: 'dark' | 'light';
-    /** The system's own few colours instead of the page's; needs `colors`. */
+    /** The system's forced colours instead of the page's; needs `colors`. */
     readonly colors?: 'forced';
   };
 }
 
 export interface Page {
   open(url: string): Promise<void>;
-  /** Loads the page anew. */
+  /** Reloads the page. */
   reload(): Promise<void>;
-  /** Waits until a document that came by itself is there: a driver may never answer for the one before it. */
+  /** Waits until a document that loads on its own is there: a driver may never answer for the previous one. */
   loaded(): Promise<void>;
-  /** Runs `script` (a function's source or an expression) in the page; its result comes back as JSON. */
+  /** Runs `script` (a function's source or an expression) in the page; returns its result, transferred as JSON. */
   evaluate<T>(script: string | (() => T)): Promise<T>;
   findByRole(role: Role, name?: string | RegExp): Element;
   findByTestId(id: string): Element;
-  /** Everything a reader sees. */
+  /** All visible text. */
   text(): Promise<string>;
   /** A key by its name, with modifiers before it: `Escape`, `a`, `Shift+ArrowLeft`. */
   press(key: string): Promise<void>;
-  /** Moves the pressed mouse in a straight line; another button than the left needs `buttons`, what is to be dropped `drops`. */
+  /** Moves the pressed mouse in a straight line; buttons other than the left need `buttons`, dropping needs `drops`. */
   drag(from: Point, to: Point, button?: Button): Promise<void>;
   click(at: Point): Promise<void>;
   doubleClick(at: Point): Promise<void>;
@@ -87,23 +87,23 @@ export interface Page {
   touch(...fingers: Finger[]): Promise<void>;
   /** Two quick taps of one finger; needs `touch`. */
   doubleTap(at: Point): Promise<void>;
-  /** Drags files and folders (absolute paths) from the desktop and lets them go at a point; needs `files`. */
+  /** Drags files and folders (absolute paths) from the desktop and drops them at a point; needs `files`. */
   dropFiles(at: Point, paths: readonly string[]): Promise<void>;
-  /** Lets the page have one part in so many of the processor; 1 undoes it. Needs `slow`. */
+  /** Slows the page's processor down by this factor; 1 removes the limit. Needs `slow`. */
   slow(times: number): Promise<void>;
-  /** Stops the programs that pages run in, as a device does that sleeps, until what it returns is called. Needs `stop`. */
+  /** Stops the processes that run pages, like a sleeping device, until the returned function is called. Needs `stop`. */
   stop(): Promise<() => void>;
   viewport(size: Viewport): Promise<void>;
   /** Writes a PNG; `path` ends in .png. */
   screenshot(path: string): Promise<void>;
-  /** Console errors and uncaught exceptions, oldest first. A test that expects one takes it out with `forgive`. */
+  /** Console errors and uncaught exceptions, oldest first. A test that expects one removes it with `forgive`. */
   readonly errors: readonly string[];
   /** Requests, WebSockets included, to another origin than the one opened. */
   readonly foreign: readonly string[];
-  /** Every address asked for, oldest first. */
+  /** Every requested address, oldest first. */
   readonly requested: readonly string[];
   forgive(pattern: RegExp): void;
-  /** From now on this host is none of the `foreign` ones. */
+  /** From now on this host does not count as `foreign`. */
   allow(host: string): void;
   close(): Promise<void>;
 }
@@ -111,7 +111,7 @@ export interface Page {
 export interface BrowserOptions {
   /** false: the browser offers no WebGL at all. */
   readonly webgl?: boolean;
-  /** true: a certificate of an authority nobody knows is taken (Chromium only). */
+  /** true: certificates from unknown authorities are accepted (Chromium only). */
   readonly strangersCertificate?: boolean;
 }
 
@@ -130,7 +130,7 @@ export type Ability =
 export interface Browser {
   readonly engine: EngineName;
   readonly version: string;
-  /** Why a test that needs this can't be played here. `cache`: answers over HTTP are kept from visit to visit. */
+  /** Why a test that needs this can't run here. `cache`: HTTP answers are kept between visits. */
   readonly lacks: Readonly<Partial<Record<Ability, string>>>;
   newPage(options?: PageOptions): Promise<Page>;
   close(): Promise<void>;

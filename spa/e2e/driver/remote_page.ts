@@ -1,4 +1,4 @@
-/** The words of `page.ts` on top of what a WebDriver remote end has, whichever of the two protocols it speaks. */
+/** The interface of `page.ts` on top of a WebDriver remote end, for both protocols. */
 
 import { writeFileSync } from 'node:fs';
 import * as actions from './actions.ts';
@@ -8,15 +8,15 @@ import type { Button, Element, Finger, Json, Page, Point, Role, Viewport } from 
 import { until } from './until.ts';
 import type { WatchingProxy } from './watching_proxy.ts';
 
-/** A press that no page has heard of for so long won't come. */
+/** A press that no page has reported within this time is lost. */
 const PRESS_MS = 1000;
 
-/** One page at the other end of a driver's line. */
+/** One page at the remote end of a driver connection. */
 export interface RemoteEnd {
   navigate(url: string): Promise<void>;
   reload(): Promise<void>;
   loaded(): Promise<void>;
-  /** Evaluates an expression, waits for it if it is a promise; what it gives is JSON's text. */
+  /** Evaluates an expression, and waits for it if it is a promise; the result is JSON text. */
   evaluate(expression: string): Promise<string | null>;
   perform(actions: actions.Actions): Promise<void>;
   resize(size: Viewport): Promise<void>;
@@ -66,7 +66,7 @@ export class RemotePage implements Page {
 
   async evaluate<T>(script: string | (() => T)): Promise<T> {
     const expression = typeof script === 'string' ? script : `(${script})()`;
-    // JSON is made in the page: what an expression gives may be something no protocol can carry
+    // JSON is made in the page, because the result may be something that no protocol can carry
     const text = await this.#end.evaluate(
       `Promise.resolve(${expression.replace(/;\s*$/, '')}).then((value) => JSON.stringify(value) ?? null)`,
     );
@@ -151,7 +151,7 @@ export class RemotePage implements Page {
     await this.#proxy.close();
   }
 
-  /** Whether the press hit what was aimed at. A document that it has led away from is not asked. */
+  /** Whether the press hit its target. If it led to another document, the old one is not asked. */
   async #hit(): Promise<boolean> {
     const lateMs = performance.now() + PRESS_MS;
     for (;;) {
@@ -163,7 +163,7 @@ export class RemotePage implements Page {
 
   #element(query: Query): Element {
     const once = <T extends Json>(act: Act) => this.evaluate<T>(inPage(query, act));
-    /** Tried until the element is there and willing. */
+    /** Retried until the element exists and is ready. */
     const patiently = async <T extends Json>(act: Act): Promise<T> => {
       const { answer } = await until(`${act.do} of ${JSON.stringify(query)}`, async () => {
         const answer = await once<T>(act);

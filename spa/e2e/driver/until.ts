@@ -1,13 +1,13 @@
-/** Waiting: ask again until it holds. The page's CSP forbids what browsers' own waiting words need (eval). */
+/** Polling until a condition holds. The page's CSP forbids what the browsers' own wait functions need (eval). */
 
 const INTERVAL_MS = 50;
 
-/** Thrown by a probe that sees that waiting is in vain. */
+/** Thrown by a probe that sees that waiting is pointless. */
 export class Hopeless extends Error {}
 
 /**
- * Asks `probe` until it returns something other than false, null or undefined, and returns that.
- * `what` names the wish in the error; the last refusal is added to it.
+ * Asks `probe` until it returns something other than false, null or undefined, and returns that. `what` names the condition in
+ * the error; the last failure is added to it.
  */
 export async function until<T>(
   what: string,

@@ -1,6 +1,6 @@
 /**
- * An HTTP proxy on loopback that one page's browser sends everything through, loopback included. It notes every
- * request, lets none leave the machine, and can put a script before the page's own for a driver that has no word for it.
+ * An HTTP proxy on loopback for all traffic of one page's browser, including loopback. It records every request, lets none leave
+ * the machine, and can inject a script before the page's own, for a driver that does not support that.
  */
 
 import { randomUUID } from 'node:crypto';
@@ -17,7 +17,7 @@ export interface WatchingProxyOptions {
 const REPORT_BYTES = 16 * 1024;
 
 export class WatchingProxy {
-  /** Addresses asked for, oldest first; of a tunnel (WebSocket) only its host is known. */
+  /** Requested addresses, oldest first; for a tunnel (WebSocket) only its host is known. */
   readonly requested: string[] = [];
   readonly port: number;
   readonly #server: http.Server;
@@ -70,7 +70,7 @@ export class WatchingProxy {
     const onward = http.request(url, { method: request.method ?? 'GET', headers, agent: false }, (answer) => {
       const status = answer.statusCode ?? 502;
       if (status >= 400) {
-        // in Chromium's words, so that one `forgive` serves every engine
+        // in Chromium's words, so that one `forgive` works for every engine
         this.#options.onReport(
           `Failed to load resource: the server responded with a status of ${status} (${answer.statusMessage})`,
         );
@@ -83,12 +83,12 @@ export class WatchingProxy {
       answer.pipe(response);
       answer.on('error', () => response.destroy());
     });
-    onward.on('error', () => response.destroy()); // a network that fails, not an answer
+    onward.on('error', () => response.destroy()); // simulates a failing network, not an answer
     response.on('close', () => onward.destroy());
     request.pipe(onward);
   }
 
-  /** The preload script, and what it reports. */
+  /** The preload script, and the receiver of its reports. */
   #serveOwn(request: http.IncomingMessage, response: http.ServerResponse): void {
     if (request.method !== 'POST') {
       response.writeHead(200, { 'content-type': 'text/javascript', 'cache-control': 'no-store' });
@@ -157,7 +157,7 @@ export class WatchingProxy {
     this.#join(browser, onward);
   }
 
-  /** An end, or a break, of one is the other's. */
+  /** If one side ends or breaks, so does the other. */
   #join(browser: Duplex, onward: net.Socket): void {
     this.#tunnels.add(browser);
     browser.pipe(onward).pipe(browser);

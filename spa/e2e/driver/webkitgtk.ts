@@ -1,4 +1,4 @@
-/** WebKitGTK's MiniBrowser behind the words of `page.ts`, over WebDriver (https://www.w3.org/TR/webdriver2/). */
+/** WebKitGTK's MiniBrowser behind the interface of `page.ts`, over WebDriver (https://www.w3.org/TR/webdriver2/). */
 
 import { existsSync, mkdirSync, mkdtempSync, readdirSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
@@ -16,7 +16,7 @@ const DRIVER = process.env.POSECAST_WEBKIT_DRIVER ?? '/usr/bin/WebKitWebDriver';
 const BROWSER = process.env.POSECAST_WEBKIT ?? miniBrowser();
 const ANSWER_MS = 60_000;
 const HANDSHAKE_MS = 2_000;
-/** A window that has another size for so long will keep it. */
+/** A window whose size has been stable for this long will keep it. */
 const SETTLED_MS = 2_000;
 
 const LACKS = {
@@ -31,14 +31,14 @@ const LACKS = {
   cache: 'under automation MiniBrowser has a private session, which keeps no answers',
 };
 
-/** On a busy machine the two clicks of one command may be further apart than a person's. */
+/** On a busy machine, the two clicks of one command may be further apart than a person's. */
 const DOUBLE_CLICK_MS = 2000;
 
 /** MiniBrowser's toolbar would keep the window wider than a phone. */
 const GTK_CSS =
   'button, entry, toolbar, headerbar { padding: 0; margin: 0; min-width: 0; min-height: 0; border-width: 0; }';
 
-/** This protocol tells nothing by itself, so the page does: what is logged as an error, thrown or held back by policy. */
+/** This protocol sends no events, so the page reports them: logged errors, exceptions, and requests blocked by policy. */
 const COMPLAIN = `(() => {
   const say = globalThis.postDriver;
   const words = (thing) => (thing instanceof Error ? thing + '\\n' + thing.stack : String(thing));
@@ -65,7 +65,7 @@ export async function openWebKitGtk(options: BrowserOptions = {}): Promise<Brows
     XDG_CACHE_HOME: home,
     XDG_DATA_HOME: home,
     NO_AT_BRIDGE: '1',
-    LC_ALL: 'C.UTF-8', // the hardest one: its language is none that Intl knows
+    LC_ALL: 'C.UTF-8', // the hardest one: its language is unknown to Intl
     DBUS_SESSION_BUS_ADDRESS: 'disabled:',
   };
   const args = ['--automation', ...(options.webgl === false ? ['--enable-webgl=false'] : [])];
@@ -78,7 +78,7 @@ export async function openWebKitGtk(options: BrowserOptions = {}): Promise<Brows
   const start = async (pageOptions: PageOptions = {}): Promise<Page> => {
     const { motion, scheme } = pageOptions.media ?? {};
     const settings = motion === 'reduce' ? { XDG_CONFIG_HOME: gtkSettings(home, false) } : {};
-    const dark = scheme === 'dark' ? ['--dark-mode'] : []; // what GTK says of that is overruled
+    const dark = scheme === 'dark' ? ['--dark-mode'] : []; // overrides GTK's own setting
     const page = await newPage({ ...env, ...settings }, [...args, ...dark], pageOptions);
     pages.add(page);
     return page;
@@ -93,7 +93,7 @@ export async function openWebKitGtk(options: BrowserOptions = {}): Promise<Brows
   }
 }
 
-/** A folder with what GTK is told when it starts; whether there shall be little motion, a page asks it. */
+/** A folder with GTK's settings at startup; a page asks GTK whether to reduce motion. */
 function gtkSettings(home: string, animations = true): string {
   const folder = mkdtempSync(path.join(home, 'settings-'));
   const put = (name: string, text: string) => writeFileSync(path.join(folder, 'gtk-3.0', name), text);
@@ -106,7 +106,7 @@ function gtkSettings(home: string, animations = true): string {
   return folder;
 }
 
-/** A page is a browser of its own here: one driver serves one session, and a session's pages share their storage. */
+/** A page is a separate browser here: one driver serves one session, and the pages of a session share their storage. */
 async function newPage(
   env: Readonly<Record<string, string>>,
   args: readonly string[],
@@ -144,7 +144,7 @@ class WebKitEnd implements RemoteEnd {
     args: readonly string[],
     proxyPort: number | null,
   ): Promise<{ end: WebKitEnd; version: string }> {
-    const port = await freePort(); // a driver that is told to take any does not say which
+    const port = await freePort(); // a driver that chooses a free port does not say which
     const driver = new Process('WebKitWebDriver', DRIVER, ['--host=127.0.0.1', `--port=${port}`], {
       group: true,
       env,
@@ -158,7 +158,7 @@ class WebKitEnd implements RemoteEnd {
         capabilities: {
           alwaysMatch: {
             browserName: 'MiniBrowser',
-            pageLoadStrategy: 'eager', // a load that never ends would hold every command
+            pageLoadStrategy: 'eager', // a load that never ends would block every command
             'webkitgtk:browserOptions': { binary: BROWSER, args },
             ...proxy,
           },
@@ -172,8 +172,8 @@ class WebKitEnd implements RemoteEnd {
     }
   }
 
-  /** A step within a document is no load, and this driver would wait for one; and the first answer after a load may
-   *  get lost, so an idle question is asked until one comes. */
+  /** A hash change within a document is not a load, and this driver would wait for one. The first answer after a load may also
+   *  get lost, so an idle question is repeated until one arrives. */
   async navigate(url: string): Promise<void> {
     const to = JSON.stringify(url);
     const stays = `location.href.split('#')[0] === ${to}.split('#')[0] && ${to}.includes('#')`;
@@ -191,7 +191,7 @@ class WebKitEnd implements RemoteEnd {
     await this.#says('document.readyState === "complete" || null');
   }
 
-  /** A script for a document that goes meanwhile is never answered. */
+  /** A script for a document that unloads meanwhile is never answered. */
   #says(expression: string): Promise<string> {
     return until('the page answers', () => this.#run(expression, HANDSHAKE_MS), ANSWER_MS);
   }
@@ -205,8 +205,8 @@ class WebKitEnd implements RemoteEnd {
     await command(this.#url, 'DELETE', '/actions');
   }
 
-  /** The window is what can be sized; the viewport is what is left of it, a while later. What is around it is found out
-   *  before the window changes and once more only when it has come to rest: in between the two don't belong together. */
+  /** Only the window can be sized; the viewport is the remaining part, a moment later. The border is measured before the window
+   *  changes and again once it is at rest: in between, the two don't match. */
   async resize(size: Viewport): Promise<void> {
     const inner = async (): Promise<Viewport> =>
       JSON.parse((await this.evaluate('JSON.stringify({ width: innerWidth, height: innerHeight })')) ?? '');
@@ -231,7 +231,7 @@ class WebKitEnd implements RemoteEnd {
 
   async close(): Promise<void> {
     if (!this.#driver.running) return;
-    await command(this.#url, 'DELETE', '').catch(() => undefined); // the browser may be gone already
+    await command(this.#url, 'DELETE', '').catch(() => undefined); // the browser may already be gone
     await this.#driver.stop();
   }
 
@@ -262,7 +262,7 @@ async function command<T>(
   return value;
 }
 
-/** Where Debian keeps it: a folder that is named after the machine. */
+/** Debian's location: a folder named after the architecture. */
 function miniBrowser(): string {
   const places = readdirSync('/usr/lib')
     .flatMap((machine) =>

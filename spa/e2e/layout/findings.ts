@@ -1,4 +1,4 @@
-/** What is wrong with a layout: which of its texts and controls lie over each other, and which are cut. Pure. */
+/** Problems in a layout: texts and controls that overlap or are cut off. Pure. */
 
 /** A rectangle, CSS px from the viewport's upper left corner. */
 export interface Box {
@@ -8,29 +8,28 @@ export interface Box {
   readonly bottom: number;
 }
 
-/** One thing that a page shows. `ground`: an element that paints a background or a border of its own. */
+/** An item shown on a page. `ground`: an element that paints its own background or border. */
 export interface Shown {
   readonly kind: 'text' | 'control' | 'ground';
-  /** What a person calls it: its place and its words. */
+  /** Its name for people: its place and its text. */
   readonly name: string;
-  /** The first and the last number, in document order, of the elements that it consists of. */
+  /** The range of its elements, as numbers in document order. */
   readonly from: number;
   readonly to: number;
-  /** Where it would be if nothing cut it: one box for each line of a text. */
+  /** Its boxes if nothing cut it: one for each line of a text. */
   readonly whole: readonly Box[];
-  /** What is left of each of `whole` inside of the elements that hide what sticks out, and of the window. */
+  /** The visible part of each of `whole`, inside the elements that clip it and the window. */
   readonly seen: readonly Box[];
-  /** Whether it can be scrolled to, or read whole elsewhere: in a title, or by opening what it stands in. */
+  /** Whether it can be scrolled to, or read in full elsewhere: in a title, or by opening its container. */
   readonly reachable: boolean;
-  /** Of a control: what a tap on its middle meets instead of it. */
+  /** For a control: what a tap on its middle hits instead. */
   readonly takenBy?: string;
 }
 
-/** Less than this, CSS px, is rounding, or the edge of a letter's box that its ink never reaches. */
+/** Anything below this, CSS px, is rounding, or the edge of a letter's box that its ink never reaches. */
 const SLACK_PX = 1.5;
 
-/** One line for each pair that lies over each other, each thing that is cut and can't be read whole, and each control that
- *  taps don't reach. */
+/** One line for each overlapping pair, each cut-off item that can't be read in full, and each control that taps can't reach. */
 export function findWrong(shown: readonly Shown[]): string[] {
   const wrong = shown.flatMap((one) => {
     const px = cutBy(one);
@@ -40,7 +39,7 @@ export function findWrong(shown: readonly Shown[]): string[] {
     ];
   });
   const controls = shown.filter(({ kind }) => kind === 'control');
-  // what a control says lies where the control lies
+  // a control's text overlaps the control itself
   const apart = shown.filter(
     (one) => one.kind !== 'text' || !controls.some((control) => contains(control, one)),
   );
@@ -54,7 +53,7 @@ export function findWrong(shown: readonly Shown[]): string[] {
   return [...new Set(wrong)];
 }
 
-/** By how much the most cut line of it is, CSS px. */
+/** The amount by which its most clipped line is cut, CSS px. */
 function cutBy({ kind, whole, seen }: Shown): number {
   if (kind === 'ground') return 0;
   const lost = whole.map((box, i) => {

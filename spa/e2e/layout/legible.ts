@@ -1,9 +1,9 @@
 import type { Page } from '../driver/page.ts';
 
-/** The least size of a letter while a robot is presented, as a part of the picture's height. */
+/** The minimum letter size while presenting, as a fraction of the picture's height. */
 const LEAST_PART = 0.022;
 
-/** Texts whose letters are lower than they must be, and what of the bars is still there. */
+/** Texts below that size, and parts of the bars that are still visible. */
 export function tooSmall(page: Page): Promise<string[]> {
   return page.evaluate<string[]>(`(() => {
     const small = [];

@@ -1,9 +1,9 @@
-/** Reads from a page where everything stands that it shows: `findings.ts` says what is wrong with it. */
+/** Reads the positions of everything shown on a page; `findings.ts` reports the problems. */
 
 import type { Page } from '../driver/page.ts';
 import type { Shown } from './findings.ts';
 
-/** Where a text that is cut can be read whole: a title says it, or what it stands in shows it when it is opened. */
+/** Elements in which cut text can be read in full: a title contains it, or opening the element shows it. */
 const OPENS = 'tr[data-label], .card, .fault-what, .note-caption button';
 /** In the scene, where they follow the robot's limbs. */
 const OF_SCENE = '.sign-labels';
@@ -38,7 +38,7 @@ const COLLECT = `(() => {
     return { left: x, top: y, right: x + element.clientWidth * zoom, bottom: y + element.clientHeight * zoom };
   };
   const FAR = 1e6;
-  /** What the elements around one leave of it, and whether what they hide can be scrolled to. */
+  /** The part of an element left visible by its ancestors, and whether the hidden part can be scrolled to. */
   const rooms = new Map();
   const roomOf = (element, itself) => {
     const kept = itself ? rooms.get(element) : undefined;
@@ -117,7 +117,7 @@ const COLLECT = `(() => {
       range.selectNodeContents(node);
       const size = parseFloat(style.fontSize);
       const lines = [...range.getClientRects()].filter((one) => one.width > 0).map((one) => {
-        // letters are lower than the line that fonts reserve for them
+        // letters are shorter than the line height that fonts reserve for them
         const middle = (one.top + one.bottom) / 2;
         const half = Math.min(one.height, 0.8 * size) / 2;
         return { left: one.left, right: one.right, top: middle - half, bottom: middle + half };

@@ -1,4 +1,4 @@
-/** Lays a page out at every size, theme and language, in place, and collects what is wrong anywhere. */
+/** Lays a page out at every size, theme and language, in place, and collects all problems. */
 
 import type { Page, Viewport } from '../driver/page.ts';
 import { until } from '../driver/until.ts';
@@ -26,7 +26,7 @@ const MOST_LOOKS = 4;
 
 export type Language = (typeof LOOKS)[number][0];
 
-/** What is wrong → where: sizes, languages and what the page was showing. */
+/** Problem → where: sizes, languages and the page's content. */
 export class Wrongs {
   readonly #found = new Map<string, Set<string>>();
 
@@ -43,8 +43,8 @@ export class Wrongs {
   }
 }
 
-/** Looks at the page at every size, in both languages and themes. `what`: what it shows; `prepare` is called after each change
- *  of the language. */
+/** Checks the page at every size, in both languages and themes. `what`: its content; `prepare` is called after each change of
+ *  language. */
 export async function lookEverywhere(
   page: Page,
   what: string,
@@ -63,8 +63,8 @@ export async function lookEverywhere(
   }
 }
 
-/** Puts language and theme in force as a link does, without a reload; what is presented stays so. Again if need be: the page writes its address itself, and on
- *  a busy machine may do so before it has read what was set. */
+/** Applies language and theme the way a link does, without a reload; presenting continues. Retries if needed: the page writes its
+ *  address itself, and on a busy machine may do so before it has read the new one. */
 export async function showIn(page: Page, language: Language, theme: string): Promise<void> {
   const inForce = () =>
     page.evaluate<boolean>(
@@ -82,7 +82,7 @@ export async function showIn(page: Page, language: Language, theme: string): Pro
   );
 }
 
-/** What is wrong now, and still is when the page has had more time: a busy machine may be late. */
+/** Problems that remain when the page has had more time: a busy machine may be late. */
 async function findLasting(page: Page): Promise<string[]> {
   const look = async () => {
     await comesToRest(page);
@@ -96,7 +96,7 @@ async function findLasting(page: Page): Promise<string[]> {
   return lasting;
 }
 
-/** Waits until no control, note or panel has moved for some pictures, and for a second at most. */
+/** Waits until no control, note or panel has moved for some pictures, at most a second. */
 function comesToRest(page: Page): Promise<null> {
   return page.evaluate<null>(`new Promise((done) => {
     const begunMs = performance.now();

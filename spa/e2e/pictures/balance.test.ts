@@ -19,7 +19,7 @@ import { PosedDemo } from './posed_demo.ts';
 
 const stage = setStage();
 
-/** Large, so that what lies on the floor is seen. */
+/** Large, so that signs on the floor are visible. */
 const SIZE = { width: 2000, height: 1400 };
 /** The floor around its feet, and behind them. */
 const FLOOR = { x: 830, y: 930, width: 320, height: 190 };
@@ -27,10 +27,10 @@ const BEHIND = { x: 560, y: 930, width: 540, height: 250 };
 const SENTENCE = '.stage .balance-line';
 const BALANCE = 'window.posecast.scene?.signs.balance';
 
-/** A part of the programme, seconds. */
+/** A part of the demo's motion, seconds. */
 type Walk = readonly [number, number];
 
-/** The demo robot at a second of its programme, with nothing beside it. `query`: of the page's address. */
+/** The demo robot at one second of its motion, without anything else. `query`: of the page's address. */
 async function standing(second: number, query = '') {
   const relay = await stage.stack.relay();
   const robot = new PosedDemo(stage.stack, relay, demoAt(second));
@@ -38,8 +38,8 @@ async function standing(second: number, query = '') {
   return { robot, page };
 }
 
-/** A page that looks back at a walk of the demo robot and goes through it frame by frame until this is shown: what is computed of many
- *  poses needs them all, however slowly the machine draws. */
+/** A page that looks back at a walk of the demo robot and steps through it frame by frame until this is shown: values computed
+ *  from many poses need all of them, however slowly the machine draws. */
 async function walked([fromS, toS]: Walk, shows: string): Promise<Page> {
   const relay = await stage.stack.relay();
   const robot = new PosedDemo(stage.stack, relay, demoAt(fromS));
@@ -70,7 +70,7 @@ async function drawn(page: Page, what: string, shown: string): Promise<void> {
   await until(what, () => page.evaluate<boolean>(`(${shown}) === true`), 60_000);
 }
 
-/** What is drawn about the robot at one second of its programme, or after a part of it, from this side. `shows`: what must be drawn. */
+/** The signs about the robot at one second of its motion, or after a part of it, from this side. `shows`: what must be drawn. */
 async function draw(
   name: string,
   when: number | Walk,

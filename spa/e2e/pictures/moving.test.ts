@@ -16,8 +16,8 @@ const FRAMES = 60;
 const EACH_MS = 100;
 const SIZE = { width: 960, height: 540 };
 
-/** The clock by which the page tells how long a fault has lasted: once the fault is there it goes by the robot's time, of which a
- *  second takes longer here. Until then it is the machine's, as the relay's is, which dates the fault. */
+/** The clock for the page's fault duration. Once the fault exists, it follows the robot's time, which runs slower here. Until
+ *  then it is the machine's clock, like that of the relay, which timestamps the fault. */
 const FAULT_CLOCK = `(() => {
   const now = Date.now;
   let base = null;

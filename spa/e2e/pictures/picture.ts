@@ -1,4 +1,4 @@
-/** Pictures of the page for the docs, as a reader's device draws it: `make pictures` writes them to docs/img. */
+/** Pictures of the page for the docs, drawn as on a reader's device: `make pictures` writes them to docs/img. */
 
 import { readFileSync, writeFileSync } from 'node:fs';
 import path from 'node:path';
@@ -9,23 +9,23 @@ import { finest, liveness, resting } from '../robot_page.ts';
 import { REPO } from '../stack.ts';
 import type { Stage } from '../stage.ts';
 
-/** Whether the pictures are to be made; a plain run of the browser tests leaves those in docs/img as they are. */
+/** Whether to make the pictures; a plain run of the browser tests leaves docs/img as it is. */
 export const WRITES = process.env.POSECAST_WRITE_PICTURES === '1';
 export const LAPTOP = { width: 1280, height: 800 };
 export const PHONE = { width: 390, height: 844 };
 
-const MOST_BYTES = 150_000; // `tests/test_pictures.py` holds the docs to it
+const MOST_BYTES = 150_000; // `tests/test_pictures.py` enforces this in the docs
 const QUALITY = 0.86;
 /** Between two pictures side by side. */
 const GAP = 16;
 
-/** The machine that makes the pictures draws by software, which the page takes for a slow device; what is saved has all
- *  pixels and all detail, as it has where there is a GPU. */
+/** The machine that makes the pictures renders in software, which the page treats as a slow device. Saved pictures have full
+ *  resolution and detail, as on a device with a GPU. */
 const KEEP_SHARP = `(() => {
   const looking = setInterval(() => {
     const scene = window.posecast?.scene;
     if (scene?.keepSharp === undefined) return;
-    clearInterval(looking); // what the page does when it is idle has its turn again
+    clearInterval(looking); // the page's idle work gets its turn again
     scene.keepSharp();
   }, 20);
 })()`;
@@ -48,7 +48,7 @@ export interface Rectangle {
   readonly height: number;
 }
 
-/** A page that keeps to full quality, with these settings. */
+/** A page at full quality, with these settings. */
 export function sharpPage(
   stage: Stage,
   settings: Record<string, unknown>,
@@ -60,7 +60,7 @@ export function sharpPage(
   return stage.newPage({ viewport: LAPTOP, ...options, preload });
 }
 
-/** Waits for a body with all the detail that there is; a reader asks for the last of it by the button that is pressed here. */
+/** Waits for a body with the finest detail; it presses the button with which a reader would load the last level. */
 export async function dressed(page: Page): Promise<void> {
   await until('shells', () => finest(page), 60_000);
   const finer = page.findByTestId('finer');
@@ -69,7 +69,7 @@ export async function dressed(page: Page): Promise<void> {
     async () => (await page.findByRole('button', 'front').count()) === 1,
   );
   if ((await finer.count()) === 0) return;
-  // not the driver's click, which takes the focus along; with its place, since labels hear clicks by theirs
+  // not the driver's click, which moves the focus; with its position, because labels find clicks by position
   await page.evaluate(`(() => {
     const button = document.querySelector('[data-testid=finer] button');
     const { x, y } = button.getBoundingClientRect();
@@ -78,8 +78,8 @@ export async function dressed(page: Page): Promise<void> {
   await until('nothing finer', async () => (await finer.count()) === 0, 60_000);
 }
 
-/** Takes a picture once the body rests, and again if the page did not say LIVE before and after. `stir` moves the robot by
- *  what nobody sees, so that it does not count as holding. */
+/** Takes a picture once the body is at rest, and again unless the page said LIVE before and after. `stir` moves the robot
+ *  invisibly, so that it does not count as holding. */
 export function takeLive<T>(page: Page, stir: () => void, take: () => Promise<T>): Promise<T> {
   const live = async () => (await liveness(page)) === 'LIVE';
   return until(
@@ -105,7 +105,7 @@ export async function cut(stage: Stage, page: Page, at: Rectangle, scale = 1): P
   return { png: await photograph(stage, page), ...at, scale };
 }
 
-/** Where an element stands, with a little room around it, CSS px. */
+/** The position of an element, with a small margin, CSS px. */
 export async function around(page: Page, selector: string, room: number): Promise<Rectangle> {
   const box = await page.evaluate<Rectangle>(
     `(({ x, y, width, height }) => ({ x, y, width, height }))(document.querySelector(${JSON.stringify(selector)}).getBoundingClientRect())`,
@@ -159,7 +159,7 @@ export async function write(
   console.log(`${name}: ${(bytes.length / 1000).toFixed(0)} kB`);
 }
 
-/** The whole page as a PNG, base64. Refuses a page that says its device is slow. */
+/** The whole page as a PNG, base64. Fails if the page says its device is slow. */
 async function photograph(stage: Stage, page: Page): Promise<string> {
   const notes = await page.evaluate<string[]>(
     `[...document.querySelectorAll('[data-testid=view-note]')].map((note) => note.textContent)`,

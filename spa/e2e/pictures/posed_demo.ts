@@ -1,15 +1,15 @@
-/** The demo robot at moments of its programme, as long as a picture of them takes. */
+/** The demo robot at moments of its motion, held for as long as a picture takes. */
 
 import { setTimeout as pause } from 'node:timers/promises';
 import type { Process } from '../process.ts';
 import { DEMO, demoOver, type Moment } from '../sign_words.ts';
 import type { Relay, Stack } from '../stack.ts';
 
-/** Of a neck joint, rad: a change of the pose that nobody sees. */
+/** For a neck joint, rad: an invisible change of the pose. */
 const STIR_RAD = 0.004;
 const PLAYED_HZ = 30;
-/** Readings that change thirty times a second and that the body shows nothing of, so that its picture is at rest. A command, of a
- *  joint that stands at 0, lets the robot count as live and not as holding; a current gives each frame something new. */
+/** Readings that change thirty times a second without visible effect, so that the picture is at rest. A command, for a joint at
+ *  0, makes the robot count as live and not as holding; a current makes each frame new. */
 const UNSEEN = { ref: { RWR: [0.003, 0.4] }, cur: { LKN: [1.2, 0.4] } };
 
 export class PosedDemo {
@@ -30,7 +30,7 @@ export class PosedDemo {
     this.stir();
   }
 
-  /** Changes the pose by what nobody sees, so that the robot is live and not holding. */
+  /** Changes the pose invisibly, so that the robot is live and not holding. */
   stir(): void {
     this.#stirs += 1;
     const pos = this.#moment.pos ?? {};
@@ -38,12 +38,12 @@ export class PosedDemo {
     this.#source.write(JSON.stringify({ ...this.#moment, pos: { ...pos, NK1 }, wave: UNSEEN }));
   }
 
-  /** Stands still with all its readings, so that it comes to count as holding. */
+  /** Stands still with all its readings, so that it becomes HOLDING. */
   hold(): void {
     this.#source.write(JSON.stringify(this.#moment));
   }
 
-  /** Plays its programme between two of its seconds, at its own speed. */
+  /** Plays its motion between two of its seconds, in real time. */
   async play(fromS: number, toS: number): Promise<void> {
     const count = Math.round((toS - fromS) * PLAYED_HZ);
     const moments = demoOver(Array.from({ length: count }, (_, i) => fromS + i / PLAYED_HZ));
@@ -54,7 +54,7 @@ export class PosedDemo {
     }
   }
 
-  /** Silences the robot's program and leaves the agent beside it alone. */
+  /** Stops the robot's program but not the agent. */
   silence(): void {
     this.#source.signal('SIGSTOP');
   }

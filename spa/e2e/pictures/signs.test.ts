@@ -8,13 +8,13 @@ import { PosedDemo } from './posed_demo.ts';
 
 const stage = setStage();
 
-/** The middle of a laptop's page whose panel is closed: the body, and what is drawn about it. */
+/** The centre of a laptop's page with the panel closed: the body, and the signs about it. */
 const MIDDLE = { x: 320, y: 84, width: 640, height: 650 };
 /** The same with the legend beside it. */
 const WITH_LEGEND = { ...MIDDLE, width: 960 };
 const SIDE = 'document.querySelector("[data-testid=line-page]")';
 
-/** What is drawn about the robot at one second of its programme, from this side. */
+/** The signs about the robot at one second of its motion, from this side. */
 async function draw(
   name: string,
   second: number,

@@ -15,7 +15,7 @@ import { useText } from './text/language.ts';
 
 // Loaded on demand: a visitor who opens a robot needs no list.
 const RobotList = late(async () => (await loadList()).RobotList, onDemand);
-// Few visitors need these, so they are loaded when they are opened.
+// Few visitors need these pages, so they are loaded when opened.
 const NothingHere = late(async () => (await import('./pages/NothingHere.tsx')).NothingHere, onDemand);
 const RecordingPage = late(async () => (await loadRecording()).RecordingPage, onDemand);
 const RowPage = late(async () => (await import('./pages/RowPage.tsx')).RowPage, onDemand);
@@ -50,7 +50,7 @@ function Page({ onSettings }: { onSettings: (link?: RobotLink) => void }) {
     if (listed) document.title = 'Posecast';
   }, [listed]);
   useEffect(listenForDrops, []);
-  const place = hash.split('?')[0]; // the query changes while one looks around
+  const place = hash.split('?')[0]; // the query changes as the camera moves
   // biome-ignore lint/correctness/useExhaustiveDependencies: going anywhere leaves what was dropped
   useEffect(() => closeLocal, [place]);
   const recorded = { Layout: OneRobot, onSettings };
@@ -73,7 +73,7 @@ function Page({ onSettings }: { onSettings: (link?: RobotLink) => void }) {
   }
 }
 
-/** Tells that a drop is being read, or why it shows no robot. */
+/** Says that dropped files are being read, or why they show no robot. */
 function DropNotice() {
   const text = useText();
   const local = useLocal();

@@ -13,17 +13,18 @@ import { accounts } from '../relay/relay.ts';
 import { setAccountName } from './account_name.ts';
 import { setAccountToken } from './token.ts';
 
-/** Signing in with Firebase. A separate chunk, loaded only by those who sign in or have signed in here before. */
+/** Signing in with Firebase. A separate chunk, loaded only for people who sign in or have signed in here before. */
 
-/** Tokens last an hour; a new one is fetched this long before the end. */
+/** Tokens last an hour; a new one is fetched this long before expiry. */
 const BEFORE_MS = 5 * 60_000;
 const AGAIN_MS = 30_000;
-/** How long the page waits for the account at start; then it goes on without, and uses the account when it comes. */
+/** How long the page waits for the account at start. After that it continues without one, and uses the account when it
+ *  arrives. */
 const RESUME_LATE_MS = 4000;
 
 if (accounts === null) throw new Error('nobody signs in here');
 const { emulator, ...project } = accounts;
-// Without popups and redirects: those need a script of another origin, which this page does not allow.
+// No popups or redirects: they need a script from another origin, which this page does not allow.
 const auth = initializeAuth(initializeApp(project), {
   persistence: [indexedDBLocalPersistence, browserLocalPersistence],
 });
@@ -33,7 +34,7 @@ let renewedMs = 0;
 let timer: ReturnType<typeof setTimeout> | undefined;
 const known = new Promise<void>((done) => {
   onIdTokenChanged(auth, async (user) => {
-    await take(user).catch(() => {}); // no token now: it is tried again
+    await take(user).catch(() => {}); // no token now; retried later
     done();
   });
 });
@@ -76,7 +77,7 @@ export function renewRejectedToken(): void {
   if (currentUser !== null && Date.now() - renewedMs >= AGAIN_MS) void renew(currentUser);
 }
 
-/** Fetches a new token, reported through `onIdTokenChanged`. A disabled or revoked account is signed out by it. */
+/** Fetches a new token, reported through `onIdTokenChanged`. If the account is disabled or revoked, this signs it out. */
 async function renew(user: User): Promise<void> {
   clearTimeout(timer);
   timer = setTimeout(() => void renew(user), AGAIN_MS);
@@ -84,9 +85,9 @@ async function renew(user: User): Promise<void> {
   try {
     await user.getIdToken(true);
   } catch {
-    // not reachable: tried again later
+    // not reachable; retried later
   }
 }
 
-// After sleep a timer is late, and so is the token.
+// After sleep, timers fire late and the token may have expired.
 window.addEventListener('online', () => auth.currentUser && void renew(auth.currentUser));

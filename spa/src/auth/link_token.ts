@@ -2,11 +2,11 @@ import { asAnyone } from '../relay/as_anyone.ts';
 import { setLinkToken } from './token.ts';
 
 const STORE = 'posecast.link';
-/** `t` may also name a moment, which is a date, or nonsense: a token has its robot between dots. */
+/** `t` may also be a moment, which is a date, or garbage: a token has its robot between dots. */
 const MOMENT = /^\d{4}-\d\d-\d\dT/;
 
-/** Takes a share link's token out of the address before any request, so that it does not stay in the history or in a
- *  copied address. The tab keeps it in its storage, so that a reload works. */
+/** Removes a share link's token from the address before any request, so that it appears neither in the history nor in a copied
+ *  address. It is kept in the tab's storage, so that a reload works. */
 export function takeToken(): void {
   const [page, named] = window.location.hash.split('?t=');
   const found = named?.includes('.') && !MOMENT.test(named) ? named : undefined;

@@ -1,7 +1,7 @@
 import { createStore } from '../browser/store.ts';
 
-/** The tokens of this page: that of the share link with which it was opened (for one robot), and that of the signed-in
- *  account. Neither is ever put into an address. */
+/** The tokens of this page: that of the share link that opened it (for one robot), and that of the signed-in account. Tokens are
+ *  never put into an address. */
 
 let held = '';
 const account = createStore('');
@@ -11,7 +11,7 @@ export function setLinkToken(token: string): void {
   held = token;
 }
 
-/** Withholds all tokens from what lies below an address. */
+/** Withholds all tokens from every URL below an address. */
 export function withholdTokens(below: string): void {
   withheldBelow = below;
 }
@@ -24,8 +24,8 @@ export function setAccountToken(token: string): void {
 /** Calls a listener when the account or its token changes. Returns a function that removes it. */
 export const onAccountToken = account.subscribe;
 
-/** The token for a URL at this relay: the share link's for its robot, else the account's; undefined without one. A lane is for
- *  what anyone may see, and may lead to another's caches: none ever goes there. */
+/** The token for a URL at this relay: the share link's for its robot, else the account's; undefined if there is none. Lane URLs
+ *  never get a token: a lane serves what anyone may see, and may lead to third-party caches. */
 export function tokenFor(url: string): string | undefined {
   if (withheldBelow !== null && url.startsWith(withheldBelow)) return undefined;
   const robot = held.split('.')[1];

@@ -1,4 +1,4 @@
-/** Calls a function `ms` after the last `restart`, unless it is cancelled before. */
+/** Calls a function `ms` after the last `restart`, unless it is cancelled first. */
 export class Debounce {
   readonly #ms: number;
   readonly #what: () => void;
@@ -9,12 +9,12 @@ export class Debounce {
     this.#what = what;
   }
 
-  /** Whether the call is still to come. */
+  /** Whether a call is pending. */
   get pending(): boolean {
     return this.#timer !== null;
   }
 
-  /** Starts the waiting time anew. */
+  /** Restarts the waiting time. */
   restart(): void {
     this.cancel();
     this.#timer = setTimeout(() => {

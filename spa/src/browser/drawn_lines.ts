@@ -7,9 +7,9 @@ export interface Spot {
 /** A line in the picture, CSS px. */
 export type Line = readonly [from: Spot, to: Spot];
 
-/** So long does a line count after it has moved on: a hand aims at what it saw. */
+/** A line still counts for this long after it has moved: people aim at what they saw. */
 const RECENT_MS = 150;
-/** Lines that changed again sooner than this are not kept, so that a label has a dozen of them at most. */
+/** Lines that change sooner than this are not kept, so that a label has a dozen of them at most. */
 const KEPT_MS = 15;
 
 interface Drawn {
@@ -17,11 +17,10 @@ interface Drawn {
   readonly sinceMs: number;
 }
 
-/** Label on a body → the lines that were drawn for what it names, oldest first, also of a label that finds no room. */
+/** Label on a body → the lines drawn for it, oldest first, even if the label itself finds no room. */
 const DRAWN = new WeakMap<HTMLElement, Drawn[]>();
 
-/** Notes the lines that are drawn for what a label names; what a tap means is found by them. `nowMs`: as of
- *  `performance.now()`. */
+/** Records the lines drawn for a label; they decide what a tap hits. `nowMs`: from `performance.now()`. */
 export function noteLines(label: HTMLElement, lines: readonly Line[], nowMs: number): void {
   const drawn = DRAWN.get(label) ?? [];
   DRAWN.set(label, drawn);
@@ -33,7 +32,7 @@ export function noteLines(label: HTMLElement, lines: readonly Line[], nowMs: num
   while (drawn.length > 1 && drawn[1]!.sinceMs < nowMs - RECENT_MS) drawn.shift();
 }
 
-/** The lines of a label at this moment, and where they were shortly before. */
+/** A label's current lines, and its lines shortly before. */
 export function recentLines(label: HTMLElement, nowMs: number): readonly Line[] {
   const drawn = DRAWN.get(label) ?? [];
   return drawn

@@ -1,4 +1,4 @@
-/** Marks on the browser's performance time line: when the robot was first drawn as lines, and with its meshes. */
+/** Marks on the browser's performance time line: when the robot was first drawn as lines, and first with its meshes. */
 type PaintMark = 'posecast:skeleton' | 'posecast:skin';
 
 /** `firstPaint` waits no longer than this, because a robot may have no model. */
@@ -10,8 +10,8 @@ const drawn = new Promise<void>((done) => {
 });
 let waiting = false;
 
-/** Resolves when a robot was first drawn, or 2 s after the first call: who comes from the list may have been there for long.
- *  Less urgent loading waits for it, so that the body comes first on a slow line. */
+/** Resolves when a robot was first drawn, or 2 s after the first call, because a viewer may stay on the list for long. Less
+ *  urgent loading waits for it, so that the body comes first on a slow connection. */
 export function firstPaint(): Promise<void> {
   if (!waiting) setTimeout(painted, LONGEST_MS);
   waiting = true;

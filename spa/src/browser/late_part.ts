@@ -1,21 +1,21 @@
 import { firstPaint } from './first_paint.ts';
 import { answers, untilRetry } from './retry.ts';
 
-/** Parts that may be needed later are fetched once the body has stood for this long. */
+/** Parts that may be needed later are fetched once the body has been shown for this long. */
 const AHEAD_AFTER_MS = 2500;
 
 const parts = new Set<LatePart<unknown>>();
 let fetching = false;
-/** The page's stream is down, so what the page needs may be away too. */
+/** Whether the page's stream is down; if so, the server with the chunks may be unreachable too. */
 let away = false;
 
 /**
- * A part of the page that is loaded when it is needed, or before (`fetchPartsAhead`). When it can't be fetched it is tried
- * again by itself. Firefox keeps for good that an import failed, the others don't; so after a failure, or while the stream
- * is down, it is not imported before its server answers.
+ * A part of the page that is loaded when it is needed, or earlier (`fetchPartsAhead`). A failed load is retried automatically.
+ * Firefox caches a failed import forever, other browsers don't; so after a failure, or while the stream is down, the part is
+ * imported only once its server answers.
  */
 export class LatePart<T> {
-  /** Whether it may be fetched before it is asked for. */
+  /** Whether it may be fetched before it is needed. */
   readonly ahead: () => boolean;
   readonly #load: () => Promise<T>;
   readonly #listeners = new Set<() => void>();
@@ -30,10 +30,10 @@ export class LatePart<T> {
     parts.add(this);
   }
 
-  /** What was loaded; null until it has come. */
+  /** The loaded module; null until it has loaded. */
   readonly value = (): T | null => this.#value;
 
-  /** Whether somebody waits for it while it did not come, or can't be expected to. */
+  /** Whether somebody is waiting for it after a failed load, or while the server is unreachable. */
   readonly failed = (): boolean =>
     this.#coming !== null && this.#value === null && (this.#failures > 0 || away);
 
@@ -43,16 +43,16 @@ export class LatePart<T> {
     return () => this.#listeners.delete(listener);
   };
 
-  /** Resolves when it has come. Never rejects. */
+  /** Resolves when it has loaded. Never rejects. */
   load(): Promise<T> {
     if (this.#coming === null) {
       this.#coming = this.#keepTrying();
-      if (away) queueMicrotask(this.#tell); // without a network some browsers take half a minute to give up
+      if (away) queueMicrotask(this.#tell); // without a network, some browsers take half a minute to give up
     }
     return this.#coming;
   }
 
-  /** Tries once. Resolves to whether it is here. */
+  /** Tries once. Resolves to whether it has loaded. */
   attempt(): Promise<boolean> {
     this.#trying ??= this.#try().finally(() => {
       this.#trying = null;
@@ -85,13 +85,13 @@ export class LatePart<T> {
   };
 }
 
-/** Tells whether the page's stream stands. */
+/** Reports whether the page's stream is up. */
 export function setAway(isAway: boolean): void {
   away = isAway;
 }
 
-/** Fetches one after the other the parts that may be needed later, in idle moments, so that they are here when the network
- *  is not. Stops at the first that can't be fetched; a later call goes on. Fetches nothing for who saves data. */
+/** Fetches the parts that may be needed later, one by one in idle time, so that they are available without a network. Stops at
+ *  the first failure; a later call continues. Fetches nothing if the viewer's browser saves data. */
 export async function fetchPartsAhead(): Promise<void> {
   if (fetching || savesData()) return;
   fetching = true;
@@ -105,13 +105,13 @@ export async function fetchPartsAhead(): Promise<void> {
   fetching = false;
 }
 
-/** Whether the reader, or a very slow line, asks for nothing that is not needed now. */
+/** Whether the viewer's settings, or a very slow connection, rule out optional downloads. */
 export function savesData(): boolean {
   const { connection } = navigator as { connection?: { saveData?: boolean; effectiveType?: string } };
   return connection?.saveData === true || /2g/.test(connection?.effectiveType ?? '');
 }
 
-/** Resolves when the browser has nothing else to do. WebKit can't tell; a pause is near enough. */
+/** Resolves when the browser is idle. WebKit can't tell, so a pause is used instead. */
 function idle(): Promise<unknown> {
   return new Promise((resolve) => {
     if ('requestIdleCallback' in window) window.requestIdleCallback(resolve, { timeout: 500 });
@@ -119,7 +119,7 @@ function idle(): Promise<unknown> {
   });
 }
 
-/** Style sheets that did not come. */
+/** Style sheets that failed to load. */
 const lost = new Set<HTMLLinkElement>();
 if (typeof document !== 'undefined')
   document.addEventListener(
@@ -128,7 +128,7 @@ if (typeof document !== 'undefined')
     true,
   );
 
-/** Asks again for style sheets that did not come: Vite asks for each only once. */
+/** Retries style sheets that failed to load: Vite requests each only once. */
 function mendStyles(): void {
   for (const link of lost) link.replaceWith(link.cloneNode());
   lost.clear();

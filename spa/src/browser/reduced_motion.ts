@@ -1,4 +1,4 @@
-/** Whether the person has asked their system for less motion; then nothing is animated. */
+/** Whether the viewer's system asks for reduced motion; if so, nothing is animated. */
 export function prefersReducedMotion(): boolean {
   return window.matchMedia('(prefers-reduced-motion: reduce)').matches;
 }

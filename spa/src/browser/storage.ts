@@ -1,5 +1,5 @@
-/** Texts kept in this browser's local storage, by key. Storage throws in third-party iframes and some private windows:
- *  there nothing is found and nothing is kept, but these functions don't throw. */
+/** Texts in this browser's local storage, by key. Storage throws in third-party iframes and in some private windows. These
+ *  functions don't throw: there they find and keep nothing. */
 
 export function readStored(key: string): string | null {
   try {

@@ -23,7 +23,7 @@ export function createStore<T>(first: T): Store<T> {
   };
 }
 
-/** Gives each of some objects a store of its own, for as long as the object is there. */
+/** Gives each of some objects its own store, which lives as long as the object. */
 export function storePer<K extends object, T>(first: T): (key: K) => Store<T> {
   const stores = new WeakMap<K, Store<T>>();
   return (key) => {

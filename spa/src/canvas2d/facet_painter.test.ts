@@ -6,7 +6,7 @@ import { CameraRig } from '../view/camera/camera_rig.ts';
 import { paintFacets } from './facet_painter.ts';
 import type { FloorView } from './floor.ts';
 
-/** What was filled, in its order: colour, and the points of its path. */
+/** The fills in order: colour, and the points of the path. */
 function recorder() {
   const done: { color: string; points: [number, number][] }[] = [];
   let points: [number, number][] = [];
@@ -22,7 +22,7 @@ function recorder() {
   return { context: context as unknown as CanvasRenderingContext2D, done };
 }
 
-/** From the front: x is towards the eye, y to the right of the picture's left side. */
+/** From the front: x points towards the eye, y to the right of the picture. */
 function sight(): FloorView {
   const eye = new CameraRig();
   eye.resize(400, 300);

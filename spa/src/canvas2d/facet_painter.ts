@@ -1,12 +1,12 @@
 import type { FacetNumbers } from '../overlays/facet_numbers.ts';
 import type { FloorView } from './floor.ts';
 
-/** Nearer than this (in radii of the robot) a corner can't be projected. */
+/** A corner closer than this (in radii of the robot) can't be projected. */
 const NEAR = 0.05;
 
 /**
- * Paints the overlay's facets on a 2D canvas in their order. `over` true: those that show through the robot, to be painted
- * after it; false: the others, to be painted before it. Neighbours of one colour are one path, so that no seam shows.
+ * Paints the overlay's facets on a 2D canvas, in order. `over` true: facets that show through the robot, painted after it; false:
+ * the others, painted before it. Adjacent facets of one colour share a path, so that no seam shows.
  */
 export function paintFacets(
   context: CanvasRenderingContext2D,
@@ -15,7 +15,7 @@ export function paintFacets(
   over: boolean,
 ): void {
   const { numbers, count, stride, at: of } = facets;
-  let painted = -1; // where the facet stands whose colour is in use
+  let painted = -1; // index of the facet whose colour is current
   for (let at = 0; at < count * stride; at += stride) {
     if (numbers[at + of.through]! > 0.5 !== over) continue;
     for (let corner = 0; corner < 3; corner += 1) {
@@ -29,7 +29,7 @@ export function paintFacets(
       SEEN[2 * corner + 1] = (m[4]! * x + m[5]! * y + m[6]! * z + m[7]!) / w;
     }
     const [ax, ay, bx, by, cx, cy] = SEEN as unknown as Six;
-    if (!((bx - ax) * (cy - ay) - (cx - ax) * (by - ay) < 0)) continue; // from behind: the canvas' y points down
+    if (!((bx - ax) * (cy - ay) - (cx - ax) * (by - ay) < 0)) continue; // back face: the canvas' y axis points down
     if (painted < 0 || !sameTint(numbers, at + of.tint, painted + of.tint)) {
       if (painted >= 0) context.fill();
       context.fillStyle = tintAt(numbers, at + of.tint);

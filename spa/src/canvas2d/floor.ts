@@ -7,22 +7,22 @@ import { KEY } from './lighting.ts';
 const MINOR_REACHES = 3.2;
 const MAJOR_REACHES = 9;
 const POOL_REACHES = 7;
-/** From this much longer fading on, under a robot that flies, every tenth line is enough; metres. */
+/** When the fading length exceeds this (under a flying robot), only every tenth line is drawn; metres. */
 const WIDE_FADE = 4;
 /** Grid lines are drawn in pieces, each with one of a few opacities. */
 const PIECES = 10;
 const FAINTNESSES = 6;
-/** Only this many links, the largest, cast shadows: more would cost time and not be seen. */
+/** Only this many links, the largest, cast shadows: more would cost time without a visible difference. */
 const MOST_SHADOWS = 24;
-/** x red, y green, z blue, as dull as in the 3D view. */
+/** x red, y green, z blue, as muted as in the 3D view. */
 const AXES: readonly Rgb[] = [
   [0xb3, 0x68, 0x6e],
   [0x58, 0x98, 0x7b],
   [0x5e, 0x85, 0xc3],
 ];
 
-/** How the floor is seen: `CameraRig.screenFromWorld` scaled to the canvas, the canvas size in pixels, and the robot's
- *  radius `reach` in metres. */
+/** How the floor is viewed: `CameraRig.screenFromWorld` scaled to the canvas, the canvas size in pixels, and the robot's radius
+ *  `reach` in metres. */
 export interface FloorView {
   readonly screenFromWorld: Float64Array;
   readonly width: number;

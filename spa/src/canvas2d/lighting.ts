@@ -12,7 +12,7 @@ const BRIGHTEST = 1.15;
 const GLASS = 0.35;
 /** Mask that rounds load colours, so that there are fewer tables. */
 const FEWER_COLORS = 0xfcfcfc;
-/** Tables are made on demand; beyond this many rows, all are dropped and made anew. */
+/** Tables are made on demand; beyond this many rows, all are dropped and rebuilt. */
 const MOST_TABLES = 512;
 
 /** Shades per unit of light; a matt (Lambertian) surface reflects 1/π of the light it receives. */
@@ -48,7 +48,7 @@ export class Tables {
     });
   }
 
-  /** The row of a link that is painted in one colour, whatever its own paints. */
+  /** The row of a link that is painted in a single colour instead of its own paints. */
   tintRow({ color }: LinkTint, { highlight = 0 }: LinkLook): number {
     const glow = glowOf(highlight);
     const shown = color & FEWER_COLORS;
@@ -63,7 +63,8 @@ export class Tables {
     });
   }
 
-  /** The row of glass. Its shade tells how directly the surface faces the camera: transparent there, dense at edges. */
+  /** The row of glass. Its shade depends on the angle between surface and camera: transparent facing the camera, dense at
+   *  edges. */
   glassRow(): number {
     return this.#made('glass', 1, (into, at) => {
       const [r, g, b] = this.#tones.accent;

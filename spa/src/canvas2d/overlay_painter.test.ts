@@ -5,7 +5,7 @@ import { CameraRig } from '../view/camera/camera_rig.ts';
 import type { FloorView } from './floor.ts';
 import { paintStrokes } from './overlay_painter.ts';
 
-/** What was filled and stroked, in its order: colour, and the points of its path. */
+/** The fills and strokes in order: colour, and the points of the path. */
 function recorder() {
   const done: { how: 'fill' | 'stroke'; color: string; points: [number, number][]; width: number }[] = [];
   let points: [number, number][] = [];
@@ -81,7 +81,7 @@ it('what shows through the robot comes after it, the rest before it', () => {
 });
 
 it('what lies behind the eye is not painted', () => {
-  const far: Vec3 = [50, 0, 0.5]; // the camera looks from there towards the origin
+  const far: Vec3 = [50, 0, 0.5]; // the camera looks from there to the origin
   const done = painted((s) => {
     s.shaft(far, UP, 1, 0.1, 0.1, { color: RED, through: true });
     s.arc(far, UP, [1, 0, 0], 1, 0.2, 0.01, { color: RED, through: true });

@@ -3,9 +3,9 @@ import { AT, STRIDE, type Strokes } from '../overlays/strokes.ts';
 import type { Vec3 } from '../twin/rotation.ts';
 import type { FloorView } from './floor.ts';
 
-/** Segments of a whole turn. */
+/** Segments of a full turn. */
 const STEPS = 48;
-/** Least width of a stroke, CSS px. */
+/** Minimum width of a stroke, CSS px. */
 const LEAST_PX = 1.2;
 
 interface Stroke {
@@ -31,8 +31,8 @@ interface Seen {
 }
 
 /**
- * Paints the overlay's strokes on a 2D canvas as filled paths, the farthest first. `over` true: those that show through
- * the robot, to be painted after it; false: the others, to be painted before it.
+ * Paints the overlay's strokes on a 2D canvas as filled paths, farthest first. `over` true: strokes that show through the robot,
+ * painted after it; false: the others, painted before it.
  */
 export function paintStrokes(
   context: CanvasRenderingContext2D,
@@ -118,7 +118,7 @@ function paintShaft(context: CanvasRenderingContext2D, look: Look, stroke: Strok
   const length = Math.hypot(dx, dy);
   const [nx, ny] = length > 0 ? [-dy / length, dx / length] : [0, 1];
   const turned = Math.atan2(ny, nx);
-  /** How round a disc across the axis appears: 0 from its edge, 1 from the front. */
+  /** How round a disc across the axis appears: 0 seen from its edge, 1 from the front. */
   const open = Math.abs(dot(axis, look.ahead));
   context.beginPath();
   context.moveTo(from.x + nx * ra, from.y + ny * ra);
@@ -131,7 +131,7 @@ function paintShaft(context: CanvasRenderingContext2D, look: Look, stroke: Strok
   paintDisc(context, to, rb, turned, open);
 }
 
-/** See-through strokes get no end discs: overlapping shapes would show, and they are too thin for round ends anyway. */
+/** Transparent strokes get no end discs: overlaps would show, and the strokes are too thin for round ends anyway. */
 function opaque({ color }: Stroke): boolean {
   return color.endsWith('/ 1)');
 }

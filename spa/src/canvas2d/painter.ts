@@ -12,7 +12,7 @@ import type { LightRobot } from './robot.ts';
 import { applyStaleEffect } from './stale_effect.ts';
 
 const SHADOW_PART = 4;
-/** Only who watches balance needs it. */
+/** Needed only while balance is shown. */
 const FACETS = new LatePart(
   () => import('./facet_painter.ts'),
   () => false,
@@ -33,7 +33,7 @@ export interface Picture {
   readonly tones: LightColors;
   /** Rasterised pixels per CSS pixel, for the meshes. */
   readonly ratio: number;
-  /** Draw with smooth edges, however long it takes. */
+  /** Draw with smooth edges, regardless of the time it takes. */
   readonly fine: boolean;
 }
 
@@ -50,19 +50,19 @@ export class LightPainter {
   readonly #raster = new Rasterizer();
   readonly #glass = new Rasterizer();
   readonly #aside = new Rasterizer();
-  /** Key of the view for which the cached floor was painted. */
+  /** Key of the view that the cached floor was painted for. */
   #floorFor = '';
   #width = 0;
   #height = 0;
 
-  /** `changed` is called when a picture would look different. Throws an Error with a message for people when the browser
+  /** `changed` is called when the next picture would look different. Throws an Error with a message for people when the browser
    *  has no 2D canvas. */
   constructor(eye: CameraRig, changed: () => void) {
     this.#camera = eye;
     this.#changed = changed;
     const context = this.canvas.getContext('2d', { alpha: false });
     if (context === null)
-      throw new Error('This browser draws no pictures. The numbers show everything the robot says.');
+      throw new Error('This browser can’t draw on a canvas. The table shows all readings.');
     this.#context = context;
     this.canvas.setAttribute('role', 'img');
     this.canvas.setAttribute('aria-label', 'View of the robot');
@@ -98,7 +98,7 @@ export class LightPainter {
     this.#paintShadows(figures, tones);
     if (facets !== null) this.#paintFacets(view, facets, false);
     paintStrokes(context, view, ratio, strokes, false);
-    if (!facets?.count) paintAxes(context, view); // red between signs of balance would be taken for a warning
+    if (!facets?.count) paintAxes(context, view); // a red axis between balance signs would look like a warning
     const triangles = this.#paintShells(picture);
     for (const figure of figures) if (!figure.dressed) this.#paintBones(figure, view, tones);
     if (facets !== null) this.#paintFacets(view, facets, true);
@@ -149,7 +149,7 @@ export class LightPainter {
     this.#context.drawImage(this.#floor, 0, 0);
   }
 
-  /** Paints shadows at a quarter of the pixels along each side, which is not seen because they are soft. */
+  /** Paints shadows at a quarter of the pixels along each side, which is invisible because shadows are soft. */
   #paintShadows(figures: readonly LightRobot[], tones: LightColors): void {
     const { width, height } = this.canvas;
     const [w, h] = [Math.ceil(width / SHADOW_PART), Math.ceil(height / SHADOW_PART)];
@@ -163,7 +163,8 @@ export class LightPainter {
     this.#context.drawImage(this.#shadows, 0, 0, width, height);
   }
 
-  /** Paints all robots' meshes, the farthest first. One of several that is grey gets its own raster, laid over. */
+  /** Paints all robots' meshes, farthest first. If one of several robots is grey, it is drawn in its own raster and blended
+   *  in. */
   #paintShells({ robots, tones, ratio, fine }: Picture): number {
     const width = Math.max(1, Math.round(this.#width * ratio));
     const height = Math.max(1, Math.round(this.#height * ratio));
@@ -200,7 +201,7 @@ export class LightPainter {
       .sort((a, b) => away(b.figure) - away(a.figure));
   }
 
-  /** Paints lines from link to link, while there are no meshes. */
+  /** Paints lines from link to link until the meshes have loaded. */
   #paintBones(robot: LightRobot, view: FloorView, tones: LightColors): void {
     const context = this.#context;
     const at = (link: number) => {

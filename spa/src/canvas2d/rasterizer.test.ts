@@ -65,7 +65,7 @@ describe('triangles', () => {
     );
 
   it('that share an edge leave no gap and paint no pixel twice', () => {
-    // Half seen through: a pixel that was painted twice would be there more often than its half.
+    // Half transparent: a pixel that was painted twice would be more opaque than half.
     expect(count(drawn(8, 8, [square(1), 0]), RED)).toBe(64);
     for (const [x, y] of [
       [3.3, 4.7],

@@ -60,8 +60,8 @@ export class Rasterizer {
     this.#depth.fill(0);
   }
 
-  /** Clears to transparent with the depth of `other`, moved a little nearer: for a body that shares surfaces with that
-   *  one and is drawn only where it is clearly in front of it. */
+  /** Clears to transparent with the depth of `other`, moved a little nearer: for a body that shares surfaces with the other one
+   *  and is drawn only where it is clearly in front. */
   clearBefore(other: Rasterizer): void {
     this.resize(other.width, other.height);
     this.pixels.fill(0);

@@ -1,15 +1,15 @@
-/** A picture that takes longer is too slow. */
+/** A picture that takes longer counts as slow. */
 const TOO_LONG_MS = 26;
 /** A picture that takes less leaves time for more pixels. */
 const SHORT_MS = 7;
-/** This many slow pictures in a row lower the resolution; a single one may be an accident. */
+/** This many slow pictures in a row lower the resolution; a single one may be an outlier. */
 const LONG_IN_A_ROW = 4;
 const SHORT_IN_A_ROW = 30;
 /** Pixels per CSS pixel, along each side. */
 const STEPS = [0.5, 0.75, 1, 1.5, 2] as const;
 const USUAL = STEPS.indexOf(1);
 
-/** Adapts the resolution of moving pictures to how long the last ones took. Pictures at rest may take longer. */
+/** Adapts the resolution of moving pictures to the drawing time of recent ones. Pictures at rest may take longer. */
 export class AdaptiveResolution {
   #step = USUAL;
   #long = 0;
@@ -17,11 +17,11 @@ export class AdaptiveResolution {
 
   /** The pixels per CSS pixel to draw with. `screen`: device pixels per CSS pixel. */
   ratio(screen: number, resting: boolean): number {
-    // At rest it draws twice as many as the screen has, up to 2, which smooths edges.
+    // At rest, twice the screen's pixels are drawn, up to 2 per CSS pixel, which smooths edges.
     return resting ? Math.max(1, Math.min(2, screen * 2)) : Math.min(STEPS[this.#step]!, 2);
   }
 
-  /** Whether motion is shown with fewer pixels than usual. */
+  /** Whether motion is drawn with fewer pixels than usual. */
   get reduced(): boolean {
     return this.#step < USUAL;
   }

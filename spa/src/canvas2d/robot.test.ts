@@ -50,7 +50,7 @@ function pictured(robot: LightRobot) {
   return { triangles, red, blue, grey, raster, view, eye };
 }
 
-/** A robot as its node poses it; each change is true when somebody was told that there is something new to be seen. */
+/** A robot posed through its node; each entry of changes is true if the node reported something new to draw. */
 function staged(robot: LightRobot) {
   let told = 0;
   const tell = () => {
@@ -94,7 +94,7 @@ describe('a robot drawn by hand', () => {
   it('shows its links in their colours, and nothing before it has shells', () => {
     expect(pictured(new LightRobot(arm.manifest, LIGHT_COLORS.dark)).triangles).toBe(0);
     const { triangles, red, blue, grey } = pictured(dressed());
-    expect(triangles).toBe(24); // all of two boxes: the far sides are hidden, not left out
+    expect(triangles).toBe(24); // all faces of two boxes: the far sides are hidden, not left out
     expect(red).toBeGreaterThan(500);
     expect(blue).toBeGreaterThan(500);
     expect(grey).toBe(0);

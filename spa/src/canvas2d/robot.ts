@@ -11,7 +11,7 @@ import type { LightColors } from './colors.ts';
 import type { Rasterizer } from './rasterizer.ts';
 import { type LinkPaint, Shells, type ShellView } from './shells.ts';
 
-/** Near clipping distance as a part of the robot's size. */
+/** Near clipping distance as a fraction of the robot's size. */
 const NEAR = 0.02;
 
 /** A transform: 16 numbers, column-major, a view into a larger array. */
@@ -24,7 +24,7 @@ interface SecondBody {
   readonly worldFromLink: Float64Array;
   /** The links that are drawn. */
   readonly links: Set<number>;
-  /** Computes where its links are in the world. */
+  /** Computes the poses of its links in the world. */
   spread(): void;
 }
 
@@ -38,14 +38,14 @@ export class LightRobot extends ArticulatedBody implements StagedFigure {
   readonly #placed: readonly Placed[];
   readonly #looks = new Map<number, LinkLook>();
   readonly #tints = new Map<number, LinkTint>();
-  /** Links without a known place, because their joints have no reading. */
+  /** Links whose place is unknown, because their joints have no reading. */
   #unreadLinks: ReadonlySet<number> = new Set();
   #ghost: SecondBody | null = null;
   #shells: Shells | null = null;
   #tones: LightColors;
   #near = 0.01;
   #worldFromRoot: readonly number[] = transform([0, 0, 0], IDENTITY);
-  /** Offset along y of this robot among others, metres; applies from the next `place` or `ground` on. */
+  /** Offset along y of this robot among others, metres; takes effect at the next `place` or `ground`. */
   aside = 0;
 
   constructor(manifest: Manifest, tones: LightColors) {
@@ -65,7 +65,7 @@ export class LightRobot extends ArticulatedBody implements StagedFigure {
     return this.#shells !== null;
   }
 
-  /** Where the root is, metres. */
+  /** The position of the root, metres. */
   get spot(): { readonly x: number; readonly y: number } {
     return { x: this.worldFromLink[12]!, y: this.worldFromLink[13]! };
   }
@@ -115,7 +115,7 @@ export class LightRobot extends ArticulatedBody implements StagedFigure {
     };
   }
 
-  /** Sets how a link is shown. True when the model has this link. */
+  /** Sets how a link is shown. True if the model has this link. */
   setLook(link: string, look: LinkLook): boolean {
     const i = this.linkOf.get(link);
     if (i === undefined) return false;
@@ -143,7 +143,7 @@ export class LightRobot extends ArticulatedBody implements StagedFigure {
     this.#ghost = this.#shells = null;
   }
 
-  /** Shows a level. `pictures`: the mean colour (linear) of each of its pictures; null for one that can't be read. */
+  /** Shows a level. `pictures`: the mean colour (linear) of each of its textures; null for one that can't be read. */
   wear(level: Lod, pictures: readonly (readonly [number, number, number] | null)[]): void {
     this.#shells = new Shells(level, pictures, this.manifest.visuals, this.#tones);
   }

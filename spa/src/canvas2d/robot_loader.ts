@@ -5,7 +5,7 @@ import { type Manifest, readManifest } from '../model/manifest.ts';
 import { type LightColors, linear } from './colors.ts';
 import { LightRobot } from './robot.ts';
 
-/** Makes a robot from a built model's manifest. Rejects with a one-line Error when it can't be shown at all. */
+/** Creates a robot from a built model's manifest. Rejects with a one-line Error if it can't be shown at all. */
 export async function loadRobot(manifestUrl: string, tones: LightColors): Promise<LightRobot> {
   const raw = await manifestAt(manifestUrl);
   if (raw.v !== 2) throw new Error('only a built model can be shown without 3D');
@@ -33,7 +33,7 @@ export async function loadShells(
   robot.wear(level, means);
 }
 
-/** The mean colour (linear) of a texture, which stands for it in the light view; null when it can't be read. */
+/** The mean colour (linear) of a texture, used instead of the texture in the light view; null if it can't be read. */
 async function meanColor(picture: Blob): Promise<readonly [number, number, number] | null> {
   try {
     const bitmap = await createImageBitmap(picture, {

@@ -16,7 +16,7 @@ const STANDING: Pose = { joints: new Map([['joint1', 0.3]]), base: null };
 
 let turn = 0;
 let shellsAway = false;
-/** Another address each time: what was fetched once stays known to the page. */
+/** A new address for each test, because the page caches what it has fetched. */
 let url = '';
 
 beforeEach(async () => {

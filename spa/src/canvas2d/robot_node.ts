@@ -9,7 +9,7 @@ import { loadRobot, loadShells } from './robot_loader.ts';
 
 const DRAIN_SECONDS = 0.25;
 
-/** What a robot needs from the light view that it stands in. */
+/** What a robot needs from its light view. */
 export interface LightRobotHost extends NodeHost {
   tones(): LightColors;
 }
@@ -54,7 +54,7 @@ export class LightRobotNode extends FigureNode<LightRobot> {
   ): Promise<void> {
     const robot = await loadRobot(manifestUrl, this.#place.tones());
     signal.throwIfAborted();
-    robot.setTones(this.#place.tones()); // another theme may have been chosen meanwhile
+    robot.setTones(this.#place.tones()); // the theme may have changed meanwhile
     this.adopt(robot);
     const { findings, missing } = robot.manifest;
     report.joints = [...robot.jointNames];

@@ -41,7 +41,7 @@ export class Shells {
   readonly #tables: Tables;
   #tones: LightColors;
 
-  /** `pictures`: the mean colour (linear) of each of the level's pictures; null for one that can't be read. */
+  /** `pictures`: the mean colour (linear) of each of the level's textures; null for one that can't be read. */
   constructor(
     level: Lod,
     pictures: readonly (readonly [number, number, number] | null)[],
@@ -224,7 +224,7 @@ export class Shells {
     }
   }
 
-  /** Shades vertices by how directly their surface faces the camera. */
+  /** Shades vertices by the angle between their surface and the camera. */
   #face(visual: number, eye: Readonly<Vec3>): void {
     const { positions, normals } = this.#level;
     const { shade } = this.#corners;
@@ -253,7 +253,7 @@ function side(xs: Float32Array, ys: Float32Array, i: number, j: number, x: numbe
   return (xs[j]! - xs[i]!) * (y - ys[i]!) - (ys[j]! - ys[i]!) * (x - xs[i]!);
 }
 
-/** A level's paints, with each picture replaced by its mean colour. */
+/** A level's paints, with each texture replaced by its mean colour. */
 function meanPaints(level: Lod, means: readonly (readonly [number, number, number] | null)[]): Float32Array {
   const paints = level.paints.slice();
   for (const { start, picture } of level.draws) {

@@ -16,7 +16,7 @@ it('takes the colour out, hatches, and leaves what is not drawn', () => {
   expect(pixels[5]).toBe(0);
   const drawn = [...pixels].filter((color) => color !== 0);
   expect(Math.max(...drawn.map(spread))).toBeLessThan(20);
-  expect(new Set(drawn).size).toBeGreaterThan(1); // stripes: a grey robot would look the same without
+  expect(new Set(drawn).size).toBeGreaterThan(1); // stripes: on a grey robot, greying alone would be invisible
   expect(drawn.every((color) => color >>> 24 === 255)).toBe(true);
 });
 

@@ -3,7 +3,7 @@ import type { Rgb } from './colors.ts';
 const HATCH_CSS_PIXELS = 9;
 
 /**
- * Greys and hatches everything that was drawn by `amount` (0…1), in place, as the 3D view does. Opacity stays.
+ * Greys and hatches everything that was drawn by `amount` (0…1), in place, as the 3D view does. Opacity is unchanged.
  *
  * `pixels` are 0xAABBGGRR, transparent where nothing was drawn; `ratio` is pixels per CSS pixel.
  */

@@ -16,12 +16,12 @@ import { LightRobotNode } from './robot_node.ts';
 
 /** After this long without motion the picture is drawn once more, with smooth edges. */
 const REST_MS = 150;
-/** Least distance of the camera, in radii of the robot: closer up, the coarsest level looks too rough. */
+/** Minimum distance of the camera, in radii of the robot: closer up, the coarsest level looks too rough. */
 const NEAREST = 1 / 2;
 
 export interface LightOptions {
   readonly theme: 'dark' | 'light';
-  /** Called when motion starts or stops being drawn with fewer pixels, because this device is slow. */
+  /** Called when the view switches to fewer pixels during motion because this device is slow, and when it switches back. */
   readonly onSlow?: (slow: boolean) => void;
   /** Called after every picture, so that elements over the canvas can follow. */
   readonly onDrawn?: () => void;
@@ -50,7 +50,7 @@ export class LightView extends RowStage<LightRobotNode> {
   #tones: LightColors;
   #triangles = 0;
   #pictureMs = 0;
-  /** Draws one last picture with smooth edges once nothing moves any more. */
+  /** Draws a final picture with smooth edges once nothing moves any more. */
   readonly #finely = new Debounce(REST_MS, () => {
     this.#fine = true;
     this.loop.drawNow();

@@ -7,15 +7,14 @@ import { quatOfTransform } from './vectors.ts';
 
 const MOVES: ReadonlySet<string> = new Set(['revolute', 'continuous', 'prismatic']);
 
-/** What a manifest says about its links and joints, and where the joints put the links. The robots of both renderers
- *  extend it. */
+/** The manifest's links and joints, and forward kinematics for the links. The robots of both renderers extend it. */
 export class ArticulatedBody {
   readonly manifest: Manifest;
   readonly linkNames: readonly string[];
   /** Joints that can move. */
   readonly jointNames: readonly string[];
   readonly continuousNames: readonly string[];
-  /** Bounding box (in the link's frame, metres) of what each link shows, by the link's index in the manifest. */
+  /** Bounding box (in the link's frame, metres) of each link's visuals, by the link's index in the manifest. */
   readonly boxOfLink: Map<number, LinkBox>;
   protected readonly kinematics: Kinematics;
   /** The index in the manifest of each link. */
@@ -36,7 +35,7 @@ export class ArticulatedBody {
     this.#jointOf = new Map(joints.flatMap(({ name, type }, i) => (MOVES.has(type) ? [[name, i]] : [])));
   }
 
-  /** The rotation of root_from_link by the joint angles; null for a link that the model lacks. */
+  /** The rotation of root_from_link given the joint angles; null for a link that the model lacks. */
   rootTurn(name: string): Quat | null {
     const link = this.linkOf.get(name);
     if (link === undefined) return null;
@@ -51,7 +50,7 @@ export class ArticulatedBody {
     return { link: this.linkNames[found + 1]!, axis, slides: type === 'prismatic' };
   }
 
-  /** Where a joint is, rad or m; null for one that cannot move or that the model lacks. */
+  /** A joint's position, rad or m; null for one that cannot move or that the model lacks. */
   jointValue(name: string): number | null {
     const found = this.#jointOf.get(name);
     return found === undefined ? null : this.kinematics.value(found);
@@ -69,14 +68,14 @@ export class ArticulatedBody {
     }
   }
 
-  /** Sets joints (rad or m by URDF name) and computes where links are. False when nothing changed. */
+  /** Sets joints (rad or m by URDF name) and computes the link poses. False if nothing changed. */
   setJoints(joints: ReadonlyMap<string, number>): boolean {
     if (!this.kinematics.set(joints)) return false;
     this.kinematics.compute();
     return true;
   }
 
-  /** The lowest z (metres, from the root's origin) of the robot when its root is turned so. */
+  /** The lowest z (metres, from the root's origin) of the robot with this root orientation. */
   protected lowestPoint(quat_wxyz: Quat): number {
     placeLinks(transform([0, 0, 0], quat_wxyz), this.kinematics.rootFromLink, this.#turned);
     return lowestOf(this.#turned, this.boxOfLink);

@@ -1,8 +1,8 @@
 /**
- * How low a robot reaches: the bottom of its links' bounding boxes in the world, without allocating.
+ * The lowest point of a robot: the bottom of its links' bounding boxes in the world, computed without allocating.
  *
- * A box with centre c and half sizes h, seen through the transform M, has its lowest point at
- * (M·c).z − Σᵢ |M[z,i]|·hᵢ. Exact for boxes, at most a little low for round links; feet are flat.
+ * A box with centre c and half sizes h, seen through the transform M, has its lowest point at (M·c).z − Σᵢ |M[z,i]|·hᵢ. Exact for
+ * boxes, at most a little low for round links; feet are flat.
  */
 
 /** A bounding box, axis-aligned in the link's own frame, metres. */
@@ -14,7 +14,7 @@ export interface LinkBox {
 /** A column-major 4×4 transform, as three.js keeps it: world_from_link. */
 export type Elements = ArrayLike<number>;
 
-/** A box of nothing (min +∞, max −∞), to be grown. */
+/** An empty box (min +∞, max −∞), to be grown. */
 export function emptyBox(): LinkBox {
   return {
     min: [Number.POSITIVE_INFINITY, Number.POSITIVE_INFINITY, Number.POSITIVE_INFINITY],
@@ -96,11 +96,11 @@ export function boundsOf(worldFromLink: Float64Array, boxes: ReadonlyMap<number,
   return { min, max };
 }
 
-/** A body counts as long when it is so many times as long as it is broad and tall: a snake, a train, an outstretched arm. */
+/** A body counts as long if its length is this many times its width and height: a snake, a train, an outstretched arm. */
 const LONG = 3;
 
-/** The size of what the camera looks at, metres: half its height, half its width from any side, and its radius. `lies`:
- *  the axis that a long body lies along; absent for all others. */
+/** The extent of the camera's subject, metres: half its height, half its width from any side, and its radius. `lies`: the axis
+ *  that a long body lies along; absent for all others. */
 export interface Extent {
   readonly tall: number;
   readonly wide: number;

@@ -24,10 +24,10 @@ test('a uri leads to an address beside the manifest, whatever is in its name', (
 
 test.each([
   ['no JSON', '<html>', 'not JSON'],
-  ['no object', '[]', 'no object'],
+  ['no object', '[]', 'not an object'],
   ['another version', manifest({ v: 3 }), 'neither version 1 nor 2'],
   ['no files', manifest({ files: 'x' }), 'no list of files'],
-  ['no URDF among the files', manifest({ urdf: 'other.urdf' }), 'its URDF is not among its files'],
+  ['no URDF among the files', manifest({ urdf: 'other.urdf' }), 'its files include no URDF'],
   ['a path out of the bundle', manifest({ files: [{ ...URDF, path: '../../secret' }] }), 'file 0: bad path'],
   ['an absolute path', manifest({ files: [{ ...URDF, path: '/etc/passwd' }] }), 'file 0: bad path'],
   ['no uri', manifest({ files: [{ ...URDF, uri: 7 }] }), 'file 0: no uri'],
@@ -37,7 +37,7 @@ test.each([
   expect(() => readRawManifest(parseManifest(text))).toThrow(new BundleError(`model manifest: ${why}`));
 });
 
-/** A host whose answers are held back until they are let go. */
+/** A host whose answers are held back until released. */
 function host(bodies: Record<string, Uint8Array | number>) {
   const open: (() => void)[] = [];
   const asked: string[] = [];

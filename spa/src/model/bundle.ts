@@ -12,7 +12,7 @@ const MAX_MANIFEST_BYTES = 4_000_000;
 /** A model that can't be loaded; the message is one line. */
 export class BundleError extends Error {}
 
-/** That a file did not come, for a reason that passes: no answer, or a server that can't just now. */
+/** A file failed to load for a temporary reason: no answer, or an overloaded server. */
 export class NotNow extends BundleError {}
 
 /** A file of a raw bundle: its path beside the manifest, the URI by which the URDF names it, and its size in bytes. */
@@ -25,11 +25,11 @@ export interface BundleFile {
 export interface RawManifest {
   urdf: BundleFile;
   files: ReadonlyMap<string, BundleFile>;
-  /** URIs of which the edge already knows that it has no file. */
+  /** URIs that the edge knows to have no file. */
   missing: ReadonlySet<string>;
 }
 
-/** Where a raw bundle's files come from: a relay, or files that somebody dropped on the page. */
+/** The source of a raw bundle's files: a relay, or files that somebody dropped on the page. */
 export interface RawFiles {
   /** The file's bytes. Rejects with an Error whose message is one line. */
   fetch(file: BundleFile): Promise<Uint8Array>;
@@ -45,7 +45,7 @@ export function parseManifest(text: string): Readonly<Record<string, unknown>> {
   } catch {
     throw new BundleError('model manifest: not JSON');
   }
-  if (!isRecord(raw)) throw new BundleError('model manifest: no object');
+  if (!isRecord(raw)) throw new BundleError('model manifest: not an object');
   return raw;
 }
 
@@ -62,20 +62,20 @@ export async function fetchManifest(
   return parseManifest(new TextDecoder().decode(await fetchBytes(url, MAX_MANIFEST_BYTES, signal, () => {})));
 }
 
-/** Reads a file by its path, `most` bytes of it at most. Rejects where there is none. */
+/** Reads a file by its path, at most `most` bytes. Rejects if it does not exist. */
 export type ReadFile = (path: string, most: number) => Promise<Uint8Array>;
 
-/** What reads files that lie on no server, by the beginning of their addresses. */
+/** Readers for files that are not on a server, by the prefix of their addresses. */
 const readers = new Map<string, ReadFile>();
 
-/** Lets the files whose address begins with `folder` be read by `read` instead of fetched. Returns a function that ends it. */
+/** Serves files whose address begins with `folder` through `read` instead of fetching them. Returns a function that ends this. */
 export function serveFolder(folder: string, read: ReadFile): () => void {
   readers.set(folder, read);
   return () => void readers.delete(folder);
 }
 
-/** Fetches `url`, with a token if there is one for it. `onBytes` gets the size of each piece. Rejects with BundleError
- *  when it fails or has more than `limit` bytes. */
+/** Fetches `url`, with a token if there is one for it. `onBytes` gets the size of each piece. Rejects with BundleError if it
+ *  fails or the file exceeds `limit` bytes. */
 export async function fetchBytes(
   url: string,
   limit: number,
@@ -87,7 +87,7 @@ export async function fetchBytes(
     if (!url.startsWith(folder)) continue;
     const path = decodeURIComponent(url.slice(folder.length));
     const bytes = await read(path, limit).catch((cause: unknown) => {
-      throw new BundleError(`${name}: not there`, { cause });
+      throw new BundleError(`${name}: not found`, { cause });
     });
     onBytes(bytes.length);
     return bytes;
@@ -130,7 +130,7 @@ export async function fetchBytes(
   return bytes;
 }
 
-/** Whether an error says that something did not come for a reason that passes. */
+/** Whether an error means that something failed to load for a temporary reason. */
 export function isPassing(cause: unknown): boolean {
   return (
     cause instanceof NotNow || (cause instanceof Error && cause.cause !== undefined && isPassing(cause.cause))

@@ -16,7 +16,7 @@ const never = new AbortController().signal;
 let asked: string[] = [];
 let answer: (url: string) => Response = () => new Response('', { status: 404 });
 let turn = 0;
-/** Another address each time: what was fetched once stays known to the page. */
+/** A new address for each test, because the page caches what it has fetched. */
 let url = '';
 
 beforeEach(() => {
@@ -68,7 +68,7 @@ it('bytes that are too few, too many or others are refused by name', async () =>
   for (const [wrong, why] of [
     [LOW.slice(1), /2999 bytes instead of 3000/],
     [new Uint8Array(3001), /longer than 3000 bytes/],
-    [LOW.slice().fill(0, 7, 9), /not the bytes that were announced/],
+    [LOW.slice().fill(0, 7, 9), /its SHA-256 does not match/],
   ] as const) {
     answer = () => new Response(wrong.slice());
     await expect(lodBytes(file, url, never, () => {})).rejects.toThrow(why);

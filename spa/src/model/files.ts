@@ -3,8 +3,8 @@ import { cachedLod, matchesHash, storeLod } from './lod_cache.ts';
 import { type LodFile, type Manifest, readManifest } from './manifest.ts';
 
 /**
- * The files of a built model (manifest version 2), each fetched once for all who want it. The page starts fetching as
- * soon as it knows their names; the drawing code, which loads later over the same line, picks them up here.
+ * The files of a built model (manifest version 2), each fetched once and shared. The page starts fetching as soon as it knows
+ * their names; the drawing code, which loads later over the same line, picks them up here.
  */
 
 type RawManifest = Readonly<Record<string, unknown>>;
@@ -13,7 +13,7 @@ type RawManifest = Readonly<Record<string, unknown>>;
 const KEPT = 2;
 const manifests = new Map<string, Promise<RawManifest>>();
 const levels = new Map<string, ComingLevel>();
-/** Hashes that were already asked for; they are not fetched ahead again. */
+/** Hashes that were already requested; they are not prefetched again. */
 const asked = new Set<string>();
 
 /** The manifest at `url`, of any version. Rejects with a one-line BundleError; the next call then tries again. */
@@ -27,8 +27,8 @@ export function manifestAt(url: string): Promise<RawManifest> {
   return coming;
 }
 
-/** The manifest at `url` if it is of a built model, else null. Also starts to fetch its coarsest level. Rejects like
- *  `manifestAt`, also when the manifest is invalid. */
+/** The manifest at `url` if it is for a built model, else null. Also starts to fetch its coarsest level. Rejects like
+ *  `manifestAt`, and if the manifest is invalid. */
 export async function builtModelAt(url: string): Promise<Manifest | null> {
   const raw = await manifestAt(url);
   if (raw.v !== 2) return null;
@@ -41,7 +41,7 @@ export async function builtModelAt(url: string): Promise<Manifest | null> {
   return manifest;
 }
 
-/** Starts to fetch a level that will be wanted soon. An error is reported to the later `lodBytes` call. */
+/** Prefetches a level. An error is reported to the later `lodBytes` call. */
 function fetchAhead(file: LodFile, manifestUrl: string): void {
   if (levels.has(file.sha256)) return;
   const coming = new ComingLevel(file, manifestUrl);
@@ -98,7 +98,7 @@ class ComingLevel {
     const bytes = await fetchBytes(url, size, this.#leave.signal, (more) => this.#hear(more));
     if (bytes.length !== size) throw new BundleError(`${path}: ${bytes.length} bytes instead of ${size}`);
     if ((await matchesHash(sha256, bytes)) === false) {
-      throw new BundleError(`${path}: not the bytes that were announced (SHA-256)`);
+      throw new BundleError(`${path}: its SHA-256 does not match`);
     }
     void storeLod(sha256, bytes);
     return bytes;

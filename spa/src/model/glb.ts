@@ -1,13 +1,13 @@
-// biome-ignore lint/style/noRestrictedImports: the decoder stands alone; nothing of three.js itself comes with it
+// biome-ignore lint/style/noRestrictedImports: the decoder is standalone and does not pull in three.js
 import { MeshoptDecoder } from 'three/addons/libs/meshopt_decoder.module.js';
 import { isRecord } from './bundle.ts';
 
 /**
- * Reads the container of a level of detail: binary glTF 2.0 (GLB) whose buffer views are packed with meshopt. It reads
- * only what docs/reference/model-bundle.md describes, so it is a tenth of a general loader; every length is checked before use.
+ * Reads the container of a level of detail: binary glTF 2.0 (GLB) whose buffer views are packed with meshopt. It reads only what
+ * docs/reference/model-bundle.md describes, so it is a tenth of the size of a general loader; every length is checked before use.
  */
 
-/** A level's file that can't be read; the message says why. */
+/** A level's file is unreadable; the message says why. */
 export class GlbError extends Error {}
 
 type Raw = Readonly<Record<string, unknown>>;
@@ -15,9 +15,9 @@ type Raw = Readonly<Record<string, unknown>>;
 const GLTF = 0x46546c67;
 const JSON_CHUNK = 0x4e4f534a;
 const BINARY_CHUNK = 0x004e4942;
-/** Most bytes that all views of a level together may unpack to. */
+/** The most bytes that all views of a level may decompress to. */
 export const MAX_UNPACKED_BYTES = 512_000_000;
-/** At best, meshopt packs sixteen equal bytes into two bits; data that claim to grow more are refused. */
+/** At best, meshopt packs sixteen equal bytes into two bits; data that claim a higher ratio are rejected. */
 const MAX_GROWTH = 64;
 const STRIDES: Readonly<Record<string, (stride: number) => boolean>> = {
   ATTRIBUTES: (stride) => stride > 0 && stride <= 256 && stride % 4 === 0,
@@ -34,7 +34,7 @@ export interface Accessor {
   readonly type: string;
 }
 
-/** An opened GLB file. All methods throw GlbError when the file is not as described. */
+/** An opened GLB file. All methods throw GlbError if the file does not follow the format. */
 export class Glb {
   readonly #json: Raw;
   readonly #binary: Uint8Array;
@@ -47,7 +47,7 @@ export class Glb {
     this.#binary = binary;
   }
 
-  /** Opens a file. Rejects with GlbError when it is no GLB of version 2. */
+  /** Opens a file. Rejects with GlbError if it is not GLB version 2. */
   static async read(bytes: Uint8Array): Promise<Glb> {
     const data = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
     if (bytes.length < 20 || data.getUint32(0, true) !== GLTF) throw new GlbError('not a GLB file');
@@ -63,7 +63,7 @@ export class Glb {
       else if (type === BINARY_CHUNK) binary = chunk as Uint8Array<ArrayBuffer>;
       at += 8 + length + ((4 - (length % 4)) % 4);
     }
-    if (!isRecord(json)) throw new GlbError('its JSON is no object');
+    if (!isRecord(json)) throw new GlbError('its JSON is not an object');
     await MeshoptDecoder.ready;
     return new Glb(json, binary);
   }
@@ -73,7 +73,8 @@ export class Glb {
     const known = this.#lists.get(name);
     if (known !== undefined) return known;
     const value = this.#json[name] ?? [];
-    if (!Array.isArray(value) || !value.every(isRecord)) throw new GlbError(`${name} is no list of objects`);
+    if (!Array.isArray(value) || !value.every(isRecord))
+      throw new GlbError(`${name} is not a list of objects`);
     this.#lists.set(name, value);
     return value;
   }
@@ -82,7 +83,7 @@ export class Glb {
     const raw = this.#entry('accessors', index);
     const { bufferView, byteOffset = 0, count, componentType, type } = raw;
     if (!isSize(bufferView) || !isSize(byteOffset) || !isSize(count))
-      throw new GlbError('an accessor of nothing');
+      throw new GlbError('an accessor without data');
     return {
       view: bufferView,
       offset: byteOffset,
@@ -122,7 +123,7 @@ export class Glb {
     const { byteStride: stride, count, mode, filter = 'NONE' } = packed;
     const fits = typeof mode === 'string' && Object.hasOwn(STRIDES, mode) ? STRIDES[mode] : undefined;
     if (!isSize(stride) || !isSize(count) || fits?.(stride) !== true || filter !== 'NONE') {
-      throw new GlbError('packed in a way that is not known');
+      throw new GlbError('unknown packing');
     }
     this.#unpacked += count * stride;
     if (this.#unpacked > MAX_UNPACKED_BYTES) throw new GlbError('unpacks to too many bytes');

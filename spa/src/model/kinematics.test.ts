@@ -13,7 +13,7 @@ function joint(type: JointType, changes: Partial<Joint> = {}): Joint {
   };
 }
 
-/** A repeatable stream of numbers in −1…1. */
+/** A reproducible sequence of numbers in −1…1. */
 function numbers(seed: number): () => number {
   let state = seed;
   return () => {
@@ -192,7 +192,7 @@ test('a joint of several values takes each by itself: what never came stands at 
   model.set(new Map([['body/trans_z', 0.7]]));
   model.compute();
   near(link(model, 1), new Matrix4().setPosition(0, 0, 0.7).elements);
-  // A quarter turn about z, twice as long as it should be; then x of the cart is y of the world.
+  // A quarter turn about z, with a quaternion of length 2; then x of the cart is y of the world.
   model.set(
     new Map([
       ['body/rot_z', Math.SQRT2],

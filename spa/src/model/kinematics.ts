@@ -1,9 +1,10 @@
 /**
- * Forward kinematics of a tree of joints: joint readings go in, root_from_link of every link comes out (docs/reference/model-bundle.md).
+ * Forward kinematics of a tree of joints: joint readings go in, root_from_link of every link comes out
+ * (docs/reference/model-bundle.md).
  *
- * `root_from_child = root_from_parent · T(xyz) · R(quat) · M`, joint by joint in the manifest's order, which puts
- * a parent before its children. M is the joint's motion. Limits never clamp, because a monitor shows what is measured.
- * Nothing is allocated after construction.
+ * `root_from_child = root_from_parent · T(xyz) · R(quat) · M`, joint by joint in the manifest's order, which puts a parent before
+ * its children. M is the joint's motion. Joint limits never clamp a value, because a monitor shows what is measured. Nothing is
+ * allocated after construction.
  */
 
 export type JointType = 'revolute' | 'continuous' | 'prismatic' | 'fixed' | 'floating' | 'planar';
@@ -59,10 +60,10 @@ const KIND: Readonly<Record<JointType, number>> = {
   planar: PLANE,
   floating: FLOAT,
 };
-/** A shorter quaternion is taken as no rotation. */
+/** A shorter quaternion counts as no rotation. */
 const NO_ROTATION = 1e-6;
 
-/** The joints of one variable, none that copies another, beyond which one of these feet is, or at least 1 % of the mass. */
+/** The joints with a single variable, excluding mimic joints, that move one of these feet or at least 1 % of the mass. */
 export function jointsThatCarry(
   joints: readonly Joint[],
   masses: readonly { readonly link: number; readonly massKg: number }[],
@@ -96,7 +97,7 @@ export class Kinematics {
   readonly #first: Int32Array;
   /** Newest readings: rad, m, or parts of a quaternion; NaN before the first. */
   readonly #reading: Float64Array;
-  /** The value used for a reading that never came. */
+  /** The value used for a reading that never arrived. */
   readonly #standIn: Float64Array;
   readonly #leader: Int32Array;
   readonly #multiplier: Float64Array;
@@ -138,8 +139,7 @@ export class Kinematics {
     return [...this.#names];
   }
 
-  /** Takes readings by name, rad or m. A joint without a reading, or with one that is not finite, keeps its last.
-   *  Returns false when nothing changed. */
+  /** Takes readings by name, rad or m. A joint without a finite reading keeps its last one. Returns false if nothing changed. */
   set(readings: ReadonlyMap<string, number>): boolean {
     let changed = false;
     for (let i = 0; i < this.#names.length; i += 1) {

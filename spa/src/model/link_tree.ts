@@ -19,7 +19,7 @@ export function treeOf(body: Tree): KinematicTree {
   return new KinematicTree(links);
 }
 
-/** For each link the joint that moves it or the link it is fixed to; null when no joint moves it. */
+/** For each link, the joint that moves it or moves the link it is fixed to; null if no joint moves it. */
 export function jointOfLinks(body: Tree): Map<string, string | null> {
   const tree = treeOf(body);
   return new Map(body.linkNames.map((link) => [link, tree.jointOf(link)]));
@@ -32,7 +32,7 @@ export function linksMovedBy(body: Tree, joints: ReadonlySet<string>): Set<strin
   return moved;
 }
 
-/** The child links of these joints and all links below them, also beyond further joints; in the model's order. */
+/** The child links of these joints and all links below them, including those beyond further joints; in the model's order. */
 export function linksBeyond(body: Tree, joints: readonly string[]): string[] {
   const moved = new Set(joints.map((name) => body.joint(name)?.link));
   const parents = new Map([...body.bones()].map(([parent, child]) => [child, parent]));

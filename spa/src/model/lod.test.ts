@@ -86,16 +86,16 @@ const PACKED = 'bufferViews/0/extensions/EXT_meshopt_compression';
 
 test.each<[string, string, unknown, string]>([
   ['too many nodes', 'nodes/1', {}, '2 nodes for 1 visuals'],
-  ['a node nowhere', 'nodes/0/translation', [0, 'x', 0], 'a node that is nowhere'],
+  ['a node nowhere', 'nodes/0/translation', [0, 'x', 0], 'a node without a valid position'],
   ['a mesh that is not there', 'nodes/0/mesh', 7, 'no mesh 7'],
   ['a range past the end', 'meshes/0/primitives/0/extras/count', 1e9, 'past the last vertex'],
   ['triangles outside', 'meshes/0/primitives/0/extras/count', 3, 'outside its mesh'],
   ['floats', 'accessors/0/componentType', 5126, 'not quantised'],
   ['an accessor past the end', 'accessors/2/count', 36e6, 'past the end'],
   ['a giant', `${PACKED}/count`, 1e12, 'too many bytes'],
-  ['a stride of nothing', `${PACKED}/byteStride`, 0, 'not known'],
-  ['an unknown packing', `${PACKED}/mode`, '__proto__', 'not known'],
-  ['a filter', `${PACKED}/filter`, 'OCTAHEDRAL', 'not known'],
+  ['a stride of nothing', `${PACKED}/byteStride`, 0, 'unknown packing'],
+  ['an unknown packing', `${PACKED}/mode`, '__proto__', 'unknown packing'],
+  ['a filter', `${PACKED}/filter`, 'OCTAHEDRAL', 'unknown packing'],
   ['damaged packing', `${PACKED}/byteOffset`, 1, 'damaged'],
 ])('%s is refused in one line', async (_, path, value, why) => {
   await expect(readLod(await changed((json) => put(json, path, value)), 1)).rejects.toThrow(why);

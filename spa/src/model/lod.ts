@@ -3,8 +3,8 @@ import { type Accessor, Glb, GlbError, isSize, MAX_UNPACKED_BYTES } from './glb.
 import { transform } from './kinematics.ts';
 
 /**
- * One level of detail, ready for few draw calls: all visuals in one set of arrays, each vertex with the index of its
- * "bone" (its visual) and of its "paint" (its material). Independent of three.js.
+ * One level of detail, ready for a few draw calls: all visuals in one set of arrays, each vertex with the index of its "bone"
+ * (its visual) and of its "paint" (its material). Independent of three.js.
  */
 export interface Lod {
   /** x, y, z, 0 of each vertex, in the units of its visual's mesh. */
@@ -16,11 +16,11 @@ export interface Lod {
   /** u, v of each vertex; null when nothing is textured. */
   readonly uvs: Float32Array | null;
   readonly index: Uint32Array;
-  /** The draw calls: everything untextured first, then one for each picture. */
+  /** The draw calls: first everything untextured, then one for each texture. */
   readonly draws: readonly Draw[];
   /** link_from_mesh of each visual: 16 numbers, column-major, from mesh units to metres. */
   readonly linkFromMesh: Float64Array;
-  /** Lower and upper corner of each visual in mesh units, 6 numbers; upper < lower where a visual is empty. */
+  /** Lower and upper corner of each visual in mesh units, 6 numbers; upper < lower if the visual is empty. */
   readonly boxes: Int16Array;
   /** For each visual, the ranges of `index` that show it: start, count, start, count, … */
   readonly ranges: readonly (readonly number[])[];
@@ -65,20 +65,21 @@ export function bytesOf({ count, index }: Pick<Primitive, 'count' | 'index'>): n
 /** Bytes of each vertex: position, normal, bone and paint, u and v. */
 const VERTEX_BYTES = 24;
 const PRIMITIVE_BYTES = 100;
-/** Most pictures; a robot has some dozens, and each needs a draw call. */
+/** The maximum number of textures; a robot has some dozens, and each needs a draw call. */
 const MAX_PICTURES = 256;
 const BYTE = 5120;
 const SHORT = 5122;
 const UNSIGNED_INT = 5125;
 const FLOAT = 5126;
 
-/** Reads a level's GLB (docs/reference/model-bundle.md). Rejects with GlbError when it is invalid or has not exactly `visuals` nodes. */
+/** Reads a level's GLB (docs/reference/model-bundle.md). Rejects with GlbError if it is invalid or does not have exactly
+ *  `visuals` nodes. */
 export async function readLod(bytes: Uint8Array, visuals: number): Promise<Lod> {
   const glb = await Glb.read(bytes);
   const nodes = glb.list('nodes');
   if (nodes.length !== visuals) throw new GlbError(`${nodes.length} nodes for ${visuals} visuals`);
   const source = new GlbLodSource(glb);
-  let room = MAX_UNPACKED_BYTES; // many nodes may show one mesh, so the file's size is no bound
+  let room = MAX_UNPACKED_BYTES; // many nodes may show one mesh, so the file size is no upper bound
   const shown = nodes.map(({ mesh }) => {
     const parts = mesh === undefined ? [] : source.primitives(mesh);
     for (const part of parts) room -= bytesOf(part);
@@ -88,8 +89,8 @@ export async function readLod(bytes: Uint8Array, visuals: number): Promise<Lod> 
   return assembleLod(source, shown, Float64Array.from(nodes.flatMap(nodeTransform)));
 }
 
-/** Builds a level from the primitives that each visual shows. A primitive that several visuals show is copied for each,
- *  since each has its own bone. Throws GlbError when a triangle reaches outside its primitive. */
+/** Builds a level from the primitives that each visual shows. A primitive that several visuals show is copied for each, since
+ *  each has its own bone. Throws GlbError if a triangle uses a vertex outside its primitive. */
 export function assembleLod(
   source: LodSource,
   shown: readonly (readonly Primitive[])[],
@@ -171,17 +172,17 @@ class GlbLodSource implements LodSource {
     this.#glb = glb;
     const images = glb.list('images');
     if (images.length > MAX_PICTURES) throw new GlbError(`more than ${MAX_PICTURES} pictures`);
-    let room = MAX_UNPACKED_BYTES; // many may lie in one view
+    let room = MAX_UNPACKED_BYTES; // many primitives may share one view
     this.pictures = images.map(({ bufferView, mimeType }) => {
       if (mimeType !== 'image/png' && mimeType !== 'image/jpeg')
-        throw new GlbError('a picture of unknown kind');
+        throw new GlbError('a picture of unknown type');
       const bytes = glb.view(bufferView);
       room -= bytes.length;
       if (room < 0) throw new GlbError('unpacks to too many bytes');
       return new Blob([bytes.slice()], { type: mimeType });
     });
     const textures = glb.list('textures');
-    // One more for a primitive without a material.
+    // One extra for primitives without a material.
     const paints = [...glb.list('materials'), {}].map((material: Raw) => {
       const pbr = isRecord(material.pbrMetallicRoughness) ? material.pbrMetallicRoughness : {};
       const factor = Array.isArray(pbr.baseColorFactor) ? pbr.baseColorFactor.map(Number) : [1, 1, 1, 1];
@@ -236,7 +237,7 @@ class GlbLodSource implements LodSource {
     return index;
   }
 
-  /** Reads the shared vertex arrays. All primitives must name the same ones; textured primitives also name u and v. */
+  /** Reads the shared vertex arrays. All primitives must refer to the same ones; textured primitives also have u and v. */
   #share({ POSITION, NORMAL, TEXCOORD_0 }: Raw): void {
     if (TEXCOORD_0 !== undefined) this.#lay(TEXCOORD_0, this.#glb.accessor(POSITION).count);
     const named = `${POSITION} ${NORMAL}`;
@@ -250,7 +251,7 @@ class GlbLodSource implements LodSource {
       normal.componentType !== BYTE ||
       normal.count !== position.count
     ) {
-      throw new GlbError('its vertices are not quantised as they should be');
+      throw new GlbError('its vertices are not quantised as expected');
     }
     this.positions = numbers(this.#glb, position, Int16Array, 4);
     this.normals = numbers(this.#glb, normal, Int8Array, 4);
@@ -262,7 +263,7 @@ class GlbLodSource implements LodSource {
     this.#laid = index;
     const uv = this.#glb.accessor(index);
     if (uv.componentType !== FLOAT || uv.count !== vertices)
-      throw new GlbError('its pictures have no places');
+      throw new GlbError('its textures have no coordinates');
     this.uvs = numbers(this.#glb, uv, Float32Array, 2);
   }
 }
@@ -287,7 +288,7 @@ function nodeTransform({
   scale = [1, 1, 1],
 }: Raw): number[] {
   const all = [translation, rotation, scale].flat().map(Number);
-  if (all.length !== 10 || !all.every(Number.isFinite)) throw new GlbError('a node that is nowhere');
+  if (all.length !== 10 || !all.every(Number.isFinite)) throw new GlbError('a node without a valid position');
   const [x, y, z, qx, qy, qz, qw, s] = all as [
     number,
     number,

@@ -1,7 +1,7 @@
 /**
- * Caches levels by the SHA-256 of their bytes, so that the same shells are fetched once whatever robot or relay they
- * come from. It uses the browser's Cache API, up to `MAX_BYTES`; the oldest are dropped. Pages without that API
- * (neither https nor localhost) still profit from the browser's HTTP cache, because the files are served as immutable.
+ * Caches levels by the SHA-256 of their bytes, so that the same meshes are fetched once, whatever robot or relay they come from.
+ * It uses the browser's Cache API, up to `MAX_BYTES`; the oldest are dropped. Pages without that API (neither https nor
+ * localhost) still benefit from the browser's HTTP cache, because the files are served as immutable.
  */
 
 const NAME = 'posecast-levels-1';
@@ -15,7 +15,7 @@ export async function cachedLod(sha256: string): Promise<Uint8Array | null> {
     const found = await (await globalThis.caches?.open(NAME))?.match(address(sha256));
     return found === undefined ? null : new Uint8Array(await found.arrayBuffer());
   } catch {
-    return null; // a private window may refuse the cache: then the level is fetched
+    return null; // a private window may deny the cache; the level is then fetched
   }
 }
 
@@ -38,7 +38,7 @@ export async function storeLod(sha256: string, bytes: Uint8Array): Promise<void>
   }
 }
 
-/** Whether the bytes have this SHA-256; null when the browser can't tell (no https). */
+/** Whether the bytes have this SHA-256; null if the browser can't compute it (no https). */
 export async function matchesHash(sha256: string, bytes: Uint8Array): Promise<boolean | null> {
   if (globalThis.crypto?.subtle === undefined) return null;
   const digest = new Uint8Array(

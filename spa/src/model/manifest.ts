@@ -3,8 +3,8 @@ import { BundleError, isRecord } from './bundle.ts';
 import type { Joint, JointType } from './kinematics.ts';
 
 /**
- * The manifest of a built model (docs/reference/model-bundle.md, version 2): all that kinematics and a skeleton need, and the names of
- * the levels of detail, which hold the meshes. It comes over the network, so every part is checked before use.
+ * The manifest of a built model (docs/reference/model-bundle.md, version 2): everything that kinematics and a skeleton need, and
+ * the names of the levels of detail, which hold the meshes. It comes from the network, so every part is validated before use.
  */
 export interface Manifest {
   readonly robot: string;
@@ -19,7 +19,7 @@ export interface Manifest {
   readonly missing: readonly { readonly uri: string; readonly reason: string }[];
   /** What `posecast-edge doctor` found in the URDF, worst first. */
   readonly findings: readonly ModelFinding[];
-  /** As it came, for what few pages need: `balance/masses_and_soles.ts` reads more of it. */
+  /** The raw JSON, for data that few pages need; `balance/masses_and_soles.ts` reads more of it. */
   readonly raw: Raw;
 }
 
@@ -36,7 +36,7 @@ export interface Visual {
   readonly source: string;
   /** Bounding box in the link's frame, metres. */
   readonly box: LinkBox | null;
-  /** Why a box is shown instead of the mesh; null for a mesh that is there. */
+  /** Why a box is shown instead of the mesh; null if the mesh exists. */
   readonly placeholder: string | null;
 }
 
@@ -63,7 +63,7 @@ const IDENTITY = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
 
 export type Raw = Readonly<Record<string, unknown>>;
 
-/** Checks and reads a manifest of version 2. Throws a one-line BundleError when the robot can't be built from it. */
+/** Validates and reads a version 2 manifest. Throws a one-line BundleError if the robot can't be built from it. */
 export function readManifest(raw: Raw): Manifest {
   const links = list(raw.links, 'links', MAX_LINKS).map((name, i) => text(name, `links[${i}]`));
   if (links.length === 0) throw wrong('no links');
@@ -79,7 +79,7 @@ export function readManifest(raw: Raw): Manifest {
   );
   for (const [i, { mimic }] of joints.entries()) {
     if (mimic !== null && joints[mimic.joint] === undefined)
-      throw wrong(`joints[${i}] mimics a joint that is not there`);
+      throw wrong(`joints[${i}] mimics a joint that does not exist`);
   }
   return {
     robot: typeof raw.robot === 'string' ? raw.robot : '',
@@ -100,7 +100,7 @@ export function readManifest(raw: Raw): Manifest {
   };
 }
 
-/** For each link (by index) that shows something, the box around all its visuals, in the link's frame, metres. */
+/** For each link (by index) with visuals, the box around all of them, in the link's frame, metres. */
 export function boxesOfLinks({ visuals }: Manifest): Map<number, LinkBox> {
   const boxes = new Map<number, LinkBox>();
   for (const { link, box } of visuals) {
@@ -169,7 +169,7 @@ function readLevelFile(raw: Raw, i: number): LodFile {
 
 function readVisual(raw: Raw, i: number, links: number): Visual {
   const { link, source, box, placeholder } = raw;
-  if (!isIndex(link, links)) throw wrong(`visuals[${i}]: its link is not there`);
+  if (!isIndex(link, links)) throw wrong(`visuals[${i}]: its link does not exist`);
   return {
     link,
     source: loose(source),
@@ -188,13 +188,13 @@ function wrong(what: string): BundleError {
 }
 
 function record(value: unknown, where: string): Raw {
-  if (!isRecord(value)) throw wrong(`${where} is no object`);
+  if (!isRecord(value)) throw wrong(`${where} is not an object`);
   return value;
 }
 
 export function list(value: unknown, where: string, most: number): readonly unknown[] {
-  if (!Array.isArray(value)) throw wrong(`${where} is no list`);
-  if (value.length > most) throw wrong(`${where}: ${value.length} are too many`);
+  if (!Array.isArray(value)) throw wrong(`${where} is not a list`);
+  if (value.length > most) throw wrong(`${where}: too many entries, ${value.length}`);
   return value;
 }
 
@@ -203,16 +203,16 @@ function optionalList(value: unknown): Raw[] {
 }
 
 function text(value: unknown, where: string): string {
-  if (typeof value !== 'string') throw wrong(`${where} is no name`);
+  if (typeof value !== 'string') throw wrong(`${where} is not a name`);
   return value;
 }
 
 /** Throws if a name occurs twice: links and joints are looked up by name. */
 function unique(names: readonly string[], where: string): void {
-  if (new Set(names).size < names.length) throw wrong(`${where}: a name stands there twice`);
+  if (new Set(names).size < names.length) throw wrong(`${where}: a name is used twice`);
 }
 
-/** Lenient text, for values that are only shown: anything else becomes ''. */
+/** Lenient text, for values that are only displayed: anything else becomes ''. */
 function loose(value: unknown): string {
   return typeof value === 'string' ? value : '';
 }

@@ -1,6 +1,6 @@
 type Triple = readonly [number, number, number];
 
-/** What was learned from reading a mesh file, for diagnosing a robot's model. */
+/** Results of reading a mesh file, for diagnosing a robot's model. */
 export interface MeshFacts {
   /** Why there is no mesh; null when there is one. */
   readonly reason: string | null;
@@ -21,7 +21,7 @@ export function missingMesh(reason: string, bytes = 0): MeshFacts {
   return { reason, bytes, triangles: 0, low: [0, 0, 0], high: [0, 0, 0], notes: [] };
 }
 
-/** A mesh as it was read: the vertices of its parts, metres, and what the reader had to work around. */
+/** A mesh as read from its file: the vertices of its parts, metres, and what the reader had to work around. */
 interface ReadMesh {
   readonly parts: readonly {
     readonly surface: { readonly positions: ArrayLike<number>; readonly index: ArrayLike<number> };

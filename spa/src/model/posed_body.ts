@@ -3,7 +3,7 @@ import type { LinkBox } from './bounds.ts';
 import type { Manifest } from './manifest.ts';
 import type { Transform } from './vectors.ts';
 
-/** A joint that turns or slides. */
+/** A revolute or prismatic joint. */
 export interface BodyJoint {
   /** Its child link, whose origin is at the joint. */
   readonly link: string;
@@ -12,7 +12,7 @@ export interface BodyJoint {
   readonly slides: boolean;
 }
 
-/** A colour (sRGB 0xrrggbb) that a link is painted with instead of its own, to show a value. */
+/** A colour (sRGB 0xrrggbb) that replaces a link's own colour, to show a value. */
 export interface LinkTint {
   readonly color: number;
   /** Also striped, as a second sign for people who can't tell the colours. */
@@ -24,34 +24,34 @@ interface Placement {
   readonly elements: Transform;
 }
 
-/** A robot in a pose, as the overlays see it, whichever renderer draws it. Links and joints go by their URDF names. */
+/** A posed robot as seen by the overlays, independent of the renderer. Links and joints are identified by their URDF names. */
 export interface PosedBody {
   readonly manifest: Manifest;
-  /** world_from_root, the parent of all that is drawn. */
+  /** world_from_root, the parent of everything drawn. */
   readonly root: { readonly matrixWorld: Placement };
   readonly linkNames: readonly string[];
   /** Joints that can move. */
   readonly jointNames: readonly string[];
-  /** For each link that shows something: its world transform, and its bounding box in its own frame. */
+  /** For each link with visuals: its world transform, and its bounding box in its own frame. */
   readonly boxes: Iterable<readonly [link: { readonly matrixWorld: Placement }, box: LinkBox]>;
   linkMatrix(name: string): Placement | undefined;
-  /** The rotation of root_from_link by the joint angles, a unit quaternion; null for a link that the model lacks. */
+  /** The rotation of root_from_link given the joint angles, a unit quaternion; null for a link that the model lacks. */
   rootTurn(name: string): Quat | null;
   /** A joint by name; undefined for one that cannot move or that the model lacks. */
   joint(name: string): BodyJoint | undefined;
-  /** Where a joint is, rad or m; null for one that cannot move or that the model lacks. */
+  /** A joint's position, rad or m; null for one that cannot move or that the model lacks. */
   jointValue(name: string): number | null;
-  /** Bounding box of what the link shows, in its own frame, metres. */
+  /** Bounding box of the link's visuals, in its own frame, metres. */
   linkBox(name: string): LinkBox | undefined;
   /** For each link but the root: its parent link's name and its own. */
   bones(): Iterable<readonly [parent: string, child: string]>;
-  /** Paints a link with a tint; null gives it its own colours back. */
+  /** Tints a link; null restores its own colours. */
   setTint(link: string, tint: LinkTint | null): void;
-  /** Marks exactly these links as having no known place now. The mark takes precedence over any tint. */
+  /** Marks exactly these links as having an unknown place now. The mark takes precedence over any tint. */
   markUnread(links: ReadonlySet<string>): void;
 }
 
-/** How one link is shown; an ordinary link has none of these. */
+/** Display options of a link; an ordinary link has none of these. */
 export interface LinkLook {
   /** How much of the accent colour is mixed in, 0…1. */
   highlight?: number;

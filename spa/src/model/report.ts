@@ -7,18 +7,18 @@ export interface ModelReport {
   missing: string[];
   /** Names of the URDF's joints that can move. */
   joints: string[];
-  /** Joints of the newest pose that the URDF does not have; they are ignored. */
+  /** Joints in the newest pose that the URDF does not have; they are ignored. */
   ignored: string[];
-  /** One line for each thing that is odd in the URDF or in a mesh and was worked around. */
+  /** One line for each oddity in the URDF or a mesh that was worked around. */
   problems: string[];
   /** What the edge's doctor found in the model, worst first; absent for raw files. */
   findings?: readonly ModelFinding[];
-  /** What was learned from reading the meshes of raw files, by the URDF's URI. */
+  /** Results of reading the meshes of raw files, by the URI in the URDF. */
   meshes?: ReadonlyMap<string, MeshFacts>;
-  /** Set when only the skeleton can be shown: one line, why. */
+  /** Set if only the skeleton can be shown: the reason, in one line. */
   bare?: string;
-  /** Set when something did not come for a reason that passes, so that loading it again may help. */
+  /** Set if something failed to load for a temporary reason, so that loading again may help. */
   passing?: boolean;
-  /** Set when nothing could be shown: one line, what and where. */
+  /** Set if nothing could be shown: one line that says what and where. */
   error?: string;
 }

@@ -27,7 +27,7 @@ it('is by the body’s IMU where nothing is reported, and stays so when it falls
   expect(rootPose.root(unturned)).toEqual({ xyz: null, quat_wxyz: IDENTITY });
   const leaning = quatOfRpy([0.2, 0.1, 0.7]);
   expect(rootPose.update(pose({ lean: lean(leaning) }))).toBe(true);
-  const chest = quatOfRpy([0, 0.3, 0]); // the waist is bent: the root leans otherwise than the chest
+  const chest = quatOfRpy([0, 0.3, 0]); // the waist is bent, so the root leans differently from the chest
   expect(rpyOf(rootPose.root(() => chest).quat_wxyz)[1]).not.toBeCloseTo(0.1);
   expect(rootPose.root(unturned)).toEqual({ xyz: null, quat_wxyz: close(leaning) });
   expect(rootPose.update(pose({ lean: lean(null) }))).toBe(false);

@@ -2,17 +2,17 @@ import type { Base, Pose } from '../twin/playback/pose.ts';
 import { IDENTITY, type Quat, type Vec3, withoutHeading } from '../twin/rotation.ts';
 import { type Imu, rootAttitude } from '../twin/sensors/imus.ts';
 
-/** Where a robot's root link is in the world: by its odometry, else by its body's IMU, else upright. Readings that are
- *  not finite are ignored. */
+/** The pose of a robot's root link in the world: from its odometry, else from its body's IMU, else upright. Readings that are not
+ *  finite are ignored. */
 export class RootPose {
   #headingLocked = false;
   /** The newest valid base; null while the robot reports none. */
   #base: Base | null = null;
   #lean: Imu | null = null;
-  /** world_from_root by the last reading of the body's IMU; null before the first. */
+  /** world_from_root from the last reading of the body's IMU; null before the first. */
   #leaned: Quat | null = null;
 
-  /** Takes the newest pose. True when the root may have moved. */
+  /** Takes the newest pose. True if the root may have moved. */
   update({ base, lean = null }: Pose): boolean {
     const based = this.#takeBase(base);
     const before = this.#lean?.worldFromSensor ?? null;
@@ -20,21 +20,21 @@ export class RootPose {
     return based || (lean?.worldFromSensor?.some((part, i) => part !== before?.[i]) ?? false);
   }
 
-  /** Sets whether the robot is always shown facing along the world's x. True when that is a change. */
+  /** Sets whether the robot always faces along the world's x axis. True if that is a change. */
   lockHeading(locked: boolean): boolean {
     const changed = locked !== this.#headingLocked;
     this.#headingLocked = locked;
     return changed;
   }
 
-  /** world_from_root. `xyz` is null when the robot should stand on its lowest point. `rootTurn` gives a link's rotation
-   *  by the joint angles, or null for a link that the model lacks. */
+  /** world_from_root. `xyz` is null if the robot should stand on its lowest point. `rootTurn` gives a link's rotation for the
+   *  joint angles, or null for a link that the model lacks. */
   root(rootTurn: (link: string) => Quat | null): { xyz: Vec3 | null; quat_wxyz: Quat } {
     const { xyz, quat_wxyz } = this.#base ?? { xyz: null, quat_wxyz: this.#attitude(rootTurn) };
     return { xyz, quat_wxyz: this.#headingLocked ? withoutHeading(quat_wxyz) : quat_wxyz };
   }
 
-  /** The attitude by the IMU's last reading; upright without one. */
+  /** The orientation from the IMU's last reading; upright without one. */
   #attitude(rootTurn: (link: string) => Quat | null): Quat {
     const imu = this.#lean;
     const rootFromLink = imu === null ? null : imu.link === null ? IDENTITY : rootTurn(imu.link);
@@ -43,7 +43,7 @@ export class RootPose {
     return this.#leaned ?? IDENTITY;
   }
 
-  /** Takes a base; one that is not finite is ignored, and the last one stays. True when the base changed. */
+  /** Takes a base; one that is not finite is ignored, and the last one is kept. True if the base changed. */
   #takeBase(base: Base | null): boolean {
     const old = this.#base;
     if (base === null) {

@@ -33,13 +33,13 @@ export interface SampleModel {
   readonly visuals: readonly SampleVisual[];
   readonly materials?: readonly SampleMaterial[];
   readonly pictures?: readonly Uint8Array[];
-  /** As the builder writes it where meshoptimizer is missing. */
+  /** The form that the builder writes if meshoptimizer is missing. */
   readonly unpacked?: boolean;
 }
 
-const UNITS = 1000; // mesh units a metre
+const UNITS = 1000; // mesh units per metre
 
-/** The GLB of a sample model. `level` is only written into it, so that the bytes of two levels differ. */
+/** The GLB of a sample model. `level` is written into it only to make the bytes of two levels differ. */
 export async function sampleGlb(model: SampleModel, level = ''): Promise<Uint8Array> {
   await MeshoptEncoder.ready;
   const meshes = new Map<number, { first: number; start: number; material: number }>();

@@ -1,7 +1,7 @@
 import type { Quat, Vec3 } from '../twin/rotation.ts';
 import { addScaled, normalize, type Transform } from '../twin/vectors.ts';
 
-/** With them, vector algebra for all that is drawn about a robot, independent of three.js. */
+/** Vector algebra for everything drawn about a robot, independent of three.js. */
 export {
   addScaled,
   cross,
@@ -28,8 +28,8 @@ export function originOf(m: Transform): Vec3 {
   return [m[12]!, m[13]!, m[14]!];
 }
 
-/** The rotation of a transform as a unit quaternion. It starts from the largest component, so that half turns are
- *  exact, too (Shepperd 1978). */
+/** The rotation of a transform as a unit quaternion. It starts from the largest component, so that half turns are exact as well
+ *  (Shepperd 1978). */
 export function quatOfTransform(m: Transform): Quat {
   const [xx, yy, zz] = [m[0]!, m[5]!, m[10]!];
   const [yz, zx, xy] = [m[6]! - m[9]!, m[8]! - m[2]!, m[1]! - m[4]!];
@@ -43,7 +43,7 @@ export function quatOfTransform(m: Transform): Quat {
   return [xy * half, szx * half, syz * half, most * half];
 }
 
-/** The point that a transform (column-major, without scale) takes to `point`. */
+/** The point that a transform (column-major, without scale) maps to `point`. */
 export function pointBefore(transform: Float64Array, point: Vec3): Vec3 {
   const [x, y, z] = addScaled(point, originOf(transform), -1);
   const along = (i: number) => transform[i]! * x + transform[i + 1]! * y + transform[i + 2]! * z;

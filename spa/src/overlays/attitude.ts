@@ -40,16 +40,16 @@ export interface AttitudePaints {
   readonly plane: Paint;
   readonly rim: Paint;
   readonly gravity: Paint;
-  /** Thin lines that continue others. */
+  /** Thin lines that extend others. */
   readonly faint: Paint;
   readonly lean: Paint;
-  /** False: without plane and plumb line. The signs of balance have a plumb line of their own, and the plane would be taken for what
-   *  the robot stands on. */
+  /** False: without plane and plumb line. The balance signs have their own plumb line, and the plane would look like the
+   *  support. */
   readonly ground: boolean;
 }
 
 export interface ShownAttitude {
-  /** Height of the reference plane, m; null while nothing tells what is level. */
+  /** Height of the reference plane, m; null while no sensor tells what is level. */
   readonly planeZ: number | null;
   /** Roll and pitch by the body's IMU, rad; null without a reading. */
   readonly roll: number | null;
@@ -58,7 +58,7 @@ export interface ShownAttitude {
   readonly feet: readonly string[];
 }
 
-/** Draws what is level and how the robot leans: a plane at the lowest foot, the plumb line, the body's own up. */
+/** Draws the horizontal and the robot's lean: a plane at the lowest foot, the plumb line, the body's own up axis. */
 export class AttitudeOverlay {
   shown: ShownAttitude = { planeZ: null, roll: null, pitch: null, feet: [] };
 
@@ -104,7 +104,7 @@ function drawPlane(
   }
 }
 
-/** Draws a line from the body's IMU straight down to the plane, and the body's own up beside the world's. */
+/** Draws a line from the body's IMU straight down to the plane, and the body's up axis beside the world's. */
 function drawPlumb(
   strokes: Strokes,
   figure: PosedBody,
@@ -137,7 +137,8 @@ function drawPlumb(
   strokes.fan(at, normalize(cross(WORLD_UP, own)), WORLD_UP, angle, 0, UP * reach, lean);
 }
 
-/** Draws a ring that is tilted as the foot's own IMU reports; if that is right, it is parallel to the sole. */
+/** Draws a ring tilted by the orientation that the foot's own IMU reports; if the reading is right, it is parallel to the
+ *  sole. */
 function drawFoot(
   strokes: Strokes,
   figure: PosedBody,

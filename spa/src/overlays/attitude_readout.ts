@@ -9,7 +9,7 @@ const RIM = 11;
 
 type Lean = Pick<ShownAttitude, 'roll' | 'pitch'> & { readonly angle: AngleUnit; readonly old: boolean };
 
-/** Shows roll and pitch as numbers and as the bubble of a spirit level, in the host's place for them. */
+/** Shows roll and pitch as numbers and as the bubble of a spirit level, in the host's element for them. */
 export class AttitudeReadout {
   /** The element in the host; hidden without a reading. */
   readonly root = document.createElement('div');
@@ -48,7 +48,7 @@ export class AttitudeReadout {
     host.append(this.root);
   }
 
-  /** Shows a lean, or that it has no reading now; null hides the readout (the robot has no such sensor). */
+  /** Shows a lean, or that there is no reading now; null hides the readout (the robot has no such sensor). */
   show(lean: Lean | null): void {
     this.root.hidden = lean === null;
     if (lean === null) return;
@@ -64,7 +64,7 @@ export class AttitudeReadout {
       const words = said(value);
       if (text.data !== words) text.data = words;
     }
-    // A bubble moves to the high side: to the left when the robot leans right, back when it leans ahead.
+    // A bubble moves to the high side: to the left if the robot leans right, back if it leans forward.
     const way = Math.hypot(roll ?? 0, pitch ?? 0);
     const part = way === 0 ? 0 : (Math.min(1, way / FULL_RAD) * RIM) / way;
     this.#bubble.setAttribute(

@@ -13,12 +13,12 @@ import type { OverlayLabel } from './labels.ts';
 /** A joint whose limits are drawn. */
 export interface ShownJoint {
   readonly joint: string;
-  /** To the nearer limit, rad or m; negative beyond it. */
+  /** Distance to the nearer limit, rad or m; negative beyond it. */
   readonly left: number;
   readonly slides: boolean;
 }
 
-/** What the signs of balance show now, for tests and the debug interface. Lengths are metres in the world. */
+/** The balance signs shown now, for tests and the debug interface. Lengths are metres in the world. */
 export interface ShownBalance {
   readonly centreOfMass: Vec3 | null;
   readonly capturePoint: Vec3 | null;
@@ -27,7 +27,7 @@ export interface ShownBalance {
   readonly polygon: readonly Vec2[];
   readonly nearestEdge: number | null;
   readonly marginM: number | null;
-  /** The level of the margin as it is drawn. */
+  /** The drawn level of the margin. */
   readonly level: Level;
   readonly pressure: Vec3 | null;
   readonly feet: readonly {
@@ -36,20 +36,20 @@ export interface ShownBalance {
     readonly pressure: Vec3 | null;
     readonly atEdge: boolean;
   }[];
-  /** Footprints that the robot has left, and points of its trace. */
+  /** The number of footprints, and of trace points. */
   readonly footprints: number;
   readonly trace: number;
   readonly joints: readonly ShownJoint[];
 }
 
-/** How the signs of balance are to be drawn. */
+/** Style of the balance signs. */
 export interface BalanceStyle {
   /** The robot's radius, m. */
   readonly reach: number;
   readonly tones: OverlayColors;
   readonly palette: PaletteName;
   readonly angle: AngleUnit;
-  /** false: the pose is old, and everything is grey. */
+  /** false: the pose is out of date, and everything is grey. */
   readonly live: boolean;
 }
 
@@ -57,22 +57,22 @@ export interface BalanceStyle {
 export interface BalanceDrawing {
   /** null while there is nothing to show. */
   readonly shown: ShownBalance | null;
-  /** Adds its facets, of a body in the pose that is shown. */
+  /** Adds its facets for a body in the displayed pose. */
   draw(body: PosedBody | null, pose: Pose | null, readings: BalanceReadings, style: BalanceStyle): void;
   /** The labels for the newest `draw`. */
   labels(): OverlayLabel[];
 }
 
-/** The balance of all robots of one picture. */
+/** The balance of all robots in one picture. */
 export interface BalancePicture {
   readonly facets: FacetNumbers;
   /** Starts a new picture. */
   begin(): void;
-  /** Completes the picture. False when it equals the one before. */
+  /** Completes the picture. False if it equals the previous one. */
   end(): boolean;
-  /** Makes what draws the balance of one robot. */
+  /** Creates the object that draws the balance of one robot. */
   addRobot(): BalanceDrawing;
 }
 
-/** The code that draws balance is loaded on demand, so the overlay is given this. */
+/** The code that draws balance is loaded on demand and passed to the overlay. */
 export type MakeBalance = () => BalancePicture;

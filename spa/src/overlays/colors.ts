@@ -11,17 +11,17 @@ export interface OverlayColors {
   readonly live: number;
   readonly caution: number;
   readonly fault: number;
-  /** The same for colour-blind eyes. */
+  /** The levels for colour-blind viewers. */
   readonly safe: Readonly<Record<Level, number>>;
-  /** What is level, and the plumb line. */
+  /** The horizontal plane and the plumb line. */
   readonly level: number;
   /** Neutral information. */
   readonly muted: number;
-  /** Old readings. */
+  /** Out-of-date readings. */
   readonly stale: number;
   /** Selection, highlight and the ghost. */
   readonly accent: number;
-  /** What is as clear as text. */
+  /** Contrast as strong as text. */
   readonly ink: number;
 }
 
@@ -57,7 +57,7 @@ export function levelColor(tones: OverlayColors, palette: PaletteName, level: Le
   return { ok: tones.live, caution: tones.caution, fault: tones.fault }[level];
 }
 
-/** Load colours from rest to limit, sRGB: also from bright to dark, so that colour-blind people see the order. */
+/** Load colours from rest to limit, sRGB, also ordered from bright to dark, so that colour-blind people see the order. */
 const RAMP = [0xcfd8e6, 0xd9cfa8, 0xe8bf57, 0xdd8b26, 0xb4531a] as const;
 /** Colour of a link without a load reading. */
 export const NO_LOAD = 0x7f8894;
@@ -73,5 +73,5 @@ export function loadColor(part: number): number {
   return mix(16) | mix(8) | mix(0);
 }
 
-/** The tint of a link whose joint has no reading: grey and hatched, like everything old. */
+/** The tint of a link whose joint has no reading: grey and hatched, like everything out of date. */
 export const UNREAD: LinkTint = { color: 0x8f99a8, hatched: true };

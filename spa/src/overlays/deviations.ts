@@ -19,17 +19,17 @@ export interface ShownDeviation {
   readonly error: number;
   readonly unit: string;
   readonly compliant: boolean;
-  /** The point of its label (world, metres); null when none of its joints is in the model. */
+  /** The anchor of its label (world, metres); null if none of its joints is in the model. */
   readonly at: Vec3 | null;
-  /** What is drawn for it, as lines (world, metres): from each joint to the middle of its arc, and along the limb. */
+  /** The lines drawn for it (world, metres): from each joint to the middle of its arc, and along the limb. */
   readonly lines: readonly (readonly [Vec3, Vec3])[];
 }
 
-/** Draws arcs at joints that are off their command, from where the limb is to where it should be. */
+/** Draws arcs at joints that deviate from their command, from the limb's actual to its commanded position. */
 export class DeviationOverlay {
   readonly shown: ShownDeviation[] = [];
 
-  /** Adds its strokes. `from`: the values that the body shows, where arcs start; `reach`: the robot's radius, m. */
+  /** Adds its strokes. `from`: the displayed values, where arcs start; `reach`: the robot's radius, m. */
   draw(
     strokes: Strokes,
     body: PosedBody | null,
@@ -57,7 +57,7 @@ export class DeviationOverlay {
   }
 }
 
-/** An arc that was drawn, or the shaft of one that slides: world, metres. */
+/** A drawn arc, or the shaft for a prismatic joint: world, metres. */
 interface DrawnArc {
   readonly joint: Vec3;
   readonly middle: Vec3;
@@ -65,7 +65,7 @@ interface DrawnArc {
   readonly ends: readonly Vec3[];
 }
 
-/** Draws one arc; null when the model has no such joint. */
+/** Draws one arc; null if the model has no such joint. */
 function drawArc(
   strokes: Strokes,
   body: PosedBody,

@@ -10,12 +10,12 @@ export class JointLoadPaint {
   #jointOf: ReadonlyMap<string, string | null> = new Map();
   readonly #shown = new Map<string, number>();
 
-  /** The shown colours by link (sRGB 0xrrggbb); empty while links have their own. */
+  /** The displayed colours by link (sRGB 0xrrggbb); empty while links have their own. */
   get shown(): ReadonlyMap<string, number> {
     return this.#shown;
   }
 
-  /** Paints the links; `fault` is the colour (sRGB) of a joint past its limit, hatched, too. True when any changed. */
+  /** Paints the links; `fault` is the colour (sRGB) of a joint past its limit, which is also hatched. True if any changed. */
   paint(figure: PosedBody | null, loads: ReadonlyMap<string, Load> | null, fault: number): boolean {
     if (figure !== this.#figure) {
       this.#figure = figure;

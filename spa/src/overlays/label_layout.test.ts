@@ -13,7 +13,7 @@ function overlap(a: PlacedLabel, b: PlacedLabel): boolean {
   return Math.abs(a.x - b.x) < WIDE && Math.abs(a.y - b.y) < HIGH;
 }
 
-/** Whether a line passes through a label, looked at in steps of a pixel. */
+/** Whether a line passes through a label, sampled in steps of a pixel. */
 function crosses({ x, y }: PlacedLabel, [from, to]: Line): boolean {
   const steps = Math.ceil(Math.hypot(to.x - from.x, to.y - from.y)) + 1;
   return Array.from({ length: steps + 1 }, (_, i) => i / steps).some((part) => {
@@ -22,7 +22,7 @@ function crosses({ x, y }: PlacedLabel, [from, to]: Line): boolean {
   });
 }
 
-/** Numbers from 0 to 1, the same each time. */
+/** Reproducible numbers from 0 to 1. */
 function* dice(): Generator<number, never> {
   for (let seed = 7; ; ) {
     seed = (seed * 48271) % 2147483647;
@@ -120,7 +120,7 @@ describe('the layout of labels', () => {
       [410, 318],
       [390, 330],
     ];
-    // just beyond the air that a new place has around it
+    // just beyond the clearance that a new place requires
     const wall: Line = [
       { x: 139, y: 100 },
       { x: 139, y: 500 },

@@ -1,44 +1,44 @@
 import type { Line, Spot } from '../browser/drawn_lines.ts';
 
-/** Distances of a label from its point, and steps up and down beside it, CSS px. */
+/** Distances of a label from its anchor, and vertical steps beside it, CSS px. */
 const GAPS = [10, 34, 70, 120, 190];
 const STEP = 12;
 const MOST_STEPS = 9;
-/** What a place costs, in px of distance: every step up or down, and to stand on the inner side, which hardly matters for a
- *  point near the middle. */
+/** Costs of a place, in px of distance: for every vertical step, and for being on the inner side, which hardly matters for an
+ *  anchor near the middle. */
 const STEP_COST = 8;
 const INNER_COST = 40;
 const INNER_COST_NEAR_MIDDLE = 6;
-/** Room that a new place has around it: less than that is no reason to leave an old one. CSS px. */
+/** Clearance required around a new place. A label that already has its place keeps it with less. CSS px. */
 const AIR = 5;
-/** A label goes back to a better place only if it is better by this; and to the other side only if its point is so far beyond
+/** A label moves to a better place only if it is better by this much; and to the other side only if its anchor is this far beyond
  *  the middle. CSS px. */
 const BETTER = 20;
 const BEYOND = 24;
-/** From this distance on a line leads from the label to its point. CSS px. */
+/** From this distance on, a line connects the label to its anchor. CSS px. */
 const LEADER = 16;
-/** Side of the cells that boxes are looked up by, and of the boxes that a line is made of; CSS px. */
+/** Cell size of the box lookup, and the size of the boxes that a line is made of; CSS px. */
 const CELL = 48;
 const DOT = 8;
 const MOST_DOTS = 96;
 
 /** A label to be placed; CSS px. */
 export interface LabelBox {
-  /** Identifies the same label in successive pictures. */
+  /** Identifies the same label in consecutive pictures. */
   readonly key: string;
   readonly wide: number;
   readonly high: number;
-  /** The point that it names. */
+  /** The anchor: the point that it names. */
   readonly point: Spot;
-  /** The middle of what the point belongs to, whose outer side the label prefers: x. */
+  /** The x of the middle of the anchor's robot or group; the label prefers the outer side. */
   readonly middle: number;
 }
 
-/** A picture, and the part of its height that notes and buttons leave free for labels; CSS px. */
+/** A picture, and the vertical part that notes and buttons leave free for labels; CSS px. */
 export interface LabelRoom {
   readonly width: number;
   readonly height: number;
-  /** Where the free part begins, and how high it is. */
+  /** The top of the free part, and its height. */
   readonly top: number;
   readonly free: number;
 }
@@ -47,7 +47,7 @@ export interface PlacedLabel {
   /** The upper left corner. */
   readonly x: number;
   readonly y: number;
-  /** From the label's edge to its point; null where it stands beside it. */
+  /** From the label's edge to its anchor; null if it is beside it. */
   readonly leader: Line | null;
 }
 
@@ -59,7 +59,7 @@ export interface Box {
   readonly bottom: number;
 }
 
-/** A place of a label relative to its point: on the outer side or the inner one, so far away, so many steps down. */
+/** A place of a label relative to its anchor: outer or inner side, distance, vertical steps. */
 interface Slot {
   readonly inner: boolean;
   readonly gap: number;
@@ -67,7 +67,7 @@ interface Slot {
   readonly cost: number;
 }
 
-/** All places, the best first. */
+/** All places, best first. */
 function slotsFor(innerCost: number): readonly Slot[] {
   return GAPS.flatMap((gap) =>
     [false, true].flatMap((inner) =>
@@ -83,14 +83,15 @@ const SLOTS = slotsFor(INNER_COST);
 const SLOTS_NEAR_MIDDLE = slotsFor(INNER_COST_NEAR_MIDDLE);
 
 /**
- * Places labels beside what they name: over no line that is drawn there, over no other label or words, within the picture's free part,
- * each on its outer side if there is room. A label keeps its place beside its point until something comes into it, so none
- * flickers. The first label chooses first. The cost grows with the number of labels, each trying at most 190 places.
+ * Places labels beside their anchors, so that they cover no drawn line, no other label and no text. They stay in the picture's
+ * free part, each on its outer side if there is room. A label keeps its place beside its anchor until something moves into it, so
+ * that labels don't flicker. The first label chooses first. The cost grows linearly with the number of labels; each tries at most
+ * 190 places.
  */
 export class LabelLayout {
   readonly #kept = new Map<string, { slot: Slot; outer: 1 | -1 }>();
 
-  /** `lines`: what is drawn and must be seen; `words`: what stands over the picture already. Labels without room anywhere stand
+  /** `lines`: drawn lines that must stay visible; `words`: text already over the picture. Labels that fit nowhere are placed
    *  where they cover least. */
   place(
     labels: readonly LabelBox[],
@@ -150,7 +151,7 @@ function boxAt({ wide, high, point }: LabelBox, slot: Slot, outer: 1 | -1, room:
   return { left: left - air, top: top - air, right: left + wide + air, bottom: top + high + air };
 }
 
-/** The line from a label's nearest edge to its point; null if that is beside it. */
+/** The line from a label's nearest edge to its anchor; null if that is beside it. */
 function leaderOf({ left, top, right, bottom }: Box, point: Spot): Line | null {
   const edge = {
     x: Math.max(left, Math.min(point.x, right)),
@@ -159,7 +160,7 @@ function leaderOf({ left, top, right, bottom }: Box, point: Spot): Line | null {
   return Math.hypot(edge.x - point.x, edge.y - point.y) < LEADER ? null : [edge, point];
 }
 
-/** Boxes in the picture, looked up by the cells that they lie in. */
+/** Boxes in the picture, indexed by the cells that they cover. */
 class CoveredCells {
   readonly #cells = new Map<number, Box[]>();
 
@@ -182,7 +183,7 @@ class CoveredCells {
     }
   }
 
-  /** How much of the taken boxes this one covers, px². */
+  /** The area of the taken boxes that this box covers, px². */
   coveredBy(box: Box): number {
     let sum = 0;
     for (const cell of cellsOf(box)) {

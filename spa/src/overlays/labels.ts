@@ -3,32 +3,32 @@ import { type Line, noteLines } from '../browser/drawn_lines.ts';
 import type { Vec3 } from '../twin/rotation.ts';
 import { type Box, type LabelBox, LabelLayout, type LabelRoom } from './label_layout.ts';
 
-/** Most labels at one time, so that a robot with 200 deviating joints does not fill the picture with words. */
+/** Maximum number of labels, so that a robot with 200 deviating joints does not fill the picture with text. */
 export const MOST_LABELS = 16;
 /** Estimated size of a label that cannot be measured, CSS px. */
 const LETTER_PX = 6.7;
 const FRAME_PX = 28;
 const HIGH_PX = 19;
-/** How often it is looked where other words are: that makes the browser lay out the page, ms. */
+/** The interval at which the positions of other text are read, ms: reading forces a layout. */
 const LOOK_EVERY_MS = 500;
 
 /** Projects a point of the world to the picture, CSS px; null behind the camera. */
 export type LabelPlace = (at: Vec3) => { x: number; y: number } | null;
 
 export interface OverlayLabel {
-  /** Identifies the same label in successive pictures. */
+  /** Identifies the same label in consecutive pictures. */
   readonly key: string;
   readonly text: string;
   readonly level: Level;
-  /** Shown without emphasis, because it is no trouble: a joint that yields on purpose, or has no reading. */
+  /** Shown without emphasis, because it is no fault: a joint that is compliant on purpose, or has no reading. */
   readonly quiet: boolean;
-  /** Shown in grey, as its strokes are: it is of a pose that is no longer the robot's own. */
+  /** Shown in grey, like its strokes: the pose is out of date. */
   readonly old: boolean;
-  /** The point that it belongs to (world, metres). */
+  /** The anchor (world, metres). */
   readonly at: Vec3;
-  /** The middle of its robot (world, metres). The label stands on the outer side of its point. */
+  /** The middle of its robot (world, metres). The label is placed on the outer side of its anchor. */
   readonly middle: Vec3;
-  /** What is drawn for it, and must not be covered: lines (world, metres). */
+  /** The lines drawn for it, which must not be covered (world, metres). */
   readonly lines: readonly (readonly [Vec3, Vec3])[];
 }
 
@@ -39,13 +39,13 @@ interface LabelElement {
   label: OverlayLabel | null;
   shownAt: string;
   leads: string;
-  /** Its size, CSS px, and for how many letters it was measured: measuring in every tick would force a layout in each. */
+  /** Its size, CSS px, and the text length at its measurement: measuring at every tick would force a layout each time. */
   size: { readonly wide: number; readonly high: number };
   letters: number;
 }
 
-/** The overlay's labels as HTML elements over the canvas, so that they are sharp, cost no draw call and follow the
- *  theme. Screen readers find the same in the table. */
+/** The overlay's labels as HTML elements over the canvas, so that they are sharp, cost no draw call and follow the theme. Screen
+ *  readers get the same data from the table. */
 export class OverlayLabels {
   readonly #layer = document.createElement('div');
   readonly #elements = new Map<string, LabelElement>();
@@ -80,7 +80,7 @@ export class OverlayLabels {
       const { dataset } = element.root;
       if (dataset.level !== level) {
         dataset.level = level;
-        element.letters = -1; // with another mark, or on a phone with none at all
+        element.letters = -1; // with a different mark, or on a phone none at all
       }
       if (dataset.quiet !== String(quiet)) dataset.quiet = String(quiet);
       if (dataset.old !== String(old)) dataset.old = String(old);
@@ -160,7 +160,7 @@ export class OverlayLabels {
   }
 }
 
-/** The size of a label, measured when its text has another length; zero for one that the page does not show. */
+/** The size of a label, measured if the length of its text has changed; zero for a label that the page hides. */
 function measured(element: LabelElement): { readonly wide: number; readonly high: number } {
   const { root, text } = element;
   if (element.letters === text.length) return element.size;
@@ -170,7 +170,7 @@ function measured(element: LabelElement): { readonly wide: number; readonly high
   const [wide, high] = [root.offsetWidth, root.offsetHeight];
   root.hidden = hidden;
   const unshown = wide === 0 && (root.parentElement?.offsetWidth ?? 0) > 0;
-  // a page that has no layout yet measures nothing
+  // before the first layout, everything measures zero
   element.size =
     wide > 0 || unshown ? { wide, high } : { wide: text.length * LETTER_PX + FRAME_PX, high: HIGH_PX };
   return element.size;

@@ -9,11 +9,11 @@ import {
 } from '../model/vectors.ts';
 import type { Vec3 } from '../twin/rotation.ts';
 
-/** A direction whose part across the axis is shorter (squared, unit vectors) is none. */
+/** If the component of a direction across the axis is shorter than this (squared, unit vectors), it counts as zero. */
 const ALONG_AXIS = 0.02;
 const DOWN: Vec3 = [0, 0, -1];
 
-/** Where the limb that a joint turns points, as a unit vector across the joint's axis in the world: towards the middle of the
+/** The direction of the limb that a joint turns, as a unit vector across the joint's axis in the world: towards the middle of the
  *  moved link's box (in its frame, if it has one), else down, else ahead. */
 export function limbAcross(
   axis: Vec3,

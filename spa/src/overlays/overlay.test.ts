@@ -47,7 +47,7 @@ function board() {
   return { made, words, level: () => host.querySelector<HTMLElement>('.stage-level')! };
 }
 
-/** Lets arrows grow to their length. */
+/** Lets arrows grow to their full length. */
 function settle(made: Overlay): void {
   while (made.advance(1 / 30)) made.make();
   made.make();
@@ -154,7 +154,7 @@ it('a label that its level hides has no line to its point any more', () => {
   made.show(bearer, standing(450, 'fault'), MANNER);
   settle(made);
   const [label] = words();
-  // as on a phone, where what is well needs no words
+  // as on a phone, where values within their limits need no label
   const isShown = () => label!.dataset.level !== 'ok';
   Object.defineProperty(label, 'offsetWidth', { get: () => (isShown() ? 60 : 0) });
   Object.defineProperty(label, 'offsetHeight', { get: () => (isShown() ? 19 : 0) });

@@ -10,17 +10,17 @@ import { type LabelPlace, OverlayLabels } from './labels.ts';
 import { type OverlayStyle, RANK, RobotOverlay, type ShownOverlay } from './robot_overlay.ts';
 import { Strokes } from './strokes.ts';
 
-/** A robot of the picture whose overlay is drawn. */
+/** A robot in the picture whose overlay is drawn. */
 export interface OverlayBearer {
   /** null while it has no body. */
   readonly figure: PosedBody | null;
-  /** The pose that is shown. */
+  /** The displayed pose. */
   readonly pose?: Pose | null;
 }
 
 /**
  * The overlay of all robots of one picture, independent of the renderer: strokes and facets for the canvas and labels over it. It
- * is rebuilt only by `make`, so that six moving robots cost one rebuild for each picture.
+ * is rebuilt only in `make`, so that six moving robots cost one rebuild per picture.
  */
 export class Overlay {
   readonly strokes = new Strokes();
@@ -53,12 +53,12 @@ export class Overlay {
     this.#old = true;
   }
 
-  /** Call when a robot has moved or has another body. */
+  /** Call this when a robot has moved or its body has changed. */
   moved(): void {
     this.#old = true;
   }
 
-  /** Measures the robots' sizes anew, for example after more of their meshes have come. */
+  /** Measures the robots' sizes again, for example after more of their meshes have loaded. */
   measure(): void {
     for (const signs of this.#signs.values()) signs.measure();
     this.#old = true;
@@ -69,7 +69,7 @@ export class Overlay {
     this.#old = true;
   }
 
-  /** Advances the easing of arrows. True while it goes on. */
+  /** Advances the easing of arrows. True while it continues. */
   advance(seconds: number): boolean {
     let moving = false;
     for (const signs of this.#signs.values()) moving = signs.advance(seconds) || moving;
@@ -77,7 +77,7 @@ export class Overlay {
     return moving;
   }
 
-  /** Rebuilds strokes and labels if needed. True when the picture changes by it. */
+  /** Rebuilds strokes and labels if needed. True if that changes the picture. */
   make(): boolean {
     if (!this.#old) return false;
     this.#old = false;
@@ -97,7 +97,7 @@ export class Overlay {
         : signs.labels().map((label) => ({ ...label, key: `${i}-${label.key}` })),
     );
     this.#labels.set(labels.sort((a, b) => RANK[a.level] - RANK[b.level]));
-    const alone = all.length === 1 ? all[0]! : null; // several have no one lean
+    const alone = all.length === 1 ? all[0]! : null; // several robots have no common lean
     this.#readout.show(alone?.lean ?? null);
     return changed || repainted;
   }

@@ -7,22 +7,22 @@ export interface Paint {
   readonly through?: boolean;
 }
 
-/** What a picture is drawn from, for renderers: rows of numbers, each with one row of attributes. */
+/** The data of a picture, for renderers: rows of numbers, each with one row of attributes. */
 export interface DrawnNumbers {
   /** The rows of the newest complete picture, `stride` numbers each. Always the same array. */
   readonly numbers: Float32Array;
-  /** How many rows there are in it. */
+  /** The number of rows in it. */
   readonly count: number;
   readonly stride: number;
 }
 
-/** Rows of numbers that are made anew for each picture. */
+/** Rows of numbers that are rebuilt for each picture. */
 export class PictureNumbers implements DrawnNumbers {
   readonly stride: number;
   readonly numbers: Float32Array;
   #count = 0;
   readonly #most: number;
-  /** The rows of the picture that is being made, and how many there are. */
+  /** The rows of the picture being built, and their number. */
   protected readonly making: Float32Array;
   protected made = 0;
 
@@ -43,7 +43,7 @@ export class PictureNumbers implements DrawnNumbers {
     this.made = 0;
   }
 
-  /** Completes the picture. False when it equals the one before. */
+  /** Completes the picture. False if it equals the previous one. */
   end(): boolean {
     const length = this.made * this.stride;
     let changed = this.made !== this.#count;

@@ -18,7 +18,7 @@ import type { Paint } from './picture_numbers.ts';
 import type { Strokes } from './strokes.ts';
 import { type ShownWrench, WrenchOverlay } from './wrenches.ts';
 
-/** The words of labels in the viewer's language. */
+/** The texts of labels in the viewer's language. */
 export interface OverlayWords {
   readonly offBy: (channel: string, by: string) => string;
   readonly compliant: (channel: string) => string;
@@ -26,27 +26,27 @@ export interface OverlayWords {
 }
 
 export interface OverlayStyle {
-  /** false: the pose is old, and the overlay is grey. */
+  /** false: the pose is out of date, and the overlay is grey. */
   readonly live: boolean;
-  /** The values that the body shows; arcs lead from there to the other. */
+  /** The displayed joint values; deviation arcs lead from there to the other values. */
   readonly from: 'pos' | 'ref';
   /** Factor of the length of arrows; 1 is usual. */
   readonly arrowScale: number;
   readonly palette: PaletteName;
   readonly angle: AngleUnit;
   readonly words: OverlayWords;
-  /** What draws the balance; null until its code is here. */
+  /** Draws the balance; null until its code has loaded. */
   readonly balance?: MakeBalance | null;
 }
 
-/** What the overlay shows now, for tests and the debug interface. */
+/** The overlay's current content, for tests and the debug interface. */
 export interface ShownOverlay {
   readonly wrenches: readonly ShownWrench[];
   readonly deviations: readonly ShownDeviation[];
   readonly level: ShownAttitude;
   /** Link → #rrggbb while the body is painted by load. */
   readonly loads: Readonly<Record<string, string>>;
-  /** null while the signs of balance are off, or have nothing to show. */
+  /** null while the balance signs are off, or there is nothing to show. */
   readonly balance: ShownBalance | null;
 }
 
@@ -75,7 +75,7 @@ export class RobotOverlay {
   #readings = NOTHING;
   #manner = USUAL;
   #body: PosedBody | null = null;
-  /** The robot's radius, m. It is measured once, so that arrows don't change size with the pose. */
+  /** The robot's radius, m. Measured once, so that arrows don't change size with the pose. */
   #reach: number | null = null;
 
   get shown(): ShownOverlay {
@@ -89,13 +89,13 @@ export class RobotOverlay {
     };
   }
 
-  /** The body's lean, the unit to show it in and whether it is of an old pose; null for a robot without a sensor for it. */
+  /** The body's lean, the display unit, and whether the pose is out of date; null for a robot without a sensor for it. */
   get lean(): (ShownAttitude & { readonly angle: AngleUnit; readonly old: boolean }) | null {
     const { angle, live } = this.#manner;
     return this.#readings.body === null ? null : { ...this.#attitude.shown, angle, old: !live };
   }
 
-  /** Takes the newest readings and their style. `balance`: where its balance is drawn; null for nowhere yet. */
+  /** Takes the newest readings and their style. `balance`: the render target for its balance; null if there is none yet. */
   take(
     readings: OverlayReadings | null,
     manner: OverlayStyle = this.#manner,
@@ -108,18 +108,17 @@ export class RobotOverlay {
     else this.#balance ??= balance?.addRobot() ?? null;
   }
 
-  /** Measures the robot's size anew, for example after more of its meshes have come. */
+  /** Measures the robot's size again, for example after more of its meshes have loaded. */
   measure(): void {
     this.#reach = null;
   }
 
-  /** Advances the easing of arrows. True while it goes on. */
+  /** Advances the easing of arrows. True while it continues. */
   advance(seconds: number): boolean {
     return this.#wrenches.advance(seconds);
   }
 
-  /** Adds its strokes, and its balance in a pose, to a picture and tints the body. True when the body's colours
-   *  changed. */
+  /** Adds its strokes, and its balance in a pose, to a picture, and tints the body. True if the body's colours changed. */
   draw(strokes: Strokes, body: PosedBody | null, pose: Pose | null, tones: OverlayColors): boolean {
     if (body !== this.#body) this.#reach = null;
     this.#body = body;
@@ -177,8 +176,8 @@ export class RobotOverlay {
     return labels;
   }
 
-  /** Beyond which the labels' outer sides lie: the middle of the sensors of force, so that each of two feet has its own side
-   *  also when the robot stands on one; without them the root. */
+  /** The reference point for the outer side of labels: the middle of the force sensors, so that each of two feet keeps its own
+   *  side even if the robot stands on one; without such sensors, the root. */
   #middle(): Vec3 {
     const sensors = this.#wrenches.shown.map(({ at }) => at);
     if (this.#body !== null && sensors.length === 0)

@@ -2,7 +2,7 @@ import { normalize, rejectFrom, scale } from '../model/vectors.ts';
 import type { Vec3 } from '../twin/rotation.ts';
 import { type Paint, PictureNumbers, tintOf } from './picture_numbers.ts';
 
-/** Most strokes in one picture; further ones are not drawn. 200 deviating joints need 600. */
+/** Maximum strokes in one picture; further ones are not drawn. 200 deviating joints need 600. */
 export const MOST_STROKES = 1024;
 /** Thickness of a fan relative to its width. */
 const FLAT = 0.004;

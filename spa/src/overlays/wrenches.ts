@@ -23,14 +23,14 @@ const HEAD_WIDE = 0.033;
 const FLANGE = 0.045;
 const ARC = 0.15;
 const ARC_THICK = 0.008;
-/** Longest arrow, as a multiple of that at the limit: it is red by then, and its label has the number. */
+/** Maximum arrow length, as a multiple of the length at the limit: beyond the limit it is red, and its label has the number. */
 const MOST = 1.6;
 /** Sweep of the arc of a moment at its limit, rad. */
 const SWEEP_AT_LIMIT = 1.5 * Math.PI;
 const MOST_SWEEP = 1.85 * Math.PI;
-/** Below this part of the limit nothing is drawn. */
+/** Below this fraction of the limit nothing is drawn. */
 const LEAST = 0.015;
-/** Number of arrow heads for each level, so that colour is not the only sign. */
+/** Number of arrow heads for each level, so that colour is not the only cue. */
 const HEADS: Readonly<Record<Level, number>> = { ok: 1, caution: 2, fault: 3 };
 const SMOOTH_SECONDS = 0.08;
 const SETTLED = 0.002;
@@ -49,25 +49,25 @@ class Glide {
   }
 }
 
-/** What tests and labels need to know of a shown arrow. */
+/** The data of a displayed arrow, for tests and labels. */
 export interface ShownArrow {
   readonly level: Level;
   /** N or N·m; signed if the robot measures one axis only; null without a reading. */
   readonly value: number | null;
-  /** Metres from the sensor to the tip; for a moment the angle swept, rad. */
+  /** Metres from the sensor to the tip; for a moment, the swept angle, rad. */
   readonly size: number;
 }
 
 export interface ShownWrench {
   readonly site: string;
   readonly name: string;
-  /** null when the robot measures none. */
+  /** null if the robot measures none. */
   readonly force: ShownArrow | null;
   readonly moment: ShownArrow | null;
-  /** Where its sensor is, and the point of its label (world, metres). */
+  /** The position of its sensor, and the anchor of its label (world, metres). */
   readonly at: Vec3;
   readonly tip: Vec3;
-  /** What is drawn for it, as lines (world, metres): the arrow, and chords of the moment's arc. */
+  /** The lines drawn for it (world, metres): the arrow, and chords of the moment's arc. */
   readonly lines: readonly (readonly [Vec3, Vec3])[];
 }
 
@@ -84,7 +84,7 @@ export class WrenchOverlay {
   readonly #glides = new Map<string, { force: Glide; moment: Glide }>();
   #wrenches: readonly Wrench[] = [];
 
-  /** Takes the newest readings; `atOnce` without easing. True when lengths have to be eased. */
+  /** Takes the newest readings; `atOnce`: without easing. True if lengths have to be eased. */
   take(wrenches: readonly Wrench[], atOnce: boolean): boolean {
     this.#wrenches = wrenches;
     let moving = false;
@@ -112,8 +112,8 @@ export class WrenchOverlay {
     return moved;
   }
 
-  /** Adds its strokes. `reach`: the robot's radius, m; `scale`: factor of the length of arrows; `unread`: the paint of
-   *  a sensor without a reading; `feet`: those at which balance draws its own marks, so that a reading there has no ring. */
+  /** Adds its strokes. `reach`: the robot's radius, m; `scale`: factor of the length of arrows; `unread`: the paint of a sensor
+   *  without a reading; `feet`: sensors at which balance draws its own marks, so that a reading there gets no ring. */
   draw(
     strokes: Strokes,
     body: PosedBody | null,
@@ -168,7 +168,7 @@ function lacks(arrow: Arrow): boolean {
   return arrow.axes.length > 0 && arrow.vector === null;
 }
 
-/** Draws a small ring at the sensor, so that its place is seen even while it measures nothing. */
+/** Draws a small ring at the sensor, so that its place is visible even if it measures nothing. */
 function drawFlange(strokes: Strokes, { at, inWorld }: Sensor, reach: number, paint: Paint): void {
   strokes.arc(at, inWorld([0, 0, 1]), inWorld([1, 0, 0]), 2 * Math.PI, reach * FLANGE, reach * 0.005, paint);
 }
@@ -197,10 +197,10 @@ function drawForce(
   return { size: length, tip: addScaled(at, along, length) };
 }
 
-/** Chords that stand for the arc of a moment. */
+/** Chords that approximate the arc of a moment. */
 const CHORDS = 8;
 
-/** Draws the arc of a moment; returns the angle swept (rad), and its chords. */
+/** Draws the arc of a moment; returns the swept angle (rad), and its chords. */
 function drawMoment(
   strokes: Strokes,
   { at, inWorld }: Sensor,
@@ -214,7 +214,7 @@ function drawMoment(
   if (part < LEAST || dot(axis, axis) < 0.5) return { sweep: 0, lines: [] };
   const sweep = Math.min(part * SWEEP_AT_LIMIT, MOST_SWEEP);
   const radius = ARC * reach * Math.min(scale, 1.6);
-  // Half on either side of the top, where it is seen best.
+  // Half on either side of the top, where it is most visible.
   const top = rejectFrom([0, 0, 1], axis);
   const start = rotateAbout(
     axis,

@@ -1,7 +1,7 @@
 import { PastError } from './past_source.ts';
 
 /** The bytes of an answer. Rejects with a `PastError` ('damaged') as soon as there are more than `most`. `heard` is called for
- *  each piece that comes. */
+ *  each chunk received. */
 export async function answerBytes(
   { body }: Response,
   name: string,

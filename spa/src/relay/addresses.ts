@@ -1,6 +1,6 @@
 import { relayChoice } from './relay.ts';
 
-/** Addresses (URLs) at the relay that this page reads. */
+/** Addresses (URLs) on the relay that this page reads. */
 
 /** The frame rate to ask for, Hz; the relay may grant less. */
 export const WANTED_HZ = 30;

@@ -1,4 +1,4 @@
-/** Reads the `config.json` beside the page, and decides which relay or mirror an address may choose by it. */
+/** Reads the `config.json` beside the page, and decides which relay or mirror an address may select. */
 
 /** A Firebase project, by its names in the Firebase console. */
 export interface Accounts {
@@ -10,7 +10,7 @@ export interface Accounts {
 
 /** The contents of the `config.json` beside the page. */
 export interface Config {
-  /** The relay to read unless the address says otherwise; null: the page's own origin. */
+  /** The relay to read unless the address names another; null: the page's own origin. */
   readonly relay: string | null;
   /** Further relays that `?relay=` may name. */
   readonly relays: readonly string[];
@@ -22,9 +22,9 @@ export interface Config {
   readonly database: string | null;
 }
 
-/** The chosen relay. `base`, `mirror` and `lane` end with a slash; `base` is null when the address asks for something that is
- *  not allowed, which `refused` names. `lane`: where who has no token reads instead of the relay, in segments; null: everybody
- *  takes a socket. */
+/** The selected relay. `base`, `mirror` and `lane` end with a slash; `base` is null if the address requests something that is not
+ *  allowed, which `refused` names. `lane`: where viewers without a token read segments instead of the relay's socket; null:
+ *  everybody uses a socket. */
 export type Choice =
   | {
       readonly base: string;
@@ -36,7 +36,7 @@ export type Choice =
 
 const NEAR = /^http:\/\/(localhost|127\.0\.0\.1):\d+$/;
 
-/** Reads a config of unknown origin; invalid members are left out. */
+/** Reads an untrusted config; invalid members are left out. */
 export function readConfig(body: unknown): Config {
   const { relay, relays, lane, firebase } = fieldsOf(body);
   const isText = (value: unknown): value is string => typeof value === 'string';
@@ -57,7 +57,7 @@ function fieldsOf(value: unknown): Record<string, unknown> {
   return typeof value === 'object' && value !== null ? (value as Record<string, unknown>) : {};
 }
 
-/** Chooses the relay by `home` (the page's folder), `search` (the query of its address) and the config. */
+/** Selects the relay from `home` (the page's folder), `search` (the query of its address) and the config. */
 export function chooseRelay(home: string, search: string, config: Config): Choice {
   const query = new URLSearchParams(search);
   const own = addressOf(config.relay, home) ?? home;
@@ -68,7 +68,8 @@ export function chooseRelay(home: string, search: string, config: Config): Choic
   const wanted = asked ? addressOf(asked, home) : own;
   const allowed = [home, own, ...config.relays.map((relay) => addressOf(relay, home))];
   if (wanted === null || !allowed.includes(wanted)) return refusal(wanted ?? asked ?? '');
-  // The config's lane leads to the config's relay. Any other value of `?lane=` is left alone: it names a way, not a robot.
+  // The config's lane belongs to the config's relay. Any other value of `?lane=` is ignored: it selects a way to read, not a
+  // robot.
   const cached = wanted === own ? addressOf(config.lane, home) : null;
   const lane = cached ?? (query.get('lane') === 'segments' ? wanted : null);
   return { base: wanted, mirror, lane: mirror === null ? lane : null, refused: null };
@@ -95,7 +96,7 @@ function addressOf(text: string | null, home: string): string | null {
 
 const GOOGLE = 'https://identitytoolkit.googleapis.com https://securetoken.googleapis.com';
 
-/** Further hosts that the page talks to, as sources for a Content-Security-Policy. */
+/** Additional hosts that the page contacts, as sources for a Content-Security-Policy. */
 export function furtherSources({ mirror, lane }: Choice, accounts: Accounts | null): string {
   // Firebase databases redirect to a server with another name.
   const database = mirror === null ? '' : `${mirror} https://*.firebaseio.com https://*.firebasedatabase.app`;

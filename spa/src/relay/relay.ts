@@ -1,6 +1,6 @@
 /**
- * Which relay this page reads: by default the origin that served the page, below the page's own path, unless
- * `config.json` or the address choose another (`config.ts`, which is loaded only then).
+ * Which relay this page reads: by default the origin that served the page, below the page's own path, unless `config.json` or the
+ * address select another (`config.ts`, loaded only in that case).
  */
 
 import { readStored } from '../browser/storage.ts';
@@ -8,17 +8,17 @@ import { asAnyone } from './as_anyone.ts';
 import type { Accounts, Choice } from './config.ts';
 import { recordingUrl } from './recording_address.ts';
 
-/** How long to wait for `config.json`, which lies beside the page and is as quick as that. Afterwards the page uses its own origin
- *  for good, so slow lines and busy devices get much time. */
+/** How long to wait for `config.json`, which is as fast to load as the page beside it. After that the page uses its own origin
+ *  for good, so the limit is generous for slow connections and busy devices. */
 const CONFIG_LATE_MS = 30_000;
 
-/** Matches an address that asks for another source than the page's own origin, or for another way to it. */
+/** Matches an address that requests a source other than the page's own origin, or another way to it. */
 const ELSEWHERE = /[?&](relay|source|lane)=/;
 
-/** Storage key of the name of the account that is signed in. */
+/** Storage key of the signed-in account's name. */
 export const ACCOUNT = 'posecast.account';
 
-/** Set when `relaySettled` resolves; null without accounts, and in a frame of another site. */
+/** Set when `relaySettled` resolves; null without accounts, and in another site's frame. */
 export let accounts: Accounts | null = null;
 let choice: Choice | null = null;
 let asking: Promise<Choice> | null = null;
@@ -29,13 +29,13 @@ export function home(): string {
     .href;
 }
 
-/** The chosen relay; before `relaySettled` resolves, the page's own origin. */
+/** The selected relay; until `relaySettled` resolves, the page's own origin. */
 export function relayChoice(): Choice {
   return choice ?? { base: home(), mirror: null, lane: null, refused: null };
 }
 
-/** Resolves to the chosen relay; asks once. From then on a content policy limits whom the page may talk to. A recording has no
- *  relay: nothing is asked, and its own origin is all that it reads. */
+/** Resolves to the selected relay; decided once. From then on, a Content-Security-Policy limits which hosts the page may contact.
+ *  A recording has no relay: nothing is requested, and it reads only its own origin. */
 export function relaySettled(): Promise<Choice> {
   asking ??= (async () => {
     const isRecording = recordingUrl() !== null;
@@ -46,7 +46,7 @@ export function relaySettled(): Promise<Choice> {
       const answer = await fetch(new URL('config.json', home()), { signal, cache: 'no-cache' });
       if (answer.ok) body = await answer.json();
     } catch {
-      // none, or none in time
+      // missing, or too late
     }
     const { search } = window.location;
     const plain =

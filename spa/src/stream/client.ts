@@ -7,20 +7,20 @@ import type { Ending, FromStream, Phase, Problem, ToStream } from './messages.ts
 import { PageVisibility } from './page_visibility.ts';
 import type { Transport } from './transport.ts';
 
-/** State of the connection for the page. Every change makes a new object, to be compared by identity. */
+/** State of the connection for the page. Every change makes a new object, so compare by identity. */
 export interface Link {
   /** The transport in use, or the one being tried. */
   by: Transport;
   phase: Phase;
   retryAtMs: number | null;
   ending: Ending | null;
-  /** The frame rate that the relay granted, and the reason when it is less than was asked for. */
+  /** The frame rate that the relay granted, and the reason if it is lower than requested. */
   grantedHz: number | null;
   rateReason: string | null;
   /** Measured frames per second. */
   hz: number;
   roundTripMs: number | null;
-  /** How far what is shown lies behind now; null: not at all. */
+  /** The delay of the picture; null: none. */
   behindMs: number | null;
   problem: Problem | null;
 }
@@ -38,20 +38,20 @@ const UNKNOWN: Link = {
   problem: null,
 };
 
-/** By then the table, which is written a few times a second, shows a new pose as well. */
+/** By then the table, which is written a few times a second, also shows a new pose. */
 const ALL_SHOW_MS = 300;
 
-/** How far from the told second what is measured of a lane may come to be, ms. */
+/** How far the measured delay of a lane may move away from the shown second, ms. */
 const STEADY_MS = 750;
 
-/** How far behind is told: what was told before, as long as its whole second is nearly right. So the seconds on the page do not
- *  go to and fro with the tenths that differ from part to part. */
+/** The delay to show: the previous value, as long as its whole second is nearly right. This keeps the displayed seconds from
+ *  flickering with the tenths, which vary from part to part. */
 export function steadyBehindMs(beforeMs: number | null, ms: number | null): number | null {
   if (beforeMs === null || ms === null) return ms;
   return Math.abs(ms - 1000 * Math.round(beforeMs / 1000)) < STEADY_MS ? beforeMs : ms;
 }
 
-/** The page's end of the stream: feeds the worker's messages to the twin, and tells it whether the page is visible. */
+/** The page's end of the stream: feeds the worker's messages to the twin, and tells the worker whether the page is visible. */
 export class StreamClient {
   link: Link = UNKNOWN;
   readonly #twin: RobotTwin;
@@ -60,12 +60,12 @@ export class StreamClient {
   readonly #leave = new AbortController();
   #seen = true;
   #resting = false;
-  /** What lies behind no longer comes, and is still shown until something else does. */
+  /** The connection with this delay has ended, but its picture stays until another replaces it. */
   #leavesBehind = false;
-  /** When the first pose came after it; null: none yet. */
+  /** When the first pose arrived after that; null: none yet. */
   #nowSinceMs: number | null = null;
 
-  /** `lane`: where its segments are read instead of a socket; null: nowhere. */
+  /** `lane`: where segments are read instead of opening a socket; null: nowhere. */
   constructor(twin: RobotTwin, url: string, hz: number, lane: string | null = null) {
     this.#twin = twin;
     const { worker, messages } = takeStream(url, hz, lane);
@@ -100,12 +100,12 @@ export class StreamClient {
     return () => this.#listeners.delete(listener);
   };
 
-  /** Reconnects now instead of waiting for the next retry. `isAsked`: because the person asks. */
+  /** Reconnects now instead of waiting for the next retry. `isAsked`: the viewer asked for it. */
   wake(isAsked = false): void {
     this.#tell({ kind: 'wake', sleptMs: countSleep(), isAsked });
   }
 
-  /** Asks for status and events alone while nobody looks at what comes, or for poses again. */
+  /** Requests only status and events while nobody looks at the live picture, or poses again. */
   rest(resting: boolean): void {
     if (this.#resting === resting) return;
     this.#resting = resting;
@@ -118,12 +118,12 @@ export class StreamClient {
     this.#twin.acceptWatching(visible, nowMs());
   }
 
-  /** The shown pose is not called live any more, as of `sinceMs`. */
+  /** The shown pose is no longer called live, as of `sinceMs`. */
   doubt(sinceMs: number): void {
     this.#tell({ kind: 'doubt', sinceMs });
   }
 
-  /** Asks for the full frame rate again after the relay or a slow network lowered it. */
+  /** Requests the full frame rate again after the relay or a slow network lowered it. */
   wishAll(): void {
     this.#tell({ kind: 'wish-all' });
   }
@@ -159,7 +159,7 @@ export class StreamClient {
         return;
       case 'status':
         twin.acceptStatus(message.status);
-        if (!this.#watches) this.#leaveBehind(); // no pose will come
+        if (!this.#watches) this.#leaveBehind(); // no pose will arrive
         return;
       case 'schema':
         twin.acceptSchema(revived(message.schema));
@@ -185,11 +185,11 @@ export class StreamClient {
         return;
       case 'link':
         if (this.link.by === 'segments' && message.by !== 'segments') twin.acceptCatchUp();
-        if (message.by !== 'segments' && message.phase === 'open') twin.hasAllEvents = true; // it tells them
+        if (message.by !== 'segments' && message.phase === 'open') twin.hasAllEvents = true; // it reports them
         if (message.moves) {
           if (message.phase === 'open') twin.acceptMove();
         } else {
-          // after a move that took too long, too: what the old relay told need not hold
+          // also after a move that took too long: what the old relay sent may no longer be true
           if (message.phase === 'open' && this.link.phase !== 'open') twin.acceptConnection(false, nowMs());
           twin.acceptConnection(message.phase === 'open', nowMs(), message.phase === 'connecting');
         }
@@ -198,7 +198,7 @@ export class StreamClient {
           phase: message.phase,
           retryAtMs: message.retryAtMs,
           ending: message.phase === 'open' ? null : (message.ending ?? this.link.ending),
-          // the next connection may be to another relay; a worker that is gone stays gone
+          // the next connection may be to another relay; a worker that has failed stays failed
           ...(message.phase === 'connecting' && this.link.problem?.what !== 'worker'
             ? { problem: null }
             : {}),

@@ -1,12 +1,12 @@
-/** When the wall clock (`Date.now()`) gains this much on ours between two looks, the device slept. */
+/** If the wall clock (`Date.now()`) gains this much on ours between two checks, the device slept. */
 const SLEPT_MS = 2000;
 
 let sleptMs = 0;
 let wallAheadMs = Date.now() - nowMs();
 
 /**
- * Milliseconds of one clock that page and worker share and that never steps back. `performance.now()` alone starts
- * at another instant in each of them, and in many browsers it stands still while the device sleeps.
+ * Milliseconds of one clock that page and worker share and that never steps back. `performance.now()` alone starts at a different
+ * instant in each of them, and in many browsers it stands still while the device sleeps.
  */
 export function nowMs(): number {
   return performance.timeOrigin + performance.now() + sleptMs;

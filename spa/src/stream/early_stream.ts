@@ -3,16 +3,16 @@ import { countSleep } from './clock.ts';
 import type { FromStream, ToStream } from './messages.ts';
 
 /**
- * A stream's worker, started before the page's own code has loaded: on a slow line that takes a second, and the
- * connection and the first frames need not wait for it. Messages that come in the meantime are kept.
+ * A stream's worker, started before the page's own code has loaded: on a slow connection that takes a second, and connecting need
+ * not wait for it. Messages that arrive meanwhile are kept.
  */
 export interface StartedStream {
   readonly worker: Worker;
-  /** What the worker has said so far, oldest first. */
+  /** The worker's messages so far, oldest first. */
   readonly messages: readonly FromStream[];
 }
 
-/** When more messages than this wait, the page is assumed not to come: worker and messages are dropped. */
+/** If more messages than this are waiting, the page is assumed to have failed: worker and messages are dropped. */
 const MAX_MESSAGES = 200;
 
 let early: {
@@ -22,8 +22,8 @@ let early: {
   readonly messages: FromStream[];
 } | null = null;
 
-/** Starts the stream at `url` early. `onModel` gets every model hash that comes before the page takes it over. `lane`: where
- *  its segments are read instead (see `ToStream`). */
+/** Starts the stream at `url` early. `onModel` gets every model hash that arrives before the page takes over. `lane`: where
+ *  segments are read instead (see `ToStream`). */
 export function startEarly(
   url: string,
   hz: number,
@@ -38,10 +38,10 @@ export function startEarly(
     if (data.kind === 'model' && data.hash !== null) onModel(data.hash);
     if (messages.length > MAX_MESSAGES) abandon();
   };
-  worker.onerror = abandon; // the page starts another, and tells if that fails, too
+  worker.onerror = abandon; // the page starts another one, and reports if that fails too
 }
 
-/** Hands over the stream at `url`: the one started early if it has the same address and the same lane, else a new one. */
+/** Hands over the stream at `url`: the early one if it has the same address and lane, else a new one. */
 export function takeStream(url: string, hz: number, lane: string | null = null): StartedStream {
   const taken = early;
   if (taken?.url !== url || taken.lane !== lane) {
@@ -52,7 +52,7 @@ export function takeStream(url: string, hz: number, lane: string | null = null):
   return taken;
 }
 
-/** A worker that has loaded and waits for its stream. */
+/** A worker that has loaded and waits for a stream. */
 let spare: Worker | null = null;
 
 /** Loads a worker for the next stream ahead of time, so that a robot's numbers need not wait for its code. */

@@ -11,17 +11,17 @@ export { deliver };
 /** How often a relay writes to its mirror. */
 const MIRROR_HZ = 2;
 const TICK_MS = 250;
-/** A relay writes at least once a second. When it has not, the data in the mirror may be of any age. */
+/** A relay writes at least once a second. If it has not, the data in the mirror may be of any age. */
 const UNWRITTEN_MS = 1400;
-/** The first write is waited for longer: it may need the relay's own round trip to the database. */
+/** The first write gets more time: it may need the relay's own round trip to the database. */
 const FIRST_MS = 2500;
 const SAY_EVERY_MS = 1000;
-/** When writes stop for this long, this connection may be the dead part: a new one is opened to find out. */
+/** If writes stop for this long, the connection itself may be dead: a new one is opened to find out. */
 const DOUBT_MS = 8000;
 /** Silence after which the connection is dead: the database sends `keep-alive` every 30 s. */
 const DEAD_MS = 45_000;
 
-/** The `status` that a relay writes to the mirror about itself and its robot. */
+/** The relay's `status` in the mirror, about itself and its robot. */
 interface Written {
   readonly robot: string;
   readonly age_ms: number | null;
@@ -32,27 +32,26 @@ interface Written {
 }
 
 /**
- * Translates a robot's node in a Firebase Realtime Database, as it is streamed, into the messages of a relay. Pure:
- * events and the clock come in. A node outlives its relay, so only a change of the node is a sign of life, not its
- * content.
+ * Translates a robot's node in a Firebase Realtime Database, as it is streamed, into the messages of a relay. Pure: events and
+ * the clock are passed in. A node outlives its relay, so only a change of the node, not its content, is a sign of life.
  */
 export class MirrorReader {
   readonly #wireVersion: number;
   #node: unknown = null;
   #told: Record<string, unknown> = {};
-  /** The newest status that was written while we listened. */
+  /** The newest status written while we were listening. */
   #written: Written | null = null;
   #writtenMs = 0;
   #begunMs: number | null = null;
   #saidMs = 0;
-  /** Added to the relay's timestamps, so that they go on rising when the relay's clock is set back. */
+  /** Added to the relay's timestamps, so that they keep increasing when the relay's clock is set back. */
   #shiftMs = 0;
 
   constructor(wireVersion: number) {
     this.#wireVersion = wireVersion;
   }
 
-  /** The events that a relay would have sent for this one, or the close code (a number) when the stream is over. */
+  /** The messages that a relay would have sent for this event, or the close code (a number) if the stream is over. */
   read(nowMs: number, { name, data }: Pick<StreamEvent, 'name' | 'data'>): StreamEvent[] | number {
     if (name === 'cancel' || name === 'auth_revoked') return 4403;
     if (name !== 'put' && name !== 'patch') return [];
@@ -68,7 +67,7 @@ export class MirrorReader {
     return this.#news(nowMs, first);
   }
 
-  /** Status events that are due although the database sent nothing. */
+  /** Status messages that are due although the database sent nothing. */
   tick(nowMs: number): StreamEvent[] {
     if (this.#begunMs === null || nowMs - this.#saidMs < SAY_EVERY_MS) return [];
     if (this.#node === null) return [this.#status(nowMs, 'offline', null, false)];
@@ -79,7 +78,7 @@ export class MirrorReader {
     return [this.#status(nowMs, robot, age_ms === null ? null : age_ms + this.#unwrittenMs(nowMs), true)];
   }
 
-  /** Whether writes have stopped for so long that this connection may be dead and another should be tried. */
+  /** Whether writes have stopped for so long that this connection may be dead and a new one should be tried. */
   doubtful(nowMs: number): boolean {
     return this.#written !== null && this.#node !== null && this.#unwrittenMs(nowMs) > DOUBT_MS;
   }
@@ -124,14 +123,14 @@ export class MirrorReader {
     const changed = (child: string) => node[child] !== this.#told[child];
     const schema = changed('schema') ? decoded(node.schema) : null;
     if (schema !== null) out.push({ name: 'message', data: schema, writtenMs });
-    // Before the frames: how old they are is known from this alone.
+    // Before the frames, because it alone determines their age.
     if (alive) {
       out.push(this.#status(nowMs, written.robot, written.age_ms, false, writtenMs));
     } else if (this.#node === null) {
       this.#written = null;
       out.push(this.#status(nowMs, 'offline', null, false));
     }
-    // A KEY that is the newest frame stands there twice.
+    // A KEY that is also the newest frame is in the node twice.
     for (const frame of new Set(['key', 'ref', 'frame'].filter(changed).map((child) => node[child]))) {
       if (typeof frame === 'string') out.push({ name: 'frame', data: frame, writtenMs });
     }
@@ -197,7 +196,7 @@ export function openEventStream(
       if (typeof news === 'number') end(news, 'the rules of the database have changed');
       else for (const one of news) handlers.event(one);
     },
-    // Who may not read it can't sign in either.
+    // Signing in does not help either if the mirror is not readable.
     closed: (code, reason) => end(code === 4401 ? 4403 : code, reason),
   });
   return { close: leave };
@@ -232,7 +231,7 @@ function isWritten(value: unknown): value is Written {
   return isRecord(value) && typeof value.at === 'number' && typeof value.robot === 'string';
 }
 
-/** Base64 decoded to UTF-8 text; null when the value is no base64. */
+/** Base64 decoded to UTF-8 text; null if the value is not base64. */
 function decoded(base64: unknown): string | null {
   const bytes = typeof base64 === 'string' ? frameBytes(base64) : null;
   return bytes && new TextDecoder().decode(bytes);

@@ -3,7 +3,7 @@ import { poseDiffers } from '../twin/pose_change.ts';
 import type { FromStream } from './messages.ts';
 import { RateMeter } from './pacing/rate_meter.ts';
 
-/** After a longer pause between frames the pose may have moved meanwhile, so it counts as changed. */
+/** After a longer pause between frames, the pose may have moved meanwhile, so it counts as changed. */
 const GAP_MS = 2500;
 
 /** Bit of a frame's first byte: this is a KEY or REF, which later frames may be coded against. */
@@ -12,18 +12,18 @@ const BASE = 0x02;
 type Told = Extract<RelayMessage, { type: 'status' | 'schema' | 'info' | 'event' | 'model' }>;
 
 /**
- * Decodes the frames and messages of one connection, and passes the results to the page through `post`. The relay
- * remembers per connection which base frames the viewer has, so each connection needs a new reader.
+ * Decodes the frames and messages of one connection, and passes the results to the page through `post`. The relay remembers per
+ * connection which base frames the viewer has, so create a new reader for each connection.
  */
 export class FrameReader {
   readonly #post: (message: FromStream) => void;
   readonly #decoder = new Decoder();
   readonly #rate = new RateMeter();
   #shownSchemaId: number | null = null;
-  /** The newest frame that the relay's status named, and when it was new (null when the relay does not know). */
+  /** The newest frame that the relay's status named, and when it was new (null if the relay does not know). */
   #told: { seq: number; bornMs: number | null } | null = null;
   #freshMs: number | null = null;
-  /** Frames flow without a break. False after a pause: the next frame may be one that the relay has had for a while. */
+  /** Whether frames arrive without a break. False after a pause: the relay may have had the next frame for a while. */
   #flows = true;
   #changedMs = 0;
   #newest: { schemaId: number; seq: number; codes: Int32Array; leftMs: number } | null = null;
@@ -37,12 +37,12 @@ export class FrameReader {
     return this.#rate.hz(nowMs);
   }
 
-  /** Poses are asked for again after a pause: the next one may be as old as the newest status. */
+  /** Poses are requested again after a pause: the next one may be as old as the newest status. */
   resumed(): void {
     this.#flows = false;
   }
 
-  /** Takes a relay message. `lateMs`: how long it was delayed on its way, as far as that is known. */
+  /** Takes a relay message. `lateMs`: its delay in transit, as far as known. */
   message(nowMs: number, lateMs: number, message: Told): void {
     switch (message.type) {
       case 'status':
@@ -68,12 +68,12 @@ export class FrameReader {
     try {
       frame = this.#decoder.decode(bytes);
     } catch (error) {
-      // A frame that can't be read is skipped: the relay sends its base, and the next KEY needs none.
+      // An unreadable frame is skipped: the relay sends its base, and the next KEY needs none.
       if (error instanceof FrameError) return;
       throw error;
     }
     const { schema, seq, codes } = frame;
-    // A KEY or REF older than the relay's newest frame is only a base for later frames: no news of the robot.
+    // A KEY or REF older than the relay's newest frame is only a base for later frames, not news about the robot.
     if (bytes[0]! & BASE && seq < (this.#told?.seq ?? 0)) return;
     const leftMs = nowMs - lateMs;
     const before = this.#newest;
@@ -84,7 +84,7 @@ export class FrameReader {
     const fresh = this.#flows && told !== null && seq > told.seq;
     this.#flows = true;
     if (fresh) this.#freshMs = leftMs;
-    this.#show(schema); // it may be one that was shown before the last
+    this.#show(schema); // it may be one that was shown earlier
     this.#newest = { schemaId: schema.id, seq, codes, leftMs };
     this.#rate.recordArrival(nowMs);
     this.#post({
@@ -107,8 +107,7 @@ export class FrameReader {
     const leftMs = nowMs - lateMs;
     const { seq, age_ms } = status;
     this.#told = seq === null ? null : { seq, bornMs: age_ms === null ? null : leftMs - age_ms };
-    // The age was true when the status left the relay. A frame that is already here is at least as old as its stay
-    // here.
+    // The age was correct when the status left the relay. A frame that is already here is at least as old as its time here.
     const heldMs = this.#newest?.seq === status.seq ? leftMs - this.#newest.leftMs : 0;
     this.#post({
       kind: 'status',

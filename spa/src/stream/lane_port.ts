@@ -1,21 +1,21 @@
 import type { EventMessage } from '@posecast/wire';
 import type { FromStream } from './messages.ts';
 
-/** What crosses between the worker and the lane (`lane/open_lane.ts`), which is loaded when it is needed. */
+/** The interface between the worker and the lane (`lane/open_lane.ts`), which is loaded on demand. */
 
 /** The newest frame that the page has shown. */
 export interface ShownFrame {
   readonly schemaId: number;
   readonly seq: number;
   readonly tS: number;
-  /** When a socket brought it, or would have, viewer's clock. */
+  /** When a socket delivered it, or would have, viewer's clock. */
   readonly atMs: number;
 }
 
-/** Where an event stands among those of its relay. */
+/** The position of an event among those of its relay. */
 export type EventMark = Pick<EventMessage, 'n' | 'at'>;
 
-/** What the page knows from before. */
+/** What the page already knows. */
 export interface KnownBefore {
   readonly frame: ShownFrame | null;
   readonly event: EventMark | null;
@@ -25,7 +25,7 @@ export interface KnownBefore {
 
 /** Callbacks and settings of a lane. */
 export interface LaneHandlers {
-  /** Passed in, not imported: the lane is bundled by itself. */
+  /** Passed in, not imported, because the lane is bundled separately. */
   nowMs(): number;
   readonly hz: number;
   readonly isVisible: boolean;
@@ -33,14 +33,14 @@ export interface LaneHandlers {
   post(message: FromStream): void;
   /** The relay has answered. */
   opened(): void;
-  /** Nothing more comes. The code is one of the close table (wire/SPEC.md), or 1006. */
+  /** The lane has ended. The code is from the close table (wire/SPEC.md), or 1006. */
   closed(code: number, reason: string): void;
 }
 
-/** A lane that runs. */
+/** A running lane. */
 export interface OpenLane {
   setVisible(isVisible: boolean): void;
-  /** Something has changed outside: a failure is not waited out. */
+  /** Something changed outside: the wait after a failure is cut short. */
   wake(): void;
   close(): void;
 }

@@ -1,11 +1,11 @@
 /**
- * A slot for one item between the worker and the page. While the page is busy with the last item, a newer item replaces
- * the one that waits, because an old pose is worth nothing.
+ * A slot for one item between the worker and the page. While the page is busy with the last item, a newer item replaces the
+ * waiting one, because an old pose is worthless.
  */
 export class Mailbox<T> {
   #waiting: T | null = null;
   #busy = false;
-  /** How many items were replaced before they were handed over. */
+  /** How many items were replaced before delivery. */
   replaced = 0;
 
   /** Adds an item. Returns what to hand over now, if anything. */
@@ -27,7 +27,7 @@ export class Mailbox<T> {
     return next;
   }
 
-  /** Drops the item that waits. */
+  /** Drops the waiting item. */
   clear(): void {
     this.#waiting = null;
   }

@@ -9,13 +9,13 @@ export interface Ending {
   reason: string;
 }
 
-/** `waiting`: for the next retry. `ended`: no further try unless the person asks. */
+/** `waiting`: for the next retry. `ended`: no further try unless the viewer asks. */
 export type Phase = 'connecting' | 'open' | 'waiting' | 'ended';
 
 /** Messages from the worker to the page. Most are rare (status once a second, events 20 a second at most); states,
  *  which come at frame rate, pass through a `Mailbox`. */
 export type FromStream =
-  /** `moves`: a relay that is being replaced has sent the page away, and what it told is not old yet. */
+  /** `moves`: a relay that is being replaced has sent the page away, and its data is not old yet. */
   | {
       kind: 'link';
       by: Transport;
@@ -28,22 +28,22 @@ export type FromStream =
   | { kind: 'state'; state: RobotState }
   | { kind: 'status'; status: Status }
   | { kind: 'event'; event: EventMessage }
-  /** Events of before that were told late, or not at all so far. `isAll`: none is missing any more. */
+  /** Earlier events that are reported late. `isAll`: none is missing any more. */
   | { kind: 'earlier'; events: readonly EventMessage[]; isAll: boolean }
   | { kind: 'info'; kv: ReadonlyMap<string, string> }
   | { kind: 'model'; hash: string | null }
-  /** What the relay granted; `reason` when it is less than was asked. */
+  /** The granted rate; `reason` if it is lower than requested. */
   | { kind: 'rate'; hz: number; reason: string | null }
   /** Measured: frames a second, and the round trip to the relay (null until known). */
   | { kind: 'pace'; hz: number; roundTripMs: number | null }
-  /** How far what is shown lies behind now, ms; null: not at all. */
+  /** The delay of the picture, ms; null: none. */
   | { kind: 'behind'; ms: number | null }
   | { kind: 'problem'; problem: Problem };
 
 /** Why the stream can't be read. `newer`: the relay speaks another version of the wire format. */
 export interface Problem {
   readonly what: 'newer' | 'schema' | 'worker';
-  /** In English, for the person who builds the robot. */
+  /** In English, for the robot's developer. */
   readonly detail: string;
 }
 
@@ -55,7 +55,8 @@ export type ToStream =
       hz: number;
       visible: boolean;
       token: string | undefined;
-      /** Where segments are read instead of a socket, without a token: `…/api/v1/robots/{robot}/past`. null: a socket. */
+      /** The address to read segments from instead of opening a socket, without a token: `…/api/v1/robots/{robot}/past`. null: a
+       *  socket. */
       lane: string | null;
       /** How long the device has slept, as counted by the page's clock (`clock.ts`), ms. */
       sleptMs: number;
@@ -67,17 +68,17 @@ export type ToStream =
   | { kind: 'visible'; visible: boolean }
   /** The page stopped calling its pose live at `sinceMs`. */
   | { kind: 'doubt'; sinceMs: number }
-  /** Something changed outside (back online, back from sleep, the person asks): try now rather than later. `isAsked`: the person asks. */
+  /** Something changed outside (back online, back from sleep, the viewer asks): try now. `isAsked`: the viewer asks. */
   | { kind: 'wake'; sleptMs: number; isAsked: boolean }
-  /** Ask for the full frame rate again after it was lowered. */
+  /** Request the full frame rate again after it was lowered. */
   | { kind: 'wish-all' }
   | { kind: 'close' };
 
-/** What a `Session` asks its worker to do; a list of actions is performed in order. */
+/** An action that a `Session` requests from its worker; a list of actions is performed in order. */
 export type Action =
-  /** `segments`: the address of the lane and, where a relay has named that, after a space the stream's. */
+  /** `segments`: the address of the lane and, if a relay named it, after a space that of the stream. */
   | { do: 'connect'; by: Transport; url: string }
-  /** Open a WebSocket beside the present connection; if it opens, it takes over. */
+  /** Open a WebSocket beside the current connection; if it opens, it takes over. */
   | { do: 'try'; url: string }
   | { do: 'send'; text: string }
   | { do: 'drop' }

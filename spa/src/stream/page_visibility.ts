@@ -1,6 +1,6 @@
 /**
- * Whether this page can be seen: its tab is in front and, where it is embedded in another page, its frame is scrolled
- * into view. A page that nobody sees asks the relay for no poses.
+ * Whether this page can be seen: its tab is in front and, where it is embedded in another page, its frame is scrolled into view.
+ * A hidden page requests no poses from the relay.
  */
 export class PageVisibility {
   #onScreen = true;
@@ -15,7 +15,7 @@ export class PageVisibility {
     const { signal } = this.#leave;
     document.addEventListener('visibilitychange', this.#look, { signal });
     if (typeof IntersectionObserver === 'undefined') return;
-    // Without a root of its own it watches the window of the outermost page, also from inside an iframe.
+    // Without an explicit root, it observes the viewport of the outermost page, even from inside an iframe.
     const observer = new IntersectionObserver((entries) => {
       this.#onScreen = entries.at(-1)?.isIntersecting ?? true;
       this.#look();

@@ -5,7 +5,7 @@ import type { FromStream } from './messages.ts';
 const AS_WISHED = new Set(['', 'asked', 'recovered']);
 const SLOW_NETWORK = 'slow network';
 
-/** What the page is told of a hello. `isSlowed`: less was asked for than is wished, since the network is slow. */
+/** The posts for a hello. `isSlowed`: the requested rate is lower than wanted, because the network is slow. */
 export function helloPosts({ wire, hz, model, limits }: Hello, isSlowed: boolean): FromStream[] {
   const delayS = limits.get('delay_s') ?? 0;
   const posts: FromStream[] = [

@@ -18,7 +18,7 @@ import { helloPosts, ratePost } from './relay_posts.ts';
 import { streamAddress } from './stream_address.ts';
 import { type Transport, TransportChoice } from './transport.ts';
 
-/** A status comes at least once a second: when three are missing, the socket is dead although it did not close. */
+/** A status arrives at least once a second: if three are missing, the socket is dead although it did not close. */
 export const SILENT_LIMIT_MS = 3000;
 /** A connection that has not opened within this time has failed. */
 export const CONNECT_LIMIT_MS = 8000;
@@ -27,16 +27,16 @@ const PACE_EVERY_MS = 1000;
 const WORKED_MS = 5000;
 
 /**
- * One viewer's connection to one robot as a pure state machine, without a socket, a timer or a clock: each method takes
- * an event and its time (ms of the viewer's clock) and returns the actions to perform.
+ * One viewer's connection to one robot as a pure state machine, without a socket, a timer or a clock: each method takes an event
+ * and its time (ms of the viewer's clock) and returns the actions to perform.
  *
- *   connecting ──opened──► open ──closed, silent──► waiting ──time, wake──► connecting
- *        └──failed, slow──────────────────────────────┘
- *   open ──closed with a code that says "not again"──► ended ──wake──► connecting
+ * connecting ──opened──► open ──closed, silent──► waiting ──time, wake──► connecting
+ *        └──failed, slow──────────────────────────────┘ open ──closed with a code that says "not again"──► ended ──wake──►
+ *        connecting
  *
- * `TransportChoice` picks the transport at every connecting. Server-sent events are one-way: another rate needs another
- * connection, and the phase stays `open` meanwhile. A mirror (any address that is not a WebSocket's) has one fixed
- * rate. Who is told a lane by a full relay is `connecting` to it at once; it posts what it shows by itself (`lane/`).
+ * `TransportChoice` picks the transport at every connect. Server-sent events are one-way: a different rate needs another
+ * connection, and the phase stays `open` meanwhile. A mirror (any address that is not a WebSocket's) has one fixed rate. If a
+ * full relay names a lane, the session is `connecting` to it at once; the lane posts its data directly (`lane/`).
  */
 export class Session {
   readonly #url: string;
@@ -54,7 +54,7 @@ export class Session {
   #retryAtMs: number | null = null;
   #failures = 0;
   #bye: Bye | null = null;
-  /** The relay is being replaced, another one is on its way, and what the old one told is not old yet. */
+  /** The relay is being replaced, another one is starting, and the old one's data is not old yet. */
   #moves = false;
   #laneBye: Bye | undefined;
   #acknowledgements = new Acknowledgements();
@@ -62,13 +62,13 @@ export class Session {
   #paceMs = 0;
   readonly #choice: TransportChoice;
   readonly #lateness = new Lateness();
-  /** Whether a text message has come on this connection. */
+  /** Whether a text message has arrived on this connection. */
   #greeted = false;
   readonly #actions: Action[] = [];
   readonly #post = (message: FromStream) => this.#actions.push({ do: 'post', message });
   #reading = new FrameReader(this.#post);
 
-  /** `lane`: where the robot's past is read instead by who has no token. */
+  /** `lane`: where viewers without a token read the robot's past instead. */
   constructor(
     url: string,
     hz: number,
@@ -101,14 +101,14 @@ export class Session {
   opened(nowMs: number): Action[] {
     const stoodMs = nowMs - this.#aliveMs;
     if (stoodMs > STALE_AFTER_MS && this.#onEvents) {
-      this.#connect(nowMs); // the thread slept: the age of what came meanwhile is unknown
+      this.#connect(nowMs); // the thread slept: the age of messages that arrived meanwhile is unknown
       return this.#take();
     }
     this.#phase = 'open';
     this.#sinceMs = nowMs;
     this.#moves &&= nowMs - this.#heardMs < STALE_AFTER_MS;
     this.#heardMs = nowMs - (stoodMs > STALE_AFTER_MS ? stoodMs : 0);
-    this.#roundTrip = new RoundTrip(); // at once: the age on the chip needs it
+    this.#roundTrip = new RoundTrip(); // at once, because the age on the chip needs it
     this.#paceMs = nowMs;
     this.#link(null);
     this.#moves = false;
@@ -118,7 +118,7 @@ export class Session {
     return this.#take();
   }
 
-  /** The WebSocket that was tried beside server-sent events or segments was let in: it carries the stream from now on. */
+  /** The WebSocket tried beside server-sent events or segments was accepted: it now carries the stream. */
   moved(nowMs: number): Action[] {
     this.#choice.now = 'websocket';
     this.#wish.slowHz = null;
@@ -126,12 +126,12 @@ export class Session {
     return this.opened(nowMs);
   }
 
-  /** The WebSocket that was tried beside was refused, with the wait that the relay asked for. */
+  /** The WebSocket tried beside the stream was refused, with the wait that the relay requested. */
   refused(nowMs: number, retryS: number): void {
     this.#choice.recordRefusal(nowMs, 1000 * retryS);
   }
 
-  /** Bytes came on server-sent events, perhaps only part of a message: a long message on a slow line is no silence. */
+  /** Bytes arrived on server-sent events, perhaps only part of a message: a long message on a slow connection is not silence. */
   heard(nowMs: number): Action[] {
     this.#hear(nowMs);
     return this.#take();
@@ -183,7 +183,7 @@ export class Session {
         if (this.#greeted) this.#tryWebSocket(nowMs);
         if (this.#choice.now === 'events' && this.#wish.askedHz > 0 && this.#lateness.tooLate(nowMs)) {
           this.#wish.slowHz = lowerHz(this.#wish.askedHz);
-          this.#reask(nowMs, this.#wish.slowHz); // closing the old connection drops the old poses on their way
+          this.#reask(nowMs, this.#wish.slowHz); // closing the old connection drops the old poses in transit
         }
       }
     } else if (this.#phase === 'connecting' && this.#choice.isOverdue(nowMs)) {
@@ -198,7 +198,7 @@ export class Session {
     return this.#take();
   }
 
-  /** A hidden page asks for no poses at all; status and events keep coming. */
+  /** A hidden page requests no poses at all; status and events continue. */
   visibility(nowMs: number, visible: boolean): Action[] {
     this.#wish.visible = visible;
     if (visible) this.#reading.resumed();
@@ -206,7 +206,7 @@ export class Session {
     return this.#take();
   }
 
-  /** The page calls its pose old as of `sinceMs`. What comes now may have been under way since before, also after a
+  /** The page calls its pose old as of `sinceMs`. Data that arrives now may have been in transit since before, even after a
    *  silence too short to be noticed, so it counts as old until the relay has answered. */
   doubt(nowMs: number, sinceMs: number): Action[] {
     if (this.#phase !== 'open' || this.#onEvents) return [];
@@ -215,7 +215,7 @@ export class Session {
     return this.#take();
   }
 
-  /** Back online, back from sleep, or the person asks (`isAsked`). A connection that was quiet for half the limit is replaced. */
+  /** Back online, back from sleep, or the viewer asks (`isAsked`). A connection that was quiet for half the limit is replaced. */
   wake(nowMs: number, isAsked = false): Action[] {
     this.#choice.retrySoon(nowMs, isAsked);
     if (this.#phase === 'connecting') return this.#take();
@@ -228,7 +228,7 @@ export class Session {
     return this.#take();
   }
 
-  /** Takes another token. A renewed one is sent on an open WebSocket; signing in or out needs a new connection. */
+  /** Takes a new token. A renewed one is sent on the open WebSocket; signing in or out needs a new connection. */
   renew(nowMs: number, token: string | undefined): Action[] {
     const before = this.#token;
     this.#token = token;
@@ -241,7 +241,7 @@ export class Session {
     return this.#take();
   }
 
-  /** The person asks for the full rate, whatever the network or the relay lowered it to. */
+  /** The viewer requests the full rate, whatever the network or the relay lowered it to. */
   wishAll(nowMs: number): Action[] {
     this.#wish.slowHz = null;
     this.#wish.askedHz = Number.NaN;
@@ -268,7 +268,7 @@ export class Session {
     this.#post({ kind: 'link', by, phase, retryAtMs, ending, moves: this.#moves });
   }
 
-  /** `full`: the relay has no place; what anyone may see is read in the lane that it names, until a WebSocket gets one. */
+  /** `full`: the relay has no free place; public data is read from the lane that it names, until a WebSocket is accepted. */
   #connect(nowMs: number, full?: Bye): void {
     this.#phase = 'connecting';
     this.#retryAtMs = null;
@@ -302,7 +302,7 @@ export class Session {
     return streamAddress(this.#url, by, hz, Boolean(this.#token));
   }
 
-  /** Reconnects for another rate on events. The page is not told: until the new answer comes, its pose just ages. */
+  /** Reconnects for a different rate on events. The page is not told: until the new answer arrives, its pose just ages. */
   #reask(nowMs: number, hz: number): void {
     this.#begin(nowMs, hz);
     this.#heardMs = nowMs;
@@ -317,7 +317,7 @@ export class Session {
     this.#bye = null;
     this.#greeted = false;
     this.#lateness.begin(nowMs);
-    // The relay keeps per connection what we were given: a new one starts from nothing on both sides.
+    // The relay remembers per connection what it has sent: a new one starts from nothing on both sides.
     this.#reading = new FrameReader(this.#post);
     this.#acknowledgements = new Acknowledgements();
     this.#wish.askedHz = askedHz;
@@ -326,10 +326,10 @@ export class Session {
   #lost(nowMs: number, ended: Ending & { retry_s?: number | null }): void {
     if (this.#phase === 'ended' || this.#phase === 'waiting') return;
     const full = this.#inLane && this.#laneBye;
-    // the refusal still holds where the lane that it named has not begun; what a lane refuses later a socket may get
+    // the refusal still holds if the lane that it named has not started; a socket may be granted what a lane later refuses
     const unopened = this.#phase === 'connecting' ? full : null;
     const { code, reason, retry_s } = unopened || (full ? { ...ended, code: 1006 } : ended);
-    // who asks its successor too early is no worse off than before
+    // asking the successor too early does no harm
     const isMoved = code === Close.DRAIN || (this.#moves && code === 1006);
     this.#moves = isMoved && nowMs - this.#heardMs < STALE_AFTER_MS;
     if (this.#phase === 'open' && nowMs - this.#sinceMs >= WORKED_MS) this.#failures = 0;
@@ -349,7 +349,7 @@ export class Session {
         this.#post(ratePost(message));
         return;
       case 'pong':
-        if (this.#roundTrip.pong(nowMs, message.t)) this.#silence.end(); // the pong came after all of the backlog
+        if (this.#roundTrip.pong(nowMs, message.t)) this.#silence.end(); // the pong arrived after all of the backlog
         return;
       case 'bye':
         this.#bye = message;
@@ -359,8 +359,8 @@ export class Session {
     }
   }
 
-  /** Something came: notes whether there was a silence before it. Such a silence ends with the answer to a ping, on
-   *  events with an event that was written late enough. In a mirror silence is normal and is not counted. */
+  /** Something arrived: records whether there was a silence before it. Such a silence ends with the answer to a ping, or on
+   *  events with an event that was written late enough. In a mirror, silence is normal and not counted. */
   #hear(nowMs: number): void {
     this.#aliveMs = nowMs;
     if (nowMs - this.#heardMs > this.#oldAfterMs && this.#choice.now !== 'mirror') {
@@ -374,8 +374,8 @@ export class Session {
     return this.#wish.visible ? STALE_AFTER_MS : QUIET_AFTER_MS;
   }
 
-  /** How long data that arrive now were delayed, ms. Only events are measured: on a WebSocket the relay waits for
-   *  acknowledgements long before it runs late. */
+  /** The delay of data that arrives now, ms. Only measured for events: on a WebSocket, the relay waits for acknowledgements long
+   *  before it runs late. */
   #lateMs(nowMs: number): number {
     return Math.max(this.#onEvents ? this.#lateness.ms : 0, this.#silence.ageMs(nowMs));
   }

@@ -1,4 +1,4 @@
-/** Longest event, in characters. A schema of a thousand joints has a tenth of it. */
+/** Maximum length of an event, in characters. The schema of a robot with a thousand joints takes a tenth of it. */
 const LONGEST = 4_000_000;
 
 /** One server-sent event. */
@@ -11,7 +11,7 @@ export interface StreamEvent {
 
 /** Incremental parser of `text/event-stream` (WHATWG HTML §9.2.6), for the part of the format that a relay uses. */
 export class SseParser {
-  /** Pieces of a line whose end is still to come. */
+  /** Pieces of a line whose end has not arrived. */
   #pieces: string[] = [];
   #length = 0;
   #name = '';
@@ -20,7 +20,7 @@ export class SseParser {
   #writtenMs = Number.NaN;
   readonly #utf8 = new TextDecoder();
 
-  /** Takes the next bytes and returns the events that they complete. Throws RangeError when one grows too long. */
+  /** Takes the next bytes and returns the events that they complete. Throws RangeError if one grows too long. */
   read(bytes: Uint8Array): StreamEvent[] {
     const found: StreamEvent[] = [];
     const [first = '', ...lines] = this.#utf8.decode(bytes, { stream: true }).split('\n');
@@ -67,7 +67,7 @@ export class SseParser {
   }
 }
 
-/** Decodes a frame from base64; null when the text is no base64. */
+/** Decodes a frame from base64; null if the text is not base64. */
 export function frameBytes(base64: string): Uint8Array | null {
   try {
     return Uint8Array.from(atob(base64), (char) => char.charCodeAt(0));
@@ -76,14 +76,14 @@ export function frameBytes(base64: string): Uint8Array | null {
   }
 }
 
-/** What takes the events of a stream. */
+/** Receives the events of a stream. */
 export interface EventTaker<T> {
   stamped(nowMs: number, writtenMs: number): void;
   text(nowMs: number, text: string): T;
   binary(nowMs: number, frame: Uint8Array): T;
 }
 
-/** Hands an event over that has come now. */
+/** Delivers an event that has just arrived. */
 export function deliver<T>({ name, data, writtenMs }: StreamEvent, nowMs: number, to: EventTaker<T>): T {
   if (Number.isFinite(writtenMs)) to.stamped(nowMs, writtenMs);
   const frame = name === 'frame' ? frameBytes(data) : null;
@@ -92,15 +92,15 @@ export function deliver<T>({ name, data, writtenMs }: StreamEvent, nowMs: number
 
 /** Callbacks and settings for `openEventStream`. */
 export interface EventsHandlers {
-  /** Passed in, not imported: WebKit runs the worker's script a second time for a chunk that imports from it. */
+  /** Passed in, not imported, because WebKit runs the worker's script a second time for a chunk that imports from it. */
   nowMs(): number;
   readonly wireVersion: number;
-  /** The relay has begun to answer. */
+  /** The relay has started to answer. */
   opened(): void;
-  /** Any bytes came, even if no event is complete. */
+  /** Bytes arrived, even if no event is complete. */
   heard(): void;
   event(event: StreamEvent): void;
-  /** The stream ended, or never began. The code is one of the close table (wire/SPEC.md), or 1006. */
+  /** The stream ended, or never began. The code is from the close table (wire/SPEC.md), or 1006. */
   closed(code: number, reason: string): void;
 }
 
@@ -127,7 +127,7 @@ export function openEventStream(
     if (status !== 200 || body === null || !type.startsWith('text/event-stream')) {
       leave.abort();
       if (status === 401 || status === 403) return 4000 + status;
-      // a relay answers 404 with JSON; any other host does so with a page
+      // a relay answers 404 with JSON; any other host answers with a page
       return status === 404 && type.startsWith('application/json') ? 4404 : 1006;
     }
     handlers.opened();

@@ -1,6 +1,7 @@
 import type { Transport } from './transport.ts';
 
-/** The address to connect to for a rate. `url`: the stream's own; on events and in segments a token goes in a header, or nowhere. */
+/** The address to connect to for a rate. `url`: the stream's own; for events the token goes in a header, and for segments none is
+ *  sent. */
 export function streamAddress(url: string, by: Transport, hz: number, hasToken: boolean): string {
   if (by === 'mirror') return url;
   if (by === 'events') return `${url.replace(/^ws/, 'http')}.sse?hz=${hz}`;

@@ -1,22 +1,20 @@
-/** What carries a stream: a WebSocket; server-sent events over plain HTTP, where no WebSocket gets through; or a copy
- *  of the relay's data in a database (`mirror`); or what the relay has just recorded, part by part, which any HTTP cache
- *  may hold for everybody (`segments`). */
+/** The transport of a stream: a WebSocket; server-sent events over plain HTTP, if no WebSocket gets through; a copy of the
+ *  relay's data in a database (`mirror`); or the relay's newest recorded parts (`segments`), which any HTTP cache can serve to
+ *  everyone. */
 export type Transport = 'websocket' | 'events' | 'mirror' | 'segments';
 
-/** After this many failed openings, or this long without a working WebSocket, the stream is asked for over plain HTTP.
- *  */
+/** After this many failed attempts, or this long without a working WebSocket, the stream is requested over plain HTTP. */
 export const FAILED_OPENINGS = 2;
 export const WITHOUT_MS = 5000;
-/** While on events, a WebSocket is tried at once, then at intervals that double from the first to the second. */
+/** While on events, a WebSocket is tried at once, then at intervals that double from the first to the second value. */
 const TRY_AGAIN_MS = 30_000;
 const SELDOM_MS = 300_000;
-/** Where the lane that the page was told does not work the relay is tried: after random(0 … this), so that a crowd whose cache has
- *  gone does not come at once. */
+/** If the configured lane does not work, the relay is tried after random(0 … this), so that a crowd whose cache has failed does
+ *  not arrive at once. */
 const WITHOUT_LANE_MS = 30_000;
 
-/** Which transport the next connection takes, and when a stream on server-sent events or in segments tries a WebSocket beside
- *  them.
- *  Pure: without a socket or a clock. */
+/** Decides which transport the next connection uses, and when a stream on server-sent events or segments tries a WebSocket in
+ *  parallel. Pure: without a socket or a clock. */
 export class TransportChoice {
   /** The transport of the newest connection. A mirror never changes to another. */
   now: Transport;
@@ -28,7 +26,7 @@ export class TransportChoice {
   #deadlineMs = 0;
   #tryAtMs = 0;
   #tryAgainMs = TRY_AGAIN_MS;
-  /** From when on the relay is tried instead of the lane that the page was told; null: that works, or has not been tried. */
+  /** When the relay is tried instead of the configured lane; null: the lane works or has not been tried. */
   #relayAtMs: number | null = null;
   #isAsked = false;
 
@@ -37,8 +35,8 @@ export class TransportChoice {
     this.now = mirrored ? 'mirror' : 'websocket';
   }
 
-  /** Chooses the transport for a new connection. After failed WebSockets the two transports take turns until one works.
-   *  `inLane`: this viewer reads segments, and no WebSocket is tried beside them, nor instead of them while they come. */
+  /** Chooses the transport for a new connection. After failed WebSockets, the two transports alternate until one works. `inLane`:
+   *  this viewer reads segments; while they arrive, no WebSocket is tried. */
   chooseNext(nowMs: number, inLane = false): Transport {
     if (inLane && nowMs < (this.#relayAtMs ?? Number.POSITIVE_INFINITY))
       return this.enterLane(Number.POSITIVE_INFINITY, 0);
@@ -49,19 +47,19 @@ export class TransportChoice {
     this.now = doubted && (this.now === 'websocket' || this.#eventsWork) ? 'events' : 'websocket';
     this.#deadlineMs = nowMs < endMs ? endMs : nowMs + WITHOUT_MS;
     this.#tryAtMs = nowMs;
-    this.#tryAgainMs = TRY_AGAIN_MS; // a relay that was only away for a moment takes WebSockets again
+    this.#tryAgainMs = TRY_AGAIN_MS; // a relay that was only briefly away accepts WebSockets again
     return this.now;
   }
 
-  /** The relay is full, so segments are read. A WebSocket is tried after one to two times `retryMs`; then when a refusal says, else
-   *  ever more seldom. */
+  /** The relay is full, so segments are read. A WebSocket is tried after one to two times `retryMs`; then when the refusal says,
+   *  else at increasing intervals. */
   enterLane(nowMs: number, retryMs: number): Transport {
     this.now = 'segments';
     this.recordRefusal(nowMs, retryMs);
     return this.now;
   }
 
-  /** The WebSocket that was tried beside was refused. The relay says when another is worth it: later, the more viewers ask. */
+  /** The WebSocket tried in parallel was refused. The relay says when to try again: the more viewers ask, the later. */
   recordRefusal(nowMs: number, retryMs: number): void {
     this.#tryAgainMs = retryMs;
     this.#tryAtMs = nowMs + retryMs * (1 + this.#random());
@@ -81,11 +79,11 @@ export class TransportChoice {
     } else if (this.now === 'segments') this.#relayAtMs ??= nowMs + this.#random() * WITHOUT_LANE_MS;
     else {
       this.#eventsWork = false;
-      this.#relayAtMs = null; // nothing gets to the relay: the lane again
+      this.#relayAtMs = null; // nothing reaches the relay: use the lane again
     }
   }
 
-  /** The relay has said something on the newest connection, or its lane has. */
+  /** The relay, or its lane, has said something on the newest connection. */
   recordSuccess(): void {
     this.#relayAtMs = null;
     if (this.now === 'segments') return;
@@ -95,17 +93,17 @@ export class TransportChoice {
     this.#withoutMs = null;
   }
 
-  /** Something has changed outside (back online, back from sleep): a WebSocket is tried at once. `isAsked`: the person wants it, so
-   *  that it is tried instead of a lane that has failed, too, and the lane again where that fails. */
+  /** Something changed outside (back online, back from sleep): a WebSocket is tried at once. `isAsked`: the viewer wants it, so
+   *  it is also tried instead of a failed lane, and the lane is tried again if the WebSocket fails. */
   retrySoon(nowMs: number, isAsked = false): void {
     if (isAsked && this.#relayAtMs !== null) this.#relayAtMs = nowMs;
     this.#isAsked = isAsked;
-    if (this.now === 'segments') return; // a full relay is not asked by everybody at once
+    if (this.now === 'segments') return; // so that not everybody asks a full relay at once
     this.#tryAtMs = nowMs;
     this.#tryAgainMs = TRY_AGAIN_MS;
   }
 
-  /** Whether a stream on server-sent events or in segments tries a WebSocket now; if so, the next try is put off. */
+  /** Whether a stream on server-sent events or segments tries a WebSocket now; if so, the next try is postponed. */
   shouldTryWebSocket(nowMs: number): boolean {
     const inLane = this.now === 'segments';
     if (!(inLane || this.now === 'events') || nowMs < this.#tryAtMs) return false;

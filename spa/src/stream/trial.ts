@@ -1,11 +1,11 @@
-/** A relay tells a status right after its hello. Who says more before is none. */
+/** A relay sends a status right after its hello. A server that sends more before it is not a relay. */
 const HEARD_MAX = 10;
 
-/** A wait of more is none of a relay's. */
+/** No relay requests a longer wait. */
 const WAIT_S_MAX = 86_400;
 
-/** Tries a WebSocket beside the stream that runs. `token`: is sent first. `accepted` is called when the relay has let it in, with
- *  what it has said so far; `refused` when it says that it does not, and after how many seconds it may be tried again. */
+/** Tries a WebSocket in parallel to the running stream. `token` is sent first. `accepted` is called when the relay has accepted
+ *  it, with the messages so far; `refused` if it declines, with the seconds until the next try. */
 export function tryWebSocket(
   url: string,
   token: string | undefined,
@@ -20,7 +20,7 @@ export function tryWebSocket(
     const { type, retry_s } = membersOf(event.data);
     if (heard.push(event) > HEARD_MAX) tried.close();
     else if (type === 'status')
-      accepted(tried, heard); // a relay that refuses says none
+      accepted(tried, heard); // a relay that refuses sends no status
     else if (type === 'bye' && typeof retry_s === 'number' && retry_s > 0 && retry_s <= WAIT_S_MAX)
       refused(retry_s);
   };

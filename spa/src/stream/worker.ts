@@ -19,7 +19,7 @@ declare const self: DedicatedWorkerGlobalScope & {
   /** From `lane/lane_script.ts`, once that is loaded. */
   lane: {
     openEventStream(url: string, token: unknown, handlers: LaneHandlers): OpenLane;
-    /** It posts by itself. */
+    /** It posts on its own. */
     deliver(): never;
   };
 };
@@ -29,19 +29,19 @@ type StateMessage = Extract<FromStream, { kind: 'state' }>;
 const states = new Mailbox<StateMessage>();
 let session: Session | null = null;
 let socket: WebSocket | null = null;
-/** A WebSocket that is tried while server-sent events or segments carry the stream. */
+/** A WebSocket tried in parallel while server-sent events or segments carry the stream. */
 let trial: WebSocket | null = null;
-/** What runs instead of a WebSocket. */
+/** The stream that runs instead of a WebSocket. */
 let events: ({ close(): void } & Partial<OpenLane>) | null = null;
 let token: string | undefined;
 let visible = true;
 let wantedHz = 0;
-/** What the page has been shown, for a lane that goes on after a socket, and the other way round. */
+/** What the page has been shown, for handing over from a socket to a lane and back. */
 let behindMs = 0;
 let shown: ShownFrame | null = null;
 let told: EventMark | null = null;
 const faults = new ToldFaults();
-/** After a lane, and after a relay that was replaced: what comes once more over the next socket. */
+/** After a lane, and after a relay that was replaced: filters what the next socket repeats. */
 const overlap = new Overlap();
 
 function post(message: FromStream): void {
@@ -57,7 +57,7 @@ function post(message: FromStream): void {
     if (now !== null) handOver(now);
     return;
   }
-  if (message.kind === 'schema') states.clear(); // what waits is coded in the schema before
+  if (message.kind === 'schema') states.clear(); // the waiting items are coded in the previous schema
   self.postMessage(message);
 }
 
@@ -162,7 +162,7 @@ function read(url: string, by: Transport): void {
     () => unlessLeft((to) => to.closed(nowMs(), 1006, 'no reader')),
   );
 }
-/** Tries a WebSocket beside what runs, one at a time. It takes over when the relay has let it in. */
+/** Tries a WebSocket in parallel, one at a time. It takes over once the relay has accepted it. */
 function attempt(url: string): void {
   const beside = events;
   void import('./trial.ts').then(({ tryWebSocket }) => {
@@ -170,7 +170,7 @@ function attempt(url: string): void {
     trial?.close();
     const accepted: Parameters<typeof tryWebSocket>[2] = (tried, heard) => {
       if (trial !== tried || session === null) return;
-      trial = null; // so that it is not dropped
+      trial = null; // so that it is not closed
       overlap.begin(shown);
       drop();
       own(tried);

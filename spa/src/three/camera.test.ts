@@ -15,7 +15,7 @@ function made(onChange = () => {}): SceneCamera {
   return scene;
 }
 
-/** Where three.js and where the rig has a point of the world, CSS px. */
+/** The picture position of a point in the world according to three.js and according to the rig, CSS px. */
 function both({ camera, rig }: SceneCamera, [x, y, z]: Vec3) {
   camera.updateMatrixWorld();
   const seen = new Vector3(x, y, z).project(camera);

@@ -16,7 +16,7 @@ export class SceneCamera {
   constructor(canvas: HTMLElement, onChange: () => void) {
     this.camera.up.set(0, 0, 1); // before the controls: they read it once
     this.#controls = new OrbitControls(this.camera, canvas);
-    // No inertia: it is counted in frames, so on a slow machine the view would swim behind the hand.
+    // No inertia: it is counted in frames, so on a slow machine the view would lag behind the hand.
     this.#controls.maxPolarAngle = Math.PI / 2 - LOWEST;
     this.#controls.zoomToCursor = true;
     this.rig = new CameraRig({
@@ -40,7 +40,7 @@ export class SceneCamera {
     this.#apply();
   }
 
-  /** Sets what the mouse buttons do. On touch screens one finger always turns, two always pan and zoom. */
+  /** Sets what the mouse buttons do. On touch screens, one finger always rotates, and two pan and zoom. */
   setMouse(style: MouseStyle): void {
     const turning = { LEFT: MOUSE.ROTATE, MIDDLE: MOUSE.DOLLY, RIGHT: MOUSE.PAN };
     const moving = { LEFT: MOUSE.PAN, MIDDLE: MOUSE.DOLLY, RIGHT: MOUSE.ROTATE };
@@ -48,7 +48,7 @@ export class SceneCamera {
     this.#controls.screenSpacePanning = style !== 'foxglove'; // there one moves over the floor
   }
 
-  /** Shifts the world by so many CSS pixels, along the floor or in the picture's plane as the mouse style has it. */
+  /** Pans the world by this many CSS pixels, along the floor or in the picture plane, depending on the mouse style. */
   pan(dx: number, dy: number): void {
     this.rig.grasp();
     this.#controls.pan(dx, dy);
@@ -65,7 +65,7 @@ export class SceneCamera {
     this.#controls.dispose();
   }
 
-  /** Copies the rig's state. The field of view applies to the uncovered part; the picture goes on around it. */
+  /** Copies the rig's state. The field of view applies to the uncovered part; the picture extends beyond it. */
   #apply(): void {
     const { camera, rig } = this;
     const { width, height, top, free, near, far } = rig.projection;

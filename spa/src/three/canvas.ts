@@ -11,16 +11,15 @@ export class SceneCanvas {
   readonly #on: SceneCanvasEvents;
   #sharpness = 1;
 
-  /** Throws an Error with a message for people when the browser has no WebGL 2. */
+  /** Throws an Error with a user-facing message if the browser has no WebGL 2. */
   constructor(host: HTMLElement, on: SceneCanvasEvents) {
     this.#host = host;
     this.#on = on;
     this.canvas = document.createElement('canvas');
     const context = this.canvas.getContext('webgl2', { antialias: true, alpha: false });
-    if (context === null)
-      throw new Error('This browser has no 3D. The table shows everything the robot says.');
+    if (context === null) throw new Error('This browser has no 3D. The table shows all readings.');
     this.renderer = new WebGLRenderer({ canvas: this.canvas, context });
-    this.renderer.toneMapping = NeutralToneMapping; // keeps the colours of the URDF, rolls off highlights only
+    this.renderer.toneMapping = NeutralToneMapping; // keeps the URDF's colours and compresses only highlights
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.type = VSMShadowMap;
     this.renderer.shadowMap.autoUpdate = false; // shadows change with the pose, not with the camera
@@ -47,15 +46,14 @@ export class SceneCanvas {
     return true;
   }
 
-  /** Sets the part (0…1) of the screen's pixels along each side that the next pictures are drawn with. */
+  /** Sets the fraction (0…1) of the screen's pixels along each side at which the next pictures are drawn. */
   set sharpness(part: number) {
     if (part === this.#sharpness) return;
     this.#sharpness = part;
     this.fit();
   }
 
-  /** Makes the canvas as large as its host, which blanks it. Does nothing and returns false while the host has no size.
-   *  */
+  /** Makes the canvas as large as its host, which clears it. Does nothing and returns false while the host has no size. */
   fit(): boolean {
     const { clientWidth, clientHeight } = this.#host;
     if (clientWidth === 0 || clientHeight === 0) return false;
@@ -66,8 +64,8 @@ export class SceneCanvas {
     return true;
   }
 
-  /** Disposes of a scene's GPU objects after a lost context: else three.js would later delete them in the new one, with
-   *  a warning for each. */
+  /** Disposes of a scene's GPU objects after a lost context: otherwise three.js would later delete them in the new one, with a
+   *  warning for each. */
   forget(scene: Scene): void {
     scene.traverse((object) => {
       if (!('geometry' in object && 'material' in object)) return;
@@ -91,7 +89,7 @@ export class SceneCanvas {
   }
 
   readonly #onLost = (event: Event): void => {
-    event.preventDefault(); // or the browser never gives it back
+    event.preventDefault(); // otherwise the browser never frees it
     this.#on.lost();
   };
 }
@@ -104,6 +102,6 @@ export interface SceneCanvasEvents {
   blank(): void;
   /** The WebGL context is lost, and all GPU objects with it. */
   lost(): void;
-  /** There is a WebGL context again, without any objects. */
+  /** There is a WebGL context again, without any GPU objects. */
   restored(): void;
 }

@@ -1,15 +1,15 @@
 import { type Matrix4, Vector4 } from 'three';
 import { type LinkBox, lowestZ } from '../model/bounds.ts';
 
-/** Most links with a contact shadow at one time: two feet, or hands, knees and feet of a crawling robot. */
+/** Most links with a contact shadow at a time: two feet, or hands, knees and feet of a crawling robot. */
 export const MOST_CONTACTS = 6;
-/** Heights in radii of the robot: the shadow falls to 1/e at the first, and is left out from the second on. */
+/** Heights in radii of the robot: the shadow falls to 1/e at the first, and is omitted from the second on. */
 const FADES_AT = 0.05;
 const FORGOTTEN_AT = 0.16;
 
 /**
- * Contact shadows: rounded dark rectangles where a robot is close to the floor. The shadow map is too coarse to show
- * whether a foot stands or hovers; these do.
+ * Contact shadows: rounded dark rectangles where a robot is close to the floor. The shadow map is too coarse to show whether a
+ * foot touches the floor or hovers; these do.
  */
 export class ContactShadow {
   /** For each contact: centre x, y (m), and the direction of the longer side (cosine, sine). */

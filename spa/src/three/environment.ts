@@ -23,7 +23,7 @@ import type { SceneTheme } from './theme.ts';
 const FLOOR_REACHES = 60;
 /** Pixels along each side of the shadow map at full quality. */
 export const SHADOW_PIXELS = 512;
-/** x red, y green, z blue, all dull: a bright green is what a force's arrow has. */
+/** x red, y green, z blue, all muted: bright green is used for force arrows. */
 const AXIS_COLORS = [0xb3686e, 0x58987b, 0x5e85c3];
 
 /** The surroundings of a robot: lights, floor with grid and shadows, and small axes under the robot. */
@@ -98,8 +98,8 @@ export class Environment {
     this.#contacts.follow(boxes, this.#reach);
   }
 
-  /** Moves lights and floor along with a robot at (x, y) that flies so high, metres; the grid lines stay where they are
-   *  in the world. */
+  /** Moves lights and floor along with a robot at (x, y) at this height above the floor, metres; the grid lines stay where they
+   *  are in the world. */
   follow(x: number, y: number, flies: number): void {
     const r = this.#reach;
     const fade = fadeOf(r, flies);
@@ -167,7 +167,7 @@ function axesGeometry(): BufferGeometry {
 function floorMaterial(): ShaderMaterial {
   return new ShaderMaterial({
     lights: true, // for the shadow
-    dithering: true, // dark gradients show bands without
+    dithering: true, // without it, dark gradients show banding
     uniforms: UniformsUtils.merge([
       UniformsLib.lights,
       {

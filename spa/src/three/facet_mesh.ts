@@ -4,11 +4,11 @@ import { NumbersMesh } from './numbers_mesh.ts';
 
 /** Drawn after robot and ghost, before all strokes. */
 const RENDER_ORDER = 2;
-/** Opacity of the second pass, which shows through what is in front. */
+/** Opacity of the second pass, which shows through objects in front. */
 const THROUGH = 0.88;
 
-/** Draws all facets in two instanced draw calls, as `OverlayMesh` draws strokes: with depth test, then those marked
- *  "through" in front of everything. They write no depth, so each lies over those before it. */
+/** Draws all facets in two instanced draw calls, as `OverlayMesh` draws strokes: with depth test, then those marked "through" in
+ *  front of everything. They write no depth, so each is drawn over the previous ones. */
 export class FacetMesh extends NumbersMesh {
   constructor(facets: FacetNumbers) {
     const { first, second, third, tint, through } = facets.at;
@@ -31,7 +31,7 @@ function facetGeometry(): InstancedBufferGeometry {
   return geometry;
 }
 
-/** The material of facets. Colours are output as those of strokes are. */
+/** The material of facets. Colours are output as for strokes. */
 function facetMaterial(through: boolean): ShaderMaterial {
   return new ShaderMaterial({
     transparent: true,

@@ -9,13 +9,13 @@ import {
 } from 'three';
 import type { DrawnNumbers } from '../overlays/picture_numbers.ts';
 
-/** An attribute's offset among the numbers of a row, and how many numbers it has. */
+/** An attribute's offset among the numbers of a row, and its length. */
 type Attributes = Readonly<Record<string, readonly [at: number, size: number]>>;
 
-/** A material, and when it is drawn among what is transparent. */
+/** A material, and its render order among transparent objects. */
 export type Pass = readonly [material: ShaderMaterial, renderOrder: number];
 
-/** Draws rows of numbers, each as an instance of one geometry: in one instanced draw call for each pass. */
+/** Draws rows of numbers, each as an instance of one geometry: one instanced draw call per pass. */
 export class NumbersMesh {
   readonly object = new Group();
   readonly #drawn: DrawnNumbers;

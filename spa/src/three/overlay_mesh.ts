@@ -7,7 +7,7 @@ const ALONG = 40;
 const AROUND = 8;
 /** Drawn after robot and ghost. */
 const RENDER_ORDER = 3;
-/** Opacity of the second pass, which shows through what is in front. */
+/** Opacity of the second pass, which shows through objects in front. */
 const THROUGH = 0.72;
 
 /**

@@ -13,7 +13,7 @@ import { type SceneTheme, THEMES } from './theme.ts';
 export interface OverlayHost {
   readonly host: HTMLElement;
   readonly camera: Camera;
-  /** The picture, and what is free of it. */
+  /** The picture, and its uncovered part. */
   room(): LabelRoom;
   /** Asks for a picture. */
   changed(): void;
@@ -21,7 +21,7 @@ export interface OverlayHost {
   wake(): void;
 }
 
-/** The overlay of all robots in a scene, in two draw calls and two more for what is filled, with its labels over the canvas. */
+/** The overlay of all robots in a scene, in two draw calls and two more for filled areas, with its labels over the canvas. */
 export class OverlayPart implements ScenePart {
   readonly object = new Group();
   readonly #view: OverlayHost;
@@ -36,8 +36,8 @@ export class OverlayPart implements ScenePart {
     this.object.add(this.#batch.object);
   }
 
-  /** Whether the newest picture has signs of balance. They stand alone under the robot: red axes between them would be taken for a
-   *  warning. */
+  /** Whether the newest picture has balance signs. Nothing else is drawn under the robot then: red axes between them would look
+   *  like a warning. */
   get balanced(): boolean {
     return (this.#overlay.facets?.count ?? 0) > 0;
   }
@@ -57,7 +57,7 @@ export class OverlayPart implements ScenePart {
     this.#overlay.moved();
   }
 
-  /** Measures the robots' sizes anew, for example after more of their meshes have come. */
+  /** Measures the robots' sizes again, for example after more of their meshes have loaded. */
   measure(): void {
     this.#overlay.measure();
   }
@@ -78,7 +78,7 @@ export class OverlayPart implements ScenePart {
     if (this.#make()) this.#placeLabels();
   }
 
-  /** Call when the picture has another size. */
+  /** Call when the picture's size has changed. */
   resize(): void {
     this.#placeLabels();
   }

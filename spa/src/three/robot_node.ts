@@ -15,19 +15,19 @@ import { StaleEffect } from './robot/stale_effect.ts';
 import { ShadowCaster } from './shadow.ts';
 import type { SceneTheme } from './theme.ts';
 
-/** What a robot needs from the scene that it stands in. */
+/** What a robot needs from its scene. */
 export interface RobotNodeHost extends NodeHost {
   readonly tones: SkinTones;
   theme(): SceneTheme;
-  /** Makes a mark for a mesh that can't be shown. */
+  /** Creates a mark for a mesh that can't be shown. */
   placeholder(): Object3D;
 }
 
 /** One robot in a three.js scene: loads and draws its model, skeleton and shadow. */
 export class RobotNode extends FigureNode<Figure> {
-  /** Everything that is drawn of it. */
+  /** Everything drawn for it. */
   readonly object = new Group();
-  /** Its place beside other robots: scene_from_world of this robot's own world, metres. */
+  /** Its position beside other robots: scene_from_world of this robot's own world, metres. */
   readonly #slot = new Group();
   readonly staleEffect: StaleEffect;
   readonly #place: RobotNodeHost;
@@ -56,7 +56,7 @@ export class RobotNode extends FigureNode<Figure> {
     return this.staleEffect.amount;
   }
 
-  /** Whether it is shown with meshes, no longer as a skeleton. */
+  /** Whether it is shown with meshes, not just as a skeleton. */
   get dressed(): boolean {
     return this.figure !== null && this.#skeleton === null;
   }
@@ -74,23 +74,22 @@ export class RobotNode extends FigureNode<Figure> {
     this.staleEffect.setTone(theme.stale);
   }
 
-  /** Bytes that `refine` would fetch; null when there is nothing finer, or only what is too much for this device. */
+  /** Bytes that `refine` would fetch; null if there is nothing finer, or only levels too large for this device. */
   get finerBytes(): number | null {
     return this.#built?.finestBytes ?? null;
   }
 
-  /** Shows the finest level. Rejects with a one-line Error when it can't be loaded; the present level stays until then.
-   *  */
+  /** Shows the finest level. Rejects with a one-line Error if it can't be loaded; the current level stays until then. */
   async refine(onProgress: (receivedBytes: number, totalBytes: number) => void): Promise<void> {
     await this.#built?.refine(onProgress);
   }
 
-  /** Whether its model is a built one, which the light view can show, too. */
+  /** Whether it has a built model, which the light view can show as well. */
   get built(): boolean {
     return this.#built !== null;
   }
 
-  /** Whether it is kept at a coarser level than it could show, for a slow device. */
+  /** Whether it is limited to a coarser level than available, for a slow device. */
   get coarse(): boolean {
     return this.#coarse && this.#built?.hasLevels === true;
   }
@@ -101,7 +100,7 @@ export class RobotNode extends FigureNode<Figure> {
     void this.#built?.keepCoarse(coarse);
   }
 
-  /** The link that a ray (world) meets first, or null. */
+  /** The first link that a ray (world) hits, or null. */
   pick(ray: Ray): string | null {
     return this.figure?.pick(ray) ?? null;
   }
@@ -139,7 +138,7 @@ export class RobotNode extends FigureNode<Figure> {
     } else {
       const { fetchUrdf, showRaw } = await loadRaw();
       const manifest = readRawManifest(raw);
-      // Which files are drawn is known only when the URDF is read; until then all count.
+      // Which files are drawn is known only once the URDF has been read; until then, all count.
       let total = [...manifest.files.values()].reduce((sum, file) => sum + file.size, 0);
       const files = new Download(manifestUrl, signal, (received) => onProgress(received, total));
       const urdf = await fetchUrdf(manifest, files);
@@ -198,7 +197,7 @@ export class RobotNode extends FigureNode<Figure> {
   }
 }
 
-/** Loads what draws raw files. Rejects with NotNow when it does not come. */
+/** Loads the code that draws raw files. Rejects with NotNow if that fails. */
 function loadRaw() {
   return import('./robot/raw_robot.ts').catch((cause: unknown) => {
     throw new NotNow('the code for raw files did not come', { cause });

@@ -24,20 +24,20 @@ import { warmUp } from './shader_warm_up.ts';
 import { type SceneTheme, THEMES, type ThemeName } from './theme.ts';
 
 const PLACEHOLDER_REACHES = 0.12;
-/** After this long without motion, a picture drawn with fewer pixels is drawn once more with all of them. */
+/** After this long without motion, a picture drawn with fewer pixels is redrawn with all of them. */
 const REST_MS = 500;
 
 export interface SceneOptions {
   readonly theme: ThemeName;
-  /** Called when trouble with the drawing changes; null: none. */
+  /** Called when a drawing problem appears or disappears; null: none. */
   readonly onTrouble?: (trouble: DrawingTrouble | null) => void;
   /** Called after every picture, so that elements over the canvas can follow. */
   readonly onDrawn?: () => void;
 }
 
 /**
- * The 3D view of one or several robots, in a world with Z up. It combines what is drawn (`RobotNode`, `Environment`,
- * `ScenePart`s), from where (`SceneCamera`), on what (`SceneCanvas`) and when (`RenderLoop`).
+ * The 3D view of one or several robots, in a world with Z up. It combines the content (`RobotNode`, `Environment`, `ScenePart`s),
+ * the camera (`SceneCamera`), the canvas (`SceneCanvas`) and the timing (`RenderLoop`).
  */
 export class RobotScene extends RowStage<RobotNode> {
   protected override readonly row = new SceneRow();
@@ -54,7 +54,7 @@ export class RobotScene extends RowStage<RobotNode> {
   readonly #onDrawn: () => void;
   #theme: SceneTheme;
   readonly #sharpen = new Debounce(REST_MS, () => {
-    // A slow device may need longer than REST_MS for its next picture: then it is still moving.
+    // A slow device may need longer than REST_MS for its next picture; it is then still in motion.
     if (!this.loop.resting) return this.#sharpen.restart();
     this.#surface.sharpness = 1;
     this.loop.drawNow();
@@ -62,7 +62,7 @@ export class RobotScene extends RowStage<RobotNode> {
   #size = { width: 1, height: 1 };
   #cool: () => void = () => {};
 
-  /** Throws an Error with a message for people when the browser has no WebGL 2. */
+  /** Throws an Error with a user-facing message if the browser has no WebGL 2. */
   constructor(host: HTMLElement, options: SceneOptions) {
     super();
     this.#quality = new AdaptiveQuality({
@@ -115,7 +115,7 @@ export class RobotScene extends RowStage<RobotNode> {
     return this.#surface.renderer.getPixelRatio();
   }
 
-  /** Draw calls of the newest picture, including shadows if they were drawn anew. */
+  /** Draw calls of the newest picture, including shadows if they were redrawn. */
   get drawCalls(): number {
     return this.#surface.renderer.info.render.calls;
   }
@@ -147,7 +147,7 @@ export class RobotScene extends RowStage<RobotNode> {
     };
   }
 
-  /** Asks for a picture, because a part has changed. */
+  /** Requests a picture, because a part has changed. */
   request(): void {
     this.loop.request();
   }
@@ -179,7 +179,7 @@ export class RobotScene extends RowStage<RobotNode> {
     return this.robot.refine(onProgress);
   }
 
-  /** Shifts the world along the floor or in the picture's plane, as the mouse style has it. */
+  /** Pans the world along the floor or in the picture plane, depending on the mouse style. */
   override pan(dx: number, dy: number): void {
     this.#camera.pan(dx, dy);
   }
@@ -200,7 +200,7 @@ export class RobotScene extends RowStage<RobotNode> {
     return { ...this.#overlay.shown(robot), ghostLinks: robot.ghostLinks };
   }
 
-  /** Turns adaptive quality off and draws at full quality, for pictures that are saved. */
+  /** Turns adaptive quality off and draws at full quality, for saved pictures. */
   keepSharp(): void {
     this.loop.onInterval = null;
     this.#quality.reset();

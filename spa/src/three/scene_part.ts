@@ -1,7 +1,7 @@
 import type { Object3D } from 'three';
 import type { SceneTheme } from './theme.ts';
 
-/** Something that a scene shows beside robots and floor, such as the overlay. */
+/** Something that a scene shows in addition to robots and floor, such as the overlay. */
 export interface ScenePart {
   /** Added to the world (Z up, metres) while the part is in the scene. */
   readonly object: Object3D;

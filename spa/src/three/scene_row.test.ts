@@ -3,7 +3,7 @@ import { expect, it } from 'vitest';
 import type { RobotNode } from './robot_node.ts';
 import { SceneRow } from './scene_row.ts';
 
-/** A robot so wide and tall, with its root in the middle of its floor; null: not there yet. */
+/** A robot of this width and height, with its root in the middle of its floor; null: not loaded yet. */
 function robot(size: readonly [number, number, number] | null) {
   const box = () => {
     if (size === null) return null;

@@ -5,12 +5,12 @@ import type { SceneTheme } from './theme.ts';
 
 /** The robots of one scene. */
 export class SceneRow extends RobotRow<RobotNode> {
-  /** Whether any robot is kept at a coarser level than it could show. */
+  /** Whether any robot is limited to a coarser level than available. */
   get coarse(): boolean {
     return this.robots.some(({ coarse }) => coarse);
   }
 
-  /** Whether all robots have built models, which the light view can show, too. */
+  /** Whether all robots have built models, which the light view can show as well. */
   get built(): boolean {
     return this.robots.every(({ built }) => built);
   }
@@ -20,7 +20,7 @@ export class SceneRow extends RobotRow<RobotNode> {
     return this.robots.flatMap(({ figure }) => [...(figure?.boxes ?? [])]);
   }
 
-  /** Where a robot's top is in the picture (x right, y up, −1…1); null while it has no body or is behind the camera. */
+  /** Where the top of a robot appears in the picture (x right, y up, −1…1); null while it has no body or is behind the camera. */
   topOf(robot: RobotNode, camera: Camera): { x: number; y: number } | null {
     const top = topOf(robot);
     if (top === null) return null;

@@ -19,8 +19,8 @@ const NOTHING: Lod = {
 };
 
 /**
- * Compiles the robot's shader while its meshes are still loading: on a phone that takes a third of a second, and would
- * otherwise start only when they are here. Returns a function that disposes of the stand-in, once a robot has meshes.
+ * Compiles the robot's shader while its meshes are still loading: on a phone that takes a third of a second, and would otherwise
+ * start only once they have loaded. Returns a function that disposes of the stand-in, once a robot has meshes.
  */
 export function warmUp(
   renderer: WebGLRenderer,

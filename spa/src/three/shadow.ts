@@ -5,8 +5,8 @@ import type { LinkBox } from '../model/bounds.ts';
 const SQUARENESS = 4;
 
 /**
- * Casts the robot's shadow with one rounded block for each link's bounding box, all in one draw call. The shadow is
- * soft, so the difference is not seen; casting the meshes themselves would double the cost of a picture.
+ * Casts the robot's shadow with one rounded block for each link's bounding box, all in one draw call. The shadow is soft, so the
+ * difference is invisible; casting the meshes themselves would double the cost of a picture.
  */
 export class ShadowCaster {
   readonly blocks: InstancedMesh;
@@ -22,7 +22,7 @@ export class ShadowCaster {
     this.blocks.count = 0;
   }
 
-  /** Puts the blocks where the links are now. */
+  /** Moves the blocks to the current poses of the links. */
   follow(boxes: Iterable<readonly [link: { matrixWorld: Matrix4 }, box: LinkBox]>): void {
     let count = 0;
     for (const [link, { min, max }] of boxes) {

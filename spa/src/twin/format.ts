@@ -6,13 +6,13 @@ export type AngleUnit = 'rad' | 'deg';
 
 /** U+2212, as wide as a plus sign, so that the sign has a column of its own. */
 const MINUS = '\u2212';
-/** Figure space: exactly one digit wide, where a positive number has no sign. */
+/** Figure space: exactly one digit wide, in place of the sign of a positive number. */
 const NO_SIGN = '\u2007';
 export const NO_READING = '—';
 
 const DEGREES = 180 / Math.PI;
 
-/** How numbers of one unit are shown: a value times `factor`, with so many decimals, followed by `unit`. */
+/** How numbers of one unit are shown: a value times `factor`, with this many decimals, followed by `unit`. */
 export interface Display {
   unit: string;
   decimals: number;
@@ -46,7 +46,7 @@ export function displayOf(unit: string, angle: AngleUnit, scale = 0.001): Displa
   const known = DISPLAYS[unit];
   const decimals = scale > 0 && scale < 1 ? Math.min(6, Math.ceil(-Math.log10(scale) - 1e-9)) : 0;
   if (known === undefined) return { unit: isolated(unit), decimals, factor: 1 };
-  // Metres of a joint that slides come in tenths of a millimetre, those of a base do not.
+  // Metres of a prismatic joint are shown in tenths of a millimetre, those of a base are not.
   return {
     ...known,
     decimals: unit === 'm' ? Math.max(known.decimals, Math.min(decimals, 4)) : known.decimals,
@@ -54,19 +54,19 @@ export function displayOf(unit: string, angle: AngleUnit, scale = 0.001): Displa
   };
 }
 
-/** How a deviation is told in words: two decimals are enough, of metres the millimetres. */
+/** How a deviation is shown in text: two decimals are enough, or millimetres for metres. */
 export function coarseDisplay(display: Display): Display {
   return { ...display, decimals: Math.min(display.decimals, display.unit === 'm' ? 3 : 2) };
 }
 
-/** A number with its sign in a column of its own; `null` and NaN are no reading. */
+/** A number with its sign in a separate column; `null` and NaN are no reading. */
 export function formatNumber(value: number | null, display: Display): string {
   const steps = stepsOf(value, display);
   const text = stepsText(steps, display);
   return steps >= 0 && text !== NO_READING ? NO_SIGN + text : text;
 }
 
-/** 10⁰ … 10⁶: as many decimals as are ever shown. */
+/** 10⁰ … 10⁶: the maximum number of decimals ever shown. */
 const POWERS = [1, 10, 100, 1e3, 1e4, 1e5, 1e6] as const;
 
 /** The value as a whole number of steps of the last shown digit; NaN is no reading. Values with equal steps look the
@@ -124,7 +124,7 @@ export function formatClockSeconds(epochMs: number): string {
 
 /** "pwmSaturated" → "PWM saturated"; "motorFail0" → "motor fail 0". Unknown words stay as the robot says them. */
 export function flagWords(name: string): string {
-  if (name.includes(' ')) return isolated(name); // words already
+  if (name.includes(' ')) return isolated(name); // already words
   const words = name
     .replace(/([a-z])([A-Z])/g, '$1 $2')
     .replace(/([A-Za-z])(\d)/g, '$1 $2')

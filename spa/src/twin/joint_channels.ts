@@ -14,12 +14,12 @@ export class JointChannels {
     }
   }
 
-  /** URDF joints that the channel contributes to with a gain other than zero. */
+  /** URDF joints that the channel contributes to with a non-zero gain. */
   jointsOf(channel: string): readonly string[] {
     return this.#jointsOf.get(channel) ?? [];
   }
 
-  /** The channel with the largest gain for a URDF joint, the first of equal ones; null when there is none. */
+  /** The channel with the largest gain for a URDF joint, the first of equal ones; null if there is none. */
   channelOf(joint: string): string | null {
     return this.#channelOf.get(joint)?.channel ?? null;
   }

@@ -23,9 +23,9 @@ export interface JointRow {
   level: Level;
   curLevel: Level;
   tempLevel: Level;
-  /** The joint yields on purpose, so a deviation from its command is no trouble. */
+  /** The joint is compliant on purpose, so a deviation from its command is no fault. */
   compliant: boolean;
-  /** Further from its command than the profile's tolerance, and not compliant. */
+  /** It deviates from its command by more than the profile's tolerance, and is not compliant. */
   apart: boolean;
 }
 
@@ -40,11 +40,10 @@ export const CLOSE_AGAIN = 0.8;
 const SHOWN_AS_COLUMNS = new Set(['homed', 'enabled']);
 const NO_FLAGS: readonly Flag[] = [];
 
-/** The joint table of one schema. `read` rewrites its rows and numbers in place, so that it makes no garbage at frame
- *  rate. */
+/** The joint table of one schema. `read` updates its rows and numbers in place, so that it creates no garbage at frame rate. */
 export class JointTable {
   readonly rows: readonly JointRow[];
-  /** For each column an array with one number a row, in the schema's unit; NaN is no reading. */
+  /** For each column, an array with one number per row, in the schema's unit; NaN is no reading. */
   readonly numbers: Readonly<Record<NumberName, Float64Array>>;
   /** For each row, how often anything but its numbers has changed. */
   readonly changes: Uint32Array;
@@ -94,7 +93,7 @@ export class JointTable {
     this.#tolerances = this.rows.map(({ label }) => schema.mapping.tolerance(label));
   }
 
-  /** Whether the robot reports this column at all; the page leaves out the others. */
+  /** Whether the robot reports this column at all; the page omits the others. */
   has(column: NumberName | 'flags' | 'homed' | 'enabled'): boolean {
     switch (column) {
       case 'error':
@@ -108,7 +107,7 @@ export class JointTable {
     }
   }
 
-  /** The field of a column of numbers; null for `error`, which is computed, and for what the robot does not report. */
+  /** The field of a column of numbers; null for `error`, which is computed, and for columns that the robot does not report. */
   column(name: NumberName): Field | null {
     return this.#columns[name];
   }
@@ -132,7 +131,7 @@ export class JointTable {
       row.compliant = this.#bit(mask, this.#complianceBit) === true;
       row.apart = !row.compliant && isApart(error[i]!, apart, this.#tolerances[i]!);
       row.level = levelOfRow(row);
-      // Flag lists are cached by their bit mask, so comparing the lists by identity compares the flags.
+      // Flag lists are cached by their bit mask, so comparing the lists by identity is enough.
       const same = flags === row.flags && curLevel === row.curLevel && tempLevel === row.tempLevel;
       if (!same || apart !== row.apart) this.changes[i]! += 1;
     }
@@ -163,7 +162,7 @@ export class JointTable {
         severity: this.#schema.mapping.severity('flags', name),
       }))
       .sort((a, b) => RANK[a.severity] - RANK[b.severity]);
-    // A robot uses a handful of masks; one that goes through all of them must not fill the memory.
+    // A robot uses a handful of masks; one that uses all of them must not fill the memory.
     if (this.#flagsOfMask.size >= 256) this.#flagsOfMask.clear();
     this.#flagsOfMask.set(mask, flags);
     return flags;
@@ -178,8 +177,7 @@ function readColumn(codes: Int32Array, field: Field | null, into: Float64Array):
   }
 }
 
-/** Whether a joint is off its command by more than its tolerance, with hysteresis. Without a reading (NaN) it is not.
- *  */
+/** Whether a joint deviates from its command by more than its tolerance, with hysteresis. Without a reading (NaN) it does not. */
 function isApart(error: number, before: boolean, tolerated: number | null): boolean {
   return tolerated !== null && Math.abs(error) > tolerated * (before ? CLOSE_AGAIN : 1);
 }

@@ -17,12 +17,12 @@ export class KinematicTree {
     this.#linkOf = new Map(links.flatMap(({ joint, link }) => (joint === null ? [] : [[joint, link]])));
   }
 
-  /** Joints that move, parents before children. */
+  /** Movable joints, parents before children. */
   get joints(): readonly string[] {
     return [...this.#linkOf.keys()];
   }
 
-  /** The child link of a joint, whose origin is at the joint; null for a joint that the model does not have. */
+  /** The child link of a joint, whose origin is at the joint; null for a joint that the model lacks. */
   linkOf(joint: string): string | null {
     return this.#linkOf.get(joint) ?? null;
   }
@@ -32,14 +32,14 @@ export class KinematicTree {
     return [...this.#links.keys()].filter((link) => this.jointOf(link) === joint);
   }
 
-  /** The joint that moves a link, or the link it is fixed to; null when no joint moves it. */
+  /** The joint that moves a link or the link it is fixed to; null if no joint moves it. */
   jointOf(link: string): string | null {
     const entry = this.#links.get(link);
     if (entry === undefined) return null;
     return entry.joint ?? (entry.parent === null ? null : this.jointOf(entry.parent));
   }
 
-  /** The next joint on the way to the root; null when there is none. */
+  /** The next joint on the way to the root; null if there is none. */
   before(joint: string): string | null {
     const parent = this.#links.get(this.linkOf(joint) ?? '')?.parent ?? null;
     return parent === null ? null : this.jointOf(parent);

@@ -3,15 +3,15 @@ import { JointChannels } from './joint_channels.ts';
 import type { KinematicTree } from './kinematic_tree.ts';
 import { isolated } from './names.ts';
 
-/** A group of joints that belong together, with its title; labels as the robot names them. */
+/** A group of joints that belong together, with its title; labels are the robot's own. */
 export interface Limb {
   readonly title: string;
   readonly labels: readonly string[];
 }
 
-/** A branch with fewer channels is no limb of its own: a finger stays with its arm. */
+/** A branch with fewer channels does not count as a limb: a finger stays with its arm. */
 const LEAST_CHANNELS = 3;
-/** Prefix of keys made from names; alone it is the key of joints with meaningless names. No joint's name starts so. */
+/** Prefix of keys made from names; alone it is the key of joints with meaningless names. No joint name starts with it. */
 const UNNAMED = '\n';
 
 /** The names of limbs in the viewer's language. */
@@ -39,8 +39,8 @@ const PARTS: readonly (readonly [part: Part, words: RegExp])[] = [
 ];
 
 /**
- * Groups the joints into limbs, each in the robot's order. With a model, the kinematic tree is cut where two long
- * branches part; without one (`tree` null), joints are grouped by words in their names.
+ * Groups the joints into limbs, each in the robot's order. With a model, the kinematic tree is cut where two long branches split;
+ * without one (`tree` null), joints are grouped by words in their names.
  */
 export function limbsOf(schema: Schema, tree: KinematicTree | null, called: LimbWords): Limb[] {
   const labels = (schema.field('pos') ?? schema.field('ref'))?.labels ?? [];
@@ -95,7 +95,7 @@ function put<K>(into: Map<K, string[]>, key: K, value: string): void {
   into.set(key, values);
 }
 
-/** "left_hip_pitch_joint" → "left hip pitch joint", preceded by the plain name if there is one. */
+/** "left_hip_pitch_joint" → "left hip pitch joint", with the plain name in front if there is one. */
 function wordsOf(label: string, plain: string | undefined): string {
   return `${plain ?? ''} ${label.replace(/([a-z])([A-Z])/g, '$1 $2').replace(/[_\-.]/g, ' ')}`.toLowerCase();
 }
@@ -120,7 +120,7 @@ function sidesOf(
   );
 }
 
-/** A title such as "Left arm", by what most of the joints are called; null when their names don't tell. */
+/** A title such as "Left arm", from the names of most joints; null if their names don't tell. */
 function nameOf(
   labels: readonly string[],
   words: ReadonlyMap<string, string>,
@@ -137,7 +137,7 @@ function nameOf(
   return part === null ? named : called.sideAndPart(named, called[part]);
 }
 
-/** The value that more than half of the entries have; null when there is none. */
+/** The value that more than half of the entries have; null if there is none. */
 function most<T extends string>(said: readonly (T | null)[]): T | null {
   const counts = new Map<T, number>();
   for (const one of said) if (one !== null) counts.set(one, (counts.get(one) ?? 0) + 1);

@@ -1,27 +1,29 @@
 /**
- * Judges whether the page shows a live robot, in one word. Pure: evidence and the clock come in, a verdict goes out.
+ * Judges whether the page shows a live robot, in one word. Pure: evidence and the clock are passed in, and the result is a
+ * verdict.
  *
- * An arriving frame alone proves nothing: a viewer who joins a dead robot is sent its last pose. So freshness comes
- * from the relay's `status`, and from frames that are newer than the newest frame named in that status.
+ * An arriving frame alone proves nothing: a viewer who joins a dead robot is sent its last pose. So freshness comes from the
+ * relay's `status`, and from frames that are newer than the newest frame named in that status.
  */
 
-/** PAST: what is shown is from then, and nothing is said of now. RECORDED: likewise, and from files, which have no now. */
+/** PAST: the picture is from the past and says nothing about the present. RECORDED: the same, from files, which have no
+ *  present. */
 export type Word = 'LIVE' | 'HOLDING' | 'STALE' | 'OFFLINE' | 'PAST' | 'RECORDED';
 export type Cause = 'robot silent' | 'no connection' | 'relay degraded' | 'waiting for the next part';
 
 export const STALE_AFTER_MS = 1500;
-/** The limit while no poses are asked for: the relay then speaks once a second, and the network may delay that by
- *  almost another. */
+/** The limit while no poses are requested: the relay then sends once a second, and the network may delay that by almost another
+ *  second. */
 export const QUIET_AFTER_MS = 2000;
-/** A page that has just opened waits this long for the relay before it calls the connection lost. */
+/** A newly opened page waits this long for the relay before it calls the connection lost. */
 export const JOINING_MS = 3000;
 /** A live pose that has not changed for this long is called HOLDING. */
 export const HOLDING_AFTER_MS = 3000;
 
-/** What the relay says about a robot, about once a second. */
+/** The relay's report about a robot, about once a second. */
 export interface Status {
   robot: 'online' | 'silent' | 'offline';
-  /** Age of the newest frame when the relay wrote this; null when it has none. */
+  /** Age of the newest frame when the relay wrote this; null if it has none. */
   ageMs: number | null;
   seq: number | null;
   /** The relay cannot vouch for what it serves (a gateway without its store). */
@@ -30,34 +32,34 @@ export interface Status {
   overShare: boolean;
   /** When it arrived, viewer's clock. */
   atMs: number;
-  /** In a stream that comes in parts: when all that is here has been shown, viewer's clock. */
+  /** In a stream of parts: when everything loaded has been shown, viewer's clock. */
   endsMs?: number;
 }
 
-/** All that a verdict is based on. Times are milliseconds of the viewer's own clock, which never steps back. */
+/** The basis of a verdict. Times are milliseconds of the viewer's own clock, which never steps back. */
 export interface Evidence {
-  /** When this page began to try. */
+  /** When this page started to connect. */
   openedMs: number;
   connected: boolean;
-  /** When the connection was lost, or null while it stands or before the first one. */
+  /** When the connection was lost; null while it is up or before the first one. */
   lostMs: number | null;
   /** Arrival of the newest message of any kind. */
   heardMs: number | null;
   status: Status | null;
-  /** Arrival of the newest frame that was newer than the status before it. */
+  /** Arrival of the newest frame that was newer than the preceding status. */
   freshMs: number | null;
-  /** When pos, ref or flags last differed from the frame before; null while that is not known. */
+  /** When pos, ref or flags last differed from the previous frame; null while unknown. */
   changedMs: number | null;
-  /** Since when poses are asked for on this connection; null while the page is hidden and asks for none. */
+  /** Since when poses have been requested on this connection; null while the page is hidden and requests none. */
   watchingMs: number | null;
-  /** When the pose that the picture shows was the robot's newest; null while no such pose has come since then. */
+  /** When the displayed pose was the robot's newest; null if no such pose has arrived since then. */
   shownMs: number | null;
-  /** When the page last stopped calling the shown pose live, on this connection. The stream is told as well, so that
-   *  nothing that was under way then counts as newer. */
+  /** When the page last stopped calling the shown pose live, on this connection. The stream is told too, so that data in transit
+   *  at that time does not count as newer. */
   otherwiseMs: number | null;
 }
 
-/** A recording, unix ms, and how it tells its moments. */
+/** A recording, unix ms, and the formatting of its moments. */
 export interface Recorded {
   readonly fromMs: number;
   readonly toMs: number;
@@ -65,11 +67,11 @@ export interface Recorded {
   when(momentMs: number): string;
   /** "3:05 of 25:00". */
   within(momentMs: number): string;
-  /** The line over the body. `words`: of `when` and more. */
+  /** The line over the body. `words`: for `when` and more. */
   note(words: string): string;
-  /** What is said of a moment whose part is missing or damaged; null of others, as far as that is known. */
+  /** The text for a moment whose part is missing or damaged; null for others, as far as known. */
   gap(momentMs: number): string | null;
-  /** Says that it has not the moment that a link names. */
+  /** The text saying that the recording does not contain the moment in the link. */
   lacks(askedMs: number, momentMs: number): string;
 }
 
@@ -77,23 +79,23 @@ export interface Recorded {
 interface PastMoment {
   /** Unix ms by the relay's clock. */
   readonly momentMs: number;
-  /** The moment that a link asked for, if this one is shown because that one is not kept. */
+  /** The moment in the link, if another one is shown because that one is not kept. */
   readonly askedMs: number | null;
-  /** What the robot was then, unless its poses were new. */
+  /** The robot's state at that moment, unless its poses were live. */
   readonly was: 'STALE' | 'OFFLINE' | null;
-  /** Whether the shown pose is of that moment, or of the same few seconds; else it is still to come. */
+  /** Whether the shown pose is from that moment, or within a few seconds of it; otherwise it is still loading. */
   readonly isHere: boolean;
   /** The recording; null in PAST. */
   readonly recorded: Recorded | null;
-  /** Says what is shown. It comes with what plays the past, which few viewers load. `nowMs`: Unix ms by the page's clock. */
+  /** Describes what is shown. It is part of the player code, which few viewers load. `nowMs`: Unix ms by the page's clock. */
   readonly words: (verdict: Pick<Verdict, 'past' | 'ageMs'>, nowMs: number) => PastWords;
 }
 
 /** A moment of the past in words. */
 export interface PastWords {
-  /** "14:02:07"; of a recording "12 Nov 2026 14:02:07". */
+  /** "14:02:07"; for a recording "12 Nov 2026 14:02:07". */
   readonly clock: string;
-  /** How long ago that was, and what the robot was then if it was not live: " · 2 min ago · was STALE"; of a recording how far
+  /** How long ago that was, and the robot's state then if it was not live: " · 2 min ago · was STALE"; for a recording, how far
    *  into it: " · 3:05 of 25:00". */
   readonly ago: string;
   /** The line over the body. */
@@ -101,22 +103,22 @@ export interface PastWords {
 }
 
 export interface Verdict {
-  /** null only in the first moments, before anything can be known: on opening, and until a pose has come. */
+  /** null only at the very start, before anything can be known: on opening, and until a pose has arrived. */
   word: Word | null;
   cause: Cause | null;
-  /** The robot sends too much, and the relay that says so is heard. */
+  /** The robot exceeds its share, and the relay that says so is connected. */
   overShare: boolean;
-  /** Age of the newest pose; null when none is known. */
+  /** Age of the newest pose; null if unknown. */
   ageMs: number | null;
-  /** Time since the relay was last heard; null when it never was. */
+  /** Time since the last message from the relay; null if there was none. */
   linkMs: number | null;
-  /** How long the pose has not changed; null when that is not known. */
+  /** How long the pose has been unchanged; null if unknown. */
   unchangedMs: number | null;
   /** null unless the word is PAST or RECORDED. */
   past: PastMoment | null;
 }
 
-/** The age of the robot's newest pose by status or frames, whichever says less; null when neither is known. */
+/** The age of the robot's newest pose from status or frames, whichever is smaller; null if neither is known. */
 export function newestAgeMs(evidence: Evidence, nowMs: number): number | null {
   const { status, freshMs } = evidence;
   const byStatus = status === null || status.ageMs === null ? null : status.ageMs + nowMs - status.atMs;
@@ -130,22 +132,22 @@ function pictureMs({ shownMs, otherwiseMs }: Evidence): number | null {
   return shownMs !== null && otherwiseMs !== null && shownMs <= otherwiseMs ? null : shownMs;
 }
 
-/** Whether the word claims that the shown pose is the robot's present one. */
+/** Whether the word claims that the shown pose is current. */
 export function isClaim(word: Word | null): word is 'LIVE' | 'HOLDING' {
   return word === 'LIVE' || word === 'HOLDING';
 }
 
-/** Whether the word says that the shown pose is one of then. */
+/** Whether the word says that the shown pose is from the past. */
 export function isThen(word: Word | null): word is 'PAST' | 'RECORDED' {
   return word === 'PAST' || word === 'RECORDED';
 }
 
-/** Whether the shown pose was no longer the robot's own at the time that is shown. */
+/** Whether the shown pose was out of date at the shown time. */
 export function isOld({ word, past }: Pick<Verdict, 'word' | 'past'>): boolean {
   return isThen(word) ? past === null || past.was !== null || !past.isHere : !isClaim(word);
 }
 
-/** Whether the relay is heard, so that what its status says about the robot holds now. */
+/** Whether the relay is connected, so that its status about the robot is valid now. */
 function isHeard(word: Word | null, cause: Cause | null): boolean {
   return word !== null && word !== 'OFFLINE' && cause !== 'no connection';
 }
@@ -177,7 +179,7 @@ export function judge(evidence: Evidence, nowMs: number): Verdict {
   if (status.robot === 'silent' && !spokeSince) return verdict('STALE', 'robot silent');
   const { watchingMs } = evidence;
   const shownMs = pictureMs(evidence);
-  const staleMs = watchingMs === null ? QUIET_AFTER_MS : STALE_AFTER_MS; // without poses, only status tells
+  const staleMs = watchingMs === null ? QUIET_AFTER_MS : STALE_AFTER_MS; // without poses, only the status tells
   if (linkMs >= staleMs) return verdict('STALE', 'no connection');
   if (ageMs === null || ageMs >= staleMs) {
     const isOver = status.endsMs !== undefined && nowMs >= status.endsMs;
@@ -186,14 +188,14 @@ export function judge(evidence: Evidence, nowMs: number): Verdict {
   // The robot is fine, but the shown pose may still be an old one.
   if (watchingMs !== null) {
     if (nowMs - (shownMs ?? watchingMs) >= STALE_AFTER_MS)
-      // of a lane the worker has what it says of the robot: the page is slow to show it
+      // in a lane, the worker already knows the robot's state: the page is slow to show it
       return verdict(
         'STALE',
         status.endsMs ? null : 'relay degraded',
         nowMs - (evidence.shownMs ?? watchingMs),
       );
   }
-  if (watchingMs !== null && shownMs === null) return verdict(null); // the first pose is on its way
+  if (watchingMs !== null && shownMs === null) return verdict(null); // the first pose is in transit
   if (unchangedMs !== null && unchangedMs >= HOLDING_AFTER_MS) return verdict('HOLDING');
   return verdict('LIVE');
 }

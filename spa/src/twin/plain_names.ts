@@ -1,8 +1,8 @@
 import type { Schema } from '@posecast/wire';
 
 /**
- * What a joint or sensor is called by people, not yet `isolated`: the profile's words in that language ("right
- * knee"; or in the one that has no tag), else those of a name that is made of words (`left_hip_pitch_joint`, "left hip pitch"); null for a code (`RKN`).
+ * The plain name of a joint or sensor, not yet `isolated`: the profile's words in that language ("right knee"; or those without a
+ * language tag), else the words of a name made of words (`left_hip_pitch_joint`, "left hip pitch"); null for a code (`RKN`).
  */
 export function wordsOfName(schema: Schema | null, label: string, language: string): string | null {
   return schema?.mapping.name(label, language) ?? spelledOut(label);

@@ -1,6 +1,6 @@
 import type { Schema } from '@posecast/wire';
 
-/** The fields that make a pose: while none of them changes, the robot holds still. */
+/** The fields that define a pose: while none of them changes, the robot is holding still. */
 const POSE_FIELDS = ['pos', 'ref', 'flags'] as const;
 
 /** Whether two frames' codes show different poses. Codes are compared exactly: a robot at rest keeps sending the same

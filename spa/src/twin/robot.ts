@@ -6,17 +6,17 @@ import { type Evidence, newestAgeMs, STALE_AFTER_MS, type Status } from './liven
 import { isolated } from './names.ts';
 import { valueAt } from './values.ts';
 
-/** Most events kept, as many as the relay keeps; the oldest are dropped. */
+/** Maximum number of events kept, as many as the relay keeps; the oldest are dropped. */
 export const EVENT_LIMIT = 100;
 
-/** One decoded frame with what the stream knows about its freshness (times in ms of the viewer's clock). */
+/** One decoded frame with the stream's data about its freshness (times in ms of the viewer's clock). */
 export interface RobotState {
   schemaId: number;
   seq: number;
   /** Robot time, seconds. */
   tS: number;
   codes: Int32Array;
-  /** When the last frame came that was newer than the relay's status, see `Evidence`. */
+  /** When the last frame newer than the relay's status arrived, see `Evidence`. */
   freshMs: number | null;
   /** When this was the robot's newest frame; null: it may be of any age. */
   bornMs: number | null;
@@ -24,7 +24,7 @@ export interface RobotState {
   changedMs: number;
   /** When it arrived. */
   atMs: number;
-  /** How long it was delayed on its way, ms, as far as that is known. */
+  /** Its delay in transit, ms, as far as known. */
   lateMs?: number;
 }
 
@@ -32,35 +32,35 @@ export interface RobotState {
 export type LeadState = Pick<RobotState, 'tS' | 'codes' | 'atMs'>;
 
 /**
- * All that the page knows about one robot, kept outside React. It has two kinds of listener: `onState` for each new
- * frame (at frame rate), `onChange` for what changes seldom (schema, info, events, model, connection).
+ * Everything that the page knows about one robot, kept outside React. It has two kinds of listeners: `onState` for each new frame
+ * (at frame rate), `onChange` for rare changes (schema, info, events, model, connection).
  */
 export class RobotTwin {
   readonly robot: string;
   schema: Schema | null = null;
   state: RobotState | null = null;
-  /** What led up to `state`, oldest first, where the past is at rest; null otherwise. */
+  /** The states that led up to `state`, oldest first, if the past is at rest; null otherwise. */
   lead: readonly LeadState[] | null = null;
   info: ReadonlyMap<string, string> = new Map();
   /** Newest last. */
   events: readonly EventMessage[] = [];
-  /** Whether those are all that there were lately; else older ones are still to come. */
+  /** Whether these are all recent events; otherwise older ones are still to come. */
   hasAllEvents = true;
   modelHash: string | null = null;
   /** The kinematic tree of the model; null while no model is loaded. */
   tree: KinematicTree | null = null;
-  /** The limits that apply: the viewer's own, else the profile's; null until there is a schema. */
+  /** The limits in effect: the viewer's own, else the profile's; null until there is a schema. */
   limits: ValueLimits | null = null;
   edits: ThresholdEdits = NO_EDITS;
   readonly evidence: Evidence;
-  /** Counts changes, so that a listener can tell cheaply whether it is up to date. */
+  /** Counts changes, so that a listener can cheaply check whether it is up to date. */
   version = 0;
 
   #joints: JointTable | null = null;
-  /** The state and the limits that `#joints` was last read with. */
+  /** The state and the limits for which `#joints` was last read. */
   #readFrom: readonly unknown[] = [];
   #watching = true;
-  /** Moved to another relay that has told nothing of the robot yet. */
+  /** Moved to another relay that has reported nothing about the robot yet. */
   #moved = false;
   readonly #stateListeners = new Set<() => void>();
   readonly #changeListeners = new Set<() => void>();
@@ -96,7 +96,7 @@ export class RobotTwin {
     return () => this.#changeListeners.delete(listener);
   }
 
-  /** A new schema makes the old codes meaningless: they are dropped, and nothing is shown until a frame of it comes. */
+  /** A new schema makes the old codes meaningless: they are dropped, and nothing is shown until a frame of it arrives. */
   acceptSchema(schema: Schema): void {
     if (this.schema?.id === schema.id) return;
     this.schema = schema;
@@ -119,26 +119,26 @@ export class RobotTwin {
   }
 
   acceptState(state: RobotState): void {
-    if (this.schema?.id !== state.schemaId) return; // overtaken by a new schema on its way here
+    if (this.schema?.id !== state.schemaId) return; // overtaken by a new schema in transit
     this.state = state;
     this.lead = null;
     if (state.freshMs !== null) this.evidence.freshMs = state.freshMs;
-    if (this.#watching) this.evidence.changedMs = state.changedMs; // else no later one will tell that it has changed
+    if (this.#watching) this.evidence.changedMs = state.changedMs; // otherwise no later frame would report the change
     this.#shows(state.bornMs);
     this.heard(state.atMs - (state.lateMs ?? 0)); // a delayed frame proves nothing about the time since
     for (const listener of this.#stateListeners) listener();
   }
 
-  /** Takes what led up to the newest state, oldest first, of its schema. Listeners of states are called again with that state: what
-   *  depends on the way to it can be computed now, as if it had been played. */
+  /** Takes the states that led up to the newest one, oldest first, with its schema. State listeners are called again with that
+   *  state, because values that depend on history can now be computed as if it had been played. */
   acceptLead(lead: readonly LeadState[]): void {
     if (this.state === null) return;
     this.lead = lead;
     for (const listener of this.#stateListeners) listener();
   }
 
-  /** Takes what the relay says. One that the page has just been moved to may not know the robot yet: that is no news, until what the
-   *  one before has said is old. */
+  /** Takes the relay's status. A relay to which the page has just moved may not know the robot yet: its status is ignored until
+   *  the previous relay's status is old. */
   acceptStatus(status: Status): void {
     const oldMs = newestAgeMs(this.evidence, status.atMs);
     const isNoNews = status.degraded || status.robot === 'offline' || status.seq === null;
@@ -150,28 +150,28 @@ export class RobotTwin {
     if (seq !== null && seq === this.state?.seq && ageMs !== null) this.#shows(status.atMs - ageMs);
   }
 
-  /** Notes when the shown pose was new. A frame of unknown age (null) does not make it younger. */
+  /** Records when the shown pose was new. A frame of unknown age (null) does not make it younger. */
   #shows(bornMs: number | null): void {
     if (bornMs !== null) this.evidence.shownMs = Math.max(bornMs, this.evidence.shownMs ?? bornMs);
   }
 
   heard(nowMs: number): void {
-    this.evidence.heardMs = Math.max(nowMs, this.evidence.heardMs ?? 0); // states may be handed over late
+    this.evidence.heardMs = Math.max(nowMs, this.evidence.heardMs ?? 0); // states may be delivered late
   }
 
-  /** The connection is now to another relay, and what the one before told is not old yet. */
+  /** The connection is now to another relay, and the previous relay's data is not old yet. */
   acceptMove(): void {
     this.#moved = true;
   }
 
-  /** `goesOn`: who has left the connection tries another at once, as where a full relay names its lane. A page that has shown no
-   *  pose yet is only opening then. */
+  /** `goesOn`: the old connection was given up for another, which is tried at once, as when a full relay names its lane. A page
+   *  that has shown no pose yet then counts as still opening. */
   acceptConnection(connected: boolean, nowMs: number, goesOn = false): void {
     if (this.evidence.connected === connected) return;
     this.#moved = false;
     this.evidence.connected = connected;
     if (connected) {
-      // What the old connection knew about the robot need not hold for the new one.
+      // Facts from the old connection may not hold for the new one.
       this.evidence.lostMs = null;
       this.evidence.status = null;
       this.evidence.freshMs = null;
@@ -183,19 +183,19 @@ export class RobotTwin {
     this.#changed();
   }
 
-  /** What came lay behind, and comes without delay from now on: what was fresh says nothing of now. */
+  /** The stream was delayed and is without delay from now on: earlier freshness says nothing about now. */
   acceptCatchUp(): void {
     this.evidence.freshMs = this.evidence.otherwiseMs = null;
   }
 
-  /** Notes whether poses are asked for; a hidden page asks for none. */
+  /** Records whether poses are requested; a hidden page requests none. */
   acceptWatching(watching: boolean, nowMs: number): void {
     this.#watching = watching;
     this.#forgetPicture(nowMs);
     this.#changed();
   }
 
-  /** The pose on the screen may be old from now on, and it is not known how long it has been unchanged. */
+  /** The pose on the screen may be old from now on, and the time since its last change is unknown. */
   #forgetPicture(nowMs: number): void {
     this.evidence.watchingMs = this.#watching ? nowMs : null;
     this.evidence.shownMs = null;
@@ -206,15 +206,15 @@ export class RobotTwin {
   acceptEvent(event: EventMessage): void {
     if (this.events.some((known) => known.n === event.n && known.at === event.at)) return;
     const newest = this.events.at(-1);
-    // A number that falls back means that the relay counts anew: the events from before no longer belong to its list.
+    // A number that goes back means that the relay has restarted its count: the earlier events no longer belong to its list.
     const kept = newest !== undefined && event.n < newest.n ? [] : this.events;
     this.events = [...kept, event].slice(-EVENT_LIMIT);
     this.#changed();
   }
 
-  /** Adds events of before, among those of the same count that are known. `isAll`: see `hasAllEvents`. */
+  /** Adds earlier events among the known ones of the same count. `isAll`: see `hasAllEvents`. */
   acceptEarlier(earlier: readonly EventMessage[], isAll: boolean): void {
-    // ends that somebody told because nobody had (`stream/handover/missed_ends.ts`) give way to the true ones
+    // end events made up for missed ones (`stream/handover/missed_ends.ts`) are replaced by the real ones
     const known = this.events.filter(({ n }) => earlier.length === 0 || Number.isInteger(n));
     const byN = new Map([...earlier, ...known].map((event) => [event.n, event]));
     this.events = [...byN.values()].sort((a, b) => a.n - b.n).slice(-EVENT_LIMIT);
@@ -222,14 +222,14 @@ export class RobotTwin {
     this.#changed();
   }
 
-  /** Sets the viewer's own thresholds. They stay when the schema changes. */
+  /** Sets the viewer's own thresholds. They are kept when the schema changes. */
   acceptEdits(edits: ThresholdEdits): void {
     this.edits = edits;
     if (this.schema !== null) this.limits = new ValueLimits(this.schema.mapping, edits);
     this.#changed();
   }
 
-  /** Forgets the events: what comes next is of another time. */
+  /** Forgets the events: what follows is from another time. */
   forgetEvents(): void {
     this.events = [];
     this.#changed();

@@ -5,7 +5,7 @@ export type Vec3 = readonly [x: number, y: number, z: number];
 
 export const IDENTITY: Quat = [1, 0, 0, 0];
 
-/** Scales a quaternion to length one; null when it has no direction (zero, NaN, infinite). */
+/** Scales a quaternion to length one; null if it has no direction (zero, NaN, infinite). */
 export function normalizeQuat([w, x, y, z]: Quat): Quat | null {
   const length = Math.hypot(w, x, y, z);
   return length > 1e-6 && Number.isFinite(length) ? [w / length, x / length, y / length, z / length] : null;
@@ -50,8 +50,8 @@ export function rpyOf([w, x, y, z]: Quat): Vec3 {
   ];
 }
 
-/** The same attitude turned about the vertical so that it faces along the world's x. The heading removed is the twist
- *  about z, which is defined for every attitude but upside down; then the attitude is returned as it is. */
+/** The same attitude, turned about the vertical to face along the world's x axis. The heading that is removed is the twist about
+ *  z. It is undefined only upside down, in which case the attitude is returned unchanged. */
 export function withoutHeading(worldFromBody: Quat): Quat {
   const [w, , , z] = worldFromBody;
   const twist = normalizeQuat([w, 0, 0, z]);

@@ -1,12 +1,12 @@
 import { visible } from '@posecast/wire';
 
-/** The mark in place of what is left out. */
+/** The mark for omitted letters. */
 const GAP = '…';
-/** Worth of any letter, beside what its word tells: where all else is equal, more letters are shown. */
+/** Value of any letter, in addition to its word's value: other things being equal, more letters are shown. */
 const LETTER_WORTH = 0.02;
-/** What a cut inside a word costs. */
+/** The cost of a cut inside a word. */
 const BROKEN_WORD = 0.3;
-/** Worse than any cut: a name that does not fit in this way. */
+/** Worse than any cut: the name does not fit this way. */
 const NO_CUT = -100;
 
 /** A way to shorten a name: its first `head` and last `tail` letters. */
@@ -29,10 +29,9 @@ interface Spelled {
 }
 
 /**
- * Shortens names that are wider than `room` in the middle: "left_hip…pitch". Different names stay different; of all
- * cuts for which this is so, the one that keeps the rarest words is taken. A name that cannot be told apart within
- * `room` stays wider. `widthOf` gives the width of one letter. The results are
- * not `isolated` yet.
+ * Shortens names that are wider than `room` in the middle: "left_hip…pitch". Different names stay different; among the cuts that
+ * ensure this, the one that keeps the rarest words is chosen. A name that cannot be distinguished within `room` stays wider.
+ * `widthOf` returns the width of one letter. The results are not `isolated` yet.
  */
 export function shortenNames(
   labels: readonly string[],
@@ -47,7 +46,7 @@ export function shortenNames(
   let shown = spelled.map((name, i) => written(name, all[i]!));
   const [start, end] = sharedEnds(spelled);
   if (start + end > 0) {
-    // What all have in common tells nothing: without it more of the middle can be kept.
+    // Letters common to all names carry no information: dropping them leaves room for more of the middle.
     const inner = spelled.map((name) => within(name, start, end));
     const marks = Number(start > 0) + Number(end > 0);
     const cuts = cutsOf(inner, room - marks * gap, gap);
@@ -70,7 +69,7 @@ function written({ text, letters }: Spelled, { head, tail }: Cut): string {
   return letters.slice(0, head).join('') + GAP + letters.slice(letters.length - tail).join('');
 }
 
-/** A name may itself contain the mark. Where that makes two look the same, both are shown whole. */
+/** A name may itself contain the mark. If that makes two names look the same, both are shown in full. */
 function withoutTwins(names: readonly string[], shown: readonly string[]): string[] {
   if (new Set(shown).size === shown.length) return [...shown];
   const counts = new Map<string, number>();
@@ -104,7 +103,7 @@ function spell(names: readonly string[], widthOf: (letter: string) => number): S
 
 const KINDS = [/\p{Ll}/u, /\p{Lu}/u, /\p{L}/u, /\p{N}/u] as const;
 
-/** Words end where the kind of letter changes, but for a capital before small letters: "leftHip_2" → left Hip _ 2. */
+/** A word ends where the kind of letter changes, except for a capital before small letters: "leftHip_2" → left Hip _ 2. */
 function breaksIn(letters: readonly string[]): Uint8Array {
   const kinds = letters.map((letter) => KINDS.findIndex((kind) => kind.test(letter)));
   return Uint8Array.from({ length: letters.length + 1 }, (_, k) =>
@@ -126,7 +125,7 @@ function wordsIn(letters: readonly string[], breaks: Uint8Array): string[] {
   return words;
 }
 
-/** How many letters all names begin and end with, in whole words. */
+/** The length of the common prefix and suffix of all names, in whole words. */
 function sharedEnds(names: readonly Spelled[]): [start: number, end: number] {
   const first = names[0]!;
   let start = first.letters.length;
@@ -169,7 +168,7 @@ function sharedEnd(a: readonly string[], b: readonly string[]): number {
   return k;
 }
 
-/** The best cut of each name, all of it where it fits. Where none fits, the narrowest one that tells it apart. */
+/** The best cut of each name, or all of it if it fits. If no cut fits, the narrowest one that is unique. */
 function cutsOf(names: readonly Spelled[], room: number, gap: number): Cut[] {
   const bests: Cut[] = names.map(({ letters, widths, worths }) => ({
     head: letters.length,
@@ -193,8 +192,8 @@ function cutsOf(names: readonly Spelled[], room: number, gap: number): Cut[] {
 }
 
 /**
- * For each name one more than the number of last letters that, after its first `head` letters, belong to no other name;
- * 0 where there is no such number. Among names sorted backwards, those with the longest common end are neighbours.
+ * For each name, one more than the number of last letters that it shares, given its first `head` letters, with another name; 0 if
+ * there is no such number. If names are sorted backwards, those with the longest common suffix are neighbours.
  */
 function leastTails(names: readonly Spelled[], backwards: readonly number[], head: number): Uint16Array {
   const least = new Uint16Array(names.length);
@@ -211,7 +210,7 @@ function leastTails(names: readonly Spelled[], backwards: readonly number[], hea
     least[i] = needed;
     least[other] = Math.max(least[other]!, needed);
   }
-  // A name that is another's beginning has no letters of its own: only what ends it tells it apart.
+  // A name that is a prefix of another has no letters of its own: only its ending distinguishes it.
   for (const i of backwards) if (least[i]! - 1 + head >= names[i]!.letters.length) least[i] = 0;
   return least;
 }

@@ -1,4 +1,4 @@
-/** What the units that robots report are worth in SI, by the quantity they measure. */
+/** Conversion of the units that robots report to SI, by the quantity measured. */
 
 import { FORCE_UNITS, factorAmong, TORQUE_UNITS, type UnitFactors } from './wrench_units.ts';
 
@@ -27,8 +27,8 @@ const FACTORS = {
 
 export type Quantity = keyof typeof FACTORS;
 
-/** By what a value in `unit` is multiplied to be in SI (rad, m, s, N and products of them); null when the unit is none of
- *  this quantity, or not known here. */
+/** The factor that converts a value in `unit` to SI (rad, m, s, N and products of them); null if the unit is unknown or does not
+ *  measure this quantity. */
 export function factorOf(quantity: Quantity, unit: string): number | null {
   return factorAmong(FACTORS[quantity], unit);
 }

@@ -1,7 +1,7 @@
 import { type Field, MISSING } from '@posecast/wire';
 
-/** Reads one value, of a channel or computed from several, from a frame's codes; null: no reading. `atMs`: when the frame came,
- *  for what was computed before; absent for the newest. */
+/** Reads one value, from a channel or computed from several, from a frame's codes; null: no reading. `atMs`: when the frame
+ *  arrived, for values computed earlier; absent for the newest frame. */
 export type ChannelReader = (codes: Int32Array, atMs?: number) => number | null;
 
 /** The value of a field's `index`-th channel in the schema's unit; null: no reading, or no such channel. */

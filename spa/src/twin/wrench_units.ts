@@ -1,13 +1,13 @@
-/** What units of forces and moments are worth in SI. */
+/** Conversion of force and moment units to SI. */
 
-/** By what a value in a unit is multiplied to be in SI. */
+/** The factor that converts a unit to SI. */
 export type UnitFactors = Readonly<Record<string, number>>;
 
 export const FORCE_UNITS: UnitFactors = { N: 1, mN: 1e-3, kN: 1e3 };
 export const TORQUE_UNITS: UnitFactors = { Nm: 1, mNm: 1e-3, Nmm: 1e-3, kNm: 1e3 };
 
-/** By what a value in `unit` is multiplied to be in SI; null when the unit is not among these. A field without a unit is in
- *  its usual one, which is SI (SPEC §2); a product of newtons and metres may have a sign for it (`N·m`, `N*m`, `N.m`). */
+/** The factor that converts a value in `unit` to SI; null if the unit is not in this list. A field without a unit is in its
+ *  default one, which is SI (SPEC §2); a product of newtons and metres may be written with a sign (`N·m`, `N*m`, `N.m`). */
 export function factorAmong(factors: UnitFactors, unit: string): number | null {
   const name = unit.replace(/N[·*.](?=m)/, 'N');
   if (name === '') return 1;

@@ -6,7 +6,7 @@ import { ownMesh } from './meshes/own_mesh.ts';
 import { readUrdf } from './reader.ts';
 import { readXml } from './xml.ts';
 
-/** A robot that shows hardly anything of itself is drawn as its skeleton (edge-agent/tests/test_bones.py has the same). */
+/** A robot with almost no visuals is drawn as its skeleton (edge-agent/tests/test_bones.py has the same). */
 
 const link = (name: string, inside = '') => `<link name="${name}">${inside}</link>`;
 const turning = (name: string, parent: string, child: string, xyz: string, type = 'revolute') =>

@@ -11,27 +11,27 @@ export interface Bone {
   readonly isAxis: boolean;
 }
 
-/** Farther away, 10,000 km, nothing of a robot lies. */
+/** No part of a robot is farther away than this, 10,000 km. */
 const FAR = 1e7;
-/** A bone shorter than this (metres) is none. */
+/** A bone shorter than this (metres) is not drawn. */
 const LEAST = 1e-6;
-/** Half a bone's thickness, the radius of a joint's disc and the least of both: as parts of the bone's length, and of the
- *  longest way from the root to a tip. The edge has the same (posecast_edge/model/builder/bones.py). */
+/** Half a bone's thickness, the radius of a joint's disc, and the minimum of both: as fractions of the bone's length, and of the
+ *  longest path from the root to a tip. The edge has the same (posecast_edge/model/builder/bones.py). */
 const [THICK, THICK_MAX] = [0.09, 0.016];
 const [WIDE, WIDE_MAX] = [0.16, 0.024];
 const THIN = 0.003;
-/** Length of what shows how a last link turns, as a part of the bone before it. */
+/** Length of the part that shows the rotation of a last link, as a fraction of the bone before it. */
 const STUB = 0.4;
 
 /**
- * The bones from joint to joint and the joints' axes of all links without shells, by the link's index, if these are most of
- * the robot; else none. `dressed`: the links (indices) with shells. Links that fixed joints hold together count as one.
+ * The bones from joint to joint and the joints' axes for all links without visuals, by the link's index, if these are most of the
+ * robot; otherwise none. `dressed`: the links (indices) with visuals. Links held together by fixed joints count as one.
  */
 export function bonesOf({ root, joints }: Tree, dressed: ReadonlySet<number>): Map<number, Bone[]> {
   if (root === null) return new Map();
   const linkOf = new Map([root.name, ...joints.map(({ child }) => child)].map((name, i) => [name, i]));
   const parents = joints.map(({ parent }) => linkOf.get(parent)!);
-  const rigid = [0]; // the first link of those that each link is held together with
+  const rigid = [0]; // the first link of each link's rigid group
   for (const [i, { type }] of joints.entries()) rigid.push(type === 'fixed' ? rigid[parents[i]!]! : i + 1);
   const clothed = new Set([...dressed].map((link) => rigid[link]!));
   const withBone = new Set(
@@ -52,9 +52,9 @@ class BoneMaker {
   readonly #joints: readonly Joint[];
   readonly #below: readonly Joint[][];
   readonly #longest: number;
-  /** For each link the length of the bones around it, metres; at least half of that of the link before it. */
+  /** For each link, the length of the bones around it, metres; at least half of that of the link before it. */
   readonly #scales: number[] = [];
-  /** For each link, in its frame, the direction of the last bone before it; null where there is none. */
+  /** For each link, in its frame, the direction of the last bone before it; null if there is none. */
   readonly #ways: (Vector | null)[] = [null];
 
   constructor(joints: readonly Joint[], parents: readonly number[]) {
@@ -102,7 +102,7 @@ class BoneMaker {
     return [{ kind: 'cylinder', dims: [radius, length], xyz, quat: alongZ(way), isAxis: false }];
   }
 
-  /** A disc across the axis of a joint that turns, a bar along that of one that slides. */
+  /** A disc across the axis of a revolute joint, a bar along that of a prismatic one. */
   #axis(link: number, { type }: Joint, axis: Vector): Bone {
     const most = Math.min(WIDE * this.#scales[link]!, WIDE_MAX * this.#longest);
     const radius = Math.max(most, 1.5 * THIN * this.#longest);
@@ -120,17 +120,17 @@ function turnedBack([x, y, z]: Vector, rpy: Vector): Vector {
   return [row(0), row(1), row(2)];
 }
 
-/** A rotation that takes z to a unit vector. */
+/** A rotation that maps z to a unit vector. */
 function alongZ([x, y, z]: Vector): Bone['quat'] {
   return quaternionFromRpy([0, Math.atan2(Math.hypot(x, y), z), Math.atan2(y, x)]);
 }
 
-/** A unit vector across a unit vector. */
+/** A unit vector perpendicular to a unit vector. */
 function across([x, y, z]: Vector): Vector {
   return (Math.abs(z) < 0.9 ? unit([y, -x, 0]) : unit([-z, 0, x]))!;
 }
 
-/** The direction of a vector; null for one of no length. */
+/** The direction of a vector; null if it has no length. */
 function unit(vector: Vector): Vector | null {
   const longest = Math.max(...vector.map(Math.abs));
   if (!(longest > 1e-9)) return null;

@@ -14,7 +14,7 @@ import {
 } from './types.ts';
 
 /**
- * Finds what is readable in a URDF but probably not meant. Rules and wording are those of `posecast-edge doctor`
+ * Finds things in a URDF that are readable but probably not intended. Rules and wording are those of `posecast-edge doctor`
  * (posecast_edge.model.doctor.skeleton).
  */
 
@@ -57,13 +57,13 @@ function examineJoint(joint: Joint, say: Say): void {
   const variables = VARIABLES[type];
   if (variables !== undefined) {
     const channels = variables.map((variable) => quoted(`${joint.name}/${variable}`)).join(', ');
-    say('hint', 'joint-free', `${what} is ${type}: it moves by channels ${channels}`, line);
+    say('hint', 'joint-free', `${what} is ${type}: its channels are ${channels}`, line);
   }
   if (!SCALAR_TYPES.has(type) && joint.mimic !== null)
     say('hint', 'mimic-useless', `${what} is ${type} and mimics another`, line);
   if (type === 'fixed' || type === 'floating') return;
   if (axis === null) {
-    const more = type === 'planar' ? ': its plane stands upright; a floor is 0 0 1' : '';
+    const more = type === 'planar' ? ': its plane is vertical; for a floor, use 0 0 1' : '';
     const severity = type === 'planar' ? 'warning' : 'hint';
     say(severity, 'axis-missing', `${what} has no axis; the standard says x (1 0 0)${more}`, line);
   } else {
@@ -84,7 +84,7 @@ function limits({ type, limit, line: jointLine }: Joint, what: string, say: Say)
   }
   const { line } = limit;
   if (limit.lower === null && limit.upper === null) {
-    const text = `${what}: a <limit> without lower and upper means 0 to 0: it could not move`;
+    const text = `${what}: a <limit> without lower and upper means 0 to 0: it can't move`;
     say('warning', 'limit-empty', text, line);
     return;
   }
@@ -94,7 +94,7 @@ function limits({ type, limit, line: jointLine }: Joint, what: string, say: Say)
   else if (lower === upper)
     say('warning', 'limit-zero', `${what}: lower and upper are the same: ${shown}`, line);
   else if (lower > 0 || upper < 0) {
-    const text = `${what}: 0 lies outside its limits, ${shown}: the zero pose can't be taken`;
+    const text = `${what}: 0 is outside its limits, ${shown}: it can't reach the zero pose`;
     say('hint', 'limit-without-zero', text, line);
   }
   const largest = Math.max(Math.abs(lower), Math.abs(upper));
@@ -118,7 +118,7 @@ function examineLink({ name, visuals }: Link, say: Say): void {
   for (const { xyz, rpy, line } of visuals) origin(`link ${quoted(name)}, visual`, xyz, rpy, line, say);
 }
 
-/** Reports material names that stand for no colour, each once. */
+/** Reports material names that define no colour, each once. */
 function materials(urdf: Urdf, say: Say): void {
   const lines = new Map<string, (number | null)[]>();
   for (const visual of urdf.links.flatMap((link) => link.visuals)) {
@@ -131,7 +131,7 @@ function materials(urdf: Urdf, say: Say): void {
   }
   for (const [name, where] of lines) {
     const times = where.length > 1 ? `, ${where.length} times` : '';
-    const text = `material ${quoted(name)} has no colour anywhere${times}; grey is shown`;
+    const text = `material ${quoted(name)} has no colour${times}; shown in grey`;
     say('hint', 'material-colour', text, where[0] ?? null);
   }
 }
@@ -142,11 +142,11 @@ function mentions({ links: all, joints: moved, sensors, references }: Urdf, say:
   const joints = new Set(moved.map(({ name }) => name));
   for (const { name, link, line } of sensors) {
     if (links.has(link)) continue;
-    const where = link === '' ? 'no link' : `link ${quoted(link)}, which there is not`;
-    say('warning', 'sensor-link', `sensor ${quoted(name)} sits on ${where}`, line);
+    const where = link === '' ? 'no link' : `link ${quoted(link)}, which does not exist`;
+    say('warning', 'sensor-link', `sensor ${quoted(name)} is on ${where}`, line);
   }
   for (const { what, name, by, line } of references) {
     if (joints.has(name) || (what !== 'joint' && links.has(name))) continue;
-    say('warning', 'reference', `${by} speaks of ${what} ${quoted(name)}, which there is not`, line);
+    say('warning', 'reference', `${by} refers to ${what} ${quoted(name)}, which does not exist`, line);
   }
 }

@@ -4,8 +4,8 @@ import { type Finding, general, isPrintable, quoted } from './finding.ts';
 import type { Tree } from './tree.ts';
 import { materialOf, type Shape, type Urdf, type Vector } from './types.ts';
 
-/** Finds what is wrong with a robot's meshes: missing, of an unlikely size, or with faults that the reader worked
- *  around. The rules are those of `posecast-edge doctor` (posecast_edge.model.doctor.meshes). */
+/** Finds problems in a robot's meshes: missing, of an unlikely size, or with faults that the reader worked around. The rules are
+ *  those of `posecast-edge doctor` (posecast_edge.model.doctor.meshes). */
 
 const LARGE_M = 20;
 const SMALL_M = 0.05;
@@ -17,8 +17,7 @@ export type Facts = ReadonlyMap<string, MeshFacts>;
 type Say = (severity: Finding['severity'], code: string, text: string, line: number | null) => void;
 type Box = readonly [low: Vector, high: Vector];
 
-/** The findings. `missing`: URIs (meshes, pictures) without a file; `read`: facts of the meshes, null before they are
- *  read. */
+/** The findings. `missing`: URIs (meshes, textures) without a file; `read`: facts about the meshes, null before they are read. */
 export function meshFindings(
   urdf: Urdf,
   tree: Tree,
@@ -31,7 +30,7 @@ export function meshFindings(
     visuals.flatMap(({ shape }): Named[] => (shape === null ? [] : [[name, shape]])),
   );
   if (urdf.links.length > 0 && shapes.length === 0)
-    say('warning', 'nothing-drawn', 'no link has a visual: only its skeleton is drawn', null);
+    say('warning', 'nothing-drawn', 'no link has a visual: only the skeleton is drawn', null);
   for (const [link, shape] of shapes) scale(link, shape, say);
   const facts = new Map(read);
   for (const uri of missing) facts.set(uri, missingMesh('no such file'));
@@ -100,7 +99,7 @@ function files(shapes: readonly Named[], facts: Facts, say: Say): void {
 /** Makes a text that may come from an untrusted file safe to show. */
 const shown = (text: string) => [...text].map((c) => (isPrintable(c) ? c : '�')).join('');
 
-/** Reports pictures that the URDF itself names and that can't be shown. */
+/** Reports textures that the URDF itself names and that can't be shown. */
 function pictures(urdf: Urdf, missing: ReadonlySet<string>, say: Say): void {
   const told = new Set<string>();
   for (const { name, visuals } of urdf.links) {
@@ -135,8 +134,8 @@ export function zeroPoses({ root, joints }: Tree): ReadonlyMap<string, readonly 
   return poses;
 }
 
-/** The lowest and highest corner of all that is shown with all joints at 0, in the root's axes, m; the lowest is above the
- *  highest where nothing is. */
+/** The lowest and highest corner of everything shown with all joints at 0, in the root's axes, m; the lowest is above the highest
+ *  if nothing is shown. */
 export function robotBox(tree: Tree, facts: Facts): { low: number[]; high: number[] } {
   const low = [Infinity, Infinity, Infinity];
   const high = [-Infinity, -Infinity, -Infinity];
@@ -163,13 +162,13 @@ function whole(tree: Tree, facts: Facts, say: Say): void {
   const { low, high } = robotBox(tree, facts);
   const largest = Math.max(...high.map((value, i) => value - low[i]!));
   if (largest > LARGE_M) {
-    const text = `the robot is ${general(largest, 3)} m large: are its meshes or origins in millimetres?`;
+    const text = `the robot measures ${general(largest, 3)} m: are its meshes or origins in millimetres?`;
     say('warning', 'robot-large', text, null);
   } else if (largest >= 0 && largest < SMALL_M) {
     say(
       'warning',
       'robot-small',
-      `the robot is only ${general(largest, 3)} m large: is it scaled twice?`,
+      `the robot measures only ${general(largest, 3)} m: is it scaled twice?`,
       null,
     );
   }

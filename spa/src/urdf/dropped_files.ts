@@ -19,7 +19,7 @@ export async function filesOf(dropped: readonly (FileSystemEntry | File)[]): Pro
     } else {
       const reader = (entry as FileSystemDirectoryEntry).createReader();
       for (;;) {
-        // A reader gives at most a hundred entries at a time.
+        // A reader returns at most a hundred entries at a time.
         const some = await new Promise<FileSystemEntry[]>((yes, no) => reader.readEntries(yes, no));
         if (some.length === 0) break;
         waiting.push(...some);

@@ -1,25 +1,24 @@
-/** One thing that is wrong with a model, in one line, with the wording of `posecast-edge doctor`. */
+/** One problem in a model, in one line, with the wording of `posecast-edge doctor`. */
 export interface Finding {
   /** `error`: something is wrong or not shown; `warning`: probably wrong; `hint`: could be better. */
   readonly severity: 'error' | 'warning' | 'hint';
-  /** Names the rule for tools. */
+  /** Identifies the rule for tools. */
   readonly code: string;
   readonly text: string;
-  /** Line of the URDF; null when the finding has none. */
+  /** Line in the URDF; null if the finding has none. */
   readonly line: number | null;
 }
 
-/** What follows from masses that can't be, or are not known. */
+/** The consequence of implausible or unknown masses. */
 export const NO_BALANCE = 'no balance is shown';
 const DISTRUST = 'mass-';
 
-/** Whether a finding says that masses can't be, or are not known. */
+/** Whether a finding says that masses are implausible or unknown. */
 export function distrustsMasses({ code }: Pick<Finding, 'code'>): boolean {
   return code.startsWith(DISTRUST);
 }
 
-/** Makes what is no number in the findings from `since` on, all of one link's mass, centre and moments, a reason to show no
- *  balance. */
+/** Turns findings from `since` on about invalid numbers in a link's mass, centre or moments into a reason not to show balance. */
 export function distrustMasses(findings: Finding[], since: number): void {
   for (let i = since; i < findings.length; i += 1) {
     const found = findings[i]!;
@@ -31,7 +30,7 @@ export function distrustMasses(findings: Finding[], since: number): void {
 const RANK = { error: 0, warning: 1, hint: 2 } as const;
 const MAX_FINDINGS = 200;
 
-/** Sorts findings by severity, then line; drops duplicates, and all beyond 200. */
+/** Sorts findings by severity, then line; drops duplicates, and everything beyond 200. */
 export function worstFirst(findings: readonly Finding[]): Finding[] {
   const unique = new Map(findings.map((one) => [JSON.stringify(one), one]));
   const order = (a: string, b: string) => (a < b ? -1 : a > b ? 1 : 0);

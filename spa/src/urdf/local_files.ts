@@ -6,13 +6,13 @@ export interface LocalFile {
 
 export type LocalFiles = ReadonlyMap<string, LocalFile>;
 
-/** A robot in a format that the edge builds models of and that the page does not read. */
+/** A robot in a format that the edge can build models from but the page can't read. */
 export interface OtherRobot {
   readonly path: string;
   readonly format: 'xacro' | 'SDF' | 'MJCF';
 }
 
-/** Why files are refused: the key of the sentence that says so, with its details. */
+/** Why files are refused: the key of the explanation, with its details. */
 export type Refusal =
   | { readonly why: 'dropDamaged' | 'dropNoZip' | 'dropNoUrdf' }
   | { readonly why: 'dropTooMany'; readonly count: number }
@@ -29,12 +29,12 @@ export class DropError extends Error {
   }
 }
 
-/** Most files of a drop: with more, somebody has probably dropped a home folder. */
+/** Maximum number of dropped files: with more, somebody has probably dropped a home folder. */
 export const MAX_FILES = 5000;
 export const MAX_FILE_BYTES = 128_000_000;
 export const MAX_ALL_BYTES = 512_000_000;
 
-/** Normalises a path: forward slashes, no `.` or `..`; null when it leads out of what was dropped. */
+/** Normalises a path: forward slashes, no `.` or `..`; null if it leads outside the dropped folder. */
 export function tidyPath(path: string): string | null {
   const parts: string[] = [];
   for (const part of path.replaceAll('\\', '/').split('/')) {

@@ -15,10 +15,10 @@ export interface LocalRobot {
   readonly path: string;
   readonly urdf: Urdf;
   readonly manifest: RawManifest;
-  /** Reads the meshes and files beside them, such as an OBJ's materials. */
+  /** Reads the meshes and associated files, such as an OBJ's materials. */
   readonly files: RawFiles;
   readonly joints: readonly SliderJoint[];
-  /** What is wrong with it, worst first. `meshes`: their facts by URI; null before they are read. */
+  /** Its problems, worst first. `meshes`: their facts by URI; null before they are read. */
   findings(meshes: ReadonlyMap<string, MeshFacts> | null): Finding[];
 }
 
@@ -33,8 +33,8 @@ export interface SliderJoint {
 const MAX_URDF_BYTES = 8 << 20;
 const MAX_CHOICES = 50;
 
-/** Paths of the URDFs, the likeliest first: nearest to the top folder, then the largest. Rejects with DropError if
- *  there is none; it names a robot in a format that only the edge reads, if there is one. */
+/** Paths of the URDFs, the likeliest first: nearest to the top folder, then the largest. Rejects with DropError if there is none;
+ *  the error names a robot in a format that only the edge reads, if there is one. */
 export async function urdfsIn(files: LocalFiles): Promise<string[]> {
   const depth = (path: string) => path.split('/').length;
   const paths = [...files.keys()].sort(
@@ -44,7 +44,7 @@ export async function urdfsIn(files: LocalFiles): Promise<string[]> {
   if (found.length > 0) return found;
   const other = await findOther(files, paths);
   if (other !== null) throw refuseFormat(other);
-  throw new DropError('No .urdf among these files.', { why: 'dropNoUrdf' });
+  throw new DropError('These files include no .urdf.', { why: 'dropNoUrdf' });
 }
 
 function refuseFormat(robot: OtherRobot): DropError {
@@ -100,7 +100,7 @@ async function readFile(files: LocalFiles, path: string): Promise<Urdf> {
   }
 }
 
-/** URIs of the meshes that are drawn and of the pictures on them. */
+/** URIs of the drawn meshes and of their textures. */
 function urisOf(urdf: Urdf): Set<string> {
   const uris = new Set<string>();
   for (const visual of urdf.links.flatMap(({ visuals }) => visuals)) {
@@ -126,7 +126,7 @@ const SLIDERS: Readonly<Record<string, readonly (readonly [variable: string, uni
 };
 const REACH = { rad: Math.PI, m: 1 } as const;
 
-/** A slider for every joint that follows no other. Invalid limits count as none. */
+/** A slider for every joint except mimic joints. Invalid limits count as none. */
 function slidersOf({ joints }: Urdf): SliderJoint[] {
   return joints.flatMap(({ name, type, limit, mimic }): SliderJoint[] => {
     const several = SLIDERS[type];
@@ -152,7 +152,7 @@ function slidersOf({ joints }: Urdf): SliderJoint[] {
   });
 }
 
-/** Finds the file that a URI names, whatever the package is called: the one that shares the longest end of the path. */
+/** Finds the file that a URI names, regardless of the package name: the one with the longest common path suffix. */
 class Finder {
   readonly #byLowerCase = new Map<string, string>();
   /** File name → all paths with that name, also split into parts. */

@@ -60,9 +60,9 @@ test('what hangs on nothing is left out and named, the rest stays', () => {
     ),
   );
   expect(problems).toEqual([
-    "joint 'k': there is no parent link 'gone'; this joint is left out",
-    "link 'y' is child of two joints, 'l' and 'm'; this joint is left out",
-    "link 'x' with the 1 below it hangs on nothing (the root is 'a'); not shown",
+    "joint 'k': its parent link 'gone' does not exist; this joint is left out",
+    "link 'y' has two parent joints, 'l' and 'm'; this joint is left out",
+    "link 'x' with the 1 below it is not connected to the root 'a'; not shown",
   ]);
   expect(manifest.links).toEqual(['a', 'b']);
   expect(manifest.joints.map(({ name }) => name)).toEqual(['j']);
@@ -79,7 +79,7 @@ test('an axis of zero, a mimic of nobody and a visual without a shape harm nobod
   expect(manifest.visuals).toEqual([]);
   expect(manifest.joints.map(({ mimic }) => mimic)).toEqual([null, null]);
   expect(manifest.joints[0]!.axis, 'what the doctor says of it').toEqual([1, 0, 0]);
-  expect(problems).toEqual(["joint 'k' mimics joint 'nobody', which there is not"]);
+  expect(problems).toEqual(["joint 'k' mimics joint 'nobody', which does not exist"]);
 });
 
 test('a material defined inside one visual serves those that only name it', () => {
@@ -124,7 +124,9 @@ describe('a joint that mimics another', () => {
       '<mimic joint="j1" multiplier="1e200"/>',
     );
     expect(mimicsIn(endless).at(-1)).toBeNull();
-    expect(modelIn(endless).problems).toEqual(["joint 'j2' mimics another by numbers that have no end"]);
+    expect(modelIn(endless).problems).toEqual([
+      "joint 'j2' mimics another with a multiplier or offset that is not finite",
+    ]);
   });
 });
 

@@ -20,19 +20,19 @@ export interface UrdfModel {
   readonly manifest: Manifest;
   /** The shape of each of the manifest's visuals, in the same order. */
   readonly shapes: readonly PlacedShape[];
-  /** What was left out, or read differently from how it is written, one line each. */
+  /** What was left out, or interpreted differently from how it is written, one line each. */
   readonly problems: readonly string[];
 }
 
-/** A shape with its place and colour. */
+/** A shape with its pose and colour. */
 export interface PlacedShape {
   readonly shape: Shape;
-  /** What is drawn instead of the shape, of a link without any: its bones; null for a shape. */
+  /** Drawn instead of the shape, for a link without one: its bones; null for a shape. */
   readonly bones: readonly Bone[] | null;
   /** link_from_visual: metres, and a unit quaternion w, x, y, z. */
   readonly xyz: Vector;
   readonly quat: readonly [number, number, number, number];
-  /** Its colour by the URDF; null when that names none. */
+  /** Its colour in the URDF; null if none is given. */
   readonly paint: Paint | null;
 }
 
@@ -42,8 +42,8 @@ export type Paint = readonly [number, number, number, number];
 /** A URDF that can't be shown; the message is one line. */
 export class UrdfError extends Error {}
 
-/** Converts a URDF. A robot most of whose links show nothing of themselves gets bones: `canBeDrawn` tells of a mesh's URI
- *  whether there is a file. Throws UrdfError when no link is the root. */
+/** Converts a URDF. A robot whose links mostly have no visuals gets bones. `canBeDrawn`: whether a mesh's URI has a file. Throws
+ *  UrdfError if there is no root link. */
 export function modelOf(urdf: Urdf, canBeDrawn: (uri: string) => boolean = () => true): UrdfModel {
   const tree = buildTree(urdf);
   const { root, joints } = tree;
@@ -88,10 +88,10 @@ export function modelOf(urdf: Urdf, canBeDrawn: (uri: string) => boolean = () =>
   };
 }
 
-/** The version of a manifest of files as they are (docs/reference/model-bundle.md), of which nobody has found the soles. */
+/** The version of a manifest for raw files (docs/reference/model-bundle.md), for which no soles have been determined. */
 const RAW = 1;
 
-/** Where the bones of a link are: in its own frame. */
+/** The pose of a link's bones: in its own frame. */
 const UNMOVED: PlacedShape = {
   shape: { kind: 'box', uri: '', scale: [1, 1, 1], dims: [], line: null },
   bones: null,
@@ -113,8 +113,7 @@ function placed(visual: Visual, shape: Shape, urdf: Urdf): PlacedShape {
   };
 }
 
-/** Converts a URDF's rgba, which RViz and Gazebo take as sRGB, to linear light. Opacity 0 is taken as a mistake for 1.
- *  */
+/** Converts a URDF's rgba, which RViz and Gazebo take as sRGB, to linear light. Opacity 0 is assumed to be a mistake for 1. */
 function paintOf([r = 0, g = 0, b = 0, opacity = 1]: readonly number[]): Paint {
   return [linear(r), linear(g), linear(b), opacity > 0 ? opacity : 1];
 }
@@ -147,23 +146,23 @@ function jointsOf({ joints, follows }: Tree, linkOf: ReadonlyMap<string, number>
   });
 }
 
-/** The axis scaled to length 1; x when there is none, which is the URDF default. */
+/** The axis scaled to length 1; x if there is none, which is the URDF default. */
 function unit(axis: Vector | null): Vector {
   const longest = axis === null ? 0 : Math.max(...axis.map(Math.abs));
   if (axis === null || longest < 1e-9) return [1, 0, 0];
-  const [x, y, z] = axis.map((part) => part / longest) as [number, number, number]; // the square of a large number has no end
+  const [x, y, z] = axis.map((part) => part / longest) as [number, number, number]; // the square of a large number overflows
   const length = Math.hypot(x, y, z);
   return [x / length, y / length, z / length];
 }
 
-/** Directions x and y of the plane across a unit axis: those of the frame, after the shortest rotation that takes z to
- *  the axis (docs/reference/model-bundle.md). */
+/** Directions x and y of the plane across a unit axis: those of the frame, after the shortest rotation that maps z to the axis
+ *  (docs/reference/model-bundle.md). */
 function planeAcross([a, b, c]: Vector): readonly [Vector, Vector] {
   if (c < -1 + 1e-9)
     return [
       [1, 0, 0],
       [0, -1, 0],
-    ]; // all rotations by 180° are equally short: about x
+    ]; // all rotations by 180° are equally short: use the one about x
   const d = 1 / (1 + c);
   return [
     [1 - a * a * d, -a * b * d, -a],

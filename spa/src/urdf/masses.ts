@@ -5,32 +5,33 @@ import type { Tree } from './tree.ts';
 import type { Inertial, Link } from './types.ts';
 
 /**
- * Finds masses that can't be, and gives the others as a manifest has them (docs/reference/model-bundle.md). Rules and wording are those of
- * `posecast-edge doctor` (posecast_edge.model.doctor.masses).
+ * Finds implausible masses, and returns the others in the manifest's form (docs/reference/model-bundle.md). Rules and wording are
+ * those of `posecast-edge doctor` (posecast_edge.model.doctor.masses).
  */
 
 const DENSITY_MAX = 12_000; // kg/m³
 const BOX_MIN_M3 = 1e-6;
 const MASS_MAX_KG = 1e6;
-/** Of a robot. */
+/** For a robot. */
 const MASS_MIN_KG = 1e-3;
 const REACH_M = 100;
-/** Of the robot's mass, or of the boxes of all links: what less concerns is a hint. */
+/** Fraction of the robot's mass, or of the boxes of all links: anything below is only a hint. */
 const HEAVY_SHARE = 0.25;
 const MOMENTS_SHARE = 0.1;
 const EMPTY_SHARE = 0.02;
-/** Of the largest moment, how far the others together may fall short of it, and what no rounding explains. */
+/** Fractions of the largest moment: how far the sum of the others may fall short of it, and beyond which rounding is no
+ *  explanation. */
 const SLACK = 0.01;
 const GROSS = 0.5;
 const SPAN_M = 1e-3;
-/** Of the largest number of a matrix: what may be left of a moment of 0. */
+/** Fraction of the largest number in a matrix: what may remain of a moment of 0. */
 const NOISE = 1e-6;
-/** Names in one line. */
+/** Maximum names in one line. */
 const SHOWN = 6;
 
 type Problem = readonly [code: string, text: string];
 
-/** Each link of the tree whose mass, centre or moments can't be. `facts`: of the meshes; null before they are read. */
+/** Each link in the tree with an implausible mass, centre or moment. `facts`: about the meshes; null before they are read. */
 export function massFindings(tree: Tree, facts: Facts | null): Finding[] {
   const links = linksOf(tree);
   const held = heldLinks(tree, links);
@@ -62,7 +63,7 @@ export function massFindings(tree: Tree, facts: Facts | null): Finding[] {
 function wholeFindings(links: readonly Link[], held: ReadonlySet<string>, whole: number): Finding[] {
   const found: Finding[] = [];
   if (whole < MASS_MIN_KG) {
-    const text = `all masses together are ${general(whole, 3)} kg; ${NO_BALANCE}`;
+    const text = `the total mass is ${general(whole, 3)} kg; ${NO_BALANCE}`;
     const { line = null } = links.find(({ inertial }) => inertial !== null)?.inertial ?? {};
     found.push({ severity: 'warning', code: 'mass-light', text, line });
   }
@@ -77,7 +78,7 @@ function wholeFindings(links: readonly Link[], held: ReadonlySet<string>, whole:
   return found;
 }
 
-/** Centres farther outside of the robot than it is large, with all joints at 0; none where nobody knows how large it is. */
+/** Centres farther outside the robot than its size, with all joints at 0; none if the size is unknown. */
 function centreFindings(tree: Tree, links: readonly Link[], facts: Facts): Finding[] {
   const shapes = links.flatMap(({ visuals }) => visuals.map(({ shape }) => shape));
   if (shapes.length === 0 || shapes.some((shape) => shape === null || boxOf(shape, facts) === null))
@@ -97,7 +98,7 @@ function centreFindings(tree: Tree, links: readonly Link[], facts: Facts): Findi
       }),
     );
     if (outside <= size) return [];
-    const text = `link ${quoted(name)}: its centre of mass is ${general(outside, 3)} m outside of the robot, which is ${general(size, 3)} m large`;
+    const text = `link ${quoted(name)}: its centre of mass is ${general(outside, 3)} m outside the robot, which measures ${general(size, 3)} m`;
     return [{ severity: 'warning', code: 'centre-outside', text, line: inertial.line }];
   });
 }
@@ -106,7 +107,7 @@ function shows({ visuals }: Link): boolean {
   return visuals.some(({ shape }) => shape !== null);
 }
 
-/** The manifest's members `inertials`, and of `findings` what says that a mass can't be: then no mass is listed. `found`: in
+/** The manifest's member `inertials`, and those `findings` that say a mass is implausible: then no mass is listed. `found`: in
  *  the URDF. */
 export function massesOf(
   tree: Tree,
@@ -128,7 +129,7 @@ function linksOf({ root, joints, links }: Tree): Link[] {
   return root === null ? [] : [root, ...joints.map(({ child }) => links.get(child)!)];
 }
 
-/** The links that fixed joints hold to one that has a mass: it may be theirs as well. */
+/** The links connected by fixed joints to one that has a mass, which may include theirs. */
 function heldLinks({ joints }: Tree, links: readonly Link[]): Set<string> {
   const groups = new Map(links.map(({ name }) => [name, name]));
   for (const { type, parent, child } of joints) if (type === 'fixed') groups.set(child, groups.get(parent)!);
@@ -140,7 +141,7 @@ function heldLinks({ joints }: Tree, links: readonly Link[]): Set<string> {
 
 function emptiness(link: Link, share: number): Problem | null {
   if (!shows(link)) return null;
-  return [share > EMPTY_SHARE ? 'mass-zero' : 'massless', 'it shows something and has a mass of 0 kg'];
+  return [share > EMPTY_SHARE ? 'mass-zero' : 'massless', 'it is visible but has a mass of 0 kg'];
 }
 
 function extreme({ mass, xyz }: Inertial): Problem | null {
@@ -164,13 +165,13 @@ function impossible({ mass, moments }: Inertial, share: number): Problem | null 
   const lack = Math.max(high - low - middle, -2 * low);
   if (lack <= SLACK * size) return null;
   const [a, b, c] = [high, middle, low].map((value) => general(value, 3));
-  const text = `no body has principal moments of inertia of ${a}, ${b} and ${c} kg·m²`;
+  const text = `impossible principal moments of inertia: ${a}, ${b} and ${c} kg·m²`;
   return lack > GROSS * size && size > mass * SPAN_M ** 2 && share > MOMENTS_SHARE
     ? ['mass-moments', text]
     : ['inertia', `${text}; simulators refuse it`];
 }
 
-/** The volume of the box around what a link shows, m³, along its axes; null when it shows nothing, or not all that it should. */
+/** The volume of the box around a link's visuals, m³, along its axes; null if it has none, or if some are missing. */
 function boxVolume({ visuals }: Link, facts: Facts): number | null {
   const [low, high] = [
     [Infinity, Infinity, Infinity],

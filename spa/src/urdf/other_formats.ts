@@ -5,13 +5,13 @@ type OtherFormat = OtherRobot['format'];
 const ROOTS: Readonly<Record<string, OtherFormat>> = { mujoco: 'MJCF', sdf: 'SDF', gazebo: 'SDF' };
 const MAX_LOOKED_AT = 50;
 const MAX_BYTES = 8 << 20;
-/** What may stand before the root element: how it begins, how it ends. */
+/** What may precede the root element: how it begins, how it ends. */
 const BEFORE_ROOT = [
   ['<?', '?>'],
   ['<!--', '-->'],
 ] as const;
 
-/** The first of `paths` that is a robot in another format: by its name, an `.xml` by its root element. */
+/** The first of `paths` that is a robot in another format: by its name, or for `.xml` by its root element. */
 export async function findOther(files: LocalFiles, paths: readonly string[]): Promise<OtherRobot | null> {
   let left = MAX_LOOKED_AT;
   for (const path of paths) {
@@ -29,7 +29,7 @@ async function readFormat(file: LocalFile): Promise<OtherFormat | null> {
   return otherFormatOf(new TextDecoder().decode(await file.bytes()));
 }
 
-/** The format of an XML text by its root element; null for one that is not among them, URDF for example. */
+/** The format of an XML text by its root element; null if it is none of them, such as URDF. */
 export function otherFormatOf(text: string): OtherFormat | null {
   const space = /\s*/y;
   for (let at = 0; ; ) {
@@ -47,7 +47,7 @@ export function otherFormatOf(text: string): OtherFormat | null {
   }
 }
 
-/** The path as it is typed in a shell; a word in its place where it would have to be quoted. */
+/** The path as typed in a shell; a placeholder word if it would need quoting. */
 export function typedPath(path: string): string {
   return /^(?!-)[\p{L}\p{N}_./+-]+$/u.test(path) ? path : 'FILE';
 }

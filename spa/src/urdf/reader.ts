@@ -16,8 +16,8 @@ import {
 import { type XmlElement, XmlRefused } from './xml.ts';
 
 /**
- * Reads a URDF like the edge (posecast_edge.model.urdf.reader): a value that can't be read is reported and replaced by
- * the URDF default for an absent value.
+ * Reads a URDF the same way as the edge (posecast_edge.model.urdf.reader): an unreadable value is reported and replaced by the
+ * URDF default for a missing value.
  */
 
 const TYPES: ReadonlySet<string> = new Set([...SCALAR_TYPES, 'fixed', 'floating', 'planar']);
@@ -41,7 +41,7 @@ const ROOTS_OF_OTHERS: Readonly<Record<string, string>> = {
 };
 const SENSOR_TAGS = new Set(['camera', 'ray', 'imu', 'force_torque', 'contact', 'gps', 'lidar']);
 
-/** Reads the root element of a URDF. Throws XmlRefused when it is no URDF at all. */
+/** Reads the root element of a URDF. Throws XmlRefused if it is no URDF at all. */
 export function readUrdf(root: XmlElement): Urdf {
   if (root.tag !== 'robot') {
     const other = Object.hasOwn(ROOTS_OF_OTHERS, root.tag) ? ROOTS_OF_OTHERS[root.tag] : undefined;
@@ -66,7 +66,7 @@ class UrdfReader implements Urdf {
     if (this.name === '') this.#say('hint', 'robot-name', '<robot> has no name', root);
     const macro = root.children.find(({ tag }) => tag.startsWith('xacro:'));
     if (macro !== undefined) {
-      const text = 'xacro macros are left in it; expand them first: xacro robot.xacro > robot.urdf';
+      const text = 'it still has xacro macros; expand them first: xacro robot.xacro > robot.urdf';
       this.#say('error', 'xacro', text, macro);
     }
     for (const element of root.all('material')) this.#define(this.#material(element, 'material'));
@@ -94,14 +94,14 @@ class UrdfReader implements Urdf {
     this.#say('hint', 'collisions-shown', 'no link has a visual; the collision shapes are shown', root);
   }
 
-  /** Defines a material; the first definition of a name counts for the whole robot, as in ROS. */
+  /** Defines a material; the first definition of a name applies to the whole robot, as in ROS. */
   #define(material: Material): void {
     if (material.name === '' || (material.rgba === null && material.texture === null)) return;
     const first = this.materials.get(material.name);
     if (first === undefined) {
       this.materials.set(material.name, material);
     } else if (String(first.rgba) !== String(material.rgba) || first.texture !== material.texture) {
-      const text = `material ${quoted(material.name)} has two meanings; the first (line ${first.line}) counts`;
+      const text = `material ${quoted(material.name)} is defined twice; the first (line ${first.line}) is used`;
       this.#say('hint', 'material-doubled', text, material);
     }
   }
@@ -204,7 +204,7 @@ class UrdfReader implements Urdf {
     }
     const known = holder.children.filter(isShape);
     if (known.length > 1) {
-      const text = `${what}: several shapes in one geometry; the first counts`;
+      const text = `${what}: several shapes in one geometry; the first is used`;
       this.#say('warning', 'shape-several', text, holder);
     }
     const [shape] = known;
@@ -251,7 +251,7 @@ class UrdfReader implements Urdf {
     const [most, least] = [Math.max(...values), Math.min(...values)];
     if (most > 1 || least < 0) {
       const bytes = most > 1 && least >= 0 && most <= 255;
-      this.#say('warning', 'color', `${what}: rgba beyond 0 … 1${bytes ? '; read as 0 … 255' : ''}`, color);
+      this.#say('warning', 'color', `${what}: rgba outside 0 … 1${bytes ? '; read as 0 … 255' : ''}`, color);
       const scale = bytes ? 255 : 1;
       values = values.map((value, i) => (i < 3 || value > 1 ? value / scale : value));
     }
@@ -269,7 +269,7 @@ class UrdfReader implements Urdf {
     this.#sensor(element, parent?.get('link') || parent?.get('joint') || '');
   }
 
-  /** Mounts a sensor that is said to sit on a joint, as force sensors do, on the joint's child. */
+  /** Mounts a sensor that the file places on a joint, as force sensors are, on the joint's child link. */
   #mountOnLinks(): void {
     const links = new Set(this.links.map(({ name }) => name));
     const children = new Map<string, string>();
@@ -307,7 +307,7 @@ class UrdfReader implements Urdf {
     if (name !== trimmed(name)) {
       this.#say('warning', 'name-odd', `${what} ${quoted(name)}: spaces around the name`, element);
     } else if (['__proto__', 'constructor', 'prototype'].includes(name) || /[<>&"'`]/.test(name)) {
-      this.#say('warning', 'name-odd', `${what} ${quoted(name)}: a name that trips other programs`, element);
+      this.#say('warning', 'name-odd', `${what} ${quoted(name)}: this name breaks other programs`, element);
     }
     return name;
   }
@@ -356,7 +356,7 @@ class UrdfReader implements Urdf {
     const wrong = expandable
       ? 'was not expanded by xacro'
       : values === null
-        ? 'is no number'
+        ? 'is not a number'
         : 'is not finite';
     this.#say('error', 'number', `${what}: <${element.tag} ${name}> ${wrong}: ${quoted(text, 40)}`, element);
     return null;
@@ -368,7 +368,7 @@ const NUMBER = /^[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[+-]?\d+)?$/i;
 const SPACES = /(?:(?!\ufeff)[\s\u0085])+/;
 const NO_NUMBER = /^[+-]?(?:nan|inf(?:inity)?)$/i;
 
-/** The numbers in a text, NaN for those that are not finite; null when it has anything else. */
+/** The numbers in a text, NaN for those that are not finite; null if it has anything else. */
 function floats(text: string): number[] | null {
   const words = text.slice(0, 1000).split(SPACES).filter(Boolean);
   if (!words.every((word) => NUMBER.test(word) || NO_NUMBER.test(word))) return null;

@@ -3,7 +3,7 @@ import { type Joint, type Link, SCALAR_TYPES, type Urdf } from './types.ts';
 
 /** The kinematic tree of a URDF's links and joints (as in posecast_edge.model.urdf.tree). */
 export interface Tree {
-  /** The root link; null when there is none. */
+  /** The root link; null if there is none. */
   readonly root: Link | null;
   /** The joints below the root, each parent before its children. */
   readonly joints: readonly Joint[];
@@ -11,12 +11,13 @@ export interface Tree {
   readonly follows: ReadonlyMap<string, Follow>;
   /** Links by name, including unconnected ones; the first of each name. */
   readonly links: ReadonlyMap<string, Link>;
-  /** What is wrong with the tree. */
+  /** The problems in the tree. */
   readonly findings: readonly Finding[];
 }
 
-/** A mimic joint's value is multiplier × the leader's value + offset. Chains are resolved: a leader follows no other.
- *  */
+/** A mimic joint's value is multiplier × the leader's value + offset. Chains are resolved: a leader is never a mimic joint
+ *  itself.
+ */
 export interface Follow {
   readonly leader: Joint;
   readonly multiplier: number;
@@ -37,10 +38,10 @@ export function buildTree(urdf: Urdf): Tree {
   let root: string | null = null;
   let order: readonly Joint[] = [];
   if (links.size === 0) {
-    say('no-links', 'there is no link in it', null);
+    say('no-links', 'it has no links', null);
   } else if (trees.size === 0) {
     const [first] = links.values();
-    say('no-root', 'no link is the root: the joints go round in a circle', first?.line ?? null);
+    say('no-root', 'there is no root link: the joints form a loop', first?.line ?? null);
   } else {
     for (const [name, joints] of trees)
       if (root === null || joints.length > order.length) [root, order] = [name, joints];
@@ -60,7 +61,7 @@ function uniqueLinks(urdf: Urdf, say: Say): Map<string, Link> {
     else
       say(
         'link-doubled',
-        `link ${quoted(link.name)} stands twice (first in line ${first.line}); the first counts`,
+        `link ${quoted(link.name)} is defined twice (first in line ${first.line}); the first is used`,
         link.line,
       );
   }
@@ -78,24 +79,24 @@ function jointsByParent(urdf: Urdf, links: ReadonlyMap<string, Link>, say: Say):
     const other = held.get(child);
     const problem =
       first !== undefined
-        ? ['joint-doubled', `${what} stands twice (first in line ${first.line})`]
+        ? ['joint-doubled', `${what} is defined twice (first in line ${first.line})`]
         : parent !== '' && !links.has(parent)
-          ? ['joint-parent', `${what}: there is no parent link ${quoted(parent)}`]
+          ? ['joint-parent', `${what}: its parent link ${quoted(parent)} does not exist`]
           : child !== '' && !links.has(child)
-            ? ['joint-child', `${what}: there is no child link ${quoted(child)}`]
+            ? ['joint-child', `${what}: its child link ${quoted(child)} does not exist`]
             : parent !== '' && parent === child
               ? ['loop', `${what} joins link ${quoted(parent)} to itself`]
               : other !== undefined
                 ? [
                     'two-parents',
-                    `link ${quoted(child)} is child of two joints, ${quoted(other.name)} and ${quoted(joint.name)}`,
+                    `link ${quoted(child)} has two parent joints, ${quoted(other.name)} and ${quoted(joint.name)}`,
                   ]
                 : null;
     if (first === undefined) names.set(joint.name, joint);
     if (problem !== null) {
       say(problem[0]!, `${problem[1]}; this joint is left out`, joint.line);
     } else if (parent !== '' && child !== '') {
-      held.set(child, joint); // the reader has named a joint without ends
+      held.set(child, joint); // the reader has reported a joint without parent or child
       const siblings = below.get(parent) ?? [];
       siblings.push(joint);
       below.set(parent, siblings);
@@ -104,7 +105,7 @@ function jointsByParent(urdf: Urdf, links: ReadonlyMap<string, Link>, say: Say):
   return below;
 }
 
-/** The joints below a link, depth first in the file's order, so each parent comes before its children. */
+/** The joints below a link, depth first in file order, so each parent comes before its children. */
 function walk(root: string, below: ReadonlyMap<string, readonly Joint[]>): Joint[] {
   const order: Joint[] = [];
   const waiting = [...(below.get(root) ?? [])].reverse();
@@ -126,20 +127,20 @@ function nameTheRest(
     for (const { child } of joints) reached.add(child);
     if (other === root) continue;
     const size = joints.length > 0 ? ` with the ${joints.length} below it` : '';
-    const text = `link ${quoted(other)}${size} hangs on nothing (the root is ${quoted(root)}); not shown`;
+    const text = `link ${quoted(other)}${size} is not connected to the root ${quoted(root)}; not shown`;
     say('several-roots', text, links.get(other)?.line ?? null);
   }
   const lost = [...links.values()].filter(({ name }) => !reached.has(name));
   if (lost.length === 0) return;
   const names = lost.slice(0, 4).map(({ name }) => quoted(name));
-  say('loop', `joints go round in a circle: ${names.join(', ')}; not shown`, lost[0]?.line ?? null);
+  say('loop', `joints form a loop: ${names.join(', ')}; not shown`, lost[0]?.line ?? null);
 }
 
 function followsOf(urdf: Urdf, order: readonly Joint[], say: Say): Map<string, Follow> {
   const follows = new Map<string, Follow>();
   const leaders = new Leaders(order, new Set(urdf.joints.map(({ name }) => name)));
   for (const joint of order) {
-    if (joint.mimic === null || !SCALAR_TYPES.has(joint.type)) continue; // the doctor names the others
+    if (joint.mimic === null || !SCALAR_TYPES.has(joint.type)) continue; // the doctor reports the others
     const found = leaders.of(joint);
     if ('leader' in found) follows.set(joint.name, found);
     else say(found.code, `joint ${quoted(joint.name)} ${found.text}`, joint.mimic.line);
@@ -159,7 +160,7 @@ class Leaders {
   readonly #known: ReadonlySet<string>;
   readonly #found = new Map<string, Follow | NoLeader>();
 
-  /** `known`: the names of all joints, including those that are left out. */
+  /** `known`: the names of all joints, including omitted ones. */
   constructor(order: readonly Joint[], known: ReadonlySet<string>) {
     this.#shown = new Map(order.map((joint) => [joint.name, joint]));
     this.#known = known;
@@ -174,7 +175,7 @@ class Leaders {
       const target = at.mimic!.joint;
       const next = this.#shown.get(target);
       if (next === undefined) {
-        const why = this.#known.has(target) ? ', which is left out' : ', which there is not';
+        const why = this.#known.has(target) ? ', which is left out' : ', which does not exist';
         end = { code: 'mimic-unknown', text: `mimics joint ${quoted(target)}${why}` };
       } else {
         at = next;
@@ -184,15 +185,15 @@ class Leaders {
     let inCircle = end === null;
     for (const one of [...chain.values()].reverse()) {
       if (end === null || inCircle) {
-        end = { code: 'mimic-loop', text: `mimics in a circle, over ${quoted(one.name)}` };
-        inCircle = one !== at; // the circle closes here; joints before it only lead into it
+        end = { code: 'mimic-loop', text: `mimics in a loop, through ${quoted(one.name)}` };
+        inCircle = one !== at; // the cycle closes here; joints before it only lead into it
       } else end = behind(one, end);
       this.#found.set(one.name, end);
     }
     return end!;
   }
 
-  /** The end of a chain at this joint; null when the chain goes on. */
+  /** The end of a chain at this joint; null if the chain continues. */
   #end(at: Joint): Follow | NoLeader | null {
     if (at.mimic !== null) return this.#found.get(at.name) ?? null;
     if (SCALAR_TYPES.has(at.type)) return { leader: at, multiplier: 1, offset: 0 };
@@ -208,6 +209,6 @@ function behind({ mimic }: Joint, end: Follow | NoLeader): Follow | NoLeader {
   const multiplier = mimic.multiplier * end.multiplier;
   const offset = mimic.multiplier * end.offset + mimic.offset;
   if (!Number.isFinite(multiplier) || !Number.isFinite(offset))
-    return { code: 'mimic-endless', text: 'mimics another by numbers that have no end' };
+    return { code: 'mimic-endless', text: 'mimics another with a multiplier or offset that is not finite' };
   return { leader: end.leader, multiplier, offset };
 }

@@ -71,7 +71,7 @@ export interface Joint {
   readonly child: string;
   readonly xyz: Vector;
   readonly rpy: Vector;
-  /** As written; null when absent. */
+  /** As written; null if absent. */
   readonly axis: Vector | null;
   readonly limit: Limit | null;
   readonly mimic: Mimic | null;
@@ -80,12 +80,12 @@ export interface Joint {
 
 export interface Urdf {
   readonly name: string;
-  /** In the file's order, including duplicates. */
+  /** In file order, including duplicates. */
   readonly links: readonly Link[];
   readonly joints: readonly Joint[];
   readonly materials: ReadonlyMap<string, Material>;
   readonly sensors: readonly { readonly name: string; readonly link: string; readonly line: number | null }[];
-  /** Mentions of joints or links outside the tree. */
+  /** References to joints or links outside the tree. */
   readonly references: readonly {
     readonly what: string;
     readonly name: string;
@@ -100,7 +100,7 @@ export const UNBOUNDED = 1e4;
 
 export const SCALAR_TYPES: ReadonlySet<string> = new Set(['revolute', 'continuous', 'prismatic']);
 
-/** A visual's material: the robot's material of that name, else its own. */
+/** A visual's material: the robot's material with that name, else its own. */
 export function materialOf({ material }: Visual, { materials }: Urdf): Material | null {
   return material === null ? null : (materials.get(material.name) ?? material);
 }

@@ -13,15 +13,15 @@ import {
 /** File types of models; other members of a zip are not unpacked. */
 const WANTED = /\.(urdf|xacro|sdf|world|xml|mjcf|stl|dae|obj|mtl|glb|png|jpe?g)$/i;
 
-/** Bytes that are unpacked at a time: each piece may grow a thousandfold before it can be refused. */
+/** Bytes unpacked at a time: each piece may grow a thousandfold before it can be refused. */
 const PIECE = 2048;
-/** A zip that grows more than this is taken as malicious: meshes compress to a tenth, pictures hardly. */
+/** A zip that grows by more than this factor is considered malicious: meshes compress to a tenth, pictures hardly at all. */
 const MAX_GROWTH = 100;
 const GROWTH_COUNTS_FROM = 4_000_000;
 
 /**
- * Unpacks a zip piece by piece. Sizes claimed in the zip are ignored: bytes are counted as they come out, and a zip
- * that unpacks to too much is refused at once. Rejects with DropError.
+ * Unpacks a zip piece by piece. Sizes declared in the zip are ignored: bytes are counted as they come out, and a zip that unpacks
+ * to too much is refused at once. Rejects with DropError.
  */
 export async function unzip(file: Blob): Promise<LocalFiles> {
   const found = new Map<string, LocalFile>();
@@ -87,7 +87,7 @@ export async function unzip(file: Blob): Promise<LocalFiles> {
     void source.cancel().catch(() => {});
   }
   if (refusal !== null) throw refusal;
-  if (members === 0) throw new DropError('This is no zip.', { why: 'dropNoZip' });
+  if (members === 0) throw new DropError('This is not a zip file.', { why: 'dropNoZip' });
   return found;
 }
 

@@ -3,7 +3,7 @@
 const MAX_BYTES = 8 << 20;
 const MAX_ELEMENTS = 50_000;
 const MAX_DEPTH = 64;
-/** Most namespace prefixes: browsers search all declared ones for each name. */
+/** Maximum number of namespace prefixes: browsers search all declared ones for each name. */
 const MAX_PREFIXES = 1000;
 const QUOTED = /"[^"]*"|'[^']*'/g;
 
@@ -75,7 +75,7 @@ const ASIDES = [
 const BLANKS = /[ \t\n\v\f\r]*/y;
 const DECLARATION_MAX = 200; // letters
 
-/** Blanks out an XML declaration behind blanks or comments: the edge accepts it, like ROS, but browsers don't. */
+/** Blanks out an XML declaration after blanks or comments: the edge accepts it, like ROS, but browsers don't. */
 function withoutLateDeclaration(text: string): string {
   let at = 0;
   for (;;) {
@@ -92,14 +92,14 @@ function withoutLateDeclaration(text: string): string {
 }
 
 /**
- * Returns the line of each start tag in document order, and the text in a form that browsers accept: with all used
- * prefixes declared (the edge reads `xacro:` without its namespace), and without anything after the root. Throws
- * XmlRefused beyond the bounds.
+ * Returns the line of each start tag in document order, and the text in a form that browsers accept: with all used prefixes
+ * declared (the edge reads `xacro:` without its namespace), and without anything after the root. Throws XmlRefused if a limit is
+ * exceeded.
  */
 function scan(text: string): { lines: number[]; declared: string } {
   const lines: number[] = [];
   const prefixes = new Set<string>();
-  const declared = new Set(['xml', 'xmlns']); // prefixes declared by the root; others don't hold everywhere
+  const declared = new Set(['xml', 'xmlns']); // prefixes declared on the root; others are not valid everywhere
   const newlines = text.matchAll(/\r\n?|\n/g);
   let line = 1;
   let newline = newlines.next().value?.index ?? text.length;

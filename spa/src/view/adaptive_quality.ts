@@ -2,25 +2,25 @@ import { Debounce } from '../browser/debounce.ts';
 import { ContextLossPolicy, PATIENCE_MS } from './context_loss.ts';
 import { type QualityStep, QualitySteps } from './quality_steps.ts';
 
-/** What is wrong with the drawing itself. `lost`: the browser took the WebGL context away and should give it back;
- *  `failed`: it did not; `pixels`, `detail`: fewer pixels or less detail, because this device is slow; `hopeless`: it
- *  is still too slow, and the light view could show the robot instead. */
+/** A problem with the drawing itself. `lost`: the browser took the WebGL context away and should give it back; `failed`: it did
+ *  not; `pixels`, `detail`: fewer pixels or less detail, because this device is slow; `hopeless`: it is still too slow, and the
+ *  light view could show the robot instead. */
 export type DrawingTrouble = 'lost' | 'failed' | 'pixels' | 'detail' | 'hopeless';
 
 /** The drawing whose quality is adapted. */
 export interface Drawing {
   /** Uses this step's pixels, shadows and level of detail from now on. */
   applyStep(step: QualityStep): void;
-  /** Whether a robot is drawn with a coarser level of detail than it could be. */
+  /** Whether a robot is drawn at a coarser level of detail than available. */
   isCoarse(): boolean;
-  /** Whether the light view could draw what this one draws. */
+  /** Whether the light view could draw the same scene. */
   isReplaceable(): boolean;
-  /** Tells the page what is wrong with the drawing; null when nothing is. */
+  /** Reports a problem with the drawing to the page; null if there is none. */
   report(trouble: DrawingTrouble | null): void;
 }
 
-/** Adapts a drawing to its device: gives up quality while repaints are slow, and reports a lost WebGL context, first as lost
- *  and, after `PATIENCE_MS` or too many losses, as failed. */
+/** Adapts a drawing to its device: reduces quality while repaints are slow, and reports a lost WebGL context, first as lost and,
+ *  after `PATIENCE_MS` or too many losses, as failed. */
 export class AdaptiveQuality {
   readonly #drawing: Drawing;
   readonly #contextLosses = new ContextLossPolicy();
@@ -32,7 +32,7 @@ export class AdaptiveQuality {
     this.#drawing = drawing;
   }
 
-  /** The part (0…1) of the screen's pixels to draw along each side while something moves. */
+  /** The fraction (0…1) of the screen's pixels to draw along each side while something moves. */
   get pixels(): number {
     return this.#steps.step.pixels;
   }

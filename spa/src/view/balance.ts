@@ -1,10 +1,10 @@
-/** The signs of balance; loaded on demand. */
+/** The balance signs; loaded on demand. */
 import { BalanceOverlay } from '../overlays/balance/balance_overlay.ts';
 import { Facets } from '../overlays/balance/facets.ts';
 import type { DrawJointLimits } from '../overlays/balance/joint_arc.ts';
 import type { BalancePicture } from '../overlays/balance_drawing.ts';
 
-/** Makes what draws the balance of all robots of one picture. `jointLimits`: see `BalanceOverlay`. */
+/** Creates the object that draws the balance of all robots in one picture. `jointLimits`: see `BalanceOverlay`. */
 export function makeBalance(jointLimits: () => DrawJointLimits | null): BalancePicture {
   const facets = new Facets();
   return {

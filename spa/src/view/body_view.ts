@@ -10,23 +10,22 @@ import type { Insets } from './camera/insets.ts';
 
 export type { EyePlace, FollowMode } from './camera/camera_rig.ts';
 
-/** Where a robot's poses come from. It is asked at every tick as long as it says that more is to come. */
+/** The source of a robot's poses. It is queried at every tick as long as it has more. */
 export interface PoseSource {
-  /** Advances to `nowMs` of the viewer's clock (ms since 1970). True while more motion is to come. */
+  /** Advances to `nowMs` of the viewer's clock (ms since 1970). True while more motion follows. */
   sample(nowMs: number): boolean;
-  /** The pose as of the newest `sample`; null before the first. */
+  /** The pose at the newest `sample`; null before the first. */
   pose(): Pose | null;
   /** Names the continuous joints, whose angles wrap: 3 and -3 rad are near each other. */
   setContinuous(joints: readonly string[]): void;
 }
 
-/** What the mouse buttons do. `orbit`: the left one turns, the right one pans; `foxglove`: the left one moves over the
- *  floor, the right one turns. */
+/** What the mouse buttons do. `orbit`: left rotates, right pans; `foxglove`: left pans along the floor, right rotates. */
 export type MouseStyle = 'orbit' | 'foxglove';
 
 /** Which of a robot's signs are visible now, for tests and the debug interface. */
 export type SeenOverlay = ShownOverlay & {
-  /** Links of the ghost that are shown. */
+  /** The visible links of the ghost. */
   readonly ghostLinks: readonly string[];
 };
 
@@ -34,10 +33,10 @@ export type SeenOverlay = ShownOverlay & {
 export interface OverlaidBody {
   /** Shows forces, deviations, level and load of the newest frame; null removes them. */
   showSigns(readings: OverlayReadings | null, manner?: OverlayStyle): void;
-  /** Shows the robot a second time, see-through, in another pose (rad or m by URDF name); null removes it. With
-   *  `limbs`, shows only the links beyond those joints; all other joints are as in the body. */
+  /** Shows a transparent second copy of the robot in another pose (rad or m by URDF name); null removes it. With `limbs`, shows
+   *  only the links beyond those joints; all other joints are as in the body. */
   showGhost(joints: ReadonlyMap<string, number> | null, limbs?: readonly string[] | null): void;
-  /** Sets whether the robot always faces along the world's x, whatever its sensors report. */
+  /** Sets whether the robot always faces along the world's x axis, whatever its sensors report. */
   lockHeading(locked: boolean): void;
 }
 
@@ -46,51 +45,51 @@ export interface OverlaidBody {
 export interface BodyView extends OverlaidBody {
   /** Pictures drawn so far. */
   readonly renderedFrames: number;
-  /** Whether nothing is being drawn: the newest picture stays until something happens. */
+  /** Whether nothing is being drawn: the newest picture stays until something changes. */
   readonly resting: boolean;
   /** Draw calls of the newest picture. */
   readonly drawCalls: number;
   /** Triangles of the newest picture. */
   readonly triangles: number;
   readonly signs: SeenOverlay;
-  /** Bytes that `refine` would fetch; null when there is nothing finer, or only what is too much for this device. */
+  /** Bytes that `refine` would fetch; null if there is nothing finer, or only levels too large for this device. */
   readonly finerBytes: number | null;
   /** Loads the model of a manifest. Never rejects: errors are in the report. A later call supersedes an earlier one. */
   load(
     manifestUrl: string,
     onProgress: (receivedBytes: number, totalBytes: number) => void,
   ): Promise<ModelReport>;
-  /** Shows the finest level of detail. Rejects with one line when it can't be loaded. */
+  /** Shows the finest level of detail. Rejects with one line if it can't be loaded. */
   refine(onProgress: (receivedBytes: number, totalBytes: number) => void): Promise<void>;
   /** Lets the robot follow a source of poses. Call `wake` when the source has something new. */
   play(source: PoseSource | null): void;
   wake(): void;
-  /** Shows a pose at once; `live` false shows it in grey as not the present one. */
+  /** Shows a pose at once; `live` false shows it in grey as out of date. */
   setPose(pose: Pose, live: boolean): void;
   /** Fades the colours to grey for a robot that is stale or offline, or back. */
   setGrey(grey: boolean): void;
   setTheme(name: 'dark' | 'light'): void;
-  /** Tells how much of the picture is covered by notes and buttons; the robot is centred in the rest. */
+  /** Sets how much of the picture is covered by notes and buttons; the robot is centred in the rest. */
   setCover(cover: Insets): void;
   /** Position and target of the camera in the world, metres. */
   readonly eye: EyePlace;
-  /** The same relative to the floor under the robot's middle, for sharing; null while nobody has moved the camera. */
+  /** The same relative to the floor under the robot's middle, for sharing; null until the viewer moves the camera. */
   readonly stand: EyePlace | null;
-  /** Puts the camera at a place as in `stand`, relative to wherever this robot is. */
+  /** Puts the camera at a place as in `stand`, relative to this robot wherever it is. */
   standAt(place: EyePlace): void;
   look(view: ViewName): void;
   /** Moves the camera close to a link; an unknown link is ignored. */
   focus(link: string): void;
-  /** Moves the camera close to a link's joint, around it to where the body does not hide it if it can. An unknown link is
+  /** Moves the camera close to a link's joint, and if possible around it so that the body does not hide it. An unknown link is
    *  ignored. */
   visit(link: string): void;
-  /** Moves the camera back to where it stood before `visit`, unless somebody has moved it since. */
+  /** Moves the camera back to where it was before `visit`, unless the viewer has moved it since. */
   goBack(): void;
   /** Turns the camera around its target, rad: to the left, and up. */
   orbit(left: number, up: number): void;
-  /** Moves the camera so that the world shifts by so many CSS pixels. */
+  /** Moves the camera so that the world shifts by this many CSS pixels. */
   pan(dx: number, dy: number): void;
-  /** Scales the distance to the target; a factor below 1 comes nearer. */
+  /** Scales the distance to the target; a factor below 1 moves closer. */
   zoom(factor: number): void;
   setMouse(style: MouseStyle): void;
   setFollow(mode: FollowMode): void;
@@ -100,7 +99,7 @@ export interface BodyView extends OverlaidBody {
   tree(): KinematicTree | null;
   /** Sets how a link is shown; `{}` resets it. */
   setLinkLook(link: string, look: LinkLook): void;
-  /** world_from_link of the shown pose for every link: 4×4, row-major, metres, world Z up. */
+  /** world_from_link of the displayed pose for every link: 4×4, row-major, metres, world Z up. */
   linkPoses(): Record<string, number[]>;
   dispose(): void;
 }
@@ -114,13 +113,13 @@ export interface RowMember {
   lockHeading: OverlaidBody['lockHeading'];
 }
 
-/** A view with several robots side by side. The members of `BodyView` are about the first of them. */
+/** A view with several robots side by side. The members of `BodyView` apply to the first of them. */
 export interface RowView extends BodyView {
-  /** All robots; seen from the front, the first is at the right of the picture. */
+  /** All robots; seen from the front, the first is on the right of the picture. */
   readonly robots: readonly RowMember[];
   /** Adds a robot, which is disposed of with the view. */
   addRobot(): RowMember;
-  /** Where a robot's top is in the picture, CSS px; null while it has no body or is behind the camera. */
+  /** Where the top of a robot appears in the picture, CSS px; null while it has no body or is behind the camera. */
   topOf(robot: RowMember): { x: number; y: number } | null;
   /** `showSigns` for any of the robots. */
   showSigns(readings: OverlayReadings | null, manner?: OverlayStyle, of?: RowMember): void;

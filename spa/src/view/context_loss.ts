@@ -1,4 +1,4 @@
-/** This many losses within `WITHIN_MS` are tolerated; with one more, this browser can't hold a context. */
+/** This many losses within `WITHIN_MS` are tolerated; after one more, this browser is assumed unable to hold a context. */
 export const MOST_LOSSES = 3;
 export const WITHIN_MS = 120_000;
 /** How long to wait for the context: a browser that gives it back at all does so sooner. */
@@ -8,7 +8,7 @@ export const PATIENCE_MS = 8000;
 export class ContextLossPolicy {
   #times: number[] = []; // at most MOST_LOSSES + 1
 
-  /** Counts one loss. False when there were more than `MOST_LOSSES` within `WITHIN_MS`: then 3D is given up. */
+  /** Counts one loss. False if there were more than `MOST_LOSSES` within `WITHIN_MS`: 3D is then given up. */
   recordLoss(nowMs: number): boolean {
     this.#times = [...this.#times.filter((ms) => nowMs - ms < WITHIN_MS), nowMs].slice(-MOST_LOSSES - 1);
     return this.#times.length <= MOST_LOSSES;

@@ -15,24 +15,24 @@ import type { Box, RowNode } from './robot_row.ts';
 
 export type OnProgress = (receivedBytes: number, totalBytes: number) => void;
 
-/** A see-through copy of a robot in another pose. It lives no longer than its robot. */
+/** A transparent copy of a robot in another pose. It lives no longer than its robot. */
 export interface FigureGhost {
-  /** Sets its joints, rad or m by URDF name. False when nothing changed. */
+  /** Sets its joints, rad or m by URDF name. False if nothing changed. */
   setJoints(joints: ReadonlyMap<string, number>): boolean;
   /** Sets how a link is shown; a ghost can only fade and hide. */
   setLook(link: string, look: LinkLook): void;
   dispose(): void;
 }
 
-/** A robot's body as a `FigureNode` poses and places it, whichever renderer draws it. */
+/** A robot's body as a `FigureNode` poses and places it, independent of the renderer. */
 export interface StagedFigure extends PosedBody {
   /** The names of its continuous joints, whose angles wrap. */
   readonly continuousNames: readonly string[];
-  /** The bounding box of each link that is drawn, with where the link is. */
+  /** The bounding box of each drawn link, with the link's pose. */
   readonly boxes: Iterable<PlacedBox>;
-  /** Sets the joints, rad or m by URDF name. False when nothing changed. */
+  /** Sets the joints, rad or m by URDF name. False if nothing changed. */
   setJoints(joints: ReadonlyMap<string, number>): boolean;
-  /** Puts the root link at a place in the world (metres, unit quaternion) and computes where every link is. */
+  /** Places the root link in the world (metres, unit quaternion) and computes the poses of all links. */
   place(xyz: Vec3, quat_wxyz: Quat): void;
   /** Puts the root over the world's origin with this rotation (default upright), the lowest point on the floor. */
   ground(quat_wxyz?: Quat): void;
@@ -42,17 +42,17 @@ export interface StagedFigure extends PosedBody {
   dispose(): void;
 }
 
-/** How a robot notifies the view that it stands in. */
+/** How a robot notifies its view. */
 export interface NodeHost {
-  /** It has moved or has another shape: shadows and picture must be drawn anew. */
+  /** It has moved or changed shape: shadows and picture must be redrawn. */
   placed(): void;
-  /** It has another size: the camera should frame it anew. */
+  /** Its size has changed: the camera should reframe it. */
   framed(eased: boolean): void;
-  /** It looks different but has not moved: the picture must be drawn anew. */
+  /** It looks different but has not moved: the picture must be redrawn. */
   changed(): void;
 }
 
-/** The fading to and from grey is over after this time, however few pictures there were. */
+/** Fading to and from grey takes this long, however few pictures there are. */
 const FADED_AFTER_MS = 300;
 
 /** One robot in a view: loads its model, and keeps its pose, its ghost and whether its pose is old. */
@@ -68,7 +68,7 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
   #pose: Pose | null = null;
   #grey = false;
   #isOld = true;
-  /** When `#isOld` last changed, ms of the browser's pictures. */
+  /** When `#isOld` last changed, in the browser's frame time, ms. */
   #turnedMs = Number.NEGATIVE_INFINITY;
   /** Its body has not been shown in a pose yet. */
   #unseen = true;
@@ -83,17 +83,17 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
     return this.#figure;
   }
 
-  /** The pose that is shown. */
+  /** The displayed pose. */
   get pose(): Pose | null {
     return this.#pose;
   }
 
-  /** Whether it is shown in grey: its pose is not the present one, or there is none. */
+  /** Whether it is shown in grey: its pose is out of date, or there is none. */
   get isOld(): boolean {
     return this.#isOld;
   }
 
-  /** Its heading, rad from the world's x; 0 while there is no model. */
+  /** Its heading, rad from the world's x axis; 0 while there is no model. */
   get heading(): number {
     const elements = this.#figure?.root.matrixWorld.elements;
     return elements === undefined ? 0 : Math.atan2(elements[1]!, elements[0]!);
@@ -127,7 +127,7 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
     if (this.#figure !== null) source?.setContinuous(this.#figure.continuousNames);
   }
 
-  /** Shows a pose at once; `live` false shows it in grey as not the present one. */
+  /** Shows a pose at once; `live` false shows it in grey as out of date. */
   setPose(pose: Pose, live: boolean): void {
     this.#show(pose);
     this.setGrey(!live);
@@ -144,7 +144,7 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
     const moving = this.#source?.sample(nowMs) ?? false;
     const pose = this.#source?.pose() ?? null;
     if (pose !== null) this.#show(pose);
-    // It never looks old for longer than the fading takes: not in its first picture, nor where pictures are few.
+    // It never looks old for longer than the fading takes: not in its first picture, nor if pictures are rare.
     const atOnce = this.#unseen || nowMs - this.#turnedMs > FADED_AFTER_MS || prefersReducedMotion();
     if (this.#figure !== null && this.#pose !== null) this.#unseen = false;
     return this.drain(atOnce ? Number.POSITIVE_INFINITY : seconds) || moving;
@@ -161,8 +161,8 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
   }
 
   /**
-   * Shows the robot a second time, see-through, in another pose (rad or m by URDF name); null removes it. With
-   * `limbs`, only the links beyond those joints are shown, and all other joints are as in the body.
+   * Shows a transparent second copy of the robot in another pose (rad or m by URDF name); null removes it. With `limbs`, only the
+   * links beyond those joints are shown, and all other joints are as in the body.
    */
   showGhost(joints: ReadonlyMap<string, number> | null, limbs: readonly string[] | null = null): void {
     if (joints === null && this.#ghostWish === null) return;
@@ -170,12 +170,12 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
     if (this.#poseGhost()) this.#host.changed();
   }
 
-  /** Links of the ghost that are shown. */
+  /** The visible links of the ghost. */
   get ghostLinks(): readonly string[] {
     return this.#ghost === null ? [] : this.#ghostLinks;
   }
 
-  /** Sets whether the robot always faces along the world's x, whatever its sensors report. */
+  /** Sets whether the robot always faces along the world's x axis, whatever its sensors report. */
   lockHeading(locked: boolean): void {
     if (this.#rootPose.lockHeading(locked)) this.put();
   }
@@ -197,7 +197,7 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
     this.clear();
   }
 
-  /** Reads a model and shows it with `adopt`. Rejects with a one-line Error when there is nothing to show. */
+  /** Reads a model and shows it with `adopt`. Rejects with a one-line Error if there is nothing to show. */
   protected abstract read(
     manifestUrl: string,
     onProgress: OnProgress,
@@ -205,7 +205,7 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
     report: ModelReport,
   ): Promise<void>;
 
-  /** Advances the fading to or from grey by `seconds` (Infinity: to its end). True while it goes on. */
+  /** Advances the fading to or from grey by `seconds` (Infinity: to its end). True while it continues. */
   protected abstract drain(seconds: number): boolean;
 
   /** Called with a new figure before it is posed and placed. */
@@ -214,10 +214,10 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
   /** Called when the figure's links have moved. */
   protected moved(_figure: F): void {}
 
-  /** Called when the robot is to become grey, or coloured again. */
+  /** Called when the robot turns grey or coloured again. */
   protected setOld(_isOld: boolean): void {}
 
-  /** Runs a loading task and aborts the one before. Its errors go to the report. */
+  /** Runs a loading task and cancels the previous one. Its errors go into the report. */
   protected async supersede(
     work: (signal: AbortSignal, report: ModelReport) => Promise<void>,
   ): Promise<ModelReport> {
@@ -236,7 +236,7 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
     return report;
   }
 
-  /** Replaces the figure by this one, in the newest pose. */
+  /** Replaces the figure with this one, in the newest pose. */
   protected adopt(figure: F): void {
     this.clear();
     this.#figure = figure;
@@ -259,7 +259,7 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
     this.#host.placed();
   }
 
-  /** Places root and ghost by the newest pose, computes where every link is, and asks for a picture. */
+  /** Places root and ghost by the newest pose, computes the poses of all links, and requests a picture. */
   protected put(): void {
     const figure = this.#figure;
     if (figure === null) return;
@@ -281,7 +281,7 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
     else if (this.#poseGhost() || marked) this.#host.changed();
   }
 
-  /** Marks the links whose joints have no reading; true when that changed. */
+  /** Marks the links whose joints have no reading; true if that changed. */
   #mark(joints: ReadonlySet<string>): boolean {
     if (this.#figure === null || sameSet(joints, this.#unread)) return false;
     this.#unread = joints;
@@ -289,7 +289,7 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
     return true;
   }
 
-  /** Makes, poses or removes the ghost. True when it looks different now. */
+  /** Creates, poses or removes the ghost. True if it looks different now. */
   #poseGhost(): boolean {
     const figure = this.#figure;
     const wanted = figure === null ? null : ghostOf(figure, this.#pose, this.#ghostWish);

@@ -9,8 +9,7 @@ export interface GhostRequest {
   readonly limbs: readonly string[] | null;
 }
 
-/** Joints and links that the ghost shows; null for no ghost. A whole ghost in the pose takes precedence over a request.
- *  */
+/** The joints and links of the ghost; null for no ghost. A whole ghost in the pose takes precedence over a request. */
 export function ghostOf(
   body: PosedBody,
   pose: Pose | null,

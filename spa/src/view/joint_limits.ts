@@ -1,2 +1,2 @@
-/** The limits of a selected joint, among the signs of balance; loaded when there is one. */
+/** The limits of a selected joint, among the balance signs; loaded when a joint is selected. */
 export { drawJointLimits } from '../overlays/balance/joint_arc.ts';

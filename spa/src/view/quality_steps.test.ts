@@ -12,7 +12,7 @@ import {
 
 const DOWN = STEPS.at(-1)!;
 
-/** Repaints of this length for so many seconds; how often the step changed. */
+/** Repaints of this length for this many seconds; returns how often the step changed. */
 function run(pace: QualitySteps, intervalMs: number, seconds: number): number {
   let changes = 0;
   for (let ms = 0; ms < seconds * 1000; ms += intervalMs) changes += pace.recordRepaint(intervalMs) ? 1 : 0;
@@ -86,7 +86,7 @@ describe('the pace of a device', () => {
       changes += pace.recordRepaint(intervalMs) ? 1 : 0;
       ms += intervalMs;
     }
-    expect(changes).toBeLessThan(16); // 8, 16, 32 … s of calm; evenly it would be over a hundred
+    expect(changes).toBeLessThan(16); // 8, 16, 32 … s of calm; at even intervals it would be over a hundred
   });
 
   it('has everything back when it is told to forget', () => {

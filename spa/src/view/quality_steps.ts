@@ -1,9 +1,9 @@
 /**
- * Decides how much quality a slow device gives up, and when it gets it back. Pure: times between repaints of a moving
- * picture go in, a quality step comes out.
+ * Decides how much quality a slow device gives up, and when it gets it back. Pure: it takes the times between repaints of a
+ * moving picture and returns a quality step.
  *
- * It goes one step down when half of the newest repaints took too long, and one step up only after a long fast time. If
- * going up was too early, the next fast time must be twice as long, so that the quality does not oscillate.
+ * It goes one step down if half of the newest repaints took too long, and one step up only after a long fast period. If going up
+ * was too early, the next fast period must be twice as long, so that the quality does not oscillate.
  */
 
 /** Repaints that take longer are slow: fewer than 20 pictures a second. */
@@ -12,7 +12,7 @@ export const SLOW_MS = 50;
 export const CALM_MS = 24;
 /** How many repaints are judged together. */
 export const WINDOW = 10;
-/** Fewer repaints suffice once they have taken this long together. */
+/** Fewer repaints are enough if together they have taken this long. */
 export const FEWEST = 5;
 export const LONG_ENOUGH_MS = 3000;
 export const FIRST_CALM_MS = 8000;
@@ -20,13 +20,13 @@ export const LONGEST_CALM_MS = 256_000;
 /** If the lowest step still draws fewer than ten pictures a second for this many windows, 3D drawing is hopeless. */
 export const HOPELESS_MS = 100;
 export const HOPELESS_WINDOWS = 2;
-/** A longer time was no slow repaint: the page was hidden, or the machine slept. */
+/** A longer time does not count as a slow repaint: the page was hidden, or the machine slept. */
 const PAUSE_MS = 4000;
 /** Above this, one step down is not enough: two are taken. */
 const VERY_SLOW_MS = 600;
 
-/** Quality steps from best to worst. `pixels`: part of the screen's pixels along each side; `shadow`: the same of the
- *  shadow map; `lowest`: whether the coarsest level of detail is used. */
+/** Quality steps from best to worst. `pixels`: fraction of the screen's pixels along each side; `shadow`: the same for the shadow
+ *  map; `lowest`: whether the coarsest level of detail is used. */
 export const STEPS = [
   { pixels: 1, shadow: 1, lowest: false },
   { pixels: 0.75, shadow: 0.5, lowest: false },

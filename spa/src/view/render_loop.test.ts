@@ -1,7 +1,7 @@
 import { expect, it } from 'vitest';
 import { RenderLoop } from './render_loop.ts';
 
-/** A screen whose repaints the test makes. */
+/** A screen whose repaints are triggered by the test. */
 class Screen {
   readonly waiting: ((nowMs: number) => void)[] = [];
   pictures = 0;
@@ -46,7 +46,7 @@ it('goes on while something moves, and a pause is not counted as movement', () =
   screen.repaint();
   expect(steps).toEqual([0.1, 0.016, 0.016]);
   expect(screen.pictures).toBe(3);
-  screen.repaint(); // the change of the last step was drawn with it
+  screen.repaint(); // the change in the last step was drawn with it
   expect(screen.waiting.length).toBe(0);
   leave();
   screen.loop.wake();

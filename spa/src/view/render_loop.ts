@@ -1,21 +1,21 @@
-/** Longest time step of a tick, so that a pause before it does not count. */
+/** Longest time step of a tick, so that a preceding pause does not count. */
 const MAX_STEP_SECONDS = 0.1;
 
-/** Something in the scene that moves by itself for a while. */
+/** Something in the scene that moves on its own for a while. */
 export interface Moving {
   /** Advances by `seconds` to `nowMs` (the viewer's clock). True while it needs more ticks. */
   advance(seconds: number, nowMs: number): boolean;
 }
 
-/** Schedules a tick: by default at the browser's next repaint, with its time as ms since 1970 like the stream's clock;
- *  tests pass their own. */
+/** Schedules a tick: by default at the browser's next repaint, with its time as ms since 1970, like the stream's clock; tests
+ *  pass their own function. */
 export type Schedule = (tick: (nowMs: number) => void) => void;
 
 const NEXT_REPAINT: Schedule = (tick) => requestAnimationFrame((ms) => tick(performance.timeOrigin + ms));
 
 /**
- * Draws pictures on demand with `requestAnimationFrame`. A tick happens only when somebody asked for it, and asks for
- * the next only while something still moves, so that an unchanged robot costs nothing.
+ * Draws pictures on demand with `requestAnimationFrame`. A tick happens only on request, and requests the next one only while
+ * something still moves, so that an unchanged robot costs nothing.
  */
 export class RenderLoop {
   /** Pictures drawn so far. */
@@ -33,13 +33,13 @@ export class RenderLoop {
   #stopped = false;
   #lastMs = 0;
 
-  /** `draw` draws a picture and returns false when it could not (lost context). */
+  /** `draw` draws a picture and returns false if it could not (lost context). */
   constructor(draw: () => boolean, schedule: Schedule = NEXT_REPAINT) {
     this.#draw = draw;
     this.#schedule = schedule;
   }
 
-  /** Whether no tick is scheduled: the newest picture stays until something happens. */
+  /** Whether no tick is scheduled: the newest picture stays until something changes. */
   get resting(): boolean {
     return !this.#requested;
   }
@@ -50,13 +50,13 @@ export class RenderLoop {
     return () => this.#moving.delete(moving);
   }
 
-  /** Asks for a picture, because something changed. */
+  /** Requests a picture, because something changed. */
   request(): void {
     this.#dirty = true;
     this.wake();
   }
 
-  /** Asks for a tick, because something may have begun to move. A picture is drawn only if something requests it. */
+  /** Requests a tick, because something may have started to move. A picture is drawn only if something requests it. */
   wake(): void {
     if (this.#requested || this.#stopped) return;
     this.#requested = true;

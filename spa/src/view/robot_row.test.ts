@@ -2,7 +2,7 @@ import { expect, it } from 'vitest';
 import type { LinkBox } from '../model/bounds.ts';
 import { RobotRow } from './robot_row.ts';
 
-/** A robot so wide and tall, with its root in the middle of its floor; null: not there yet. */
+/** A robot of this width and height, with its root in the middle of its floor; null: not loaded yet. */
 function robot(size: [number, number, number] | null, heading = 0) {
   const made = {
     size,

@@ -2,7 +2,7 @@ import type { Vec3 } from '../twin/rotation.ts';
 import { type BodySpan, type PlacedBox, spanOf } from './camera/body_span.ts';
 import { layOutRow, type RowItem } from './row_layout.ts';
 
-/** A box along the world's axes, metres. */
+/** A box aligned with the world's axes, metres. */
 export interface Box {
   readonly min: Vec3;
   readonly max: Vec3;
@@ -14,7 +14,7 @@ export interface RowNode extends RowItem {
     readonly root: { readonly matrixWorld: { readonly elements: ArrayLike<number> } };
     readonly boxes: Iterable<PlacedBox>;
   } | null;
-  /** Its heading, rad from the world's x. */
+  /** Its heading, rad from the world's x axis. */
   readonly heading: number;
   /** Its bounding box in the world; null while there is no model. */
   box(): Box | null;
@@ -25,7 +25,7 @@ export interface RowNode extends RowItem {
 export class RobotRow<N extends RowNode> {
   readonly #robots: N[] = [];
 
-  /** All robots; seen from the front, the first is at the right of the picture. */
+  /** All robots; seen from the front, the first is on the right of the picture. */
   get robots(): readonly N[] {
     return this.#robots;
   }
@@ -34,7 +34,7 @@ export class RobotRow<N extends RowNode> {
     return this.#robots.length > 1;
   }
 
-  /** The heading of a single robot, rad from the world's x; 0 for several, which have no common heading. */
+  /** The heading of a single robot, rad from the world's x axis; 0 for several, which have no common heading. */
   get heading(): number {
     return this.several ? 0 : (this.#robots[0]?.heading ?? 0);
   }

@@ -1,7 +1,7 @@
 import { expect, it } from 'vitest';
 import { layOutRow } from './row_layout.ts';
 
-/** A robot that is so wide and tall; where it was put. */
+/** A robot of this width and height; records where it was placed. */
 function robot(width: number, height: number, there = true) {
   const made = {
     at: 0,

@@ -1,6 +1,6 @@
-/** Least room of a robot, also while it has no model, metres. */
+/** Minimum room for a robot, also while it has no model, metres. */
 const LEAST_ROOM = 0.3;
-/** Room of a robot as a multiple of its width (for its arms) and of its height (for its name); the larger counts. */
+/** Room for a robot as a multiple of its width (for its arms) and of its height (for its name); the larger counts. */
 const WIDTHS = 1.3;
 const HEIGHTS = 0.6;
 

@@ -49,7 +49,7 @@ export abstract class RowStage<N extends FigureNode<StagedFigure>> implements Ro
       changed: () => this.loop.request(),
     });
     this.row.add(robot);
-    if (this.row.several) this.rig.home = 'front'; // from elsewhere they would hide each other
+    if (this.row.several) this.rig.home = 'front'; // from other directions they would hide each other
     this.loop.add(robot);
     return robot;
   }
@@ -163,15 +163,15 @@ export abstract class RowStage<N extends FigureNode<StagedFigure>> implements Ro
     return this.row.robots[0]!;
   }
 
-  /** Draws a picture; false when it could not. */
+  /** Draws a picture; false if it could not. */
   protected abstract draw(): boolean;
 
   protected abstract make(host: NodeHost): N;
 
-  /** Called when robots have moved or have another shape; `middle` is where they stand, null without a model. */
+  /** Called when robots have moved or changed shape; `middle` is their position, null without a model. */
   protected abstract placed(middle: { readonly x: number; readonly y: number } | null): void;
 
-  /** Called when the camera has framed the robots anew. */
+  /** Called when the camera has reframed the robots. */
   protected abstract framed(): void;
 
   #placed(): void {

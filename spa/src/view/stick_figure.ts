@@ -12,9 +12,8 @@ const MAX_PIXEL_RATIO = 2;
 type Vector = readonly [number, number, number];
 
 /**
- * The robot as lines from link to link on a 2D canvas. It moves while the code of the 3D scene (a quarter of a
- * megabyte) is still loading. It is seen from where the scene's camera starts, so that nothing jumps when the scene
- * takes over.
+ * The robot as lines from link to link on a 2D canvas. It moves while the code of the 3D scene (a quarter of a megabyte) is still
+ * loading. It is seen from the scene's initial camera position, so that nothing jumps when the scene takes over.
  */
 export class StickFigure {
   readonly #canvas: HTMLCanvasElement;
@@ -91,7 +90,7 @@ export class StickFigure {
     markOnce('posecast:skeleton');
   }
 
-  /** Computes where every link is in the world. */
+  /** Computes the poses of all links in the world. */
   #spread(): void {
     this.#kinematics.compute();
     const { rootFromLink } = this.#kinematics;

@@ -9,7 +9,7 @@ interface Point {
   readonly button?: number;
 }
 
-/** A surface whose clock is the test's, what was tapped there, and what twice. */
+/** A surface with the test's clock, the taps recorded there, and the double taps. */
 function surface() {
   const element = document.createElement('div');
   const once: [number, number][] = [];
@@ -33,7 +33,7 @@ test('two quick taps at one place are told once', () => {
   expect(told).toEqual([]);
   tap(200, { x: 108, y: 55 });
   expect(told).toEqual([[108, 55]]);
-  tap(400, { x: 108, y: 55 }); // the third is the first of a next pair
+  tap(400, { x: 108, y: 55 }); // the third is the first of the next pair
   expect(told).toHaveLength(1);
 });
 

@@ -9,8 +9,8 @@ interface Tap {
   readonly ms: number;
 }
 
-/** Reports taps of one finger and left clicks at once; `times` is 2 for the second of two quick ones at one place. It
- *  replaces `dblclick`, which not every touch screen sends. Returns a function that stops it. */
+/** Reports taps of one finger and left clicks at once; `times` is 2 for the second of two quick taps at one place. It replaces
+ *  `dblclick`, which not every touch screen sends. Returns a function that stops it. */
 export function onTaps(
   element: HTMLElement,
   tapped: (clientX: number, clientY: number, times: 1 | 2) => void,
@@ -19,7 +19,7 @@ export function onTaps(
   let first: Tap | null = null;
   const near = (a: Tap, b: Tap) => Math.hypot(a.x - b.x, a.y - b.y) <= NEAR_PX;
   const press = (event: PointerEvent) => {
-    // a second finger makes it another gesture
+    // a second finger makes it a different gesture
     down = event.isPrimary && event.button === 0 ? tapOf(event) : null;
     if (down === null) first = null;
   };

@@ -30,7 +30,6 @@
   addEventListener('message', ({ source, origin, data }) => {
     if (origin !== location.origin || source !== shown?.frame.contentWindow || data.posecast !== 'ready')
       return;
-    tell({ posecast: 'look', view: shown.poster.dataset.look });
     tell({ posecast: 'play' });
   });
   new MutationObserver(() => tell({ posecast: 'set', theme: theme() })).observe(document.body, {

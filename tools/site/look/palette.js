@@ -1,4 +1,4 @@
-// Before the first paint: light or dark as chosen here, else as the system has it.
+// Before the first paint: light or dark, as chosen here or else by the system.
 {
   const chosen = __md_get('__palette')?.color;
   const follows = chosen === undefined || chosen.media === '(prefers-color-scheme)';

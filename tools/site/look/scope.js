@@ -1,5 +1,5 @@
-// What Zensical's own script needs before it: where this site keeps its settings in the browser. A file of its
-// own, so that a content policy may forbid scripts in pages.
+// Must run before Zensical's own script: where this site keeps its settings in the browser. A separate file,
+// so that a Content-Security-Policy can forbid inline scripts.
 window.__md_scope = new URL(document.currentScript.dataset.base, location);
 if (!__md_scope.pathname.endsWith('/')) __md_scope = new URL(`${__md_scope.pathname}/`, location);
 window.__md_hash = (text) => [...text].reduce((sum, letter) => (sum << 5) - sum + letter.charCodeAt(0), 0);

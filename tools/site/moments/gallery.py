@@ -125,7 +125,7 @@ def _write_poster(moment: Moment) -> str:
     title = html.escape(moment.title)
     return (
         f'<div class="moment"><a href="{at}/index.html" data-frame="{at}/embed/index.html" '
-        f'data-title="{title}" data-look="{moment.look}">'
+        f'data-title="{title}">'
         f'<img src="{at}/poster.webp" alt="" width="{SIDE}" height="{SIDE}">'
         f"<span>Play: {title}</span></a></div>"
     )

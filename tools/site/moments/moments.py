@@ -15,8 +15,8 @@ DEMO, DRONE = "demo", "drone"
 @dataclass(frozen=True)
 class Moment:
     """A stretch of a robot's motion; all seconds are the motion's. `name`: in addresses; `robot`: DEMO or
-    DRONE; `poster_s`: when it has the pose on the poster; `notes`: texts by their moments; `look`: the view
-    to start with, as the page around a frame may ask for it; `eye`: from the body to the poster's camera.
+    DRONE; `poster_s`: when it has the pose on the poster; `notes`: texts by their moments; `eye`: from the
+    body to the camera of the poster.
     """
 
     name: str
@@ -26,7 +26,6 @@ class Moment:
     to_s: float
     poster_s: float
     notes: Mapping[float, str] = field(default_factory=dict)
-    look: str = "home"
     eye: Vectors = field(default_factory=lambda: FRONT_LEFT_ABOVE)
 
 
@@ -44,7 +43,6 @@ MOMENTS = (
     Moment(
         *("lean", DEMO, "The demo robot leans", 54.6, 60.6, 58.2),
         notes={57.6: "The margin is under 20 mm and turns amber."},
-        look="side",
         eye=SIDE,
     ),
     Moment(

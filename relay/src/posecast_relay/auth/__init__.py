@@ -1,1 +1,1 @@
-"""Who asks, and what they may see: tokens, accounts, addresses and origins, and the policy in force."""
+"""Finds who is asking and what they may see: tokens, accounts, addresses, origins and the present policy."""

@@ -1,4 +1,4 @@
-"""Decides who may see what in this process, by the policy in force, and which hub serves each grant."""
+"""Applies the present policy in this process: who may see what, and which hub serves each grant."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ from posecast_relay.store_memory import MemoryStore
 
 log = logging.getLogger("posecast_relay")
 
-RENEWALS_MAX = 1000  # under way; a further one is forgotten, and its viewer's old token runs on to its end
+RENEWALS_MAX = 1000  # at once; further ones are dropped, and their viewers keep the old token until it ends
 
-RECHECK_S = 300.0  # accounts of those who watch: signed out, disabled, revoked?
+RECHECK_S = 300.0  # between checks whether viewers' accounts were signed out, disabled or revoked
 
 
 class Access:
-    """Access control of one process. `later`: the dispatcher of a DelayedHub, where there is one."""
+    """Access control of one process. `later`: the dispatcher of the DelayedHub, if the process has one."""
 
     def __init__(
         self,
@@ -47,7 +47,9 @@ class Access:
         addresses: Addresses | None = None,
         has_past: bool = False,
     ) -> None:
-        """`has_past`: whether this process answers for the past, so that a full one can tell the lane."""
+        """`has_past`: whether this process serves the past. Only then can it send viewers to the lane when
+        it is full.
+        """
         self.live = live
         self.later = later
         self.policy = policy
@@ -74,25 +76,23 @@ class Access:
         return self.later.hub
 
     def find_refusal(self, applicant: Applicant) -> Refusal | None:
-        """Return why an applicant is refused, as far as can be told already; None while nothing speaks
-        against it.
-        """
+        """Return why an applicant is refused, if that is known already; else None."""
         decision = admit(applicant, self.policy, self.has_past)
         return decision if isinstance(decision, Refusal) else None
 
     def judge(self, applicant: Applicant) -> Grant | Refusal:
         """Return the grant for a robot, or why it is refused.
 
-        The applicant has been identified, or can't be.
+        Call this only after the attempt to identify the applicant.
         """
         decision = admit(applicant, self.policy, self.has_past)
         assert decision is not None
         return decision
 
     def enter_address(self, applicant: Applicant, peer: str, forwarded: str | None) -> str | Refusal:
-        """Count one more stream of an address. `addresses.leave` takes it off when the stream ends.
+        """Count one more stream of an address. When the stream ends, call `addresses.leave`.
 
-        Returns a Refusal when the applicant, or that address, may not have one.
+        Returns a Refusal if the applicant or the address may not have another stream.
         """
         refusal = self.find_refusal(applicant)
         if refusal is not None and refusal.at_door:
@@ -105,7 +105,7 @@ class Access:
         return crowded
 
     async def identify(self, token: str) -> Principal | Close:
-        """Return who holds a token; TOKEN when it is invalid, FULL when it can't be verified now."""
+        """Return who owns a token; TOKEN if it is invalid, FULL if it can't be verified now."""
         if self.tokens is None:
             return ANYONE
         try:
@@ -124,8 +124,8 @@ class Access:
         return may_show(origin, host, self.origins)
 
     def list_frame_ancestors(self, robot: str) -> tuple[str, ...]:
-        """Return the pages that may frame a robot, as sources of CSP's `frame-ancestors`; `robot` "": any
-        robot.
+        """Return the sites that may embed a robot, as sources for CSP's `frame-ancestors`. `robot` "" stands
+        for any robot.
         """
         return self.policy.list_frame_ancestors(robot, self.origins)
 
@@ -138,7 +138,7 @@ class Access:
         return self.later if grant.delay_s > 0 and self.later is not None else self.live
 
     def find_robot(self, grant: Grant) -> tuple[Robot, Room | None] | None:
-        """Return the robot as the grant shows it, and the room of its view; None when it was never heard."""
+        """Return the robot as the grant shows it, and the room of its view; None if it was never heard."""
         of = self.find_dispatcher(grant).hub.robots.get(grant.robot)
         if of is None or of.heard_at is None:
             return None
@@ -156,7 +156,7 @@ class Access:
         if self.later is not None:
             self._delayed.set_delays(policy.find_delays_s())
             live = self.live.hub.robots
-            for robot, view in policy.find_delays_s():  # what is here already is not told again
+            for robot, view in policy.find_delays_s():  # state that is already here is not announced again
                 if robot in live and view in live[robot].rooms:
                     _record_for_later(
                         self.live.hub, self._delayed, self.later, live[robot].rooms[view].stream
@@ -169,23 +169,23 @@ class Access:
                 if viewer.grant.who.audience is Audience.LINK and self.tokens is not None:
                     who = (
                         self.tokens.identify_link(viewer.grant.who.token) or Close.TOKEN
-                    )  # its key may be another
+                    )  # its key may have changed
                 self._rejudge(viewer, who)
 
     def on_policy(self, follow: Callable[[Policy], None]) -> None:
-        """Call `follow` with the policy, now and whenever it is replaced."""
+        """Call `follow` with the policy now, and each time it is replaced."""
         self._followers.append(follow)
         follow(self.policy)
 
     def tell_full(self, viewer: Viewer, lane: str | None) -> None:
-        """Log that there is no place for a viewer, and what it gets instead: once for each reason."""
+        """Log that the relay is full and what viewers get instead. Logs each reason once."""
         why = None if lane else self._explain_no_lane(viewer)
         if viewer.is_preview or why in self._told_full:
             return
         self._told_full.add(why)
-        fate = "are sent to its lane" if why is None else f"are refused, and no lane since {why}"
+        fate = "are sent to its lane" if why is None else f"are refused, without a lane, because {why}"
         most = self.live.hub.limits.viewers
-        log.warning("full, %d viewers (--max-viewers): further ones of %r %s", most, viewer.robot, fate)
+        log.warning("full with %d viewers (--max-viewers): more viewers of %r %s", most, viewer.robot, fate)
 
     def _explain_no_lane(self, viewer: Viewer) -> str:
         if not self.has_past:
@@ -193,12 +193,12 @@ class Access:
         return explain_no_lane(self.policy, viewer.robot, viewer.asked_view) or CAPPED
 
     def _tell_recorder(self) -> None:
-        """Tell what records the live hub who may look back on it."""
+        """Give the policy to the recorder of the live hub: it decides who can look back."""
         if self.live.hub.recorder is not None:
             self.live.hub.recorder.set_policy(self.policy, self.live.now())
 
     def _rejudge(self, viewer: Viewer, who: Principal | Close) -> None:
-        """Judge a connected viewer anew. It is closed if that fails."""
+        """Apply the policy to a connected viewer again. Close the viewer if that fails."""
         dispatcher = next(
             (dispatcher for dispatcher in self.dispatchers if viewer in dispatcher.hub.viewers), None
         )
@@ -220,7 +220,7 @@ class Access:
             dispatcher.carry_out(dispatcher.hub.replace_grant(viewer, found, dispatcher.now()))
 
     def renew(self, viewer: Viewer, token: str) -> None:
-        """Judge a viewer anew by a token that it has just sent, once the token is verified."""
+        """Verify a token that a viewer has just sent, and apply the policy to the viewer again."""
 
         async def renew() -> None:
             try:
@@ -242,10 +242,10 @@ class Access:
             try:
                 await self.recheck_once()
             except Exception as e:
-                self.live.report_fault("looking at accounts again", e)
+                self.live.report_fault("checking accounts", e)
 
     async def recheck_once(self) -> None:
-        """Close the viewers whose account is no longer valid. Where it can't be verified, nothing changes."""
+        """Close viewers whose account is no longer valid. If one can't be checked, its viewers stay."""
         judged: dict[str, Principal | Close] = {}
         for dispatcher in self.dispatchers:
             for viewer in tuple(dispatcher.hub.viewers):
@@ -269,10 +269,10 @@ def open_access(
     addresses: Addresses | None = None,
     has_past: bool = False,
 ) -> Access:
-    """Create the dispatchers of a process, one for each hub, and the access control in front of them."""
+    """Create one dispatcher for each hub of a process, and the access control in front of them."""
 
     def renew(viewer: Viewer, token: str) -> None:
-        access.renew(viewer, token)  # made below: the two know each other
+        access.renew(viewer, token)  # made below: dispatcher and access control refer to each other
 
     def tell_full(viewer: Viewer, lane: str | None) -> None:
         access.tell_full(viewer, lane)

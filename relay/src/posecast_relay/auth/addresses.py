@@ -1,4 +1,4 @@
-"""Finds a connection's real address and counts the streams of each. A lecture hall may share one address."""
+"""Finds a viewer's real address and counts streams by address. A lecture hall may share one address."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from posecast_relay.core.roster import CountsElsewhere
 
 Address = ipaddress.IPv4Address | ipaddress.IPv6Address
 Network = ipaddress.IPv4Network | ipaddress.IPv6Network
-FORWARDED_MAX = 4000  # letters of the header; what stands further left anybody may have written
+FORWARDED_MAX = 4000  # last characters of the header that are read; proxies append their part at the end
 OWN_V6 = "::/64"
-PREFIX_V6 = 64  # one household, one server: as good as one address
+PREFIX_V6 = 64  # one household or server usually has a whole /64
 
 
 def parse_networks(text: str) -> tuple[Network, ...]:
@@ -21,10 +21,10 @@ def parse_networks(text: str) -> tuple[Network, ...]:
 
 
 def find_asker(peer: str, forwarded: str | None, trusted: Sequence[Network]) -> Address | None:
-    """Return the last address of `X-Forwarded-For` that is no trusted proxy's; else the peer's own, which is
-    None on a Unix socket. `forwarded`: all headers of that name, with commas between.
+    """Return the last address in `X-Forwarded-For` that is not a trusted proxy. Without one, return the
+    peer's address, which is None on a Unix socket. `forwarded`: all headers of that name, joined by commas.
 
-    Without trusted proxies the header counts for nothing, since anybody may send it.
+    Without trusted proxies the header does not affect the result, because anybody can send it.
     """
     found = _parse_address(peer)
     hops = (forwarded or "")[-FORWARDED_MAX:].split(",") if trusted else []
@@ -37,7 +37,7 @@ def find_asker(peer: str, forwarded: str | None, trusted: Sequence[Network]) -> 
 
 
 def find_real_address(peer: str, forwarded: str | None, trusted: Sequence[Network]) -> str:
-    """Return by what an asker is counted: see find_asker. Of IPv6 the prefix, which one household shares."""
+    """Return the address under which a viewer is counted (see find_asker); for IPv6, its /64 prefix."""
     found = find_asker(peer, forwarded, trusted)
     if found is None:
         return peer
@@ -47,7 +47,7 @@ def find_real_address(peer: str, forwarded: str | None, trusted: Sequence[Networ
 
 
 def is_loopback(peer: str) -> bool:
-    """Whether a connection's address is that of the machine it was made on."""
+    """Whether a connection comes from this machine."""
     found = _parse_address(peer)
     return found is not None and found.is_loopback
 
@@ -62,24 +62,24 @@ def _parse_address(text: str) -> Address | None:
 
 
 class Addresses:
-    """Counts streams by address, and allows at most `most` of each.
+    """Counts streams by address, and allows at most `most` streams for each.
 
-    Previews are counted apart, since they take no viewer's place.
+    Previews are counted separately, so that they take no place from viewers.
     """
 
     def __init__(
         self, most: int, trusted: Sequence[Network] = (), elsewhere: CountsElsewhere | None = None
     ) -> None:
-        """`elsewhere`: what other processes of this relay count, if there are any."""
+        """`elsewhere`: the counts of this relay's other processes, if it has any."""
         self.most = most
         self.trusted = trusted
         self._elsewhere = elsewhere
         self._open: Counter[str] = Counter()
 
     def enter(self, peer: str, forwarded: str | None, is_preview: bool = False) -> str | None:
-        """Count a stream and return what to `leave` with; None when its address has as many as it may.
+        """Count a stream and return the name to pass to `leave`; None if its address is at the limit.
 
-        This machine itself has no limit: all viewers may come through a proxy here that was not configured.
+        This machine has no limit, because all viewers may come through a local proxy that was not configured.
         """
         address = find_real_address(peer, forwarded, self.trusted)
         if address.startswith("127.") or address == OWN_V6:
@@ -95,7 +95,7 @@ class Addresses:
         return address
 
     def leave(self, address: str) -> None:
-        """Take off one stream of those that `enter` counted."""
+        """Stop counting one stream that `enter` counted."""
         if not address:
             return
         self._open[address] -= 1
@@ -105,5 +105,5 @@ class Addresses:
             del self._open[address]
 
     def __len__(self) -> int:
-        """How many addresses have streams; twice, if they have previews as well."""
+        """How many addresses have streams. An address with streams and previews counts twice."""
         return len(self._open)

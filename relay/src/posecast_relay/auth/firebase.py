@@ -11,7 +11,7 @@ from posecast_relay.core.policy.policy import Audience, Principal
 
 
 class _Nobody(credentials.Base):  # type: ignore[misc]
-    """Signatures are checked by public certificates: that takes no rights, and no search for any."""
+    """Anonymous credentials: checking signatures needs only public certificates."""
 
     def get_credential(self) -> AnonymousCredentials:
         """Return anonymous credentials."""
@@ -19,7 +19,7 @@ class _Nobody(credentials.Base):  # type: ignore[misc]
 
 
 class Firebase:
-    """The accounts of one Firebase project. Its methods block, since they fetch certificates now and then."""
+    """The accounts of one Firebase project. Methods may block, because they sometimes fetch certificates."""
 
     def __init__(self, project: str, check_revoked: bool) -> None:
         """`check_revoked`: ask Google about the account each time; this needs a service account."""
@@ -28,14 +28,14 @@ class Firebase:
         self._check_revoked = check_revoked
 
     def verify(self, token: str) -> Principal | None:
-        """Return who holds an ID token; None when it is invalid.
+        """Return who owns an ID token; None if it is invalid.
 
-        Raises Unverifiable when Google does not answer.
+        Raises Unverifiable if Google does not answer.
         """
         try:
             found = auth.verify_id_token(token, self.app, check_revoked=self._check_revoked)
             return Principal(Audience.SIGNED_IN, None, float(found["exp"]), token)
         except (ValueError, auth.InvalidIdTokenError, auth.UserDisabledError, auth.UserNotFoundError):
-            return None  # the first is what an empty one gets
+            return None  # ValueError: the token is empty
         except (exceptions.FirebaseError, OSError) as e:
             raise Unverifiable(type(e).__name__) from None

@@ -11,24 +11,24 @@ from typing import Protocol
 from posecast_relay.core.policy.policy import Principal
 from posecast_relay.core.policy.share_link import is_link, read_link
 
-TOKEN_MAX = 3000  # letters; what a viewer's message may hold
-AT_ONCE = 4  # verifications of accounts; further ones wait
+TOKEN_MAX = 3000  # characters; a viewer's message has no room for more
+AT_ONCE = 4  # accounts verified in parallel; more have to wait
 PATIENCE_S = 10.0
 
 
 class Unverifiable(RuntimeError):
-    """Raised when a token can't be verified now."""
+    """A token can't be verified now."""
 
 
 class Accounts(Protocol):
     """A sign-in service that verifies tokens."""
 
     def verify(self, token: str) -> Principal | None:
-        """Return who holds a token; None when it is invalid. May block. Raises Unverifiable."""
+        """Return who owns a token; None if it is invalid. May block. Raises Unverifiable."""
 
 
 class Tokens:
-    """Verifies share links by the robots' keys, and all other tokens by the sign-in service."""
+    """Verifies share links with the robots' keys, and all other tokens with the sign-in service."""
 
     def __init__(
         self, accounts: Accounts | None = None, link_keys: Mapping[str, str] = MappingProxyType({})
@@ -39,9 +39,9 @@ class Tokens:
         self._turn = asyncio.Semaphore(AT_ONCE)
 
     async def identify(self, token: str) -> Principal | None:
-        """Return who holds a token; None when it is invalid.
+        """Return who owns a token; None if it is invalid.
 
-        Raises Unverifiable when that can't be found out.
+        Raises Unverifiable if it can't be verified now.
         """
         if is_link(token) or self._accounts is None:
             return self.identify_link(token)
@@ -51,12 +51,12 @@ class Tokens:
             async with asyncio.timeout(PATIENCE_S), self._turn:
                 return await asyncio.to_thread(self._accounts.verify, token)
         except TimeoutError:
-            raise Unverifiable("took too long") from None
+            raise Unverifiable("the sign-in service took too long") from None
 
     def set_link_keys(self, link_keys: Mapping[str, str]) -> None:
-        """Replace the keys of share links. Access then judges the viewers that came by a link anew."""
+        """Replace the keys of share links. Access then checks viewers with a share link again."""
         self._link_keys = link_keys
 
     def identify_link(self, token: str) -> Principal | None:
-        """Return who holds a share link; None when it is invalid. Does not block."""
+        """Return who owns a share link; None if it is invalid. Does not block."""
         return read_link(token, self._link_keys, time.time())

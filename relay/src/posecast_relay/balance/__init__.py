@@ -1,1 +1,1 @@
-"""Where a robot's mass is and what it stands on, in one pose: plain arithmetic, as the page has it."""
+"""Computes a robot's centre of mass and support in one pose. Plain arithmetic, the same as in the page."""

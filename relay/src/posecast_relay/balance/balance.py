@@ -1,4 +1,4 @@
-"""What a robot stands on and where its mass is, in one pose; as the page's `Balance`."""
+"""A robot's support and centre of mass in one pose; the same as the page's `Balance`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from posecast_wire.mapping import Ground, Xyz
 
 from posecast_relay.balance.polygon import Xy
 
-# Why a part is None; docs/reference/protocol.md tells each.
+# Why a part is None; docs/reference/protocol.md explains each.
 BalanceGap = Literal[
     "old-bundle",
     "no-masses",
@@ -42,7 +42,7 @@ class FootBalance:
 
 @dataclass(frozen=True)
 class BalanceGaps:
-    """Why a part is None; None of what is there. `polygon`: and of the floor."""
+    """Why a part is None; None for parts that exist. `polygon` also applies to the floor."""
 
     centre_of_mass: BalanceGap | None = None
     polygon: BalanceGap | None = None

@@ -1,4 +1,4 @@
-"""Balance of one robot, pose by pose."""
+"""Computes one robot's balance, pose by pose."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from posecast_relay.kinematics.vector import add, scale
 
 GRAVITY = 9.81  # m/s²
 BEARS_FROM = 0.05  # of the weight, along the sole's normal
-BEARS_UNTIL = 0.03  # a foot that bears does so until it is below
-UNKNOWN_WEIGHT_N = 400.0  # stands in when no masses are known: a foot bears from 20 N on
-CARRIES = 0.01  # a joint does so from this part of the mass on
+BEARS_UNTIL = 0.03  # a bearing foot bears until its force is below this
+UNKNOWN_WEIGHT_N = 400.0  # assumed if no masses are known: a foot then bears from 20 N on
+CARRIES = 0.01  # a joint carries weight from this share of the mass on
 NAN = math.nan
 NOWHERE = LinkPose((NAN, NAN, NAN), (NAN, NAN, NAN, NAN))
 LOWEST_M = 0.01  # soles that are assumed to bear are at most so much higher than the lowest
@@ -47,7 +47,7 @@ class BalanceCourse:
 
     @property
     def is_empty(self) -> bool:
-        """Whether there is nothing to tell of any pose: no masses and no feet."""
+        """Whether no pose has a balance, because there are no masses and no feet."""
         return not self._model.inertials and not self._choice.feet
 
     @property

@@ -1,4 +1,4 @@
-"""A foot in one pose: where its sole is, and what pushes against it."""
+"""A foot in one pose: the position of its sole, and the force on it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from posecast_relay.kinematics.rotation import rotate_vector
 from posecast_relay.kinematics.vector import dot
 
 TILT_COS = 0.5  # cosine of the most that a sole which bears is tilted: 60°
-REACH_M = 1e9  # points beyond are no points of a robot
+REACH_M = 1e9  # points farther away are invalid
 
 
 class FootPose(NamedTuple):
@@ -72,7 +72,7 @@ def pose_foot(foot: Foot, codes: Sequence[int], poses: Sequence[LinkPose]) -> Fo
 
 
 def is_near(point: Xyz) -> bool:
-    """Whether a point is where a robot can be: what a robot wrote may lead to anything."""
+    """Whether a point is plausible for a robot: data from robots can contain anything."""
     return all(abs(each) <= REACH_M for each in point)
 
 

@@ -1,5 +1,5 @@
-"""What balance needs of a model's manifest (docs/reference/model-bundle.md): its tree, the masses of its
-links and its soles. A robot wrote it, so everything is checked, by the rules of the page's reader."""
+"""Reads from a model's manifest (docs/reference/model-bundle.md) what balance needs: the tree, the links'
+masses and the soles. It comes from a robot, so everything is checked, by the rules of the page's reader."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from posecast_relay.kinematics.vector import add, scale
 
 SOLES_MAX = 64
 CORNERS_MAX = 16  # of a sole
-MASS_MAX_KG = 1e6  # more is no mass of a link
-MASS_MIN_KG = 1e-3  # less is no mass of a robot
-REACH_M = 100.0  # farther is no centre of a link's mass
-IMPOSSIBLE = ("mass", "inertia")  # how the codes of findings begin that masses which can't be lead to
+MASS_MAX_KG = 1e6  # a heavier link is invalid
+MASS_MIN_KG = 1e-3  # a lighter robot is invalid
+REACH_M = 100.0  # a link's centre of mass farther away is invalid
+IMPOSSIBLE = ("mass", "inertia")  # prefixes of the codes of findings about impossible masses
 
 T = TypeVar("T")
 
@@ -113,8 +113,8 @@ class BalanceModel:
 
 
 def read_balance_model(manifest: bytes | bytearray) -> BalanceModel:
-    """Read a manifest, in time proportional to its size. Raises ModelTreeError where a robot can't be posed
-    by it; masses and soles that can't be used are left out, and `why` tells."""
+    """Read a manifest, in time proportional to its size. Raises ModelTreeError if the links can't be placed
+    with it. Invalid masses and soles are left out, and `why` gives the reason."""
     doc = load_manifest(manifest)
     tree = make_model_tree(doc)
     links = len(tree.links)

@@ -1,4 +1,4 @@
-"""How fast the centre of mass moves, of successive poses."""
+"""Computes the velocity of the centre of mass from successive poses."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from posecast_relay.kinematics.model_tree import Quat
 from posecast_relay.kinematics.rotation import invert_quat, multiply_quats
 from posecast_relay.kinematics.vector import subtract
 
-TAU_S = 0.1  # a change is told to 63 % after so long
+TAU_S = 0.1  # time constant: after this time the output shows 63 % of a change
 # Over a longer gap between poses nothing is known of the way between them. A robot that stands still sends a
 # frame at its first sample after 0.5 s: with a gap of 0.5 s it would never have a velocity.
 GAP_S = 0.75

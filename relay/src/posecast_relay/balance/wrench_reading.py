@@ -1,4 +1,4 @@
-"""Reads what force-torque sensors that are mounted on a link say, in SI."""
+"""Reads force-torque sensors that are mounted on a link, in SI units."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Reads the settings of a relay; reads, follows and edits the file of robots."""
+"""Reads the settings of a relay; reads, watches and edits the robots file."""

@@ -1,4 +1,4 @@
-"""Where the built page lies when nobody names it."""
+"""Finds the built page when `--static` is not given."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parents[1]
-CHECKOUT = PACKAGE.parents[2]  # when this package is installed from one
-PLACES = (PACKAGE / "page", CHECKOUT / "spa/dist")  # a wheel has the page inside
+CHECKOUT = PACKAGE.parents[2]  # if this package is installed from a checkout
+PLACES = (PACKAGE / "page", CHECKOUT / "spa/dist")  # a wheel contains the page
 
 
 def find_page(places: Sequence[Path] = PLACES) -> Path | None:
-    """The folder of the built page: the one in this package, else the one that the checkout built."""
+    """Return the folder of the built page: in this package, else in the checkout; None without either."""
     return next((place for place in places if (place / "index.html").is_file()), None)

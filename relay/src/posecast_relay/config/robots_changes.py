@@ -1,4 +1,4 @@
-"""Changes the text of the file of `--robots` as a command asks for, comments and order kept. Does no I/O."""
+"""Edits the text of the robots file (`--robots`), and keeps its comments and order. Does no I/O."""
 
 from __future__ import annotations
 
@@ -17,19 +17,21 @@ from posecast_relay.config.settings import SettingsError
 from posecast_relay.core.policy.policy import PUBLIC, Audience
 from posecast_relay.core.policy.share_link import make_link
 
-HEAD = "Who may publish and who may watch. A running relay follows within a second. See docs/SECURITY.md."
+HEAD = (
+    "Who can publish and who can watch. A running relay applies changes within a second. "
+    "See docs/SECURITY.md."
+)
 NOTHING = "nothing"  # what an audience without a table sees
-TEXTS = ("view",)  # fields whose value is text even where it looks like a number
+TEXTS = ("view",)  # fields whose value is text even if it looks like a number
 HEADER = re.compile(r"""^[ \t]*\[[ \t]*(robots|"robots"|'robots')[ \t]*\.""", re.MULTILINE)  # [robots.NAME]
 
 
 class RobotsDocument:
-    """The file as it is to be. Each change raises SettingsError, one line, where it can't be made."""
+    """The file's content, to be changed. A change that can't be made raises SettingsError, with one line."""
 
     def __init__(self, text: str | None, name: str) -> None:
-        """`text`: of the file; None or an empty one: there is none yet. `name`: of the file, for messages.
-        Raises RobotsError, whose lines begin with that name, where the text is wrong already: what the relay
-        would refuse is not to be built upon.
+        """`text`: the file's text; None or empty if it does not exist yet. `name`: its name in messages.
+        Raises RobotsError, with lines that begin with that name, if the text is already invalid.
         """
         self._name = name
         if text is None or not text.strip():
@@ -44,27 +46,27 @@ class RobotsDocument:
         if "robots" not in self._doc:
             self._doc["robots"] = tomlkit.table(is_super_table=True)
         self._robots: Any = self._doc["robots"]
-        # robots written as `hubo = { … }` or `hubo.secret = "…"`: a table with a header can't be among them
+        # robots are written as `hubo = { … }` or `hubo.secret = "…"`: TOML allows no [header] among these
         self._is_flat = bool(self._robots) and HEADER.search(text or "") is None
 
     def make_text(self) -> str:
-        """Return the text of the file, never an empty one: a relay takes that for one half written."""
+        """Return the text of the file. It is never empty: a relay would treat that as half written."""
         text = tomlkit.dumps(self._doc)
         return text if text.strip() else f"# {HEAD}\n"
 
     def add_robot(self, robot: str, is_private: bool, expires: datetime | None, ca: str | None) -> Credential:
-        """Let a robot publish by a new credential; anyone sees its view `public` unless `is_private`."""
+        """Let a robot publish with a new credential. Anyone sees its view `public` unless `is_private`."""
         if "secret" in self._robots.get(robot, {}):
-            raise SettingsError(f"robot {robot!r} has a credential already: `rotate` makes a new one")
+            raise SettingsError(f"robot {robot!r} already has a credential: `rotate` makes a new one")
         self._enrol(robot, is_private, expires)
         return self._set_secret(robot, ca)
 
     def add_certified_robot(self, robot: str, is_private: bool, expires: datetime | None) -> None:
-        """Let a robot publish by a certificate that bears its name."""
+        """Let a robot publish with a certificate whose common name is the robot's name."""
         self._enrol(robot, is_private, expires)
 
     def rotate_secret(self, robot: str, expires: datetime | None, ca: str | None) -> Credential:
-        """Give a robot a new credential, valid at once; the old one is not any more."""
+        """Give a robot a new credential, valid at once; the old one stops working."""
         self._set_expires(self._find(robot), expires)
         self._robots[robot].pop("next_secret", None)
         return self._set_secret(robot, ca)
@@ -74,30 +76,30 @@ class RobotsDocument:
         return "next_secret" in self._robots.get(robot, {})
 
     def begin_rotation(self, robot: str, ca: str | None) -> Credential:
-        """Make a robot's next credential, which is worth nothing until `finish_rotation`."""
+        """Make a robot's next credential, which does not work until `finish_rotation`."""
         if "secret" not in self._find(robot):
-            raise SettingsError(f"robot {robot!r} shows a certificate, and has no credential to rotate")
+            raise SettingsError(f"robot {robot!r} uses a certificate, so it has no credential to rotate")
         credential = Credential(robot, secrets.token_urlsafe(32), ca)
         self._robots[robot]["next_secret"] = credential.secret
         return credential
 
     def finish_rotation(self, robot: str, expires: datetime | None) -> None:
-        """Put a robot's next credential in the place of the one that it has."""
+        """Replace a robot's credential with its next one."""
         of = self._find(robot)
         if "next_secret" not in of:
-            raise SettingsError(f"no rotation of {robot!r} was begun: `robots rotate {robot} --begin`")
+            raise SettingsError(f"no rotation of {robot!r} has begun: run `robots rotate {robot} --begin`")
         self._set_expires(of, expires)
         of["secret"] = of.pop("next_secret")
 
     def remove_robot(self, robot: str) -> None:
-        """Forget a robot."""
+        """Remove a robot."""
         self._find(robot)
         del self._robots[robot]
 
     def set_rules(self, robot: str, keep: str | None, audiences: Mapping[Audience, Sequence[str]]) -> None:
-        """Say who may watch what: fields as `delay_s=10`; one with nothing behind `=` is left out from then
-        on. The one word `nothing` in place of fields: that audience sees nothing. `keep`: how long the past
-        stays in the store, "0" for not at all.
+        """Set who can watch what. Fields look like `delay_s=10`; an empty value, as in `delay_s=`, removes
+        the field. The single word `nothing` instead of fields shows that audience nothing. `keep`: how long
+        the past stays in the object store; "0": it is not kept there.
         """
         of = self._find(robot)
         if keep == "0":
@@ -111,7 +113,7 @@ class RobotsDocument:
             changes = [_read_field(audience, field) for field in fields]
             if audience.value not in of:
                 if all(value is None for _, value in changes):
-                    continue  # an empty table would show the default view to whoever has seen nothing so far
+                    continue  # an empty table would show the default view to an audience that saw nothing
                 self._add_table(of, audience.value)
             for name, value in changes:
                 if value is None:
@@ -120,11 +122,11 @@ class RobotsDocument:
                     of[audience.value][name] = value
 
     def make_share_link(self, robot: str, until: datetime) -> str:
-        """Return the token of a new share link. Makes the key that signs it, where there is none."""
+        """Return the token of a new share link. Makes the key that signs it if the robot has none."""
         of = self._find(robot)
         if Audience.LINK.value not in of:
             raise SettingsError(
-                f"no [robots.{robot}.link] in {self._name}: say what its links show, as by "
+                f"no [robots.{robot}.link] in {self._name}: set what its links show, for example with "
                 f"`robots set {robot} --link view={PUBLIC}`"
             )
         if "link_key" not in of:
@@ -132,12 +134,12 @@ class RobotsDocument:
         return make_link(str(of["link_key"]), robot, int(until.timestamp()), secrets.token_urlsafe(6))
 
     def revoke_share_links(self, robot: str) -> None:
-        """End all share links of a robot."""
+        """Revoke all share links of a robot."""
         self._find(robot)["link_key"] = secrets.token_urlsafe(32)
 
     def set_admin_secret(self, networks: Sequence[str] | None) -> str:
-        """Make the credential for the page `/admin`, and return it. `networks`: from where it may be used,
-        beside the relay's own machine; None: as it was.
+        """Make the credential for the page `/admin`, and return it. `networks`: where it can be used, in
+        addition to the relay's own machine; None leaves them as they are.
         """
         if "admin" not in self._doc:
             self._doc["admin"] = tomlkit.table()
@@ -177,12 +179,12 @@ class RobotsDocument:
 
 
 def expire_in_days(now: datetime, days: int | None) -> datetime | None:
-    """Return when something ends that is good for so many days; None: never."""
+    """Return the time `days` after `now`; None for None, which never expires."""
     return None if days is None else now + timedelta(days=days)
 
 
 def _read_field(audience: Audience, text: str) -> tuple[str, Any]:
-    """Read `NAME=VALUE`; the value is None where nothing stands behind the sign."""
+    """Read `NAME=VALUE`; the value is None if nothing follows the sign."""
     name, sign, value = text.partition("=")
     option = f"--{audience.value} {text}"
     if not sign or name not in RULE_FIELDS:

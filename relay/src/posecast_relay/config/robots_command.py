@@ -1,4 +1,4 @@
-"""`posecast-relay robots`: who may publish, who may watch, and share links."""
+"""`posecast-relay robots`: decides who can publish and who can watch, and makes share links."""
 
 from __future__ import annotations
 
@@ -28,21 +28,21 @@ Parse = Callable[[str], Robots]
 
 
 def run_robots(argv: Sequence[str], environ: Mapping[str, str], program: str = "posecast-relay") -> None:
-    """Carry out one `posecast-relay robots` command; a new credential or link goes to stdout.
+    """Run one `posecast-relay robots` command. It prints a new credential or link to stdout.
 
-    Raises SettingsError, with one line, for wrong arguments and for a file that is wrong or can't be written;
-    SystemExit 1 where `check` finds mistakes, or what was to be written has several.
+    Raises SettingsError, with one line, for wrong arguments and for a file that is invalid or can't be
+    written; SystemExit 1 if `check` finds errors.
     """
     asked = parse_robots_arguments(argv, environ, program)
     path = Path(asked.robots)
-    # where the relay's own variables stand, as in its container, it is known what it would refuse
+    # in the relay's container its variables are set, so we know whether it has an object store
     parse = partial(parse_robots, has_store=environ.get("POSECAST_PAST") not in ("0", MEMORY))
     try:
         if asked.do == "list":
             _list(read_robots(path))
         elif asked.do == "check":
             parse(read_text(path))
-            sys.stderr.write(f"{path}: good\n")
+            sys.stderr.write(f"{path}: no errors\n")
         elif asked.do == "edit":
             _edit(path, environ, parse, asked.yes)
         else:
@@ -59,50 +59,50 @@ def run_robots(argv: Sequence[str], environ: Mapping[str, str], program: str = "
 
 
 def _edit(path: Path, environ: Mapping[str, str], parse: Parse, may_change_credentials: bool) -> None:
-    """Take the text from stdin unless that is a terminal; else from an editor."""
+    """Take the new text from an editor if stdin is a terminal, else from stdin."""
     if not sys.stdin.isatty():
         _take_stdin(path, parse, may_change_credentials)
         return
     before = read_text(path)
     changed = edit_text(path, before, environ, parse)
     if changed is None:
-        sys.stderr.write(f"{path}: nothing has changed\n")
+        sys.stderr.write(f"{path}: unchanged\n")
         return
     try:
         with lock_folder(path):
             if read_text(path) != before:
-                raise SettingsError(f"{path}: somebody else changed it meanwhile")
+                raise SettingsError(f"{path}: another command changed it while you were editing")
             replace_text(path, changed, keep_before=True)
     except (SettingsError, RobotsError) as e:
-        raise SettingsError(f"{e}; what you wrote is in {_save(changed)}") from None
-    except OSError as e:  # as a full disk
+        raise SettingsError(f"{e}; your text is saved in {_save(changed)}") from None
+    except OSError as e:  # for example a full disk
         why = (e.strerror or str(e)).lower()
-        raise SettingsError(f"{path}: {why}; what you wrote is in {_save(changed)}") from None
-    with contextlib.suppress(RobotsError):  # it was wrong, and the editor has shown what stood there
+        raise SettingsError(f"{path}: {why}; your text is saved in {_save(changed)}") from None
+    with contextlib.suppress(RobotsError):  # the old text was invalid; the user has seen it in the editor
         _print_lines(path, list_credential_changes(parse_robots(before), parse(changed)))
 
 
 def _take_stdin(path: Path, parse: Parse, may_change_credentials: bool) -> None:
-    """Write the text that stdin holds. It may be a copy that is older than the last `rotate` or `unlink`, so
-    what it changes in credentials is said, and written only where the user has agreed.
+    """Write the text from stdin. It may be a copy from before the last `rotate` or `unlink`. So the command
+    lists the credentials that it would change, and writes the text only if the user has agreed.
     """
     text = read_stdin()
     try:
         robots = parse(text)
     except RobotsError as e:
         _print_lines("stdin", e.mistakes)
-        raise SettingsError(f"{path}: as it was before") from None
+        raise SettingsError(f"{path}: nothing was changed") from None
     with lock_folder(path):
         changes: Sequence[str] = ()
         if path.exists():
             try:
                 changes = list_credential_changes(read_robots(path), robots)
             except RobotsError as e:
-                changes = (f"nothing tells which credentials it changes: {e}",)
+                changes = (f"can't compare credentials, because the present file is invalid: {e}",)
         _print_lines("stdin", changes)
         if changes and not may_change_credentials:
             raise SettingsError(
-                f"{path}: as it was before; `robots edit --yes` writes this text all the same"
+                f"{path}: nothing was changed; to write this text anyway, use `robots edit --yes`"
             )
         replace_text(path, text, keep_before=True)
 
@@ -112,7 +112,7 @@ def _print_lines(name: object, lines: Sequence[str]) -> None:
 
 
 def _save(text: str) -> str:
-    """Keep a text that can't be written where it was meant for; return where it is, for this user alone."""
+    """Save a text that could not be written to the robots file, for this user only. Return its path."""
     handle, name = tempfile.mkstemp(prefix="posecast-robots-", suffix=".toml")
     with os.fdopen(handle, "w") as file:
         file.write(text)
@@ -120,7 +120,7 @@ def _save(text: str) -> str:
 
 
 def _change(path: Path, asked: argparse.Namespace, parse: Parse) -> None:
-    """Carry out a command that changes one robot, and print what it made."""
+    """Run a command that changes the file, and print the new credential or link, if any."""
     ca = read_authority(asked.ca) if asked.do in ("add", "rotate") else None
     with lock_folder(path):
         doc = RobotsDocument(read_text(path) if path.exists() else None, str(path))
@@ -131,37 +131,37 @@ def _change(path: Path, asked: argparse.Namespace, parse: Parse) -> None:
         replace_text(path, text, keep_before=asked.do == "set")
     if asked.do in ("add", "set"):
         seen_by = _describe_audiences(robots.enrolled[asked.robot].rules)
-        hint = f". `robots set {asked.robot}` says otherwise" if asked.do == "add" else ""
-        sys.stderr.write(f"Who may watch {asked.robot!r}: {seen_by}{hint}.\n")
+        hint = f". To change this, use `robots set {asked.robot}`" if asked.do == "add" else ""
+        sys.stderr.write(f"Who can watch {asked.robot!r}: {seen_by}{hint}.\n")
     if asked.do == "set":
         for view in sorted({rule.view for rule in robots.enrolled[asked.robot].rules.values()} - {PUBLIC}):
             sys.stderr.write(
-                f"View {view!r} shows nothing unless the robot's profile has it; "
-                "/admin says which views the robot sends.\n"
+                f"View {view!r} shows nothing unless the robot's profile defines it; "
+                "/admin lists the views that the robot sends.\n"
             )
     if asked.do == "admin":
         sys.stderr.write(
-            "The next line is the credential for the page /admin, shown this once; the one before is worth\n"
-            "nothing. It is typed into the page, on this machine unless --networks says where else.\n"
+            "The next line is the credential for the page /admin, shown only once. The old one stops\n"
+            "working. Enter it on that page, from this machine or from the --networks that you allowed.\n"
         )
     if isinstance(made, str):
         print(made, flush=True)
     elif isinstance(made, Credential):
         sys.stderr.write(
-            f"The next line is the credential of {asked.robot!r}, shown this once: put it into a file of\n"
-            "its own beside the robot, chmod 600, and give the agent --credential FILE.\n"
+            f"The next line is the credential of {asked.robot!r}, shown only once. Save it in a file on the\n"
+            "robot's computer, chmod 600, and start the agent with --credential FILE.\n"
         )
         if asked.do == "rotate" and asked.begin:
-            sys.stderr.write(f"It is worth nothing until `robots rotate {asked.robot} --finish`.\n")
+            sys.stderr.write(f"It does not work until you run `robots rotate {asked.robot} --finish`.\n")
             if had_begun:
-                sys.stderr.write("It replaces the one that an earlier --begin made.\n")
+                sys.stderr.write("It replaces the one from an earlier --begin.\n")
         print(made.line(), flush=True)
     elif asked.do == "add":
-        sys.stderr.write(f"{asked.robot!r} may publish with a certificate whose common name is that.\n")
+        sys.stderr.write(f"{asked.robot!r} can publish with a certificate that has this common name.\n")
 
 
 def _apply(doc: RobotsDocument, asked: argparse.Namespace, ca: str | None) -> Credential | str | None:
-    """Change the document, and return the new credential or the new share link, if any."""
+    """Change the document. Return the new credential or share link, if any."""
     if asked.do == "admin":
         return doc.set_admin_secret(asked.networks)
     robot, now = asked.robot, datetime.now(UTC)

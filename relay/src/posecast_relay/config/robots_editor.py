@@ -1,4 +1,4 @@
-"""Takes a new text of the file of `--robots` from an editor or from stdin."""
+"""Reads a new text of the robots file from an editor or from stdin."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from posecast_relay.config.robots_file import BYTES_MAX
 from posecast_relay.config.robots_reader import RobotsError
 from posecast_relay.config.settings import SettingsError
 
-EDITORS = ("sensible-editor", "nano", "vim", "vi")  # where neither $VISUAL nor $EDITOR says which
+EDITORS = ("sensible-editor", "nano", "vim", "vi")  # if neither $VISUAL nor $EDITOR is set
 ASK = "Enter: edit again. q: leave the file as it is. "
 
 
 def read_stdin() -> str:
-    """Return the text that stdin holds. Raises SettingsError where it is no text or too long."""
+    """Return the text from stdin. Raises SettingsError if it is not UTF-8 or too long."""
     raw = sys.stdin.buffer.read(BYTES_MAX + 1)
     if len(raw) > BYTES_MAX:
         raise SettingsError(f"stdin: over {BYTES_MAX} bytes")
@@ -33,12 +33,12 @@ def read_stdin() -> str:
 def edit_text(
     path: Path, before: str, environ: Mapping[str, str], check: Callable[[str], object]
 ) -> str | None:
-    """Let the user edit a text until `check` takes it, or they give up; None when nothing has changed.
+    """Let the user edit a text until `check` accepts it. Return the new text; None if it is unchanged.
 
-    `check` raises RobotsError. Raises SettingsError where there is no editor, it fails, or the user gives up.
+    `check` raises RobotsError. Raises SettingsError if there is no editor, it fails, or the user gives up.
     """
     editor = _find_editor(environ)
-    with tempfile.TemporaryDirectory(prefix="posecast-") as folder:  # for this user alone: it holds secrets
+    with tempfile.TemporaryDirectory(prefix="posecast-") as folder:  # private: it has secrets
         copy = Path(folder) / path.name
         copy.touch(0o600)
         copy.write_text(before, "utf-8")
@@ -55,7 +55,7 @@ def edit_text(
                 return text
             except UnicodeDecodeError:
                 mistakes: tuple[str, ...] = ("not UTF-8",)
-            except OSError as e:  # the editor has left none, or a folder
+            except OSError as e:  # the editor left no file, or a folder
                 mistakes = ((e.strerror or str(e)).lower(),)
             except RobotsError as e:
                 mistakes = e.mistakes
@@ -65,7 +65,7 @@ def edit_text(
             sys.stderr.flush()
             answer = sys.stdin.readline()
             if not answer or answer.strip().lower() == "q":
-                raise SettingsError(f"{path}: as it was before")
+                raise SettingsError(f"{path}: nothing was changed")
 
 
 def _find_editor(environ: Mapping[str, str]) -> list[str]:
@@ -74,14 +74,12 @@ def _find_editor(environ: Mapping[str, str]) -> list[str]:
             try:
                 return shlex.split(environ[variable])
             except ValueError:
-                raise SettingsError(f"{variable} {environ[variable]!r}: quotes that don't end") from None
+                raise SettingsError(f"{variable} {environ[variable]!r}: a quote is not closed") from None
     for name in EDITORS:
         found = shutil.which(name)
         if found:
             return [found]
-    raise SettingsError(
-        "there is no editor here, and $EDITOR names none: use `robots set`, or `robots edit < FILE`"
-    )
+    raise SettingsError("no editor found: set $EDITOR, or use `robots set`, or `robots edit < FILE`")
 
 
 def _run(editor: list[str], copy: Path) -> None:
@@ -90,4 +88,4 @@ def _run(editor: list[str], copy: Path) -> None:
     except OSError as e:
         raise SettingsError(f"{editor[0]}: {(e.strerror or str(e)).lower()}") from None
     if status != 0:
-        raise SettingsError(f"{editor[0]} ended with status {status}: nothing was changed")
+        raise SettingsError(f"{editor[0]} exited with status {status}: nothing was changed")

@@ -1,4 +1,4 @@
-"""Reads the file of `--robots`, which says who may publish and who may watch what. See robots_reader."""
+"""Reads the robots file (`--robots`), which decides who can publish and who can watch. See robots_reader."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ BYTES_MAX = 4_000_000
 
 
 class UnreadableError(RobotsError):
-    """The file can't be read: it may be readable a moment later, with nothing changed in it."""
+    """The file can't be read. It may become readable later without a change of its content."""
 
 
 def read_robots(path: Path, has_store: bool = True) -> Robots:
-    """Read and check the file. Raises RobotsError if it can't be read, is wrong, or is open to everybody.
+    """Read and check the file. Raises RobotsError if it can't be read, is invalid, or everybody may read it.
 
     `has_store`: see parse_robots.
     """
@@ -35,7 +35,7 @@ def read_text(path: Path) -> str:
     except OSError as e:
         raise UnreadableError(f"{path}: {(e.strerror or str(e)).lower()}{_explain(path, e)}") from None
     if mode & 0o007:
-        raise RobotsError(f"{path}: holds secrets, and everybody on this machine may read it: chmod 600")
+        raise RobotsError(f"{path}: contains secrets, but everybody on this machine can read it: chmod 600")
     if len(raw) > BYTES_MAX:
         raise RobotsError(f"{path}: over {BYTES_MAX} bytes")
     try:
@@ -45,14 +45,14 @@ def read_text(path: Path) -> str:
 
 
 def _read_bytes(path: Path) -> tuple[bytes, int]:
-    """Return what the file holds, up to one byte more than it may, and its mode. Raises OSError, and
-    UnreadableError where it is no file.
+    """Return the file's content, up to one byte over the limit, and its mode. Raises OSError, and
+    UnreadableError if it is not a regular file.
     """
-    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK)  # else opening a pipe waits for its other end
+    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK)  # otherwise opening a pipe waits for a writer
     try:
         found = os.fstat(handle)
         if not stat.S_ISREG(found.st_mode):
-            raise UnreadableError(f"{path}: is {'a folder' if stat.S_ISDIR(found.st_mode) else 'no file'}")
+            raise UnreadableError(f"{path}: is {'a folder' if stat.S_ISDIR(found.st_mode) else 'not a file'}")
         with open(handle, "rb", closefd=False) as file:
             return file.read(BYTES_MAX + 1), found.st_mode
     finally:
@@ -60,7 +60,7 @@ def _read_bytes(path: Path) -> tuple[bytes, int]:
 
 
 def _explain(path: Path, error: OSError) -> str:
-    """Say whose the file is, where that is why it can't be read, and how that is mended."""
+    """Say who owns the file, and what to do, if permissions are the reason why it can't be read."""
     if not isinstance(error, PermissionError):
         return ""
     try:
@@ -68,13 +68,14 @@ def _explain(path: Path, error: OSError) -> str:
     except OSError:
         return f": {name_user(os.geteuid())} may not enter its folder"
     return (
-        f": it belongs to {name_user(found.st_uid)}, mode {stat.S_IMODE(found.st_mode):04o}, and this is "
-        f"{name_user(os.geteuid())}: chown it, or replace it by `posecast-relay robots edit --yes < FILE`"
+        f": it belongs to {name_user(found.st_uid)}, mode {stat.S_IMODE(found.st_mode):04o}, and this "
+        f"process runs as {name_user(os.geteuid())}: chown it, or replace it with "
+        "`posecast-relay robots edit --yes < FILE`"
     )
 
 
 def name_user(uid: int) -> str:
-    """Name a user of this machine; by number where it has no name, as in most containers."""
+    """Return the name and number of a user; only the number if it has no name, as in most containers."""
     try:
         return f"{pwd.getpwuid(uid).pw_name} (uid {uid})"
     except KeyError:

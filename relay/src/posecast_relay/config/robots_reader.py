@@ -1,16 +1,16 @@
-"""Reads the text of the file of `--robots`, and finds all that is wrong with it. Does no I/O.
+"""Reads the text of the robots file (`--robots`) and finds all errors in it. Does no I/O.
 
     [robots.hubo]
-    secret = "…"            # by `posecast-relay robots add`; without one it may show a certificate
-    keep = "30d"            # its past stays that long in the store of `--past`; without: in memory only
-    [robots.hubo.anyone]    # an audience, and what it gets; also `signed-in` and `link`
+    secret = "…"            # made by `posecast-relay robots add`; a robot without one uses a certificate
+    keep = "30d"            # how long the store of `--past` keeps its past; by default only memory keeps it
+    [robots.hubo.anyone]    # what this audience gets; the others are `signed-in` and `link`
     view = "public"
     delay_s = 10
-    past = "30m"            # how far back it may look; 0: not at all
-    frames = ["https://course.example"]  # `anyone` only: pages that may frame it; without: any
-    [admin]                 # the page /admin; without this table there is none
-    secret = "…"            # by `posecast-relay robots admin`
-    networks = ["10.0.0.0/8"]  # from where, beside the relay's own machine
+    past = "30m"            # how far back it can look; 0: not at all
+    frames = ["https://course.example"]  # only for `anyone`: sites that can embed it; by default any
+    [admin]                 # enables the page /admin
+    secret = "…"            # made by `posecast-relay robots admin`
+    networks = ["10.0.0.0/8"]  # where it can be used, in addition to the relay's own machine
 
 An audience without a table sees nothing.
 """
@@ -39,18 +39,18 @@ RULE_FIELDS = ("view", "hz", "delay_s", "viewers", "blackout", "frames", "past")
 DURATION = re.compile(r"(0|[1-9][0-9]{0,5})([smhd])", re.ASCII)
 DURATION_UNITS_S = {"s": 1, "m": 60, "h": 3600, "d": 86400}
 DURATION_MAX_S = 3660 * 86400.0
-FRAMES_MAX = 100  # origins; they stand in a header
-MISTAKES_MAX = 100  # of one file; further ones are not looked for
-# What TOML's reader takes the square of to read: an integer's digits, the parts of a dotted key.
+FRAMES_MAX = 100  # origins; a response header lists them
+MISTAKES_MAX = 100  # in one file; the reader stops there
+# Input that Python's TOML parser reads in quadratic time: an integer's digits, the parts of a dotted key.
 ENDLESS = re.compile(
     r"""[0-9][0-9_]{400}|(?<![\w-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){32}""", re.ASCII
 )
 
 
 class RobotsError(ValueError):
-    """The file of robots is wrong. The message is one line that names the file and the place, not secrets.
+    """The robots file is invalid. The message is one line that names the file and the place, never a secret.
 
-    `mistakes`: all of them, one line each; the message is the first.
+    `mistakes`: all errors, one line each; the message is the first.
     """
 
     def __init__(self, *mistakes: str) -> None:
@@ -60,20 +60,20 @@ class RobotsError(ValueError):
 
 @dataclass(frozen=True)
 class RobotEntry:
-    """A robot of the file, valid until `expires_s` (unix). Without a secret it has to show a certificate."""
+    """A robot in the file, valid until `expires_s` (unix). Without a secret it must show a certificate."""
 
     secret: str | None = field(default=None, repr=False)
     expires_s: float = float("inf")
     rules: Mapping[Audience, Rule] = field(default_factory=dict)
     link_key: str | None = field(default=None, repr=False)  # signs its share links
-    keep_s: float | None = None  # for how long its past is kept in an object store; None: not at all
-    # Of a rotation that was begun. It is worth nothing yet, so a relay has nothing to follow when it changes.
+    keep_s: float | None = None  # how long an object store keeps its past; None: it is not kept there
+    # From a rotation that has begun. It does not work yet, so a change does not concern a running relay.
     next_secret: str | None = field(default=None, repr=False, compare=False)
 
 
 @dataclass(frozen=True)
 class AdminEntry:
-    """Who may use the page `/admin`: whoever has `secret`, on the relay's machine or in one of `networks`."""
+    """Who can use the page `/admin`: those with `secret`, on the relay's machine or in one of `networks`."""
 
     secret: str = field(repr=False)
     networks: tuple[Network, ...] = ()
@@ -81,18 +81,18 @@ class AdminEntry:
 
 @dataclass(frozen=True)
 class Robots:
-    """The content of the file: its robots, by name. `admin`: None where nobody may use the page `/admin`."""
+    """The content of the file: its robots, by name. `admin`: None if nobody can use the page `/admin`."""
 
     enrolled: Mapping[str, RobotEntry]
     admin: AdminEntry | None = None
 
     def find_secrets(self, unix_s: float) -> dict[str, str]:
-        """Return the passwords of the robots that may publish by password at this time, by robot."""
+        """Return the passwords that are valid at this time, by robot."""
         valid = {name: self.enrolled[name].secret for name in self.list_publishers(unix_s)}
         return {name: secret for name, secret in valid.items() if secret is not None}
 
     def list_publishers(self, unix_s: float) -> list[str]:
-        """Return the robots that may publish at this time, by password or by certificate."""
+        """Return the robots that can publish at this time, by password or by certificate."""
         return [name for name, robot in self.enrolled.items() if robot.expires_s > unix_s]
 
     def find_link_keys(self) -> dict[str, str]:
@@ -100,7 +100,7 @@ class Robots:
         return {name: robot.link_key for name, robot in self.enrolled.items() if robot.link_key is not None}
 
     def make_policy(self) -> Policy:
-        """Return the policy that says who may watch what."""
+        """Return the policy: who can watch what."""
         rules = {name: robot.rules for name, robot in self.enrolled.items()}
         keeps = ((name, robot.keep_s) for name, robot in self.enrolled.items())
         return Policy(rules, {name: keep_s for name, keep_s in keeps if keep_s is not None})
@@ -109,19 +109,19 @@ class Robots:
 def parse_robots(text: str, has_store: bool = True) -> Robots:
     """Read the text of the file. Raises RobotsError with all mistakes, each with its line.
 
-    `has_store`: whether the past may be kept; without one a robot's `keep` is a mistake, as nothing would be.
+    `has_store`: whether the relay has an object store for the past; without one, `keep` is an error.
     """
     if not text.strip():  # an editor has just begun to write it, or the disk is full
-        raise RobotsError("is empty; for no robots at all, leave a comment in it")
+        raise RobotsError("is empty; if you want no robots, leave a comment in it")
     endless = ENDLESS.search(text)
     if endless is not None:
         line = text.count("\n", 0, endless.start()) + 1
-        raise RobotsError(f"a number of over 400 digits, or a key of over 32 parts (at line {line})")
+        raise RobotsError(f"a number has over 400 digits, or a key has over 32 parts (at line {line})")
     try:
         doc = tomllib.loads(text)
     except RecursionError:
         raise RobotsError("nested too deeply") from None
-    except ValueError as e:  # TOML's own: its message may quote a letter, never a value
+    except ValueError as e:  # from the TOML parser: its message may quote a character, never a value
         raise RobotsError(str(e)[:120]) from None
     mistakes = _Mistakes()
     robots = _read_document(doc, mistakes, has_store)
@@ -131,7 +131,7 @@ def parse_robots(text: str, has_store: bool = True) -> Robots:
 
 
 def format_duration(seconds: float) -> str:
-    """Describe a time in the largest unit of which it is a whole number: 90 s, 30 min, 12 h, 3 d."""
+    """Format a duration in the largest unit that gives a whole number: 90 s, 30 min, 12 h, 3 d."""
     units = (("d", 86400), ("h", 3600), ("min", 60), ("s", 1))
     return next(
         (f"{seconds / size:g} {name}" for name, size in units if seconds % size == 0), f"{seconds:g} s"
@@ -139,7 +139,7 @@ def format_duration(seconds: float) -> str:
 
 
 def describe_rule(audience: Audience, rule: Rule) -> str:
-    """Describe what an audience gets of a robot, in a few words."""
+    """Describe in a few words what an audience sees of a robot."""
     if rule.blackout:
         return "nothing for now"
     limits = [f"{rule.hz:g} Hz"] if rule.hz < FULL_HZ else []
@@ -151,7 +151,7 @@ def describe_rule(audience: Audience, rule: Rule) -> str:
 
 
 class _Mistakes:
-    """What is wrong, by the path of the table or field."""
+    """Errors, each with the path of its table or field."""
 
     def __init__(self) -> None:
         self.found: list[tuple[str, str]] = []
@@ -165,7 +165,7 @@ class _Mistakes:
             self.found.append((path, text))
 
     def describe(self, text: str) -> list[str]:
-        """Return them with their lines in `text`, in the order of lines."""
+        """Return the errors with their lines in `text`, sorted by line."""
         try:
             lines = index_lines(text)
         except RecursionError:
@@ -176,29 +176,29 @@ class _Mistakes:
 
 
 class _Table:
-    """A table of the file: reads its fields, and notes what is wrong with each."""
+    """A table of the file: reads its fields and collects their errors."""
 
     def __init__(self, doc: Mapping[str, Any], path: str, fields: tuple[str, ...], mistakes: _Mistakes):
         self._doc, self._path, self._mistakes = doc, path, mistakes
         for name in doc:
-            if name not in fields:  # so that no misspelt limit is ignored
+            if name not in fields:  # a misspelt limit must not be ignored
                 shown = re.sub(r"[^\w-]", "?", name)[:60]
                 self.refuse(f": unknown field {shown!r}: use {', '.join(fields)}", name)
 
     def refuse(self, text: str, name: str = "") -> None:
-        """Note what is wrong with a field, or with the whole table. `text` goes on after the table's name."""
+        """Add an error in a field or in the whole table. `text` follows the table's name."""
         where = f"[{self._path}]" if self._path else "the file"
         self._mistakes.add(".".join(filter(None, (self._path, name))), where + text)
 
     def read(self, name: str, default: Any = None) -> Any:
-        """Return what stands there."""
+        """Return the value of a field, unchecked."""
         return self._doc.get(name, default)
 
     def read_secret(self, name: str) -> str | None:
         secret = self._doc.get(name)
         if secret is None or (isinstance(secret, str) and SECRET.fullmatch(secret)):
             return secret
-        self.refuse(f" {name}: want one that `posecast-relay robots` made", name)
+        self.refuse(f" {name}: use a secret that `posecast-relay robots` made", name)
         return None
 
     def read_unix_s(self, name: str) -> float:
@@ -273,7 +273,7 @@ def _read_admin(doc: Mapping[str, Any], mistakes: _Mistakes) -> AdminEntry | Non
     except ValueError:
         table.refuse(' networks: want a list of networks like "10.0.0.0/8"', "networks")
     if "secret" not in admin:
-        table.refuse(" secret: make one by `posecast-relay robots admin`")
+        table.refuse(" secret: make one with `posecast-relay robots admin`")
     return None if secret is None else AdminEntry(secret, networks)
 
 
@@ -289,7 +289,7 @@ def _read_robot(doc: Mapping[str, Any], path: str, mistakes: _Mistakes, has_stor
     delays_s: dict[str, float] = {}
     for rule in rules.values():
         if rule.delay_s > 0 and delays_s.setdefault(rule.view, rule.delay_s) != rule.delay_s:
-            table.refuse(f": two delays for view {rule.view!r}: one is kept, for all who see it late")
+            table.refuse(f": two delays for view {rule.view!r}: use the same `delay_s` in all tables")
     return RobotEntry(
         table.read_secret("secret"),
         table.read_unix_s("expires"),
@@ -303,7 +303,7 @@ def _read_robot(doc: Mapping[str, Any], path: str, mistakes: _Mistakes, has_stor
 def _read_keep_s(
     table: _Table, rules: Mapping[Audience, Rule], path: str, mistakes: _Mistakes, has_store: bool
 ) -> float | None:
-    """Read `keep`, and check each `past` that it bounds."""
+    """Read `keep`, and check that no `past` is longer."""
     keep_s = table.read_duration_s("keep", may_be_zero=False)
     if keep_s is None:
         return None
@@ -311,14 +311,14 @@ def _read_keep_s(
         table.refuse(" keep: to keep nothing, leave it out", "keep")
     elif not has_store:
         table.refuse(
-            " keep: wants an object store: give the relay --past file:///FOLDER or s3://BUCKET, or leave it "
-            "out",
+            " keep: needs an object store: give the relay --past file:///FOLDER or s3://BUCKET, or leave "
+            "`keep` out",
             "keep",
         )
     for audience, rule in rules.items():
         if keep_s > 0 and rule.past_s is not None and rule.past_s > keep_s:
             at = f"{path}.{audience.value}"
-            mistakes.add(f"{at}.past", f"[{at}] past: more than `keep`, {table.read('keep')!r}")
+            mistakes.add(f"{at}.past", f"[{at}] past: longer than `keep`, {table.read('keep')!r}")
     return keep_s
 
 
@@ -338,7 +338,8 @@ def _read_rule(table: _Table, audience: Audience) -> Rule:
     past_s = table.read_duration_s("past")
     if past_s and hz < FULL_HZ:
         table.refuse(
-            " past: it holds every frame, and `hz` may leave some out: show a slower view instead", "past"
+            " past: not together with `hz`, because the past has every frame: show a slower view instead",
+            "past",
         )
     return Rule(view, hz, delay_s, viewers, blackout, _read_frames(table, audience), past_s)
 
@@ -348,14 +349,14 @@ def _read_frames(table: _Table, audience: Audience) -> tuple[str, ...] | None:
     if frames is None:
         return None
     if audience is not Audience.ANYONE:
-        table.refuse(" frames: only for `anyone`: who asks for a frame proves nothing yet", "frames")
+        table.refuse(" frames: only in `anyone`, because a request for a frame has no login yet", "frames")
     elif not isinstance(frames, list) or len(frames) > FRAMES_MAX:
         table.refuse(f" frames: want a list of at most {FRAMES_MAX} origins", "frames")
     else:
         for n, origin in enumerate(frames, 1):
             if not isinstance(origin, str) or not ORIGIN.fullmatch(origin):
                 table.refuse(
-                    f" frames: number {n} is no origin like https://course.example", f"frames[{n - 1}]"
+                    f" frames: number {n} is not an origin like https://course.example", f"frames[{n - 1}]"
                 )
         return tuple(frames)
     return None

@@ -1,4 +1,4 @@
-"""Watches the file of `--robots` while the relay runs, and the credentials in it that expire."""
+"""Watches the robots file and its expiring credentials while the relay runs."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ FileState = tuple[int, int, int, int]
 
 
 class RobotsWatcher:
-    """Calls `changed` with the robots whenever they have changed, a credential has expired, or one of the
-    files beside them (certificates) is another one.
+    """Calls `changed` with the robots when they change, a credential expires, or one of the files `beside`
+    (certificates) is replaced.
 
-    A file that is wrong, can't be read, is gone or empty (an editor has just begun to write it, or the disk
-    is full) changes nothing: what was read last stays in force. One line of the log says so for each change
-    of the file, and another one when it is good again.
+    If the file is invalid, unreadable, missing or empty (an editor has just begun to write it, or the disk
+    is full), the last good version stays in force. The log has one line for each such change of the file, and
+    one when the file is good again.
     """
 
     def __init__(
@@ -37,8 +37,8 @@ class RobotsWatcher:
         beside: Sequence[Path] = (),
     ) -> None:
         self.robots = robots
-        self.refused = 0  # times that the file was wrong
-        self.trouble: str | None = None  # what is wrong with the file now
+        self.refused = 0  # how often the file was invalid
+        self.trouble: str | None = None  # the file's present error
         self._path = path
         self._changed = changed
         self._read = read
@@ -54,11 +54,11 @@ class RobotsWatcher:
             await asyncio.sleep(LOOK_S)
             try:
                 await self.check_file(time.time())
-            except Exception as e:  # a mistake of ours: the next change is followed again
-                log.error("%s can't be followed", self._path, exc_info=e)
+            except Exception as e:  # a bug in the relay: try again at the next change
+                log.error("%s can't be watched", self._path, exc_info=e)
 
     async def check_file(self, unix_s: float) -> None:
-        """Check the files once, and call `changed` if need be. `unix_s` is the time now, in unix seconds."""
+        """Check the files once, and call `changed` if needed. `unix_s`: the present time in unix seconds."""
         before = self.robots
         has_expired = before.list_publishers(self._looked_s) != before.list_publishers(unix_s)
         self._looked_s = unix_s
@@ -82,10 +82,10 @@ class RobotsWatcher:
         self._must_retry = False
         if self.trouble is not None:
             self.trouble = None
-            log.warning("%s: is good again", self._path)
+            log.warning("%s: is valid again", self._path)
 
     def _has_new_beside(self) -> bool:
-        """Whether another version of a file beside it stands there, and has for one look: a certificate and
+        """Whether a file `beside` has a new version that has stayed the same for one check: a certificate and
         its key are written one after the other.
         """
         before, self._beside_seen = self._beside_seen, [_find_state(each) for each in self._beside]
@@ -96,9 +96,7 @@ class RobotsWatcher:
 
 
 def _find_state(path: Path) -> FileState | None:
-    """Return what differs between two versions of a file, and after a change of owner or mode; None when it
-    is gone.
-    """
+    """Return a value that changes with the file's content, owner or mode; None if the file is missing."""
     try:
         found = os.stat(path)
     except OSError:

@@ -1,4 +1,4 @@
-"""Reads flags and POSECAST_* variables once, into one frozen object. A flag wins over a variable."""
+"""Reads flags and POSECAST_* variables once, into one frozen object. A flag overrides a variable."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ T = TypeVar("T")
 
 WORKERS_MAX = 64
 STATUSES = {
-    0: "done, or ended by SIGTERM or Ctrl-C",
+    0: "success, or stopped by SIGTERM or Ctrl-C",
     1: "a command failed",
     2: "wrong arguments, or a port in use",
 }
-MEMORY = "memory:"  # of `--past`: nothing is kept elsewhere
+MEMORY = "memory:"  # a value of `--past`: keep the past in memory only
 
 
 class SettingsError(ValueError):
-    """A setting is wrong. The message is one line that names it."""
+    """A setting is invalid. The message is one line that names it."""
 
 
 class StartError(RuntimeError):
-    """The relay can't start as it was asked to. The message is one line that says why."""
+    """The relay can't start. The message is one line with the reason."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What `posecast-relay run` was asked for. See FLAGS for what each field means, and its unit."""
+    """The settings of `posecast-relay run`. FLAGS explains each field and its unit."""
 
     dev: bool
     role: str
@@ -72,7 +72,7 @@ class Settings:
 
     @property
     def archive(self) -> str | None:
-        """The URL of the object store in which the past is kept; None without one."""
+        """The URL of the object store that keeps the past; None without one."""
         return None if self.past in (None, MEMORY) else self.past
 
 
@@ -115,7 +115,7 @@ def _past(text: str) -> str | None:
         return check_store_url(text)
     except StoreUrlError as e:
         told = str(e)
-        if not told.startswith("use "):  # it is known what was meant
+        if not told.startswith("use "):  # it tells what to write instead
             raise ValueError(told) from None
         raise ValueError(f"use memory: or 0, or for an object store {told.removeprefix('use ')}") from None
 
@@ -130,7 +130,7 @@ def _memory(text: str) -> int:
 
 def _socket(text: str) -> Path:
     if len(text.encode()) > 100 or not Path(text).parent.is_dir():  # Unix takes 107 bytes
-        raise ValueError("use a path of at most 100 bytes in a folder that is there")
+        raise ValueError("use a path of at most 100 bytes in an existing folder")
     return Path(text)
 
 
@@ -165,19 +165,19 @@ def _endpoints(text: str) -> tuple[str, ...]:
             not re.fullmatch(r"(tcp|tls|quic)/(\[[0-9a-fA-F:]+\]|[^\s:/#?]+):\d{1,5}", part)
             or int(part[-5:].split(":")[-1]) > 65535
         ):
-            raise ValueError("use tls/HOST:PORT or tcp/HOST:PORT, several separated by commas")
+            raise ValueError("use tls/HOST:PORT or tcp/HOST:PORT, separated by commas")
     return found
 
 
 def _directory(text: str) -> Path:
     path = Path(text)
     if not (path / "index.html").is_file():
-        raise ValueError("no index.html there")
+        raise ValueError("use a folder that contains index.html")
     return path
 
 
 def _file(text: str) -> Path:
-    """Read the path of a file that may come later, or become readable: the relay waits for it."""
+    """Read a path. The file need not exist or be readable yet: the relay waits for it."""
     return Path(text)
 
 
@@ -185,19 +185,19 @@ def _proxies(text: str) -> tuple[Network, ...]:
     try:
         return parse_networks(text)
     except ValueError:
-        raise ValueError("use addresses or networks as 10.0.0.0/8, several separated by commas") from None
+        raise ValueError("use addresses or networks like 10.0.0.0/8, separated by commas") from None
 
 
 def _project(text: str) -> str:
     if not re.fullmatch(r"[a-z][a-z0-9-]{3,62}", text):
-        raise ValueError("use the project's id, as my-course-1a2b")
+        raise ValueError("use the project's id, for example my-course-1a2b")
     return text
 
 
 def _database(text: str) -> str:
     found = re.fullmatch(r"(https?)://([a-zA-Z0-9.-]+|\[[0-9a-fA-F:]+\])(:\d{1,5})?/?", text)
     if found is None or (found[1] == "http" and not _is_loopback(f"/{found[2]}:0")):
-        raise ValueError("use https://HOST as the Firebase console shows it; http:// on this machine only")
+        raise ValueError("use https://HOST from the Firebase console; http:// only for this machine")
     return text.rstrip("/")
 
 
@@ -205,14 +205,14 @@ def _origins(text: str) -> tuple[str, ...]:
     found = tuple(part.strip() for part in text.split(",") if part.strip())
     for part in found:
         if not ORIGIN.fullmatch(part):
-            raise ValueError("use https://HOST[:PORT], several separated by commas")
+            raise ValueError("use origins like https://HOST[:PORT], separated by commas")
     return found
 
 
 def _public_url(text: str) -> str:
     found = re.fullmatch(r"(https?://[^/?#]+)((?:/[A-Za-z0-9._~-]+)*)/?", text)
     if found is None or not ORIGIN.fullmatch(found[1]):
-        raise ValueError("use https://HOST[:PORT] as people open it, with a path where there is one")
+        raise ValueError("use the page's address, for example https://posecast.example or https://HOST/path")
     return found[1] + found[2]
 
 
@@ -224,12 +224,12 @@ def _level(text: str) -> str:
 
 @dataclass(frozen=True)
 class _Flag:
-    name: str  # of the field in Settings
+    name: str  # the field in Settings
     read: Callable[[str], object]
     default: str | None
     help: str
     metavar: str | None = None  # None: a switch
-    also: str | None = None  # a further variable, weaker than POSECAST_*
+    also: str | None = None  # another variable, which POSECAST_* overrides
 
     @property
     def option(self) -> str:
@@ -241,37 +241,37 @@ class _Flag:
 
 
 FLAGS = (
-    _Flag("dev", _boolean, "", "take publishers without credentials; Zenoh then listens on loopback only"),
+    _Flag("dev", _boolean, "", "accept robots without credentials, from this machine only"),
     _Flag("role", _role, "all", "all; ingest: robots to Redis; gateway: Redis to viewers", "ROLE"),
-    _Flag("host", _host, "127.0.0.1", "address HTTP listens on", "HOST"),
-    _Flag("port", _port, "8080", "port HTTP listens on; 0 = any free one", "PORT", "PORT"),
-    _Flag("metrics_port", _port, None, "port for Prometheus, on --host; default: none", "PORT"),
+    _Flag("host", _host, "127.0.0.1", "address for HTTP", "HOST"),
+    _Flag("port", _port, "8080", "port for HTTP; 0 for any free port", "PORT", "PORT"),
+    _Flag("metrics_port", _port, None, "port for Prometheus metrics, on --host; off by default", "PORT"),
     _Flag("store", _store, "memory://", "memory://, redis://, rediss:// (TLS), redis+cluster://…", "URL"),
-    _Flag("zenoh_listen", _endpoints, "tcp/127.0.0.1:7447", "where edges connect; port 0 = any free", "ADDR"),
-    _Flag("zenoh_tls_cert", _file, None, "certificate (PEM) for tls/… endpoints", "FILE"),
-    _Flag("zenoh_tls_key", _file, None, "its private key (PEM)", "FILE"),
-    _Flag("zenoh_ca", _file, None, "robots show a certificate of this authority (PEM), no password", "FILE"),
-    _Flag("robots", _file, None, "who may publish and watch; `posecast-relay robots` writes it", "FILE"),
-    _Flag("origins", _origins, "", "pages elsewhere that may show what is not for everybody", "URL,…"),
-    _Flag("trusted_proxies", _proxies, "", "whose X-Forwarded-For tells the viewer's address", "NET,…"),
-    _Flag("firebase_project", _project, None, "whose accounts are `signed-in`", "ID"),
-    _Flag("firebase_revoked", _boolean, "", "ask Google about revoked accounts; takes its credentials"),
-    _Flag("firebase_database", _database, None, "mirror of what anyone may see, 2 Hz; one relay each", "URL"),
-    _Flag("static", _directory, None, "the built page [the packaged one; in a checkout spa/dist]", "DIR"),
-    _Flag("public_url", _public_url, None, "where people open the page; chats want it for pictures", "URL"),
-    _Flag("workers", _workers, "1", "processes that serve viewers on the port: a core each", "N"),
-    _Flag("max_viewers", _count, "5000", "further ones are told `full`", "N"),
-    _Flag("max_per_address", _count, "2000", "streams; a lecture hall may stand behind one", "N"),
-    _Flag("max_connection_age", _seconds, None, "viewers connect anew after this, give or take a tenth", "S"),
-    _Flag("max_robots", _count, "1000", "frames of further ones are dropped", "N"),
-    _Flag("max_view_frames", _count, "120", "a second, of one view of a robot; it loses the rest", "N"),
-    _Flag("max_robot_messages", _count, "600", "a second, of one robot; likewise", "N"),
-    _Flag("max_robot_bytes", _bytes, "1000000", "a second, of one robot; likewise", "BYTES"),
-    _Flag("model_cache_mb", _count, "256", "memory for robots' models", "MB"),
-    _Flag("past", _past, MEMORY, "memory:, an object store's URL (file:///…, s3://…), or 0: none", "WHERE"),
-    _Flag("past_memory", _memory, "256M", "for it, 16M at least; who has most loses its oldest", "SIZE"),
-    _Flag("past_socket", _socket, None, "where `past delete` finds this process", "PATH"),
-    _Flag("log_level", _level, "warning", "debug, info, warning or error; JSON but on a terminal", "LEVEL"),
+    _Flag("zenoh_listen", _endpoints, "tcp/127.0.0.1:7447", "where robots connect", "ADDR"),
+    _Flag("zenoh_tls_cert", _file, None, "certificate for tls/… endpoints (PEM)", "FILE"),
+    _Flag("zenoh_tls_key", _file, None, "private key of that certificate (PEM)", "FILE"),
+    _Flag("zenoh_ca", _file, None, "authority of robots' certificates (PEM); no passwords then", "FILE"),
+    _Flag("robots", _file, None, "who can publish and watch; edit it with `posecast-relay robots`", "FILE"),
+    _Flag("origins", _origins, "", "other sites whose pages may show robots that are not public", "URL,…"),
+    _Flag("trusted_proxies", _proxies, "", "your proxies; their X-Forwarded-For is believed", "NET,…"),
+    _Flag("firebase_project", _project, None, "Firebase project whose accounts are `signed-in`", "ID"),
+    _Flag("firebase_revoked", _boolean, "", "ask Google about revoked accounts (service account)"),
+    _Flag("firebase_database", _database, None, "mirror there what anyone can see, at 2 Hz", "URL"),
+    _Flag("static", _directory, None, "the built page (default: packaged; in a checkout spa/dist)", "DIR"),
+    _Flag("public_url", _public_url, None, "where people open the page; link previews need it", "URL"),
+    _Flag("workers", _workers, "1", "processes that serve viewers; each can use one core", "N"),
+    _Flag("max_viewers", _count, "5000", "viewers at once; the next is told `full`", "N"),
+    _Flag("max_per_address", _count, "2000", "streams from one address, such as a lecture hall", "N"),
+    _Flag("max_connection_age", _seconds, None, "close streams after about S seconds; they reconnect", "S"),
+    _Flag("max_robots", _count, "1000", "robots at once; frames of further ones are dropped", "N"),
+    _Flag("max_view_frames", _count, "120", "frames a second of one view; the rest are dropped", "N"),
+    _Flag("max_robot_messages", _count, "600", "messages a second of one robot; the rest are dropped", "N"),
+    _Flag("max_robot_bytes", _bytes, "1000000", "bytes a second of one robot; the rest are dropped", "BYTES"),
+    _Flag("model_cache_mb", _count, "256", "memory for robots' models, in MB", "MB"),
+    _Flag("past", _past, MEMORY, "keep the past in memory:, a store (file:///…, s3://…) or 0: off", "WHERE"),
+    _Flag("past_memory", _memory, "256M", "memory for the past of all robots, at least 16M", "SIZE"),
+    _Flag("past_socket", _socket, None, "socket for `past list` and `past delete`", "PATH"),
+    _Flag("log_level", _level, "warning", "debug, info, warning or error", "LEVEL"),
 )  # fmt: skip
 
 
@@ -281,19 +281,19 @@ class _Parser(CommandParser):
 
 
 def make_parser(program: str) -> CommandParser:
-    """Make the parser of the program; `robots` and `past` have parsers of their own."""
+    """Make the parser of the program; `robots` and `past` have separate ones."""
     parser = _Parser(
         prog=program,
-        description="Latest state in, thousands of viewers out. It reads robots; it never commands one.",
+        description="Sends the latest state of robots to thousands of viewers. It never commands a robot.",
         allow_abbrev=False,
         version=True,
         statuses=STATUSES,
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="run|robots|past")
-    commands.add_parser("robots", help="robots add|set|edit|check|…: publishers, viewers, share links")
-    commands.add_parser("past", help="past list|export|delete: what is kept of the past")
+    commands.add_parser("robots", help="decide who can publish and watch: robots add|set|edit|check|…")
+    commands.add_parser("past", help="use the recorded past: past list|export|delete")
     run = commands.add_parser(
-        "run", help="serve until SIGTERM or Ctrl-C", allow_abbrev=False, statuses=STATUSES
+        "run", help="run the relay until SIGTERM or Ctrl-C", allow_abbrev=False, statuses=STATUSES
     )
     for flag in FLAGS:
         told = f"{flag.help} [{flag.variable}]" + (f" (default {flag.default})" if flag.default else "")
@@ -338,21 +338,22 @@ def parse(argv: Sequence[str], environ: Mapping[str, str], program: str = "posec
     assert set(values) == {f.name for f in fields(Settings)}
     settings = Settings(**values)  # type: ignore[arg-type]
     if settings.role != "all" and settings.store == "memory://":
-        raise SettingsError(f"--role {settings.role}: needs --store redis://…, where the roles meet")
+        raise SettingsError(f"--role {settings.role}: needs --store redis://…, which connects the roles")
     if settings.role == "ingest" and settings.workers > 1:
-        raise SettingsError(f"--workers {settings.workers}: not with --role ingest, which serves no viewers")
+        raise SettingsError(f"--workers {settings.workers}: not with --role ingest: it serves no viewers")
     if not settings.dev and settings.robots is None:
         raise SettingsError(
-            "give --robots FILE (who may publish and watch), or --dev: anybody on loopback, seen by everybody"
+            "give --robots FILE (who can publish and watch), or --dev to accept any robot on this machine "
+            "and show it to everybody"
         )
     emulator = environ.get("FIREBASE_AUTH_EMULATOR_HOST")
-    if emulator and not settings.dev:  # then unsigned tokens are as good as any
+    if emulator and not settings.dev:  # the emulator accepts unsigned tokens
         raise SettingsError(
-            "FIREBASE_AUTH_EMULATOR_HOST is set: with it anybody is whoever they say; only with --dev"
+            "FIREBASE_AUTH_EMULATOR_HOST is set: it accepts unsigned tokens, so it needs --dev; else unset it"
         )
-    if settings.role == "gateway":  # it hears viewers and Redis only
+    if settings.role == "gateway":  # it talks to viewers and Redis only
         if settings.firebase_database is not None:
-            raise SettingsError("--firebase-database: not with --role gateway: who hears the robots writes")
+            raise SettingsError("--firebase-database: not with --role gateway: give it to the ingest relay")
         return settings
     for endpoint in settings.zenoh_listen:
         _check_endpoint(settings, endpoint)
@@ -362,13 +363,13 @@ def parse(argv: Sequence[str], environ: Mapping[str, str], program: str = "posec
 def _check_endpoint(settings: Settings, endpoint: str) -> None:
     encrypted = not endpoint.startswith("tcp/")
     if settings.zenoh_ca is not None and not encrypted:
-        raise SettingsError(f"--zenoh-listen {endpoint!r}: with --zenoh-ca only tls/… or quic/…")
+        raise SettingsError(f"--zenoh-listen {endpoint!r}: --zenoh-ca needs tls/… or quic/…")
     if settings.dev and (encrypted or not _is_loopback(endpoint)):
         raise SettingsError(
-            f"--zenoh-listen {endpoint!r}: with --dev only tcp/… on loopback, since anybody could publish"
+            f"--zenoh-listen {endpoint!r}: --dev allows only tcp/… on loopback, because anybody can publish"
         )
     if not encrypted and not _is_loopback(endpoint):
-        raise SettingsError(f"--zenoh-listen {endpoint!r}: beyond this machine only tls/… or quic/…")
+        raise SettingsError(f"--zenoh-listen {endpoint!r}: use tls/… or quic/… for other machines")
     if encrypted and (settings.zenoh_tls_cert is None or settings.zenoh_tls_key is None):
         raise SettingsError(
             f"--zenoh-listen {endpoint!r}: needs a certificate: give --zenoh-tls-cert and --zenoh-tls-key"

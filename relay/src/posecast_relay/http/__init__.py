@@ -1,1 +1,1 @@
-"""Documents over HTTP: robots, their state and models, the page, health and metrics."""
+"""The HTTP API: robots, their state and models, the page, health and metrics."""

@@ -1,4 +1,4 @@
-"""Caches JSON answers with an ETag: each is made at most once a second, however many ask."""
+"""Caches JSON answers with an ETag. Each is made at most once a second, for any number of requests."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from fastapi import Request, Response
 
 from posecast_relay.http.etags import has_already
 
-FRESH_S = 1.0  # answers are this old at most
+FRESH_S = 1.0  # maximum age of an answer
 ANSWERS_MAX = 256
 ANSWERS_BYTES = 8 << 20
 
 
 class AnswerCache:
-    """Caches JSON answers with an ETag: each is made at most once a second, however many ask."""
+    """Caches JSON answers with an ETag. Each is made at most once a second, for any number of requests."""
 
     def __init__(self, now: Callable[[], float]) -> None:
         self._now = now
@@ -23,14 +23,14 @@ class AnswerCache:
         self._bytes = 0
 
     def has(self, name: str) -> bool:
-        """Whether the answer called `name` is fresh: then it need not be made."""
+        """Whether a fresh answer with this name is cached."""
         made = self._made.get(name)
         return made is not None and self._now() - made[0] < FRESH_S
 
     def get_answer(
         self, request: Request, name: str, make: Callable[[], bytes], more: dict[str, str]
     ) -> Response:
-        """Return the answer called `name`, or 304 when the asker has it already. `more`: further headers."""
+        """Return the answer called `name`, or 304 if the client already has it. `more`: further headers."""
         now = self._now()
         made = self._made.get(name)
         if made is None or now - made[0] >= FRESH_S:
@@ -44,7 +44,7 @@ class AnswerCache:
         return Response(body, media_type="application/json", headers=headers)
 
     def clear(self) -> None:
-        """Make every answer anew."""
+        """Forget all answers."""
         self._made.clear()
         self._bytes = 0
 

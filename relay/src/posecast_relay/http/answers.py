@@ -1,4 +1,4 @@
-"""What the routes answer, for the description of the API: the documents themselves are written elsewhere."""
+"""Response schemas of the API, for OpenAPI. Other modules write the documents."""
 
 from __future__ import annotations
 
@@ -13,20 +13,21 @@ Value = float | str | list[str] | None
 
 
 class AnswerDocument(BaseModel):
-    """A document with these members and no others."""
+    """A document that has exactly these members."""
 
     model_config = ConfigDict(extra="forbid")
 
 
 class ErrorAnswer(AnswerDocument):
-    """What every refusal holds: why, in one line."""
+    """The answer to a refused request. `error`: the reason, in one line."""
 
     error: str
 
 
 class RobotSummary(AnswerDocument):
-    """A robot in the list. `age_ms` and `seq`: of its newest frame; null before any. `hz`: frames per second
-    from the robot; null when not known. `viewers`: over all relays. `model`: SHA-256 of the manifest.
+    """A robot in the list. `age_ms` and `seq` describe its newest frame; null before the first one. `hz`:
+    frames per second from the robot; null if unknown. `viewers`: at all relays together. `model`: SHA-256 of
+    the model's manifest.
     """
 
     robot: str
@@ -40,8 +41,8 @@ class RobotSummary(AnswerDocument):
 
 
 class RobotList(AnswerDocument):
-    """The robots that the asker may see. `publish_at`: where anybody on the relay's own machine may publish;
-    missing for everybody else.
+    """The robots that this client can see. `publish_at`: where programs on the relay's machine can publish
+    without a credential; only clients on that machine get it.
     """
 
     robots: list[RobotSummary]
@@ -49,8 +50,8 @@ class RobotList(AnswerDocument):
 
 
 class RobotDetails(RobotSummary):
-    """A robot. `conflict`: two edges claim it. `lateness_ms`: how late its frames arrive. `info`: slow texts.
-    `schema`: as the edge declared it, wire/SPEC.md §2; null before the first one.
+    """A robot. `conflict`: two agents publish it. `lateness_ms`: how late its frames arrive. `info`: texts
+    that seldom change. `schema`: as the agent declared it (wire/SPEC.md §2); null before the first one.
     """
 
     view: str
@@ -64,8 +65,8 @@ class RobotDetails(RobotSummary):
 
 
 class FieldState(AnswerDocument):
-    """One field. `values`: by label; of a field of bits the names of those that are set; null is no reading.
-    `units`: of labels whose unit is another one.
+    """One field. `values`: by label; null means no reading. For a field of bits, each value lists the names
+    of the set bits. `units`: the units of labels that differ from `unit`.
     """
 
     unit: str
@@ -74,7 +75,7 @@ class FieldState(AnswerDocument):
 
 
 class FootDocument(AnswerDocument):
-    """One foot. `bears`: whether the robot stands on it."""
+    """One foot. `bears`: whether the robot is standing on it."""
 
     bears: bool
     force_n: float | None
@@ -82,8 +83,8 @@ class FootDocument(AnswerDocument):
 
 
 class BalanceState(AnswerDocument):
-    """Where the mass is and what the robot stands on, in the world, z up. `feet`: by sensor site or link.
-    `why`: the reason for each member that is null; of `balance` where no other member is there.
+    """The centre of mass and the support, in world coordinates, z up. `feet`: by sensor site or link. `why`:
+    the reason for each member that is null. Its key `balance` gives the reason if there is no balance at all.
     """
 
     mass_kg: float | None = None
@@ -99,8 +100,8 @@ class BalanceState(AnswerDocument):
 
 
 class RobotState(AnswerDocument):
-    """The newest state. `t`: the robot's own clock, seconds. `seq`, `t` and `fields` are missing while no
-    frame can be decoded; `balance` where the robot has no masses and stands on nothing known.
+    """The newest state. `t`: the robot's clock, in seconds. `seq`, `t` and `fields` are missing if no frame
+    can be decoded. `balance` is missing if the model has no masses and the support is unknown.
     """
 
     robot: str
@@ -115,15 +116,15 @@ class RobotState(AnswerDocument):
 
 
 class Readiness(AnswerDocument):
-    """Whether viewers are accepted: yes when `ready` or `degraded`. `why`: what is missing, in one line."""
+    """Whether viewers are accepted: yes if `ready` or `degraded`. `why`: what is missing, in one line."""
 
     status: Literal["ready", "degraded", "starting", "draining"]
     why: str = ""
 
 
 class OEmbed(AnswerDocument):
-    """oEmbed 1.0 of a robot's page. Of type `rich`, with width, height and html, where every page may frame
-    the robot, else of type `link`.
+    """oEmbed 1.0 for a robot's page. Type `rich`, with width, height and html, if every site can embed the
+    robot; else type `link`.
     """
 
     version: Literal["1.0"]
@@ -141,6 +142,6 @@ class OEmbed(AnswerDocument):
 
 
 def describe_bytes(media_type: str, description: str) -> dict[int | str, dict[str, Any]]:
-    """An answer of bytes, for the description of a route."""
+    """Describe an answer of bytes, for OpenAPI."""
     schema = {"type": "string", "format": "binary"}
     return {200: {"description": description, "content": {media_type: {"schema": schema}}}}

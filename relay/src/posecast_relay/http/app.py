@@ -52,11 +52,11 @@ from posecast_relay.past_source import PastAway
 from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.streaming.decode_cache import DecodeCache
 
-NO_PAGE = """The relay serves, but it has no page to show: start it with --static DIR, the built page
-(in a checkout spa/dist, which `make setup` builds). The API is described in /openapi.json
+NO_PAGE = """The relay is running, but it has no page to show. Start it with --static DIR, the built page
+(in a checkout spa/dist, which `make setup` builds). The API is described at /openapi.json
 """
 API = "/api/v1/robots"
-GUIDE = "/guide"  # and the folder of that name in the built page
+GUIDE = "/guide"  # also the name of its folder in the built page
 PICTURE_FRESH = "public, max-age=60"
 OLD_MODEL_FRESH = "public, max-age=3600"
 EVENTS: dict[int | str, dict[str, Any]] = {
@@ -77,7 +77,9 @@ PREFLIGHT = OPEN | {
 
 
 class MissingPart(NamedTuple):
-    """What a relay lacks besides this process. `has_begun`: it was whole before, and serves on without it."""
+    """A missing part of the relay, such as a worker. `has_begun`: the relay was complete before, and keeps
+    serving without it.
+    """
 
     why: str
     has_begun: bool
@@ -97,21 +99,21 @@ def make_app(
 ) -> FastAPI:
     """Make the relay's HTTP application. WebSocket upgrades never reach it.
 
-    `page`: the folder of the built page; None when there is none.
-    `public_url`: where people open the page, without a slash at its end; None when nobody has said so.
-    `publish_at`: where anybody on this machine may publish; None when nobody may without a credential.
-    `past`: where the past of this process is; None when it keeps none. `find_missing` returns what does
-    not serve beside this process; `find_config_trouble`, which of its files it could not take.
-    `admin`: what the page `/admin` shows; None without a file of robots, which has its credential.
+    `page`: the folder of the built page; None without one.
+    `public_url`: where people open the page, without a slash at its end; None if it is not set.
+    `publish_at`: where programs on this machine can publish without a credential; None if they can't.
+    `past`: the past that this process serves; None without one. `find_missing` returns a worker that does
+    not serve; `find_config_trouble` returns which configuration files are invalid.
+    `admin`: what the page `/admin` shows; None without a robots file, which has its credential.
     """
-    # FastAPI's own /docs loads its scripts from another origin; the built page brings them (spa/public/docs).
-    # Without a default answer it tells of a 422 that never comes: all parameters are texts that we read.
+    # FastAPI's /docs loads scripts from another origin; the built page has its own copy (spa/public/docs).
+    # The default answer replaces FastAPI's 422, which never occurs: all parameters are texts that we parse.
     app = FastAPI(
         title="Posecast relay",
         version="1",
         docs_url=None,
         redoc_url=None,
-        responses={"default": {"description": "Refused, and why in one line", "model": ErrorAnswer}},
+        responses={"default": {"description": "Refused; `error` tells why", "model": ErrorAnswer}},
     )
 
     @app.exception_handler(StarletteHTTPException)
@@ -122,14 +124,14 @@ def make_app(
 
     @app.get(
         API + "/{robot}/live.sse",
-        summary="The stream as events: hz, view, format=json, preview=1",
+        summary="Stream the state as server-sent events: hz, view, format=json, preview=1",
         response_class=Response,
         responses=EVENTS,
     )
     async def events(request: Request, robot: str) -> Response:  # noqa: ARG001 — served below ASGI, mostly
         if request.method == "HEAD":
-            raise HTTPException(405, "a stream is read by GET", {"allow": "GET"})
-        raise HTTPException(400, "events on a connection that is still answering")
+            raise HTTPException(405, "use GET for a stream", {"allow": "GET"})
+        raise HTTPException(400, "a stream can't start before the connection's previous answer has ended")
 
     @app.options("/api/{_rest:path}", include_in_schema=False)
     async def preflight(_rest: str) -> Response:
@@ -174,7 +176,7 @@ def _find_trouble(
     find_missing: Callable[[], MissingPart | None],
     find_config_trouble: Callable[[], str | None],
 ) -> str | None:
-    """Return why the relay is degraded, in a line that anybody may read; None where nothing is wrong."""
+    """Return why the relay is degraded, in one line that anybody may read; None if it is not."""
     missing = find_missing()
     live, past_ = dispatcher.store.find_trouble(), None if past is None else past.source.find_trouble()
     whys = (missing and missing.why, find_config_trouble(), live, past_ and f"the past: {past_}")
@@ -187,14 +189,14 @@ def _add_health(
     find_missing: Callable[[], MissingPart | None],
     find_trouble: Callable[[], str | None],
 ) -> None:
-    @app.get("/livez", summary="The process answers", response_class=Response, responses=ALIVE)
+    @app.get("/livez", summary="Whether the process is alive", response_class=Response, responses=ALIVE)
     async def livez() -> PlainTextResponse:
         return PlainTextResponse("ok\n")
 
     @app.get(
         "/readyz",
-        summary="Whether viewers are accepted; `degraded` when the store, the past or a worker is away, or a "
-        "file of the configuration is wrong",
+        summary="Whether viewers are accepted; `degraded` if the store, the past or a worker is unavailable, "
+        "or a configuration file is invalid",
         response_model=Readiness,
     )
     async def readyz() -> JSONResponse:
@@ -215,7 +217,7 @@ def _add_robots(
     reader = StateReader(dispatcher.now, decoded)
     balances = BalanceModels(models, dispatcher.now)
 
-    @app.get(API, summary="Robots on air", response_model=RobotList)
+    @app.get(API, summary="List the robots", response_model=RobotList)
     async def robots(request: Request) -> Response:
         who = await identify_asker(access, request)
         here = publish_at if is_on_this_machine(access, request) else None
@@ -241,7 +243,7 @@ def _add_robots(
 
     @app.get(
         API + "/{robot}/state",
-        summary="The newest state with names and units, and its balance",
+        summary="The newest state with names, units and balance",
         response_model=RobotState,
     )
     async def state(request: Request, robot: str, view: str | None = None) -> Response:
@@ -250,7 +252,7 @@ def _add_robots(
         _, room = access.find_robot(grant) or (None, None)
         digest = None if room is None or room.stream.newest is None else room.stream.model
         balance = None if digest is None else await balances.find_model(robot, digest)
-        of, room = access.find_robot(grant) or (None, None)  # it may have gone meanwhile
+        of, room = access.find_robot(grant) or (None, None)  # it may have left meanwhile
         if of is None or room is None or room.stream.newest is None:
             raise HTTPException(404, HIDDEN)
         body = reader.read(of, room, grant.hz, balance if room.stream.model == digest else None)
@@ -263,7 +265,7 @@ def _add_models(app: FastAPI, access: Access, models: ModelCache, past: PastDesk
 
     @app.get(
         API + "/{robot}/model/{digest}/{path:path}",
-        summary="A model's manifest.json and files",
+        summary="A file of a robot's model; its list is manifest.json",
         response_class=Response,
         responses=MODEL,
     )
@@ -277,7 +279,7 @@ def _add_models(app: FastAPI, access: Access, models: ModelCache, past: PastDesk
         else:
             found = await _load(models.load_file(robot, digest, path))
         answer = await make_model_answer(request, models, packed, robot, found)
-        if is_old:  # it goes with the past that names it
+        if is_old:  # it is kept only as long as a past refers to it
             answer.headers["cache-control"] = OLD_MODEL_FRESH
         if not grant.open:
             del answer.headers["access-control-allow-origin"]
@@ -286,16 +288,16 @@ def _add_models(app: FastAPI, access: Access, models: ModelCache, past: PastDesk
 
 
 async def _announces(access: Access, grant: Grant, digest: str) -> bool:
-    """Whether a robot has this model now, as far as it is heard here, or as the asker sees it."""
+    """Whether a robot has this model now, either live or with this client's delay."""
     await access.live.open_robot(grant.robot)
     of = access.live.hub.robots.get(grant.robot)
     rooms = () if of is None else tuple(of.rooms.values())
-    _, own = access.find_robot(grant) or (None, None)  # a moment ago, where they see late
+    _, own = access.find_robot(grant) or (None, None)  # with the grant's delay, if any
     return any(room is not None and room.stream.model == digest for room in (*rooms, own))
 
 
 async def _shows_model(past: PastDesk, grant: Grant, digest: str) -> bool:
-    """Whether the asker may see a past that names this model. Raises HTTPException 503."""
+    """Whether the client may see a past that refers to this model. Raises HTTPException 503."""
     try:
         await past.source.refresh(grant.robot, grant.view)
         return await past.shows_model(grant, digest)
@@ -310,7 +312,7 @@ def _add_previews(
 
     @app.get(
         API + "/{robot}/picture",
-        summary="A small picture of the robot, as its model has it now",
+        summary="A small picture of the robot, from its present model",
         response_class=Response,
         responses=describe_bytes("image/*", "PNG, JPEG or WebP"),
     )
@@ -330,7 +332,7 @@ def _add_previews(
 
     @app.get(
         "/api/v1/oembed",
-        summary="oEmbed of a robot's page: url, maxwidth, maxheight, format=json",
+        summary="oEmbed for a robot's page: url, maxwidth, maxheight, format=json",
         response_model=OEmbed,
     )
     async def oembed(
@@ -340,9 +342,9 @@ def _add_previews(
         format: str = "json",
     ) -> JSONResponse:
         if not url:
-            raise HTTPException(400, "want url=, the address of a robot's page")
+            raise HTTPException(400, "give url=, the address of a robot's page")
         if format != "json":
-            raise HTTPException(501, "only format=json")
+            raise HTTPException(501, "format: only json is supported")
         answer = await preview.make_oembed(url, (_read_px(maxwidth), _read_px(maxheight)))
         if answer is None:
             raise HTTPException(404, HIDDEN)
@@ -350,7 +352,7 @@ def _add_previews(
 
 
 async def _load(fetching: Awaitable[ModelFile]) -> ModelFile:
-    """Wait for a model's file. Raises HTTPException 404 or 503 without it."""
+    """Wait for a model's file. Raises HTTPException 404 or 503 if it can't be had."""
     try:
         return await fetching
     except Absent as e:
@@ -360,5 +362,5 @@ async def _load(fetching: Awaitable[ModelFile]) -> ModelFile:
 
 
 def _read_px(text: str) -> int:
-    """Read a length in pixels; what is none is as none said."""
+    """Parse a length in pixels; an invalid one is treated like a missing one."""
     return int(text) if text.isascii() and text.isdigit() and len(text) < 6 else FRAME_PX

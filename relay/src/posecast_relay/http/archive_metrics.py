@@ -1,4 +1,4 @@
-"""What Prometheus is told of the past in an object store."""
+"""Prometheus metrics of the past in an object store."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metri
 
 
 class ArchiveFigures(NamedTuple):
-    """The state of an archive. `stored_bytes`: as far as it was looked through; `free_bytes`, `disk_bytes`:
-    None where nobody can know; the counters since the process began.
+    """The state of an archive. `stored_bytes`: as far as it has been scanned. `free_bytes`, `disk_bytes`:
+    None if unknown. Counters start with the process.
     """
 
     trouble: str | None
@@ -28,28 +28,28 @@ class ArchiveStats(Protocol):
     """An archive that can be measured, from any thread."""
 
     def measure(self) -> ArchiveFigures:
-        """Return its state now."""
+        """Return the archive's present state."""
 
 
 def describe_archive(archive: ArchiveStats) -> Iterable[Metric]:
-    """Yield its metrics with their present values."""
+    """Yield the archive's metrics with their present values."""
     now = archive.measure()
     yield GaugeMetricFamily(
-        "posecast_archive_up", "Whether the past can be kept in the store", 0 if now.trouble else 1
+        "posecast_archive_up", "Whether the archive's store works", 0 if now.trouble else 1
     )
     fates = CounterMetricFamily(
-        "posecast_archive_segments", "Segments for the store by what became of them", labels=["fate"]
+        "posecast_archive_segments", "Segments for the store by result", labels=["fate"]
     )
     for fate, count in (("written", now.written), ("dropped", now.dropped), ("expired", now.expired)):
         fates.add_metric([fate], count)
     yield fates
-    yield CounterMetricFamily(
-        "posecast_archive_failures", "Calls that the store did not carry out", now.failures
-    )
+    yield CounterMetricFamily("posecast_archive_failures", "Calls to the store that failed", now.failures)
     yield GaugeMetricFamily(
-        "posecast_archive_waiting_bytes", "Memory that waits to be written", now.waiting_bytes
+        "posecast_archive_waiting_bytes", "Memory of segments that wait to be written", now.waiting_bytes
     )
-    yield GaugeMetricFamily("posecast_archive_bytes", "What the segments in the store take", now.stored_bytes)
+    yield GaugeMetricFamily("posecast_archive_bytes", "Size of the segments in the store", now.stored_bytes)
     if now.free_bytes is not None and now.disk_bytes is not None:
-        yield GaugeMetricFamily("posecast_archive_free_bytes", "What its disk has left", now.free_bytes)
-        yield GaugeMetricFamily("posecast_archive_disk_bytes", "What its disk holds in all", now.disk_bytes)
+        yield GaugeMetricFamily(
+            "posecast_archive_free_bytes", "Free space on the archive's disk", now.free_bytes
+        )
+        yield GaugeMetricFamily("posecast_archive_disk_bytes", "Size of the archive's disk", now.disk_bytes)

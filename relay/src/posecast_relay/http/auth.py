@@ -1,4 +1,4 @@
-"""Identifies who sends an HTTP request, what they may see of a robot, and which pages may read the answer."""
+"""Identifies the sender of an HTTP request, what they may see, and which pages may read the answer."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from posecast_relay.core.policy.policy import ANYONE, Grant, Principal
 from posecast_relay.streaming.request import BadRequest, read_bearer, refuse_tokens
 
 OPEN = {"access-control-allow-origin": "*"}  # public views: any page may read them
-# what a proxy says beside `X-Forwarded-…`: whose address it is that it asks for, or that it is one
+# further headers that show that a request came through a proxy
 FORWARDED = frozenset(
     ("forwarded", "via", "x-real-ip", "x-client-ip", "true-client-ip", "cf-connecting-ip", "fastly-client-ip")
 )
@@ -23,7 +23,7 @@ OWN_HOST = re.compile(r"(localhost|127(\.\d{1,3}){3}|\[::1\])(:\d{1,5})?", re.IG
 
 
 async def identify_asker(access: Access, request: Request) -> Principal:
-    """Return who asks, by the `Authorization` header; anyone without one.
+    """Return who sent the request, from its `Authorization` header; `anyone` without one.
 
     Raises HTTPException 400, 401, 403 or 503.
     """
@@ -33,12 +33,12 @@ async def identify_asker(access: Access, request: Request) -> Principal:
 
 
 async def require_grant(access: Access, request: Request, robot: str, view: str | None = None) -> Grant:
-    """Return what the asker may see of a robot.
+    """Return what the sender may see of a robot.
 
-    Raises HTTPException; the same one for a robot that does not exist as for one that the asker may not see.
+    Raises HTTPException. The error is the same for a robot that does not exist and for a hidden one.
     """
     if view == "":
-        raise HTTPException(400, "view: want a name, as public, or no view= at all")
+        raise HTTPException(400, "view: use a view's name, such as public, or leave view= out")
     decision = access.judge(await _identify_applicant(access, request, robot, view))
     if isinstance(decision, Refusal):
         raise _make_error(decision)
@@ -48,7 +48,7 @@ async def require_grant(access: Access, request: Request, robot: str, view: str 
 async def _identify_applicant(
     access: Access, request: Request, robot: str | None, view: str | None
 ) -> Applicant:
-    """Return the applicant, with who asks. Raises HTTPException when that alone is a reason to refuse."""
+    """Return the applicant with the sender's identity. Raises HTTPException if that identity is refused."""
     try:
         refuse_tokens(request.query_params)
     except BadRequest as e:
@@ -75,10 +75,10 @@ def _make_error(refusal: Refusal) -> HTTPException:
 
 
 def is_on_this_machine(access: Access, request: Request) -> bool:
-    """Whether somebody at the relay's own machine asks, by no proxy and for no page of another origin."""
+    """Whether a request comes from the relay's machine, not from a proxy or another origin's page."""
     headers = request.headers
     origin, host = headers.get("origin"), headers.get("host")
-    # a page of elsewhere may have let its own name lead here, so the name counts, too
+    # DNS rebinding: another site's name may resolve to this machine, so the Host header is checked, too
     return (
         request.client is not None
         and is_loopback(request.client.host)
@@ -89,9 +89,9 @@ def is_on_this_machine(access: Access, request: Request) -> bool:
 
 
 def make_sharing_headers(request: Request, everybody: bool) -> dict[str, str]:
-    """Make the headers that say which pages may read an answer.
+    """Make the headers that decide which pages may read an answer.
 
-    Any page, when it is open to everybody; else only the page that asked, and caches may not keep it.
+    If the answer is public, any page may. Otherwise only the page that asked may, and caches may not keep it.
     """
     if everybody:
         return OPEN

@@ -1,4 +1,4 @@
-"""Reads of models what balance needs, once however many ask and off the loop, and keeps it with them."""
+"""Reads from models what balance needs: once per model, off the event loop, cached with the model."""
 
 from __future__ import annotations
 
@@ -12,15 +12,14 @@ from posecast_relay.kinematics.manifest_values import ModelTreeError
 from posecast_relay.models.cache import READ_TIMES, Absent, ModelCache, Unavailable
 from posecast_relay.models.refusal_memory import RefusalMemory
 
-LOADING_MAX = 64  # models under way for balance; robots beyond have none until there is a place
-WAIT_S = 1.0  # who asks for a state first waits so long for the model; it comes for who asks later
-LINK_BYTES = 3000  # what a link takes in memory, with its joint, box and mass
+LOADING_MAX = 64  # models loaded for balance at once; further robots have no balance until a place is free
+WAIT_S = 1.0  # how long the first request waits for the model; loading continues for later requests
+LINK_BYTES = 3000  # memory for one link, with its joint, box and mass
 SOLE_BYTES = 3000
 
 
 class NoBalance(NamedTuple):
-    """Why there is no balance of a robot: a code (docs/reference/protocol.md), and what is wrong in one
-    line."""
+    """Why a robot has no balance: a code (docs/reference/protocol.md), and the reason in one line."""
 
     code: str
     detail: str | None = None
@@ -30,18 +29,18 @@ AWAY = NoBalance("model-away")
 
 
 class BalanceModels:
-    """Finds what the models of robots say of balance. `now` is a clock in seconds."""
+    """Finds the balance data in robots' models. `now` is a clock in seconds."""
 
     def __init__(self, models: ModelCache, now: Callable[[], float] = time.monotonic) -> None:
         self._models = models
         self._now = now
         self._loading: dict[tuple[str, str], tuple[asyncio.Task[BalanceModel | NoBalance], float]] = {}
-        self._away = RefusalMemory(now)  # models that could not be had lately, so that nobody waits for them
+        self._away = RefusalMemory(now)  # models that failed to load lately, so that nobody waits for them
 
     async def find_model(self, robot: str, digest: str, wait_s: float = WAIT_S) -> BalanceModel | NoBalance:
-        """Return a robot's model, or why there is no balance by it now.
+        """Return a robot's model, or why it gives no balance now.
 
-        One that has to be fetched is waited for, `wait_s` seconds from when it was asked for first.
+        If the model has to be fetched, wait for it until `wait_s` seconds after the first request for it.
         """
         name = robot, digest
         if self._away.find(name) is not None:
@@ -52,7 +51,7 @@ class BalanceModels:
             self._loading[name] = asyncio.create_task(self._load(*name), name="balance"), self._now()
             self._loading[name][0].add_done_callback(lambda done: self._loaded(name, done))
         task, begun_s = self._loading[name]
-        # also without waiting the task has one turn, which is enough for what is kept
+        # even with no time to wait, the task gets one turn: enough if the model is cached
         await asyncio.wait({task}, timeout=max(0.0, begun_s + wait_s - self._now()))
         return task.result() if task.done() and not task.cancelled() and task.exception() is None else AWAY
 
@@ -64,7 +63,7 @@ class BalanceModels:
 
     async def _load(self, robot: str, digest: str) -> BalanceModel | NoBalance:
         """Raises Absent or Unavailable."""
-        await self._models.load_entries(robot, digest)  # this robot has it
+        await self._models.load_entries(robot, digest)  # fails unless this robot has the model
         kept_as = f"{digest}.balance"
         known = cast("BalanceModel | NoBalance | None", self._models.room.get(kept_as))
         data = self._models.find_data(digest)
@@ -75,7 +74,7 @@ class BalanceModels:
         room = self._models.room
         claim = room.claim(robot, READ_TIMES * len(data) + LINK_BYTES, lambda: None)
         if claim is None:
-            raise Unavailable("no room for this model just now")
+            raise Unavailable("no memory for this model now: try again later")
         try:
             found: BalanceModel | NoBalance
             try:

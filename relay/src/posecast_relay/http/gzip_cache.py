@@ -10,15 +10,15 @@ from typing import cast
 from posecast_relay.models.memory import ModelMemory
 from posecast_relay.shared_tasks import SharedTasks
 
-WORTH = 0.95  # what shrinks less travels as it is
+WORTH = 0.95  # a file that compresses worse is sent as it is
 LEVEL = 6
-AT_ONCE = 2  # packed in threads; further ones wait
+AT_ONCE = 2  # files compressed in parallel; more have to wait
 
 
 class GzipCache:
-    """Compresses what a ModelMemory keeps, in a thread, and keeps the result there too.
+    """Compresses the content of a ModelMemory in a thread, and keeps the result there too.
 
-    Without memory left, answers are sent uncompressed.
+    If no memory is left, answers are sent uncompressed.
     """
 
     def __init__(self, room: ModelMemory) -> None:
@@ -29,7 +29,7 @@ class GzipCache:
     async def pack(self, robot: str, name: str) -> int:
         """Compress `name`, keep it as `make_packed_name(name)`, and return its size in bytes.
 
-        0 when it does not get much smaller, or there is no room now. `robot`: whose room it takes.
+        Returns 0 if it does not get much smaller, or if no room is free. `robot`: whose memory it uses.
         """
         known = cast("bytes | None", self._room.get(make_packed_name(name)))
         if known is not None:
@@ -45,7 +45,7 @@ class GzipCache:
             try:
                 packed = await asyncio.to_thread(gzip.compress, plain, LEVEL, mtime=0)
                 if len(packed) > WORTH * len(plain):
-                    packed = b""  # remembered, so that it is not tried again
+                    packed = b""  # remembers that compression does not help
                 self._room.keep(claim, make_packed_name(name), packed, len(packed))
             finally:
                 self._room.release(claim)
@@ -53,5 +53,5 @@ class GzipCache:
 
 
 def make_packed_name(name: str) -> str:
-    """Return the name under which the compressed form of `name` is kept."""
+    """Return the name of the compressed form of `name`."""
     return f"{name}.gz"

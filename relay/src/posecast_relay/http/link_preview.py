@@ -1,7 +1,6 @@
-"""What a chat shows of a link: Open Graph in the page's head, and oEmbed for who asks for a frame.
+"""Makes link previews for chats: Open Graph in the page's head, and oEmbed for embedding.
 
-Only what anyone may see is told. Every other robot, and one that does not exist, gets the page's general
-words.
+They show only public robots. Any other robot, existing or not, gets the page's general description.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from posecast_relay.http.thumbnails import Thumbnails
 from posecast_relay.logging import visible
 from posecast_relay.models.picture import PictureSize
 
-PICTURE_WAIT_S = 1.0  # for a picture that has to come from its robot first; a chat does not ask twice
+PICTURE_WAIT_S = 1.0  # wait for a picture that the robot has to send first; a chat does not ask twice
 FRAME_PX = 800
 FRAME_PX_MIN = 160
 ASPECT = 16 / 10
@@ -34,8 +33,8 @@ OWN_PICTURE = 'property="og:image" content="./'
 
 @dataclass(frozen=True)
 class _OpenRobots:
-    """Robots that one link shows to anyone: their ids, their names in one line, and the first one that has a
-    picture which can be served now, with its size.
+    """The public robots of one link: their ids, their names in one line, and the first robot whose picture is
+    available now, with the picture's size.
     """
 
     ids: str
@@ -46,8 +45,7 @@ class _OpenRobots:
 class LinkPreview:
     """Describes links to robots. `public_url`: the page's address without a slash at its end.
 
-    None: nobody has said under which address the relay is reached, so no whole address is made. What a
-    request says of it (`Host`) would be an attacker's word.
+    If it is None, previews contain no absolute address: the request's `Host` header can't be trusted.
     """
 
     def __init__(self, access: Access, thumbnails: Thumbnails, public_url: str | None) -> None:
@@ -56,9 +54,9 @@ class LinkPreview:
         self._public_url = public_url
 
     async def make_page(self, page: str, home: str, robots: tuple[str, ...] | None, is_read: bool) -> str:
-        """Return the page's HTML for the folder `home`, with what a chat shows of these robots.
+        """Return the page's HTML for the folder `home`, with a preview of these robots for chats.
 
-        `is_read`: by a person, who does not wait for a picture that only chats show.
+        `is_read`: the request comes from a browser, which need not wait for the picture.
         """
         shown = await self._find(robots, 0.0 if is_read else PICTURE_WAIT_S) if robots is not None else None
         if shown is None:
@@ -69,9 +67,9 @@ class LinkPreview:
         return place_page(GENERAL.sub("", named), home, self._make_tags(shown, home))
 
     async def make_oembed(self, asked: str, most_px: tuple[int, int]) -> dict[str, Any] | None:
-        """Return oEmbed's answer for a page's address, at most so wide and high.
+        """Return the oEmbed answer for a page's address, within this width and height.
 
-        None when it shows no one robot that anyone may see.
+        None if the address does not show a public robot.
         """
         base = self._public_url
         if base is None or not asked.startswith(f"{base}/"):
@@ -144,7 +142,7 @@ class LinkPreview:
         return home if self._public_url is None else f"{self._public_url}/"
 
     async def _find(self, robots: tuple[str, ...], wait_s: float) -> _OpenRobots | None:
-        """Return what anyone may see; None when that is not so of one of these robots."""
+        """Return these robots as anyone sees them; None if one of them is not public."""
         summaries = [find_open_summary(self._access, robot) for robot in robots]
         found = [summary for summary in summaries if summary is not None]
         if len(found) < len(robots):

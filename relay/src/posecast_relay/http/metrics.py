@@ -1,4 +1,4 @@
-"""Serves Prometheus metrics on a port of their own, since viewers need not see them."""
+"""Serves Prometheus metrics on a separate port, so that they need not be public."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ EVICTIONS = (Close.HALF_OPEN, Close.NO_ACK, Close.EVENTS_FULL)
 
 
 class MirrorStats(Protocol):
-    """The counters of a mirror. `written`: its requests, by `sent` and `failed`."""
+    """The counters of a mirror. `written`: its requests, `sent` and `failed`."""
 
     written: Counter[str]
     breaker: Breaker
 
 
 class PastStats(Protocol):
-    """The counters of a past that is kept. `added`, `crowded_out`: segments since the process began."""
+    """The counters of the recorded past. `added`, `crowded_out`: segments since the process started."""
 
     bytes: int
     added: int
@@ -38,19 +38,19 @@ class PastStats(Protocol):
 
 
 class PastWayStats(Protocol):
-    """The counters of a way by which the past goes through Redis. `passed_over`: what is none there."""
+    """The counters of the past's connection to Redis. `passed_over`: invalid entries there."""
 
     passed_over: int
 
     def find_trouble(self) -> str | None:
-        """Return what is wrong with it; None when all is well."""
+        """Return the present problem; None if it works."""
 
     def get_exchanges(self) -> tuple[Histogram, int]:
-        """Return how long exchanges took, and how often it was lost."""
+        """Return how long exchanges took, and how often the connection was lost."""
 
 
 class HeldStats(Protocol):
-    """The counters of the requests that wait for the next segment of a past."""
+    """The counters of requests that wait for the next segment."""
 
     count: int
     turned_away: int
@@ -59,7 +59,7 @@ class HeldStats(Protocol):
 
 @runtime_checkable
 class PastWriterStats(Protocol):
-    """The counters of a way by which segments go to Redis."""
+    """The counters of segments written to Redis."""
 
     written: int
     dropped: int
@@ -80,11 +80,11 @@ class RelayCollector(Collector):
         measure_config: Callable[[], Mapping[str, int]] = dict,
         find_expiries: Callable[[], Mapping[str, float]] = dict,
     ) -> None:
-        """`dispatchers`: the live one first, then that of the delayed viewers.
+        """`dispatchers`: the live one, then the one for delayed viewers.
 
-        `refused` returns how many publishers were refused so far; `measure_config`, whether the files of the
-        configuration are good (1), by what they are; `find_expiries`, when the certificates in use expire, in
-        unix seconds by the flag that names the file.
+        `refused` returns how many publishers were refused so far. `measure_config` returns for each kind of
+        configuration file whether it is valid (1) or not (0). `find_expiries` returns when the certificates
+        in use expire, in unix seconds, by the flag that names the file.
         """
         self._refused = refused
         self._dispatcher = dispatchers[0]
@@ -107,17 +107,19 @@ class RelayCollector(Collector):
         viewers = sum(len(each.viewers) for each in self._hubs) - previews
         now = self._dispatcher.now()
         yield GaugeMetricFamily("posecast_viewers", "Viewers connected", viewers)
-        yield GaugeMetricFamily("posecast_previews", "Cards of lists that move: no viewers", previews)
+        yield GaugeMetricFamily(
+            "posecast_previews", "Live previews in lists; not counted as viewers", previews
+        )
         yield _make_labelled(
             "posecast_robots",
-            "Robots by liveness",
+            "Robots by status",
             "state",
             _count_statuses(self._dispatcher, now),
             GaugeMetricFamily,
         )
         yield _make_labelled(
             "posecast_edge_frames",
-            "Frames from edges by what became of them",
+            "Frames from robots by result",
             "fate",
             hub.outcomes,
             CounterMetricFamily,
@@ -131,20 +133,20 @@ class RelayCollector(Collector):
             "posecast_faults", "Faults of the relay's own code", "error", faults, CounterMetricFamily
         )
         yield CounterMetricFamily(
-            "posecast_publishers_refused", "Edges that were not let in", self._refused()
+            "posecast_publishers_refused", "Publishers that were refused", self._refused()
         )
         yield _make_labelled(
             "posecast_config_up",
-            "Whether the files that it follows can be taken",
+            "Whether the configuration files are valid",
             "file",
             self._measure_config(),
             GaugeMetricFamily,
         )
         delivered = sum(each.delivered for each in self._hubs) + sum(room.delivered for room in rooms)
-        yield CounterMetricFamily("posecast_delivered_frames", "Frames handed to viewers", delivered)
+        yield CounterMetricFamily("posecast_delivered_frames", "Frames sent to viewers", delivered)
         skipped = sum(each.skipped for each in self._hubs) + sum(room.skipped for room in rooms)
         yield CounterMetricFamily(
-            "posecast_skipped_frames", "Frames that viewers were due and could not take", skipped
+            "posecast_skipped_frames", "Frames not sent to viewers that were too slow", skipped
         )
         shaken = self._dispatcher.handshakes
         yield _make_labelled(
@@ -152,20 +154,22 @@ class RelayCollector(Collector):
         )
         yield from _describe_endings(self._hubs)
         ceiling_hz = min(each.load.ceiling_hz for each in self._hubs)
-        yield GaugeMetricFamily("posecast_ceiling_hz", "Rate that overload leaves; +Inf = all", ceiling_hz)
+        yield GaugeMetricFamily(
+            "posecast_ceiling_hz", "Highest frame rate that overload allows; +Inf = no limit", ceiling_hz
+        )
         yield GaugeMetricFamily("posecast_tasks", "Tasks on the event loop", self._dispatcher.tasks)
         yield _make_histogram(
-            "posecast_frame_lateness_seconds", "Edge to relay, above the least", hub.lateness
+            "posecast_frame_lateness_seconds", "Delay from robot to relay, above the lowest", hub.lateness
         )
         yield _make_histogram(
-            "posecast_fan_out_seconds", "To hand out what came in", self._dispatcher.fan_out
+            "posecast_fan_out_seconds", "Time to hand out received frames", self._dispatcher.fan_out
         )
         yield _make_histogram(
             "posecast_loop_lag_seconds", "How late the event loop is", self._dispatcher.loop_lag
         )
         yield _make_labelled(
             "posecast_certificate_expiry_timestamp_seconds",
-            "When the certificates towards robots expire",
+            "When the certificates for robots' connections expire",
             "flag",
             self._find_expiries(),
             GaugeMetricFamily,
@@ -176,9 +180,9 @@ class RelayCollector(Collector):
         if exchanges is not None:
             seconds, losses = exchanges
             yield _make_histogram(
-                "posecast_store_seconds", "Exchanges with the store, given up at 0.25", seconds
+                "posecast_store_seconds", "Exchanges with the store; they time out at 0.25", seconds
             )
-            yield CounterMetricFamily("posecast_store_losses", "Times that the store was lost", losses)
+            yield CounterMetricFamily("posecast_store_losses", "Times the store was lost", losses)
         if self._mirror is not None:
             yield from _describe_mirror(self._mirror)
         if self._past is not None:
@@ -195,55 +199,67 @@ def _describe_endings(hubs: Sequence[Hub]) -> Iterable[Metric]:
     endings: Counter[int] = sum((Counter(each.endings) for each in hubs), Counter())
     preview_endings: Counter[int] = sum((Counter(each.preview_endings) for each in hubs), Counter())
     for name, text, ended in (
-        ("posecast_endings", "Viewers let go, by close code", endings),
-        ("posecast_preview_endings", "Cards of lists let go, by close code", preview_endings),
+        ("posecast_endings", "Viewers disconnected, by close code", endings),
+        ("posecast_preview_endings", "Live previews disconnected, by close code", preview_endings),
     ):
         by_code = {str(int(code)): count for code, count in ended.items()}
         yield _make_labelled(name, text, "code", by_code, CounterMetricFamily)
     laned = sum(each.sent_to_lane for each in hubs)
-    yield CounterMetricFamily("posecast_lane_viewers", "Of those told full, who were told the lane", laned)
+    yield CounterMetricFamily(
+        "posecast_lane_viewers", "Viewers refused as full that were sent to the lane", laned
+    )
     evicted = sum(endings[code] for code in EVICTIONS)
-    yield CounterMetricFamily("posecast_evictions", "Viewers cut because they did not keep up", evicted)
+    yield CounterMetricFamily(
+        "posecast_evictions", "Viewers disconnected because they were too slow", evicted
+    )
 
 
 def _describe_mirror(mirror: MirrorStats) -> Iterable[Metric]:
     asked = {"sent": 0, "failed": 0} | mirror.written
-    text = "Requests to the mirror"
+    text = "Requests to the mirror's database"
     yield _make_labelled("posecast_mirror_requests", text, "result", asked, CounterMetricFamily)
     left = 1 if mirror.breaker.is_open else 0
-    yield GaugeMetricFamily("posecast_mirror_breaker_open", "Whether it is left alone", left)
+    yield GaugeMetricFamily(
+        "posecast_mirror_breaker_open", "Whether requests to it are paused after failures", left
+    )
 
 
 def _describe_past(past: PastStats, recorder: Recorder | None) -> Iterable[Metric]:
     yield CounterMetricFamily("posecast_past_segments", "Segments closed and kept", past.added)
     yield CounterMetricFamily(
-        "posecast_past_crowded_out_segments", "Of these, dropped before their time", past.crowded_out
+        "posecast_past_crowded_out_segments",
+        "Segments dropped early because memory was full",
+        past.crowded_out,
     )
     yield GaugeMetricFamily("posecast_past_bytes", "Memory that the past takes", past.bytes)
     faults = 0 if recorder is None else sum(Counter(recorder.faults).values())
-    yield CounterMetricFamily("posecast_past_faults", "Recordings that failed and began anew", faults)
+    yield CounterMetricFamily("posecast_past_faults", "Recordings that failed and were restarted", faults)
 
 
 def _describe_way(way: PastWayStats) -> Iterable[Metric]:
     seconds, losses = way.get_exchanges()
     up = 0 if way.find_trouble() else 1
-    yield GaugeMetricFamily("posecast_past_redis_up", "Whether the past goes through Redis", up)
-    yield _make_histogram("posecast_past_redis_seconds", "Exchanges for it, given up at 0.25", seconds)
-    yield CounterMetricFamily("posecast_past_redis_losses", "Times that Redis was lost to it", losses)
-    yield CounterMetricFamily("posecast_past_redis_passed_over", "What is damaged there", way.passed_over)
+    yield GaugeMetricFamily("posecast_past_redis_up", "Whether the past can use Redis", up)
+    yield _make_histogram(
+        "posecast_past_redis_seconds", "Exchanges with Redis for the past; they time out at 0.25", seconds
+    )
+    yield CounterMetricFamily("posecast_past_redis_losses", "Times the past lost Redis", losses)
+    yield CounterMetricFamily(
+        "posecast_past_redis_passed_over", "Damaged entries in Redis that were ignored", way.passed_over
+    )
     if isinstance(way, PastWriterStats):
         fates = {"written": way.written, "dropped": way.dropped}
-        text = "Segments for Redis by what became of them"
+        text = "Segments for Redis by result"
         yield _make_labelled("posecast_past_redis_segments", text, "fate", fates, CounterMetricFamily)
 
 
 def _describe_held(held: HeldStats) -> Iterable[Metric]:
     text = "Requests that wait for the next segment"
     yield GaugeMetricFamily("posecast_past_held_requests", text, held.count)
-    text = "Of such, answered at once since so many wait"
+    text = "Requests answered at once because too many are waiting"
     yield CounterMetricFamily("posecast_past_turned_away_requests", text, held.turned_away)
     given = {"segment": 0, "next": 0, "not yet": 0, "none": 0} | held.answers
-    text = "Requests for a segment by what they got"
+    text = "Requests for a segment by answer"
     yield _make_labelled("posecast_past_segment_requests", text, "result", given, CounterMetricFamily)
 
 
@@ -289,9 +305,9 @@ def start_metrics(
     find_expiries: Callable[[], Mapping[str, float]] = dict,
     join: Callable[[Collector], Collector] | None = None,
 ) -> tuple[int, Callable[[], None]]:
-    """Serve metrics on `host`:`port` (0 = any free); returns the port and a function that stops it.
+    """Serve metrics on `host`:`port` (0 = any free). Return the port and a function that stops serving.
 
-    `join` adds those of other processes of this relay. Raises OSError when the port is in use.
+    `join` adds the metrics of this relay's other processes. Raises OSError if the port is in use.
     """
     registry = CollectorRegistry()
     sources = (mirror, refused, past, way, held, archive, measure_config, find_expiries)

@@ -1,7 +1,7 @@
-"""Sends a model's file as an HTTP answer: cacheable for ever, compressed where that helps, and in pieces.
+"""Sends a model's file as an HTTP answer: cacheable forever, compressed if that helps, and in pieces.
 
-A piece is copied from what is kept when it is its turn. So an answer that nobody reads holds one piece of a
-file, and what is kept can go at any time: then the answer breaks off, and its asker asks anew.
+Each piece is copied from the cache just before it is sent. So a stalled answer holds only one piece, and the
+cache can drop a file at any time. The answer is then aborted, and the client has to ask again.
 """
 
 from __future__ import annotations
@@ -21,17 +21,19 @@ from posecast_relay.streaming.http_connection import AnswerAborted
 
 PIECE_BYTES = 16 << 10
 PIECES_PER_TURN = 16  # of the event loop
-# A model comes from a robot. Opened as a page of its own, nothing in it may run or load anything.
+# A model comes from a robot and is not trusted: as a page in a browser it must not run or load anything.
 MODEL_HEADERS = OPEN | {
     "cache-control": "public, max-age=31536000, immutable",
     "content-security-policy": "default-src 'none'; sandbox",
     "x-content-type-options": "nosniff",
 }
-PACK_UP_TO_BYTES = 4_000_000  # a finest level; packing more would keep its first viewer waiting
+PACK_UP_TO_BYTES = (
+    4_000_000  # the finest level of a mesh; compressing larger files would delay the first viewer
+)
 
 
 class PiecewiseResponse(Response):
-    """An answer that sends what `models` keep under a name, piece by piece."""
+    """An answer that sends a cached file piece by piece. `models`: the cache."""
 
     def __init__(
         self, models: ModelCache, name: str, size: int, type_: str, headers: Mapping[str, str]
@@ -42,7 +44,7 @@ class PiecewiseResponse(Response):
         self._size = size
 
     async def __call__(self, scope: Scope, _receive: Receive, send: Send) -> None:
-        """Send the answer, as ASGI defines. Raises AnswerAborted when the file is no longer kept."""
+        """Send the answer, as ASGI defines. Raises AnswerAborted if the file is no longer cached."""
         await send({"type": "http.response.start", "status": self.status_code, "headers": self.raw_headers})
         if scope["method"] == "HEAD" or not self._size:
             await send({"type": "http.response.body", "body": b""})
@@ -60,7 +62,7 @@ class PiecewiseResponse(Response):
 async def make_model_answer(
     request: Request, models: ModelCache, packed: GzipCache, robot: str, found: ModelFile
 ) -> Response:
-    """Make the answer for a model's file; 304 if the asker has it already."""
+    """Make the answer for a model's file; 304 if the client already has it."""
     name, type_, size = found
     headers = MODEL_HEADERS | {"etag": f'"{name}"', "vary": "accept-encoding"}
     if has_already(request, headers["etag"]):

@@ -1,8 +1,8 @@
-"""What a path without `#` names on the page, and the page as it is served there.
+"""Serves the page under paths without `#`, such as `/r/demo`.
 
-The page's own routes stand behind `#`, so that one build works under any path of any host. A person types
-`/r/demo`, and a chat that shows a link asks for nothing behind `#`: so the relay answers such a path by the
-page itself, told how many folders above its files are.
+The page's own routes follow a `#`, so that one build works under any path of any host. But people type
+`/r/demo`, and chats don't send the part after `#`. So the relay answers such a path with the page, and tells
+it how many folders up its files are.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 
 SIDE_BY_SIDE_MAX = 6  # as in the page's own routes (spa/src/app/state/route.ts)
-LEVELS_MAX = 16  # a path that lies deeper was typed by nobody
+LEVELS_MAX = 16  # nobody types a deeper path
 NAME = r"[a-z0-9][a-z0-9-]{0,62}"
 ROBOTS = re.compile(rf"/r/(?P<robots>{NAME}(?:\+{NAME}){{0,{SIDE_BY_SIDE_MAX - 1}}})/?")
 OF_THE_PAGE = re.compile(r'(?P<name>\b(?:href|src))="\./')
@@ -23,16 +23,16 @@ def read_robots(path: str) -> tuple[str, ...] | None:
 
 
 def find_home(path: str) -> str | None:
-    """Return how a browser at this path, as it stands in the request, names the folder of the page.
+    """Return the relative URL of the page's folder for a browser at this request path.
 
-    None when the path is too deep.
+    None if the path is too deep.
     """
     levels = path.count("/") - 1
     return None if levels > LEVELS_MAX else "../" * levels or "./"
 
 
 def place_page(page: str, home: str, more: str = "") -> str:
-    """Return the page's HTML as it has to be where its files are in the folder `home`.
+    """Return the page's HTML, adapted to files in the folder `home`.
 
     `more` is HTML for its head.
     """

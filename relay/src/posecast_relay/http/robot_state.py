@@ -1,4 +1,4 @@
-"""The newest state as plain JSON, for scripts and notebooks. Decoded only when somebody asks."""
+"""Returns the newest state as plain JSON, for scripts and notebooks. Decodes only on request."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from posecast_relay.http.state_balance import StateBalance
 from posecast_relay.plain_json import json_bytes
 from posecast_relay.streaming.decode_cache import DecodeCache, list_field_values
 
-DECODE_S = 0.1  # at most ten times a second, however many ask
+DECODE_S = 0.1  # minimum time between two decodings, for any number of requests
 
 
 class _Known(NamedTuple):
@@ -25,11 +25,11 @@ class _Known(NamedTuple):
 
     at: float
     age_s: float
-    text: bytes  # what is said of it, as members of the document
+    text: bytes  # its members of the document
 
 
 class StateReader:
-    """Decodes a stream's newest frame, at most ten times a second per stream, or as often as a grant says."""
+    """Decodes a stream's newest frame, at most ten times a second per stream, or at the grant's rate."""
 
     def __init__(self, now: Callable[[], float], decoded: DecodeCache) -> None:
         self._now = now
@@ -40,14 +40,14 @@ class StateReader:
     def read(
         self, robot: Robot, room: Room, hz: float, model: BalanceModel | NoBalance | None = None
     ) -> bytes:
-        """Return a room's newest state as JSON; `hz`: how often it may be decoded; `model`: by which its
-        balance is told, None of a robot without one.
+        """Return a room's newest state as JSON. `hz`: how often it may be decoded. `model`: the model for its
+        balance; None if the robot has none.
 
-        There must be a newest frame.
+        The room must have a newest frame.
         """
         now, stream = self._now(), room.stream
         every_s = max(DECODE_S, 1 / hz)
-        of_stream = self._known.setdefault(stream, {})  # by rate: as many as a policy names
+        of_stream = self._known.setdefault(stream, {})  # by rate: at most as many as the policy has
         known = of_stream.get(every_s)
         age_s = stream.compute_age_s(now)
         if known is None or now - known.at >= every_s:
@@ -56,7 +56,7 @@ class StateReader:
                 known = of_stream[every_s] = _Known(
                     now, age_s or 0.0, _encode_frame(frame, self._tell_balance(stream, frame, model))
                 )
-        if known is not None:  # of what is shown: a newer frame may not have been decoded yet
+        if known is not None:  # the age of the decoded frame: a newer one may not be decoded yet
             age_s = known.age_s + now - known.at
         document = {
             "robot": stream.robot,
@@ -82,7 +82,7 @@ def _encode_frame(frame: Frame, balance: Mapping[str, Any] | None) -> bytes:
 
 
 def _read_fields(frame: Frame) -> dict[str, Any]:
-    """Return the values by field and label; of a field of bits, the names of those that are set."""
+    """Return the values by field and label; for a field of bits, the names of the set bits."""
     found: dict[str, Any] = {}
     for field in frame.schema.fields:
         codes = frame.codes[field.start : field.start + field.size]
@@ -92,5 +92,5 @@ def _read_fields(frame: Frame) -> dict[str, Any]:
             values = list(list_field_values(frame, field))
         found[field.name] = {"unit": field.unit, "values": dict(zip(field.labels, values, strict=True))}
         if units := frame.schema.mapping.units.get(field.name):
-            found[field.name]["units"] = dict(units)  # of channels whose unit is another
+            found[field.name]["units"] = dict(units)  # of channels with a different unit
     return found

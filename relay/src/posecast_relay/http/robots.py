@@ -1,4 +1,4 @@
-"""JSON documents about robots. Each shows only what the asker may see."""
+"""Makes JSON documents about robots. Each shows only what the client may see."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ VEILED = {"age_ms": None, "seq": None, "hz": None, "model": None}
 
 
 def make_robots_document(access: Access, who: Principal, now: float, publish_at: str | None) -> bytes:
-    """Return the list of robots as JSON: all whose edge was heard, here or by the processes that fill the
-    store. `publish_at`: where anybody may publish, on the relay's own machine; None when nobody may who has
-    no credential, and for whoever asks from elsewhere.
+    """Return the list of robots as JSON: all that were heard here or by processes that write to the store.
+    `publish_at`: where programs on the relay's machine can publish without a credential. None if they can't,
+    or if the client is on another machine.
     """
     told = access.live.store.list_robots()
     if told is None:
@@ -32,14 +32,14 @@ def make_robots_document(access: Access, who: Principal, now: float, publish_at:
             summary = _find_summary(access, grant, doc, now)
             if summary is not None and not _never_spoke(summary, grant):
                 shown.append(json_bytes(summary | {"viewers": _count_viewers(access, doc["robot"])}))
-        except Exception as e:  # a mistake of ours: the others are shown
+        except Exception as e:  # a bug in the relay: show the others
             access.live.report_fault("a robot in the list", e)
     more = b"" if publish_at is None else json_bytes({"publish_at": publish_at})[1:-1] + b","
     return b"{" + more + b'"robots":[' + b",".join(shown) + b"]}"
 
 
 def find_open_summary(access: Access, robot: str) -> dict[str, Any] | None:
-    """Return one robot's entry in the list as anyone sees it; None when they do not."""
+    """Return one robot's entry in the list as anyone sees it; None if it is not public."""
     grant = access.judge(Applicant(robot, who=ANYONE))
     if isinstance(grant, Refusal):
         return None
@@ -50,15 +50,15 @@ def find_open_summary(access: Access, robot: str) -> dict[str, Any] | None:
 
 
 def _never_spoke(summary: dict[str, Any], grant: Grant) -> bool:
-    """Whether a robot has left without a frame: nobody could watch it, now or then."""
-    hidden = grant.view != PUBLIC  # another process may have heard frames of a view that it does not tell of
+    """Whether a robot has left without sending a frame, so that nobody could ever watch it."""
+    hidden = grant.view != PUBLIC  # other processes report only the public view
     return summary["status"] == "offline" and summary.get("age_ms") is None and not hidden
 
 
 def _find_summary(access: Access, grant: Grant, doc: dict[str, Any], now: float) -> dict[str, Any] | None:
-    """Return one robot's entry for this asker.
+    """Return one robot's entry for this client.
 
-    `doc`: the public view without delay, as another process saw it.
+    `doc`: the public view without delay, as reported by another process.
     """
     if "status" in doc and grant.delay_s == 0:
         return doc if grant.view == PUBLIC else doc | VEILED | {"name": grant.robot}
@@ -67,7 +67,7 @@ def _find_summary(access: Access, grant: Grant, doc: dict[str, Any], now: float)
 
 
 def make_robot_document(access: Access, grant: Grant, robot: Robot, room: Room | None, now: float) -> bytes:
-    """Return one robot as JSON, with the schema and info of the view that the asker may see."""
+    """Return one robot as JSON, with the schema and info of the view that the client may see."""
     stream = room.stream if room else None
     schema = stream.schema if stream else None
     document = make_robot_summary(robot, room, now) | {
@@ -78,12 +78,12 @@ def make_robot_document(access: Access, grant: Grant, robot: Robot, room: Room |
         "info": stream.info if stream else {},
         "schema_id": f"{schema.id:08x}" if schema else None,
     }
-    told = schema.text.encode() if schema else b"null"  # as it came: it need not be taken apart for that
+    told = schema.text.encode() if schema else b"null"  # as received: no need to parse it
     return json_bytes(document)[:-1] + b',"schema":' + told + b"}"
 
 
 def make_robot_summary(robot: Robot, room: Room | None, now: float) -> dict[str, Any]:
-    """Return one robot's entry in the list, by one of its views."""
+    """Return one robot's entry in the list, based on one of its views."""
     stream = room.stream if room else None
     age_s = stream.compute_age_s(now) if stream else None
     interval_s = stream.cadence.interval_s if stream else 0.0

@@ -1,4 +1,4 @@
-"""Balance in a robot's state: of one frame alone, computed only when somebody asks."""
+"""Computes the balance in a robot's state from a single frame, only on request."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from posecast_relay.http.balance_models import NoBalance
 from posecast_relay.kinematics.link_poses import FrameReadings, LinkPoses
 from posecast_relay.streaming.turns import Turns
 
-# Balance is computed in the turn of the loop in which all viewers are served.
-LINK_US, FOOT_US, CHANNEL_US = 15, 100, 1  # what it takes for each, about; 0.4 ms for the demo robot
-ROBOT_US_PER_S = 40_000  # for one robot; states beyond go without
-US_PER_S = 100_000  # for all robots, each the same share
-NAMED_MAX = 3  # joints without a reading that are told by name
+# The event loop that serves all viewers also computes balance, so its time is limited.
+LINK_US, FOOT_US, CHANNEL_US = 15, 100, 1  # approximate cost of each; 0.4 ms for the demo robot
+ROBOT_US_PER_S = 40_000  # for one robot; further states have no balance
+US_PER_S = 100_000  # for all robots, shared equally
+NAMED_MAX = 3  # joints without a reading that are listed by name
 
 Choices = WeakKeyDictionary[Stream, tuple[Schema, ReferenceType[BalanceModel], FootChoice]]
 
@@ -36,9 +36,9 @@ class StateBalance:
     def make_document(
         self, stream: Stream, frame: Frame, model: BalanceModel | NoBalance
     ) -> Mapping[str, Any] | None:
-        """The member `balance` of a state; None where a robot has no masses and stands on nothing known.
+        """Return the member `balance` of a state; None if the robot has no masses and its support is unknown.
 
-        A joint without a reading in this frame that carries next to nothing is at rest.
+        A joint without a reading counts as at rest if it carries almost no mass.
         """
         if isinstance(model, NoBalance):
             return _tell_none(model.code, model.detail)
@@ -68,13 +68,13 @@ class StateBalance:
 
 
 def _name_joints(joints: Sequence[str]) -> str:
-    """Which have no reading, the first of them by name; "" for none."""
+    """List the joints without a reading, the first ones by name; "" if there are none."""
     more = f" and {len(joints) - NAMED_MAX} more" if len(joints) > NAMED_MAX else ""
     return f"no reading of {', '.join(joints[:NAMED_MAX])}{more}" if joints else ""
 
 
 def _has_positions(frame: Frame) -> bool:
-    """Whether any joint has a reading: without one nobody knows how the robot stands."""
+    """Whether any joint has a reading; without one the pose is unknown."""
     field = frame.schema.find_field("pos")
     return field is not None and any(
         code != MISSING for code in frame.codes[field.start : field.start + field.size]

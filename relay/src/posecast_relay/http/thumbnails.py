@@ -1,4 +1,4 @@
-"""Finds the small picture in a robot's model, which stands in its manifest as `thumbnail`, and checks it."""
+"""Finds and checks the small picture in a robot's model, the manifest's `thumbnail`."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from posecast_relay.models.picture import PICTURE_TYPES, PictureError, PictureSi
 from posecast_relay.models.refusal_memory import RefusalMemory
 
 PICTURE_BYTES_MAX = 500_000
-KEPT = 1000  # names of pictures, and sizes; beyond, all are found anew
-LOADING_MAX = 64  # pictures under way for previews; robots beyond have none until there is a place
+KEPT = 1000  # cached names and sizes of pictures; beyond this, the cache starts over
+LOADING_MAX = 64  # pictures loaded for previews at once; further robots have none until a place is free
 
 
 class Thumbnails:
-    """Finds the pictures of models. A manifest is read once, and a picture checked once, however many ask."""
+    """Finds the pictures of models. Reads each manifest once and checks each picture once."""
 
     def __init__(self, models: ModelCache, now: Callable[[], float] = time.monotonic) -> None:
         """`now` is a clock in seconds."""
@@ -28,9 +28,7 @@ class Thumbnails:
         self._paths: dict[str, str] = {}  # by the model's digest
         self._checked: dict[Entry, PictureSize | str] = {}  # or why it is refused
         self._loading: dict[tuple[str, str], tuple[asyncio.Task[PictureSize], float]] = {}  # begun when
-        self._away = RefusalMemory(
-            now
-        )  # pictures that could not be had lately, so that nobody waits for them
+        self._away = RefusalMemory(now)  # pictures that failed to load lately, so that nobody waits for them
 
     async def load_picture(self, robot: str, digest: str) -> ModelFile:
         """Fetch the picture of a robot's model, unless it is kept. Raises Absent or Unavailable."""
@@ -51,7 +49,7 @@ class Thumbnails:
             self._loading[name] = asyncio.create_task(self._measure(*name), name="picture"), self._now()
             self._loading[name][0].add_done_callback(lambda done: self._loaded(name, done))
         task, begun_s = self._loading[name]
-        # also without waiting the task has one turn, which is enough for what is kept
+        # even with no time to wait, the task gets one turn: enough if the picture is cached
         await asyncio.wait({task}, timeout=max(0.0, begun_s + wait_s - self._now()))
         return task.result() if task.done() and not task.cancelled() and task.exception() is None else None
 
@@ -70,17 +68,17 @@ class Thumbnails:
         if entry is None or entry.type not in PICTURE_TYPES or entry.size > PICTURE_BYTES_MAX:
             raise Absent("no picture in this model")
         if isinstance(self._checked.get(entry), str):
-            self._check(entry)  # without fetching it again
+            self._check(entry)  # from the cache, without another fetch
         found = await self._models.load_file(robot, digest, self._find_path(digest))
         return found, self._check(entry)
 
     def _check(self, entry: Entry) -> PictureSize:
-        """Return the size of a picture that is kept. Raises Absent when it is none, or too large."""
+        """Return the size of a cached picture. Raises Absent if it is not a picture, or too large."""
         size = self._checked.get(entry)
         if size is None:
             data = self._models.find_data(entry.sha256)
             if data is None:
-                raise Unavailable("this model had to give way to other robots'")
+                raise Unavailable("no memory for this model: other robots' models need it")
             try:
                 size = read_picture_size(data, entry.type)
             except PictureError as e:
@@ -93,7 +91,7 @@ class Thumbnails:
         return size
 
     def _find_path(self, digest: str) -> str:
-        """Return the picture's path in a model whose manifest is kept; "" without one."""
+        """Return the picture's path in a model whose manifest is cached; "" without one."""
         path = self._paths.get(digest)
         if path is None:
             manifest = loads(bytes(self._models.find_data(digest) or b"{}").decode())

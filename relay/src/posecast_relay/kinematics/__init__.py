@@ -1,1 +1,1 @@
-"""Where the links of a model are."""
+"""Computes the poses of a model's links."""

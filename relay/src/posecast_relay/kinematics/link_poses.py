@@ -1,7 +1,7 @@
-"""Where the links of a model are, frame by frame, as the page shows them: joints by the schema's mapping, the
-root by odometry, else standing on its lowest point, as upright as the body's IMU says.
+"""Computes the poses of a model's links, frame by frame, as the page shows them.
 
-What has no reading in a frame stays where it was last known, as on the page.
+Joints follow the schema's mapping. The root follows odometry; without it, the robot stands on its lowest
+point, tilted as the body's IMU measures. Without a reading in a frame, the last known value is used.
 """
 
 from __future__ import annotations
@@ -139,7 +139,7 @@ class LinkPoses:
         return placed
 
     def _stand(self, readings: FrameReadings) -> LinkPose:
-        """world_from_root of a robot that does not know where it is."""
+        """world_from_root of a robot without odometry."""
         root_from_link = self._compose(AT_ORIGIN)
         quat = self._lean(readings, root_from_link)
         lowest = math.inf

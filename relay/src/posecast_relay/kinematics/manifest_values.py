@@ -1,4 +1,4 @@
-"""Values of a model's manifest. A robot wrote it, so each is checked."""
+"""Checks values of a model's manifest, because it comes from a robot."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""What kinematics needs of a model's manifest (docs/reference/model-bundle.md, version 2): links, joints,
-and boxes to stand on. A robot wrote it, so everything is checked, by the rules of the page's reader."""
+"""Reads from a model's manifest (docs/reference/model-bundle.md, version 2) what kinematics needs: links,
+joints, and boxes to stand on. It comes from a robot, so everything is checked, as in the page's reader."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LENGTH_SLACK = 1e-3  # by which a unit vector's length may differ from 1
 Quat = tuple[float, float, float, float]  # w, x, y, z
 Box = tuple[Xyz, Xyz]  # lowest and highest corner, metres
 
-# what a joint's readings are called after its own name, and their values at rest
+# suffixes of the names of a joint's readings, and their values at rest
 VARIABLES: Mapping[str, tuple[tuple[str, float], ...]] = {
     "fixed": (),
     "revolute": (("", 0.0),),

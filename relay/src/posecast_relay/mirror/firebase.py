@@ -1,8 +1,8 @@
-"""Copies the public views to a Firebase Realtime Database, for pages that reach no relay.
+"""Copies the public views to a Firebase Realtime Database, for pages that can't reach a relay.
 
-It runs in a task of its own and sends one request at a time, each given up after 5 s; after three failures in
-a row it pauses. What not everybody may see is never written, and deleted if it is there. It speaks the
-database's REST API itself: firebase-admin would block a thread for seconds when the database is away.
+The mirror runs in one task and sends one request at a time, with a timeout of 5 s. It pauses after three
+failures in a row. It never writes views that are not public, and deletes them if they exist. It uses the
+database's REST API directly, because firebase-admin blocks a thread for seconds when the database is away.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ log = logging.getLogger("posecast_relay")
 
 ROOT = "posecast"
 GIVE_UP_S = 5.0
-BATCH_BYTES = 1_000_000  # of a request; further robots go into another one
+BATCH_BYTES = 1_000_000  # of a request; further robots go into the next one
 SCOPES = tuple(f"https://www.googleapis.com/auth/{name}" for name in ("firebase.database", "userinfo.email"))
-OWNER = "owner"  # what emulators and test doubles take for a service account
+OWNER = "owner"  # the token that emulators and test doubles accept as a service account
 
 
 class ServiceAccount:
-    """The service account that `GOOGLE_APPLICATION_CREDENTIALS` or the platform names."""
+    """The service account from `GOOGLE_APPLICATION_CREDENTIALS` or the platform."""
 
     def __init__(self) -> None:
         self._credentials: Credentials | None = None
 
     async def get_token(self) -> str:
-        """Return an access token; ask Google for one once an hour, in a thread. Raises GoogleAuthError."""
+        """Return an access token; get a new one once an hour, in a thread. Raises GoogleAuthError."""
         found = self._credentials
         if found is None or not found.valid:
             found = self._credentials = await asyncio.to_thread(self._fetch)
@@ -59,20 +59,20 @@ class ServiceAccount:
 
 
 class FirebaseMirror:
-    """Writes what `access` shows to everybody into the database at `url`, at 2 Hz at most."""
+    """Writes the public views of `access` to the database at `url`, at 2 Hz at most."""
 
     def __init__(self, url: str, access: Access) -> None:
         self.written: Counter[str] = Counter()  # requests: sent, failed
         self.breaker = Breaker()
         self._url = f"{url.rstrip('/')}/{ROOT}.json"
         self._access = access
-        # a database in the clear is on this machine, and asks for no account
+        # a database without TLS is on this machine and needs no account
         self._account = ServiceAccount() if url.startswith("https:") else None
         self._mirror = Mirror()
         self._adopted = False
 
     async def run(self) -> None:
-        """Write changes until cancelled. What was written stays; its age shows that it is not updated."""
+        """Write changes until cancelled. The data stays in the database; its age shows that it is old."""
         now = self._access.live.now
         async with httpx.AsyncClient(timeout=GIVE_UP_S, trust_env=self._account is not None) as client:
             due = now()
@@ -83,12 +83,12 @@ class FirebaseMirror:
                     continue
                 try:
                     await self._look(client)
-                except Exception:  # a mistake of ours: no robot may end the mirror of all others
+                except Exception:  # a bug in the relay: one robot must not stop the mirror of all others
                     log.exception("mirror")
-                    self._failed("a mistake in the relay")
+                    self._failed("internal error of the relay")
 
     async def _look(self, client: httpx.AsyncClient) -> None:
-        """Write all that has changed since the last time."""
+        """Write everything that has changed since the last call."""
         live = self._access.live
         if not self._adopted:
             found = await self._ask(client, "GET", {"shallow": "true"})
@@ -99,12 +99,12 @@ class FirebaseMirror:
         changes = self._mirror.find_changes(dict(self._shown()), live.now(), live.unix_s())
         for batch, body in split_batches(changes):
             if await self._ask(client, "PATCH", {"print": "silent"}, body) is None:
-                self._mirror.record_lost(changes)  # later batches as well: made anew
+                self._mirror.record_lost(changes)  # and later batches: they are made again
                 return
             self._mirror.record_written(batch)
 
     def _shown(self) -> Iterator[tuple[str, VisibleRobot]]:
-        """Yield what everybody may see now, but no robot with a cap: a mirror's viewers can't be counted."""
+        """Yield the public robots, except those with a limit of viewers: a mirror can't count viewers."""
         live = self._access.live
         for name in [robot.name for robot in live.hub.robots.values() if robot.heard_at is not None]:
             try:
@@ -127,7 +127,7 @@ class FirebaseMirror:
     async def _ask(
         self, client: httpx.AsyncClient, method: str, parameters: dict[str, str], body: bytes | None = None
     ) -> list[str] | None:
-        """Send a request and return the names in the answer; count a failure and return None."""
+        """Send a request and return the names in the answer. On failure, count it and return None."""
         try:
             async with asyncio.timeout(GIVE_UP_S):
                 token = OWNER if self._account is None else await self._account.get_token()
@@ -155,14 +155,14 @@ class FirebaseMirror:
         self.written["failed"] += 1
         now = self._access.live.now()
         if self.breaker.record_failure(now):
-            log.warning("mirror: the database does not take it (%s); tried again more seldom", why)
-        self.breaker.postpone(random.random())  # several relays do not come back as one
+            log.warning("mirror: writing to the database failed (%s); retrying less often", why)
+        self.breaker.postpone(random.random())  # spreads the retries of several relays
 
 
 def split_batches(changes: Mapping[str, NodeChange]) -> Iterator[tuple[dict[str, NodeChange], bytes]]:
     """Split changes into requests of about BATCH_BYTES, each with its body.
 
-    A body is a multi-path update, which the database applies as a whole.
+    A body is a multi-path update, which the database applies atomically.
     """
     batch: dict[str, NodeChange] = {}
     parts: list[str] = []

@@ -1,1 +1,1 @@
-"""Fetches robots' models, verifies them, and keeps them in bounded memory."""
+"""Fetches robots' models, verifies them, and caches them in bounded memory."""

@@ -1,4 +1,4 @@
-"""Reads a model's manifest, the list of its files. A robot wrote it, so everything in it is checked."""
+"""Reads a model's manifest, the list of its files. It comes from a robot, so everything is checked."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from posecast_wire.checked import loads
 
 BYTES_MAX = 1 << 20
 FILES_MAX = 4096
-FILE_BYTES_MAX = 1 << 30  # of one file, as a manifest may say; what a relay keeps is a setting
+FILE_BYTES_MAX = 1 << 30  # of one file in a manifest; --model-cache-mb limits what a relay caches
 MODEL_BYTES_MAX = 1 << 32  # of all files of a model
 PATH_MAX = 200  # characters
-# a path in an address: no way out of the model's own, and nothing that would have to be escaped there
+# a path that can't leave the model's folder and needs no escaping in a URL
 PATH = re.compile(r"(?!\.{1,2}(/|$))[\w@+=,~.-][\w @+=,~.-]*(/(?!\.{1,2}(/|$))[\w@+=,~.-][\w @+=,~.-]*)*")
 SHA256 = re.compile("[0-9a-f]{64}")
 TYPE = re.compile(r"[a-z]{1,40}/[a-z0-9.+-]{1,60}|")
 
 
 class ManifestError(ValueError):
-    """A manifest is wrong. The message is one line that quotes nothing of it."""
+    """A manifest is invalid. The message is one line that quotes nothing from it."""
 
 
 class Entry(NamedTuple):
-    """A file of a model: the SHA-256 of its bytes in hex, its size in bytes, its media type or ''."""
+    """A file of a model: its SHA-256 in hex, its size in bytes, and its media type or ''."""
 
     sha256: str
     size: int
@@ -46,9 +46,9 @@ def read_manifest(data: bytes) -> dict[str, Entry]:
     for number, each in enumerate(listed):
         path, entry = _entry(each, f"files[{number}]")
         if path in found:
-            raise ManifestError(f"files[{number}]: its path stands there twice")
+            raise ManifestError(f"files[{number}]: its path is listed twice")
         if sizes.setdefault(entry.sha256, entry.size) != entry.size:
-            raise ManifestError(f"files[{number}]: another size for the same bytes")
+            raise ManifestError(f"files[{number}]: the same SHA-256 has another size elsewhere")
         found[path] = entry
     if sum(entry.size for entry in found.values()) > MODEL_BYTES_MAX:
         raise ManifestError(f"files: over {MODEL_BYTES_MAX} bytes in all")
@@ -60,7 +60,7 @@ def _entry(doc: object, where: str) -> tuple[str, Entry]:
         raise ManifestError(f"{where}: want an object")
     path, size, sha256, kind = doc.get("path"), doc.get("size"), doc.get("sha256"), doc.get("type", "")
     if not isinstance(path, str) or len(path) > PATH_MAX or PATH.fullmatch(path) is None:
-        raise ManifestError(f"{where}: path: want a relative one of at most {PATH_MAX} plain characters")
+        raise ManifestError(f"{where}: path: want a relative path of at most {PATH_MAX} plain characters")
     if type(size) is not int or not 0 <= size <= FILE_BYTES_MAX:
         raise ManifestError(f"{where}: size: want a whole number from 0 to {FILE_BYTES_MAX}")
     if not isinstance(sha256, str) or SHA256.fullmatch(sha256) is None:

@@ -1,8 +1,8 @@
-"""Bounds the memory for models, for files kept and files being fetched, and shares it among robots.
+"""Limits the memory for models (cached files and running fetches), and shares it among robots.
 
-A robot may use all the room while no other needs it. When a robot needs room, these go, in this order: what
-nobody has asked for lately, files of its own, and what is held by robots that hold more than it does, first
-their kept files, then what is being fetched for them.
+A robot can use all the memory while no other robot needs it. When a robot needs memory, these are dropped, in
+this order: files that nobody has requested lately, the robot's own files, and the files of robots that use
+more than it does: first their cached files, then their running fetches.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from collections import Counter, OrderedDict, deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
-ENTRY_BYTES = 4096  # what each counts for beside its bytes, so that there are only so many
-IN_USE_S = 60.0  # what was asked for within this is left to robots that have no more than who needs room
+ENTRY_BYTES = 4096  # added to the size of each entry, so that their number is limited too
+IN_USE_S = 60.0  # later requests protect a file, unless its robot uses more memory than the one in need
 
 
 @dataclass
 class Kept:
-    """A value that is kept under a name; the name never means another value."""
+    """A cached value. Its name never stands for another value."""
 
     robot: str
     value: object
@@ -28,7 +28,7 @@ class Kept:
 
 @dataclass(eq=False)
 class Claim:
-    """Room for bytes that are being fetched. `give_up` is called when other robots need it more."""
+    """Memory for bytes that are being fetched. `give_up` is called when other robots need it more."""
 
     robot: str
     size: int  # counted
@@ -36,19 +36,19 @@ class Claim:
 
 
 class ModelMemory:
-    """Room for `most` bytes, for all robots together. `now` is a clock in seconds."""
+    """Memory of `most` bytes for all robots together. `now` is a clock in seconds."""
 
     def __init__(self, most: int, now: Callable[[], float]) -> None:
         self.most = most
         self.used = 0
         self._now = now
-        self._kept: OrderedDict[str, Kept] = OrderedDict()  # asked for longest ago first
+        self._kept: OrderedDict[str, Kept] = OrderedDict()  # least recently requested first
         self._claims: OrderedDict[Claim, None] = OrderedDict()  # the oldest first
-        self._sums: Counter[str] = Counter()  # bytes by robot, kept and under way
+        self._sums: Counter[str] = Counter()  # bytes by robot, cached and claimed
         self._waiting: list[asyncio.Future[None]] = []
 
     def get(self, name: str) -> object:
-        """Return what is kept under a name, or None, and note that it was asked for now."""
+        """Return the cached value of a name, or None, and mark it as requested now."""
         kept = self._kept.get(name)
         if kept is None:
             return None
@@ -57,7 +57,7 @@ class ModelMemory:
         return kept.value
 
     def claim(self, robot: str, size: int, give_up: Callable[[], None]) -> Claim | None:
-        """Claim room for `size` more bytes of a robot; return None, and drop nothing, when there is none."""
+        """Claim memory for `size` more bytes of a robot. Return None, and drop nothing, if there is none."""
         size += ENTRY_BYTES
         lacking = self.used + size - self.most
         if lacking > 0 and not self._take(robot, size, lacking):
@@ -68,16 +68,16 @@ class ModelMemory:
         return claim
 
     def release(self, claim: Claim) -> None:
-        """Give back what is left of a claim. Does nothing when that has happened already."""
+        """Release the rest of a claim. Does nothing if it was already released."""
         if claim in self._claims:
             del self._claims[claim]
             self._count(claim.robot, -claim.size)
             self._free()
 
     def keep(self, claim: Claim, name: str, value: object, size: int) -> None:
-        """Keep a value of `size` bytes under a name, in room of the claim, which must be large enough.
+        """Cache a value of `size` bytes under a name, in memory of the claim, which must be large enough.
 
-        Does nothing when the claim has had to give way.
+        Does nothing if the claim was dropped.
         """
         if claim not in self._claims:
             return
@@ -88,13 +88,13 @@ class ModelMemory:
         self._kept[name] = Kept(claim.robot, value, size, self._now())
 
     async def wait_for_release(self) -> None:
-        """Wait until a claim is released. The room that has become free may be too little."""
+        """Wait until a claim is released. The free memory may still be too little."""
         waiting = asyncio.get_running_loop().create_future()
         self._waiting.append(waiting)
         await waiting
 
     def _take(self, robot: str, size: int, lacking: int) -> bool:
-        """Drop `lacking` bytes or more, and return True; drop nothing when there is not so much to drop."""
+        """Drop `lacking` bytes or more and return True. If that is impossible, drop nothing."""
         chosen: list[str | Claim] = []
         for each, of in self._takeable(robot, size):
             chosen.append(each)
@@ -112,7 +112,7 @@ class ModelMemory:
         return True
 
     def _takeable(self, robot: str, size: int) -> Iterator[tuple[str | Claim, int]]:
-        """Yield what may be dropped, with its size, in the order that the docstring of this module gives."""
+        """Yield what can be dropped, with its size, in the order that the module docstring gives."""
         now, mine, left = self._now(), self._sums[robot] + size, Counter(self._sums)
         files: dict[str, deque[str]] = {}
         for name, kept in self._kept.items():
@@ -134,7 +134,7 @@ class ModelMemory:
                 del files[most]
         claims = [claim for claim in reversed(self._claims) if claim.robot != robot]
         while claims:
-            claim = max(claims, key=lambda claim: left[claim.robot])  # of one robot: its newest
+            claim = max(claims, key=lambda claim: left[claim.robot])  # the newest claim of that robot
             if left[claim.robot] <= mine:
                 break
             claims.remove(claim)

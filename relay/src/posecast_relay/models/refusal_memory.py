@@ -1,33 +1,33 @@
-"""Remembers for some seconds what robots have sent and the relay has refused, so that it is not sent again.
+"""Remembers for some seconds which files from robots were refused, so that they are not fetched again.
 
-A file that is not what its manifest says crosses the robot's uplink whole before that is known. Without this,
-whoever asks for it again and again fills the uplink.
+The relay notices a wrong file only after it has crossed the robot's uplink. Without this memory, repeated
+requests for such a file would fill the uplink.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
 
-REFUSED_S = 15.0  # a robot that has been mended meanwhile waits so long; it need not, with another manifest
-REFUSED_MAX = 4096  # as many as a manifest has files, each less than 1 kB; beyond, the oldest is forgotten
+REFUSED_S = 15.0  # a repaired robot waits this long, unless its manifest has changed
+REFUSED_MAX = 4096  # as many as a manifest has files, each under 1 kB; then the oldest is forgotten
 
 
 class RefusalMemory:
-    """Remembers why something was refused, by its name. `now` is a clock in seconds."""
+    """Remembers by name why something was refused. `now` is a clock in seconds."""
 
     def __init__(self, now: Callable[[], float]) -> None:
         self._now = now
-        self._kept: dict[Hashable, tuple[float, str]] = {}  # until when, and why; the oldest first
+        self._kept: dict[Hashable, tuple[float, str]] = {}  # until when, and why; oldest first
 
     def keep(self, name: Hashable, why: str) -> None:
-        """Remember from now on, for REFUSED_S seconds, why `name` was refused, in one line."""
+        """Remember for REFUSED_S seconds why `name` was refused, in one line."""
         self._kept.pop(name, None)
         if len(self._kept) >= REFUSED_MAX:
             del self._kept[next(iter(self._kept))]
         self._kept[name] = self._now() + REFUSED_S, why
 
     def find(self, name: Hashable) -> tuple[str, float] | None:
-        """Return why `name` was refused and how many seconds that counts for yet; None when it does not."""
+        """Return why `name` was refused and for how many more seconds; None if it is not refused now."""
         kept = self._kept.get(name)
         if kept is None:
             return None
@@ -39,5 +39,5 @@ class RefusalMemory:
         return None
 
     def __len__(self) -> int:
-        """How many are remembered, those included whose time has passed unasked."""
+        """Return how many refusals are stored, including expired ones."""
         return len(self._kept)

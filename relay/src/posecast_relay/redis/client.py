@@ -1,8 +1,8 @@
-"""Redis as every role uses it: one server, TLS or a Cluster, by URL; names of keys; every call bounded.
+"""The Redis client of all roles: one server, TLS or a Cluster, by URL. Defines keys, limits every call.
 
-    posecast:{ROBOT}:generation   the newest that was claimed: see `guard.py`
-    posecast:{ROBOT}:writer       who writes, by generation; gone in 1.5 s
-    posecast:{ROBOT}:status       whether its edge is there and how old its frames are; gone in 3.5 s
+    posecast:{ROBOT}:generation   the newest claimed generation: see `guard.py`
+    posecast:{ROBOT}:writer       the writer's generation; expires after 1.5 s
+    posecast:{ROBOT}:status       whether its agent is connected, age of its frames; expires after 3.5 s
     posecast:{ROBOT}:VIEW:state   hash: generation seq run stamp version schema key_id key ref frame info
                                   model events numbering
     posecast:{ROBOT}:model:HASH   hash: manifest, and the files' ranges as SHA256:OFFSET
@@ -37,9 +37,9 @@ Call = tuple[str, Sequence[str], Sequence[Any]]  # a script, its keys and its ar
 
 TTL_S = 3600  # renewed by every KEY
 TIMEOUT_S = 0.25  # of one exchange with Redis
-STATUS_MS = 3500  # a robot's status is worth nothing after this
-CONNECTIONS = 32  # to a server; who needs one more waits its turn
-BATCH = 64  # calls in one exchange, so that each keeps within the time
+STATUS_MS = 3500  # when a robot's status expires
+CONNECTIONS = 32  # to a server; further calls wait
+BATCH = 64  # calls in one exchange, so that it stays within the timeout
 REDIS_ERRORS = (RedisError, RedisClusterException, OSError, TimeoutError)
 
 
@@ -59,7 +59,7 @@ def writer_key(robot: str) -> str:
 
 
 def status_key(robot: str) -> str:
-    """The robot's status, and the sign that a relay hears it."""
+    """The robot's status, which also shows that a relay hears it."""
     return f"posecast:{{{robot}}}:status"
 
 
@@ -69,12 +69,12 @@ def bundle_key(robot: str, digest: str) -> str:
 
 
 def channel(robot: str) -> str:
-    """Where a robot's changes are told."""
+    """The channel with a robot's changes."""
     return f"posecast:{{{robot}}}:live"
 
 
 class RedisClient:
-    """A client that gives up in time. After a failure call `reset`, then `connect`."""
+    """A client with timeouts. After a failure call `reset`, then `connect`."""
 
     def __init__(self, url: str) -> None:
         scheme, _, rest = url.partition("://")
@@ -89,8 +89,8 @@ class RedisClient:
     def _open(self, url: str) -> Any:
         options: dict[str, Any] = {"socket_timeout": TIMEOUT_S, "socket_connect_timeout": TIMEOUT_S}
         options["retry"] = Retry(NoBackoff(), 0)
-        # Each connection would begin with three commands that Redis may not know: the library's own name and
-        # version, and a service's notices of maintenance. Each refusal leaves a circle for the collector.
+        # By default, each connection starts with three commands that Redis may not know (library name,
+        # version and maintenance notices). Each refusal leaves a reference cycle.
         options["driver_info"] = None
         options["maint_notifications_config"] = MaintNotificationsConfig(enabled=False)
         if self.is_cluster:
@@ -99,7 +99,7 @@ class RedisClient:
         return redis.Redis.from_pool(redis.BlockingConnectionPool.from_url(url, **options))
 
     async def connect(self, *scripts: str) -> None:
-        """Reach Redis and give it these scripts."""
+        """Connect to Redis and load these scripts."""
         await self.call(self._lookup.find())
         if self.is_cluster:  # several exchanges with several nodes
             async with asyncio.timeout(4 * TIMEOUT_S):
@@ -111,15 +111,15 @@ class RedisClient:
             self._scripts[text] = await self.call(self.client.script_load(text))
 
     def note_failure(self, error: BaseException) -> str | None:
-        """Note that Redis failed. Return why, where the log is to say so: see OutageLog."""
+        """Record a failure. Return the reason if it should be logged: see OutageLog."""
         return self.outage.note_failure(error, time.monotonic())
 
     def note_success(self) -> bool:
-        """Note that Redis works. Return whether the log is to say that it is back: see OutageLog."""
+        """Record a success. Return whether to log that Redis is back: see OutageLog."""
         return self.outage.note_success(time.monotonic())
 
     async def reset(self) -> None:
-        """Drop every connection: what was asked before a failure must not be answered later."""
+        """Drop every connection, so that requests from before a failure get no late answer."""
         try:
             if self.is_cluster:
                 await self.call(self.client.aclose())
@@ -141,13 +141,13 @@ class RedisClient:
         try:
             async with asyncio.timeout(TIMEOUT_S):  # wait_for may swallow a cancellation
                 return await asked
-        except (RuntimeError, AttributeError) as e:  # so they call it when a connection was dropped meanwhile
+        except (RuntimeError, AttributeError) as e:  # from redis-py: the connection was dropped
             raise ConnectionError(str(e)) from None
         finally:
             self.seconds.add(time.monotonic() - began)
 
     async def run(self, script: str, keys: Sequence[str], *args: bytes | str | int | float) -> Any:
-        """Run a script that `connect` was given, and return its result."""
+        """Run a script that `connect` has loaded, and return its result."""
         try:
             return await self.call(self.client.evalsha(self._scripts[script], len(keys), *keys, *args))
         except NoScriptError:  # Redis was restarted, or rid of its scripts
@@ -155,9 +155,9 @@ class RedisClient:
             return await self.call(self.client.evalsha(self._scripts[script], len(keys), *keys, *args))
 
     async def run_all(self, calls: Sequence[Call]) -> list[Any]:
-        """Run several scripts with their keys and arguments, BATCH to an exchange, and return their results.
+        """Run several scripts with their keys and arguments, BATCH per exchange, and return their results.
 
-        The result of a call that Redis refuses is its ResponseError; an error of all of them is raised.
+        If Redis refuses a call, its result is the ResponseError. An error that concerns all calls is raised.
         """
         results: list[Any] = []
         for at in range(0, len(calls), BATCH):
@@ -169,7 +169,7 @@ class RedisClient:
             answers = await self._exchange(batch)
             if any(isinstance(answer, NoScriptError) for answer in answers):
                 await self._load(*{script for script, _, _ in batch})
-                answers = await self._exchange(batch)  # carried out twice, a call does no harm
+                answers = await self._exchange(batch)  # running a call twice does no harm
             results += answers
         return _check_results(results)
 
@@ -202,7 +202,7 @@ class RedisClient:
 
 
 def _check_results(results: list[Any]) -> list[Any]:
-    """As they are, unless an error says more of Redis than of the one call: then that is raised."""
+    """Return the results, unless one is an error of Redis as a whole: then raise it."""
     errors = [result for result in results if isinstance(result, BaseException)]
     for error in errors:
         of_one = type(error) is ResponseError and len(errors) < len(results)
@@ -212,7 +212,7 @@ def _check_results(results: list[Any]) -> list[Any]:
 
 
 async def cancel_tasks(*tasks: asyncio.Task[None] | None) -> None:
-    """Cancel tasks and wait for their end, at most twice TIMEOUT_S seconds."""
+    """Cancel tasks and wait for them, for at most 2 × TIMEOUT_S seconds."""
     going = {task for task in tasks if task is not None and not task.done()}
     for task in going:
         task.cancel()
@@ -221,5 +221,5 @@ async def cancel_tasks(*tasks: asyncio.Task[None] | None) -> None:
 
 
 def name_error(error: BaseException) -> str:
-    """Name an error for public answers, without addresses."""
+    """Return an error's name for public answers, without addresses."""
     return f"redis: {type(error).__name__}"

@@ -1,14 +1,14 @@
 """Estimates Redis's clock, so that processes can tell how long ago another one wrote something.
 
-Hosts' clocks differ, and each process's own begins anywhere. Every exchange in which Redis says its time
-bounds the difference from both sides; the narrowest bounds hold until an exchange contradicts them, because
-one of the clocks was set or stood still.
+Hosts' clocks differ, and each process's monotonic clock starts at an arbitrary value. Each exchange that
+returns Redis's time limits the difference from both sides. The narrowest limits are used until an exchange
+contradicts them, which means that a clock was set or stopped.
 """
 
 from __future__ import annotations
 
 ERROR_S = 0.05
-DRIFT = 1e-4  # two clocks part by up to 100 ppm
+DRIFT = 1e-4  # clocks drift apart by up to 100 ppm
 
 
 class RedisClock:
@@ -23,7 +23,7 @@ class RedisClock:
         self._seen_at = 0.0
 
     def record_time(self, redis_s: float, asked_at: float, answered_at: float) -> None:
-        """Note the time that Redis gave between these two moments."""
+        """Record the time that Redis returned between these two moments."""
         least, most = redis_s - answered_at, redis_s - asked_at
         parted = DRIFT * max(0.0, answered_at - self._seen_at)
         narrow = max(least, self._least - parted), min(most, self._most + parted)
@@ -43,7 +43,7 @@ class RedisClock:
         redis_s = self.estimate_time(now)
         if redis_s is None or sent_s is None:
             return None
-        error_s = self._most - self._least + ERROR_S  # of the writer's reckoning and of this one's
+        error_s = self._most - self._least + ERROR_S  # of the writer's estimate and of this one
         return (
             max(0.0, redis_s - sent_s) if sent_s <= redis_s + error_s else None
         )  # the clock has been set back

@@ -1,7 +1,7 @@
-"""The directory in Redis: which robots are on air and how many watch them, over all processes.
+"""The directory in Redis: which robots are on air, and how many viewers they have in all processes.
 
-Each process writes its part once a second and reads the whole in the same call, by Redis's own clock:
-hosts' clocks differ. Whatever does not have the form that relays write is deleted or ignored.
+Each process writes its part once a second and reads the whole directory in the same call. Times are from
+Redis's clock, because hosts' clocks differ. Invalid entries are deleted or ignored.
 
     posecast:{-}:robots    hash: robot → time, its document; written by whoever hears it
     posecast:{-}:viewers   hash: process → time, viewers by robot
@@ -23,7 +23,7 @@ from posecast_relay.redis.client import RedisClient
 from posecast_relay.redis.clock import RedisClock
 
 KEYS = ("posecast:{-}:robots", "posecast:{-}:viewers", "posecast:{-}:ingests")
-FRESH_S = 4.0  # what a process wrote longer ago counts no more
+FRESH_S = 4.0  # older entries of a process are ignored
 INGEST_S = (
     2.5  # shorter than a robot goes unheard: first its relay is gone, then the robot's state is unknown
 )
@@ -69,7 +69,7 @@ CountBeside = Callable[[str], int]  # the viewers that a robot has at other work
 
 
 def count_none(_robot: str) -> int:
-    """Return 0: there are no other workers."""
+    """Return 0: this process has no other workers."""
     return 0
 
 
@@ -92,7 +92,7 @@ class RedisDirectory:
         return self._elsewhere.get(robot, 0)
 
     def list_documents(self) -> list[dict[str, Any]]:
-        """Return the robots by name, with ages as of now. One that no process hears any more is offline."""
+        """Return the robots by name, with their present ages. A robot that no process hears is offline."""
         documents = []
         for robot, doc in sorted(self.robots.items()):
             age_s = self.ages_s[robot] + max(0.0, self._now() - self.read_at)
@@ -109,7 +109,7 @@ class RedisDirectory:
     ) -> None:
         """Write this process's viewers and the robots that it hears, and read those of all processes.
 
-        `heard` None: this process hears no robots. Raises one of REDIS_ERRORS when Redis does not answer.
+        `heard` None: this process hears no robots. Raises one of REDIS_ERRORS if Redis does not answer.
         """
         args: list[str] = [self.id, "0" if heard is None else "1", _compact(viewers)]
         for robot, doc in (heard or {}).items():
@@ -132,7 +132,7 @@ class RedisDirectory:
 
 
 def _rows(flat: list[bytes]) -> Iterator[tuple[str, float, dict[str, Any]]]:
-    """Name, time and document of each row; what is none is left out."""
+    """Yield the name, time and document of each valid row."""
     for name, text in zip(flat[::2], flat[1::2], strict=True):
         written, _, said = text.partition(b" ")
         with contextlib.suppress(ValueError, RecursionError):
@@ -143,7 +143,7 @@ def _rows(flat: list[bytes]) -> Iterator[tuple[str, float, dict[str, Any]]]:
 
 
 def _is_summary(robot: str, doc: Mapping[str, Any]) -> bool:
-    """Whether it has the form that `make_robot_summary` writes."""
+    """Whether the document has the format of `make_robot_summary`."""
     age_ms = doc.get("age_ms")
     aged = age_ms is None or (type(age_ms) is int and 0 <= age_ms < 1 << 53)
     return aged and doc.get("robot") == robot and doc.get("status") in ("online", "silent", "offline")

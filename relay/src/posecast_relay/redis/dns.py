@@ -1,7 +1,7 @@
-"""Looks up a host's name in a thread, so that nothing else has to wait for the answer.
+"""Looks up a host's name in a separate thread, so that nothing else waits for the answer.
 
-A resolver that does not answer holds its caller for half a minute. The event loop's own lookups would pile up
-behind it, and keep the process from ending as long.
+A resolver that does not answer blocks its caller for half a minute. The event loop's lookups would queue up
+behind it, and the process could not exit meanwhile.
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ import threading
 
 
 class HostLookup:
-    """Looks up one host's name, in one thread at a time that does not keep the process from ending."""
+    """Looks up one host's name, in one daemon thread at a time, which can't keep the process from exiting."""
 
     def __init__(self, host: str) -> None:
         self._host = host
         self._under_way: asyncio.Future[None] | None = None
 
     async def find(self) -> None:
-        """Return once the name is found.
+        """Return when the name is found.
 
-        Raises OSError when it is not. Waiting may be cancelled at any time.
+        Raises OSError if it is not found. Callers may cancel the wait at any time.
         """
         if self._under_way is None:
             self._under_way = asyncio.get_running_loop().create_future()
@@ -35,7 +35,7 @@ class HostLookup:
             socket.getaddrinfo(self._host, None, type=socket.SOCK_STREAM)
         except OSError as e:
             error = e
-        except UnicodeError as e:  # no name at all
+        except UnicodeError as e:  # not a valid name
             error = OSError(str(e))
         with contextlib.suppress(RuntimeError):  # the loop has closed
             under_way.get_loop().call_soon_threadsafe(self._answered, under_way, error)

@@ -1,7 +1,7 @@
-"""The gateway's side of Redis: passes what other processes hear of robots to the core, as if from an edge.
+"""The gateway's side of Redis: passes robots' states from other processes to the core.
 
-A robot is subscribed to first and read then, so nothing is missed between. Only robots with viewers are
-subscribed to.
+The gateway subscribes to a robot first and then reads its state, so it misses nothing in between. It
+subscribes only to robots with viewers.
 """
 
 from __future__ import annotations
@@ -37,19 +37,19 @@ from posecast_relay.runtime.dispatcher import Dispatcher
 log = logging.getLogger("posecast_relay")
 
 BEAT_S = 1.0  # between two signs of life
-RETRY_S = 0.2  # while Redis is gone
-GRACE_S = 10.0  # a robot that nobody watches any more is listened for so long
-AT_ONCE = 32  # robots in one exchange, so that it keeps within its time
-OPEN_S = 0.6  # an HTTP request waits for a robot's state at most so long
-UNHEARD_S = STATUS_MS / 1000  # a robot of which nothing was heard for so long
+RETRY_S = 0.2  # while Redis is away
+GRACE_S = 10.0  # how long an unwatched robot stays subscribed
+AT_ONCE = 32  # robots in one exchange, so that it stays within the timeout
+OPEN_S = 0.6  # how long an HTTP request waits for a robot's state
+UNHEARD_S = STATUS_MS / 1000  # a robot without messages for this long is checked
 
 
 class _Watched:
-    """A robot that is listened for."""
+    """A robot that this gateway subscribes to."""
 
     def __init__(self, now: float) -> None:
-        self.wanted_at = now  # somebody watched it or asked for it then
-        self.opened = asyncio.Event()  # it is listened for, and was read
+        self.wanted_at = now  # when it was last watched or requested
+        self.opened = asyncio.Event()  # it is subscribed, and its state was read
 
 
 class RedisGateway:
@@ -64,7 +64,7 @@ class RedisGateway:
         self.link = RedisClient(url)
         self.directory = RedisDirectory(self.link, now)
         self.failures = 0
-        self.losses = 0  # times that Redis, having been there, was not any more
+        self.losses = 0  # how often Redis was lost
         self._now = now
         self._pinned = pinned
         self._said = ReplicaFeed(hub)
@@ -72,7 +72,7 @@ class RedisGateway:
             self.link, self._take_message, self._record_loss, self._handle_fault
         )
         self._watched: dict[str, _Watched] = {}
-        self._unheard: dict[str, None] = {}  # robots to listen for
+        self._unheard: dict[str, None] = {}  # robots to subscribe to
         self._unread: dict[str, None] = {}  # robots to read
         self._asked = asyncio.Event()
         self._reader: asyncio.Task[None] | None = None
@@ -84,10 +84,10 @@ class RedisGateway:
     # ---- a store ----------------------------------------------------------
 
     def keep(self, stream: Stream) -> None:
-        """Do nothing: Redis has the state already."""
+        """Do nothing: Redis already has the state."""
 
     def find_trouble(self) -> str | None:
-        """Return what is wrong with Redis; None when all is well."""
+        """Return the problem with Redis; None if it works."""
         return self._trouble
 
     def get_exchanges(self) -> tuple[Histogram, int] | None:
@@ -99,11 +99,11 @@ class RedisGateway:
         return self.directory.list_documents()
 
     def count_viewers_elsewhere(self, robot: str) -> int:
-        """Return how many viewers a robot has at other processes; 0 while Redis is away."""
+        """Return how many viewers a robot has in other processes; 0 while Redis is away."""
         return 0 if self._trouble else self.directory.count_viewers_elsewhere(robot)
 
     async def start(self, dispatcher: Dispatcher) -> None:
-        """Begin to feed the dispatcher's hub. Redis need not be there yet."""
+        """Start to feed the dispatcher's hub. Redis need not be running yet."""
         self._dispatcher = dispatcher
         dispatcher.carry_out(self._said.mark_disconnected(self._now()))
         self._task = asyncio.create_task(self._work(), name="redis gateway")
@@ -126,7 +126,7 @@ class RedisGateway:
                 await self._beat()
                 if self.link.note_success():
                     log.warning("redis is back")
-            except Exception as e:  # whatever it was: all is begun anew
+            except Exception as e:  # for any error: start over
                 await self._handle_failure(e)
                 await asyncio.sleep(RETRY_S)
                 continue
@@ -137,7 +137,7 @@ class RedisGateway:
 
     async def _connect(self) -> None:
         await self.link.connect(BOARD)
-        await self._run_part(self._exchange)  # first Redis's clock: it tells how old all the rest is
+        await self._run_part(self._exchange)  # Redis's clock first: it gives the age of everything else
         self._failure = None
         self._unheard = dict.fromkeys(self._watched)
         self._unread.clear()
@@ -150,7 +150,7 @@ class RedisGateway:
 
     async def _handle_failure(self, error: BaseException) -> None:
         if why := self.link.note_failure(error):
-            log.warning("redis: %s; viewers are told, trying on", why)
+            log.warning("redis: %s; viewers see STALE; retrying", why)
         self.failures += 1
         self.losses += self._trouble is None
         self._failure = None
@@ -181,7 +181,7 @@ class RedisGateway:
             await self._run_part(partial(self._maintain, robot), robot)
 
     async def _run_part(self, part: Callable[[], Awaitable[None]], robot: str | None = None) -> None:
-        """What Redis does to one part it does to all; what our own code does ends that part."""
+        """Run a part of the work. Redis errors concern all parts; other exceptions end only this part."""
         try:
             await part()
         except REDIS_ERRORS:
@@ -209,7 +209,7 @@ class RedisGateway:
         self._judge_silence(robot, now)
 
     def _judge_silence(self, robot: str, now: float) -> None:
-        """A robot whose relay tells nothing any more: has it left, is that relay gone, or am I deaf?"""
+        """Find out why a robot is silent: it has left, its relay is gone, or this connection is dead."""
         source = self._said.get_source(robot)
         if source.told_at is None or now - source.told_at <= UNHEARD_S:
             return
@@ -223,7 +223,7 @@ class RedisGateway:
             self._dispatcher.carry_out(self._said.set_degraded(True, now, robot))
 
     def _handle_fault(self, robot: str | None, error: Exception) -> None:
-        """Our own code has failed: at this robot, whose state is then read anew, or at none of them."""
+        """Report an exception. If it concerns a robot, read that robot's state again."""
         self._dispatcher.hub.outcomes[FrameOutcome.FAULT.value] += 1
         self._dispatcher.carry_out([Fault(f"redis: {robot}" if robot else "redis", error)])
         if robot is not None:
@@ -232,7 +232,7 @@ class RedisGateway:
     # ---- robots wanted ------------------------------------------------------
 
     def subscribe(self, robot: str) -> None:
-        """Listen for a robot from now on."""
+        """Subscribe to a robot from now on."""
         watched = self._watched.get(robot)
         if watched is not None:
             watched.wanted_at = self._now()
@@ -245,7 +245,7 @@ class RedisGateway:
         self._asked.set()
 
     async def open(self, robot: str) -> None:
-        """For an HTTP request: listen for a robot that is on air, and wait a little for its state."""
+        """For an HTTP request: subscribe to a robot that is on air, and wait a moment for its state."""
         if robot not in self._watched and robot not in self.directory.robots:
             return
         self.subscribe(robot)
@@ -258,12 +258,12 @@ class RedisGateway:
         self._asked.set()
 
     async def _read_on(self) -> None:
-        """One exchange after the other, however many robots are asked for at once."""
+        """Read requested robots, one exchange after the other."""
         try:
             while True:
                 await self._asked.wait()
                 await self._catch_up()
-        except Exception as e:  # Redis is gone; or a fault of ours, by which all is begun anew
+        except Exception as e:  # Redis is away, or a bug in the relay: start over
             self._record_loss(e)
 
     async def _catch_up(self) -> None:
@@ -290,7 +290,7 @@ class RedisGateway:
     # ---- what comes from Redis: a stranger's ----------------------------------
 
     async def _read(self, *robots: str) -> None:
-        """The snapshots: states as Redis has them, and the robots' standing, in one exchange."""
+        """Read the robots' states and status from Redis, in one exchange."""
         asked = [
             (robot, self._list_views(robot), self._said.get_source(robot).generation) for robot in robots
         ]
@@ -332,7 +332,7 @@ class RedisGateway:
         return out
 
     def _take_message(self, robot: str, data: bytes) -> None:
-        """A message of the robot's channel."""
+        """Process a message from the robot's channel."""
         if robot in self._watched:
             self._run_guarded(robot, partial(self._read_message, robot, data))
 
@@ -348,7 +348,7 @@ class RedisGateway:
         try:
             said = unpack(data)
             under_way_s = self.directory.clock.compute_elapsed(said.sent_s, now)
-            if was_read and under_way_s is None:  # it may have stood there for as long as you like
+            if was_read and under_way_s is None:  # it may be arbitrarily old
                 return []
             if isinstance(said, Presence):
                 return self._said.take_presence(robot, said, under_way_s, now)

@@ -1,21 +1,20 @@
-"""What keeps an older state from replacing a newer one in Redis: scripts in Lua, each one atomic.
+"""Atomic Lua scripts that keep an older state from replacing a newer one in Redis.
 
-A *generation* is one process's turn at writing a robot: a process claims the next one for every run that it
-adopts and whenever it takes a robot over. It exceeds every generation that stands in Redis for that robot,
-and is no less than Redis's clock in milliseconds, so it also exceeds those that gateways remember when Redis
-has forgotten all.
+A *generation* is one process's turn at writing a robot. A process claims the next generation for every run
+that it adopts, and whenever it takes a robot over. It is higher than every generation in Redis for that
+robot, and at least Redis's clock in milliseconds. So it is also higher than those that gateways remember
+after Redis has lost its data.
 
-Who writes holds a lease (`…:writer`), renewed by every write and every sign of life. While it lasts, lower
-generations are refused. What a higher generation has left behind without a lease mutes nobody: the writer
-that finds it claims anew. A key of another type, a number that no process of ours writes, and a lease without
-its end count as none.
+The writer holds a lease (`…:writer`), which every write and every sign of life renews. While it lasts, lower
+generations are refused. A higher generation without a lease blocks nobody: the writer that finds it claims a
+new one. Keys of a wrong type, invalid numbers, and leases without an expiry are ignored.
 """
 
 from __future__ import annotations
 
 from posecast_relay.redis.client import STATUS_MS, TTL_S
 
-LEASE_MS = 1500  # a robot that sends is written at least twice a second, any other told of once a second
+LEASE_MS = 1500  # an active robot is written at least twice a second; the presence of others once a second
 
 STORED, REFUSED, INCOMPLETE, OUTRUN = 1, 0, 2, 3
 

@@ -1,6 +1,6 @@
-"""Encodes what relays tell each other through Redis: messages of a robot's channel, the hash of a stream.
+"""Encodes the data that relays exchange through Redis: messages on a robot's channel, and a stream's hash.
 
-What is read there isn't trusted: whatever is malformed raises ValueError with a message of one line.
+Data from Redis is not trusted: malformed data raises ValueError with a message of one line.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ SHA256 = re.compile("[0-9a-f]{64}")
 
 
 def pack(said: StreamUpdate | Presence) -> bytes:
-    """Encode a message of a robot's channel: a line of JSON, and after it the frames of an update."""
+    """Encode a message for a robot's channel: a line of JSON, followed by the frames of an update."""
     if isinstance(said, Presence):
         return STANDING + dump(
             {
@@ -60,7 +60,7 @@ def pack(said: StreamUpdate | Presence) -> bytes:
 
 
 def unpack(data: bytes) -> StreamUpdate | Presence:
-    """Read a message of a robot's channel. Raises ValueError when it is none."""
+    """Decode a message from a robot's channel. Raises ValueError if it is invalid."""
     if len(data) > BYTES_MAX:
         raise ValueError("relayed message: too long")
     if data[:1] == STANDING:
@@ -72,7 +72,7 @@ def unpack(data: bytes) -> StreamUpdate | Presence:
 
 
 def unpack_state(fields: Mapping[bytes, bytes]) -> StreamState:
-    """Read the hash of a stream. Raises ValueError when it is none."""
+    """Decode the hash of a stream. Raises ValueError if it is invalid."""
     ref = _bytes(fields, b"ref", FRAME_BYTES_MAX)
     model = _bytes(fields, b"model", 64).decode() or None
     if model is not None and not SHA256.fullmatch(model):
@@ -102,12 +102,12 @@ def unpack_state(fields: Mapping[bytes, bytes]) -> StreamState:
 
 
 def unpack_events(data: bytes) -> tuple[str, ...]:
-    """Read the numbered events of a stream. Raises ValueError when they are none."""
+    """Decode the numbered events of a stream. Raises ValueError if they are invalid."""
     return tuple(_event(doc) for doc in _list(_loads(data), EVENTS_MAX))
 
 
 def dump(doc: object) -> bytes:
-    """Encode as JSON. Raises ValueError for what is no valid JSON: 1e999, half a surrogate pair."""
+    """Encode as JSON. Raises ValueError for values that JSON can't have: 1e999, an unpaired surrogate."""
     try:
         return json.dumps(doc, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
     except RecursionError:

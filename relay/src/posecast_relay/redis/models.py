@@ -1,4 +1,4 @@
-"""Keeps models in Redis: the process that hears a robot writes them, gateways read them."""
+"""Stores models in Redis. The process that hears a robot writes them, and gateways read them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from posecast_relay.redis.client import REDIS_ERRORS, TTL_S, RedisClient, bundle
 
 log = logging.getLogger("posecast_relay")
 
-LOOK_S = 2.0  # between two looks for models that are not in Redis
+LOOK_S = 2.0  # between two checks for models that Redis lacks
 MANIFEST = "manifest"
 
 
@@ -26,7 +26,7 @@ class RedisModels:
         self._hub = hub
 
     def offers(self, robot: str, digest: str) -> bool:  # noqa: ARG002
-        """Return True: only Redis knows, since the robot may not be listened for here."""
+        """Return True: only Redis knows, because this gateway may not subscribe to the robot."""
         return True
 
     async def fetch_manifest(self, robot: str, digest: str) -> bytes:
@@ -34,7 +34,7 @@ class RedisModels:
         return await self._field(robot, digest, MANIFEST)
 
     async def read(self, robot: str, digest: str, sha256: str, off: int, size: int) -> bytes:  # noqa: ARG002
-        """Return the range of a file that begins at `off`. Raises Absent or Unavailable."""
+        """Return the range of a file that starts at `off`. Raises Absent or Unavailable."""
         return await self._field(robot, digest, f"{sha256}:{off}")
 
     async def _field(self, robot: str, digest: str, field: str) -> bytes:
@@ -47,15 +47,15 @@ class RedisModels:
         if data is None:
             of = self._hub.robots.get(robot)
             if of is not None and any(room.stream.model == digest for room in of.rooms.values()):
-                raise Unavailable("the model is on its way")
+                raise Unavailable("the model is still being copied: try again later")
             raise Absent("no such model")
         return data
 
 
 class ModelUploader:
-    """Copies every model that robots announce from their edges to Redis.
+    """Copies all models that robots announce to Redis.
 
-    The models of one robot are copied one after the other; robots do not wait for each other.
+    A robot's models are copied one after the other; different robots are copied in parallel.
     """
 
     def __init__(self, link: RedisClient, hub: Hub, models: ModelCache) -> None:
@@ -70,7 +70,7 @@ class ModelUploader:
         self._task = asyncio.create_task(self._work(), name="models to redis")
 
     async def stop(self) -> None:
-        """Stop copying, also in the middle of a model."""
+        """Stop copying, even in the middle of a model."""
         await cancel_tasks(self._task)
         for task in list(self._carrying.values()):
             await cancel_tasks(task)
@@ -96,13 +96,13 @@ class ModelUploader:
         for digest in digests:
             try:
                 await self._carry(robot, digest)
-            except (*REDIS_ERRORS, Absent, Unavailable) as e:  # the store says so itself; tried again
-                log.info("model of %s to redis: %s", robot, e)
-            except Exception as e:  # a mistake of ours, at this model
-                log.error("model of %s to redis", robot, exc_info=e)
+            except (*REDIS_ERRORS, Absent, Unavailable) as e:  # the store reports it too; tried again
+                log.info("copying a model of %s to redis: %s", robot, e)
+            except Exception as e:  # a bug in the relay, for this model
+                log.error("copying a model of %s to redis", robot, exc_info=e)
 
     async def _carry(self, robot: str, digest: str) -> None:
-        """The manifest goes last: where it is, the files are."""
+        """Copy a model. The manifest comes last, so that it implies that all files are there."""
         link, key = self._link, bundle_key(robot, digest)
         try:
             if await link.call(link.client.hexists(key, MANIFEST)):
@@ -124,5 +124,5 @@ class ModelUploader:
     def _piece(self, name: str, off: int, size: int) -> bytes:
         piece = self._models.copy_piece(name, off, size)
         if piece is None:
-            raise Unavailable("this model had to give way to other robots'")
+            raise Unavailable("no memory for this model: other robots' models need it")
         return piece

@@ -1,8 +1,8 @@
-"""`redis://` of a process that hears robots: the newest state of every stream for other processes.
+"""Writes the newest state of every stream to Redis, from a process that hears robots.
 
-Written by one task that nobody waits for. What waits to be written is the set of streams that changed; each
-is read when its turn comes, so a slow or dead Redis costs newer states, never memory or a viewer's frame.
-The same write tells the robot's channel what changed, so who subscribes and then reads has no gap.
+One task writes, and nobody waits for it. Its queue is the set of changed streams. Each stream is read only
+when it is written, so a slow or dead Redis costs states, but never memory or a viewer's frame. The same write
+publishes the change on the robot's channel. So a process that subscribes and then reads misses nothing.
 """
 
 from __future__ import annotations
@@ -50,13 +50,13 @@ Describe = Callable[[Robot], dict[str, Any]]
 
 log = logging.getLogger("posecast_relay")
 
-ROUND_S = 0.005  # between two rounds, so that many robots share one
+ROUND_S = 0.005  # between two rounds, so that many robots share a round
 BEAT_S = 1.0  # between two signs of life
-LOOK_S = 0.25  # between two looks whether the robots that others write are still written
-SETTLE_S = 1.0  # after a writer has changed, or Redis is back: it may still be on its way to Redis
+LOOK_S = 0.25  # between two checks whether other processes still write their robots
+SETTLE_S = 1.0  # after a change of writer, or when Redis is back: the other's data may still be under way
 BACKOFF_S = (0.1, 0.4)  # first and longest wait after a failure
 STOP_S = 1.0
-UNCLAIMED = REFUSED  # in the place of a generation
+UNCLAIMED = REFUSED  # instead of a generation
 
 
 class _Turn(NamedTuple):
@@ -73,7 +73,7 @@ class RedisStore:
         self, url: str, hub: Hub, now: Now, describe: Describe, count_beside: CountBeside = count_none
     ) -> None:
         self.failures = 0
-        self.losses = 0  # times that Redis, having been there, was not any more
+        self.losses = 0  # how often Redis was lost
         self.link = RedisClient(url)
         self.directory = RedisDirectory(self.link, now)
         self._hub = hub
@@ -95,12 +95,12 @@ class RedisStore:
         self._task: asyncio.Task[None] | None = None
 
     def keep(self, stream: Stream) -> None:
-        """Note that a stream has to be written; returns at once."""
+        """Queue a stream for writing. Returns at once."""
         self._dirty[stream] = None
         self._wake.set()
 
     def find_trouble(self) -> str | None:
-        """Return what is wrong with Redis; None when all is well."""
+        """Return the problem with Redis; None if it works."""
         return self._trouble
 
     def get_exchanges(self) -> tuple[Histogram, int] | None:
@@ -112,17 +112,17 @@ class RedisStore:
         return None
 
     def count_viewers_elsewhere(self, robot: str) -> int:
-        """Return how many viewers a robot has at other processes; 0 while Redis is away."""
+        """Return how many viewers a robot has in other processes; 0 while Redis is away."""
         return 0 if self._trouble else self.directory.count_viewers_elsewhere(robot)
 
     async def start(self) -> None:
-        """Start the writing task. Redis need not be there yet."""
+        """Start the writing task. Redis need not be running yet."""
         self._task = asyncio.create_task(self._work(), name="redis")
 
     async def stop(self) -> None:
-        """Write once more what has changed, then close all connections."""
+        """Write the last changes, then close all connections."""
         await cancel_tasks(self._task)
-        with contextlib.suppress(Exception):  # it was worth a try
+        with contextlib.suppress(Exception):  # best effort
             async with asyncio.timeout(STOP_S):
                 if self._trouble is None:
                     await self._write_changed()
@@ -144,7 +144,7 @@ class RedisStore:
                 wait_s = BACKOFF_S[0]
                 if self.link.note_success():
                     log.warning("redis is back")
-            except Exception as e:  # whatever it was: all is written anew
+            except Exception as e:  # for any error: write everything again
                 await self._handle_failure(e)
                 await asyncio.sleep(wait_s)
                 wait_s = min(2 * wait_s, BACKOFF_S[1])
@@ -158,8 +158,8 @@ class RedisStore:
 
     async def _connect(self) -> None:
         await self.link.connect(CLAIM, GUARD, STATUS, BOARD)
-        await self._exchange([])  # first of all Redis's clock: by it gateways judge the age of what we tell
-        self._written.clear()  # whatever stands there, write it whole
+        await self._exchange([])  # Redis's clock first: gateways use it to compute ages
+        self._written.clear()  # write whole states, whatever Redis has
         self._look_at = self._now() + SETTLE_S
         for robot in self._hub.robots.values():
             self._dirty |= {room.stream: None for room in robot.rooms.values()}
@@ -168,19 +168,19 @@ class RedisStore:
 
     async def _handle_failure(self, error: BaseException) -> None:
         if why := self.link.note_failure(error):
-            log.warning("redis: %s; viewers here notice nothing, trying on", why)
+            log.warning("redis: %s; viewers here are not affected; retrying", why)
         self.failures += 1
         self.losses += self._trouble is None
         self._trouble = name_error(error)  # /readyz is public: no addresses
         await self.link.reset()
 
     def _handle_fault(self, robot: str, error: Exception) -> None:
-        """What this robot brought with it can't be written: it is counted, and the others are."""
+        """Count an error in one robot's data, so that the others are still written."""
         self._hub.outcomes[FrameOutcome.FAULT.value] += 1
         log.error("redis: %s", robot, exc_info=error)
 
     def _run_guarded(self, robot: str, make: Callable[[], T]) -> T | None:
-        """What our own code makes of this robot; None where it fails at it."""
+        """Return the result of `make` for this robot; None if it raises an exception."""
         try:
             return make()
         except Exception as e:
@@ -216,7 +216,7 @@ class RedisStore:
         await self._tell([r for r in told.values() if r and self._tokens.get(r.name) != r.liveness.token])
 
     def _is_current(self, stream: Stream) -> bool:
-        """Whether there is something to write. What a view holds of an earlier run stays as it is there."""
+        """Whether there is something to write. Redis keeps a view's state from an earlier run as it is."""
         robot = self._hub.robots.get(stream.robot)
         there = stream.newest is not None and stream.key is not None
         return there and robot is not None and stream.run_id == robot.runs.current
@@ -236,7 +236,7 @@ class RedisStore:
             self.keep(stream)
 
     async def _claim(self, streams: Iterable[Stream]) -> None:
-        """Claim every robot that has another run than it had, or none of its own in Redis yet."""
+        """Claim every robot that has a new run, or that this process has not written yet."""
         claimed: dict[str, tuple[int, list[str]]] = {}
         hears: dict[str, bool] = {}
         for stream in streams:
@@ -269,7 +269,7 @@ class RedisStore:
         self._look_at = self._now() + SETTLE_S
 
     async def _resume(self, streams: Iterable[Stream]) -> None:
-        """Their events go on counting where an earlier process stopped."""
+        """Continue the numbering of these streams' events where an earlier process stopped."""
         new = [stream for stream in streams if stream not in self._resumed]
         if not new:
             return
@@ -302,7 +302,7 @@ class RedisStore:
     # ---- signs of life -----------------------------------------------------
 
     async def _check_superseded(self) -> None:
-        """Take over the robots that another process has ceased to write, or does not hear any more."""
+        """Take over robots that another process has stopped writing, or no longer hears."""
         for robot in self._superseded.keys() - self._hub.robots.keys():
             del self._superseded[robot]
         robots = list(self._superseded)
@@ -336,12 +336,12 @@ class RedisStore:
                 self.keep(room.stream)
 
     def _hears_frames(self, robot: Robot) -> bool:
-        """Whether frames of it come just now."""
+        """Whether this robot is sending frames now."""
         ages_s = [room.stream.compute_age_s(self._now()) for room in robot.rooms.values()]
         return any(age_s is not None and age_s <= robot.limits.silent_s for age_s in ages_s)
 
     async def _beat(self) -> None:
-        """Say of every robot how it is."""
+        """Publish every robot's presence."""
         heard = [robot for robot in self._hub.robots.values() if robot.heard_at is not None]
         mine = await self._tell(heard)
         known = {robot.name for robot in heard}
@@ -370,7 +370,7 @@ class RedisStore:
             self._handle_fault("the board", e)
 
     async def _tell(self, robots: Iterable[Robot]) -> list[Robot]:
-        """Returns those of which nobody else tells."""
+        """Publish robots' presence. Return the robots that no other process writes."""
         told: dict[Robot, Call] = {}
         for robot in robots:
             if robot.name not in self._superseded:

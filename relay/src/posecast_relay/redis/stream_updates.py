@@ -1,6 +1,6 @@
-"""Makes what a process that hears a robot tells others of it: updates of a stream, its whole state, presence.
+"""Makes the messages about a robot for other processes: updates of a stream, its whole state, and presence.
 
-Pure: by Redis (`write_calls.py`) and between the workers of one relay the same goes out.
+Does no I/O. Redis (`write_calls.py`) and the workers of one relay use the same messages.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ Value = bytes | str | int
 
 
 class WrittenState(NamedTuple):
-    """The part of a stream's state that others have been told."""
+    """The part of a stream's state that was already sent."""
 
     generation: int
     key: StoredFrame
@@ -27,7 +27,7 @@ class WrittenState(NamedTuple):
 
 
 def describe_written(stream: Stream, generation: int) -> WrittenState:
-    """Return what others know of a stream once they have been told all of it. It has a KEY."""
+    """Return what others know of a stream after its whole state was sent. The stream must have a KEY."""
     assert stream.key is not None
     is_heard = stream.live_at is not None
     return WrittenState(generation, stream.key, stream.ref, stream.version, stream.event_n, is_heard)
@@ -41,9 +41,9 @@ def make_update(
     now: float,
     sent_s: float | None,
 ) -> StreamUpdate:
-    """Make the message that tells of a stream what others lack. It has a KEY.
+    """Make the message with the changes of a stream. The stream must have a KEY.
 
-    `before`: what they were told last; None: nothing. `names`: of the version and of the numbering.
+    `before`: what was sent last; None: nothing. `names`: the names of the version and the numbering.
     """
     key, newest, ref = stream.key, stream.newest, stream.ref
     assert key is not None
@@ -69,7 +69,7 @@ def make_update(
 
 
 def list_lasting_values(stream: Stream, names: tuple[str, str], is_heard: bool) -> list[Value]:
-    """List what of a state changes seldom: names and values in turns, as `unpack_state` reads them."""
+    """List the parts of a state that seldom change: names and values in turns, as `unpack_state` reads."""
     assert stream.key is not None
     values: list[Value] = ["run", f"{stream.run_id:016x}"]
     values += ["schema", stream.schema.text if stream.schema else ""]
@@ -80,7 +80,7 @@ def list_lasting_values(stream: Stream, names: tuple[str, str], is_heard: bool) 
 
 
 def make_presence(robot: Robot, now: float, sent_s: float | None) -> Presence:
-    """Make the message that tells whether a robot is there, and how old its frames are."""
+    """Make the message with a robot's presence and the age of its frames."""
     ages_s: dict[str, float | None] = {}
     newest: dict[str, tuple[int, int]] = {}
     for view, room in robot.rooms.items():
@@ -92,5 +92,5 @@ def make_presence(robot: Robot, now: float, sent_s: float | None) -> Presence:
 
 
 def compute_ns(held: StoredFrame) -> int:
-    """Return the edge's nanoseconds since its run began, of a frame."""
+    """Return a frame's time in nanoseconds since the agent's run began."""
     return round(held.stamp_s * 1e9)

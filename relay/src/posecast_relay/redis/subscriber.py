@@ -1,4 +1,4 @@
-"""Sharded subscriptions: one connection for each server that holds a channel of ours."""
+"""Sharded subscriptions: one connection to each server that has a subscribed channel."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ PREFIX, SUFFIX = "posecast:{", "}:live"
 
 
 class RedisSubscriber:
-    """Calls `heard(robot, message)` in the order of each robot's messages, and `lost(error)` when a
-    connection fails; then `close` it and make a new one. `failed(robot, error)`: a robot is not listened for,
-    through a fault of our own. None of the three raises.
+    """Calls `heard(robot, message)` in the order of each robot's messages, and `lost(error)` if a connection
+    fails. Then `close` it and make a new one. It calls `failed(robot, error)` if a bug prevents a robot's
+    subscription. None of the three may raise.
     """
 
     def __init__(
@@ -37,13 +37,13 @@ class RedisSubscriber:
         self._leaving: Counter[str] = Counter()  # robots whose unsubscription has not been confirmed
 
     async def subscribe(self, *robots: str) -> None:
-        """Subscribe to robots. Once this returns, no later message is missed. Raises REDIS_ERRORS."""
-        async with self._asking:  # who comes first opens a server's one connection
+        """Subscribe to robots. After this returns, no message is missed. Raises REDIS_ERRORS."""
+        async with self._asking:  # the first caller opens a server's only connection
             asked = [robot for robot in robots if await self._guarded(robot)]
         await self._link.call(asyncio.gather(*(self._confirmed[robot] for robot in asked)))
 
     def is_subscribed(self, robot: str) -> bool:
-        """Whether this robot was subscribed to."""
+        """Whether this robot is subscribed."""
         return robot in self._pubsubs
 
     async def _guarded(self, robot: str) -> bool:
@@ -68,7 +68,7 @@ class RedisSubscriber:
             self._at[address] = (pubsub, asyncio.create_task(self._listen(pubsub), name="redis ear"))
 
     async def unsubscribe(self, robot: str) -> None:
-        """Receive no more messages of this robot. Raises REDIS_ERRORS."""
+        """Unsubscribe from a robot. Raises REDIS_ERRORS."""
         async with self._asking:
             pubsub = self._pubsubs.pop(robot, None)
             self._confirmed.pop(robot, None)

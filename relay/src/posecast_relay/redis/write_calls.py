@@ -1,4 +1,4 @@
-"""Makes the script calls by which a process that hears a robot writes to Redis."""
+"""Makes the script calls that write a robot to Redis."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ def make_state_call(
     now: float,
     sent_s: float | None,
 ) -> tuple[WrittenState, Call]:
-    """Make the call that writes a stream's newest state and publishes what changed; also returns that state.
+    """Make the call that writes a stream's newest state and publishes its changes; also return that state.
 
-    `before`: what this process wrote last; None: write it whole. `writer` names the process; `sent_s`
-    is Redis's clock.
+    `before`: what this process wrote last; None: write the whole state. `writer`: the process's name.
+    `sent_s`: Redis's clock.
     """
     newest, ref, state = stream.newest, stream.ref, describe_written(stream, generation)
     assert newest is not None
@@ -72,9 +72,9 @@ def make_presence_call(
 
 
 def gives_way(told: object, has_token: bool) -> bool:
-    """Whether this presence is of a relay that hears so little of the robot that another one takes over.
+    """Whether this presence comes from a relay that should give the robot to another one.
 
-    It has heard no frame for long, or sees no edge of the robot while the other one does (`has_token`).
+    It has heard no frame for long, or does not see the robot's agent while the other one does (`has_token`).
     """
     try:
         said = unpack(told) if isinstance(told, bytes) else None

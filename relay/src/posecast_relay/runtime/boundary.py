@@ -1,4 +1,4 @@
-"""Confines errors to one connection: what a callback raises ends that connection and no other."""
+"""Confines errors to one connection: an exception in a callback ends only that connection."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar
 P = ParamSpec("P")
 R = TypeVar("R")
 
-FAULT = "a fault of the relay's own at this connection"
+FAULT = "internal error of the relay at this connection"
 
 
 class Bounded(Protocol):
-    """A connection that ends by itself when something in it fails."""
+    """A connection that can end itself after an error."""
 
     def end_after_fault(self, error: Exception) -> None:
         """Report and count the error, tell the other side if still possible, and end. Raises nothing."""
@@ -23,7 +23,7 @@ B = TypeVar("B", bound=Bounded)
 
 
 def isolated(callback: Callable[Concatenate[B, P], R]) -> Callable[Concatenate[B, P], R | None]:
-    """Wrap a callback of a connection, so that what it raises ends the connection and not its caller."""
+    """Wrap a connection's callback, so that an exception ends the connection, not its caller."""
 
     @wraps(callback)
     def call(self: B, /, *args: P.args, **kwargs: P.kwargs) -> R | None:
@@ -39,7 +39,7 @@ def isolated(callback: Callable[Concatenate[B, P], R]) -> Callable[Concatenate[B
 def isolated_task(
     work: Callable[Concatenate[B, P], Coroutine[Any, Any, R]],
 ) -> Callable[Concatenate[B, P], Coroutine[Any, Any, R | None]]:
-    """Wrap a coroutine of a connection likewise, since errors of its task would go unnoticed."""
+    """Wrap a connection's coroutine likewise; otherwise its task's errors would go unnoticed."""
 
     @wraps(work)
     async def call(self: B, /, *args: P.args, **kwargs: P.kwargs) -> R | None:

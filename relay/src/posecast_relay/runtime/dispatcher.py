@@ -1,4 +1,4 @@
-"""Connects the core with sockets and clocks: carries out its actions, and calls it when it is due."""
+"""Connects the core to sockets and clocks: carries out its actions, and calls it when its timer is due."""
 
 from __future__ import annotations
 
@@ -37,30 +37,30 @@ log = logging.getLogger("posecast_relay")
 WATCH_S = 0.1
 JUDGE_S = 1.0
 AGAIN_S = 0.1  # after the core has failed
-GRAIN_S = 0.002  # a timer this close is left as it is
+GRAIN_S = 0.002  # a timer this close is not changed
 
 
 def _log_ended(viewer: Viewer, close: Close, reason: str) -> None:
     if log.isEnabledFor(logging.INFO):
         more = {"conn": viewer.number, "robot": viewer.robot, "code": int(close), "reason": reason}
-        log.info("viewer let go", extra=more)
+        log.info("viewer disconnected", extra=more)
 
 
 class RobotSource(Protocol):
-    """Where robots are heard: from edges themselves, or by other relays. It feeds the dispatcher's hub."""
+    """A source of robots: their agents, or other relays. It feeds the dispatcher's hub."""
 
     def request_snapshots(self, robot: str, views: Sequence[str]) -> None:
         """Ask for the snapshots of these views. The answers go to the hub like all messages."""
 
     def subscribe(self, robot: str) -> None:
-        """Listen for a robot that has its first viewer, where each robot is listened for separately."""
+        """Start to listen to a robot that got its first viewer, if the source subscribes to each robot."""
 
     async def open(self, robot: str) -> None:
-        """Wait a moment, for an HTTP request, until a robot that other relays hear is heard here."""
+        """For an HTTP request: wait a moment until this process hears a robot that other relays hear."""
 
 
 class NoSource:
-    """The RobotSource of a hub that nothing can be asked for. All its methods do nothing."""
+    """The RobotSource of a hub without a source. All its methods do nothing."""
 
     def request_snapshots(self, robot: str, views: Sequence[str]) -> None:
         """Do nothing."""
@@ -73,11 +73,11 @@ class NoSource:
 
 
 def _ignore(*_what: object) -> None:
-    """A port that leads nowhere."""
+    """Do nothing: the default callback."""
 
 
 class Dispatcher:
-    """Carries out what one hub decides, on the event loop, and keeps its timer."""
+    """Carries out one hub's actions on the event loop, and keeps its timer."""
 
     def __init__(
         self,
@@ -89,8 +89,8 @@ class Dispatcher:
         changed: Callable[[Stream], None] = _ignore,
         full: Callable[[Viewer, str | None], None] = _ignore,
     ) -> None:
-        """`verify` is called with a viewer and its new token, `changed` with each stream that has changed,
-        `full` with each viewer for whom this process has no place, and the lane that it is told.
+        """`verify` is called with a viewer and its new token; `changed` with each stream that has changed;
+        `full` with each viewer for which this process has no place, and the lane to which it is sent.
         """
         self.hub = hub
         self.store = store
@@ -103,8 +103,8 @@ class Dispatcher:
         self._timer: asyncio.TimerHandle | None = None
         self._armed_at = float("inf")
         self._watcher: asyncio.TimerHandle | None = None
-        self._todo: deque[Action] = deque()  # decided, not carried out
-        self._sending: tuple[bytes, Sequence[Viewer]] | None = None  # the rest of a Send, before all of those
+        self._todo: deque[Action] = deque()  # not carried out yet
+        self._sending: tuple[bytes, Sequence[Viewer]] | None = None  # rest of a Send; goes before those
         self._walking = False
         self._flush_waits = False
         self._flushed_at: float | None = None
@@ -117,7 +117,7 @@ class Dispatcher:
 
     @staticmethod
     def now() -> float:
-        """Return the core's clock in seconds. The event loop's own does not advance within one turn."""
+        """Return the core's clock in seconds. The event loop's clock does not advance within one turn."""
         return time.monotonic()
 
     @staticmethod
@@ -127,7 +127,7 @@ class Dispatcher:
 
     @property
     def tasks(self) -> int:
-        """How many asyncio tasks there are; may be read in another thread."""
+        """The number of asyncio tasks; may be read in another thread."""
         return len(asyncio.all_tasks(self._loop))
 
     def start(self) -> None:
@@ -154,15 +154,15 @@ class Dispatcher:
             if self.hub.load.ceiling_hz != before:
                 ceiling_hz = self.hub.load.ceiling_hz
                 what = "overload" if ceiling_hz < before else "less load"
-                rates = "as asked" if ceiling_hz == NO_CEILING else f"up to {ceiling_hz:g} Hz"
-                log.warning("%s: rates %s", what, rates)
+                rates = "not limited" if ceiling_hz == NO_CEILING else f"limited to {ceiling_hz:g} Hz"
+                log.warning("%s: frame rates %s", what, rates)
         self._watcher = self._loop.call_later(WATCH_S, self._watch, now + WATCH_S)
 
     def carry_out(self, actions: Iterable[Action]) -> None:
         """Carry out the core's actions in order, and set the timer for its next call.
 
-        A crowd is walked in slices, one in each turn of the loop. Until the last is done the core is not
-        asked for more: frames that come meanwhile replace each other there, so nothing piles up here.
+        Many viewers are served in slices, one per turn of the loop. Until the last slice is done, the core is
+        not called again: newer frames replace older ones there, so nothing piles up here.
         """
         self._todo.extend(actions)
         if not self._walking:
@@ -196,10 +196,10 @@ class Dispatcher:
     def report_fault(self, where: str, error: Exception) -> None:
         """Count an error of the relay's own code, and log it with its place."""
         self.faults[type(error).__name__] += 1
-        log.error("a fault of the relay's own%s", f" at {where}" if where else "", exc_info=error)
+        log.error("internal error%s", f" at {where}" if where else "", exc_info=error)
 
     def _decide(self, decide: Callable[[], list[Action]]) -> list[Action]:
-        """What the core decides; should it fail as a whole, nothing, and it is asked again soon."""
+        """Return the core's actions. If the core fails, return none and call it again soon."""
         try:
             return decide()
         except Exception as e:
@@ -208,7 +208,7 @@ class Dispatcher:
             return []
 
     def _begin(self, action: Action) -> None:
-        """Carry out one action. What that raises ends the viewer it is about, or is counted."""
+        """Carry out one action. An exception ends the viewer concerned, or is counted."""
         try:
             self._act(action)
         except Exception as e:
@@ -219,7 +219,7 @@ class Dispatcher:
                     self.report_fault(type(action).__name__, e)
 
     def _drop(self, viewer: Viewer, error: Exception) -> None:
-        """Let a viewer go to whose connection nothing can be written."""
+        """Remove a viewer whose connection can't be written to."""
         self.report_fault(f"{viewer.robot}/{viewer.view}", error)
         try:
             self.hub.count_ending(Close.INTERNAL_ERROR, viewer.is_preview)
@@ -266,7 +266,7 @@ class Dispatcher:
             self.arm()
 
     async def open_robot(self, robot: str) -> None:
-        """Wait a moment until the state of a robot is here, if there is any."""
+        """Wait a moment for a robot's state, if it has any."""
         await self._source.open(robot)
 
     def join(self, viewer: Viewer) -> None:
@@ -275,10 +275,10 @@ class Dispatcher:
         here = viewer in self.hub.viewers
         self.handshakes["accepted" if here else "told to go"] += 1
         if here:
-            log.info("viewer came", extra={"conn": viewer.number, "robot": viewer.robot})
+            log.info("viewer connected", extra={"conn": viewer.number, "robot": viewer.robot})
 
     def flush(self) -> None:
-        """Send viewers what has come in."""
+        """Send new messages to viewers."""
         self._flush_waits = self._walking
         if not self._walking:
             self._flushed_at = self.now()
@@ -297,11 +297,11 @@ class Dispatcher:
     def _tick(self) -> None:
         self._armed_at = float("inf")
         self._timer = None
-        if not self._walking:  # else it is set again when all is done
+        if not self._walking:  # otherwise it is set again when the walk is done
             self.carry_out(self._decide(lambda: self.hub.tick(self.now(), self.unix_s())))
 
     def drain(self) -> None:
-        """Begin to close all viewers, since this relay stops. Does nothing when begun already."""
+        """Begin to close all viewers, because this relay stops. Does nothing if that has already begun."""
         if self.hub.draining is None:
             order = list(self.hub.viewers)
             random.shuffle(order)
@@ -314,5 +314,5 @@ class Dispatcher:
 
     @property
     def drained(self) -> bool:
-        """Whether it may stop, since all viewers have been told."""
+        """Whether all viewers have been told, so that the relay may stop."""
         return self.draining and not self.hub.viewers and not self._walking

@@ -1,4 +1,4 @@
-"""Writes the same bytes to many viewers, straight to their sockets."""
+"""Writes the same bytes to many viewers, directly to their sockets."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from collections.abc import Sequence
 from posecast_relay.core.viewer.viewer import Viewer
 from posecast_relay.runtime.io_uring import BATCH, IoUring, write_each
 
-SLICE = BATCH  # viewers in one turn of the event loop: some 4 ms
-FEW = 8  # so many are written to one by one: a batch has a price of its own
+SLICE = BATCH  # viewers in one turn of the event loop: about 4 ms
+FEW = 8  # up to this many viewers are written one by one, because a batch has a fixed cost
 
 
 class FanOut:
-    """Writes by io_uring when there is a ring, else with one write() per viewer."""
+    """Writes with io_uring if a ring is available, else with one write() per viewer."""
 
     def __init__(self, ring: IoUring | None) -> None:
         self._ring = ring
 
     def write(self, data: bytes, viewers: Sequence[Viewer]) -> list[tuple[Viewer, Exception]]:
-        """Write to at most SLICE viewers; returns those at which that failed, with the error.
+        """Write to at most SLICE viewers. Return those for which that failed, with the error.
 
-        What a socket does not take at once, its transport sends later.
+        If a socket does not take everything at once, its transport sends the rest later.
         """
         failed: list[tuple[Viewer, Exception]] = []
         descriptors = [viewer.outlet.descriptor for viewer in viewers]

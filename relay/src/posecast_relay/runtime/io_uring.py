@@ -1,12 +1,12 @@
-"""Sends the same bytes to hundreds of sockets in one system call: Linux's io_uring, by ctypes.
+"""Sends the same bytes to hundreds of sockets in one system call, with Linux's io_uring through ctypes.
 
-A send() per viewer enters and leaves the kernel each time; a batch does so once. That is a fifth of what a
-message costs (`make bench`), so it is used where the kernel lets us. Container platforms often do not:
-`IoUring.open` returns None there, and the function `write_each` does the same with a write() per socket.
+A send() per viewer enters the kernel each time; a batch enters it once. That saves a fifth of a message's
+cost (`make bench`), so it is used if the kernel allows it. Container platforms often don't: then
+`IoUring.open` returns None, and the function `write_each` does the same with one write() per socket.
 
-Only one thread has the ring, and the kernel looks at it only within that thread's own calls: no kernel thread
-polls it, and no request waits (MSG_DONTWAIT). So no memory barriers are needed, and when a call returns, all
-it began is over. The layouts are those of <linux/io_uring.h>.
+Only one thread uses the ring, and the kernel reads it only during that thread's calls: no kernel thread polls
+it, and no request waits (MSG_DONTWAIT). So no memory barriers are needed, and when a call returns, all its
+requests are done. The layouts are those of <linux/io_uring.h>.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from collections.abc import Sequence
 BATCH = 512  # sends in one call; a power of two
 SYS_SETUP, SYS_ENTER = 425, 426  # the same on every architecture that Python runs on
 OP_SEND, ENTER_GETEVENTS = 26, 1
-FEAT_NATIVE_WORKERS = 1 << 9  # Linux 5.12: from here on, what would wait comes back at once when told not to
+FEAT_NATIVE_WORKERS = 1 << 9  # Linux 5.12: MSG_DONTWAIT requests return at once
 OFF_CQ_RING, OFF_SQES = 0x8000000, 0x10000000
 PARAMS = struct.Struct("=10I 8IQ 8IQ")
 U32 = 0xFFFFFFFF
 
-Short = list[tuple[int, int]]  # index, and bytes taken of what was to be sent; or −errno
+Short = list[tuple[int, int]]  # index, and the number of bytes sent; or −errno
 
 
 def write_each(descriptors: Sequence[int], data: bytes) -> Short:
@@ -49,7 +49,7 @@ class IoUring:
     """One io_uring, for use by one thread."""
 
     def __init__(self) -> None:
-        """Raises OSError where the kernel has no io_uring, forbids it, or is too old."""
+        """Raises OSError if the kernel has no io_uring, forbids it, or is too old."""
         if sys.platform != "linux":
             raise OSError("no io_uring here")
         self._syscall = ctypes.CDLL(None, use_errno=True).syscall
@@ -74,12 +74,12 @@ class IoUring:
         self._address = entries.cast("B").cast("Q")[2::8]
         entries[0::16] = array("I", [OP_SEND]) * BATCH
         entries[7::16] = array("I", [socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL]) * BATCH
-        entries[8::16] = array("I", range(BATCH))  # comes back with the answer
-        self._turned = memoryview(array("I", range(BATCH)) * 2)  # any turn of the indexes is a part of this
+        entries[8::16] = array("I", range(BATCH))  # the kernel returns it with the result
+        self._turned = memoryview(array("I", range(BATCH)) * 2)  # any rotation of the indexes is a slice
 
     @classmethod
     def open(cls) -> IoUring | None:
-        """Return a ring that has been tried out, or None where there is none that works."""
+        """Return a tested ring; None if none works."""
         try:
             ring = cls()
         except (OSError, AttributeError):  # AttributeError: a C library without syscall()
@@ -94,7 +94,7 @@ class IoUring:
         os.close(self._fd)
 
     def write_each(self, descriptors: Sequence[int], data: bytes) -> Short:
-        """Do as the function of this name, in one system call, for at most BATCH sockets."""
+        """Do the same as the function `write_each`, in one system call, for at most BATCH sockets."""
         count, size = len(descriptors), len(data)
         tail, head = self._sq_tail[0], self._cq_head[0]
         turn = -tail % BATCH
@@ -133,7 +133,7 @@ class IoUring:
         return memoryview(mmap.mmap(self._fd, size, offset=offset)).cast("I")
 
     def _proves_itself(self) -> bool:
-        """Try the ring out: a sandbox may accept its calls without carrying them out."""
+        """Test the ring: a sandbox may accept its calls without carrying them out."""
         near, far = socket.socketpair()
         with near, far:
             closed = os.dup(near.fileno())
@@ -145,7 +145,7 @@ class IoUring:
             near.setblocking(False)
             for _ in range(10_000):
                 if self.write_each([near.fileno()], bytes(65536)):
-                    return True  # full, and said so at once
+                    return True  # the full socket was reported at once
         return False
 
 

@@ -1,1 +1,1 @@
-"""Runs one relay process: opens its listener and what its role needs, serves, and closes it all."""
+"""Runs one relay process: opens its listener and the services of its role, serves, and closes everything."""

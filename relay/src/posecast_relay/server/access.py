@@ -1,4 +1,4 @@
-"""Who may see what in a process, by its settings and by the file of robots, which it follows."""
+"""Makes a process's access control from its settings and the robots file, and watches that file."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ log = logging.getLogger("posecast_relay")
 
 
 def make_limits(settings: Settings) -> Limits:
-    """Make the core's bounds."""
+    """Make the core's limits."""
     return Limits(
         viewers=settings.max_viewers,
         per_address=settings.max_per_address,
@@ -48,9 +48,9 @@ def make_access(
     delayed: DelayedHub | None,
     elsewhere: CountsElsewhere | None = None,
 ) -> Access:
-    """Make the access control of a process. `elsewhere`: what other processes of this relay count.
+    """Make the access control of a process. `elsewhere`: the counts of this relay's other processes.
 
-    Raises StartError where accounts can't be known.
+    Raises StartError if accounts can't be verified.
     """
     store, source = ports
     addresses = Addresses(settings.max_per_address, settings.trusted_proxies, elsewhere)
@@ -68,9 +68,9 @@ def make_watcher(
     access: Access,
     admit: Callable[[Robots], Awaitable[None]] | None,
 ) -> RobotsWatcher | None:
-    """Make what follows the file of robots, and the certificates; None without that file.
+    """Make the watcher of the robots file and the certificates; None without that file.
 
-    `admit`: lets robots publish; None in a process that hears none.
+    `admit`: lets robots publish; None in a process to which no robots connect.
     """
     if settings.robots is None or robots is None:
         return None
@@ -88,7 +88,7 @@ def make_watcher(
 
 
 async def follow_robots(watch: RobotsWatcher | None, access: Access) -> None:
-    """Follow the file of robots, until cancelled; return at once without one."""
+    """Watch the robots file until cancelled; return at once without one."""
     if watch is not None:
         await asyncio.gather(watch.run(), access.recheck_accounts())
 
@@ -105,5 +105,8 @@ def _accounts(settings: Settings) -> Accounts | None:
 
 def _ring() -> IoUring | None:
     ring = IoUring.open()
-    log.info("frames go out %s", "by io_uring" if ring else "one write() each: io_uring is not allowed here")
+    log.info(
+        "frames are sent %s",
+        "with io_uring" if ring else "with one write() each: io_uring is not allowed here",
+    )
     return ring

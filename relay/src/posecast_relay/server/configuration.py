@@ -1,4 +1,4 @@
-"""Whether a running relay could take the files of its configuration that it reads again."""
+"""Reports whether a running relay's configuration files are valid."""
 
 from __future__ import annotations
 
@@ -9,16 +9,14 @@ from posecast_relay.zenoh.router import RouterSession
 
 
 class Configuration:
-    """The files that one process follows, and what is wrong with them. Its methods may be called from any
-    thread.
-    """
+    """The configuration files that one process watches, and their problems. Its methods are thread-safe."""
 
     def __init__(self, watch: RobotsWatcher | None, router: RouterSession | None) -> None:
-        """`watch`: None where there is no file of robots; `router`: None where no edges connect."""
+        """`watch`: None without a robots file; `router`: None if no robots connect to this process."""
         self._watch, self._router = watch, router
 
     def find_trouble(self) -> str | None:
-        """Return which files can't be used, None where all can. Anybody may read it, so it names no robot."""
+        """Return which files can't be used; None if all are valid. It is public, so it names no robot."""
         return (
             "; ".join(
                 f"the {what} file can't be used, so its last good version stays in force; the log says why"
@@ -29,7 +27,7 @@ class Configuration:
         )
 
     def measure(self) -> dict[str, int]:
-        """Return 1 for each kind of file that is good, 0 for one that is not."""
+        """Return 1 for each kind of file that is valid, 0 for one that is not."""
         if self._watch is None:
             return {}
         found = {"robots": int(self._watch.trouble is None)}

@@ -1,4 +1,4 @@
-"""The HTTP server of a process: uvicorn, which moves viewers away before it stops."""
+"""The HTTP server of a process: uvicorn, extended to move viewers away before it stops."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from posecast_relay.streaming.websocket import make_live_protocol
 
 log = logging.getLogger("posecast_relay")
 
-GRACE_S = 2  # for requests under way when the relay stops
-DATE_TICKS = 10  # calls of on_tick from one Date of uvicorn's to the next
+GRACE_S = 2  # for running requests when the relay stops
+DATE_TICKS = 10  # calls of on_tick between two updates of uvicorn's Date header
 END_S = 9.5  # after SIGTERM; platforms kill a process at 10 s
 
 
@@ -40,7 +40,7 @@ class RelayServer(uvicorn.Server):
         dispatchers: Sequence[Dispatcher],
         serving: Callable[[], None],
     ) -> None:
-        """`serving` is called when connections are accepted."""
+        """`serving` is called when the server starts to accept connections."""
         super().__init__(config)
         self._dispatchers = dispatchers
         self._serving = serving
@@ -49,21 +49,21 @@ class RelayServer(uvicorn.Server):
         self._may_end: Callable[[], bool] = lambda: True
 
     def before_leaving(self, call: Callable[[], None]) -> None:
-        """Call this when the relay begins to stop, before viewers are moved away."""
+        """Register a callback for when the relay begins to stop, before viewers are moved away."""
         self._leaving.append(call)
 
     def end_after(self, may_end: Callable[[], bool]) -> None:
-        """Go on serving, all viewers moved away, until `may_end` says so."""
+        """After all viewers were moved away, keep serving until `may_end` returns True."""
         self._may_end = may_end
 
     def obey_signals(self) -> None:
-        """Leave at SIGTERM and at Ctrl-C."""
+        """Leave on SIGTERM and Ctrl-C."""
         loop = asyncio.get_running_loop()
         for number in (signal.SIGTERM, signal.SIGINT):
             loop.add_signal_handler(number, self.leave)
 
     def leave(self) -> None:
-        """Move the viewers away, then stop; at once when called again."""
+        """Move the viewers away, then stop. A second call stops at once."""
         going = self._dispatchers[0].draining
         self.force_exit = self.should_exit = going
         if not going:
@@ -77,10 +77,10 @@ class RelayServer(uvicorn.Server):
             dispatcher.drain()
 
     def _take_no_more(self) -> None:
-        """Accept no connection from now on, and close those on which nothing is asked just now.
+        """Accept no more connections, and close those without a running request.
 
-        A proxy that finds the port closed asks another relay at once; whoever is let in only to be told to go
-        comes back to the proxy, which knows no better than before.
+        If the port is closed, a proxy tries another relay at once. If this relay accepted a viewer only to
+        send it away, the proxy could send it here again.
         """
         if not self.started:
             return
@@ -94,17 +94,17 @@ class RelayServer(uvicorn.Server):
 
     async def on_tick(self, counter: int) -> bool:
         """Return whether to stop. uvicorn calls this ten times a second."""
-        # Of ten calls one makes its Date anew. A page that reckons the time by that would be a second off.
+        # uvicorn updates Date in one of ten calls. A page that takes the time from it would be a second off.
         stops = await super().on_tick(counter - counter % DATE_TICKS)
         return stops or (all(dispatcher.drained for dispatcher in self._dispatchers) and self._may_end())
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """Leave signals alone: handlers of the event loop take them."""
+        """Install no signal handlers: the event loop has its own."""
         yield
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Start as uvicorn does, then call `serving`, since connections are accepted now."""
+        """Start as uvicorn does, then call `serving`: connections are accepted now."""
         self._listeners = [] if sockets is None else sockets
         await super().startup(sockets)
         self._serving()
@@ -134,8 +134,8 @@ def make_server_config(
 
 
 def settle_memory() -> None:
-    """Spare the collector what was made so far, since it lives as long as the process; nor need it walk
-    thousands of new connections at every turn (pauses of 300 ms with Python's thresholds).
+    """Exclude all present objects from garbage collection, because they live as long as the process. Also
+    collect less often: with Python's thresholds, thousands of connections cause pauses of 300 ms.
     """
     gc.collect()
     gc.freeze()
@@ -143,6 +143,6 @@ def settle_memory() -> None:
 
 
 def _end() -> None:
-    """End the process: what is still waited for (a library's thread, a name server) is not worth a kill."""
-    log.warning("not all is closed %g s after the signal: ending as it is", END_S)
+    """End the process without waiting for library threads or DNS, before the platform kills it."""
+    log.warning("some connections are still open %g s after the signal: exiting anyway", END_S)
     os._exit(0)

@@ -13,21 +13,21 @@ from posecast_relay.runtime.socket_options import cut_unread
 
 log = logging.getLogger("posecast_relay")
 
-SPARE_FILES = 2000  # beside the viewers' sockets; requests that are held take half of them
-BACKLOG = 4096  # a lecture hall opens the link at once
-# An answer (a file of the page, a model) that nobody reads is kept so long; at a kilobyte a second some of it
-# is always read. Streams have limits of their own.
+SPARE_FILES = 2000  # in addition to the viewers' sockets; held requests use half of them
+BACKLOG = 4096  # a lecture hall opens the link at the same moment
+# How long an unread answer (a file of the page, a model) is kept. Even a client that reads only a kilobyte a
+# second always makes progress within this time. Streams have other limits.
 UNREAD_MS = 120_000
 
 
 def listen(host: str, port: int, is_first: bool = False, is_shared: bool = False) -> socket.socket:
-    """Open a listening socket; port 0 means any free one. Raises StartError when it can't be opened.
+    """Open a listening socket; port 0 means any free port. Raises StartError if it can't be opened.
 
-    `is_shared`: other processes of this user may listen there as well; each gets a part of the connections.
-    `is_first`: likewise, but nobody listens there yet.
+    `is_shared`: other processes of this user can listen there too; each gets a part of the connections.
+    `is_first`: likewise, but nobody may listen there yet.
     """
     if is_first:
-        with listen(host, port) as alone:  # which fails where the workers of another relay share the port
+        with listen(host, port) as alone:  # fails if the workers of another relay share the port
             port = alone.getsockname()[1]
         return listen(host, port, is_shared=True)
     try:
@@ -36,7 +36,7 @@ def listen(host: str, port: int, is_first: bool = False, is_shared: bool = False
         )[0]
         listener = socket.socket(family, kind, proto)
     except UnicodeError:
-        raise StartError(f"--host {host}: no host name") from None
+        raise StartError(f"--host {host}: not a host name") from None
     except OSError as e:
         raise StartError(f"--host {host}: {e.strerror}") from None
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -55,7 +55,7 @@ def listen(host: str, port: int, is_first: bool = False, is_shared: bool = False
 def allow_sockets(viewers: int, workers: int = 1) -> None:
     """Raise the limit of open files, usually 1,024, so that each viewer can have a socket.
 
-    Between workers a request has one more.
+    A request that is forwarded between workers needs one more.
     """
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     wanted = viewers + SPARE_FILES * min(workers, 2)

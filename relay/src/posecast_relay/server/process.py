@@ -52,18 +52,18 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("posecast_relay")
 
-SWITCH_S = 0.0005  # the loop waits no longer for Zenoh's threads to let go of the interpreter (Python: 5 ms)
+SWITCH_S = 0.0005  # how long the loop waits for Zenoh's threads to release the GIL (Python's default: 5 ms)
 CLOSE_ZENOH_S = 1.0
 
 
 def run(settings: Settings, argv: Sequence[str] = ()) -> None:
-    """Serve until SIGTERM or SIGINT. `argv`: what the settings were read from, for further workers.
+    """Serve until SIGTERM or SIGINT. `argv`: the arguments of the settings, passed to further workers.
 
-    Raises StartError when something can't be opened, as a port in use.
+    Raises StartError if something can't be opened, such as a port in use.
     """
     sys.setswitchinterval(SWITCH_S)
     start_logging(settings.log_level, None if settings.workers == 1 else 0)
-    logging.getLogger("websockets").setLevel(logging.WARNING)  # else two lines for every viewer
+    logging.getLogger("websockets").setLevel(logging.WARNING)  # otherwise it logs two lines for every viewer
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner, contextlib.ExitStack() as ends:
         runner.get_loop().set_exception_handler(LoopExceptionHandler())
         runner.run(_serve(settings, argv, ends))
@@ -141,7 +141,7 @@ async def _serve(settings: Settings, argv: Sequence[str], ends: contextlib.ExitS
 
 
 async def _open(settings: Settings, ends: contextlib.ExitStack) -> tuple[socket.socket, Robots | None]:
-    """Open the port, and wait there for the file of robots. Raises StartError."""
+    """Open the port, and serve a waiting page until the robots file is valid. Raises StartError."""
     allow_sockets(settings.max_viewers, settings.workers)
     listener = listen(settings.host, settings.port, is_first=settings.workers > 1)
     ends.callback(listener.close)
@@ -150,7 +150,7 @@ async def _open(settings: Settings, ends: contextlib.ExitStack) -> tuple[socket.
 
 
 def _tell(listener: socket.socket, router: RouterSession | None, past: str) -> None:
-    """Print where this relay serves."""
+    """Print the addresses of this relay."""
     host, port = listener.getsockname()[:2]
     shown = f"[{host}]" if ":" in host else host
     source = f"on {', '.join(router.endpoints)}" if router else "from Redis"
@@ -164,7 +164,7 @@ def _make_admin(
     refusals: AuthFailures | None,
     past: PastServices | None,
 ) -> AdminSources | None:
-    """Return what the page for the relay's admin shows; None without a file of robots."""
+    """Return the data sources of the page /admin; None without a robots file."""
     if settings.robots is None or watch is None:
         return None
     return AdminSources(
@@ -181,10 +181,10 @@ def _make_admin(
 def _gather_crew(
     settings: Settings, argv: Sequence[str], port: int, ends: contextlib.ExitStack
 ) -> Crew | None:
-    """Return what leads the workers of this relay; None where this process is the only one."""
+    """Return the crew that leads this relay's workers; None if this process is the only one."""
     if settings.workers == 1:
         return None
-    from posecast_relay.server.workers.crew import Crew  # noqa: PLC0415 — with one nothing of it is loaded
+    from posecast_relay.server.workers.crew import Crew  # noqa: PLC0415 — not needed with one worker
 
     crew = Crew(settings, argv, port)
     ends.callback(crew.stop)
@@ -192,12 +192,12 @@ def _gather_crew(
 
 
 def _find_nothing() -> None:
-    """Return None: nothing is waited for."""
+    """Return None: nothing is missing."""
 
 
 def _find_publish_at(settings: Settings, router: RouterSession | None) -> str | None:
-    """Return the endpoint that pages are told, with --dev only: elsewhere it takes a credential, and whoever
-    gives that knows the endpoint.
+    """Return the endpoint that the API shows to pages. Only with --dev: otherwise robots need a credential,
+    and whoever makes that knows the endpoint.
     """
     tells = settings.dev and settings.role == "all"
     return router.endpoints[0] if router is not None and tells else None
@@ -206,7 +206,7 @@ def _find_publish_at(settings: Settings, router: RouterSession | None) -> str | 
 def _publishers(
     settings: Settings, robots: Robots | None
 ) -> tuple[RouterSession | None, AuthFailures | None]:
-    """Open the session that edges connect to, and what counts those that it refuses. Raises StartError."""
+    """Open the session to which robots connect, and the counter of refused ones. Raises StartError."""
     router: RouterSession | None = None
     refusals: AuthFailures | None = None
     if robots is not None and not settings.dev and settings.role != "gateway":
@@ -220,7 +220,7 @@ def _publishers(
 
 
 def _router(settings: Settings, robots: Robots | None) -> RouterSession | None:
-    """Open the session that edges connect to; None for a gateway, which hears none. Raises ListenError."""
+    """Open the session to which robots connect; None for a gateway, which has none. Raises ListenError."""
     if settings.role == "gateway":
         return None
     if settings.dev or robots is None:
@@ -249,12 +249,12 @@ async def _stop(services: RoleServices, past: PastServices | None) -> None:
 
 
 def _run_past(past: PastServices | None, access: Access) -> Coroutine[Any, Any, None] | None:
-    """Return what the past does while the relay serves; None where there is none."""
+    """Return the past's background work while the relay serves; None without a past."""
     return None if past is None else past.run(access, Dispatcher.now)
 
 
 def _admitted(settings: Settings, robots: Robots) -> dict[str, str]:
-    """Return the password of each robot that may publish now; '' where a certificate is asked for."""
+    """Return the password of each robot that may publish now; '' if robots use certificates."""
     now_s = time.time()
     return (
         robots.find_secrets(now_s)
@@ -270,7 +270,7 @@ def _mirror(settings: Settings, access: Access) -> FirebaseMirror | None:
     if credentials and not os.access(credentials, os.R_OK):
         raise StartError(f"GOOGLE_APPLICATION_CREDENTIALS {credentials!r}: can't be read")
     try:
-        from posecast_relay.mirror.firebase import FirebaseMirror  # noqa: PLC0415 — seldom wanted
+        from posecast_relay.mirror.firebase import FirebaseMirror  # noqa: PLC0415 — seldom needed
     except ImportError:
         raise StartError(f"--firebase-database: {advise_extra('posecast-relay', 'firebase')}") from None
     return FirebaseMirror(settings.firebase_database, access)
@@ -304,7 +304,7 @@ def _metrics(
 
 
 async def _close(router: RouterSession | None) -> None:
-    """Close Zenoh's session, but wait for CLOSE_ZENOH_S at most: a peer may never answer."""
+    """Close Zenoh's session; wait at most CLOSE_ZENOH_S, because a peer may never answer."""
     if router is None:
         return
     closing = threading.Thread(target=router.session.close, daemon=True)

@@ -1,4 +1,4 @@
-"""Reads the file of robots as a process of these settings may take it, and waits where it can't."""
+"""Reads the robots file for a process with these settings, and waits until it is valid."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ LOOK_S = 0.5
 
 
 async def wait_for_robots(settings: Settings) -> Robots | None:
-    """Read the file, and wait until it is good and so are the certificates; None without a file.
+    """Read the file; wait until it and the certificates are valid. Return None without a file.
 
-    A process that ended over a file would be started again and again. Nobody may publish or watch meanwhile,
-    since nothing else is known.
+    If the process exited instead, it would be restarted again and again. Until the file is valid, nobody can
+    publish or watch.
     """
     said = ""
     while True:
@@ -30,17 +30,17 @@ async def wait_for_robots(settings: Settings) -> Robots | None:
             robots = load_robots(settings)
         except (RobotsError, CertificateError) as e:
             if str(e) != said:
-                log.error("%s; until it is good nobody may publish or watch", e)
+                log.error("%s; nobody can publish or watch until this is fixed", e)
             said = str(e)
         else:
             if said:
-                log.warning("the configuration is good: starting")
+                log.warning("the configuration is valid: starting")
             return robots
         await asyncio.sleep(LOOK_S)
 
 
 def load_robots(settings: Settings) -> Robots | None:
-    """Read the file, and look at the certificates; None without a file.
+    """Read the file and check the certificates; None without a file.
 
     Raises RobotsError and CertificateError.
     """
@@ -52,7 +52,7 @@ def load_robots(settings: Settings) -> Robots | None:
 
 
 def make_reader(settings: Settings) -> Callable[[Path], Robots]:
-    """Return what reads the file, and raises RobotsError. Without a store it refuses `keep`, as nothing would
-    be kept; a gateway keeps nothing in any case.
+    """Return a function that reads the file and raises RobotsError. It refuses `keep` if the relay has no
+    object store. A gateway accepts it, because it stores nothing anyway.
     """
     return partial(read_robots, has_store=settings.archive is not None or settings.role == "gateway")

@@ -1,8 +1,8 @@
-"""Decides by its role where a process hears robots, keeps their state, and finds their models.
+"""Connects a process, by its role, to the sources of robots, their state and their models.
 
-all       Zenoh → viewers, and → Redis when there is one, so that gateways beside it can serve
+all       Zenoh → viewers, and → Redis if there is one, so that gateways can serve too
 ingest    Zenoh → Redis
-gateway   Redis → viewers; nothing of its own, so as many as there are viewers
+gateway   Redis → viewers; stateless, so you can run as many as your viewers need
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ JoinModels = Callable[[ModelSource], ModelSource]
 
 @dataclass(frozen=True)
 class RoleServices:
-    """What one role does in this process: where robots, their state and their models come from.
+    """The services of a role in this process: the sources of robots, their state and their models.
 
-    `start` feeds the dispatcher's hub; `admit` lets robots publish, by name and secret, and no others.
+    `start` feeds the dispatcher's hub. `admit` lets only these robots publish, by name and secret.
     """
 
     models: ModelCache
@@ -52,10 +52,10 @@ def make_role_services(
     pinned: Callable[[], Iterable[str]] = tuple,
     elsewhere: CountsElsewhere | None = None,
 ) -> RoleServices:
-    """Make the services of the role that `settings` asks for.
+    """Make the services of the role in `settings`.
 
-    `router` is None for a gateway only. `past` may have models as well, and keeps those that it names.
-    `pinned` names robots that a gateway hears even if nobody watches. `elsewhere`: what other workers count.
+    `router` is None only for a gateway. `past` may have models too, and keeps those that it refers to.
+    `pinned` names robots that a gateway hears even if nobody watches. `elsewhere`: other workers' counts.
     """
     if past is None:
         return _make(settings, router, hub, pinned, lambda live: live, elsewhere)
@@ -125,7 +125,7 @@ def _gateway(
     from posecast_relay.redis.models import RedisModels  # noqa: PLC0415 — half of the time to start
 
     async def admit(_secrets: dict[str, str]) -> None:
-        """Do nothing: nobody publishes here."""
+        """Do nothing: nobody publishes to a gateway."""
 
     gateway = RedisGateway(url, hub, Dispatcher.now, pinned)
     models = ModelCache(join_models(RedisModels(gateway.link, hub)), cache_bytes)

@@ -1,4 +1,4 @@
-"""Answers HTTP while a relay waits for its configuration: it lives, and it is not ready."""
+"""Answers HTTP while a relay waits for a valid configuration: alive, but not ready."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import socket
 
 log = logging.getLogger("posecast_relay")
 
-WHY = "the file of robots or a certificate is wrong or can't be read; the log says which"
+WHY = "the robots file or a certificate is invalid or can't be read; the log says which"
 HEAD_BYTES_MAX = 1 << 14
 HEAD_S = 5.0
 CONNECTIONS_MAX = 100  # further ones are closed at once
 
 
 class WaitingServer:
-    """`async with`: serves on a listening socket, which stays open afterwards.
+    """An async context manager that serves on a listening socket. The socket stays open afterwards.
 
-    `/livez` is 200, so that nobody starts the process anew; `/readyz` and all else 503.
+    `/livez` answers 200, so that no platform restarts the process. `/readyz` and everything else answer 503.
     """
 
     def __init__(self, listener: socket.socket) -> None:
@@ -28,7 +28,7 @@ class WaitingServer:
         self._open: set[asyncio.StreamWriter] = set()
 
     async def __aenter__(self) -> WaitingServer:
-        """Begin to serve."""
+        """Start to serve."""
         self._server = await asyncio.start_server(
             self._answer, sock=self._listener.dup(), limit=HEAD_BYTES_MAX
         )
@@ -44,7 +44,7 @@ class WaitingServer:
     async def _answer(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         if len(self._open) < CONNECTIONS_MAX:
             self._open.add(writer)
-            # who sends no request, or is gone, gets no answer
+            # a client that sends no request, or has left, gets no answer
             with contextlib.suppress(TimeoutError, OSError, asyncio.IncompleteReadError, ValueError):
                 async with asyncio.timeout(HEAD_S):
                     await self._exchange(reader, writer)

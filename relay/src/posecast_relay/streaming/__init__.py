@@ -1,1 +1,1 @@
-"""Streams to viewers: WebSocket and server-sent events, and the connections that they come by."""
+"""Streams to viewers, over WebSocket and server-sent events, and their HTTP connections."""

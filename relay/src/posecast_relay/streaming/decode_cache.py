@@ -1,4 +1,4 @@
-"""Decodes newest frames: once per frame, however many ask, and only when somebody does."""
+"""Decodes newest frames, only on request and once per frame."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from posecast_relay.core.state.stream import StoredFrame, Stream
 from posecast_relay.plain_json import json_bytes
 from posecast_relay.streaming.turns import Turns
 
-# Decoding takes a microsecond a channel, in the turn of the loop in which all viewers are served.
-ROBOT_CHANNELS_PER_S = 40_000  # decoded for one robot's viewers; frames beyond are left out
-CHANNELS_PER_S = 200_000  # of all robots, each the same share
+# Decoding takes a microsecond per channel, on the event loop that also serves all viewers.
+ROBOT_CHANNELS_PER_S = 40_000  # decoded for one robot's viewers; further frames are skipped
+CHANNELS_PER_S = 200_000  # for all robots, shared equally
 
 
 class _Reader:
@@ -30,7 +30,7 @@ class _Reader:
         self._bases: tuple[StoredFrame | None, StoredFrame | None] = (None, None)
 
     def cost(self, newest: StoredFrame) -> int:
-        """Channels to decode for this frame, its bases included."""
+        """Return the number of channels to decode for this frame, including its bases."""
         known = (newest.key, newest.ref) == self._bases
         return self.schema.size if known else 3 * self.schema.size
 
@@ -45,7 +45,7 @@ class _Reader:
                         self._decoder.decode(base.payload)
                 self._bases = bases
             self.frame = self._decoder.decode(newest.payload)
-        except FrameError:  # an edge has sent something that does not decode
+        except FrameError:  # an agent sent an invalid frame
             self._bases = (None, None)
 
 
@@ -57,7 +57,7 @@ class DecodeCache:
         self._readers: WeakKeyDictionary[Stream, _Reader] = WeakKeyDictionary()
 
     def decode_frame(self, stream: Stream) -> Frame | None:
-        """Return the newest frame, decoded; None when there is none or it can't be decoded now."""
+        """Return the newest frame, decoded; None if there is none or it can't be decoded now."""
         reader = self._read(stream)
         return reader.frame if reader else None
 
@@ -84,7 +84,7 @@ class DecodeCache:
 
 
 def list_field_values(frame: Frame, field: Field) -> list[float | None]:
-    """Return a field's values in its unit (bits: the mask), None where there is no reading."""
+    """Return a field's values in its unit (for bits, the mask); None for a missing reading."""
     if field.bits:
         codes = frame.codes[field.start : field.start + field.size]
         return [None if code == MISSING else code for code in codes]

@@ -1,7 +1,7 @@
-"""Converts the WebSocket messages that the core makes to other forms: JSON and server-sent events.
+"""Converts the core's WebSocket messages to other formats: JSON and server-sent events.
 
-The same bytes go to many viewers one after the other, so the last answer is kept: the work is done once per
-frame and rate, not per viewer.
+The same bytes go to many viewers in a row, so the last result is cached: conversion happens once per frame
+and rate, not once per viewer.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ LINE_END = re.compile(r"\r\n|\r|\n")
 
 
 class Encoding(Protocol):
-    """A form of the stream that a viewer can ask for."""
+    """A format of the stream that a viewer can request."""
 
     def encode(self, data: bytes, stream: Stream) -> bytes:
-        """Convert WebSocket messages of this stream to that form."""
+        """Convert WebSocket messages of this stream to this format."""
 
 
 class JsonEncoding:
-    """Frames as JSON text messages. Bases are left out: a decoded frame stands alone."""
+    """Frames as JSON text messages. Bases are left out: a decoded frame does not need them."""
 
     def __init__(self, decoded: DecodeCache) -> None:
         self._decoded = decoded
         self._last = (b"", b"")
 
     def encode(self, data: bytes, stream: Stream) -> bytes:
-        """Replace the binary messages by the newest frame as JSON; it is always the last one of a write."""
+        """Replace the binary messages with the newest frame as JSON, always the last message of a write."""
         if data is not self._last[0]:
             found = list(messages.split_messages(data))
             parts = [messages.pack_message(opcode, payload) for opcode, payload in found if opcode != BINARY]
@@ -48,7 +48,7 @@ class JsonEncoding:
 
 
 class JsonOutlet:
-    """The outlet of a viewer that asked for `format=json`. Its `write` converts what it is given."""
+    """The outlet of a viewer that asked for `format=json`. Its `write` converts the messages."""
 
     descriptor = -1
 

@@ -1,7 +1,7 @@
-"""A lecture hall opens the link at once: handshakes are spread over turns of the event loop.
+"""Spreads handshakes over turns of the event loop, because a lecture hall opens the link at the same moment.
 
-One takes a few tenths of a millisecond, and a thousand may have arrived since the last turn: done in one go,
-nobody would be served meanwhile.
+A handshake takes a few tenths of a millisecond. If a thousand arrive at once and were done in one turn, no
+viewer would be served meanwhile.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ TURN_S = 0.01
 
 
 class HandshakeQueue:
-    """First come, first served. As many wait here as there are open connections, at most."""
+    """A first-in, first-out queue of handshakes, at most one per open connection."""
 
     def __init__(self) -> None:
         self._waiting: deque[Callable[[], None]] = deque()
         self._working = False
 
     def admit(self, enter: Callable[[], None]) -> None:
-        """Call `enter` when there is time for it: not at once."""
+        """Call `enter` later, when there is time for it."""
         self._waiting.append(enter)
         if not self._working:
             self._working = True
@@ -37,8 +37,8 @@ class HandshakeQueue:
             enter = self._waiting.popleft()
             try:
                 enter()
-            except Exception as e:  # no reason to keep the others waiting
-                log.error("a handshake", exc_info=e)
+            except Exception as e:  # go on with the others
+                log.error("handshake failed", exc_info=e)
         self._working = bool(self._waiting)
         if self._working:
             asyncio.get_running_loop().call_soon(self._work)

@@ -1,7 +1,7 @@
-"""uvicorn's HTTP with limits: on the size of requests, on how many wait, and on what an error can end.
+"""uvicorn's HTTP with limits on the size of requests, on waiting requests, and on the effect of errors.
 
-The limits are those of the proxy (infra/Caddyfile), for whoever reaches the relay's own port. A request that
-exceeds one is refused before it is kept, and its connection closed.
+The limits are the same as the proxy's (infra/Caddyfile), for clients that reach the relay's port directly. A
+request over a limit is refused before it is stored, and its connection is closed.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ from posecast_relay.streaming.pending_requests import PendingRequests
 HEAD_BYTES = 16 << 10  # request line and header lines; more: 431
 LINES = 100  # of a head or a trailer; more: 431
 TARGET_BYTES = 4 << 10  # a longer one: 414
-BODY_BYTES = 64 << 10  # chunks' sizes, extensions and trailers included; more: 413. None of it is ever kept
+BODY_BYTES = 64 << 10  # including chunk headers and trailers; more: 413. No body is ever stored
 PIPELINED = 8  # requests that wait for the answer to an earlier one; more: 429
-SLICE_BYTES = 4096  # of what comes at once: judged before more of it is taken apart
+SLICE_BYTES = 4096  # received data is parsed and checked in slices of this size
 LINGER_S = 1.0  # for a refusal to be read: closing with unread data would reset the connection
-LINGER_BYTES = 1 << 18  # of what still comes meanwhile; the rest stays where it is
-HEALTH = (b"/livez", b"/readyz")  # in a line of their own: who watches over the relay does not queue
+LINGER_BYTES = 1 << 18  # bytes read meanwhile; the rest stays unread
+HEALTH = (b"/livez", b"/readyz")  # have a separate queue, so that health checks don't wait
 
 TOO_LARGE = HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE
-MALFORMED = "not a request in HTTP/1"
+MALFORMED = "not a valid HTTP/1 request"
 
 
 class RequestRefused(Exception):
-    """A request is refused: it is answered with `status` and the message, then the connection is closed."""
+    """Refuses a request: the answer is `status` and the message, then the connection is closed."""
 
     def __init__(self, status: HTTPStatus, reason: str) -> None:
         super().__init__(reason)
@@ -46,18 +46,18 @@ class RequestRefused(Exception):
 
 
 class AnswerAborted(Exception):
-    """The rest of an answer can't be sent: the connection is aborted in the middle of it."""
+    """The rest of an answer can't be sent, so the connection is aborted."""
 
 
 class HttpConnection(HttpToolsProtocol):
-    """One HTTP connection, within the limits above. Its errors end this connection and no other."""
+    """One HTTP connection, within the limits above. Its errors end only this connection."""
 
     access: ClassVar[Access]
     under_way: ClassVar[PendingRequests]
 
     answering: RequestResponseCycle | None = None
     _task: asyncio.Task[None] | None = None
-    _deaf = False  # nothing more is read: refused, or somebody else's now
+    _deaf = False  # nothing more is read: refused, or taken over
     _in_head = False
     _in_message = False
     _fed = 0  # bytes since the head's, the body's or the pause's beginning
@@ -66,26 +66,26 @@ class HttpConnection(HttpToolsProtocol):
 
     @property
     def counts(self) -> Counter[str]:
-        """How many requests ended in which way."""
+        """The number of requests by result."""
         return self.access.live.handshakes
 
     @property
     def request_bytes(self) -> int:
-        """About how many bytes are kept of a request that has not arrived whole yet."""
+        """The approximate number of stored bytes of an incomplete request."""
         return min(self._fed, HEAD_BYTES) + self._head_bytes
 
     # ---- asyncio ----------------------------------------------------------
 
     @isolated
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Start, and let the transport report every write that the socket does not take at once."""
+        """Start, and let the transport report each write that the socket does not accept at once."""
         self.transport = transport
         super().connection_made(transport)
         leave_unsent(transport)
 
     @isolated
     def connection_lost(self, exc: Exception | None) -> None:
-        """Cancel the answer that was being made: the client has left."""
+        """Cancel the running answer: the client has left."""
         with ExitStack() as each:  # all of it, whatever one of them raises
             each.callback(super().connection_lost, exc)
             each.callback(self._abandon)
@@ -95,7 +95,7 @@ class HttpConnection(HttpToolsProtocol):
 
     @isolated
     def data_received(self, data: bytes) -> None:
-        """Parse what has come, in slices: the parser works through all that it is given."""
+        """Parse the received data in slices: the parser always processes all that it gets."""
         for at in range(0, len(data), SLICE_BYTES):
             if self._deaf:
                 # behind a refusal: a little of it, so that the refusal can be read
@@ -127,18 +127,18 @@ class HttpConnection(HttpToolsProtocol):
 
     @isolated
     def shutdown(self) -> None:
-        """Close, since uvicorn stops; an answer under way is finished first."""
+        """Close, because uvicorn stops; a running answer is finished first."""
         super().shutdown()
 
     @isolated
     def close_if_idle(self) -> None:
-        """Close, unless a request is being answered or is on its way."""
+        """Close, unless a request is being answered or received."""
         if self._is_idle() and not self._in_message:
             self.transport.close()
 
     @isolated
     def timeout_keep_alive_handler(self) -> None:
-        """Close, since no request has come for a while."""
+        """Close, because no request has arrived for a while."""
         super().timeout_keep_alive_handler()
 
     # ---- the parser ---------------------------------------------------------
@@ -171,9 +171,9 @@ class HttpConnection(HttpToolsProtocol):
         """Check the size of what the parser holds of an unfinished head or body. Raises RequestRefused."""
         if not self._in_message or self._in_head:
             if self._fed > HEAD_BYTES:
-                raise RequestRefused(TOO_LARGE, f"over {HEAD_BYTES} bytes of header")
+                raise RequestRefused(TOO_LARGE, f"header over {HEAD_BYTES} bytes")
         elif self._fed > BODY_BYTES:
-            raise RequestRefused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"over {BODY_BYTES} bytes of body")
+            raise RequestRefused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"body over {BODY_BYTES} bytes")
 
     def on_message_begin(self) -> None:
         """Begin a request."""
@@ -186,7 +186,7 @@ class HttpConnection(HttpToolsProtocol):
     def on_url(self, url: bytes) -> None:
         """Take a part of the request's target. Raises RequestRefused when it is too long."""
         if len(self.url) + len(url) > TARGET_BYTES:
-            raise RequestRefused(HTTPStatus.REQUEST_URI_TOO_LONG, f"over {TARGET_BYTES} bytes of address")
+            raise RequestRefused(HTTPStatus.REQUEST_URI_TOO_LONG, f"address over {TARGET_BYTES} bytes")
         super().on_url(url)
 
     def on_header(self, name: bytes, value: bytes) -> None:
@@ -194,7 +194,7 @@ class HttpConnection(HttpToolsProtocol):
         self._lines += 1
         self._head_bytes += len(name) + len(value) + 4
         if self._lines > LINES or self._head_bytes > HEAD_BYTES:
-            raise RequestRefused(TOO_LARGE, f"over {LINES} lines or {HEAD_BYTES} bytes of header")
+            raise RequestRefused(TOO_LARGE, f"header over {LINES} lines or {HEAD_BYTES} bytes")
         if self._in_head:
             super().on_header(name, value)
 
@@ -214,10 +214,10 @@ class HttpConnection(HttpToolsProtocol):
         except httptools.HttpParserInvalidURLError:
             path = None
         if path is None or not path.startswith(b"/") or not path.isascii():
-            raise RequestRefused(HTTPStatus.BAD_REQUEST, "no such address")
+            raise RequestRefused(HTTPStatus.BAD_REQUEST, "invalid address")
 
     def on_body(self, _body: bytes) -> None:
-        """Ignore a request's body: the relay answers nothing that needs one."""
+        """Ignore a request's body: no route of the relay needs one."""
 
     def on_message_complete(self) -> None:
         """End the request, which is complete."""
@@ -228,7 +228,7 @@ class HttpConnection(HttpToolsProtocol):
     # ---- answers --------------------------------------------------------------
 
     def _start_asgi_task(self, cycle: RequestResponseCycle, app: Any) -> None:
-        """Answer the request when its turn has come."""
+        """Answer the request when it is its turn."""
         address = find_real_address(
             peer_of(self.transport),
             self.find_header(cycle, b"x-forwarded-for"),
@@ -250,13 +250,13 @@ class HttpConnection(HttpToolsProtocol):
     async def _answer(
         self, cycle: RequestResponseCycle, app: Any, scope: Any, receive: Any, send: Any
     ) -> None:
-        """Run the application. It ends when the client has left, and an error in it ends this connection."""
+        """Run the application until the client leaves. An error in it ends this connection."""
 
         async def send_now(message: Any) -> None:
             if message["type"] == "http.response.start":
-                # uvicorn's Date is of when it was asked: for caches a held answer would be old at once
+                # uvicorn's Date is the request's time: caches would treat a held answer as old
                 cycle.default_headers = self.server_state.default_headers
-                if self.access.live.draining:  # who asks again on this connection would ask a relay that goes
+                if self.access.live.draining:  # the next request should go to another relay
                     cycle.keep_alive = False
             await send(message)
 
@@ -283,12 +283,12 @@ class HttpConnection(HttpToolsProtocol):
         return self.answering is None or (self.answering.response_complete and not self.pipeline)
 
     def _unread_bytes(self) -> int:
-        """Return the bytes that wait for this client alone: those of a shared answer are kept anyway."""
+        """Return the bytes stored for this client alone, without those of shared answers."""
         shared = self.answering is not None and "shared" in self.answering.scope
         return 0 if shared else self.transport.get_write_buffer_size()
 
     def _abandon(self) -> None:
-        """Cancel the answer under way and those that wait."""
+        """Cancel the running answer and the waiting ones."""
         self.pipeline.clear()
         if self.answering is not None:
             self.answering.disconnected = True
@@ -300,12 +300,12 @@ class HttpConnection(HttpToolsProtocol):
     # ---- ends -------------------------------------------------------------------
 
     def cut(self) -> None:
-        """Abort the connection, whose client does not read, and count it."""
+        """Abort and count the connection, because its client does not read."""
         self.counts["unread"] += 1
         self.transport.abort()
 
     def refuse(self, status: HTTPStatus, reason: str) -> None:
-        """Answer with this error, unless another answer is under way, and close."""
+        """Answer with this error, unless another answer is running, and close."""
         self.counts["refused"] += 1
         self._deaf = True
         last = self.answering
@@ -329,15 +329,15 @@ class HttpConnection(HttpToolsProtocol):
             self.transport.close()
 
     def end_after_fault(self, error: Exception) -> None:
-        """Report an error of the relay's own, answer 500 if that is still possible, and close."""
+        """Report an internal error, answer 500 if that is still possible, and close."""
         self.access.live.report_fault("a request", error)
         try:
             answering = self.answering
-            if answering is not None and answering.response_complete:  # with a 500, by the application
+            if answering is not None and answering.response_complete:  # the application already answered 500
                 self._deaf = True
                 self.transport.close()
             else:
-                self.refuse(HTTPStatus.INTERNAL_SERVER_ERROR, "a fault of the relay's own")
+                self.refuse(HTTPStatus.INTERNAL_SERVER_ERROR, "internal error of the relay")
         except Exception:
             self.transport.abort()
 
@@ -349,7 +349,7 @@ class HttpConnection(HttpToolsProtocol):
 
 
 def make_plain_http_protocol(of: Access) -> type[HttpConnection]:
-    """Make the class for uvicorn's `http` option where there are no streams."""
+    """Make the class for uvicorn's `http` option, without streams."""
 
     class Bound(HttpConnection):
         access = of

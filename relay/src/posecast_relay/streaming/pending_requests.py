@@ -1,8 +1,8 @@
-"""HTTP requests whose answers have not been taken: whose turn it is, and what they hold together.
+"""Queues HTTP requests, and limits the memory of unread answers.
 
-Whoever asks and never reads holds an answer, and a thousand who ask at once would be served in one go while
-nobody else is. So addresses take turns, a few requests in each turn of the event loop; and beyond a bound in
-bytes the address that holds most loses what has lain there longest.
+A client that never reads occupies an answer's memory. A thousand simultaneous requests would delay everybody
+else. So addresses take turns, with a few requests per turn of the event loop. Above a limit in bytes, the
+address that uses most memory loses its oldest answer.
 """
 
 from __future__ import annotations
@@ -13,38 +13,36 @@ from collections.abc import Callable
 from typing import Protocol
 
 HELD_MOST = 48 << 20  # bytes over all addresses
-REQUEST_BYTES = 16 << 10  # what a request under way costs beside its answer: connection, head, task
+REQUEST_BYTES = 16 << 10  # memory of a running request without its answer: connection, head, task
 STARTED_PER_TURN = 8  # one takes half a millisecond
 GONE_PER_TURN = 1000
 
 
 class Requester(Protocol):
-    """A connection with a request under way."""
+    """A connection with a running request."""
 
     def cut(self) -> None:
         """Abort the connection. Raises nothing."""
 
 
 class PendingRequests:
-    """The queue of HTTP requests of a process, and the bytes of answers that have not been read."""
+    """A process's queue of HTTP requests, and the bytes of unread answers."""
 
     def __init__(self, most: int = HELD_MOST) -> None:
         self._most = most
         self._addresses: dict[Requester, str] = {}
-        self._held: dict[
-            str, OrderedDict[Requester, int]
-        ] = {}  # bytes; who has taken nothing for longest first
+        self._held: dict[str, OrderedDict[Requester, int]] = {}  # bytes; longest without progress first
         self._sums: Counter[str] = Counter()  # bytes
         self.held_bytes = 0
         self._line: OrderedDict[str, deque[tuple[Requester, Callable[[], None]]]] = OrderedDict()
         self._working = False
 
     def __len__(self) -> int:
-        """Requests under way."""
+        """Return the number of running requests."""
         return len(self._addresses)
 
     def wait(self, asker: Requester, address: str, line: str, start: Callable[[], None]) -> None:
-        """Call `start` when it is the turn of this `line`, unless the asker has left."""
+        """Call `start` when it is this `line`'s turn, unless the client has left."""
         if asker not in self._addresses:
             self._addresses[asker] = address
             self._held.setdefault(address, OrderedDict())[asker] = 0
@@ -55,9 +53,9 @@ class PendingRequests:
             asyncio.get_running_loop().call_soon(self._work)
 
     def record_held(self, asker: Requester, answer_bytes: int) -> None:
-        """Note how many bytes of an answer have not been read.
+        """Record how many bytes of an answer are unread.
 
-        Beyond the bound, the heaviest address is cut.
+        Above the limit, the address that uses most memory loses a connection.
         """
         address = self._addresses.get(asker)
         if address is None:
@@ -74,7 +72,7 @@ class PendingRequests:
             longest.cut()
 
     def leave(self, asker: Requester) -> None:
-        """Forget a request that is answered or gone. Does nothing when it is unknown."""
+        """Forget a request that is answered or gone. Does nothing if it is unknown."""
         address = self._addresses.pop(asker, None)
         if address is None:
             return

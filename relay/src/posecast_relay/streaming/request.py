@@ -1,4 +1,4 @@
-"""What a viewer asks for: the target of its request, for WebSocket and server-sent events alike."""
+"""Parses a viewer's request for a stream, for WebSocket and server-sent events."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from posecast_relay.core.policy.admission import Applicant
 
 STREAM_PATH = re.compile(r"/api/v1/robots/([^/]{1,200})/live(\.sse)?")
 DEFAULT_HZ = "30"
-NUMBER = re.compile(r"[0-9.eE+-]{1,32}")  # what `float` would take beside is no number in an address
+NUMBER = re.compile(r"[0-9.eE+-]{1,32}")  # `float` alone would accept more, such as "inf" or "1_0"
 
 
 class BadRequest(ValueError):
@@ -26,22 +26,22 @@ class BadRequest(ValueError):
 
 
 class NoSuchStream(ValueError):
-    """A robot or view that cannot be here."""
+    """The robot or view has no valid name."""
 
 
 @dataclass(frozen=True)
 class StreamRequest:
-    """A stream as a viewer asked for it; its names are still to be checked."""
+    """A stream as a viewer requested it. Its names are not checked yet."""
 
     robot: str
-    view: str | None  # None: whichever the asker may see
+    view: str | None  # None: the view that the viewer may see
     hz: float
     decoded: bool  # frames as JSON instead of binary
     auth: bool = False  # a token comes as the first message
     preview: bool = False  # a card in a list, which gives way to viewers
 
     def check(self) -> None:
-        """Raise NoSuchStream when the robot or view has no valid name."""
+        """Raise NoSuchStream if the robot or view has no valid name."""
         try:
             check_name("robot", self.robot)
             if self.view is not None:
@@ -50,7 +50,7 @@ class StreamRequest:
             raise NoSuchStream(str(e)) from None
 
     def make_applicant(self, shows_token: bool, is_foreign: bool) -> Applicant:
-        """Return the applicant, as far as the request itself tells who asks."""
+        """Return the applicant, with the identity that the request itself shows."""
         bad_name = None
         try:
             self.check()

@@ -1,6 +1,6 @@
 """Closes connections that do not complete a request in time, or hold too many bytes together.
 
-uvicorn waits for a request's head for ever. Whoever sends one byte a minute would hold a socket for ever.
+uvicorn waits forever for a request's head. A client that sends one byte a minute would keep a socket forever.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from posecast_relay.runtime.boundary import isolated
 from posecast_relay.streaming.http_connection import HttpConnection
 
 ASK_S = 5.0  # from connecting, or from a request's first byte, to its end
-CROWD = 500  # beyond so many at once, those over HURRIED_S old go: a quarter of listener.SPARE_FILES
+CROWD = 500  # above this number, those older than HURRIED_S are dropped; a quarter of listener.SPARE_FILES
 HURRIED_S = 1.0
 SWEEP_S = 0.5
-HEADS_BYTES = 8 << 20  # of unfinished requests over all connections; beyond, the oldest go at once
+HEADS_BYTES = 8 << 20  # of incomplete requests on all connections; above this, the oldest are dropped
 
 
 class RequestTimeouts:
-    """Connections whose request is incomplete, and since when. `cut` is called with how many were dropped."""
+    """Connections with an incomplete request, and its age. `cut` is called with the number of drops."""
 
     def __init__(self, now: Callable[[], float], cut: Callable[[int], None]) -> None:
         self._now = now
@@ -31,13 +31,13 @@ class RequestTimeouts:
         self._timer: asyncio.TimerHandle | None = None
 
     def start(self, transport: asyncio.Transport) -> None:
-        """Start the timeout of a connection's next request, unless it runs already."""
+        """Start the timeout for a connection's next request, unless it is already running."""
         self._since.setdefault(transport, self._now())
         if self._timer is None:
             self._timer = asyncio.get_running_loop().call_later(SWEEP_S, self._sweep)
 
     def record_bytes(self, transport: asyncio.Transport, size: int) -> None:
-        """Note how many bytes of an incomplete request have arrived."""
+        """Record how many bytes of an incomplete request have arrived."""
         if transport not in self._since:
             return
         self._heard_bytes += size - self._heard.get(transport, 0)

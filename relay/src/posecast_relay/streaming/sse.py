@@ -1,7 +1,7 @@
 """Sends the stream as server-sent events, for networks that break WebSockets.
 
-The request is taken over from uvicorn like a WebSocket upgrade, so that the send rule sees the real socket: a
-response that goes through ASGI would fill buffers that nobody can look into.
+The connection is taken over from uvicorn, like a WebSocket upgrade, so that the send rule sees the real
+socket. A response through ASGI would fill buffers that the relay can't see.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ HEAD = (
     b"x-accel-buffering: no\r\nconnection: close\r\n\r\n"
     b"retry: 2000\n\n"  # ms, after a connection that ended without a word
 )
-# These viewers never speak. A status goes out every second, so a peer that is gone leaves it unacknowledged.
+# These viewers send nothing. But they get a status every second, which a dead peer does not acknowledge.
 USER_TIMEOUT_MS = 11_000
 
 
@@ -97,7 +97,7 @@ class EventStream(asyncio.Protocol):
 
     @isolated
     def connection_lost(self, _exc: Exception | None) -> None:
-        """Remove the viewer: the connection is gone, whichever side ended it."""
+        """Remove the viewer: either side has closed the connection."""
         with ExitStack() as each:  # all of it, whatever one of them raises
             each.callback(self._left)
             each.callback(self._dispatcher.hub.remove_viewer, self._viewer)
@@ -106,7 +106,7 @@ class EventStream(asyncio.Protocol):
                 each.callback(self._closing.cancel)
 
     def data_received(self, _data: bytes) -> None:
-        """Ignore what comes: a viewer has nothing to say on this connection."""
+        """Ignore received data: viewers send nothing on this connection."""
 
     @isolated
     def pause_writing(self) -> None:
@@ -120,7 +120,7 @@ class EventStream(asyncio.Protocol):
 
     @isolated
     def shutdown(self) -> None:
-        """End the stream, since uvicorn stops."""
+        """End the stream, because uvicorn stops."""
         self.end(Close.DRAIN, GOING, DRAIN_RETRY_S)
 
     # ---- what it is sent (Outlet) -------------------------------------------
@@ -131,13 +131,13 @@ class EventStream(asyncio.Protocol):
             room = self._dispatcher.hub.viewers.get(self._viewer)
             events = self._form.encode(data, room.stream) if room is not None else b""
             if events:
-                # When it was written, so that a reader, which can't acknowledge, sees how late it is.
+                # The send time, so that a reader sees how late it is: it can't acknowledge.
                 self._transport.write(b"id: %d\n" % int(1000 * self._dispatcher.now()) + events)
         except Exception as e:
             self.end_after_fault(e)
 
     def end(self, close: Close, reason: str, retry_s: float | None, lane: str | None = None) -> None:
-        """Tell the viewer why, and when to come again, then close. `retry_s` is in seconds."""
+        """Tell the viewer the reason and when to reconnect, then close. `retry_s` is in seconds."""
         if self._closing is not None:
             return
         self._transport.write(_make_bye(close, reason, retry_s, lane))
@@ -149,7 +149,7 @@ class EventStream(asyncio.Protocol):
         self._transport.abort()
 
     def end_after_fault(self, error: Exception) -> None:
-        """Report an error of the relay's own, tell this viewer, and end its stream. Raises nothing."""
+        """Report an internal error, tell this viewer, and end its stream. Raises nothing."""
         viewer, dispatcher = self._viewer, self._dispatcher
         dispatcher.report_fault("a viewer's connection", error)
         first, self._failed = not self._failed, True
@@ -166,7 +166,7 @@ class EventStream(asyncio.Protocol):
 
 
 def _make_head(pages: str | None) -> bytes:
-    """Make the head of a response whose events pages of the origin `pages` may read; None: of its own."""
+    """Make the response's head. Pages of the origin `pages` may read the events; None: only the relay's."""
     return HEAD % (f"access-control-allow-origin: {pages}\r\n".encode() if pages else b"")
 
 
@@ -176,7 +176,7 @@ def _make_bye(close: Close, reason: str, retry_s: float | None, lane: str | None
 
 
 def _choose_wait_ms(close: Close, retry_s: float | None) -> int:
-    """Choose after how long the browser comes again. It does so exactly then, so chance is added here."""
+    """Choose when the browser reconnects. Browsers wait exactly that long, so this adds a random part."""
     if retry_of(close) is Retry.WAIT:
         return round(1000 * (retry_s or 30.0) * random.uniform(1.0, 1.5))
     return round(1000 * random.uniform(0.1, retry_s or 10.0))
@@ -193,7 +193,7 @@ class _Http(HttpConnection):
     _entering: asyncio.Task[None] | None = None
 
     def on_headers_complete(self) -> None:
-        """Find out whether an event stream is asked for; queue any other request."""
+        """Check whether this is a request for an event stream; queue any other request."""
         if self._taken:
             return
         found = STREAM_PATH.fullmatch(self.url.partition(b"?")[0].decode("latin-1"))
@@ -206,7 +206,7 @@ class _Http(HttpConnection):
             super().on_headers_complete()
 
     def on_message_complete(self) -> None:
-        """Take the connection over for an event stream, and ignore whatever else it brings."""
+        """Take the connection over for an event stream, and ignore further data."""
         if not self._wanted:
             super().on_message_complete()
         elif not self._taken:
@@ -214,7 +214,7 @@ class _Http(HttpConnection):
             self._take_over()
 
     def handle_websocket_upgrade(self) -> None:
-        """Upgrade when its turn has come. Until then nothing more is read from this connection."""
+        """Upgrade when it is its turn. Until then, read nothing more from this connection."""
         self.transport.pause_reading()
         self.doorway.admit(self._upgrade)
 
@@ -273,7 +273,7 @@ class _Http(HttpConnection):
         stream.start(pages)
 
     def _turn_away(self, refusal: Refusal, applicant: Applicant, pages: str | None) -> None:
-        """Refuse a stream; by one that says nothing else where its reader has to be told the lane."""
+        """Refuse a stream. If the viewer is sent to a lane, open a stream that says only that."""
         if refusal.at_door:
             self.refuse(refusal.status, refusal.reason)
             return

@@ -1,18 +1,18 @@
-"""Shares out what is done for robots in the turn of the loop in which all viewers are served."""
+"""Shares the event loop's time among robots, because the loop also serves all viewers."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-CREDIT_S = 0.1  # frames come in bunches
+CREDIT_S = 0.1  # frames arrive in bursts
 
 
 class Turns:
-    """How much is done for whom: no robot's model, schema or viewers cost the others theirs."""
+    """Limits the work per robot, so that no robot's model, schema or viewers slow down the others."""
 
     def __init__(self, now: Callable[[], float], robot_per_s: int, all_per_s: int) -> None:
-        """`now` is a clock in seconds; `robot_per_s`: how much a second for one robot; `all_per_s`: for all,
-        each the same share."""
+        """`now` is a clock in seconds. `robot_per_s`: work per second for one robot. `all_per_s`: for all
+        robots, shared equally."""
         self._now = now
         self._robot_per_s = robot_per_s
         self._all_per_s = all_per_s
@@ -20,7 +20,7 @@ class Turns:
         self._tidied_at = float("-inf")
 
     def takes(self, robot: str, cost: int) -> bool:
-        """Whether something of this cost may be done for this robot now; then it is counted."""
+        """Whether work of this cost may be done for this robot now. If so, it is counted."""
         now = self._now()
         if now - self._tidied_at >= 1.0:
             self._tidied_at = now

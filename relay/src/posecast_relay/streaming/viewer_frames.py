@@ -1,14 +1,14 @@
-"""WebSocket frames as viewers send them: masked, mostly short, seldom in parts."""
+"""Reads WebSocket frames from viewers: masked, mostly short, seldom fragmented."""
 
 from __future__ import annotations
 
-SHORT = 125  # bytes of a message whose size stands in the frame's second byte
+SHORT = 125  # longest message whose size fits the frame's second byte
 
 
 def read_short_text(data: bytes) -> bytes | None:
-    """Return the text when `data` is one whole, short text message of a viewer; else None.
+    """Return the text if `data` is one complete, short text message from a viewer; else None.
 
-    A fifth of what the library takes for it. Whatever is not plainly that is the library's to judge.
+    This takes a fifth of the library's time. The library handles all other frames.
     """
     size = len(data) - 6
     if not 0 < size <= SHORT or data[0] != 0x81 or data[1] != 0x80 | size:
@@ -23,7 +23,7 @@ def count_frame_bytes(size: int) -> int:
 
 
 class Fragments:
-    """The fragments of a message that is incomplete. The library bounds their sum."""
+    """The fragments of an incomplete message. The library limits their total size."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []

@@ -1,7 +1,7 @@
 """Serves the stream over WebSockets. A connection is taken over from uvicorn before ASGI.
 
-The handshake, and everything a viewer sends, goes through the sans-I/O protocol of the `websockets` library.
-Messages to a viewer are made by the core and go straight to the transport: no task, no queue, no copy.
+The sans-I/O protocol of the `websockets` library handles the handshake and everything that a viewer sends.
+The core's messages to a viewer go directly to the transport: no task, no queue, no copy.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ if TYPE_CHECKING:
     from uvicorn.config import Config
     from uvicorn.server import ServerState
 
-TOKEN_S = 5.0  # until the token is there; else closed 4401
-SLICE_BYTES = 512  # of what comes at once: judged before more of it is taken apart
-AFTER_END_BYTES = 1024  # are read of a viewer that was told the end: its answer, and what was on its way
-CLOSING_S = 2.0  # a viewer that does not answer a close in this time is cut off
+TOKEN_S = 5.0  # for the token to arrive; then closed with 4401
+SLICE_BYTES = 512  # received data is parsed and checked in slices of this size
+AFTER_END_BYTES = 1024  # read from a viewer after the close was sent: its answer, and data already under way
+CLOSING_S = 2.0  # a viewer that does not answer a close within this time is cut off
 HEADERS = ("Origin", "Host", "Authorization", "X-Forwarded-For")
 FAILED = b"HTTP/1.1 500 Internal Server Error\r\ncontent-length: 0\r\nconnection: close\r\n\r\n"
 
@@ -57,24 +57,24 @@ class LiveSocket(asyncio.Protocol):
         server_state: ServerState,
         app_state: Any,  # noqa: ARG002
     ) -> None:
-        self.dispatcher = self.access.live  # whose hub it is a viewer of, once it is one
+        self.dispatcher = self.access.live  # its hub has the viewer, once it has joined
         self._connections: set[Any] = server_state.connections
         self._ws = ServerProtocol(max_size=self.dispatcher.hub.limits.message_bytes)
         self._transport: asyncio.Transport
         self._viewer: Viewer | None = None
         self._own_descriptor = -1
-        self.descriptor = -1  # to be written to directly: never while anything waits in the transport
-        self._over = False  # nothing may be written any more
+        self.descriptor = -1  # for direct writes; −1 while data waits in the transport
+        self._over = False  # nothing more may be written
         self._failed = False
         self._fragments = Fragments()
-        self._flooded = False  # by its viewer: nothing more is read
-        self._after_end = 0  # bytes that came since it was told the end
-        self._early = 0  # frames that came before it was a viewer
-        self._unread = 0  # bytes in the library that may be the beginning of a message
+        self._flooded = False  # the viewer sent too much: nothing more is read
+        self._after_end = 0  # bytes received since the close was sent
+        self._early = 0  # frames received before it joined
+        self._unread = 0  # bytes in the library that may be an incomplete message
         self._closing: asyncio.TimerHandle | None = None
-        self._address: str | None = None  # whose streams it counts among
-        self._asked: StreamRequest | None = None  # what is wanted, while a token is waited for
-        self._applicant = Applicant()  # by whom
+        self._address: str | None = None  # the address under which it is counted
+        self._asked: StreamRequest | None = None  # the request, while it waits for a token
+        self._applicant = Applicant()  # who sent it
         self._no_token: asyncio.TimerHandle | None = None
         self._entering: asyncio.Task[None] | None = None
 
@@ -89,10 +89,10 @@ class LiveSocket(asyncio.Protocol):
 
     @isolated
     def connection_lost(self, _exc: Exception | None) -> None:
-        """Remove the viewer: the connection is gone, whichever side ended it."""
+        """Remove the viewer: either side has closed the connection."""
         viewer, address = self._viewer, self._address
         with ExitStack() as each:  # all of it, whatever one of them raises
-            # nothing that is left may hold itself in a circle: a collection comes after 50,000 objects only
+            # break reference cycles: garbage collection runs only after 50,000 objects
             each.callback(self._ws.parser.close)
             self._viewer = self._address = self._ws.parser_exc = None
             each.callback(self._connections.discard, self)
@@ -122,7 +122,7 @@ class LiveSocket(asyncio.Protocol):
 
     @isolated
     def data_received(self, data: bytes) -> None:
-        """Take in bytes from the viewer: at first its HTTP request, as uvicorn has read it."""
+        """Process bytes from the viewer. The first ones are its HTTP request, as read by uvicorn."""
         if self._viewer is not None:
             self._viewer.record_heard(self.dispatcher.now())
         if self._unread == 0 and not self._fragments and self._ws.state is OPEN:
@@ -142,7 +142,7 @@ class LiveSocket(asyncio.Protocol):
         ws = self._ws
         ws.receive_data(data)
         self._unread += len(data)
-        self._send_own()  # a ping between two parts of a message is answered before the message is
+        self._send_own()  # answers a ping between two parts of a message before the message
         for event in ws.events_received():
             if isinstance(event, Request):
                 self._handshake(event)
@@ -155,13 +155,13 @@ class LiveSocket(asyncio.Protocol):
 
     @isolated
     def eof_received(self) -> None:
-        """Close, since the viewer sends no more: streams are never half open."""
+        """Close, because the viewer has closed its side: streams are never half open."""
         self._ws.receive_eof()
         self._send_own()
 
     @isolated
     def shutdown(self) -> None:
-        """End the stream, since uvicorn stops. Usually all viewers have been moved away before."""
+        """End the stream, because uvicorn stops. Usually all viewers were moved away before."""
         if self._viewer is None:
             self._transport.close()
         else:
@@ -177,7 +177,7 @@ class LiveSocket(asyncio.Protocol):
             return
         origin, host, authorization, forwarded = (join_all(request.headers.get_all(name)) for name in HEADERS)
         token = read_bearer(authorization)
-        # a page's origin is looked at even where nobody verifies tokens
+        # check a page's origin even if this process can't verify tokens
         is_foreign = not self.access.may_show(origin, host)
         applicant = self._applicant = asked.make_applicant(asked.auth or token is not None, is_foreign)
         address = self.access.enter_address(applicant, peer_of(self._transport), forwarded)
@@ -205,7 +205,7 @@ class LiveSocket(asyncio.Protocol):
         self._ws.send_response(response)
 
     def _wait_for_token(self, asked: StreamRequest, token: str | None) -> None:
-        """Wait for the token: it comes with the request, or as the first message within TOKEN_S seconds."""
+        """Wait for the token. It is in the request, or in the first message within TOKEN_S seconds."""
         self._asked = asked
         loop, late = asyncio.get_running_loop(), REFUSALS[Close.TOKEN]
         self._no_token = loop.call_later(TOKEN_S, self._refuse_entry, late)
@@ -256,7 +256,7 @@ class LiveSocket(asyncio.Protocol):
         if self._transport.get_write_buffer_size() == 0:
             self.descriptor = self._own_descriptor
         else:
-            # uvicorn makes us the transport's protocol only after this call: it was told to pause, not we
+            # uvicorn makes this the transport's protocol only after this call, so it got the pause itself
             self._viewer.pause(dispatcher.now())
 
     def _frame(self, frame: WebSocketFrame) -> None:
@@ -273,7 +273,7 @@ class LiveSocket(asyncio.Protocol):
                 self._text(whole)
 
     def _may_send(self) -> bool:
-        """Count a ping, a fragment or what comes before the token as a message; return if it is allowed."""
+        """Count a ping, a fragment or data before the token as a message. Return whether it is allowed."""
         if self._viewer is not None:
             return self._viewer.allow_message(self.dispatcher.now())
         self._early += 1
@@ -309,7 +309,7 @@ class LiveSocket(asyncio.Protocol):
             self._transport.write(data)
 
     def end(self, close: Close, reason: str, retry_s: float | None, lane: str | None = None) -> None:
-        """Tell the viewer why, and close. If it does not answer in CLOSING_S seconds, it is cut off."""
+        """Tell the viewer the reason, and close. After CLOSING_S seconds without an answer, cut it off."""
         if self._ws.state is not OPEN:
             return
         if close is Close.TOO_MANY:
@@ -330,7 +330,7 @@ class LiveSocket(asyncio.Protocol):
         self._write_no_more()
 
     def end_after_fault(self, error: Exception) -> None:
-        """Report an error of the relay's own, tell this viewer, and end its stream. Raises nothing."""
+        """Report an internal error, tell this viewer, and end its stream. Raises nothing."""
         viewer = self._viewer
         self.dispatcher.report_fault("a viewer's connection", error)
         first, self._failed = not self._failed, True
@@ -355,7 +355,7 @@ class LiveSocket(asyncio.Protocol):
             self._closing = asyncio.get_running_loop().call_later(CLOSING_S, self._transport.abort)
 
     def _send_own(self) -> None:
-        """Send what the library itself has to send: the handshake, pongs, closes, the end."""
+        """Send the library's own data: the handshake, pongs, closes, the end."""
         for data in self._ws.data_to_send():
             if data:
                 self._transport.write(data)
@@ -370,7 +370,7 @@ class LiveSocket(asyncio.Protocol):
                 self._hurry()
 
     def _let_go(self) -> None:
-        """Remove the viewer, write no more, and count by its code an end for a broken rule (1002, 1009)."""
+        """Remove the viewer, write no more, and count protocol errors by their code (1002, 1009)."""
         self._write_no_more()
         viewer, hub, sent = self._viewer, self.dispatcher.hub, self._ws.close_sent
         if viewer is None or viewer not in hub.viewers:

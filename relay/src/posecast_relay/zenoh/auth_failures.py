@@ -1,4 +1,4 @@
-"""Counts and logs edges that Zenoh refused. It tells of them only in its own log, on stdout."""
+"""Counts and logs publishers that Zenoh refused. Zenoh reports them only in its own log, on stdout."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import zenoh
 
 log = logging.getLogger("posecast_relay")
 
-SAY_S = 10.0  # between two lines: whoever knocks may knock fast
+SAY_S = 10.0  # between two lines: clients may retry fast
 LOG = "off,zenoh_transport::unicast::establishment::accept=debug,zenoh_link_tls::unicast=debug"
 OF_ZENOH = re.compile("zenoh_transport|zenoh_link_tls")
 SAID = re.compile(
@@ -22,26 +22,26 @@ SAID = re.compile(
     r"|link_tls::unicast.*(peer sent no certificates|invalid peer certificate)"
 )
 MEANINGS = {
-    "Invalid user": "no such robot here, or its credential has expired",
-    "Invalid password": "a wrong or replaced credential",
-    "Expected extension": "no credential",
-    "peer sent no certificates": "no certificate",
-    "invalid peer certificate": "a certificate that has expired, or of another authority",
+    "Invalid user": "unknown robot, or its credential has expired",
+    "Invalid password": "its credential is wrong or was replaced",
+    "Expected extension": "it sent no credential",
+    "peer sent no certificates": "it sent no certificate",
+    "invalid peer certificate": "its certificate has expired, or is from another authority",
 }
 NAMED = re.compile(r"link_tls::unicast.*Accepted TLS connection .*Common Name: (.*)\.\s*$")
-STRANGER = "a certificate of a name that the file of --robots does not let publish"
+STRANGER = "the robots file does not list the common name of its certificate"
 
 
 class AuthFailures:
-    """Counts publishers that Zenoh refused, and logs one now and then.
+    """Counts publishers that Zenoh refused, and sometimes logs one.
 
-    One per process, made before Zenoh writes its first line: it reads the process's stdout, and passes on
-    what is not Zenoh's.
+    Make one per process, before Zenoh writes its first line. It reads the process's stdout, and passes on all
+    lines that are not from Zenoh.
     """
 
     def __init__(self, may_publish: Callable[[str], bool] | None) -> None:
-        """`may_publish` says whether an edge with a certificate of this name may publish; None where edges
-        show passwords, and whatever certificate.
+        """`may_publish` returns whether a publisher with a certificate of this name may publish; None if
+        publishers use passwords, so that the certificate's name does not matter.
         """
         self.count = 0
         self._may_publish = may_publish
@@ -59,17 +59,17 @@ class AuthFailures:
         with os.fdopen(listen, "rb") as lines:
             for raw in lines:
                 line = raw.decode("utf-8", "replace")
-                if OF_ZENOH.search(line) is None:  # somebody else's
+                if OF_ZENOH.search(line) is None:  # not from Zenoh
                     os.write(self._stdout, raw)
                 elif (said := SAID.search(line)) is not None:
                     self.record_refusal(MEANINGS[said[1] or said[2]], time.monotonic())
                 elif self._may_publish is not None:
                     named = NAMED.search(line)
                     if named is not None and not self._may_publish(named[1]):
-                        self.record_refusal(STRANGER, time.monotonic())  # linked, and denied everything
+                        self.record_refusal(STRANGER, time.monotonic())  # access control denies it everything
 
     def record_refusal(self, why: str, now: float) -> None:
-        """Count a refused publisher; log at most one in SAY_S seconds, with `why`. `now` is in seconds."""
+        """Count a refused publisher, and log `why` at most once in SAY_S seconds. `now` is in seconds."""
         self.count += 1
         if now - self._said_at >= SAY_S:
             self._said_at = now

@@ -1,4 +1,4 @@
-"""Reads when certificates expire from their files. Python's own library does so for those of peers only."""
+"""Reads from certificate files when they expire. Python's `ssl` can do so only for a peer's certificate."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ _PEM = re.compile(rb"-----BEGIN CERTIFICATE-----(.*?)-----END CERTIFICATE-----",
 def read_expiry(path: Path) -> float:
     """Return when the first of a PEM file's certificates expires, in unix seconds.
 
-    Raises OSError when the file can't be read, ValueError when it holds no certificate.
+    Raises OSError if the file can't be read, ValueError if it contains no certificate.
     """
     with path.open("rb") as file:
         text = file.read(FILE_BYTES_MAX)
     try:
         found = [_find_expiry(base64.b64decode(block)) for block in _PEM.findall(text)]
     except (binascii.Error, IndexError, UnicodeDecodeError):
-        raise ValueError(f"{path}: a certificate in it can't be read") from None
+        raise ValueError(f"{path}: contains a certificate that can't be read") from None
     if not found:
-        raise ValueError(f"{path}: no certificate in it")
+        raise ValueError(f"{path}: contains no certificate")
     return min(found)
 
 
 def _find_expiry(der: bytes) -> float:
     """Return `notAfter` of one certificate (RFC 5280 §4.1) in unix seconds.
 
-    Raises ValueError or IndexError when it is none.
+    Raises ValueError or IndexError if it is not a certificate.
     """
     at = _enter(der, _enter(der, 0))  # Certificate, then tbsCertificate
     if der[at] == VERSION:
@@ -45,7 +45,7 @@ def _find_expiry(der: bytes) -> float:
     if form is None:
         raise ValueError("no time where a certificate has one")
     found = datetime.strptime(der[begin:end].decode("ascii"), form).replace(tzinfo=UTC)
-    if form.startswith("%y") and found.year >= 2050:  # RFC 5280; strptime's century turns at 69
+    if form.startswith("%y") and found.year >= 2050:  # in RFC 5280 "50" is 1950; in strptime, 2050
         found = found.replace(year=found.year - 100)
     return found.timestamp()
 

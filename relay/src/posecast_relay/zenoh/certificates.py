@@ -1,4 +1,4 @@
-"""Reads the certificates that the router shows and asks for, and keeps those that were good last."""
+"""Reads the router's certificate and the authority for robots, and keeps the last valid versions."""
 
 from __future__ import annotations
 
@@ -11,29 +11,28 @@ from typing import Any
 log = logging.getLogger("posecast_relay")
 
 FILE_BYTES_MAX = 1 << 20
-TLS = "transport/link/tls"  # of Zenoh's settings
+TLS = "transport/link/tls"  # prefix of Zenoh's settings
 
 
 class CertificateError(ValueError):
-    """A file of certificates can't be used. The message is one line that names it."""
+    """A certificate file can't be used. The message is one line that names it."""
 
 
 class RouterCertificates:
-    """What the files of `--zenoh-tls-cert`, `--zenoh-tls-key` and `--zenoh-ca` held when all were last good.
+    """The content of `--zenoh-tls-cert`, `--zenoh-tls-key` and `--zenoh-ca` when all were last valid.
 
-    Zenoh is given the bytes, not the files: a session that is opened anew must not fail over a file that has
-    been damaged meanwhile.
+    Zenoh gets the bytes, not the files, so that a file damaged meanwhile can't prevent a new session.
     """
 
     def __init__(self, cert: Path | None, key: Path | None, ca: Path | None) -> None:
-        """Raises CertificateError when a file can't be used."""
+        """Raises CertificateError if a file can't be used."""
         self._cert, self._key, self._ca = cert, key, ca
         self._kept = self._read()
-        self.trouble: str | None = None  # what is wrong with the files now
+        self.trouble: str | None = None  # the files' present problem
 
     def refresh(self) -> bool:
-        """Read the files again; return whether they hold something else, and something good. What was good
-        before is kept otherwise.
+        """Read the files again. Return whether they have changed and are valid. Otherwise the last valid
+        content is kept.
         """
         try:
             read = self._read()
@@ -44,13 +43,13 @@ class RouterCertificates:
             return False
         if self.trouble is not None:
             self.trouble = None
-            log.warning("certificates are good again")
+            log.warning("certificates are valid again")
         is_new = read != self._kept
         self._kept = read
         return is_new
 
     def make_settings(self) -> dict[str, Any]:
-        """Return the settings of Zenoh that hold them."""
+        """Return Zenoh's settings with these certificates."""
         return {f"{TLS}/{name}_base64": base64.b64encode(data).decode() for name, data in self._kept.items()}
 
     def _read(self) -> dict[str, bytes]:
@@ -64,7 +63,7 @@ class RouterCertificates:
                 context.load_cert_chain(self._cert, self._key, password="")
             except OSError:  # ssl.SSLError is one
                 raise CertificateError(
-                    f"--zenoh-tls-cert {self._cert}, --zenoh-tls-key {self._key}: no certificate and its key"
+                    f"--zenoh-tls-cert {self._cert}, --zenoh-tls-key {self._key}: not a valid pair"
                 ) from None
         if self._ca is not None:
             found["root_ca_certificate"] = _read_file("--zenoh-ca", self._ca)
@@ -78,8 +77,8 @@ class RouterCertificates:
 def _read_file(flag: str, path: Path) -> bytes:
     try:
         if not path.is_file():
-            path.stat()  # says so where there is nothing
-            raise CertificateError(f"{flag} {path}: is no file")
+            path.stat()  # raises if there is nothing
+            raise CertificateError(f"{flag} {path}: is not a file")
         with path.open("rb") as file:
             return file.read(FILE_BYTES_MAX)
     except OSError as e:

@@ -1,4 +1,4 @@
-"""Holds what robots have sent until the loop takes it in: a bounded inbox for each, emptied in turns."""
+"""Queues messages from robots until the event loop takes them: one bounded inbox per robot, in turns."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from collections import Counter, OrderedDict, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-MESSAGES_MAX = 512  # in one inbox; then its oldest go
-BYTES_MAX = 1 << 21  # likewise: room for one of the largest messages that come through the door
+MESSAGES_MAX = 512  # in one inbox; then the oldest are dropped
+BYTES_MAX = 1 << 21  # likewise; enough for one of the largest messages that Zenoh lets in
 ROBOTS_MAX = 4096  # inboxes at once; messages of further robots are dropped
-OTHERS = ""  # under which the messages of those are counted
+OTHERS = ""  # the name under which those messages are counted
 
 
 @dataclass(slots=True)
 class Message:
-    """Something of `size` bytes that waits for `take_in`, which is called on the loop.
+    """A message of `size` bytes. `take_in` processes it, on the event loop.
 
-    `cost`: so many frames take as long. `is_frame`: it may be dropped, since a newer frame replaces it.
+    `cost`: its processing time, in frames. `is_frame`: it can be dropped, because a newer frame replaces it.
     """
 
     take_in: Callable[[], None]
@@ -33,16 +33,18 @@ class _Inbox:
 
 
 class Inboxes:
-    """An inbox per robot, filled by threads, emptied by the loop. A robot that floods loses only its own."""
+    """One inbox per robot, filled by threads, emptied by the loop. A robot that floods loses only its own
+    messages.
+    """
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._waiting: OrderedDict[str, _Inbox] = OrderedDict()  # none of them empty; the next one first
-        self._closed_until: dict[str, float] = {}  # to frames
+        self._waiting: OrderedDict[str, _Inbox] = OrderedDict()  # non-empty inboxes; the next one first
+        self._closed_until: dict[str, float] = {}  # until then frames are dropped
         self._lost: Counter[str] = Counter()  # by robot
 
     def put(self, robot: str, message: Message, now: float) -> None:
-        """Keep a message until its robot's turn comes; drop its oldest ones when its inbox is full."""
+        """Queue a message until its robot's turn. If the inbox is full, drop its oldest messages."""
         with self._lock:
             if message.is_frame and robot in self._closed_until:
                 if now < self._closed_until[robot]:
@@ -62,7 +64,7 @@ class Inboxes:
                 self._lost[robot] += 1
 
     def pop(self) -> Message | None:
-        """Take the oldest message of the robot whose turn it is, if any, and pass the turn on."""
+        """Take the oldest message of the robot whose turn it is, if any. Then it is the next robot's turn."""
         with self._lock:
             if not self._waiting:
                 return None
@@ -76,10 +78,9 @@ class Inboxes:
             return message
 
     def close(self, robot: str, now: float, until: float) -> None:
-        """Drop the frames of this robot, those that wait and those that come before `until`. Times are
-        in seconds."""
+        """Drop this robot's queued frames, and those that arrive before `until`. Times are in seconds."""
         with self._lock:
-            if len(self._closed_until) >= ROBOTS_MAX:  # robots that never sent another frame
+            if len(self._closed_until) >= ROBOTS_MAX:  # remove robots that never sent another frame
                 self._closed_until = {r: end for r, end in self._closed_until.items() if now < end}
             self._closed_until[robot] = until
             inbox = self._waiting.get(robot)

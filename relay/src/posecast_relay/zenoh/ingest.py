@@ -1,8 +1,8 @@
-"""Takes in what edges send: frames, events, tokens and snapshots, from Zenoh's threads to the event loop.
+"""Receives frames, events, tokens and snapshots from robots, in Zenoh's threads, for the event loop.
 
-Zenoh calls back in a thread per subscriber. These threads only copy the bytes into the robot's inbox; at most
-one wake-up of the loop is pending. The loop takes from the inboxes in turns, a bounded amount in each turn of
-its own, so that viewers are served in between.
+Zenoh calls back in one thread per subscriber. These threads only copy the bytes into the robot's inbox, and
+wake the loop if no wake-up is pending. The loop empties the inboxes in turns. Each pass is bounded, so that
+viewers are served in between.
 """
 
 from __future__ import annotations
@@ -23,25 +23,23 @@ from posecast_relay.zenoh.router import RouterSession
 
 log = logging.getLogger("posecast_relay")
 
-TURN = 256  # frames, or what takes as long, in one turn of the loop: some 3 ms
-PARSED_BYTES = 1 << 10  # of a snapshot: parsed in the time of a frame
-CLOSED_S = 0.01  # a robot beyond its share is looked at again after this long
-TOKENS_S = 0.1  # between two changes of one robot's token that are told
+TURN = 256  # frames, or messages of the same cost, in one turn of the loop: about 3 ms
+PARSED_BYTES = 1 << 10  # of a snapshot; parsing them costs as much as one frame
+CLOSED_S = 0.01  # how long a robot above its share has to wait
+TOKENS_S = 0.1  # minimum time between two reported changes of one robot's token
 SNAPSHOT_TIMEOUT_S = 2.0
-RETURN_S = (
-    3.0  # after the door was opened anew a robot has so long to come back; edges try at least once a second
-)
+RETURN_S = 3.0  # time for robots to return after a new session; agents retry at least once a second
 COMPLAIN_S = 10.0  # between two log lines about bad messages of a robot
-WHY = {  # a frame is dropped, as its robot's developer is told
-    FrameOutcome.BAD: "no frame of its schema",
-    FrameOutcome.VERSION: "a frame of a wire format not known here",
-    FrameOutcome.OVERSIZED: "a frame that is too large",
+WHY = {  # why a frame is dropped; for the robot's developer
+    FrameOutcome.BAD: "a frame does not fit its schema",
+    FrameOutcome.VERSION: "a frame has an unknown wire format version",
+    FrameOutcome.OVERSIZED: "a frame is too large",
 }
 LOST = "there is room for"
 
 
 class _Token:
-    """A robot's token: whether it was there when last heard of, and when the hub was told of it last."""
+    """A robot's token: whether it was last seen as present, and when the hub was last told."""
 
     def __init__(self) -> None:
         self.present = False
@@ -50,7 +48,7 @@ class _Token:
 
 
 class _Question:
-    """A question for one view's snapshot; only the first answer counts."""
+    """A request for one view's snapshot. Only the first answer counts."""
 
     def __init__(self, asked_at: float) -> None:
         self.asked_at = asked_at
@@ -58,7 +56,7 @@ class _Question:
 
 
 class ZenohIngest:
-    """A RobotSource for edges: subscribes to what they send, answers echoes, and asks for snapshots."""
+    """A RobotSource for robots' agents: subscribes to their messages, answers echoes, requests snapshots."""
 
     _dispatcher: Dispatcher  # from `start` on
 
@@ -67,16 +65,16 @@ class ZenohIngest:
         self._loop = asyncio.get_running_loop()
         self._inboxes = Inboxes()
         self._woken = False
-        self._complained_at: dict[str, float] = {}  # by robot, those that are here; the others are one
+        self._complained_at: dict[str, float] = {}  # by robot; unknown robots share one entry
         self._declared: list[object] = []
-        self._opening = 0  # which session it is; tokens of one that is gone mean nothing
+        self._opening = 0  # the session's number; tokens of earlier sessions are ignored
         self._tokens: dict[str, _Token] = {}
-        self._missing: set[str] = set()  # were here before the door was opened anew
-        self._waiting: set[str] = set()  # are here, and the relay had no place for them
+        self._missing: set[str] = set()  # were present before the new session
+        self._waiting: set[str] = set()  # are present, but the relay had no place for them
         self._given_up: asyncio.TimerHandle | None = None
 
     def start(self, dispatcher: Dispatcher) -> None:
-        """Subscribe: from now on what edges send goes to the dispatcher's hub."""
+        """Subscribe. From now on, the dispatcher's hub gets the robots' messages."""
         self._dispatcher = dispatcher
         self._declare()
 
@@ -86,7 +84,7 @@ class ZenohIngest:
             self._given_up.cancel()
 
     async def admit(self, secrets: dict[str, str]) -> None:
-        """Let these robots publish, by name and secret, and no others: see RouterSession."""
+        """Let only these robots publish, by name and secret: see RouterSession."""
         await self._router.admit(secrets, self._leave_off, self._go_on)
 
     def _leave_off(self) -> None:
@@ -144,7 +142,7 @@ class ZenohIngest:
     ) -> None:
         robot, view = _names(sample.key_expr)
         size = len(sample.payload)
-        # what is too large is cut short here, and refused for its length where it is counted
+        # a message that is too large is truncated here; the code that counts it refuses its length
         payload = sample.payload.to_bytes() if size <= bytes_max else bytes(bytes_max + 1)
         attached = sample.attachment
         stamp = attached.to_bytes() if attached is not None and len(attached) == STAMP.size else b""
@@ -172,7 +170,7 @@ class ZenohIngest:
     # ---- on the event loop ------------------------------------------------------
 
     def _work_off(self) -> None:
-        self._woken = False  # before looking: what comes from now on wakes again
+        self._woken = False  # reset first, so that later messages wake the loop again
         left = TURN
         while left > 0 and (message := self._inboxes.pop()) is not None:
             left -= message.cost
@@ -226,10 +224,10 @@ class ZenohIngest:
             dispatcher.hub.take_event(robot, view, payload, at, dispatcher.now(), dispatcher.unix_s())
         )
         if dispatcher.hub.outcomes[FrameOutcome.BAD.value] > bad:
-            self._say(robot, f"{view}/event", "no event, info or model as the wire format has them")
+            self._say(robot, f"{view}/event", "not a valid event, info or model message (see wire/SPEC.md)")
 
     def _heard_token(self, opening: int, robot: str, present: bool) -> None:
-        """Pass on whether a token is there, at most once in TOKENS_S seconds for each robot."""
+        """Report whether a token is present, at most once in TOKENS_S seconds per robot."""
         if opening != self._opening:
             return
         self._missing.discard(robot)
@@ -264,7 +262,7 @@ class ZenohIngest:
         self._dispatcher.carry_out(hub.set_token(robot, present, self._dispatcher.now()))
         if present and robot not in hub.robots:
             self._waiting.add(robot)
-            self._say(robot, "alive", "the relay has as many robots as it takes (--max-robots)")
+            self._say(robot, "alive", "the relay has no place for another robot (--max-robots)")
             return
         self._waiting.discard(robot)
         log.info("robot %s %s", robot, "on air" if present else "gone")
@@ -305,8 +303,8 @@ class ZenohIngest:
         query.drop()  # type: ignore[no-untyped-call]
 
     def request_snapshots(self, robot: str, views: Sequence[str]) -> None:
-        """Ask the robot's edge for the snapshots of these views. The answers go to the hub."""
-        for view in views:  # not `*`: the edge's `model/**` would match it too
+        """Ask the robot's agent for the snapshots of these views. The answers go to the hub."""
+        for view in views:  # not `*`: that would also match the agent's `model/**`
             on_snapshot = partial(self._on_snapshot, _Question(self._dispatcher.now()))
             try:
                 self._router.session.get(snapshot_key(robot, view), on_snapshot, timeout=SNAPSHOT_TIMEOUT_S)
@@ -314,28 +312,28 @@ class ZenohIngest:
                 log.warning("snapshot of %s/%s: %s", robot, view, e)
 
     def subscribe(self, robot: str) -> None:
-        """Do nothing: all robots are listened for."""
+        """Do nothing: the relay already listens to all robots."""
 
     async def open(self, robot: str) -> None:
-        """Return at once: every robot that is on air is heard here."""
+        """Return at once: this process hears every robot on air."""
 
     def _complain(self, robot: str, what: str, error: Exception) -> None:
-        """Count a bad message, and log one now and then."""
+        """Count an invalid message, and sometimes log one."""
         self._dispatcher.hub.outcomes[FrameOutcome.BAD.value] += 1
         self._say(robot, what, error)
 
     def _say(self, robot: str, what: str, why: Exception | str) -> None:
-        """Log it, unless this robot had a line within COMPLAIN_S: no robot keeps others out of the log."""
+        """Log a problem, unless this robot had a line within COMPLAIN_S: one robot must not fill the log."""
         now, known = self._dispatcher.now(), robot if robot in self._dispatcher.hub.robots else ""
         if now - self._complained_at.get(known, float("-inf")) < COMPLAIN_S:
             return
         if len(self._complained_at) > 2 * self._dispatcher.hub.limits.robots:
-            self._complained_at.clear()  # most of them have gone
+            self._complained_at.clear()  # most of these robots have left
         self._complained_at[known] = now
         log.warning("%.120s: %.200s", f"{robot}/{what}", why)
 
 
 def _names(key: zenoh.KeyExpr) -> tuple[str, str]:
-    """Return the robot and the view of a key. Callers check them: in `posecast/**` they are no names."""
+    """Return the robot and the view of a key. Callers check them: `posecast/**` allows any text."""
     _, _, robot, view, *_ = *str(key).split("/"), "", "", "", ""
     return robot, view

@@ -1,7 +1,7 @@
-"""Opens the relay's own Zenoh session: it is the router that edges connect to.
+"""Opens the relay's Zenoh session, the router to which robots connect.
 
-Zenoh reads its users and their rights only when a session is opened. So when a robot is enrolled or revoked,
-the session, and nothing else, is closed and opened anew.
+Zenoh reads its users and their rights only when a session opens. So when a robot is enrolled or revoked, the
+relay closes only this session and opens a new one.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ from posecast_relay.zenoh.certificates import RouterCertificates
 
 log = logging.getLogger("posecast_relay")
 
-LEASE_MS = 2500  # an edge whose link is cut is gone after this long
+LEASE_MS = 2500  # a robot counts as gone this long after its link breaks
 PORT_TRIES = 5
-REOPEN_S = 5.0  # the port we have just let go of is tried again for so long
-MESSAGE_BYTES_MAX = 1 << 21  # an answer with the largest schema, and some room
-PENDING_MAX = 64  # links that have not said who they are; with more, Zenoh holds up the others while they end
-ACCEPT_MS = 2000  # and so long: silent ones make room for who comes
-SESSIONS_MAX = 4000  # edges; Zenoh's own figure is 1,000
+REOPEN_S = 5.0  # how long to retry the port that was just closed
+MESSAGE_BYTES_MAX = 1 << 21  # an answer with the largest schema, plus some
+PENDING_MAX = 64  # unauthenticated links at once; with more, Zenoh delays all others
+ACCEPT_MS = 2000  # time to authenticate, so that silent links free their places
+SESSIONS_MAX = 4000  # robots; Zenoh's default is 1,000
 
 
 class ListenError(OSError):
@@ -47,8 +47,8 @@ class ListenError(OSError):
 class ZenohAuth:
     """Who may publish: `secrets` by robot. With `cert` and its `key`, endpoints may be `tls/…`.
 
-    With `ca`, robots show a certificate of this authority whose common name is theirs. Then no password is
-    asked for, and the secrets are empty.
+    With `ca`, robots must show a certificate of this authority with their name as its common name. Then there
+    are no passwords, and the secrets are empty.
     """
 
     secrets: Mapping[str, str] = field(repr=False)
@@ -57,8 +57,8 @@ class ZenohAuth:
     ca: Path | None = None
 
 
-# What an edge may do with the keys of its own robot ({}), and what it is told. Everything else is denied.
-# Zenoh knows no patterns for users, so there are rules for each.
+# What an agent may send and receive on the keys of its own robot ({}). Everything else is denied. Zenoh has
+# no patterns for users, so each user needs separate rules.
 Rights = Mapping[tuple[str, ...], tuple[str, ...]]  # kinds of messages → keys
 IN_OF_ONE: Rights = {
     ("put",): ("{}/*/frame", "{}/*/event"),
@@ -67,7 +67,7 @@ IN_OF_ONE: Rights = {
     ("query",): ("{}/echo",),
 }
 OUT_OF_ONE: Rights = {("query",): ("{}/*/snapshot", "{}/model/**"), ("reply",): ("{}/echo",)}
-# What the relay listens for: not of anybody's state. Without it an edge would not begin to send.
+# The relay's subscriptions, which reveal no robot's state. An agent sends only when it sees them.
 OUT_OF_ALL: Rights = {
     ("declare_subscriber",): ("*/*/frame", "*/*/event"),
     ("declare_queryable",): ("*/echo",),
@@ -76,7 +76,7 @@ OUT_OF_ALL: Rights = {
 
 
 def make_access_control(robots: Sequence[str], known_by: str = "usernames") -> dict[str, Any]:
-    """Make Zenoh's `access_control`: each robot may use its own keys, and nothing else.
+    """Make Zenoh's `access_control`: each robot may use only its own keys.
 
     Zenoh knows a robot by `known_by`: "usernames" or "cert_common_names".
     """
@@ -119,12 +119,12 @@ def _config(
         "listen/endpoints": list(endpoints),
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
-        "scouting/delay": 0,  # else opening takes half a second
+        "scouting/delay": 0,  # otherwise opening takes half a second
         "transport/link/tx/lease": LEASE_MS,
         "transport/unicast/max_sessions": SESSIONS_MAX,
         "transport/unicast/accept_pending": PENDING_MAX,
         "transport/unicast/accept_timeout": ACCEPT_MS,
-        "transport/link/rx/max_message_size": MESSAGE_BYTES_MAX,  # else a gigabyte: a larger one is dropped
+        "transport/link/rx/max_message_size": MESSAGE_BYTES_MAX,  # default: 1 GB; larger messages are dropped
         "transport/shared_memory/enabled": False,  # drops messages silently under load
         "adminspace/enabled": False,
     }
@@ -145,11 +145,11 @@ def _config(
 
 @contextlib.contextmanager
 def _passwords(auth: ZenohAuth | None) -> Iterator[str | None]:
-    """Write the file of `user:password` lines that Zenoh reads when it opens; delete it at the end."""
+    """Write the file of `user:password` lines that Zenoh reads when it opens. Delete it at the end."""
     if auth is None or auth.ca is not None:
         yield None
         return
-    # an empty file would let everybody in; no robot's name begins with -
+    # an empty file would let everybody in; no robot's name can begin with -
     lines = [f"{robot}:{secret}" for robot, secret in auth.secrets.items()]
     lines.append(f"-:{secrets.token_urlsafe(32)}")
     with tempfile.NamedTemporaryFile("w", prefix="posecast-") as file:
@@ -160,7 +160,7 @@ def _passwords(auth: ZenohAuth | None) -> Iterator[str | None]:
 
 
 def _with_port(endpoint: str) -> str:
-    """Replace port 0 by one that is free just now, since Zenoh does not say which one it took."""
+    """Replace port 0 with a port that is free now, because Zenoh does not report which one it chose."""
     scheme, _, address = endpoint.partition("/")
     host, _, port = address.rpartition(":")
     if port != "0":
@@ -174,9 +174,9 @@ def _with_port(endpoint: str) -> str:
 def open_router(
     endpoints: Sequence[str], auth: ZenohAuth | None = None, certificates: RouterCertificates | None = None
 ) -> tuple[zenoh.Session, list[str]]:
-    """Return a session and the endpoints that it listens on. `auth` None: anybody may publish.
+    """Open a session. Return it with the endpoints that it listens on. `auth` None: anybody may publish.
 
-    Raises ListenError when an endpoint can't be listened on.
+    Raises ListenError if the session can't listen on an endpoint.
     """
     for tries_left in reversed(range(PORT_TRIES)):
         real = [_with_port(e) for e in endpoints]
@@ -190,7 +190,7 @@ def open_router(
 
 
 def _refused(endpoints: Sequence[str], error: zenoh.ZError) -> ListenError:
-    """Make an error of Zenoh's message, without the place in its sources."""
+    """Make an error from Zenoh's message, without its source location."""
     said = str(error).splitlines()[0].partition(" at /")[0]
     if "in use" in said:
         taken = OSError(errno.EADDRINUSE, "address already in use")
@@ -208,7 +208,7 @@ def _open(
 def reopen_router(
     endpoints: Sequence[str], auth: ZenohAuth, certificates: RouterCertificates | None = None
 ) -> zenoh.Session:
-    """Open a session for other users on endpoints just closed. Raises ListenError after REOPEN_S seconds."""
+    """Open a session with new users on endpoints just closed. Raises ListenError after REOPEN_S seconds."""
     give_up_at = time.monotonic() + REOPEN_S
     while True:
         try:
@@ -220,27 +220,27 @@ def reopen_router(
 
 
 def _read_expiries(auth: ZenohAuth | None) -> dict[str, float]:
-    """Return when the certificates of a session just opened expire (unix seconds), by flag."""
+    """Return when the session's certificates expire (unix seconds), by flag."""
     files = {} if auth is None else {"--zenoh-tls-cert": auth.cert, "--zenoh-ca": auth.ca}
     found: dict[str, float] = {}
     for flag, path in files.items():
-        with contextlib.suppress(OSError, ValueError):  # Zenoh has read it, so this is a form that we don't
+        with contextlib.suppress(OSError, ValueError):  # Zenoh accepts a format that we can't read
             if path is not None:
                 found[flag] = read_expiry(path)
     return found
 
 
 class RouterSession:
-    """The relay's session as a Zenoh router. A change of its users closes it for some milliseconds."""
+    """The relay's session as a Zenoh router. Changing its users closes it for some milliseconds."""
 
     def __init__(self, endpoints: Sequence[str], auth: ZenohAuth | None) -> None:
-        """Raises ListenError when an endpoint can't be listened on, CertificateError when a certificate can't
-        be used. `auth` None: anybody may publish.
+        """Raises ListenError if it can't listen on an endpoint, CertificateError if a certificate can't be
+        used. `auth` None: anybody may publish.
         """
         self._auth = auth
         self._certificates = None if auth is None else RouterCertificates(auth.cert, auth.key, auth.ca)
         self.session, self.endpoints = open_router(endpoints, auth, self._certificates)
-        # by the flag that names the file; of what is in use, which need not be what the file holds by now
+        # by the flag that names the file; of the certificates in use, which may differ from the present files
         self.expiries_s = _read_expiries(auth)
         self._changing = asyncio.Lock()
         self.changes = 0
@@ -251,16 +251,16 @@ class RouterSession:
 
     @property
     def trouble(self) -> str | None:
-        """What is wrong with the files of certificates now, so that those of before go on; None: nothing."""
+        """The certificate files' present problem, which keeps the previous ones in use; None without one."""
         return None if self._certificates is None else self._certificates.trouble
 
     async def admit(
         self, secrets: dict[str, str], closing: Callable[[], None], opened: Callable[[], None]
     ) -> None:
-        """Let these robots publish, by name and secret, and no others; show the certificates of now.
+        """Let only these robots publish, by name and secret, and use the present certificates.
 
-        If that takes a new session, `closing` is called before the old one closes, `opened` when the new one
-        is open. If it can't be opened, that is logged, and nobody may publish until the next change.
+        If this needs a new session, `closing` is called before the old one closes, and `opened` when the new
+        one is open. If it can't be opened, this logs an error, and nobody can publish until the next change.
         """
         async with self._changing:
             before, certificates = self._auth, self._certificates
@@ -273,7 +273,7 @@ class RouterSession:
             self._auth = replace(before, secrets=secrets)
             try:
                 self.session = await asyncio.to_thread(self._change, self.session, self._auth)
-            except ListenError as e:  # nobody may publish meanwhile; the next change tries again
+            except ListenError as e:  # nobody can publish until the next change, which tries again
                 self._auth = replace(before, secrets={})
                 log.error("%s", e)
                 return
@@ -285,7 +285,7 @@ class RouterSession:
             went = sorted(before.secrets.keys() - secrets.keys())
             new = sorted(r for r in secrets.keys() & before.secrets.keys() if secrets[r] != before.secrets[r])
             if is_renewed:
-                log.warning("certificates are other ones now")
+                log.warning("using the renewed certificates")
             for what, robots in (("enrolled", came), ("revoked", went), ("with a new credential", new)):
                 if robots:
                     log.warning("publishers %s: %s", what, ", ".join(robots[:20]))

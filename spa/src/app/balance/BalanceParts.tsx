@@ -6,18 +6,18 @@ import { settings, useSettings } from '../state/settings.ts';
 
 const load = () => import('./balance_part.ts');
 const loadNumbers = () => import('./balance_numbers.ts');
-/** What draws balance and tells of it; only for robots that may stand, and for who asks. */
+/** Draws and reports balance. Loaded only for robots that can stand, and only when the viewer wants it. */
 export const BALANCE = new LatePart(load, onDemand);
-/** What lists and plots its numbers. */
+/** Lists and plots the balance numbers. */
 export const BALANCE_NUMBERS = new LatePart(loadNumbers, onDemand);
 
 const Stood = late(async () => (await load()).Stood, onDemand);
 const BalanceTable = late(async () => {
-  void BALANCE_NUMBERS.load(); // what is listed can be plotted
+  void BALANCE_NUMBERS.load(); // so that listed values can be plotted
   return (await loadNumbers()).BalanceTable;
 }, onDemand);
 
-/** Whether a robot's balance may have to be told: its model says whether it is. */
+/** Whether the page may report this robot's balance; the model has the final word. */
 export function mayTell({ twin }: RobotLink): boolean {
   const { balance } = settings();
   return balance === 'on' || (balance === 'auto' && couldStand(twin.schema));

@@ -6,11 +6,11 @@ import { useBalanceText } from '../text/balance.ts';
 import { VALUES, writeValues } from './balance_values.ts';
 import { balanceOf } from './balance_watch.ts';
 
-/** Numbers that change more often can't be read. */
+/** Numbers that change faster can't be read. */
 const EVERY_MS = 250;
 
-/** The numbers of a robot's balance beside those of its sensors; a press on one puts it into the plots. Empty while the page
- *  does not show balance. */
+/** The numbers of a robot's balance beside those of its sensors; pressing one plots it. Empty while the page does not show
+ *  balance. */
 export function BalanceTable({ link }: { link: RobotLink }) {
   useNow(EVERY_MS);
   const traces = useTraces();

@@ -9,16 +9,16 @@ import { useMore } from '../text/more.ts';
 import { balanceOf } from './balance_watch.ts';
 import { briefWords, stanceWords } from './stance_words.ts';
 
-/** Numbers that change more often can't be read. */
+/** Numbers that change faster can't be read. */
 const EVERY_MS = 250;
 
-/** The sentence about a robot's balance with a mark in the shape and colour of its level; empty while nothing can be said. Of what
- *  is old or of then it tells in the past tense and without a level. */
+/** The sentence about a robot's balance with a mark in the shape and colour of its level; empty while nothing can be said. Old
+ *  and past readings are described in the past tense and without a level. */
 export function Stood(props: { link: RobotLink; className?: string; brief?: boolean }) {
   const { link, className = '', brief = false } = props;
   useNow(EVERY_MS);
-  useShownSecond(); // with the time line
-  useWord(link); // so that a new word is shown at once
+  useShownSecond(); // redraws as the time line moves
+  useWord(link); // shows a new state word at once
   useSettings();
   const text = useBalanceText();
   const rest = useMore();

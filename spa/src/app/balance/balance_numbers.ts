@@ -1,3 +1,3 @@
-/** The numbers of balance as a table and as traces, in one part of the page that is loaded when a table is drawn. */
+/** The balance numbers as a table and as traces: one chunk, loaded when a table is drawn. */
 export { BalanceTable } from './BalanceTable.tsx';
 export { balanceTraces } from './balance_traces.ts';

@@ -1,4 +1,4 @@
-/** What draws balance and tells of it in words, in one part of the page that is loaded when it is wanted. */
+/** Draws balance and describes it in words: one chunk, loaded on demand. */
 export { makeBalance } from '../../view/balance.ts';
 export { balanceOf } from './balance_watch.ts';
 export { Stood } from './Stood.tsx';

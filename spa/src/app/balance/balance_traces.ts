@@ -8,10 +8,10 @@ import { balanceText } from '../text/balance.ts';
 import { VALUES, writeValues } from './balance_values.ts';
 import { type BalanceWatch, balanceOf } from './balance_watch.ts';
 
-/** The smallest step in which they are told, in their units. */
+/** The display resolution, in each value's unit. */
 const SCALE = { mm: 0.1, m: 0.001 } as const;
 
-/** The last minute of a robot's balance for plots: computed from the codes that its history keeps, a few at a time. */
+/** The last minute of a robot's balance, for plots. Computed from the raw codes in its history, a few at a time. */
 class BalanceTraces implements DerivedTraces {
   readonly #watch: BalanceWatch;
   #madeFor: BalanceReader | null = null;
@@ -41,7 +41,7 @@ class BalanceTraces implements DerivedTraces {
     const { manifest, schema } = shown;
     if (manifest !== this.#madeFor?.manifest || schema !== this.#madeFor.schema) {
       this.#madeFor = shown;
-      // Its own reader: the watch's one goes on with the newest frames.
+      // A separate reader, because the watch's reader moves on with the newest frames.
       const reader = new BalanceReader(manifest, schema);
       this.#history = new DerivedHistory(schema, VALUES.length, (codes, atMs, into) =>
         writeValues(reader.ofFrame(codes, atMs / 1000), into),

@@ -2,19 +2,19 @@ import type { Balance } from '../../twin/balance/balance.ts';
 import { MARGIN } from '../../twin/balance/told/margin_channel.ts';
 import type { BalanceText } from '../text/balance.ts';
 
-/** A number of balance that is listed and can be plotted. */
+/** A balance number that can be listed and plotted. */
 export interface BalanceValue {
   readonly field: string;
   readonly label: string;
   readonly name: keyof BalanceText & ('margin' | 'massX' | 'massY' | 'massZ' | 'pressureX' | 'pressureY');
   readonly unit: 'mm' | 'm';
-  /** What explains it. */
+  /** The key of its explanation. */
   readonly explain: string;
 }
 
 const { field } = MARGIN;
 
-/** The numbers of balance, in the order in which `writeValues` has them. */
+/** The balance numbers, in the order `writeValues` uses. */
 export const VALUES: readonly BalanceValue[] = [
   { ...MARGIN, name: 'margin', unit: 'mm', explain: 'balance.margin' },
   { field, label: 'mass.x', name: 'massX', unit: 'm', explain: 'balance.mass' },
@@ -24,7 +24,7 @@ export const VALUES: readonly BalanceValue[] = [
   { field, label: 'pressure.y', name: 'pressureY', unit: 'm', explain: 'balance.pressure' },
 ];
 
-/** Writes the numbers of one balance: the margin in mm, the rest in metres of the world; NaN: none. */
+/** Writes the numbers of one balance result: the margin in mm, the rest in metres in world coordinates; NaN where unknown. */
 export function writeValues({ marginM, centreOfMass, pressure }: Balance, into: Float64Array): void {
   into[0] = marginM === null ? Number.NaN : marginM * 1000;
   for (let i = 0; i < 3; i += 1) into[1 + i] = centreOfMass?.[i] ?? Number.NaN;

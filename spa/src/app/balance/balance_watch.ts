@@ -12,31 +12,32 @@ import type { RobotLink } from '../state/robot_link.ts';
 import { settings } from '../state/settings.ts';
 import { balanceText } from '../text/balance.ts';
 
-/** The balance is computed at most this often, however many frames come. */
+/** The minimum interval between computations, however many frames arrive. */
 const EVERY_MS = 95;
-/** What is not shown is no longer computed when nobody has asked for it for so long. */
+/** While balance is hidden, computing stops when nobody has asked for this long. */
 const UNASKED_MS = 3000;
-/** A model that could not be read is asked for again after this long. */
+/** A model that failed to load is requested again after this long. */
 const AGAIN_MS = 10_000;
 
-/** A robot's model as far as balance needs it. `raw`: its files as they are, whose masses only the picture reads. */
+/** The parts of a robot's model that balance needs. `raw`: the model is raw files, whose masses only the 3D view reads. */
 type KnownModel = Manifest | 'raw' | null;
 
-/** What is known about a robot's balance by its newest frame. */
+/** A robot's balance at its newest frame, as far as it is known. */
 export interface KnownBalance {
-  /** Whether anything of it can be known. */
+  /** Whether any of it can be known. */
   readonly possible: boolean;
   readonly stance: Stance | null;
-  /** What it was judged by; null of a model without any. It is rewritten with the next frame. */
+  /** The data behind the verdict; null if the model has none. Overwritten by the next frame. */
   readonly balance: Balance | null;
-  /** What the model's doctor says of masses that can't be, and what of model or profile can't be read. */
+  /** The implausible masses that the model doctor found, and the parts of the model or profile that can't be read. */
   readonly findings: readonly unknown[];
   readonly problems: readonly string[];
 }
 
-/** Computes a robot's balance from its newest frames for whoever tells of it, and notes crossings of its limits. */
+/** Computes a robot's balance from its newest frames for all parts of the page that show it, and records when it crosses a
+ *  limit. */
 export class BalanceWatch {
-  /** What the balance is read with; null before the model is here, and where it can't be read. */
+  /** Reads the balance from frames; null before the model has loaded, and if balance can't be read. */
   reader: BalanceReader | null = null;
   readonly #link: Pick<RobotLink, 'twin' | 'manifestUrl'>;
   #model: KnownModel = null;
@@ -45,7 +46,7 @@ export class BalanceWatch {
   #judge = new StanceJudge();
   #askedForMs = Number.NEGATIVE_INFINITY;
   #lookedMs = Number.NEGATIVE_INFINITY;
-  /** The way to the state that is at rest, once it has been taken. */
+  /** The states that led up to the state at rest, once processed. */
   #led: readonly LeadState[] | null = null;
   #known: KnownBalance | null = null;
 
@@ -56,19 +57,19 @@ export class BalanceWatch {
     this.#look();
   }
 
-  /** What is known by the newest frame; null before a frame and the model have come. */
+  /** The balance at the newest frame; null before a frame and the model have arrived. */
   get known(): KnownBalance | null {
     this.#askedForMs = performance.now();
     return this.#known;
   }
 
-  /** Whether the page shows it, by settings and robot. */
+  /** Whether the page shows balance, given the settings and the robot. */
   get isShown(): boolean {
     const { balance } = settings();
     return balance === 'on' || (balance === 'auto' && this.isShownByItself);
   }
 
-  /** Whether the page shows it unless told otherwise. */
+  /** Whether the page shows balance by default. */
   get isShownByItself(): boolean {
     return this.reader?.onByItself ?? false;
   }
@@ -102,7 +103,7 @@ export class BalanceWatch {
       this.#judge = new StanceJudge();
     }
     const { reader } = this;
-    // At rest all that is told of a moment comes from the same poses, whatever was shown before.
+    // While the shown moment stands still, everything about it comes from the same poses, whatever was shown before.
     if (isLed) for (const one of lead) this.#take(reader, one);
     this.#led = lead;
     const { balance, stance } = this.#take(reader, state);
@@ -110,7 +111,7 @@ export class BalanceWatch {
     this.#known = { possible, stance, balance, findings: toldOfMasses(model.raw.findings), problems };
   };
 
-  /** Takes a state, and notes what is crossed in it: a crossing counts while the page shows the balance. */
+  /** Processes a state, and records limit crossings in it. Crossings count only while the page shows balance. */
   #take(reader: BalanceReader, { codes, tS, atMs }: LeadState) {
     const { twin } = this.#link;
     const limits = marginLimits(twin.limits);
@@ -126,7 +127,7 @@ export class BalanceWatch {
     return { balance, stance };
   }
 
-  /** Asks for the model that the robot has now, from where its body has it. */
+  /** Loads the robot's current model from the same place as the body. */
   #ask(): void {
     const url = this.#urlNow();
     if (url !== this.#url) {
@@ -143,18 +144,18 @@ export class BalanceWatch {
         this.#model = raw.v === 2 ? readManifest(raw) : 'raw';
         this.#look();
       })
-      .catch(() => {}); // whoever shows the body says why; it is asked for again
+      .catch(() => {}); // the body reports the reason; the model is requested again
   }
 }
 
-/** Of a model of raw files the picture has the ball. */
+/** for a model of raw files, the 3D view draws the ball */
 const OF_RAW_FILES: KnownBalance = {
   ...{ possible: true, stance: null, balance: null, findings: [], problems: [] },
 };
 
 const watches = new WeakMap<RobotTwin, BalanceWatch>();
 
-/** The watch over a robot's balance, which lasts as long as the robot is shown. */
+/** The balance watch of a robot. It lives as long as the robot is shown. */
 export function balanceOf(link: Pick<RobotLink, 'twin' | 'manifestUrl'>): BalanceWatch {
   const watch = watches.get(link.twin) ?? new BalanceWatch(link);
   watches.set(link.twin, watch);

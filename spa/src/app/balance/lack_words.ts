@@ -15,7 +15,7 @@ const WHY = {
   'joint-unread': 'jointUnread',
 } as const;
 
-/** Why a part of balance can't be known, in one line. */
+/** Why a part of balance is unknown, in one line. */
 export function lackWords({ why, told }: Lack, text: BalanceText): string {
   return told === undefined ? text[WHY[why]] : isolated(told);
 }

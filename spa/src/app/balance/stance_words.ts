@@ -1,8 +1,8 @@
 import type { Stance } from '../../twin/balance/told/stance.ts';
 import { type BalanceText, balanceText } from '../text/balance.ts';
 
-/** The sentence about a stance, with whether it is assumed. `was`: of a pose that is no longer the robot's own, or of then;
- *  '' where nothing can be said. */
+/** The sentence about a stance; it says if the stance is assumed. `was`: the pose is from the past or out of date. '' if nothing
+ *  is known. */
 export function stanceWords(stance: Stance, was: boolean, text: BalanceText = balanceText()): string {
   const { marginMm, assumed } = stance;
   const sentence = sentenceOf(stance, was, text);
@@ -10,7 +10,7 @@ export function stanceWords(stance: Stance, was: boolean, text: BalanceText = ba
   return assumed && holds ? `${sentence} ${text.assumed}` : sentence;
 }
 
-/** What is said where a reading is missing. */
+/** The text for a missing reading. */
 const UNREAD = {
   unread: 'unread',
   'orientation-unread': 'orientationUnread',
@@ -27,7 +27,7 @@ function sentenceOf({ kind, marginMm, side }: Stance, was: boolean, text: Balanc
   return inWords(text[side ?? (kind === 'outside' ? 'forwards' : kind)], marginMm);
 }
 
-/** The same in two or three words, beside other robots; '' for what is old. */
+/** The same in two or three words, for robots side by side; '' for out-of-date poses. */
 export function briefWords({ kind, marginMm }: Stance, was: boolean, text: BalanceText): string {
   if (was) return '';
   return isUnread(kind) ? text.briefUnread : inWords(text[`brief${capitalized(kind)}`], marginMm);

@@ -19,7 +19,7 @@ import { keepLoading } from './keep_loading.ts';
 import type { OverlayLink } from './overlay/overlay_link.ts';
 import { useBodyView } from './use_body_view.ts';
 
-/** Loaded with the body, so that the page starts without it. */
+/** Loaded with the body, so that the page starts without waiting for it. */
 const parts = () => import('./body_parts.ts');
 const BodyNotes = late(async () => (await parts()).BodyNotes);
 const BodyTools = late(async () => (await parts()).BodyTools);
@@ -34,9 +34,9 @@ const BODY_LINK = new LatePart(() => import('./body_link.ts'));
 const VIEW_ADDRESS = new LatePart(() => import('../share/view_address.ts'));
 const OVERLAY_LINK = new LatePart(() => import('./overlay/overlay_link.ts'));
 
-/** How long the page waits without saying what for. */
+/** The page waits this long before it says what it is waiting for. */
 const SAY_WHY_AFTER_MS = 3000;
-/** A robot with a model has announced it by this time after the page opened. */
+/** A robot with a model announces it within this time after the page opens. */
 const NO_MODEL_AFTER_MS = 1000;
 type Model =
   | { phase: 'none' }
@@ -44,8 +44,9 @@ type Model =
   | { phase: 'shown'; report: ModelReport }
   | { phase: 'failed'; why: string; coming: boolean };
 
-/** The robot's body with its notes and tools, as `link` says it is or was. The page's address follows `live` unless that is null. The renderer is a separate chunk that this component loads; if that fails,
- *  one line says so and the numbers still work. */
+/** The robot's body with its notes and tools, in the present or past state that `link` gives. The page's address follows `live`
+ *  unless that is null. The renderer is a separate chunk that this component loads; if that fails, one line says so and the
+ *  numbers still work. */
 export function Body({ link, live = link }: { link: RobotLink; live?: RobotLink | null }) {
   const host = useRef<HTMLDivElement>(null);
   const { view, trouble, why, coming, choose } = useBodyView(host, usePlayed(link));
@@ -112,7 +113,7 @@ function TryNow() {
   );
 }
 
-/** What a new view is prepared with: it plays the robot's motion. Another link is played in the same view. */
+/** Prepares a new view: the robot's motion is played in it. If the link changes, the same view plays the new link. */
 function usePlayed(link: RobotLink) {
   const now = useRef(link);
   const play = useRef<(() => void) | null>(null);
@@ -231,8 +232,8 @@ function Progress({ received, total }: { received: number; total: number }) {
 function StageNote({ link }: { link: RobotLink }) {
   const now = useNow(250);
   const connection = useConnection(link);
-  useWord(link); // so that a new word is shown at once
-  useShownSecond(); // with the time line
+  useWord(link); // shows a new state word at once
+  useShownSecond(); // redraws as the time line moves
   const verdict = link.watch.verdict();
   const words = stageWords(verdict, connection, now);
   const { problem } = connection;
@@ -270,7 +271,7 @@ function Waiting({ link }: { link: RobotLink }) {
         <SelfPlots link={link} />
       </Suspense>
     );
-  // In these states a line over the body says so already.
+  // In these states, a line over the body already says so.
   const isSaid = word === 'STALE' || word === 'OFFLINE' || isThen(word);
   if (now - twin.evidence.openedMs < SAY_WHY_AFTER_MS || isSaid) return null;
   const words = waitingWords({

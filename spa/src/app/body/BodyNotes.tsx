@@ -40,7 +40,7 @@ export function BodyNotes(props: {
   );
 }
 
-/** Names the joints that are shown where they were last known, because they have no reading now. */
+/** Names the joints that have no reading now and are shown at their last known position. */
 function Unread({ link }: { link: RobotLink }) {
   useNow(500);
   const { schema, state } = link.twin;

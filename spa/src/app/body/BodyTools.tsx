@@ -10,7 +10,7 @@ import { ShownChoice } from './overlay/ShownChoice.tsx';
 
 const OverlayMenu = late(async () => (await import('./overlay/OverlayMenu.tsx')).OverlayMenu);
 
-/** The tools over the body: camera views, what the body shows, overlay. */
+/** The tools over the body: camera views, displayed values, overlay. */
 export function BodyTools({ link, view, shown }: { link: RobotLink; view: BodyView; shown: boolean }) {
   useVersion(link);
   const hasRef = link.twin.schema?.field('ref') != null;
@@ -26,7 +26,7 @@ export function BodyTools({ link, view, shown }: { link: RobotLink; view: BodyVi
   );
 }
 
-/** A button that loads the finest level of detail, if there is one beyond what the page loads unasked. */
+/** A button that loads the finest level of detail, if it is finer than what the page loads automatically. */
 function Finer({ scene }: { scene: BodyView }) {
   const text = useMore();
   const [state, setState] = useState<'offered' | 'coming' | 'done' | 'failed'>('offered');
@@ -53,7 +53,7 @@ function Finer({ scene }: { scene: BodyView }) {
   }[state];
   const isDone = state === 'done';
   return (
-    // Its room stays, so that the buttons beside it stay under the finger.
+    // The button keeps its space, so that its neighbours don't move under the finger.
     <fieldset
       className="segments"
       ref={room}

@@ -1,7 +1,7 @@
 import type { BodyView } from '../../view/body_view.ts';
 import { useMore } from '../text/more.ts';
 
-/** Buttons for the views of the camera: first view, front, side and top. */
+/** Buttons for the camera views: initial, front, side and top. */
 export function CameraViews({ scene }: { scene: Pick<BodyView, 'look'> }) {
   const text = useMore();
   return (

@@ -6,14 +6,14 @@ import { useTheme } from '../shell/theme.ts';
 import { type RobotLink, useVersion } from '../state/robot_link.ts';
 import { settings } from '../state/settings.ts';
 
-/** Draws the robot as a stick figure as soon as its model's manifest is loaded, usually before renderer and meshes are.
- *  Draws nothing for raw bundles, which list no joints. */
+/** Draws the robot as a stick figure as soon as its model's manifest is loaded, usually before the renderer and the meshes. Draws
+ *  nothing for raw bundles, which list no joints. */
 export function FirstStickFigure({ link }: { link: RobotLink }) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const theme = useTheme();
   useVersion(link);
   const { modelHash } = link.twin;
-  // biome-ignore lint/correctness/useExhaustiveDependencies: a theme has another colour for lines
+  // biome-ignore lint/correctness/useExhaustiveDependencies: the line colour depends on the theme
   useEffect(() => {
     const { current } = canvas;
     if (current === null || modelHash === null) return;
@@ -21,7 +21,7 @@ export function FirstStickFigure({ link }: { link: RobotLink }) {
     let left = false;
     builtModelAt(link.manifestUrl(modelHash))
       .then((manifest) => {
-        if (left || manifest === null) return; // raw bundles have no joints before their URDF is read
+        if (left || manifest === null) return; // the joints of a raw bundle are unknown until its URDF is read
         const figure = new StickFigure(current, manifest);
         figure.setColor(getComputedStyle(current).color);
         leave = follow(figure, link);

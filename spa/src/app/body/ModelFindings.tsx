@@ -4,8 +4,8 @@ import { isolated } from '../../twin/names.ts';
 import { useMore } from '../text/more.ts';
 import { remarksWords } from './words.ts';
 
-/** A note that expands to what the edge's doctor found wrong with the model. Hints are left out, because they are for the
- *  model's author. */
+/** A note that expands to what the edge's doctor found wrong with the model. Hints are left out, because only the model's author
+ *  needs them. */
 export function ModelFindings({ findings = [] }: { findings: ModelReport['findings'] | undefined }) {
   const said = useMore();
   const shown = findings.filter(({ severity }) => severity !== 'hint');

@@ -10,12 +10,12 @@ import { type RobotLink, useVersion } from '../state/robot_link.ts';
 import { useSettings } from '../state/settings.ts';
 import { useMore } from '../text/more.ts';
 
-/** Plots are redrawn at least this often, because their time axis moves also without new frames. */
+/** Plots are redrawn at least this often, because the time axis moves even without new frames. */
 const SLIDES_EVERY_MS = 500;
-/** The plots are ordered once more after this long, when there is enough history to see which values move. */
+/** After this long the plots are sorted once more: by then the history shows which values move. */
 const CHOSEN_AGAIN_MS = 4000;
 
-/** Plots of all values of a robot that has no model, in pages, with those that move first; and how to give it a model. */
+/** Plots of all values of a robot without a model, in pages, moving values first; and how to give the robot a model. */
 export function SelfPlots({ link }: { link: RobotLink }) {
   const host = useRef<HTMLDivElement>(null);
   const traces = useArrangedTraces(link);
@@ -85,8 +85,8 @@ export function SelfPlots({ link }: { link: RobotLink }) {
   );
 }
 
-/** All values that can be plotted, those that move first. They are ordered at first and once more a little later, so that
- *  plots then keep their places. */
+/** All values that can be plotted, moving values first. They are sorted once at the start and once a little later; after that
+ *  each plot keeps its place. */
 function useArrangedTraces(link: RobotLink): readonly Trace[] {
   useVersion(link);
   const { schema } = link.twin;

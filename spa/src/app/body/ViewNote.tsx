@@ -2,7 +2,7 @@ import { useMore } from '../text/more.ts';
 import type { ViewTrouble } from './use_body_view.ts';
 import { viewWords } from './words.ts';
 
-/** A note why the body is not drawn in full 3D quality, with a button for the other renderer where that can help. */
+/** A note that says why the body is not drawn in full 3D quality, with a button for the other renderer if that can help. */
 export function ViewNote({
   trouble,
   choose,

@@ -41,7 +41,7 @@ export function bindBody(
   scene.play({
     sample: () => {
       if (player === null) return false;
-      smooth(player); // time may have come to rest since
+      smooth(player); // the shown time may have stopped meanwhile
       return player.sample(nowMs());
     },
     pose: () => player?.pose(settings().shown) ?? null,

@@ -1,9 +1,9 @@
 import { answers, untilRetry } from '../../browser/retry.ts';
 import type { ModelReport } from '../../model/report.ts';
 
-/** Loads the model at `url` by `load` and reports the result. While something did not come for a reason that passes, it is
- *  loaded again, but not before its server answers, since loading takes away what is shown. Returns a function that
- *  stops it; then nothing is reported any more. */
+/** Loads the model at `url` with `load` and reports the result. If something failed to load for a temporary reason, it is loaded
+ *  again, but only once its server answers, because loading removes what is shown. Returns a function that stops this; nothing is
+ *  reported after that. */
 export function keepLoading(
   url: string,
   load: () => Promise<ModelReport>,

@@ -9,12 +9,12 @@ import { changeSettings, type Settings, settings, useSettings } from '../state/s
 import { say } from '../text/language.ts';
 import { loadThree } from './load_three.ts';
 
-const THREE = new LatePart(loadThree, () => false); // loaded at once where there is 3D
+const THREE = new LatePart(loadThree, () => false); // loaded at once if the browser has 3D
 const LIGHT_VIEW = new LatePart(() => import('../../canvas2d/index.ts'));
 
-/** Why the body is not drawn in full 3D quality. `light`: the browser has no 3D; `light-pixels`: it has none, and the
- *  light view is slow, too; `given-up`: the browser took 3D away; `slow`: 3D was too slow; `chosen`: the person chose the
- *  light view. For the others see `DrawingTrouble`. */
+/** Why the body is not drawn in full 3D quality. `light`: the browser has no 3D; `light-pixels`: it has none, and the light view
+ *  is slow as well; `given-up`: the browser took 3D away; `slow`: 3D was too slow; `chosen`: the person chose the light view. For
+ *  the others see `DrawingTrouble`. */
 export type ViewTrouble =
   | Exclude<DrawingTrouble, 'failed' | 'hopeless'>
   | 'light'
@@ -30,7 +30,7 @@ export interface ShownBody {
   readonly trouble: ViewTrouble | null;
   /** Why there is no picture at all; null if nothing prevents it. */
   readonly why: string | null;
-  /** Whether the picture is still to come: its code did not come and is asked for again by itself. */
+  /** Whether the picture may still come: its code failed to load and is being requested again. */
   readonly coming: boolean;
   /** Changes the setting `body`, and with it the renderer. */
   readonly choose: (way: '3d' | 'light') => void;
@@ -41,8 +41,8 @@ const NOTHING = { view: null, trouble: null, why: null, coming: false } as const
 /** Called with each new view; returns a clean-up function. */
 export type Begin = (view: RowView) => () => void;
 
-/** Opens the view of one or several robots: 3D where the browser has it, else the light view; each is a separate chunk.
- *  The view is opened anew when `prepare` or `onDrawn` (called after every picture) changes. */
+/** Opens the view of one or several robots: 3D if the browser has it, otherwise the light view; each is a separate chunk. A new
+ *  view is opened when `prepare` or `onDrawn` (called after every picture) changes. */
 export function useBodyView(
   host: RefObject<HTMLDivElement | null>,
   prepare: () => Promise<Begin>,
@@ -53,7 +53,7 @@ export function useBodyView(
   themeNow.current = theme;
   const [shown, setShown] = useState<Omit<ShownBody, 'choose'>>(NOTHING);
   const { body } = useSettings();
-  /** Draw in 3D, or in the light view for the reason named. */
+  /** Draw in 3D, or in the light view for the given reason. */
   const [way, setWay] = useState<'3d' | 'light' | HandMade>(() => wayFor(body));
   const wanted = useRef(body);
   useEffect(() => {

@@ -11,7 +11,7 @@ const WIDTH_PX = 320;
 const GAP_PX = 6;
 const EDGE_PX = 12;
 
-/** Explains whatever is pressed and has `data-explain`, in a small dialog beside it; `all` is the whole glossary. */
+/** Explains any pressed element that has `data-explain`, in a small dialog beside it. `all` is the whole glossary. */
 export function Explanations({ link }: { link: RobotLink }) {
   const text = useMore();
   const catalogue = useCatalogue();
@@ -27,7 +27,7 @@ export function Explanations({ link }: { link: RobotLink }) {
       const by = (event.target as Element).closest<HTMLElement>('[data-explain]');
       if (by !== null) {
         event.preventDefault();
-        event.stopPropagation(); // it is no tap on the row that it stands in
+        event.stopPropagation(); // it must not count as a tap on the surrounding row
         if (by.dataset.explain === 'all') setAll(true);
         else
           setAsked((now) =>
@@ -57,7 +57,7 @@ export function Explanations({ link }: { link: RobotLink }) {
     const onKey = (event: KeyboardEvent) => {
       if (event.key !== 'Escape') return;
       event.preventDefault();
-      event.stopPropagation(); // what is open below stays open
+      event.stopPropagation(); // what is open underneath stays open
       setAsked(null);
       by.focus();
     };
@@ -123,7 +123,7 @@ export function Explanations({ link }: { link: RobotLink }) {
   );
 }
 
-/** Below the element where there is more room than above it, within the window. */
+/** Below the element if there is more room than above, and within the window. */
 function besideStyle({ left, top, bottom }: Asked['at']): CSSProperties {
   const most = window.innerWidth - Math.min(WIDTH_PX, window.innerWidth - 2 * EDGE_PX) - EDGE_PX;
   const at = { left: Math.max(EDGE_PX, Math.min(left, most)) };

@@ -1,6 +1,6 @@
 import { flagWords } from '../../twin/format.ts';
 
-/** A flag's word, which explains itself when it is pressed. `source`: the joint or sensor that reports it. */
+/** A flag's word, which opens its explanation when pressed. `source`: the joint or sensor that reports it. */
 export function FlagTerm({ source, bit }: { source: string; bit: string }) {
   return (
     <button

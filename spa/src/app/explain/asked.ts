@@ -8,7 +8,7 @@ import { more } from '../text/more.ts';
 import { type Catalogue, type Explained, explainedBy, explainedSection } from './catalogue.ts';
 import { flagSentence } from './flag_sentence.ts';
 
-/** What somebody asked about: the element that was pressed, and the things that explain it, the first of them itself. */
+/** What the viewer asked about: the pressed element and the entries that explain it, its own entry first. */
 export interface Asked {
   readonly by: HTMLElement;
   /** Where it is in the window, CSS px. */
@@ -19,7 +19,7 @@ export interface Asked {
 /** Between a tap and the dialog about it, CSS px. */
 const GAP_PX = 10;
 
-/** The explanation of an element with `data-explain` (of a whole section if it names one), and of the units that stand beside it. */
+/** The explanation of an element with `data-explain` (of a whole section if it names one), and of the units beside it. */
 export function explain(by: HTMLElement, catalogue: Catalogue, twin: RobotTwin): readonly Explained[] {
   const { explain: key = '', source = '', bit = '' } = by.dataset;
   if (key === 'flag') return [explainFlag(catalogue, twin, source, bit)];
@@ -32,14 +32,14 @@ export function explain(by: HTMLElement, catalogue: Catalogue, twin: RobotTwin):
   return [...(found === null ? [] : [found]), ...units.map((unit) => explainUnit(catalogue, unit))];
 }
 
-/** Where the dialog about a label stands: beside it, or beside the tap if the label is not shown. */
+/** The position of the dialog about a label: beside the label, or beside the tap if the label is hidden. */
 export function placeOf(label: HTMLElement, { clientX, clientY }: MouseEvent): Asked['at'] {
   const box = label.getBoundingClientRect();
   if (box.width > 0) return box;
   return { left: clientX, top: clientY - GAP_PX, bottom: clientY + GAP_PX };
 }
 
-/** The keys of what a label or the spirit level says. */
+/** The keys for what a label or the spirit level shows. */
 export function keysOfLabel({ classList, dataset, textContent }: HTMLElement): readonly string[] {
   if (classList.contains('stage-level')) return ['signs.plumb', 'signs.disc'];
   if (dataset.sign?.includes('apart-') === true)
@@ -51,7 +51,7 @@ function explainUnit(catalogue: Catalogue, unit: string): Explained {
   return explainedBy(catalogue, `units.${unit}`) ?? { ...catalogue.sensors.other!, name: unit };
 }
 
-/** A flag by the profile's sentences; the others by what a flag is. */
+/** A flag explained by the profile's sentences, or else by what flags are in general. */
 function explainFlag(catalogue: Catalogue, twin: RobotTwin, source: string, bit: string): Explained {
   const name = flagWords(bit);
   const told = flagSentence(twin, source, bit);

@@ -3,15 +3,15 @@ import { useLatePart } from '../shell/late.tsx';
 import { korean, useText } from '../text/language.ts';
 import type english from './en.json';
 
-/** What is said of one thing: a sentence for someone who has never seen a robot, and how it is measured. The docs' tables
- *  are made of the same (`tools/explained.py`). */
+/** The explanation of one thing: a sentence for someone who has never seen a robot, and how it is measured. The tables in the
+ *  docs are generated from the same data (`tools/explained.py`). */
 export interface Explained {
   readonly name: string;
   readonly what: string;
   readonly how: string;
 }
 
-/** The kinds of things that are explained, in the order in which they are listed. */
+/** The kinds of explained things, in display order. */
 export const SECTIONS = [
   'words',
   'timeLine',
@@ -27,19 +27,19 @@ export type Catalogue = Readonly<Record<Section, Readonly<Record<string, Explain
 const IN_ENGLISH = new LatePart<Catalogue>(async () => (await import('./en.json')).default);
 const IN_KOREAN = new LatePart<Catalogue>(async () => (await import('./ko.json')).default);
 
-/** The catalogue in the language in force; null until it is loaded. */
+/** The catalogue in the current language; null until it is loaded. */
 export function useCatalogue(): Catalogue | null {
-  useText(); // drawn again when the language changes
+  useText(); // redrawn when the language changes
   return useLatePart(korean() === null ? IN_ENGLISH : IN_KOREAN);
 }
 
-/** All of the section that a key names; none if it is no section. */
+/** All entries of the section that a key names; none if it is not a section. */
 export function explainedSection(catalogue: Catalogue, key: string): readonly Explained[] {
   const section = SECTIONS.find((name) => name === key);
   return section === undefined ? [] : Object.values(catalogue[section]);
 }
 
-/** What a key such as `columns.pos` names; null if there is no such thing. */
+/** The entry that a key such as `columns.pos` names; null if it does not exist. */
 export function explainedBy(catalogue: Catalogue, key: string): Explained | null {
   const dot = key.indexOf('.');
   const section = SECTIONS.find((name) => name === key.slice(0, dot));

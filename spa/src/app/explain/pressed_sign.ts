@@ -1,19 +1,20 @@
 import { type Line, recentLines, type Spot } from '../../browser/drawn_lines.ts';
 
-/** How far a pointer may have moved between press and release, CSS px, to be a tap. */
+/** The furthest a pointer may move between press and release to count as a tap, CSS px. */
 const TAP_PX = { mouse: 6, touch: 10 };
-/** So near, CSS px, a press is on a sign's line, also where the body is drawn behind it: a line lies over it. */
+/** A press this near (CSS px) hits a sign's line, even where the body is drawn behind it, because lines are drawn on top. */
 const ON_PX = 10;
-/** So near it is on the sign if there is no body: an arrow moves, and a finger is wide. */
+/** A press this near hits a sign if no body is under it: arrows move, and fingers are wide. */
 const BESIDE_PX = { mouse: 24, touch: 44 };
 
-/** What explains itself over the body but lets pointers through, so that it can't be in the camera's way. */
+/** Elements over the body that have an explanation but let pointers through, so that they don't block the camera. */
 const OVER_BODY = '.sign-label:not([hidden]), .stage-level:not([hidden])';
 
-/** Labels whose lines explain themselves. Not those of a joint's deviation: they lie on the joint, and a tap there chooses it. */
+/** Labels whose lines also open the explanation. A joint's deviation is excluded: it lies on the joint, and a tap there selects
+ *  the joint. */
 const ARROW_LABEL = '.sign-label:not([data-sign*="apart-"])';
 
-/** What is over the picture and has a meaning of its own. */
+/** Elements over the picture that handle presses themselves. */
 const CONTROLS = 'button, a, input, select, label, summary';
 
 interface Press extends Spot {
@@ -24,8 +25,8 @@ interface Press extends Spot {
 let newest: Press | null = null;
 
 /**
- * Finds out at every press what it is on, since by its release an arrow may be elsewhere. The nearest wins, in this order: a
- * label or the spirit level under it, an arrow's line, the body (`bodyAt`, asked with CSS px of the window), the nearest arrow
+ * Finds out at each press what it hits, because an arrow may have moved by the release. The first match wins, in this order: a
+ * label or the spirit level under the press, an arrow's line, the body (`bodyAt`, called with window CSS px), the nearest arrow
  * beside it. Returns a function that stops it.
  */
 export function watchPresses(bodyAt: (x: number, y: number) => boolean): () => void {
@@ -40,8 +41,7 @@ export function watchPresses(bodyAt: (x: number, y: number) => boolean): () => v
   return () => document.removeEventListener('pointerdown', onPress, true);
 }
 
-/** The label or spirit level that the newest press was on, or the label of the arrow that it was on or beside; null for none,
- *  and at the end of a drag. */
+/** The label or spirit level that the last press hit, or the label of the arrow that it hit; null for none, and after a drag. */
 export function pressedLabel({ x, y }: Spot): HTMLElement | null {
   if (newest === null || Math.hypot(x - newest.x, y - newest.y) > TAP_PX[newest.by]) return null;
   return newest.label;

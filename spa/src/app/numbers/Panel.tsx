@@ -14,7 +14,7 @@ import { JointView, type TableSources } from './table/joint_view.ts';
 import './numbers.css';
 import './table/joints.css';
 
-// The table is loaded at once, the rest when somebody opens it.
+// The table is loaded at once, the other tabs when they are opened.
 const TableTools = lateAfterBody(async () => (await import('./table/TableTools.tsx')).TableTools);
 const JointCard = late(async () => (await import('./table/JointCard.tsx')).JointCard);
 const Sensors = late(async () => (await import('./sensors/Sensors.tsx')).Sensors);
@@ -26,8 +26,8 @@ const LATER = new LatePart(() => firstPaint().then(() => import('./later_parts.t
 const TABS = ['Joints', 'Sensors', 'Plots', 'Alarms'] as const;
 export type Tab = (typeof TABS)[number];
 
-/** The panel of numbers: faults and four tabs. A robot without joints has no tab for them, and its sensors come first. The
- *  open tab is kept outside, as turning a phone replaces the panel. */
+/** The panel of numbers: faults and four tabs. If the robot has no joints, their tab is absent and sensors come first. The open
+ *  tab is kept outside, because turning a phone replaces the panel. */
 export function Panel({
   link,
   tab: chosen,
@@ -46,11 +46,11 @@ export function Panel({
   const tabsOfRobot = link.twin.joints()?.rows.length === 0 ? TABS.slice(1) : TABS;
   const tab = tabsOfRobot.includes(chosen) ? chosen : tabsOfRobot[0]!;
   useEffect(() => {
-    // Wherever it was chosen. Not at once: a phone that is turned keeps the tab that it had.
+    // Follows a selection made anywhere. Not on mount: a phone that is turned keeps its tab.
     return onSelection(() => selection() !== null && setTab('Joints'));
   }, [setTab]);
   useEffect(() => {
-    // Until then values can be plotted by a tap.
+    // Until then, a tap plots a value.
     void LATER.load().then(
       ({ carryValues }) => panel.current && carryValues(panel.current, () => setTab('Plots')),
     );
@@ -96,7 +96,7 @@ export function Panel({
   );
 }
 
-/** The joint table and below it the card of the selected joint, which replaces the table where there is little room. */
+/** The joint table and below it the card of the selected joint, which replaces the table if space is short. */
 function Joints({ link, joint }: { link: RobotLink; joint: string | null }) {
   const both = useMedia(ROOM_FOR_BOTH);
   return (
@@ -122,7 +122,7 @@ function Joints({ link, joint }: { link: RobotLink; joint: string | null }) {
   );
 }
 
-/** The element for the joint table, whose numbers are written to the DOM without React. */
+/** The element for the joint table, whose numbers are written directly to the DOM, without React. */
 function JointNumbers({ link }: { link: RobotLink }) {
   const host = useRef<HTMLDivElement>(null);
   useLayoutEffect(() => {
@@ -137,9 +137,9 @@ function JointNumbers({ link }: { link: RobotLink }) {
     };
     const view = new JointView(host.current, link.twin, sources);
     const write = () => view.write(link.nowMs());
-    if (link.twin.state !== null) write(); // with the word above it: between now and then numbers change at once
+    if (link.twin.state !== null) write(); // with the state word above, because entering the past changes all numbers at once
     let left = false;
-    // Until then they stand in one list, their names cut at the end.
+    // Until then they are in one list, with names cut at the end.
     void LATER.load().then(({ titledLimbs, NameColumn }) => {
       sources.limbs = titledLimbs;
       sources.NameColumn = NameColumn;

@@ -1,3 +1,3 @@
-/** What the numbers do without until the body stands, in one part. */
+/** Parts of the numbers that can wait until the body is drawn, in one chunk. */
 export { carryValues } from './grid/value_drag.ts';
 export { NameColumn, titledLimbs } from './table/arrangement.ts';

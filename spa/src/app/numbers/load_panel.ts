@@ -1,2 +1,2 @@
-/** Loads the panel of numbers, a separate chunk that is loaded in parallel to the 3D view. */
+/** Loads the panel of numbers, a separate chunk, in parallel with the 3D view. */
 export const loadPanel = () => import('./Panel.tsx');

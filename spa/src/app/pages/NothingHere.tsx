@@ -1,7 +1,7 @@
 import { isolated } from '../../twin/names.ts';
 import { useMore } from '../text/more.ts';
 
-/** The page for an address that it does not know, or that names a relay which it may not read. */
+/** The page for an unknown address, or for an address with a relay that this page may not read. */
 export function NothingHere({ hash, refused }: { hash: string; refused: string | null }) {
   const text = useMore();
   if (refused !== null) {

@@ -14,11 +14,11 @@ import { useMore } from '../text/more.ts';
 
 const MOST_VALUES = 12;
 const MOST_FAULTS = 4;
-/** The values are chosen once more after this long, when there is enough history to see which of them move. */
+/** After this long the values are chosen once more: by then the history shows which of them move. */
 const CHOSEN_AGAIN_MS = 4000;
 
-/** The place in a row of a robot that has no body: its name, its state, its open faults, and what moves most in numbers.
- *  `why`: why there is no body; null for a robot without a model. */
+/** The card of a robot without a body, in a row of robots: its name, state, open faults, and the values that move most. `why`:
+ *  why there is no body; null for a robot without a model. */
 export function NumbersCard({ link, why }: { link: RobotLink; why: string | null }) {
   useVersion(link);
   const rest = useMore();
@@ -71,7 +71,7 @@ export function NumbersCard({ link, why }: { link: RobotLink; why: string | null
   );
 }
 
-/** How the robot's values are read that moved most; the same for as long as its schema. */
+/** Reads the robot's values that moved most; the choice is kept until the schema changes. */
 function useReadings(link: RobotLink): readonly TraceReading[] {
   const { schema } = link.twin;
   const { history } = link.minute;

@@ -38,7 +38,7 @@ const KeysSheet = late(async () => (await import('../body/controls/KeysSheet.tsx
 
 const PANEL_LEAST_PX = 320;
 const BODY_LEAST_PX = 280;
-/** A second tap still finds the body where the first one was. */
+/** The second tap of a double tap still hits the body. */
 const RAISE_MS = 400;
 
 export function RobotPage({ robot, onSettings }: { robot: string; onSettings: (link: RobotLink) => void }) {
@@ -79,23 +79,23 @@ function Loaded({ live, onSettings }: { live: RobotLink; onSettings: () => void 
   );
 }
 
-/** One robot, as it is or was: the top bar, body and numbers, and below them what plays it. */
+/** One robot, present or past: the top bar, the body and the numbers, and the time line below. */
 export function OneRobot(props: {
   link: RobotLink;
-  /** What the page's address follows; null: it stays as it is. */
+  /** The source for the page's address; null: the address stays as it is. */
   live: RobotLink | null;
-  /** Of the window, behind the word of what was. */
+  /** For the window title; follows the word for a recording. */
   title: string;
-  /** Of what is presented, ready to show (`isolated`). */
+  /** The name of what is presented, safe to show (`isolated`). */
   name: string;
-  /** What somebody wrote about this moment, while it is presented. */
+  /** The note about this moment, shown while presenting. */
   note?: ReactNode;
-  /** The way to where one came from, and the name. */
+  /** The link back, and the name. */
   head: ReactNode;
-  /** null: what is shown can't be shared. */
+  /** null: this view can't be shared. */
   share: ((close: () => void) => ReactNode) | null;
   onSettings: () => void;
-  /** What stands under the body. */
+  /** The element below the body. */
   children: ReactNode;
 }) {
   const { link, live, title, share, onSettings } = props;
@@ -118,7 +118,7 @@ export function OneRobot(props: {
   const presented = usePresenting();
   useEffect(followPresentLinks, []);
   useEffect(() => {
-    loadPanel().catch(() => {}); // at once, and not after the sheet that it stands in; `Panel` tries again
+    loadPanel().catch(() => {}); // at once, rather than after the sheet around it; `Panel` tries again
   }, []);
 
   const { fullscreen, toggle } = useFullscreen(page);
@@ -193,7 +193,7 @@ export function OneRobot(props: {
   );
 }
 
-/** Body first, numbers beside it; on a phone held upright the numbers are a sheet over the body. `alone`: no numbers. */
+/** Body first, numbers beside it; on a phone in portrait the numbers are a sheet over the body. `alone`: no numbers. */
 function Split({ link, live, alone }: { link: RobotLink; live: RobotLink | null; alone: boolean }) {
   const sideBySide = useMedia(SIDE_BY_SIDE);
   const { panelOpen, panelPx } = useSettings();
@@ -228,7 +228,7 @@ function Split({ link, live, alone }: { link: RobotLink; live: RobotLink | null;
 
   if (size === null) return <main className="split" ref={room} />;
   const widthPx = panelWidth(draggedPx ?? panelPx, size.width);
-  // The body keeps the room above a sheet at rest; a full sheet lies over it.
+  // The body uses the room above a partly open sheet; a full sheet covers it.
   const coveredPx = heightPx(height === 'full' ? 'half' : height, size.height);
   return (
     <main className={sideBySide ? 'split' : 'split stacked'} ref={room}>
@@ -265,7 +265,7 @@ function Split({ link, live, alone }: { link: RobotLink; live: RobotLink | null;
   );
 }
 
-/** What was chosen, as far as it fits; unchosen, wide enough for every column where there is room. */
+/** The chosen width, limited to what fits; by default wide enough for every column if there is room. */
 function panelWidth(chosenPx: number | null, roomPx: number): number {
   const wanted = chosenPx ?? (roomPx >= 1200 ? 500 : roomPx >= 1000 ? 440 : 340);
   return Math.max(PANEL_LEAST_PX, Math.min(wanted, roomPx - BODY_LEAST_PX));

@@ -23,11 +23,11 @@ import { useMore } from '../text/more.ts';
 import { NumbersCard } from './NumbersCard.tsx';
 import { placeApart } from './row_labels.ts';
 
-/** What labels make way for. */
+/** Labels move to avoid these. */
 const OVER_PICTURE = '.stage-views, .load-legend';
 
-/** Up to six robots side by side in one scene, each with its own state (LIVE, STALE, …) over its head; a robot without a
- *  body stands beside the scene as a card of numbers. */
+/** Up to six robots side by side in one scene, each with its own state (LIVE, STALE, …) over its head. A robot without a body
+ *  appears beside the scene as a card of numbers. */
 export function RowPage({ robots, onSettings }: { robots: readonly string[]; onSettings: () => void }) {
   const host = useRef<HTMLDivElement>(null);
   const labels = useRef<(HTMLElement | null)[]>([]);
@@ -119,7 +119,7 @@ function Shown({ links }: { links: readonly RobotLink[] }) {
   return links.some(({ twin }) => twin.schema?.field('ref') != null) && <ShownChoice />;
 }
 
-/** Keeps a list of what members of the line have to give: each says so, and takes it back by calling what it is given. */
+/** Collects what the robots of the row offer: each registers its item, and calls the returned function to remove it. */
 function useMembers<T>(
   set: (change: (now: readonly T[]) => readonly T[]) => void,
 ): (member: T) => () => void {
@@ -132,7 +132,7 @@ function useMembers<T>(
   );
 }
 
-/** A robot that is not seen in the scene; `why` not, null for one without a model. */
+/** A robot that is not in the scene; `why` says why, null for one without a model. */
 interface Bodiless {
   readonly link: RobotLink;
   readonly why: string | null;
@@ -148,7 +148,7 @@ interface MemberProps {
   readonly onBodiless: (robot: Bodiless) => () => void;
 }
 
-/** One robot of the line: its connection, its body, and what stands over its head. */
+/** One robot of the row: its connection, its body, and the label over its head. */
 function Member(props: MemberProps) {
   const link = useRobotLink(props.robot);
   return link === null ? null : <Linked {...props} link={link} />;
@@ -221,7 +221,7 @@ function Linked(props: MemberProps & { link: RobotLink }) {
   );
 }
 
-/** A view with so many robots in it, whose labels follow their heads. */
+/** A view with several robots, whose labels follow their heads. */
 function useLine(
   host: RefObject<HTMLDivElement | null>,
   count: number,

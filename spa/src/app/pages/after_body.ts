@@ -1,3 +1,3 @@
-/** What comes once the body stands, in one part. */
+/** Parts that load once the body is drawn, in one chunk. */
 export { Explanations } from '../explain/Explanations.tsx';
 export { Announcer } from '../status/Announcer.tsx';

@@ -6,11 +6,11 @@ export interface LabelBox {
   readonly height: number;
 }
 
-/** Room between a label and what is above it, CSS px. */
+/** Space between a label and what is above it, CSS px. */
 const AIR = 4;
 
-/** Where labels stand that would like to stand at `wished`: as near below that as they don't lie over `taken`, nor over each
- *  other, and within a picture of this width. */
+/** Places labels near their `wished` positions: moved down just far enough that they overlap neither `taken` nor each other, and
+ *  within a picture of this width. */
 export function placeApart(
   wished: readonly LabelBox[],
   taken: readonly LabelBox[],
@@ -23,7 +23,7 @@ export function placeApart(
       (other) => other.left < left + wish.width && left < other.left + other.width,
     );
     let top = Math.max(0, wish.top);
-    // from above, so that what it is moved below is looked at before what it then meets
+    // from top to bottom: moving a label down past one obstacle may bring it to the next
     for (const other of inTheWay.sort((a, b) => a.top - b.top)) {
       if (other.top < top + wish.height && top < other.top + other.height)
         top = other.top + other.height + AIR;

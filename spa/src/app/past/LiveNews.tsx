@@ -9,10 +9,10 @@ import { faultSentence } from '../status/fault_sentence.ts';
 import { useMore } from '../text/more.ts';
 import { usePastText } from '../text/past.ts';
 
-/** Says that something new went wrong with the robot while its past is shown, and leads there. */
+/** Says that a new fault occurred while the past is shown, with a link to it. */
 export function LiveNews({ live, controls }: { live: RobotLink; controls: PastControls }) {
   useNow(1000);
-  useMore(); // the sentence's words
+  useMore(); // loads the words of the sentence
   const text = usePastText();
   const [seen, setSeen] = useState<ReadonlySet<string> | null>(null);
   const faults = (useFaults(live.faults) ?? []).filter(

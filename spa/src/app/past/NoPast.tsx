@@ -5,7 +5,7 @@ import './no_past.css';
 /** Long enough to be read twice, ms. */
 const SAID_MS = 15_000;
 
-/** Says, where the time line would be, that the moment that a link named can't be looked at here. */
+/** Says, in place of the time line, that the moment in the link can't be shown here. */
 export function NoPast({ why }: { why: 'noPast' | 'noMoment' }) {
   const text = useMore();
   const [said, setSaid] = useState(false);

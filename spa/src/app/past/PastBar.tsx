@@ -14,18 +14,18 @@ const LiveNews = late(async () => (await import('./LiveNews.tsx')).LiveNews);
 const MomentSheet = late(async () => (await import('./time_line/jump/MomentSheet.tsx')).MomentSheet);
 const SaveSheet = late(async () => (await import('./save/SaveSheet.tsx')).SaveSheet, onDemand);
 
-/** What stands under the body for looking back: the time line and, in the past, what goes wrong meanwhile. `live`: null where
- *  nothing is live; the rest is for a recording, see `TimeLine`. */
+/** Controls below the body for looking back: the time line and, in the past, new faults. `live`: null if there is no live robot;
+ *  the other props are for a recording, see `TimeLine`. */
 export function PastBar(props: {
   controls: PastControls;
   live: RobotLink | null;
-  /** Whose names are those of what was. */
+  /** The source of the names at the shown moment. */
   twin: RobotTwin;
-  /** What can be saved; null where nothing is. */
+  /** What can be saved; null if saving is not possible. */
   source: PastSource | null;
-  /** Where a model's manifest is, by its hash; unless it is given, where the relay has it. */
+  /** The address of a model's manifest, by its hash; by default, the relay's. */
   manifestUrl?: (sha256: string) => string;
-  /** Only its keys are there. */
+  /** Only its keyboard shortcuts are active. */
   unseen?: boolean;
   slim?: boolean;
   notes?: BelowTrack | null;

@@ -8,13 +8,13 @@ import { loadPast } from './use_past.ts';
 const NoPast = late(async () => (await import('./NoPast.tsx')).NoPast, onDemand);
 const PastBar = late(async () => (await loadPast()).PastBar, onDemand);
 
-/** What stands below the body of a robot that may have a past: what plays it, and why the moment that a link names can't be
+/** Shown below the body of a robot that may have a past: the playback controls, and the reason that a linked moment can't be
  *  shown. */
 export function PastBelowBody(props: {
   live: RobotLink;
   past: Past | null | undefined;
   missed: 'noPast' | 'noMoment' | null;
-  /** What can be saved; null where nothing is. */
+  /** What can be saved; null if saving is not possible. */
   source: PastSource | null;
 }) {
   const { live, past, missed, source } = props;

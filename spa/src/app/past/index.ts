@@ -1,5 +1,4 @@
-/** What a page fetches where there is a past, in one piece, and what a recording is played with: that takes it from here, or it would
- *  come in pieces. */
+/** The code for a past, in one chunk. Recordings also import it from here; otherwise the bundler would split it into pieces. */
 export { OwnTape } from '../../past/player/tape/own_tape.ts';
 export { PastBar } from './PastBar.tsx';
 export { openPast, type Past, playPast, READER, schedule } from './past_link.ts';

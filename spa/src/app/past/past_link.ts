@@ -18,12 +18,12 @@ import type { RobotLink } from '../state/robot_link.ts';
 import { isHeard } from './heard.ts';
 import { PastWatch } from './past_watch.ts';
 
-/** For the plots of who looks at a joint of then. */
+/** For the plots of a joint's past. */
 const COMING = new LatePart(() => import('../../past/player/coming.ts'));
-/** Nobody waits for it before somebody looks back; by then the relay may be gone. */
+/** Preloaded before anyone looks back, because by then the relay may be gone. */
 export const READER = new LatePart(() => import('../../past/relay/past_reader.ts'));
 
-/** A robot's past on the page: the controls, and a link to the robot as it was, which everything can be drawn from. */
+/** A robot's past on the page: the controls, and a link to the past robot, from which everything can be drawn. */
 export interface Past {
   readonly controls: PastControls;
   readonly source: PastSource;
@@ -31,24 +31,24 @@ export interface Past {
   readonly close: () => void;
 }
 
-/** What a past is played from, and where to. */
+/** The source of a past and the target of its playback. */
 export interface Played {
-  /** The robot as it was. */
+  /** The robot at the shown moment. */
   readonly twin: RobotTwin;
   readonly source: PastSource;
-  /** What the page itself received. */
+  /** What the page itself has received. */
   readonly own: OwnTape;
-  /** Events that the live stream has told. */
+  /** Events received over the live stream. */
   readonly heard: () => RobotTwin['events'];
-  /** The model of a robot that has not told one yet. */
+  /** The model to use before the robot has announced one. */
   readonly model: () => string | null;
-  /** A recording; null: the present comes after the past. */
+  /** A recording; null: the past ends in the present. */
   readonly recorded: Recorded | null;
-  /** Called when the page has gone elsewhere in time, or its past has changed. */
+  /** Called when the shown moment jumps, or the available past changes. */
   readonly onLook: (playhead: Playhead) => void;
 }
 
-/** Plays a past. `player` and what a `RobotLink` needs besides the connection; `openAt` follows the address unless `atMs` is
+/** Plays a past. `player` and the parts of a `RobotLink` other than the connection; `openAt` follows the address unless `atMs` is
  *  undefined. */
 export function playPast(played: Played, atMs: number | null | undefined) {
   const { twin, source, own, heard, recorded } = played;
@@ -60,7 +60,7 @@ export function playPast(played: Played, atMs: number | null | undefined) {
   let edits = twin.edits;
   const lead = (states: readonly LeadState[]) => {
     edits = twin.edits;
-    forgetOwnAlarms(twin, states[0]?.atMs ?? clock()); // those of the lead are noted anew, at their true times
+    forgetOwnAlarms(twin, states[0]?.atMs ?? clock()); // crossings in the lead-in are recorded again, at their true times
     twin.acceptLead(states);
   };
   const sink: PastSink = {
@@ -71,7 +71,7 @@ export function playPast(played: Played, atMs: number | null | undefined) {
       forgetOwnAlarms(twin);
     },
     schema: (schema) => twin.acceptSchema(schema),
-    // before a robot has told its model it had the same body
+    // before a robot announces its model, it is assumed to have had the same body
     model: (sha256) => twin.acceptModel(sha256 ?? played.model()),
     info: (kv) => twin.acceptInfo(kv),
     event: (event) => twin.acceptEvent(event),
@@ -148,8 +148,8 @@ export function playPast(played: Played, atMs: number | null | undefined) {
   };
 }
 
-/** Opens the past of a robot beside its live stream, at a moment unless that is null. While the past is shown the stream rests, and listens for status and
- *  events alone. */
+/** Opens a robot's past beside its live stream, at a moment unless that is null. While the past is shown, the stream delivers
+ *  only status and events. */
 export function openPast(live: RobotLink, atMs: number | null): Past {
   const { robot } = live.twin;
   const twin = new RobotTwin(robot, nowMs());
@@ -194,9 +194,9 @@ export function schedule(run: () => void, afterMs: number): () => void {
   return () => clearTimeout(timer);
 }
 
-/** Records what comes of the live stream. Returns a function that stops it. */
+/** Records the live stream. Returns a function that stops it. */
 function recordOwn(own: OwnTape, { twin, watch, client, faults }: RobotLink): () => void {
-  // what comes behind is recorded at the moment at which the relay had it, as the relay's own past has it
+  // delayed data is recorded at the time when the relay had it, as in the relay's own past
   const state = () => {
     if (twin.schema !== null && twin.state !== null)
       own.push(twin.schema, twin.state, client.link.behindMs ?? 0);

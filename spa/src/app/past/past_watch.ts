@@ -4,14 +4,14 @@ import type { RobotTwin } from '../../twin/robot.ts';
 import type { Watch } from '../state/liveness_watch.ts';
 import { pastWords } from '../status/past_words.ts';
 
-/** No segment is longer, and the first pose of one stands for all of it at first. */
+/** The longest segment; until a segment is loaded, its first pose stands for all of it. */
 const NEAR_MS = 7000;
-/** Where a part is missing, a pose of before stands for no more than this, ms. */
+/** If a part is missing, the previous pose is shown for no longer than this, ms. */
 const GAP_NEAR_MS = 500;
 const WAS = { online: null, silent: 'STALE', offline: 'OFFLINE' } as const;
 type ThenWord = keyof typeof WAS;
 
-/** Says PAST, or RECORDED of a recording, and what the robot was then. */
+/** Reports PAST, or RECORDED for a recording, and the robot's state at the shown moment. */
 export class PastWatch implements Watch {
   readonly word: 'PAST' | 'RECORDED';
   readonly #twin: RobotTwin;
@@ -19,9 +19,9 @@ export class PastWatch implements Watch {
   readonly #past: () => Pick<PastControls, 'playhead' | 'nowMs'>;
   readonly #listeners = new Set<() => void>();
   #was: (typeof WAS)[ThenWord] = null;
-  #isOld = true; // nothing is here yet
+  #isOld = true; // nothing is loaded yet
 
-  /** `momentMs`: the shown moment of this picture; `past` is told less often, and what is told of it must agree. */
+  /** `momentMs`: the moment of this picture. `past` is published less often, and everything derived from it must agree. */
   constructor(
     twin: RobotTwin,
     momentMs: () => number,
@@ -39,7 +39,7 @@ export class PastWatch implements Watch {
     this.look();
   }
 
-  /** Tells whoever listens if the shown pose has become old, or is no longer. */
+  /** Notifies listeners if the shown pose has become out of date, or is current again. */
   look(): void {
     const isOldNow = isOld(this.verdict());
     if (isOldNow === this.#isOld) return;
@@ -58,7 +58,7 @@ export class PastWatch implements Watch {
     const { playhead, nowMs } = this.#past();
     const nearMs = (playhead.recorded?.gap(momentMs) ?? null) === null ? NEAR_MS : GAP_NEAR_MS;
     const isHere = state !== null && (this.#was !== null || Math.abs(state.atMs - momentMs) < nearMs);
-    // the pose of then is shown until a live one is here
+    // the past pose stays until a live one arrives
     const toldMs = playhead.at === 'past' ? playhead.momentMs : momentMs;
     const askedMs = playhead.note === 'not-kept' ? playhead.askedMs : null;
     return {

@@ -11,12 +11,12 @@ import { queryOf } from '../state/settings.ts';
 import { isHeard } from './heard.ts';
 import type { Past } from './past_link.ts';
 
-/** Fetched only where there is a past. */
+/** Loaded only if there is a past. */
 export const loadPast = () => import('./index.ts');
 const PAST = new LatePart(loadPast, () => false);
 
-/** The past of a robot that this page may look back on; null if there is none, undefined until that is known or wanted. Asked for once
- *  the body is drawn, and again whenever the stream opens. */
+/** The past of a robot that this page may look back on; null if there is none, undefined until that is known or needed. Requested
+ *  once the body is drawn, and again whenever the stream opens. */
 export function usePast(live: RobotLink, wanted = true): Past | null | undefined {
   const [past, setPast] = useState<Past | null | undefined>(noneYet);
   useEffect(() => {
@@ -30,7 +30,7 @@ export function usePast(live: RobotLink, wanted = true): Past | null | undefined
       if (asked || opened !== null || !isHeard(live)) return;
       asked = true;
       await firstPaint();
-      asked = isHeard(live); // else when the stream is back
+      asked = isHeard(live); // otherwise when the stream is back
       if (!asked) return;
       if (await hasPast(live.twin.robot)) {
         const { openPast } = await PAST.load();
@@ -52,8 +52,8 @@ export function usePast(live: RobotLink, wanted = true): Past | null | undefined
   return past;
 }
 
-/** Whether the address has named a moment since the page was opened, and whether it can be read; it is taken out again once
- *  the page is live. */
+/** Whether the address has named a moment since the page was opened, and whether it is valid; it is removed once the page is
+ *  live. */
 export function useMomentNamed(): 'moment' | 'nonsense' | null {
   const hash = useHash();
   const named = !queryOf(hash).has('t') ? null : momentIn(hash) === null ? 'nonsense' : 'moment';
@@ -62,7 +62,7 @@ export function useMomentNamed(): 'moment' | 'nonsense' | null {
   return once;
 }
 
-/** Why what the address names can't be looked at; null if it can, or names nothing. */
+/** Why the moment in the address can't be shown; null if it can, or if there is none. */
 export function missedMoment(
   named: ReturnType<typeof useMomentNamed>,
   past: Past | null | undefined,
@@ -71,13 +71,13 @@ export function missedMoment(
   return named !== null && past === null ? 'noPast' : null;
 }
 
-/** A mirror keeps the newest alone. */
+/** A mirror keeps only the newest state. */
 function noneYet(): null | undefined {
   return relayChoice().mirror === null ? undefined : null;
 }
 
-/** The robot as it is shown: as it was while the page is in the past, else as it is. Back from the past, what was stays until
- *  a live pose is here: the last one is as old as the visit to the past. */
+/** The robot to show: the past one while the page is in the past, else the live one. After returning from the past, the past
+ *  robot stays until a live pose has arrived, because the last live pose is as old as the visit. */
 export function useShown(live: RobotLink, past: Past | null | undefined): RobotLink {
   const leaving = useRef(false);
   const follow = useCallback(
@@ -107,6 +107,6 @@ async function hasPast(robot: string): Promise<boolean> {
     );
     return answer.ok && (await answer.json()).past_ms > 0;
   } catch {
-    return false; // asked again when the stream opens next
+    return false; // requested again when the stream opens next
   }
 }

@@ -8,7 +8,7 @@ import { useMore } from '../text/more.ts';
 import { Cross } from './Cross.tsx';
 import { readingWords } from './reading_words.ts';
 
-/** Beside the position, which stands above them. */
+/** Additional values; the position is above them. */
 const ALSO = [
   ['ref', 'reference'],
   ['vel', 'velocity'],
@@ -16,10 +16,10 @@ const ALSO = [
   ['cur', 'current'],
   ['temp', 'heat'],
 ] as const;
-/** Numbers that change more often can't be read. */
+/** Numbers that change faster can't be read. */
 const EVERY_MS = 250;
 
-/** The selected joint, large: its name, its position and what else the robot tells of it. Empty if none is selected. */
+/** The selected joint, large: its name, its position and its other readings. Empty if none is selected. */
 export function ChosenJoint({ link }: { link: RobotLink }) {
   useNow(EVERY_MS);
   const joint = useSelectedJoint();

@@ -7,10 +7,10 @@ import { usePresentText } from '../text/present.ts';
 
 const MOST = 3;
 
-/** The faults that nobody has acknowledged, each as a sentence; of many the first, and how many more there are. */
+/** The unacknowledged faults, each as a sentence; if there are many, the first ones and the number of the others. */
 export function OpenFaultSentences({ link }: { link: RobotLink }) {
-  useNow(500); // how long they have lasted
-  useMore(); // the sentences' words
+  useNow(500); // updates how long they have lasted
+  useMore(); // loads the words of the sentences
   const text = usePresentText();
   const open = (useFaults(link.faults) ?? []).filter(({ acknowledged }) => !acknowledged);
   return (

@@ -19,9 +19,9 @@ import { ChosenJoint } from './ChosenJoint.tsx';
 import { Cross } from './Cross.tsx';
 import { OpenFaultSentences } from './OpenFaultSentences.tsx';
 
-/** What stands beside the robot while it is presented, legible from the last row: its state with its age, its balance, the joint that
- *  is looked at, its faults as sentences, and where everybody can see it. Escape or the cross ends presenting. `name`: of what
- *  is shown, ready to show (`isolated`); `note`: what somebody wrote about this moment. */
+/** Shown beside the robot while presenting, legible from the last row: its state and age, its balance, the selected joint, its
+ *  faults as sentences, and the address for the audience. Escape or the cross ends presenting. `name`: of what is shown, safe to
+ *  show (`isolated`); `note`: the note about this moment. */
 export function Presentation(props: { link: RobotLink; name: string; note?: ReactNode }) {
   const { link, name, note } = props;
   const text = usePresentText();
@@ -59,8 +59,8 @@ export function Presentation(props: { link: RobotLink; name: string; note?: Reac
 /** The word of the chip, large, with its age and, if the robot is not live, why. */
 function State({ link }: { link: RobotLink }) {
   useNow(250);
-  useWord(link); // so that a new word is shown at once
-  useShownSecond(); // with the time line
+  useWord(link); // shows a new state word at once
+  useShownSecond(); // redraws as the time line moves
   const connection = useConnection(link);
   const verdict = link.watch.verdict();
   const { word, detail, more, behind, warning } = chipWords(verdict, connection, nowMs());
@@ -79,11 +79,11 @@ function State({ link }: { link: RobotLink }) {
 
 const OWN_COMPUTER = /^(localhost|127\.|\[::1\])/;
 
-/** While the past plays its address stays so long the same, ms: a camera has to find it. */
+/** While the past plays, its address stays the same for this long, ms, so that a camera can read it. */
 const STILL_MS = 10_000;
 
-/** The address of the robot's page as a QR code and in letters, without what is looked at now: it stays the same. In the
- *  past it leads to the moment. */
+/** The address of the robot's page as a QR code and in letters, without the current view, so that it stays the same. In the past
+ *  it leads to the moment. */
 function Address({ link }: { link: RobotLink }) {
   const text = useMore();
   const shownMs = useSyncExternalStore(shownMoment.subscribe, () => {
@@ -91,7 +91,7 @@ function Address({ link }: { link: RobotLink }) {
     return momentMs === null || link.resting() ? momentMs : Math.floor(momentMs / STILL_MS) * STILL_MS;
   });
   const query = new URLSearchParams(window.location.search);
-  query.delete('origin'); // of the page around a frame
+  query.delete('origin'); // the page around a frame
   query.delete('lane'); // how this page reads the robot, not what it shows
   const place = recordingUrl() === null ? robotHref(link.twin.robot) : '#/';
   const address = `${home()}${query.size > 0 ? `?${query}` : ''}${place}${
@@ -107,12 +107,12 @@ function Address({ link }: { link: RobotLink }) {
   );
 }
 
-/** The smallest letters of what the body has beside it (its legend, plots of a robot without a body), CSS px. */
+/** The smallest letters beside the body (the legend, or plots of a robot without a body), CSS px. */
 const SMALLEST_PX = 11;
-/** The least height of a letter's line, as a part of the picture's height. */
+/** The minimum line height, as a fraction of the picture's height. */
 const LEAST_PART = 0.022;
 
-/** Enlarges what is not written for the presentation until its smallest letters are large enough. */
+/** Enlarges elements not made for presenting until their smallest letters are large enough. */
 function useZoom(): void {
   useEffect(() => {
     const { style } = document.documentElement;

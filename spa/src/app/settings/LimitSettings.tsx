@@ -13,8 +13,8 @@ import { more, useMore } from '../text/more.ts';
 /** How often the mark at the present value is moved. */
 const LIVE_EVERY_MS = 250;
 
-/** The limits of a robot in groups of channels. Each limit can be set with a slider or as a number; what the viewer sets
- *  replaces the profile's limit. Empty before there is a schema, and without such channels. */
+/** The limits of a robot in groups of channels. Each limit can be set with a slider or as a number; the viewer's limit replaces
+ *  the profile's. Empty before there is a schema, and without such channels. */
 export function LimitSettings({ link }: { link: RobotLink }) {
   useVersion(link);
   const text = useMore();
@@ -176,13 +176,13 @@ function Track(props: {
   );
 }
 
-/** The newest value of what the page computes; null for anything else, and while there is none. */
+/** The newest value if the page computes it; null otherwise, and while there is none. */
 function computed(link: RobotLink, field: string): number | null {
   if (field !== MARGIN.field) return null;
   return BALANCE.value()?.balanceOf(link).known?.stance?.marginMm ?? null;
 }
 
-/** A text field for a number or, when empty, for no limit (null). Other text changes nothing. */
+/** A text field for a number; empty means no limit (null). Invalid text changes nothing. */
 function NumberField(props: {
   text: string;
   value: number | null;

@@ -13,8 +13,8 @@ import { QrCode } from './QrCode.tsx';
 /** How often the dialog reads the address, which follows the camera. */
 const SETTLE_MS = 600;
 
-/** The dialog for sharing this view: its address as a link, as a QR code and as an `<iframe>` for a web page. `robot` is
- *  the id, `name` what people read. `recorded`: of a recording, which lies on a host that knows no robots. */
+/** The dialog for sharing this view: its address as a link, as a QR code and as an `<iframe>` for a web page. `robot` is the id,
+ *  `name` what people read. `recorded`: a recording, on a host that knows no robots. */
 export function ShareSheet({
   robot,
   name,
@@ -81,8 +81,8 @@ export function ShareSheet({
   );
 }
 
-/** The address of the robot's page without `#`, in which a chat finds the robot's name and picture. null until the host of
- *  this page has said that it knows it: a relay does, a plain web server does not. */
+/** The address of the robot's page without `#`, for which chats show the robot's name and picture. null until the host of this
+ *  page has confirmed that it knows it: a relay does, a plain web server does not. */
 function usePathOf(robot: string | null): string | null {
   const [known, setKnown] = useState<string | null>(null);
   useEffect(() => {
@@ -91,14 +91,14 @@ function usePathOf(robot: string | null): string | null {
     const url = `${home()}r/${robot}`;
     fetch(url, { method: 'HEAD', signal: leave.signal, credentials: 'omit' })
       .then(({ ok }) => ok && setKnown(url))
-      .catch(() => {}); // then the link is the one with `#`
+      .catch(() => {}); // otherwise the link is the one with `#`
     return () => leave.abort();
   }, [robot]);
   return known;
 }
 
-/** The address of the view that stands at the address `at`; below `page`, unless that is null. Without the way by which this
- *  page reads the robot: others take their own. */
+/** The address of the view at `at`; below `page`, unless that is null. Omits how this page reads the robot, because others use
+ *  their own way. */
 export function sharedLink(at: string, page: string | null): string {
   const { origin, pathname, search, hash } = new URL(at);
   const kept = search
@@ -120,14 +120,14 @@ export function seenByAnyone(link: string): string {
   return url.href;
 }
 
-/** The HTML `<iframe>` element that shows the view of `link` in another page. Its path names the robot, so that the relay
- *  can say which pages may embed it. Throws if `link` is no URL. */
+/** The HTML `<iframe>` element that shows the view of `link` in another page. Its path names the robot, so that the relay can
+ *  restrict which pages may embed it. Throws if `link` is no URL. */
 export function frameFor(link: string, robot: string, name: string): string {
   const { search, hash } = new URL(link);
   return frameOf(new URL(`embed/${robot}${search}${hash.includes('?') ? hash : ''}`, home()), name);
 }
 
-/** The same for an exported recording, of a host that may not know what a folder shows. */
+/** The same for an exported recording, on a host that may not serve a folder's index page. */
 function recordedFrame(link: string, name: string): string {
   const { search, hash } = new URL(link);
   return frameOf(new URL(`embed/index.html${search}${hash}`, home()), name);

@@ -2,7 +2,7 @@ import type { EyePlace } from '../../view/body_view.ts';
 import { formatMoment } from '../state/moment.ts';
 import type { Settings } from '../state/settings.ts';
 
-/** The parts of a shared link that are no settings: `#/r/demo?t=2026-11-22T14:02:07.250Z&joint=RKN&eye=2.1,0.4,1.2,0,0,0.6`. */
+/** The parts of a shared link other than settings: `#/r/demo?t=2026-11-22T14:02:07.250Z&joint=RKN&eye=2.1,0.4,1.2,0,0,0.6`. */
 export interface SharedView {
   /** The moment of the past, unix ms by the relay's clock; null: the present. */
   readonly momentMs: number | null;

@@ -6,15 +6,15 @@ import { selection, selectJoint } from '../state/selection.ts';
 import { queryOf, settings } from '../state/settings.ts';
 import { readShared, sharedQuery } from './shared_view.ts';
 
-/** How often the page looks whether the address is still right. */
+/** How often the page checks whether the address is up to date. */
 const EVERY_MS = 500;
-/** Between two writings while the past plays, about: browsers allow a page 100 in 30 s. */
+/** Approximate interval between two updates while the past plays: browsers allow a page 100 in 30 s. */
 const PLAYED_EVERY_MS = 900;
 
 /**
- * Keeps the page's address in step with what it shows, so that a copy of the address opens the same view. At first, and
- * when the address changes, the camera and the selected joint are taken from it; a joint that the robot does not have is
- * ignored. Returns a function that stops it.
+ * Keeps the page's address in step with what it shows, so that a copy of the address opens the same view. At first, and when the
+ * address changes, the camera and the selected joint are taken from it; an unknown joint is ignored. Returns a function that
+ * stops it.
  */
 export function bindAddress(view: BodyView, { twin }: RobotLink): () => void {
   let wanted: string | null = null;
@@ -42,7 +42,7 @@ export function bindAddress(view: BodyView, { twin }: RobotLink): () => void {
   const write = () => {
     const moment = shownMoment.get();
     const { hash } = window.location;
-    const isNew = hash !== known; // another link, of which `take` may still have to hear
+    const isNew = hash !== known; // another link, which `take` may not have received yet
     known = hash;
     if (isNew || wanted !== null) return;
     const shared = sharedQuery(settings(), {
@@ -51,11 +51,12 @@ export function bindAddress(view: BodyView, { twin }: RobotLink): () => void {
       momentMs: moment,
     });
     const query = presenting() ? `${shared === '' ? '?' : `${shared}&`}present` : shared;
-    // Written only when nothing has changed since the last check, but a moment that moves now and then.
+    // Written only if nothing has changed since the last check, except for a moment that is playing, which is written now and
+    // then.
     const nowMs = performance.now();
     const due = query === before || (moment !== null && nowMs - wroteMs >= PLAYED_EVERY_MS);
     before = query;
-    const place = hash.split('?')[0] || '#/'; // of a recording, which needs none
+    const place = hash.split('?')[0] || '#/'; // for a recording, which needs none
     if (due && hash !== place + query) {
       wroteMs = nowMs;
       window.history.replaceState(window.history.state, '', `${window.location.search}${place}${query}`);

@@ -18,7 +18,7 @@ interface DebugApi {
     readonly liveness: string | null;
     readonly cause: string | null;
     /** The moment of the past whose pose is shown, unix ms by the relay's clock; null in the present, and while that pose is
-     *  on its way. */
+     *  loading. */
     readonly moment_ms: number | null;
     value(field: string, label: string): number | null | undefined;
   } | null;
@@ -28,7 +28,7 @@ interface DebugApi {
     /** The transport in use: `websocket`, `events` (server-sent events over HTTP), `mirror` (a database) or `segments` (the
      *  relay's past, read as it grows). */
     readonly carrier: string;
-    /** How far what is shown lies behind now, ms; null: not at all. */
+    /** The delay of the picture, ms; null: none. */
     readonly behind_ms: number | null;
   } | null;
   readonly scene: (Omit<BodyView, 'load' | 'play' | 'setPose' | 'dispose'> & Partial<OfOneView>) | null;

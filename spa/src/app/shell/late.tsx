@@ -6,8 +6,8 @@ import { createStore } from '../../browser/store.ts';
 import { useStore } from '../state/use_store.ts';
 import { useText } from '../text/language.ts';
 
-/** A component that is loaded when it is first drawn, or ahead of that if `ahead` says so. While it can't be loaded it is
- *  counted for `AbsentNotice`, it is tried again by itself, and the rest of the page still works. */
+/** A component that is loaded when it is first drawn, or earlier if `ahead` says so. If loading fails, it is counted for
+ *  `AbsentNotice` and retried automatically, and the rest of the page still works. */
 export function late<P extends object>(
   load: () => Promise<ComponentType<P>>,
   ahead?: () => boolean,
@@ -16,7 +16,7 @@ export function late<P extends object>(
   return (props: P) => <Arriving part={part} given={props} />;
 }
 
-/** What a part of the page is; null until it has come. It is asked for when the component is first drawn. */
+/** The content of a part of the page; null until it has loaded. Loading starts when the component is first drawn. */
 export function useLatePart<T>(part: LatePart<T>): T | null {
   useEffect(() => {
     void part.load();
@@ -37,10 +37,10 @@ export function lateAfterBody<P extends object>(load: () => Promise<ComponentTyp
   return late(() => firstPaint().then(load));
 }
 
-/** For what is not fetched before somebody asks for it: other pages, and what few need. */
+/** For parts that are loaded only on demand: other pages, and rarely needed parts. */
 export const onDemand = (): boolean => false;
 
-/** How many parts could not be loaded that should be on the page now. */
+/** How many parts that should be on the page could not be loaded. */
 const absent = createStore(0);
 
 function NotHere() {

@@ -7,7 +7,7 @@ import type { RobotTwin } from '../../twin/robot.ts';
 export class FaultKeeper {
   #log: FaultLog;
   readonly #twin: RobotTwin;
-  /** The time of what the robot shows. */
+  /** The time of the displayed state. */
   readonly nowMs: () => number;
   readonly #key: string | null;
   readonly #listeners = new Set<() => void>();
@@ -29,7 +29,7 @@ export class FaultKeeper {
     return this.#log;
   }
 
-  /** Forgets all faults: what comes next is of another time. */
+  /** Forgets all faults: the following data is from another time. */
   begin(): void {
     this.#log = new FaultLog();
     this.#list = null;
@@ -37,7 +37,8 @@ export class FaultKeeper {
     for (const listener of this.#listeners) listener();
   }
 
-  /** All faults; null until it is known whether there are any: until a frame or a fault event has come, and all events of before. */
+  /** All faults; null until it is known whether there are any: until a frame or a fault event has arrived, and all earlier
+   *  events. */
   readonly faults = (): readonly Fault[] | null => this.#list;
 
   /** Adds a listener for changes of `faults`. Returns a function that removes it. */
@@ -58,7 +59,7 @@ export class FaultKeeper {
     for (const leave of this.#leave) leave();
   }
 
-  /** Looks at every frame, because a fault may last for only one of them. */
+  /** Checks every frame, because a fault may last for only one of them. */
   #frame(): void {
     const joints = this.#twin.joints();
     if (joints === null) return;

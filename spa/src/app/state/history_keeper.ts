@@ -7,7 +7,7 @@ import { LastReadings } from '../../twin/sensors/last_readings.ts';
 export class HistoryKeeper {
   readonly history = new History();
   readonly readings = new LastReadings();
-  /** Forgets what was recorded: what comes next is of another time. */
+  /** Forgets the recorded values: the following data is from another time. */
   begin(): void {
     this.history.clear();
     this.readings.clear();

@@ -3,12 +3,12 @@ import { isClaim, judge, newestAgeMs, STALE_AFTER_MS, type Verdict, type Word } 
 import type { RobotTwin } from '../../twin/robot.ts';
 
 const EVERY_MS = 100;
-/** A longer pause between two checks means that the page itself was held up. */
+/** A longer pause between two checks means that the page itself was blocked. */
 const HELD_UP_MS = 400;
-/** After such a pause, the time for receiving the messages that arrived meanwhile, before the next check. */
+/** After such a pause, the time for processing the messages that arrived meanwhile, before the next check. */
 const CATCH_UP_MS = 50;
 
-/** Says in one word whether the page shows a robot as it is. */
+/** Reports in one word whether the page shows a robot's present state. */
 export interface Watch {
   /** The newest verdict. */
   verdict(): Verdict;
@@ -18,9 +18,8 @@ export interface Watch {
   readonly onWord: (listener: () => void) => () => void;
 }
 
-/** Judges a robot's evidence at least ten times a second, because no event tells that messages have stopped. Notifies
- *  listeners when the word changes. Chip, banner and body all go by the verdict of the last check, so that they never
- *  disagree. */
+/** Judges a robot's evidence at least ten times a second, because no event tells that messages have stopped. Notifies listeners
+ *  when the word changes. Chip, banner and body all use the verdict of the last check, so that they never disagree. */
 export class LivenessWatch implements Watch {
   readonly #twin: RobotTwin;
   readonly #onSlept: () => void;
@@ -31,7 +30,7 @@ export class LivenessWatch implements Watch {
   #timer: ReturnType<typeof setTimeout>;
   #lookedMs = nowMs();
   #caughtUp = true;
-  /** The page was held up for so long that the shown pose is old, which is said until messages have been read. */
+  /** The page was blocked for so long that the shown pose is old; this is reported until messages have been processed. */
   #lost = false;
   #sleptMs = countSleep();
 
@@ -94,7 +93,7 @@ export class LivenessWatch implements Watch {
   #tell(): void {
     const before = this.word;
     const verdict = judge(this.#twin.evidence, this.#lookedMs);
-    const claims = this.#lost && isClaim(verdict.word); // what is called old may be called so all the while
+    const claims = this.#lost && isClaim(verdict.word); // a state called old may be called so all the time
     const ageMs = (verdict.ageMs ?? 0) + nowMs() - this.#lookedMs;
     this.#verdict = claims ? { ...verdict, word: 'STALE', cause: null, overShare: false, ageMs } : verdict;
     const { word } = this.#verdict;

@@ -30,7 +30,7 @@ export function watchOwnLimits(twin: RobotTwin): void {
   });
 }
 
-/** Notes a reading that the page itself has computed, in a group with this title, by the limit that holds for it. */
+/** Records a reading computed by the page, in a group with this title, and compares it with its limit. */
 export function noteComputed(
   twin: RobotTwin,
   title: string,
@@ -44,8 +44,8 @@ export function noteComputed(
   if (own.log.crossings !== before) tell(own);
 }
 
-/** Forgets the crossings from a moment on, all unless one is given: what comes next does not go on from them. What is beyond a limit
- *  in the first frame then is no crossing: nobody knows when it was. */
+/** Forgets the crossings from a moment on, or all of them: the following data does not continue from them. A value beyond its
+ *  limit in the first frame then does not count as a crossing, because its time is unknown. */
 export function forgetOwnAlarms(twin: RobotTwin, sinceMs = Number.NEGATIVE_INFINITY): void {
   const own = ownOf(twin);
   own.log.begin(sinceMs);

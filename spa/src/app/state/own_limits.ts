@@ -5,13 +5,13 @@ import type { RobotTwin } from '../../twin/robot.ts';
 
 const OWN_ALARMS = new LatePart(
   () => import('./own_alarms.ts'),
-  () => false, // only for who has thresholds of their own
+  () => false, // loaded only for viewers with their own thresholds
 );
 
 /** The storage key of the viewer's own thresholds for a robot. They stay in this browser and are never sent. */
 export const keyOf = (robot: string) => `posecast.limits.${robot}`;
 
-/** Reads the viewer's own thresholds for a robot from the browser's storage, puts them in force and watches them. */
+/** Reads the viewer's own thresholds for a robot from the browser's storage, applies them and watches them. */
 export function loadOwnLimits(twin: RobotTwin): void {
   twin.acceptEdits(readEdits(readStored(keyOf(twin.robot))));
   watchOwn(twin);

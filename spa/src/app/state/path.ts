@@ -1,18 +1,17 @@
 /**
- * A relay serves the page also at `/r/demo`, and with status 404 at whatever somebody has mistyped. It says in the root
- * element how many folders above the page's files are (`data-home`). All else in the page knows hashes only.
+ * A relay also serves the page at `/r/demo`, and with status 404 at mistyped paths. The root element says how many folders up the
+ * page's files are (`data-home`). The rest of the page uses only hashes.
  */
 
 import { parseRoute } from './route.ts';
 
-/** The hash of what a path below the page's folder names: of `r/demo`, `#/r/demo`. */
+/** The hash for a path below the page's folder: for `r/demo`, `#/r/demo`. */
 export function hashOfPath(path: string): string {
   return `#/${path.replace(/%2b/gi, '+')}`;
 }
 
-/** The hash that the page begins with where its path names `named`. Of two robots the path's counts, which is the one that
- *  the relay has told chats of; what the hash says besides is kept. Where only one of them names a robot, the hash counts,
- *  unless it is empty. */
+/** The initial hash if the path names `named`. If both name a robot, the path wins, because the relay has published it in link
+ *  previews; the rest of the hash is kept. If only one names a robot, the hash wins unless it is empty. */
 export function hashAtPath(named: string, hash: string): string {
   if (hash.length < 2) return named;
   const [ofPath, ofHash] = [robotsOf(named), robotsOf(hash)];
@@ -29,7 +28,7 @@ function robotsOf(hash: string): string {
 
 let named: string | null = null;
 
-/** Writes what the path names into the hash, unless the hash says more. Called before anything reads the hash. */
+/** Writes the path's robot into the hash, unless the hash has priority. Called before anything reads the hash. */
 export function adoptPath(): void {
   const { dataset } = document.documentElement;
   if (dataset.home === undefined || dataset.page === 'embed') return;
@@ -40,8 +39,8 @@ export function adoptPath(): void {
   if (hash !== window.location.hash) window.history.replaceState(window.history.state, '', hash);
 }
 
-/** Goes to the page's own path as soon as the hash names something else than the path, so that a copy of the address
- *  says one thing. Called when the page's files are asked for already: their addresses are relative to the path. */
+/** Moves to the page's own path as soon as the hash names something other than the path, so that a copied address is unambiguous.
+ *  Called once the page's files have been requested, because their addresses are relative to the path. */
 export function leavePath(): void {
   const { search, hash } = window.location;
   if (named === null || hash.split('?')[0] === named) return;

@@ -18,7 +18,8 @@ import { clearTraces } from './traces.ts';
 /** The connection that a robot's state comes over. */
 export type Connection = Pick<StreamClient, 'link' | 'onChange' | 'wake' | 'wishAll' | 'rest'>;
 
-/** All that the page keeps for one robot, as it is or as it was: its state, connection, word, faults and the minute before. */
+/** Everything that the page keeps for one robot, present or past: its state, connection, word, faults and the preceding
+ *  minute. */
 export interface RobotLink {
   readonly twin: RobotTwin;
   readonly client: Connection;
@@ -27,12 +28,11 @@ export interface RobotLink {
   readonly watch: Watch;
   readonly faults: FaultKeeper;
   readonly minute: HistoryKeeper;
-  /** The states of the half minute after the shown moment, oldest first, as far as they are here; null while it shows the
-   *  present. */
+  /** The states in the half minute after the shown moment, oldest first, as far as loaded; null while it shows the present. */
   readonly coming: (() => readonly PastState[]) | null;
   /** The time as of which the robot is shown, ms, on the clock of its states. */
   readonly nowMs: () => number;
-  /** Whether that time stands still, so that each state is shown as it is. */
+  /** Whether that time is paused, so that each state is shown as it is. */
   readonly resting: () => boolean;
 }
 
@@ -68,7 +68,7 @@ export function useRobotLink(robot: string): RobotLink | null {
   return link;
 }
 
-/** What the page still lacks is asked for when the stream opens, and what it may need later is fetched then. */
+/** When the stream opens, missing parts of the page are requested, and parts that may be needed later are prefetched. */
 function watchNetwork(client: StreamClient, robot: string): void {
   let before: Link['phase'] | null = null;
   const look = () => {
@@ -91,7 +91,7 @@ export function useConnection({ client }: RobotLink): Link {
   return useSyncExternalStore(client.onChange, () => client.link);
 }
 
-/** How far what the page shows of the stream lies behind now, ms; null: not at all. The component is drawn again when it changes. */
+/** The delay of the stream's picture, ms; null: none. The component is redrawn when it changes. */
 export function useBehindMs({ client }: RobotLink): number | null {
   return useSyncExternalStore(client.onChange, () => client.link.behindMs);
 }
@@ -101,13 +101,12 @@ export function useWord({ watch }: RobotLink): Word | null {
   return useSyncExternalStore(watch.onWord, () => watch.word);
 }
 
-/** Whether the shown pose was no longer the robot's own at the time that is shown. The component is drawn again when that
- *  changes. */
+/** Whether the shown pose is out of date at the shown time. The component is redrawn when that changes. */
 export function useIsOld({ watch }: RobotLink): boolean {
   return useSyncExternalStore(watch.onWord, () => isOld(watch.verdict()));
 }
 
-/** A number that grows whenever anything about the robots but their frames changes: schema, model, limits, info, events,
+/** A counter that increases whenever anything about the robots changes, except their frames: schema, model, limits, info, events,
  *  connection. The component is drawn again then. */
 export function useVersion(...links: readonly RobotLink[]): number {
   return useSyncExternalStore(

@@ -15,8 +15,8 @@ export const selection = selected.get;
 /** Adds a listener that is called at each selection. Returns a function that removes it. */
 export const onSelection = selected.subscribe;
 
-/** Selects a joint by its label; null: none. Selecting the same joint again notifies listeners, too, so that the camera
- *  goes back to it. */
+/** Selects a joint by its label; null: none. Selecting the same joint again also notifies listeners, so that the camera returns
+ *  to it. */
 export function selectJoint(joint: string | null, from: Selection['from'] = 'numbers'): void {
   if (joint === null && selection() === null) return;
   selected.set(joint === null ? null : { joint, from });

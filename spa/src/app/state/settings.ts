@@ -19,30 +19,30 @@ export interface Settings {
   level: boolean;
   /** The joint value that colours the body: motor current or temperature. */
   load: 'off' | LoadField;
-  /** Centre of mass, what holds it and how much is left; `auto`: for robots with two feet that measure forces, and masses. */
+  /** Centre of mass, support polygon and margin; `auto`: on for robots with two feet that measure forces, and with masses. */
   balance: 'auto' | 'on' | 'off';
   /** A factor for the length of force arrows; within `ARROWS`. */
   arrowScale: number;
   /** Keeps the body facing one way; the heading that its sensors measure is ignored. */
   headingLocked: boolean;
   palette: 'standard' | 'safe';
-  /** How the body is drawn; `auto`: in 3D where the browser has it and the device is fast enough. */
+  /** How the body is drawn; `auto`: in 3D if the browser has it and the device is fast enough. */
   body: 'auto' | '3d' | 'light';
   /** Interpolates between poses; off: each pose is shown when it arrives. */
   smooth: boolean;
   panelOpen: boolean;
-  /** Width of the panel, CSS px; null until the divider was moved. */
+  /** Width of the panel, CSS px; null until the divider is moved. */
   panelPx: number | null;
   faultsFirst: boolean;
   /** Groups the joints of the table by limb. */
   limbs: boolean;
-  /** Joints by the robot's names (`RKN`), or in plain words where there are any ("right knee"). */
+  /** Joint names: the robot's own (`RKN`), or plain words if available ("right knee"). */
   names: 'codes' | 'words';
   mouse: MouseStyle;
   follow: FollowMode;
 }
 
-/** The least and the greatest `arrowScale`. */
+/** The range of `arrowScale`. */
 export const ARROWS = { least: 0.25, most: 4 } as const;
 
 const KEY = 'posecast.settings';
@@ -96,8 +96,7 @@ const CHOICES: { readonly [K in keyof Settings]: (value: unknown) => value is Se
   follow: (v): v is FollowMode => v === 'stay' || v === 'along' || v === 'turn',
 };
 
-/** Reads settings from JSON. Members that are missing or invalid get their defaults; null and invalid JSON give all
- *  defaults. */
+/** Reads settings from JSON. Missing and invalid members get their defaults; null and invalid JSON give all defaults. */
 export function readSettings(text: string | null): Settings {
   let stored: unknown = null;
   try {
@@ -116,16 +115,16 @@ export function readSettings(text: string | null): Settings {
 }
 
 let own = readSettings(readStored(KEY));
-/** Settings that a link named. Each applies to this page until the person changes it, and is not stored. */
+/** Settings given by a link. Each applies to this page until the viewer changes it, and is not stored. */
 let lent: Partial<Settings> = {};
 const inForce = createStore(own);
 
-/** The settings in force: those of the person, and over them those that a link named. */
+/** The current settings: the viewer's own, overridden by those from a link. */
 export const settings = inForce.get;
-/** Adds a listener for changes of the settings in force. Returns a function that removes it. */
+/** Adds a listener for changes of the current settings. Returns a function that removes it. */
 export const onSettings = inForce.subscribe;
 
-/** Changes and stores some of the settings. They replace what a link named for them. */
+/** Changes and stores some of the settings. They override values from a link. */
 export function changeSettings(changed: Partial<Settings>): void {
   own = { ...own, ...changed };
   lent = Object.fromEntries(Object.entries(lent).filter(([key]) => !(key in changed)));
@@ -133,13 +132,13 @@ export function changeSettings(changed: Partial<Settings>): void {
   inForce.set({ ...own, ...lent });
 }
 
-/** The query in a hash, which is the part after the first `?`; empty if there is none. */
+/** The query in a hash, the part after the first `?`; empty if there is none. */
 export function queryOf(hash: string): URLSearchParams {
   return new URLSearchParams(hash.split('?')[1] ?? '');
 }
 
-/** Applies the settings that a link names, without storing them. Unknown names and values are ignored, and so are values
- *  that are no text, such as numbers and switches. */
+/** Applies the settings in a link, without storing them. Unknown names and values are ignored, as are settings that are not text,
+ *  such as numbers and switches. */
 export function applyLinkSettings(query: URLSearchParams): void {
   const named = readSettings(JSON.stringify(Object.fromEntries(query)));
   const known = (Object.keys(named) as (keyof Settings)[]).filter((key) => query.get(key) === named[key]);
@@ -148,7 +147,7 @@ export function applyLinkSettings(query: URLSearchParams): void {
   inForce.set({ ...own, ...lent });
 }
 
-/** The settings in force. The component is drawn again when they change. */
+/** The current settings. The component is redrawn when they change. */
 export function useSettings(): Settings {
   return useStore(inForce);
 }

@@ -2,7 +2,7 @@ import { createStore } from '../../browser/store.ts';
 import type { Trace } from '../../twin/plots/trace.ts';
 import { useStore } from './use_store.ts';
 
-/** The most values plotted at one time; with more, lines could not be told apart. */
+/** The most values plotted at once; with more, the lines are hard to tell apart. */
 export const MOST_TRACES = 8;
 
 /** The plotted values, oldest first. There is one list for the page; it is cleared when the robot is closed. */
@@ -17,7 +17,7 @@ export function isPlotted({ field, label }: Trace): boolean {
   return traces().some((one) => one.field === field && one.label === label);
 }
 
-/** Adds a value to the plots. Does nothing if it is plotted already or there are `MOST_TRACES`. */
+/** Adds a value to the plots. Does nothing if it is already plotted or there are `MOST_TRACES`. */
 export function addTrace(value: Trace): void {
   if (isPlotted(value) || traces().length >= MOST_TRACES) return;
   list.set([...traces(), { field: value.field, label: value.label }]);

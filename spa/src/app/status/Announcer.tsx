@@ -7,12 +7,12 @@ import { type Announcement, announcement } from './announcement.ts';
 
 /** Least time between two announcements to screen readers. */
 const EVERY_MS = 5000;
-/** How often the announcement is made up anew and compared with the one before. */
+/** How often the announcement is rebuilt and compared with the previous one. */
 const LOOK_MS = 500;
-/** Announcements read everything, whatever the visible overlay shows. */
+/** Announcements include everything, whatever the visible overlay shows. */
 const ALL = { shown: 'pos', lens: false, forces: true, level: true, load: 'off' } as const;
 
-/** What is said of the balance, and in which steps it is said again; null where nothing is. */
+/** The sentence about balance, and the coarser text that triggers a new announcement; null if there is none. */
 function balance(link: RobotLink): Announcement | null {
   if (!mayTell(link)) return null;
   void BALANCE.load();

@@ -14,8 +14,8 @@ const Explanation = late(async () => (await import('./Explanation.tsx')).Explana
  *  explanation. */
 export function Chip({ link }: { link: RobotLink }) {
   useNow(250);
-  useWord(link); // so that a new word is shown at once
-  useShownSecond(); // with the time line
+  useWord(link); // shows a new state word at once
+  useShownSecond(); // redraws as the time line moves
   const connection = useConnection(link);
   useText();
   const { open, setOpen, around } = usePopover<HTMLDivElement>();
@@ -61,8 +61,8 @@ export function Chip({ link }: { link: RobotLink }) {
   );
 }
 
-/** The symbol of a state, so that not only its colour tells it. `word`: LIVE, HOLDING, STALE, OFFLINE, PAST or RECORDED; null while the
- *  page connects. */
+/** The symbol of a state, so that colour is not the only cue. `word`: LIVE, HOLDING, STALE, OFFLINE, PAST or RECORDED; null while
+ *  the page connects. */
 export function Sign({ word }: { word: string | null }) {
   return (
     <svg className="sign" viewBox="0 0 16 16" aria-hidden="true">

@@ -5,7 +5,7 @@ import { type RobotLink, useConnection } from '../state/robot_link.ts';
 import { useMore } from '../text/more.ts';
 import { explanationWords } from './explanation_words.ts';
 
-/** The explanation that the chip opens: why the state is what it is, and what can be done about a lowered rate. */
+/** The explanation that the chip opens: the reason for the state, and what to do about a lowered rate. */
 export function Explanation({ link }: { link: RobotLink }) {
   const connection = useConnection(link);
   const text = useMore();

@@ -18,13 +18,13 @@ export interface Announcement {
   gist: string;
 }
 
-/** What an announcement is made from. */
+/** The inputs of an announcement. */
 export interface AnnouncementInput {
   name: string;
   verdict: Pick<Verdict, 'word' | 'cause' | 'overShare'>;
-  /** Why the connection ended, if it did. */
+  /** Why the connection ended, if it has. */
   ending?: Link['ending'];
-  /** How far what is shown lies behind now, ms; null: not at all. */
+  /** The delay of the picture, ms; null: none. */
   behindMs?: Link['behindMs'];
   /** The overlay's readings of the newest frame; null before any. */
   readings: Pick<OverlayReadings, 'wrenches' | 'body'> | null;
@@ -36,7 +36,7 @@ export interface AnnouncementInput {
 const DEGREES = 180 / Math.PI;
 /** A tilt below this is called upright, without its angle. */
 const LEAN_DEG = 1.5;
-/** A tilt from here on is called far over, or from `LYING_DEG` on lying. */
+/** A tilt from here on is called far from upright, or from `LYING_DEG` on lying. */
 const FAR_DEG = 30;
 const LYING_DEG = 60;
 /** A tilt is announced again when it has changed by about this much. */
@@ -44,7 +44,7 @@ const LEAN_STEP_DEG = 5;
 const MOST_NAMED = 3;
 const ZERO_WIDTH = /^\u2007/;
 
-/** One line about a robot: "demo: live; upright, leaning 3° left; right hand 28 N, caution; 2 joints faulted". The
+/** One line about a robot: "demo: live; upright, leaning 3° left; right hand 28 N, caution; 2 joints with faults". The
  *  text is empty while the liveness is not known yet. */
 export function announcement({
   name,
@@ -63,14 +63,14 @@ export function announcement({
   const behind = behindWords(behindMs, word);
   const said = behind === '' ? reasons : [behind, ...reasons];
   const state = more().spokenState(word, said.length === 0 ? null : said.join(', '));
-  // The last values of a robot that is not live would sound like its present ones.
+  // The last values of a robot that is not live would sound like current ones.
   const parts = isClaim(word) ? [posture(readings), ...forces(readings), ...faulted(faults)] : [];
   const stands = isClaim(word) ? balance : null;
   const told = parts.filter((part) => part.text !== '');
   const line = [`${name}: ${state}`, ...told.map(({ text }) => text)].join('; ');
   return {
     text: stands === null ? line : `${line}. ${stands.text}`,
-    // a second more or less behind is not announced again
+    // a delay change of a second is not announced again
     gist: [
       word,
       behind === '' ? '' : 'behind',
@@ -134,7 +134,7 @@ function faulted(faults: readonly Fault[]): Announcement[] {
   ];
 }
 
-/** A single fault is named; of several, only the number is said. */
+/** A single fault is named; for several, only their number is given. */
 function counted(of: ReadonlyMap<string, Fault>, many: (count: number) => string): Announcement[] {
   const [first] = of.values();
   if (first === undefined) return [];

@@ -1,7 +1,7 @@
 import { korean } from '../text/language.ts';
 
-/** What an agent reports about its source, in the page's language. Texts that are not known stay as they are, and so do
- *  the same words of a joint's flag, which are the robot's own. */
+/** The agent's reports about its source, in the page's language. Unknown texts stay as they are. A joint flag with the same words
+ *  also stays, because it is the robot's own. */
 export function edgeWords(source: string, words: string): string {
   if (source !== 'source' && source !== 'events') return words;
   return korean()?.ofAgentKo(words) ?? words;

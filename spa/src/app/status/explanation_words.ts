@@ -6,7 +6,7 @@ import { more } from '../text/more.ts';
 import { behindSpan, endingWords } from './words.ts';
 
 /** The lines of the explanation that the state chip opens: the state first, then the connection. `isLaneChosen`: the page reads
- *  in segments because it was told to, not because the relay is full. */
+ *  segments because it is configured to, not because the relay is full. */
 export function explanationWords(verdict: Verdict, link: Link, isLaneChosen = false): string[] {
   const text = more();
   const unwritten = link.by === 'mirror' && verdict.cause === 'relay degraded';
@@ -15,7 +15,7 @@ export function explanationWords(verdict: Verdict, link: Link, isLaneChosen = fa
   if (verdict.overShare) lines.push(text.explainOverShare);
   if (link.behindMs !== null) lines.push(whyBehind(link.by, link.behindMs, isLaneChosen));
   if (link.by !== 'segments')
-    // a cache may answer for it
+    // a cache may answer instead of the relay
     lines.push(verdict.linkMs === null ? text.notHeardYet : text.lastHeard(formatSpan(verdict.linkMs)));
   if (link.by === 'events' && link.phase === 'open') lines.push(text.explainEvents);
   if (link.by === 'mirror') lines.push(text.explainMirror);

@@ -9,19 +9,19 @@ import { settings } from '../state/settings.ts';
 import { languageTag } from '../text/language.ts';
 import { more } from '../text/more.ts';
 
-/** What trouble says that is no joint's or sensor's, in any language. */
+/** Faults that belong to no joint or sensor, in any language. */
 const PART_REPORTED = '{joint}: {word}';
 
-/** A fault, as it is told to someone who did not build the robot. */
+/** A fault in words for someone who did not build the robot. */
 export interface FaultSentence {
-  /** "Right knee is not where it was told to be: 0.40 rad off for 14 s."; once it is over, "Was: Right knee is blocked." */
+  /** "Right knee is not where it was told to be: 0.40 rad off for 14 s."; once it is over, "Earlier: Right knee is blocked." */
   readonly said: string;
-  /** The joint's code, which stands beside the sentence in small ("RKN"); empty where the sentence has it: of a joint that
-   *  has only a code, always. */
+  /** The joint's code, shown in small type beside the sentence ("RKN"); empty if the sentence contains it, as it does for joints
+   *  that have only a code. */
   readonly code: string;
-  /** The bit of a flag's fault, whose word stands there, too; null of other faults. */
+  /** The bit of a flag fault, whose word is also shown; null for other faults. */
   readonly bit: string | null;
-  /** Whether the sentence says how long the fault has lasted. */
+  /** Whether the sentence includes the fault's duration. */
   readonly aged: boolean;
 }
 
@@ -51,7 +51,7 @@ export function faultSentence(twin: RobotTwin, log: FaultLog, fault: Fault, nowM
   if (name !== null) {
     if (said.startsWith(name)) said = said[0]!.toUpperCase() + said.slice(1);
   } else if (said === fillSentence(say, (place) => (place === 'joint' ? '' : textOf(place)))) {
-    said = `${source}: ${said}`; // else nothing would tell which joint
+    said = `${source}: ${said}`; // otherwise the sentence would not name the joint
   }
   const bit = what === 'flag' ? bitOf(fault) : null;
   const shown = isolated(said);
@@ -98,7 +98,7 @@ function ageOf(log: FaultLog, { key, firstMs, clearedMs }: Fault, nowMs: number)
   return seconds < 10 ? `${seconds} s` : formatSpan(seconds * 1000);
 }
 
-/** A value of the joint with its unit, "0.40 rad"; null: not read now, or no such value. */
+/** A value of the joint with its unit, "0.40 rad"; null if it has no reading now or does not exist. */
 function valueWords(twin: RobotTwin, source: string, place: string): string | null {
   const fieldName = place === 'error' ? 'pos' : place;
   const of = (name: string) => twin.value(name, source) ?? null;

@@ -2,8 +2,8 @@ import type { Fault } from '../../twin/alarms/fault_log.ts';
 import { say } from '../text/language.ts';
 import { edgeWords } from './edge_words.ts';
 
-/** What a fault is, in words: a flag as the robot names it, what an agent reports and the rest in the page's
- *  language. `by`: how far a joint is from its command, with its unit. */
+/** A fault in words: flags use the robot's own words; agent reports and everything else use the page's language. `by`: how far a
+ *  joint is from its command, with its unit. */
 export function faultWords(
   { what, source, words }: Pick<Fault, 'what' | 'source' | 'words'>,
   by = '',

@@ -12,12 +12,12 @@ export function momentWords(momentMs: number, nowMs: number): string {
   return `${clock} · ${agoWords(nowMs - momentMs)}`;
 }
 
-/** Hundredths of a second, ".25", so that frames can be told apart. */
+/** Hundredths of a second, ".25", to tell frames apart. */
 export function hundredthsWords(momentMs: number): string {
   return `.${String(Math.floor((momentMs % 1000) / 10)).padStart(2, '0')}`;
 }
 
-/** A moment with its date: "22 Nov 14:02:07", with the year if it is another. */
+/** A moment with its date: "22 Nov 14:02:07"; with the year if it is not this year. */
 export function dayWords(momentMs: number, nowMs: number): string {
   const at = new Date(momentMs);
   const year = at.getFullYear();

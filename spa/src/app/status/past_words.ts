@@ -3,7 +3,7 @@ import type { PastWords, Verdict } from '../../twin/liveness.ts';
 import { more } from '../text/more.ts';
 import { agoWords, dayWords } from './moment_words.ts';
 
-/** What is said of a verdict of PAST or RECORDED; empty of others. */
+/** The text for a PAST or RECORDED verdict; empty for others. */
 export function pastWords({ past, ageMs }: Pick<Verdict, 'past' | 'ageMs'>, nowMs: number): PastWords {
   if (past === null) return { clock: '', ago: '', note: '' };
   const { momentMs, askedMs, was, isHere, recorded } = past;
@@ -17,7 +17,7 @@ export function pastWords({ past, ageMs }: Pick<Verdict, 'past' | 'ageMs'>, nowM
   return { clock, ago, note: note + missing };
 }
 
-/** Says that the moment that a link names is not kept, and which is shown instead. */
+/** Says that the moment in the link is not kept, and which one is shown instead. */
 export function notKeptWords(askedMs: number, momentMs: number, nowMs: number): string {
   const [asked, clock] = [dayWords(askedMs, nowMs), formatClockSeconds(momentMs)];
   return momentMs > askedMs ? more().notKept(asked, clock) : more().notRecordedAt(asked, clock);

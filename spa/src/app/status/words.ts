@@ -15,12 +15,12 @@ export interface ChipWords {
   word: string;
   /** The frame rate, or how long the state has lasted. */
   detail: string;
-  /** A further detail that narrow screens leave out. */
+  /** Further detail, hidden on narrow screens. */
   more: string;
-  /** How far what is shown, the word included, lies behind now: "4 s behind". It is shown on every screen: without it the word
-   *  would say too much. */
+  /** The delay of everything shown, the state word included: "4 s behind". It is shown on every screen, because without it the
+   *  state word would be misleading. */
   behind: string;
-  /** A problem that can exist in any state, also in LIVE. It is shown on every screen. */
+  /** A problem that can occur in any state, even LIVE. It is shown on every screen. */
   warning: string;
 }
 
@@ -33,18 +33,18 @@ export function chipWords(verdict: Verdict, link: Link, nowMs: number): ChipWord
   };
 }
 
-/** The warning that the robot sends more than its share of the relay; empty if it does not. */
+/** The warning that the robot exceeds its share of the relay; empty if it does not. */
 export function warningWords({ overShare }: Pick<Verdict, 'overShare'>): string {
   return overShare ? say().overShare : '';
 }
 
-/** "4 s behind", beside a word that says what the robot did then; empty where nothing lies behind. */
+/** "4 s behind", shown beside the state word; empty if there is no delay. */
 export function behindWords(behindMs: Link['behindMs'], word: Word | null): string {
   if (behindMs === null || !word || isThen(word)) return '';
   return say().behind(behindSpan(behindMs));
 }
 
-/** How far behind, in whole seconds: from one part of a lane to the next the tenths differ, and tell nobody anything. */
+/** The delay in whole seconds: tenths vary between the parts of a lane and tell the viewer nothing. */
 export function behindSpan(behindMs: number): string {
   return spanWords(Math.max(1000, behindMs));
 }
@@ -60,7 +60,7 @@ function stateWords(verdict: Verdict, link: Link, nowMs: number): Omit<ChipWords
       return { word: 'HOLDING', detail: formatSpan(unchangedMs ?? 0), more: '' };
     case 'STALE': {
       const cause = causeWords(verdict.cause, link);
-      // Nothing was ever shown that could be old: only why is told.
+      // Nothing that could be old was ever shown, so only the reason is given.
       if (ageMs === null && verdict.cause === 'no connection' && link.ending !== null)
         return { word: cause, detail: '', more: '' };
       if (ageMs === null) return { word: 'STALE', detail: '', more: cause };
@@ -98,7 +98,7 @@ function delayWords(link: Link): string {
   return delay === null || link.behindMs !== null ? '' : ` · ${formatSpan(delay)}`;
 }
 
-/** Why there is no connection, in a word or two, by the close code; for others `noConnection` is all there is to say. */
+/** Why there is no connection, in a word or two, by close code; other codes get only `noConnection`. */
 const SHORT_ENDINGS: Readonly<Record<number, `short${string}` & keyof Text>> = {
   1001: 'shortRestarting',
   1012: 'shortRestarting',
@@ -108,7 +108,7 @@ const SHORT_ENDINGS: Readonly<Record<number, `short${string}` & keyof Text>> = {
   4404: 'shortAbsent',
 };
 
-/** Why a robot is STALE; empty for null. With `link`, also why there is no connection. */
+/** Why a robot is STALE; empty for null. With `link`, also why the connection is down. */
 export function causeWords(cause: Cause | null, link?: Pick<Link, 'ending'>): string {
   switch (cause) {
     case null:
@@ -140,8 +140,8 @@ const ENDING_WORDS: Readonly<Record<number, `ended${string}` & keyof Text>> = {
   4429: 'endedTooMany',
 };
 
-/** The line over the body while its pose is not the robot's present one: why, and since when; null unless STALE,
- *  OFFLINE, PAST or RECORDED. `nowMs`: Unix ms by the page's clock. */
+/** The line over the body when its pose is not current: why, and since when; null unless STALE, OFFLINE, PAST or RECORDED.
+ *  `nowMs`: Unix ms by the page's clock. */
 export function stageWords(verdict: Verdict, link: Link, nowMs: number): string | null {
   if (verdict.word === 'OFFLINE') {
     if (verdict.ageMs === null) return say().notOnAir;

@@ -7,10 +7,10 @@ export const accountEn = {
   email: 'E-mail',
   password: 'Password',
   signedInAs: (name: string) => `You are signed in as ${name}.`,
-  signInNotGood: 'E-mail and password do not fit together.',
-  signInDisabled: 'This account has been closed.',
-  signInTooMany: 'Too many tries. Wait a few minutes, then try again.',
-  signInNoAnswer: 'Nobody answers who could sign you in. Check the connection and try again.',
+  signInNotGood: 'Wrong e-mail or password.',
+  signInDisabled: 'This account is disabled.',
+  signInTooMany: 'Too many attempts. Wait a few minutes, then try again.',
+  signInNoAnswer: 'The sign-in service does not answer. Check the connection and try again.',
 };
 
 /** The sentences for signing in and out, in any language. */

@@ -9,8 +9,8 @@ export const accountKo: AccountText = {
   email: '이메일',
   password: '비밀번호',
   signedInAs: (name) => `${name}(으)로 로그인했습니다.`,
-  signInNotGood: '이메일과 비밀번호가 맞지 않습니다.',
-  signInDisabled: '이 계정은 닫혔습니다.',
+  signInNotGood: '이메일 또는 비밀번호가 틀립니다.',
+  signInDisabled: '사용이 중지된 계정입니다.',
   signInTooMany: '시도가 너무 많습니다. 몇 분 뒤 다시 시도하세요.',
-  signInNoAnswer: '로그인을 처리할 서버가 응답하지 않습니다. 연결을 확인하고 다시 시도하세요.',
+  signInNoAnswer: '로그인 서비스가 응답하지 않습니다. 연결을 확인하고 다시 시도하세요.',
 };

@@ -10,26 +10,26 @@ import type { PosedBody } from '../posed_body.ts';
 import { FrameBody } from './frame_body.ts';
 import { chooseStanding } from './standing_choice.ts';
 
-/** What a body must tell of its links. */
+/** What a body must provide about its links. */
 type LinkedBody = Pick<PosedBody, 'linkMatrix'>;
 
-/** What of a pose has no reading. */
+/** The parts of a pose that have no reading. */
 type Lacks = Pick<Pose, 'unturned' | 'unread'>;
 
 /**
- * Reads a robot's balance pose by pose, from frames' codes or from a body that is shown. One reader serves one course of
- * poses in the order of time: it keeps which feet bear, and the velocity. A new schema or model needs a new reader.
+ * Computes a robot's balance pose by pose, from the codes of frames or from a displayed body. Poses must come in time order,
+ * because a reader keeps state: which feet bear weight, and the velocity. A new schema or model needs a new reader.
  */
 export class BalanceReader {
   readonly manifest: Manifest;
   readonly schema: Schema;
   readonly #standing: Standing;
   readonly #balancer: Balancer;
-  /** The joints beyond which a foot is, or 1 % of the mass. */
+  /** The joints that move a foot or at least 1 % of the mass. */
   readonly #carriers: readonly string[];
   readonly #wrenches: FootWrenchReader;
   #body: FrameBody | null = null;
-  /** world_from_link of all links of a body that is shown. */
+  /** world_from_link of all links of a displayed body. */
   readonly #worldFromLink: Float64Array;
 
   constructor(manifest: Manifest, schema: Schema) {
@@ -44,50 +44,50 @@ export class BalanceReader {
     this.#worldFromLink = new Float64Array(manifest.links.length * 16);
   }
 
-  /** Whether the page shows balance unless told otherwise: it has masses, and two feet with wrenches. */
+  /** Whether the page shows balance by default: the robot has masses, and two feet with wrenches. */
   get onByItself(): boolean {
     const { massGap, feet } = this.#standing;
     return massGap === null && feet.filter(({ sensor }) => sensor?.measuresForce).length >= 2;
   }
 
-  /** Whether there is anything to show: masses, or feet. */
+  /** Whether there is anything to show: masses or feet. */
   get hasAny(): boolean {
     return this.#standing.massGap === null || this.#standing.feet.length > 0;
   }
 
-  /** What of the model or the profile could not be read, a line each. */
+  /** The parts of the model or profile that could not be read, one line each. */
   get problems(): readonly string[] {
     return this.#standing.problems;
   }
 
-  /** Where the body of the newest frame faces, rad from the world's x: by its odometry, else by the sensor that says how
-   *  its body is turned, else along the world's x. */
+  /** The heading of the body in the newest frame, rad from the world's x axis: from odometry, else from the sensor of the body's
+   *  orientation, else along the world's x axis. */
   get headingRad(): number {
     const [ahead = 1, left = 0] = this.#body?.worldFromLink ?? [];
-    return Math.atan2(left, ahead) || 0; // NaN while nobody knows
+    return Math.atan2(left, ahead) || 0; // NaN while unknown
   }
 
-  /** The wrenches of the feet in a frame's codes, in N and N·m. They are rewritten by the next call. */
+  /** The wrenches of the feet in a frame's codes, in N and N·m. Overwritten by the next call. */
   wrenches(codes: Int32Array): readonly FootWrench[] {
     return this.#wrenches.read(codes);
   }
 
-  /** The wrenches of the feet of a pose that is shown, in N and N·m, from those in their channels' units. They are rewritten by
-   *  the next call. */
+  /** The wrenches of the feet of a displayed pose, in N and N·m, from those in their channels' units. Overwritten by the next
+   *  call. */
   wrenchesOf(played: readonly FootWrench[]): readonly FootWrench[] {
     return this.#wrenches.convert(played);
   }
 
-  /** The balance of a frame (for words, limits and plots). `tS` is the robot's time, seconds. The result is rewritten by
-   *  the next call. */
+  /** The balance of a frame (for text, limits and plots). `tS` is the robot's time, seconds. The result is overwritten by the
+   *  next call. */
   ofFrame(codes: Int32Array, tS: number): Balance {
     this.#body ??= new FrameBody(this.manifest, this.schema);
     const pose = this.#body.place(codes);
     return this.#update(this.#body.worldFromLink, this.wrenches(codes), tS, pose);
   }
 
-  /** The balance of a body as it is shown (for signs), with the wrenches of the same moment. `tS` is the time of the pose
-   *  that is shown, seconds; `lacks`: what of that pose has no reading. The result is rewritten by the next call. */
+  /** The balance of a displayed body (for signs), with the wrenches of the same moment. `tS` is the time of the displayed pose,
+   *  seconds; `lacks`: the parts of that pose without a reading. The result is overwritten by the next call. */
   ofBody(body: LinkedBody, wrenches: readonly FootWrench[], tS: number, lacks: Lacks = {}): Balance {
     this.#worldFromLink.fill(Number.NaN);
     this.manifest.links.forEach((link, i) => {
@@ -98,7 +98,7 @@ export class BalanceReader {
 
   #update(worldFromLink: Float64Array, wrenches: readonly FootWrench[], tS: number, lacks: Lacks): Balance {
     const blind = whyUnknown(lacks, this.#carriers);
-    if (blind !== undefined) worldFromLink.fill(Number.NaN); // nobody knows where they are
+    if (blind !== undefined) worldFromLink.fill(Number.NaN); // their positions are unknown
     this.#balancer.update(worldFromLink, wrenches, tS, blind);
     return this.#balancer;
   }

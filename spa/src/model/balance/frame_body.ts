@@ -6,10 +6,10 @@ import { placeLinks, transform } from '../kinematics.ts';
 import type { Manifest } from '../manifest.ts';
 import { RootPose } from '../root_pose.ts';
 
-/** A robot's body placed by a frame's codes alone, as the scene places it: by odometry, else standing on its lowest
- *  point as its IMU says. What has no reading stays where it was last known. */
+/** A robot's body placed from a frame's codes alone, the same way as the scene places it: by odometry, or else standing on its
+ *  lowest point with the IMU's orientation. Joints without a reading stay at their last known position. */
 export class FrameBody extends ArticulatedBody {
-  /** 16 numbers a link, column-major, metres; rewritten by `place`. */
+  /** 16 numbers a link, column-major, metres; overwritten by `place`. */
   readonly worldFromLink: Float64Array;
   readonly #poser: Poser;
   readonly #imus: ImuTable;
@@ -22,7 +22,7 @@ export class FrameBody extends ArticulatedBody {
     this.#imus = new ImuTable(schema);
   }
 
-  /** Rewrites `worldFromLink`, and returns what the frame says of the body. */
+  /** Updates `worldFromLink`, and returns the frame's data about the body. */
   place(codes: Int32Array): Pose {
     this.#imus.read(codes);
     const pose = this.#poser.pose(codes, this.#imus.body);

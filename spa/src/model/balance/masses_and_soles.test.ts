@@ -45,13 +45,13 @@ test('a link may weigh next to nothing where the robot does not', () => {
 });
 
 test.each([
-  [{}, 'inertials is no list'],
+  [{}, 'inertials is not a list'],
   [[MASS, MASS], 'inertials[1]: its link does not come after the one before'],
-  [[MASS, MASS, MASS, MASS], 'inertials: 4 are too many'],
-  [[7], 'inertials[0] is no object'],
-  [[{ ...MASS, link: 3 }], 'inertials[0]: its link is not there'],
-  [[{ ...MASS, link: 'length' }], 'inertials[0]: its link is not there'],
-  [[{ ...MASS, link: 0.5 }], 'inertials[0]: its link is not there'],
+  [[MASS, MASS, MASS, MASS], 'inertials: too many entries, 4'],
+  [[7], 'inertials[0] is not an object'],
+  [[{ ...MASS, link: 3 }], 'inertials[0]: its link does not exist'],
+  [[{ ...MASS, link: 'length' }], 'inertials[0]: its link does not exist'],
+  [[{ ...MASS, link: 0.5 }], 'inertials[0]: its link does not exist'],
   [[{ ...MASS, mass_kg: 0 }], 'inertials[0].mass_kg is not above 0'],
   [[{ ...MASS, mass_kg: '2' }], 'inertials[0].mass_kg: not 1 numbers'],
   [[{ ...MASS, xyz: [0, 0] }], 'inertials[0].xyz: not 3 numbers'],
@@ -62,9 +62,9 @@ test.each([
 
 test.each([
   [[{ link: 1, points: POINTS.slice(1) }], 'soles[0].points: fewer than 3'],
-  [[{ link: 1, points: Array(17).fill([0, 0, 0]) }], 'soles[0].points: 17 are too many'],
+  [[{ link: 1, points: Array(17).fill([0, 0, 0]) }], 'soles[0].points: too many entries, 17'],
   [[{ link: 1, points: [...POINTS, [0, 0, null]] }], 'soles[0].points[3]: not 3 numbers'],
-  [[{ link: -1, points: POINTS }], 'soles[0]: its link is not there'],
+  [[{ link: -1, points: POINTS }], 'soles[0]: its link does not exist'],
 ])('and soles: %j', (soles, words) => {
   expect(() => readSoles(manifest({ soles }))).toThrow(new BundleError(`model manifest: ${words}`));
 });

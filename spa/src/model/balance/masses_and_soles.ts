@@ -4,7 +4,7 @@ import { isIndex, list, type Manifest, numbers, type Raw } from '../manifest.ts'
 
 export interface LinkMass {
   readonly link: number;
-  /** Above 0. */
+  /** Greater than 0. */
   readonly massKg: number;
   /** Centre of mass in the link's frame, metres. */
   readonly xyz: Vec3;
@@ -12,7 +12,7 @@ export interface LinkMass {
   readonly inertia: readonly number[];
 }
 
-/** The lowest part of a foot's shells. */
+/** The lowest part of a foot's meshes. */
 export interface Sole {
   readonly link: number;
   /** A convex polygon in one plane, counter-clockwise seen from above; in the link's frame, metres. */
@@ -20,14 +20,14 @@ export interface Sole {
 }
 
 const MAX_CORNERS = 16;
-/** More is no mass of a link, and farther is no centre of one. */
+/** Limits of a plausible link: its mass, and `REACH_M` for the distance of its centre. */
 const MAX_KG = 1e6;
-/** Less is no mass of a robot. */
+/** Lower limit for a plausible robot mass. */
 const MIN_KG = 1e-3;
 const REACH_M = 100;
 
-/** The links that have a mass, ascending; [] where the description has no masses, or some that can't be; null: an older
- *  builder made the bundle. Throws a one-line BundleError. */
+/** The links with a mass, in ascending order; [] if the description has no masses or implausible ones; null: an older builder
+ *  made the bundle. Throws a one-line BundleError. */
 export function readMasses(manifest: Manifest): readonly LinkMass[] | null {
   const masses = readByLink(manifest, 'inertials', readMass);
   if (masses === null || masses.length === 0) return masses;
@@ -35,12 +35,12 @@ export function readMasses(manifest: Manifest): readonly LinkMass[] | null {
   return massKg >= MIN_KG && masses.every(canBe) ? masses : [];
 }
 
-/** The links that can be a foot, ascending; null: an older builder made the bundle. Throws a one-line BundleError. */
+/** The links that can be a foot, in ascending order; null: an older builder made the bundle. Throws a one-line BundleError. */
 export function readSoles(manifest: Manifest): readonly Sole[] | null {
   return readByLink(manifest, 'soles', readSole);
 }
 
-/** Entries of which each belongs to a link of its own; null where the member is absent. */
+/** Entries that each belong to a different link; null if the member is absent. */
 function readByLink<T>(
   { raw, links }: Manifest,
   member: string,
@@ -50,9 +50,9 @@ function readByLink<T>(
   let before = -1;
   return list(raw[member], member, links.length).map((entry, i) => {
     const where = `${member}[${i}]`;
-    if (!isRecord(entry)) throw wrong(`${where} is no object`);
+    if (!isRecord(entry)) throw wrong(`${where} is not an object`);
     const { link } = entry;
-    if (!isIndex(link, links.length)) throw wrong(`${where}: its link is not there`);
+    if (!isIndex(link, links.length)) throw wrong(`${where}: its link does not exist`);
     if (link <= before) throw wrong(`${where}: its link does not come after the one before`);
     before = link;
     return read(entry, link, where);

@@ -4,18 +4,17 @@ import type { SolePlane } from '../../twin/balance/standing.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
 import { addScaled, cross, dot, normalize, scale } from '../vectors.ts';
 
-/** Two directions are one when the sine between them is less. */
+/** Two directions with a smaller sine between them count as equal. */
 const PARALLEL = 1e-6;
-/** Farther than this (metres) from the frame's origin along an axis is no corner of a foot. */
+/** A corner of a foot can't be farther than this (metres) from the frame's origin along an axis. */
 const REACH_M = 10;
-/** Corners are farther than this (metres) from their plane in no sole. */
+/** The corners of a sole can't be farther than this (metres) from its plane. */
 const FLAT_M = 0.01;
 
 /**
- * The plane of a sole, from points in any order. They may be a centimetre off their plane, and need not be a convex
- * polygon: the plane is that of the largest triangle with their mean and the point farthest from it. `body` is a point
- * on the inside of that plane, in the same frame. null when the points span no area, or are no sole: beyond 10 m, or not
- * flat.
+ * The plane of a sole, from points in any order. They may be a centimetre off their plane, and need not be a convex polygon: the
+ * plane is that of the largest triangle with their mean and the point farthest from it. `body` is a point on the inside of that
+ * plane, in the same frame. null if the points span no area or can't be a sole: beyond 10 m, or not flat.
  */
 export function planeOfSole(points: readonly Vec3[], body: Vec3): SolePlane | null {
   if (points.length < 3 || !points.flat().every((x) => Math.abs(x) <= REACH_M)) return null;

@@ -18,18 +18,18 @@ const AXES: FootSensor['axes'] = [
 const NO_RULE: BalanceRule = { feet: null, ground: null, soles: new Map() };
 
 /**
- * Finds what a robot's masses are and what it stands on (docs/explanation/balance.md). Feet are, in this order:
+ * Finds a robot's masses and feet (docs/explanation/balance.md). Feet are, in this order:
  *
- * 1. those of the profile: sites of wrench sensors, else links; a link has the sensor that is mounted on it or on what is
- *    fixed to it. `[]` are none. Each has the profile's sole, else the model's.
- * 2. the wrench sensors on a link with a sole (or on what is fixed to it), if they are at least two;
- * 3. with fewer such sensors, the model's soles, if they are at least two.
+ * 1. those in the profile: sites of wrench sensors, or links; a link uses the sensor mounted on it or on a link fixed to it. `[]`
+ *   means no feet. Each has the profile's sole, else the model's.
+ * 2. the wrench sensors on a link with a sole (or on a link fixed to it), if there are at least two;
+ * 3. with fewer such sensors, the model's soles, if there are at least two.
  *
- * A foot that is named but not there, or whose sole can't be one, or that is another one under a second name, is left out;
- * with ground `measured` no feet are known then.
+ * A foot is left out if it does not exist, if its sole is invalid, or if it duplicates another foot. With ground `measured`, no
+ * feet are then known.
  *
- * Which of them bear is `measured` when the profile says so, else in 1 when every foot has a sensor of the force along
- * its normal, and in 2; all else is `lowest`.
+ * Contact is `measured` if the profile says so. Otherwise it is `measured` in case 1 if every foot has a sensor for the force
+ * along its normal, and in case 2; in all other cases it is `lowest`.
  */
 export function chooseStanding(manifest: Manifest, schema: Schema): Standing {
   const problems: string[] = [];
@@ -41,7 +41,7 @@ export function chooseStanding(manifest: Manifest, schema: Schema): Standing {
       return otherwise;
     }
   };
-  // A bundle that can't be read is as good as one without: building it again is what helps.
+  // An unreadable bundle is treated like a missing one: rebuilding it fixes both.
   const known = attempt(() => readMasses(manifest), null);
   const soles = attempt(() => readSoles(manifest), null);
   const rule = attempt(() => readBalance(schema), NO_RULE);
@@ -50,7 +50,7 @@ export function chooseStanding(manifest: Manifest, schema: Schema): Standing {
   problems.push(...new Set(lacks));
   const measured = found.every(({ sensor }) => sensor?.measuresForce ?? false) ? 'measured' : 'lowest';
   const ground = rule.ground ?? measured;
-  // Without a foot that may bear, the margin is of what the robot does not stand on.
+  // If a foot that may bear weight were missing, the margin would be computed for the wrong support.
   const feet = lacks.length > 0 && ground === 'measured' ? [] : found;
   return {
     masses: known ?? [],
@@ -74,7 +74,7 @@ function whyNoMasses(masses: readonly LinkMass[] | null, { raw }: Manifest): Bal
   return listed || toldOfMasses(raw.findings).length > 0 ? 'impossible-masses' : 'no-masses';
 }
 
-/** A sensor of the mapping that measures at least one component of a wrench, on a link of the model. */
+/** A sensor in the mapping that measures at least one component of a wrench, on a link of the model. */
 interface Mounted {
   readonly site: string;
   readonly link: number;
@@ -92,14 +92,14 @@ function findFeet(
   rule: BalanceRule,
   lacks: string[],
 ): readonly Foot[] {
-  /** For each link the first link of those that are fixed to each other. */
+  /** For each link, the first link of its rigidly connected group. */
   const groups = [0];
   for (const { type, parent } of joints) groups.push(type === 'fixed' ? groups[parent]! : groups.length);
   const isFixedTo = (link: number) => (one: { readonly link: number }) => groups[one.link] === groups[link];
   const soleOn = (link: number) => soles.find((sole) => sole.link === link) ?? soles.find(isFixedTo(link));
   const { rootFromLink } = new Kinematics(joints);
   const at = (link: number) => rootFromLink.subarray(link * 16, link * 16 + 16);
-  /** The mean of the links' origins, which is on the inside of any sole. */
+  /** The mean of the links' origins, which is on the inner side of any sole. */
   const body = links.reduce<Vec3>(
     (sum, _, link) => addScaled(sum, originOf(at(link)), 1 / links.length),
     [0, 0, 0],
@@ -113,7 +113,7 @@ function findFeet(
     },
   );
 
-  /** A foot with the profile's sole, else the model's. None when there is no such link, or no sole that can be one. */
+  /** A foot with the profile's sole, else the model's. Null if the link does not exist or has no valid sole. */
   const foot = (name: string, link: number, points: readonly Vec3[] = [], mounted?: Mounted): Foot[] => {
     const sole = link < 0 ? null : planeOfSole(rule.soles.get(name) ?? points, pointBefore(at(link), body));
     if (sole === null) {
@@ -146,7 +146,7 @@ function findFeet(
   return assumed.length > 1 ? assumed : [];
 }
 
-/** Feet of one sole or one sensor are one foot under two names, whose force would count twice. */
+/** Two feet with the same sole or sensor are one foot under two names; its force would count twice. */
 function withoutTwins(feet: readonly Foot[], lacks: string[]): readonly Foot[] {
   const kept: Foot[] = [];
   for (const foot of feet) {
@@ -159,7 +159,7 @@ function withoutTwins(feet: readonly Foot[], lacks: string[]): readonly Foot[] {
   return kept;
 }
 
-/** A sensor seen from the link with the sole (`rootFromSole`), to which its own is fixed (`rootFromMount`). */
+/** A sensor relative to the link with the sole (`rootFromSole`), to which the sensor's link is fixed (`rootFromMount`). */
 function sensorFrom(
   rootFromSole: Float64Array,
   rootFromMount: Float64Array,

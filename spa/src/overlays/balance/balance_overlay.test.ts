@@ -42,7 +42,7 @@ const STYLE: BalanceStyle = {
 };
 const READINGS: BalanceReadings = { schema: SCHEMA, choice: 'on', limits: null, joints: [], anchored: true };
 
-/** A leg of 40 kg whose mass is `aside` of its foot's middle, m; the foot is 250 mm long and 100 mm wide. */
+/** A leg of 40 kg whose mass is `aside` from the middle of its foot, m; the foot is 250 mm long and 100 mm wide. */
 function leg({ aside = 0, masses = true } = {}): PosedBody & ReturnType<typeof sampleLeg> {
   const body = sampleLeg();
   const inertia = [1, 0, 0, 1, 0, 1];
@@ -60,7 +60,7 @@ function leg({ aside = 0, masses = true } = {}): PosedBody & ReturnType<typeof s
   return body;
 }
 
-/** A pose with so much force (N) up through the foot; null: no reading. */
+/** A pose with this upward force (N) on the foot; null: no reading. */
 function pose(fz: number | null, tS = 1, my = 0): Pose {
   const axes = [0, 1, 2];
   const force = { vector: fz === null ? null : ([0, 0, fz] as Vec3), axes };
@@ -120,7 +120,7 @@ it.each([
   const signs = new BalanceOverlay(facets, () => null);
   const [reader, judge] = [new BalanceReader(body.manifest, SCHEMA), new StanceJudge()];
   const words = limits === null ? marginLimits(null) : limitsBy(limits, 'profile');
-  // to the amber edge, a little back, well back; outside, and from there back in so fast that it comes to rest inside
+  // to the amber edge, a little back, well back; outside, and then back in so fast that it comes to rest inside
   const course = [0.02, 0.031, 0.029, 0.026, 0.075, 0.065];
   const found = course.map((aside, i) => {
     thigh.elements[13] = aside;

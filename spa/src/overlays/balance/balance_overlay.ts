@@ -17,25 +17,25 @@ import { paintsOf } from './paints.ts';
 import { drawPressure } from './pressure.ts';
 import { drawSupport, type MarginLine, marginLine } from './support.ts';
 
-/** Height over the floor at which signs lie, in radii of the robot. */
+/** Height of the signs above the floor, in radii of the robot. */
 const LIFT = 0.006;
 
-/** The signs of balance of one robot, for the pose that is shown. */
+/** The balance signs of one robot, for the displayed pose. */
 export class BalanceOverlay implements BalanceDrawing {
   shown: ShownBalance | null = null;
   readonly #facets: Facets;
   readonly #jointLimits: () => DrawJointLimits | null;
   #reader: BalanceReader | null = null;
-  /** The judge that the page's words have, so that both have one level. */
+  /** The same judge as for the page's text, so that both show the same level. */
   #judge = new StanceJudge();
   #limits: MarginLimits = marginLimits(null);
   #left = new Footprints();
-  /** The way to the pose that is at rest, once it has been taken. */
+  /** The states that led up to the pose at rest, once processed. */
   #led: unknown = null;
   #labels: OverlayLabel[] = [];
 
-  /** `facets`: where it is drawn, with that of the other robots of the picture. `jointLimits`: what draws the limits of
-   *  the selected joint; null until its code is here. */
+  /** `facets`: the render target, shared by all robots of the picture. `jointLimits`: draws the limits of the selected joint;
+   *  null until its code has loaded. */
   constructor(facets: Facets, jointLimits: () => DrawJointLimits | null) {
     this.#facets = facets;
     this.#jointLimits = jointLimits;
@@ -77,7 +77,7 @@ export class BalanceOverlay implements BalanceDrawing {
     if (centreOfMass !== null) drawMass(facets, centreOfMass, foot, ahead, reach, paints);
     this.#labels.push(...joints.map(({ label }) => label));
     this.shown = {
-      ...balance, // a copy: the balance is rewritten with the next pose
+      ...balance, // a copy, because the balance is overwritten with the next pose
       feet: balance.feet.map((foot) => ({ ...foot })),
       ...{ level, footprints: this.#left.prints, trace: this.#left.points },
       joints: joints.map(({ shown }) => shown),
@@ -88,8 +88,9 @@ export class BalanceOverlay implements BalanceDrawing {
     return this.#labels;
   }
 
-  /** The reader of the pose at `tS`. Once in the past at rest it is one that has read what led up to that pose: the signs are then
-   *  those of a moment that was played to, and have the level of the words, which come from the same. */
+  /** The reader for the pose at `tS`. At rest in the past, it is a reader that has processed the states leading up to that pose.
+   *  The signs are then the same as if the moment had been played to, and match the level in the text, which uses the same
+   *  states. */
   #readerOf({ manifest }: PosedBody, readings: BalanceReadings, tS: number, reach: number): BalanceReader {
     const { schema, lead, anchored } = readings;
     const isOther = this.#reader?.manifest !== manifest || this.#reader.schema !== schema;

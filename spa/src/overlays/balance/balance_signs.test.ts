@@ -31,7 +31,7 @@ function foot(changed: Partial<FootBalance> = {}): FootBalance {
   return { ...plain, pressure: [0, 0, 0], corners: SOLE, normal: [0, 0, 1], ...changed };
 }
 
-/** A robot on one foot, its mass over the sole's middle. */
+/** A robot on one foot, with its mass over the middle of the sole. */
 function standing(changed: Partial<Balance> = {}): Balance {
   return {
     massKg: 40,

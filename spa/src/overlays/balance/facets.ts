@@ -2,14 +2,14 @@ import type { Vec3 } from '../../twin/rotation.ts';
 import type { FacetLayout, FacetNumbers } from '../facet_numbers.ts';
 import { type Paint, PictureNumbers, tintOf } from '../picture_numbers.ts';
 
-/** Most facets in one picture; further ones are not drawn. The balance of one robot takes about 1,000. */
+/** Maximum facets in one picture; further ones are not drawn. The balance of one robot takes about 1,000. */
 export const MOST_FACETS = 8192;
 
 /** `through` comes after the four numbers of `tint`. */
 export const FACET_AT: FacetLayout = { first: 0, second: 3, third: 6, tint: 9, through: 13 };
 export const FACET_STRIDE = 14;
 
-/** Filled triangles of an overlay, independent of the renderer: what `Strokes` is for lines. */
+/** Filled triangles of an overlay, independent of the renderer: the counterpart of `Strokes` for areas. */
 export class Facets extends PictureNumbers implements FacetNumbers {
   readonly at = FACET_AT;
 
@@ -17,14 +17,14 @@ export class Facets extends PictureNumbers implements FacetNumbers {
     super(MOST_FACETS, FACET_STRIDE);
   }
 
-  /** Adds a triangle, its corners counter-clockwise for who sees it. */
+  /** Adds a triangle, its corners counter-clockwise as seen by the viewer. */
   add(a: Vec3, b: Vec3, c: Vec3, paint: Paint): void {
     if (this.isFull) return;
     this.making.set([...a, ...b, ...c], this.made * FACET_STRIDE + FACET_AT.first);
     this.#paint(paint);
   }
 
-  /** Adds a shape of many triangles, nine numbers each: turned about the vertical (rad), scaled and put at a point. */
+  /** Adds a shape of many triangles, nine numbers each: rotated about the vertical (rad), scaled and moved to a point. */
   addShape(corners: ArrayLike<number>, [x, y, z]: Vec3, size: number, heading: number, paint: Paint): void {
     const [c, s] = [size * Math.cos(heading), size * Math.sin(heading)];
     const to = this.making;

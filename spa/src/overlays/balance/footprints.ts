@@ -9,9 +9,9 @@ import { drawLine, fillPolygon } from './shapes.ts';
 export const KEPT_S = 10;
 const MOST_POINTS = 200;
 const MOST_PRINTS = 40;
-/** Points of the trace are at least so far apart, s. */
+/** Minimum interval between points of the trace, s. */
 const EVERY_S = KEPT_S / MOST_POINTS;
-/** From one pose to the next nothing walks so far, in radii of the robot: it was put elsewhere. */
+/** A larger move between two poses, in radii of the robot, means that the robot was placed elsewhere. */
 const LEAP = 0.35;
 /** Sizes in radii of the robot. */
 const TRACE = 0.006;
@@ -26,15 +26,16 @@ interface TracePoint {
 
 interface Footprint {
   corners: readonly Vec3[];
-  /** When the foot left it. */
+  /** When the foot was lifted. */
   readonly tS: number;
 }
 
-/** What a robot has left on the floor in the last ten seconds: the way of its mass' foot, and where its feet stood. */
+/** The marks that a robot has left on the floor in the last ten seconds: the path of its projected centre of mass, and its
+ *  footprints. */
 export class Footprints {
   #trace: TracePoint[] = [];
   #prints: Footprint[] = [];
-  /** Where each foot stands that bears. */
+  /** The place of each foot that bears weight. */
   #standing = new Map<string, readonly Vec3[]>();
   #tS = Number.NaN;
 
@@ -47,9 +48,9 @@ export class Footprints {
   }
 
   /**
-   * Takes the balance of the next pose, at `tS` (the robot's time, seconds); one in which nobody knows whether a foot bears is
-   * left out. `anchored`: the robot reports where it is in the world. Otherwise the foot that goes on bearing is what stands
-   * still, and all that was left moves with it; without such a foot it is forgotten.
+   * Takes the balance of the next pose, at `tS` (the robot's time, seconds). Poses are skipped if it is unknown which feet bear
+   * weight. `anchored`: the robot reports its position in the world. Otherwise the foot that keeps bearing weight is assumed to
+   * stand still, and all marks move with it; without such a foot they are dropped.
    */
   take({ feet, slide, centreOfMass, floorM }: Balance, tS: number, anchored: boolean, reach: number): void {
     if (tS === this.#tS || feet.some(({ bears }) => bears === null)) return;
@@ -73,7 +74,7 @@ export class Footprints {
     this.#prints = this.#prints.filter(isKept).slice(-MOST_PRINTS);
   }
 
-  /** Draws them at height `z`, the older the fainter. */
+  /** Draws them at height `z`; older ones are fainter. */
   draw(facets: Facets, z: number, reach: number, { mass, support }: BalancePaints): void {
     const seen = (tS: number) => STRONGEST * Math.max(0, 1 - (this.#tS - tS) / KEPT_S);
     const left = (paint: Paint, opacity: number) => ({ ...faint(paint, opacity), through: false });

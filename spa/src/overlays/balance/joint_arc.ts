@@ -25,24 +25,24 @@ const BAND = 0.035;
 const NEEDLE = 0.006;
 const STOP = 0.007;
 
-/** A joint whose limits are drawn, with what is left of its way in words. */
+/** A joint whose limits are drawn, with the remaining range in words. */
 export interface DrawnJoint {
   readonly shown: ShownJoint;
   readonly label: OverlayLabel;
 }
 
 interface JointPaints {
-  /** The whole way between the limits. */
+  /** The full range between the limits. */
   readonly way: Paint;
-  /** What is left to the nearer limit. */
+  /** The range left to the nearer limit. */
   readonly left: Paint;
-  /** Where the joint is. */
+  /** The joint's position. */
   readonly now: Paint;
 }
 
 export type DrawJointLimits = typeof drawJointLimits;
 
-/** Draws joints' ways between their limits. Without those that the model lacks, or that have no limits. */
+/** Draws the range of joints between their limits. Skips joints that the model lacks or that have no limits. */
 export function drawJointLimits(
   facets: Facets,
   body: PosedBody,
@@ -67,8 +67,8 @@ export function drawJointLimits(
   });
 }
 
-/** Draws a joint's way between its limits, where it is, and what is left to the nearer limit. Null for a joint that the
- *  model lacks, or that has no limits. */
+/** Draws a joint's range between its limits, its position, and the range left to the nearer limit. Null for a joint that the
+ *  model lacks or that has no limits. */
 function drawJoint(
   facets: Facets,
   body: PosedBody,
@@ -85,7 +85,7 @@ function drawJoint(
   if (margin === null) return null;
   const { lower, upper } = limits;
   const { left, nearer } = margin;
-  /** From where the joint is to the nearer limit. */
+  /** From the joint's position to the nearer limit. */
   const way = nearer === 'lower' ? -left : left;
   const at = originOf(worldFromLink);
   const axis = directionThrough(worldFromLink, joint.axis);
@@ -162,7 +162,7 @@ function drawSlide(
   return addScaled(at, axis, way / 2);
 }
 
-/** Fills what lies between two radii so that it is seen from either side. */
+/** Fills the area between two radii, visible from both sides. */
 function fillRingBothSides(
   facets: Facets,
   { at, axis, ahead }: Spot,

@@ -13,7 +13,7 @@ const CAPTURE = 0.04;
 const CAPTURE_RIM = 0.011;
 const CAPTURE_LINE = 0.004;
 
-/** Draws where the mass is over the floor: quarters as on the ball. */
+/** Draws the centre of mass projected onto the floor: quarters as on the ball. */
 export function drawMassFoot(
   facets: Facets,
   foot: Vec3,
@@ -48,8 +48,8 @@ export function drawMass(
   );
 }
 
-/** Draws the capture point, a hollow square at the end of a line from the mass' foot. Nothing while it lies within the
- *  mark of that foot: the robot is at rest. */
+/** Draws the capture point: a hollow square at the end of a line from the projected centre of mass. Nothing while it lies within
+ *  the mark of that point, because the robot is then at rest. */
 export function drawCapture(
   facets: Facets,
   foot: Vec3,

@@ -3,25 +3,25 @@ import type { BalanceStyle } from '../balance_drawing.ts';
 import { levelColor } from '../colors.ts';
 import type { Paint } from '../picture_numbers.ts';
 
-/** The ball's quarters, in either theme: those of a crash-test dummy's marks. */
+/** The colours of the ball's quarters, in both themes: those of a crash-test dummy's markers. */
 const WHITE = 0xf7f8fa;
 const BLACK = 0x14181f;
-/** Of a ball that is old; the stale tone of either theme stands out against it. */
+/** The colours of an out-of-date ball; the stale tone of both themes contrasts with them. */
 const OLD_BLACK = 0x545d6b;
 
-/** The paints of the signs of balance. What is drawn shows through the robot. */
+/** The paints of the balance signs. All of them show through the robot. */
 export interface BalancePaints {
   readonly white: Paint;
   readonly black: Paint;
-  /** What belongs to the mass: plumb line, capture point, trace. */
+  /** The signs of the mass: plumb line, capture point, trace. */
   readonly mass: Paint;
-  /** What the robot stands on. */
+  /** The support polygon. */
   readonly support: Paint;
-  /** Where the floor pushes back. */
+  /** The centres of pressure. */
   readonly pressure: Paint;
   /** A foot that begins to tip. */
   readonly tipping: Paint;
-  /** The margin by its level; `ok` is no more than the support. */
+  /** The margin by level; `ok` is drawn like the support. */
   readonly margin: Paint;
 }
 
@@ -41,7 +41,7 @@ export function paintsOf({ tones, palette, live }: BalanceStyle, level: Level): 
   };
 }
 
-/** A paint at a part of its opacity. */
+/** A paint at a fraction of its opacity. */
 export function faint(paint: Paint, opacity: number): Paint {
   return { ...paint, opacity: (paint.opacity ?? 1) * opacity };
 }

@@ -9,13 +9,13 @@ import { drawLine, fillRing, fillRound, floorSpot } from './shapes.ts';
 /** Sizes in radii of the robot. */
 const FOOT_DISC = 0.019;
 const RIM = 0.005;
-/** Of the mark of all feet: a hoop that the mass' foot lies in while the robot is at rest. */
+/** For the combined mark of all feet: a ring around the projected centre of mass while the robot is at rest. */
 const INNER = 0.06;
 const OUTER = 0.073;
 const BAR = 0.045;
 const BAR_WIDE = 0.014;
 
-/** Draws where the floor pushes against each foot (a disc), and against all of them (a hoop). */
+/** Draws the centre of pressure of each foot (a disc), and of all feet together (a ring). */
 export function drawPressure(
   facets: Facets,
   { feet, pressure }: Balance,
@@ -48,7 +48,7 @@ function drawFoot(
   if (atEdge) drawBar(facets, corners, pressure, axis, lift, reach, tipping);
 }
 
-/** Draws a bar along the sole's edge that the pressure has come to: about it the foot would tip. */
+/** Draws a bar along the sole's edge that the pressure has reached: the foot would tip over this edge. */
 function drawBar(
   facets: Facets,
   corners: readonly Vec3[],

@@ -3,38 +3,38 @@ import type { Vec3 } from '../../twin/rotation.ts';
 import type { Paint } from '../picture_numbers.ts';
 import type { Facets } from './facets.ts';
 
-/** Segments of a whole turn. */
+/** Segments of a full turn. */
 const STEPS = 32;
-/** Triangles along an edge of each eighth of the ball. */
+/** Triangles along an edge of each octant of the ball. */
 const FINE = 7;
-/** At a sharp corner a line is at most this much wider than elsewhere. */
+/** At a sharp corner, a line is at most this much wider than elsewhere. */
 const MITRE = 2;
 
 export const UP: Vec3 = [0, 0, 1];
 
-/** A place with a direction ahead: what shapes are drawn in. `axis` and `ahead` are unit vectors at a right angle. */
+/** A position with a forward direction, in which shapes are drawn. `axis` and `ahead` are perpendicular unit vectors. */
 export interface Spot {
   readonly at: Vec3;
   readonly axis: Vec3;
   readonly ahead: Vec3;
 }
 
-/** A spot on the floor. */
+/** A position on the floor. */
 export function floorSpot(at: Vec3, ahead: Vec3 = [1, 0, 0]): Spot {
   return { at, axis: UP, ahead };
 }
 
-/** Fills a convex polygon, its corners counter-clockwise for who sees it. */
+/** Fills a convex polygon, its corners counter-clockwise as seen by the viewer. */
 export function fillPolygon(facets: Facets, corners: readonly Vec3[], paint: Paint): void {
   for (let i = 2; i < corners.length; i += 1) facets.add(corners[0]!, corners[i - 1]!, corners[i]!, paint);
 }
 
-/** Fills a regular polygon: a disc, or with few `corners` a triangle, a square, an octagon; the first corner is ahead. */
+/** Fills a regular polygon: a disc, or with few `corners` a triangle, a square, an octagon; the first corner points ahead. */
 export function fillRound(facets: Facets, spot: Spot, radius: number, paint: Paint, corners = STEPS): void {
   fillPolygon(facets, onCircle(spot, radius, 2 * Math.PI, corners).slice(0, corners), paint);
 }
 
-/** Fills what lies between two radii, over a sweep (rad) from ahead; the whole turn by default. */
+/** Fills the area between two radii, over a sweep (rad) from ahead; by default a full turn. */
 export function fillRing(
   facets: Facets,
   spot: Spot,
@@ -53,7 +53,7 @@ export function fillRing(
   }
 }
 
-/** Fills a disc in four quarters of two colours, as the marks of crash-test dummies are. */
+/** Fills a disc in four quarters of two colours, like the markers on crash-test dummies. */
 export function fillQuarters(facets: Facets, spot: Spot, radius: number, one: Paint, other: Paint): void {
   for (let quarter = 0; quarter < 4; quarter += 1) {
     const ahead = rotateAbout(spot.axis, (quarter * Math.PI) / 2, spot.ahead);
@@ -92,7 +92,7 @@ export function drawLine(
   }
 }
 
-/** Draws dashes along a line on the floor, closed. */
+/** Draws a closed dashed line on the floor. */
 export function drawDashes(
   facets: Facets,
   corners: readonly Vec3[],
@@ -121,7 +121,7 @@ export function drawRod(facets: Facets, from: Vec3, to: Vec3, radius: number, pa
   for (let i = 0; i < 4; i += 1) quad(facets, low[i]!, low[i + 1]!, high[i + 1]!, high[i]!, paint);
 }
 
-/** Draws a ball in eight parts of two colours, in turns, with a rim of a third. `heading`: rad from the world's x. */
+/** Draws a ball in octants of two alternating colours, with a rim of a third. `heading`: rad from the world's x axis. */
 export function drawBall(
   facets: Facets,
   at: Vec3,
@@ -131,12 +131,12 @@ export function drawBall(
   other: Paint,
   rim: Paint,
 ): void {
-  facets.addShape(RIM, at, radius * 1.12, heading, rim); // seen from within: of it only what is beside the ball shows
+  facets.addShape(RIM, at, radius * 1.12, heading, rim); // inside out: only the part beside the ball is visible
   facets.addShape(ONE, at, radius, heading, one);
   facets.addShape(OTHER, at, radius, heading, other);
 }
 
-/** The unit ball's triangles: of its even and of its odd eighths, and of both turned inside out. */
+/** The unit ball's triangles: the even and the odd octants, and both inside out. */
 const EIGHTHS = ballTriangles();
 const [ONE, OTHER] = [numbersOf(EIGHTHS[0]), numbersOf(EIGHTHS[1])];
 const RIM = numbersOf(EIGHTHS.flat().reverse());
@@ -145,7 +145,7 @@ function numbersOf(corners: readonly Vec3[]): Float64Array {
   return Float64Array.from(corners.flat());
 }
 
-/** Three corners a triangle. */
+/** Three corners per triangle. */
 function ballTriangles(): readonly [Vec3[], Vec3[]] {
   const ball: [Vec3[], Vec3[]] = [[], []];
   for (let eighth = 0; eighth < 8; eighth += 1) {
@@ -166,7 +166,7 @@ function ballTriangles(): readonly [Vec3[], Vec3[]] {
   return ball;
 }
 
-/** Points along a circle, from ahead on. */
+/** Points along a circle, starting ahead. */
 function onCircle({ at, axis, ahead }: Spot, radius: number, sweep: number, steps: number): Vec3[] {
   const side = cross(axis, ahead);
   return Array.from({ length: steps + 1 }, (_, i) => {
@@ -175,7 +175,7 @@ function onCircle({ at, axis, ahead }: Spot, radius: number, sweep: number, step
   });
 }
 
-/** From a point of a line to its left border: across the mean of both directions, longer the more these differ. */
+/** From a point of a line to its left border: perpendicular to the mean of both directions, and longer the more these differ. */
 function sideways(before: Vec3, at: Vec3, after: Vec3, normal: Vec3, half: number): Vec3 {
   const [one, other] = [normalize(addScaled(at, before, -1)), normalize(addScaled(after, at, -1))];
   const both = addScaled(one, other);

@@ -10,27 +10,27 @@ import { drawDashes, drawLine, fillPolygon, fillRound, floorSpot } from './shape
 /** Sizes in radii of the robot. */
 const OUTLINE = 0.009;
 const EDGE = 0.016;
-/** Of an edge that is near or passed: so wide, between dark borders, that it is told from the others without its colour. */
+/** The width of an edge that is near or passed, between dark borders that distinguish it without colour. */
 const WARNING = 0.03;
 const BORDER = 0.007;
 const MARGIN = 0.005;
 const DASH = 0.025;
 const MARK = 0.05;
-/** What the marks of mass and pressure cover around the mass' foot. */
+/** The area around the projected centre of mass that is covered by the marks of mass and pressure. */
 const CLEAR = 0.075;
 const FILL = 0.28;
-/** Of a polygon that is only assumed. */
+/** For a polygon that is only assumed. */
 const ASSUMED_FILL = 0.16;
 
-/** Where the margin is measured: from the foot of the mass to the nearest edge. */
+/** Where the margin is measured: from the projected centre of mass to the nearest edge. */
 export interface MarginLine {
   readonly foot: Vec3;
   readonly edge: Vec3;
   readonly ends: readonly [Vec3, Vec3];
 }
 
-/** Draws what the robot stands on, and its edge that is nearest to the mass. `z`: the height to draw at, m. Returns the middle of the
- *  sign of its level, if there is one. */
+/** Draws the support polygon, and its edge nearest to the mass. `z`: the height to draw at, m. Returns the middle of its level
+ *  sign, if it has one. */
 export function drawSupport(
   facets: Facets,
   { polygon, ground }: Balance,
@@ -54,8 +54,8 @@ export function drawSupport(
   return drawLevel(facets, margin, level, reach, paints);
 }
 
-/** Draws the sign of the level beside the nearest edge, so that its colour is not the only one: a triangle that points
- *  where the robot would fall for caution, an octagon for a fault, nothing otherwise. */
+/** Draws the level sign beside the nearest edge, so that colour is not the only cue: for a caution, a triangle that points in the
+ *  direction of a fall; for a fault, an octagon; otherwise nothing. */
 function drawLevel(
   facets: Facets,
   { foot, edge, ends: [from, to] }: MarginLine,
@@ -76,7 +76,7 @@ function drawLevel(
   return spot.at;
 }
 
-/** The shortest line from the mass' foot to the nearest edge, at height `z`; null while there is no margin. */
+/** The shortest line from the projected centre of mass to the nearest edge, at height `z`; null while there is no margin. */
 export function marginLine(balance: Balance, z: number): MarginLine | null {
   const { polygon, nearestEdge, centreOfMass, marginM } = balance;
   if (nearestEdge === null || centreOfMass === null || marginM === null) return null;

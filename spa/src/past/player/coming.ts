@@ -5,11 +5,11 @@ import type { OwnTape } from './tape/own_tape.ts';
 import type { Reel } from './tape/reel.ts';
 import { nameOfRef, type Tape, type TapeFrame } from './tape/tape.ts';
 
-/** How far it looks, ms. */
+/** How far it looks ahead, ms. */
 export const COMING_MS = 30_000;
-/** Most segments that are on their way for it, or decoded, at a time. */
+/** Maximum number of segments being loaded or decoded for it. */
 const AT_ONCE = 2;
-/** What was found is good for so long, ms. */
+/** The result is valid for this long, ms. */
 const GOOD_MS = 200;
 
 export interface ComingPorts {
@@ -18,10 +18,10 @@ export interface ComingPorts {
   readonly nowMs: () => number;
 }
 
-/** What comes after the shown frame, for plots of the minute around it. Nothing is fetched before somebody asks. */
+/** The frames after the shown one, for plots of the minute around it. Nothing is fetched before somebody asks. */
 export class Coming {
   #found: { readonly frames: TapeFrame[]; readonly last: TapeFrame; readonly nowMs: number } | null = null;
-  /** Segments in reach that were asked for once: the tape may have dropped them since, for want of room. */
+  /** Segments in range that were already requested: the tape may have dropped them since, for lack of space. */
   #begun: ReadonlySet<string> = new Set();
 
   constructor(
@@ -31,7 +31,7 @@ export class Coming {
     private readonly loads: Loads,
   ) {}
 
-  /** The frames of half a minute behind one, thinned, oldest first, as far as they are here. Begins to fetch what is not. */
+  /** The loaded frames in the half minute after one, thinned, oldest first. Starts to fetch missing ones. */
   after(last: TapeFrame): readonly TapeFrame[] {
     const nowMs = this.ports.nowMs();
     const before = this.#found;

@@ -3,13 +3,13 @@ import type { Mark } from '../past_types.ts';
 import { type Loads, PAGE_MS } from './tape/loads.ts';
 import type { Reel } from './tape/reel.ts';
 
-/** A visit to a fault begins so long before it, ms. */
+/** A visit to a fault starts this long before it, ms. */
 const BEFORE_FAULT_MS = 2000;
-/** Faults that began within this of another are one event with it, ms. */
+/** Faults that start within this time of each other are one event, ms. */
 const ONE_EVENT_MS = 2000;
-/** Most days that are fetched in search of a fault. */
+/** Maximum number of days to fetch in search of a fault. */
 const DAYS_MAX = 7;
-/** How often the ten minutes around a fault are asked for, while only its minute is known. */
+/** How often the ten minutes around a fault are requested while only its minute is known. */
 const TRIES_MAX = 2;
 
 type Fault = Mark & { readonly goesMs: number };
@@ -20,8 +20,8 @@ interface SearchParts {
   readonly loads: Loads;
 }
 
-/** Finds the next fault from a moment (`by` 1) or the previous one (-1), with its exact moment if that can be had; null if there is
- *  none. Fetches the unknown days on the way, and the ten minutes around the fault. Once `isObsolete` it gives up with null. */
+/** Finds the next fault after a moment (`by` 1) or the previous one (-1), with its exact moment if available; null if there is
+ *  none. Fetches unknown days on the way, and the ten minutes around the fault. Gives up with null once `isObsolete`. */
 export async function searchFault(
   { ports: { source }, reel, loads }: SearchParts,
   by: 1 | -1,
@@ -47,8 +47,8 @@ export async function searchFault(
   }
 }
 
-/** The fault after or before a moment, with the moment to go to; null if there is none. On the way back, one that is within
- *  `slackMs` is passed over as the one just seen. Of the faults of one event only the first counts. */
+/** The fault after or before a moment, with the moment to go to; null if there is none. Going back, a fault within `slackMs` is
+ *  skipped as already seen. Of the faults of one event only the first counts. */
 function faultBeside(marks: readonly Mark[], by: 1 | -1, momentMs: number, slackMs: number): Fault | null {
   const faults: Fault[] = [];
   for (const mark of marks) {

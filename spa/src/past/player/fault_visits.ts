@@ -1,12 +1,12 @@
 import { searchFault } from './fault_search.ts';
 import { jump, type PlayerParts } from './seeking.ts';
 
-/** A second press this soon goes on from the fault that the first went to, however far it has played since, ms. */
+/** A second press within this time continues from the fault of the first press, however far playback has moved since, ms. */
 const AGAIN_MS = 3000;
-/** While playing, going back passes over a visit that began at most so long ago: it is the one just seen, ms. */
+/** While playing, going back skips a visit that started within this time, because it was just seen, ms. */
 const PLAYED_MS = 1000;
 
-/** Goes to the next or the previous fault, unless the viewer does something else meanwhile. */
+/** Goes to the next or previous fault, unless the viewer does something else meanwhile. */
 export async function visitFault(parts: PlayerParts, by: 1 | -1): Promise<void> {
   const { ports, state } = parts;
   const { acts, visited, isPast, clock } = state;

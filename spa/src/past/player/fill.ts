@@ -5,11 +5,11 @@ import type { OwnTape } from './tape/own_tape.ts';
 import type { Reel } from './tape/reel.ts';
 import type { Tape, TapeFrame } from './tape/tape.ts';
 
-/** Least time between two states that a plot is filled with, ms. */
+/** Minimum time between two states that fill a plot, ms. */
 const FILL_EVERY_MS = 100;
 /** How far back a plot is filled, ms. */
 const FILL_MS = 60_000;
-/** After a jump, it is begun this much later, ms: another jump may follow. */
+/** After a jump, filling starts this much later, ms, because another jump may follow. */
 const AFTER_MS = 250;
 
 export interface FillPorts {
@@ -19,12 +19,12 @@ export interface FillPorts {
   readonly schedule: (run: () => void, afterMs: number) => () => void;
 }
 
-/** Gives a sink what lies before a moment, for its plots: in the background, until it is stopped. */
+/** Sends a sink the states before a moment, for its plots: in the background, until it is stopped. */
 export class Fill {
   #cancel = (): void => undefined;
   #runs = 0;
 
-  /** `onFilled` is called when the sink has been given a minute. */
+  /** `onFilled` is called when the sink has received a minute. */
   constructor(
     private readonly ports: FillPorts,
     private readonly tape: Tape,
@@ -51,7 +51,7 @@ export class Fill {
     }, AFTER_MS);
   }
 
-  /** The states of a span up to `last`, thinned, oldest first, as far as they can be had. */
+  /** The states of a span up to `last`, thinned, oldest first, as far as available. */
   async #collect(span: Span, last: TapeFrame, run: number): Promise<readonly PastState[]> {
     const { source, own } = this.ports;
     const found: TapeFrame[] = [];
@@ -86,7 +86,7 @@ export class Fill {
   }
 }
 
-/** Of states in order as many as a plot can show. */
+/** As many of the ordered states as a plot can show. */
 export function thinned(frames: readonly TapeFrame[]): TapeFrame[] {
   let beforeMs = Number.NEGATIVE_INFINITY;
   return frames.filter(({ atMs }) => {

@@ -2,16 +2,16 @@ import type { PastSource } from '../past_source.ts';
 import type { Span } from '../past_types.ts';
 import { type Loads, nameOfDay, PAGE_MS } from './tape/loads.ts';
 
-/** How many pages are fetched ahead of a drag, the newest; the others when a finger comes there. */
+/** How many pages are prefetched for dragging, newest first; the others are fetched when a finger reaches them. */
 const ATTENDED_PAGES = 6;
-/** A finger that has not moved for so long rests, ms. */
+/** A finger that has not moved for this long is at rest, ms. */
 const REST_MS = 150;
-/** Along a line longer than this a finger crosses a minute every few pixels, ms. */
+/** On a line longer than this, a finger crosses a minute every few pixels, ms. */
 const COARSE_MS = 2 * 3_600_000;
 
-/** Fetches what the time line and a drag along it need: days, and the index and first poses, a page of ten minutes at a time. */
+/** Fetches the data that the time line and dragging need: days, and the index and first poses, in pages of ten minutes. */
 export class KeyPageFetcher {
-  /** Whether somebody may drag soon. */
+  /** Whether the viewer may drag soon. */
   isAttended = false;
   #isAsked = false;
   #isBusy = false;
@@ -25,7 +25,7 @@ export class KeyPageFetcher {
     private readonly schedule: (run: () => void, afterMs: number) => () => void,
   ) {}
 
-  /** Somebody may drag soon. Returns whether that is news. */
+  /** The viewer may drag soon. Returns whether that is new. */
   attend(): boolean {
     const isNew = !this.isAttended;
     this.isAttended = true;
@@ -33,8 +33,8 @@ export class KeyPageFetcher {
     return isNew;
   }
 
-  /** Fetches the newest pages, once, the newest first. Does nothing while no timeline is known, nobody may drag, or the line
-   *  is so long that a drag needs only what it comes to rest at. */
+  /** Fetches the newest pages once, newest first. Does nothing while no timeline is known, while no drag is expected, or if the
+   *  line is so long that a drag only needs data where it stops. */
   async fetch(): Promise<void> {
     const { timeline } = this.source;
     if (timeline === null || this.#isAsked || !this.isAttended || this.#isCoarse) return;
@@ -48,14 +48,14 @@ export class KeyPageFetcher {
     }
   }
 
-  /** The line shows a span. */
+  /** The line shows this span. */
   look(span: Span): void {
     this.#shown = span;
     void this.fetch();
     void this.fetchDays();
   }
 
-  /** Fetches the unknown days that the line shows, the newest first, one by one. */
+  /** Fetches the unknown days that the line shows, newest first, one at a time. */
   async fetchDays(): Promise<void> {
     if (this.#isFetchingDays) return;
     this.#isFetchingDays = true;
@@ -69,8 +69,8 @@ export class KeyPageFetcher {
     this.#isFetchingDays = false;
   }
 
-  /** Fetches the page of a moment where a finger is, unless another page is on its way. Along a long line fetches only a pose
-   *  of each minute, once the finger rests. */
+  /** Fetches the page under a finger, unless another page is being fetched. On a long line, fetches only one pose per minute,
+   *  once the finger rests. */
   async want(momentMs: number): Promise<void> {
     this.stop();
     const page = Math.floor(momentMs / PAGE_MS);
@@ -84,7 +84,7 @@ export class KeyPageFetcher {
     this.#isBusy = false;
   }
 
-  /** No finger is down. */
+  /** The finger was lifted. */
   stop(): void {
     this.#cancelRest();
   }

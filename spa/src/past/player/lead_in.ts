@@ -3,9 +3,9 @@ import type { OwnTape } from './tape/own_tape.ts';
 import type { Reel } from './tape/reel.ts';
 import type { Tape, TapeFrame } from './tape/tape.ts';
 
-/** How far back it goes, ms: as far as footprints are kept. */
+/** How far back it goes, ms: as long as footprints are kept. */
 export const LEAD_MS = 10_000;
-/** Most frames of it. */
+/** Its maximum number of frames. */
 export const LEAD_FRAMES_MAX = 300;
 
 export interface LeadInPorts {
@@ -13,7 +13,7 @@ export interface LeadInPorts {
   readonly own: OwnTape;
 }
 
-/** What led up to a frame, for what depends on the way to it: a velocity, footprints. It fetches nothing. */
+/** The states that led up to a frame, for values that depend on history: a velocity, footprints. It fetches nothing. */
 export class LeadIn {
   constructor(
     private readonly ports: LeadInPorts,
@@ -21,7 +21,7 @@ export class LeadIn {
     private readonly reel: Reel,
   ) {}
 
-  /** The frames before one, of its run, all that are here, oldest first. */
+  /** The loaded frames before one, in its run, oldest first. */
   before(last: TapeFrame): readonly TapeFrame[] {
     const { source, own } = this.ports;
     const fromMs = last.atMs - LEAD_MS;

@@ -1,15 +1,15 @@
 import type { Projector } from './projector.ts';
 import { APART_MS, type Pending, type Reel } from './tape/reel.ts';
 
-/** How far playing or a step has come. */
+/** The result of playing or of a step. */
 export interface Move {
-  /** The moment that is shown now. */
+  /** The moment now shown. */
   readonly momentMs: number;
-  /** What has to come before it goes on; none if nothing is missing. */
+  /** What must be loaded before it can continue; none if nothing is missing. */
   readonly blockers: readonly Pending[];
 }
 
-/** Shows all frames between two moments, up to where one has still to come. */
+/** Shows all frames between two moments, stopping where data is not loaded. */
 export function playSpan(
   reel: Reel,
   projector: Projector,
@@ -50,7 +50,7 @@ export function stepForward(reel: Reel, projector: Projector, fromMs: number): M
   return { momentMs: next.frame.atMs, blockers };
 }
 
-/** Shows the frame before the shown one, with the situation of then. */
+/** Shows the frame before the shown one, with the state at that time. */
 export function stepBack(reel: Reel, projector: Projector, fromMs: number): Move {
   const { cursor } = projector;
   if (cursor === null) return { momentMs: fromMs, blockers: [] };

@@ -1,15 +1,15 @@
 import type { PastNote } from '../past_types.ts';
 import { PATIENCE_MS, type Pending } from './tape/reel.ts';
 
-/** How long a note stays that nothing else ends, ms. */
+/** How long a note is shown if nothing else ends it, ms. */
 const NOTE_MS = 5000;
-/** How long a note about a link stays, ms: it can be read twice while the page opens. */
+/** How long a note about a link is shown, ms: long enough to read it twice while the page opens. */
 export const LINK_NOTE_MS = 15_000;
 
-/** Which note the viewer is shown; times by the page's clock. */
+/** Which note the viewer sees; times are by the page's clock. */
 export class PastNotes {
   #said: { note: PastNote; sinceMs: number } | null = null;
-  /** Since when something is waited for. */
+  /** Since when data is awaited. */
   #waitingMs: number | null = null;
   #isAway = false;
 
@@ -17,18 +17,18 @@ export class PastNotes {
     this.#said = { note, sinceMs: nowMs };
   }
 
-  /** What was said holds no longer. */
+  /** The message no longer applies. */
   forget(): void {
     this.#said = null;
   }
 
-  /** These are waited for. */
+  /** These are being awaited. */
   wait(pending: readonly Pending[], nowMs: number): void {
     this.#waitingMs ??= nowMs;
     this.#isAway = pending.some(({ state }) => state === 'away');
   }
 
-  /** Nothing is waited for any more. */
+  /** Nothing is awaited any more. */
   rest(): void {
     this.#waitingMs = null;
     this.#isAway = false;

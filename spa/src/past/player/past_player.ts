@@ -15,8 +15,8 @@ import { Reel } from './tape/reel.ts';
 import { Tape, type TapeFrame } from './tape/tape.ts';
 
 /**
- * Plays a robot's past into a sink: each frame that the segments have, once and in order, and the page's own where there
- * is no segment (yet). `tick` has to be called for every picture while `playhead.at` is `past`.
+ * Plays a robot's past into a sink: each frame in the segments, once and in order, and the page's own frames if there is no
+ * segment (yet). `tick` must be called for every picture while `playhead.at` is `past`.
  */
 export class PastPlayer implements PastControls {
   readonly #parts: PlayerParts;
@@ -35,7 +35,7 @@ export class PastPlayer implements PastControls {
     const projector = new Projector(sink, own, (momentMs) => listRecentEvents(source, heard(), momentMs));
     const keyFetcher = new KeyPageFetcher(source, loads, schedule);
     const fill = new Fill(ports, tape, reel, loads, () => {
-      projector.isLed = false; // segments of before may have come
+      projector.isLed = false; // older segments may have arrived
       work();
     });
     this.#leadIn = new LeadIn(ports, tape, reel);
@@ -60,7 +60,7 @@ export class PastPlayer implements PastControls {
     return this.#state.clock.momentMs;
   }
 
-  /** The shown frame; null while none is, or another moment is on its way. */
+  /** The shown frame; null if there is none, or while another moment is loading. */
   get frame(): TapeFrame | null {
     return this.#state.isPast && this.#state.wantedMs === null ? this.#parts.projector.cursor : null;
   }
@@ -240,7 +240,7 @@ export class PastPlayer implements PastControls {
     jump(this.#parts, momentMs);
   }
 
-  /** Shows what is due by now. */
+  /** Shows everything due by now. */
   tick(): void {
     const state = this.#state;
     this.#work();
@@ -250,7 +250,7 @@ export class PastPlayer implements PastControls {
     state.publish();
   }
 
-  /** Shows what is wanted as far as it is here, and fetches what is not. */
+  /** Shows the requested moment as far as it is loaded, and fetches the rest. */
   #work(): void {
     const state = this.#state;
     if (!state.isPast) return;
@@ -260,7 +260,7 @@ export class PastPlayer implements PastControls {
     this.#lead();
   }
 
-  /** Tells what led up to the shown frame, once it rests. */
+  /** Sends the states that led up to the shown frame, once it rests. */
   #lead(): void {
     const { frame } = this;
     const { clock, scrubbing, steps } = this.#state;
@@ -270,7 +270,7 @@ export class PastPlayer implements PastControls {
     ports.sink.lead(this.#leadIn.before(frame));
   }
 
-  /** A segment has told the run and the moments of the page's own frames: moves the playhead along with the frame that it shows. */
+  /** A segment has revealed the run and the moments of the page's own frames: moves the playhead along with the shown frame. */
   #align({ formerRun, runId, byMs }: Alignment): void {
     const { projector, state } = this.#parts;
     const { cursor } = projector;

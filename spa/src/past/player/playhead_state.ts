@@ -8,27 +8,27 @@ import { relayAhead } from './relay_now.ts';
 import type { OwnTape } from './tape/own_tape.ts';
 import type { Pending } from './tape/reel.ts';
 
-/** Least time between two calls of the listeners while only the moment goes on, ms. */
+/** Minimum time between two calls of the listeners while only the moment advances, ms. */
 const CHANGE_EVERY_MS = 100;
-/** What the listeners are told of at once when it changes. */
+/** Changes that the listeners hear about at once. */
 const TOLD_AT_ONCE = ['at', 'playing', 'speed', 'loop', 'note'] as const;
 
 export interface PastPorts {
   readonly source: PastSource;
-  /** What the page itself received. */
+  /** What the page itself has received. */
   readonly own: OwnTape;
   readonly sink: PastSink;
-  /** The remembered events of the live stream. */
+  /** The events kept from the live stream. */
   readonly heard: () => readonly EventMessage[];
   /** The page's clock, which never steps back. */
   readonly nowMs: () => number;
-  /** Runs something some ms later. Returns a function that cancels it. */
+  /** Calls a function after some ms. Returns a function that cancels it. */
   readonly schedule: (run: () => void, afterMs: number) => () => void;
-  /** The recording that is played, at whose end the player rests; null or left out where the past leads up to the present. */
+  /** The recording being played, at whose end the player pauses; null or omitted if the past leads up to the present. */
   readonly recorded?: Recorded | null;
 }
 
-/** Where a player is in time, and where it is to go. Tells its listeners of changes. */
+/** The position of a player in time, and its target. Notifies listeners of changes. */
 export class PlayheadState {
   readonly clock = new PlayheadClock();
   readonly recorded: Recorded | null;
@@ -38,22 +38,22 @@ export class PlayheadState {
   scrubbing: { isNewest: boolean } | null = null;
   /** The moment to go to, until its exact state is shown. */
   wantedMs: number | null = null;
-  /** The moment that a link named, until the viewer goes elsewhere. */
+  /** The moment in the link, until the viewer moves elsewhere. */
   askedMs: number | null = null;
-  /** How many frames are still to be stepped; less than 0: back. */
+  /** How many frames are left to step; negative: backwards. */
   steps = 0;
   /** When something was last shown, by the page's clock. */
   shownMs = 0;
-  /** Counts the moments that were wanted: what is fetched for an earlier one is obsolete. */
+  /** Counts the requested moments; data fetched for an earlier one is obsolete. */
   wants = 0;
-  /** Counts what the viewer did: what is searched for an earlier act is obsolete. */
+  /** Counts the viewer's actions; a search started by an earlier action is obsolete. */
   acts = 0;
-  /** The newest visit to a fault: where it went, when by the page's clock, and the number of the act. */
+  /** The newest visit to a fault: its target, its time by the page's clock, and the number of the action. */
   visited = { goesMs: 0, atMs: Number.NEGATIVE_INFINITY, act: 0 };
   readonly #ports: PastPorts;
   readonly #notes = new PastNotes();
   readonly #listeners = new Set<() => void>();
-  /** How far the relay's clock is ahead of the page's. */
+  /** The relay's clock minus the page's. */
   #aheadMs = Number.NEGATIVE_INFINITY;
   #playhead: Playhead;
   #changedMs = 0;
@@ -67,7 +67,7 @@ export class PlayheadState {
     this.#playhead = this.#read();
   }
 
-  /** As the listeners were last told. */
+  /** The state last sent to the listeners. */
   get playhead(): Playhead {
     return this.#playhead;
   }
@@ -76,7 +76,7 @@ export class PlayheadState {
     return this.#ports.source.timeline;
   }
 
-  /** The present by the relay's clock; of a recording its end. */
+  /** The present by the relay's clock; for a recording, its end. */
   get nowMs(): number {
     if (this.recorded !== null) return this.recorded.toMs;
     const pageMs = this.#ports.nowMs();
@@ -89,7 +89,7 @@ export class PlayheadState {
     return this.timeline?.fromMs ?? Number.NEGATIVE_INFINITY;
   }
 
-  /** The newest moment that is known. */
+  /** The newest known moment. */
   get newestMs(): number {
     const { own, nowMs } = this.#ports;
     const recordedMs = this.timeline?.toMs ?? Number.NEGATIVE_INFINITY;
@@ -98,7 +98,7 @@ export class PlayheadState {
     return Number.isFinite(newestMs) ? newestMs : nowMs();
   }
 
-  /** The shown moment; in the present the newest. */
+  /** The shown moment; in the present, the newest one. */
   get hereMs(): number {
     return this.isPast ? this.clock.momentMs : this.newestMs;
   }
@@ -108,19 +108,19 @@ export class PlayheadState {
     return this.recorded !== null && this.clock.momentMs >= this.recorded.toMs;
   }
 
-  /** The nearest moment that is kept. */
+  /** The nearest moment that is still kept. */
   keptMs(momentMs: number): number {
     return Math.max(Math.min(momentMs, this.newestMs), this.oldestMs);
   }
 
-  /** The viewer did something: notes about what came before end. */
+  /** The viewer did something: earlier notes no longer apply. */
   act(): void {
     this.acts += 1;
     this.#notes.forget();
     this.askedMs = null;
   }
 
-  /** Ends the loop, with a note, if a moment lies outside of it. */
+  /** Ends the loop, with a note, if a moment lies outside it. */
   leaveLoop(momentMs: number): void {
     if (this.loop === null || (momentMs >= this.loop.fromMs && momentMs <= this.loop.toMs)) return;
     this.loop = null;
@@ -145,7 +145,7 @@ export class PlayheadState {
     this.clock.speed = 1;
   }
 
-  /** Puts the playhead at a moment, from which it goes on now. */
+  /** Moves the playhead to a moment, from which it continues now. */
   move(momentMs: number): void {
     this.clock.set(momentMs, this.#ports.nowMs());
   }
@@ -156,7 +156,7 @@ export class PlayheadState {
     this.#notes.rest();
   }
 
-  /** Puts the playhead at a moment that is still to be shown. */
+  /** Moves the playhead to a moment that is still to be shown. */
   want(momentMs: number): void {
     this.#show(momentMs);
     this.wantedMs = momentMs;
@@ -164,23 +164,23 @@ export class PlayheadState {
     this.steps = 0;
   }
 
-  /** What was wanted is shown now, and is of this moment. */
+  /** The requested state is now shown, and is of this moment. */
   arrive(momentMs: number): void {
     this.#show(momentMs);
     this.wantedMs = null;
-    this.#changedMs = Number.NEGATIVE_INFINITY; // it is told at once
+    this.#changedMs = Number.NEGATIVE_INFINITY; // published at once
   }
 
   say(note: PastNote): void {
     this.#notes.say(note, this.#ports.nowMs());
   }
 
-  /** Waits for what is on its way. */
+  /** Waits for data that is being fetched. */
   wait(pending: readonly Pending[]): void {
     this.#notes.wait(pending, this.#ports.nowMs());
   }
 
-  /** Fetches what is pending and waits for it. If there is none, nothing is waited for any more. */
+  /** Fetches what is pending and waits for it. If nothing is pending, stops waiting. */
   fetchAndWait(pending: readonly Pending[]): void {
     for (const each of pending) each.begin();
     if (pending.length === 0) this.#notes.rest();
@@ -192,7 +192,7 @@ export class PlayheadState {
     return () => this.#listeners.delete(listener);
   };
 
-  /** Calls the listeners if something has changed, or `always`; while only the moment goes on, every `CHANGE_EVERY_MS`. */
+  /** Calls the listeners if something has changed, or if `always`; while only the moment advances, every `CHANGE_EVERY_MS`. */
   publish(always = false): void {
     const [before, now] = [this.#playhead, this.#read()];
     const nowMs = this.#ports.nowMs();

@@ -2,7 +2,7 @@ import { playSpan, stepBack, stepForward } from './moves.ts';
 import { jump, leaveUnkept, type PlayerParts } from './seeking.ts';
 import { PAGE_MS } from './tape/loads.ts';
 
-/** A gap is played through for at most so long; then the rest of it is skipped, ms. */
+/** A gap is played for at most this long; then the rest of it is skipped, ms. */
 const GAP_MS = 2000;
 const MINUTE_MS = 60_000;
 
@@ -26,7 +26,7 @@ export function playOn(parts: PlayerParts): void {
     passGap(parts, blockers.length > 0, momentMs, nowMs);
 }
 
-/** Takes the steps that were asked for, frame by frame, as far as frames are here. */
+/** Takes the requested steps, frame by frame, as far as frames are loaded. */
 export function goSteps(parts: PlayerParts): void {
   const { state, reel, projector, fill } = parts;
   while (state.steps !== 0) {
@@ -40,7 +40,7 @@ export function goSteps(parts: PlayerParts): void {
   }
 }
 
-/** Skips a gap that has been played for long enough. Where nothing comes after it, begins the loop anew or goes live. */
+/** Skips a gap that has been played for long enough. If nothing follows it, restarts the loop or goes live. */
 function passGap(parts: PlayerParts, isHeld: boolean, momentMs: number, nowMs: number): void {
   const { state, reel, projector, goLive } = parts;
   const { clock, loop } = state;

@@ -5,23 +5,23 @@ import type { OwnTape } from './tape/own_tape.ts';
 import type { Near, Next } from './tape/reel.ts';
 import type { SchemaReader, TapeFrame, TapePart } from './tape/tape.ts';
 
-/** Shows frames and what happens around them to a sink, and knows what it has shown since the newest jump. */
+/** Shows frames, and the events around them, to a sink. Keeps track of what it has shown since the newest jump. */
 export class Projector {
-  /** The newest frame that was shown; null where only the first pose of a segment is. */
+  /** The newest frame shown; null while only the first pose of a segment is shown. */
   cursor: TapeFrame | null = null;
-  /** Whether the sink has been told what led up to it. */
+  /** Whether the sink has received the states that led up to it. */
   isLed = false;
   readonly #teller: Teller;
   readonly #own: OwnTape;
-  /** The first pose of a segment that is shown until the frame is here. */
+  /** The first pose of a segment, shown until the frame has loaded. */
   #key: KeyPose | null = null;
-  /** What happened up to the newest jump's moment is part of its situation. */
+  /** Events up to the moment of the newest jump are part of its situation. */
   #jumpMs = 0;
-  /** How many of a segment's happenings have been told since. */
+  /** How many of a segment's happenings have been sent since. */
   #told = new WeakMap<TapePart, number>();
   #ownToldMs = 0;
 
-  /** `listRecent` returns the events before a moment that a viewer who joined then would have been told. */
+  /** `listRecent` returns the events before a moment that a viewer who joined then would have received. */
   constructor(
     sink: PastSink,
     own: OwnTape,
@@ -45,7 +45,7 @@ export class Projector {
     this.#told = new WeakMap();
   }
 
-  /** Jumps to the first pose of a segment, of which no more is known. */
+  /** Jumps to the first pose of a segment whose other data is not loaded. */
   showKey(pose: KeyPose, { schema, decoder }: SchemaReader, word: RobotStatus | null): void {
     const { runId, seq, model, copies, lateUs, atMs } = pose;
     if (this.#key?.runId === runId && this.#key.seq === seq) return;
@@ -73,7 +73,7 @@ export class Projector {
     this.isLed = false;
   }
 
-  /** Tells what happened up to a moment, or before a frame. */
+  /** Sends the happenings up to a moment, or before a frame. */
   tell({ parts }: Near, momentMs: number, next: Next | null = null): void {
     const news: Happening[] = [];
     for (const part of parts) {

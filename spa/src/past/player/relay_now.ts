@@ -1,10 +1,10 @@
 import type { Playhead, Timeline } from '../past_types.ts';
 
-/** What is known is at most so old while a robot is on air; if it is older, nothing is known about the relay's clock, ms. */
+/** Maximum age of the newest known moment while a robot is on air; if it is older, the relay's clock is unknown, ms. */
 const RECENT_MS = 15_000;
 
-/** How far the relay's clock is ahead of the page's, ms, by the newest moment that is known; with `beforeMs`, what was found
- *  before: the newest was never more than new. While nothing new is known, the clocks are taken to agree. */
+/** The relay's clock minus the page's, ms, derived from the newest known moment; with `beforeMs`, the previous result. The newest
+ *  moment is a lower bound for the relay's time. While nothing new is known, the clocks are assumed to agree. */
 export function relayAhead(
   beforeMs: number,
   timeline: Pick<Timeline, 'toMs'>,

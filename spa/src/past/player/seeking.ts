@@ -8,11 +8,11 @@ import { pageBefore } from './tape/recent_events.ts';
 import type { Reel } from './tape/reel.ts';
 import type { Tape, TapeFrame } from './tape/tape.ts';
 
-/** The moment of a link counts as not kept unless something was recorded this near to it, ms. */
+/** The moment in a link counts as not kept unless something was recorded within this time of it, ms. */
 const LINK_APART_MS = 10_000;
 const MINUTE_MS = 60_000;
 
-/** What seeking, playing and visits to faults share. */
+/** State shared by seeking, playing and visits to faults. */
 export interface PlayerParts {
   readonly ports: PastPorts;
   readonly state: PlayheadState;
@@ -22,12 +22,12 @@ export interface PlayerParts {
   readonly projector: Projector;
   readonly keyFetcher: KeyPageFetcher;
   readonly fill: Fill;
-  /** Shows what is wanted as far as it is here, and fetches what is not. */
+  /** Shows the requested moment as far as it is loaded, and fetches the rest. */
   readonly work: () => void;
   readonly goLive: () => void;
 }
 
-/** Goes to a moment, and calls off the segments that are on their way for others. */
+/** Goes to a moment, and cancels the loading of segments for other moments. */
 export function jump(parts: PlayerParts, momentMs: number): void {
   const { ports, state, loads, keyFetcher, work } = parts;
   state.scrubbing = null;
@@ -38,20 +38,20 @@ export function jump(parts: PlayerParts, momentMs: number): void {
   work();
 }
 
-/** Makes a moment the wanted one. Plots are no longer filled for the one before. */
+/** Makes a moment the requested one. Plots are no longer filled for the previous one. */
 export function want(parts: PlayerParts, momentMs: number): void {
   parts.fill.stop();
   parts.state.want(momentMs);
 }
 
-/** Shows the wanted moment as far as it is here: exactly at rest, nearly while a finger drags. */
+/** Shows the requested moment as far as it is loaded: exactly when at rest, approximately while a finger drags. */
 export function showWanted(parts: PlayerParts, momentMs: number): void {
   if (parts.state.scrubbing === null) showAt(parts, momentMs);
   else scrub(parts, momentMs);
 }
 
-/** Where a moment is not kept, goes to the nearest that is; where a link names one that is still to come, goes live. Returns
- *  whether it went. */
+/** If a moment is not kept, goes to the nearest one that is; if a link's moment is in the future, goes live. Returns whether it
+ *  moved. */
 export function leaveUnkept(parts: PlayerParts, momentMs: number): boolean {
   const { ports, state, goLive } = parts;
   const keptMs = state.keptMs(momentMs);
@@ -70,7 +70,7 @@ export function leaveUnkept(parts: PlayerParts, momentMs: number): boolean {
   return true;
 }
 
-/** Shows the frame of a moment if that is here, else the first pose of a segment near it. */
+/** Shows the frame of a moment if it is loaded, else the first pose of a nearby segment. */
 function scrub(parts: PlayerParts, momentMs: number): void {
   const { reel, projector } = parts;
   const { frame, situation } = reel.at(momentMs);
@@ -80,7 +80,7 @@ function scrub(parts: PlayerParts, momentMs: number): void {
     projector.show(frame, momentMs, situation);
 }
 
-/** Shows a moment exactly as soon as all of it is here; until then the first pose of a segment near it. */
+/** Shows a moment exactly as soon as all of it is loaded; until then, the first pose of a nearby segment. */
 function showAt(parts: PlayerParts, momentMs: number): void {
   if (leaveUnkept(parts, momentMs)) return;
   const { state, reel, projector, fill } = parts;
@@ -104,8 +104,8 @@ function showAt(parts: PlayerParts, momentMs: number): void {
   void recallFaults(parts, shownMs);
 }
 
-/** From the moment of a link goes to the nearest one that was recorded, before or after it. Does nothing where `before` is near
- *  enough. Returns whether it went. */
+/** Moves from a link's moment to the nearest recorded one, before or after it. Does nothing if `before` is near enough. Returns
+ *  whether it moved. */
 function goNearer(parts: PlayerParts, momentMs: number, before: TapeFrame | null): boolean {
   const agoMs = before === null ? Number.POSITIVE_INFINITY : momentMs - before.atMs;
   if (agoMs <= LINK_APART_MS) return false;
@@ -116,7 +116,7 @@ function goNearer(parts: PlayerParts, momentMs: number, before: TapeFrame | null
   return true;
 }
 
-/** Fetches the recent faults of a moment where another page has them, and shows the moment again with them. */
+/** Fetches the recent faults of a moment if they are on another page, and shows the moment again with them. */
 async function recallFaults(parts: PlayerParts, shownMs: number): Promise<void> {
   const { ports, state, loads } = parts;
   const page = pageBefore(ports.source, shownMs);

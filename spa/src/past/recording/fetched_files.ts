@@ -2,18 +2,18 @@ import { answerBytes } from '../answer_bytes.ts';
 import { PastError } from '../past_source.ts';
 import type { RecordingFiles } from './recording_files.ts';
 
-/** How long after a try that failed the second one comes, ms. Whoever needs the file asks again later. */
+/** Delay before the second try after a failure, ms. Whoever needs the file asks again later. */
 const RETRY_MS = 500;
-/** A host that says nothing for so long is taken to be away, ms. */
+/** A host that is silent for this long counts as unreachable, ms. */
 const SILENT_MS = 20_000;
 
 export interface FetchPorts {
   readonly fetch: (url: string, init: RequestInit) => Promise<Response>;
-  /** Calls `run` after `ms`. Returns a function that calls it off. */
+  /** Calls `run` after `ms`. Returns a function that cancels it. */
   readonly later: (ms: number, run: () => void) => () => void;
 }
 
-/** What became of one try: the bytes, or why there are none. */
+/** The result of one try: the bytes, or why there are none. */
 type Tried = Uint8Array<ArrayBuffer> | 'cut' | 'no answer';
 
 /** The files of a recording on a web server, below a folder's URL. */
@@ -31,7 +31,7 @@ export class FetchedFiles implements RecordingFiles {
     signal?.throwIfAborted();
     const second = await this.#try(path, most, signal);
     if (typeof second !== 'string') return second;
-    // who breaks off twice always does; a network that went away does not answer the second time
+    // a host that fails twice keeps failing; if the network is down, the second try gets no answer at all
     const isCut = first === 'cut' && second === 'cut';
     throw isCut
       ? new PastError('damaged', `${path}: the answer broke off`)

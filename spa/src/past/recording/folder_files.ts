@@ -4,7 +4,7 @@ import type { RecordingFiles } from './recording_files.ts';
 /** Finds a file below a dropped or chosen folder by its path; null if there is none. */
 export type FindFile = (path: string) => Promise<File | null>;
 
-/** The files of a recording in a folder of this computer. Each is read when it is asked for, and never sent. */
+/** The files of a recording in a folder on this computer. Each is read on demand, and never sent. */
 export class FolderFiles implements RecordingFiles {
   constructor(private readonly find: FindFile) {}
 
@@ -16,12 +16,12 @@ export class FolderFiles implements RecordingFiles {
     try {
       return new Uint8Array(await file.arrayBuffer());
     } catch {
-      throw new PastError('gone', `${path}: can't be read`); // it was there when the folder was dropped
+      throw new PastError('gone', `${path}: can't be read`); // it existed when the folder was dropped
     }
   }
 }
 
-/** Looks into a dropped folder, which is not listed: it may have 200,000 files. */
+/** Finds files in a dropped folder. The folder is not listed, because it may contain 200,000 files. */
 export function inDroppedFolder(folder: FileSystemDirectoryEntry): FindFile {
   return (path) =>
     new Promise((resolve) => {
@@ -30,7 +30,7 @@ export function inDroppedFolder(folder: FileSystemDirectoryEntry): FindFile {
     });
 }
 
-/** Looks into files by their paths below a chosen folder: `lecture/recording.json`. `root` ends with a slash, or is empty. */
+/** Finds files by their paths below a chosen folder: `lecture/recording.json`. `root` ends with a slash, or is empty. */
 export function inChosenFolder(files: ReadonlyMap<string, File>, root: string): FindFile {
   return async (path) => files.get(root + path) ?? null;
 }

@@ -1,16 +1,16 @@
 import { PastError } from '../past_source.ts';
 import type { RecordingFiles } from './recording_files.ts';
 
-/** A `.posecast` file is a ZIP whose entries are stored or deflated. Nothing of it is unpacked before it is asked for, and
- *  never more than one entry holds. */
+/** A `.posecast` file is a ZIP whose entries are stored or deflated. An entry is unpacked only when it is needed, one at a
+ *  time. */
 
-/** More entries than this has no recording: 200,000 segments, and room for keys and models. */
+/** The maximum number of entries in a recording: 200,000 segments, plus KEYs and models. */
 export const ENTRIES_MAX = 250_000;
-/** Bound of its list of entries; with the longest names that a recording has, these are so many. */
+/** Size limit of the central directory; enough for the longest names in a recording. */
 const LIST_BYTES_MAX = 40_000_000;
-/** What all entries together may say that they unpack to. */
+/** Limit of the total uncompressed size that the entries declare. */
 const UNPACKED_BYTES_MAX = 64e9;
-/** Deflate can't shrink anything by more. */
+/** Deflate can't compress any better than this. */
 const GROWTH_MAX = 1032;
 
 const END = 0x06054b50;
@@ -29,11 +29,11 @@ interface Entry {
   readonly deflated: boolean;
   readonly packed: number;
   readonly size: number;
-  /** Where its local header begins. */
+  /** The offset of its local header. */
   readonly at: number;
 }
 
-/** A file that is no ZIP that can be read, in one line. */
+/** A file that is not a readable ZIP, in one line. */
 export class PosecastFileError extends Error {}
 
 /** The entries of a `.posecast` file. Rejects with `PosecastFileError`. */
@@ -42,7 +42,7 @@ export async function openPosecastFile(file: Blob): Promise<PosecastFile> {
   const { listAt, listBytes, count } = await findList(file, tail);
   if (count > ENTRIES_MAX) throw new PosecastFileError(`more than ${ENTRIES_MAX} entries`);
   if (listBytes > LIST_BYTES_MAX || listAt + listBytes > file.size)
-    throw new PosecastFileError('its list of entries is cut');
+    throw new PosecastFileError('its list of entries is cut off');
   return new PosecastFile(file, readList(await bytesOf(file, listAt, listAt + listBytes), count));
 }
 
@@ -67,7 +67,7 @@ export class PosecastFile implements RecordingFiles {
     const { deflated, packed, size, at } = entry;
     if (size > most) throw new PastError('damaged', `${path}: more than ${most} bytes`);
     if (deflated ? size > packed * GROWTH_MAX : size !== packed)
-      throw new PastError('damaged', `${path}: a size that can't be`);
+      throw new PastError('damaged', `${path}: an impossible size`);
     const head = viewOf(await this.#bytes(path, at, at + LOCAL_BYTES));
     if (head.byteLength < LOCAL_BYTES || head.getUint32(0, true) !== LOCAL)
       throw new PastError('damaged', `${path}: not where the list says`);
@@ -78,11 +78,11 @@ export class PosecastFile implements RecordingFiles {
     if (!deflated) return data;
     const { inflateSync } = await import('fflate');
     try {
-      // into as many bytes as there should be: what has more is not unpacked any further
+      // into a buffer of the declared size: an entry that is longer is not unpacked any further
       const unpacked = inflateSync(data, { out: new Uint8Array(size + 1) });
       if (unpacked.length === size) return unpacked as Uint8Array<ArrayBuffer>;
     } catch {
-      // damaged
+      // corrupt
     }
     throw new PastError('damaged', `${path}: can't be unpacked`);
   }
@@ -104,7 +104,7 @@ function viewOf(bytes: Uint8Array): DataView {
   return new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
 }
 
-/** Where the list of entries lies, by what stands at the file's end. */
+/** The position of the central directory, from the end of the file. */
 async function findList(file: Blob, tail: Uint8Array) {
   const view = viewOf(tail);
   for (let at = tail.length - END_BYTES; at >= 0; at -= 1) {
@@ -118,10 +118,10 @@ async function findList(file: Blob, tail: Uint8Array) {
     const isLarge = found.count === 0xffff || found.listBytes === U32 || found.listAt === U32;
     return isLarge ? findLargeList(file, view, at - END64_AT_BYTES) : found;
   }
-  throw new PosecastFileError('no ZIP');
+  throw new PosecastFileError('not a ZIP file');
 }
 
-/** The same of a ZIP with more than 65,534 entries or 4 GB. */
+/** The same for a ZIP with more than 65,534 entries or 4 GB. */
 async function findLargeList(file: Blob, tail: DataView, at: number) {
   if (at < 0 || tail.getUint32(at, true) !== END64_AT) throw new PosecastFileError('its end is damaged');
   const endAt = wholeAt(tail, at + 8);
@@ -131,10 +131,10 @@ async function findLargeList(file: Blob, tail: DataView, at: number) {
   return { count: wholeAt(view, 32), listBytes: wholeAt(view, 40), listAt: wholeAt(view, 48) };
 }
 
-/** A whole number of 64 bits. */
+/** A 64-bit integer. */
 function wholeAt(view: DataView, at: number): number {
   const value = view.getUint32(at + 4, true) * 2 ** 32 + view.getUint32(at, true);
-  if (value > Number.MAX_SAFE_INTEGER) throw new PosecastFileError('a size that can’t be');
+  if (value > Number.MAX_SAFE_INTEGER) throw new PosecastFileError('an impossible size');
   return value;
 }
 
@@ -151,13 +151,13 @@ function readList(list: Uint8Array, count: number): Map<string, Entry> {
     const extraBytes = view.getUint16(at + 30, true);
     const nameAt = at + ENTRY_BYTES;
     const nextAt = nameAt + nameBytes + extraBytes + view.getUint16(at + 32, true);
-    if (nextAt > list.length) throw new PosecastFileError('its list of entries is cut');
+    if (nextAt > list.length) throw new PosecastFileError('its list of entries is cut off');
     const [method, flags] = [view.getUint16(at + 10, true), view.getUint16(at + 8, true)];
     const name = decoder.decode(list.subarray(nameAt, nameAt + nameBytes));
     const sizes = readSizes(view, at, { from: nameAt + nameBytes, to: nameAt + nameBytes + extraBytes });
     total += sizes.size;
-    if (total > UNPACKED_BYTES_MAX) throw new PosecastFileError('it unpacks to more than a recording has');
-    // others, and what is encrypted, can't be read, and a recording has none of them
+    if (total > UNPACKED_BYTES_MAX) throw new PosecastFileError('it unpacks to too much data');
+    // other methods and encrypted entries are not supported, and recordings have none
     if ((method === 0 || method === 8) && (flags & 1) === 0 && !name.endsWith('/'))
       entries.set(name, { deflated: method === 8, ...sizes });
     at = nextAt;
@@ -165,7 +165,7 @@ function readList(list: Uint8Array, count: number): Map<string, Entry> {
   return entries;
 }
 
-/** Sizes and place of an entry; where one has no room in 32 bits it stands behind the name. */
+/** Sizes and offset of an entry; values that don't fit into 32 bits follow its name. */
 function readSizes(view: DataView, at: number, extra: { from: number; to: number }) {
   const sizes = {
     size: view.getUint32(at + 24, true),

@@ -2,14 +2,14 @@ import { decodeRecording, eventOf, type PastRecording, RecordingError } from '@p
 import type { SegmentRef } from '../past_source.ts';
 import type { Span } from '../past_types.ts';
 
-/** What somebody wrote about a moment of a recording. */
+/** A person's note about a moment of a recording. */
 export interface Note {
   /** Unix ms. */
   readonly atMs: number;
   readonly text: string;
 }
 
-/** What a recording says of itself, unix ms. `segments`: by beginning, then take, then index. */
+/** The index of a recording, times in unix ms. `segments`: by start, then take, then index. */
 export interface RecordingIndex
   extends Span,
     Pick<PastRecording, 'robot' | 'view' | 'title' | 'author' | 'licence' | 'schemas' | 'models'> {
@@ -18,7 +18,7 @@ export interface RecordingIndex
   readonly segments: readonly SegmentRef[];
 }
 
-/** Why a recording can't be opened. `newer`: a newer Posecast made it. `damaged`: `what` says what is wrong, and where. */
+/** Why a recording can't be opened. `newer`: a newer Posecast made it. `damaged`: `what` says what is wrong and where. */
 export class IndexError extends Error {
   constructor(
     readonly why: 'newer' | 'damaged',
@@ -41,7 +41,7 @@ export function readIndex(bytes: Uint8Array): RecordingIndex {
       events.length === 0
         ? NOTHING
         : events.flatMap((recorded) => {
-            const event = eventOf(recorded); // null: of a kind that this page does not know
+            const event = eventOf(recorded); // null: a kind that this page does not know
             return event === null ? [] : [{ ...event, atMs: recorded.atMs }];
           }),
   }));

@@ -20,20 +20,20 @@ import type { RecordingIndex } from './recording_index.ts';
 
 const SEGMENTS_KEPT_BYTES = 8 << 20;
 const KEYS_KEPT_BYTES = 4_000_000;
-/** Parts that are lost soon after each other are taken out of the time line together, ms. */
+/** Parts that turn out to be missing within this time are removed from the time line together, ms. */
 const REDRAW_MS = 250;
 
 export interface RecordingPorts {
   readonly files: RecordingFiles;
-  /** Fetches what segments and pages of KEYs are read with, if it is not here yet. Never rejects. */
+  /** Loads the code that reads segments and pages of KEYs, if needed. Never rejects. */
   readonly loadReader: () => Promise<PastReader>;
-  /** Calls `run` after `ms`. Returns a function that calls it off. */
+  /** Calls `run` after `ms`. Returns a function that cancels it. */
   readonly later: (ms: number, run: () => void) => () => void;
 }
 
-/** What of a recording can't be played. */
+/** The parts of a recording that can't be played. */
 export interface LostParts {
-  /** Parts that are missing, damaged or of something else, as far as that is known. */
+  /** Parts known to be missing, corrupt or not what the index says. */
   readonly count: number;
   /** Some of them were made by a newer Posecast. */
   readonly isNewer: boolean;
@@ -41,7 +41,7 @@ export interface LostParts {
 
 const NONE_LOST: LostParts = { count: 0, isNewer: false };
 
-/** A recording in files. Its index is known from the start; segments and pages of KEYs are read when they are needed. */
+/** A recording in files. Its index is known from the start; segments and pages of KEYs are read on demand. */
 export class RecordingPast implements PastSource {
   readonly #index: RecordingIndex;
   readonly #ports: RecordingPorts;
@@ -50,7 +50,7 @@ export class RecordingPast implements PastSource {
   readonly #keys = new BoundedCache<number, readonly KeyPose[]>(KEYS_KEPT_BYTES);
   readonly #listeners = new Set<() => void>();
   readonly #losses = new Set<string>();
-  /** The latest end of each segment and all before it, ms: it never falls. */
+  /** The latest end of each segment and all earlier ones, ms: it never decreases. */
   readonly #reach: Float64Array;
   #lost = NONE_LOST;
   #timeline: Timeline;
@@ -68,13 +68,13 @@ export class RecordingPast implements PastSource {
     this.#timeline = drawTimeline(this.span, index.segments, []);
   }
 
-  /** All of it. */
+  /** The whole recording. */
   get span(): Span {
     const { fromMs, toMs } = this.#index;
     return { fromMs, toMs };
   }
 
-  /** What is known to be lost. Every change makes a new object. */
+  /** The known missing parts. Every change makes a new object. */
   get lost(): LostParts {
     return this.#lost;
   }
@@ -89,11 +89,11 @@ export class RecordingPast implements PastSource {
   };
 
   follow(): void {
-    // nothing comes
+    // nothing is added
   }
 
   async loadIndex(): Promise<void> {
-    // all of it is here
+    // everything is available
   }
 
   segmentsIn({ fromMs, toMs }: Span): readonly SegmentRef[] {
@@ -107,7 +107,7 @@ export class RecordingPast implements PastSource {
     return found;
   }
 
-  /** Whether a part that has this moment is known to be missing or damaged. */
+  /** Whether the part at this moment is known to be missing or damaged. */
   isLostAt(momentMs: number): boolean {
     if (this.#losses.size === 0) return false;
     return this.segmentsIn({ fromMs: momentMs, toMs: momentMs }).some((ref) => this.#losses.has(nameOf(ref)));
@@ -139,7 +139,7 @@ export class RecordingPast implements PastSource {
     }
   }
 
-  /** Not kept. It is not looked at, but for that it can be unpacked. */
+  /** Not cached. Its content is not checked, except that it can be unpacked. */
   async segmentBytes(ref: SegmentRef, signal?: AbortSignal): Promise<Uint8Array<ArrayBuffer>> {
     signal?.throwIfAborted();
     try {
@@ -208,7 +208,7 @@ export class RecordingPast implements PastSource {
     return segment;
   }
 
-  /** A segment byte for byte: its file may be the gzip of it. */
+  /** A segment byte for byte; its file may be gzipped. */
   async #readBytes(ref: SegmentRef, signal?: AbortSignal): Promise<Uint8Array<ArrayBuffer>> {
     const path = segmentPath(ref);
     const loading = this.#ports.loadReader();
@@ -226,7 +226,7 @@ export class RecordingPast implements PastSource {
     return robot === this.#index.robot && view === this.#index.view;
   }
 
-  /** A part can't be played: its place becomes a gap. */
+  /** A part can't be played: it becomes a gap. */
   #lose(name: string): void {
     if (this.#losses.has(name)) return;
     this.#losses.add(name);
@@ -244,7 +244,7 @@ function nameOf({ take, index }: SegmentRef): string {
   return `${take}/${index}`;
 }
 
-/** The place of the first that reaches a moment. */
+/** The index of the first segment that reaches a moment. */
 function firstReaching(reach: Float64Array, momentMs: number): number {
   let [low, high] = [0, reach.length];
   while (low < high) {

@@ -3,17 +3,17 @@ interface Entry<V> {
   readonly cost: number;
 }
 
-/** Values by key, what was used last kept longest: together they cost no more than `costMax`, but the newest stays. */
+/** A least-recently-used cache: the total cost stays within `costMax`, except that the newest entry is always kept. */
 export class BoundedCache<K, V> {
   readonly #costMax: number;
-  readonly #entries = new Map<K, Entry<V>>(); // used last stands last
+  readonly #entries = new Map<K, Entry<V>>(); // most recently used last
   #cost = 0;
 
   constructor(costMax: number) {
     this.#costMax = costMax;
   }
 
-  /** The value, which counts as used now. */
+  /** The value, which becomes the most recently used. */
   use(key: K): V | undefined {
     const entry = this.#entries.get(key);
     if (entry === undefined) return undefined;

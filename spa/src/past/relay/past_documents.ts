@@ -1,62 +1,62 @@
 import { type EventMessage, parseRelayMessage, type RobotStatus } from '@posecast/wire';
 import { PastError, type SegmentRef } from '../past_source.ts';
 
-/** Reads what the relay says about the past, see *The past* in `docs/reference/protocol.md`. What is not as it stands there is a
- *  `PastError` ('damaged') that names the place; it holds nothing of the relay's own text. */
+/** Reads the relay's answers about the past; see *The past* in `docs/reference/protocol.md`. Anything that deviates from it is a
+ *  `PastError` ('damaged') that names the place; it contains none of the relay's own text. */
 
 export const MINUTE_MS = 60_000;
 export const PAGE_MS = 10 * MINUTE_MS;
 export const DAY_MS = 144 * PAGE_MS;
-/** Of one page; a robot makes one segment a second at most. */
+/** Maximum entries in one page; a robot makes at most one segment a second. */
 export const SEGMENTS_MAX = 5000;
 
 const FIRST_MS = Date.UTC(2000);
-const LAST_MS = Date.UTC(2100); // an address has no later day
-const SEGMENT_MS_MAX = PAGE_MS; // one that lasts longer can't be written
+const LAST_MS = Date.UTC(2100); // addresses allow no later day
+const SEGMENT_MS_MAX = PAGE_MS; // the format can't hold a longer one
 const EVENT_CHARS_MAX = 5000; // the wire allows 4096 bytes
 const DAYS_MAX = 4000;
 const MINUTES_MAX = 1440;
 const COUNT_MAX = 2 ** 48;
 const WORDS: readonly RobotStatus[] = ['online', 'silent', 'offline'];
 
-/** How far back one may look. */
+/** How far back the page may look. */
 export interface PastSummary {
   readonly view: string;
   readonly fromMs: number;
   readonly toMs: number;
   readonly pastMs: number;
-  /** The beginnings of the days (UTC) of which there is something, newest first. */
+  /** The starts of the days (UTC) with data, newest first. */
   readonly daysMs: readonly number[];
 }
 
-/** What began in a minute. */
+/** What started in a minute. */
 export interface PastMinute {
   readonly atMs: number;
   readonly bytes: number;
   readonly frames: number;
-  /** The worst. */
+  /** The most severe one. */
   readonly word: RobotStatus;
   readonly faults: number;
 }
 
-/** The segments that begin in ten minutes, or those after one of them. */
+/** The segments that start in ten minutes, or those after one of them. */
 export interface PastPage {
   readonly segments: readonly SegmentRef[];
-  /** Whether there are further ones. */
+  /** Whether there are more. */
   readonly more: boolean;
 }
 
-/** A day of UTC as in an address: 2026-11-22. */
+/** A UTC day as used in an address: 2026-11-22. */
 export function dayOf(atMs: number): string {
   return new Date(atMs).toISOString().slice(0, 10);
 }
 
-/** A minute of UTC as in an address: 2026-11-22T14:20Z. */
+/** A UTC minute as used in an address: 2026-11-22T14:20Z. */
 export function minuteOf(atMs: number): string {
   return `${new Date(atMs).toISOString().slice(0, 16)}Z`;
 }
 
-/** The answer of `/past`; null when there is nothing that may be seen. */
+/** The answer of `/past`; null if nothing may be seen. */
 export function readSummary(json: unknown): PastSummary | null {
   const doc = new Doc(json, 'past');
   const pastMs = doc.count('past_ms');
@@ -70,7 +70,7 @@ export function readSummary(json: unknown): PastSummary | null {
   return { view, fromMs, toMs, pastMs, daysMs: [...new Set(daysMs)].sort((a, b) => b - a) };
 }
 
-/** The minutes of a day that begins at `dayMs`. */
+/** The minutes of a day that starts at `dayMs`. */
 export function readDay(json: unknown, dayMs: number): PastMinute[] {
   return new Doc(json, `day ${dayOf(dayMs)}`).list('minutes', MINUTES_MAX, (item, where) => {
     const doc = new Doc(item, where);
@@ -113,7 +113,7 @@ function readRef(json: unknown, where: string, pageMs: number): SegmentRef {
 
 const SHA256 = /^[0-9a-f]{64}$/;
 
-/** As live: null where this page does not know it, since a newer relay may say more. */
+/** As in live: null if this page does not know it, because a newer relay may send more. */
 function readEvent(json: unknown, where: string): (EventMessage & { readonly atMs: number }) | null {
   const atMs = new Doc(json, where).time('at_ms');
   const text = JSON.stringify(json);
@@ -132,7 +132,7 @@ function fail(where: string, what: string): never {
   throw new PastError('damaged', `${where}: ${what}`);
 }
 
-/** An object of the relay's JSON, and where it stands. */
+/** An object in the relay's JSON, and its place there. */
 class Doc {
   readonly #members: Readonly<Record<string, unknown>>;
   readonly #where: string;

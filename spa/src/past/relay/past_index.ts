@@ -13,32 +13,32 @@ import {
 } from './past_documents.ts';
 import { drawTimeline, type KnownMinute } from './past_timeline.ts';
 
-/** Of pages as JSON, 100,000 segments at most: an entry has more than 250 bytes. */
+/** For pages as JSON, at most 100,000 segments: an entry has more than 250 bytes. */
 const PAGES_BYTES_MAX = 25_000_000;
-/** Whose minutes are kept: a week and what lies around it. */
+/** The number of days whose minutes are kept: a week and its surroundings. */
 const DAYS_MAX = 16;
-/** A past so long is fetched whole, by minutes; of a longer one the days that somebody looks at. */
+/** A past up to this long is fetched whole, by minutes; of a longer one, only the days that the viewer looks at. */
 const SHORT_MS = 3_600_000;
-/** A clock that was set back by more than this makes all that is known wrong. */
+/** If a clock was set back by more than this, all known data is wrong. */
 const SET_BACK_MS = 60_000;
-/** After its end a page can get no further segment: one lasts 6 s at most, where the relay's clock goes on. */
+/** This long after its end, a page gets no more segments: one lasts at most 6 s, as long as the relay's clock is not set back. */
 const CLOSED_MS = 10_000;
 
 interface IndexPage {
   readonly segments: ReadonlyMap<string, SegmentRef>;
-  /** The last one that the relay named. */
+  /** The last one that the relay listed. */
   readonly last: SegmentRef | null;
-  /** As JSON. */
+  /** Size as JSON. */
   readonly bytes: number;
-  /** All that begins before is known. */
+  /** Everything that starts before this is known. */
   readonly knownMs: number;
 }
 
 interface Day {
   readonly minutes: readonly KnownMinute[];
-  /** The pages that they lie in. */
+  /** The pages that contain them. */
   readonly pagesMs: ReadonlySet<number>;
-  /** What was newest when it was asked for. */
+  /** The newest moment at the time of the request. */
   readonly knownMs: number;
 }
 
@@ -46,13 +46,12 @@ export function nameOf({ take, index }: SegmentRef): string {
   return `${take}/${index}`;
 }
 
-/** The beginning of the ten minutes in which a moment lies. */
+/** The start of the ten minutes that contain a moment. */
 export function pageOf(atMs: number): number {
   return atMs - (atMs % PAGE_MS);
 }
 
-/** What is known of what was recorded: how far it reaches, by minutes, and by segments where their page was fetched. Times
- *  are the relay's. */
+/** What is known about the recorded data: its extent, by minutes, and by segments for fetched pages. Times are the relay's. */
 export class PastIndex {
   readonly #days = new BoundedCache<number, Day>(DAYS_MAX);
   readonly #pages = new BoundedCache<number, IndexPage>(PAGES_BYTES_MAX);
@@ -70,13 +69,13 @@ export class PastIndex {
     return this.#toMs;
   }
 
-  /** The beginning of the window. */
+  /** The start of the window. */
   get fromMs(): number {
     const { fromMs, pastMs } = this.#summary ?? { fromMs: 0, pastMs: 0 };
     return Math.max(fromMs, this.#toMs - pastMs);
   }
 
-  /** The beginnings of the pages that were fetched. */
+  /** The starts of the fetched pages. */
   get pagesMs(): readonly number[] {
     return this.#pages.entries().map(([pageMs]) => pageMs);
   }
@@ -87,8 +86,8 @@ export class PastIndex {
     return this.#timeline;
   }
 
-  /** Sets how far it reaches. Forgets what lies outside, and everything if it is another past than before: then it
-   *  returns true. */
+  /** Sets the extent. Forgets what lies outside it. If it is a different past than before, forgets everything and returns
+   *  true. */
   setSummary(summary: PastSummary | null): boolean {
     const isAnother =
       summary?.view !== this.#summary?.view || (summary?.toMs ?? 0) < this.#toMs - SET_BACK_MS;
@@ -105,7 +104,7 @@ export class PastIndex {
     return isAnother;
   }
 
-  /** The days of a span whose minutes are not known, and those that are not known whole any more, newest first. */
+  /** The days in a span whose minutes are unknown or out of date, newest first. */
   listDaysToFetch(span: Span | null): readonly number[] {
     const short = this.#toMs - this.fromMs <= SHORT_MS ? this : null;
     const wanted = new Set([short, span].flatMap((each) => (each === null ? [] : this.#listDays(each))));
@@ -114,7 +113,7 @@ export class PastIndex {
         const day = this.#days.get(dayMs);
         if (day === undefined) return wanted.has(dayMs);
         if (wanted.has(dayMs)) this.#days.use(dayMs);
-        // the longer a day's answer is, the seldomer it is asked for: one of 24 hours has more than 100 kB
+        // the longer a day's answer, the less often it is requested: a full day has more than 100 kB
         const afterMs = Math.max(1, Math.floor(day.minutes.length / 120)) * MINUTE_MS;
         const nextMs = day.knownMs - (day.knownMs % MINUTE_MS) + afterMs;
         return day.knownMs < dayMs + DAY_MS + CLOSED_MS && this.#toMs >= nextMs;
@@ -122,7 +121,7 @@ export class PastIndex {
       .slice(0, DAYS_MAX);
   }
 
-  /** `knownMs`: what was newest when it was asked for. */
+  /** `knownMs`: the newest moment at the time of the request. */
   setDay(dayMs: number, minutes: readonly PastMinute[], knownMs: number): void {
     const known = minutes.map(({ atMs, bytes, ...more }) => {
       const lastedMs = Math.min(atMs + MINUTE_MS, knownMs) - Math.max(atMs, this.fromMs);
@@ -133,7 +132,7 @@ export class PastIndex {
     this.#change();
   }
 
-  /** The pages of a span of which there is anything, newest first. */
+  /** The pages in a span that have data, newest first. */
   listPages(span: Span): readonly number[] {
     const fromMs = Math.max(span.fromMs, this.fromMs);
     const toMs = Math.min(span.toMs, this.#toMs);
@@ -148,7 +147,7 @@ export class PastIndex {
     return found;
   }
 
-  /** Whether all is known that begins in a page before `untilMs`, as far as there is anything by now. */
+  /** Whether everything in a page that starts before `untilMs` is known, as far as it exists by now. */
   knows(pageMs: number, untilMs: number): boolean {
     const page = this.#pages.use(pageMs);
     return page !== undefined && page.knownMs >= Math.min(untilMs, this.#toMs, pageMs + PAGE_MS);
@@ -158,25 +157,25 @@ export class PastIndex {
     return (this.#pages.get(pageMs)?.knownMs ?? 0) >= pageMs + PAGE_MS;
   }
 
-  /** How many segments of a page have frames; null if it was not fetched. */
+  /** The number of segments with frames in a page; null if the page was not fetched. */
   countPoses(pageMs: number): number | null {
     const page = this.#pages.get(pageMs);
     return page ? [...page.segments.values()].filter(({ frames }) => frames > 0).length : null;
   }
 
-  /** The last segment of a page that the relay named. */
+  /** The last segment that the relay listed for a page. */
   getLast(pageMs: number): SegmentRef | null {
     return this.#pages.get(pageMs)?.last ?? null;
   }
 
-  /** Until when all is known of a page that the relay gives at `atMs`, by its clock. */
+  /** The time up to which a page is fully known if the relay answers at `atMs`, by its clock. */
   findKnownMs(pageMs: number, atMs: number): number {
     const endMs = pageMs + PAGE_MS;
     return atMs >= endMs + CLOSED_MS ? endMs : Math.min(this.#toMs, endMs - 1);
   }
 
-  /** Adds what the relay gave of a page, `size` bytes of JSON. `knownMs`: of `findKnownMs` before it was asked for.
-   *  Returns how many segments are new. Throws a `PastError`. */
+  /** Adds the relay's answer for a page, `size` bytes of JSON. `knownMs`: from `findKnownMs` before the request. Returns how many
+   *  segments are new. Throws a `PastError`. */
   addPage(pageMs: number, { segments, more }: PastPage, size: number, knownMs: number): number {
     const before = this.#pages.get(pageMs) ?? { segments: new Map(), last: null, bytes: 0, knownMs: 0 };
     const all = new Map(before.segments);
@@ -188,7 +187,7 @@ export class PastIndex {
     if (all.size > SEGMENTS_MAX)
       throw new PastError('damaged', `page ${minuteOf(pageMs)}: more than ${SEGMENTS_MAX} segments`);
     const count = all.size - before.segments.size;
-    // an answer without news costs nothing, however often it comes
+    // an answer without news costs nothing, however often it arrives
     const bytes = before.bytes + (count > 0 ? size : 0);
     const endMs = pageMs + PAGE_MS;
     const saidMs = more ? 0 : Math.max(knownMs, Math.min(newestMs, endMs - 1));
@@ -204,7 +203,7 @@ export class PastIndex {
 
   segmentsIn(span: Span): readonly SegmentRef[] {
     const all = this.#listSegments();
-    // by their beginnings: none lasts longer than a page
+    // by start: none lasts longer than a page
     const first = firstFrom(all, span.fromMs - PAGE_MS);
     const found: SegmentRef[] = [];
     for (let i = first; i < all.length && all[i]!.fromMs <= span.toMs; i++)
@@ -212,14 +211,14 @@ export class PastIndex {
     return found;
   }
 
-  /** The days of a span of which there is anything, newest first. */
+  /** The days in a span that have data, newest first. */
   #listDays({ fromMs, toMs }: Span): readonly number[] {
-    // a summary of before midnight does not name the day of what is newest
+    // a summary from before midnight does not list the day of the newest data
     const days = new Set([this.#toMs - (this.#toMs % DAY_MS), ...(this.#summary?.daysMs ?? [])]);
     return [...days].filter((dayMs) => dayMs + DAY_MS > fromMs && dayMs <= toMs);
   }
 
-  /** Those that may still be had, by beginning, then take, then index. */
+  /** The segments still available, by start, then take, then index. */
   #listSegments(): readonly SegmentRef[] {
     this.#segments ??= this.#pages
       .entries()
@@ -233,7 +232,7 @@ export class PastIndex {
 
   #draw(): Timeline {
     const segments = this.#listSegments();
-    // the segment that the window's beginning cuts can't be had any more
+    // a segment that crosses the window's start is no longer available
     const firstMs = segments[0]?.fromMs ?? 0;
     const fromMs = pageOf(firstMs) === pageOf(this.fromMs) ? firstMs : this.fromMs;
     const minutes = this.#days
@@ -254,7 +253,7 @@ export class PastIndex {
   }
 }
 
-/** The place of the first that begins at `atMs` or later. */
+/** The index of the first that starts at `atMs` or later. */
 function firstFrom(segments: readonly SegmentRef[], atMs: number): number {
   let [low, high] = [0, segments.length];
   while (low < high) {

@@ -1,2 +1,2 @@
-/** What segments and pages of KEYs are read with: a part of its own, which nobody needs who does not look back. */
+/** Reads segments and pages of KEYs: a separate chunk, needed only for looking back. */
 export { decodeKeyPage, decodeSegment, SegmentError } from '@posecast/wire';

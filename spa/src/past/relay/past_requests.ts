@@ -2,32 +2,32 @@ import type { Schema } from '@posecast/wire';
 import { answerBytes } from '../answer_bytes.ts';
 import { PastError } from '../past_source.ts';
 
-/** What segments and pages of KEYs are read with. */
+/** The code that reads segments and pages of KEYs. */
 export type PastReader = typeof import('./past_reader.ts');
 
 const RETRY_MS = 500;
 const LATE_MS = 20_000;
-/** The longest answer is a segment: a MiB each of header and records, and a little. */
+/** The longest answer is a segment: 1 MiB each of header and records, plus some overhead. */
 const BYTES_MAX = 3_000_000;
 
-/** What the page lends to the past that a relay keeps. */
+/** What the page provides for the past of a relay. */
 export interface RelayPorts {
   readonly fetch: (url: string, init: RequestInit) => Promise<Response>;
   /** The token for a URL, if there is one. */
   readonly tokenFor: (url: string) => string | undefined;
-  /** Fetches what segments and pages of KEYs are read with, if it is not here yet. Never rejects. */
+  /** Loads the code that reads segments and pages of KEYs, if needed. Never rejects. */
   readonly loadReader: () => Promise<PastReader>;
-  /** A clock that is never set, ms. */
+  /** A monotonic clock, ms. */
   readonly nowMs: () => number;
-  /** Calls `run` after `ms`. Returns a function that calls it off. */
+  /** Calls `run` after `ms`. Returns a function that cancels it. */
   readonly later: (ms: number, run: () => void) => () => void;
-  /** Whether nothing is to be asked of its own accord: nobody sees the page, or the relay does not know the robot. */
+  /** Whether unprompted requests are paused: nobody sees the page, or the relay does not know the robot. */
   readonly isIdle: () => boolean;
-  /** The schema of what is live; null where there is none yet. It is hardly ever another one than that of the past. */
+  /** The live schema; null if there is none yet. The past almost always has the same one. */
   readonly liveSchema: () => Schema | null;
 }
 
-/** An answer that came whole. */
+/** A complete answer. */
 export interface Answer {
   readonly bytes: Uint8Array<ArrayBuffer>;
   readonly isJson: boolean;
@@ -43,7 +43,7 @@ export class PastRequests {
     this.#ports = ports;
   }
 
-  /** `path`: '', or with a slash in front. Asks twice where nobody answers. */
+  /** `path`: '', or with a leading slash. Tries twice if there is no answer. */
   async get(path: string, signal: AbortSignal): Promise<Answer> {
     const first = await this.#try(path, signal);
     if (first !== null) return first;

@@ -3,25 +3,25 @@ import type { SegmentRef } from '../past_source.ts';
 import type { Mark, Span, Timeline } from '../past_types.ts';
 import { MINUTE_MS, type PastMinute } from './past_documents.ts';
 
-/** A minute, and how much moved in it. */
+/** A minute, and the amount of movement in it. */
 export type KnownMinute = Omit<PastMinute, 'bytes'> & { readonly bytesPerS: number };
 
-/** A minute of which segments are known up to `unknownMs` only. */
+/** A minute whose segments are known only up to `unknownMs`. */
 type PartlyKnown = KnownMinute & { readonly unknownMs: number };
 
-/** Takes tell times of their own, which differ by a few ms. What the one before says of the robot beside its last frames
- *  comes before what the next one says with its first. */
+/** Takes have their own timestamps, which differ by a few ms. Within this time, the robot state at the end of one take sorts
+ *  before the state at the start of the next. */
 const TAKES_APART_MS = 100;
 
 interface Change {
   readonly atMs: number;
   readonly word: RobotStatus;
-  /** Its place among the others. */
+  /** Its position among the others. */
   readonly orderMs: number;
 }
 
-/** Draws a time line: of segments where they are known, else of minutes. Both are ordered by time. `unknown`: days of which
- *  neither is. */
+/** Draws a time line: from segments where they are known, otherwise from minutes. Both are ordered by time. `unknown`: days for
+ *  which neither is known. */
 export function drawTimeline(
   span: Span,
   segments: readonly SegmentRef[],
@@ -43,15 +43,15 @@ export function drawTimeline(
 
   minutes.forEach(({ atMs, unknownMs, bytesPerS, frames, word, faults }, i) => {
     const nextMs = minutes[i + 1]?.atMs;
-    // of what is newer than the newest minute only the end is known: until it is asked for again it goes on as it was
+    // after the newest minute only the end is known: until the next request, the movement is assumed to continue
     const toMs = Math.min(nextMs === undefined && !isCut(atMs) ? span.toMs : atMs + MINUTE_MS, span.toMs);
     const fromMs = Math.max(atMs, unknownMs, span.fromMs);
     if (fromMs >= toMs) return;
     if (frames > 0) movement.push({ fromMs, toMs, bytesPerS });
     changes.push({ atMs: fromMs, word, orderMs: fromMs });
-    // who was offline when nothing more came was offline until something came again
+    // a robot that was offline at the end of the data stays offline until new data arrives
     if (word !== 'offline' || nextMs === toMs) changes.push({ atMs: toMs, word: 'online', orderMs: toMs });
-    // which of them began before `unknownMs` can't be told
+    // it is unknown which of them started before `unknownMs`
     if (faults > 0 && unknownMs <= atMs)
       marks.push({
         ...{ atMs: fromMs, level: 'fault', source: '', text: '', exact: false },

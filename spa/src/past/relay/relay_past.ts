@@ -18,37 +18,37 @@ import { SharedRequests } from './shared_requests.ts';
 const TICK_MS = 2000;
 const IDLE_MS = 15_000;
 const REST_MS = 10_000;
-/** A relay that has no past, or none for this page, is asked again after so long. */
+/** A relay without a past, or without one for this page, is asked again after this time. */
 const REFUSED_MS = 60_000;
-/** A past in which nothing is recorded yet begins soon. */
+/** A past without recorded data yet will start soon. */
 const BEGINNING_MS = 3000;
 const SEGMENTS_KEPT_BYTES = 8 << 20;
 const KEYS_KEPT_BYTES = 4_000_000;
 const SCHEMAS_KEPT = 8;
-/** A page of KEYs should have no more; it has every n-th where there are too many. */
+/** Target size of a page of KEYs; if there are too many, it has every n-th. */
 const KEYS_BYTES_WANTED = 100_000;
-const POSE_BYTES = 500; // until a page was seen
-/** As many pages of KEYs as are kept. */
+const POSE_BYTES = 500; // until the first page arrives
+/** The maximum number of cached pages of KEYs. */
 const KEY_PAGES_MAX = KEYS_KEPT_BYTES / KEYS_BYTES_WANTED;
-/** Between KEYs, unless a robot's agent is told otherwise. */
+/** The default interval between KEYs. */
 const USUAL_SEGMENT_MS = 4000;
 const INDEX_PAGES_MAX = 1000;
-/** A page of more parts than this is none that a relay makes. */
+/** No relay makes a page with more parts than this. */
 const PARTS_MAX = 8;
 const AT_ONCE = 4;
 
 interface KeysOfPage {
-  /** How far apart they may be, ms; 0: all are there that there is room for. */
+  /** Their spacing, ms; 0: as many as fit. */
   readonly everyMs: number;
   readonly poses: readonly KeyPose[];
-  /** All that begins before is there. */
+  /** Everything that starts before this is included. */
   readonly knownMs: number;
-  /** When it was asked for, by the page's clock. */
+  /** When it was requested, by the page's clock. */
   readonly askedMs: number;
 }
 
-/** The past that a relay keeps of a robot. At first it asks only how far back that reaches and, if that is no more than an
- *  hour, how much there was in each minute. */
+/** The past that a relay keeps of a robot. At first it requests only how far back the past reaches and, if that is no more than
+ *  an hour, the amount of data in each minute. */
 export class RelayPast implements PastSource {
   readonly #ports: RelayPorts;
   readonly #requests: PastRequests;
@@ -61,8 +61,8 @@ export class RelayPast implements PastSource {
   #isNear = false;
   #isAsking = false;
   #isClosed = false;
-  #dueMs = Number.NEGATIVE_INFINITY; // when the summary is to be asked for again
-  #restsUntilMs = Number.NEGATIVE_INFINITY; // after a failure nothing is asked of its own accord
+  #dueMs = Number.NEGATIVE_INFINITY; // when to request the summary again
+  #restsUntilMs = Number.NEGATIVE_INFINITY; // after a failure there are no unprompted requests
   #failure = new PastError('gone', 'past: there is none');
   #newest = { toMs: 0, seenMs: 0 };
   #poseBytes = POSE_BYTES;
@@ -160,7 +160,7 @@ export class RelayPast implements PastSource {
     void this.#askNewest();
   }
 
-  /** Asks for what is due, unless nobody sees the page. Never rejects. */
+  /** Requests what is due, unless nobody sees the page. Never rejects. */
   async #askNewest(): Promise<void> {
     const { nowMs, isIdle } = this.#ports;
     if (this.#isAsking || this.#isClosed || nowMs() < this.#restsUntilMs || isIdle()) return;
@@ -176,7 +176,7 @@ export class RelayPast implements PastSource {
     }
   }
 
-  /** Resolves when it is known how far the past reaches. Rejects with a `PastError`, also where there is none. */
+  /** Resolves when it is known how far back the past reaches. Rejects with a `PastError`, also if there is no past. */
   async #opened(): Promise<void> {
     if (this.#index.summary !== null) return;
     if (this.#shared.has('past') || this.#ports.nowMs() >= this.#dueMs) await this.#open();
@@ -206,7 +206,7 @@ export class RelayPast implements PastSource {
     await this.#fetchDays(null);
   }
 
-  /** Fetches the days of a span that are not known, and what is new of those that are. */
+  /** Fetches the unknown days in a span, and news about those that may have changed. */
   async #fetchDays(span: Span | null): Promise<void> {
     await eachOf(this.#index.listDaysToFetch(span), (dayMs) =>
       this.#shared.ask(`day ${dayMs}`, async (signal) => {
@@ -226,18 +226,18 @@ export class RelayPast implements PastSource {
     return this.#index.summary?.view ?? '';
   }
 
-  /** PastNotes when it was that something newer came. */
+  /** Records when newer data arrived. */
   #see(): void {
     const { toMs } = this.#index;
     if (toMs !== this.#newest.toMs) this.#newest = { toMs, seenMs: this.#ports.nowMs() };
   }
 
-  /** The relay's clock, as this page sees it: now or a little earlier. */
+  /** The relay's clock as estimated by this page: now or a little earlier. */
   #relayNowMs(): number {
     return this.#newest.toMs + this.#ports.nowMs() - this.#newest.seenMs;
   }
 
-  /** Fetches what is new of the pages that may still grow, if any page was fetched that is about as new. */
+  /** Fetches news about pages that may still grow, if a page about as new has been fetched before. */
   async #loadNewPages(): Promise<void> {
     const pages = this.#index.pagesMs.filter((pageMs) => pageMs >= pageOf(this.#index.toMs) - PAGE_MS);
     if (pages.length === 0) return;
@@ -342,7 +342,7 @@ export class RelayPast implements PastSource {
   }
 }
 
-/** What `decode` returns; what it refuses, with a `Refusal`, is damage. */
+/** The result of `decode`; if it rejects the data with a `Refusal`, the data is damaged. */
 function decoded<T>(path: string, Refusal: new () => Error, decode: () => T): T {
   try {
     return decode();
@@ -357,8 +357,8 @@ async function checkHash(path: string, bytes: Uint8Array<ArrayBuffer>, sha256: s
   if (hash !== null && hash !== sha256) throw new PastError('damaged', `past${path}: not what its hash says`);
 }
 
-/** SHA-256 as hexadecimal digits. Browsers compute hashes for pages of https only: null where they don't, and what the
- *  format itself checks must do. */
+/** SHA-256 in hexadecimal. Browsers compute hashes only on https pages. Elsewhere the result is null, and the format's own checks
+ *  must suffice. */
 async function hashOf(bytes: Uint8Array<ArrayBuffer>): Promise<string | null> {
   const subtle = crypto.subtle as SubtleCrypto | undefined;
   if (subtle === undefined) return null;
@@ -366,7 +366,7 @@ async function hashOf(bytes: Uint8Array<ArrayBuffer>): Promise<string | null> {
   return [...hash].map((byte) => byte.toString(16).padStart(2, '0')).join('');
 }
 
-/** Runs `run` for each item, a few at once, until one rejects. */
+/** Calls `run` for each item, a few at a time, until one rejects. */
 async function eachOf<T>(items: readonly T[], run: (item: T) => Promise<void>): Promise<void> {
   const waiting = [...items];
   const work = async (): Promise<void> => {

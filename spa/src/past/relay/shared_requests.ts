@@ -6,13 +6,12 @@ interface Running {
   waiting: number;
 }
 
-/** Requests that are on their way. Who asks for the same waits for the same answer; a request ends when nobody waits for it
- *  any more. */
+/** Running requests. Callers that ask for the same thing share one answer; a request is cancelled when nobody waits for it any
+ *  more. */
 export class SharedRequests {
   readonly #running = new Map<string, Running>();
 
-  /** The answer of `request`, or of the one with this key that runs already. Rejects as it does, or with the reason of
-   *  `signal`. */
+  /** The answer of `request`, or of a running request with the same key. Rejects as that does, or with the reason of `signal`. */
   async ask<T>(key: string, request: (signal: AbortSignal) => Promise<T>, signal?: AbortSignal): Promise<T> {
     signal?.throwIfAborted();
     const running = this.#running.get(key) ?? this.#start(key, request);
@@ -35,7 +34,7 @@ export class SharedRequests {
     return this.#running.has(key);
   }
 
-  /** Ends all of them: they reject. */
+  /** Cancels all of them: they reject. */
   close(): void {
     for (const [key, running] of this.#running) this.#end(key, running);
   }
@@ -46,7 +45,7 @@ export class SharedRequests {
       stop.signal.addEventListener('abort', () => reject(stop.signal.reason));
     });
     const running: Running = { answer: Promise.race([request(stop.signal), stopped]), stop, waiting: 0 };
-    running.answer.catch(() => {}); // who waits is told; perhaps nobody does
+    running.answer.catch(() => {}); // the callers handle the rejection; there may be none left
     this.#running.set(key, running);
     return running;
   }

@@ -4,7 +4,7 @@ import type { Vec3 } from '../../twin/rotation.ts';
 const METRE_DECIMALS = 4;
 const MM_DECIMALS = 1;
 
-/** The columns of balance in CSV, behind those of the channels. */
+/** The CSV columns for balance, after those of the channels. */
 export const BALANCE_COLUMNS: readonly string[] = [
   ...['x', 'y', 'z'].map((axis) => `balance.centre_of_mass.${axis} [m]`),
   ...['x', 'y'].map((axis) => `balance.capture_point.${axis} [m]`),
@@ -13,7 +13,7 @@ export const BALANCE_COLUMNS: readonly string[] = [
   'balance.margin [mm]',
 ];
 
-/** Their cells; empty where a value is none. */
+/** Their cells; empty if there is no value. */
 export function balanceCells(balance: Balance | null): readonly string[] {
   if (balance === null) return BALANCE_COLUMNS.map(() => '');
   const { centreOfMass, capturePoint, pressure, floorM, marginM } = balance;
@@ -30,7 +30,7 @@ function pointCells(point: Vec3 | null, axes: number): string[] {
   return Array.from({ length: axes }, (_, axis) => cell(point?.[axis] ?? null, METRE_DECIMALS));
 }
 
-/** Without a minus before zeros. */
+/** Without a minus sign before zero. */
 function cell(value: number | null, decimals: number): string {
   return value?.toFixed(decimals).replace(/^-(?=[0.]+$)/, '') ?? '';
 }

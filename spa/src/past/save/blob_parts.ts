@@ -1,7 +1,7 @@
-/** How many bytes lie in the page's own memory; a Blob's lie with the browser, which puts large ones on disk. */
+/** How many bytes are held in the page's memory; Blobs belong to the browser, which moves large ones to disk. */
 const PART_BYTES = 4 << 20;
 
-/** Collects a file: about `PART_BYTES` at a time are held here, the rest in Blobs. */
+/** Builds a file: about `PART_BYTES` at a time are held here, the rest in Blobs. */
 export class BlobParts {
   readonly #blobs: Blob[] = [];
   #pieces: BlobPart[] = [];
@@ -13,7 +13,7 @@ export class BlobParts {
     return this.#size;
   }
 
-  /** Adds a copy of bytes, or a text as UTF-8. */
+  /** Adds a copy of bytes, or text as UTF-8. */
   write(piece: Uint8Array | string): void {
     const bytes = typeof piece === 'string' ? new TextEncoder().encode(piece) : piece.slice();
     if (bytes.length === 0) return;

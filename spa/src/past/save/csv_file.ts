@@ -6,17 +6,17 @@ import { framesOf, type SavedFrame } from './saved_frames.ts';
 import { loadBalance, loadManifests, ModelTimeline } from './saved_models.ts';
 import type { SavedSpan } from './saved_span.ts';
 
-/** Rows that are made at a time. */
+/** Rows built at a time. */
 const ROWS = 32;
 const BYTE_ORDER_MARK = '\ufeff';
-/** Of a step, since one like 1/30 has no end. */
+/** Significant digits of a step, because one like 1/30 has infinitely many. */
 const STEP_DIGITS_MAX = 6;
-/** No bit is set; an empty cell is no reading. */
+/** No bit is set, as opposed to an empty cell, which means no reading. */
 const NONE_SET = '0';
 const FIRST = ['time', 'seconds', 'robot_time'];
 
-/** Writes the frames of a span as a table: a row each, a column for each channel, then the balance where a model that can be
- *  had has one. */
+/** Writes the frames in a span as a table: one row for each frame, one column for each channel, then the balance if a model with
+ *  masses or feet is available. */
 export async function writeCsv(
   span: SavedSpan,
   { models, breathe, signal }: Pick<SavePorts, 'models' | 'breathe' | 'signal'>,
@@ -42,7 +42,7 @@ export async function writeCsv(
   return { blob: file.blob('text/csv'), lostModels: 0 };
 }
 
-/** The columns of some schemas: those of the first, then what further ones have besides, then `more`. */
+/** The columns of some schemas: those of the first, then any additional ones, then `more`. */
 export class CsvTable {
   readonly #columns = new Map<string, number>();
   readonly #cellsOf = new Map<string, readonly Cell[]>();
@@ -92,14 +92,14 @@ interface Cell {
   readonly text: (codes: Int32Array) => string;
 }
 
-/** How many decimals a number needs whose step this is: those of the step itself, of which six digits count. */
+/** The number of decimals for values with this step: those of the step itself, rounded to six significant digits. */
 export function decimalsOf(step: number): number {
   const [digits, exponent] = step.toExponential().split('e') as [string, string];
-  const more = Math.max(0, digits.length - 2); // digits behind the first one, and the point
+  const more = Math.max(0, digits.length - 2); // the digits after the first one, and the point
   return Math.max(0, Math.min(more, STEP_DIGITS_MAX - 1) - Number(exponent));
 }
 
-/** The names of set bits; `|` and `\` in a name have a `\` before them. */
+/** The names of set bits; `|` and `\` in a name are escaped with `\`. */
 function bitsOf(field: Field, code: number): string {
   if (code === MISSING) return '';
   const names = field.bitsSet(code).map((name) => name.replace(/[\\|]/g, '\\$&'));
@@ -111,7 +111,7 @@ function numberOf(field: Field, at: number): Cell['text'] {
   return (codes) => field.value(codes[at]!)?.toFixed(decimals) ?? '';
 }
 
-/** A text as a cell. What a spreadsheet would take for a formula gets an apostrophe in front. */
+/** A text as a cell. Text that a spreadsheet would read as a formula gets a leading apostrophe. */
 export function cellOf(text: string): string {
   const safe = /^[=+\-@]/.test(text) ? `'${text}` : text;
   return /[",\r\n]/.test(safe) ? `"${safe.replaceAll('"', '""')}"` : safe;

@@ -1,28 +1,28 @@
 /** Compresses as an LZ4 frame, as MCAP's chunks may be: message after message repeats its names and most of its numbers. Greedy,
- *  with a table of where four bytes were seen last; about as fast as what it compresses is made.
+ *  with a table of the last position of each four-byte sequence. It takes about as long as producing the data.
  *
- *  It is our own since npm has no maintained library for it that is small: lz4js is CommonJS without upkeep (its tools are of 2016)
- *  and takes 5 MiB as soon as it is imported, lz4-browser brings Node's Buffer along (12 kB gzip), @rinsuki/lz4-ts writes no frames,
- *  and the others are WebAssembly or native. */
+ *  We wrote it because npm has no small, maintained library for it: lz4js is unmaintained CommonJS (its tools date from 2016) and
+ *  allocates 5 MiB on import, lz4-browser brings Node's Buffer along (12 kB gzip), @rinsuki/lz4-ts writes no frames, and the
+ *  others are WebAssembly or native. */
 
 /** Magic number; version 1 with independent blocks of at most 4 MiB and without checksums (MCAP has its own); checksum of
  *  these two bytes. */
 const HEAD = [0x04, 0x22, 0x4d, 0x18, 0x60, 0x70, 0x73];
 const BLOCK_BYTES_MAX = 4 << 20;
-/** Of a block's size: it is not compressed. */
+/** Flag in a block's size: the block is not compressed. */
 const PLAIN = 0x8000_0000;
 const TABLE_BITS = 14;
 const MATCH_MIN = 4;
 const OFFSET_MAX = 0xffff;
-/** The last bytes of a block are literals, and the last match begins so far before its end. */
+/** The last bytes of a block are literals, and the last match starts at least this far before its end. */
 const LITERALS_LAST = 5;
 const MATCH_LAST = 12;
-/** After so many bytes without a match ever more are passed over. */
+/** After this many bytes without a match, the search skips ever more bytes. */
 const PATIENCE_BITS = 6;
 
 const places = new Int32Array(1 << TABLE_BITS);
 
-/** The frame of some bytes. */
+/** The LZ4 frame of some bytes. */
 export function lz4Frame(data: Uint8Array): Uint8Array {
   const blocks = Math.ceil(data.length / BLOCK_BYTES_MAX);
   const out = new Uint8Array(HEAD.length + 4 + blocks * 4 + boundOf(data.length));
@@ -42,21 +42,21 @@ export function lz4Frame(data: Uint8Array): Uint8Array {
     out.set(block, at + 4);
     at += 4 + block.length;
   }
-  view.setUint32(at, 0, true); // the end
+  view.setUint32(at, 0, true); // end mark
   return out.subarray(0, at + 4);
 }
 
-/** Incompressible bytes take no more, of any block. */
+/** The maximum size of any compressed block, reached with incompressible data. */
 function boundOf(size: number): number {
   return size + Math.ceil(size / 255) + 16;
 }
 
-/** Writes the block of `data` from `at` on; returns its end. */
+/** Writes the block of `data` starting at `at`; returns its end. */
 function compress(data: Uint8Array, out: Uint8Array, at: number): number {
   const view = new DataView(data.buffer, data.byteOffset, data.byteLength);
   const size = data.length;
   let end = at;
-  let literals = 0; // where those begin that are not written yet
+  let literals = 0; // start of the literals not yet written
   places.fill(-1);
   for (let i = 0; i < size - MATCH_LAST; ) {
     const four = view.getUint32(i, true);
@@ -79,7 +79,7 @@ function compress(data: Uint8Array, out: Uint8Array, at: number): number {
   return writeSequence(data, literals, size, out, end, 0);
 }
 
-/** Writes the token, and the literals from `from` to `to`; `match`: the length of what follows, without the least one. */
+/** Writes the token, and the literals from `from` to `to`; `match`: the length of the following match, minus the minimum. */
 function writeSequence(
   data: Uint8Array,
   from: number,
@@ -95,7 +95,7 @@ function writeSequence(
   return end + count;
 }
 
-/** Writes what of a length is not in the token. */
+/** Writes the part of a length that does not fit into the token. */
 function writeLength(out: Uint8Array, at: number, length: number): number {
   if (length < 15) return at;
   let left = length - 15;

@@ -17,8 +17,8 @@ import type { SavedSpan } from './saved_span.ts';
 const CHUNK_BYTES = 1 << 20;
 const LIBRARY = 'posecast';
 
-/** Writes the frames and events of a span as ROS 2 messages. Of what it writes, a chunk and a part of the file are held here
- *  at a time. `lostModels`: how many models could not be had, so that neither their links nor their balance are in it. */
+/** Writes the frames and events as ROS 2 messages. At most one chunk and one part of the file are held in memory. `lostModels`:
+ *  how many models were unavailable, so that their links and balance are missing. */
 export async function writeMcap(
   span: SavedSpan,
   ports: Pick<SavePorts, 'models' | 'breathe' | 'signal'>,
@@ -46,13 +46,13 @@ export async function writeMcap(
   return { blob: file.blob('application/octet-stream'), lostModels };
 }
 
-/** Writes messages into an MCAP file, and opens a channel for each topic when it is first told of. */
+/** Writes messages into an MCAP file, and opens a channel for each topic at its first message. */
 class MessageWriter {
   readonly #writer: McapWriter;
   readonly #cdr = new CdrWriter();
   readonly #schemas = new Map<MessageType, number>();
   readonly #channels = new Map<string, { readonly id: number; count: number }>();
-  /** What was told of last. */
+  /** The last one written. */
   #told: {
     readonly schema: Schema;
     readonly rootLink: string | null;
@@ -111,7 +111,7 @@ class MessageWriter {
     return this.#told;
   }
 
-  /** Adds what the CDR writer has. */
+  /** Adds the content of the CDR writer. */
   async #add(topic: string, type: MessageType, atUs: number, units = NO_UNITS): Promise<void> {
     const key = JSON.stringify([topic, ...units]);
     const channel = this.#channels.get(key) ?? (await this.#open(topic, type, units));

@@ -4,21 +4,21 @@ import { SaveError, type SaveFormat, type SavePorts } from './save_ports.ts';
 import { findSegments, loadSpan } from './saved_span.ts';
 import { writeSpan } from './write_span.ts';
 
-/** Of a recording: what a segment has besides its own bytes: its first pose once more, its row and its name. */
+/** For a recording: the overhead of a segment, consisting of its first pose, its index row and its name. */
 const SEGMENT_BYTES = 800;
 
-/** What there is to save of a span, before it is fetched. */
+/** What there is to save in a span, before it is fetched. */
 export interface Measure {
   readonly frames: number;
-  /** About how large the file will be. */
+  /** The approximate size of the file. */
   readonly bytes: number;
-  /** The end of the newest segment, unix ms: what came since is not in any yet. */
+  /** The end of the newest segment, unix ms: later data is in no segment yet. */
   readonly untilMs: number;
 }
 
 type Ports = Pick<SavePorts, 'source' | 'models' | 'breathe' | 'signal'>;
 
-/** Measures what saving a span would give, from what a segment of it gives. Rejects with a `SaveError`, or with the reason of the
+/** Estimates the result of saving a span from one of its segments. Rejects with a `SaveError`, or with the reason of the
  *  signal. */
 export async function measureSpan(format: SaveFormat, span: Span, ports: Ports): Promise<Measure> {
   const { source, signal } = ports;
@@ -43,13 +43,13 @@ export async function measureSpan(format: SaveFormat, span: Span, ports: Ports):
   return { frames, bytes, untilMs };
 }
 
-/** Which part of a segment lies in a span. */
+/** The fraction of a segment that lies in a span. */
 function shareOf({ fromMs, toMs }: SegmentRef, span: Span): number {
   const withinMs = Math.min(toMs, span.toMs) - Math.max(fromMs, span.fromMs);
   return toMs > fromMs ? Math.min(1, Math.max(0, withinMs / (toMs - fromMs))) : 1;
 }
 
-/** What a frame of a segment takes; 0 if it can't be had. */
+/** The size of one frame of a segment; 0 if unavailable. */
 async function bytesOfFrame(format: SaveFormat, ref: SegmentRef, ports: Ports): Promise<number> {
   const source = { ...ports.source, loadIndex: async () => {}, segmentsIn: () => [ref] };
   try {

@@ -18,12 +18,12 @@ import { modelsOf } from './saved_frames.ts';
 import type { SavedSegment, SavedSpan } from './saved_span.ts';
 
 const PAGE_MS = 600_000;
-/** A page of KEYs should have no more; it has every n-th where there are too many. */
+/** Target size of a page of KEYs; if there are too many, it has every n-th. */
 const KEYS_BYTES_WANTED = 100_000;
 const EVERY_MAX = 1024;
 
-/** Writes the segments of a span byte for byte, with all that playing them needs, as a recording in one file (SPEC §12). `lostModels`: how many
- *  models are not in it, or not all of their files. */
+/** Writes the segments in a span byte for byte, with everything needed to play them, as a single-file recording (SPEC §12).
+ *  `lostModels`: how many models are missing or incomplete. */
 export async function writePosecast(
   span: SavedSpan,
   ports: Pick<SavePorts, 'models' | 'breathe' | 'signal'>,
@@ -52,7 +52,7 @@ export async function writePosecast(
   return { blob: file.blob('application/zip'), lostModels };
 }
 
-/** What `recording.json` says of a span. It begins with its first segment and ends with its last. */
+/** The `recording.json` of a span. It begins with its first segment and ends with its last. */
 function recordingOf({ segments, schemas }: SavedSpan, models: readonly string[]): PastRecording {
   const { robot, view } = segments[0]!.segment.start;
   const begins = segments.map(({ segment }) => segment.start.fromMs);
@@ -111,7 +111,7 @@ function objectIn(text: string): Readonly<Record<string, unknown>> | null {
   }
 }
 
-/** A page of KEYs for each ten minutes that have any, with its path. */
+/** One page of KEYs for each ten minutes that have any, with its path. */
 function* keyPagesOf(
   segments: readonly SavedSegment[],
 ): Generator<readonly [path: string, page: Uint8Array]> {
@@ -134,7 +134,7 @@ function* keyPagesOf(
   }
 }
 
-/** Adds the files of a model. False if not all of them could be had. */
+/** Adds the files of a model. False if some of them were unavailable. */
 async function addModel(
   zip: ZipFile,
   model: string,
@@ -156,7 +156,7 @@ async function addModel(
   return isWhole;
 }
 
-/** Writes a ZIP file, an entry at a time. */
+/** Writes a ZIP file, one entry at a time. */
 class ZipFile {
   readonly #zip: Zip;
 

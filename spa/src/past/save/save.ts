@@ -1,4 +1,4 @@
-/** Saves a stretch of a robot's past as one file: a part of its own, which nobody needs who saves nothing. */
+/** Saves a span of a robot's past as one file: a separate chunk, loaded only for saving. */
 
 import type { Span } from '../past_types.ts';
 import type { Lost, SaveFormat, SavePorts } from './save_ports.ts';
@@ -8,7 +8,7 @@ import { writeSpan } from './write_span.ts';
 export { type Measure, measureSpan } from './measure.ts';
 export { SaveError } from './save_ports.ts';
 
-/** Which part of the work is done when all segments are here. */
+/** The share of the work that is done once all segments are loaded. */
 const LOADED = 0.5;
 
 export interface SavedFile {
@@ -17,7 +17,7 @@ export interface SavedFile {
   readonly lost: Lost;
 }
 
-/** Saves a span, its ends included, unix ms. Rejects with a `SaveError`, or with the reason of the signal. */
+/** Saves a span, including its ends, unix ms. Rejects with a `SaveError`, or with the reason of the signal. */
 export async function saveSpan(format: SaveFormat, span: Span, ports: SavePorts): Promise<SavedFile> {
   const { onProgress } = ports;
   const whole = { fromMs: Math.floor(span.fromMs), toMs: Math.floor(span.toMs) };
@@ -30,7 +30,7 @@ export async function saveSpan(format: SaveFormat, span: Span, ports: SavePorts)
   return { blob, name: fileName(robot, whole.fromMs, format), lost };
 }
 
-/** `demo_2026-11-22_14-02-07.csv`, in the viewer's time zone, as the page tells moments. */
+/** `demo_2026-11-22_14-02-07.csv`, in the viewer's time zone, like all moments on the page. */
 export function fileName(robot: string, fromMs: number, format: SaveFormat): string {
   const at = new Date(fromMs);
   const two = (part: number) => String(part).padStart(2, '0');

@@ -9,7 +9,7 @@ import {
 } from '@posecast/wire';
 import type { SavedSpan } from './saved_span.ts';
 
-/** A frame of the span. `atUs`: when the relay accepted it, unix. */
+/** A frame in the span. `atUs`: when the relay accepted it, unix. */
 export interface SavedFrame {
   readonly schema: Schema;
   readonly atUs: number;
@@ -23,8 +23,8 @@ export interface SavedEvent {
   readonly event: EventMessage;
 }
 
-/** The frames that were accepted in a span, each once: those of a run by their number, and runs among each other by time. Those
- *  that can't be decoded are left out, as they were live. `onPart` is told which part of them has been given, 0…1. */
+/** The frames accepted in a span, each once: within a run by number, between runs by time. Undecodable frames are skipped, as in
+ *  live. `onPart` receives the progress, 0…1. */
 export function* framesOf(span: SavedSpan, onPart: (part: number) => void = () => {}): Generator<SavedFrame> {
   const { frames } = mergeSegments(span.segments.map(({ segment }) => segment));
   const heads = runsOf(frames).map((run) => ({ run, at: 0, decoders: new Map<string, SchemaReader>() }));
@@ -60,7 +60,7 @@ export function eventsOf(span: SavedSpan): SavedEvent[] {
   return [...found.values()].sort((a, b) => a.atUs - b.atUs);
 }
 
-/** Which model the robot had, from when on: unix µs and the manifest's hash, oldest first. */
+/** The robot's model over time: unix µs and the manifest's hash, oldest first. */
 export function modelsOf({
   segments,
 }: SavedSpan): { readonly atUs: number; readonly model: string | null }[] {
@@ -94,7 +94,7 @@ function headMs({ run, at }: { readonly run: readonly MergedFrame[]; readonly at
   return run[at]!.atMs;
 }
 
-/** Whether a moment (unix µs) lies in a span, whose ends are in it. */
+/** Whether a moment (unix µs) lies in a span, including its ends. */
 function isWithin({ fromMs, toMs }: SavedSpan, atUs: number): boolean {
   return atUs >= fromMs * 1000 && atUs <= toMs * 1000 + 999;
 }
@@ -104,7 +104,7 @@ function readerOf({ text }: Schema): SchemaReader {
   return { schema: decoder.addSchema(text), decoder };
 }
 
-/** What the last of some frames says; null if it can't be decoded. */
+/** The content of the last of some frames; null if it can't be decoded. */
 function decode(decoder: Decoder, frames: readonly Uint8Array[]) {
   try {
     return frames.map((frame) => decoder.decode(frame)).at(-1)!;

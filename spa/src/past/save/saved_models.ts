@@ -4,7 +4,7 @@ import type { SavedBalance } from './saved_balance.ts';
 import { modelsOf } from './saved_frames.ts';
 import type { SavedSpan } from './saved_span.ts';
 
-/** The manifests of the models of a span, by hash; null of one that can't be had. Rejects with the reason of the signal. */
+/** The manifests of the models in a span, by hash; null for one that is unavailable. Rejects with the reason of the signal. */
 export async function loadManifests(
   span: SavedSpan,
   { models, signal }: Pick<SavePorts, 'models' | 'signal'>,
@@ -18,8 +18,8 @@ export async function loadManifests(
   return manifests;
 }
 
-/** What reads the balance of a span's frames with these models; null where it has none. The code for it, with that which draws
- *  balance, comes only where a model can be had. */
+/** Reads the balance of a span's frames with these models; null if there is none. The code, which also draws balance, is loaded
+ *  only if a model is available. */
 export async function loadBalance(
   { schemas }: Pick<SavedSpan, 'schemas'>,
   manifests: ReadonlyMap<string, Manifest | null>,
@@ -30,7 +30,7 @@ export async function loadBalance(
   return SavedBalance.of(models, [...schemas.values()]);
 }
 
-/** Which model the robot had, for moments that are asked for in the order of time. */
+/** The robot's model at moments, which must be requested in time order. */
 export class ModelTimeline {
   readonly #models: ReturnType<typeof modelsOf>;
 
@@ -38,7 +38,7 @@ export class ModelTimeline {
     this.#models = modelsOf(span);
   }
 
-  /** Its hash; null without one. `atUs`: unix. */
+  /** Its hash; null without a model. `atUs`: unix. */
   at(atUs: number): string | null {
     while (this.#models.length > 1 && this.#models[1]!.atUs <= atUs) this.#models.shift();
     return this.#models[0]?.model ?? null;

@@ -3,24 +3,24 @@ import { PastError, type SegmentRef } from '../past_source.ts';
 import type { Span } from '../past_types.ts';
 import { SaveError, type SavePorts, SEGMENTS_BYTES_MAX, SPAN_MS_MAX } from './save_ports.ts';
 
-/** Segments that are fetched at once. */
+/** The number of segments fetched in parallel. */
 const AT_ONCE = 4;
 
-/** A segment with its bytes as they were recorded. */
+/** A segment with its recorded bytes. */
 export interface SavedSegment {
   readonly ref: SegmentRef;
   readonly bytes: Uint8Array<ArrayBuffer>;
   readonly segment: Segment;
 }
 
-/** What there is of a span: all segments that have a part in it, by beginning, and their schemas. */
+/** The content of a span: all segments that overlap it, by start, and their schemas. */
 export interface SavedSpan extends Span {
   readonly segments: readonly SavedSegment[];
   readonly schemas: ReadonlyMap<string, Schema>;
   readonly lostSegments: number;
 }
 
-/** The segments that have a part in a span. Rejects with a `SaveError`. */
+/** The segments that overlap a span. Rejects with a `SaveError`. */
 export async function findSegments(source: SavePorts['source'], span: Span): Promise<readonly SegmentRef[]> {
   if (span.toMs - span.fromMs > SPAN_MS_MAX) throw new SaveError('too-long');
   try {
@@ -35,8 +35,8 @@ export async function findSegments(source: SavePorts['source'], span: Span): Pro
   return refs;
 }
 
-/** Fetches the segments of a span. `onPart` is told which part of it is here, 0…1. What can't be had is left out and
- *  counted. Rejects with a `SaveError`, or with the reason of the signal. */
+/** Fetches the segments in a span. `onPart` receives the progress, 0…1. Unavailable segments are left out and counted. Rejects
+ *  with a `SaveError`, or with the reason of the signal. */
 export async function loadSpan(
   { source, signal }: Pick<SavePorts, 'source' | 'signal'>,
   span: Span,

@@ -4,8 +4,8 @@ import { writePosecast } from './posecast_file.ts';
 import type { SaveFormat, SavePorts } from './save_ports.ts';
 import type { SavedSpan } from './saved_span.ts';
 
-/** Writes a span as a file. `onPart` is told which part of it is written, 0…1; `lostModels`: how many models could not be
- *  had. Rejects with the reason of the signal. */
+/** Writes a span as a file. `onPart` receives the progress, 0…1; `lostModels`: how many models were unavailable. Rejects with the
+ *  reason of the signal. */
 export function writeSpan(
   format: SaveFormat,
   span: SavedSpan,

@@ -3,8 +3,8 @@ import { causeOf, FAULTS_MAX } from './told_faults.ts';
 
 const N_STEP = 2 ** -20;
 
-/** Ends for the faults of `told` that began before a moment (unix ms) and are not open then, of which nobody told the end. `open`:
- *  all that are; `n`: the newest event's number. Theirs lie between that and the next. */
+/** End events for faults of `told` that began before a moment (unix ms) and are no longer open, if their end was missed. `open`:
+ *  all open faults; `n`: the newest event's number. The end events get numbers between that one and the next. */
 export function missedEnds(
   told: readonly EventMessage[],
   open: readonly EventMessage[],

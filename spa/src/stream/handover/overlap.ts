@@ -1,23 +1,23 @@
-/** What names a frame where its run is not told. */
+/** Identifies a frame if its run is not sent. */
 interface FrameMark {
   readonly seq: number;
   readonly tS: number;
 }
 
-/** By so much another relay may lag behind the one that has shown the newest frame, s: what lags more is not live, or of another run. */
+/** The maximum lag of another relay behind the one that showed the newest frame, s; anything later is not live or belongs to
+ *  another run. */
 const LAG_S = 1.5;
 
-/** Passes over the frames that a socket tells when it begins, where a lane, another transport or another relay has shown them
- *  before, or a newer one. */
+/** Skips the first frames of a socket if a lane, another transport or another relay has already shown them or a newer one. */
 export class Overlap {
   #shown: FrameMark | null = null;
 
-  /** `shown`: the newest frame that was shown. */
+  /** `shown`: the newest shown frame. */
   begin(shown: FrameMark | null): void {
     this.#shown = shown;
   }
 
-  /** Whether this frame, or a newer one of the same run, was shown before. The first one that was not ends it. */
+  /** Whether this frame, or a newer one of the same run, was already shown. The first frame that was not ends the overlap. */
   isShown({ seq, tS }: FrameMark): boolean {
     const shown = this.#shown;
     if (shown !== null) {

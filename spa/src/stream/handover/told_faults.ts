@@ -1,9 +1,9 @@
 import type { EventMessage } from '@posecast/wire';
 
-/** As a part lists at most: of more the oldest are missing in it (wire/SPEC.md §10). */
+/** The maximum that a part lists; if there are more, the oldest are missing (wire/SPEC.md §10). */
 export const FAULTS_MAX = 100;
 
-/** The faults that the page takes for open, as the events that it was told say. */
+/** The faults that the page considers open, from the events that it has received. */
 export class ToldFaults {
   readonly #open = new Map<string, EventMessage>();
 

@@ -1,4 +1,5 @@
-/** Reads what a relay answers about its newest parts (`docs/reference/protocol.md`, *The past*). What is not as it stands there is null. */
+/** Reads a relay's answers about its newest parts (`docs/reference/protocol.md`, *The past*). Anything that deviates from it is
+ *  null. */
 
 /** The name of a part: its take, 16 hexadecimal digits, and its index in it. */
 export interface PartName {
@@ -6,17 +7,17 @@ export interface PartName {
   readonly index: number;
 }
 
-/** An answer that came whole. `retryMs`: when the relay wants to be asked again, if it says so. */
+/** A complete answer. `retryMs`: when the relay wants to be asked again, if it says so. */
 export interface LaneAnswer {
   readonly status: number;
   readonly isJson: boolean;
   readonly retryMs: number | null;
-  /** When it was made or handed on, unix ms, to a second, by the clock of the relay or of a cache; null: it does not say. */
+  /** When it was made or forwarded, unix ms, to the second, by the clock of the relay or of a cache; null if unknown. */
   readonly dateMs: number | null;
   readonly bytes: Uint8Array;
 }
 
-/** Where a lane begins. `newest`: null where nothing is recorded (yet). `delayMs`: so late is all of it for this audience. */
+/** Where a lane begins. `newest`: null if nothing is recorded yet. `delayMs`: the delay for this audience. */
 export interface LaneBeginning {
   readonly view: string;
   readonly newest: PartName | null;
@@ -36,7 +37,7 @@ export function readBeginning(answer: LaneAnswer): LaneBeginning | null {
   return { view, newest: nameOf(doc.newest), delayMs, isKept: past_ms > 0 };
 }
 
-/** The part that comes instead of the one that was asked for. */
+/** The part that replaces the requested one. */
 export function readNext(answer: LaneAnswer): PartName | null {
   return nameOf(membersOf(answer).next);
 }

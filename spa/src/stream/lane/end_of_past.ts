@@ -1,16 +1,17 @@
 import type { PartName } from './answers.ts';
 
-/** After so many parts in a row that were there already it is asked anew where the past ends. */
+/** After this many consecutive parts that already existed, the end of the past is requested again. */
 const LOOK_EVERY = 3;
-/** Of parts that were missed at most so many are fetched, for their events; else the lane goes on with the newest. */
+/** If parts were missed, at most this many are fetched for their events; beyond that the lane skips to the newest. */
 const MISSED_MAX = 3;
 
-/** Knows whether the lane has come to the end of what is recorded: it has where a request was held, or was told "not yet". Where
- *  it begins may be long past, since a cache may tell an old answer; then it reads on at once, and asks now and then anew. */
+/** Tracks whether the lane has reached the end of the recorded data: it has if a request was held, or was answered with "not
+ *  yet". The starting point may be long past, because a cache may serve an old answer. In that case the lane reads on at once,
+ *  and asks for the end again now and then. */
 export class EndOfPast {
-  /** Parts in a row that were there already. */
+  /** Consecutive parts that already existed. */
   #ready = 0;
-  /** What was told to be the newest part at last. */
+  /** The last known newest part. */
   #told: PartName | null = null;
 
   recordPart(wasHeld: boolean): void {
@@ -21,7 +22,7 @@ export class EndOfPast {
     this.#ready = 0;
   }
 
-  /** One part may have been asked for too late; of two, the lane is behind. */
+  /** A single such part may just have been requested too late; two mean that the lane is behind. */
   get isNear(): boolean {
     return this.#ready < 2;
   }
@@ -30,8 +31,8 @@ export class EndOfPast {
     return this.#ready > 0 && this.#ready % LOOK_EVERY === 0;
   }
 
-  /** With which part the lane goes on: the one after the last, unless the newest is so much further that the robot was shown as
-   *  it is now too late. What was told before is what a cache has kept. */
+  /** The next part of the lane: the one after the last, unless the newest is so far ahead that the picture is now too old. An
+   *  answer received earlier came from a cache. */
   goOn(last: PartName | null, newest: PartName): PartName {
     const told = this.#told;
     this.#told = newest;

@@ -12,31 +12,31 @@ import { PlayClock } from './play_clock.ts';
 import { lastWordOf, readPart } from './received_part.ts';
 import { RequestPace } from './request_pace.ts';
 
-/** The next part is asked for so long before it is expected: the relay holds the request until it is there. */
+/** The next part is requested this long before it is expected: the relay holds the request until it exists. */
 const AHEAD_MS = 800;
 /** An answer that took longer was held. */
 const HELD_MS = 300;
-/** The relay holds a request for 8 s at most. */
+/** The relay holds a request for at most 8 s. */
 export const ANSWER_LIMIT_MS = 12_000;
-/** Where the next part comes no sooner, the lane begins anew with the newest. */
+/** If the next part does not arrive by then, the lane starts again with the newest. */
 const LOST_MS = 10_000;
-/** While more than this waits to be shown nothing is asked for. */
+/** While more than this is waiting to be shown, nothing is requested. */
 const ENOUGH_MS = 12_000;
 const RETRY_MS = 1000;
 const RETRY_MS_MAX = 30_000;
-/** Nothing is recorded yet, so a robot may come at any moment. */
+/** Retry interval while nothing is recorded yet: a robot may appear at any moment. */
 const EMPTY_MS = 3000;
-/** A failure is answered after random(0 … this × 2^failures). */
+/** After a failure, the lane waits random(0 … this × 2^failures). */
 const SPREAD_MS = 2000;
-/** After so many failures the robot's word no longer holds, and after so many more the lane ends. */
+/** After this many failures the robot's state is in doubt, and after `FAILURES_MAX` the lane ends. */
 const FAILURES_DOUBTED = 2;
 const FAILURES_MAX = 4;
-/** Parts without a frame that are passed over to find a pose to begin with. */
+/** How many parts without a frame are skipped backwards to find a first pose. */
 const BACK_MAX = 2;
-/** Frames played at once that may count as shown: a timer is a little late. More are caught up with. */
+/** How many frames may be played at once and still count as shown, because timers fire late. More means catching up. */
 const SHOWN_MAX = 4;
 const PACE_EVERY_MS = 1000;
-/** A smaller change of how far behind the page is, is not told. */
+/** Smaller changes of the page's delay are not reported. */
 const BEHIND_STEP_MS = 250;
 
 type Wanted =
@@ -59,17 +59,17 @@ export interface LaneSettings {
   readonly before: KnownBefore;
   /** In [0, 1). */
   readonly random: () => number;
-  /** Of the lane before this one, if there was one. */
+  /** From the previous lane, if there was one. */
   readonly back?: LookBack;
 }
 
 /**
- * A robot's stream in parts (segments, wire/SPEC.md §10), read one after the other by HTTP, so that caches answer whoever
- * watches. A pure state machine: times are ms of the viewer's clock, and each method returns what is to be done. At most one
- * request is open, and one beside it after events were missed.
+ * A robot's stream in parts (segments, wire/SPEC.md §10), read one after another over HTTP, so that caches can serve all viewers.
+ * A pure state machine: times are ms of the viewer's clock, and each method returns the actions to perform. At most one request
+ * is open, plus one more after events were missed.
  *
- * It asks where the lane begins, then for the newest part, then for each next one a moment before it is due. Whatever fails
- * leads back to the beginning after a random time, so that thousands of pages don't ask at once.
+ * It first requests the lane's starting point, then the newest part, then each next part shortly before it is due. Any failure
+ * leads back to the start after a random time, so that thousands of pages don't send requests at once.
  */
 export class Lane {
   readonly #settings: LaneSettings;
@@ -84,16 +84,16 @@ export class Lane {
   #dueMs = 0;
   /** When the open request was sent; null: none is open. */
   #askedMs: number | null = null;
-  /** The quickest answer. */
+  /** The fastest answer so far. */
   #roundTripMs = Number.POSITIVE_INFINITY;
   #heardMs = 0;
   #failures = 0;
   #schema: string | null = null;
-  /** Parts that wait for what must be here before them: a schema, or a part with a pose. In the order in which they are played. */
+  /** Parts that wait for a prerequisite: a schema, or a part with a pose. In playing order. */
   #waiting: Waiting[] = [];
   #last: PartName | null = null;
   #wasToldNotYet = false;
-  /** What is looked for beside. */
+  /** The additional request. */
   readonly #back: LookBack;
   #isOpen = false;
   #isOver = false;
@@ -119,13 +119,13 @@ export class Lane {
     return this.tick(nowMs);
   }
 
-  /** When `tick` is to be called at the latest. */
+  /** When `tick` must be called at the latest. */
   get nextMs(): number {
     const asksMs = this.#askedMs === null ? this.#dueMs : this.#askedMs + ANSWER_LIMIT_MS;
     return Math.min(this.#player.nextMs, asksMs, this.#back.nextMs);
   }
 
-  /** Plays what is due, and asks for what is due. */
+  /** Plays what is due, and requests what is due. */
   tick(nowMs: number): LaneAction[] {
     if (this.#isOver) return this.#take();
     if (this.#askedMs !== null && nowMs - this.#askedMs >= ANSWER_LIMIT_MS)
@@ -138,7 +138,7 @@ export class Lane {
     return this.#take();
   }
 
-  /** The open request was answered. `headMs`: when the answer's head came, viewer's clock. */
+  /** The open request was answered. `headMs`: when the answer's header arrived, viewer's clock. */
   answered(nowMs: number, answer: LaneAnswer, headMs = nowMs): LaneAction[] {
     if (this.#isOver || this.#askedMs === null) return [];
     const tookMs = headMs - this.#askedMs;
@@ -158,14 +158,14 @@ export class Lane {
     return this.tick(nowMs);
   }
 
-  /** The open request failed on its way. */
+  /** The open request failed in transit. */
   failed(nowMs: number, reason: string): LaneAction[] {
     if (this.#isOver || this.#askedMs === null) return [];
     this.#fail(nowMs, null, reason);
     return this.tick(nowMs);
   }
 
-  /** What was looked for beside has come; null: it failed on its way. */
+  /** The additional request was answered; null: it failed in transit. */
   looked(nowMs: number, answer: LaneAnswer | null): LaneAction[] {
     const found = this.#isOver ? null : this.#back.take(nowMs, answer);
     if (found !== null) this.#tellFound(found);
@@ -178,7 +178,7 @@ export class Lane {
     return this.tick(nowMs);
   }
 
-  /** Something changed outside: a failure is not waited out. */
+  /** Something changed outside: the wait after a failure is cut short. */
   wake(nowMs: number): LaneAction[] {
     if (this.#failures > 0) this.#dueMs = Math.min(this.#dueMs, nowMs + SPREAD_MS * this.#settings.random());
     return this.tick(nowMs);
@@ -210,7 +210,7 @@ export class Lane {
     if (page !== null) this.#actions.push({ do: 'look', path: `/${this.#view}/${page}` });
   }
 
-  /** Tells what was found: in its turn, where newer events have waited for it. */
+  /** Reports the events that were found: in order, if newer events have waited for them. */
   #tellFound(found: MissedEvents): void {
     const isAll = found.page === null;
     const isInTurn = Number.isFinite(this.#back.heldMs);
@@ -233,7 +233,7 @@ export class Lane {
     this.#post({ kind: 'behind', ms });
   }
 
-  /** How long a request and its answer are on their way, if it is not held; 0: not known. */
+  /** The time that a request and its answer are in transit, if the request is not held; 0: unknown. */
   get #wayMs(): number {
     return Number.isFinite(this.#roundTripMs) ? this.#roundTripMs : 0;
   }
@@ -245,7 +245,7 @@ export class Lane {
     }
     this.#dueMs = Math.max(this.#dueMs, this.#pace.whenFree(nowMs));
     if (nowMs < this.#dueMs) return;
-    // after a sleep the next part is one of long ago
+    // after a sleep, the next part is long past
     if (this.#last !== null && this.#wanted.what === 'part' && nowMs - this.#heardMs > LOST_MS)
       this.#wanted = { what: 'beginning' };
     this.#askedMs = nowMs;
@@ -302,7 +302,7 @@ export class Lane {
     }
     this.#recover(nowMs);
     this.#pace.recordPart();
-    // who joins is told a part that is there, however long a busy device takes over it
+    // a viewer who joins is shown an existing part, however long a busy device takes for it
     const wasHeld = this.#last !== null && (this.#wasToldNotYet || tookMs > HELD_MS + this.#wayMs);
     this.#wasToldNotYet = false;
     const agoMs = answer.dateMs === null ? null : answer.dateMs - segment.toMs - this.#delayMs;
@@ -324,7 +324,7 @@ export class Lane {
     this.#goOn(nowMs);
   }
 
-  /** Hands the parts that wait to the player, as soon as their schema is here. Then the next one is wanted. */
+  /** Passes the waiting parts to the player as soon as their schema has loaded. Then requests the next one. */
   #goOn(nowMs: number): void {
     let isOver = false;
     for (let first = this.#waiting[0]; first !== undefined; first = this.#waiting[0]) {
@@ -347,7 +347,7 @@ export class Lane {
     }
     const last = this.#last;
     if (last !== null) this.#wanted = { what: 'part', name: { take: last.take, index: last.index + 1 } };
-    // a part of long ago, from before a sleep: others have come since
+    // a part from long ago, before a sleep: newer ones exist
     const isOld = nowMs - this.#player.endsMs > Math.max(LOST_MS, 2 * this.#clock.spanMs);
     if ((isOld && !isOver) || this.#end.isToBeAsked) this.#wanted = { what: 'beginning' };
     this.#tellBehind();
@@ -360,7 +360,7 @@ export class Lane {
     this.#post({ kind: 'rate', hz: this.#settings.hz, reason: null });
   }
 
-  /** Nothing is recorded: the robot has not been here for as long as the relay keeps anything. */
+  /** Nothing is recorded: the robot was not here within the relay's retention time. */
   #tellNothing(nowMs: number): void {
     const robot = { robot: 'offline', ageMs: null, seq: null } as const;
     this.#post({ kind: 'status', status: { ...robot, degraded: false, overShare: false, atMs: nowMs } });
@@ -378,7 +378,7 @@ export class Lane {
     this.#failures = 0;
   }
 
-  /** `goesOn`: what is wanted is known; else the lane's beginning is asked for. */
+  /** `goesOn`: the next part is known; otherwise the lane's starting point is requested. */
   #fail(nowMs: number, retryMs: number | null, reason: string, goesOn = false): void {
     this.#askedMs = null;
     this.#wasToldNotYet = false;

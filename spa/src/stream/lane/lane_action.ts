@@ -1,10 +1,10 @@
 import type { FromStream } from '../messages.ts';
 
-/** What a lane asks for. `do: 'end'`: nothing more comes, for that reason, in the codes of the close table (wire/SPEC.md). */
+/** The actions of a lane. `do: 'end'`: the lane has ended, with a code from the close table (wire/SPEC.md). */
 export type LaneAction =
-  /** Get this, below the address of the robot's past. An earlier request that is still open is given up. */
+  /** Request this, below the address of the robot's past. Cancels an earlier request that is still open. */
   | { readonly do: 'ask'; readonly path: string }
-  /** Get this beside it. An earlier one is given up. */
+  /** Send this additional request. Cancels an earlier one. */
   | { readonly do: 'look'; readonly path: string }
   | { readonly do: 'post'; readonly message: FromStream }
   /** The relay has answered: the stream is open. */

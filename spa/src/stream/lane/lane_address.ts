@@ -1,4 +1,4 @@
-/** Where the parts of a robot lie. `pastUrl`: `…/robots/{robot}/past`. `view`: null: as the relay says. */
+/** The address of a robot's parts. `pastUrl`: `…/robots/{robot}/past`. `view`: null: as the relay says. */
 export interface LaneAddress {
   readonly pastUrl: string;
   readonly robot: string;
@@ -7,8 +7,9 @@ export interface LaneAddress {
 
 const ADDRESS = /^(.*\/([^/]+)\/past)(?:\/([a-z0-9][a-z0-9-]{0,62}))?$/;
 
-/** Reads where a lane lies. `lane`: the address of a robot's past, or, below it, of a view's. `streamUrl`: the stream whose relay
- *  has named it, relative to which it is read, and on whose origin and below whose robot it must lie; else null. */
+/** Parses a lane's address. `lane`: the address of a robot's past or, below it, of a view's past. `streamUrl`: the stream whose
+ *  relay named the lane, else null. The lane is then resolved relative to it, and must have its origin and lie below its robot's
+ *  path. */
 export function readLaneAddress(lane: string, streamUrl: string | undefined): LaneAddress | null {
   const base = streamUrl?.replace(/^ws/, 'http');
   try {

@@ -1,24 +1,24 @@
 import type { LaneAnswer } from './answers.ts';
 import { MissedEvents, type Missing } from './missed_events.ts';
 
-/** Newer events wait so long for those before them; what is found later is told all the same. */
+/** Newer events wait this long for missing earlier ones; those found later are still reported. */
 const HOLD_MS = 5000;
-/** Events that were missed are looked for no more often. */
+/** The minimum interval between searches for missed events. */
 const LOOK_EVERY_MS = 10_000;
-/** An index that has not come by then is asked for again. */
+/** If an index has not arrived by then, it is requested again. */
 const ANSWER_MS = 30_000;
-/** After a failure it is asked for again after this × 2^failures at most, and half of it at least. */
+/** After a failure, the next request follows after at most this × 2^failures, and at least half of that. */
 const RETRY_MS = 2000;
 const RETRY_MS_MAX = 60_000;
-/** Some five minutes. */
+/** About five minutes. */
 const FAILURES_MAX = 9;
 
-/** Decides when the index is asked for after events were missed, and goes on until it has come, or for some minutes. Pure; times
- *  are ms of the viewer's clock. */
+/** Decides when to request the index after events were missed, and repeats until it arrives, for some minutes at most. Pure;
+ *  times are ms of the viewer's clock. */
 export class LookBack {
   readonly #random: () => number;
   #missed: MissedEvents | null = null;
-  /** When it is asked for, or no longer waited for. */
+  /** When to send the next request, or to stop waiting. */
   #dueMs = Number.POSITIVE_INFINITY;
   #isAsked = false;
   #failures = 0;
@@ -34,8 +34,8 @@ export class LookBack {
     return Math.min(this.#dueMs, this.heldMs);
   }
 
-  /** Events are missing, and those of before, if they have not been found. Returns whether newer ones are to wait: not where the page
-   *  knows none that could have ended meanwhile. */
+  /** Events are missing, in addition to earlier ones not found yet. Returns whether newer events must wait: not if the page knows
+   *  of no fault that could have ended meanwhile. */
   begin(missing: Missing, nowMs: number): boolean {
     const toldN = Math.min(missing.toldN, this.#missed?.toldN ?? missing.toldN);
     this.#missed = new MissedEvents({ ...missing, toldN });
@@ -46,7 +46,7 @@ export class LookBack {
     return holds;
   }
 
-  /** Goes on with what another lane has not found. */
+  /** Continues the search of an earlier lane. */
   resume(atMs: number): void {
     this.#failures = 0;
     this.#isAsked = false;
@@ -54,7 +54,7 @@ export class LookBack {
     this.#dueMs = this.#missed === null ? Number.POSITIVE_INFINITY : atMs;
   }
 
-  /** What is to be asked for now; null: nothing. */
+  /** What to request now; null: nothing. */
   ask(nowMs: number): string | null {
     if (nowMs < this.#dueMs) return null;
     if (this.#isAsked) this.#fail(nowMs, 0);
@@ -64,7 +64,7 @@ export class LookBack {
     return this.#missed!.page;
   }
 
-  /** Takes what came; null: nothing. Returns what has been found by now; null: nothing new. */
+  /** Takes the answer; null: none. Returns the events found so far; null: nothing new. */
   take(nowMs: number, answer: LaneAnswer | null): MissedEvents | null {
     const missed = this.#missed;
     if (!this.#isAsked || missed === null) return null;

@@ -1,28 +1,28 @@
 import { type EventMessage, parseRelayMessage } from '@posecast/wire';
 import { fieldsOf, type LaneAnswer, membersOf } from './answers.ts';
 
-/** As many as a socket tells who joins. */
+/** As many as a socket sends to a viewer who joins. */
 const EVENTS_MAX = 100;
-/** The ten minutes of the first part that is here, and those before. */
+/** The ten minutes of the first loaded part, and the ten minutes before. */
 const PAGES_MAX = 2;
 const PAGE_MS = 600_000;
 const EVENT_CHARS_MAX = 5000; // the wire allows 4096 bytes
 
-/** What a part that does not follow the one before says about the events that are missing. */
+/** What a part that does not follow the previous one says about the missing events. */
 export interface Missing {
-  /** When that part begins, unix ms. */
+  /** The start of that part, unix ms. */
   readonly fromMs: number;
-  /** The newest event before it, and the newest that the page was told of the same count; 0: none. */
+  /** The newest event before it, and the newest event of the same numbering that the page has received; 0: none. */
   readonly eventN: number;
   readonly toldN: number;
 }
 
-/** Finds the events that are told in parts which were not read, in the index of their ten minutes. Asks for pages that everybody
- *  asks for, newest first, as long as events are missing. */
+/** Finds the events in skipped parts, using the index of their ten minutes. Requests the same cacheable pages as everyone else,
+ *  newest first, as long as events are missing. */
 export class MissedEvents {
   readonly #missing: Missing;
   #pages = 0;
-  /** Newest first, their numbers fall. */
+  /** Newest first, with decreasing numbers. */
   readonly #found: EventMessage[] = [];
 
   constructor(missing: Missing) {
@@ -38,7 +38,7 @@ export class MissedEvents {
     return this.#found.toReversed();
   }
 
-  /** The ten minutes whose index is to be read next, as in an address; null: there is nothing more to be found. */
+  /** The ten minutes whose index to read next, in address form; null: there is nothing more to find. */
   get page(): string | null {
     const { fromMs, eventN, toldN } = this.#missing;
     const oldestN = this.#found.at(-1)?.n ?? eventN + 1;
@@ -47,12 +47,12 @@ export class MissedEvents {
     return `${new Date(pageMs).toISOString().slice(0, 16)}Z`;
   }
 
-  /** Takes the index of `page`. Where that is refused no other is looked for. What is not as it should be is passed over. */
+  /** Takes the index of `page`. If it was refused, the search ends. Malformed entries are skipped. */
   add(answer: LaneAnswer): void {
     this.#pages = answer.status === 200 ? this.#pages + 1 : PAGES_MAX;
     if (answer.status !== 200) return;
     const { fromMs, eventN, toldN } = this.#missing;
-    // takes of two relays are mixed in it, and the count may have begun anew
+    // it may mix takes of two relays, and the numbering may have restarted
     const told = listEvents(answer)
       .filter(({ atMs }) => atMs < fromMs)
       .sort((a, b) => b.atMs - a.atMs || b.event.n - a.event.n);
@@ -62,7 +62,7 @@ export class MissedEvents {
     }
   }
 
-  /** What was found and, if anything was, the faults that are open, which may have begun long before. Oldest first. */
+  /** The events found and, if there are any, the open faults, which may have begun long before. Oldest first. */
   listWith(open: readonly EventMessage[]): EventMessage[] {
     if (this.#found.length === 0) return [];
     const byN = new Map([...open, ...this.#found].map((event) => [event.n, event]));

@@ -5,17 +5,17 @@ import type { LaneAction } from './lane_action.ts';
 import { type LaneAddress, readLaneAddress } from './lane_address.ts';
 import { LookBack } from './look_back.ts';
 
-/** The longest answer is a segment: a MiB each of header and records, and a little. */
+/** The longest answer is a segment: 1 MiB each of header and records, plus some overhead. */
 const BYTES_MAX = 3_000_000;
-/** At the latest then it is looked whether something is due: statuses are told twice a second. */
+/** The maximum interval between checks for due work: statuses are sent twice a second. */
 const TICK_MS = 250;
 const LEAST_WAIT_MS = 1;
 
-/** What a lane has not found, the next one looks for: a worker reads one robot. */
+/** Searches that one lane leaves unfinished continue in the next: a worker reads only one robot. */
 const back = new LookBack(Math.random);
 
-/** Reads a robot in parts. `url`: see `Action`. No token is sent, nor any header of our own, which would cost other origins a
- *  question before each request. Has the same face as that of `sse.ts`. */
+/** Reads a robot in parts. `url`: see `Action`. No token or custom header is sent, because other origins would then need a
+ *  preflight before each request. Same interface as in `sse.ts`. */
 export function openEventStream(url: string, _token: unknown, handlers: LaneHandlers): OpenLane {
   const [lane = '', streamUrl] = url.split(' ');
   const address = readLaneAddress(lane, streamUrl);
@@ -101,13 +101,13 @@ function retryMsOf(headers: Headers): number | null {
   return s >= 0 ? 1000 * s : null;
 }
 
-/** Another origin's answers don't show it. */
+/** Not exposed in answers from another origin. */
 function dateMsOf(headers: Headers): number | null {
   const ms = Date.parse(headers.get('date') ?? '') + 1000 * Number(headers.get('age') ?? 0);
   return Number.isFinite(ms) ? ms : null;
 }
 
-/** The bytes of an answer. Rejects as soon as there are more than the longest part has. */
+/** The bytes of an answer. Rejects as soon as there are more than the longest part can have. */
 async function read(body: ReadableStream<Uint8Array> | null): Promise<Uint8Array> {
   const pieces: Uint8Array[] = [];
   let size = 0;

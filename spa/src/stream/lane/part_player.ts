@@ -8,21 +8,21 @@ import type { PlayClock } from './play_clock.ts';
 import { PoseReader } from './pose_reader.ts';
 import { eventOf, ToldEvents } from './told_events.ts';
 
-/** What came so long ago was held up on this device: it is dated now. */
+/** Data that arrived longer ago than this was held up on this device: it gets the current time. */
 const HELD_UP_MS = 50;
-/** Parts that wait to be played; one more than ever do, unless the device sleeps. The oldest are played at once then. */
+/** The maximum number of waiting parts; only reached if the device sleeps. The oldest are then played at once. */
 const PARTS_MAX = 4;
 const STATUS_EVERY_MS = 500;
 
 interface Part {
   readonly segment: Segment;
-  /** The next record to be played; -1: its beginning. */
+  /** The next record to play; -1: the start of the part. */
   next: number;
-  /** What the clock's shift was for it, where the clock has begun anew since; null: what it is. */
+  /** The clock's shift for this part, if the clock has restarted since; null: the current one. */
   shiftMs: number | null;
 }
 
-/** Plays parts one after the other: each record when its time has come, in the order in which the relay accepted them. */
+/** Plays parts one after another: each record at its time, in the order in which the relay accepted them. */
 export class PartPlayer {
   readonly #clock: PlayClock;
   readonly #post: (message: FromStream) => void;
@@ -30,9 +30,9 @@ export class PartPlayer {
   readonly #events: ToldEvents;
   readonly #faults = new ToldFaults();
   readonly #missed: (missing: Missing, nowMs: number) => boolean;
-  /** What is told of events when those that were missed are known; null: they are. */
+  /** Events that wait for the missed ones; null: none are missing. */
   #held: (() => void)[] | null = null;
-  /** The faults that were open when the first part after the missing ones began. */
+  /** The faults that were open at the start of the first part after the gap. */
   #heldFaults: readonly EventMessage[] = [];
   #parts: Part[] = [];
   #isVisible: boolean;
@@ -42,14 +42,15 @@ export class PartPlayer {
   #model: string | null | undefined;
   #hasBegun = false;
   #take = '';
-  /** The newest event of the parts that were played, and of those that the page was told. */
+  /** The newest event of the played parts, and the newest that the page has received. */
   #eventN = 0;
   #toldN: number;
-  /** When all that is here has been shown, viewer's clock; of the last part, where none waits. */
+  /** When everything loaded has been shown, viewer's clock; relative to the last part if none waits. */
   #endsMs = Number.NaN;
   #statusMs = Number.NEGATIVE_INFINITY;
 
-  /** `missed`: called when events are missing. Returns whether `tellMissed` will be called with them: newer ones wait until then. */
+  /** `missed`: called when events are missing. Returns whether `tellMissed` will be called with them; newer events wait until
+   *  then. */
   constructor(
     clock: PlayClock,
     isVisible: boolean,
@@ -67,24 +68,24 @@ export class PartPlayer {
     this.#missed = missed;
   }
 
-  /** Learns a schema from its text. Returns what is wrong with it; null: nothing. */
+  /** Takes a schema's text. Returns what is wrong with it; null: nothing. */
   addSchema(text: string): string | null {
     return this.#poses.addSchema(text);
   }
 
-  /** Takes the next part. `shiftMs`: the clock's shift of before, if it has begun anew with this part; else null. */
+  /** Takes the next part. `shiftMs`: the clock's previous shift, if the clock has restarted with this part; else null. */
   add(segment: Segment, shiftMs: number | null): void {
     if (shiftMs !== null) for (const part of this.#parts) part.shiftMs ??= shiftMs;
     this.#parts.push({ segment, next: -1, shiftMs: null });
   }
 
-  /** When the next record is due, or all has been shown, viewer's clock. */
+  /** When the next record is due, or everything has been shown, viewer's clock. */
   get nextMs(): number {
     const [part] = this.#parts;
     return part === undefined ? Number.POSITIVE_INFINITY : this.#dueMs(part);
   }
 
-  /** When all that is here has been shown, viewer's clock; NaN before the first part. */
+  /** When everything loaded has been shown, viewer's clock; NaN before the first part. */
   get endsMs(): number {
     const part = this.#parts.at(-1);
     return part === undefined ? this.#endsMs : part.segment.toMs + this.#shiftOf(part);
@@ -94,8 +95,8 @@ export class PartPlayer {
     return this.#word;
   }
 
-  /** Plays what is due. Of several frames only the newest is shown. `vouches`: whether the relay is heard, so that the robot's
-   *  word still holds. Returns how many frames there were. */
+  /** Plays what is due. Of several frames, only the newest is shown. `vouches`: the relay answers, so the robot's state is still
+   *  valid. Returns how many frames there were. */
   play(nowMs: number, vouches: boolean): number {
     const wordBefore = this.#word;
     let frames = 0;
@@ -117,8 +118,8 @@ export class PartPlayer {
     return frames;
   }
 
-  /** Tells the events that were missed, and then what has waited for them. `list`: all of them, together with the faults that were
-   *  open behind them. */
+  /** Reports the missed events, and then those that have waited for them. `list`: all of them, and the faults that were open
+   *  after them. */
   tellMissed(list: (open: readonly EventMessage[]) => readonly EventMessage[]): void {
     const held = this.#held ?? [];
     this.#held = null;
@@ -126,10 +127,10 @@ export class PartPlayer {
     for (const tell of held) tell();
   }
 
-  /** A hidden page is shown no poses. */
+  /** A hidden page gets no poses. */
   setVisible(isVisible: boolean): void {
     this.#isVisible = isVisible;
-    this.#statusMs = Number.NEGATIVE_INFINITY; // told at once
+    this.#statusMs = Number.NEGATIVE_INFINITY; // reported at once
   }
 
   #dueMs(part: Part): number {
@@ -144,7 +145,7 @@ export class PartPlayer {
     return part.shiftMs ?? this.#clock.shiftMs;
   }
 
-  /** What the robot was when a part begins: told as far as it is new. Open faults are, where parts before are missing. */
+  /** The robot's state at the start of a part: reported if it is new. Open faults are reported if earlier parts are missing. */
   #begin({ segment: { start } }: Part, nowMs: number): void {
     this.#word = start.word;
     this.#tellModel(start.model);
@@ -159,7 +160,7 @@ export class PartPlayer {
     this.#hasBegun = true;
   }
 
-  /** Events are missing: what is newer waits, if somebody finds them. */
+  /** Events are missing: newer ones wait, if the missing ones are being searched for. */
   #lookBack({ fromMs, eventN, openFaults }: SegmentStart, nowMs: number): void {
     const toldN = Math.floor(this.#toldN);
     const isCountedAnew = eventN < toldN;
@@ -178,7 +179,7 @@ export class PartPlayer {
     else this.#held.push(tell);
   }
 
-  /** Parts before are missing: ends faults whose end was in them, and tells those that began in them. */
+  /** Earlier parts are missing: ends the faults that ended in them, and reports those that began in them. */
   #settleFaults({ openFaults, eventN, fromMs }: SegmentStart): void {
     const open = openFaults.map(eventOf).filter((event) => event !== null);
     const isCountedAnew = eventN < Math.floor(this.#toldN);
@@ -187,7 +188,7 @@ export class PartPlayer {
     for (const event of open) this.#tellEvent(event);
   }
 
-  /** Plays a record. Returns how many frames it is that are to be shown. */
+  /** Plays a record. Returns how many frames to show it contains. */
   #play(part: Part, record: SegmentRecord, nowMs: number): number {
     const { segment } = part;
     switch (record.kind) {

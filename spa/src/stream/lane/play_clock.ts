@@ -1,66 +1,67 @@
-/** How much faster or slower than the robot the lane plays while its delay changes: nobody sees it. */
+/** How much faster or slower than real time the lane plays while its delay changes: too little to notice. */
 const GENTLE = 0.08;
-/** By so much a part should come before its time. */
+/** How early a part should arrive before it is played. */
 const MARGIN_MS = 80;
-/** A part that is later than this is not waited for again: the playhead jumps to where it should be. */
+/** If a part is later than this, the lane does not wait again: the playhead jumps to where it should be. */
 const STALL_MS = 1000;
-/** After so many such parts in a row that is how they come. */
+/** After this many such parts in a row, the delay counts as normal. */
 const STALLS_MAX = 4;
-/** Parts that the delay is judged by. */
+/** The number of parts used to estimate the delay. */
 const REMEMBERED = 10;
-/** Of so many or more, some don't count: those that were late by chance, or longer, as one after a pause is. */
+/** From this many parts on, outliers don't count: parts that were late by chance, or longer, as after a pause. */
 const ENOUGH = 5;
 const LATE_ONES = 1;
 const LONG_ONES = 2;
-/** While the clock is new, and after stalls, the playhead may jump ahead by more than this; else it goes gently. */
+/** While the clock is new, and after stalls, the playhead may jump ahead if it is off by more than this; otherwise it adjusts
+ *  gradually. */
 const JUMP_MS = 700;
 const NEW_PARTS = 3;
-/** By so much a part of a new take may come sooner or later than others did, if it is told by the same clock. */
+/** How much earlier or later a part of a new take may arrive than previous ones if it uses the same clock. */
 const SAME_MS = 2000;
-/** The relay tells its time without fractions. */
+/** The relay reports its time in whole seconds. */
 const WHOLE_SECOND_MS = 1000;
-/** What is said to have ended longer ago is not believed. */
+/** A larger reported age is not believed. */
 const AGO_MS_MAX = 600_000;
 
-/** A part as it came: its times by the relay's clock, unix ms, and its arrival by ours. */
+/** A received part: its times by the relay's clock, unix ms, and its arrival by ours. */
 export interface Arrival {
   readonly fromMs: number;
   readonly toMs: number;
   readonly atMs: number;
-  /** The relay held the request for it, so it was sent as soon as it was there. */
+  /** The relay held the request for it, so it was sent as soon as it existed. */
   readonly wasHeld: boolean;
   readonly isNewTake: boolean;
-  /** How long before its arrival it ended, to a second or so; null: nobody knows. Looked at until the place is found. */
+  /** Its age at its arrival, to about a second; null: unknown. Used until the position is found. */
   readonly agoMs: number | null;
-  /** What the robot was at its end is not `online`, so nothing has come since. */
+  /** The robot's state at its end is not `online`, so no data has come since. */
   readonly isOver: boolean;
 }
 
 /**
- * When what a relay recorded is shown: so late that the next part is there before the last one has been shown, and no later.
- * `shiftMs` is what our clock says then less what the relay's clock said at the moment that is shown. The two clocks are never
- * compared otherwise: ours may be wrong by hours.
+ * Decides when recorded data is shown: just late enough that the next part arrives before the last one has been shown. `shiftMs`
+ * is our clock's time at the moment of display, minus the relay's clock at the shown moment. The two clocks are not compared in
+ * any other way, because ours may be wrong by hours.
  *
- * The first part came some time after it was closed. Unless somebody says how long, it is played from its beginning; with
- * each one that was there already the playhead jumps on, and the first one for which the relay held the request tells where it
- * should be. From then on it only runs a little faster or slower, and waits where a part is late.
+ * The age of the first part is often unknown; it is then played from its start. With each further part that already existed, the
+ * playhead jumps forward. The first part for which the relay held the request reveals the right position. From then on the
+ * playhead only runs a little faster or slower, and waits if a part is late.
  */
 export class PlayClock {
   /** NaN before the first part. */
   shiftMs = Number.NaN;
-  /** Whether the place of the playhead is known, and not only a bound for it. */
+  /** Whether the position of the playhead is known exactly, not just a bound for it. */
   isFound = false;
-  /** Of the last parts: the arrival less the end, and how long each is. Newest last. */
+  /** For the last parts: arrival minus end, and length. Newest last. */
   #closesMs: number[] = [];
   #spansMs: number[] = [];
   #atMs = 0;
   #stalls = 0;
-  /** How long before its arrival the newest part ended, until the place is found, to half a second; null: not known. */
+  /** The age of the newest part at its arrival, to half a second, until the position is found; null: unknown. */
   #agoMs: number | null = null;
-  /** So many parts more come while the clock is new. */
+  /** How many more parts the clock counts as new. */
   #newParts = 0;
 
-  /** Takes note of a part. Returns whether the clock has begun anew, so that it does not hold for parts of before. */
+  /** Records a part. Returns whether the clock has restarted, so that it does not apply to earlier parts. */
   arrive(part: Arrival): boolean {
     const { fromMs, toMs, atMs } = part;
     const [spanMs, closeMs] = [toMs - fromMs, atMs - toMs];
@@ -78,9 +79,9 @@ export class PlayClock {
       this.#remember(spanMs, closeMs);
     } else if (!this.isFound) {
       const soonestMs = Math.min(closeMs, this.closeMs);
-      this.#closesMs = []; // what came before says nothing
+      this.#closesMs = []; // earlier parts say nothing about it
       this.#remember(spanMs, soonestMs);
-      // where others were there already it may be long
+      // it may be long if others already existed
       const agoMs = (part.agoMs ?? Number.NaN) + WHOLE_SECOND_MS / 2;
       if (agoMs >= 0 && agoMs < AGO_MS_MAX) this.#agoMs = agoMs;
       const lagMs = spanMs + closeMs;
@@ -97,13 +98,13 @@ export class PlayClock {
     return isAnew;
   }
 
-  /** Waits for a part that is late, if it is by little, or longer than those before. */
+  /** Waits for a late part, if it is only a little late, or longer than the previous ones. */
   #wait({ fromMs, toMs, atMs, wasHeld }: Arrival): void {
     const [spanMs, closeMs] = [toMs - fromMs, atMs - toMs];
     const isFirstOfTake = this.#closesMs.length === 0;
     const lateMs = isFirstOfTake ? 0 : closeMs - this.closeMs;
     if (lateMs > STALL_MS && spanMs + closeMs <= this.shiftMs) {
-      remember(this.#spansMs, spanMs); // it was asked for late, since it is shorter than those before
+      remember(this.#spansMs, spanMs); // it was requested late, because it is shorter than the previous ones
       return;
     }
     this.#stalls = lateMs > STALL_MS ? this.#stalls + 1 : 0;
@@ -116,7 +117,7 @@ export class PlayClock {
     this.#remember(spanMs, closeMs);
     this.shiftMs = Math.max(this.shiftMs, spanMs + closeMs);
     if (this.#newParts === 0) return;
-    if (wasHeld) this.#newParts--; // else there are more already: its place is further ahead
+    if (wasHeld) this.#newParts--; // otherwise more parts exist already: its position is further ahead
     const wantedMs = Math.max(...this.#spansMs.slice(-NEW_PARTS)) + closeMs + MARGIN_MS;
     if (this.shiftMs <= wantedMs + JUMP_MS) return;
     this.shiftMs = wantedMs;
@@ -128,7 +129,7 @@ export class PlayClock {
     remember(this.#spansMs, spanMs);
   }
 
-  /** Brings the delay nearer to what it should be, as much as that may be by now. */
+  /** Moves the delay towards its target, as far as is allowed by now. */
   slew(nowMs: number): void {
     const mostMs = GENTLE * Math.max(0, nowMs - this.#atMs);
     this.#atMs = nowMs;
@@ -137,45 +138,46 @@ export class PlayClock {
     this.shiftMs += Math.max(-mostMs, Math.min(mostMs, offMs));
   }
 
-  /** What our clock says when a part arrives, less what the relay's said at its end, at the least. */
+  /** A lower bound for our clock at a part's arrival minus the relay's clock at its end. */
   get closeMs(): number {
     return Math.min(...this.#closesMs);
   }
 
-  /** How long the next part is expected to be, ms; the shortest of the last ones, so that it is not asked for too late. */
+  /** The expected length of the next part, ms: the shortest of the last ones, so that it is not requested too late. */
   get spanMs(): number {
     return Math.min(...this.#spansMs.slice(-3));
   }
 
-  /** How far what is shown lies behind the relay. While that is not known: by the relay's own time of its first answer, which
-   *  is told in whole seconds, or at most. `wayMs`: how long an answer is on its way. */
+  /** The delay of the picture relative to the relay. While unknown, it is estimated from the relay's time in its first answer,
+   *  which has whole seconds, or from an upper bound. `wayMs`: the transit time of an answer. */
   behindMs(wayMs: number): number {
     const knownMs = this.shiftMs - this.closeMs + wayMs;
     if (this.isFound) return knownMs;
     return knownMs + (this.#agoMs ?? Math.max(...this.#spansMs));
   }
 
-  /** So late that the next part comes in time if it is as long as others, and not later than almost all of them. */
+  /** Just late enough that the next part arrives in time if it is as long as the others, and no later than almost all of them
+   *  need. */
   get #wantedMs(): number {
     return nthMost(this.#spansMs, LONG_ONES) + nthMost(this.#closesMs, LATE_ONES) + MARGIN_MS;
   }
 }
 
-/** The greatest value but for `out` of them; of few values the greatest. */
+/** The greatest value without the `out` greatest; for few values, the greatest. */
 function nthMost(values: readonly number[], out: number): number {
   const sorted = [...values].sort((a, b) => b - a);
   return sorted[sorted.length < ENOUGH ? 0 : out] ?? 0;
 }
 
-/** Where the first part is begun: at its beginning, or nearer to its end where the next one is expected sooner. A robot that has
- *  gone since is shown as it was at last. */
+/** Where the first part starts: at its beginning, or nearer to its end if the next one is expected sooner. If the robot has left,
+ *  its last state is shown. */
 function firstShiftMs(part: Arrival): number {
   const { fromMs, toMs, atMs, agoMs, isOver } = part;
   if (isOver) return atMs - toMs - Math.max(0, agoMs ?? 0);
   return atMs - fromMs - (isLikely(part) ? Math.max(0, Math.min(toMs - fromMs, agoMs! - MARGIN_MS)) : 0);
 }
 
-/** Whether the newest part can have ended so long ago. */
+/** Whether the newest part can have ended that long ago. */
 function isLikely({ fromMs, toMs, agoMs }: Arrival): boolean {
   return agoMs !== null && agoMs >= 0 && agoMs < 2 * (toMs - fromMs) + SAME_MS;
 }

@@ -5,10 +5,10 @@ import type { ShownFrame } from '../lane_port.ts';
 import type { FromStream } from '../messages.ts';
 import { ShownFrames } from './shown_frames.ts';
 
-/** After a longer pause between frames the pose may have moved meanwhile, so it counts as changed. */
+/** After a longer pause between frames, the pose may have moved meanwhile, so it counts as changed. */
 const GAP_MS = 2500;
 
-/** A frame of a part when its time has come. `atMs`: when it is shown, viewer's clock; `lateMs`: how late the relay had it. */
+/** A frame of a part at its time. `atMs`: when it is shown, viewer's clock; `lateMs`: its delay at the relay. */
 export interface DueFrame {
   readonly bytes: Uint8Array;
   readonly runId: string;
@@ -18,21 +18,21 @@ export interface DueFrame {
   readonly lateMs: number;
 }
 
-/** Decodes the frames of parts one after the other, and keeps the newest that may be shown. */
+/** Decodes the frames of parts one after another, and keeps the newest one that may be shown. */
 export class PoseReader {
   readonly #decoder = new Decoder();
   readonly #shown: ShownFrames;
   #schema: Schema | null = null;
   #newest: { readonly schema: Schema; readonly codes: Int32Array; readonly atMs: number } | null = null;
   #changedMs = 0;
-  /** The newest one that may be shown and has not been; null: none. */
+  /** The newest frame that may be shown and has not been; null: none. */
   #state: RobotState | null = null;
 
   constructor(before: ShownFrame | null) {
     this.#shown = new ShownFrames(before);
   }
 
-  /** Learns a schema from its text. Returns what is wrong with it; null: nothing. */
+  /** Takes a schema's text. Returns what is wrong with it; null: nothing. */
   addSchema(text: string): string | null {
     try {
       this.#decoder.addSchema(text);
@@ -43,12 +43,12 @@ export class PoseReader {
     }
   }
 
-  /** Takes a KEY or REF of before, which the next frames name. */
+  /** Takes an earlier KEY or REF, which the next frames refer to. */
   addCopy(bytes: Uint8Array): void {
     this.#decode(bytes);
   }
 
-  /** Takes a frame. Returns whether it is one to be shown. `isFound`: see `ShownFrames.show`. */
+  /** Takes a frame. Returns whether to show it. `isFound`: see `ShownFrames.show`. */
   addFrame({ bytes, runId, acceptedMs, liveMs, atMs, lateMs }: DueFrame, isFound: boolean): boolean {
     const frame = this.#decode(bytes);
     if (frame === null) return false;
@@ -67,7 +67,7 @@ export class PoseReader {
     return true;
   }
 
-  /** Posts the newest frame if it has not been shown, and before it its schema if that has not been told. */
+  /** Posts the newest frame if it has not been shown, preceded by its schema if the page does not have it. */
   post(to: (message: FromStream) => void): void {
     const [state, schema] = [this.#state, this.#newest?.schema ?? null];
     if (state === null || schema === null) return;
@@ -77,7 +77,7 @@ export class PoseReader {
     to({ kind: 'state', state });
   }
 
-  /** A frame that can't be read is skipped: the next part needs nothing of it. */
+  /** An unreadable frame is skipped: the next part does not depend on it. */
   #decode(bytes: Uint8Array): Frame | null {
     try {
       return this.#decoder.decode(bytes);

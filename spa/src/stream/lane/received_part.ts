@@ -1,13 +1,13 @@
 import { decodeSegment, type RobotStatus, type Segment, SegmentError } from '@posecast/wire';
 import type { PartName } from './answers.ts';
 
-/** Which part was asked for. */
+/** Which part was requested. */
 export interface WantedPart extends PartName {
   readonly robot: string;
   readonly view: string | null;
 }
 
-/** The part that was asked for; null if these bytes are none, or another: a cache may have mixed them up. */
+/** The requested part; null if these bytes are not a part, or another one: a cache may have mixed them up. */
 export function readPart(bytes: Uint8Array, { robot, view, take, index }: WantedPart): Segment | null {
   try {
     const segment = decodeSegment(bytes);
@@ -21,7 +21,7 @@ export function readPart(bytes: Uint8Array, { robot, view, take, index }: Wanted
   }
 }
 
-/** What the robot was at the end of a part. */
+/** The robot's state at the end of a part. */
 export function lastWordOf({ start, records }: Segment): RobotStatus {
   const last = records.findLast((record) => record.kind === 'word');
   return last?.kind === 'word' ? last.word : start.word;

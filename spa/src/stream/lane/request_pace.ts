@@ -1,12 +1,12 @@
-/** Requests that may follow one another at once: where a lane begins, its newest part, the schema, the next part. */
+/** Requests that may follow one another at once: the lane's starting point, its newest part, the schema, the next part. */
 const BURST = 4;
 const EVERY_MS = 1000;
 
-/** Half of a request is given back for each part that it brings: who is behind must read faster than a robot sends. */
+/** Half a request is credited for each part received: a page that is behind must read faster than a robot sends. */
 const FOR_A_PART = 0.5;
 
-/** Lets through one request a second on average, and a few at once after a rest, whatever the relay answers; two a second where
- *  each brings a part. */
+/** Allows one request a second on average, and a few at once after a rest, whatever the relay answers; two a second if each
+ *  brings a part. */
 export class RequestPace {
   #left = BURST;
   #atMs = Number.NEGATIVE_INFINITY;

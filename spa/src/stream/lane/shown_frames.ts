@@ -1,6 +1,6 @@
 import type { ShownFrame } from '../lane_port.ts';
 
-/** A frame of a part. `atMs`: when the relay accepted it, unix ms; `liveMs`: by when a socket would have brought it, viewer's
+/** A frame of a part. `atMs`: when the relay accepted it, unix ms; `liveMs`: by when a socket would have delivered it, viewer's
  *  clock. */
 export interface PartFrame extends Omit<ShownFrame, 'atMs'> {
   readonly runId: string;
@@ -8,22 +8,22 @@ export interface PartFrame extends Omit<ShownFrame, 'atMs'> {
   readonly liveMs: number;
 }
 
-const SEQS = 2 ** 32; // a frame's number goes round
-/** Runs of before that are remembered. */
+const SEQS = 2 ** 32; // frame numbers wrap around
+/** The number of earlier runs that are remembered. */
 const RUNS_MAX = 16;
-/** By so much the clocks of two relays may differ. */
+/** The maximum difference between the clocks of two relays. */
 const CLOCKS_MS = 1000;
-/** By so much `liveMs` may be too late; once the lane's own place is found, and before. */
+/** The maximum error of `liveMs`: once the lane's position is found, and before. */
 const UNSURE_MS = 2000;
 const UNSURE_AT_FIRST_MS = 8000;
 
 /**
- * Tells whether a frame may be shown: none twice, and none that is older than what was shown.
+ * Decides whether a frame may be shown: no frame twice, and none older than what was shown.
  *
- * Within a lane (run, seq) decides, since each part names its run. A socket does not name it. What it has shown is known by
- * schema, number and robot time, and by when it came; so a frame of the lane is new if it is of a later time, and, for as long
- * as that time is unsure, if its number or its robot time is the greater one. A robot that was started anew in these seconds,
- * and counts both from 0, stands still until they are over.
+ * Within a lane (run, seq) decides, because each part names its run. A socket does not name it. Frames shown by a socket are
+ * known by schema, number and robot time, and by their arrival. A frame of the lane is therefore new if its time is later and, as
+ * long as that time is uncertain, if its number or its robot time is greater. A robot that restarted within these seconds, and
+ * counts both from 0, stands still until they are over.
  */
 export class ShownFrames {
   readonly #before: ShownFrame | null;
@@ -37,7 +37,7 @@ export class ShownFrames {
     this.#before = before;
   }
 
-  /** Notes a frame, and returns whether it is to be shown. `isFound`: whether `liveMs` is more than a bound. */
+  /** Records a frame, and returns whether to show it. `isFound`: `liveMs` is exact, not just a bound. */
   show(frame: PartFrame, isFound: boolean): boolean {
     if (!this.#isNew(frame, isFound)) return false;
     if (this.#runId !== null && this.#runId !== frame.runId)

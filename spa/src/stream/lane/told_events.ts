@@ -1,22 +1,22 @@
 import { type EventMessage, parseRelayMessage } from '@posecast/wire';
 import type { EventMark } from '../lane_port.ts';
 
-/** Picks the events that the page has not been told. A number that falls back in time means to it that the relay has lost
- *  count, so an old one must not come again. */
+/** Selects the events that the page does not have yet. The page takes a number that goes back in time to mean that the relay lost
+ *  count, so an old event must not be repeated. */
 export class ToldEvents {
   #newest: EventMark | null;
 
-  /** `newest`: the newest event that the page was told before. */
+  /** `newest`: the newest event that the page already has. */
   constructor(newest: EventMark | null) {
     this.#newest = newest;
   }
 
-  /** When the newest event was that is known, unix ms; 0: none is. */
+  /** The time of the newest known event, unix ms; 0: none. */
   get newestMs(): number {
     return 1000 * (this.#newest?.at ?? 0);
   }
 
-  /** The event, unless it is known or older than what is known. */
+  /** The event, unless it is known or older than the known ones. */
   take(event: EventMessage): EventMessage | null {
     const newest = this.#newest;
     if (newest !== null) {
@@ -28,7 +28,7 @@ export class ToldEvents {
   }
 }
 
-/** The event that a part has as a text; null if it is none. */
+/** An event given as text in a part; null if it is invalid. */
 export function eventOf(text: string): EventMessage | null {
   const event = parseRelayMessage(text);
   return event?.type === 'event' ? event : null;

@@ -1,7 +1,6 @@
 /** Least time between two acknowledgements. */
 const ACK_EVERY_MS = 1000;
-/** A longer round trip counts as far away: there the relay would hold frames back while it waits for acknowledgements.
- *  */
+/** With a longer round trip, the relay counts as far away: it would hold frames back while waiting for acknowledgements. */
 const FAR_MS = 500;
 
 /** Counts the binary messages of one connection and decides when to acknowledge them to the relay. */
@@ -14,7 +13,7 @@ export class Acknowledgements {
     this.#received += 1;
   }
 
-  /** The count to acknowledge now, at most once a second (twice on a slow round trip); null: nothing is due. */
+  /** The count to acknowledge now, at most once a second (twice with a long round trip); null: nothing is due. */
   takeDue(nowMs: number, roundTripMs: number | null): number | null {
     if (this.#received === this.#acknowledged) return null;
     const far = (roundTripMs ?? 0) > FAR_MS;

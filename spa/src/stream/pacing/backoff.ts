@@ -3,15 +3,15 @@ import type { Retry } from '@posecast/wire';
 const FIRST_CEILING_MS = 500;
 const LAST_CEILING_MS = 30_000;
 const SPREAD_S = 10;
-/** The wait of a full relay that asks for none. */
+/** The wait if a full relay does not specify one. */
 export const WAIT_S = 30;
 
 /**
- * Milliseconds to wait before the next try; null: don't retry unasked. The wait is random between 0 and a ceiling that
+ * Milliseconds to wait before the next try; null: don't retry automatically. The wait is random between 0 and a ceiling that
  * doubles with each failure ("full jitter"), so that viewers who lost their relay together don't come back together.
  *
- * `failures` counts failed tries since the stream last worked, `random` is in [0, 1), and `retryS` is the wait in
- * seconds that the relay asked for in its `bye`.
+ * `failures` counts failed tries since the stream last worked, `random` is in [0, 1), and `retryS` is the wait in seconds from
+ * the relay's `bye`.
  */
 export function retryDelayMs(
   rule: Retry,

@@ -2,7 +2,7 @@ import type { ViewerMessage } from '@posecast/wire';
 
 const PING_EVERY_MS = 5000;
 
-/** Measures the round trip to the relay of one connection, by pings. */
+/** Measures the round trip of one connection to the relay, using pings. */
 export class RoundTrip {
   /** null until known. */
   ms: number | null = null;
@@ -17,7 +17,7 @@ export class RoundTrip {
     return { type: 'ping', t: nowMs };
   }
 
-  /** Takes the answer to a ping that was sent at `sentMs`. Returns whether it was the newest one. */
+  /** Takes the answer to a ping sent at `sentMs`. Returns whether it was the newest one. */
   pong(nowMs: number, sentMs: number): boolean {
     this.ms = Math.max(0, nowMs - sentMs);
     return sentMs >= this.#sentMs;

@@ -1,12 +1,12 @@
 import { Decoder, FrameError, parseRelayMessage, type Schema, SchemaError } from '@posecast/wire';
 
-/** What the relay gives a preview, whatever it asks for. */
+/** The rate that the relay grants a preview, whatever is requested. */
 const PREVIEW_HZ = 1;
 
 /**
- * A robot's poses for a picture that moves now and then: one WebSocket at 1 Hz, which the relay counts as no viewer and
- * ends first when others need the place. It is not opened again, and nothing takes its place where none gets through:
- * the picture then stands still. For `url`, see `streamUrl`; `token` is sent first, if there is one.
+ * A robot's poses for a preview that moves now and then: one WebSocket at 1 Hz. The relay does not count it as a viewer, and
+ * closes it first when it needs the place. It is not reopened, and there is no fallback transport: the preview then stands still.
+ * For `url`, see `streamUrl`; `token` is sent first, if there is one.
  */
 export class PreviewStream {
   readonly #decoder = new Decoder();
@@ -44,7 +44,7 @@ export class PreviewStream {
       const message = parseRelayMessage(data);
       if (message?.type === 'schema') this.#decoder.addSchema(message.text);
     } catch (error) {
-      // What can't be read is skipped, as on the robot's own page, which says why.
+      // Unreadable data is skipped, as on the robot's own page, which says why.
       if (!(error instanceof FrameError || error instanceof SchemaError)) throw error;
     }
   }

@@ -11,8 +11,8 @@ import type { StaleEffect } from './stale_effect.ts';
 type OnProgress = (receivedBytes: number, totalBytes: number) => void;
 
 /**
- * Loads a built model into the scene step by step: a skeleton at once, then the coarsest level of detail, then the next
- * one when the browser is idle, and the finest when a person asks for it.
+ * Loads a built model into the scene step by step: a skeleton at once, then the coarsest level of detail, then the next one when
+ * the browser is idle, and the finest on request.
  */
 export class BuiltRobot {
   readonly #manifest: Manifest;
@@ -38,7 +38,7 @@ export class BuiltRobot {
     stage.show(this.#robot);
   }
 
-  /** Loads and shows the coarsest level. Errors are in the report; the skeleton moves in any case. */
+  /** Loads and shows the coarsest level. Errors go into the report; the skeleton moves in any case. */
   async dress(report: ModelReport, onProgress: OnProgress): Promise<void> {
     report.joints = [...this.#robot.jointNames];
     report.findings = this.#manifest.findings;
@@ -57,22 +57,21 @@ export class BuiltRobot {
     const next = nextWhenIdle(this.#manifest.levels.length);
     if (next > 0) {
       whenIdle(() => {
-        // Nobody asked for this level, so a failure is not reported.
+        // This level was loaded automatically, so a failure is not reported.
         if (!this.#stage.signal.aborted && this.#shown < next)
           void this.#refine(next, () => {}).catch(() => {});
       });
     }
   }
 
-  /** Bytes of the finest level; null when it is shown already or too much for this device. */
+  /** Size of the finest level in bytes; null if it is already shown or too large for this device. */
   get finestBytes(): number | null {
     const finest = this.#manifest.levels.length - 1;
     if (this.#shown < 0 || this.#shown >= finest || isSmallDevice()) return null;
     return this.#manifest.levels[finest]!.bytes;
   }
 
-  /** Shows the finest level. Rejects with a one-line Error when it can't be loaded; the present level stays until then.
-   *  */
+  /** Shows the finest level. Rejects with a one-line Error if it can't be loaded; the current level stays until then. */
   refine(onProgress: OnProgress): Promise<void> {
     return this.#refine(this.#manifest.levels.length - 1, onProgress);
   }
@@ -82,8 +81,7 @@ export class BuiltRobot {
     return this.#manifest.levels.length > 1;
   }
 
-  /** Sets whether only the coarsest level is shown. Never rejects: when a level can't be loaded, the present one stays.
-   *  */
+  /** Sets whether only the coarsest level is shown. Never rejects: if a level can't be loaded, the current one stays. */
   async keepCoarse(coarse: boolean): Promise<void> {
     if (coarse === this.#coarse) return;
     this.#coarse = coarse;
@@ -142,7 +140,7 @@ async function fetchLevel(
   }
 }
 
-/** Index of the level to load unasked: the second coarsest, or the coarsest if the person saves data. */
+/** Index of the level to load automatically: the second coarsest, or the coarsest if the viewer's browser saves data. */
 function nextWhenIdle(levels: number): number {
   const connection = (navigator as { connection?: { saveData?: boolean; effectiveType?: string } })
     .connection;
@@ -156,7 +154,7 @@ function isSmallDevice(): boolean {
 }
 
 function whenIdle(task: () => void): void {
-  // WebKit has no idle callback; a pause after the first picture is near enough.
+  // WebKit has no idle callback, so a pause after the first picture is used instead.
   if ('requestIdleCallback' in window) window.requestIdleCallback(task, { timeout: 3000 });
   else setTimeout(task, 500);
 }

@@ -4,7 +4,7 @@ import type { StagedFigure } from '../../view/figure_node.ts';
 
 export type { FigureGhost } from '../../view/figure_node.ts';
 
-/** A robot as the scene handles it, whatever kind of model it was read from. */
+/** A robot as the scene handles it, independent of the kind of model. */
 export interface Figure extends StagedFigure {
   readonly root: Object3D;
   readonly boxes: Iterable<readonly [link: { readonly matrixWorld: Matrix4 }, box: LinkBox]>;
@@ -12,13 +12,13 @@ export interface Figure extends StagedFigure {
   linkMatrix(name: string): Matrix4 | undefined;
   /** The bounding box (world) of all link boxes and link origins. */
   bounds(into: Box3): Box3;
-  /** The link that a ray (world) meets first, or null. */
+  /** The first link that a ray (world) hits, or null. */
   pick(ray: Ray): string | null;
 }
 
 /** What a model's loader needs from the scene. */
 export interface Stage {
-  /** Aborted when another model takes this one's place. */
+  /** Aborted when another model replaces this one. */
   readonly signal: AbortSignal;
   /** Shows a new figure, with a skeleton until `skinned` is called. */
   show(figure: Figure): void;
@@ -26,6 +26,6 @@ export interface Stage {
   skinned(): void;
   /** Part of the figure is new: it must be placed and drawn again. */
   changed(): void;
-  /** Makes a mark for a mesh that can't be shown. */
+  /** Creates a mark for a mesh that can't be shown. */
   placeholder(): Object3D;
 }

@@ -8,8 +8,8 @@ import { Bones, type SkinTones } from './skin.ts';
 import type { StaleEffect } from './stale_effect.ts';
 
 /**
- * A see-through copy of a robot in another pose, usually the commanded one. It shares the robot's geometry buffers and
- * root, has its own bones, and costs one draw call.
+ * A transparent copy of a robot in another pose, usually the commanded one. It shares the robot's geometry buffers and root, has
+ * its own bones, and costs one draw call.
  */
 export class Ghost implements FigureGhost {
   /** A child of the robot's root. Empty until the robot has its first level. */
@@ -41,7 +41,7 @@ export class Ghost implements FigureGhost {
     this.mesh.renderOrder = GLASS_ORDER;
   }
 
-  /** Sets its joints, rad or m by URDF name. False when nothing changed. */
+  /** Sets its joints, rad or m by URDF name. False if nothing changed. */
   setJoints(joints: ReadonlyMap<string, number>): boolean {
     if (!this.#kinematics.set(joints)) return false;
     this.#kinematics.compute();

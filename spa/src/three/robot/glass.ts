@@ -12,8 +12,8 @@ const OPACITY = 0.35;
 /** Render order: after the robot, so that the robot shows through. */
 export const GLASS_ORDER = 2;
 
-/** The material of a ghost: the accent colour, transparent where the surface faces the camera and denser at its edges.
- *  Like a skin it follows `bones`, and each link may fade by itself. */
+/** The material of a ghost: the accent colour, transparent where the surface faces the camera and denser at its edges. Like a
+ *  skin it follows `bones`, and each link can fade individually. */
 export function glass(
   staleEffect: StaleEffect,
   accent: { value: Color },
@@ -24,10 +24,10 @@ export function glass(
     opacity: OPACITY,
     depthWrite: false,
     side: DoubleSide,
-    polygonOffset: true, // where ghost and body coincide, the body is seen
+    polygonOffset: true, // where ghost and body coincide, the body is visible
     polygonOffsetFactor: 2,
     polygonOffsetUnits: 24,
-    forceSinglePass: true, // else three draws back and front faces in two calls
+    forceSinglePass: true, // otherwise three.js draws back and front faces in two calls
   });
   material.onBeforeCompile = (shader) => {
     staleEffect.patch(shader);

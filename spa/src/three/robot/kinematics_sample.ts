@@ -1,4 +1,4 @@
-/** root_from_link, row after row, by nothing but text matching and sums: an independent second opinion. */
+/** root_from_link computed row by row, with nothing but text matching and sums: an independent reference. */
 export function forwardKinematics(text: string, values: ReadonlyMap<string, number>): Map<string, number[]> {
   const joints = [...text.matchAll(/<joint name="([^"]+)" type="([^"]+)"[^>]*>([\s\S]*?)<\/joint>/g)].map(
     ([, name, type, inside]) => {

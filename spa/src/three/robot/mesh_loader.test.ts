@@ -30,11 +30,11 @@ test.each([
   [
     'a web page',
     text('<!DOCTYPE html><html><body>not found</body></html>'),
-    'a web page came instead of a mesh',
+    'the server sent a web page instead of a mesh',
   ],
   ['nothing', new Uint8Array(), 'empty'],
-  ['another format', text('ply\nformat ascii'), 'neither STL, Collada, OBJ nor GLB'],
-  ['a half file', binaryStl(cubeSoup()).subarray(0, 300), 'neither STL, Collada, OBJ nor GLB'],
+  ['another format', text('ply\nformat ascii'), 'not STL, Collada, OBJ or GLB'],
+  ['a half file', binaryStl(cubeSoup()).subarray(0, 300), 'not STL, Collada, OBJ or GLB'],
 ])('%s is an error, never a crash', (_, bytes, why) => {
   expect(() => meshKind(bytes)).toThrow(new MeshError(why));
 });
@@ -117,7 +117,7 @@ test('facts: how large a mesh is before the URDF scales it, and what its reader 
 
 test('what is wrong with a file is one line that names it', async () => {
   const wrong = loaderOf(text('<!DOCTYPE html>')).load();
-  await expect(wrong).rejects.toThrow('meshes/x.dae: a web page came instead of a mesh');
+  await expect(wrong).rejects.toThrow('meshes/x.dae: the server sent a web page instead of a mesh');
   const empty = loaderOf(binaryStl(new Float32Array())).load();
   await expect(empty).rejects.toThrow('meshes/x.dae: no triangles');
 });

@@ -7,7 +7,7 @@ import {
   type MeshStandardMaterial,
   type Object3D,
 } from 'three';
-import { MeshoptDecoder } from 'three/addons/libs/meshopt_decoder.module.js'; // here already: built models need it
+import { MeshoptDecoder } from 'three/addons/libs/meshopt_decoder.module.js'; // loaded anyway: built models need it
 import { type BundleFile, NotNow, type RawFiles } from '../../model/bundle.ts';
 import type { MeshNote } from '../../model/mesh_facts.ts';
 import type { Paint } from '../../urdf/manifest.ts';
@@ -15,7 +15,7 @@ import type { PaintedSurface } from '../../urdf/meshes/lod_builder.ts';
 import { isAsciiStl, isBinaryStl, MeshError, parseStl, tailBytes } from '../../urdf/meshes/stl.ts';
 import { weld } from '../../urdf/meshes/weld.ts';
 
-/** A mesh file that was read. */
+/** A mesh read from a file. */
 export interface LoadedMesh {
   /** One surface for each colour, in the file's own frame, metres. */
   readonly parts: readonly PaintedSurface[];
@@ -25,21 +25,22 @@ export interface LoadedMesh {
 
 export type MeshKind = 'stl' | 'collada' | 'obj' | 'glb';
 
-/** A white pixel that replaces textures, as bundles of version 1 have none. */
+/** A white pixel that replaces textures, because bundles of version 1 have none. */
 const WHITE = 'data:image/gif;base64,R0lGODlhAQABAIAAAP///wAAACwAAAAAAQABAAACAkQBADs=';
 
-/** The format of a mesh file by its bytes, whatever its name: a host may answer an unknown path with a web page, which
- *  read as STL would have four billion triangles. Throws MeshError when it is none of the known formats. */
+/** The format of a mesh file, detected from its bytes and not its name: a host may answer an unknown path with a web page, which
+ *  read as STL would have four billion triangles. Throws MeshError if the format is unknown. */
 export function meshKind(bytes: Uint8Array): MeshKind {
   if (new TextDecoder('latin1').decode(bytes.subarray(0, 4)) === 'glTF') return 'glb';
   if (isBinaryStl(bytes)) return 'stl';
   const head = new TextDecoder('latin1').decode(bytes.subarray(0, 4096));
   if (/<COLLADA[\s>]/.test(head)) return 'collada';
-  if (/<!doctype html|<html[\s>]/i.test(head)) throw new MeshError('a web page came instead of a mesh');
+  if (/<!doctype html|<html[\s>]/i.test(head))
+    throw new MeshError('the server sent a web page instead of a mesh');
   if (isAsciiStl(bytes)) return 'stl';
   if (bytes.length === 0) throw new MeshError('empty');
   if (/^\s*(?:v|mtllib|o|g)\s+\S/m.test(head) && !head.includes('\0')) return 'obj';
-  throw new MeshError('neither STL, Collada, OBJ nor GLB');
+  throw new MeshError('not STL, Collada, OBJ or GLB');
 }
 
 /** Loads the mesh files of one bundle, each once even if several links use it. */
@@ -100,7 +101,7 @@ function offline(): LoadingManager {
   return manager;
 }
 
-/** Code that is loaded when a file needs it. Rejects with NotNow when it does not come. */
+/** Code that is loaded when a file needs it. Rejects with NotNow if it can't be loaded. */
 function decoder<T>(code: Promise<T>): Promise<T> {
   return code.catch((cause: unknown) => {
     throw new NotNow('its decoder did not come', { cause });
@@ -127,7 +128,7 @@ async function readObj(
   return { parts: partsOf(loader.parse(text), paints !== null), notes };
 }
 
-/** Reads a self-contained GLB. Its axes are taken as the link's, as with any mesh. */
+/** Reads a self-contained GLB. Its axes are assumed to be the link's, as for any mesh. */
 async function readGlb(bytes: Uint8Array): Promise<PaintedSurface[]> {
   const { GLTFLoader } = await decoder(import('three/addons/loaders/GLTFLoader.js'));
   const loader = new GLTFLoader(offline()).setMeshoptDecoder(MeshoptDecoder);
@@ -135,7 +136,7 @@ async function readGlb(bytes: Uint8Array): Promise<PaintedSurface[]> {
   return partsOf(scene, true);
 }
 
-/** Reads Collada like RViz: `<unit>` is applied, `<up_axis>` is ignored (vertices are in the link's frame already). */
+/** Reads Collada like RViz: `<unit>` is applied, `<up_axis>` is ignored (vertices are already in the link's frame). */
 async function readCollada(text: string): Promise<LoadedMesh> {
   const { ColladaLoader } = await decoder(import('three/addons/loaders/ColladaLoader.js'));
   const scene = new ColladaLoader(offline()).parse(text, '')?.scene;
@@ -162,7 +163,7 @@ function colladaNotes(text: string): MeshNote[] {
   return notes;
 }
 
-/** All meshes of a file in its root's frame, one part for each colour. `colored`: its materials are the file's. */
+/** All meshes of a file in its root's frame, one part for each colour. `colored`: the file has its own materials. */
 function partsOf(scene: Object3D, colored: boolean): PaintedSurface[] {
   scene.updateMatrixWorld(true);
   const groups = new Map<string, { soups: Float32Array[]; paint: Paint | null }>();
@@ -190,11 +191,11 @@ function isMesh(object: Object3D): object is Mesh {
 function paintOf(material: Material | undefined): Paint | null {
   if (material === undefined || !isFromFile(material) || !('color' in material)) return null;
   const { r, g, b } = material.color as Color;
-  // Exporters often write transparency the wrong way round; a body of opacity 0 is never meant.
+  // Exporters often invert transparency; an opacity of 0 is never intended.
   return [r, g, b, material.opacity <= 0 ? 1 : material.opacity];
 }
 
-/** False for the magenta or white default that three.js uses when a file names no material. */
+/** False for the magenta or white default that three.js uses if a file names no material. */
 function isFromFile(material: Material): boolean {
   const { name, type } = material;
   if (name === Loader.DEFAULT_MATERIAL_NAME) return false;

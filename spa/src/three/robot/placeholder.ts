@@ -4,7 +4,7 @@ import type { RawManifest } from '../../model/bundle.ts';
 
 const HATCHES = 4;
 
-/** Why a mesh is not in the bundle; null when it is. */
+/** Why a mesh is not in the bundle; null if it is. */
 export function whyAbsent(uri: string, manifest: RawManifest): string | null {
   if (manifest.missing.has(uri)) return 'not found by the robot';
   if (!manifest.files.has(uri)) return 'not in the bundle';
@@ -28,7 +28,7 @@ export function hatchedBox(): Float32Array {
   };
   for (let axis = 0; axis < 3; axis += 1) {
     for (const side of [-0.5, 0.5]) {
-      line(axis, side, 0, 0, 1, 0); // two edges a face make the twelve of the box
+      line(axis, side, 0, 0, 1, 0); // two edges per face make the twelve of the box
       line(axis, side, 0, 1, 1, 1);
       for (let i = 1; i < 2 * HATCHES; i += 1) {
         const at = i / HATCHES; // the line u + v = at, inside the unit square

@@ -7,13 +7,13 @@ import {
   type RawManifest,
 } from '../../model/bundle.ts';
 
-/** Larger files are refused: the edge does not send them either, and a phone could not hold them. */
+/** Larger files are refused: the edge does not send them either, and they would not fit into a phone's memory. */
 const MAX_FILE_BYTES = 128_000_000;
 const MAX_BUNDLE_BYTES = 512_000_000;
 /** Files fetched at once: the number of connections that browsers open to a host over HTTP/1.1. */
 const PARALLEL = 6;
 
-/** Reads a manifest of version 1. Throws BundleError that says what is wrong with it. */
+/** Reads a manifest of version 1. Throws a BundleError that says what is wrong with it. */
 export function readRawManifest(raw: Readonly<Record<string, unknown>>): RawManifest {
   if (raw.v !== 1) throw new BundleError('model manifest: neither version 1 nor 2');
   if (!Array.isArray(raw.files)) throw new BundleError('model manifest: no list of files');
@@ -26,15 +26,15 @@ export function readRawManifest(raw: Readonly<Record<string, unknown>>): RawMani
     files.set(file.uri, file);
     if (file.path === raw.urdf) urdf = file;
   }
-  if (total > MAX_BUNDLE_BYTES) throw new BundleError(`model manifest: ${total} bytes are too many`);
-  if (urdf === undefined) throw new BundleError('model manifest: its URDF is not among its files');
+  if (total > MAX_BUNDLE_BYTES) throw new BundleError(`model manifest: too many bytes, ${total}`);
+  if (urdf === undefined) throw new BundleError('model manifest: its files include no URDF');
   const missing = Array.isArray(raw.missing) ? raw.missing.filter((uri) => typeof uri === 'string') : [];
   return { urdf, files, missing: new Set(missing) };
 }
 
 function parseFile(entry: unknown, index: number): BundleFile {
   const where = `model manifest: file ${index}`;
-  if (!isRecord(entry)) throw new BundleError(`${where} is no object`);
+  if (!isRecord(entry)) throw new BundleError(`${where} is not an object`);
   const { path, uri, size } = entry;
   if (typeof path !== 'string' || !isInside(path)) throw new BundleError(`${where}: bad path`);
   if (typeof uri !== 'string' || uri === '') throw new BundleError(`${where}: no uri`);
@@ -49,7 +49,7 @@ function isInside(path: string): boolean {
   return path.split('/').every((part) => part !== '' && part !== '.' && part !== '..');
 }
 
-/** Fetches a bundle's files, six at a time, and reports the bytes received of all files together. */
+/** Fetches a bundle's files, six at a time, and reports the total bytes received. */
 export class Download {
   readonly #manifestUrl: string;
   readonly #signal: AbortSignal;
@@ -64,7 +64,7 @@ export class Download {
     this.#onBytes = onBytes;
   }
 
-  /** The file's bytes. Rejects with BundleError when it can't be fetched or its size differs from the manifest. */
+  /** The file's bytes. Rejects with BundleError if it can't be fetched or its size differs from the manifest. */
   async fetch(file: BundleFile): Promise<Uint8Array> {
     if (this.#running >= PARALLEL) await new Promise<void>((resolve) => this.#waiting.push(resolve));
     this.#running += 1;

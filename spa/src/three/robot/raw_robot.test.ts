@@ -34,7 +34,7 @@ const ARM = `<robot name="arm">
     <limit lower="0" upper="0.1" effort="1" velocity="1"/></joint>
 </robot>`;
 
-/** A robot of a URDF, dressed in what the URDF describes itself; meshes are put on by hand. */
+/** A robot from a URDF, showing only what the URDF itself describes; meshes are added by hand. */
 class Model extends SkinnedRobot {
   readonly urdf: ReturnType<typeof modelOf>;
   readonly lod: LodBuilder;
@@ -183,7 +183,7 @@ test('a ghost is the same meshes in another pose: those that are there, and thos
   expect(ghost.mesh.parent).toBeNull();
 });
 
-/** Corners in the link's frame, as the graphics card has them, with their normals. */
+/** Corners in the link's frame, as uploaded to the GPU, with their normals. */
 function cornersOf(lod: Lod, visual: number): { at: number[]; normal: number[] }[] {
   const m = lod.linkFromMesh.subarray(visual * 16, visual * 16 + 16);
   const [start = 0, count = 0] = lod.ranges[visual]!;
@@ -236,7 +236,7 @@ test('one mesh that two thousand visuals show is stored once and bounded where i
   let shown = 0;
   expect(() => {
     for (; shown < shapes.length; shown += 1) lod.put(shown, large);
-  }).toThrow('left out: the robot unpacks to too many bytes already');
+  }).toThrow('left out: the robot already unpacks to too many bytes');
   expect(shown).toBe(14);
 });
 
@@ -303,7 +303,7 @@ test('a shape without end is named and not drawn, and no box is broken by it', (
   const box = '<visual><geometry><box size="1e300 1 1"/></geometry></visual>';
   const { shapes } = modelOf(readUrdf(readXml(`<robot name="r"><link name="a">${box}</link></robot>`)));
   const mesh = ownMesh(shapes[0]!);
-  expect(() => new LodBuilder(shapes).put(0, mesh)).toThrow('too large to be drawn');
+  expect(() => new LodBuilder(shapes).put(0, mesh)).toThrow('too large to draw');
 });
 
 test.each([

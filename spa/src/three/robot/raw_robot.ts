@@ -35,8 +35,8 @@ export async function fetchUrdf(manifest: RawManifest, files: RawFiles): Promise
   }
 }
 
-/** Shows a robot from its raw URDF and meshes, as served by an edge or dropped on the page. `onTotal` gets the bytes of
- *  all files that are drawn. This is a separate chunk, because built models don't need it. */
+/** Shows a robot from its raw URDF and meshes, as served by an edge or dropped on the page. `onTotal` gets the total size of the
+ *  files to draw. This is a separate chunk, because built models don't need it. */
 export async function showRaw(
   { urdf, manifest, files }: RawModel,
   stage: Stage,
@@ -109,12 +109,12 @@ interface Slot {
   readonly link: number;
   /** The mesh's URI, as written in the URDF. */
   readonly uri: string;
-  /** Shows the mesh. Throws MeshError when there is no room for it. */
+  /** Shows the mesh. Throws MeshError if there is no room for it. */
   show(mesh: readonly PaintedSurface[]): void;
 }
 
-/** Loads the mesh of a slot and shows it. `problem`: why that failed, in one line that names the file; `passing`: whether
- *  it may come later. */
+/** Loads the mesh of a slot and shows it. `problem`: why that failed, in one line that names the file; `passing`: whether the
+ *  cause is temporary. */
 async function fill(
   { uri, show }: Slot,
   manifest: RawManifest,

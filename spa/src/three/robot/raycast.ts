@@ -10,8 +10,8 @@ const HIT = new Vector3();
 const UNIT_BOX = new Box3(new Vector3(-0.5, -0.5, -0.5), new Vector3(0.5, 0.5, 0.5));
 
 /**
- * The visual that a ray (in the root link's frame) meets first, or -1. `rootFromMesh(i, into)` writes the transform of
- * visual i, or returns false when it can't be picked. It tests boxes first, then triangles, in about a millisecond.
+ * The first visual that a ray (in the root link's frame) hits, or -1. `rootFromMesh(i, into)` writes the transform of visual i,
+ * or returns false if it can't be picked. It tests boxes first, then triangles, in about a millisecond.
  */
 export function pickVisual(
   level: Lod,
@@ -41,8 +41,7 @@ export function pickVisual(
   return found;
 }
 
-/** The link of the placeholder (a box of edge length 1) that a ray in the root link's frame meets first; null for none.
- *  */
+/** The link of the first placeholder (a box of edge length 1) that a ray in the root link's frame hits; null for none. */
 export function pickPlaceholder(
   placeholders: readonly { readonly link: number; readonly object: Object3D }[],
   ray: Ray,

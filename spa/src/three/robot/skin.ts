@@ -23,10 +23,9 @@ const ROUGHNESS = 0.6;
 const NUMBERS = 16;
 
 /**
- * The bones of one robot as a GPU texture of 4 × n texels: root_from_mesh of each visual, column by column. The bottom
- * row of these matrices is constant, so it holds the visual's look instead: highlight, fade, hide, and tint (0 for
- * none, else 1 + 0xrrggbb, negative when hatched). One upload moves and paints the whole robot. A ghost has its own
- * bones.
+ * The bones of one robot as a GPU texture of 4 × n texels: root_from_mesh of each visual, column by column. The bottom row of
+ * these matrices is constant, so it holds the visual's display options instead: highlight, fade, hide, and tint (0 for none, else
+ * 1 + 0xrrggbb, negative when hatched). One upload moves and paints the whole robot. A ghost has its own bones.
  */
 export class Bones {
   readonly texture: DataTexture;
@@ -99,15 +98,15 @@ export function skinGeometry(level: Lod): BufferGeometry {
 }
 
 /**
- * Draws a level by rigid skinning with one bone per vertex: one draw call for all that is untextured and one for each
- * picture. three's own SkinnedMesh would mix four bones per vertex and need an Object3D for each bone.
+ * Draws a level by rigid skinning with one bone per vertex: one draw call for everything untextured and one for each texture.
+ * SkinnedMesh of three.js would mix four bones per vertex and need an Object3D for each bone.
  */
 export class Skin {
   readonly mesh: Mesh<BufferGeometry, MeshStandardMaterial | MeshStandardMaterial[]>;
   readonly #materials: readonly MeshStandardMaterial[];
   readonly #paints: DataTexture;
 
-  /** `pictures`: the level's pictures in its order; null for one that could not be read. */
+  /** `pictures`: the level's textures in its order; null for one that could not be read. */
   constructor(
     level: Lod,
     pictures: readonly (ImageBitmap | null)[],
@@ -168,7 +167,7 @@ export interface SkinTones {
 function pictureTexture(picture: ImageBitmap): Texture {
   const texture = new Texture(picture);
   texture.colorSpace = SRGBColorSpace;
-  texture.flipY = false; // as glTF counts
+  texture.flipY = false; // glTF's origin of v
   texture.wrapS = texture.wrapT = RepeatWrapping;
   texture.needsUpdate = true;
   return texture;
@@ -214,7 +213,7 @@ if (bone3.w != 0.0) {
 
 const BONE_POSITION = 'transformed = mat3(bone0.xyz, bone1.xyz, bone2.xyz) * vec3(position) + bone3.xyz;\n';
 
-/** Moves all vertices of a hidden link to one point outside the picture, so that nothing is rasterised. */
+/** Moves all vertices of a hidden link to one point outside the picture, so that none of it is rasterised. */
 const BONE_HIDE = '\nif (bone2.w > 0.5) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);\n';
 
 const FRAGMENT_HEAD = `
@@ -225,7 +224,7 @@ flat varying vec4 tint;
 flat varying vec2 look;
 
 #ifdef SEE_THROUGH
-// An ordered pattern of 4 × 4: what is behind shows through without sorting and without a second draw call.
+// An ordered 4 × 4 dither pattern: objects behind show through without sorting and without a second draw call.
 float threshold(vec2 at) {
   ivec2 cell = ivec2(at) & 3;
   int bits = ((cell.x ^ cell.y) & 1) * 8 + (cell.y & 1) * 4 + (((cell.x ^ cell.y) >> 1) & 1) * 2 + ((cell.y >> 1) & 1);

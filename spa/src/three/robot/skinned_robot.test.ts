@@ -10,7 +10,7 @@ import { StaleEffect } from './stale_effect.ts';
 const tones = { accent: { value: new Color() }, caution: { value: new Color() } };
 const UPRIGHT = [1, 0, 0, 0] as const;
 
-/** A chain of turning joints, a box on each link. */
+/** A chain of revolute joints, with a box on each link. */
 function chain(joints: number): SampleModel {
   return {
     joints: Array.from({ length: joints }, (_, parent) => ({

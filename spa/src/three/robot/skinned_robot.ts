@@ -11,7 +11,7 @@ import { pickPlaceholder, pickVisual } from './raycast.ts';
 import { Bones, Skin, type SkinTones } from './skin.ts';
 import type { StaleEffect } from './stale_effect.ts';
 
-/** The robot of a manifest. It moves by the manifest alone, and is drawn once a level of detail has been set with
+/** A robot built from a manifest. The manifest is enough to move it; it is drawn once a level of detail has been set with
  *  `wear`. */
 export class SkinnedRobot extends ArticulatedBody implements Figure {
   readonly root = new Object3D();
@@ -114,7 +114,7 @@ export class SkinnedRobot extends ArticulatedBody implements Figure {
     for (const link of new Set([...before, ...links])) this.#paint(link);
   }
 
-  /** Makes a ghost of this robot, which is disposed of with the robot at the latest. */
+  /** Creates a ghost of this robot, which is disposed of with the robot at the latest. */
   ghost(): Ghost {
     const ghost = new Ghost(
       this.manifest.joints,
@@ -130,7 +130,7 @@ export class SkinnedRobot extends ArticulatedBody implements Figure {
     return ghost;
   }
 
-  /** Grows a link's box by a mesh's box (in the link's frame, metres) that the manifest did not know. */
+  /** Extends a link's box by a mesh's box (in the link's frame, metres) that the manifest lacks. */
   measure(link: number, { min, max }: LinkBox): void {
     const known = this.boxOfLink.get(link);
     const box = known ?? emptyBox();
@@ -148,7 +148,7 @@ export class SkinnedRobot extends ArticulatedBody implements Figure {
     this.#bend();
   }
 
-  /** Shows a level instead of the one before, from one picture to the next. */
+  /** Shows a level instead of the previous one, switching between two pictures. */
   wear(level: Lod, pictures: readonly (ImageBitmap | null)[]): void {
     const old = this.#skin;
     this.#level = level;
@@ -175,7 +175,7 @@ export class SkinnedRobot extends ArticulatedBody implements Figure {
     });
   }
 
-  /** Moves meshes and placeholders to where the joints are. */
+  /** Moves meshes and placeholders to match the joints. */
   #bend(): void {
     for (const { link, object } of this.#placeholders) {
       object.matrix.fromArray(this.kinematics.rootFromLink, link * 16).scale(object.scale);
@@ -184,7 +184,7 @@ export class SkinnedRobot extends ArticulatedBody implements Figure {
     this.#bones.follow(this.kinematics.rootFromLink, this.#linkOfVisual, this.#level.linkFromMesh);
   }
 
-  /** Computes where every link is in the world. */
+  /** Computes the poses of all links in the world. */
   #spread(): void {
     this.root.updateMatrix();
     this.root.updateMatrixWorld(true);

@@ -4,8 +4,8 @@ const DRAIN_SECONDS = 0.25;
 const HATCH_CSS_PIXELS = 9;
 
 /**
- * Greys and hatches a robot whose pose is old; many robots are grey anyway, so missing colour alone would tell nothing.
- * It is a uniform that all of the robot's materials share, so it costs no draw call.
+ * Greys and hatches a robot whose pose is old; many robots are grey anyway, so missing colour alone would mean nothing. It is a
+ * uniform shared by all of the robot's materials, so it costs no draw call.
  */
 export class StaleEffect {
   readonly #amount = { value: 1 };
@@ -30,7 +30,7 @@ export class StaleEffect {
     return this.#amount.value;
   }
 
-  /** Whether the fading has ended. */
+  /** Whether the fading is complete. */
   get settled(): boolean {
     return this.#amount.value === this.#goal;
   }

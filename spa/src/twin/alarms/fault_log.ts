@@ -3,36 +3,35 @@ import { flagWords } from '../format.ts';
 import type { JointRow } from '../joints.ts';
 import { Occurrences } from './occurrences.ts';
 
-/** The kind of fault: a flag bit that the robot set, a limit that was passed (current, temperature), or a joint that
- *  has long been off its command (`apart`). */
+/** The kind of fault: a flag bit set by the robot, an exceeded limit (current, temperature), or a joint that has long deviated
+ *  from its command (`apart`). */
 type What = 'flag' | 'cur' | 'temp' | 'apart';
 
-/** One fault, kept until it is over and somebody has acknowledged it. A caution disappears by itself when it is over.
- *  */
+/** One fault, kept until it is over and acknowledged. A caution disappears on its own when it is over. */
 export interface Fault {
   readonly key: string;
   readonly level: 'fault' | 'caution';
   readonly what: What;
   /** Joint or sensor, as the robot names it. */
   readonly source: string;
-  /** "jam": of a flag; else empty. */
+  /** "jam": for a flag; empty otherwise. */
   readonly words: string;
-  /** Unix ms of the first rise since it was last acknowledged; by the relay's clock if an event reported it. */
+  /** Unix ms of its first start since it was last acknowledged; by the relay's clock if an event reported it. */
   firstMs: number;
   /** When it was over; null while it lasts. */
   clearedMs: number | null;
   acknowledged: boolean;
 }
 
-/** Acknowledged faults: key → unix ms of the newest rise that was acknowledged. */
+/** Acknowledged faults: key → unix ms of the newest acknowledged start. */
 export type Acknowledged = ReadonlyMap<string, number>;
 
-/** Most faults kept. Beyond that the oldest that is over is dropped, or the oldest at all if none is over. */
+/** Maximum number of faults kept. Beyond that, the oldest one that is over is dropped, or the oldest of all if none is over. */
 export const FAULT_LIMIT = 500;
 const ACK_LIMIT = 200;
-/** A joint off its command for a shorter time only lags behind, which is normal. */
+/** A joint that deviates from its command for less time is only lagging, which is normal. */
 export const STALLED_AFTER_MS = 2000;
-/** After a longer pause between frames it is unknown where the joints were, so stall times start anew. */
+/** After a longer pause between frames, the joints' positions meanwhile are unknown, so stall times restart. */
 const PAUSE_MS = 5000;
 
 interface Entry extends Fault {
@@ -42,20 +41,20 @@ interface Entry extends Fault {
 type Named = Pick<Fault, 'key' | 'level' | 'what' | 'source' | 'words'>;
 
 /**
- * Collects faults from both events and frames. Events report short faults that a 1 Hz viewer's frames miss; frames show
- * lasting faults whose event is no longer known. A fault from either source stays until it is acknowledged.
+ * Collects faults from both events and frames. Events report short faults that a 1 Hz viewer's frames miss; frames show lasting
+ * faults whose event is no longer available. A fault from either source stays until it is acknowledged.
  */
 export class FaultLog {
-  /** How often each fault rose lately, also after it was acknowledged. */
+  /** How often each fault occurred recently, including acknowledged occurrences. */
   readonly occurrences = new Occurrences();
   readonly #entries = new Map<string, Entry>();
   #acknowledged = new Map<string, number>();
-  /** Keys of the faults in the newest frame; null before the first frame, whose faults may be old ones. */
+  /** Keys of the faults in the newest frame; null before the first frame, whose faults may be old. */
   #shown: Set<string> | null = null;
-  /** Joints that are off their command → since when, ms. */
+  /** Joints that deviate from their command → since when, ms. */
   readonly #apartMs = new Map<string, number>();
   #lookedMs = Number.NEGATIVE_INFINITY;
-  /** Counts changes, so that a reader can tell whether it is up to date. */
+  /** Counts changes, so that a reader can check whether it is up to date. */
   version = 0;
   #sorted: { version: number; faults: readonly Fault[]; worst: ReadonlyMap<string, Fault> } | null = null;
 
@@ -63,8 +62,8 @@ export class FaultLog {
     this.#acknowledged = new Map(acknowledged);
   }
 
-  /** All that are not yet acknowledged or not yet over: faults before cautions, lasting before past; of the lasting ones
-   *  the oldest first, of the past ones that which rose last. */
+  /** All faults that are unacknowledged or active: faults before cautions, active before past; active ones oldest first, past
+   *  ones most recent first. */
   get faults(): readonly Fault[] {
     return this.#inOrder().faults;
   }
@@ -73,7 +72,7 @@ export class FaultLog {
     return this.#acknowledged;
   }
 
-  /** The first unacknowledged fault of a joint or sensor, lasting or over; null if it has none. */
+  /** The first unacknowledged fault of a joint or sensor, active or over; null if it has none. */
   of(source: string): Fault | null {
     return this.#inOrder().worst.get(source) ?? null;
   }
@@ -105,16 +104,16 @@ export class FaultLog {
     const atMs = event.at === null ? nowMs : event.at * 1000;
     const entry = this.#entries.get(key);
     if (event.state === 'off') {
-      // as long as the frames show it, they say when it ends
+      // while frames show it, they decide when it ends
       if (entry === undefined || atMs < entry.riseMs || this.#shown?.has(key)) return;
       if (entry.clearedMs !== atMs) this.#clear(entry, atMs);
       return;
     }
     this.occurrences.addEvent(key, atMs, nowMs);
-    if (atMs <= (this.#acknowledged.get(key) ?? Number.NEGATIVE_INFINITY)) return; // told again at a new join
+    if (atMs <= (this.#acknowledged.get(key) ?? Number.NEGATIVE_INFINITY)) return; // repeated at a new join
     if (entry !== undefined && atMs <= entry.riseMs) return;
     if (entry !== undefined && !entry.acknowledged) {
-      entry.riseMs = atMs; // the same again, or the frame was here before its event
+      entry.riseMs = atMs; // already known, or the frame arrived before its event
       this.version += 1;
       return;
     }
@@ -153,7 +152,7 @@ export class FaultLog {
     this.#shown = shown;
   }
 
-  /** Since when (ms) a joint is off its command; null if it isn't. A joint without power can't follow and doesn't
+  /** Since when (ms) a joint has deviated from its command; null if it does not. A joint without power can't follow and doesn't
    *  count. */
   #apartSince({ label, apart, enabled }: JointRow, nowMs: number): number | null {
     if (!apart || enabled === false) {
@@ -165,8 +164,7 @@ export class FaultLog {
     return sinceMs;
   }
 
-  /** Acknowledges faults: those that are over are removed; lasting ones stay, marked as acknowledged, until they are
-   *  over. */
+  /** Acknowledges faults: those that are over are removed; active ones stay, marked as acknowledged, until they are over. */
   acknowledge(keys: Iterable<string>): void {
     for (const key of keys) {
       const entry = this.#entries.get(key);
@@ -194,8 +192,7 @@ export class FaultLog {
       this.version += 1;
       return;
     }
-    // A fault in the first frame may be one acknowledged before the page was opened; a caution shows only after a
-    // while.
+    // A fault in the first frame may have been acknowledged before the page was opened; a caution appears only after a while.
     const known = (this.#shown === null || level === 'caution') && this.#acknowledged.has(key);
     this.#rise(of, known ? (this.#acknowledged.get(key) ?? riseMs) : riseMs, null, known);
   }
@@ -239,7 +236,7 @@ export function readAcknowledged(text: string | null): Acknowledged {
   try {
     stored = JSON.parse(text ?? 'null');
   } catch {
-    // as good as nothing stored
+    // treated like nothing stored
   }
   const found = new Map<string, number>();
   for (const pair of Array.isArray(stored) ? stored.slice(-ACK_LIMIT) : []) {

@@ -9,14 +9,14 @@ export interface LimitChannel {
   readonly label: string;
   readonly name: string;
   readonly unit: string;
-  /** A slider goes from −span to +span. */
+  /** The slider's range is −span to +span. */
   readonly span: number;
 }
 
 export interface LimitChannelGroup {
   readonly title: string;
   readonly channels: readonly LimitChannel[];
-  /** One more line about them. */
+  /** An additional line about the group. */
   readonly note?: string;
 }
 
@@ -30,22 +30,22 @@ const SPANS: Readonly<Record<string, number>> = {
   amp: 50,
   [MARGIN.field]: 100,
 };
-/** The words of the viewer's language. */
+/** The texts in the viewer's language. */
 export interface LimitChannelWords extends SensorWords {
   readonly motors: string;
   readonly currentOfAll: string;
   readonly heatOfAll: string;
 }
 
-/** The words about balance. */
+/** The texts about balance. */
 interface BalanceLimitWords {
   readonly balance: string;
   readonly margin: string;
   readonly withoutLimit: string;
 }
 
-/** The channels for which a viewer may set limits: forces and moments by site, the margin of balance if there are words for it, power, and current and temperature with
- *  one limit for all joints. */
+/** The channels for which a viewer may set limits: forces and moments by site, the balance margin if there are texts for it,
+ *  power, and current and temperature with one limit for all joints. */
 export function limitChannels(
   schema: Schema,
   words: LimitChannelWords,

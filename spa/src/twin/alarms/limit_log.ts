@@ -3,14 +3,14 @@ import { displayOf } from '../format.ts';
 import type { ValueLimits } from '../limits/limits.ts';
 import type { Reading, SensorGroup } from '../sensors/sensors.ts';
 
-/** A reading that passed a limit which the page alone watches (`on`), or came back within it (`off`). */
+/** A reading that exceeded a limit watched only by this page (`on`), or returned within it (`off`). */
 export interface Crossing {
   readonly n: number;
   /** Unix, ms, by the viewer's clock. */
   readonly atMs: number;
   /** "right foot Fz" */
   readonly source: string;
-  /** The side on which `limit`, a text with its unit ("300 N"), was passed. */
+  /** The side on which `limit`, a text with its unit ("300 N"), was exceeded. */
   readonly side: 'above' | 'below';
   readonly limit: string;
   readonly state: 'on' | 'off';
@@ -21,28 +21,28 @@ export interface Crossing {
 type Past = Pick<Crossing, 'side' | 'limit' | 'own'>;
 type Noted = Pick<Reading, 'field' | 'label' | 'name' | 'unit' | 'value' | 'level'>;
 
-/** Most crossings kept; the oldest are dropped. */
+/** Maximum number of crossings kept; the oldest are dropped. */
 export const CROSSING_LIMIT = 100;
 
-/** Records when readings pass limits that the page alone watches: the viewer's own, and those of what the page itself computes.
+/** Records when readings exceed limits that only this page watches: the viewer's own, and those of values that the page computes.
  *  The edge sends events for the others. */
 export class LimitLog {
   /** Newest last. */
   crossings: readonly Crossing[] = [];
   readonly #past = new Map<string, { level: Level; past: Past }>();
-  /** By reading, the limit that it was last judged by since `begin`; null: the log has not been begun anew. */
+  /** By reading, the limit that it was last compared with since `begin`; null: the log has not been restarted. */
   #judgedBy: Map<string, Threshold> | null = null;
   #next = 1;
 
-  /** Drops the crossings from a moment (Unix ms) on. What comes next may be of any time: a reading that is beyond its limit when it
-   *  is first judged by it is no crossing. */
+  /** Drops the crossings from a moment (Unix ms) on. The following data may be from any time: a reading that is beyond its limit
+   *  at the first check does not count as a crossing. */
   begin(sinceMs: number): void {
     this.crossings = this.crossings.filter(({ atMs }) => atMs < sinceMs);
     this.#past.clear();
     this.#judgedBy = new Map();
   }
 
-  /** Takes the readings of a new frame (`atMs`: Unix ms). True when crossings were added. */
+  /** Takes the readings of a new frame (`atMs`: Unix ms). True if crossings were added. */
   look(groups: readonly SensorGroup[], limits: ValueLimits, atMs: number): boolean {
     const before = this.crossings;
     for (const { title, readings } of groups)
@@ -53,7 +53,7 @@ export class LimitLog {
     return this.crossings !== before;
   }
 
-  /** Takes one reading of a new frame, with the limit that it is judged by; null: by none. `own`: the viewer set it. */
+  /** Takes one reading of a new frame, with its limit; null: no limit. `own`: the viewer set it. */
   note(title: string, reading: Noted, threshold: Threshold | null, atMs: number, own = true): void {
     const { field, label, name, unit, value, level } = reading;
     const key = `${field}\n${label}`; // no name holds a control character

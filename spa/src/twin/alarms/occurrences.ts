@@ -1,56 +1,56 @@
 /** How long an occurrence counts, ms. */
 export const WINDOW_MS = 600_000;
-/** Most occurrences kept of one fault; one that happened more often happened "over" so many times. */
+/** Maximum occurrences kept for one fault; beyond that the count is "over" this number. */
 export const TIMES_LIMIT = 30;
-/** Most faults kept; the one that rose least recently is dropped. */
+/** Maximum number of faults kept; the one with the oldest latest start is dropped. */
 const KEPT_LIMIT = 500;
-/** A frame and an event within this time of each other tell of the same occurrence. */
+/** A frame and an event within this time of each other report the same occurrence. */
 const SAME_MS = 1000;
 
 interface Kept {
-  /** Unix ms of the newest rises, newest last. */
+  /** Unix ms of the newest starts, newest last. */
   readonly risesMs: number[];
-  /** Of the newest: when this page learned of it, and by what. */
+  /** For the newest one: when this page learned of it, and from which source. */
   toldMs: number;
   byEvent: boolean;
   /** The newest event's time: the relay repeats its events at every join. */
   eventMs: number;
 }
 
-/** Counts how often each fault has risen lately. All times are passed in, Unix ms. */
+/** Counts how often each fault has occurred recently. All times are passed in, Unix ms. */
 export class Occurrences {
   /** The most that `times` returns. */
   readonly most = TIMES_LIMIT;
   readonly #kept = new Map<string, Kept>();
 
-  /** Notes that an event says `key` rose at `atMs` (relay's clock). `nowMs`: the page's clock. */
+  /** Records that, according to an event, `key` started at `atMs` (relay's clock). `nowMs`: the page's clock. */
   addEvent(key: string, atMs: number, nowMs: number): void {
     const kept = this.#of(key);
     if (atMs <= kept.eventMs) {
-      // told again, or late
+      // a repeated or late event
       const i = kept.risesMs.findIndex((ms) => ms >= atMs);
       if (kept.risesMs[i] !== atMs && kept.risesMs.length < TIMES_LIMIT) kept.risesMs.splice(i, 0, atMs);
       return;
     }
     kept.eventMs = atMs;
-    // The frame was here before its event, which knows better when it was.
+    // The frame arrived before its event, whose time is more accurate.
     if (!kept.byEvent && nowMs - kept.toldMs < SAME_MS) kept.risesMs.pop();
     this.#add(key, kept, atMs, nowMs, true);
   }
 
-  /** Notes that `key` is in a frame and was not in the frame before. */
+  /** Records that `key` is in a frame and was not in the previous one. */
   addFrame(key: string, atMs: number, nowMs: number): void {
     const kept = this.#of(key);
     if (kept.byEvent && nowMs - kept.toldMs < SAME_MS) return;
     this.#add(key, kept, atMs, nowMs, false);
   }
 
-  /** When `key` rose last, Unix ms; null if that is not known. */
+  /** When `key` last started, Unix ms; null if unknown. */
   newestMs(key: string): number | null {
     return this.#kept.get(key)?.risesMs.at(-1) ?? null;
   }
 
-  /** How often `key` rose within the last ten minutes, at most `TIMES_LIMIT`. */
+  /** How often `key` started within the last ten minutes, at most `TIMES_LIMIT`. */
   times(key: string, nowMs: number): number {
     return this.#kept.get(key)?.risesMs.filter((atMs) => nowMs - atMs < WINDOW_MS).length ?? 0;
   }
@@ -71,7 +71,7 @@ export class Occurrences {
     if (kept.risesMs.length > TIMES_LIMIT) kept.risesMs.shift();
     kept.toldMs = nowMs;
     kept.byEvent = byEvent;
-    this.#kept.delete(key); // inserted again, so that the newest is last
+    this.#kept.delete(key); // re-inserted, so that the newest is last
     this.#kept.set(key, kept);
     if (this.#kept.size > KEPT_LIMIT) this.#kept.delete(this.#kept.keys().next().value!);
   }

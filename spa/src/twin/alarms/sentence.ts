@@ -1,11 +1,11 @@
 import type { Schema, Sentence } from '@posecast/wire';
 
 /**
- * Fills the places of a sentence, `{joint}`. `textOf` gives the text of a place, or null where it is unknown: a part in
- * brackets that has such a place is left out, and elsewhere the place reads "—".
+ * Fills the placeholders of a sentence, such as `{joint}`. `textOf` returns the text for a placeholder, or null if unknown. A
+ * part in brackets with an unknown placeholder is left out; elsewhere the placeholder becomes "—".
  */
 export function fillSentence(say: string, textOf: (place: string) => string | null): string {
-  const parts = say.split(/\[([^[\]]*)\]/); // every other one stood in brackets
+  const parts = say.split(/\[([^[\]]*)\]/); // every other part was in brackets
   return parts
     .map((part, i) => {
       let whole = true;
@@ -20,8 +20,8 @@ export function fillSentence(say: string, textOf: (place: string) => string | nu
 }
 
 /**
- * What the robot's profile says of a bit of one of its parts: in the language of that tag ("ko"), else of its first part,
- * else in English or whatever there is. null where it says nothing.
+ * The robot profile's description of one flag bit: in the language with this tag ("ko"), else in its base language, else in
+ * English or any available one. null if there is none.
  */
 export function sentenceOf(
   schema: Schema | null,

@@ -4,23 +4,23 @@ import type { Vec3 } from '../rotation.ts';
 /** A point on the floor: x and y in the world frame, metres. */
 export type Vec2 = readonly [x: number, y: number];
 
-/** A motion of the floor under a robot, in the world of the scene, metres. */
+/** The motion of the floor relative to a robot, in the scene's world, metres. */
 export type Slide = (before: Vec3) => Vec3;
 
 /**
  * Why a part of the balance is null.
  *
- * - `old-bundle`: the model was built by a builder that did not write it; building it again brings it.
- * - `raw`: the model is shown from its files as they are, and the page finds no soles in these.
+ * - `old-bundle`: the model was built by an older builder that did not write it; rebuild the model.
+ * - `raw`: the model is shown from its raw files, and the page does not find soles in them.
  * - `no-masses`: the robot's description has no masses.
- * - `impossible-masses`: it has masses that can't be; the model's findings name them.
- * - `no-feet`: nothing is known that the robot stands on (an arm, wheels, a stand).
+ * - `impossible-masses`: it has implausible masses; the model's findings name them.
+ * - `no-feet`: it is unknown what the robot stands on (an arm, wheels, a stand).
  * - `no-wrench`: its feet measure no force, or too few components of it.
  * - `unread`: a foot measures its force, but has no reading now.
- * - `orientation-unread`: what tells how the body is turned has no reading now.
+ * - `orientation-unread`: the sensor of the body's orientation has no reading now.
  * - `joint-unread`: a joint that carries weight has no reading now.
  * - `airborne`: no foot bears weight.
- * - `first-pose`: a velocity takes two poses that share a foot that bears.
+ * - `first-pose`: a velocity needs two poses with a common foot that bears weight.
  */
 export type BalanceGap =
   | 'old-bundle'
@@ -35,7 +35,7 @@ export type BalanceGap =
   | 'airborne'
   | 'first-pose';
 
-/** One foot: where its sole is, whether it bears, and where the floor pushes against it. */
+/** One foot: its sole, whether it bears weight, and its centre of pressure. */
 export interface FootBalance {
   /** The site of its wrench sensor, or its link. */
   readonly name: string;
@@ -43,11 +43,11 @@ export interface FootBalance {
   readonly link: string;
   /** Whether it bears weight; null: its sensor has no reading. */
   readonly bears: boolean | null;
-  /** The size of the force along the sole's normal, N; null: not measured, or no reading. */
+  /** The force along the sole's normal, N; null: not measured, or no reading. */
   readonly forceN: number | null;
-  /** The centre of pressure on the sole (world, metres); null: it does not bear, or the sensor measures too little. */
+  /** The centre of pressure on the sole (world, metres); null: it bears no weight, or the sensor measures too little. */
   readonly pressure: Vec3 | null;
-  /** Whether that is on the sole's edge (at most 5 mm inside, or outside): the foot begins to tip. */
+  /** Whether that is on the sole's edge (at most 5 mm inside, or outside): the foot is about to tip. */
   readonly atEdge: boolean;
   /** The sole's corners (world, metres), at least three, counter-clockwise about `normal`: seen from above while the foot is
    *  level. */
@@ -57,41 +57,41 @@ export interface FootBalance {
 }
 
 /**
- * What a robot stands on and where its mass is, in one pose. Lengths are metres in the world frame of the scene (z up,
- * see `RootPose`). A reader of balance rewrites its members with every pose, but not what they are.
+ * A robot's support and centre of mass in one pose. Lengths are metres in the scene's world frame (z up, see `RootPose`). A
+ * balance reader overwrites the members with every pose, but not the objects that they refer to.
  */
 export interface Balance {
-  /** Mass of all links, kg; 0 when no masses are known. */
+  /** Mass of all links, kg; 0 if no masses are known. */
   readonly massKg: number;
   /** Σ m·p / Σ m over all links. */
   readonly centreOfMass: Vec3 | null;
-  /** Velocity of the centre of mass, m/s: relative to a foot that bears, and smoothed (see `CentreVelocity`). */
+  /** Velocity of the centre of mass, m/s: relative to a foot that bears weight, and smoothed (see `CentreVelocity`). */
   readonly velocity: Vec3 | null;
-  /** Takes a point of the floor in the pose before to where it is now, by the foot that velocity is relative to: a robot without
-   *  odometry stays where it is in the scene, and the floor moves under it. null: no foot bears in both poses. */
+  /** Maps a floor point from the previous pose to the current one, using the foot that the velocity is relative to: a robot
+   *  without odometry stays in place in the scene, and the floor moves under it. null: no foot bears weight in both poses. */
   readonly slide: Slide | null;
-  /** Where the robot would have to step to come to rest, on the floor: x + ẋ·√(z/g) (Pratt et al., 2006). */
+  /** The point on the floor where the robot would have to step to come to rest: x + ẋ·√(z/g) (Pratt et al., 2006). */
   readonly capturePoint: Vec3 | null;
-  /** Height of the floor: of the lowest corner of the soles that bear; null when none bears. */
+  /** Height of the floor: that of the lowest corner of the weight-bearing soles; null if none bears weight. */
   readonly floorM: number | null;
-  /** How it is known which feet bear: `measured` by the force along their soles' normals (from 5 % of the weight on,
-   *  until it is below 3 %), or `lowest`, assumed of all soles whose lowest corner is within 10 mm of the lowest one's.
-   *  null: no feet are known. */
+  /** How it is known which feet bear weight. `measured`: by the force along their soles' normals (from 5 % of the weight on,
+   *  until it drops below 3 %). `lowest`: assumed for all soles whose lowest corner is within 10 mm of the lowest one. null: no
+   *  feet are known. */
   readonly ground: Ground | null;
-  /** The support polygon: convex hull of the bearing soles' corners, counter-clockwise; [] for none. */
+  /** The support polygon: the convex hull of the weight-bearing soles' corners, counter-clockwise; [] for none. */
   readonly polygon: readonly Vec2[];
-  /** The index in `polygon` of the corner where the edge that is nearest to the centre of mass begins. */
+  /** The index in `polygon` of the corner at which the edge nearest to the centre of mass begins. */
   readonly nearestEdge: number | null;
-  /** Distance from the centre of mass' foot on the floor to the nearest edge; positive inside, negative outside. */
+  /** Distance from the projected centre of mass to the nearest edge; positive inside, negative outside. */
   readonly marginM: number | null;
-  /** The centre of pressure of all feet that bear, on the floor. */
+  /** The common centre of pressure of all weight-bearing feet, on the floor. */
   readonly pressure: Vec3 | null;
   /** The feet in the order of the profile, else of the sensors or soles; [] for none. */
   readonly feet: readonly FootBalance[];
-  /** Why something is null; null for what is there. */
+  /** Why each null value is missing; null for values that exist. */
   readonly gaps: {
     readonly centreOfMass: BalanceGap | null;
-    /** Of the polygon and the floor. */
+    /** For the polygon and the floor. */
     readonly polygon: BalanceGap | null;
     readonly margin: BalanceGap | null;
     readonly pressure: BalanceGap | null;

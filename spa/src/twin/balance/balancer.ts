@@ -9,18 +9,18 @@ import { FootState } from './foot_state.ts';
 import { marginIn } from './margin.ts';
 import type { FootWrench, Standing } from './standing.ts';
 
-/** A foot begins to bear at this part of the weight, and stops below the other. */
+/** A foot starts to bear weight at this fraction of the robot's weight, and stops below the other. */
 const BEARS = 0.05;
 const BEARS_NO_MORE = 0.03;
-/** The weight (N) whose parts stand in when no masses are known: 5 % of it are 20 N. */
+/** The weight (N) assumed if no masses are known: 5 % of it are 20 N. */
 const UNKNOWN_WEIGHT_N = 400;
-/** How far above the lowest sole another one counts as standing, metres, while no force is measured. */
+/** The maximum height above the lowest sole at which another one counts as standing, metres, if no force is measured. */
 const LOWEST_M = 0.01;
 
 const ORIGIN: Vec3 = [0, 0, 0];
 
-/** Computes the balance of one robot, pose by pose in the order of time. It is itself the balance of the newest pose:
- *  `update` rewrites it. */
+/** Computes the balance of one robot, pose by pose in time order. The object itself is the balance of the newest pose: `update`
+ *  overwrites it. */
 export class Balancer implements Balance {
   readonly massKg: number;
   readonly ground: Ground | null;
@@ -51,8 +51,8 @@ export class Balancer implements Balance {
     this.gaps = this.#gapsWith(standing.massGap, standing.footGap, standing.footGap);
   }
 
-  /** Takes a pose: world_from_link of every link (16 numbers each, column-major, metres), the wrenches of the same
-   *  moment, and its time, seconds. `unread`: why there is nothing of what has no reading, or no finite place. */
+  /** Takes a pose: world_from_link of every link (16 numbers each, column-major, metres), the wrenches of the same moment, and
+   *  its time, seconds. `unread`: the reason for missing values where there is no reading or no finite position. */
   update(
     worldFromLink: Float64Array,
     wrenches: readonly FootWrench[],
@@ -85,7 +85,7 @@ export class Balancer implements Balance {
     return { centreOfMass, polygon, margin, pressure, capturePoint };
   }
 
-  /** Σ m·p / Σ m. Returns why there is none, null when there is. */
+  /** Σ m·p / Σ m. Returns the reason if it is unknown, else null. */
   #findCentre(worldFromLink: Float64Array): BalanceGap | null {
     const { masses, massGap } = this.#standing;
     this.centreOfMass = null;
@@ -99,11 +99,11 @@ export class Balancer implements Balance {
     return massGap;
   }
 
-  /** Finds which feet bear; returns why there is no polygon, null when there is one. */
+  /** Determines which feet bear weight; returns the reason if there is no polygon, else null. */
   #findBearing(goesOn: boolean): BalanceGap | null {
     if (this.feet.length === 0) return this.#standing.footGap;
     const leastN = BEARS_NO_MORE * this.#weightN;
-    const lowest = Math.min(...this.feet.map(({ lowestM }) => lowestM)); // NaN wins
+    const lowest = Math.min(...this.feet.map(({ lowestM }) => lowestM)); // NaN takes precedence
     let gap: BalanceGap | null = 'airborne';
     let bearing = 0;
     for (const foot of this.feet) {
@@ -123,7 +123,7 @@ export class Balancer implements Balance {
     return gap === 'airborne' && bearing > 0 ? null : gap;
   }
 
-  /** The floor, the support polygon, and the margin in it. */
+  /** The floor, the support polygon, and its margin. */
   #findPolygon(gap: BalanceGap | null): void {
     this.polygon = [];
     this.floorM = this.nearestEdge = this.marginM = null;
@@ -139,9 +139,9 @@ export class Balancer implements Balance {
   }
 
   /**
-   * The mean of the feet's centres of pressure, weighted by their forces, on the floor. A foot that does not bear counts
-   * while it is pressed as the foot with the greatest force is: 4 % of the weight 20 cm away are 8 mm. One that is pulled
-   * hangs, by its own weight below the sensor. Returns why there is none, null when there is.
+   * The mean of the feet's centres of pressure, weighted by their forces, on the floor. A foot that does not bear weight counts
+   * if it is pressed in the same direction as the foot with the greatest force: 4 % of the weight 20 cm away are 8 mm. A foot
+   * under tension is hanging, pulled by its own weight below the sensor. Returns the reason if there is none, else null.
    */
   #findPressure(): BalanceGap | null {
     this.pressure = null;
@@ -162,7 +162,7 @@ export class Balancer implements Balance {
       sx += force * pushedAt[0];
       sy += force * pushedAt[1];
     }
-    if (sum === 0) gap ??= this.#unread; // the only force has no moments
+    if (sum === 0) gap ??= this.#unread; // the only foot with force measures no moments
     if (gap === null && this.floorM !== null) this.pressure = [sx / sum, sy / sum, this.floorM];
     return gap;
   }

@@ -3,16 +3,16 @@ import { addScaled, cross, dot, pointThrough, scale } from '../vectors.ts';
 import type { FootBalance } from './balance.ts';
 import type { Foot, FootWrench, SolePlane } from './standing.ts';
 
-/** How near to the sole's edge the centre of pressure counts as on it, metres. */
+/** A centre of pressure this near to the sole's edge counts as on it, metres. */
 const AT_EDGE_M = 0.005;
-/** A centre of pressure farther outside the sole (metres) is none: no floor is there. */
+/** A centre of pressure farther outside the sole (metres) is invalid: there is no floor under it. */
 const OUTSIDE_M = 0.2;
-/** Cosine of the most that a sole which bears is tilted: 60°. */
+/** Cosine of the maximum tilt of a weight-bearing sole: 60°. */
 const TILT_COS = 0.5;
 
 type Rows = readonly [Vec3, Vec3, Vec3];
 
-/** One foot in the newest pose. `update` and `setBears` rewrite it, in this order. */
+/** One foot in the newest pose. `update` and `setBears` overwrite it, in this order. */
 export class FootState implements FootBalance {
   readonly name: string;
   readonly link: string;
@@ -22,13 +22,13 @@ export class FootState implements FootBalance {
   forceN: number | null = null;
   pressure: Vec3 | null = null;
   atEdge = false;
-  /** The force along the sole's normal with the sensor's sign, N; 0 when it is not known. */
+  /** The force along the sole's normal with the sensor's sign, N; 0 if unknown. */
   pressN = 0;
-  /** Where the floor pushes (world, metres), also while it does not bear; null when the wrench has no such point. */
+  /** The centre of pressure (world, metres), even if the foot bears no weight; null if the wrench has no such point. */
   pushedAt: Vec3 | null = null;
   /** Height of its lowest corner, metres in the world; infinite while it is tilted. */
   lowestM = Number.NaN;
-  /** Whether its sole is tilted by more than 60°, or upside down, so that nothing can stand on it. */
+  /** Whether its sole is tilted by more than 60°, or upside down, so that it can't carry the robot. */
   isTilted = false;
   /** The sole's centre in the world, metres. */
   centre: Vec3 = [0, 0, 0];
@@ -44,7 +44,7 @@ export class FootState implements FootBalance {
     this.link = foot.linkName;
   }
 
-  /** Takes the place of its link (world_from_link, in an array of transforms) and its wrench; null: none measured or no
+  /** Takes the pose of its link (world_from_link, in an array of transforms) and its wrench; null: not measured, or no
    *  reading. */
   update(worldFromLink: Float64Array, wrench: FootWrench | null): void {
     const { link, sole } = this.foot;
@@ -55,13 +55,13 @@ export class FootState implements FootBalance {
     this.rows = rows as unknown as Rows;
     this.normal = rows.map((row) => dot(row, sole.normal)) as unknown as Vec3;
     this.isTilted = this.normal[2] < TILT_COS;
-    const lowest = Math.min(...this.corners.map(([, , z]) => z)); // NaN wins
+    const lowest = Math.min(...this.corners.map(([, , z]) => z)); // NaN takes precedence
     this.lowestM = this.isTilted ? Number.POSITIVE_INFINITY : lowest;
     this.#takeWrench(wrench);
     this.pushedAt = this.#pressed && pointThrough(m, this.#pressed);
   }
 
-  /** Sets whether it bears. A force below `leastN` has a centre of pressure that is not worth showing. */
+  /** Sets whether it bears weight. Below `leastN`, the centre of pressure is not worth showing. */
   setBears(bears: boolean | null, leastN: number): void {
     this.bears = bears;
     this.pressure = bears && this.forceN !== null && this.forceN >= leastN ? this.pushedAt : null;
@@ -70,9 +70,9 @@ export class FootState implements FootBalance {
   }
 
   /**
-   * Takes the wrench. The centre of pressure is p = O + (n × M_O)/(f·n), with O the sole's centre (Sardain and Bessonnet,
-   * "Forces Acting on a Biped Robot. Center of Pressure – Zero Moment Point", IEEE Trans. SMC-A 34, 2004). It is the same
-   * whether the sensor tells the force of the floor on the foot or of the foot on the floor.
+   * Takes the wrench. The centre of pressure is p = O + (n × M_O)/(f·n), with O the sole's centre (Sardain and Bessonnet, "Forces
+   * Acting on a Biped Robot. Center of Pressure – Zero Moment Point", IEEE Trans. SMC-A 34, 2004). The result is the same whether
+   * the sensor reports the force of the floor on the foot or of the foot on the floor.
    */
   #takeWrench(wrench: FootWrench | null): void {
     const { sensor, sole } = this.foot;
@@ -90,12 +90,12 @@ export class FootState implements FootBalance {
   }
 }
 
-/** A vector of a sensor in the frame in which these are its axes. */
+/** Converts a vector from a sensor's axes to the frame in which these axes are given. */
 function turned([ex, ey, ez]: readonly [Vec3, Vec3, Vec3], [x, y, z]: Vec3): Vec3 {
   return addScaled(addScaled(scale(ex, x), ey, y), ez, z);
 }
 
-/** Whether a point of a sole's plane is so far inside every edge, metres. */
+/** Whether a point in a sole's plane is at least this far inside every edge, metres. */
 function isInside({ corners, normal }: SolePlane, point: Vec3, metres: number): boolean {
   return corners.every((from, i) => {
     const edge = addScaled(corners[(i + 1) % corners.length]!, from, -1);

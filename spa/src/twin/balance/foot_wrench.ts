@@ -16,19 +16,19 @@ interface Source {
   readonly site: string;
   readonly part: Part;
   readonly kind: 'force' | 'moment';
-  /** By axis, its place in the code vector. */
+  /** The index in the code vector, by axis. */
   readonly places: readonly number[];
-  /** What a code is worth in the channels' units. */
+  /** The value of a code in the channels' units. */
   readonly scale: number;
-  /** By axis, what a value in its channel's unit is worth in N or N·m; 0 for one that is not measured. */
+  /** By axis, the factor from the channel's unit to N or N·m; 0 if it is not measured. */
   readonly factors: readonly number[];
   readonly values: [number, number, number];
 }
 
-/** Reads the wrenches of some sites from frames' codes. A component that a sensor does not measure, or in a unit that nobody
- *  knows, is 0; one at the limit of its code is no reading. */
+/** Reads the wrenches at some sites from frames' codes. A component that is not measured, or in an unknown unit, is 0; a code at
+ *  its limit counts as no reading. */
 export class FootWrenchReader {
-  /** In the order of the sites; those without any component are left out. */
+  /** In the order of the sites; sites without any component are left out. */
   readonly wrenches: readonly FootWrench[];
   readonly #sources: Source[] = [];
 
@@ -40,12 +40,12 @@ export class FootWrenchReader {
     });
   }
 
-  /** Rewrites `wrenches`. */
+  /** Updates `wrenches`. */
   read(codes: Int32Array): readonly FootWrench[] {
     return this.#take(({ places, scale }, axis) => (codes[places[axis]!] ?? MISSING) * scale);
   }
 
-  /** Rewrites `wrenches` by others of the same schema whose numbers are still in their channels' units. */
+  /** Updates `wrenches` from others of the same schema whose numbers are still in their channels' units. */
   convert(played: readonly FootWrench[]): readonly FootWrench[] {
     return this.#take(
       (source, axis) => played.find(({ site }) => site === source.site)?.[source.kind].vector?.[axis],
@@ -58,7 +58,7 @@ export class FootWrenchReader {
       part.vector = values;
       for (const axis of part.axes) {
         const value = readingOf(source, axis) ?? Number.NaN;
-        // A reading at the limit may be more than its code can say.
+        // A reading at the limit may be larger than its code can express.
         if (!(Math.abs(value) < CODE_MAX * scale)) part.vector = null;
         values[axis] = value * factors[axis]!;
       }

@@ -1,14 +1,14 @@
-/** How much is left of a joint's way. */
+/** The remaining range of a joint. */
 export interface LimitMargin {
-  /** To the nearer limit, rad or m; negative past it. */
+  /** To the nearer limit, rad or m; negative beyond it. */
   readonly left: number;
   readonly nearer: 'lower' | 'upper';
-  /** The same as a part of half the range: 1 in the middle, 0 at a limit, negative past it. */
+  /** The same as a fraction of half the range: 1 in the middle, 0 at a limit, negative beyond it. */
   readonly part: number;
 }
 
-/** How far a joint (rad or m) is from its nearer limit. null without a reading, for a joint without limits, and where
- *  they leave no range, as URDF's `lower="0" upper="0"` does. */
+/** The distance of a joint (rad or m) from its nearer limit. null without a reading, for a joint without limits, and if they
+ *  leave no range, as in URDF's `lower="0" upper="0"`. */
 export function limitMargin(
   value: number | null,
   limits: { readonly lower: number; readonly upper: number } | null,

@@ -1,11 +1,11 @@
 import type { Vec3 } from '../rotation.ts';
 import type { Vec2 } from './balance.ts';
 
-/** Where a point lies to a polygon. */
+/** The position of a point relative to a polygon. */
 export interface Margin {
   /** Distance to the nearest edge, metres; positive inside, negative outside, 0 on it. */
   readonly metres: number;
-  /** The index of the corner where that edge begins; the first of several that are equally near. */
+  /** The index of the corner at which that edge begins; the first of several equally near ones. */
   readonly edge: number;
 }
 
@@ -24,7 +24,7 @@ export function marginIn(polygon: readonly Vec2[], point: Vec2): Margin {
   return { metres: inside ? least : -least, edge };
 }
 
-/** From the nearest point between two corners to a point, in a plane or in space. */
+/** The vector from the nearest point on a segment to a point, in a plane or in space. */
 export function fromEdge<V extends Vec2 | Vec3>(from: V, to: V, point: V): V {
   let [along, squared] = [0, 0];
   for (let i = 0; i < from.length; i += 1) {

@@ -11,20 +11,20 @@ export interface MassPoint {
   readonly xyz: Vec3;
 }
 
-/** The sole of a foot, as the arithmetic needs it. All in the frame of the link that has the sole, metres. */
+/** The sole of a foot as used in the computation, in the frame of the link that has the sole, metres. */
 export interface SolePlane {
   /** A convex polygon, counter-clockwise about `normal`. */
   readonly corners: readonly Vec3[];
-  /** A unit vector, which points into the foot. */
+  /** A unit vector that points into the foot. */
   readonly normal: Vec3;
   /** The mean of the corners, in the plane. */
   readonly centre: Vec3;
 }
 
-/** A wrench as far as balance needs it; one of `WrenchTable` fits. */
+/** The parts of a wrench that balance needs; `WrenchTable` provides them. */
 export interface FootWrench {
   readonly site: string;
-  /** N in the sensor's axes; null without a reading. `axes`: those that are measured (0 x, 1 y, 2 z). */
+  /** N in the sensor's axes; null without a reading. `axes`: the measured ones (0 x, 1 y, 2 z). */
   readonly force: { readonly vector: Vec3 | null; readonly axes: readonly number[] };
   /** N·m, likewise. */
   readonly moment: { readonly vector: Vec3 | null; readonly axes: readonly number[] };
@@ -36,9 +36,9 @@ export interface FootSensor {
   /** sole_from_sensor: its place (m), and its axes x, y, z as unit vectors. */
   readonly xyz: Vec3;
   readonly axes: readonly [Vec3, Vec3, Vec3];
-  /** Whether it measures the axis that is nearest to the sole's normal. */
+  /** Whether it measures the axis nearest to the sole's normal. */
   readonly measuresForce: boolean;
-  /** Whether it also measures the moments about both others, and so the centre of pressure. */
+  /** Whether it also measures the moments about the two other axes, and so the centre of pressure. */
   readonly measuresPressure: boolean;
 }
 
@@ -53,15 +53,15 @@ export interface Foot {
   readonly sensor: FootSensor | null;
 }
 
-/** What is known of a robot before it moves: its masses and its feet. */
+/** What is known about a robot before it moves: its masses and its feet. */
 export interface Standing {
-  /** Empty when `massGap` says why. */
+  /** Empty if `massGap` gives a reason. */
   readonly masses: readonly MassPoint[];
   readonly massGap: BalanceGap | null;
-  /** Empty when `footGap` says why. */
+  /** Empty if `footGap` gives a reason. */
   readonly feet: readonly Foot[];
   readonly footGap: BalanceGap | null;
   readonly ground: Ground | null;
-  /** What of the model or the profile could not be read, a line each. */
+  /** The parts of the model or profile that could not be read, one line each. */
   readonly problems: readonly string[];
 }

@@ -1,7 +1,8 @@
 import { type Level, level, type Threshold } from '@posecast/wire';
 
-/** As a part of the limit: how far inside it a value must come before the level falls. The edge's events use the same.
- *  */
+/** As a fraction of the limit: how far inside it a value must be before the level falls. The edge uses the same for its
+ *  events.
+ */
 const HYSTERESIS = 0.05;
 
 const RANK: Readonly<Record<Level, number>> = { ok: 0, caution: 1, fault: 2 };
@@ -18,7 +19,7 @@ export class LevelLatch {
 
   /** The level of the newest value; no limits and no reading are `ok`. */
   next(threshold: Threshold | null, value: number | null): Level {
-    if (threshold !== this.#threshold) this.#held = 'ok'; // the held level belongs to the old limit
+    if (threshold !== this.#threshold) this.#held = 'ok'; // the held level belongs to the previous limit
     this.#threshold = threshold;
     if (threshold === null || value === null || Number.isNaN(value)) {
       this.#held = 'ok';

@@ -7,12 +7,12 @@ export type ThresholdEdits = ReadonlyMap<string, ReadonlyMap<string, Threshold>>
 
 export const NO_EDITS: ThresholdEdits = new Map();
 
-/** Most edits read from storage: as many as a robot may have channels. */
+/** Maximum edits read from storage: as many as a robot may have channels. */
 const EDITS_MAX = 4096;
 /** The label that stands for all channels of a field, as in a profile. */
 export const ANY = '*';
 
-/** The limits that hold on this page: the viewer's own, else the profile's. */
+/** The limits in effect on this page: the viewer's own, else the profile's. */
 export class ValueLimits {
   readonly #mapping: Mapping;
   readonly #edits: ThresholdEdits;
@@ -22,7 +22,7 @@ export class ValueLimits {
     this.#edits = edits;
   }
 
-  /** What the profile says, whatever the viewer has set. */
+  /** The profile's limits, whatever the viewer has set. */
   profile(field: string, label: string): Threshold | null {
     return this.#mapping.threshold(field, label);
   }
@@ -37,7 +37,7 @@ export class ValueLimits {
   }
 }
 
-/** `edits` with one channel's threshold set, or with null given back to the profile. */
+/** `edits` with one channel's threshold set; null restores the profile's. */
 export function withEdit(
   edits: ThresholdEdits,
   field: string,
@@ -53,10 +53,10 @@ export function withEdit(
   return next;
 }
 
-/** Why limits that somebody typed are invalid. The value is the key of the sentence that says so. */
+/** Why limits that the viewer typed are invalid. The value is the key of the explanation. */
 export type BadThreshold = 'limitNoNumber' | 'limitMissing' | 'limitsCrossed' | 'limitCaution';
 
-/** Checks a threshold; null when it is valid. */
+/** Checks a threshold; null if it is valid. */
 export function whyNoThreshold({ low, high, caution }: Threshold): BadThreshold | null {
   for (const limit of [low, high]) if (limit !== null && !Number.isFinite(limit)) return 'limitNoNumber';
   if (low === null && high === null) return 'limitMissing';
@@ -75,7 +75,7 @@ export function readEdits(text: string | null): ThresholdEdits {
   try {
     stored = JSON.parse(text ?? 'null');
   } catch {
-    // as good as nothing stored
+    // treated like nothing stored
   }
   let edits = NO_EDITS;
   let left = EDITS_MAX;

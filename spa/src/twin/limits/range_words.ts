@@ -1,6 +1,6 @@
 import type { Threshold } from './limits.ts';
 
-/** The words for a range in the viewer's language. */
+/** The texts for a range in the viewer's language. */
 export interface RangeWords {
   readonly atMost: (value: string) => string;
   readonly atLeast: (value: string) => string;

@@ -4,18 +4,18 @@ import { CLOSE_AGAIN } from '../joints.ts';
 import { placeOf } from '../names.ts';
 import { valueAt } from '../values.ts';
 
-/** The bit of `flags` that says: this joint yields on purpose. */
+/** The bit of `flags` for a joint that is compliant on purpose. */
 const COMPLIANT_BIT = 'comply';
 
 /** A channel whose position deviates from its command. */
 export interface Deviation {
   readonly channel: string;
-  /** ref − pos, in the channel's unit (rad, or m for a sliding joint). */
+  /** ref − pos, in the channel's unit (rad, or m for a prismatic joint). */
   error: number;
   readonly unit: string;
-  /** The joint yields on purpose: the deviation is shown, but is no trouble. */
+  /** The joint is compliant on purpose: the deviation is shown, but is no fault. */
   compliant: boolean;
-  /** The URDF joints it moves, with where each is and where it was told to be (rad or m, couplings applied). */
+  /** The URDF joints it moves, with the actual and commanded position of each (rad or m, couplings applied). */
   readonly joints: readonly { readonly joint: string; pos: number; ref: number }[];
 }
 

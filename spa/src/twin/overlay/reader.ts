@@ -7,21 +7,21 @@ import { type Load, type LoadField, type LoadScale, LoadTable } from '../sensors
 import { type Wrench, WrenchTable } from '../sensors/wrenches.ts';
 import { type Deviation, DeviationTable } from './deviations.ts';
 
-/** Which of the overlay's signs a viewer has switched on. */
+/** The overlay signs that a viewer has switched on. */
 export interface OverlayChoice {
   readonly shown: 'pos' | 'ref' | 'both';
   readonly lens: boolean;
   readonly forces: boolean;
   readonly level: boolean;
   readonly load: 'off' | LoadField;
-  /** `auto`: for robots with two feet that measure forces, and masses. */
+  /** `auto`: on for robots with two feet that measure forces, and with masses. */
   readonly balance?: 'auto' | 'on' | 'off';
   /** The channel whose joints' limits are drawn with the balance; null for none. */
   readonly joint?: string | null;
   readonly headingLocked?: boolean;
 }
 
-/** What the signs of balance need beside the pose that is shown. */
+/** What the balance signs need in addition to the displayed pose. */
 export interface BalanceReadings {
   readonly schema: Schema;
   readonly choice: 'auto' | 'on';
@@ -29,29 +29,28 @@ export interface BalanceReadings {
   readonly limits: Threshold | null;
   /** URDF joints whose limits are drawn. */
   readonly joints: readonly string[];
-  /** Whether the robot reports where it is in the world, and is shown there. */
+  /** Whether the robot reports its position in the world, and is shown there. */
   readonly anchored: boolean;
-  /** At rest in the past: the states that led up to the one whose pose is shown, at `tS`; null or left out otherwise. */
+  /** At rest in the past: the states that led up to the displayed one, at `tS`; otherwise null or omitted. */
   readonly lead?: { readonly states: readonly Pick<LeadState, 'tS' | 'codes'>[]; readonly tS: number } | null;
 }
 
-/** Readings of the newest frame for the overlay. Kinds that are switched off, or that the robot does not have, are
- *  empty. */
+/** The overlay's readings of the newest frame. Signs that are off, or that the robot does not have, are empty. */
 export interface OverlayReadings {
   readonly wrenches: readonly Wrench[];
   readonly deviations: readonly Deviation[];
   readonly imus: readonly Imu[];
-  /** The one of `imus` that says how the body leans. */
+  /** The one of `imus` that measures the body's lean. */
   readonly body: Imu | null;
-  /** Whether the robot reports its base's orientation (and the level is switched on). */
+  /** Whether the robot reports its base's orientation (and the level sign is on). */
   readonly based: boolean;
   /** Load by URDF joint; null while links keep their own colours. */
   readonly loads: ReadonlyMap<string, Load> | null;
-  /** null: no signs of balance. */
+  /** null: no balance signs. */
   readonly balance: BalanceReadings | null;
 }
 
-/** Reads, frame by frame, everything that is drawn about the body of one robot. A new schema needs a new reader. */
+/** Reads, frame by frame, everything drawn about one robot's body. A new schema needs a new reader. */
 export class OverlayReader {
   readonly schema: Schema;
   readonly #wrenches: WrenchTable;
@@ -93,8 +92,8 @@ export class OverlayReader {
   }
 
   /**
-   * The ghost that the lens shows: URDF joint → position (rad or m) for the joints off their command; null for none,
-   * and when the whole ghost is shown anyway. Joints that yield on purpose are left out.
+   * The ghost for the deviations: URDF joint → position (rad or m) for the joints that deviate from their command; null for none,
+   * and if the whole ghost is shown anyway. Joints that are compliant on purpose are left out.
    */
   ghost({ deviations }: OverlayReadings, { shown, lens }: OverlayChoice): ReadonlyMap<string, number> | null {
     if (!lens || shown === 'both') return null;

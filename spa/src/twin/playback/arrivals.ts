@@ -1,22 +1,21 @@
 /**
- * Compares when frames of one stream arrive with when the robot stamped them. Pure: stamps and arrival times go in, the
- * delay at which the frames can be played smoothly comes out.
+ * Compares the arrival times of one stream's frames with the robot's timestamps. Pure: it takes timestamps and arrival times, and
+ * computes the delay at which the frames can be played smoothly.
  *
- * Stamps are placed on the viewer's clock by the smallest (arrival − stamp) of the newest frames, taken as the frame
- * that met no queue. How much longer another frame took is its lateness.
+ * Timestamps are mapped to the viewer's clock by the smallest (arrival − timestamp) of the newest frames, which is assumed to
+ * belong to a frame that met no queue. The lateness of a frame is its additional delay.
  */
 
 /** How many frames are remembered. */
 export const REMEMBERED = 64;
 /** Upper bound of the delay: poses shown any later would be too old for a monitor. */
 export const MOST_DELAY_MS = 300;
-/** The interval assumed until two moving frames have come. */
+/** The interval assumed until two moving frames have arrived. */
 const FIRST_GUESS_MS = 1000 / 30;
-/** A robot whose clock differs in speed by more than this part is a slow or fast simulation; less is drift and jitter.
- *  */
+/** If a robot's clock differs in speed by more than this fraction, it is a slow or fast simulation; less is drift and jitter. */
 const OTHER_PACE = 0.05;
 const LEAST_FOR_PACE_MS = 1000;
-/** After a longer gap than this many periods, the robot is taken to have stood still and to start moving only now. */
+/** After a gap of more than this many periods, the robot is assumed to have stood still and to start moving only now. */
 const STOOD_STILL = 2.5;
 
 export interface Stamp {
@@ -40,7 +39,7 @@ export class Arrivals {
   readonly #offsets: number[] = [];
   /** Times between successive moving frames, ms. */
   readonly #moves: number[] = [];
-  /** The same divided by the steps in `seq`: a relay that thins a stream skips numbers, a robot at rest doesn't. */
+  /** The same divided by the steps in `seq`: a relay that thins a stream skips numbers, a robot at rest does not. */
   readonly #periods: number[] = [];
   readonly #stamps: Stamp[] = [];
   #lineMs = 0;
@@ -49,7 +48,7 @@ export class Arrivals {
   #intervalMs = FIRST_GUESS_MS;
   #delayMs = FIRST_GUESS_MS;
 
-  /** Takes a frame that is newer than all before it. `moves`: its pose differs from the one before. */
+  /** Takes a frame that is newer than all before it. `moves`: its pose differs from the previous one. */
   add(stamp: Stamp, moves: boolean): Placed {
     const before = this.#stamps.at(-1);
     const sinceMs = before === undefined ? 0 : (stamp.tS - before.tS) * 1000 * this.#pace();
@@ -62,7 +61,7 @@ export class Arrivals {
     this.#moved = moves;
     remember(this.#stamps, stamp);
     remember(this.#offsets, stamp.atMs - this.#lineMs);
-    this.#judge(); // done here, once a frame, rather than at every repaint
+    this.#judge(); // computed here, once a frame, rather than at every repaint
     return { lineMs: this.#lineMs, moveMs: this.#moveMs(sinceMs, numbers) };
   }
 

@@ -1,5 +1,5 @@
-/** How the numbers of a state are interpolated: wrapping angles and quaternions are listed here, all others are lengths
- *  or angles that are interpolated linearly. */
+/** How the numbers of a state are interpolated: wrapping angles and quaternions are listed here; all others are lengths or angles
+ *  with linear interpolation. */
 export interface Layout {
   readonly size: number;
   /** Indices of angles (rad) of continuous joints, which wrap: from 3 to -3 the way leads over π. */
@@ -41,7 +41,7 @@ export function shorterArc(angle: number): number {
 function slerp(from: Float64Array, to: Float64Array, part: number, into: Float64Array, at: number): void {
   let dot = 0;
   for (let i = at; i < at + 4; i += 1) dot += from[i]! * to[i]!;
-  if (Number.isNaN(dot)) return; // one of them is not known: as `to`, above
+  if (Number.isNaN(dot)) return; // one of them is unknown: take `to`, as above
   const way = dot < 0 ? -1 : 1;
   const cosine = Math.min(1, dot * way);
   let a = 1 - part;

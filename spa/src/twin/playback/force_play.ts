@@ -7,11 +7,11 @@ import { WrenchTable } from '../sensors/wrenches.ts';
 /** Numbers of one sensor: force and moment. */
 const SIZE = 6;
 
-/** What force-torque sensors measure as numbers that can be played with the pose. */
+/** The values of force-torque sensors as numbers that can be played with the pose. */
 export class ForcePlay {
   readonly #table: WrenchTable;
   readonly #limits: ValueLimits;
-  /** For each sensor, whether its force and its moment had a reading in the newest frame: what had none is not played on. */
+  /** For each sensor, whether its force and its moment had a reading in the newest frame: without one, playback stops. */
   readonly #isRead: [force: boolean, moment: boolean][];
 
   constructor(schema: Schema) {
@@ -34,7 +34,7 @@ export class ForcePlay {
     });
   }
 
-  /** The wrenches of numbers that are played, in their channels' units. */
+  /** The wrenches for played numbers, in their channels' units. */
   of(numbers: Float64Array): FootWrench[] {
     const at = (i: number): Vec3 => [numbers[i]!, numbers[i + 1]!, numbers[i + 2]!];
     return this.#table.wrenches.map(({ site, force, moment }, i) => {

@@ -8,9 +8,9 @@ import { Playout } from './playout.ts';
 import { type Base, baseOf, isUnturned, type Pose, Poser } from './pose.ts';
 
 /**
- * One robot's motion as it is shown, with a small delay and interpolated: positions and commands of its joints, its
- * base, the orientations of its sensors and what presses on it, all for the same moment. Warnings (flags, colours of forces, liveness) are
- * not played: they are read from the newest frame.
+ * The displayed motion of one robot, with a small delay and interpolated: joint positions and commands, base, sensor orientations
+ * and forces, all for the same moment. Warnings (flags, colours of forces, liveness) are not delayed: they are read from the
+ * newest frame.
  *
  * A new schema needs a new player.
  */
@@ -49,17 +49,17 @@ export class Player {
     });
   }
 
-  /** When true, shows each frame as it comes, without delay or interpolation. */
+  /** If true, shows each frame on arrival, without delay or interpolation. */
   set raw(raw: boolean) {
     this.#playout.raw = raw;
   }
 
-  /** The present delay, ms, behind the earliest moment at which frames can arrive. */
+  /** The current delay, ms, behind the earliest moment at which frames can arrive. */
   get delayMs(): number {
     return this.#playout.delayMs;
   }
 
-  /** Sets which URDF joints are continuous (wrap at ±π); only the model knows. */
+  /** Sets which URDF joints are continuous (wrap at ±π), which only the model knows. */
   setContinuous(joints: readonly string[]): void {
     this.#wraps.clear();
     for (const joint of joints) {
@@ -98,7 +98,7 @@ export class Player {
     return this.#playout.sample(nowMs);
   }
 
-  /** The pose as of the newest `sample`. A robot without `ref` is shown by `pos`. */
+  /** The pose at the newest `sample`. A robot without `ref` is shown by `pos`. */
   pose(shown: 'pos' | 'ref' | 'both'): Pose {
     const joints = this.#joints(shown === 'ref' ? (this.#ref ?? this.#pos) : this.#pos);
     const ghost = shown === 'both' && this.#ref !== null ? this.#joints(this.#ref) : null;
@@ -118,7 +118,7 @@ export class Player {
     return joints;
   }
 
-  /** The played orientation of a sensor; null when the robot has none of this name, or no reading yet. */
+  /** The played orientation of a sensor; null if the robot has none with this name, or no reading yet. */
   worldFromSensor(imu: Imu): Quat | null {
     const i = this.#imus.imus.findIndex(({ site }) => site === imu.site);
     return i < 0 ? null : this.#quat(this.#imusAt + 4 * i);

@@ -1,13 +1,13 @@
 import { Arrivals, type Stamp } from './arrivals.ts';
 import { blend, type Layout } from './blend.ts';
 
-/** Most motions that wait to be played; beyond that the oldest is skipped. */
+/** Maximum number of moves waiting to be played; beyond that the oldest is skipped. */
 export const MOST_MOVES = 32;
-/** After a longer gap between frames the motion in between is unknown: the newest is shown at once. */
+/** After a longer gap between frames, the motion in between is unknown: the newest frame is shown at once. */
 export const GAP_MS = 1000;
-/** To correct its place the playhead runs faster or slower than the clock by at most this part. */
+/** To correct its position, the playhead runs faster or slower than the clock by at most this fraction. */
 const SLEW = 0.1;
-/** When it is farther off than this, the playhead jumps. */
+/** If it is off by more than this, the playhead jumps. */
 const LOST_MS = 500;
 const LEAST_CATCH_UP_MS = 16;
 
@@ -21,12 +21,11 @@ interface Move {
 }
 
 /**
- * Interpolates between the frames of one stream, so that ten poses a second look like motion. It never extrapolates:
- * when no newer pose has come, it holds the last.
+ * Interpolates between the frames of one stream, so that ten poses a second look like continuous motion. It never extrapolates:
+ * if no newer pose has arrived, it holds the last one.
  *
- * The playhead runs `delayMs` behind the earliest time at which frames can arrive. After a frame that comes later than
- * that, it catches up within half an interval; of several late frames only the newest counts. So lateness never adds
- * up.
+ * The playhead runs `delayMs` behind the earliest time at which frames can arrive. After a frame that arrives later than that, it
+ * catches up within half an interval; of several late frames only the newest counts. So lateness never accumulates.
  */
 export class Playout {
   readonly #layout: Layout;
@@ -34,7 +33,7 @@ export class Playout {
   #arrivals = new Arrivals();
   #newest: Stamp | null = null;
   #moves: Move[] = [];
-  /** The values at which the first of the moves begins. */
+  /** The values at the start of the first move. */
   #from: Float64Array | null = null;
   #fromS = Number.NaN;
   #shown: Float64Array;
@@ -48,13 +47,13 @@ export class Playout {
     this.#shown = new Float64Array(layout.size).fill(Number.NaN);
   }
 
-  /** When true, shows each frame as it comes, without delay or interpolation. */
+  /** If true, shows each frame on arrival, without delay or interpolation. */
   set raw(raw: boolean) {
     this.#raw = raw;
     if (raw && this.#newestGoal !== null) this.#jump(this.#newestGoal, this.#newest!.tS);
   }
 
-  /** The values to show as of the newest `sample` or `push`; NaN where nothing was ever read. Always the same array. */
+  /** The values to show after the newest `sample` or `push`; NaN where nothing was ever read. Always the same array. */
   get shown(): Float64Array {
     return this.#shown;
   }
@@ -64,12 +63,12 @@ export class Playout {
     return this.#shownS;
   }
 
-  /** The present delay, ms, behind the earliest moment at which frames can arrive. */
+  /** The current delay, ms, behind the earliest moment at which frames can arrive. */
   get delayMs(): number {
     return this.#raw || this.#newest === null ? 0 : this.#arrivals.delayMs;
   }
 
-  /** Moves that wait; for tests. */
+  /** The number of waiting moves; for tests. */
   get waiting(): number {
     return this.#moves.length;
   }
@@ -78,9 +77,9 @@ export class Playout {
    *  needed. */
   push(stamp: Stamp, values: ArrayLike<number>): boolean {
     const before = this.#newest;
-    if (before !== null && stamp.seq === before.seq && stamp.tS === before.tS) return false; // told again on rejoining
+    if (before !== null && stamp.seq === before.seq && stamp.tS === before.tS) return false; // repeated after rejoining
     const backwards = before !== null && (stamp.tS <= before.tS || stamp.seq <= before.seq);
-    // from a stream that lies behind to one that does not: what is known of the arrivals holds no more
+    // from a delayed stream to one without delay: the statistics of the arrivals no longer apply
     const leaps = before !== null && (stamp.tS - before.tS) * 1000 - (stamp.atMs - before.atMs) > GAP_MS;
     if (backwards || leaps) this.#arrivals = new Arrivals();
     this.#newest = stamp;
@@ -140,7 +139,7 @@ export class Playout {
   #move(goal: Float64Array, toS: number, lineMs: number, moveMs: number, headMs: number): void {
     const catchUpMs = Math.max(LEAST_CATCH_UP_MS, this.#arrivals.intervalMs / 2);
     if (lineMs < headMs + catchUpMs) {
-      // Late: go straight from what is on the screen to this frame, and drop the moves that still waited.
+      // Late: go straight from the displayed values to this frame, and drop the moves still waiting.
       this.#from = this.#shown.slice();
       this.#fromS = this.#shownS;
       this.#moves = [{ fromMs: headMs, toMs: headMs + catchUpMs, goal, fromS: this.#fromS, toS }];

@@ -4,22 +4,22 @@ import { normalizeQuat, type Quat, type Vec3 } from '../rotation.ts';
 import type { Imu } from '../sensors/imus.ts';
 import { valueAt } from '../values.ts';
 
-/** A robot's pose at one instant: URDF joints (rad, or m for sliding ones) and where the root link is. */
+/** A robot's pose at one instant: URDF joints (rad, or m for prismatic ones) and the pose of the root link. */
 export interface Pose {
   joints: ReadonlyMap<string, number>;
-  /** world_from_root, metres and a unit quaternion; null when the robot reports no base: the scene stands it on the floor. */
+  /** world_from_root, metres and a unit quaternion; null if the robot reports no base: the scene then stands it on the floor. */
   base: Base | null;
-  /** URDF joints without a reading now: they stay where they were last known. */
+  /** URDF joints without a reading now: they stay at their last known position. */
   unread?: ReadonlySet<string>;
-  /** Whether what the robot declares to tell how its body is turned has no reading now: it stays as it was last known. */
+  /** Whether the declared source of the body's orientation has no reading now: the orientation then stays as last known. */
   unturned?: boolean;
-  /** The sensor that says how the body is turned, with its reading; for a robot without a base. */
+  /** The sensor of the body's orientation, with its reading; for a robot without a base. */
   lean?: Imu | null;
-  /** The commanded joints of a second, see-through body that is shown whole. */
+  /** The commanded joints of a second, transparent body that is shown whole. */
   ghost?: ReadonlyMap<string, number> | null;
   /** Robot time of this pose, seconds. */
   tS?: number;
-  /** The wrenches of the same moment, of the sensors that are mounted on a link, in their channels' units. */
+  /** The wrenches at the same moment, from the sensors mounted on a link, in their channels' units. */
   wrenches?: readonly FootWrench[];
 }
 
@@ -29,7 +29,7 @@ export interface Base {
   quat_wxyz: Quat;
 }
 
-/** Why nobody knows where the links of a pose are, of which these joints carry weight; undefined while it is known. */
+/** Why the link positions of a pose are unknown, given the joints that carry weight; undefined while they are known. */
 export function whyUnknown(
   { unturned, unread }: Pick<Pose, 'unturned' | 'unread'>,
   carriers: readonly string[],
@@ -58,8 +58,8 @@ export class Poser {
     return this.#mapping.evaluate(codes);
   }
 
-  /** The pose of a frame, with the sensor that says how the body is turned, as it was read from the same frame. Joints without a
-   *  reading are left out, so that they stay where they were last known. */
+  /** The pose of a frame, with the sensor of the body's orientation as read from the same frame. Joints without a reading are
+   *  omitted, so that they stay at their last known position. */
   pose(codes: Int32Array, lean: Imu | null = null): Pose {
     const values = this.values(codes);
     const joints = new Map<string, number>();
@@ -78,8 +78,8 @@ const BASE: readonly (readonly [field: string, labels: readonly string[]])[] = [
   ['baseq', ['base.w', 'base.x', 'base.y', 'base.z']],
 ];
 
-/** Whether what tells how the body is turned has no reading: odometry where the robot declares it, else the IMU of its body. A
- *  robot that declares neither is taken as upright. */
+/** Whether the source of the body's orientation has no reading: odometry if the robot declares it, else the IMU of its body. A
+ *  robot that declares neither is assumed to be upright. */
 export function isUnturned(schema: Schema, base: Base | null, imu: Imu | null): boolean {
   const declared = BASE.every(([name, labels]) => {
     const field = schema.field(name);
@@ -88,8 +88,7 @@ export function isUnturned(schema: Schema, base: Base | null, imu: Imu | null): 
   return declared ? base === null : imu !== null && imu.worldFromSensor === null;
 }
 
-/** world_from_root by the robot's odometry; null without odometry or a reading, or when the quaternion has no length.
- *  */
+/** world_from_root from the robot's odometry; null without odometry or a reading, or if the quaternion has no length. */
 export function baseOf(schema: Schema, codes: Int32Array): Base | null {
   const [x, y, z, qw, qx, qy, qz] = BASE.flatMap(([name, labels]) => valuesOf(schema, codes, name, labels));
   if (x === undefined || y === undefined || z === undefined) return null;
@@ -98,7 +97,7 @@ export function baseOf(schema: Schema, codes: Int32Array): Base | null {
   return quat === null ? null : { xyz: [x, y, z], quat_wxyz: quat };
 }
 
-/** The values of these channels; an empty list when any of them has no reading. */
+/** The values of these channels; an empty list if any of them has no reading. */
 function valuesOf(schema: Schema, codes: Int32Array, name: string, labels: readonly string[]): number[] {
   const field = schema.field(name);
   if (field === null) return [];

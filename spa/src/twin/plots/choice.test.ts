@@ -22,7 +22,7 @@ const SCHEMA = parseSchema(
   }),
 );
 
-/** Ten frames in which these channels move by so many steps. */
+/** Ten frames in which these channels move by this many steps. */
 function past(moving: Readonly<Record<string, number>>, schema: Schema = SCHEMA): History {
   const history = new History();
   for (let n = 0; n < 10; n += 1) {

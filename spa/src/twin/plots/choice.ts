@@ -4,14 +4,14 @@ import { type ChannelReader, valueAt } from '../values.ts';
 import type { History } from './history.ts';
 import type { Trace } from './trace.ts';
 
-/** How many of the traces that come first are of joints' positions, and how many of what moves most beside them. */
+/** Of the first traces, how many are joint positions, and how many are the other values that move most. */
 const FIRST = { positions: 4, others: 2 } as const;
-/** A value that has changed by no more than this, in steps of its resolution, counts as still. */
+/** A value that has changed by at most this much, in steps of its resolution, counts as still. */
 const NOISE_STEPS = 2;
-/** Most channels whose motion is compared, and most values of sensors. */
+/** Maximum number of channels whose motion is compared, and of sensor values. */
 const MOST_COMPARED = 2000;
 
-/** One page of traces: as many as fit below one another, and can be told apart. */
+/** One page of traces: as many as fit below one another and can be told apart. */
 export const TRACES_A_PAGE = FIRST.positions + FIRST.others;
 
 interface Channel extends Trace {
@@ -20,8 +20,8 @@ interface Channel extends Trace {
 }
 
 /**
- * Everything that can be plotted, in the order in which somebody who has chosen nothing wants to see it: first the joints
- * and the other values that have moved most in the last minute, then the rest, field by field as the robot names them.
+ * Everything that can be plotted, in a useful default order: first the joints and other values that have moved most in the last
+ * minute, then the rest, field by field in the robot's order.
  */
 export function arrangeTraces(history: History, nowMs: number): Trace[] {
   const { schema } = history;
@@ -36,7 +36,7 @@ export function arrangeTraces(history: History, nowMs: number): Trace[] {
   return [...first, ...rest].map(({ field, label }) => ({ field, label }));
 }
 
-/** The channels of numbers, by field: the joints' positions first, their commands after all else of them. */
+/** The numeric channels, by field: joint positions first, commands last among the joint fields. */
 function channelsOf(schema: Schema): Channel[][] {
   const main = schema.field('pos') ?? schema.field('ref');
   const rank = ({ name }: Field) => (name === main?.name ? 0 : name === 'ref' ? 2 : 1);
@@ -51,7 +51,7 @@ function channelsOf(schema: Schema): Channel[][] {
     );
   const jointFields = new Set(ofJoints.flatMap((channels) => channels.map(({ field }) => field)));
   const sensors = new SensorTable(schema);
-  let left = MOST_COMPARED; // to find a reader takes time in proportion to their number
+  let left = MOST_COMPARED; // finding a reader takes time in proportion to their number
   const ofSensors = sensors.groups.map(({ readings }) => {
     const own = readings.filter(({ field }) => !jointFields.has(field)).slice(0, left);
     left -= own.length;

@@ -9,8 +9,8 @@ export interface Sheet {
   }[];
 }
 
-/** The table as CSV (RFC 4180). No reading gives an empty cell. Names come from the robot, so those that a spreadsheet
- *  would take for a formula are quoted with an apostrophe. */
+/** The table as CSV (RFC 4180). No reading gives an empty cell. Names come from the robot, so any that a spreadsheet would read
+ *  as a formula get a leading apostrophe. */
 export function csvOf({ atMs, columns }: Sheet): string {
   const head = ['time', ...columns.map(({ title, unit }) => (unit === '' ? title : `${title} [${unit}]`))];
   const rows = atMs.map((at, i) => [

@@ -8,7 +8,7 @@ import { plotData, plotGroups, sheetOf } from './window.ts';
 const knee = (code: number) => codesWith({ 'pos.RKN': code });
 const RKN = SCHEMA.field('pos')!.start + 1;
 
-/** A history of so many states, ten a second from `fromMs` on; the knee is at the index of the state. */
+/** A history of this many states, ten a second starting at `fromMs`; the knee's value is the index of the state. */
 function recorded(count: number, fromMs = 0): History {
   const history = new History();
   for (let i = 0; i < count; i += 1) history.push(SCHEMA, { codes: knee(i), atMs: fromMs + i * 100 });

@@ -1,17 +1,17 @@
 import type { Schema } from '@posecast/wire';
 import { HISTORY_S, type History } from './history.ts';
 
-/** Most states that one `update` computes: the last minute, of 600 states, is there after ten. */
+/** Maximum number of states computed in one `update`: the last minute, of 600 states, is complete after ten. */
 export const COMPUTED_AT_ONCE = 60;
-/** Least states that are kept before those that have left the minute are dropped. */
+/** Minimum number of expired states before they are dropped. */
 const KEPT = 900;
 
-/** Writes the values that are computed from a frame's codes, in the columns' units; NaN: none. */
+/** Writes the values computed from a frame's codes, in the columns' units; NaN: none. */
 export type Compute = (codes: Int32Array, atMs: number, into: Float64Array) => void;
 
 /**
- * Values of the last minute that cost more to compute than to read, of the states that a `History` keeps. They are computed once
- * each, a few in every `update`, the newest first; what is still to come is null.
+ * Values over the last minute that are expensive to compute, for the states in a `History`. Each is computed once, a few per
+ * `update`, newest first; values not yet computed are null.
  */
 export class DerivedHistory {
   readonly #schema: Schema;
@@ -26,8 +26,8 @@ export class DerivedHistory {
     this.#compute = compute;
   }
 
-  /** Computes some of what the history has of the minute that ends at `nowMs`. True when there is more to compute. Of another
-   *  schema it computes nothing. */
+  /** Computes some values for the minute ending at `nowMs`. True if there is more to compute. Does nothing if the schema
+   *  differs. */
   update(history: History, nowMs: number): boolean {
     if (history.schema !== this.#schema) return false;
     const missing: { codes: Int32Array; atMs: number }[] = [];

@@ -3,8 +3,7 @@ import type { RobotState } from '../robot.ts';
 import type { ChannelReader } from '../values.ts';
 import { valueAt } from '../values.ts';
 
-/** Length of the history, and least time between its samples: 600 samples, as many as a strip of 600 pixels can show.
- *  */
+/** Length of the history, and minimum time between its samples: 600 samples, as many as a strip of 600 pixels can show. */
 export const HISTORY_S = 60;
 const STEP_MS = 100;
 const SAMPLES = (HISTORY_S * 1000) / STEP_MS;
@@ -13,24 +12,24 @@ const BYTES_MAX = 4_000_000;
 
 /** The history of one channel. */
 export interface TraceHistory {
-  /** When, seconds before (≤ 0) or after `nowMs`, oldest first. */
+  /** Seconds before (≤ 0) or after `nowMs`, oldest first. */
   readonly agoS: readonly number[];
-  /** In the schema's unit; null where there was no reading. */
+  /** In the schema's unit; null if there was no reading. */
   readonly values: readonly (number | null)[];
 }
 
 /** The history as read by some readers, oldest first. */
 export interface Window {
-  /** When each frame came, ms of the viewer's clock. */
+  /** When each frame arrived, ms of the viewer's clock. */
   readonly atMs: readonly number[];
   /** One for each reader, as long as `atMs`. */
   readonly columns: readonly (readonly (number | null)[])[];
 }
 
-/** What the history keeps of a state. */
+/** What the history keeps for a state. */
 type Sample = Pick<RobotState, 'codes' | 'atMs'> & Partial<RobotState>;
 
-/** The last minute of every channel, as codes in a ring buffer. A frame of another schema starts it anew. */
+/** The last minute of every channel, as codes in a ring buffer. A frame with another schema restarts it. */
 export class History {
   #schema: Schema | null = null;
   #codes = new Int32Array(0);
@@ -50,7 +49,7 @@ export class History {
     this.#count = Math.min(this.#count + 1, this.#atMs.length);
   }
 
-  /** One channel's last minute; empty when there is no such channel. */
+  /** One channel's last minute; empty if there is no such channel. */
   trace(fieldName: string, label: string, nowMs: number): TraceHistory {
     const field = this.#schema?.field(fieldName) ?? null;
     const index = field?.labels.indexOf(label) ?? -1;
@@ -78,7 +77,7 @@ export class History {
     return { atMs, columns };
   }
 
-  /** Puts what was before its oldest state in front of it; of another schema it takes nothing. `states`: oldest first. */
+  /** Inserts older states in front of its oldest one; ignores them if the schema differs. `states`: oldest first. */
   prepend(schema: Schema, states: readonly Sample[]): void {
     if (this.#schema !== null && schema !== this.#schema) return;
     const kept = this.#samples();
@@ -94,7 +93,7 @@ export class History {
     this.#newestMs = Number.NEGATIVE_INFINITY;
   }
 
-  /** A copy that later frames don't change, for a plot that is paused. */
+  /** A copy that later frames don't change, for a paused plot. */
   copy(): History {
     const made = new History();
     made.#schema = this.#schema;

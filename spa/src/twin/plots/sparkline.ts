@@ -3,7 +3,7 @@ import type { TraceHistory } from './history.ts';
 /** A longer gap between samples breaks the line. */
 const GAP_S = 1.5;
 
-/** SVG path data of each trace, and the range of values that the height stands for. */
+/** SVG path data of each trace, and the range of values that the height represents. */
 export interface Strip {
   paths: string[];
   low: number;
@@ -11,10 +11,10 @@ export interface Strip {
 }
 
 /**
- * SVG path data for each trace in a box of width × height, all on one scale; null when none has a reading.
+ * SVG path data for each trace in a box of width × height, all on one scale; null if none has a reading.
  *
- * The width stands for `spanS` seconds, the last `laterS` of them after now. The height stands for at least `leastRange` (above 0, in the unit of the
- * values), so that the noise of a joint at rest does not fill the picture.
+ * The width represents `spanS` seconds, the last `laterS` of them after now. The height represents at least `leastRange` (above
+ * 0, in the unit of the values), so that the noise of a joint at rest does not fill the picture.
  */
 export function strip(
   traces: readonly TraceHistory[],

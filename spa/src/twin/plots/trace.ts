@@ -23,16 +23,16 @@ export interface TraceReading {
   readonly ofJoint: boolean;
 }
 
-/** Traces that the page computes from what the robot reports. */
+/** Traces that the page computes from the robot's readings. */
 export interface DerivedTraces {
-  /** How such a trace is read from a history; null: it is none of these. */
+  /** A reader for such a trace from a history; null: it is not one of these. */
   reading(trace: Trace): TraceReading | null;
-  /** Computes some of the last minute; true when there is more to compute. */
+  /** Computes part of the last minute; true if there is more to compute. */
   update(history: History, nowMs: number): boolean;
 }
 
-/** How to read a trace with this schema; null when the robot reports no such value, or only bits. `words`: for
- *  the base and power. */
+/** A reader for a trace with this schema; null if the robot reports no such value, or only bits. `words`: for the base and
+ *  power. */
 export function traceReading(
   schema: Schema,
   { field: name, label }: Trace,

@@ -10,13 +10,13 @@ const GAP_MS = 1500;
 
 export interface PlotTrace {
   readonly of: Trace;
-  /** Its index in the list of all traces, which decides its colour and line style. */
+  /** Its index in the list of all traces, which determines its colour and line style. */
   readonly index: number;
   /** null: the robot reports no such value now. */
   readonly reading: TraceReading | null;
 }
 
-/** One plot: all traces that are shown in the same unit. */
+/** One plot: all traces with the same unit. */
 export interface PlotGroup {
   readonly display: Display;
   readonly traces: readonly PlotTrace[];
@@ -45,8 +45,7 @@ export function plotGroups(
   return [...groups].sort(([a], [b]) => Number(a === '\n') - Number(b === '\n')).map(([, group]) => group);
 }
 
-/** The last minute of one group, in the unit that is shown. `s` are the times in seconds relative to `nowMs`, all ≤ 0.
- *  */
+/** The last minute of one group, in the displayed unit. `s`: the times in seconds relative to `nowMs`, all ≤ 0. */
 export interface PlotData {
   readonly atMs: readonly number[];
   readonly s: readonly number[];

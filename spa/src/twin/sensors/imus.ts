@@ -12,7 +12,7 @@ import {
 } from '../rotation.ts';
 import { valueAt } from '../values.ts';
 
-/** One inertial sensor: where it is mounted, and the orientation that it reports. */
+/** One inertial sensor: where it is mounted, and its reported orientation. */
 export interface Imu {
   readonly site: string;
   /** The plain name if the profile has one, else the site. */
@@ -33,7 +33,7 @@ type Source = { field: Field; quat: readonly number[] } | { field: Field; roll: 
 /** The orientation sensors of a robot. `read` rewrites them in place. */
 export class ImuTable {
   readonly imus: readonly Imu[];
-  /** The one that tells how the robot leans; null when there is none, or more than one and no profile. */
+  /** The sensor of the robot's lean; null if there is none, or if there are several and no profile. */
   readonly body: Imu | null;
   readonly #sources: readonly Source[];
 
@@ -81,8 +81,8 @@ export class ImuTable {
 }
 
 /**
- * world_from_root by one orientation sensor. `rootFromLink` is the rotation of the sensor's link by the joint angles.
- * If the sensor reports no heading, the robot faces along the world's x. null without a reading.
+ * world_from_root from one orientation sensor. `rootFromLink` is the rotation of the sensor's link given the joint angles. If the
+ * sensor reports no heading, the robot faces along the world's x axis. null without a reading.
  */
 export function rootAttitude(imu: Imu, rootFromLink: Quat): Quat | null {
   if (imu.worldFromSensor === null) return null;
@@ -104,7 +104,7 @@ function orientation(schema: Schema, name: string): Field | null {
   return field === null || field.labelSet === JOINT ? null : field;
 }
 
-/** The sites of a field: labels are SITE.COMPONENT, and every site has the given component. */
+/** The sites of a field whose labels are SITE.COMPONENT; every site has the given component. */
 function sitesOf(field: Field | null, component: string): string[] {
   const end = `.${component}`;
   return (field?.labels ?? [])

@@ -2,13 +2,13 @@ import { type Field, MISSING, type Schema } from '@posecast/wire';
 import type { RobotState } from '../robot.ts';
 
 /**
- * Keeps the last reading of every channel and when it was lost: when one of a robot's boards falls silent, frames go on
- * without its readings, and the page can show the last ones, marked as old. Another schema starts it anew.
+ * Keeps the last reading of every channel and the time at which it was lost. If one of a robot's boards fails, frames continue
+ * without its readings, and the page can show the last ones, marked as old. A new schema restarts it.
  */
 export class LastReadings {
   #schema: Schema | null = null;
   #codes = new Int32Array(0);
-  /** For each channel, when its last reading came, ms; NaN while it has one, or never had. */
+  /** For each channel, when its last reading arrived, ms; NaN while it has one, or never had one. */
   #lostMs = new Float64Array(0);
   #newestMs = Number.NaN;
   #lost = 0;

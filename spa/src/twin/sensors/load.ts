@@ -5,7 +5,7 @@ import { valueAt } from '../values.ts';
 
 export type LoadField = 'cur' | 'temp';
 
-/** Start of the colour scale, A and °C: a motor at rest draws no current and is at room temperature. */
+/** Start of the colour scale, A and °C: a motor at rest draws no current and has room temperature. */
 const REST: Readonly<Record<LoadField, number>> = { cur: 0, temp: 20 };
 
 /** How loaded one joint is. */
@@ -15,21 +15,20 @@ export interface Load {
   level: Level;
 }
 
-/** What the load colours stand for. */
+/** The meaning of the load colours. */
 export interface LoadScale {
   readonly field: LoadField;
   readonly unit: string;
   readonly rest: number;
-  /** The value at the end of the scale; null when joints have different limits, so that the scale is relative to each.
-   *  */
+  /** The value at the end of the scale; null if joints have different limits, so that the scale is relative to each limit. */
   readonly full: number | null;
   /** Whether `full` is a limit, or only the largest value seen so far. */
   readonly limited: boolean;
-  /** The part (0…1) at which caution starts; null when joints differ or have no limits. */
+  /** The fraction (0…1) at which caution starts; null if joints differ or have no limits. */
   readonly cautionPart: number | null;
 }
 
-/** Current or temperature of each URDF joint against its limit, for colours on the body. */
+/** Current or temperature of each URDF joint relative to its limit, for colours on the body. */
 export class LoadTable {
   readonly #schema: Schema;
   readonly #field: LoadField;
@@ -56,7 +55,7 @@ export class LoadTable {
     return schema.field(field)?.labelSet === JOINT;
   }
 
-  /** URDF joint → load, the worst of the channels that move it. Always the same map. */
+  /** URDF joint → load, the highest of the channels that move it. Always the same map. */
   read(codes: Int32Array, limits: ValueLimits): ReadonlyMap<string, Load> {
     const field = this.#schema.field(this.#field);
     this.#loads.clear();
@@ -101,14 +100,15 @@ export class LoadTable {
     return Math.abs(value - REST[this.#field]);
   }
 
-  /** How far a value is from rest towards its limit on that side (0…1); without limits, towards the largest value seen.
-   *  */
+  /** The position of a value between rest and its limit on that side (0…1); without limits, relative to the largest value
+   *  seen.
+   */
   #part(value: number, threshold: Threshold | null): number {
     const rest = REST[this.#field];
     const limit = value < rest ? threshold?.low : threshold?.high;
     if (limit == null) return threshold === null && this.#largest > 0 ? this.#away(value) / this.#largest : 0;
     const whole = limit - rest;
-    if (whole * (value - rest) <= 0) return value === rest ? 0 : 1; // a limit on this side of rest: past it
+    if (whole * (value - rest) <= 0) return value === rest ? 0 : 1; // a limit on this side of rest: exceeded
     return Math.min(1, (value - rest) / whole);
   }
 }

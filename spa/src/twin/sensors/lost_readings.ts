@@ -1,7 +1,6 @@
 import { MISSING, type Schema } from '@posecast/wire';
 
-/** Tells which joints have lost their reading. A joint that never had one is left out: the table shows that it has
- *  none. */
+/** Finds joints that have lost their reading. A joint that never had one is left out: the table shows that it has none. */
 export class LostReadings {
   readonly #schema: Schema;
   readonly #read = new Set<string>();
@@ -10,7 +9,7 @@ export class LostReadings {
     this.#schema = schema;
   }
 
-  /** The joints, as the robot names them, whose position was read before and is not in these codes. */
+  /** The joints, by the robot's names, whose position was read before and is missing in these codes. */
   update(codes: Int32Array): string[] {
     const pos = this.#schema.field('pos');
     const lost: string[] = [];

@@ -10,7 +10,7 @@ import { valueAt } from '../values.ts';
 export interface Reading {
   readonly field: string;
   readonly label: string;
-  /** The short name in front of the number: "Fz", "roll", "ωx". */
+  /** The short label of the number: "Fz", "roll", "ωx". */
   readonly name: string;
   readonly unit: string;
   /** The value of one code (the resolution), in the unit. */
@@ -19,17 +19,16 @@ export interface Reading {
   level: Level;
 }
 
-/** The readings of one sensor, power source or field, or of where the robot's base is. */
+/** The readings of one sensor, power source or field, or the position of the robot's base. */
 export interface SensorGroup {
   readonly kind: 'base' | 'wrench' | 'imu' | 'power' | 'other';
   readonly site: string;
-  /** The plain name, when the profile has one. */
+  /** The plain name, if the profile has one. */
   readonly title: string;
   readonly readings: readonly Reading[];
 }
 
-/** The words for the base, for power and its fields in the viewer's language; what has no word keeps the robot's name
- *  for it. */
+/** The words for the base, for power and its fields in the viewer's language; anything without a word keeps the robot's name. */
 export interface SensorWords {
   readonly base?: string;
   readonly power: string;
@@ -71,13 +70,14 @@ const NAMES: Readonly<Record<string, Readonly<Record<string, string>>>> = {
   gyro: { x: 'ωx', y: 'ωy', z: 'ωz' },
   acc: { x: 'ax', y: 'ay', z: 'az' },
 };
-/** Fields that hold quaternions, which are shown as angles. */
+/** Fields with quaternions, which are shown as angles. */
 const QUATERNIONS = new Set(['quat', 'baseq']);
 const EULER = ['roll', 'pitch', 'yaw'] as const;
 
 type Source = { from: Field; index: number } | { quat: readonly number[]; field: Field; angle: number };
 
-/** All readings that are not of joints, grouped by the site where they are measured; where the base is comes first. `read` rewrites them in place. */
+/** All readings other than joints, grouped by the site where they are measured; the base's position comes first. `read`
+ *  overwrites them in place. */
 export class SensorTable {
   readonly groups: readonly SensorGroup[];
   readonly #schema: Schema;
@@ -92,7 +92,7 @@ export class SensorTable {
     const groups = new Map<string, { kind: SensorGroup['kind']; site: string; readings: Reading[] }>();
     const main = schema.field('pos') ?? schema.field('ref');
     for (const field of schema.fields) {
-      if (field.bits.length > 0) continue; // bits are told as alarms
+      if (field.bits.length > 0) continue; // bits are reported as alarms
       const ofJoints = field.labelSet === main?.labelSet;
       if (ofJoints && JOINT_FIELDS.has(field.name)) continue;
       const kind = KIND_OF_FIELD[field.name] ?? 'other';
@@ -140,7 +140,7 @@ export class SensorTable {
     return this.groups;
   }
 
-  /** A reading and a function that reads it from any frame's codes; null when there is none of that name. */
+  /** A reading, and a function that reads it from any frame's codes; null if there is none with that name. */
   reader(field: string, label: string): { readonly reading: Reading; readonly read: ChannelReader } | null {
     const found = this.#all.find(({ reading }) => reading.field === field && reading.label === label);
     if (found === undefined) return null;

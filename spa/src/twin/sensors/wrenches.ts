@@ -10,14 +10,13 @@ const MUCH = { force: 500, moment: 20 } as const; // N, N·m
 
 /** A force or a moment at one site, in the sensor's axes. */
 export interface Arrow {
-  /** N or N·m; null when the robot measures none, or when one of its components has no reading now. */
+  /** N or N·m; null if the robot measures none, or if one of its components has no reading now. */
   vector: Vec3 | null;
-  /** The worst level of its components. */
+  /** The highest level of its components. */
   level: Level;
-  /** The axes that the robot measures (0 x, 1 y, 2 z), so that a force with only z is not taken for the whole force. */
+  /** The axes that the robot measures (0 x, 1 y, 2 z), so that a lone z component is not mistaken for the whole force. */
   readonly axes: readonly number[];
-  /** The size (N or N·m) that counts as large here: the farthest limit of the profile. Arrow lengths are relative to
-   *  it. */
+  /** The size (N or N·m) that counts as large: the profile's farthest limit. Arrow lengths are relative to it. */
   readonly much: number;
 }
 
@@ -37,7 +36,7 @@ interface Source {
   parts: readonly { axis: number; index: number; label: string; latch: LevelLatch }[];
 }
 
-/** The force-torque sensors that are mounted on a link. `read` rewrites them in place. */
+/** The force-torque sensors mounted on a link. `read` overwrites them in place. */
 export class WrenchTable {
   readonly wrenches: readonly Wrench[];
   readonly #sources: Source[] = [];

@@ -7,15 +7,16 @@ import type { Vector } from '../types.ts';
 import { MeshError } from './stl.ts';
 import type { Welded } from './weld.ts';
 
-/** A surface of one colour, in its mesh's axes. `paint` is null when its file names none. */
+/** A surface of one colour, in its mesh's axes. `paint` is null if its file specifies none. */
 export interface PaintedSurface {
   readonly surface: Welded;
   readonly paint: Paint | null;
 }
 
-/** The default colour when neither URDF nor mesh names one: #c4cad3 in linear light. */
+/** The default colour if neither URDF nor mesh specifies one: #c4cad3 in linear light. */
 const UNPAINTED: Paint = [0.5520114, 0.5906189, 0.651406, 1];
-/** Most paints: they are one row of a texture, and every GPU allows this width. Further ones get the default colour. */
+/** Maximum number of paints: they are one row of a texture, and every GPU allows this width. Further ones get the default
+ *  colour. */
 const MAX_PAINTS = 2048;
 /** The largest 16-bit coordinate to which positions are rounded. */
 const REACH = 32_767;
@@ -33,7 +34,7 @@ export class LodBuilder {
   readonly #shapes: readonly PlacedShape[];
   readonly #shown: (readonly Primitive[])[];
   readonly #linkFromMesh: Float64Array;
-  /** By the mesh, then by its scale. */
+  /** By mesh, then by scale. */
   readonly #bodies = new Map<readonly PaintedSurface[], Map<string, Body>>();
   readonly #positions: Int16Array[] = [];
   readonly #normals: Int8Array[] = [];
@@ -49,19 +50,18 @@ export class LodBuilder {
     this.#linkFromMesh = Float64Array.from(shapes.flatMap(({ xyz, quat }) => transform(xyz, quat)));
   }
 
-  /** Triangles that are drawn: a mesh that two visuals show counts twice. */
+  /** Triangles drawn: a mesh that two visuals show counts twice. */
   get triangles(): number {
     return this.#triangles;
   }
 
-  /** Gives a visual its mesh. Returns the box in the link's frame, metres. Throws MeshError when there is no room for
-   *  it. */
+  /** Assigns a mesh to a visual. Returns the box in the link's frame, metres. Throws MeshError if there is no room for it. */
   put(visual: number, mesh: readonly PaintedSurface[]): LinkBox {
     const { shape, xyz, quat, paint: own } = this.#shapes[visual]!;
     const cost = mesh.reduce((sum, { surface: { positions, index } }) => {
       return sum + bytesOf({ count: positions.length / 3, index });
     }, 0);
-    if (cost > this.#room) throw new MeshError('left out: the robot unpacks to too many bytes already');
+    if (cost > this.#room) throw new MeshError('left out: the robot already unpacks to too many bytes');
     const { centre, step, pieces } = this.#body(mesh, shape.scale);
     this.#room -= cost;
     const linkFromVisual = transform(xyz, quat);
@@ -114,7 +114,7 @@ export class LodBuilder {
     const box = emptyBox();
     const stretch = [scale[0], 0, 0, 0, 0, scale[1], 0, 0, 0, 0, scale[2], 0, 0, 0, 0, 1];
     for (const { surface } of mesh) growBox(box, surface.positions, stretch);
-    if (![...box.min, ...box.max].every(Number.isFinite)) throw new MeshError('too large to be drawn');
+    if (![...box.min, ...box.max].every(Number.isFinite)) throw new MeshError('too large to draw');
     const centre = box.min.map((low, i) => (low + box.max[i]!) / 2) as unknown as Vector;
     const step = Math.max(...box.max.map((high, i) => (high - box.min[i]!) / 2), 1e-9) / REACH;
     return { centre, step, pieces: mesh.map(({ surface }) => this.#add(surface, scale, centre, step)) };

@@ -48,7 +48,7 @@ export function asciiStl(soup: Float32Array): Uint8Array {
   return new TextEncoder().encode(`${text}endsolid cube\n`);
 }
 
-/** One triangle in Collada, in centimetres, in a file that claims to be Y-up, painted wholly transparent. */
+/** One triangle in Collada, in centimetres, in a file that claims to be Y-up, fully transparent. */
 export function collada(transparency = '0.0', up = 'Y_UP'): Uint8Array {
   return new TextEncoder().encode(`<?xml version="1.0"?>
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
@@ -70,7 +70,7 @@ export function collada(transparency = '0.0', up = 'Y_UP'): Uint8Array {
 </COLLADA>`);
 }
 
-/** Two triangles: one red, one in a paint that its library does not know. */
+/** Two triangles: one red, one with a paint that its library does not define. */
 export const OBJ = `mtllib paints.mtl
 v 0 0 0
 v 1 0 0

@@ -8,8 +8,8 @@ export class MeshError extends Error {}
 const HEADER = 84;
 const FACE = 50;
 
-/** Whether the size fits a binary STL: 84 bytes and 50 for each face, and perhaps a few more at the end. Some binary
- *  files begin with "solid", so that word alone decides nothing. */
+/** Whether the size fits a binary STL: 84 bytes plus 50 for each face, and perhaps a few more at the end. Some binary files begin
+ *  with "solid", so that word alone proves nothing. */
 export function isBinaryStl(bytes: Uint8Array): boolean {
   if (bytes.length < HEADER) return false;
   const faces = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength).getUint32(80, true);

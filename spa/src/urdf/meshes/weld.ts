@@ -1,9 +1,9 @@
 /**
  * Welds a triangle soup into an indexed surface with smooth normals that keep real edges.
  *
- * STL has only flat triangles, with which a rounded surface would look like cut glass. Corners at exactly the same
- * place become one vertex; a corner's normal is the area-weighted mean of the faces around it that bend less than the
- * crease angle from its own face; corners with equal normals share an index (about five times fewer vertices).
+ * STL has only flat triangles, so a rounded surface would look like cut glass. Corners at exactly the same place become one
+ * vertex; a corner's normal is the area-weighted mean of those adjacent faces whose angle to its own face is below the crease
+ * angle; corners with equal normals share an index (about five times fewer vertices).
  */
 
 export interface Welded {
@@ -17,7 +17,7 @@ const CREASE_RAD = (40 * Math.PI) / 180;
 const MAX_FACES_AT_VERTEX = 256;
 const SAME_NORMAL = 0.9998;
 
-/** Welds a soup (9 numbers a face, metres). Faces without area or with a number that is not finite are dropped. */
+/** Welds a soup (9 numbers a face, metres). Faces without area or with a non-finite number are dropped. */
 export function weld(soup: Float32Array, creaseRad = CREASE_RAD): Welded {
   const { corners, flat, faces } = sound(soup);
   const vertexOf = sharedVertices(corners, faces * 3);
@@ -97,7 +97,7 @@ function sound(soup: Float32Array): { corners: Float32Array; flat: Float32Array;
     const nz = ux * vy - uy * vx;
     const area = Math.hypot(nx, ny, nz);
     if (!(area > 1e-20) || !Number.isFinite(area)) continue;
-    for (let i = 0; i < 9; i += 1) corners[faces * 9 + i] = soup[at + i]! + 0; // -0 and 0 are one place
+    for (let i = 0; i < 9; i += 1) corners[faces * 9 + i] = soup[at + i]! + 0; // -0 and 0 are the same place
     flat[faces * 4] = nx / area;
     flat[faces * 4 + 1] = ny / area;
     flat[faces * 4 + 2] = nz / area;

@@ -1,7 +1,7 @@
 import type { Elements, LinkBox } from '../../model/bounds.ts';
 import { cornersOf } from '../../model/bounds.ts';
 
-/** An upright cylinder around all of a body, in the world, metres. Turning about the vertical does not change it. */
+/** An upright cylinder around the whole body, in the world, metres. Turning about the vertical does not change it. */
 export interface BodySpan {
   /** Its axis. */
   readonly x: number;
@@ -12,14 +12,14 @@ export interface BodySpan {
   readonly high: number;
 }
 
-/** A link's bounding box, with where the link is. */
+/** A link's bounding box, with the link's pose. */
 export type PlacedBox = readonly [
   link: { readonly matrixWorld: { readonly elements: Elements } },
   box: LinkBox,
 ];
 
-/** The cylinder around these boxes; its axis is the middle of what they cover on the floor. Null for none, or when one
- *  of them is nowhere. */
+/** The cylinder around these boxes; its axis is the middle of the floor area that they cover. Null for none, or if one of them
+ *  has no finite position. */
 export function spanOf(boxes: Iterable<PlacedBox>): BodySpan | null {
   const min = [Infinity, Infinity, Infinity];
   const max = [-Infinity, -Infinity, -Infinity];

@@ -67,7 +67,7 @@ describe('the eye', () => {
   it('zooms about the pointer: what is under it stays there', () => {
     const made = eye();
     const before = seen(made, [0, 0.2, 0.9]);
-    // A point at the distance of what is looked at.
+    // A point at the distance of the target.
     made.look('side', false);
     const point = [0.2, 0, 0.9] as const;
     const { x, y } = seen(made, point);
@@ -126,7 +126,7 @@ describe('the eye', () => {
     made.follow(0, 0, 0);
     made.look('front', false);
     made.follow(0, 0, Math.PI / 2);
-    expect(made.position[1]).toBeGreaterThan(2); // ahead of a robot that looks to y
+    expect(made.position[1]).toBeGreaterThan(2); // in front of a robot that faces y
     made.followMode = 'stay';
     const before = made.position;
     made.follow(9, 0, 0);
@@ -153,7 +153,7 @@ function onScreen(rig: CameraRig, point: Vec3) {
   return { x: (2 * x) / width - 1, y: 1 - (2 * y) / height };
 }
 
-/** How far the corners of a box reach on the screen: −1…1 is inside. */
+/** How far the corners of a box extend on the screen: −1…1 is inside. */
 function reachOnScreen(rig: CameraRig, low: Vec3, high: Vec3): number {
   const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((corner) =>
     onScreen(rig, [1, 2, 4].map((bit, axis) => (corner & bit ? high : low)[axis]!) as unknown as Vec3),
@@ -314,7 +314,7 @@ describe('the eye of a humanoid', () => {
     expect(rig.stand, 'the first view').toBeNull();
     const place = { position: [2, 1, 1.5], target: [0.1, 0, 0.9] } as const;
     rig.standAt(place);
-    rig.frame([0.85, 1.7, 0], [1.2, 2.3, 1.3]); // it turns out to be elsewhere
+    rig.frame([0.85, 1.7, 0], [1.2, 2.3, 1.3]); // the target turns out to be elsewhere
     const { position, target } = rig.stand!;
     for (const axis of [0, 1, 2]) {
       expect(position[axis]).toBeCloseTo(place.position[axis]!, 9);

@@ -21,16 +21,16 @@ import { WholeBody } from './whole_body.ts';
 
 export type { EyePlace } from './orbit.ts';
 
-/** What the camera does when the robot walks: it stays, moves along, or moves along and turns with it. */
+/** How the camera reacts when the robot walks: it stays, moves along, or moves along and turns with it. */
 export type FollowMode = 'stay' | 'along' | 'turn';
 
 const RADIANS = Math.PI / 180;
 const EASE_SECONDS = 0.25;
-/** The camera follows once the robot is off the middle by more than this part of its radius. */
+/** The camera follows once the robot is off centre by more than this fraction of its radius. */
 const LEASH = 0.3;
-/** Distance of a close look at a link, as a part of the distance that fits the whole robot. */
+/** Distance of a close view of a link, as a fraction of the distance that fits the whole robot. */
 const CLOSE_PART = 0.35;
-/** Greatest distance of the camera from its target, in radii of the robot. */
+/** Maximum distance of the camera from its target, in radii of the robot. */
 const FARTHEST = 25;
 
 /**
@@ -38,7 +38,7 @@ const FARTHEST = 25;
  * follows a walking robot. World: Z up, metres; angles: rad; picture: CSS px from its upper left corner.
  */
 export class CameraRig {
-  /** The view that `home` stands for. */
+  /** The view behind `home`. */
   home: ViewName = 'home';
   followMode: FollowMode = 'along';
   readonly #options: Required<RigOptions>;
@@ -50,15 +50,15 @@ export class CameraRig {
   #now: Orbit;
   #goal: Orbit | null = null;
   #secondsLeft = 0;
-  /** Whether somebody has chosen the view: then changes of the robot's or the picture's size don't alter it. */
+  /** Whether the viewer has chosen the view; it is then independent of the robot's or the picture's size. */
   #touched = false;
-  /** Whether the distance is the one at which the robot fits: then it grows with the robot. */
+  /** Whether the distance is the one that fits the robot; it then grows with the robot. */
   #fitted = true;
-  /** The body as of the newest `follow`. */
+  /** The body at the newest `follow`. */
   #body: BodySpan | null = null;
-  /** A place set by `standAt`, applied again when the robot is framed anew, until somebody moves the camera. */
+  /** A place set by `standAt`, applied again when the robot is reframed, until the viewer moves the camera. */
   #placed: EyePlace | null = null;
-  /** The newest `visit` that has not been gone back from. */
+  /** The newest `visit` that has not been reversed. */
   #visit: Visit | null = null;
   #yaw: number | null = null;
 
@@ -68,12 +68,12 @@ export class CameraRig {
     this.#now = this.#orbitOf('home');
   }
 
-  /** Where the camera is. */
+  /** The camera's position. */
   get position(): Vec3 {
     return positionOf(this.#now);
   }
 
-  /** What it looks at. */
+  /** The camera's target. */
   get target(): Vec3 {
     return this.#now.target;
   }
@@ -82,14 +82,14 @@ export class CameraRig {
     return { position: this.position, target: this.target };
   }
 
-  /** The place relative to the floor under the robot's middle; null while nobody has chosen a view. */
+  /** The place relative to the floor under the robot's middle; null until the viewer chooses a view. */
   get stand(): EyePlace | null {
     if (!this.#touched) return null;
     const floor: Vec3 = [this.#middle[0], this.#middle[1], 0];
     return { position: addScaled(this.position, floor, -1), target: addScaled(this.target, floor, -1) };
   }
 
-  /** The robot's middle, projected to the floor, and its height above where it would stand on it. */
+  /** The robot's middle, projected to the floor, and its height above its standing position. */
   get middle(): { readonly x: number; readonly y: number; readonly flies: number } {
     const [x, y, z] = this.#middle;
     return { x, y, flies: Math.max(0, z - this.#extent.tall) };
@@ -100,7 +100,7 @@ export class CameraRig {
     return this.#extent.radius;
   }
 
-  /** The least and the greatest distance from the target. */
+  /** The minimum and maximum distance from the target. */
   get distances(): { readonly least: number; readonly greatest: number } {
     const { radius } = this.#extent;
     const greatest = radius * FARTHEST * this.#whole.growth;
@@ -113,7 +113,7 @@ export class CameraRig {
   get projection(): Readonly<Record<'width' | 'height' | 'top' | 'free' | 'near' | 'far', number>> {
     const { width, height, top, free } = this.#insets;
     const { radius } = this.#extent;
-    const far = radius * 120 * this.#whole.growth + this.middle.flies * 12; // as far as the floor is seen
+    const far = radius * 120 * this.#whole.growth + this.middle.flies * 12; // as far as the floor is visible
     return { width, height, top, free, near: radius / 100, far };
   }
 
@@ -159,8 +159,8 @@ export class CameraRig {
     else this.look('home');
   }
 
-  /** Frames robots that fill this box. The target is its middle, which is about at a standing robot's pelvis. A view
-   *  that somebody has chosen stays. */
+  /** Frames robots that fill this box. The target is its middle, roughly at the pelvis of a standing robot. A view chosen by the
+   *  viewer stays. */
   frame(min: Vec3, max: Vec3, eased = false): void {
     this.#extent = extentOf(min, max);
     this.#middle = [(min[0] + max[0]) / 2, (min[1] + max[1]) / 2, (min[2] + max[2]) / 2];
@@ -171,7 +171,7 @@ export class CameraRig {
     else this.look('home', eased);
   }
 
-  /** Moves at once to a place that is relative to the floor under the robot's middle. */
+  /** Moves at once to a place relative to the floor under the robot's middle. */
   standAt(place: EyePlace): void {
     this.grasp();
     this.#placed = place;
@@ -189,7 +189,7 @@ export class CameraRig {
     this.#options.changed();
   }
 
-  /** Turns to a named view around where the robot now is. */
+  /** Turns to a named view around the robot's current position. */
   look(view: ViewName, eased = true): void {
     this.#touched = view !== 'home';
     this.#fitted = true;
@@ -205,7 +205,7 @@ export class CameraRig {
     this.#go({ ...this.#now, distance: this.#closeDistance, target }, eased);
   }
 
-  /** Moves close to a point of the world, and around it to where `hiding` hides it least; `goBack` undoes it. */
+  /** Moves close to a point of the world, and around it to where `hiding` hides it least; `goBack` reverses this. */
   visit(target: Vec3, hiding: Iterable<PlacedBox>, eased = true): void {
     const stands = this.#goal ?? this.#now;
     const [touched, fitted, placed] = [this.#touched, this.#fitted, this.#placed];
@@ -219,7 +219,7 @@ export class CameraRig {
     this.#turnTo(there, eased);
   }
 
-  /** Moves back to where it stood before `visit`; stays if somebody has moved it since. */
+  /** Moves back to where it was before `visit`; stays if the viewer has moved it since. */
   goBack(eased = true): void {
     const visit = this.#visit;
     this.#visit = null;
@@ -229,14 +229,14 @@ export class CameraRig {
     this.#fitted = fitted;
     this.#placed = placed;
     const grown = fitted ? this.#whole.growth / growth : 1;
-    // where nobody had chosen the view, the picture or the robot may have another size now
+    // if the viewer had not chosen the view, the size of the picture or the robot may have changed
     const { distance, target } = touched
       ? { ...orbit, distance: orbit.distance * grown }
       : this.#orbitOf('home');
     this.#turnTo({ ...orbit, distance, target }, eased);
   }
 
-  /** The user takes over the camera: any easing ends. */
+  /** The viewer takes over the camera: any easing ends. */
   grasp(): void {
     this.#touched = true;
     this.#fitted = false;
@@ -244,7 +244,7 @@ export class CameraRig {
     this.#goal = null;
   }
 
-  /** Takes a place that the user chose by other controls, which have applied the limits. */
+  /** Takes a place that the viewer chose with other controls, which have applied the limits. */
   hold(place: EyePlace): void {
     this.grasp();
     this.#now = orbitAt(place);
@@ -259,20 +259,20 @@ export class CameraRig {
     this.#options.changed();
   }
 
-  /** Turns by a pointer's motion: one picture height is a whole turn. */
+  /** Turns with a pointer's motion: one picture height is a full turn. */
   drag(dx: number, dy: number): void {
     const turn = (2 * Math.PI) / this.#insets.height;
     this.orbit(dx * turn, dy * turn);
   }
 
-  /** Shifts the world along with a pointer that moved so many pixels. */
+  /** Pans the world with a pointer that moved by this many pixels. */
   pan(dx: number, dy: number): void {
     this.grasp();
     this.#shift(-dx, -dy, 1);
     this.#options.changed();
   }
 
-  /** Scales the distance (factor below 1: nearer) towards a point of the picture, by default its middle. */
+  /** Scales the distance (factor below 1: closer) towards a point of the picture, by default its middle. */
   zoom(factor: number, x = this.#centre.x, y = this.#centre.y): void {
     this.grasp();
     const { least, greatest } = this.distances;
@@ -283,9 +283,9 @@ export class CameraRig {
     this.#options.changed();
   }
 
-  /** Follows a robot at (x, y) when it leaves the middle; the slight sway of a walk does not move the camera. `yaw` is
-   *  the robot's heading: in mode `turn` the camera keeps to the same side of the robot. `body` is kept in the picture
-   *  whole, whatever it does; a distance that somebody has chosen stays. */
+  /** Follows a robot at (x, y) when it leaves the middle; the slight sway of a walk does not move the camera. `yaw` is the
+   *  robot's heading: in mode `turn`, the camera keeps to the same side of the robot. The whole `body` is kept in the picture,
+   *  whatever it does; a distance chosen by the viewer stays. */
   follow(x: number, y: number, yaw = 0, body: BodySpan | null = null): void {
     const turned = this.#yaw === null ? 0 : shorterTurn(yaw - this.#yaw);
     this.#yaw = yaw;
@@ -322,8 +322,8 @@ export class CameraRig {
     return this.#insets.free / 2 / Math.tan((FIELD_OF_VIEW * RADIANS) / 2);
   }
 
-  /** Moves the camera and what it is easing to: around the robot by `turn` (rad), along with it by `step` (metres), and
-   *  away from it by a factor. */
+  /** Moves the camera and its easing target: around the robot by `turn` (rad), along with it by `step` (metres), and away from it
+   *  by a factor. */
   #move(turn: number, step: Vec3, farther: number): void {
     if (turn === 0 && farther === 1 && step.every((metres) => metres === 0)) return;
     const moved = (orbit: Orbit): Orbit => ({
@@ -339,7 +339,7 @@ export class CameraRig {
     this.#options.changed();
   }
 
-  /** How far away a link is seen close. */
+  /** The distance for a close view of a link. */
   get #closeDistance(): number {
     return fittingDistance(this.#extent, this.#insets.aspect) * CLOSE_PART;
   }
@@ -365,7 +365,7 @@ export class CameraRig {
     if (part === 1) this.#goal = null;
   }
 
-  /** Moves the target in the picture's plane by `part` of (dx, dy) pixels, measured at its distance. */
+  /** Moves the target in the picture plane by `part` of (dx, dy) pixels, measured at its distance. */
   #shift(dx: number, dy: number, part: number): void {
     const metres = (this.#now.distance / this.#scale) * part;
     this.#now = shifted(this.#now, metres * dx, metres * dy);

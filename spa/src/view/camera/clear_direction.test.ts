@@ -6,7 +6,7 @@ import { clearDirection, type Sight } from './clear_direction.ts';
 
 const RADIANS = Math.PI / 180;
 
-/** A camera that looks from the robot's front right, three metres away. */
+/** A camera at the robot's front right, three metres away. */
 const SIGHT: Sight = {
   from: { azimuth: -45 * RADIANS, elevation: 14 * RADIANS, distance: 3 },
   reach: 0.75,
@@ -14,7 +14,7 @@ const SIGHT: Sight = {
   highest: 1.57,
 };
 
-/** A box between two corners (metres, world), as a link whose frame lies along the world's. */
+/** A box between two corners (metres, world), as a link whose frame is aligned with the world's. */
 function box(min: Vec3, max: Vec3): PlacedBox {
   const half = min.map((low, axis) => (max[axis]! - low) / 2) as [number, number, number];
   const at = min.map((low, axis) => low + half[axis]!) as unknown as Vec3;
@@ -52,7 +52,7 @@ describe('the direction from which a joint is seen', () => {
   it('does not depend on how the links are turned', () => {
     const [, { min, max }] = TRUNK;
     const quarter = Math.SQRT1_2;
-    // the same box, as a link that is turned by a quarter about z
+    // the same box, as a link rotated by a quarter turn about z
     const turned: PlacedBox = [
       { matrixWorld: { elements: transform([0, 0, 0.9], [quarter, 0, 0, quarter]) } },
       { min: [min[1], -max[0], min[2]], max: [max[1], -min[0], max[2]] },

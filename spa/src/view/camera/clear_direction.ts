@@ -5,29 +5,30 @@ import type { PlacedBox } from './body_span.ts';
 import { clamp, type Orbit } from './orbit.ts';
 
 const RADIANS = Math.PI / 180;
-/** Turns from the present direction, and elevations beside the present one, that are tried; rad. */
+/** Candidate rotations from the current direction, and elevations in addition to the current one; rad. */
 const TURNS = [0, 30, -30, 60, -60, 90, -90, 120, -120, 150, -150, 180].map((turn) => turn * RADIANS);
 const ELEVATIONS = [5, 30, 55].map((elevation) => elevation * RADIANS);
-/** A line of sight may run so far through boxes and still count as free, and a way through them is as good as the best one
- *  if it is longer by no more than this. In radii of the robot: boxes are larger than the shells within them. */
+/** A line of sight may pass through boxes for this length and still count as free. A direction counts as equal to the best one if
+ *  its line of sight through boxes is longer by no more than this. In radii of the robot: boxes are larger than the meshes in
+ *  them. */
 const TOLERANCE = 0.03;
-/** Around a joint so much of a box that it lies in is its housing, and hides nothing that matters. In radii of the robot. */
+/** Around a joint, this much of a box that contains it is its housing, which hides nothing important. In radii of the robot. */
 const HOUSING = 0.1;
 
-/** From where a point is to be seen. */
+/** The viewpoint for a point. */
 export interface Sight {
-  /** How the camera stands now, and how far from the point it will stand. */
+  /** The camera's current position, and its future distance from the point. */
   readonly from: Pick<Orbit, 'azimuth' | 'elevation' | 'distance'>;
   /** The radius of the robot, metres. */
   readonly reach: number;
-  /** The least and the greatest elevation, rad. */
+  /** The minimum and maximum elevation, rad. */
   readonly lowest: number;
   readonly highest: number;
 }
 
 /**
- * The direction (rad) nearest to the camera's present one from which these boxes do not hide a point of the world; if they
- * hide it from everywhere, one from which they do so least. At most 48 lines of sight are looked along, each through every box.
+ * The direction (rad) nearest to the camera's current one from which these boxes do not hide a point of the world; if it is
+ * hidden from everywhere, one from which it is hidden least. At most 48 lines of sight are tested, each against every box.
  */
 export function clearDirection(
   point: Vec3,
@@ -52,7 +53,7 @@ export function clearDirection(
   return clear.reduce((best, other) => (other.near > best.near ? other : best)).way;
 }
 
-/** A box as seen from a point: in the link's frame, where its sides lie along the axes. */
+/** A box as seen from a point: in the link's frame, where it is axis-aligned. */
 interface Obstacle {
   readonly box: LinkBox;
   /** The axes of the link's frame, in the world. */
@@ -72,7 +73,7 @@ function obstacleOf([{ matrixWorld }, box]: PlacedBox, at: Vec3): Obstacle {
   return { box, axes, point, holds };
 }
 
-/** How much (metres) of the way from the point along a unit vector lies inside the box, less its `housing` around a point
+/** The length (metres) of the path from the point along a unit vector inside the box, minus its `housing` around a point
  *  inside. */
 function lengthInside(
   { box, axes, point, holds }: Obstacle,
@@ -93,7 +94,7 @@ function lengthInside(
     leaves = Math.min(leaves, Math.max(low / speed, high / speed));
   }
   const hidden = leaves - enters - (holds ? housing : 0);
-  return Math.max(0, hidden || 0); // a box that is nowhere hides nothing
+  return Math.max(0, hidden || 0); // a box without a finite position hides nothing
 }
 
 function unitTo({ azimuth, elevation }: Pick<Orbit, 'azimuth' | 'elevation'>): Vec3 {

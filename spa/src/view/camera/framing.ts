@@ -1,6 +1,6 @@
 /**
- * Where the camera stands to see a whole robot. Shared by the camera and the stick figure that is drawn first, so that
- * nothing jumps when the scene replaces the stick figure. World: Z up, metres. Angles: degrees.
+ * The camera position for seeing a whole robot. Shared by the camera and the initial stick figure, so that nothing jumps when the
+ * scene replaces the stick figure. World: Z up, metres. Angles: degrees.
  */
 
 import type { Extent } from '../../model/bounds.ts';
@@ -18,11 +18,11 @@ export const VIEWS: Readonly<Record<ViewName, { azimuth: number; elevation: numb
   home: { azimuth: -45, elevation: 14 },
   front: { azimuth: 0, elevation: 4 },
   side: { azimuth: -90, elevation: 4 },
-  // Not exactly from above, where the picture's up would be undefined. Ahead is up.
+  // Not exactly from above, where the picture's up would be undefined. The robot's front points up.
   top: { azimuth: 180, elevation: 89.9 },
 };
 
-/** From where a body that lies along an axis is seen first: nearly across its length. */
+/** The initial view of a body that lies along an axis: nearly perpendicular to its length. */
 const HOME_OF_LONG = { x: { azimuth: -75, elevation: 14 }, y: { azimuth: -15, elevation: 14 } } as const;
 
 /** The direction of a named view of a body of this extent. */
@@ -30,16 +30,16 @@ export function directionOf(view: ViewName, { lies }: Extent): { azimuth: number
   return view === 'home' && lies !== undefined ? HOME_OF_LONG[lies] : VIEWS[view];
 }
 
-/** Part of the picture's height and width that a robot may fill when it is framed: what is left is for its motion. */
+/** Fraction of the picture's height and width that a robot may fill when it is framed: the rest is for its motion. */
 const FILLS_FRAMED = 0.88;
 /** The same while it moves. */
 const FILLS_MOVING = 0.985;
-/** The elevation that room is reckoned for. From lower, there is more. */
+/** The elevation for which that room is computed. From lower elevations, there is more. */
 const TILT = (VIEWS.home.elevation * Math.PI) / 180;
 const SLOPE = Math.tan((FIELD_OF_VIEW * Math.PI) / 360);
 
-/** The distance (metres) from which the whole extent fits a picture of this aspect (width : height). A long body needs no
- *  air at its sides: it becomes no longer. */
+/** The distance (metres) from which the whole extent fits a picture of this aspect (width : height). A long body needs no room at
+ *  its sides, because it does not get longer. */
 export function fittingDistance({ tall, wide, radius, lies }: Extent, aspect: number): number {
   if (lies !== undefined) return leastDistance(tall, wide, aspect, FILLS_FRAMED);
   const byHeight = (tall * AIR_TALL) / SLOPE;
@@ -50,19 +50,19 @@ export function fittingDistance({ tall, wide, radius, lies }: Extent, aspect: nu
   );
 }
 
-/** The least distance (metres) that an upright cylinder of this half height and radius (metres) needs to be inside the
- *  picture, looked at in its middle. */
+/** The minimum distance (metres) at which an upright cylinder of this half height and radius (metres) fits the picture, if its
+ *  middle is the target. */
 export function leastDistance(half: number, radius: number, aspect: number, fills = FILLS_MOVING): number {
   const [slope, side] = [SLOPE * fills, SLOPE * aspect * fills];
   const [se, ce] = [Math.sin(TILT), Math.cos(TILT)];
-  // The lowest point of its nearest side; and where a line of sight touches its upper end.
+  // The lowest point of its near side, and the point where a line of sight touches its upper end.
   const byHeight = (half * (ce - slope * se) + radius * (se + slope * ce)) / slope;
   const byWidth = half * se + radius * Math.hypot(1, 1 / side);
   return Math.max(byHeight, byWidth);
 }
 
-/** Inside the picture, from this distance: the half height of a cylinder of this radius, and the radius of one of this
- *  half height. All metres. */
+/** For this distance: the half height of a cylinder with this radius that fits the picture, and the radius of one with this half
+ *  height. All metres. */
 export function roomAt(
   distance: number,
   { half, radius }: { readonly half: number; readonly radius: number },
@@ -79,8 +79,8 @@ export function roomAt(
   };
 }
 
-/** The length (metres) by which the floor's light and lines fade around a robot of this radius that flies so high: from
- *  high up, the floor is seen only far away. */
+/** The length (metres) over which the floor's light and lines fade around a robot of this radius at this height: from high up,
+ *  the floor is visible only far away. */
 export function fadeOf(reach: number, flies: number): number {
   return reach + flies / 2;
 }

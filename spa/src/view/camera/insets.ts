@@ -1,8 +1,8 @@
-/** Most that counts as covered, as a part of the picture's height. */
+/** The most that counts as covered, as a fraction of the picture's height. */
 const MOST_COVERED = 0.4;
 const EASE_SECONDS = 0.25;
 
-/** How far notes and buttons cover a picture from its upper and lower edge, CSS px. */
+/** How far notes and buttons cover a picture from its top and bottom edge, CSS px. */
 export interface Insets {
   readonly above: number;
   readonly below: number;
@@ -22,7 +22,7 @@ export class ViewInsets {
     this.height = height;
   }
 
-  /** Sets how much is covered, at once or eased over a quarter of a second. True when that is a change. */
+  /** Sets how much is covered, at once or eased over a quarter of a second. True if that is a change. */
   setInsets(cover: Insets, eased: boolean): boolean {
     if (cover.above === this.#to.above && cover.below === this.#to.below) return false;
     this.#from = this.#cover;
@@ -41,17 +41,17 @@ export class ViewInsets {
     this.#part = Math.min(1, this.#part + seconds / EASE_SECONDS);
   }
 
-  /** Where the free part begins, CSS px below the picture's upper edge. */
+  /** The top of the free part, CSS px below the picture's top edge. */
   get top(): number {
     return this.#fitting(this.#cover).above;
   }
 
-  /** How high the free part is, CSS px. */
+  /** The height of the free part, CSS px. */
   get free(): number {
     return this.#freeOf(this.#cover);
   }
 
-  /** Width : height of the free part when the easing has ended. */
+  /** Width : height of the free part at the end of the easing. */
   get aspect(): number {
     return this.width / this.#freeOf(this.#to);
   }

@@ -9,7 +9,7 @@ export interface EyePlace {
 
 /** A camera on a sphere around its target. */
 export interface Orbit {
-  /** Angle from the world's x towards its y, rad. */
+  /** Angle from the world's x axis towards its y axis, rad. */
   readonly azimuth: number;
   /** Angle above the horizon, rad. */
   readonly elevation: number;
@@ -18,7 +18,7 @@ export interface Orbit {
   readonly target: Vec3;
 }
 
-/** Where the camera of an orbit is, metres. */
+/** The camera position of an orbit, metres. */
 export function positionOf({ azimuth, elevation, distance, target }: Orbit): Vec3 {
   const flat = Math.cos(elevation) * distance;
   return [
@@ -40,17 +40,17 @@ export function orbitAt({ position, target }: EyePlace): Orbit {
   };
 }
 
-/** `value`, or the nearer of the bounds that it is beyond. */
+/** `value`, clamped to the bounds. */
 export function clamp(value: number, least: number, most: number): number {
   return Math.min(most, Math.max(least, value));
 }
 
-/** The same turn (rad) the shorter way round, −π…π. */
+/** The same rotation (rad) the shorter way round, −π…π. */
 export function shorterTurn(angle: number): number {
   return Math.atan2(Math.sin(angle), Math.cos(angle));
 }
 
-/** The orbit a part (0…1) of the way from one to another. */
+/** The orbit at a fraction (0…1) of the way from one to another. */
 export function between(from: Orbit, to: Orbit, part: number): Orbit {
   const mix = (a: number, b: number) => a + (b - a) * part;
   return {

@@ -1,24 +1,24 @@
 import type { EyePlace, Orbit } from './orbit.ts';
 import { shorterTurn } from './orbit.ts';
 
-/** A camera that a hand has turned (rad) or brought nearer (as a part of its distance) by less than this has not been moved: a
- *  mouse that clicks slips by a pixel or two. */
+/** A camera that was rotated (rad) or moved closer (as a fraction of its distance) by less than this does not count as moved: a
+ *  clicking mouse slips by a pixel or two. */
 const SLIP = 0.03;
 
-/** How the camera stood, and why it stood there. */
+/** The camera's position, and the reason for it. */
 export interface Stance {
   readonly orbit: Orbit;
-  /** Whether somebody had chosen the view. */
+  /** Whether the viewer had chosen the view. */
   readonly touched: boolean;
-  /** Whether the distance was the one at which the robot fits. */
+  /** Whether the distance was the one that fits the robot. */
   readonly fitted: boolean;
-  /** How much farther away the body kept the camera than when it was framed, as a factor. */
+  /** The factor by which the body kept the camera farther away than when it was framed. */
   readonly growth: number;
-  /** A place that somebody's link had set; null for none. */
+  /** A place set by a link; null for none. */
   readonly placed: EyePlace | null;
 }
 
-/** A look at a part of the robot, from which the camera can go back to where it stood before. */
+/** A close view of a part of the robot, from which the camera can return to its previous position. */
 export class Visit {
   #before: Stance;
   #there: Orbit;
@@ -28,18 +28,18 @@ export class Visit {
     this.#there = there;
   }
 
-  /** Where the camera stood before. */
+  /** The camera's previous position. */
   get before(): Stance {
     return this.#before;
   }
 
-  /** The robot has moved, and what the camera looked at, and looks at, with it. */
+  /** The robot has moved, and the camera's previous and current targets with it. */
   move(moved: (orbit: Orbit) => Orbit): void {
     this.#before = { ...this.#before, orbit: moved(this.#before.orbit) };
     this.#there = moved(this.#there);
   }
 
-  /** Whether a camera that stands so has stayed where the visit took it. */
+  /** Whether a camera in this position is still where the visit took it. */
   holds({ azimuth, elevation, distance, target }: Orbit): boolean {
     const there = this.#there;
     const off = Math.hypot(...target.map((metres, axis) => metres - there.target[axis]!));

@@ -48,7 +48,7 @@ function rigOf(parts: readonly Part[], [width, height]: readonly [number, number
   return rig;
 }
 
-/** Lets the camera follow; returns how far the body reaches in the picture, 1 being its edge. */
+/** Lets the camera follow; returns how far the body extends in the picture, 1 being its edge. */
 function reach(rig: CameraRig, parts: readonly Part[]): number {
   const boxes = parts.map(placed);
   const [x, y] = parts[0]!.at;
@@ -74,7 +74,7 @@ const times = (seconds: number, hz = 30) => Array.from({ length: seconds * hz + 
 
 const drone = (at: Vec3, roll = 0): Part[] => [{ size: [0.6, 0.6, 0.14], at, roll }];
 
-/** A body of 1.4 m with feet that step; `squat`: how far the pelvis is lowered, `lift`: how far all is off the floor. */
+/** A body of 1.4 m with stepping feet; `squat`: how far the pelvis is lowered, `lift`: the height above the floor. */
 function humanoid(t: number, { speed = 0, squat = 0, lift = 0, arms = 0 } = {}): Part[] {
   const phase = 2 * Math.PI * t * (speed > 0 ? 1.8 : 0);
   const [x, bob, sway] = [

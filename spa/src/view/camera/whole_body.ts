@@ -4,29 +4,29 @@ import type { BodySpan } from './body_span.ts';
 import { fittingDistance, leastDistance, roomAt } from './framing.ts';
 import { clamp } from './orbit.ts';
 
-/** Most that a body may rise above its place before the camera moves, as a part of the framed robot's radius. */
+/** How far a body may rise above its place before the camera moves, as a fraction of the framed robot's radius. */
 const LEASH = 0.3;
-/** Between one and this many leashes the camera catches up; beyond, the body is in the middle again. */
+/** Between one leash and this many, the camera catches up; beyond that, the body is centred again. */
 const CAUGHT_UP = 3;
-/** Room above and below that is kept for the bobbing of a walk, as a part of the body's size, while the camera lags behind
- *  it over the floor. */
+/** Room kept above and below for the bobbing of a walk, as a fraction of the body's size, while the camera lags behind it over
+ *  the floor. */
 const SPARE = 0.03;
-/** Most that the camera moves away for a body that grows: one value read wrongly must not send it to the horizon. */
+/** The most that the camera moves away for a growing body: a single wrong reading must not send it to the horizon. */
 const MOST_GROWTH = 6;
 
-/** How the camera has to move so that all of the body stays in the picture. */
+/** The camera move that keeps the whole body in the picture. */
 export interface Correction {
-  /** What it looks at moves by this, world, metres. */
+  /** The move of its target, world, metres. */
   readonly step: Vec3;
-  /** Its distance is multiplied by this. */
+  /** The factor for its distance. */
   readonly growth: number;
 }
 
 /**
- * Keeps a moving body whole in the picture, by no more than is needed: what stays within the place in which it was framed
- * (a walk, a squat) moves nothing; what leaves it (a flight, a jump, stairs) takes the camera along, which is back when the
- * body is. What becomes too large for the picture (a car on its nose) is looked at from farther away, until it is framed
- * anew. The present pose alone decides about the height, so nothing drifts, swings or lags.
+ * Keeps a moving body fully in the picture, with as little camera motion as possible. A body that stays in its framed place (a
+ * walk, a squat) moves nothing. A body that leaves it (a flight, a jump, stairs) takes the camera along, which returns with the
+ * body. A body that becomes too large for the picture (a car on its nose) is viewed from farther away, until it is framed again.
+ * The height depends only on the current pose, so nothing drifts, swings or lags.
  */
 export class WholeBody {
   #extent: Extent = { tall: 0.6, wide: 0.4, radius: 0.75 };
@@ -34,14 +34,14 @@ export class WholeBody {
   #rest = 0.6;
   #growth = 1;
 
-  /** The robot is framed: it has this extent, its middle is at this height (metres). */
+  /** The robot was framed with this extent, its middle at this height (metres). */
   frame(extent: Extent, height: number): void {
     this.#extent = extent;
     this.#rest = height;
     this.#growth = 1;
   }
 
-  /** How much farther away the camera stands than for the framed robot, as a factor. */
+  /** How much farther away the camera is than for the framed robot, as a factor. */
   get growth(): number {
     return this.#growth;
   }
@@ -67,7 +67,7 @@ export class WholeBody {
     return { step: [...step, this.#height(span, above) - middle[2]], growth };
   }
 
-  /** The height to look at, for a body in a picture that shows `room` above and below it. */
+  /** The height of the target, for a body in a picture that shows `room` above and below it. */
   #height({ low, high }: BodySpan, room: number): number {
     const { tall, radius } = this.#extent;
     const above = high - (this.#rest + tall);
@@ -82,15 +82,16 @@ export class WholeBody {
   }
 }
 
-/** How far the camera goes along with what is `off` its place: not at all within the leash, all the way in the end. What
- *  is between never is off by more than the leash. */
+/** How far the camera moves along with an offset `off`: not at all within the leash, and fully in the end. In between, the body
+ *  is never off by more than the leash. */
 function followed(off: number, leash: number): number {
   const far = Math.abs(off);
   if (far >= CAUGHT_UP * leash) return off;
   return Math.sign(off) * Math.max(0, far - leash) * (CAUGHT_UP / (CAUGHT_UP - 1));
 }
 
-/** The least step over the floor after which a body is within `room` of the middle, and how far from it its axis then is.
+/** The smallest step over the floor after which a body is within `room` of the middle, and the remaining distance of its axis
+ *  from it.
  */
 function towards(
   { x, y, radius }: BodySpan,

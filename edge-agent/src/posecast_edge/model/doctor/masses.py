@@ -72,7 +72,7 @@ def _examine_whole(tree: Tree, whole: float) -> Iterator[Finding]:
         return
     if whole < MASS_MIN_KG:
         lines = [link.inertial.line for link in tree.links if link.inertial is not None]
-        text = f"all masses together are {whole:.3g} kg; {NO_BALANCE}"
+        text = f"the total mass is {whole:.3g} kg; {NO_BALANCE}"
         yield Finding("warning", "mass-light", text, lines[0])
     held = _list_held(tree)
     bare = [x for i, x in enumerate(tree.links) if x.inertial is None and i not in held and _shows(x)]
@@ -98,8 +98,8 @@ def _examine_centres(tree: Tree, facts: Mapping[str, MeshFacts]) -> Iterator[Fin
         outside = math.hypot(*(max(a - c, c - b, 0.0) for a, c, b in zip(low, centre, high, strict=True)))
         if outside > size:
             text = (
-                f"link {quote_name(link.name)}: its centre of mass is {outside:.3g} m outside of the robot, "
-                f"which is {size:.3g} m large"
+                f"link {quote_name(link.name)}: its centre of mass is {outside:.3g} m outside the robot, "
+                f"which measures {size:.3g} m"
             )
             yield Finding("warning", "centre-outside", text, inertial.line)
 
@@ -125,7 +125,7 @@ def _find_empty(link: Link, share: float) -> tuple[str, str] | None:
     if not _shows(link):
         return None
     code = "mass-zero" if share > EMPTY_SHARE else "massless"
-    return code, "it shows something and has a mass of 0 kg"
+    return code, "it is visible but has a mass of 0 kg"
 
 
 def _find_extreme(inertial: Inertial) -> tuple[str, str] | None:
@@ -154,7 +154,7 @@ def _find_impossible(inertial: Inertial, share: float) -> tuple[str, str] | None
     if lack <= SLACK * size:
         return None
     gross = lack > GROSS * size and size > inertial.mass * SPAN_M**2 and share > MOMENTS_SHARE
-    text = f"no body has principal moments of inertia of {high:.3g}, {middle:.3g} and {low:.3g} kg·m²"
+    text = f"impossible principal moments of inertia: {high:.3g}, {middle:.3g} and {low:.3g} kg·m²"
     return ("mass-moments", text) if gross else ("inertia", f"{text}; simulators refuse it")
 
 

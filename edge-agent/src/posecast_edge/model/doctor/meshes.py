@@ -41,7 +41,7 @@ def examine_meshes(urdf: Urdf, tree: Tree, facts: Mapping[str, MeshFacts] | None
     """Yield all findings about meshes; without `facts` only those that follow from the URDF itself."""
     shapes = [(link.name, s) for link in urdf.links for s in link.visuals if s.geometry is not None]
     if urdf.links and not shapes:
-        yield Finding("warning", "nothing-drawn", "no link has a visual: only its skeleton is drawn", None)
+        yield Finding("warning", "nothing-drawn", "no link has a visual: only the skeleton is drawn", None)
     for name, shape in shapes:
         yield from _scale(name, shape)
     if facts is None:
@@ -142,10 +142,10 @@ def _whole(tree: Tree, facts: Mapping[str, MeshFacts]) -> Iterator[Finding]:
     low, high = compute_robot_box(tree, facts)
     size = max(b - a for a, b in zip(low, high, strict=True))
     if size > LARGE_M:
-        text = f"the robot is {size:.3g} m large: are its meshes or origins in millimetres?"
+        text = f"the robot measures {size:.3g} m: are its meshes or origins in millimetres?"
         yield Finding("warning", "robot-large", text, None)
     elif 0 <= size < SMALL_M:
-        text = f"the robot is only {size:.3g} m large: is it scaled twice?"
+        text = f"the robot measures only {size:.3g} m: is it scaled twice?"
         yield Finding("warning", "robot-small", text, None)
 
 

@@ -58,7 +58,7 @@ def _joint(joint: Joint) -> Iterator[Finding]:
     if joint.type in ("floating", "planar"):
         channels = ", ".join(map(quote_name, _variables(joint)))
         yield Finding(
-            "hint", "joint-free", f"{what} is {joint.type}: it moves by channels {channels}", joint.line
+            "hint", "joint-free", f"{what} is {joint.type}: its channels are {channels}", joint.line
         )
     if joint.type not in SCALAR_TYPES and joint.mimic is not None:
         yield Finding("hint", "mimic-useless", f"{what} is {joint.type} and mimics another", joint.line)
@@ -66,7 +66,7 @@ def _joint(joint: Joint) -> Iterator[Finding]:
         return
     if joint.axis is None:
         plane = joint.type == "planar"
-        more = ": its plane stands upright; a floor is 0 0 1" if plane else ""
+        more = ": its plane is vertical; for a floor, use 0 0 1" if plane else ""
         text = f"{what} has no axis; the standard says x (1 0 0){more}"
         yield Finding("warning" if plane else "hint", "axis-missing", text, joint.line)
     else:
@@ -89,7 +89,7 @@ def _limits(joint: Joint, what: str) -> Iterator[Finding]:
         return
     line = limit.line
     if limit.lower is None and limit.upper is None:
-        text = f"{what}: a <limit> without lower and upper means 0 to 0: it could not move"
+        text = f"{what}: a <limit> without lower and upper means 0 to 0: it can't move"
         yield Finding("warning", "limit-empty", text, line)
         return
     lower, upper = limit.lower or 0.0, limit.upper or 0.0
@@ -99,7 +99,7 @@ def _limits(joint: Joint, what: str) -> Iterator[Finding]:
     elif lower == upper:
         yield Finding("warning", "limit-zero", f"{what}: lower and upper are the same: {shown}", line)
     elif not lower <= 0 <= upper:
-        text = f"{what}: 0 lies outside its limits, {shown}: the zero pose can't be taken"
+        text = f"{what}: 0 is outside its limits, {shown}: it can't reach the zero pose"
         yield Finding("hint", "limit-without-zero", text, line)
     largest = max(abs(lower), abs(upper))
     if joint.type == "revolute" and 2 * TURN < largest < UNBOUNDED:
@@ -140,7 +140,7 @@ def _materials(urdf: Urdf) -> Iterator[Finding]:
                     lines.setdefault(own.name, []).append(own.line)
     for name, where in lines.items():
         times = f", {len(where)} times" if len(where) > 1 else ""
-        text = f"material {quote_name(name)} has no colour anywhere{times}; grey is shown"
+        text = f"material {quote_name(name)} has no colour{times}; shown in grey"
         yield Finding("hint", "material-colour", text, where[0])
 
 
@@ -149,13 +149,13 @@ def _mentions(urdf: Urdf) -> Iterator[Finding]:
     links, joints = {x.name for x in urdf.links}, {x.name for x in urdf.joints}
     for sensor in urdf.sensors:
         if sensor.link not in links:
-            where = f"link {quote_name(sensor.link)}, which there is not" if sensor.link else "no link"
-            text = f"sensor {quote_name(sensor.name)} sits on {where}"
+            where = f"link {quote_name(sensor.link)}, which does not exist" if sensor.link else "no link"
+            text = f"sensor {quote_name(sensor.name)} is on {where}"
             yield Finding("warning", "sensor-link", text, sensor.line)
     for mention in urdf.references:
         known = joints if mention.what == "joint" else links | joints
         if mention.name not in known:
-            text = f"{mention.by} speaks of {mention.what} {quote_name(mention.name)}, which there is not"
+            text = f"{mention.by} refers to {mention.what} {quote_name(mention.name)}, which does not exist"
             yield Finding("warning", "reference", text, mention.line)
 
 
@@ -164,7 +164,7 @@ def _profile(urdf: Urdf, meaning: Meaning) -> Iterator[Finding]:
     for site, mount in meaning.sensors.items():
         if mount.link is not None and mount.link not in links:
             link = quote_name(mount.link)
-            text = f"the profile mounts sensor {quote_name(site)} on link {link}, which there is not"
+            text = f"the profile mounts sensor {quote_name(site)} on link {link}, which does not exist"
             yield Finding("warning", "profile-sensor", text)
     for foot in dict.fromkeys((*(meaning.balance.feet or ()), *meaning.balance.soles)):
         if foot not in meaning.sensors and foot not in links:
@@ -177,7 +177,7 @@ def _profile(urdf: Urdf, meaning: Meaning) -> Iterator[Finding]:
     if gone:  # in one line: with another robot's profile it is all of them
         many = f" and {len(gone) - SHOWN} more" if len(gone) > SHOWN else ""
         which = f"joint{'s' if len(gone) > 1 else ''} {', '.join(map(quote_name, gone[:SHOWN]))}{many}"
-        text = f"the profile maps {which}, which there {'are' if len(gone) > 1 else 'is'} not"
+        text = f"the profile maps {which}, which {'do' if len(gone) > 1 else 'does'} not exist"
         yield Finding("warning", "profile-joint", text)
     for name in meaning.joints:
         if name in known:

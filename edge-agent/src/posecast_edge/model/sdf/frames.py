@@ -83,7 +83,7 @@ class FrameGraph:
             if at in chain:
                 self._poses[at] = f"its pose leads back to itself, over {quote_name(at)}"
             elif at not in self._frames:
-                self._poses[at] = f"its pose is relative to {quote_name(at)}, which there is not"
+                self._poses[at] = f"its pose is relative to {quote_name(at)}, which does not exist"
             else:
                 chain[at] = self._frames[at]
                 at = chain[at].base

@@ -122,7 +122,7 @@ class IncludeReader:
         if root.tag == "robot":
             urdf = read_urdf(io.BytesIO(content))
             if not urdf.links:
-                raise ModelRefused("there is no link in it")
+                raise ModelRefused("it has no links")
             root = make_sdf(urdf)
         return root, path
 

@@ -76,7 +76,8 @@ class JointReader:
             return None
         full, what = scope.names + name, f"joint {quote_name(scope.names + name)}"
         if full in self._names:
-            self._values.note("error", "joint-doubled", f"{what} stands twice; the first counts", element)
+            text = f"{what} is defined twice; the first is used"
+            self._values.note("error", "joint-doubled", text, element)
             return None
         self._names.add(full)
         ends = [get_text(element, end) for end in ("parent", "child")]
@@ -98,7 +99,7 @@ class JointReader:
 
     def _say(self, kind: str, what: str, full: str, element: Element) -> None:
         if kind in TWO_AXES:
-            text = f"{what} is {kind}: it moves by channels {quote_name(full)}, {quote_name(full + '/axis2')}"
+            text = f"{what} is {kind}: its channels are {quote_name(full)}, {quote_name(full + '/axis2')}"
             self._values.note("hint", "joint-two-axes", text, element)
         elif kind == "screw":
             self._values.note("hint", "joint-screw", f"{what} is a screw: only its turning is shown", element)

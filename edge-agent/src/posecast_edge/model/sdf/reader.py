@@ -117,7 +117,7 @@ class _Reader:
         placed = self._values.read_pose(model.pose, what)
         if not self._frames.add(own, Frame(base, placed, self._find_canonical(model, scope))):
             self._values.note(
-                "error", "model-doubled", f"{what} stands twice; the first counts", model.element
+                "error", "model-doubled", f"{what} is defined twice; the first is used", model.element
             )
             return
         if outer is not None and not merged:
@@ -163,7 +163,7 @@ class _Reader:
         if self._frames.add(full, frame):
             self._elements.append((full, element, scope, model.base))
         else:
-            self._values.note("error", "link-doubled", f"{what} stands twice; the first counts", element)
+            self._values.note("error", "link-doubled", f"{what} is defined twice; the first is used", element)
 
     def _add_frame(self, element: Element, scope: Scope) -> None:
         name = self._values.read_name(element, "frame")
@@ -175,7 +175,8 @@ class _Reader:
         held = attached if attached != scope.names + name else None
         frame = Frame(scope.find_base(pose, attached), self._values.read_pose(pose, what), held)
         if not self._frames.add(scope.names + name, frame):
-            self._values.note("error", "frame-doubled", f"{what} stands twice; the first counts", element)
+            text = f"{what} is defined twice; the first is used"
+            self._values.note("error", "frame-doubled", text, element)
 
     # ---- what stands in them ----
 

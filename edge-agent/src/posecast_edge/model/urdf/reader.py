@@ -112,7 +112,7 @@ class _Reader:
 
     def _xacro(self, root: Element) -> None:
         if any(c.tag.startswith("xacro:") for c in root.children):
-            text = "xacro macros are left in it; expand them first: xacro robot.xacro > robot.urdf"
+            text = "it still has xacro macros; expand them first: xacro robot.xacro > robot.urdf"
             self._note("error", "xacro", text, next(c for c in root.children if c.tag.startswith("xacro:")))
 
     def _define(self, material: Material) -> None:
@@ -121,9 +121,8 @@ class _Reader:
             return
         first = self.urdf.materials.setdefault(material.name, material)
         if (first.rgba, first.texture) != (material.rgba, material.texture):
-            text = (
-                f"material {quote_name(material.name)} has two meanings; the first (line {first.line}) counts"
-            )
+            name = quote_name(material.name)
+            text = f"material {name} is defined twice; the first (line {first.line}) is used"
             self.urdf.findings.append(Finding("hint", "material-doubled", text, material.line))
 
     def _link(self, element: Element) -> None:
@@ -227,7 +226,7 @@ class _Reader:
             if e.tag not in ("mesh", "material") and e.tag not in SHAPES:
                 self._note("warning", "shape-unknown", f"{what}: unknown shape {quote_name(e.tag)}", e)
         if len(known) > 1:
-            text = f"{what}: several shapes in one geometry; the first counts"
+            text = f"{what}: several shapes in one geometry; the first is used"
             self._note("warning", "shape-several", text, holder)
         if not known:
             return None
@@ -270,7 +269,7 @@ class _Reader:
                 if max(values) > 1 or min(values) < 0:
                     scale = 255 if max(values) > 1 and min(values) >= 0 and max(values) <= 255 else 1
                     hint = "; read as 0 … 255" if scale == 255 else ""
-                    self._note("warning", "color", f"{what}: rgba beyond 0 … 1{hint}", color)
+                    self._note("warning", "color", f"{what}: rgba outside 0 … 1{hint}", color)
                     values = [v / scale for v in values[:3]] + [values[3] / (scale if values[3] > 1 else 1)]
                 r, g, b, a = (min(max(v, 0.0), 1.0) for v in values)
                 rgba = (r, g, b, a)
@@ -329,7 +328,7 @@ class _Reader:
         if name != name.strip():
             self._note("warning", "name-odd", f"{what} {quote_name(name)}: spaces around the name", element)
         elif name in ("__proto__", "constructor", "prototype") or any(c in "<>&\"'`" for c in name):
-            text = f"{what} {quote_name(name)}: a name that trips other programs"
+            text = f"{what} {quote_name(name)}: this name breaks other programs"
             self._note("warning", "name-odd", text, element)
         return name
 
@@ -371,7 +370,7 @@ class _Reader:
             say = f"{place} with commas: {quote_name(text, 40)}; other programs refuse it"
             self._note("warning", "number-commas", say, element)
         if values is None or not all(map(math.isfinite, values)):
-            wrong = "is no number" if values is None else "is not finite"
+            wrong = "is not a number" if values is None else "is not finite"
             wrong = "was not expanded by xacro" if "${" in text or "$(" in text else wrong
             self._note(
                 "error", "number", f"{what}: <{element.tag} {name}> {wrong}: {quote_name(text, 40)}", element

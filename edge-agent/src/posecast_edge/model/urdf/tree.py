@@ -43,12 +43,10 @@ def build_tree(urdf: Urdf) -> Tree:
     trees = {name: _walk(name, below) for name in links if name not in held}
     order: list[Joint] = []
     if not links:
-        findings.append(Finding("error", "no-links", "there is no link in it", None))
+        findings.append(Finding("error", "no-links", "it has no links", None))
     elif not trees:
         line = next(iter(links.values())).line
-        findings.append(
-            Finding("error", "no-root", "no link is the root: the joints go round in a circle", line)
-        )
+        findings.append(Finding("error", "no-root", "there is no root link: the joints form a loop", line))
     else:
         root = max(trees, key=lambda name: len(trees[name]))
         order = trees[root]
@@ -67,7 +65,8 @@ def _unique_links(urdf: Urdf, findings: list[Finding]) -> dict[str, Link]:
     links: dict[str, Link] = {}
     for link in urdf.links:
         if first := links.get(link.name):
-            text = f"link {quote_name(link.name)} stands twice (first in line {first.line}); the first counts"
+            name = quote_name(link.name)
+            text = f"link {name} is defined twice (first in line {first.line}); the first is used"
             findings.append(Finding("error", "link-doubled", text, link.line))
         else:
             links[link.name] = link
@@ -82,16 +81,16 @@ def _joints_by_parent(urdf: Urdf, links: dict[str, Link], findings: list[Finding
         what = f"joint {quote_name(joint.name)}"
         problem = None
         if first := names.get(joint.name):
-            problem = ("joint-doubled", f"{what} stands twice (first in line {first.line})")
+            problem = ("joint-doubled", f"{what} is defined twice (first in line {first.line})")
         elif joint.parent and joint.parent not in links:
-            problem = ("joint-parent", f"{what}: there is no parent link {quote_name(joint.parent)}")
+            problem = ("joint-parent", f"{what}: its parent link {quote_name(joint.parent)} does not exist")
         elif joint.child and joint.child not in links:
-            problem = ("joint-child", f"{what}: there is no child link {quote_name(joint.child)}")
+            problem = ("joint-child", f"{what}: its child link {quote_name(joint.child)} does not exist")
         elif joint.parent and joint.parent == joint.child:
             problem = ("loop", f"{what} joins link {quote_name(joint.parent)} to itself")
         elif other := held.get(joint.child):
             both = f"{quote_name(other.name)} and {quote_name(joint.name)}"
-            problem = ("two-parents", f"link {quote_name(joint.child)} is child of two joints, {both}")
+            problem = ("two-parents", f"link {quote_name(joint.child)} has two parent joints, {both}")
         names.setdefault(joint.name, joint)
         if problem:
             findings.append(Finding("error", problem[0], f"{problem[1]}; this joint is left out", joint.line))
@@ -119,13 +118,13 @@ def _name_the_rest(
         if other != root:
             size = f" with the {len(joints)} below it" if joints else ""
             text = (
-                f"link {quote_name(other)}{size} hangs on nothing (the root is {quote_name(root)}); not shown"
+                f"link {quote_name(other)}{size} is not connected to the root {quote_name(root)}; not shown"
             )
             findings.append(Finding("error", "several-roots", text, links[other].line))
     reached = set(trees) | {j.child for joints in trees.values() for j in joints}
     lost = [link for name, link in links.items() if name not in reached]
     if lost:
-        text = f"joints go round in a circle: {', '.join(quote_name(x.name) for x in lost[:4])}; not shown"
+        text = f"joints form a loop: {', '.join(quote_name(x.name) for x in lost[:4])}; not shown"
         findings.append(Finding("error", "loop", text, lost[0].line))
 
 
@@ -172,7 +171,7 @@ class _Leaders:
             assert at.mimic is not None
             target = at.mimic.joint
             if target not in self._index:
-                left_out = ", which is left out" if target in self._known else ", which there is not"
+                left_out = ", which is left out" if target in self._known else ", which does not exist"
                 end = _Problem("mimic-unknown", f"mimics joint {quote_name(target)}{left_out}")
             else:
                 at = self._order[self._index[target]]
@@ -180,7 +179,7 @@ class _Leaders:
         in_circle = end is None
         for one in reversed(chain.values()):
             if end is None or in_circle:
-                end = _Problem("mimic-loop", f"mimics in a circle, over {quote_name(one.name)}")
+                end = _Problem("mimic-loop", f"mimics in a loop, through {quote_name(one.name)}")
                 in_circle = one is not at  # it is closed there; those before lead into it
             else:
                 end = _behind(one, end)
@@ -207,5 +206,5 @@ def _behind(joint: Joint, leader: Follow | _Problem) -> Follow | _Problem:
     multiplier = joint.mimic.multiplier * leader.multiplier
     offset = joint.mimic.multiplier * leader.offset + joint.mimic.offset
     if not math.isfinite(multiplier) or not math.isfinite(offset):
-        return _Problem("mimic-endless", "mimics another by numbers that have no end")
+        return _Problem("mimic-endless", "mimics another with a multiplier or offset that is not finite")
     return Follow(leader.joint, multiplier, offset)

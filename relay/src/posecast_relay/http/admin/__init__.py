@@ -1,1 +1,1 @@
-"""The page for whoever runs the relay, and its routes."""
+"""The page `/admin` for the relay's operator, and its routes."""

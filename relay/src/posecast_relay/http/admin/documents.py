@@ -1,4 +1,4 @@
-"""The JSON documents of the page `/admin`, for the description of the API."""
+"""Response schemas of the page `/admin`, for OpenAPI."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ class _Document(BaseModel):
 
 
 class RelayFigures(_Document):
-    """What the relay has done since it started. `trouble`: what is wrong with it, in a line; `previews`: the
-    viewers of small pictures, which are not among `viewers`."""
+    """The relay's counters since its start. `trouble`: its present problem, in one line. `previews`: viewers
+    of small pictures; `viewers` does not include them."""
 
     trouble: str | None
     viewers: int
@@ -24,10 +24,12 @@ class RelayFigures(_Document):
 
 
 class AdminRobot(_Document):
-    """A robot of the file. `expires_s`: when its credential does, unix seconds; `audiences`: what each may
-    see, in words; `may_link`: whether the file has a rule for share links. The last five are of a robot
-    that this process hears: whether two agents claim it, which limit of its share it exceeds ("" for none),
-    how late its frames come, which views it sends, and by audience the views that the file shows but the
+    """A robot in the robots file. `expires_s`: when its credential expires, in unix seconds. `audiences`:
+    what each audience can see, in words. `may_link`: whether the file has a rule for share links.
+
+    The last five members need a robot that publishes to this process. `conflict`: two agents publish it.
+    `over_share`: the limit that it exceeds, "" for none. `lateness_ms`: how late its frames arrive.
+    `sent_views`: the views that it sends. `unsent_views`: by audience, the view that the file shows but the
     robot does not send.
     """
 
@@ -47,14 +49,14 @@ class AdminRobot(_Document):
 
 
 class PastMemory(_Document):
-    """What the past in memory takes, and may take."""
+    """Memory that the past uses, and its limit."""
 
     bytes: int
     bytes_max: int
 
 
 class ArchiveUse(_Document):
-    """The state of the archive. `free_bytes` and `disk_bytes` are of its disk, where it has one."""
+    """The state of the archive. `free_bytes` and `disk_bytes` describe its disk, if it has one."""
 
     trouble: str | None
     stored_bytes: int
@@ -64,8 +66,8 @@ class ArchiveUse(_Document):
 
 
 class AdminReport(_Document):
-    """All that the page shows. `past` and `archive`: null where none is kept; `certificates`: when each
-    expires, unix seconds by the flag that names it."""
+    """Everything that the page shows. `past` and `archive` are null if none is kept. `certificates`: when
+    each expires, in unix seconds, by the flag that names its file."""
 
     relay: RelayFigures
     robots: list[AdminRobot]
@@ -75,11 +77,11 @@ class AdminReport(_Document):
 
 
 class MadeShareLink(_Document):
-    """A share link. `link`: all of it with --public-url, else from # on; `until_s`: unix seconds."""
+    """A share link. `link`: all of it with --public-url, else only from # on. `until_s`: unix seconds."""
 
     link: str
     until_s: int
 
 
 class Nothing(_Document):
-    """An answer that says only that it is done."""
+    """An empty answer: the request was carried out."""

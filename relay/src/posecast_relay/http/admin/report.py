@@ -1,4 +1,4 @@
-"""What the page `/admin` shows, as one JSON document."""
+"""Makes the JSON document that the page `/admin` shows."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from posecast_relay.http.archive_metrics import ArchiveStats
 
 
 class MemoryStats(Protocol):
-    """What the past in memory takes, and may take, in bytes."""
+    """Memory that the past uses, and its limit, in bytes."""
 
     bytes: int
     bytes_max: int
@@ -23,11 +23,11 @@ class MemoryStats(Protocol):
 
 @dataclass(frozen=True)
 class AdminSources:
-    """Where the page gets what it shows.
+    """Sources of what the page shows.
 
-    `path`: the file of robots; `get_robots`: what it says, as far as it is in force; `find_expiries`: when
-    certificates expire, in unix seconds by flag; `count_refused`: publishers that were refused so far;
-    `public_url`: where people open robots, without a slash at its end, None when nobody has said so.
+    `path`: the robots file. `get_robots` returns its version in force. `find_expiries` returns when
+    certificates expire, in unix seconds, by flag. `count_refused` returns the number of refused publishers.
+    `public_url`: where people open robots, without a slash at its end; None if it is not set.
     """
 
     path: Path
@@ -40,13 +40,13 @@ class AdminSources:
 
 
 def make_report(access: Access, sources: AdminSources, trouble: str | None) -> dict[str, Any]:
-    """Return what the page shows now. Holds no secret. `trouble`: what is wrong with the relay, in a line."""
+    """Return what the page shows now, without secrets. `trouble`: the relay's problem now, in one line."""
     hubs = [dispatcher.hub for dispatcher in access.dispatchers]
     rooms = [room for hub in hubs for robot in hub.robots.values() for room in robot.rooms.values()]
     previews = sum(len(hub.previews) for hub in hubs)
     robots = sources.get_robots().enrolled
     past, archive = sources.past, sources.archive
-    # a gateway hears the robots that somebody watches there, and of the others from who writes the store
+    # a gateway hears only robots that are watched there; it knows the others from the store
     listed = access.live.store.list_robots()
     told = {doc["robot"]: str(doc["status"]) for doc in listed or ()}
     return {
@@ -95,11 +95,11 @@ def _describe_robot(robot: Robot, now: float) -> dict[str, Any]:
 
 
 def _compare_views(access: Access, name: str, entry: RobotEntry) -> dict[str, Any]:
-    """Tell which views a robot sends, and which its rules show that it does not send; nothing where none was
-    heard yet. Only for a process that hears robots itself: a gateway hears the views that are watched there.
+    """Return the views that a robot sends, and the views that its rules show but it does not send. Empty
+    before its first frame. Only for a process to which robots publish: a gateway hears only watched views.
     """
     robot = access.live.hub.robots.get(name)
-    rooms = {} if robot is None else robot.rooms  # also of views that viewers have asked for in vain
+    rooms = {} if robot is None else robot.rooms  # includes views that viewers asked for but nobody sends
     sent = sorted(view for view, room in rooms.items() if room.stream.schema is not None)
     if not sent:
         return {}

@@ -1,4 +1,4 @@
-"""The routes of the page `/admin`: what it shows, and share links, which it makes and revokes."""
+"""The routes of the page `/admin`: its report, and share links that it makes and revokes."""
 
 from __future__ import annotations
 
@@ -35,8 +35,7 @@ PAGE = Path(__file__).parent / "page"
 FILES = {"": "index.html", "admin.js": "admin.js", "admin.css": "admin.css"}
 PRIVATE = {"cache-control": "no-store"}
 PAGE_HEADERS = PRIVATE | {
-    # nothing but its own two files and its own routes; no form leaves it, and nobody frames it; its icon is
-    # an empty one that stands in the page
+    # allows only its own two files and routes; no forms, no embedding; its icon is an empty data: URL
     "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
     "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
     "x-frame-options": "DENY",
@@ -46,14 +45,14 @@ PAGE_HEADERS = PRIVATE | {
     "permissions-policy": "camera=(), geolocation=(), microphone=(), payment=(), usb=()",
 }
 ERRORS: dict[int | str, dict[str, Any]] = {
-    401: {"description": "Not the credential of this page"},
-    403: {"description": "From another machine than may ask, or for a page of another origin"},
-    404: {"description": "The file of robots has no credential for this page"},
+    401: {"description": "Missing or wrong credential for this page"},
+    403: {"description": "The client's address or the page's origin is not allowed"},
+    404: {"description": "The robots file has no credential for this page"},
 }
 CHANGE_ERRORS = ERRORS | {
-    400: {"description": "There can be no such robot, or no such number of days"},
-    409: {"description": "The file of robots does not allow it, and why"},
-    503: {"description": "The file of robots can't be written, and why"},
+    400: {"description": "Invalid robot name or number of days"},
+    409: {"description": "The robots file does not allow it; `error` tells why"},
+    503: {"description": "The robots file can't be written; `error` tells why"},
 }
 DAYS = re.compile(r"[1-9][0-9]{0,3}", re.ASCII)
 
@@ -61,9 +60,9 @@ DAYS = re.compile(r"[1-9][0-9]{0,3}", re.ASCII)
 def add_admin_routes(
     app: FastAPI, access: Access, sources: AdminSources, find_trouble: Callable[[], str | None]
 ) -> None:
-    """Add the page and its routes. Without `[admin]` in the file of robots all of them are 404.
+    """Add the page and its routes. Without `[admin]` in the robots file, all of them answer 404.
 
-    `find_trouble` returns what is wrong with the relay, in a line; None: nothing.
+    `find_trouble` returns the relay's present problem, in one line; None if it has none.
     """
 
     @app.get("/admin", include_in_schema=False)
@@ -80,7 +79,7 @@ def add_admin_routes(
 
     @app.get(
         API,
-        summary="What the page /admin shows; takes its credential",
+        summary="Data of the page /admin; needs its credential",
         responses=ERRORS | _tells(documents.AdminReport),
     )
     async def report(request: Request) -> JSONResponse:
@@ -89,23 +88,23 @@ def add_admin_routes(
 
     @app.post(
         API + "/robots/{robot}/links",
-        summary="A new share link, good for days=; 7 without",
+        summary="Make a share link, valid for days= (7 by default)",
         responses=CHANGE_ERRORS | _tells(documents.MadeShareLink),
     )
     async def make_link(request: Request, robot: str, days: str = "7") -> JSONResponse:
         _require_admin(access, sources, request)
         if not DAYS.fullmatch(days):
-            raise HTTPException(400, "days: want a whole number from 1 to 9999")
+            raise HTTPException(400, "days: use a whole number from 1 to 9999")
         until = datetime.now(UTC) + timedelta(days=int(days))
         token = await _change(sources.path, robot, lambda doc: doc.make_share_link(robot, until))
-        log.warning("admin: a share link of %s was made, good for %s days", robot, days)
+        log.warning("admin: a share link of %s was made, valid for %s days", robot, days)
         page = "" if sources.public_url is None else f"{sources.public_url}/"
         answer = {"link": f"{page}#/r/{robot}?t={token}", "until_s": round(until.timestamp())}
         return JSONResponse(answer, headers=PRIVATE)
 
     @app.delete(
         API + "/robots/{robot}/links",
-        summary="No share link of this robot is good from now on",
+        summary="Revoke all share links of this robot",
         responses=CHANGE_ERRORS | _tells(documents.Nothing),
     )
     async def revoke_links(request: Request, robot: str) -> JSONResponse:
@@ -121,40 +120,40 @@ def add_admin_routes(
 
 
 def _tells(model: type) -> dict[int | str, dict[str, Any]]:
-    """What an answer holds, for the description of the API."""
+    """Describe a response schema, for OpenAPI."""
     return {200: {"model": model, "description": "JSON"}}
 
 
 def _require_place(access: Access, sources: AdminSources, request: Request) -> AdminEntry:
-    """Return who may use the page. Raises HTTPException 404 where nobody may, 403 for whoever asks from
-    elsewhere than they may, or for a page of another origin.
+    """Return who can use the page. Raises HTTPException 404 if nobody can, 403 if the client's address or
+    the page's origin is not allowed.
     """
     admin = sources.get_robots().admin
     if admin is None:
         raise HTTPException(404, "no such route")
     headers = request.headers
     if not may_show(headers.get("origin"), headers.get("host"), ()):
-        raise HTTPException(403, "a page of another origin", PRIVATE)
+        raise HTTPException(403, "requests from pages of other origins are not allowed", PRIVATE)
     if not is_on_this_machine(access, request):
         peer = "" if request.client is None else request.client.host
-        # a proxy may have added a header of its own behind one that the asker wrote
+        # a proxy may have added a second header after one that the client sent
         forwarded = join_all(headers.getlist("x-forwarded-for"))
         asker = find_asker(peer, forwarded, access.addresses.trusted)
         if asker is None or not any(asker in network for network in admin.networks):
-            raise HTTPException(403, "only on the relay's own machine, or from networks of [admin]", PRIVATE)
+            raise HTTPException(403, "only from the relay's machine or the networks of [admin]", PRIVATE)
     return admin
 
 
 def _require_admin(access: Access, sources: AdminSources, request: Request) -> None:
-    """Raises HTTPException, 401 without the credential; see _require_place."""
+    """Raises HTTPException 401 without the credential; see also _require_place."""
     admin = _require_place(access, sources, request)
     token = read_bearer(request.headers.get("authorization")) or ""
     if not hmac.compare_digest(token.encode(), admin.secret.encode()):
-        raise HTTPException(401, "not the credential of this page", PRIVATE | {"www-authenticate": "Bearer"})
+        raise HTTPException(401, "wrong or missing credential", PRIVATE | {"www-authenticate": "Bearer"})
 
 
 async def _change(path: Path, robot: str, change: Callable[[RobotsDocument], str]) -> str:
-    """Change the file of robots, and return what `change` made. Raises HTTPException, with one line."""
+    """Change the robots file and return the result of `change`. Raises HTTPException, with one line."""
 
     def write() -> str:
         with lock_folder(path):
@@ -175,4 +174,4 @@ async def _change(path: Path, robot: str, change: Callable[[RobotsDocument], str
         raise HTTPException(400, str(e), PRIVATE) from None
     except OSError as e:
         why = (e.strerror or str(e)).lower()
-        raise HTTPException(503, f"the file of robots can't be written: {why}", PRIVATE) from None
+        raise HTTPException(503, f"the robots file can't be written: {why}", PRIVATE) from None

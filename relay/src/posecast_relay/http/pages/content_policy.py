@@ -1,4 +1,4 @@
-"""What a built page says it may load, so that it can be sent as a header."""
+"""Reads a built page's content security policy, so that it can be sent as a header."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from functools import lru_cache
 from pathlib import Path
 
 POLICY = re.compile(r'(?i)<meta\s+http-equiv="content-security-policy"\s+content="([^"]*)"')
-PAGES_MAX = 256  # whose policies are remembered
+PAGES_MAX = 256  # whose policies are cached
 
 
 def read_content_policy(page: Path) -> str | None:
-    """Return a page's content security policy; None when it has none.
+    """Return a page's content security policy; None if it has none.
 
-    As a header it binds its workers too.
+    Sent as a header, the policy also applies to the page's workers.
     """
     try:
         return _read_policy(page, page.stat().st_mtime_ns)
-    except OSError:  # it is just being built anew
+    except OSError:  # it is being rebuilt right now
         return None
 
 

@@ -17,29 +17,29 @@ from posecast_relay.http.page_address import find_home, place_page
 from posecast_relay.http.pages.content_policy import read_content_policy
 from posecast_relay.http.pages.static_folder import HASHED, PAGE_HEADERS, KeptFiles, StaticFolder
 
-NO_GUIDE = """This relay has no guide: it was started with a page that was built without one.
-In a checkout `make site` builds it.
+NO_GUIDE = """This relay has no guide, because its page was built without one.
+In a checkout, `make site` builds it.
 """
 # pages of the guide show recordings in frames
 FRAMES = "frame-ancestors 'self'"
 GUIDE_HEADERS = PAGE_HEADERS | {"x-frame-options": "SAMEORIGIN"}
-# no script and no style in its pages; its icons are in its style sheets
+# its pages have no inline scripts or styles; its icons are in its style sheets
 POLICY = "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; form-action 'none'"
 HASHED_NAME = re.compile(r"\.[0-9a-f]{8}\.min\.(?:css|js)$|/assets/[^/]+-[\w-]{8}\.(?:css|js)$")
 SCRIPTS_AND_PAGES = (".html", ".js")
 
 
 class Guide(StaticFolder):
-    """The guide. A recording below it is a page of its own, with a content policy of its own."""
+    """The guide. A recording inside it is a separate page with its own content security policy."""
 
     def __init__(self, folder: Path, kept: KeptFiles) -> None:
-        """`folder` may be missing: then `/guide/` says so."""
+        """If `folder` is missing, `/guide/` says so."""
         super().__init__(folder, kept)
         self._folder = folder
-        self.config_checked = True  # else Starlette refuses to serve what may be built later
+        self.config_checked = True  # otherwise Starlette refuses a folder that may be built later
 
     async def get_response(self, path: str, scope: Scope) -> Response:
-        """Return a file, or a page that says with 404 that there is none."""
+        """Return a file, or a 404 page."""
         try:
             return self.find_file(path, scope)
         except HTTPException as e:
@@ -67,19 +67,19 @@ class Guide(StaticFolder):
     def file_response(
         self, full_path: Any, stat_result: os.stat_result, scope: Scope, status_code: int = 200
     ) -> Response:
-        """Return a file with the headers that it has as a part of the guide."""
+        """Return a file with the guide's headers."""
         response = super().file_response(full_path, stat_result, scope, status_code)
         file = Path(full_path)
         if HASHED_NAME.search(file.as_posix()):
             response.headers["cache-control"] = HASHED
-        if file.suffix in SCRIPTS_AND_PAGES:  # a script may be a worker, which its own policy binds
+        if file.suffix in SCRIPTS_AND_PAGES:  # a script may be a worker, which needs its own policy
             response.headers["content-security-policy"] = f"{self._find_policy(file)}; {FRAMES}"
         if file.suffix == ".html":
             response.headers.update(GUIDE_HEADERS)
         return response
 
     def _find_policy(self, file: Path) -> str:
-        """The policy of the recording that a file belongs to, else the guide's."""
+        """Return the policy of the recording that the file belongs to, else the guide's."""
         for index in self._list_indexes(file):
             policy = read_content_policy(index)
             if policy is not None:

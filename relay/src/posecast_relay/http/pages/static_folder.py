@@ -1,4 +1,4 @@
-"""Serves built files from memory, so that a thousand requests at once wait for no disk and no thread."""
+"""Serves built files from memory, so that a thousand simultaneous requests need neither disk nor threads."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from fastapi.staticfiles import StaticFiles
 from starlette.datastructures import Headers
 from starlette.types import Receive, Scope, Send
 
-OF_A_DISK = ("accept-ranges", "content-length")  # headers of an answer that is read in parts
-KEPT_BYTES = 64_000_000  # of all files; beyond, all are read anew
-KEEP_UP_TO_BYTES = 8_000_000  # of one; a larger one is read from the disk for each who asks
-DETOURS = frozenset(("", ".", ".."))  # what no folder in a path is called
+OF_A_DISK = ("accept-ranges", "content-length")  # headers of an answer that is read from disk in parts
+KEPT_BYTES = 64_000_000  # of all files; beyond this, the cache starts over
+KEEP_UP_TO_BYTES = 8_000_000  # of one file; a larger one is read from disk for each request
+DETOURS = frozenset(("", ".", ".."))  # folder names that a path must not contain
 HASHED = "public, max-age=31536000, immutable"  # of files with a hash in their name
 PAGE_HEADERS = {
     "x-frame-options": "DENY",
@@ -51,7 +51,7 @@ class KeptFiles:
 
 
 class _Shared(Response):
-    """An answer whose bytes all askers share, so that one that is not read takes no memory of its own."""
+    """An answer whose bytes all clients share, so that a slow client takes no extra memory."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Send the answer, as ASGI defines, marked as shared."""
@@ -70,13 +70,13 @@ class StaticFolder(StaticFiles):
     def find_file(self, path: str, scope: Scope) -> Response:
         """Return the file that a request names, below the folder. Raises HTTPException."""
         *folders, name = scope["path"].split("/")[1:]
-        # no way up and no detour: what is in other folders, or is not, is nobody's business
+        # never leave the folder: clients must not learn what exists elsewhere
         if DETOURS.intersection(folders) or name in DETOURS - {""}:
             raise HTTPException(HTTPStatus.NOT_FOUND)
         return self.read_file(path if name else os.path.join(path, "index.html"), scope)
 
     def read_file(self, path: str, scope: Scope) -> Response:
-        """Return a file, a folder's index, or where that is. Raises HTTPException."""
+        """Return a file, a folder's index, or a redirect to it. Raises HTTPException."""
         if scope["method"] not in ("GET", "HEAD"):
             raise HTTPException(HTTPStatus.METHOD_NOT_ALLOWED, headers={"allow": "GET, HEAD"})
         try:
@@ -87,14 +87,14 @@ class StaticFolder(StaticFiles):
                 full_path, found = self.lookup_path(os.path.join(path, "index.html"))
             if found is not None and stat.S_ISREG(found.st_mode):
                 return self.file_response(full_path, found, scope)
-        except (OSError, ValueError):  # no name of a file, or not to be read
+        except (OSError, ValueError):  # not a valid file name, or not readable
             pass
         raise HTTPException(HTTPStatus.NOT_FOUND)
 
     def file_response(
         self, full_path: Any, stat_result: os.stat_result, scope: Scope, status_code: int = 200
     ) -> Response:
-        """Return a file; compressed where the build did so and the browser accepts it."""
+        """Return a file, compressed if the build made a compressed one and the browser accepts it."""
         packed = f"{full_path}.gz"
         unpacks = "gzip" in Headers(scope=scope).get("accept-encoding", "") and os.path.isfile(packed)
         served, found = (packed, os.stat(packed)) if unpacks else (full_path, stat_result)

@@ -1,4 +1,4 @@
-"""Serves the built page: its files, and itself under the paths that name robots."""
+"""Serves the built page: its files, and its index under paths that name robots."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from posecast_relay.http.page_address import find_home, read_robots
 from posecast_relay.http.pages.content_policy import read_content_policy
 from posecast_relay.http.pages.static_folder import HASHED, PAGE_HEADERS, KeptFiles, StaticFolder
 
-FRAMES = "frame-ancestors 'none'"  # only a header may say so, not the page
+FRAMES = "frame-ancestors 'none'"  # browsers accept this only in a header
 # the page's entry for frames: /embed/ROBOT, or /embed/, where only the fragment names the robot
 EMBED = re.compile(r"/embed/(?:index\.html)?(?P<robot>[a-z0-9][a-z0-9-]{0,62})?")
-# of such an answer: the policy may change and the file not, so nothing of it may be kept
+# headers removed from such an answer: the policy can change without the file, so it must not be cached
 NOT_FRAMED = ("x-frame-options", "etag", "last-modified")
 
 
@@ -35,7 +35,7 @@ class Page(StaticFolder):
         frame_ancestors: Callable[[str], Sequence[str]],
         preview: LinkPreview,
     ) -> None:
-        """`frame_ancestors` returns the pages that may frame a robot ("": any robot); see Policy."""
+        """`frame_ancestors` returns the sites that may embed a robot ("": any robot); see Policy."""
         super().__init__(folder, kept)
         self._index = folder / "index.html"
         self._frame_ancestors = frame_ancestors
@@ -44,7 +44,7 @@ class Page(StaticFolder):
     async def get_response(self, path: str, scope: Scope) -> Response:
         """Return a file.
 
-        The page for frames is the same for every robot, with a header of the robot's own.
+        The page for embedding is the same for every robot, but with that robot's `frame-ancestors`.
         """
         framed = EMBED.fullmatch(scope["path"])
         if framed is None:
@@ -60,7 +60,7 @@ class Page(StaticFolder):
         return response
 
     async def _answer_anybody(self, path: str, scope: Scope) -> Response:
-        """A file; the page itself for robots that the path names, and with 404 for a person who mistyped."""
+        """Return a file, the page for robots that the path names, or the page with 404 for other paths."""
         robots = read_robots(scope["path"])
         try:
             return self.find_file(path, scope)
@@ -76,14 +76,14 @@ class Page(StaticFolder):
             return page
 
     async def _place_index(self, scope: Scope, robots: tuple[str, ...] | None) -> Response | None:
-        """Return the page's index as it has to be at this path, with 404 where that names no robots.
+        """Return the page's index adapted to this path, with status 404 if the path names no robots.
 
-        None where the page can't be. A robot that is hidden gets what one gets that does not exist.
+        None if the page can't be at this path. Hidden robots and unknown ones get the same answer.
         """
         home = find_home(scope.get("raw_path", scope["path"].encode()).decode("latin-1"))
         try:
             index = self._kept.read(str(self._index), self._index.stat()).decode()
-        except (OSError, ValueError):  # it is just being built anew
+        except (OSError, ValueError):  # it is being rebuilt right now
             return None
         if home is None:
             return None
@@ -103,7 +103,7 @@ class Page(StaticFolder):
     def file_response(
         self, full_path: Any, stat_result: os.stat_result, scope: Scope, status_code: int = 200
     ) -> Response:
-        """Return a file with the headers that it has as a part of the page."""
+        """Return a file with the page's headers."""
         response = super().file_response(full_path, stat_result, scope, status_code)
         hashed = "/assets/" in scope["path"]
         if hashed:

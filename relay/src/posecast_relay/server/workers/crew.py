@@ -1,4 +1,4 @@
-"""The first worker's part in a relay of several: where the others find it, and what they are together."""
+"""The first worker's side of a relay with several workers: opens their sockets and joins their results."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ LOOK_S = 0.05
 
 
 class Crew:
-    """The workers of a relay, as the first one sees them. `argv`: what it was started with."""
+    """A relay's workers, as seen by the first one. `argv`: the arguments of the first worker."""
 
     def __init__(self, settings: Settings, argv: Sequence[str], port: int) -> None:
-        """Raises StartError when there is no room for what they share."""
+        """Raises StartError if the shared memory can't be made."""
         try:
             _remove_left()
             self._folder = Path(tempfile.mkdtemp(prefix=PREFIX))
@@ -58,10 +58,10 @@ class Crew:
         self._feed: Feed | None = None
         self._door: asyncio.Server | None = None
         self._tasks: list[asyncio.Task[None]] = []
-        self._has_begun = False  # all have served
+        self._has_begun = False  # all workers have served
 
     def join_store(self, store: StateStore, hub: Hub) -> StateStore:
-        """Return the store that feeds the other workers as well. Gateways read Redis, each by itself."""
+        """Return a store that also feeds the other workers. A gateway's workers read Redis instead."""
         if self._settings.role == "gateway":
             return store
         self._feed = Feed(self._place.feed, hub, Dispatcher.now, self.counts)
@@ -73,7 +73,7 @@ class Crew:
         return JoinedCollector(own, self._folder, workers, missing, lambda: self.supervisor.restarts)
 
     def find_missing(self) -> MissingPart | None:
-        """Return who does not serve; None when all do. A relay has begun when all have served."""
+        """Return the workers that don't serve; None if all do. A relay has begun once all have served."""
         missing = self.counts.list_missing()
         if not missing:
             return None
@@ -81,7 +81,7 @@ class Crew:
         return MissingPart(why, self._has_begun)
 
     async def start(self, server: RelayServer, app: Any, access: Access) -> None:
-        """Open the private door and the feed, and start the others. Raises StartError."""
+        """Open the private socket and the feed, and start the other workers. Raises StartError."""
         try:
             if self._feed is not None:
                 await self._feed.start()
@@ -94,7 +94,7 @@ class Crew:
         self._tasks.append(asyncio.create_task(self._beat(), name="sign of life"))
 
     def tell_when_serving(self, tell: Callable[[], None]) -> None:
-        """Call `tell` once, when all workers serve."""
+        """Call `tell` once, as soon as all workers serve."""
 
         async def wait() -> None:
             while self.counts.list_missing():
@@ -106,7 +106,7 @@ class Crew:
         self._tasks.append(asyncio.create_task(wait(), name="all serve"))
 
     def stop(self) -> None:
-        """End all of it."""
+        """Stop everything."""
         self.counts.set_state(DOWN)
         for task in self._tasks:
             task.cancel()
@@ -143,10 +143,10 @@ class Crew:
 
 
 def _remove_left() -> None:
-    """Remove the folders that relays have left which were killed."""
+    """Remove folders left by relays that were killed."""
     for door in Path(tempfile.gettempdir()).glob(f"{PREFIX}*/http"):
         with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX) as probe:
             try:
                 probe.connect(str(door))
-            except ConnectionRefusedError:  # nobody listens there any more
+            except ConnectionRefusedError:  # no process listens there anymore
                 shutil.rmtree(door.parent, ignore_errors=True)

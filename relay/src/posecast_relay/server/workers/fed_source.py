@@ -1,8 +1,8 @@
-"""A further worker's side of the feed: passes what the first worker hears of robots to this one's hub.
+"""A further worker's side of the feed: passes messages about robots from the first worker to this hub.
 
-Only robots that somebody watches here are asked for. When the feed is lost (the first worker cut it, since
-this one took nothing for too long) all is asked for anew; until then viewers are told that what they see may
-be old.
+This worker subscribes only to robots that are watched here. If it reads too slowly, the first worker closes
+the feed. Then this one reconnects and subscribes again; meanwhile its viewers are told that the state may be
+old.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from posecast_relay.server.workers.feed_messages import (
 
 log = logging.getLogger("posecast_relay")
 
-LOOK_S = 1.0  # between two looks at who watches what
-GRACE_S = 10.0  # a robot that nobody watches any more is listened for so long
+LOOK_S = 1.0  # between two checks of what is watched
+GRACE_S = 10.0  # how long an unwatched robot stays subscribed
 RETRY_S = 0.1
 TURN = 64  # messages in one turn of the loop; viewers are served in between
 
@@ -47,7 +47,7 @@ class FedSource:
     def __init__(
         self, path: Path, hub: Hub, now: Callable[[], float], pinned: Callable[[], Iterable[str]] = tuple
     ) -> None:
-        """`pinned` returns the robots that are listened for even without viewers."""
+        """`pinned` returns the robots that stay subscribed even without viewers."""
         self._path = path
         self._now = now
         self._pinned = pinned
@@ -62,11 +62,11 @@ class FedSource:
         """Do nothing: the first worker has the state."""
 
     def find_trouble(self) -> str | None:
-        """Return what is wrong with the feed; None when all is well."""
+        """Return the feed's present problem; None if it works."""
         return None if self._writer is not None else "the first worker does not answer"
 
     def get_exchanges(self) -> tuple[Histogram, int] | None:
-        """Return None: the first worker tells of the store."""
+        """Return None: the first worker reports on the store."""
         return None
 
     def list_robots(self) -> list[dict[str, Any]] | None:
@@ -80,7 +80,7 @@ class FedSource:
     # ---- robots wanted ------------------------------------------------------
 
     def start(self, dispatcher: Dispatcher) -> None:
-        """Begin to feed the dispatcher's hub. The first worker need not be there yet."""
+        """Start to feed the dispatcher's hub. The first worker need not be running yet."""
         self._dispatcher = dispatcher
         self._tasks = [
             asyncio.create_task(self._listen(), name="feed"),
@@ -93,19 +93,19 @@ class FedSource:
             task.cancel()
 
     def subscribe(self, robot: str) -> None:
-        """Listen for a robot from now on."""
+        """Subscribe to a robot from now on."""
         is_new = robot not in self._wanted_at
         self._wanted_at[robot] = self._now()
         if is_new:
             self._ask(Kind.WANT, robot)
 
     def request_snapshots(self, robot: str, views: Sequence[str]) -> None:  # noqa: ARG002 — all are told
-        """Ask the first worker for all that it has of a robot."""
+        """Ask the first worker for a robot's whole state."""
         self._ask(Kind.AGAIN if robot in self._wanted_at else Kind.WANT, robot)
         self._wanted_at.setdefault(robot, self._now())
 
     async def open(self, robot: str) -> None:
-        """Return at once: the first worker answers what is asked over HTTP."""
+        """Return at once: the first worker answers HTTP requests."""
 
     def _ask(self, kind: Kind, robot: str) -> None:
         if self._writer is not None:
@@ -131,7 +131,7 @@ class FedSource:
 
     @contextlib.contextmanager
     def _guarded(self, where: str) -> Iterator[None]:
-        """What our own code fails at here is reported; it is tried again soon."""
+        """Report exceptions; the work is tried again soon."""
         try:
             yield
         except Exception as e:
@@ -166,7 +166,7 @@ class FedSource:
                 await asyncio.sleep(0)
 
     def _take(self, message: FeedMessage) -> None:
-        """Take in a message. Where our own code fails at it, its robot is told of anew."""
+        """Process a message. If that fails with an exception, request the robot's state again."""
         robot = message.robot
         if robot not in self._wanted_at:
             return

@@ -1,8 +1,8 @@
-"""The first worker's side of the feed: tells further workers of the robots that they want to hear of.
+"""The first worker's side of the feed: sends further workers the robots that they subscribe to.
 
-Each connection has one task, that nobody waits for. What waits for a worker is the set of streams that have
-changed; each is read when its turn comes, so a slow worker costs newer states, never memory or a frame of a
-viewer elsewhere.
+Each connection has its own task, and nobody waits for it. Its queue is the set of streams that have changed.
+Each stream is read only when it is sent. So a slow worker misses states, but never costs memory, and never
+delays viewers of other workers.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ T = TypeVar("T")
 log = logging.getLogger("posecast_relay")
 
 BEAT_S = 1.0  # between two signs of life of a robot
-STUCK_S = 5.0  # a worker that takes nothing for so long loses its connection
-BUFFER_BYTES = 1 << 18  # of one worker, that it has not taken; the next message is made when it has
-GENERATION = 1  # there is one who writes
-WANTED_MAX = 20_000  # robots that one worker listens for; its viewers and --max-robots bound them
+STUCK_S = 5.0  # a worker that reads nothing for this long is disconnected
+BUFFER_BYTES = 1 << 18  # unread bytes of one worker; above this, the next message has to wait
+GENERATION = 1  # constant, because there is only one writer
+WANTED_MAX = 20_000  # subscriptions of one worker; its viewers and --max-robots limit them
 
 
 class FeedStore:
-    """A state store that tells further workers as well. `elsewhere`: what they count."""
+    """A state store that also feeds further workers. `elsewhere`: their counts."""
 
     def __init__(self, store: StateStore, feed: Feed, elsewhere: CountsElsewhere) -> None:
         self._store = store
@@ -62,7 +62,7 @@ class FeedStore:
             self._feed.note(stream)
 
     def find_trouble(self) -> str | None:
-        """Return what is wrong with the store; None when all is well."""
+        """Return the store's present problem; None if it works."""
         return self._store.find_trouble()
 
     def get_exchanges(self) -> tuple[Histogram, int] | None:
@@ -74,7 +74,7 @@ class FeedStore:
         return self._store.list_robots()
 
     def count_viewers_elsewhere(self, robot: str) -> int:
-        """Return how many viewers a robot has at other workers and other processes."""
+        """Return how many viewers a robot has in other workers and other processes."""
         return self._store.count_viewers_elsewhere(robot) + self._elsewhere.count_elsewhere(name_robot(robot))
 
 
@@ -93,12 +93,12 @@ class Feed:
         self._beating: asyncio.Task[None] | None = None
 
     async def start(self) -> None:
-        """Take connections. Raises OSError."""
+        """Accept connections. Raises OSError."""
         self._server = await asyncio.start_unix_server(self._serve, path=self._path)
         self._beating = asyncio.create_task(self._beat(), name="feed")
 
     def stop(self) -> None:
-        """Take no more, and end those that are here."""
+        """Accept no more connections, and close the present ones."""
         if self._server is not None:
             self._server.close()
         if self._beating is not None:
@@ -107,7 +107,7 @@ class Feed:
             listener.abort()
 
     def note(self, stream: Stream) -> None:
-        """Note that a stream has to be told to whoever wants its robot; returns at once."""
+        """Queue a stream for all workers that subscribe to its robot. Returns at once."""
         for listener in self._listeners:
             listener.note(stream)
 
@@ -179,14 +179,14 @@ class _Listener:
             self._wake.set()
 
     def beat(self) -> None:
-        """Tell how each robot is, and forget what has gone."""
+        """Send each robot's presence, and forget robots that have left."""
         self._presences |= dict.fromkeys(self._wanted & self._hub.robots.keys())
         for stream in [each for each in self._told if not self._is_here(each)]:
             del self._told[stream]
         self._wake.set()
 
     def take(self, kind: Kind, robot: str) -> None:
-        """Do what the worker asks for."""
+        """Carry out the worker's request."""
         if kind is Kind.LEAVE:
             self._wanted.discard(robot)
             self._tokens.pop(robot, None)
@@ -196,7 +196,7 @@ class _Listener:
             self._wake.set()
 
     async def tell(self) -> None:
-        """Tell what has changed, until cancelled or the worker does not take it."""
+        """Send changes until cancelled, or until the worker stops reading."""
         try:
             while True:
                 await self._wake.wait()
@@ -206,13 +206,13 @@ class _Listener:
                     async with asyncio.timeout(STUCK_S):
                         await self._writer.drain()
         except TimeoutError:
-            log.warning("a worker takes nothing: it has to connect anew")
+            log.warning("a worker reads nothing: disconnecting it")
             self.abort()
         except OSError:
             self.abort()
 
     def _tell_next(self) -> None:
-        """Write what is next in turn. What our own code does at one robot is counted, and ends that."""
+        """Write the next change. An exception at one robot is counted, and affects only that robot."""
         if self._whole:
             robot = _take_first(self._whole)
             self._guard(robot, partial(self._tell_whole, robot))
@@ -275,7 +275,7 @@ class _Listener:
 
     @staticmethod
     def _is_current(of: Robot, stream: Stream) -> bool:
-        """Whether there is something to tell. What a view holds of an earlier run stays as it is there."""
+        """Whether there is something to send. Workers keep a view's state from an earlier run as it is."""
         return stream.newest is not None and stream.key is not None and stream.run_id == of.runs.current
 
 

@@ -1,9 +1,9 @@
-"""What a further worker is asked and is no stream: passed to the first worker, and its answer passed back.
+"""Forwards a further worker's HTTP requests, except streams, to the first worker, and returns its answers.
 
-So there is one answer to each question, whichever worker was asked. Requests under way are counted where they
-come in, here and at the private door, as a relay of one worker counts them (`pending_requests.py`): a crowd
-that asks at one moment waits, and beyond the bound the heaviest address loses a connection. An answer is read
-as fast as its reader takes it: READ_BYTES of each are here, and what the kernel holds of a socket.
+So all workers give the same answers. Running requests are counted both here and in the first worker, as in a
+relay with one worker (`pending_requests.py`): simultaneous requests have to wait, and above the limit the
+address that uses most memory loses a connection. Answers are read as fast as the client takes them. Each
+needs READ_BYTES here, plus the kernel's socket buffer.
 """
 
 from __future__ import annotations
@@ -20,29 +20,29 @@ import httptools
 
 from posecast_relay.streaming.http_connection import AnswerAborted
 
-PEER = b"x-posecast-peer"  # who asks; believed behind the private door alone
-ANSWER_S = 30.0  # without a byte of it; a request for the next segment is held for 8 s
-AGAIN_S = 0.005  # until it is tried again, where as many wait at the door as the kernel lets
+PEER = b"x-posecast-peer"  # the client's address; trusted only on the private socket
+ANSWER_S = 30.0  # without any data; a request for the next segment is held for 8 s
+AGAIN_S = 0.005  # between attempts while the kernel's queue of connections is full
 READ_BYTES = 1 << 16
 BY_HOP = frozenset((b"connection", b"keep-alive", b"upgrade", b"transfer-encoding", b"te", b"expect"))
-AWAY = b'{"error":"the first process of this relay does not answer: ask again"}'
-CROWDED = b'{"error":"this relay may open no more files just now: ask again"}'
+AWAY = b'{"error":"the first process of this relay does not answer: try again"}'
+CROWDED = b'{"error":"this relay can open no more files now: try again"}'
 
 Scope = MutableMapping[str, Any]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 
 
 class Forwarder:
-    """The ASGI application of a further worker. `path`: the private door of the first one."""
+    """The ASGI application of a further worker. `path`: the first worker's private socket."""
 
     def __init__(self, path: Path) -> None:
         self._path = str(path)
-        self._turn = asyncio.Lock()  # so that those who wait at the door don't all look again at once
+        self._turn = asyncio.Lock()  # so that waiting requests don't all retry at once
 
     async def __call__(self, scope: Scope, _receive: object, send: Send) -> None:
-        """Answer a request as the first worker does; 503 where that can't be asked.
+        """Answer a request as the first worker does; 503 if it can't be reached.
 
-        Raises AnswerAborted where the first one cut it.
+        Raises AnswerAborted if the first worker aborted the answer.
         """
         with contextlib.ExitStack() as opened:
             try:
@@ -56,7 +56,7 @@ class Forwarder:
                 await _pass_on(_Answer(), scope, asked, send)
 
     async def _connect(self, asked: socket.socket) -> None:
-        """Knock until there is room at the door. Raises OSError."""
+        """Try to connect until the first worker's queue has room. Raises OSError."""
         async with self._turn:
             while True:
                 try:
@@ -69,7 +69,7 @@ class Forwarder:
 def _make_request(scope: Scope) -> bytes:
     target = scope["raw_path"] + (b"?" + scope["query_string"] if scope["query_string"] else b"")
     peer = (scope.get("client") or ("",))[0].encode()
-    # none has a body: the relay answers nothing that needs one
+    # no body: no route of the relay needs one
     dropped = BY_HOP | {PEER, b"content-length"}
     headers = [(name, value) for name, value in scope["headers"] if name not in dropped]
     headers += [(PEER, peer), (b"connection", b"close")]
@@ -78,7 +78,7 @@ def _make_request(scope: Scope) -> bytes:
 
 
 class _Answer:
-    """What has come of an answer, as httptools calls it."""
+    """The received part of an answer. httptools calls its methods."""
 
     def __init__(self) -> None:
         self.headers: list[tuple[bytes, bytes]] = []
@@ -92,20 +92,20 @@ class _Answer:
             self.headers.append((name.lower(), value))
 
     def on_headers_complete(self) -> None:
-        """Note that the head has come."""
+        """Note that the head is complete."""
         self.is_headed = True
 
     def on_body(self, body: bytes) -> None:
-        """Take some of the body."""
+        """Take a part of the body."""
         self.body.append(body)
 
     def on_message_complete(self) -> None:
-        """Note that all has come."""
+        """Note that the answer is complete."""
         self.is_whole = True
 
 
 async def _pass_on(answer: _Answer, scope: Scope, asked: socket.socket, send: Send) -> None:
-    """Ask, and pass the answer on; 503 when none comes. Raises AnswerAborted where it breaks off."""
+    """Forward the request and return the answer; 503 if none arrives. Raises AnswerAborted if it is cut."""
     parser, is_begun, loop = httptools.HttpResponseParser(answer), False, asyncio.get_running_loop()
     has_head_only, left = scope["method"] == "HEAD", _make_request(scope)
     while not answer.is_whole:

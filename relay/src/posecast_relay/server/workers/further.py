@@ -40,8 +40,8 @@ PR_SET_PDEATHSIG = 1
 
 
 def main() -> None:
-    """Serve until the first worker says so, or is gone."""
-    for number in (signal.SIGTERM, signal.SIGINT):  # the first worker's: it tells this one
+    """Serve until the first worker ends or tells this one to stop."""
+    for number in (signal.SIGTERM, signal.SIGINT):  # the first worker handles signals and tells this one
         signal.signal(number, signal.SIG_IGN)
     place = WorkerPlace.unpack(sys.argv[1])
     _die_with_first()
@@ -112,11 +112,11 @@ async def _serve(settings: Settings, place: WorkerPlace) -> None:
 
 
 def _make_source(settings: Settings, place: WorkerPlace, hub: Hub, delayed: DelayedHub | None) -> Any:
-    """Make what this worker hears robots by: the feed, or Redis where it is a gateway."""
+    """Make this worker's source of robots: the feed, or Redis for a gateway."""
     pinned = delayed.list_robots if delayed else tuple
     if settings.role != "gateway":
         return FedSource(place.feed, hub, Dispatcher.now, pinned)
-    from posecast_relay.redis.gateway import RedisGateway  # noqa: PLC0415 — half of the time to start
+    from posecast_relay.redis.gateway import RedisGateway  # noqa: PLC0415 — takes half of the start time
 
     return RedisGateway(settings.store, hub, Dispatcher.now, pinned)
 
@@ -128,7 +128,7 @@ async def _beat(counts: SharedCounts) -> None:
 
 
 def _obey(place: WorkerPlace, control: socket.socket, leave: Callable[[], None]) -> None:
-    """Leave when the first worker says so; end at once when it is gone."""
+    """Leave when the first worker says so; exit at once if it is gone."""
     control.setblocking(False)
 
     def hear() -> None:

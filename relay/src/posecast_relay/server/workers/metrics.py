@@ -1,10 +1,9 @@
-"""The metrics of all workers as those of one relay, which the first one serves.
+"""Joins the metrics of all workers into one relay's metrics, which the first worker serves.
 
-A further worker tells its own to whoever connects to its socket, in Prometheus's text. Each family in SUMMED
-is the sum over all workers; each in LEAST the least of them; every other one is the first worker's, which
-alone hears robots and keeps what there is. A worker that does not answer within ANSWER_S is missing: of its
-counters what it told last goes on to count, as do those of one that has ended, so that no counter ever
-falls."""
+A further worker serves its metrics on its socket, in Prometheus's text format. A family in SUMMED is the sum
+over all workers; one in LEAST is their minimum. Every other family comes from the first worker, because only
+it hears robots and stores data. A worker that does not answer within ANSWER_S counts as missing. The last
+known counters of missing and ended workers still count, so that no counter ever falls."""
 
 from __future__ import annotations
 
@@ -37,17 +36,17 @@ SUMMED = frozenset(
     )
 )
 LEAST = frozenset(("posecast_ceiling_hz",))
-LASTING = ("counter", "histogram")  # of these types: what was counted stays counted
+LASTING = ("counter", "histogram")  # types whose values never fall
 
 Key = tuple[str, tuple[tuple[str, str], ...]]  # a sample's name and labels
 
 
 def serve_worker_metrics(path: Path, collector: Collector) -> Callable[[], None]:
-    """Tell a further worker's metrics to whoever connects to `path`. Returns what ends it. Raises OSError."""
+    """Serve a further worker's metrics on the socket `path`. Return a function to stop it. Raises OSError."""
     registry = CollectorRegistry()
     registry.register(collector)
     listener = socket.socket(socket.AF_UNIX)
-    path.unlink(missing_ok=True)  # of a process that was killed
+    path.unlink(missing_ok=True)  # left by a process that was killed
     listener.bind(str(path))
     listener.listen()
     name = f"# {os.getpid()} {time.monotonic_ns()}\n".encode()
@@ -73,7 +72,7 @@ def serve_worker_metrics(path: Path, collector: Collector) -> Callable[[], None]
 
 
 class _Told:
-    """What a worker has told last."""
+    """A worker's last metrics."""
 
     def __init__(self, process: str, samples: Mapping[str, Mapping[Key, float]]) -> None:
         self.process = process  # which of the processes that had its number
@@ -109,7 +108,7 @@ class JoinedCollector(Collector):
             for family in self._own.collect():
                 yield self._join(family, texts.keys())
         yield CounterMetricFamily(
-            "posecast_worker_restarts", "Times that a worker was started again", self._restarts()
+            "posecast_worker_restarts", "Times that a worker was restarted", self._restarts()
         )
         states = GaugeMetricFamily("posecast_workers", "Workers of this relay", labels=["state"])
         states.add_metric(["serving"], 1 + len(self._paths) - len(silent))
@@ -154,7 +153,7 @@ def _key(name: str, labels: Mapping[str, str]) -> Key:
 
 
 def _ask_all(paths: Mapping[int, Path]) -> dict[int, str]:
-    """Return what each worker says, as far as it says all of it within ANSWER_S."""
+    """Return the metrics of each worker that sends all of them within ANSWER_S."""
     until_s, said, whole = time.monotonic() + ANSWER_S, dict[int, bytes](), dict[int, str]()
     with contextlib.ExitStack() as opened, selectors.DefaultSelector() as waiting:
         for number, path in paths.items():

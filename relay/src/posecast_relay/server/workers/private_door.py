@@ -1,4 +1,4 @@
-"""The first worker's door for further ones: HTTP on a Unix socket, with the asker's address in a header."""
+"""Receives forwarded requests in the first worker, on a Unix socket; a header has the client's address."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from posecast_relay.streaming.http_connection import HEALTH, HttpConnection, mak
 
 
 def make_private_http_protocol(access: Access) -> type[HttpConnection]:
-    """Make the class of connections that come from further workers. Their requests stand in line by who asks,
-    as if they had come here.
+    """Make the class of connections from further workers. Their requests are queued by the client's address,
+    as if they had arrived here.
     """
     base = make_plain_http_protocol(access)
 

@@ -1,9 +1,9 @@
-"""What the workers of one relay count together: viewers, streams of an address, who serves.
+"""Counts shared by the workers of one relay: viewers, streams per address, and which workers serve.
 
-A memory that all of them map. Each writes its own part and reads the others', so nobody waits for anybody. A
-part is a head, and a table of counts by name: the hash of a name says in which row of 8 places it is. A place
-whose count is 0 is free for another name. Where a row is full, others don't see the count of that name: then
-a limit holds for each worker (16,384 places; a relay of 5,000 viewers fills a third of them at most).
+All workers map the same memory. Each writes its own part and reads the others', so nobody has to wait. A part
+has a head and a table of counts by name. A name's hash selects a row of 8 places. A place with the count 0 is
+free. If a row is full, other workers don't see that name's count, and its limit then applies per worker
+(16,384 places; a relay with 5,000 viewers fills at most a third).
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ HEAD = 2  # words: state, time of the last sign of life in ns
 WORDS = HEAD + 2 * ROWS * PLACES  # of a worker's part; a word has 8 bytes
 DOWN, SERVING = 0, 1
 BEAT_S = 1.0  # between two signs of life
-FRESH_NS = 5_000_000_000  # who gave no sign of life for so long does not serve
+FRESH_NS = 5_000_000_000  # a worker without a sign of life for this long does not serve
 
 
 def open_shared_memory(workers: int) -> int:
-    """Return the descriptor of a memory for so many workers. Raises OSError."""
+    """Return the descriptor of a shared memory for this many workers. Raises OSError."""
     if hasattr(os, "memfd_create"):
         memory = os.memfd_create("posecast", os.MFD_CLOEXEC)
     else:  # not on macOS
@@ -35,7 +35,7 @@ def open_shared_memory(workers: int) -> int:
 
 
 class SharedCounts:
-    """The counts of worker `number` out of `workers`, and what the others have."""
+    """The counts of worker `number` (of `workers`), and access to the others' counts."""
 
     def __init__(self, descriptor: int, workers: int, number: int) -> None:
         self.workers = workers
@@ -44,7 +44,7 @@ class SharedCounts:
         self._own: Counter[str] = Counter()
 
     def add(self, name: str, change: int) -> None:
-        """Count so many more, or fewer, here under a name."""
+        """Change this worker's count of a name."""
         self._own[name] += change
         count = self._own[name]
         if count <= 0:
@@ -57,7 +57,7 @@ class SharedCounts:
             self._words[at + 1] = max(0, count)
 
     def count_elsewhere(self, name: str) -> int:
-        """Return how many the other workers have under a name."""
+        """Return the other workers' total count of a name."""
         hashed, row = _place(name)
         found = 0
         for number in range(self.workers):
@@ -66,12 +66,12 @@ class SharedCounts:
         return found
 
     def set_state(self, state: int) -> None:
-        """Say whether this worker serves, and that it lives."""
+        """Report whether this worker serves, and that it is alive."""
         self.beat()
         self._words[self._number * WORDS] = state
 
     def beat(self) -> None:
-        """Say that this worker lives."""
+        """Report that this worker is alive."""
         self._words[self._number * WORDS + 1] = time.monotonic_ns()
 
     def list_missing(self) -> list[int]:
@@ -89,7 +89,7 @@ class SharedCounts:
         return self._words[at + 1] if self._words[at] == SERVING else None
 
     def clear(self, number: int) -> None:
-        """Forget all that a worker counted, since its process has ended."""
+        """Clear a worker's counts, because its process has ended."""
         base = number * WORDS
         self._words[base : base + WORDS] = memoryview(bytes(8 * WORDS)).cast("Q")
 

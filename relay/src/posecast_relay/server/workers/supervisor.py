@@ -1,4 +1,4 @@
-"""Starts the further workers, starts one that ended again, and ends them all with the first one."""
+"""Starts the further workers, restarts those that exit, and stops all of them with the first one."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ BACKOFF_S = (0.2, 10.0)  # first and longest wait before a worker is started aga
 HUNG_POLLS = round(
     15.0 / POLL_S
 )  # one that gives no sign of life in so many looks is ended, and started again
-SETTLED_S = 30.0  # one that has lived for so long is started again without a longer wait
+SETTLED_S = 30.0  # a worker that ran this long is restarted without a longer wait
 DRAIN = b"d"
 
 
@@ -35,7 +35,7 @@ class _Child:
 
 
 class Supervisor:
-    """The further workers of a relay. `argv`: what it was started with; `place`: that of any of them."""
+    """The further workers of a relay. `argv`: the relay's arguments. `place`: a template for their places."""
 
     def __init__(self, argv: Sequence[str], place: WorkerPlace, counts: SharedCounts) -> None:
         self._argv = list(argv)
@@ -47,30 +47,30 @@ class Supervisor:
         self.restarts = 0
 
     def start(self) -> None:
-        """Start them all, and keep them running."""
+        """Start all workers and keep them running."""
         for number in range(1, self._place.workers):
             self._tasks.append(asyncio.create_task(self._keep(number), name=f"worker {number}"))
 
     def drain(self) -> None:
-        """Tell them to move their viewers away and end; none is started again."""
+        """Tell the workers to move their viewers away and exit; none is restarted."""
         self._leaving = True
         for child in self._children.values():
             with contextlib.suppress(OSError):
                 child.control.send(DRAIN)
 
     def kill(self) -> None:
-        """End them at once."""
+        """Kill all workers at once."""
         self._leaving = True
         for child in self._children.values():
             child.process.kill()
 
     @property
     def is_over(self) -> bool:
-        """Whether all have been told to go, and have gone."""
+        """Whether all workers were told to exit, and have exited."""
         return self._leaving and all(child.process.poll() is not None for child in self._children.values())
 
     def stop(self) -> None:
-        """End those that are left, and stop looking after them."""
+        """Kill the remaining workers, and stop supervising them."""
         self.kill()
         for task in self._tasks:
             task.cancel()
@@ -93,9 +93,7 @@ class Supervisor:
                 self._counts.clear(number)
                 if self._leaving:
                     return
-                log.error(
-                    "worker %d has ended, status %d: starting it again", number, child.process.returncode
-                )
+                log.error("worker %d exited with status %d: restarting it", number, child.process.returncode)
             if time.monotonic() - began > SETTLED_S:
                 wait_s = BACKOFF_S[0]
             await asyncio.sleep(wait_s)
@@ -103,9 +101,9 @@ class Supervisor:
             wait_s = min(2 * wait_s, BACKOFF_S[1])
 
     async def _watch(self, number: int, process: subprocess.Popen[bytes]) -> None:
-        """Return when a process has ended. One that hangs is killed: the port still gives it connections.
+        """Return when a process has exited. Kill one that hangs: the kernel still gives it connections.
 
-        Looks are counted, not seconds: where all were stopped together (Ctrl-Z), none is to blame.
+        This counts checks, not seconds, so that pausing the whole relay (Ctrl-Z) kills no worker.
         """
         beat, silent = self._counts.get_beat(number), 0
         while process.poll() is None:
@@ -113,12 +111,12 @@ class Supervisor:
             before, beat = beat, self._counts.get_beat(number)
             silent = 0 if beat is None or beat != before else silent + 1
             if silent >= HUNG_POLLS and not self._leaving:
-                log.error("worker %d hangs: ending it", number)
+                log.error("worker %d does not respond: killing it", number)
                 process.kill()
                 silent = 0
 
     def _spawn(self, number: int) -> _Child:
-        """Start one, from the main thread: it dies with the thread that started it. Raises OSError."""
+        """Start a worker, in the main thread: it dies with the thread that starts it. Raises OSError."""
         ours, theirs = socket.socketpair()
         with theirs:
             ours.setblocking(False)

@@ -1,4 +1,4 @@
-"""Where a further worker finds the first one, and what it is told when it is started."""
+"""Describes to a new worker where it finds the first one."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class WorkerPlace:
-    """A further worker's place. `counts`, `control`: descriptors that it inherits."""
+    """What a further worker needs to know at its start. `counts`, `control`: inherited descriptors."""
 
     number: int
     workers: int
@@ -30,19 +30,19 @@ class WorkerPlace:
 
     @property
     def metrics(self) -> Path:
-        """The socket on which this worker tells its metrics."""
+        """The socket on which this worker serves its metrics."""
         return find_metrics_path(Path(self.folder), self.number)
 
     def pack(self) -> str:
-        """Return it as one word of a command line."""
+        """Encode this as one command-line argument."""
         return json.dumps(asdict(self), separators=(",", ":"))
 
     @classmethod
     def unpack(cls, text: str) -> WorkerPlace:
-        """Read what `pack` has made."""
+        """Decode the result of `pack`."""
         return cls(**json.loads(text))
 
 
 def find_metrics_path(folder: Path, number: int) -> Path:
-    """Return the socket on which worker `number` tells its metrics."""
+    """Return the socket on which worker `number` serves its metrics."""
     return folder / f"metrics-{number}"

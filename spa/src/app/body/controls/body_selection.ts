@@ -9,9 +9,8 @@ import { onSelection, selection, selectJoint } from '../../state/selection.ts';
 type Eye = Pick<BodyView, 'pick' | 'visit' | 'goBack' | 'setLinkLook'>;
 
 /**
- * Connects body and numbers: tapping a link selects its joint, and the selected joint's link is highlighted. A joint
- * selected among the numbers also moves the camera to its link, and back when nothing is selected any more. Returns a
- * function that stops it.
+ * Connects body and numbers: tapping a link selects its joint, and the selected joint's link is highlighted. Selecting a joint in
+ * the table also moves the camera to its link; clearing the selection moves it back. Returns a function that stops it.
  */
 export function bindSelection(element: HTMLElement, view: Eye, twin: RobotTwin): () => void {
   let lit: readonly string[] = [];
@@ -46,7 +45,7 @@ export function bindSelection(element: HTMLElement, view: Eye, twin: RobotTwin):
     view.goBack();
   };
   const tap = (x: number, y: number, times: 1 | 2) => {
-    // a tap on a sign asks what it means
+    // a tap on an overlay sign asks for its explanation
     const link = times === 1 && pressedLabel({ x, y }) === null ? view.pick(x, y) : null;
     const channel = link === null ? null : channelOf(link, twin.tree, channelsNow());
     if (channel !== null) selectJoint(channel, 'body');

@@ -18,7 +18,7 @@ const ARROWS: ReadonlyMap<string, readonly [x: number, y: number]> = new Map([
 
 type Eye = Pick<BodyView, 'look' | 'focus' | 'orbit' | 'pan' | 'zoom' | 'pick'>;
 
-/** The camera's keyboard shortcuts as they are listed, each with the key of the sentence in `moreEn` for it. */
+/** The camera's keyboard shortcuts in display order, each with the key of its description in `moreEn`. */
 export const CAMERA_KEYS = [
   ['← → ↑ ↓', 'keyTurn'],
   ['Shift', 'keyMove'],
@@ -71,15 +71,15 @@ export function playKey(
   }
 }
 
-/** Moves close to the link at a point of the window (CSS px), or back to the home view where there is none. */
+/** Moves close to the link at a point of the window (CSS px), or back to the home view if there is no link. */
 export function closeTo(view: Pick<Eye, 'pick' | 'focus' | 'look'>, at: { x: number; y: number }): void {
   const link = view.pick(at.x, at.y);
   if (link === null) view.look('home');
   else view.focus(link);
 }
 
-/** Attaches keys, double taps and the chosen mouse style to a body's element. Keys work while nothing else on the page
- *  has the focus. Returns a function that stops it. */
+/** Attaches keys, double taps and the chosen mouse style to the body's element. Keys work while nothing else on the page has the
+ *  focus. Returns a function that detaches them. */
 export function attachCameraControls(element: HTMLElement, view: BodyView): () => void {
   const chosen = () => {
     const { mouse, follow } = settings();
@@ -93,7 +93,7 @@ export function attachCameraControls(element: HTMLElement, view: BodyView): () =
     const { left, top, width, height } = element.getBoundingClientRect();
     if (playKey(view, event, { x: left + width / 2, y: top + height / 2 })) event.preventDefault();
   };
-  // for screen readers: the canvas itself has no text
+  // for screen readers, because a canvas has no text
   const named = () => element.querySelector('canvas')?.setAttribute('aria-label', more().viewOfRobot);
   chosen();
   named();

@@ -5,7 +5,7 @@ const BUTTONS = '.stage-tools, .stage-foot, .model-findings';
 /** Gap between a note and the robot, CSS px. */
 const AIR = 4;
 
-/** Tells a view how much of its picture notes and buttons cover, so that they don't hide the robot's feet or head.
+/** Tells a view how much of the picture is covered by notes and buttons, so that they don't hide the robot's feet or head.
  *  Returns a function that stops it. */
 export function bindInsets(canvas: HTMLElement, view: Pick<BodyView, 'setCover'>): () => void {
   const stage = canvas.parentElement;

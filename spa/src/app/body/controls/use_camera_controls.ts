@@ -6,8 +6,8 @@ import { startWhenLoaded } from '../../shell/deferred_start.ts';
 
 const CONTROLS = new LatePart(() => import('./index.ts'));
 
-/** Attaches camera keys, double taps, mouse style and insets while a body is shown; with a twin, also selection of
- *  joints by tap. Their code is loaded with the body. */
+/** Attaches camera keys, double taps, mouse style and insets while a body is shown; with a twin, also joint selection by tap.
+ *  Their code is loaded with the body. */
 export function useCameraControls(
   host: RefObject<HTMLElement | null>,
   view: BodyView | null,

@@ -8,11 +8,11 @@ import { changeSettings } from '../../state/settings.ts';
 import { useBalanceText } from '../../text/balance.ts';
 import { Switch } from './Switch.tsx';
 
-/** How often what is not known yet is looked for. */
+/** The interval between checks for data that is not available yet. */
 const EVERY_MS = 250;
 
-/** The menu's entry for balance: a switch where at least one of the robots can have any of it, and in one line each what can't
- *  be, and why. */
+/** The menu entry for balance: a switch if at least one of the robots has balance data, and one line for each part that is
+ *  unavailable, with the reason. */
 export function BalanceEntry({ links }: { links: readonly RobotLink[] }) {
   useNow(EVERY_MS);
   const text = useBalanceText();

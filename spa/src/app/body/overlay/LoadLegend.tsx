@@ -9,7 +9,7 @@ import '../../styles/signs.css';
 
 /** The legend of the load colours of one or several robots; empty while they are off. */
 export function LoadLegend({ signs }: { signs: readonly OverlayLink[] }) {
-  useNow(1000); // without limits, the scale grows with the readings
+  useNow(1000); // without limits, the scale adapts to the readings
   const { load } = useSettings();
   const text = useMore();
   const scale = load === 'off' ? null : scaleOf(signs.map((of) => of.loadScale()));

@@ -10,8 +10,8 @@ import { useMore } from '../../text/more.ts';
 import { BalanceEntry } from './BalanceEntry.tsx';
 import { Switch } from './Switch.tsx';
 
-/** The button and menu for choosing what the overlay shows. It offers only what at least one of the robots can show;
- *  empty if that is nothing. */
+/** The button and menu for choosing what the overlay shows. It offers only what at least one of the robots can show, and is empty
+ *  if there is nothing to offer. */
 export function OverlayMenu({ links }: { links: readonly RobotLink[] }) {
   const { open, setOpen, around } = usePopover<HTMLFieldSetElement>();
   const { lens, forces, level, load } = useSettings();
@@ -87,7 +87,7 @@ function abilities(links: readonly RobotLink[]) {
     forces: all.some(({ forces }) => forces),
     level: all.some(({ level }) => level),
     lens: all.some(({ lens }) => lens),
-    /** By its model, which says more when the menu is open. */
+    /** Decided by the model, whose details are shown when the menu is open. */
     balance: links.some(({ twin }) => twin.modelHash !== null && twin.schema !== null),
     loads: all.flatMap<LoadField>(({ loads }) => loads),
   };

@@ -1,6 +1,6 @@
 import { useMore } from '../../text/more.ts';
 
-/** A labelled check box in the style of a switch. `explain`: what explains it, if anything does. */
+/** A labelled check box in the style of a switch. `explain`: the key of its explanation, if it has one. */
 export function Switch(props: {
   on: boolean;
   onChange: (on: boolean) => void;

@@ -27,13 +27,13 @@ export interface OverlayLink {
   stop(): void;
 }
 
-/** The texts of the signs, and what they were made of. */
+/** The texts of the signs, and the inputs they were made from. */
 interface Words {
   readonly words: More;
   readonly madeOf: readonly unknown[];
 }
 
-/** The texts of the signs, with joints in plain words if these are wanted. `before`: those of the last frame. */
+/** The texts of the signs, with joint names in plain words if the viewer wants them. `before`: those of the last frame. */
 function wordsFor({ schema }: RobotTwin, plain: boolean, before: Words | null): Words {
   const text = more();
   const madeOf = [schema, text, plain];
@@ -68,7 +68,7 @@ export function bindOverlay(scene: OverlaidBody, { twin, watch }: RobotLink): Ov
     if (reader?.schema !== schema) reader = new OverlayReader(schema);
     const choice = { ...settings(), joint: selection()?.joint ?? null };
     const read = reader.read(state.codes, limits, choice);
-    const isMeasured = choice.shown !== 'ref' || !reader.can.lens; // a lead has no commands
+    const isMeasured = choice.shown !== 'ref' || !reader.can.lens; // the states that lead up to a moment have no commands
     const lead = twin.lead === null || !isMeasured ? null : { states: twin.lead, tS: state.tS };
     const readings = { ...read, balance: read.balance && { ...read.balance, lead } };
     const ghost = reader.ghost(readings, choice);

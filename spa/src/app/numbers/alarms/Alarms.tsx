@@ -14,7 +14,7 @@ import { When } from './When.tsx';
 /** One entry of the list of events. */
 interface Happened {
   readonly key: string;
-  /** Unix, ms; null when the relay did not say. */
+  /** Unix, ms; null if the relay did not send it. */
   readonly atMs: number | null;
   readonly level: string;
   readonly state: string;
@@ -24,7 +24,7 @@ interface Happened {
   readonly own: boolean;
 }
 
-/** The open faults, then past events (newest first) of the relay's last hundred and of the viewer's own limits. */
+/** The open faults, then past events, newest first: the relay's last hundred, and those of the viewer's own limits. */
 export function Alarms({ link }: { link: RobotLink }) {
   const { twin } = link;
   useVersion(link);

@@ -14,13 +14,12 @@ import { selectJoint } from '../../state/selection.ts';
 import { faultWords } from '../../status/fault_words.ts';
 import { say, useText } from '../../text/language.ts';
 
-/** What makes sentences of faults, loaded once the body is drawn. Until it has come, the line has the robot's own words. */
+/** Turns faults into sentences; loaded once the body is drawn. Until then, the line shows the robot's own words. */
 const SENTENCES = new LatePart(() => firstPaint().then(() => import('../../status/fault_sentence.ts')));
 
-/** The faults in one line above the tabs; on a phone it stays visible when the sheet is down. `onMore`:
- *  to show all of them. */
+/** The faults in one line above the tabs; on a phone it stays visible when the sheet is down. `onMore` shows all of them. */
 export function FaultLine({ link, onMore }: { link: RobotLink; onMore: () => void }) {
-  useNow(500); // how long it has lasted
+  useNow(500); // updates how long it has lasted
   const text = useText();
   const sentences = useLatePart(SENTENCES);
   const faults = useFaults(link.faults);

@@ -10,9 +10,9 @@ import { useText } from '../../text/language.ts';
 import { more, useMore } from '../../text/more.ts';
 import { When } from './When.tsx';
 
-/** The faults that are not acknowledged or not over, with their times and a button to acknowledge them. */
+/** The faults that are active or unacknowledged, with their times and a button to acknowledge them. */
 export function OpenFaults({ link, faults }: { link: RobotLink; faults: readonly Fault[] }) {
-  useNow(1000); // how long they have lasted
+  useNow(1000); // updates how long they have lasted
   const text = useText();
   const rest = useMore();
   if (faults.length === 0) return null;

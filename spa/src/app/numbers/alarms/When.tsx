@@ -4,13 +4,13 @@ import { pastControls } from '../../state/moment.ts';
 import { useStore } from '../../state/use_store.ts';
 import { useMore } from '../../text/more.ts';
 
-/** What led up to a fault is seen from here on. */
+/** Playback starts this long before a fault, to show what led up to it. */
 const BEFORE_MS = 2000;
 
 const never = () => () => {};
 
-/** When something happened (unix ms by the relay's clock; null: not known). Where the past is kept, a button that shows it,
- *  as large as its row. `title`: what else the row tells a mouse. */
+/** When something happened (unix ms by the relay's clock; null if unknown). If the past is kept, it is a button as large as its
+ *  row that shows that moment. `title`: the rest of the row's tooltip. */
 export function When({ atMs, title }: { atMs: number | null; title?: string | undefined }) {
   const controls = useStore(pastControls);
   const text = useMore();

@@ -1,4 +1,4 @@
-/** A text in the page that is written only when it changes; an unchanged one costs a comparison. */
+/** A text on the page that is written only when it changes; if unchanged, the cost is one comparison. */
 export class TextCell {
   readonly #node = new Text();
   #shown = '';
@@ -14,7 +14,7 @@ export class TextCell {
   }
 }
 
-/** The same for a `data-` attribute, which the style sheet turns into a sign. */
+/** The same for a `data-` attribute, which the style sheet turns into a symbol. */
 export class DataAttribute {
   readonly #element: HTMLElement;
   readonly #name: string;
@@ -43,7 +43,7 @@ export function createElement<K extends keyof HTMLElementTagNameMap>(
   return element;
 }
 
-/** Shows a button as pressed or not; the page is touched only when that changes. */
+/** Shows a button as pressed or not; the DOM is written only when that changes. */
 export function setPressed(button: HTMLElement, on: boolean): void {
   const pressed = String(on);
   if (button.getAttribute('aria-pressed') !== pressed) button.setAttribute('aria-pressed', pressed);

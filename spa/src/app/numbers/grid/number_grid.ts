@@ -1,14 +1,14 @@
 import { type Display, stepsOf, stepsText } from '../../../twin/format.ts';
 
 /**
- * The numbers of a table, row by row. What is shown is kept in typed arrays, which are fast to compare at every update,
- * and the DOM is written only where a number will look different.
+ * The numbers of a table, row by row. The shown values are kept in typed arrays, which are fast to compare, and the DOM is
+ * written only where a number will look different.
  */
 export class NumberGrid {
   readonly #nodes: readonly Text[];
-  /** Steps of the last digit, as shown. */
+  /** The shown value in steps of the last digit. */
   readonly #steps: Float64Array;
-  /** 1 where the number is the last known one, not the present. */
+  /** 1 if the number is the last known one, not the present one. */
   readonly #old: Uint8Array;
 
   constructor(cells: readonly HTMLElement[]) {
@@ -20,10 +20,10 @@ export class NumberGrid {
 
   /** Forgets what is shown, because the same numbers will look different (another unit). */
   forget(): void {
-    this.#steps.fill(-0); // no number has these steps
+    this.#steps.fill(-0); // an impossible step count, so that everything is written again
   }
 
-  /** Shows a value. `old`: it is the last known one, not the present. */
+  /** Shows a value. `old`: it is the last known value, not the present one. */
   set(at: number, value: number | null, display: Display, old: boolean): void {
     const node = this.#nodes[at]!;
     if (this.#old[at] !== Number(old)) {

@@ -10,8 +10,8 @@ export const cost = { writes: 0, scriptMs: 0 };
 /** Adds a listener; returns a function that removes it. */
 type Subscribe = (listener: () => void) => () => void;
 
-/** Calls `write` after new states and after events of `also`, at most ten times a second, and always after the last of
- *  them; with `leastMs`, also when nothing came for so long. Returns a function that stops it. */
+/** Calls `write` after new states and after the events `also`, at most ten times a second, and always after the last one; with
+ *  `leastMs`, also after that long without one. Returns a function that stops it. */
 export function refreshWith(
   twin: RobotTwin,
   write: () => void,

@@ -2,7 +2,7 @@ import type { Trace } from '../../../twin/plots/trace.ts';
 import { addTrace } from '../../state/traces.ts';
 
 const TYPE = 'application/x-posecast-value';
-/** Where values may be dropped: the tab of the plots, and what it shows. */
+/** The drop target for values: the tab of the plots and its content. */
 const PLOTS = '#tab-Plots, #panel-Plots';
 
 /** Lets cells with a field and a label be dragged into the plots of their panel. `dropped` is called after a drop. */
@@ -26,7 +26,7 @@ export function carryValues(panel: HTMLElement, dropped: () => void): void {
   });
 }
 
-/** The dragged value; null for anything else that is dropped. */
+/** The dragged value; null if something else was dropped. */
 function broughtValue(dataTransfer: DataTransfer | null): Trace | null {
   let carried: unknown = null;
   try {

@@ -11,7 +11,7 @@ import { useMore } from '../../text/more.ts';
 import { refreshWith } from '../grid/refresh.ts';
 import { PlotStack } from './plot_stack.ts';
 
-/** Plots are redrawn this often also without new frames, since time goes on. */
+/** Plots are redrawn this often even without new frames, because the time axis moves. */
 const SLIDES_EVERY_MS = 500;
 
 /** A paused minute. */
@@ -39,7 +39,7 @@ export function Plots({ link }: { link: RobotLink }) {
       theme,
       angle,
       words: text,
-      derived: BALANCE_NUMBERS.value()?.balanceTraces(link) ?? null, // whoever plots it has seen its numbers
+      derived: BALANCE_NUMBERS.value()?.balanceTraces(link) ?? null, // whoever plots a value has opened the numbers
       remove: removeTrace,
       zoomed: () => setHeld((before) => before ?? hold(history, link.nowMs())),
     });
@@ -104,5 +104,5 @@ function save(name: string, csv: string): void {
   link.href = url;
   link.download = name;
   link.click();
-  setTimeout(() => URL.revokeObjectURL(url), 10_000); // the download has begun by then
+  setTimeout(() => URL.revokeObjectURL(url), 10_000); // the download has started by then
 }

@@ -1,6 +1,6 @@
-/** While loading, uPlot makes a number format for the browser's language. In the locale C, as on machines without a
- *  desktop, WebKitGTK's language is "C", for which `Intl` throws, so there would be no plots. Import this before uPlot.
- *  */
+/** While loading, uPlot makes a number format for the browser's language. In the C locale, common on machines without a desktop,
+ *  WebKitGTK reports the language "C". `Intl` throws for it, and plots would fail. Import this before uPlot.
+ */
 try {
   new Intl.NumberFormat(navigator.language);
 } catch {

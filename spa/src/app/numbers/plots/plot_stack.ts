@@ -23,7 +23,7 @@ import { writeLegendName } from './legend_name.ts';
 import { traceStyle } from './trace_style.ts';
 
 const HEIGHT_PX = { least: 130, most: 240 };
-/** Least height of a plot in steps of the last digit, so that the noise of a joint at rest does not fill it. */
+/** Minimum height of a plot in steps of the last digit, so that the noise of a joint at rest does not fill it. */
 const LEAST_STEPS = 20;
 
 interface Shown {
@@ -33,22 +33,22 @@ interface Shown {
   data: PlotData;
 }
 
-/** The words at the plots. */
+/** The texts in the plots. */
 export type PlotWords = Pick<More, 'plotOf' | 'takeAway' | 'notReported' | 'ago' | keyof SensorWords>;
 
 export interface PlotManner {
   readonly theme: 'dark' | 'light';
   readonly angle: AngleUnit;
   readonly words: PlotWords;
-  /** What the page computes itself; null: none of it is plotted. */
+  /** Values that the page computes itself; null if none is plotted. */
   readonly derived: DerivedTraces | null;
-  /** Takes a trace away; null where nobody chose them. */
+  /** Removes a trace; null if the viewer didn't choose the traces. */
   readonly remove: ((trace: Trace) => void) | null;
-  /** Called when somebody zooms to a part of the time, which must then not slide away; null: one can't zoom. */
+  /** Called when the viewer zooms to a time span, which must then stop scrolling; null: zooming is off. */
   readonly zoomed: (() => void) | null;
 }
 
-/** The plots of the last minute, one for each unit, below one another and with a common cursor. */
+/** The plots of the last minute, stacked, one for each unit, with a common cursor. */
 export class PlotStack {
   readonly #host: HTMLElement;
   readonly #list: readonly Trace[];
@@ -71,7 +71,7 @@ export class PlotStack {
     this.#resizes.observe(host);
   }
 
-  /** Shows the minute that ends at `nowMs`. */
+  /** Shows the minute ending at `nowMs`. */
   write(history: History, nowMs: number): void {
     if (history.schema !== this.#builtFor) this.#build(history, nowMs);
     this.#computing = this.#manner.derived?.update(history, nowMs) ?? false;
@@ -85,7 +85,7 @@ export class PlotStack {
     this.#tell();
   }
 
-  /** Whether some of what was written last is still to be computed: write it again. */
+  /** Whether some of the values are still being computed; if so, call write again. */
   get computing(): boolean {
     return this.#computing;
   }
@@ -124,7 +124,7 @@ export class PlotStack {
     this.#fit();
   }
 
-  /** Makes one line of a legend; returns the cell for its value. */
+  /** Creates one legend line; returns the cell for its value. */
   #entry(legend: HTMLElement, { display, traces }: PlotGroup, i: number): TextCell {
     const trace = traces[i]!;
     const { of, index, reading } = trace;
@@ -197,7 +197,7 @@ export class PlotStack {
     };
   }
 
-  /** Writes the values at the cursor, else the newest ones, to the legends. */
+  /** Writes the values at the cursor, or else the newest ones, to the legends. */
   #tell(): void {
     for (const { group, values, data } of this.#shown) {
       const at = this.#at ?? data.s.length - 1;
@@ -226,7 +226,7 @@ export class PlotStack {
   }
 }
 
-/** "RKN pos", in the page's words for the column; "right foot Fz". */
+/** "RKN pos", using the page's word for the column; "right foot Fz". */
 function titleOf({ of, reading }: PlotTrace): string {
   const { field, label } = of;
   const ofTable = NUMBERS.find((name) => name === field);
@@ -250,7 +250,7 @@ function axisNumber(value: number, decimals: number): string {
   return String(Number(value.toFixed(decimals))).replace('-', '−');
 }
 
-/** Adds touch to uPlot, which handles only the mouse: moving a finger sideways moves the cursor, up or down scrolls. */
+/** Adds touch to uPlot, which handles only the mouse: sideways moves the cursor, up and down scrolls the page. */
 function followFinger(plot: uPlot): void {
   plot.over.style.touchAction = 'pan-y';
   const place = (event: PointerEvent) => {

@@ -7,7 +7,7 @@ const DASHES: readonly (readonly number[])[] = [[], [7, 4]];
 
 export interface TraceStyle {
   readonly color: string;
-  /** CSS px: line, gap; empty for a whole line. */
+  /** Dash pattern, CSS px: line, gap; empty for a solid line. */
   readonly dash: readonly number[];
 }
 

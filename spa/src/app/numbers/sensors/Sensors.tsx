@@ -8,8 +8,8 @@ import { createElement } from '../grid/cells.ts';
 import { refreshWith } from '../grid/refresh.ts';
 import { SensorView } from './sensor_view.ts';
 
-/** The element for the sensors, whose numbers are written to the DOM without React, and below it what the page computes of
- *  them. */
+/** The element for the sensors, whose numbers are written directly to the DOM, without React, and below it the values that the
+ *  page computes. */
 export function Sensors({ link }: { link: RobotLink }) {
   const host = useRef<HTMLDivElement>(null);
   useLayoutEffect(() => {
@@ -17,7 +17,7 @@ export function Sensors({ link }: { link: RobotLink }) {
     host.current.replaceChildren(createElement('p', 'note late', say().noNumbersYet));
     const view = new SensorView(host.current, link.twin, link.minute.readings);
     const write = () => view.write(link.nowMs());
-    if (link.twin.state !== null) write(); // with the word above it: between now and then numbers change at once
+    if (link.twin.state !== null) write(); // with the state word above, because entering the past changes all numbers at once
     const stop = refreshWith(link.twin, write, [onTraces, onLanguage]);
     return () => {
       stop();

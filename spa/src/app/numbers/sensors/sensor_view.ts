@@ -9,10 +9,10 @@ import { more } from '../../text/more.ts';
 import { createElement, DataAttribute, setPressed, TextCell } from '../grid/cells.ts';
 import { NumberGrid } from '../grid/number_grid.ts';
 
-/** A reading that has been lost for longer than this shows its age. */
+/** The age is shown for readings lost longer than this. */
 const OLD_MS = 1500;
 
-/** The words behind a group's name. */
+/** The text after a group's name. */
 function kindWords(kind: SensorGroup['kind']): string {
   const { ofBase, ofForce, ofOther } = more();
   return { base: ofBase, wrench: ofForce, imu: 'IMU', power: '', other: ofOther }[kind];
@@ -20,7 +20,7 @@ function kindWords(kind: SensorGroup['kind']): string {
 
 interface ReadingView {
   readonly reading: Reading;
-  /** The same reading from the last known values, for when the newest frame has none. */
+  /** The same reading taken from the last known values, for when the newest frame has none. */
   readonly last: Reading;
   readonly value: HTMLElement;
   readonly unit: TextCell;
@@ -45,7 +45,7 @@ export class SensorView {
   #root: HTMLElement | null = null;
   #groups: GroupView[] = [];
   #views: ReadingView[] = [];
-  /** The value of each view. */
+  /** The value that each view shows. */
   #values = new NumberGrid([]);
   readonly #displays = new Map<string, Display>();
   #angle = '';
@@ -89,7 +89,7 @@ export class SensorView {
     this.#host.replaceChildren();
   }
 
-  /** When a reading was lost; for an angle, when a part of its quaternion was. */
+  /** When a reading was lost; for an angle, when any part of its quaternion was lost. */
   #lostMs({ field: name, label }: Reading, last: LastReadings): number | null {
     const field = this.#twin.schema?.field(name) ?? null;
     const site = label.slice(0, label.lastIndexOf('.') + 1);

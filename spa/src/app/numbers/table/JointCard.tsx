@@ -19,7 +19,7 @@ import { JointRoom } from './JointRoom.tsx';
 import { JointCardView } from './joint_card_view.ts';
 
 const EVENTS_SHOWN = 8;
-/** The card is redrawn this often also without new frames, since time goes on. */
+/** The card is redrawn this often even without new frames, because the time axis moves. */
 const SLIDES_EVERY_MS = 500;
 
 /** The card with everything about one joint; Escape closes it. */
@@ -35,7 +35,7 @@ export function JointCard({ link, joint }: { link: RobotLink; joint: string }) {
     const view = new JointCardView(host.current, link, joint);
     const write = () => view.write(link.nowMs());
     const stop = refreshWith(link.twin, write, [onTraces, onLanguage], SLIDES_EVERY_MS);
-    // After a tap on the body the focus stays there, so that the camera's keys work.
+    // After a tap on the body, the focus stays there so that the camera's keys work.
     if (selection()?.from === 'numbers') back.current?.focus({ preventScroll: true });
     return () => {
       stop();
@@ -93,7 +93,7 @@ export function JointCard({ link, joint }: { link: RobotLink; joint: string }) {
   );
 }
 
-/** Closes the card, and returns the focus to the joint's row once the table is back. */
+/** Closes the card, and returns the focus to the joint's row once the table is shown again. */
 function close(joint: string): void {
   selectJoint(null);
   requestAnimationFrame(() =>

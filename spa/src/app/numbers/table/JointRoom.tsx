@@ -11,13 +11,13 @@ import { type RobotLink, useVersion } from '../../state/robot_link.ts';
 import { useSettings } from '../../state/settings.ts';
 import { type BalanceText, useBalanceText } from '../../text/balance.ts';
 
-/** Numbers that change more often can't be read. */
+/** Numbers that change faster can't be read. */
 const EVERY_MS = 250;
-/** Where less than this part of its whole way is left, that is marked. */
+/** If less than this part of the joint's range is left, it is marked. */
 const CAUTION_PART = 0.05;
 
-/** How far a joint still is from its end stops, as the model has them: one line for each joint of the model that the
- *  channel moves. Empty for joints without limits. */
+/** The distance from a joint to its end stops, which come from the model: one line for each model joint that the channel moves.
+ *  Empty for joints without limits. */
 export function JointRoom({ link, joint }: { link: RobotLink; joint: string }) {
   useNow(EVERY_MS);
   const { angle } = useSettings();
@@ -60,7 +60,7 @@ function roomWords(
   return `${words}, ${text.ofItsWay(`${Math.round(part * 50)} %`)}`;
 }
 
-/** The joints of the model that the channel moves and that have limits; null while the model is not here. */
+/** The model joints that the channel moves and that have limits; null before the model has loaded. */
 function useRooms(link: RobotLink, joint: string) {
   useVersion(link);
   const { schema, modelHash } = link.twin;
@@ -72,7 +72,7 @@ function useRooms(link: RobotLink, joint: string) {
     let left = false;
     manifestAt(manifestUrl(modelHash))
       .then((raw) => !left && raw.v === 2 && setManifest(readManifest(raw)))
-      .catch(() => {}); // whoever shows the body says why
+      .catch(() => {}); // the body reports the reason
     return () => {
       left = true;
     };

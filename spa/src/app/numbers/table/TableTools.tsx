@@ -3,7 +3,7 @@ import { changeSettings, useSettings } from '../../state/settings.ts';
 import { useMore } from '../../text/more.ts';
 import { filterText, onFilter, setFilter } from './filter.ts';
 
-/** The tools of the joint table: filter, order and unit. */
+/** The tools of the joint table: filter, sort order and unit. */
 export function TableTools() {
   const filter = useSyncExternalStore(onFilter, filterText);
   const { limbs, angle } = useSettings();

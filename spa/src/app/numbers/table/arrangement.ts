@@ -1,3 +1,3 @@
-/** What arranges the joint table once it stands: it comes after the first paint. */
+/** Arranges the joint table once it is shown; loaded after the first paint. */
 export { titledLimbs } from './limb_titles.ts';
 export { NameColumn } from './name_column.ts';

@@ -1,6 +1,6 @@
 import { createStore } from '../../../browser/store.ts';
 
-/** The filter text of the joint table. It lasts as long as the page, also when schema or tab change. */
+/** The filter text of the joint table. It is kept as long as the page is open, also when the schema or the tab changes. */
 const text = createStore('');
 let words: readonly string[] = [];
 

@@ -25,10 +25,10 @@ const QUANTITIES = [
   { field: 'temp', name: 'heat', what: 'heatMeans' },
 ] as const;
 
-/** Least range of a strip (in the field's unit), so that noise looks like a flat line. */
+/** Minimum range of a strip (in the field's unit), so that noise looks like a flat line. */
 const LEAST_RANGE = { pos: 0.02, cur: 0.5 };
 const STRIP = { width: 300, height: 56 };
-/** In the past a strip goes as far ahead as back, s. */
+/** In the past, a strip extends as far ahead of the shown moment as behind it, s. */
 const HALF_S = HISTORY_S / 2;
 
 interface Line {
@@ -43,17 +43,17 @@ interface StripView {
   fields: readonly ('pos' | 'ref' | 'cur')[];
   leastRange: number;
   paths: SVGPathElement[];
-  /** Of what comes after the shown moment; none while that is the present. */
+  /** The data after the shown moment; none in the present. */
   later: SVGPathElement[];
   low: TextCell;
   high: TextCell;
 }
 
-/** The robot, and what is remembered of it. */
+/** The robot and its recorded history. */
 export type CardLink = Pick<RobotLink, 'twin' | 'minute' | 'coming'>;
 
-/** Shows one joint: its numbers, their limits, and its last minute; of the past the minute around the shown
- *  moment. Written to the DOM without React, like the table. */
+/** Shows one joint: its numbers, their limits, and its last minute; in the past, the minute around the shown moment. Written
+ *  directly to the DOM, like the table. */
 export class JointCardView {
   readonly #host: HTMLElement;
   readonly #twin: RobotTwin;
@@ -63,7 +63,7 @@ export class JointCardView {
   readonly #label: string;
   #builtFor: readonly unknown[] = [];
   #lines: Line[] = [];
-  /** Of each line its value. */
+  /** The value of each line. */
   #values = new NumberGrid([]);
   #angle = '';
   #strips: StripView[] = [];
@@ -111,7 +111,7 @@ export class JointCardView {
     return ref === null || pos === null ? null : ref - pos;
   }
 
-  /** What was read last, when nothing is read now. */
+  /** The last reading, if there is none now. */
   #lost(name: Line['field']): { value: number | null; sinceMs: number } | null {
     if (!this.#readings.anyLost) return null;
     const field = this.#twin.schema?.field(name) ?? null;
@@ -155,7 +155,7 @@ export class JointCardView {
     high.set(found === null ? '' : formatNumber(found.high, display));
   }
 
-  /** What comes of a field within half a minute. */
+  /** A field's values in the half minute ahead. */
   #traceOf(name: string, coming: readonly PastState[], nowMs: number): TraceHistory {
     const { schema } = this.#twin;
     const field = schema?.field(name) ?? null;
@@ -250,7 +250,7 @@ export class JointCardView {
   }
 }
 
-/** What a trace has from a moment on. */
+/** The values of a trace from a moment on. */
 function since({ agoS, values }: TraceHistory, fromS: number): TraceHistory {
   const first = agoS.findIndex((at) => at >= fromS);
   return first < 0 ? { agoS: [], values: [] } : { agoS: agoS.slice(first), values: values.slice(first) };

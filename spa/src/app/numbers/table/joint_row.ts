@@ -6,13 +6,13 @@ import { faultWords } from '../../status/fault_words.ts';
 import { say } from '../../text/language.ts';
 import { createElement, DataAttribute, TextCell } from '../grid/cells.ts';
 
-/** A reading that has been lost for longer than this shows its age. */
+/** The age is shown for readings lost longer than this. */
 const OLD_MS = 1500;
 
 export const STATES = ['homed', 'enabled'] as const;
 export type StateName = (typeof STATES)[number];
 
-/** A column of a row that has no reading now, and since when. */
+/** A column of a row that has no reading now, and the time of its last one. */
 export interface Lost {
   readonly name: NumberName;
   readonly sinceMs: number;
@@ -24,7 +24,7 @@ export class RowView {
   /** The button that shows the joint's name. */
   readonly button: HTMLElement;
   readonly label: string;
-  /** The label, or its words where these are wanted. */
+  /** The label, or the joint's plain name if the viewer prefers words. */
   readonly name: string;
   /** The text that the filter searches, in lower case; it changes with the flags. */
   haystack = '';
@@ -45,10 +45,10 @@ export class RowView {
   constructor(
     row: JointRow,
     name: string,
-    /** What the profile calls it, ready to show. */
+    /** The profile's name for it, safe to show. */
     plain: string | null,
     limb: string,
-    /** The unit of a number when it is not its column's: it stands behind the number then. */
+    /** The unit of a number if it differs from the column's unit; it then follows the number. */
     ownUnit: (field: NumberName) => string | null,
     numbers: readonly NumberName[],
     states: readonly StateName[],
@@ -77,7 +77,7 @@ export class RowView {
     };
     this.numbers = numbers.map((field) => {
       const td = cell(field, `c-num c-${field}`);
-      td.draggable = true; // into a plot
+      td.draggable = true; // starts a drag into a plot
       const unit = ownUnit(field);
       if (unit !== null) td.dataset.unit = displayOf(unit, 'rad').unit;
       marks[field] = new DataAttribute(td, 'level');
@@ -87,7 +87,7 @@ export class RowView {
     this.#cur = marks.cur ?? null;
     this.#temp = marks.temp ?? null;
     this.#states = states.map((field) => [field, new TextCell(cell(field, 'c-state'))]);
-    const flags = createElement('span', ''); // two lines of a cell
+    const flags = createElement('span', ''); // two lines in one cell
     cell('flags', 'c-flags').append(flags);
     this.#flags = new TextCell(flags);
     this.element = element;
@@ -122,7 +122,7 @@ export class RowView {
   }
 }
 
-/** "pos, cur 12 s old": which readings are gone, and how long ago the first of them was. */
+/** "pos, cur 12 s old": which readings are lost, and how long ago the first one was. */
 export function oldWords(lost: readonly Lost[], nowMs: number): string {
   const told = lost.filter(({ sinceMs }) => nowMs - sinceMs >= OLD_MS);
   if (told.length === 0) return '';

@@ -19,15 +19,15 @@ import type { titledLimbs } from './limb_titles.ts';
 import type { NameColumn } from './name_column.ts';
 import { Ranks } from './ranks.ts';
 
-/** What the table needs from the page around it. */
+/** What the table needs from the rest of the page. */
 export interface TableSources {
   readonly faults?: FaultLog;
   readonly readings?: LastReadings;
-  /** The time as of which the table is, ms. */
+  /** The time that the table shows, ms. */
   readonly nowMs?: () => number;
   /** Groups the joints by limb; null until its code is loaded. */
   limbs?: typeof titledLimbs | null;
-  /** Fits the names to the room there is; undefined until its code is loaded. */
+  /** Fits the names to the available width; undefined until its code is loaded. */
   NameColumn?: typeof NameColumn;
 }
 
@@ -42,19 +42,19 @@ interface Column {
   readonly field: ReturnType<JointTable['column']>;
   readonly unit: TextCell;
   display: Display;
-  /** Of single rows, where a channel has a unit of its own; null where there is none such. */
+  /** Units of individual rows, for channels with their own unit; null if there are none. */
   own: readonly (Display | null)[] | null;
 }
 
 /** The rank of a row that the filter hides. */
 const HIDDEN = -1;
-/** Rows out of sight are written in turns, every 20th at a time, so each is written within two seconds. */
+/** Rows off the screen are written in turns, every 20th at a time, so that each is written within two seconds. */
 const TURNS = 20;
 /** This long after the last frame, all remaining rows are written. */
 const SETTLED_MS = 300;
 const NOTHING_LOST: readonly Lost[] = [];
 
-/** The joint table. It is written directly to the DOM, without React, because it changes with every frame. */
+/** The joint table. It writes directly to the DOM, without React, because it changes with every frame. */
 export class JointView {
   readonly #twin: RobotTwin;
   readonly #host: HTMLElement;
@@ -70,13 +70,13 @@ export class JointView {
   #builtFor: readonly unknown[] = [];
   #angle = '';
   #ranks = new Ranks(0);
-  /** For each row its rank, or HIDDEN, as shown. */
+  /** The shown rank of each row, or HIDDEN. */
   #shownRanks = new Int8Array(0);
-  /** For each row, the count of changes that was written last. */
+  /** For each row, the change count at its last write. */
   #said = new Uint32Array(0);
-  /** The version of the faults that was written last; NaN: write all again. */
+  /** The fault version at the last write; NaN: write everything again. */
   #saidFaults = Number.NaN;
-  /** Which rows are on the screen (1) or not (0). Writing to the DOM is the most expensive part of an update. */
+  /** Whether each row is on screen (1) or not (0). Writing to the DOM is the most expensive part of an update. */
   #seen = new Uint8Array(0);
   readonly #sight = new IntersectionObserver((changes) => this.#look(changes));
   #turn = 0;
@@ -93,7 +93,7 @@ export class JointView {
     this.#host = host;
     this.#twin = twin;
     this.#from = from;
-    // A card that opens takes room, a panel that is dragged gives some.
+    // Opening a card takes room; dragging the panel changes it.
     const shrinks = new ResizeObserver(() => {
       this.#names?.fit();
       this.#reveal();
@@ -160,11 +160,11 @@ export class JointView {
     });
   }
 
-  /** Called when rows have come into sight or gone out of it. */
+  /** Called when rows scroll into or out of view. */
   #look(changes: readonly IntersectionObserverEntry[]): void {
     for (const { target, isIntersecting } of changes) {
       const i = this.#rows.findIndex(({ element }) => element === target);
-      this.#seen[i] = Number(isIntersecting); // of a row that is gone: nowhere
+      this.#seen[i] = Number(isIntersecting); // a removed row is not on screen
     }
     this.#writeNumbers();
   }
@@ -184,7 +184,7 @@ export class JointView {
     this.#ranks.set(i, row.level, fault !== null);
   }
 
-  /** Returns what is not read any more. */
+  /** Drops rows that are no longer reported. */
   #writeNumbersOf(i: number, due: boolean): readonly Lost[] {
     const { readings } = this.#from;
     const mayBeLost = readings?.anyLost === true;
@@ -207,8 +207,8 @@ export class JointView {
     return gone;
   }
 
-  /** Sorts the rows: faults first, then lasting cautions, else the robot's own order, by limb if wanted. The DOM is
-   *  written only when the order or the set of filtered rows changes. */
+  /** Sorts the rows: faults first, then lasting cautions, then the robot's own order, grouped by limb if the viewer wants that.
+   *  The DOM is written only when the order or the set of filtered rows changes. */
   #arrange(nowMs: number, filterChanged = false): void {
     const { faultsFirst } = settings();
     const filtered = hasFilter();
@@ -241,7 +241,7 @@ export class JointView {
       this.#nothing.textContent = none ? say().noJointMatches(filterText()) : '';
       this.#nothing.hidden = !none;
     }
-    this.#writeNumbers(); // what comes up from where nobody saw it
+    this.#writeNumbers(); // a row that moves up from off screen
   }
 
   #mark(): void {

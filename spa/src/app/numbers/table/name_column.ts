@@ -1,30 +1,30 @@
 import { isolated } from '../../../twin/names.ts';
 import { shortenNames } from '../../../twin/short_names.ts';
 
-/** What the column of words keeps when names want its room, CSS px: "compliant", and its padding. */
+/** The minimum width of the word column when names need room, CSS px: "compliant" plus padding. */
 const WORDS_PX = 66;
-/** Names that get this much, CSS px, can be read; where they get less, columns that stand in the card make room. */
+/** Names with at least this width, CSS px, are readable; if they get less, columns that the card also shows are hidden. */
 const ENOUGH_PX = 96;
-/** How many times columns can make room: none, the speeds and torques, the deviations too (`data-crowded`). */
+/** The steps in which columns are hidden: none, then speeds and torques, then deviations as well (`data-crowded`). */
 const CROWDED = ['', 'some', 'more'] as const;
-/** The column of names is at least this wide, CSS px. */
+/** The minimum width of the name column, CSS px. */
 const LEAST_PX = 52;
-/** A letter's width where nothing can be measured, CSS px. */
+/** A letter's width if text can't be measured, CSS px. */
 const LETTER_PX = 7;
-/** The weight of a name whose joint has a fault: the widest there is. */
+/** The font weight of a faulty joint's name, which is the widest. */
 const BOLD = 650;
 
-/** A row's name: the button that shows it, and the joint's whole name as it is shown. */
+/** A row's name: the button that shows it, and the joint's full display name. */
 export interface NameCell {
   readonly button: HTMLElement;
   readonly name: string;
 }
 
-/** Makes the joint table's column of names as wide as they need and the panel can give, and shortens what is wider. */
+/** Makes the name column of the joint table as wide as the names need and the panel allows, and shortens names that are wider. */
 export class NameColumn {
   readonly #table: HTMLTableElement;
   readonly #cells: readonly NameCell[];
-  /** What the names shown were made for: the room for them and their font. */
+  /** The inputs of the shown names: the available width and the font. */
   #madeFor = '';
   #font = '';
   #widths = new Map<string, number>();
@@ -34,7 +34,7 @@ export class NameColumn {
     this.#cells = cells;
   }
 
-  /** Fits the column to the table's room. Call it whenever that has changed; it does nothing if it has not. */
+  /** Fits the column to the table's room. Call it whenever the room may have changed; otherwise it does nothing. */
   fit(): void {
     const first = this.#cells[0]?.button;
     const room = this.#table.parentElement?.clientWidth ?? 0;
@@ -74,7 +74,7 @@ export class NameColumn {
     });
   }
 
-  /** Of the columns between the names and the words, CSS px. */
+  /** The width of the columns between the names and the words, CSS px. */
   #widthOfNumbers(): number {
     const cells = [...this.#table.querySelectorAll<HTMLElement>('thead th')];
     return cells.slice(1, -1).reduce((sum, { offsetWidth }) => sum + offsetWidth, 0);

@@ -1,17 +1,17 @@
 import type { JointRow } from '../../../twin/joints.ts';
 
-/** A row stays on top this long after its fault, also when acknowledged, because rows that jump can't be read. */
+/** A row stays on top this long after its fault, even if acknowledged, because rows that jump can't be read. */
 const STAYS_ON_TOP_MS = 5000;
-/** Only a caution that lasts this long moves a row up: a walking robot's joints lag behind now and then. */
+/** Only a caution that lasts this long moves a row up, because a walking robot's joints briefly lag now and then. */
 const CAUTION_LASTS_MS = 1000;
 
 /** Flag: the row has a fault that is not acknowledged. */
 const OPEN = 4;
 const LEVELS: readonly JointRow['level'][] = ['ok', 'caution', 'fault'];
 
-/** Ranks the rows of a table. It is asked for each row at each update, so it keeps its data in typed arrays. */
+/** Ranks the rows of a table. It is called for each row at each update, so its data is in typed arrays. */
 export class Ranks {
-  /** 0: all is well, 1: caution, 2: fault; and OPEN. */
+  /** 0: normal, 1: caution, 2: fault; plus the OPEN flag. */
   readonly #levels: Uint8Array;
   readonly #faultMs: Float64Array;
   readonly #cautionMs: Float64Array;
@@ -29,7 +29,7 @@ export class Ranks {
     this.#levels[i] = LEVELS.indexOf(level) | (open ? OPEN : 0);
   }
 
-  /** 2: faulty, or was until just now; 1: caution; 0: all well. */
+  /** 2: a fault now or until just now; 1: caution; 0: normal. */
   of(i: number, nowMs: number): 0 | 1 | 2 {
     const held = this.#levels[i]!;
     const level = held & ~OPEN;

@@ -17,8 +17,7 @@ import { isolated } from '../../../twin/names.ts';
 
 const RecordingFrame = late(async () => (await loadRecording()).RecordingFrame, onDemand);
 
-/** One robot embedded in another site's page: body, state and origin. Nothing is requested until it is on the screen.
- *  */
+/** One robot embedded in another site's page: body, state and origin. It sends no request before it is on screen. */
 export function EmbedPage() {
   useThemeOnRoot();
   const rest = useMore();
@@ -72,7 +71,7 @@ function Note({ text }: { text: string }) {
   );
 }
 
-/** True from the first moment in which a part of this frame is on the screen. */
+/** True once any part of this frame has been on screen. */
 function useReached(): boolean {
   const [reached, setReached] = useState(typeof IntersectionObserver === 'undefined');
   useEffect(() => {

@@ -13,7 +13,7 @@ import { connectParent } from './parent.ts';
 
 const Presentation = late(async () => (await import('../../present/Presentation.tsx')).Presentation);
 
-/** One robot, as it is or was, in a frame: body, state and origin. */
+/** One robot, present or past, in a frame: body, state and origin. */
 export function Framed({ link, live, whole, name, note, children }: FrameProps) {
   useEffect(() => {
     showLink(link);

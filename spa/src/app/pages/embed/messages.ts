@@ -1,16 +1,16 @@
 import type { ViewName } from '../../../view/camera/framing.ts';
 import type { Settings } from '../../state/settings.ts';
 
-/** What the page around a frame may ask: `{posecast: 'look', view: 'side'}`. */
+/** A message from the page around a frame: `{posecast: 'look', view: 'side'}`. */
 export type ParentRequest =
   | { posecast: 'look'; view: ViewName }
-  /** A joint as the robot names it; null: none. */
+  /** A joint by the robot's name for it; null: none. */
   | { posecast: 'select'; joint: string | null }
   /** To play on from the moment of the past that it shows, as every recording does. */
   | { posecast: 'play' }
   | { posecast: 'set'; changed: Partial<Pick<Settings, 'shown' | 'load' | 'angle' | 'theme'>> };
 
-/** What a frame tells: once when it is ready, then whenever the word changes, or how far what it shows lies behind. */
+/** The message that a frame sends: once when it is ready, then whenever its state word or its delay changes. */
 export interface Told {
   posecast: 'ready' | 'liveness';
   robot: string;
@@ -18,9 +18,9 @@ export interface Told {
   word: string | null;
   cause: string | null;
   age_ms: number | null;
-  /** How far what is called LIVE or HOLDING lies behind now, ms; null: not at all. */
+  /** The delay of a picture called LIVE or HOLDING, ms; null: none. */
   behind_ms: number | null;
-  /** The moment of the past that is shown, unix ms; null unless the word is PAST. */
+  /** The moment of the past that is shown, unix ms; null unless the state word is PAST. */
   moment_ms: number | null;
 }
 
@@ -32,7 +32,7 @@ const CHOICES = {
   theme: ['system', 'dark', 'light'],
 } as const;
 
-/** Null: none that a frame knows. */
+/** Null if the message is not one that a frame knows. */
 export function readParentRequest(data: unknown): ParentRequest | null {
   if (typeof data !== 'object' || data === null) return null;
   const { posecast, view, joint } = data as Record<string, unknown>;
@@ -52,7 +52,8 @@ export function readParentRequest(data: unknown): ParentRequest | null {
   return changed.length === 0 ? null : { posecast, changed: Object.fromEntries(changed) };
 }
 
-/** The origin that the frame's address names as the page around it: `?origin=https://course.example`. Only it is heard and told. */
+/** The origin of the page around the frame, as the frame's address names it: `?origin=https://course.example`. The frame
+ *  exchanges messages with this origin only. */
 export function parentOrigin(search: string): string | null {
   const asked = new URLSearchParams(search).get('origin');
   if (asked === null) return null;

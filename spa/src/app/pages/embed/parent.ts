@@ -6,7 +6,7 @@ import { selectJoint } from '../../state/selection.ts';
 import { applyLinkSettings } from '../../state/settings.ts';
 import { type ParentRequest, parentOrigin, readParentRequest, type Told } from './messages.ts';
 
-/** Talks with the page around this frame if the address names its origin. Returns a function that stops it. */
+/** Exchanges messages with the page around this frame if the address names its origin. Returns a function that stops it. */
 export function connectParent({ twin, watch, client }: RobotLink): () => void {
   const origin = parentOrigin(window.location.search);
   if (origin === null || window.parent === window) return () => {};

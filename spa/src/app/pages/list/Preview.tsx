@@ -10,16 +10,16 @@ import { withoutHeading } from '../../../twin/rotation.ts';
 import { StickFigure } from '../../../view/stick_figure.ts';
 import { useTheme } from '../../shell/theme.ts';
 
-/** The pointer that only crosses a card opens nothing. */
+/** A pointer that only crosses a card starts no preview. */
 const SETTLE_MS = 200;
 
-/** A robot that moves in lines over its picture, once a second. Nothing is shown for raw bundles, which list no joints, and
- *  as long as no pose has come. */
+/** A moving line drawing of the robot over its picture, updated once a second. Nothing is shown for raw bundles, which list no
+ *  joints, or before the first pose. */
 export function Preview({ robot, model }: { robot: string; model: string }) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const [moves, setMoves] = useState(false);
   const theme = useTheme();
-  // biome-ignore lint/correctness/useExhaustiveDependencies: a theme has another colour for lines
+  // biome-ignore lint/correctness/useExhaustiveDependencies: the line colour depends on the theme
   useEffect(() => {
     const { current } = canvas;
     let stream: PreviewStream | null = null;
@@ -41,7 +41,7 @@ export function Preview({ robot, model }: { robot: string; model: string }) {
         () => setMoves(false),
       );
     };
-    const timer = setTimeout(() => open().catch(() => {}), SETTLE_MS); // the card's picture is there without it
+    const timer = setTimeout(() => open().catch(() => {}), SETTLE_MS); // the card still has its picture
     return () => {
       left = true;
       clearTimeout(timer);
@@ -50,7 +50,7 @@ export function Preview({ robot, model }: { robot: string; model: string }) {
     };
   }, [robot, model, theme]);
   return (
-    // biome-ignore lint/a11y/noAriaHiddenOnFocusable: a canvas takes no focus, and has nothing to say beside the card
+    // biome-ignore lint/a11y/noAriaHiddenOnFocusable: a canvas takes no focus, and the card has the text
     <canvas
       ref={canvas}
       className="thumb-preview"
@@ -61,8 +61,7 @@ export function Preview({ robot, model }: { robot: string; model: string }) {
   );
 }
 
-/** Keeps a robot that walks over the place where it was first, and facing the same way: seen from the side, lines tell
- *  little. */
+/** Keeps a walking robot at its first position and heading, because a line drawing from the side tells little. */
 function standing(): (pose: Pose) => Pose {
   let first: readonly number[] | null = null;
   return (pose) => {

@@ -17,10 +17,10 @@ import { useMovingCard } from './moving_card.ts';
 import { inOrder, type ListedRobot, useRobots } from './robots.ts';
 import { Thumbnail } from './Thumbnail.tsx';
 
-/** After this long the list is thought to be read. */
+/** After this long the viewer is assumed to have read the list. */
 const AHEAD_AFTER_MS = 1500;
 
-// A card whose preview can't be loaded has its picture.
+// If the preview can't be loaded, the card shows the still picture.
 const Preview = late(() =>
   import('./Preview.tsx').then(
     (chunk) => chunk.Preview,
@@ -29,17 +29,17 @@ const Preview = late(() =>
 );
 const SignIn = late(async () => (await import('../../account/SignIn.tsx')).SignIn);
 
-/** Loads what the numbers of any robot need once the list has stood for a moment. Returns a function that stops it. */
+/** Preloads the code that shows a robot's numbers, shortly after the list is shown. Returns a function that stops it. */
 function prepareRobotPage(): () => void {
   const timer = setTimeout(() => {
     if (savesData()) return;
     prepareStream();
-    loadPanel().catch(() => {}); // it is asked for again when it is needed
+    loadPanel().catch(() => {}); // requested again when needed
   }, AHEAD_AFTER_MS);
   return () => clearTimeout(timer);
 }
 
-/** The page with the robots on air, or, if there are none, commands that put one there; below, those that were. */
+/** The page with the robots on air or, if there are none, commands that put one on air; below, the robots that were on air. */
 export function RobotList({ onSettings }: { onSettings: () => void }) {
   const text = useText();
   const rest = useListText();
@@ -48,7 +48,7 @@ export function RobotList({ onSettings }: { onSettings: () => void }) {
   const robots = listing.phase === 'waiting' ? [] : listing.robots;
   const host = new URL(relayChoice().base ?? home()).host;
   const elsewhere = host === window.location.host ? null : host;
-  /** Robots to be shown side by side, in the order in which they were chosen; null while cards are plain links. */
+  /** The robots to show side by side, in the order chosen; null while cards are plain links. */
   const [chosen, setChosen] = useState<readonly string[] | null>(null);
   const old = listing.phase === 'unreachable';
   const list = useRef<HTMLElement>(null);
@@ -114,13 +114,13 @@ export function RobotList({ onSettings }: { onSettings: () => void }) {
 
 const WORDS = { online: 'LIVE', silent: 'STALE', offline: 'OFFLINE' } as const;
 
-/** Adds a robot to the choice or removes it. A full choice stays as it is. */
+/** Adds a robot to the choice or removes it. If the choice is full, it stays as it is. */
 function toggled(chosen: readonly string[], robot: string): readonly string[] {
   if (chosen.includes(robot)) return chosen.filter((other) => other !== robot);
   return chosen.length < MOST_SIDE_BY_SIDE ? [...chosen, robot] : chosen;
 }
 
-/** The buttons for showing two to six chosen robots in one scene. */
+/** The buttons for showing two to six robots in one scene. */
 function SideBySide(props: {
   chosen: readonly string[] | null;
   onChosen: (chosen: readonly string[] | null) => void;
@@ -150,8 +150,8 @@ function SideBySide(props: {
   );
 }
 
-/** A link to one robot. `place`: its index in the choice for side by side, -1 outside it, null while nobody chooses;
- *  `old`: the relay does not answer, so the data may be out of date; `moves`: this is the one card that does. */
+/** A link to one robot. `place`: its index in the side-by-side choice, -1 if not chosen, null outside choosing mode; `old`: the
+ *  relay does not answer, so the data may be out of date; `moves`: this is the one card with a moving preview. */
 function Card(props: {
   robot: ListedRobot;
   old: boolean;
@@ -206,7 +206,7 @@ function Card(props: {
   );
 }
 
-/** Buttons for opening robot files of this computer, which are shown in this browser only. */
+/** Buttons for opening robot files from this computer. They are shown in this browser only. */
 function YourOwn() {
   const rest = useListText();
   return (
@@ -236,7 +236,7 @@ function YourOwn() {
   );
 }
 
-/** Commands that put a robot on air. `publishAt`: where anybody may publish; null: only with a credential. */
+/** Commands that put a robot on air. `publishAt`: the endpoint that needs no credential; null if every publisher needs one. */
 function Empty({ publishAt }: { publishAt: string | null }) {
   const rest = useListText();
   const relay = publishAt ?? `tls/${window.location.hostname}:PORT --credential FILE`;

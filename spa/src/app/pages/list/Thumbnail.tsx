@@ -8,7 +8,8 @@ import type { ListedRobot } from './robots.ts';
 
 const PICTURE_BYTES = 500_000;
 
-/** The picture in a robot's model bundle, which the relay may have also when the robot has left; else a generic drawing. */
+/** The picture in a robot's model bundle, which the relay may still have after the robot has left; otherwise a generic
+ *  drawing. */
 export function Thumbnail({ robot: { robot, model } }: { robot: ListedRobot }) {
   const [src, setSrc] = useState<string | null>(null);
   useEffect(() => {

@@ -1,2 +1,2 @@
-/** Loads the page with the list of robots, which is a chunk of its own. */
+/** Loads the page with the list of robots, a separate chunk. */
 export const loadList = () => import('./RobotList.tsx');

@@ -2,7 +2,7 @@ import { type RefObject, useEffect, useState } from 'react';
 import { relayChoice } from '../../../relay/relay.ts';
 import { useMedia } from '../../shell/media.ts';
 
-/** A list that came more slowly than this came over a line that has better things to carry. */
+/** If the list took longer than this to load, the connection is too slow for previews. */
 const SLOW_ANSWER_MS = 1500;
 const SCROLL_SETTLED_MS = 250;
 
@@ -11,20 +11,20 @@ interface Line {
   effectiveType?: string;
 }
 
-/** Whether this line and this person have pictures that move to spare. `answerMs`: how long the list took. */
+/** Whether the connection and the viewer's settings allow a moving preview. `answerMs`: how long the list took. */
 export function mayMove(line: Line | undefined, answerMs: number, reducedMotion: boolean): boolean {
   const slow = line?.saveData === true || /2g|3g/.test(line?.effectiveType ?? '');
   return !reducedMotion && !slow && answerMs < SLOW_ANSWER_MS;
 }
 
-/** The id of the robot whose card moves: under the pointer or in focus, and without a pointer in the middle of the screen;
- *  null for none. Cards in `list` carry their robot's id in `data-robot`. */
+/** The id of the robot whose card has a moving preview: the card under the pointer or in focus, or without a pointer the one in
+ *  the middle of the screen; null for none. Cards in `list` carry their robot's id in `data-robot`. */
 export function useMovingCard(list: RefObject<HTMLElement | null>, answerMs: number): string | null {
   const [robot, setRobot] = useState<string | null>(null);
   const reduced = useMedia('(prefers-reduced-motion: reduce), (prefers-reduced-data: reduce)');
   const pointed = useMedia('(hover: hover)');
   const line = (navigator as { connection?: Line }).connection;
-  // a mirror is read by nobody but the robot's own page, and where a lane is chosen nobody but who has a token takes a socket
+  // only a robot's own page reads a mirror, and where a lane is configured only viewers with a token open a socket
   const { mirror, lane } = relayChoice();
   const may = mayMove(line, answerMs, reduced) && mirror === null && lane === null;
   useEffect(() => {

@@ -8,9 +8,9 @@ const LATE_MS = 6000;
 
 /** One robot in the relay's list. */
 export interface ListedRobot {
-  /** Its id, as in addresses. */
+  /** Its id, as used in addresses. */
   robot: string;
-  /** What people read: its name, or its id if it has none; already safe to show. */
+  /** Its display name, or its id if it has none; safe to show. */
   name: string;
   state: 'online' | 'silent' | 'offline';
   /** Age of its newest frame by the relay's clock; null before any. */
@@ -21,16 +21,16 @@ export interface ListedRobot {
   model: string | null;
 }
 
-/** The list of robots. `waiting`: the relay has not answered yet; `unreachable`: the last request failed, and
- *  `robots` are those of the answer before, if any. `publishAt`: where anybody on the relay's own computer may publish
- *  without a credential, as `tcp/127.0.0.1:7447`; null when nobody may. `answerMs`: how long the quickest answer took. */
+/** The list of robots. `waiting`: the relay has not answered yet; `unreachable`: the last request failed, and `robots` come from
+ *  the previous answer, if any. `publishAt`: the endpoint, such as `tcp/127.0.0.1:7447`, where programs on the relay's computer
+ *  may publish without a credential; null if none. `answerMs`: how long the quickest answer took. */
 export type RobotListing =
   | { phase: 'waiting' }
   | { phase: 'known'; robots: readonly ListedRobot[]; publishAt: string | null; answerMs: number }
   | { phase: 'unreachable'; robots: readonly ListedRobot[] };
 
-/** The robots in the parsed JSON answer of the relay. Entries without an id are skipped, members of a wrong type
- *  are null, and an unknown status counts as offline. */
+/** Parses the robots in the relay's JSON answer. Entries without an id are skipped, members of a wrong type become null, and an
+ *  unknown status counts as offline. */
 export function readRobots(body: unknown): ListedRobot[] {
   const list = isRecord(body) ? body.robots : body;
   if (!Array.isArray(list)) return [];
@@ -51,15 +51,14 @@ export function readRobots(body: unknown): ListedRobot[] {
   });
 }
 
-/** Where anybody may publish, from the relay's answer; null unless it is an endpoint of loopback, which is all that a
- *  command to be copied may name. */
+/** The endpoint in the relay's answer that needs no credential; null unless it is a loopback endpoint, the only kind allowed in a
+ *  command for copying. */
 export function readPublishAt(body: unknown): string | null {
   const at = isRecord(body) ? body.publish_at : null;
   return typeof at === 'string' && /^tcp\/(127\.0\.0\.1|\[::1\]|localhost):\d{1,5}$/.test(at) ? at : null;
 }
 
-/** The robots that are on air, those that move first, and those that were, the one that left last first. Equals stand by
- *  name. */
+/** The robots on air, moving ones first, and the robots that were on air, most recent first. Ties are sorted by name. */
 export function inOrder(robots: readonly ListedRobot[]): [here: ListedRobot[], gone: ListedRobot[]] {
   const byName = [...robots].sort((a, b) => a.name.localeCompare(b.name));
   const here = byName.filter(({ state }) => state !== 'offline');
@@ -69,7 +68,7 @@ export function inOrder(robots: readonly ListedRobot[]): [here: ListedRobot[], g
   return [here, gone];
 }
 
-/** The list of robots, asked of the relay every 2 s while the page is visible, and at once after signing in or out. */
+/** The list of robots, requested from the relay every 2 s while the page is visible, and at once after signing in or out. */
 export function useRobots(): RobotListing {
   const [listing, setListing] = useState<RobotListing>({ phase: 'waiting' });
   useEffect(() => {

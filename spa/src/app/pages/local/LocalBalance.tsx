@@ -9,8 +9,8 @@ import { changeSettings, useSettings } from '../../state/settings.ts';
 import { useBalanceText } from '../../text/balance.ts';
 import { useMore } from '../../text/more.ts';
 
-/** Draws the centre of mass of a robot from files, by the masses in its URDF, with a box to switch it off; and says in one line
- *  what can't be known. `findings`: of the files and their meshes; null before these are read. */
+/** Draws the centre of mass of a robot from local files, using the masses in its URDF, with a box to switch it off. Says in one
+ *  line what is unknown. `findings`: about the files and their meshes; null before these are read. */
 export function LocalBalance(props: {
   robot: LocalRobot;
   scene: RobotScene | null;

@@ -17,8 +17,8 @@ import { chooseUrdf, closeLocal } from './local.ts';
 import './local.css';
 import { isolated } from '../../../twin/names.ts';
 
-/** The page of a robot from files of this computer: its body, a slider for each joint, and what is wrong with its files.
- *  `urdfs`: the paths of all URDFs among the files, for choosing another. */
+/** The page of a robot from files on this computer: its body, a slider for each joint, and the problems in its files. `urdfs`:
+ *  the paths of all URDFs among the files, for choosing another. */
 export function LocalPage({ robot, urdfs }: { robot: LocalRobot; urdfs: readonly string[] }) {
   const host = useRef<HTMLDivElement>(null);
   const { scene, report } = useLocalScene(host, robot);
@@ -102,7 +102,7 @@ function useLocalScene(host: React.RefObject<HTMLDivElement | null>, robot: Loca
   return { scene, report: loaded?.robot === robot ? loaded.report : null };
 }
 
-/** The choice among several URDFs of the same files; the likeliest is shown first. */
+/** The choice among several URDFs in the same files; the likeliest is shown first. */
 function Choice({ chosen, urdfs }: { chosen: string; urdfs: readonly string[] }) {
   const text = useMore();
   return (
@@ -125,8 +125,8 @@ function Choice({ chosen, urdfs }: { chosen: string; urdfs: readonly string[] })
 
 const SEVERITIES = { error: 'severityError', warning: 'severityWarning', hint: 'severityHint' } as const;
 
-/** What is wrong with the files, worst first: findings in the URDF at once, those in meshes when they have been read. `whole`:
- *  these have been. */
+/** The problems in the files, worst first: findings in the URDF at once, those in meshes once they have been read. `whole`: the
+ *  meshes have been read. */
 function Findings({ findings, whole }: { findings: readonly Finding[]; whole: boolean }) {
   const text = useMore();
   if (findings.length === 0) return !whole ? null : <p className="quiet local-well">{text.nothingWrong}</p>;
@@ -150,7 +150,7 @@ function Sliders({ robot, scene }: { robot: LocalRobot; scene: RobotScene | null
   const { angle } = useSettings();
   const [values, setValues] = useState<ReadonlyMap<string, number>>(new Map());
   useEffect(() => {
-    // Every joint every time: one whose slider nobody has moved is at 0.
+    // Always writes every joint; a joint whose slider has not moved is at 0.
     const joints = new Map(robot.joints.map(({ name }) => [name, values.get(name) ?? 0]));
     scene?.setPose({ joints, base: null }, true);
   }, [scene, robot, values]);

@@ -2,24 +2,23 @@ import { createStore } from '../../../browser/store.ts';
 import { useStore } from '../../state/use_store.ts';
 import type { Local } from './local_files.ts';
 
-/** The robot or recording opened from files of this computer; one for the page. */
+/** The robot or recording opened from files on this computer; the page has one at most. */
 const local = createStore<Local>({ phase: 'none' });
-/** Counts readings, so that the result of one that a newer one replaced is dropped. */
+/** Counts loads, so that the result of a superseded one is dropped. */
 let turn = 0;
 
-/** The robot opened from files of this computer, or how far reading it is. The component is drawn again when that
- *  changes. */
+/** The robot opened from files on this computer, or the loading state. The component is redrawn when that changes. */
 export function useLocal(): Local {
   return useStore(local);
 }
 
-/** Closes the robot opened from files, and drops one that is being read. */
+/** Closes the robot opened from files, and cancels one that is loading. */
 export function closeLocal(): void {
   turn += 1;
   local.set({ phase: 'none' });
 }
 
-/** Shows the result of `read`, unless a newer reading began meanwhile. */
+/** Shows the result of `read`, unless a newer load has started meanwhile. */
 async function show(read: (code: typeof import('./local_files.ts')) => Promise<Local>): Promise<void> {
   turn += 1;
   const mine = turn;
@@ -30,13 +29,13 @@ async function show(read: (code: typeof import('./local_files.ts')) => Promise<L
   if (mine === turn) local.set(next);
 }
 
-/** Opens a robot or a recording from dropped things. Never rejects: the page shows why they were refused. */
+/** Opens a robot or a recording from dropped files. Never rejects: the page shows why they were refused. */
 function openDropped(things: readonly (FileSystemEntry | File)[]): Promise<void> {
   return show(({ readDropped }) => readDropped(things));
 }
 
-/** Shows another URDF of the same files. If it can't be read, the page shows why instead of the URDF before. Does nothing
- *  while no robot is shown. */
+/** Shows another URDF from the same files. If it can't be read, the page shows the reason instead of the previous URDF. Does
+ *  nothing while no robot is shown. */
 export async function chooseUrdf(path: string): Promise<void> {
   const before = local.get();
   if (before.phase === 'shown') await show(({ readOther }) => readOther(before, path));
@@ -48,8 +47,8 @@ export function listenForDrops(): () => void {
     if (event.dataTransfer?.types.includes('Files')) event.preventDefault();
   };
   const drop = (event: DragEvent) => {
-    // Read at once, because the list is empty after this event. Files are not read through their entries: some programs
-    // drop files that have none.
+    // Must be read synchronously: the list is empty after this event. Single files are not read through their entries, because
+    // some programs drop files without entries.
     const dropped = [...(event.dataTransfer?.items ?? [])].map((item) => {
       const entry = item.webkitGetAsEntry();
       return entry?.isDirectory ? entry : item.getAsFile();

@@ -4,10 +4,10 @@ import { type LocalRobot, openLocal, urdfsIn } from '../../../urdf/local_robot.t
 import type { OpenedRecording } from '../recording/opened_recording.ts';
 import { refusalWords } from './refusals.ts';
 
-/** Reads a robot or a recording from files of this computer. This chunk is loaded when files are opened for the first time. */
+/** Reads a robot or a recording from files on this computer. This chunk is loaded when files are opened for the first time. */
 
-/** The robot or recording opened from files of this computer, or how far reading it is. It is kept in this page only and never
- *  sent. `urdfs`: paths of all URDFs among `files`; `why`: why the files were refused, in one line. */
+/** The robot or recording opened from files on this computer, or the loading state. It stays in this page and is never sent.
+ *  `urdfs`: paths of all URDFs among `files`; `why`: why the files were refused, in one line. */
 export type Local =
   | { phase: 'none' }
   | { phase: 'reading' }
@@ -15,7 +15,8 @@ export type Local =
   | { phase: 'recording'; opened: OpenedRecording }
   | { phase: 'refused'; why: string };
 
-/** Opens what was dropped: a recording if it is one, else the likeliest URDF. Never rejects: errors give the phase `refused`. */
+/** Opens dropped files: a recording if there is one, otherwise the likeliest URDF. Never rejects: errors give the phase
+ *  `refused`. */
 export async function readDropped(things: readonly (FileSystemEntry | File)[]): Promise<Local> {
   return (
     (await readRecording(({ recordingDropped }) => recordingDropped(things))) ??
@@ -23,7 +24,7 @@ export async function readDropped(things: readonly (FileSystemEntry | File)[]): 
   );
 }
 
-/** The same of chosen files, by their paths. */
+/** The same for files chosen in a dialog, by their paths. */
 export async function readChosen(files: ReadonlyMap<string, File>): Promise<Local> {
   return (
     (await readRecording(({ recordingChosen }) => recordingChosen(files))) ?? readRobot(async () => files)
@@ -51,7 +52,7 @@ async function readRobot(gather: () => Promise<ReadonlyMap<string, File>>): Prom
   }
 }
 
-/** Opens the URDF at `path` among the files already shown. Never rejects: errors give the phase `refused`. */
+/** Opens the URDF at `path` among the files already open. Never rejects: errors give the phase `refused`. */
 export async function readOther(shown: Extract<Local, { phase: 'shown' }>, path: string): Promise<Local> {
   const { files, urdfs } = shown;
   try {

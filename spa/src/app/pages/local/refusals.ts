@@ -3,7 +3,7 @@ import { DropError } from '../../../urdf/local_files.ts';
 import { typedPath } from '../../../urdf/other_formats.ts';
 import { more } from '../../text/more.ts';
 
-/** Why opened files are refused, in one line, safe to show. `cause` is what reading them threw. */
+/** Why the files were refused, in one line, safe to show. `cause`: the error from reading them. */
 export function refusalWords(cause: unknown): string {
   if (!(cause instanceof DropError)) return isolated(cause instanceof Error ? cause.message : String(cause));
   const text = more();

@@ -8,7 +8,7 @@ import { useLost } from './recording_link.ts';
 import { useRecordingText } from './words/recording_text.ts';
 import { lengthWords, lostWords, recordedWords } from './words/recording_words.ts';
 
-/** The dialog that says what a recording is of, by whom, and with which notes; each note leads to its moment. */
+/** The dialog about a recording: its subject, its author and its notes; each note links to its moment. */
 export function AboutRecording(props: {
   index: RecordingIndex;
   source: RecordingPast;
@@ -50,7 +50,7 @@ export function AboutRecording(props: {
           </h3>
           <ol>
             {notes.map((note, i) => (
-              // biome-ignore lint/suspicious/noArrayIndexKey: they never change, and two may be alike
+              // biome-ignore lint/suspicious/noArrayIndexKey: the list never changes, and two may be equal
               <li key={i}>
                 <button
                   type="button"

@@ -10,16 +10,16 @@ import { useLost } from './recording_link.ts';
 import { useRecordingText } from './words/recording_text.ts';
 import { lostWords } from './words/recording_words.ts';
 
-/** What stands under the body of a recording: what is lost of it, the note of the moment, and the time line. */
+/** Shown below the body of a recording: the missing parts, the note of the moment, and the time line. */
 export function RecordingBar(props: {
   controls: PastControls;
   twin: RobotTwin;
   manifestUrl: (sha256: string) => string;
   source: RecordingPast;
   index: RecordingIndex;
-  /** The address names a moment that can't be read. */
+  /** The moment in the address can't be read. */
   isNonsense: boolean;
-  /** While it is presented only its keys are there. */
+  /** While presenting, only its keyboard shortcuts are active. */
   unseen: boolean;
 }) {
   const { controls, twin, manifestUrl, source, index, isNonsense, unseen } = props;

@@ -14,8 +14,8 @@ import { lostWords, unreadableWords } from './words/recording_words.ts';
 
 type Frame = ComponentType<FrameProps>;
 
-/** A recording in a frame of another site's page: body, state, origin, and a slim line that plays it, with the note that is due over it. `Frame` is that of a robot,
- *  handed in as a page's `Layout` is. */
+/** A recording in a frame of another site's page: body, state, origin, and a slim time line with the current note above it.
+ *  `Frame` is the frame component of a robot, passed in for the same reason as a page's `Layout`. */
 export function RecordingFrame({ Frame }: { Frame: Frame }) {
   useRecordingText();
   const opened = useFetched(true);

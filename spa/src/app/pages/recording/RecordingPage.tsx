@@ -18,9 +18,9 @@ import { unreadableWords } from './words/recording_words.ts';
 const ShareSheet = late(async () => (await import('../../share/ShareSheet.tsx')).ShareSheet);
 const AboutRecording = late(async () => (await import('./AboutRecording.tsx')).AboutRecording);
 
-/** The page of a recording: of the one that this page was exported with, or of `given`, which was opened here and which
- *  `onClose` closes. `Layout` is that of a robot's page, which is handed in: whatever imports it would take it, and all it has, out
- *  of the page's own script. */
+/** The page of a recording: the one that this page was exported with, or `given`, which the viewer opened and `onClose` closes.
+ *  `Layout` is the robot page's layout. It is passed in because importing it here would move it, and everything it imports, out
+ *  of the main chunk. */
 export function RecordingPage(props: {
   Layout: typeof OneRobot;
   given: OpenedRecording | null;

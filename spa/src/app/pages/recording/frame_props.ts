@@ -1,8 +1,8 @@
 import type { ReactNode } from 'react';
 import type { RobotLink } from '../../state/robot_link.ts';
 
-/** What a frame in another site's page shows. `whole`: query and hash of the page that shows all of it; `children`: what stands under
- *  the body; `note`: what stands beside it while it is presented. */
+/** The content of a frame in another site's page. `whole`: query and hash of the full page; `children`: shown below the body;
+ *  `note`: shown beside it while presenting. */
 export interface FrameProps {
   readonly link: RobotLink;
   readonly live: RobotLink;

@@ -1,2 +1,2 @@
-/** Loads the pages of a recording, which are a chunk of their own. */
+/** Loads the recording pages, a separate chunk. */
 export const loadRecording = () => import('./recording_pages.ts');

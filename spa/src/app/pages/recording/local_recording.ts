@@ -11,12 +11,12 @@ import { type OpenedRecording, openRecording } from './opened_recording.ts';
 import { recordingText } from './words/recording_text.ts';
 import { unreadableWords } from './words/recording_words.ts';
 
-/** What became of files that are a recording, or should be. */
+/** The result of opening files that are, or should be, a recording. */
 export type LocalRecording =
   | { readonly phase: 'recording'; readonly opened: OpenedRecording }
   | { readonly phase: 'refused'; readonly why: string };
 
-/** Opens a recording that was dropped: a folder with a `recording.json`, or a `.posecast` file. null: it is none. */
+/** Opens a dropped recording: a folder with a `recording.json`, or a `.posecast` file. null: it is neither. */
 export async function recordingDropped(
   things: readonly (FileSystemEntry | File)[],
 ): Promise<LocalRecording | null> {
@@ -32,7 +32,7 @@ export async function recordingDropped(
   return recordingIn(new Map(files.map((file) => [file.name, file])));
 }
 
-/** Opens a recording among chosen files, by their paths. null: there is none. */
+/** Opens a recording among chosen files, by their paths. null if there is none. */
 export async function recordingChosen(files: ReadonlyMap<string, File>): Promise<LocalRecording | null> {
   const roots = [...files.keys()]
     .filter((path) => path === RECORDING_FILE || path.endsWith(`/${RECORDING_FILE}`))
@@ -42,7 +42,7 @@ export async function recordingChosen(files: ReadonlyMap<string, File>): Promise
   return recordingIn(files);
 }
 
-/** Of single files. */
+/** For single files. */
 async function recordingIn(files: ReadonlyMap<string, File>): Promise<LocalRecording | null> {
   if (files.has(RECORDING_FILE)) return refused(recordingText().wholeFolder);
   for (const [path, file] of files) {
@@ -60,7 +60,7 @@ async function recordingIn(files: ReadonlyMap<string, File>): Promise<LocalRecor
   return null;
 }
 
-/** Looks into what was dropped without the folder around it. */
+/** Finds files when the contents of a recording were dropped without their folder. */
 function among(index: File, folders: readonly FileSystemDirectoryEntry[]): FindFile {
   return async (path) => {
     if (path === RECORDING_FILE) return index;

@@ -12,7 +12,7 @@ import { early } from '../../../relay/recording_address.ts';
 
 /** A recording whose index has been read. */
 export interface OpenedRecording {
-  /** Names it among all that this page has opened. */
+  /** A unique name among all recordings that this page has opened. */
   readonly id: string;
   readonly index: RecordingIndex;
   readonly files: RecordingFiles;
@@ -21,7 +21,7 @@ export interface OpenedRecording {
 }
 
 let opened = 0;
-/** Ends that the model's files of the one opened before are served. */
+/** Stops serving the model files of the previously opened recording. */
 let endServing = () => {};
 
 /** Opens the recording whose `recording.json` is at an address. Rejects with `IndexError` or `PastError`. */
@@ -30,7 +30,7 @@ export async function fetchRecording(url: string): Promise<OpenedRecording> {
   const files = new FetchedFiles(folder, {
     fetch: (file, init) => {
       const { request } = early;
-      early.request = null; // only the first is for it
+      early.request = null; // the early request answers only the first fetch
       if (request === null) return fetch(file, init);
       init.signal?.addEventListener('abort', () => request.stop.abort());
       return request.answer;
@@ -45,7 +45,7 @@ export async function fetchRecording(url: string): Promise<OpenedRecording> {
   return { id: url, index, files, manifestUrl: (model) => folder + modelPath(model, 'manifest.json') };
 }
 
-/** Opens a recording in files of this computer. Rejects with `IndexError` or `PastError`. */
+/** Opens a recording from files on this computer. Rejects with `IndexError` or `PastError`. */
 export async function openRecording(files: RecordingFiles): Promise<OpenedRecording> {
   const index = readIndex(await files.read(RECORDING_FILE, BYTES_MAX.index));
   opened += 1;

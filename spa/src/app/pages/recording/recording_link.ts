@@ -13,7 +13,7 @@ import { clearTraces } from '../../state/traces.ts';
 import type { OpenedRecording } from './opened_recording.ts';
 import { recordedAs } from './words/recording_words.ts';
 
-/** Nothing comes over it, and nothing is asked of it. */
+/** A connection that receives nothing and sends nothing. */
 const NO_STREAM: Connection = {
   link: {
     ...{ by: 'websocket', phase: 'open', retryAtMs: null, ending: null, grantedHz: null, rateReason: null },
@@ -27,13 +27,13 @@ const NO_STREAM: Connection = {
 
 const NONE: PastControls['heard'] = [];
 
-/** A recording that is played: as a `Past` is, and what of it is lost. */
+/** A recording being played: a `Past`, plus what is missing from it. */
 export interface PlayedRecording extends Past {
   readonly source: RecordingPast;
 }
 
-/** Plays a recording while the component is shown. `isLinked`: the address names the moment. null before the first effect
- *  has run. */
+/** Plays a recording while the component is shown. `isLinked`: the address names a moment. null before the first effect has
+ *  run. */
 export function useRecording(opened: OpenedRecording, isLinked: boolean): PlayedRecording | null {
   const [played, setPlayed] = useState<PlayedRecording | null>(null);
   useEffect(() => {
@@ -63,8 +63,8 @@ function play(
   const firstMs = Math.min(Math.max(atMs ?? 0, index.fromMs), index.toMs);
   const near = source.segmentsIn({ fromMs: firstMs, toMs: firstMs })[0] ?? index.segments[0];
   const model = near?.model ?? index.models[0] ?? null;
-  // side by side with the segment that names it
-  if (model !== null) builtModelAt(manifestUrl(model)).catch(() => {}); // whoever shows it asks again, and says what is wrong
+  // beside the segment that refers to it
+  if (model !== null) builtModelAt(manifestUrl(model)).catch(() => {}); // the caller tries again and reports the error
   const { player, link, close } = playPast(
     {
       ...{
@@ -82,7 +82,7 @@ function play(
   return { source, controls: player, link: { ...link, client: NO_STREAM, manifestUrl }, close };
 }
 
-/** What of a recording can't be played. The component is drawn again when that changes. */
+/** The parts of a recording that can't be played. The component is redrawn when that changes. */
 export function useLost(source: RecordingPast): LostParts {
   return useSyncExternalStore(source.onChange, () => source.lost);
 }

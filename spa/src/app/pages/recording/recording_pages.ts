@@ -1,3 +1,3 @@
-/** The pages that show a recording. */
+/** The recording pages. */
 export { RecordingFrame } from './RecordingFrame.tsx';
 export { RecordingPage } from './RecordingPage.tsx';

@@ -4,7 +4,7 @@ import { PastError } from '../../../past/past_source.ts';
 import { recordingUrl } from '../../../relay/recording_address.ts';
 import { fetchRecording, type OpenedRecording } from './opened_recording.ts';
 
-/** The recording that this page was exported with, or why it can't be read; null while it is on its way. */
+/** The recording that this page was exported with, or the reason that it can't be read; null while it is loading. */
 export function useFetched(wanted: boolean): OpenedRecording | Error | null {
   const [fetched, setFetched] = useState<OpenedRecording | Error | null>(null);
   useEffect(() => {

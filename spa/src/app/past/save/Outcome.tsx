@@ -6,7 +6,7 @@ import type { saveEn } from './save_en.ts';
 import { useSaveText } from './save_text.ts';
 import type { Failure, Measured, Saving } from './use_saving.ts';
 
-/** Nearer to the end of the newest segment it is not worth a word, ms. */
+/** A gap this short at the end of the newest segment is not mentioned, ms. */
 const NEAR_MS = 500;
 const FAILURES = {
   nothing: 'nothing',
@@ -15,7 +15,7 @@ const FAILURES = {
   failed: 'failed',
 } as const satisfies Record<Failure, keyof typeof saveEn>;
 
-/** From when to when, and what that will give. `span`: null while none is chosen. */
+/** The chosen span and what saving it will give. `span`: null while none is chosen. */
 export function MeasureLine({
   span,
   measured,
@@ -52,7 +52,7 @@ export function MeasureLine({
   );
 }
 
-/** How far it is. */
+/** The progress. */
 export function Progress({ part, onCancel }: { part: number; onCancel: () => void }) {
   const text = useSaveText();
   return (
@@ -65,7 +65,7 @@ export function Progress({ part, onCancel }: { part: number; onCancel: () => voi
   );
 }
 
-/** What came of it, and what the file lacks. */
+/** The result, and what is missing in the file. */
 export function Outcome({ saving }: { saving: Saving }) {
   const text = useSaveText();
   return (

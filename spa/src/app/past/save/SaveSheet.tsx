@@ -13,12 +13,12 @@ import { useMeasure, useSaving } from './use_saving.ts';
 
 const FORMATS = ['csv', 'mcap', 'posecast'] as const satisfies readonly SaveFormat[];
 
-/** The dialog that saves a stretch of the past as a file: how much, as what, and how large it will be. What it offers is as the
- *  page stood when it was opened. */
+/** The dialog that saves a span of the past as a file: how much, in which format, and the size. The choices reflect the page when
+ *  the dialog opened. */
 export function SaveSheet(props: {
   controls: PastControls;
   source: PastSource;
-  /** Has to stay the same. */
+  /** Must not change. */
   manifestUrl: ManifestUrl;
   onClose: () => void;
 }) {
@@ -31,9 +31,9 @@ export function SaveSheet(props: {
   const span = name === 'custom' ? customSpan(fields) : spanOf(offer, name);
   const measured = useMeasure(source, manifestUrl, format, span);
   const { saving, save, cancel } = useSaving(source, manifestUrl);
-  useEffect(() => controls.attend(), [controls]); // so that it soon knows what is newest
+  useEffect(() => controls.attend(), [controls]); // so that the newest end is known soon
   const isBusy = saving.at === 'work';
-  /** What was said of another choice holds no longer. */
+  /** A message about the previous choice no longer applies. */
   const choose = (change: () => void) => {
     cancel();
     change();

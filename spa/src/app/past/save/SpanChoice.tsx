@@ -3,7 +3,7 @@ import { useText } from '../../text/language.ts';
 import { useSaveText } from './save_text.ts';
 import { choicesOf, fieldOf, type SpanFields, type SpanName, type SpanOffer } from './span_choice.ts';
 
-/** How much is saved: the loop, the last minutes, or from one moment to another. */
+/** The span to save: the loop, the last minutes, or from one moment to another. */
 export function SpanChoice(props: {
   offer: SpanOffer;
   name: SpanName;

@@ -1,8 +1,8 @@
-/** For so long the page is kept busy at a time, ms. */
+/** The page is blocked for at most this long at a time, ms. */
 const BUSY_MS = 12;
 
-/** Returns a function to call often during long work: now and then it lets the page draw and answer. It does so by messages, since
- *  timers of a page in the background are slow. */
+/** Returns a function to call often during long work: now and then it yields, so that the page can draw and respond. It yields by
+ *  messages, because browsers slow down timers of background pages. */
 export function breaths(): () => Promise<void> {
   const { port1, port2 } = new MessageChannel();
   let begunMs = performance.now();

@@ -1,7 +1,7 @@
-/** Long enough for any browser to have begun to read it, ms. */
+/** Long enough for any browser to start reading it, ms. */
 const KEPT_MS = 60_000;
 
-/** Has the browser save a file. */
+/** Makes the browser save a file. */
 export function download(blob: Blob, name: string): void {
   const link = document.createElement('a');
   link.href = URL.createObjectURL(blob);

@@ -1,4 +1,4 @@
-/** The English sentences of the sheet that saves. */
+/** The English texts of the save dialog. */
 export const saveEn = {
   title: 'Save as a file',
   span: 'How much',
@@ -11,7 +11,7 @@ export const saveEn = {
   formats: {
     csv: {
       name: 'CSV',
-      what: 'A table for Excel, pandas or MATLAB: a row for each frame, a column for each reading.',
+      what: 'A table for Excel, pandas or MATLAB: one row per frame, one column per reading.',
     },
     mcap: {
       name: 'MCAP',
@@ -19,26 +19,26 @@ export const saveEn = {
     },
     posecast: {
       name: 'Posecast',
-      what: 'Everything, with the body. Drop the file on a Posecast page, and it plays there.',
+      what: 'Everything, with the body. Drop the file on a Posecast page to play it.',
     },
   },
   /** `bytes`: "3.4 MB". */
   measured: (frames: number, bytes: string) =>
     `${frames.toLocaleString('en')} ${frames === 1 ? 'frame' : 'frames'}, about ${bytes}`,
-  measuring: 'Looking what there is …',
-  notYet: (moment: string) => `It reaches to ${moment}: the relay has not closed the seconds after that yet.`,
-  tooLong: 'That is too much: a file takes ten minutes, and 64 MB of what was recorded. Choose less.',
-  noSpan: 'Give a beginning, and an end after it.',
-  nothing: 'Nothing is recorded there.',
+  measuring: 'Checking what was recorded …',
+  notYet: (moment: string) => `Saves up to ${moment}. The relay is still writing the seconds after that.`,
+  tooLong: 'That is too much. A file holds at most ten minutes and 64 MB of recorded data. Choose less.',
+  noSpan: 'Choose a start, and an end after it.',
+  nothing: 'Nothing was recorded in that time.',
   away: 'The relay does not answer. Try again.',
-  failed: 'It could not be saved.',
+  failed: 'The file could not be saved.',
   save: 'Save',
   cancel: 'Cancel',
   saving: 'Saving',
   saved: (name: string, bytes: string) => `Saved: ${name}, ${bytes}.`,
   lostSegments: (count: number) =>
     count === 1
-      ? 'The file lacks one part, which could not be had.'
-      : `The file lacks ${count} parts, which could not be had.`,
-  lostModel: 'The file lacks the body’s model, or a part of it, which could not be had.',
+      ? 'The file lacks one part that could not be loaded.'
+      : `The file lacks ${count} parts that could not be loaded.`,
+  lostModel: 'The file lacks the model or a part of it, which could not be loaded.',
 };

@@ -7,13 +7,13 @@ const MANIFEST_BYTES_MAX = 4_000_000;
 const FILE_BYTES_MAX = 128_000_000;
 const FILES_MAX = 4096;
 const PATH_MAX = 200; // characters
-/** As the relay's: relative, and no way out of the model's own folder. */
+/** Same rule as in the relay: a relative path that can't leave the model's folder. */
 const PATH = /^(?!\.{1,2}(\/|$))[\w@+=,~.-][\w @+=,~.-]*(\/(?!\.{1,2}(\/|$))[\w@+=,~.-][\w @+=,~.-]*)*$/;
 
-/** Where the manifest of a model lies, by its hash. */
+/** The address of a model's manifest, by its hash. */
 export type ManifestUrl = (sha256: string) => string;
 
-/** The models of a robot, from where its body comes from. */
+/** A robot's models, loaded from the same place as its body. */
 export function savedModels(manifestUrl: ManifestUrl, signal: AbortSignal): SavedModels {
   const get = (url: string, limit: number) => fetchBytes(url, limit, signal, () => {});
   return {

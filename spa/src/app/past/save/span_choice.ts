@@ -3,19 +3,19 @@ import type { PastControls, Span } from '../../../past/past_types.ts';
 export type SpanName = 'loop' | 'all' | '1' | '5' | '10' | 'custom';
 
 const MINUTE_MS = 60_000;
-/** A file takes no more. */
+/** The longest span that a file may have. */
 const MOST_MINUTES = 10;
 
-/** What can be saved, as it was when somebody asked; the playhead may move on. */
+/** What can be saved, fixed when the dialog opens, because the playhead may move on. */
 export interface SpanOffer {
   readonly loop: Span | null;
   /** The end of the last minutes: the shown moment, or now. */
   readonly untilMs: number;
   readonly isPast: boolean;
   readonly nowMs: number;
-  /** As far back as there is anything. */
+  /** The earliest available moment. */
   readonly oldestMs: number;
-  /** Nothing comes after it: the minutes are those from the shown moment on. */
+  /** A recording has no live end, so the minutes are those after the shown moment. */
   readonly isRecorded: boolean;
 }
 
@@ -33,14 +33,14 @@ export function offerOf({ playhead, timeline, nowMs }: PastControls): SpanOffer 
   };
 }
 
-/** The choices, first the one that is chosen at first. */
+/** The choices; the first is selected at the start. */
 export function choicesOf({ loop, isRecorded, oldestMs, nowMs }: SpanOffer): readonly SpanName[] {
   const isAll = isRecorded && nowMs - oldestMs <= MOST_MINUTES * MINUTE_MS;
   const minutes: readonly SpanName[] = isAll ? ['all'] : ['1', '5', '10'];
   return [...(loop === null ? [] : ['loop' as const]), ...minutes, 'custom'];
 }
 
-/** Some minutes, no longer than there is anything: the last ones; of a recording those that come. */
+/** A number of minutes, limited to what exists: the last ones, or for a recording the next ones. */
 export function spanOf(offer: SpanOffer, name: Exclude<SpanName, 'custom'>): Span {
   if (name === 'loop' && offer.loop !== null) return offer.loop;
   const { untilMs, oldestMs, nowMs, isRecorded } = offer;
@@ -52,14 +52,14 @@ export function spanOf(offer: SpanOffer, name: Exclude<SpanName, 'custom'>): Spa
   return { fromMs: Math.max(oldestMs, untilMs - Number(name) * MINUTE_MS), toMs: untilMs };
 }
 
-/** A moment as `<input type="datetime-local">` has it, in the viewer's time zone, whole seconds. */
+/** A moment in the format of `<input type="datetime-local">`, in the viewer's time zone, whole seconds. */
 export function fieldOf(momentMs: number): string {
   const at = new Date(momentMs);
   const local = new Date(Math.floor(momentMs / 1000) * 1000 - at.getTimezoneOffset() * MINUTE_MS);
   return local.toISOString().slice(0, 19);
 }
 
-/** The moment in such a field; null while it is none. */
+/** The moment in such a field; null if it is invalid. */
 function momentOf(field: string): number | null {
   const ms = Date.parse(field);
   return Number.isFinite(ms) ? ms : null;
@@ -70,13 +70,13 @@ export interface SpanFields {
   readonly to: string;
 }
 
-/** At first, a minute in whole seconds. */
+/** The initial span: a minute in whole seconds. */
 export function fieldsOf(offer: SpanOffer): SpanFields {
   const { fromMs, toMs } = spanOf(offer, '1');
   return { from: fieldOf(fromMs), to: fieldOf(toMs) };
 }
 
-/** The span of two fields; null if they name none. */
+/** The span of two fields; null if they are invalid. */
 export function customSpan({ from, to }: SpanFields): Span | null {
   const [fromMs, toMs] = [momentOf(from), momentOf(to)];
   return fromMs === null || toMs === null || toMs < fromMs ? null : { fromMs, toMs };

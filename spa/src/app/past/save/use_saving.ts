@@ -9,26 +9,25 @@ import { breaths } from './breath.ts';
 import { download } from './download.ts';
 import { type ManifestUrl, savedModels } from './saved_models.ts';
 
-/** Nobody needs it who saves nothing. */
+/** Loaded only when somebody saves. */
 const SAVE = new LatePart(
   () => import('../../../past/save/save.ts'),
   () => false,
 );
-/** A choice that stands for so long is measured, ms. */
+/** A choice that is unchanged for this long is measured, ms. */
 const SETTLE_MS = 150;
 
 export type Failure = 'nothing' | 'too-long' | 'away' | 'failed';
 export type Measured = Measure | Failure | null;
 
-/** What is done: nothing yet, a part (0…1) of it, all, or nothing more. */
+/** The state: idle, in progress (0…1), done, or failed. */
 export type Saving =
   | { readonly at: 'rest' }
   | { readonly at: 'work'; readonly part: number }
   | { readonly at: 'done'; readonly file: SavedFile }
   | { readonly at: 'failed'; readonly why: Failure };
 
-/** What saving a span would give, once that is known; looked at again while more of it comes. `span`: null while none is
- *  chosen. */
+/** The result that saving a span would give, once known; updated as more data arrives. `span`: null while none is chosen. */
 export function useMeasure(
   source: PastSource,
   manifestUrl: ManifestUrl,
@@ -71,7 +70,7 @@ export function useMeasure(
   return measured;
 }
 
-/** Saves, one file at a time. Leaving the component cancels. */
+/** Saves one file at a time. Unmounting the component cancels. */
 export function useSaving(source: PastSource, manifestUrl: ManifestUrl) {
   const [saving, setSaving] = useState<Saving>({ at: 'rest' });
   const stop = useRef<AbortController | null>(null);
@@ -112,7 +111,7 @@ export function useSaving(source: PastSource, manifestUrl: ManifestUrl) {
   return { saving, save, cancel };
 }
 
-/** What saving needs of a source, which may be a class. */
+/** The members of a source that saving needs; the source may be a class instance. */
 function lent(source: PastSource): SavePorts['source'] {
   return {
     loadIndex: (span) => source.loadIndex(span),

@@ -28,17 +28,17 @@ import { msPerPx, pxAt, shownSpan, textPxOf, type View } from './track_view.ts';
 const TransportBar = late(async () => (await import('./TransportBar.tsx')).TransportBar);
 const PART = new LatePart(() => import('./line_part.ts'));
 
-/** How often the time moves on at least and at most, ms; a line that shows days moves on seldomer. */
+/** Minimum and maximum interval between updates of the time, ms; a line that shows days updates less often. */
 const STEP_MS = { least: 250, most: 2000 };
-/** A span that is repeated is shown no narrower where a finer scale can, CSS px. */
+/** A repeated span is drawn at least this wide if a finer scale allows it, CSS px. */
 const LOOP_PX = 24;
 
-/** What stands in a row below the track, at its moments. */
+/** Shown in a row below the track, at its moments. */
 export type BelowTrack = (view: View) => ReactNode;
 
-/** The last minutes of a robot in one line under its body, or all of a recording: how it moved, what happened, and where in time
- *  the page is. Live, and where it is to stay so, it is slim; in the past it opens, with what plays it and, if `onSave` says how, saves it. Where nothing
- *  is known of the past there is but room. */
+/** The last minutes of a robot in one line under its body, or all of a recording: movement, events, and the playhead. It is slim
+ *  while live, and wherever it must stay slim. In the past it expands to show the playback controls and, if `onSave` is given,
+ *  the save button. While nothing is known about the past, it only reserves the space. */
 export function TimeLine({
   controls,
   slim = false,
@@ -74,7 +74,7 @@ function Line(props: {
   const [size, setSize] = useState({ widthPx: 0, heightPx: 0 });
   const part = useLatePart(PART);
   const chosen = useStore(chosenScale(controls));
-  // Under a finger nothing moves: neither the time nor the page.
+  // Nothing moves under a finger: neither the time nor the page.
   const [held, setHeld] = useState<{ view: View; open: boolean } | null>(null);
   const shown = useRef<View | null>(null);
 
@@ -83,10 +83,10 @@ function Line(props: {
   const stepMs = stepOf(Math.min(scale, windowMs) / Math.max(1, size.widthPx));
   useNow(Math.min(past ? 1000 : STEP_MS.most, stepMs));
   const stepped = (ms: number) => Math.ceil(ms / stepMs) * stepMs;
-  // what comes behind ends where the picture is
+  // delayed live data ends where the picture is
   const whole = { fromMs: timeline.fromMs, toMs: stepped(nowMs - behindMs) };
   const isWhole = playhead.recorded !== null && scale >= windowMs && timeline.toMs > timeline.fromMs;
-  // a recording is shown as long as it is, however short
+  // a recording is shown at its full length, however short
   const span = isWhole ? timeline : shownSpan(whole, scale, playhead.momentMs, shown.current);
   const { fromMs, toMs } = span;
   const { widthPx, heightPx } = size;
@@ -96,14 +96,14 @@ function Line(props: {
   const open = held?.open ?? (past && !slim);
   const textPx = textPxOf(heightPx, open);
   const language = languageTag();
-  // biome-ignore lint/correctness/useExhaustiveDependencies: language, its words are of it
+  // biome-ignore lint/correctness/useExhaustiveDependencies: the words depend on the language
   const ticks = useMemo(
     () => part?.listTicks(view, { pxAt: (atMs) => pxAt(view, atMs), widthPx: view.widthPx, textPx }) ?? [],
     [part, view, textPx, language],
   );
 
   const { unknown } = timeline;
-  // biome-ignore lint/correctness/useExhaustiveDependencies: unknown, it says what there is to fetch
+  // biome-ignore lint/correctness/useExhaustiveDependencies: `unknown` lists what to fetch
   useEffect(() => controls.look({ fromMs, toMs }), [controls, fromMs, toMs, unknown]);
 
   const shownMs = stepped(playhead.momentMs);
@@ -113,7 +113,7 @@ function Line(props: {
   );
 
   const { loop } = playhead;
-  // biome-ignore lint/correctness/useExhaustiveDependencies: the loop alone, whoever chooses a scale then may see what is longer
+  // biome-ignore lint/correctness/useExhaustiveDependencies: only for a new loop; the viewer may choose a longer scale later
   useEffect(() => {
     if (loop === null || widthPx === 0) return;
     const lengthMs = loop.toMs - loop.fromMs;
@@ -121,13 +121,13 @@ function Line(props: {
     chosenScale(controls).set(scaleFor(scalesOf(windowMs), (lengthMs * widthPx) / LOOP_PX));
   }, [loop]);
 
-  // biome-ignore lint/correctness/useExhaustiveDependencies: open, it is another element then
+  // biome-ignore lint/correctness/useExhaustiveDependencies: `open` changes the element
   useEffect(() => {
     if (room.current === null || part === null) return;
     return part.listenToGestures(room.current, controls);
   }, [part, controls, open]);
 
-  // biome-ignore lint/correctness/useExhaustiveDependencies: open, it is higher, and not a picture later
+  // biome-ignore lint/correctness/useExhaustiveDependencies: `open` changes the height, at once
   useLayoutEffect(() => {
     const element = room.current;
     if (element === null) return;
@@ -141,7 +141,7 @@ function Line(props: {
     return () => observer.disconnect();
   }, [open]);
 
-  useMore(); // the notes' words
+  useMore(); // loads the words of the notes
   const { note } = playhead;
   return (
     <section
@@ -236,7 +236,7 @@ function noteWords({ note, askedMs, momentMs, recorded }: Playhead, nowMs: numbe
     : text[NOTES[note as keyof typeof NOTES]];
 }
 
-/** Of powers of two, so that it seldom changes, the one by which the time moves on by about a pixel, ms. */
+/** The time that corresponds to about one pixel, ms, rounded to a power of two so that it rarely changes. */
 function stepOf(pxMs: number): number {
   return Math.max(STEP_MS.least, 250 * 2 ** Math.ceil(Math.log2(Math.max(1, pxMs) / 250)));
 }

@@ -7,7 +7,7 @@ import { markNear, marksNear } from './marks.ts';
 import { whenWords } from './spoken.ts';
 import { contains, type Hover, msAt, msPerPx, TIME_PX, type View } from './track_view.ts';
 
-/** The room that most words at a place need beside it, CSS px. */
+/** The space that most labels at a place need beside it, CSS px. */
 const TIP_PX = 230;
 
 /** The moment under the pointer, and what is marked there. */
@@ -45,8 +45,8 @@ export function Tip({
   );
 }
 
-/** How far the words at a place are moved so that they stay beside the playhead's time: on the side where the place is if
- *  there is room, else on the other. `part`: of the line, percent. */
+/** How far a label is moved so that it stays clear of the playhead's time: on its own side if there is room, else on the other.
+ *  `part`: position on the line, percent. */
 function besideShift(part: number, xPx: number, headPx: number, widthPx: number): string {
   const hasRoom = { left: headPx > TIP_PX, right: widthPx - headPx > TIP_PX };
   const isRight = xPx < headPx ? !hasRoom.left : hasRoom.right;
@@ -55,7 +55,7 @@ function besideShift(part: number, xPx: number, headPx: number, widthPx: number)
     : `min(-${part}%, ${headPx - TIME_PX - xPx}px - 100%)`;
 }
 
-/** What is marked at a place, else what was then; empty if there is nothing to say. */
+/** What is marked at a place, else the state at that time; empty if there is nothing to show. */
 export function whatWords(timeline: Timeline, view: View, xPx: number, momentMs: number): string {
   const text = pastText();
   const first = markNear(timeline.marks, view, xPx);

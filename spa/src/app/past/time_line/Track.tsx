@@ -11,8 +11,8 @@ import { Scrubber } from './scrubber.ts';
 import { useSpoken } from './spoken.ts';
 import { type Hover, msAt, pxAt, TIME_PX, type View } from './track_view.ts';
 
-/** The track: all of the time that is shown, its movement and marks, and the playhead. Pressed or dragged, and by arrow keys,
- *  it goes into the past. */
+/** The track: the shown time span with its movement and marks, and the playhead. Pressing, dragging and arrow keys go into the
+ *  past. */
 export function Track({
   part,
   controls,
@@ -25,7 +25,7 @@ export function Track({
   open,
   onHold,
 }: {
-  /** What draws it, once it has come. */
+  /** Draws it, once loaded. */
   part: typeof import('./line_part.ts') | null;
   controls: PastControls;
   playhead: Playhead;
@@ -71,7 +71,7 @@ export function Track({
   const onKey = (event: KeyboardEvent) => {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     if (!playTrackKey(controls, nowMs, event)) return;
-    setHover(null); // where the mouse rests is not what is looked at now
+    setHover(null); // the hover position is not what the viewer is looking at now
     event.preventDefault();
     event.stopPropagation();
   };

@@ -5,16 +5,16 @@ import { movementPath } from './movement.ts';
 import type { Tick } from './scale/ticks.ts';
 import { contains, pxAt, textPxOf, type View } from './track_view.ts';
 
-/** Where the curve begins in the track's height, CSS px. Open, the playhead's time has a row above it. */
+/** The top of the curve within the track's height, CSS px. In the open track, the playhead's time has a row above it. */
 const TOP_PX = { open: 22, slim: 4 } as const;
 
 const MARK_PX = 5.4;
 /** A number in place of several marks. */
 const COUNT_PX = { height: 13, around: 8, digit: 6.4, half: 11 } as const;
-/** What a word over a span needs, and what a repeated span has at least. */
+/** The width that a label over a span needs, and the minimum width of a repeated span. */
 const LEAST_PX = { word: 60, loop: 12 } as const;
 
-/** What lies on the track and moves only with the time: movement, words, loop, ticks and marks. */
+/** The parts of the track that move only with the time: movement, words, loop, ticks and marks. */
 export const TrackPicture = memo(function TrackPicture({
   timeline,
   view,
@@ -104,7 +104,7 @@ export const TrackPicture = memo(function TrackPicture({
   );
 });
 
-/** Marks of one kind nearer than this are drawn as one, CSS px; where that is a number, which is wider, nearer than this. */
+/** Marks of one kind nearer than this are merged, CSS px; the second value is for marks with a number, which are wider. */
 const TOGETHER_PX = { mark: 12, count: 24 } as const;
 
 export interface DrawnMark {
@@ -115,7 +115,7 @@ export interface DrawnMark {
   readonly count: number;
 }
 
-/** The marks that are drawn, cautions first, so that faults lie over them. */
+/** The marks to draw, cautions first, so that faults lie on top. */
 export function drawnMarks(marks: readonly Mark[], view: View): DrawnMark[] {
   const drawn: DrawnMark[] = [];
   for (const level of ['caution', 'fault'] as const) {
@@ -143,7 +143,7 @@ function octagon(r: number): string {
   return `M${-s} ${-r}H${s}L${r} ${-s}V${s}L${s} ${r}H${-s}L${-r} ${s}V${-s}Z`;
 }
 
-/** How many faults began here, where there is no room for a mark of each. */
+/** How many faults started here, if there is no room for a mark each. */
 function Count({ count }: { count: number }) {
   const words = count > 99 ? '99+' : String(count);
   const { height, around, digit } = COUNT_PX;
@@ -164,7 +164,7 @@ function inside(xPx: number, count: number, widthPx: number): number {
   return Math.max(half, Math.min(widthPx - half, xPx));
 }
 
-/** What seconds long is on a line of hours is seen, too. */
+/** A span of seconds stays visible on a line of hours. */
 function widened({ x, width }: { x: number; width: number }) {
   const more = Math.max(0, LEAST_PX.loop - width);
   return { x: x - more / 2, width: width + more };
@@ -178,7 +178,7 @@ function Hatch({ id, path }: { id: string; path: string }) {
   );
 }
 
-/** The span that is repeated, with an end to take hold of at either side. */
+/** The repeated span, with a handle at either end. */
 function Loop({ x, width, topPx, basePx }: { x: number; width: number; topPx: number; basePx: number }) {
   const height = Math.max(0, basePx - topPx);
   return (

@@ -19,8 +19,8 @@ import {
   SaveIcon,
 } from './transport_icons.tsx';
 
-/** The row over the track while the past is shown: ways to other moments, the moment itself, how it is played, how much is
- *  shown. Where there is less room, less of it is shown. */
+/** The row over the track while the past is shown: navigation, the moment itself, playback controls and scale. If space is short,
+ *  some are hidden. */
 export function TransportBar({
   controls,
   playhead,
@@ -87,7 +87,7 @@ export function TransportBar({
   );
 }
 
-/** The moment and how long ago it was; at rest with hundredths of a second, so that frames can be told apart. */
+/** The moment and how long ago it was; when paused, with hundredths of a second, so that frames can be told apart. */
 export function preciseWords(playhead: Playhead, nowMs: number): string {
   const { momentMs, playing } = playhead;
   const words = whenWords(playhead, momentMs, nowMs);
@@ -114,7 +114,7 @@ function Press({
   );
 }
 
-/** All speeds side by side; where there is less room, a list that opens. */
+/** All speeds side by side; if space is short, a list that opens. */
 function Speeds({ speed, onSpeed }: { speed: Speed; onSpeed: (speed: Speed) => void }) {
   const text = usePastText();
   const name = useId();

@@ -1,4 +1,4 @@
-/** What draws the line and chooses how much of the time it shows: a part of its own, fetched once there is a line. */
+/** Draws the line and chooses its scale: a separate chunk, loaded once there is a line. */
 export { completed } from './movement.ts';
 export { listenToGestures } from './scale/gestures.ts';
 export { ScaleChoice } from './scale/ScaleChoice.tsx';

@@ -2,10 +2,10 @@ import { storePer } from '../../../browser/store.ts';
 import type { PastControls } from '../../../past/past_types.ts';
 import { LEAST_LOOP_MS } from './scrubber.ts';
 
-/** Where somebody said that a loop starts who has not yet said where it ends, unix ms. */
+/** The start of a loop whose end has not been set yet, unix ms. */
 export const loopStart = storePer<PastControls, number | null>(null);
 
-/** The first press says where the loop starts, the second where it ends, the third ends it. */
+/** The first press sets the start of the loop, the second its end, the third removes it. */
 export function pressLoop(controls: PastControls): void {
   const start = loopStart(controls);
   const { loop, momentMs } = controls.playhead;

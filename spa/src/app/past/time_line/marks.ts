@@ -1,12 +1,12 @@
 import type { Mark } from '../../../past/past_types.ts';
 import { pxAt, type View } from './track_view.ts';
 
-/** How near a tap has to come to a mark, CSS px. */
+/** The maximum distance of a tap from a mark, CSS px. */
 const NEAR_PX = 10;
-/** A tap on a mark shows what led to it, ms. */
+/** A tap on a mark starts this long before it, to show what led up to it, ms. */
 export const BEFORE_MS = 2000;
 
-/** The mark that a tap means: the nearest fault, else the nearest caution; null if none is near. */
+/** The mark hit by a tap: the nearest fault, else the nearest caution; null if none is near. */
 export function markNear(marks: readonly Mark[], view: View, xPx: number): Mark | null {
   const near = marksNear(marks, view, xPx);
   return near.find(({ level }) => level === 'fault') ?? near[0] ?? null;

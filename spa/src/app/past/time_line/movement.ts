@@ -2,13 +2,13 @@ import type { PastControls, Span, Timeline } from '../../../past/past_types.ts';
 import { withHeard } from './incidents/heard_marks.ts';
 import { msPerPx, pxAt, type View } from './track_view.ts';
 
-/** Parts with less between them were recorded without a gap, ms. */
+/** Gaps shorter than this count as continuous recording, ms. */
 const JOINED_MS = 250;
-/** A newest end of longer ago is not that of a robot on air, ms. */
+/** If the newest data is older than this, the robot is not on air, ms. */
 const UNTOLD_MS_MAX = 60_000;
-/** How far apart the curve's points are at least, CSS px. */
+/** Minimum distance of the curve's points, CSS px. */
 const POINT_PX = 3;
-/** What was recorded is seen even where nothing moved, CSS px. */
+/** Minimum height, so that recorded time is visible even without movement, CSS px. */
 const LEAST_PX = 1.5;
 
 export interface Run extends Span {
@@ -44,8 +44,8 @@ export function runsOf(movement: Timeline['movement'], bucketMs: number): Run[] 
   }));
 }
 
-/** A time line of which the newest end is told seldom, up to a moment of which this page knows that it was recorded: until that is
- *  told, it goes on as it was. */
+/** Extends a time line, whose newest end is updated rarely, up to a moment that this page knows to be recorded. Until the next
+ *  update, the movement is assumed to continue. */
 export function goingOn(timeline: Timeline, untilMs: number): Timeline {
   const last = timeline.movement.at(-1);
   const hasWord = (timeline.words.at(-1)?.toMs ?? 0) >= timeline.toMs;
@@ -55,7 +55,8 @@ export function goingOn(timeline: Timeline, untilMs: number): Timeline {
   return { ...timeline, toMs: untilMs, movement };
 }
 
-/** A time line with all that the page itself knows of: what was heard, and that it goes on to the shown moment (unix ms). */
+/** A time line with everything that the page itself knows: the events heard, and that it extends to the shown moment (unix
+ *  ms). */
 export function completed(timeline: Timeline, heard: PastControls['heard'], shownMs: number): Timeline {
   return withHeard(goingOn(timeline, shownMs), heard);
 }

@@ -1,6 +1,6 @@
 import type { More } from '../../text/more_en.ts';
 
-/** The keys as they are listed, each with the key of the sentence in `moreEn` for it. */
+/** The keys in display order, each with the key of its description in `moreEn`. */
 export const PAST_KEYS = [
   ['Space', 'keyPlay'],
   [', .', 'keyFrame'],

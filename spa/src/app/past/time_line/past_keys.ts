@@ -6,16 +6,16 @@ import { arrowMs, shownMs, stepScale } from './scale/scales.ts';
 
 type Key = Pick<KeyboardEvent, 'key' | 'code' | 'repeat' | 'shiftKey'>;
 
-/** What does something with Space by itself. A button or tab that was clicked does not: who clicks it means the page by
- *  Space; who comes to it by the keyboard presses it. */
+/** Elements that handle Space themselves. A button or tab that was clicked is excluded: after a click, Space is meant for the
+ *  page; after keyboard focus, it presses the element. */
 const TAKES_SPACE = 'button, a, input, summary, [role="button"], [role="tab"], [role="separator"]';
 const TYPED_INTO = 'input:not([type="radio"], [type="checkbox"]), textarea, select, [contenteditable]';
 
-/** Handles a key that works all over the page; false if the past has no such key. */
+/** Handles a page-wide key; false if the past has no such key. */
 export function playPastKey(controls: PastControls, event: Key, save: (() => void) | null = null): boolean {
   const { at, speed } = controls.playhead;
   const live = at === 'live';
-  // Where Korean letters are typed, the place of the key says which it is.
+  // With a Korean layout, the physical key decides.
   const key = /^[ -~]$/.test(event.key)
     ? event.key.toLowerCase()
     : event.code.replace('Key', '').toLowerCase();
@@ -65,7 +65,7 @@ export function playPastKey(controls: PastControls, event: Key, save: (() => voi
   }
 }
 
-/** Handles a key of the time line, which has the focus; false if it has no such key. `nowMs`: the moment of now. */
+/** Handles a key while the time line has the focus; false if it has no such key. `nowMs`: the current time. */
 export function playTrackKey(controls: PastControls, nowMs: number, { key, shiftKey }: Key): boolean {
   const by = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -60, PageUp: 60 }[key];
   if (by !== undefined) {
@@ -84,8 +84,8 @@ export function playTrackKey(controls: PastControls, nowMs: number, { key, shift
   return true;
 }
 
-/** The past's keys, all over the page, while nothing is typed and no dialog is open. null: there is no past, or nothing to save
- *  it with. */
+/** The past's page-wide keys, active unless the viewer is typing or a dialog is open. null: there is no past, or it can't be
+ *  saved. */
 export function usePastKeys(controls: PastControls | null, save: (() => void) | null = null): void {
   const saveNow = useRef(save);
   saveNow.current = save;

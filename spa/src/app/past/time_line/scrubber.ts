@@ -6,9 +6,9 @@ import { contains, msAt, pxAt, type View } from './track_view.ts';
 const TAP_PX = 4;
 /** How near a press has to come to an end of the loop to take it, CSS px. */
 const HANDLE_PX = { mouse: 6, touch: 14 };
-/** A release so near to the right end means now, CSS px. */
+/** A release this near to the right end means now, CSS px. */
 const END_PX = 3;
-/** A loop is at least so long, ms. */
+/** The minimum length of a loop, ms. */
 export const LEAST_LOOP_MS = 200;
 
 export interface Press {
@@ -21,7 +21,7 @@ type Hold =
   | { readonly kind: 'seek'; readonly view: View; readonly nowMs: number; readonly startPx: number }
   | { readonly kind: 'loop'; readonly view: View; readonly fixedMs: number; readonly startPx: number };
 
-/** Turns what a pointer does on the track into moments and loops. */
+/** Turns pointer actions on the track into moments and loops. */
 export class Scrubber {
   readonly #controls: PastControls;
   readonly #nextFrame: (run: () => void) => () => void;
@@ -29,13 +29,13 @@ export class Scrubber {
   #hold: Hold | null = null;
   #moved = false;
   #draft: Span | null = null;
-  /** What is still to be sought, at the next frame. */
+  /** The pending seek, executed at the next frame. */
   #wantedMs: number | null = null;
-  /** What was sought last, so that the release at the same place need not seek it again. */
+  /** The last seek, so that a release at the same place need not repeat it. */
   #soughtMs: number | null = null;
   #cancelFrame: (() => void) | null = null;
 
-  /** `nextFrame` calls back before the next picture and returns what prevents it; `onDraft` is told the loop that is being
+  /** `nextFrame` calls back before the next picture and returns a function that cancels it; `onDraft` receives the loop being
    *  drawn. */
   constructor(
     controls: PastControls,
@@ -51,7 +51,7 @@ export class Scrubber {
     return this.#hold !== null;
   }
 
-  /** A press; the view stays what it is until the release. `nowMs`: the moment of now, where Live is. */
+  /** A press; the view is fixed until the release. `nowMs`: the current time, where Live is. */
   down(view: View, nowMs: number, { xPx, shift, touch }: Press): void {
     this.#moved = false;
     this.#soughtMs = null;
@@ -92,7 +92,7 @@ export class Scrubber {
     else this.cancel();
   }
 
-  /** The release, also if the system took the pointer away. */
+  /** The release, also if the system cancels the pointer. */
   cancel(): void {
     const draft = this.#draft;
     if (this.#hold?.kind === 'seek') this.#end(() => this.#controls.settle());
@@ -127,7 +127,7 @@ export class Scrubber {
     this.#wantedMs = null;
   }
 
-  /** The end of the loop that stays when the one that was pressed moves; null if none was pressed. */
+  /** The end of the loop that stays while the pressed one moves; null if none was pressed. */
   #oppositeEnd(view: View, xPx: number, touch: boolean): number | null {
     const { loop } = this.#controls.playhead;
     if (loop === null) return null;

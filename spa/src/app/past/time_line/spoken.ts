@@ -3,9 +3,9 @@ import type { Playhead } from '../../../past/past_types.ts';
 import { momentWords } from '../../status/moment_words.ts';
 import { pastText } from '../../text/past.ts';
 
-/** A playing moment this near to where it was expected was not sought, ms. */
+/** While playing, a moment this near to the expected one was not a seek, ms. */
 const EXPECTED_MS = 700;
-/** What is said while it plays is made anew this often, ms. */
+/** While playing, the text is updated this often, ms. */
 const ANEW_MS = 30_000;
 
 export interface Spoken {
@@ -20,7 +20,7 @@ interface Told extends Spoken {
   readonly nowMs: number;
 }
 
-/** The playhead for a screen reader, which reads each change: it changes when somebody goes elsewhere, not as it plays. */
+/** The playhead for screen readers, which announce each change: it changes after a seek, not during playback. */
 export function useSpoken(playhead: Playhead, nowMs: number): Spoken {
   const told = useRef<Told | null>(null);
   if (told.current === null || !stillTrue(told.current, playhead, nowMs))

@@ -1,11 +1,11 @@
 import type { Span } from '../../../past/past_types.ts';
 
-/** No line is shorter than this, ms. */
+/** The minimum span of a line, ms. */
 const LEAST_MS = 60_000;
-/** How far moments stay away from the ends of the track, CSS px, so that no handle or mark is cut. */
+/** The distance of moments from the ends of the track, CSS px, so that no handle or mark is cut. */
 const PAD_PX = 7;
 
-/** A part of the time and the width over which it is drawn, CSS px. */
+/** A span of time, and the width over which it is drawn, CSS px. */
 export interface View extends Span {
   readonly widthPx: number;
 }
@@ -26,9 +26,9 @@ export function msPerPx({ fromMs, toMs, widthPx }: View): number {
   return (toMs - fromMs) / Math.max(1, widthPx - 2 * PAD_PX);
 }
 
-/** The part of the time that is shown: all there is, at least a minute, if that is no more than `lengthMs`; else as much as that
- *  which ends now if the shown moment is in it, else as much that contains it and stands still as long as it does. `before`: what
- *  was shown before. */
+/** The shown span: the whole past (at least a minute) if it is no longer than `lengthMs`. Otherwise the span of that length that
+ *  ends now, if it contains the shown moment; else one that contains it and stays fixed as long as it does. `before`: the
+ *  previous span. */
 export function shownSpan(whole: Span, lengthMs: number, momentMs: number, before: Span | null): Span {
   const { fromMs, toMs } = whole;
   if (lengthMs >= toMs - fromMs) return { fromMs: Math.min(fromMs, toMs - LEAST_MS), toMs };
@@ -46,18 +46,18 @@ export function contains({ fromMs, toMs }: Span, momentMs: number): boolean {
   return momentMs >= fromMs && momentMs <= toMs;
 }
 
-/** From this height on a row has larger words: the screen is as large, or as far away. */
+/** From this height on, a row has larger text, because the screen is large or far away. */
 const LARGE_PX = { open: 70, slim: 44 } as const;
 
-/** How large the words below the curve are in a track of this height, CSS px. */
+/** The text size below the curve in a track of this height, CSS px. */
 export function textPxOf(heightPx: number, open: boolean): number {
   return heightPx >= LARGE_PX[open ? 'open' : 'slim'] ? 15 : 12;
 }
 
-/** Half of the width of the playhead's time, CSS px. */
+/** Half the width of the playhead's time, CSS px. */
 export const TIME_PX = 45;
 
-/** Where a pointer is on the track, CSS px. `touch`: it covers what is there. */
+/** The pointer's position on the track, CSS px. `touch`: a finger, which covers what is under it. */
 export interface Hover {
   readonly xPx: number;
   readonly touch: boolean;

@@ -1,46 +1,46 @@
 /** The English sentences about balance. */
 export const balanceEn = {
   balance: 'Balance',
-  balanceWhat: 'Where it would fall, and what it stands on',
+  balanceWhat: 'Which way it would fall, and what it stands on',
 
   // ---- one sentence; `mm`: a distance with its unit
-  inside: (mm: string) => `The centre of mass is ${mm} inside the edge of what it stands on.`,
-  wasInside: (mm: string) => `The centre of mass was ${mm} inside the edge of what it stood on.`,
-  edge: 'The centre of mass is over the edge of what it stands on.',
-  wasEdge: 'The centre of mass was over the edge of what it stood on.',
+  inside: (mm: string) => `The centre of mass is ${mm} inside the area it stands on.`,
+  wasInside: (mm: string) => `The centre of mass was ${mm} inside the area it stood on.`,
+  edge: 'The centre of mass is over the edge of the area it stands on.',
+  wasEdge: 'The centre of mass was over the edge of the area it stood on.',
   forwards: (mm: string) => `It would fall forwards: the centre of mass is ${mm} outside.`,
   backwards: (mm: string) => `It would fall backwards: the centre of mass is ${mm} outside.`,
   left: (mm: string) => `It would fall to its left: the centre of mass is ${mm} outside.`,
   right: (mm: string) => `It would fall to its right: the centre of mass is ${mm} outside.`,
-  wasOutside: (mm: string) => `The centre of mass was ${mm} outside of what it stood on.`,
+  wasOutside: (mm: string) => `The centre of mass was ${mm} outside the area it stood on.`,
   moving: (mm: string) =>
     `It is moving: the centre of mass is ${mm} outside, but it would come to rest over its feet.`,
   wasMoving: (mm: string) =>
     `It was moving: the centre of mass was ${mm} outside, but it would have come to rest over its feet.`,
   airborne: 'No foot bears weight.',
   wasAirborne: 'No foot bore weight.',
-  unread: 'A foot has no reading of its force, so nobody knows what it stands on.',
-  orientationUnread: 'How its body is turned has no reading, so nobody knows how it stands.',
-  jointUnread: 'A joint that carries weight has no reading, so nobody knows how it stands.',
-  assumed: 'That it stands on its lowest feet is assumed: no sensor measures it.',
+  unread: 'A foot has no force reading, so the page can’t tell what it stands on.',
+  orientationUnread: 'Its body’s orientation has no reading, so the page can’t tell how it stands.',
+  jointUnread: 'A joint that carries weight has no reading, so the page can’t tell how it stands.',
+  assumed: 'Assumed: it stands on its lowest feet. No sensor measures it.',
 
   // ---- beside others
   briefInside: (mm: string) => `${mm} inside`,
   briefEdge: 'over the edge',
   briefOutside: (mm: string) => `${mm} outside`,
   briefMoving: (mm: string) => `${mm} outside, moving`,
-  briefAirborne: 'no foot bears',
+  briefAirborne: 'no weight on feet',
   briefUnread: 'no reading',
 
   // ---- why there is none, or not all of it
-  builtBefore: 'This model was built before masses were kept: build it again.',
+  builtBefore: 'This model was built without masses. Build it again.',
   rawModel:
-    'The page does not know the soles of a model that is shown from its files as they are: a built model has them.',
+    'This model is shown straight from its files, so the page does not know its soles. A built model has them.',
   noMasses: 'The robot’s description has no masses.',
-  impossibleMasses: 'The robot’s description has masses that can’t be.',
+  impossibleMasses: 'The robot’s description has impossible masses.',
   noFeet:
-    'This robot has no feet that are known: an arm, wheels or a stand have none; [balance] in the profile names them.',
-  noForce: 'Which feet bear weight is not known: not every foot measures its force (Fz).',
+    'This robot has no known feet, like an arm, wheels or a stand. Name its feet under [balance] in the profile.',
+  noForce: 'The page can’t tell which feet bear weight: not every foot measures its force (Fz).',
   noPressure: 'No centre of pressure: not every foot measures its force and moments (Fz, Mx, My).',
 
   // ---- numbers, plots and limits
@@ -51,15 +51,15 @@ export const balanceEn = {
   pressureX: 'centre of pressure x',
   pressureY: 'centre of pressure y',
   mass: 'mass',
-  toPlots: 'Into the plots, or out of them',
-  withoutLimit: 'Without a limit of yours: yellow below 20 mm, red outside.',
+  toPlots: 'Add to the plots, or remove',
+  withoutLimit: 'By default: yellow below 20 mm, red outside.',
 
-  // ---- how much of its way a joint has left
+  // ---- how much of its range a joint has left
   room: 'left to the limit',
   roomWhat: 'How far it can still move before its end stop.',
   toLower: (value: string) => `${value} to its lower limit`,
   toUpper: (value: string) => `${value} to its upper limit`,
   beyondLower: (value: string) => `${value} past its lower limit`,
   beyondUpper: (value: string) => `${value} past its upper limit`,
-  ofItsWay: (percent: string) => `${percent} of its way`,
+  ofItsWay: (percent: string) => `${percent} of its range`,
 };

@@ -2,9 +2,9 @@ import type { Moments } from './moments_en.ts';
 
 /** The Korean sentences of `moments_en.ts`. */
 export const momentsKo: Moments = {
-  scale: '타임라인에 보이는 길이',
-  scaleMore: '더 긴 시간 보기 (타임라인에서 −)',
-  scaleLess: '더 짧은 시간 보기 (타임라인에서 +)',
+  scale: '타임라인 확대·축소',
+  scaleMore: '축소 (타임라인에서 −)',
+  scaleLess: '확대 (타임라인에서 +)',
 
   jump: '순간으로 이동',
   byTime: '순간',
@@ -17,7 +17,7 @@ export const momentsKo: Moments = {
   wasRecorded: '이 순간은 기록되어 있습니다.',
   nearest: (when) => `그때는 기록이 없습니다. 가장 가까운 순간은 ${when}입니다.`,
   tooOld: (when) => `그 기록은 이제 없습니다. 가장 오래된 순간은 ${when}입니다.`,
-  toCome: '아직 오지 않은 순간입니다.',
+  toCome: '미래의 순간입니다.',
   days: '기록이 있는 날',
   today: '오늘',
   yesterday: '어제',
@@ -31,10 +31,10 @@ export const momentsKo: Moments = {
   explainLine: '타임라인에 보이는 것',
 
   faults: '최근 고장',
-  faultNone: '남아 있는 기록에 알려진 고장이 없습니다.',
+  faultNone: '남아 있는 기록에 고장이 없습니다.',
   faultMore: '이전 고장 더 찾기',
   faultLooking: '고장을 찾는 중입니다.',
-  faultAway: '릴레이가 응답하지 않습니다. 알려진 것만 보입니다.',
+  faultAway: '릴레이가 응답하지 않습니다. 알려진 고장만 보입니다.',
   faultAll: '남아 있는 고장은 이것이 전부입니다.',
   faultMost: (count) => `최근 ${count}건입니다.`,
   lasted: (span) => `${span} 동안`,

@@ -11,7 +11,7 @@ export const pastEn = {
   paused: 'paused',
   notRecorded: 'not recorded',
   andMore: (what: string, more: number) => `${what} and ${more} more`,
-  faultsWithin: (count: number) => `${count === 1 ? 'a fault' : `${count} faults`}, within this minute`,
+  faultsWithin: (count: number) => `${count === 1 ? 'a fault' : `${count} faults`} in this minute`,
 
   // ---- what plays it
   play: 'Play (Space)',
@@ -19,13 +19,13 @@ export const pastEn = {
   previousFault: 'Previous fault (B)',
   nextFault: 'Next fault (N)',
   tenBack: 'Back 10 s (J)',
-  tenOn: 'On 10 s (L)',
+  tenOn: 'Forward 10 s (L)',
   frameBack: 'One frame back (,)',
-  frameOn: 'One frame on (.)',
+  frameOn: 'One frame forward (.)',
   speed: 'Speed',
   loopFrom: 'Repeat from here (O)',
   loopTo: 'Repeat up to here (O)',
-  loopOff: 'End repeating (O)',
+  loopOff: 'Stop repeating (O)',
   save: 'Save as a file… (X)',
   showLast: (span: string) => `Show the last ${span}`,
 

@@ -9,7 +9,7 @@ export const recordingKo: typeof recordingEn = {
   hostAway: '이 녹화가 있는 서버가 응답하지 않습니다. 다시 시도합니다.',
   noneDropped: '이 파일에는 녹화가 없습니다.',
   fileDamaged: (what) => `이 .posecast 파일을 읽을 수 없습니다: ${what}.`,
-  wholeFolder: '이 파일만으로는 녹화가 되지 않습니다. 폴더 전체를 여세요.',
+  wholeFolder: '녹화의 일부일 뿐인 파일입니다. 폴더 전체를 여세요.',
 
   note: (when) => `녹화: ${when}.`,
   within: (at, length) => `${length} 중 ${at}`,
@@ -18,7 +18,7 @@ export const recordingKo: typeof recordingEn = {
   gap: ' 녹화의 이 부분이 없습니다.',
   lost: (count, parts) => `${parts}개 부분 중 ${count}개가 없거나 손상되었습니다.`,
   someNewer: '그중 일부는 더 새로운 Posecast가 만들었습니다.',
-  noMoment: '링크가 가리키는 순간이 없어 처음을 보여 줍니다.',
+  noMoment: '링크에 순간이 없어 처음부터 보여 줍니다.',
 
   about: '이 녹화에 대하여',
   title: '제목',

@@ -1,31 +1,31 @@
 import type { EventMessage, RobotStatus, Schema } from '@posecast/wire';
 import type { PastSink, PastState } from '../../past_types.ts';
 
-/** Most events that are remembered as told. */
+/** Maximum number of events remembered as sent. */
 const TOLD_EVENTS_MAX = 500;
 
-/** What is so at a moment, besides the pose. */
+/** The state at a moment, other than the pose. */
 export interface Situation {
   readonly model: string | null;
   readonly info: ReadonlyMap<string, string>;
   readonly word: RobotStatus | null;
-  /** Events that have begun and not ended, oldest first. */
+  /** Events that are active, oldest first. */
   readonly faults: readonly EventMessage[];
 }
 
-/** What changes a situation. */
+/** A change of the situation. */
 export type Change =
   | { readonly kind: 'event'; readonly event: EventMessage }
   | { readonly kind: 'info'; readonly info: ReadonlyMap<string, string> }
   | { readonly kind: 'model'; readonly model: string | null }
   | { readonly kind: 'word'; readonly word: RobotStatus }
-  /** A segment begins: what it says of its start. */
+  /** The start of a segment, with the situation stored there. */
   | { readonly kind: 'start'; readonly start: Situation };
 
-/** A change at a moment (unix ms). `place`: how many frames of its segment stand before it. */
+/** A change at a moment (unix ms). `place`: how many frames of its segment come before it. */
 export type Happening = Change & { readonly atMs: number; readonly place: number };
 
-/** The situation after changes, given in order. */
+/** The situation after applying changes in order. */
 export function situationAfter(before: Situation, changes: Iterable<Change>): Situation {
   let { model, info, word } = before;
   let faults = byCause(before.faults);
@@ -45,7 +45,7 @@ export function situationAfter(before: Situation, changes: Iterable<Change>): Si
   return { model, info, word, faults: [...faults.values()] };
 }
 
-/** Tells a sink what is new to it since the newest jump. */
+/** Sends a sink what is new since the newest jump. */
 export class Teller {
   #schemaId: number | null = null;
   #model: string | null | undefined;
@@ -87,7 +87,7 @@ export class Teller {
     this.sink.word(word);
   }
 
-  /** Each once, however often it is given, in the order in which they came about. */
+  /** Each event once, however often it is given, in the order of occurrence. */
   events(events: readonly EventMessage[]): void {
     for (const event of inOrder(events)) this.#tellEvent(event);
   }
@@ -114,7 +114,7 @@ export class Teller {
     this.sink.info(info);
   }
 
-  /** Takes that overlap, and the page itself, tell of the same events; a robot's relay numbers and dates each once. */
+  /** Overlapping takes and the page itself report the same events; a robot's relay gives each a unique number and date. */
   #tellEvent(event: EventMessage): void {
     const name = nameOf(event);
     if (this.#events.has(name)) return;
@@ -124,12 +124,12 @@ export class Teller {
   }
 }
 
-/** Says which event it is, however often it comes. */
+/** Identifies an event, however often it is received. */
 export function nameOf({ n, at, t }: EventMessage): string {
   return `${n} ${at ?? t}`;
 }
 
-/** Events as they came about; those without a date first. */
+/** Events in order of occurrence; those without a date first. */
 export function inOrder(events: readonly EventMessage[]): EventMessage[] {
   return events.toSorted((a, b) => (a.at ?? 0) - (b.at ?? 0) || a.n - b.n);
 }

@@ -2,13 +2,13 @@ import { PastError, type PastSource, type SegmentRef } from '../../past_source.t
 import type { Span } from '../../past_types.ts';
 import { nameOfRef, readerOf, type SchemaReader, type Tape, TapePart } from './tape.ts';
 
-/** How long after a try that failed the next one comes, ms. */
+/** Delay before retrying after a failure, ms. */
 const RETRY_MS = 2000;
 const SCHEMAS_MAX = 8;
-/** How long a page of the index or of first poses is, ms. */
+/** Length of a page of the index or of first poses, ms. */
 export const PAGE_MS = 600_000;
 const DAY_MS = 86_400_000;
-/** How far apart first poses are where a day is looked through, ms. */
+/** Interval between first poses when a whole day is browsed, ms. */
 const COARSE_MS = 60_000;
 
 export type LoadState = 'none' | 'loading' | 'ready' | PastError['why'];
@@ -21,7 +21,7 @@ interface Load {
   promise: Promise<void>;
 }
 
-/** What is on its way from a source, by name: each thing once at a time, and again some time after it was `away`. */
+/** Requests to a source, by name: each runs only once at a time, and is retried some time after it was `away`. */
 export class Loads {
   readonly #loads = new Map<string, Load>();
   readonly #readers = new Map<string, Promise<SchemaReader>>();
@@ -31,7 +31,7 @@ export class Loads {
     private readonly source: PastSource,
     private readonly tape: Tape,
     private readonly nowMs: () => number,
-    /** Called when something has come, or is known not to. */
+    /** Called when something has loaded, or is known to be unavailable. */
     private readonly onChange: () => void,
   ) {}
 
@@ -44,7 +44,7 @@ export class Loads {
     return this.stateOf(nameOfRef(ref));
   }
 
-  /** How long something has been on its way, ms. */
+  /** How long a request has been running, ms. */
   waitedMs(name: string): number {
     const load = this.#loads.get(name);
     return load === undefined ? 0 : this.nowMs() - load.begunMs;
@@ -67,20 +67,20 @@ export class Loads {
     return this.#load(`index ${page}`, () => this.source.loadIndex(spanOf(page)));
   }
 
-  /** The first poses of ten minutes; `coarse`: of each minute one. */
+  /** The first poses of ten minutes; `coarse`: one of each minute. */
   keys(page: number, coarse = false): Promise<void> {
     const name = `${coarse ? 'some' : ''}keys ${page}`;
     if (this.stateOf(name) === 'ready' || this.stateOf(`keys ${page}`) === 'ready') return Promise.resolve();
     return this.#load(name, () => this.source.loadKeys(spanOf(page), coarse ? COARSE_MS : 0));
   }
 
-  /** What was recorded on the day (UTC) of a moment, by minutes. */
+  /** The per-minute data of the day (UTC) of a moment. */
   day(atMs: number): Promise<void> {
     const fromMs = atMs - (atMs % DAY_MS);
     return this.#load(nameOfDay(atMs), async () => this.source.loadDays?.({ fromMs, toMs: fromMs }));
   }
 
-  /** A schema's reader, if it is here. */
+  /** A schema's reader, if loaded. */
   knownReader(sha256: string): SchemaReader | null {
     return this.#known.get(sha256) ?? null;
   }
@@ -103,7 +103,7 @@ export class Loads {
     return made;
   }
 
-  /** Aborts all segments that are on their way, but for these. */
+  /** Cancels the loading of all segments except these. */
   keepOnly(refs: readonly SegmentRef[]): void {
     const kept = new Set(refs.map(nameOfRef));
     for (const [name, load] of this.#loads) {
@@ -119,7 +119,7 @@ export class Loads {
     const before = this.#loads.get(name);
     const nowMs = this.nowMs();
     if (before !== undefined && (before.state === 'loading' || before.retryMs > nowMs)) return before.promise;
-    const state = before?.state === 'away' ? 'away' : 'loading'; // still away, for all that is known
+    const state = before?.state === 'away' ? 'away' : 'loading'; // still away as far as is known
     const abort = new AbortController();
     const begunMs = before?.state === 'away' ? before.begunMs : nowMs;
     const load: Load = {
@@ -134,7 +134,7 @@ export class Loads {
       () => {
         if (abort.signal.aborted) return;
         load.state = 'ready';
-        // the tape has it, or the source, which says what it has not (any more)
+        // it is on the tape; otherwise the source reports that it no longer has it
         if (name.includes('/') || name.startsWith('day')) this.#loads.delete(name);
         this.onChange();
       },
@@ -149,11 +149,11 @@ export class Loads {
   }
 }
 
-/** What a moment's day is called. */
+/** The name of a moment's day. */
 export function nameOfDay(atMs: number): string {
   return `day ${Math.floor(atMs / DAY_MS)}`;
 }
 
 function spanOf(page: number): Span {
-  return { fromMs: page * PAGE_MS, toMs: (page + 1) * PAGE_MS - 1 }; // a span has its end, and so the page of that
+  return { fromMs: page * PAGE_MS, toMs: (page + 1) * PAGE_MS - 1 }; // a span includes its end, and so the page of its end
 }

@@ -3,28 +3,28 @@ import type { RobotState } from '../../../twin/robot.ts';
 import { type Change, type Happening, nameOf, type Situation, situationAfter } from './happenings.ts';
 import { firstPlace, type TapeFrame } from './tape.ts';
 
-/** How far it goes back, ms. */
+/** How far back it goes, ms. */
 const OWN_MS = 60_000;
-/** Bound of the codes, and of what happened; the oldest are dropped. */
+/** Limit for the codes and for the happenings; the oldest are dropped. */
 export const OWN_BYTES_MAX = 8e6;
 const HAPPENINGS_MAX = 2000;
-/** The relay's newest moment lies behind what has come here by no more than this; nor can it lie `AHEAD_MS` ahead. Else
- *  the clocks differ. */
+/** The relay's newest moment is at most this far behind the data received here, and at most `AHEAD_MS` ahead of it. Otherwise the
+ *  clocks differ. */
 const BEHIND_MS = 90_000;
 const AHEAD_MS = 3000;
-/** A measured difference of the clocks that is off by less stays, so that the moments don't tremble. */
+/** A measured clock difference is kept unless it changes by more than this, so that moments don't jitter. */
 const STEADY_MS = 100;
 
-/** What became known of the page's frames by a segment that has some of them. */
+/** The result of matching the page's frames with a segment. */
 export interface Alignment {
-  /** What they were called before. */
+  /** Their previous run id. */
   readonly formerRun: string;
   readonly runId: string;
-  /** By how much their moments have moved, ms. */
+  /** The shift of their moments, ms. */
   readonly byMs: number;
 }
 
-/** Frames whose numbers rise. `runId` is a name of our own until a segment says it. */
+/** Frames with increasing numbers. `runId` is a name of our own until a segment reveals the real one. */
 interface OwnRun {
   runId: string;
   isKnown: boolean;
@@ -33,8 +33,8 @@ interface OwnRun {
 type OwnFrame = Omit<TapeFrame, 'runId'> & { readonly run: OwnRun };
 
 /**
- * The newest minute that the page itself received, within `OWN_BYTES_MAX`. Times go in by the page's clock and come out by
- * the relay's, as far as their difference is known.
+ * The last minute that the page itself received, within `OWN_BYTES_MAX`. Times are given by the page's clock and returned by the
+ * relay's, as far as the difference is known.
  */
 export class OwnTape {
   readonly #frames: OwnFrame[] = [];
@@ -43,15 +43,15 @@ export class OwnTape {
   #now = this.#before;
   #bytes = 0;
   #runs = 0;
-  /** Add it to the page's clock to have the relay's. */
+  /** Add it to the page's clock to get the relay's. */
   #offsetMs = 0;
   #isMeasured = false;
   readonly #events = new Set<string>();
 
-  /** How far behind the newest state came, ms. */
+  /** The delay of the newest state, ms. */
   behindMs = 0;
 
-  /** Adds a state of the live stream, which came so far behind. Its codes are copied. */
+  /** Adds a state of the live stream, with its delay. Its codes are copied. */
   push(schema: Schema, state: RobotState, behindMs = 0): void {
     if (state.schemaId !== schema.id) return;
     this.behindMs = behindMs;
@@ -67,7 +67,7 @@ export class OwnTape {
     this.#trim(atMs);
   }
 
-  /** Adds an event. The relay repeats the newest at every join, so known ones are dropped. */
+  /** Adds an event. The relay repeats the newest events at every join, so known ones are dropped. */
   event(event: EventMessage, atMs: number): void {
     const name = nameOf(event);
     if (this.#events.has(name)) return;
@@ -88,7 +88,7 @@ export class OwnTape {
     if (word !== this.#now.word) this.#change({ kind: 'word', word }, atMs);
   }
 
-  /** Learns the newest moment of the relay's past, by which the clocks are compared until they are measured. */
+  /** Takes the newest moment of the relay's past, which is used to compare the clocks until they are measured. */
   guess(newestMs: number): void {
     const own = this.#frames.at(-1)?.atMs;
     if (this.#isMeasured || own === undefined) return;
@@ -96,8 +96,7 @@ export class OwnTape {
     this.#offsetMs = aheadMs > AHEAD_MS || aheadMs < -BEHIND_MS ? aheadMs : 0;
   }
 
-  /** Learns the run and the relay's times of frames from those of a segment. Null where it has none of them, or where
-   *  that was known. */
+  /** Takes the run and the relay's times of frames from a segment. Null if it contains none of them, or if nothing is new. */
   align(frames: readonly TapeFrame[]): Alignment | null {
     const bySeq = new Map(frames.map((frame) => [frame.seq, frame]));
     const offsetsMs: number[] = [];
@@ -122,7 +121,7 @@ export class OwnTape {
     return { formerRun, runId: run.runId, byMs };
   }
 
-  /** The newest; null while there is none. */
+  /** The newest; null if there is none. */
   get newest(): TapeFrame | null {
     return this.#given(this.#frames.length - 1);
   }
@@ -132,12 +131,12 @@ export class OwnTape {
     return this.#given(firstPlace(this.#frames, ({ atMs }) => atMs + this.#offsetMs > momentMs) - 1);
   }
 
-  /** The first for which `is` holds; for all behind it it holds as well. */
+  /** The first for which `is` holds; it must hold for all later ones too. */
   firstWhere(is: (frame: TapeFrame) => boolean): TapeFrame | null {
     return this.#given(this.#placeWhere(is));
   }
 
-  /** The last for which `is` does not hold, as in `firstWhere`. */
+  /** The last for which `is` does not hold; the same condition applies. */
   lastUnless(is: (frame: TapeFrame) => boolean): TapeFrame | null {
     return this.#given(this.#placeWhere(is) - 1);
   }
@@ -148,7 +147,7 @@ export class OwnTape {
     return this.#frames.slice(place).map((own) => given(own, this.#offsetMs));
   }
 
-  /** What happened after a moment and up to another. */
+  /** Happenings after one moment and up to another. */
   happenings(afterMs: number, untilMs: number): Happening[] {
     return this.#happenings
       .map((each) => ({ ...each, atMs: each.atMs + this.#offsetMs, place: 0 }))
@@ -159,7 +158,7 @@ export class OwnTape {
     return situationAfter(this.#before, this.happenings(Number.NEGATIVE_INFINITY, momentMs));
   }
 
-  /** Of the codes. */
+  /** Size of the codes. */
   get bytes(): number {
     return this.#bytes;
   }
@@ -190,7 +189,7 @@ export class OwnTape {
   }
 }
 
-/** Numbers begin anew with each run, so all that a frame says must be the same. */
+/** Numbers restart with each run, so everything in a frame must match. */
 function isSame(own: OwnFrame, frame: TapeFrame): boolean {
   if (own.schemaId !== frame.schemaId || Math.abs(own.tS - frame.tS) > 1e-3) return false;
   return own.codes.every((code, i) => code === frame.codes[i]);

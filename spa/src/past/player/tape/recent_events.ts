@@ -10,8 +10,8 @@ const MINUTE_MS = 60_000;
 const RECENT_MS = 600_000;
 const EVENTS_MAX = 100;
 
-/** The known events of a span, oldest first: takes that overlap tell of the same ones. `heard`: those that the live stream has
- *  told, of which the newest are in no segment yet. */
+/** The known events in a span, oldest first, without the duplicates of overlapping takes. `heard`: events from the live stream;
+ *  its newest are in no segment yet. */
 export function listEvents(
   source: PastSource,
   heard: readonly EventMessage[],
@@ -24,8 +24,8 @@ export function listEvents(
   return [...once.values()].sort((a, b) => a.atMs - b.atMs);
 }
 
-/** The number of the page before a moment's own, if it has to be fetched to know the recent faults of that moment; null if by the
- *  time line's marks none began there. */
+/** The number of the page before a moment's own, if it must be fetched to know the recent faults at that moment; null if the
+ *  marks of the time line show none there. */
 export function pageBefore({ timeline }: PastSource, momentMs: number): number | null {
   const sinceMs = momentMs - RECENT_MS;
   const endMs = momentMs - (momentMs % PAGE_MS);
@@ -36,8 +36,8 @@ export function pageBefore({ timeline }: PastSource, momentMs: number): number |
   return isUnknown === true ? Math.floor(sinceMs / PAGE_MS) : null;
 }
 
-/** The newest events before a moment, oldest first, as far as they are known: what a viewer who joined then would
- *  have been told. `heard`: those that the live stream has told. */
+/** The newest known events before a moment, oldest first: what a viewer who joined then would have received. `heard`: events from
+ *  the live stream. */
 export function listRecentEvents(
   source: PastSource,
   heard: readonly EventMessage[],

@@ -13,51 +13,51 @@ import {
   type TapePart,
 } from './tape.ts';
 
-/** By how much the clocks of two recorders of one robot may differ, ms, for their frames to be merged. */
+/** Maximum clock difference between two recorders of one robot, ms, for merging their frames. */
 export const APART_MS = 1000;
 /** Longer than any segment, ms. */
 const SEGMENT_MS = 10_000;
-/** How long something is waited for before the page's own frames stand in for it, ms. */
+/** How long to wait for data before using the page's own frames instead, ms. */
 export const PATIENCE_MS = 300;
-/** Own frames that are farther behind a moment do not show it, ms. */
+/** Own frames that are older than this at a moment don't count as its state, ms. */
 const OWN_APART_MS = 1500;
 
-/** Something that may hold frames and is not here: a segment, ten minutes of the index, or a day (`take` is
- *  empty for both of these). */
+/** Data that may contain frames and is not loaded: a segment, ten minutes of the index, or a day (`take` is empty for the latter
+ *  two). */
 export interface Pending extends Span {
   readonly take: string;
   readonly index: number;
   readonly state: LoadState;
-  /** The page's own frames may stand in for it. */
+  /** The page's own frames can replace it. */
   readonly isReplaceable: boolean;
   begin(): void;
 }
 
-/** What a span has. */
+/** The content of a span. */
 export interface Near {
   readonly parts: readonly TapePart[];
   readonly pending: readonly Pending[];
-  /** What did not arrive as it was recorded. */
+  /** Segments that are corrupt. */
   readonly damaged: readonly SegmentRef[];
 }
 
-/** A frame with its segment and place there; `part` is null for one of the page's own. */
+/** A frame with its segment and its position there; `part` is null for the page's own frames. */
 export interface Next {
   readonly frame: TapeFrame;
   readonly part: TapePart | null;
   readonly place: number;
 }
 
-/** What is to be shown at a moment. `pending`: what has to come first, or, beside a frame, what would be better. */
+/** What to show at a moment. `pending`: data that must be loaded first or, if there is a frame, data that would improve it. */
 export interface Shown {
   readonly frame: TapeFrame | null;
   readonly situation: Situation | null;
   readonly pending: readonly Pending[];
-  /** A segment of that moment did not arrive as it was recorded. */
+  /** A segment at that moment is corrupt. */
   readonly isDamaged: boolean;
 }
 
-/** Reads segments and the page's own frames as one: by run, then by number, each frame once. */
+/** Reads segments and the page's own frames as one sequence: by run, then by number, each frame once. */
 export class Reel {
   constructor(
     private readonly source: PastSource,
@@ -67,19 +67,19 @@ export class Reel {
     private readonly onAlign: (alignment: Alignment) => void,
   ) {}
 
-  /** What is known of a span. */
+  /** The known content of a span. */
   near(span: Span): Near {
     const { fromMs, toMs } = span;
     return this.#sort(this.source.segmentsIn(span), this.#pages({ fromMs: fromMs - SEGMENT_MS, toMs }));
   }
 
-  /** A segment's frames, as far as they are here. */
+  /** The loaded frames of a segment. */
   framesOf(ref: SegmentRef): readonly TapeFrame[] {
     const part = this.tape.get(ref);
     return part === null ? [] : this.#open(part).frames;
   }
 
-  /** The first frame behind `cursor`, or without one the first from the moment on. */
+  /** The first frame after `cursor`, or without one the first at or after the moment. */
   next({ parts }: Near, cursor: TapeFrame | null, momentMs: number): Next | null {
     const isNext = (frame: TapeFrame): boolean =>
       cursor === null ? frame.atMs >= momentMs : this.tape.order(frame, cursor) > 0;
@@ -95,7 +95,7 @@ export class Reel {
     return { frame: own, part: null, place: 0 };
   }
 
-  /** What has to come before a frame is shown, or if there is none before anything is. */
+  /** Data that must be loaded before a frame is shown, or before anything is shown if there is no frame. */
   blockers({ pending }: Near, next: Next | null, momentMs: number): Pending[] {
     return pending.filter(({ fromMs, toMs, take, index, isReplaceable }) => {
       if (toMs + 1 <= momentMs) return false; // it is rounded down
@@ -107,7 +107,7 @@ export class Reel {
     });
   }
 
-  /** The moment of the next frame or happening, known exactly or by the index; null if none is known. */
+  /** The moment of the next frame or happening, exact or from the index; null if none is known. */
   nextMs(cursor: TapeFrame | null, momentMs: number): number | null {
     const near = this.near({ fromMs: momentMs - APART_MS, toMs: momentMs + SEGMENT_MS });
     const behind = [
@@ -122,7 +122,7 @@ export class Reel {
     return behind.length === 0 ? null : Math.min(...(behind as number[]));
   }
 
-  /** The segments that play next: as many as asked for of each take, within half of what may be held. */
+  /** The segments to be played next: the requested number from each take, using at most half of the size limit. */
   ahead(momentMs: number, count: number): SegmentRef[] {
     const takes = new Map<string, number>();
     let bytes = 0;
@@ -135,7 +135,7 @@ export class Reel {
     });
   }
 
-  /** The newest state at or before a moment, else the first one behind it. */
+  /** The newest state at or before a moment, else the first one after it. */
   at(momentMs: number): Shown {
     const { refs, pages } = this.#upTo(momentMs);
     const near = this.#sort(refs, pages);
@@ -182,7 +182,7 @@ export class Reel {
     }
   }
 
-  /** The segments, and the index, that say what is at a moment. */
+  /** The segments and index pages that determine the state at a moment. */
   #upTo(momentMs: number): { refs: SegmentRef[]; pages: Pending[] } {
     const moved = this.source.timeline?.movement.findLast(({ fromMs }) => fromMs <= momentMs);
     const unknown = this.unknownBefore(momentMs, moved?.toMs ?? Number.NEGATIVE_INFINITY);
@@ -204,24 +204,24 @@ export class Reel {
     return { refs: behind === undefined ? refs : [...refs, behind], pages };
   }
 
-  /** The newest day of which nothing is known, before a moment and back to `sinceMs`; null if there is none. */
+  /** The newest unknown day before a moment and back to `sinceMs`; null if there is none. */
   unknownBefore(momentMs: number, sinceMs: number): Span | null {
     return this.#unknown(sinceMs, momentMs).at(-1) ?? null;
   }
 
-  /** The oldest day of which nothing is known, after a moment and up to `untilMs`; null if there is none. */
+  /** The oldest unknown day after a moment and up to `untilMs`; null if there is none. */
   unknownAfter(momentMs: number, untilMs: number): Span | null {
     return this.#unknown(momentMs, untilMs)[0] ?? null;
   }
 
-  /** The unknown days of a span, without those that can't be had: there, what is known has to do. */
+  /** The unknown days in a span, except unavailable ones: there the known data must do. */
   #unknown(fromMs: number, toMs: number): readonly Span[] {
     const days = this.source.timeline?.unknown ?? [];
     const isLost = (day: Span) => ['gone', 'damaged'].includes(this.loads.stateOf(nameOfDay(day.fromMs)));
     return days.filter((day) => day.toMs > fromMs && day.fromMs < toMs && !isLost(day));
   }
 
-  /** A day that is still to be fetched. */
+  /** A day that has not been fetched yet. */
   dayOf({ fromMs, toMs }: Span): Pending {
     const span = { fromMs, toMs, take: '', index: 0 };
     return this.#pending(span, nameOfDay(fromMs), () => void this.loads.day(fromMs));

@@ -3,8 +3,8 @@ import type { SegmentRef } from '../../past_source.ts';
 import type { PastState } from '../../past_types.ts';
 import { type Happening, type Situation, situationAfter } from './happenings.ts';
 
-/** Bound of what is held of segments: their bytes and the codes of their frames. What is farthest from the playhead is
- *  dropped first. Of a segment that alone has more, only each n-th frame is read. */
+/** Size limit of loaded segments: their bytes and the codes of their frames. Segments farthest from the playhead are dropped
+ *  first. If a single segment exceeds the limit, only every n-th frame is read. */
 export const TAPE_BYTES_MAX = 16e6;
 
 /** A frame with the run that its number belongs to. */
@@ -13,7 +13,7 @@ export interface TapeFrame extends PastState {
   readonly schema: Schema;
 }
 
-/** A schema with what decodes its frames. Bases are of no use to another segment, so one serves all, one by one. */
+/** A schema with the decoder of its frames. Segments share no base frames, so one decoder serves all of them in turn. */
 export interface SchemaReader {
   readonly schema: Schema;
   readonly decoder: Decoder;
@@ -24,7 +24,7 @@ export function readerOf({ text }: Schema): SchemaReader {
   return { schema: decoder.addSchema(text), decoder };
 }
 
-/** One fetched segment. It is decoded when it is first looked into, once. */
+/** A fetched segment. It is decoded once, when it is first needed. */
 export class TapePart {
   #frames: TapeFrame[] | null = null;
   #happenings: Happening[] = [];
@@ -47,12 +47,12 @@ export class TapePart {
     return this.ref.bytes + 4 * (this.#frames?.length ?? 0) * (this.reader?.schema.size ?? 0);
   }
 
-  /** In order; those that can't be decoded are left out, as they were live. */
+  /** In order; undecodable frames are skipped, as in live. */
   get frames(): readonly TapeFrame[] {
     return this.#frames ?? this.#read(this.#segment!);
   }
 
-  /** In order; the first is its start. */
+  /** In order; the first is the segment's start. */
   get happenings(): readonly Happening[] {
     if (this.#frames === null) this.#read(this.#segment!);
     return this.#happenings;
@@ -103,15 +103,15 @@ export class TapePart {
   }
 }
 
-/** Says which segment it is, among all of a robot's. */
+/** Identifies a segment among all of a robot's segments. */
 export function nameOfRef({ take, index }: SegmentRef): string {
   return `${take}/${index}`;
 }
 
-/** The segments that have been fetched, and the order of frames across runs and takes. */
+/** The fetched segments, and the order of frames across runs and takes. */
 export class Tape {
   readonly #parts = new Map<string, TapePart>();
-  /** When each run was first heard of, unix ms. */
+  /** When each run was first seen, unix ms. */
   readonly #beginsMs = new Map<string, number>();
 
   get(ref: SegmentRef): TapePart | null {
@@ -126,7 +126,7 @@ export class Tape {
     this.#parts.set(nameOfRef(part.ref), part);
   }
 
-  /** Keeps to the bound. `momentMs`: where the playhead is. */
+  /** Enforces the size limit. `momentMs`: the position of the playhead. */
   trim(momentMs: number): void {
     let { bytes } = this;
     if (bytes <= TAPE_BYTES_MAX) return;
@@ -138,13 +138,13 @@ export class Tape {
     }
   }
 
-  /** Learns that a run was there at a moment. */
+  /** Records that a run existed at a moment. */
   learnRun(runId: string, atMs: number): void {
     const known = this.#beginsMs.get(runId);
     if (known === undefined || atMs < known) this.#beginsMs.set(runId, atMs);
   }
 
-  /** Above 0: `a` comes behind `b`; 0: they are the same frame. Within a run the numbers say so, which go round. */
+  /** Positive: `a` comes after `b`; 0: they are the same frame. Within a run the frame numbers decide, with wrap-around. */
   order(a: TapeFrame, b: TapeFrame): number {
     if (a.runId === b.runId) return (a.seq - b.seq) | 0;
     const [begunA, begunB] = [this.#beginsMs.get(a.runId), this.#beginsMs.get(b.runId)];
@@ -152,12 +152,12 @@ export class Tape {
     return apartMs || a.atMs - b.atMs || (a.runId < b.runId ? -1 : 1);
   }
 
-  /** The place of the first frame behind another one in a list that is in order; the list's length if there is none. */
+  /** The index of the first frame after another one in an ordered list; the list's length if there is none. */
   placeAfter(frames: readonly TapeFrame[], frame: TapeFrame): number {
     return firstPlace(frames, (each) => this.order(each, frame) > 0);
   }
 
-  /** Of two frames the one that comes first. */
+  /** The earlier of two frames. */
   first(a: TapeFrame | null, b: TapeFrame | null): TapeFrame | null {
     if (a === null || b === null) return a ?? b;
     return this.order(a, b) <= 0 ? a : b;
@@ -169,7 +169,7 @@ export class Tape {
   }
 }
 
-/** The place of the first of a list for which `is` holds; for all behind it it holds as well. */
+/** The index of the first item for which `is` holds; it must hold for all later ones too. */
 export function firstPlace<T>(list: readonly T[], is: (each: T) => boolean): number {
   let [low, high] = [0, list.length];
   while (low < high) {

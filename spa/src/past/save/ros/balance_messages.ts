@@ -12,8 +12,8 @@ interface BalanceMessage {
   write(to: CdrWriter): void;
 }
 
-/** The messages of a frame's balance, with NaN where a value is none now. There is none of what this robot can't have:
- *  without masses, or feet. `world`: what the points are in, as UTF-8; `atUs`: unix. */
+/** The messages for a frame's balance, with NaN for missing values. Messages that this robot can't have (without masses or feet)
+ *  are omitted. `world`: the points' frame of reference, as UTF-8; `atUs`: unix. */
 export function balanceMessages(
   balance: Balance,
   world: Uint8Array,

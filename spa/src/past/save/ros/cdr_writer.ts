@@ -2,14 +2,14 @@ const UTF8 = new TextEncoder();
 /** Little endian, without parameters. */
 const ENCAPSULATION = [0, 1, 0, 0];
 
-/** Writes ROS 2 messages as CDR (XCDR1, little endian): each number lies at a multiple of its size, counted from behind the
- *  four bytes of the head. One buffer serves all messages. */
+/** Writes ROS 2 messages as CDR (XCDR1, little endian): each number is aligned to its size, counted from the end of the four-byte
+ *  header. All messages share one buffer. */
 export class CdrWriter {
   #bytes = new Uint8Array(4096);
   #view = new DataView(this.#bytes.buffer);
   #at = 0;
 
-  /** Begins a message. */
+  /** Starts a message. */
   begin(): void {
     this.#at = 0;
     this.#room(4);
@@ -45,12 +45,12 @@ export class CdrWriter {
     this.#at += 8;
   }
 
-  /** A text with its length, which counts the zero behind it. */
+  /** A text with its length, which includes the terminating zero. */
   text(text: string): void {
     this.utf8(utf8Of(text));
   }
 
-  /** A text that is UTF-8 already. */
+  /** A text that is already UTF-8. */
   utf8(utf8: Uint8Array): void {
     this.u32(utf8.length + 1);
     this.#room(utf8.length + 1);
@@ -59,7 +59,7 @@ export class CdrWriter {
     this.#bytes[this.#at++] = 0;
   }
 
-  /** A sequence of numbers with its length. */
+  /** A sequence of numbers, preceded by its length. */
   f64s(values: ArrayLike<number>): void {
     this.u32(values.length);
     for (let i = 0; i < values.length; i++) this.f64(values[i]!);
@@ -79,7 +79,7 @@ export class CdrWriter {
   }
 }
 
-/** A text as bytes; a zero in it, which would end it, is left out. */
+/** A text as bytes; a zero in it, which would end it, is dropped. */
 export function utf8Of(text: string): Uint8Array {
   return UTF8.encode(text.replaceAll('\0', ''));
 }

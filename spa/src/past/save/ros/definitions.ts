@@ -1,4 +1,4 @@
-/** The definitions of ROS 2 messages (`ros2msg`): what a reader of an MCAP file decodes them with. */
+/** The definitions of ROS 2 messages (`ros2msg`), which a reader of an MCAP file decodes them with. */
 
 const SEPARATOR = '='.repeat(80);
 const PARTS = {
@@ -16,7 +16,7 @@ const PARTS = {
 } as const;
 const STAMPED = ['std_msgs/Header', 'builtin_interfaces/Time'] as const;
 
-/** By message type: the definition, and those of all that it is made of. */
+/** For each message type: its definition, and those of all types that it contains. */
 export const DEFINITIONS = {
   'sensor_msgs/msg/JointState': define(
     'std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort',

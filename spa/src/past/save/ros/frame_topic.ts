@@ -4,13 +4,13 @@ import type { CdrWriter } from './cdr_writer.ts';
 import type { MessageType } from './definitions.ts';
 import { writeHeader } from './stamp.ts';
 
-/** Gain · channel. `channel`: its place in the code vector; null for one that no frame has. */
+/** Gain · channel. `channel`: its index in the code vector; null for a channel that is in no frame. */
 export interface Term {
   readonly channel: number | null;
   readonly gain: number;
 }
 
-/** A number of a message: Σ gain · channel + offset; NaN where a channel has no reading. */
+/** A number in a message: Σ gain · channel + offset; NaN if a channel has no reading. */
 export interface Reading {
   readonly terms: readonly Term[];
   readonly offset: number;
@@ -20,9 +20,9 @@ export interface Reading {
 export interface FrameTopic {
   readonly name: string;
   readonly type: MessageType;
-  /** Channels that can be told from its messages: those that are a number of them by themselves. */
+  /** Channels that can be recovered from its messages, because a number of the message has only that channel. */
   readonly carried: ReadonlySet<number>;
-  /** Of channels that are as the robot reports them: what the channel of the file says beside. */
+  /** For channels written as reported: the extra metadata of the MCAP channel. */
   readonly units: ReadonlyMap<string, string>;
   /** Writes a frame's message. `atUs`: unix; `values`: of all channels (`valuesOf`). */
   write(to: CdrWriter, atUs: number, values: Float64Array): void;
@@ -34,7 +34,7 @@ export const NO_UNITS: ReadonlyMap<string, string> = new Map();
 /** Writes what follows the header of a message. */
 export type WriteBody = (to: CdrWriter, values: Float64Array) => void;
 
-/** A topic whose messages begin with a header that names a link, or with no bytes none. */
+/** A topic whose messages begin with a header. The header names a link; with empty bytes it names none. */
 export function stampedTopic(
   name: string,
   type: MessageType,
@@ -52,7 +52,7 @@ export function stampedTopic(
   };
 }
 
-/** Writes the value of each channel in its own unit, NaN where there is no reading. */
+/** Writes the value of each channel in its own unit, NaN if there is no reading. */
 export function valuesOf(schema: Schema, codes: Int32Array, into: Float64Array): void {
   for (const { start, size, scale } of schema.fields)
     for (let i = start; i < start + size; i++)
@@ -73,13 +73,13 @@ export function carriedBy(readings: readonly Reading[]): Set<number> {
   );
 }
 
-/** A channel in SI; nothing when there is none, or when its unit is none of this quantity. */
+/** A channel in SI units; nothing if it does not exist or its unit does not measure this quantity. */
 export function readingOf(schema: Schema, field: Field, label: string, quantity: Quantity): Reading {
   const gain = channelFactor(schema, field, label, quantity);
   return gain === null ? NO_READING : { terms: [{ channel: placeOf(field, label), gain }], offset: 0 };
 }
 
-/** By what a channel is multiplied to be in SI; null when there is none, or its unit is none of this quantity. */
+/** The factor that converts a channel to SI; null if it does not exist or its unit does not measure this quantity. */
 export function channelFactor(
   schema: Schema,
   field: Field,
@@ -90,13 +90,13 @@ export function channelFactor(
   return factorOf(quantity, schema.mapping.unit(field.name, label) ?? field.unit);
 }
 
-/** A channel's place in the code vector. */
+/** A channel's index in the code vector. */
 export function placeOf(field: Field, label: string): number | null {
   const at = field.labels.indexOf(label);
   return at < 0 ? null : field.start + at;
 }
 
-/** Null where no number has a channel. */
+/** Null if no number uses a channel. */
 export function unlessEmpty(readings: readonly Reading[]): readonly Reading[] | null {
   return readings.some(({ terms }) => terms.some(({ channel }) => channel !== null)) ? readings : null;
 }

@@ -19,8 +19,8 @@ const NO_LINK = new Uint8Array();
 
 type Row = readonly Reading[] | null;
 
-/** What is commanded of joints, and what is measured. Joints go by the names that the schema's mapping has, and by those of
- *  channels that move the joint of their own name. */
+/** The commanded and measured joint values. Joints are named as in the schema's mapping; a channel outside the mapping names the
+ *  joint that it moves. */
 export function jointTopicsOf(schema: Schema): FrameTopic[] {
   const [pos, ref] = [schema.field('pos'), schema.field('ref')];
   const [vel, effort] = [schema.field('vel'), schema.field('effort')];
@@ -38,14 +38,14 @@ export function jointTopicsOf(schema: Schema): FrameTopic[] {
   ];
 }
 
-/** The joints that a field moves, as the wire's mapping has them. */
+/** The joints moved by a field, from the mapping in the wire format. */
 function namesOf(schema: Schema, field: Field | null): readonly string[] {
   if (field === null) return [];
   const own = field.labelSet === JOINT ? field.labels : [];
   return [...new Set([...own, ...schema.mapping.joints.keys()])];
 }
 
-/** `rows`: position, velocity and effort. No topic where there is none of them. */
+/** `rows`: position, velocity and effort. Null if the robot has none of them. */
 function topicOf(name: string, names: readonly string[], rows: readonly [Row, Row, Row]): FrameTopic[] {
   if (rows.every((row) => row === null)) return [];
   const texts = names.map((joint) => utf8Of(joint));
@@ -67,14 +67,14 @@ function positionsOf(schema: Schema, field: Field | null, names: readonly string
     names.map((name) => {
       const how = schema.mapping.joints.get(name);
       if (how === undefined) return readingOf(schema, field, name, 'position');
-      // what the mapping makes is rad or m
+      // the mapping's results are rad or m
       const terms = how.terms.map(([channel, gain]) => ({ channel: placeOf(field, channel), gain }));
       return { terms, offset: how.offset };
     }),
   );
 }
 
-/** Σ ratio · speed of channel: a ratio is a gain without the unit of positions that may be in it. */
+/** Σ ratio · channel speed: a ratio is a gain without the position's unit factor. */
 function ratesOf(schema: Schema, field: Field | null, main: Field | null, names: readonly string[]): Row {
   if (field === null || field.labelSet !== JOINT) return null;
   return unlessEmpty(
@@ -92,7 +92,7 @@ function ratesOf(schema: Schema, field: Field | null, main: Field | null, names:
   );
 }
 
-/** Where one channel moves one joint: effort of the channel / ratio. How several share it nobody knows. */
+/** If one channel moves one joint: effort of the channel / ratio. If several do, the distribution is unknown. */
 function effortsOf(schema: Schema, field: Field | null, main: Field | null, names: readonly string[]): Row {
   if (field === null || field.labelSet !== JOINT) return null;
   const uses = [...schema.mapping.joints.values()].flatMap(({ terms }) => terms.map(([channel]) => channel));

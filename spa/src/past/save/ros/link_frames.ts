@@ -10,11 +10,11 @@ import { ImuTable } from '../../../twin/sensors/imus.ts';
 import { type CdrWriter, utf8Of } from './cdr_writer.ts';
 import { writeHeader } from './stamp.ts';
 
-/** The second where a link is called like the first. */
+/** The suffix for a link with the same name as the first one. */
 const WORLDS = ['world', 'posecast_world'] as const;
 
-/** The links of a model as transforms, each against its parent, the root against `world`: where the page shows them. A joint
- *  or base without a reading stays where it was last known; so does what the body's IMU says. */
+/** The links of a model as transforms, each relative to its parent, and the root relative to `world`: the same places as on the
+ *  page. A joint or base without a reading keeps its last known value, and so does the orientation from the body's IMU. */
 export class LinkFrames {
   readonly #body: SavedBody;
   readonly #root = new RootPose();
@@ -23,7 +23,7 @@ export class LinkFrames {
     readonly frame: Uint8Array;
     readonly link: Uint8Array;
   }[];
-  /** What the root stands in, as UTF-8. */
+  /** The root's frame of reference, as UTF-8. */
   readonly world: Uint8Array;
   readonly #parentFromLink = new Float64Array(16);
   #readers: { readonly schema: Schema; readonly poser: Poser; readonly imus: ImuTable } | null = null;
@@ -89,11 +89,11 @@ function writeTurn(to: CdrWriter, [w, x, y, z]: Quat): void {
   for (const value of [x, y, z, w]) to.f64(value);
 }
 
-/** A body that is posed and not drawn. */
+/** A body that is posed but not drawn. */
 class SavedBody extends ArticulatedBody {
   readonly #inverse = new Float64Array(16);
 
-  /** The lowest z (metres, from the root's origin) when its root is turned so. */
+  /** The lowest z (metres, from the root's origin) for this root orientation. */
   lowest(quat_wxyz: Quat): number {
     return this.lowestPoint(quat_wxyz);
   }

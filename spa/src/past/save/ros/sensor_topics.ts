@@ -14,7 +14,7 @@ import {
   type WriteBody,
 } from './frame_topic.ts';
 
-/** What comes behind the point in the labels of a sensor's field, in the order of the message, and what it measures. */
+/** The label suffixes (after the point) of a sensor field, in the order of the message, and the quantity that it measures. */
 const PARTS = {
   quat: [['x', 'y', 'z', 'w'], 'part'],
   gyro: [['x', 'y', 'z'], 'rotation rate'],
@@ -27,11 +27,11 @@ type SensorField = keyof typeof PARTS;
 const IMU = ['quat', 'gyro', 'acc', 'tilt'] as const satisfies readonly SensorField[];
 const WRENCH = ['ftf', 'ftm'] as const satisfies readonly SensorField[];
 
-/** A covariance that begins with it says that there is no reading; one of zeros, that nothing is known of its errors. */
+/** A covariance starting with this value means no reading; all zeros mean that the errors are unknown. */
 const ABSENT = -1;
 
-/** A topic for each site that has an inertial sensor, and one for each that has forces or moments. `rootLink`: of the model, where an inertial
- *  sensor without a link is. */
+/** One topic for each site with an inertial sensor, and one for each with forces or moments. `rootLink`: the model's root, used
+ *  for an inertial sensor without a link. */
 export function sensorTopicsOf(schema: Schema, rootLink: string | null): FrameTopic[] {
   const topics: FrameTopic[] = [];
   const imus: string[] = [];
@@ -47,7 +47,8 @@ export function sensorTopicsOf(schema: Schema, rootLink: string | null): FrameTo
   return topics;
 }
 
-/** A site's name as a part of a topic's: letters, digits and _, the first no digit; numbered where another site has it. */
+/** A site's name as part of a topic name: letters, digits and _, not starting with a digit; numbered if another site has the
+ *  same. */
 function topicPart(site: string, taken: readonly string[]): string {
   const name = site.replace(/[^A-Za-z0-9_]/gu, '_').replace(/^(?=\d|$)/, '_');
   let part = name;
@@ -55,7 +56,7 @@ function topicPart(site: string, taken: readonly string[]): string {
   return part;
 }
 
-/** The sites of these fields in the schema's order, each once. */
+/** The sites of these fields in schema order, each once. */
 function sitesOf(schema: Schema, names: readonly SensorField[]): string[] {
   const sites = new Set<string>();
   for (const { name, labels, labelSet, bits } of schema.fields) {
@@ -77,7 +78,7 @@ function readingsOf(schema: Schema, name: SensorField, site: string): readonly R
   return parts.map((part) => readingOf(schema, field, `${site}.${part}`, quantity));
 }
 
-/** The link that carries the sensor; where none is told, the root for an IMU, else the site's own name. */
+/** The link that carries the sensor; if unspecified, the root for an IMU, else the site's own name. */
 function linkOf(schema: Schema, site: string, rootLink: string | null): Uint8Array {
   const mount = schema.mapping.sensors.get(site);
   const isOnRoot = mount?.kind === 'imu' && rootLink !== null;
@@ -91,7 +92,7 @@ function imuTopic(schema: Schema, site: string, name: string, link: Uint8Array):
     readonly Reading[],
     readonly Reading[],
   ];
-  // without a sensor that knows a heading, by roll and pitch
+  // without a heading sensor, from roll and pitch
   const isTilt = unlessEmpty(quat) === null && unlessEmpty(tilt) !== null;
   const carried = carriedBy([...quat, ...gyro, ...acc]);
   if (carried.size === 0 && !isTilt) return [];

@@ -1,6 +1,6 @@
 import type { CdrWriter } from './cdr_writer.ts';
 
-/** Up to 2038. */
+/** The range ends in 2038. */
 const SECONDS_MAX = 2 ** 31 - 1;
 
 /** std_msgs/Header. `atUs`: unix; `link`: what the values are relative to, as UTF-8. */
@@ -9,7 +9,7 @@ export function writeHeader(to: CdrWriter, atUs: number, link: Uint8Array): void
   to.utf8(link);
 }
 
-/** builtin_interfaces/Time; what it can't hold becomes the last that it can. */
+/** builtin_interfaces/Time; values out of range become its last moment. */
 export function writeStamp(to: CdrWriter, atUs: number): void {
   const seconds = Math.floor(atUs / 1e6);
   const isWithin = seconds <= SECONDS_MAX;

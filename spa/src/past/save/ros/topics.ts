@@ -8,9 +8,9 @@ import { writeStamp } from './stamp.ts';
 /** Of rcl_interfaces/msg/Log. */
 const LEVELS = { fault: 40, caution: 30, info: 20 } as const;
 
-/** The topics that the frames of a schema have: one for each field that no other message carries as a whole, so that nothing
- *  is left out, then those of sensors and joints. They are written in this order: /joint_states last, since a player that
- *  merges topics, as an edge does, tells of all others with it. `rootLink`: of the model; null without one. */
+/** The topics for the frames of a schema. A field gets its own topic only if no other message contains all of it, so that nothing
+ *  is left out; then come those of sensors and joints. The order matters: /joint_states is last, because a player that merges
+ *  topics, such as an edge, publishes all others with it. `rootLink`: the model's root; null without a model. */
 export function topicsOf(schema: Schema, rootLink: string | null): FrameTopic[] {
   const topics = [...sensorTopicsOf(schema, rootLink), ...jointTopicsOf(schema)];
   const carried = new Set(topics.flatMap((topic) => [...topic.carried]));
@@ -19,7 +19,7 @@ export function topicsOf(schema: Schema, rootLink: string | null): FrameTopic[] 
   return [...schema.fields.filter(isLeft).map((field) => plainTopic(schema, field)), ...topics];
 }
 
-/** Writes an event as a line of the log; what is over is no more than information. */
+/** Writes an event as a log line; the end of an event has level INFO. */
 export function writeLog(to: CdrWriter, atUs: number, { level, source, text, state }: EventMessage): void {
   const isOver = state === 'off';
   to.begin();

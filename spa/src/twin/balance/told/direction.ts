@@ -1,14 +1,14 @@
 import type { Balance, Vec2 } from '../balance.ts';
 import { fromEdge } from '../margin.ts';
 
-/** Where to, as seen by the robot. */
+/** A direction from the robot's own point of view. */
 export type Side = 'forwards' | 'backwards' | 'left' | 'right';
 
-/** Another direction is named only when it is this much more in that direction: at 45° nobody knows which. */
+/** A different direction is named only if it dominates by this factor: near 45° it would flicker. */
 const CLEARLY = 1.25;
 
-/** Where a robot would fall whose centre of mass is outside of what it stands on: from the nearest point of the edge to the centre
- *  of mass. `before`: what was said last. null where there is no edge. */
+/** The direction in which a robot would fall if its centre of mass is outside its support: from the nearest point of the edge to
+ *  the centre of mass. `before`: the previous result. null if there is no edge. */
 export function fallDirection(
   { centreOfMass, polygon, nearestEdge }: Pick<Balance, 'centreOfMass' | 'polygon' | 'nearestEdge'>,
   headingRad: number,

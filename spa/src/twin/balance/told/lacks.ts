@@ -1,6 +1,6 @@
 import type { Balance, BalanceGap } from '../balance.ts';
 
-/** Gaps that last; the others pass with the robot's next poses. */
+/** Permanent gaps; the others pass with the robot's next poses. */
 const LASTING = [
   'old-bundle',
   'raw',
@@ -12,14 +12,15 @@ const LASTING = [
   'joint-unread',
 ] as const satisfies readonly BalanceGap[];
 
-/** What of a robot's balance can't be known, whatever it does, or as long as its body isn't. `told`: what the model's doctor or its reader has found. */
+/** The permanently unknown parts of a robot's balance, or those unknown until its body has loaded. `told`: the findings of the
+ *  model's doctor or reader. */
 export interface Lack {
   readonly why: 'unreadable' | 'no-pressure' | (typeof LASTING)[number];
   readonly told?: string;
 }
 
-/** What is lacking, each once. `balance`: null of a model's files as they are, which list no masses; `findings`: what
- *  the doctor says of masses; `problems`: what of model or profile can't be read. */
+/** The missing parts, each once. `balance`: null for raw model files, which list no masses; `findings`: the doctor's findings
+ *  about masses; `problems`: the parts of model or profile that can't be read. */
 export function lacksOf(
   balance: Pick<Balance, 'gaps'> | null,
   findings: readonly unknown[],

@@ -1,2 +1,2 @@
-/** What the margin is called where limits and plots are kept by field and label. */
+/** The name of the margin where limits and plots are stored by field and label. */
 export const MARGIN = { field: 'balance', label: 'margin' } as const;

@@ -2,18 +2,18 @@ import { type Level, level, type Threshold } from '@posecast/wire';
 import type { ValueLimits } from '../../limits/limits.ts';
 import { MARGIN } from './margin_channel.ts';
 
-/** Whose limits of the margin hold: the viewer's own, the profile's, or the page's own where nobody has set any. */
+/** The source of the margin limits: the viewer, the profile, or the page's defaults if nobody has set any. */
 export type LimitsOwner = 'viewer' | 'profile' | 'page';
 
-/** Where the margin (mm) is worrying. */
+/** The limits for caution and fault of the margin (mm). */
 export interface MarginLimits {
   readonly owner: LimitsOwner;
   readonly levelAt: (marginMm: number) => Level;
-  /** What a crossing is told with, mm. */
+  /** The threshold reported for a crossing, mm. */
   readonly threshold: Threshold;
 }
 
-/** Without limits the margin is amber below this, and red outside. */
+/** Without explicit limits, the margin is amber below this, and red outside. */
 export const CAUTION_BELOW_MM = 20;
 
 const OF_PAGE: MarginLimits = {
@@ -24,7 +24,7 @@ const OF_PAGE: MarginLimits = {
 
 let ofPage: readonly [ValueLimits | null, MarginLimits] = [null, OF_PAGE];
 
-/** The limits of the margin that hold; the same object for as long as `limits` is. */
+/** The current limits of the margin; the same object as long as `limits` is the same. */
 export function marginLimits(limits: ValueLimits | null): MarginLimits {
   if (limits !== ofPage[0]) ofPage = [limits, limitsFrom(limits)];
   return ofPage[1];

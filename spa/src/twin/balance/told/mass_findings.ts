@@ -1,4 +1,5 @@
-/** What the doctor says of masses that can't be: the texts of the findings with such a code (docs/reference/model-bundle.md). */
+/** The doctor's findings about implausible masses: the texts of the findings with such a code
+ *  (docs/reference/model-bundle.md). */
 export function toldOfMasses(findings: unknown): unknown[] {
   if (!Array.isArray(findings)) return [];
   return findings.flatMap((finding) => {

@@ -7,50 +7,51 @@ import { fallDirection, type Side } from './direction.ts';
 import type { MarginLimits } from './margin_limits.ts';
 
 /**
- * What is said of a robot's balance.
+ * The reported state of a robot's balance.
  *
- * - `inside`, `edge`, `outside`: where the centre of mass is, seen from above, to the edge of what it stands on.
- * - `moving`: it is outside, but the robot moves so that it would come to rest over its feet, with one that is in the air
- *   set down: so it walks.
- * - `airborne`: no foot bears weight; `unread`: a foot has no reading, so nobody knows; `orientation-unread`,
- *   `joint-unread`: nor where what tells how the body is turned, or a joint that carries weight, has none.
+ * - `inside`, `edge`, `outside`: the position of the centre of mass, seen from above, relative to the edge of the support.
+ * - `moving`: it is outside, but the robot's motion would bring it to rest over its feet, assuming that a raised foot is set
+ *   down: it is walking.
+ * - `airborne`: no foot bears weight.
+ * - `unread`: a foot has no reading, so the state is unknown. `orientation-unread`, `joint-unread`: unknown as well, because the
+ *   sensor of the body's orientation or a joint that carries weight has no reading.
  */
 export type StanceKind = 'inside' | 'edge' | 'outside' | 'moving' | Without;
 
 type Without = Extract<BalanceGap, 'airborne' | `${string}unread`>;
 
-/** What is told of one balance. */
+/** The report about one balance. */
 export interface Stance {
   readonly kind: StanceKind;
   readonly level: Level;
-  /** Positive inside, negative outside; null while there is none. */
+  /** Positive inside, negative outside; null if unknown. */
   readonly marginMm: number | null;
-  /** Where it would fall, by its own heading; null unless it is outside. */
+  /** The direction of the fall relative to the robot's heading; null unless it is outside. */
   readonly side: Side | null;
-  /** What it stands on is assumed, not measured. */
+  /** The support is assumed, not measured. */
   readonly assumed: boolean;
 }
 
-/** Within this the centre of mass is called on the edge: neither in nor out. */
+/** Within this distance, the centre of mass counts as on the edge: neither in nor out. */
 const EDGE_MM = 1;
-/** So much further it has to go to be called inside or outside again, or for a better level. */
+/** The extra distance to be called inside or outside again, or to get a better level. */
 const BACK_MM = 2;
 
-/** So far inside it would have to come to rest to be called moving. */
+/** How far inside it must come to rest to count as moving. */
 const CAUGHT_M = 0.005;
 
-/** From this speed of the centre of mass on, m/s, a foot in the air counts: a robot that stands on one leg sets none down. */
+/** From this speed of the centre of mass on, m/s, a raised foot counts: a robot that balances on one leg sets none down. */
 const STEPPING_MPS = 0.03;
 
-/** Judges one balance after the other, so that words and levels don't flicker where a value lies at a limit: a level rises at
- *  once and falls when the margin is well back. */
+/** Judges one balance after another, so that text and levels don't flicker if a value is near a limit: a level rises at once and
+ *  falls only when the margin is well back. */
 export class StanceJudge {
   #last: Stance | null = null;
   #limits: MarginLimits | null = null;
 
-  /** The newest balance; `headingRad` from the world's x. null: nothing can be said, as of an arm. */
+  /** The newest balance; `headingRad` from the world's x axis. null: nothing can be said, as for an arm. */
   next(balance: Balance, headingRad: number, limits: MarginLimits): Stance | null {
-    if (this.#last !== null && limits !== this.#limits) this.#last = { ...this.#last, level: 'ok' }; // by other limits
+    if (this.#last !== null && limits !== this.#limits) this.#last = { ...this.#last, level: 'ok' }; // the limits have changed
     this.#limits = limits;
     this.#last = this.#judge(balance, headingRad, limits);
     return this.#last;
@@ -92,7 +93,7 @@ export class StanceJudge {
 
   #levelOf(marginMm: number, caught: boolean, limits: MarginLimits): Level {
     const { levelAt, owner } = limits;
-    // The page's own limit is about falling, and who comes to rest over their feet does not fall.
+    // The page's own limit is about falling, and a robot that comes to rest over its feet does not fall.
     const eased = (level: Level) => (caught && owner === 'page' ? 'caution' : level);
     const now = eased(levelAt(marginMm));
     const lingering = eased(worseOf(levelAt(marginMm - BACK_MM), levelAt(marginMm + BACK_MM)));

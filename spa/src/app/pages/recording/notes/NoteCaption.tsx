@@ -6,8 +6,8 @@ import { useRecordingText } from '../words/recording_text.ts';
 import { noteWords } from './notes.ts';
 import { useDueNote } from './use_due_note.ts';
 
-/** The notes that are pointed at, else the one of the shown moment, in a line or two. A longer one ends in `…`, and a press
- *  opens it whole; it then stays until it is closed or another is due. The room stays when there is none. */
+/** The notes under the pointer, or else the note of the shown moment, in one or two lines. A longer note ends in `…`; a press
+ *  opens all of it until it is closed or another note is due. The space is kept when there is no note. */
 export function NoteCaption(props: {
   controls: PastControls;
   notes: readonly Note[];
@@ -39,7 +39,7 @@ export function NoteCaption(props: {
           onClick={() => setOpened(isOpen ? null : shown)}
           onKeyDown={(event) => {
             if (event.key !== 'Escape' || !isOpen) return;
-            event.stopPropagation(); // it ends nothing else
+            event.stopPropagation(); // so that the key does nothing else
             setOpened(null);
           }}
         >
@@ -55,11 +55,11 @@ export function NoteCaption(props: {
   );
 }
 
-/** Whether an element shows only the beginning of its words. What it shows of them while it is open does not count. */
+/** Whether an element cuts its text. While it is open this does not apply. */
 function useCut(words: string, isOpen: boolean) {
   const room = useRef<HTMLSpanElement>(null);
   const [isCut, setCut] = useState(false);
-  // biome-ignore lint/correctness/useExhaustiveDependencies: words and isCut, it is longer or another element then
+  // biome-ignore lint/correctness/useExhaustiveDependencies: words and isCut change the element or its length
   useLayoutEffect(() => {
     const element = room.current;
     if (element === null || isOpen) return;

@@ -4,8 +4,8 @@ import { useRecordingText } from '../words/recording_text.ts';
 import { recordedWords } from '../words/recording_words.ts';
 import { noteMarks, noteWords } from './notes.ts';
 
-/** The notes of a recording in a row under its time line. Each is a button that tells its note when it is pointed at, and
- *  leads to its moment when it is pressed. */
+/** The notes of a recording, in a row under its time line. Each is a button: hovering shows the note, pressing goes to its
+ *  moment. */
 export function NoteMarks({
   notes,
   view,
@@ -14,7 +14,7 @@ export function NoteMarks({
 }: {
   notes: readonly Note[];
   view: View;
-  /** Called with the notes that are pointed at, or null. */
+  /** Called with the notes under the pointer, or null. */
   onPoint: (notes: readonly Note[] | null) => void;
   onGo: (atMs: number) => void;
 }) {

@@ -5,10 +5,10 @@ import { useRecordingText } from '../words/recording_text.ts';
 import { noteWords } from './notes.ts';
 import { useDueNote } from './use_due_note.ts';
 
-/** A note with more letters is written smaller. */
+/** Notes longer than this many letters use a smaller font. */
 const LONG_LETTERS = 200;
 
-/** The note of the shown moment, large, for a presentation. One that is longer than its place is scrolled. */
+/** The note of the shown moment, large, for presenting. A note that is too long for its space scrolls. */
 export function PresentedNote({ controls, notes }: { controls: PastControls; notes: readonly Note[] }) {
   const note = useDueNote(controls, notes);
   const { notes: name } = useRecordingText();
@@ -17,7 +17,7 @@ export function PresentedNote({ controls, notes }: { controls: PastControls; not
       <section
         className="present-note"
         key={note.atMs}
-        // biome-ignore lint/a11y/noNoninteractiveTabindex: a long one is scrolled by keys, too
+        // biome-ignore lint/a11y/noNoninteractiveTabindex: keys scroll a long note
         tabIndex={0}
         aria-label={name}
         data-long={note.text.length > LONG_LETTERS}

@@ -2,18 +2,18 @@ import type { Note } from '../../../../past/recording/recording_index.ts';
 import { isolated } from '../../../../twin/names.ts';
 import { pxAt, type View } from '../../../past/index.ts';
 
-/** A note is shown for so long after its moment, ms. */
+/** A note is shown for this long after its moment, ms. */
 export const NOTE_SHOWN_MS = 8000;
-/** Notes nearer than this share a mark, CSS px: a finger needs as much. */
+/** Notes closer than this share a mark, CSS px: the width of a finger. */
 export const TOGETHER_PX = 26;
 
-/** One or more notes that stand so near to each other that they share a mark. */
+/** One or more notes so close together that they share a mark. */
 export interface NoteMark {
   readonly xPx: number;
   readonly notes: readonly Note[];
 }
 
-/** A note's words, line by line, ready to show (`isolated`). */
+/** A note's text, line by line, safe to show (`isolated`). */
 export function noteWords({ text }: Note): string {
   return text
     .trim()
@@ -22,7 +22,7 @@ export function noteWords({ text }: Note): string {
     .join('\n');
 }
 
-/** The newest note at or before a moment, if it was not long ago. `notes`: ascending. */
+/** The newest note at or before a moment, unless it is too old. `notes`: ascending. */
 export function noteShownAt(notes: readonly Note[], momentMs: number): Note | null {
   const note = notes.findLast(({ atMs }) => atMs <= momentMs);
   return note !== undefined && momentMs - note.atMs <= NOTE_SHOWN_MS ? note : null;

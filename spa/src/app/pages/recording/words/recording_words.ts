@@ -18,19 +18,20 @@ export function unreadableWords(error: Error): string {
   return error.why === 'gone' ? text.noIndex : text.indexDamaged(isolated(error.message));
 }
 
-/** What of a recording can't be played, in one line; null if nothing is known to be lost. `parts`: how many it has. */
+/** Which parts of a recording can't be played, in one line; null if none is known to be missing. `parts`: how many parts it
+ *  has. */
 export function lostWords({ count, isNewer }: LostParts, parts: number): string | null {
   if (count === 0) return null;
   const text = recordingText();
   return isNewer ? `${text.lost(count, parts)} ${text.someNewer}` : text.lost(count, parts);
 }
 
-/** A moment of a recording, always with its whole date: "12 Nov 2026 14:02:07". */
+/** A moment of a recording, always with its full date: "12 Nov 2026 14:02:07". */
 export function recordedWords(momentMs: number): string {
-  return dayWords(momentMs, 0); // nothing was recorded in 1970, so the year is told
+  return dayWords(momentMs, 0); // a time in 1970 is never the current year, so the year is shown
 }
 
-/** A duration as players write it: "3:05", "1:00:09". */
+/** A duration in the format of media players: "3:05", "1:00:09". */
 export function lengthWords(ms: number): string {
   const all = Math.max(0, Math.floor(ms / 1000));
   const [hours, minutes, seconds] = [Math.floor(all / 3600), Math.floor(all / 60) % 60, all % 60];
@@ -38,7 +39,7 @@ export function lengthWords(ms: number): string {
   return hours > 0 ? `${hours}:${two(minutes)}:${two(seconds)}` : `${minutes}:${two(seconds)}`;
 }
 
-/** How a recording tells its moments. `isLostAt`: whether it is known that the part of a moment can't be played. */
+/** How a recording describes its moments. `isLostAt`: whether the part at a moment is known to be unplayable. */
 export function recordedAs({ fromMs, toMs }: Span, isLostAt: (momentMs: number) => boolean): Recorded {
   return {
     fromMs,

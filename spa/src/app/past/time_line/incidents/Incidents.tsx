@@ -13,15 +13,14 @@ import { useMomentsText } from '../../../text/moments.ts';
 import { type More, useMore } from '../../../text/more.ts';
 import { INCIDENTS_MAX, type Incident, listIncidents, newestHole } from './incident_list.ts';
 
-/** What led up to a fault is seen from here on. */
+/** Playback starts this long before a fault, to show what led up to it. */
 const BEFORE_MS = 2000;
-/** How much is fetched at once, pages and days. */
+/** How much is fetched at a time, pages and days. */
 const FETCHED_MAX = 8;
-/** As in the alarms: as often as that counts as many times. */
+/** As in the alarms: the count shown for this many or more. */
 const TIMES_MAX = 30;
 
-/** The last faults of what is kept, newest first; each leads to two seconds before it. What is not known of them is fetched bit by
- *  bit. */
+/** The newest recorded faults, newest first; each links to two seconds before it. Unknown parts are fetched gradually. */
 export function Incidents({
   controls,
   twin,
@@ -35,7 +34,7 @@ export function Incidents({
   const timeline = useSyncExternalStore(controls.onChange, () => controls.timeline);
   const { heard } = controls;
   const { state, hole, search } = useSearch(controls);
-  // biome-ignore lint/correctness/useExhaustiveDependencies: heard, the newest events are among them
+  // biome-ignore lint/correctness/useExhaustiveDependencies: `heard` contains the newest events
   const incidents = useMemo(
     () => (timeline === null ? [] : listIncidents(controls, timeline, hole?.untilMs ?? timeline.fromMs)),
     [controls, timeline, heard, hole?.untilMs],
@@ -111,7 +110,7 @@ function Row({
   );
 }
 
-/** The sentence of the alarms for a fault that was: without how it is now. */
+/** The alarm sentence for a past fault, without its current state. */
 function sentenceOf(twin: RobotTwin, { source, text }: { source: string; text: string }, rest: More) {
   const name = wordsOfName(twin.schema, source, languageTag());
   const words = flagWords(text);

@@ -3,16 +3,16 @@ import type { Mark, PastControls, Timeline } from '../../../../past/past_types.t
 type Heard = PastControls['heard'];
 
 const MINUTE_MS = 60_000;
-/** What is told of one event by two clocks of the relay differs by less, ms. */
+/** Times of the same event by two clocks of the relay differ by less than this, ms. */
 const SAME_MS = 1500;
 
-/** A time line with the marks of what the live stream has told, each at its moment: the relay's index is asked for seldom while
- *  nobody looks back, and tells of minutes only. `heard`: oldest first. */
+/** A time line with the marks of events from the live stream, each at its exact moment. While nobody looks back, the relay's
+ *  index is requested rarely and has only minutes. `heard`: oldest first. */
 export function withHeard(timeline: Timeline, heard: Heard): Timeline {
   const complete = heard.slice(firstWithoutGap(heard));
   const told = complete.flatMap(markOf).filter(({ atMs }) => atMs >= timeline.fromMs);
   const sinceMs = 1000 * (complete[0]?.at ?? Number.POSITIVE_INFINITY);
-  // of a minute that began before, more may have happened than was heard
+  // more may have happened than was heard in a minute that started earlier
   const kept = timeline.marks.filter(({ exact, atMs }) => exact || atMs < sinceMs);
   const isKnown = (mark: Mark) =>
     kept.some((each) =>
@@ -25,7 +25,7 @@ export function withHeard(timeline: Timeline, heard: Heard): Timeline {
   return { ...timeline, marks: [...kept, ...added].sort((a, b) => a.atMs - b.atMs) };
 }
 
-/** The place from which on none is lacking. */
+/** The index from which on no event is missing. */
 function firstWithoutGap(heard: Heard): number {
   let first = heard.length - 1;
   while (first > 0 && heard[first - 1]!.n === heard[first]!.n - 1 && heard[first - 1]!.at !== null)

@@ -1,21 +1,21 @@
 import type { PastControls, PastEvent, Timeline } from '../../../../past/past_types.ts';
 
-/** How many are listed. */
+/** The length of the list. */
 export const INCIDENTS_MAX = 50;
-/** How long one counts as having come lately, ms: as in the alarms. */
+/** How long a fault counts as recent, ms, as in the alarms. */
 const LATELY_MS = 600_000;
 const MINUTE_MS = 60_000;
 
 /** A fault that began. */
 export interface Incident {
   readonly event: PastEvent;
-  /** Null while it is not known when it ended. */
+  /** Null if its end is unknown. */
   readonly lastedMs: number | null;
-  /** How often it came in the ten minutes up to then, itself included; null where not all of them are known. */
+  /** How often it occurred in the ten minutes up to then, including itself; null if not all of them are known. */
   readonly times: number | null;
 }
 
-/** What is missing to know all faults down to a moment: ten minutes, or a day. */
+/** The data missing to know all faults down to a moment: ten minutes, or a day. */
 export interface Hole {
   readonly atMs: number;
   readonly kind: 'minutes' | 'day';
@@ -23,7 +23,7 @@ export interface Hole {
   readonly untilMs: number;
 }
 
-/** The newest hole of what is known, but for those that could not be filled; null if there is none. */
+/** The newest gap in the known data, except gaps that could not be filled; null if there is none. */
 export function newestHole({ marks, unknown = [] }: Timeline, given: ReadonlySet<number>): Hole | null {
   const minute = marks.findLast(({ level, exact, atMs }) => level === 'fault' && !exact && !given.has(atMs));
   const day = unknown.findLast(({ fromMs }) => !given.has(fromMs));

@@ -5,9 +5,9 @@ import { languageTag } from '../../../text/language.ts';
 import { useMomentsText } from '../../../text/moments.ts';
 import { dayOf, listDays, listHours, unknownOf } from './recorded_days.ts';
 
-/** So many days are listed at first, and more at each press. */
+/** How many days are listed at first, and how many more at each press. */
 const DAYS = 14;
-/** The hours of so many stand there at once: a moment of today or yesterday is two taps away. */
+/** For this many days, the hours are shown at once: a moment today or yesterday is two taps away. */
 const OPEN = 2;
 
 /** The days on which something was recorded, newest first, with their hours. */
@@ -82,7 +82,7 @@ function Day({
   );
 }
 
-/** Fetches what is not known of a day that is open. Returns whether it can't be had now. */
+/** Fetches the unknown parts of an open day. Returns whether it is currently unavailable. */
 function useDay(controls: PastControls, timeline: Timeline, dayMs: number, open: boolean): boolean {
   const [isAway, setAway] = useState(false);
   const asked = useRef('');
@@ -98,7 +98,7 @@ function useDay(controls: PastControls, timeline: Timeline, dayMs: number, open:
   return isAway;
 }
 
-/** What a day is called: "today · Tue 24 Nov". */
+/** The name of a day: "today · Tue 24 Nov". */
 function useDayWords(nowMs: number): (dayMs: number) => string {
   const text = useMomentsText();
   return (dayMs) => {

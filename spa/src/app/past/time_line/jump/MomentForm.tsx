@@ -5,14 +5,14 @@ import { dayWords } from '../../../status/moment_words.ts';
 import { useMomentsText } from '../../../text/moments.ts';
 import { nearestRecorded } from './recorded_days.ts';
 
-/** What is as near as this was recorded then, ms. */
+/** A recorded moment this near counts as the requested one, ms. */
 const NEAR_MS = 2000;
 /** An older end is one, ms. */
 const NEWEST_MS = 30_000;
-/** A date that is still being typed asks for nothing, ms. */
+/** An incomplete date sends no requests for this long, ms. */
 const TYPED_MS = 400;
 
-/** A day and a time of the viewer's clock to go to; what was not recorded leads to the nearest that was. */
+/** A form for a day and a time by the viewer's clock; if nothing was recorded then, it leads to the nearest recorded moment. */
 export function MomentForm({ controls, onGo }: { controls: PastControls; onGo: (momentMs: number) => void }) {
   const text = useMomentsText();
   const timeline = useSyncExternalStore(controls.onChange, () => controls.timeline);
@@ -80,7 +80,7 @@ export function MomentForm({ controls, onGo }: { controls: PastControls; onGo: (
   );
 }
 
-/** Fetches what was recorded on the day of a moment, once that has been typed. Returns whether that is still unknown. */
+/** Fetches the recorded data on the day of a typed moment. Returns whether it is still unknown. */
 function useDay(controls: PastControls, timeline: Timeline | null, momentMs: number): boolean {
   const [failedMs, setFailedMs] = useState<number | null>(null);
   const unknown =
@@ -101,7 +101,7 @@ function useDay(controls: PastControls, timeline: Timeline | null, momentMs: num
   return unknown;
 }
 
-/** A day of the viewer's as an input has it: 2026-11-22. */
+/** The viewer's day in the format of an input: 2026-11-22. */
 function dateValue(atMs: number): string {
   const at = new Date(atMs);
   const two = (value: number) => String(value).padStart(2, '0');

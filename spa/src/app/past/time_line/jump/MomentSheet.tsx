@@ -12,7 +12,7 @@ import { momentSheet } from './moment_sheet.ts';
 const Incidents = late(async () => (await import('../incidents/Incidents.tsx')).Incidents);
 const WAYS = ['byTime', 'byFault'] as const;
 
-/** The sheet by which one goes to a moment: by its day and time, or to one of the last faults. */
+/** The dialog for going to a moment: by day and time, or to one of the last faults. */
 export function MomentSheet({ controls, twin }: { controls: PastControls; twin: RobotTwin }) {
   const text = useMomentsText();
   const name = useId();

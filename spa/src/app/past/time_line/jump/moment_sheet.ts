@@ -1,5 +1,5 @@
 import { createStore } from '../../../../browser/store.ts';
 import type { PastControls } from '../../../../past/past_types.ts';
 
-/** The past in which somebody looks for a moment; null while nobody does. */
+/** The past for which the dialog is open; null while it is closed. */
 export const momentSheet = createStore<PastControls | null>(null);

@@ -2,14 +2,14 @@ import type { Span, Timeline } from '../../../../past/past_types.ts';
 
 /** An hour of the viewer's clock in which something was recorded. */
 export interface RecordedHour {
-  /** The first of it that was recorded, unix ms. */
+  /** The first recorded moment in it, unix ms. */
   readonly atMs: number;
-  /** Its beginning. */
+  /** Its start. */
   readonly fromMs: number;
   readonly faults: number;
 }
 
-/** What is nearest to a moment of all that is known to be recorded: itself, where it is; null where nothing is. */
+/** The recorded moment nearest to a given one (the same if it was recorded); null if nothing is known to be recorded. */
 export function nearestRecorded({ movement }: Timeline, momentMs: number): number | null {
   let nearest: number | null = null;
   for (const { fromMs, toMs } of movement) {
@@ -19,7 +19,7 @@ export function nearestRecorded({ movement }: Timeline, momentMs: number): numbe
   return nearest;
 }
 
-/** The beginnings of the viewer's days on which something was recorded, or may be, newest first. */
+/** The starts of the viewer's days with recorded or unknown data, newest first. */
 export function listDays({ movement, unknown = [] }: Timeline): readonly number[] {
   const days = new Set<number>();
   const add = (span: Span) => {
@@ -29,7 +29,7 @@ export function listDays({ movement, unknown = [] }: Timeline): readonly number[
   return [...days].sort((a, b) => b - a);
 }
 
-/** The hours of a viewer's day, those alone in which something was recorded. */
+/** The hours of a viewer's day with recorded data. */
 export function listHours({ movement, marks, fromMs }: Timeline, dayMs: number): readonly RecordedHour[] {
   const endMs = nextDay(dayMs);
   const moved = movement.filter((span) => span.toMs > dayMs && span.fromMs < endMs);
@@ -46,18 +46,18 @@ export function listHours({ movement, marks, fromMs }: Timeline, dayMs: number):
   return hours;
 }
 
-/** What of a viewer's day is not known. */
+/** The unknown parts of a viewer's day. */
 export function unknownOf({ unknown = [] }: Timeline, dayMs: number): readonly Span[] {
   return unknown.filter(({ fromMs, toMs }) => toMs > dayMs && fromMs < nextDay(dayMs));
 }
 
-/** The beginning of the viewer's day in which a moment lies. */
+/** The start of the viewer's day that contains a moment. */
 export function dayOf(atMs: number): number {
   const at = new Date(atMs);
   return new Date(at.getFullYear(), at.getMonth(), at.getDate()).getTime();
 }
 
-/** The beginning of the viewer's next day; a day of theirs may have 23 or 25 hours. */
+/** The start of the viewer's next day; a day may have 23 or 25 hours. */
 function nextDay(dayMs: number): number {
   const day = new Date(dayMs);
   return new Date(day.getFullYear(), day.getMonth(), day.getDate() + 1).getTime();

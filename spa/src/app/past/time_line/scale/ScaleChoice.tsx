@@ -5,8 +5,8 @@ import { useMomentsText } from '../../../text/moments.ts';
 import { usePastText } from '../../../text/past.ts';
 import { ALL, chosenScale, scalesOf, stepScale } from './scales.ts';
 
-/** How much of the time the line shows. Where there are two ways both are named, and where there is less room, only the one that
- *  is shown; where there are more they stand in a list, between two buttons. */
+/** The choice of the time span of the line. With two options both are shown, or only the current one if space is short; with
+ *  more, they are in a list between two buttons. */
 export function ScaleChoice({
   controls,
   scale,
@@ -15,7 +15,7 @@ export function ScaleChoice({
   controls: PastControls;
   /** The scale that is shown. */
   scale: number;
-  /** How much there is. */
+  /** The length of the available past. */
   windowMs: number;
 }) {
   const scales = scalesOf(windowMs);

@@ -1,17 +1,17 @@
 import type { PastControls } from '../../../../past/past_types.ts';
 import { stepScale } from './scales.ts';
 
-/** A turn of the wheel or a stroke on a trackpad that changes the scale once, CSS px. */
+/** The amount of scrolling or swiping that changes the scale by one step, CSS px. */
 const NOTCH_PX = 60;
-/** One stroke changes it no more often, ms. */
+/** A single swipe changes it at most this often, ms. */
 const APART_MS = 220;
-/** A stroke that rests so long is over, ms. */
+/** A swipe with a pause this long is over, ms. */
 const REST_MS = 400;
 const LINE_PX = 20;
-/** Two fingers that part, or come together, by this factor change it once. */
+/** Two fingers that spread or pinch by this factor change it by one step. */
 const FACTOR = 1.5;
 
-/** Changes the scale of a line by the wheel over it, or by two fingers on it. Returns a function that ends this. */
+/** Changes the scale of a line with the wheel over it, or with two fingers on it. Returns a function that ends this. */
 export function listenToGestures(element: HTMLElement, controls: PastControls): () => void {
   const onStep = (by: 1 | -1) => stepScale(controls, by);
   const ends = [listenToWheel(element, onStep), listenToPinch(element, controls, onStep)];
@@ -24,11 +24,11 @@ function listenToWheel(element: HTMLElement, onStep: (by: 1 | -1) => void): () =
   let [sum, movedMs, steppedMs] = [0, 0, 0];
   const wheel = (event: WheelEvent) => {
     if (Math.abs(event.deltaY) < Math.abs(event.deltaX)) return;
-    event.preventDefault(); // with Ctrl, or by two fingers, it would zoom the page
+    event.preventDefault(); // with Ctrl, or with two fingers, the page would zoom
     const { timeStamp } = event;
     if (timeStamp - movedMs > REST_MS) sum = 0;
     movedMs = timeStamp;
-    // two fingers on a trackpad tell small numbers
+    // two fingers on a trackpad report small numbers
     sum += event.deltaY * (event.deltaMode === 0 ? (event.ctrlKey ? 8 : 1) : LINE_PX);
     if (Math.abs(sum) < NOTCH_PX || timeStamp - steppedMs < APART_MS) return;
     steppedMs = timeStamp;
@@ -39,7 +39,7 @@ function listenToWheel(element: HTMLElement, onStep: (by: 1 | -1) => void): () =
   return () => element.removeEventListener('wheel', wheel);
 }
 
-/** The first finger has gone to a moment when the second comes: that is taken back. */
+/** The first finger has already moved the playhead when the second one touches: that is undone. */
 function listenToPinch(
   element: HTMLElement,
   controls: PastControls,

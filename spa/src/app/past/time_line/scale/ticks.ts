@@ -3,13 +3,13 @@ import { formatClock, formatClockSeconds } from '../../../../twin/format.ts';
 import { languageTag } from '../../../text/language.ts';
 import { more } from '../../../text/more.ts';
 
-/** A mark on the line's lower edge; most have no words. */
+/** A tick on the line's lower edge; most have no label. */
 export interface Tick {
   readonly atMs: number;
   readonly label: string | null;
 }
 
-/** How a line lies on the screen: CSS px, also of its letters. */
+/** The line's position on the screen, and its letter width: CSS px. */
 export interface Lines {
   readonly pxAt: (atMs: number) => number;
   readonly widthPx: number;
@@ -24,12 +24,12 @@ const STEPS_MS = [
   ...[1, 2, 5, 10, 15, 30, 60, 120, 180, 360, 720].map((min) => min * MINUTE_MS),
   ...[1, 2, 4, 7, 14, 28].map((days) => days * DAY_MS),
 ];
-/** Between two words, and between two ticks without any, CSS px. */
+/** Minimum distance between two labels, and between two ticks without labels, CSS px. */
 const GAP_PX = 12;
 const TICK_PX = 9;
 const TICKS_MAX = 600;
 
-/** Ticks at round times of the viewer's clock. As many have words as can be read. */
+/** Ticks at round times of the viewer's clock. As many have labels as can be read. */
 export function listTicks(span: Span, lines: Lines): readonly Tick[] {
   const msPerPx = (span.toMs - span.fromMs) / Math.max(1, lines.pxAt(span.toMs) - lines.pxAt(span.fromMs));
   let tooMany: readonly Labelled[] = [];
@@ -41,7 +41,7 @@ export function listTicks(span: Span, lines: Lines): readonly Tick[] {
       continue;
     }
     const fineMs = STEPS_MS.find((ms) => ms >= TICK_PX * msPerPx && stepMs % ms === 0) ?? stepMs;
-    // where there is room for one alone, it is one of those that were too many
+    // if only one label fits, it is one of the omitted ones
     const labels = found.length > 0 ? found : tooMany.slice(0, 1);
     const words = new Map(labels.map(({ atMs, label }) => [atMs, label]));
     const all = new Set([...roundTimes(span, fineMs), ...words.keys()]);
@@ -54,7 +54,7 @@ export function listTicks(span: Span, lines: Lines): readonly Tick[] {
 
 type Labelled = Tick & { readonly label: string };
 
-/** Half of the room that words take, CSS px: no less than any of the page's fonts needs. */
+/** Half the width of a label, CSS px: an upper bound for all fonts of the page. */
 export function halfPx(words: string, textPx: number): number {
   let em = 0;
   for (const letter of words) em += letter > '\u2e80' ? 1 : letter === ' ' || letter === ':' ? 0.35 : 0.64;
@@ -67,7 +67,7 @@ function dateWords(atMs: number): string {
   return more().date(at.toLocaleDateString(languageTag(), { month: 'short' }), at.getDate(), null);
 }
 
-/** What is cut at an end of the line is left out. */
+/** Drops labels that would be cut at an end of the line. */
 function labelsOf(span: Span, stepMs: number, { pxAt, widthPx, textPx }: Lines) {
   return roundTimes(span, stepMs)
     .map((atMs) => ({ atMs, label: wordsOf(atMs, stepMs) }))
@@ -92,7 +92,7 @@ function canBeRead(labels: readonly Labelled[], { pxAt, textPx }: Lines): boolea
   });
 }
 
-/** The moments of a span at which the viewer's clock is at a multiple of a step, oldest first. */
+/** The moments in a span at which the viewer's clock is at a multiple of a step, oldest first. */
 export function roundTimes(span: Span, stepMs: number): number[] {
   return stepMs >= DAY_MS ? roundDays(span, stepMs / DAY_MS) : roundClock(span, stepMs);
 }
@@ -104,19 +104,20 @@ function roundClock({ fromMs, toMs }: Span, stepMs: number): number[] {
   return found;
 }
 
-/** The first moment after another at which the clock is round. A clock that is changed meanwhile (summer time) counts as it is then. */
+/** The first moment after another at which the clock is round. If the clock changes meanwhile (summer time), the new time
+ *  counts. */
 function nextRound(afterMs: number, stepMs: number): number {
   const before = offsetMs(afterMs);
   const plain = roundUp(afterMs + before + 1, stepMs) - before;
   const change = offsetMs(plain) - before;
   if (change === 0) return plain;
-  // the same words on the clock as it is then, if there is such a moment
+  // the same reading on the clock as it is then, if that moment exists
   return [plain - change, plain, roundUp(plain + before + change, stepMs) - before - change]
     .filter((atMs) => atMs > afterMs && (atMs + offsetMs(atMs)) % stepMs === 0)
     .reduce((first, atMs) => Math.min(first, atMs), Number.POSITIVE_INFINITY);
 }
 
-/** The beginnings of each n-th day. */
+/** The start of every n-th day. */
 function roundDays({ fromMs, toMs }: Span, days: number): number[] {
   const found: number[] = [];
   const from = new Date(fromMs);
@@ -128,7 +129,7 @@ function roundDays({ fromMs, toMs }: Span, days: number): number[] {
   }
 }
 
-/** Of the viewer's clock, to be added to UTC. */
+/** The viewer's clock minus UTC. */
 function offsetMs(atMs: number): number {
   return -new Date(atMs).getTimezoneOffset() * MINUTE_MS;
 }
