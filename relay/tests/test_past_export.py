@@ -22,6 +22,7 @@ import pytest
 from posecast_relay.config.settings import SettingsError
 from posecast_relay.core.policy.share_link import make_link
 from posecast_relay.past_command.main import run_past
+from posecast_relay.recording import http_client
 from posecast_wire.recording import decode_recording, segment_path
 
 from .recording_stage import list_files, make_page
@@ -225,7 +226,7 @@ def test_what_is_private_needs_a_token_and_a_word(
     status, said = refused("--token-file", str(tmp_path / "wrong"), "--as", "link")
     assert (status, token[:20] in said) == (1, False)
     (tmp_path / "wrong").write_text("two words")
-    assert "holds no token" in refused("--token-file", str(tmp_path / "wrong"), "--as", "link")[1]
+    assert "contains no token" in refused("--token-file", str(tmp_path / "wrong"), "--as", "link")[1]
     assert not (tmp_path / "x.posecast").exists()
     done = export(*out, *with_token, "--as", "link")
     assert done.returncode == 0, done.stderr
@@ -283,6 +284,33 @@ def test_one_line_for_all_that_is_wrong(
         status, said = refused(*out, *arguments)
         assert (status, says in said, "\n" in said) == (expected, True, False), (arguments, said)
     assert list_names(tmp_path) == []
+
+
+def test_a_robot_that_is_off_costs_its_model_and_not_its_past(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A relay without an archive gets a model's files from the robot."""
+    monkeypatch.setattr(http_client, "AGAIN_S", 0.5)
+    files = {"high.glb": (os.urandom(3000), "model/gltf-binary"), "small.png": (PNG, "image/png")}
+    relay = Relay(tmp_path, "--past", "memory:")
+    edge = ZenohEdge(relay.zenoh, model=Model(files))
+    try:
+        await_segment(relay, edge, 1)
+        edge.close()
+        until("it is off", lambda: b'"offline"' in get(f"http://{relay.address}/api/v1/robots/r"))
+        for name in ("x.posecast", "x.csv"):
+            to = tmp_path / name
+            run_past(
+                ["export", "--robot", "r", *SPAN, "--relay", f"http://{relay.address}", "-o", str(to)], {}
+            )
+            said = capsys.readouterr().err
+            assert re.search(
+                r": models/\w+/manifest\.json: http\S+: gave up after 0\.5 s: the robot", said
+            ), name
+            assert to.stat().st_size > 0
+    finally:
+        edge.close()
+        relay.stop()
 
 
 def test_a_disk_that_fills_up_leaves_nothing(tmp_path: Path, station: Station) -> None:

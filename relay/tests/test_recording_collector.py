@@ -193,8 +193,8 @@ def test_a_model_is_written_as_far_as_it_is_there(tmp_path: Path) -> None:
     assert (folder / "manifest.json").read_bytes() == model.manifest
     assert sorted(found.lost) == sorted(
         [
-            f"models/{unknown}/manifest.json: not kept any more",
-            f"models/{model.name}/gone.glb: not kept any more",
+            f"models/{unknown}/manifest.json: no longer kept",
+            f"models/{model.name}/gone.glb: no longer kept",
             f"models/{model.name}/low.glb/below.png: its path collides with another file's",
             f"models/{model.name}/manifest.json: its path collides with another file's",
         ]

@@ -160,10 +160,10 @@ def test_what_is_empty_is_passed_over_as_damaged(
     said = list_lost(capsys)
     assert len(said) == 2
     assert "/1.segment: byte 0: " in said[0]
-    assert said[1].endswith(f"models/{model.name}/a.glb: not kept any more")
+    assert said[1].endswith(f"models/{model.name}/a.glb: no longer kept")
     asyncio.run(store.put(make_model_key("r", model.name, "manifest.json"), b""))
     assert len(export(tmp_path).segments) == len(kept) - 1
-    assert capsys.readouterr().err.splitlines()[1].endswith("/manifest.json: not kept any more")
+    assert capsys.readouterr().err.splitlines()[1].endswith("/manifest.json: no longer kept")
     schema = kept[0].schema
     assert schema is not None
     asyncio.run(store.put(make_schema_key("r", schema), b""))

@@ -1,4 +1,4 @@
-import { Suspense, useEffect, useState } from 'react';
+import { Suspense, useEffect, useLayoutEffect, useState } from 'react';
 import { recordingUrl } from '../relay/recording_address.ts';
 import { relayChoice } from '../relay/relay.ts';
 import { loadList } from './pages/list/index.ts';
@@ -49,7 +49,7 @@ function Page({ onSettings }: { onSettings: (link?: RobotLink) => void }) {
   useEffect(() => {
     if (listed) document.title = 'Posecast';
   }, [listed]);
-  useEffect(listenForDrops, []);
+  useLayoutEffect(listenForDrops, []); // before the first paint: a file dropped earlier would replace the page
   const place = hash.split('?')[0]; // the query changes as the camera moves
   // biome-ignore lint/correctness/useExhaustiveDependencies: going anywhere leaves what was dropped
   useEffect(() => closeLocal, [place]);

@@ -6,7 +6,7 @@ import asyncio
 import re
 import shutil
 from collections import deque
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path, PurePosixPath
@@ -40,7 +40,7 @@ from posecast_wire.segment import (
 
 from posecast_relay.archive.names import PAGE_MS
 from posecast_relay.models.manifest import ManifestError, read_manifest
-from posecast_relay.recording.source import ListedSegment, PastDamaged, RecordingSource
+from posecast_relay.recording.source import ListedSegment, PastAway, PastDamaged, RecordingSource
 
 AHEAD = 16  # segments that are asked for ahead of their turn
 SEGMENT_MS_MAX = 600_000  # a segment that reaches into a span begins at most so long before it
@@ -246,9 +246,10 @@ class Collector:
         """Write those files of a model that there are."""
         found = self.found
         self._wait_for(model_path(model, "manifest.json"))
-        manifest = await self._source.load_manifest(model)
+        manifest = await self._load_or_lose(
+            model_path(model, "manifest.json"), self._source.load_manifest(model)
+        )
         if manifest is None:
-            found.lose(model_path(model, "manifest.json"), "not kept any more")
             return
         try:
             entries = read_manifest(manifest)
@@ -268,11 +269,21 @@ class Collector:
                 found.lose(model_path(model, path), "its path collides with another file's")
                 continue
             self._wait_for(model_path(model, path))
-            data = await self._source.load_model_file(model, path, entry.sha256, entry.size)
-            if data is None:
-                found.lose(model_path(model, path), "not kept any more")
-            else:
+            loading = self._source.load_model_file(model, path, entry.sha256, entry.size)
+            data = await self._load_or_lose(model_path(model, path), loading)
+            if data is not None:
                 self._write(model_path(model, path), data)
+
+    async def _load_or_lose(self, path: str, loading: Awaitable[bytes | None]) -> bytes | None:
+        """Wait for one of a model's files; if the source does not have it, note why."""
+        try:
+            data = await loading
+        except PastAway as e:
+            self.found.lose(path, str(e))
+            return None
+        if data is None:
+            self.found.lose(path, "no longer kept")
+        return data
 
     def _wait_for(self, path: str) -> None:
         self.found.awaited = path

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import httpx
 from posecast_wire.checked import loads, make_visible
 
-from posecast_relay.recording.source import PastDamaged, PastUnreadable
+from posecast_relay.recording.source import PastAway, PastDamaged, PastUnreadable
 
 AT_ONCE = 8  # requests
 TIMEOUT_S = 20.0  # of a wait; a relay holds a request for 8 s at most
@@ -74,12 +74,14 @@ class RelayClient:
         """End what is left of connections."""
         await self._http.aclose()
 
-    async def ask(self, path: str, bytes_max: int) -> RelayAnswer:
-        """Return the answer to a GET; repeat it while the relay is busy or away. Raises PastUnreadable."""
-        end_s = self._now() + AGAIN_S
+    async def ask(self, path: str, bytes_max: int, patience_s: float | None = None) -> RelayAnswer:
+        """Return the answer to a GET; repeat it while the relay is busy or away, for `patience_s` (AGAIN_S).
+        Raises PastUnreadable; PastAway when the relay answered, but did not have it in time."""
+        patience_s = AGAIN_S if patience_s is None else patience_s
+        end_s = self._now() + patience_s
         wait_s = WAIT_S
         while True:
-            pause_s = wait_s
+            pause_s, refusal = wait_s, PastUnreadable
             try:
                 async with self._gate:
                     answer = await self._get(path, bytes_max)
@@ -98,10 +100,11 @@ class RelayClient:
                 self._has_answered = True
                 if answer.status not in BUSY:
                     break
-                why = read_reason(answer)
+                why, refusal = read_reason(answer), PastAway
                 pause_s = _read_seconds(answer.retry_after, wait_s)
             if self._now() + pause_s > end_s:
-                raise self.refuse(path, f"gave up after {AGAIN_S:g} s: {why}")
+                waited = f"gave up after {patience_s:g} s: " if patience_s else ""
+                raise refusal(str(self.refuse(path, waited + why)))
             await asyncio.sleep(pause_s)
             wait_s = min(2 * wait_s, WAIT_S_MAX)
         if len(answer.body) > bytes_max:

@@ -19,7 +19,7 @@ from posecast_wire.segment.frame_chain import SEQS
 from posecast_relay.archive.names import DAY_MS, PAGE_MS, read_day
 from posecast_relay.models.manifest import BYTES_MAX as MANIFEST_BYTES_MAX
 from posecast_relay.recording.http_client import RelayAnswer, RelayClient, read_reason
-from posecast_relay.recording.source import ListedSegment, PastDamaged, SourceSpan
+from posecast_relay.recording.source import ListedSegment, PastAway, PastDamaged, SourceSpan
 
 PAGE_BYTES_MAX = 4 << 20  # of one answer; a relay sends the index of ten minutes in parts of 1 MiB
 PARTS_MAX = 1000  # that one index may have
@@ -47,6 +47,7 @@ class HttpSource:
         self._days: frozenset[int | None] | None = None  # of which there is something; None: unknown
         self._client = RelayClient(relay, token, now)
         self._base = f"/api/v1/robots/{robot}"
+        self._model_patience_s: float | None = None
 
     @property
     def view(self) -> str:
@@ -104,14 +105,12 @@ class HttpSource:
         return None if answer is None else answer.body.decode(errors="replace")
 
     async def load_manifest(self, model: str) -> bytes | None:
-        """Ask for a manifest. Raises PastUnreadable."""
-        answer = await self._ask(f"{self._base}/model/{model}/manifest.json", MANIFEST_BYTES_MAX, model)
-        return None if answer is None else answer.body
+        """Ask for a manifest. Raises PastUnreadable; PastAway when the relay can't get it from the robot."""
+        return await self._ask_model(f"{model}/manifest.json", MANIFEST_BYTES_MAX, model)
 
     async def load_model_file(self, model: str, path: str, sha256: str, size: int) -> bytes | None:
-        """Ask for a model's file. Raises PastUnreadable."""
-        answer = await self._ask(f"{self._base}/model/{model}/{quote(path)}", size, sha256)
-        return None if answer is None else answer.body
+        """Ask for a model's file. Raises PastUnreadable; PastAway as above."""
+        return await self._ask_model(f"{model}/{quote(path)}", size, sha256)
 
     async def _list_page(self, page_ms: int) -> list[ListedSegment]:
         page = (
@@ -131,10 +130,22 @@ class HttpSource:
             path = f"{page}?after={part[-1].take:016x},{part[-1].index}"
         raise self._client.refuse(path, "the index does not end")
 
-    async def _ask(self, path: str, bytes_max: int, sha256: str | None) -> RelayAnswer | None:
+    async def _ask_model(self, path: str, bytes_max: int, sha256: str) -> bytes | None:
+        """Ask for one of a model's files. A relay without an archive gets files that it lacks from the robot;
+        if that is off, waiting for one file is enough."""
+        try:
+            answer = await self._ask(f"{self._base}/model/{path}", bytes_max, sha256, self._model_patience_s)
+        except PastAway:
+            self._model_patience_s = 0.0
+            raise
+        return None if answer is None else answer.body
+
+    async def _ask(
+        self, path: str, bytes_max: int, sha256: str | None, patience_s: float | None = None
+    ) -> RelayAnswer | None:
         """The answer, whose bytes have this SHA-256; None where there is nothing (any more) for us."""
         for _ in range(2):
-            answer = await self._client.ask(path, bytes_max)
+            answer = await self._client.ask(path, bytes_max, patience_s)
             if answer.status in (HTTPStatus.NOT_FOUND, HTTPStatus.NO_CONTENT):
                 return None
             if answer.status != HTTPStatus.OK:

@@ -14,6 +14,10 @@ class PastDamaged(PastUnreadable):
     """One part of the past is damaged; others may be fine."""
 
 
+class PastAway(PastUnreadable):
+    """The source answers, but can't deliver this part now; others may be available."""
+
+
 class SourceSpan(NamedTuple):
     """From when to when there is something, unix ms."""
 
