@@ -26,7 +26,8 @@ def make_run_parser(environment: Mapping[str, str]) -> CommandParser:
     parser = CommandParser(
         prog=f"{PROGRAM} run",
         description="Read a robot from a source and show it on a page. Only --source is needed: without "
-        "--relay, a relay is started on this machine; without --robot, the robot is named after its model. "
+        "--relay, a relay is started on this machine, and the robot is named after its model. With --relay, "
+        "give --robot or a --credential that names the robot; --host, --port and --no-browser are refused. "
         "A flag that is not given is taken from the environment variable in [].",
         statuses=STATUSES,
         allow_abbrev=False,
