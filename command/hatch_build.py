@@ -1,5 +1,5 @@
-"""Makes one distribution of the parts. It needs what they need, so that a version is pinned in one place; its
-wheel contains their code and the built page, so that each of these is in the repository once."""
+"""Builds one distribution from all parts. It takes its dependencies from theirs, so each version is pinned in
+one place. Its wheel contains their code and the built page, so the repository holds no copies."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class PartsMetadata(MetadataHookInterface):
     """Sets `dependencies` and `optional-dependencies`."""
 
     def update(self, metadata: dict[str, Any]) -> None:
-        """Collect what the parts need from elsewhere. No two of them have an extra of one name."""
+        """Collect the parts' third-party dependencies. No two parts have an extra with the same name."""
         needed: set[str] = set(OWN)
         extras: dict[str, list[str]] = {}
         for part in PARTS:
@@ -35,10 +35,10 @@ class PartsMetadata(MetadataHookInterface):
 
 
 class PartsInside(BuildHookInterface[Any]):
-    """Puts the parts into the wheel; a workspace has each of them installed by itself."""
+    """Puts the parts into the wheel. In a workspace each part is installed separately."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        """Name the folders. OSError when the page has not been built."""
+        """List the folders to include. Raises OSError when the page has not been built."""
         if version == "editable":
             return
         repository = Path(self.root).parent

@@ -93,7 +93,7 @@ def test_without_a_page_it_says_how_to_build_one_and_links_to_what_there_is(
     demo = posecast("demo", "--no-browser", "--port", str(free_port()), env=(f"PYTHONPATH={source}",))
     url = demo.line(r"Posecast is on air:  (\S+)")[1]
     assert ask(url)["fields"]["pos"]["values"]
-    assert demo.log.count(f"posecast: there is no page: `make setup` in {tmp_path}/checkout builds it\n") == 1
+    assert demo.log.count(f"posecast: the page is not built: run `make setup` in {tmp_path}/checkout\n") == 1
 
 
 @pytest.mark.parametrize("redirection", ["", ">&- <&-"])

@@ -62,6 +62,8 @@ def sh(script: str, folder: Path) -> None:
 @pytest.fixture(scope="module")
 def wheels(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder where `make dist` left the wheels."""
+    assert "make dist\n" in blocks("install")
+    assert "```sh\nmake dist\n```" in (ROOT / "docs/index.md").read_text(encoding="utf-8")
     folder = tmp_path_factory.mktemp("site") / "dist"
     sh(f"make --silent dist DIST={folder}", ROOT)
     assert sorted(wheel.name.split("-")[0] for wheel in folder.glob("*.whl")) == [
@@ -151,22 +153,40 @@ def guide_page(place: Any, url: str) -> None:
         assert get(place, f"{url}/guide/{file}"), file
 
 
+def take_uv(script: str, venv: str) -> str:
+    """The page's commands with uv, which takes what setup has fetched already, in place of pip, which would
+    download it."""
+    made = script.replace("python3 -m venv /opt/posecast", f"{sys.executable} -m venv --without-pip {venv}")
+    return made.replace("/opt/posecast/bin/pip install", f"{UV} pip install --quiet --python {venv}")
+
+
 def test_wheels_put_a_robot_on_air_without_internet(
     stack: Any, wheels: Path, alone: Any, tmp_path: Path
 ) -> None:
-    for name in ("relay", "edge"):
-        # uv takes what setup has fetched already; the long test below does it as the page says
-        sh(
-            f"{sys.executable} -m venv --without-pip {name}\n"
-            f"{UV} pip install --quiet --python {name} {wheels}/posecast_{{wire,{name}}}-*.whl",
-            tmp_path,
-        )
+    (tmp_path / "dist").symlink_to(wheels)
+    of_relay, of_edge, extras = (b for b in blocks("install") if "dist/posecast_" in b)
+    for name, script in (("relay", of_relay), ("edge", of_edge)):
+        sh(take_uv(script, name), tmp_path)
     assert not list((tmp_path / "edge").glob("lib/*/site-packages/numpy")), "extras are extras"
     url = on_air(stack, alone, tmp_path / "relay", tmp_path / "edge")
     moves(alone, url)
     whole_page(alone, url)
     routes_page(alone, url)
     guide_page(alone, url)
+    sh(take_uv(extras, "relay"), tmp_path)
+    assert list((tmp_path / "relay").glob("lib/*/site-packages/obstore"))
+
+
+@pytest.mark.parametrize(
+    "page",
+    [*(f"robots/{name}" for name in ("mujoco", "ros2", "rosbridge", "urdf")), "record/mcap"],
+)
+def test_the_extras_of_a_page_can_be_installed(page: str, wheels: Path, tmp_path: Path) -> None:
+    text = (PAGES.parent / f"{page}.md").read_text(encoding="utf-8")
+    (line,) = re.findall(r"^pip install .*$", text, re.MULTILINE)
+    (tmp_path / "dist").symlink_to(wheels)
+    taken = line.replace("pip install", f"{UV} pip install --quiet --dry-run --python venv")
+    sh(f"{sys.executable} -m venv --without-pip venv\n{taken}", tmp_path)
 
 
 def megabytes(folder: Path) -> float:

@@ -78,8 +78,8 @@ def test_what_answers_when_ours_has_ended_is_not_ours(relay: Relay) -> None:
     ("relay_does", "agent_does", "status", "said"),
     [
         ("pass", None, FAILED, "posecast: the relay has ended\n"),
-        ("import os; os.kill(os.getpid(), 9)", None, FAILED, "posecast: the relay was ended by signal 9\n"),
-        (None, "import os; os.abort()", FAILED, "posecast: the robot's agent was ended by signal 6\n"),
+        ("import os; os.kill(os.getpid(), 9)", None, FAILED, "posecast: the relay was killed by signal 9\n"),
+        (None, "import os; os.abort()", FAILED, "posecast: the robot's agent was killed by signal 6\n"),
         (None, "import sys; sys.exit(2)", 2, ""),
         (None, "pass", 0, ""),
     ],

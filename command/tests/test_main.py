@@ -61,15 +61,15 @@ def test_help_fits_a_terminal_and_its_examples_are_right(argv: tuple[str, ...]) 
         assert such is not None
         assert [split_spec(one)[0] for one in (*such[1].split(", "), such[2])] == ["demo", "csv", "mujoco"]
     if argv != ():
-        assert whole.count(f"the first one from {PAGE_PORT} on that is free") == 1
+        assert whole.count(f"the first free one from {PAGE_PORT}") == 1
     else:
-        assert "Begin with `posecast demo`" in whole
+        assert "Start with `posecast demo`" in whole
 
 
 @pytest.mark.parametrize(
     ("argv", "line"),
     [
-        ((), "posecast: give a command, one of demo, run, edge, doctor, "),
+        ((), "posecast: give a command: demo, run, edge, doctor, "),
         (("--versoin",), "posecast: unrecognized arguments: --versoin (did you mean --version?)"),
         (("dmeo",), "posecast: unknown command 'dmeo' (did you mean demo?): one of demo, run, "),
         (("demo", "--prot", "1"), "posecast demo: unrecognized arguments: --prot (did you mean --port?)"),

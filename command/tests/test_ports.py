@@ -26,7 +26,7 @@ def test_there_is_an_end(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ports, "TRIES", 1)
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        with pytest.raises(PortError, match=f"^ports {port} to {port} of 127.0.0.1 are all taken$"):
+        with pytest.raises(PortError, match=f"^ports {port} to {port} of 127.0.0.1 are all in use$"):
             find_free_port("127.0.0.1", port)
 
 

@@ -39,10 +39,8 @@ def test_flags_of_a_relay_here_do_not_go_with_one_elsewhere(
 ) -> None:
     assert run_robot(["--source", "demo", *flags, *place], {}) == 2
     said = capsys.readouterr().err
-    assert said.startswith(
-        "posecast run: --host, --port and --no-browser are of a relay that is started here"
-    )
-    assert said.endswith(f"{named} is of one elsewhere\n")
+    assert said.startswith("posecast run: --host, --port and --no-browser are for a relay started here")
+    assert said.endswith(f"{named} is for a relay elsewhere; give one kind\n")
 
 
 def test_a_robot_at_a_relay_elsewhere_needs_a_name() -> None:
@@ -63,4 +61,4 @@ def test_a_robot_at_a_relay_elsewhere_needs_a_name() -> None:
 
 def test_what_the_agent_will_refuse_is_told_first(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_robot(["--source", "demo", "--urdf", "a", "--model", "b"], {}) == 2
-    assert capsys.readouterr().err == "posecast run: --urdf and --model: give one of the two\n"
+    assert capsys.readouterr().err == "posecast run: give --urdf or --model, not both\n"

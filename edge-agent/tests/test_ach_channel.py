@@ -324,10 +324,10 @@ AFTER_INDEX = HEADER + 8 + 24 * COUNT
 @pytest.mark.parametrize(
     ("place", "content", "message"),
     [
-        (0, b"\x7fELF", "no ACH channel: it begins with 0x464c457f"),
-        (88, struct.pack("<Q", 0), "another layout: its counts make no sense"),
-        (88, struct.pack("<Q", 1 << 40), "another layout: its counts make no sense"),
-        (96, struct.pack("<Q", 1 << 60), "another layout: its counts make no sense"),
+        (0, b"\x7fELF", "not an ACH channel: it begins with 0x464c457f"),
+        (88, struct.pack("<Q", 0), "another layout: its counts are invalid"),
+        (88, struct.pack("<Q", 1 << 40), "another layout: its counts are invalid"),
+        (96, struct.pack("<Q", 1 << 60), "another layout: its counts are invalid"),
         (88, struct.pack("<Q", 11), "another layout: 30584 bytes where 30608 are expected"),
         (HEADER, bytes(8), "another layout: no guard at byte 320"),
         (AFTER_INDEX, bytes(8), f"another layout: no guard at byte {AFTER_INDEX}"),
@@ -371,7 +371,7 @@ def test_the_reader_waits_for_a_channel_and_follows_a_new_one(
     thread = threading.Thread(target=run)
     thread.start()
     try:
-        until(lambda: "No such file or directory; trying on" in caplog.text, "told that there is none")
+        until(lambda: "No such file or directory; still trying" in caplog.text, "told that there is none")
         made = path.with_name("made")
         Writer(made).put(b"first")
         made.rename(path)
@@ -379,7 +379,7 @@ def test_the_reader_waits_for_a_channel_and_follows_a_new_one(
         Writer(made).put(b"second")
         made.rename(path)  # hubo-ach was restarted: the old file lives on under no name
         until(lambda: b"second" in frames, "the second daemon's frame")
-        assert "the channel was made anew; trying on" in caplog.text
+        assert "the channel was created again; still trying" in caplog.text
         path.write_bytes(b"rubbish")
         until(lambda: "shrunk" in caplog.text or "no ACH channel" in caplog.text, "told of the rubbish")
         Writer(made).put(b"third")

@@ -64,14 +64,14 @@ def test_a_header_may_be_written_in_other_ways() -> None:
         ),
         (b"status: 15\n.\n", "ACH_EACCES"),
         (b"status: 99\n.\n", "status 99"),
-        (b"frame-count: 10\n.\n", "a header without a status: this is no achd"),
-        (b"status: well\n.\n", "a header without a status: this is no achd"),
-        (b"HTTP/1.1 400 Bad Request\r\n", "this is no achd"),
-        (b"SSH-2.0-OpenSSH\n", "header line SSH-2.0-OpenSSH has no key and value: this is no achd"),
-        (b"\xff\xfe\n", "a header that is not text: this is no achd"),
-        (b"a" * 1024, "a header line of over 1024 bytes: this is no achd"),
-        (b"a: b\n" * 65, "a header of over 64 lines: this is no achd"),
-        (OK + b"achpope\0" + bytes(8), "no frame where one should begin: the stream is out of step"),
+        (b"frame-count: 10\n.\n", "a header without a status: this is not achd"),
+        (b"status: well\n.\n", "a header without a status: this is not achd"),
+        (b"HTTP/1.1 400 Bad Request\r\n", "this is not achd"),
+        (b"SSH-2.0-OpenSSH\n", "header line SSH-2.0-OpenSSH has no key and value: this is not achd"),
+        (b"\xff\xfe\n", "a header that is not text: this is not achd"),
+        (b"a" * 1024, "a header line of over 1024 bytes: this is not achd"),
+        (b"a: b\n" * 65, "a header of over 64 lines: this is not achd"),
+        (OK + b"achpope\0" + bytes(8), "no frame where one should begin: the stream is out of sync"),
         (OK + b"achpipe\0" + struct.pack("<Q", 0), "a frame of 0 bytes"),
         (OK + b"achpipe\0" + struct.pack("<Q", 65537), "a frame of 65537 bytes; at most 65536"),
         (OK + b"achpipe\0" + b"\xff" * 8, "a frame of 18446744073709551615 bytes"),
@@ -161,7 +161,7 @@ def test_frames_come_and_a_broken_connection_comes_back(
     publish_until(server, b"second", lambda: b"second" in r.frames, "a frame after the break")
     assert {h["direction"] for h in server.headers} == {"push"}
     assert caplog.messages == [
-        f"127.0.0.1:{server.port}: the server ended the connection; trying on",
+        f"127.0.0.1:{server.port}: the server closed the connection; still trying",
         f"127.0.0.1:{server.port}: frames again",
     ]
 
@@ -171,7 +171,7 @@ def test_a_robot_that_is_switched_on_later_is_waited_for(
 ) -> None:
     port = free_port()
     r = reading(port)
-    until(lambda: "Connection refused; trying on" in caplog.text, "told that nobody is there")
+    until(lambda: "Connection refused; still trying" in caplog.text, "told that nobody is there")
     server = Achd(port=port)
     try:
         publish_until(server, b"x", lambda: bool(r.frames), "a frame")
@@ -188,7 +188,7 @@ def test_a_channel_that_is_not_there_yet_is_told_once_and_waited_for(
     server.instead = None
     publish_until(server, b"x", lambda: bool(r.frames), "a frame")
     told = [m for m in caplog.messages if "ENOENT" in m]
-    assert told == [f"127.0.0.1:{server.port}: Couldn't open channel hubo-state (ACH_ENOENT); trying on"]
+    assert told == [f"127.0.0.1:{server.port}: Couldn't open channel hubo-state (ACH_ENOENT); still trying"]
 
 
 def test_a_server_that_says_nothing_or_nothing_more_is_left(

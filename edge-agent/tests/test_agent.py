@@ -164,7 +164,7 @@ def test_what_a_source_raises_ends_its_turn(running: Running, error: BaseExcepti
     for view in ("public", "lab"):
         running.goes_on(view)
     line = next(line for line in running.said.getvalue().splitlines() if "the source" in line)
-    assert line.startswith(f"posecast-edge: the source, which is tried again: {type(error).__name__}: ")
+    assert line.startswith(f"posecast-edge: the source, which is restarted: {type(error).__name__}: ")
 
 
 def test_a_source_that_says_it_can_not_go_on_ends_the_agent(running: Running) -> None:
@@ -211,7 +211,10 @@ def test_half_a_character_ends_nothing(running: Running, router: Router) -> None
     until(lambda: {"type": "info", "kv": {"mode": "walks"}} in router.events, "what is text of it")
     for view in ("public", "lab"):
         running.goes_on(view)
-    assert "info 'bad' is left out: it holds half a character, no text" in running.said.getvalue()
+    assert (
+        "info 'bad' is left out: it is not valid Unicode (half of a surrogate pair)"
+        in running.said.getvalue()
+    )
 
 
 class Wire:

@@ -181,7 +181,7 @@ def test_a_built_model_is_offered_as_it_is(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match=r"low\.glb is larger than the manifest says"):
         load_built(tmp_path)
     (tmp_path / "low.glb").unlink()
-    with pytest.raises(ModelError, match=r"no built model, low\.glb is missing"):
+    with pytest.raises(ModelError, match=r"not a built model, low\.glb is missing"):
         load_built(tmp_path)
 
 

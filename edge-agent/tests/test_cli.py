@@ -44,7 +44,7 @@ def test_environment_stands_in_and_flags_win() -> None:
         ([], {}, "posecast-edge run"),
         (["run"], {}, "required: --source, --relay"),
         ([*GOOD, "--robot", "r*"], {}, "--robot: robot 'r*': use"),
-        ([*GOOD, "--urdf", "a", "--model", "b"], {}, "--urdf and --model: give one"),
+        ([*GOOD, "--urdf", "a", "--model", "b"], {}, "give --urdf or --model, not both"),
         ([*GOOD, "--robot", "../x"], {}, "--robot"),
         ([*GOOD, "--robot", ""], {}, "--robot"),
         (
@@ -53,19 +53,19 @@ def test_environment_stands_in_and_flags_win() -> None:
             "--source: unknown source 'ros' (did you mean ros2?): one of jsonl, ",
         ),
         ([*GOOD, "--source", "jsnl"], {}, "--source: unknown source 'jsnl' (did you mean jsonl?): one of "),
-        ([*GOOD, "--relay", "relay.example"], {}, "--relay: 'relay.example' is no endpoint like tcp/"),
+        ([*GOOD, "--relay", "relay.example"], {}, "--relay: 'relay.example' is not an endpoint such as tcp/"),
         ([*GOOD, "--relay", "tcp/1.2.3.4:99999"], {}, "--relay"),
         ([*GOOD, "--relay", "tcp/a:1#bind=x"], {}, "--relay"),
-        ([*GOOD, "--hz", "61"], {}, "--hz: '61' is no number from 1 to 60"),
+        ([*GOOD, "--hz", "61"], {}, "--hz: '61' is not a number from 1 to 60"),
         ([*GOOD, "--hz", "nan"], {}, "--hz"),
         ([*GOOD, "--key-interval", "0"], {}, "--key-interval"),
         ([*GOOD, "--speed", "1"], {}, "unrecognized arguments: --speed 1"),
-        (GOOD, {"POSECAST_HZ": "fast"}, "--hz: 'fast' is no number from 1 to 60 [POSECAST_HZ]"),
-        ([*GOOD, "--hz", "fast"], {"POSECAST_HZ": "5"}, "--hz: 'fast' is no number from 1 to 60"),
+        (GOOD, {"POSECAST_HZ": "fast"}, "--hz: 'fast' is not a number from 1 to 60 [POSECAST_HZ]"),
+        ([*GOOD, "--hz", "fast"], {"POSECAST_HZ": "5"}, "--hz: 'fast' is not a number from 1 to 60"),
         ([*GOOD, "--hz", "9" * 5000], {}, "--hz: '9999"),
-        ([*GOOD, "--hz", "1e999"], {}, "--hz: '1e999' is no number"),
+        ([*GOOD, "--hz", "1e999"], {}, "--hz: '1e999' is not a number"),
         ([*GOOD, "--relay", "tcp/a:٧٤٤٧"], {}, "--relay"),
-        ([*GOOD, "--relay", "tcp/a:1\u202e"], {}, "--relay: 'tcp/a:1\\u202e' is no endpoint"),
+        ([*GOOD, "--relay", "tcp/a:1\u202e"], {}, "--relay: 'tcp/a:1\\u202e' is not an endpoint"),
         ([*GOOD, "--robot", "\udcff"], {}, "--robot"),
         ([*GOOD, "--credential", "x" * 5000], {}, "too long"),
         (
@@ -105,7 +105,7 @@ def test_no_credential_is_one_short_line(tmp_path: Path, content: bytes) -> None
     file = tmp_path / "r1.credential"
     file.write_bytes(content)
     file.chmod(0o600)
-    with pytest.raises(UsageError, match=r"--credential: .*: no credential: ") as caught:
+    with pytest.raises(UsageError, match=r"--credential: .*: invalid credential: ") as caught:
         parse_settings([*GOOD, "--credential", str(file)], {})
     assert len(str(caught.value)) < 300
 
@@ -144,7 +144,7 @@ def test_wrong_configuration_ends_with_2(tmp_path: Path) -> None:
 def test_a_source_is_watched_for_a_time_that_ends(command: tuple[str, ...], seconds: str) -> None:
     done = run_edge(*command, "--seconds", seconds)
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.endswith(f"argument --seconds: '{seconds}' is no number from 0 to 3600\n")
+    assert done.stderr.endswith(f"argument --seconds: '{seconds}' is not a number from 0 to 3600\n")
     assert done.stderr.count("\n") == 1
 
 
@@ -203,7 +203,7 @@ def test_a_credential_names_the_robot(tmp_path: Path) -> None:
         assert "\n" not in said
         return said
 
-    assert "--credential is of robot 'r1', --robot says 'r2'" in refused("--robot", "r2")
+    assert "--credential is for robot 'r1', but --robot is 'r2'" in refused("--robot", "r2")
     file.chmod(0o604)
     assert "chmod 600" in refused()
     file.chmod(0o600)
@@ -235,11 +235,11 @@ def test_a_certificate_instead(tmp_path: Path) -> None:
 
     named = ("--robot", "hubo")
     assert "required: --robot" in refused(*files)
-    assert "go together" in refused(*named, *files[:2])
-    assert "go together" in refused(*named, *files[4:])
-    assert "needs tls/… or quic/…" in refused(*named, *files, "--relay", "tcp/127.0.0.1:7447")
-    assert "no certificate and its key" in refused(*named, *files, "--tls-key", str(other))
+    assert "--tls-key together" in refused(*named, *files[:2])
+    assert "--tls-key together" in refused(*named, *files[4:])
+    assert "use tls/… or quic/…" in refused(*named, *files, "--relay", "tcp/127.0.0.1:7447")
+    assert "not a certificate and its key" in refused(*named, *files, "--tls-key", str(other))
     assert "no such file" in refused(*named, *files, "--tls-cert", str(tmp_path / "gone"))
-    assert f"{key}: no certificate" in refused(*named, *files, "--tls-ca", str(key))
+    assert f"{key}: not a certificate" in refused(*named, *files, "--tls-ca", str(key))
     key.chmod(0o644)
     assert "chmod 600" in refused(*named, *files)

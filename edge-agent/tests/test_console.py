@@ -60,7 +60,7 @@ def test_a_flood_of_lines_is_counted() -> None:
     console.emit(logging.LogRecord("posecast_edge", logging.ERROR, "", 0, "the end", None, None))
     lines = out.getvalue().splitlines()
     assert lines[:3] == [f"posecast-edge: attack {i}" for i in range(3)]
-    assert "posecast-edge: 92 more lines left out" in lines
+    assert "posecast-edge: 92 more lines dropped" in lines
     assert lines[-1] == "posecast-edge: the end", "what ends the agent is always told"
     assert len(lines) <= 10 * 10 + 1
 
@@ -111,7 +111,7 @@ def test_a_pipe_that_nobody_reads_holds_nobody_up() -> None:
             pass
         clock[0] = 1.0
         console.emit(record("again"))
-        assert reader.read(4096) == b"posecast-edge: 3 more lines left out\nposecast-edge: again\n"
+        assert reader.read(4096) == b"posecast-edge: 3 more lines dropped\nposecast-edge: again\n"
 
 
 @pytest.mark.parametrize(

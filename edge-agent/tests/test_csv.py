@@ -147,9 +147,9 @@ def test_a_bad_row_is_named_in_the_first_pass_and_skipped(
         ("", "walk.csv: empty"),
         ("\n\n", "walk.csv: empty"),
         ("A,B\n1,2\n", "walk.csv:1: no column `t` (or time, timestamp, t_ms, …) among 'A', 'B'"),
-        ("t\n1\n", "walk.csv:1: nothing but a clock"),
-        ("t,info.mode\n1,x\n", "walk.csv:1: nothing but a clock"),
-        ("t,A,pos.A\n", "walk.csv:1: column 3: pos.A stands there twice"),
+        ("t\n1\n", "walk.csv:1: no column can be read except the clock"),
+        ("t,info.mode\n1,x\n", "walk.csv:1: no column can be read except the clock"),
+        ("t,A,pos.A\n", "walk.csv:1: column 3: pos.A is listed twice"),
         ("t,A [furlong]\n", "walk.csv:1: column 2: unknown unit 'furlong'"),
     ],
 )
@@ -244,8 +244,8 @@ def test_what_pandas_writes(tmp_path: Path) -> None:
         "(no name)  → the clock, ISO 8601",
         "left_knee.position  → pos of left_knee",
         "left_knee.velocity  → vel of left_knee",
-        "phase  left out: it holds texts, as 'stance'; info.NAME would show them",
-        'otherwise, in a profile: [csv] "left_knee.position" = "vel.JOINT [deg/s]", or "-" to leave it out',
+        "phase  left out: it holds texts such as 'stance'; rename it info.NAME to show them",
+        'or, in a profile: [csv] "left_knee.position" = "vel.JOINT [deg/s]", or "-" to leave it out',
     ]
 
 
@@ -281,10 +281,14 @@ def test_a_profile_gives_columns_other_names(tmp_path: Path) -> None:
     ("cells", "times_s", "unit"),
     [
         (["1700000000.5", "1700000000.6"], [1700000000.5, 1700000000.6], ""),
-        (["1700000000500", "1700000000600"], [1700000000.5, 1700000000.6], "ms, for it begins at 1.7e+12"),
+        (
+            ["1700000000500", "1700000000600"],
+            [1700000000.5, 1700000000.6],
+            "ms, because it starts at 1.7e+12",
+        ),
         (["1700000000500000", "1700000000600000"], [1700000000.5, 1700000000.6], "us"),
         (["1700000000500000000", "1700000000600000000"], [1700000000.5, 1700000000.6], "ns"),
-        (["0", "10", "20"], [0, 0.01, 0.02], "ms, for its rows are 10 apart"),
+        (["0", "10", "20"], [0, 0.01, 0.02], "ms, because its rows are 10 apart"),
         (["0", "10000", "20000"], [0, 0.01, 0.02], "us"),
         (["0", "1", "2"], [0, 1, 2], ""),
         (["2026-11-23T10:00:00Z", "2026-11-23T10:00:00,5Z"], [1795428000, 1795428000.5], ""),
@@ -296,9 +300,7 @@ def test_units_of_the_clock_are_guessed_aloud(
 ) -> None:
     text = "t;A\n" + "".join(f"{cell};1\n" for cell in cells)
     assert [s.t_s for s in samples(tmp_path, text)] == pytest.approx(times_s, abs=1e-6)
-    assert [f"the clock t is taken for {unit}" in line for line in caplog.messages] == (
-        [True] if unit else []
-    )
+    assert [f"clock t seems to be in {unit}" in line for line in caplog.messages] == ([True] if unit else [])
 
 
 def test_paths_that_nothing_reads_are_left_out_and_said_in_one_line(
@@ -309,7 +311,7 @@ def test_paths_that_nothing_reads_are_left_out_and_said_in_one_line(
     assert sample.values == {"pos": {"A": 3, "head/trans_x": 4}}
     assert caplog.messages == [
         f"{tmp_path}/walk.csv:1: columns left out: /a/b, /c/data, index; "
-        f"`{name_edge_command('probe')}` says why"
+        f"`{name_edge_command('probe')}` tells why"
     ]
 
 
@@ -333,4 +335,4 @@ def test_probe_tells_how_each_column_is_read(tmp_path: Path, capsys: pytest.Capt
     assert "columns:\n  __time  → the clock, s\n" in out
     assert "  /joint_states/header/seq  left out: it counts rows\n" in out
     assert "  /joint_states/left_knee/velocity  → vel of left_knee\n" in out
-    assert "  /tf/odom/base/translation/x  left out: nothing here reads it\n" in out
+    assert "  /tf/odom/base/translation/x  left out: this kind of column is not supported\n" in out

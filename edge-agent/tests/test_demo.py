@@ -33,7 +33,7 @@ def test_without_a_bundle_one_line_says_how_to_make_it(
 ) -> None:
     monkeypatch.setattr(demo, "BUNDLE", tmp_path / "none")
     for attempt in (lambda: open_source("demo", None), lambda: find_defaults("demo")):
-        with pytest.raises(SourceError, match=r"missing .*make it: python .*build\.py --out") as e:
+        with pytest.raises(SourceError, match=r"missing .*build it with: python .*build\.py --out") as e:
             attempt()
         assert "\n" not in str(e.value)
 

@@ -54,7 +54,7 @@ def test_somebody_who_hangs(
 ) -> None:
     monkeypatch.setattr(doorbell, "PATIENCE_S", 0.1)
     says = diagnose_link(f"tcp/127.0.0.1:{listener.getsockname()[1]}", proof).why
-    assert says == "takes connections and says nothing: does it hang, or is it just starting?"
+    assert says == "accepts connections but sends nothing: does it hang, or is it still starting?"
 
 
 def test_somebody_who_does_not_let_it_in(router: Router, tmp_path: Path) -> None:
@@ -69,16 +69,16 @@ def test_somebody_who_does_not_let_it_in(router: Router, tmp_path: Path) -> None
     }
     with zenoh.open(zenoh.Config.from_json5(json.dumps(config))):
         nothing = diagnose_link(router.endpoint, None)
-        assert nothing.why.endswith("does it want a credential (--credential, in Python credential=)?")
+        assert nothing.why.endswith("does it need a credential (--credential, in Python credential=)?")
         wrong = diagnose_link(router.endpoint, Credential("hubo", "x" * 43))
-        assert wrong.why == "does not let 'hubo' in: its credential is wrong, expired or revoked"
+        assert wrong.why == "refuses 'hubo': its credential is wrong, expired or revoked"
         assert nothing.is_refusal
         assert wrong.is_refusal
 
 
 def test_a_good_credential_for_a_relay_that_takes_anybody(router: Router) -> None:
     found = diagnose_link(router.endpoint, Credential("hubo", "x" * 43))
-    assert found.why.startswith("takes robots without a credential, as a relay does with --dev: leave")
+    assert found.why.startswith("accepts robots without a credential, like a relay with --dev: remove")
     assert not found.is_refusal
 
 
@@ -110,7 +110,7 @@ def test_a_relay_that_is_slow_at_first_is_not_said_to_refuse(
         assert knocked.is_set()
     router.start()
     until(lambda: router.tokens[-1:] == [(alive_key(ROBOT), True)], "on air", 30.0)
-    assert not [line for line in running.lines if "does it want a credential" in line]
+    assert not [line for line in running.lines if "does it need a credential" in line]
 
 
 def test_no_tls_where_it_is_asked_for(listener: socket.socket) -> None:
@@ -185,7 +185,7 @@ def test_a_relay_that_wants_tls(tmp_path: Path) -> None:
     }
     with zenoh.open(zenoh.Config.from_json5(json.dumps(config))):
         found = diagnose_link(f"tcp/127.0.0.1:{port}", Credential("hubo", "x" * 43))
-    assert found == Diagnosis(f"wants TLS: it is tls/127.0.0.1:{port}")
+    assert found == Diagnosis(f"requires TLS: use tls/127.0.0.1:{port}")
 
 
 def listens(port: int) -> bool:
@@ -218,9 +218,9 @@ def test_what_a_relay_that_wants_certificates_has_against_ours(tmp_path: Path) -
                 pass
 
         ca = relay_pem.read_text()
-        wants = "wants a certificate of this robot: give --tls-cert and --tls-key"
+        wants = "requires a certificate from this robot: give --tls-cert and --tls-key"
         assert asked(Credential("hubo", "x" * 43, ca)) == wants
         ours = Certificate(tmp_path / "robot.pem", tmp_path / "robot.key", relay_pem)
-        assert asked(ours) == "does not take this robot's certificate: unknown ca"
+        assert asked(ours) == "refuses this robot's certificate: unknown ca"
         good = Certificate(relay_pem, relay_key, relay_pem)
-        assert asked(good).endswith("(--credential, in Python credential=), not a certificate?")
+        assert asked(good).endswith("(--credential, in Python credential=) instead of a certificate?")

@@ -159,15 +159,15 @@ MESHES: dict[str, tuple[str, bytes, str]] = {
     "nothing": ("a.stl", b"", "empty"),
     "zeros": ("a.stl", bytes(84), "no triangles"),
     "text without end": ("a.stl", b"solid x\nfacet normal 0 0 0\nvertex 1 2 3\nvertex 1 2", "within a triangle"),
-    "text of words": ("a.stl", b"solid x\nfacet normal 0 0 0\n" + b"vertex a b c\n" * 3, "no number"),
+    "text of words": ("a.stl", b"solid x\nfacet normal 0 0 0\n" + b"vertex a b c\n" * 3, "not a number"),
     "laughs": ("a.dae", COLLADA_LAUGHS, "DTD"),
     "deep collada": ("a.dae", b"<COLLADA>" + b"<a>" * 200_000, "nested"),
     "wide collada": ("a.dae", b"<COLLADA>" + b"<p/>" * 250_000 + b"</COLLADA>", "more than 200000 elements"),
     "doubling nodes": ("a.dae", doubling(40), "nodes"),
     "stride of nothing": ("a.dae", cube_collada().replace(b'stride="3"', b'stride="0"'), "stride"),
-    "corners beyond": ("a.dae", cube_collada().replace(b"<p>0 ", b"<p>99 "), "names a vertex"),
-    "corners before": ("a.dae", cube_collada().replace(b"<p>0 ", b"<p>-9 "), "names a vertex"),
-    "words for numbers": ("a.dae", cube_collada().replace(b"<p>0 ", b"<p>zero "), "none"),
+    "corners beyond": ("a.dae", cube_collada().replace(b"<p>0 ", b"<p>99 "), "refers to a vertex"),
+    "corners before": ("a.dae", cube_collada().replace(b"<p>0 ", b"<p>-9 "), "refers to a vertex"),
+    "words for numbers": ("a.dae", cube_collada().replace(b"<p>0 ", b"<p>zero "), "other than numbers"),
     "huge polygon": (
         "a.dae",
         cube_collada().replace(b"<triangles", b"<polylist").replace(b"</triangles>", b"</polylist>")
@@ -176,9 +176,9 @@ MESHES: dict[str, tuple[str, bytes, str]] = {
     ),
     "a zip": ("a.dae", b"PK\x03\x04" + bytes(100), "zip"),
     "gzip": ("a.stl", b"\x1f\x8b" + bytes(100), "gzip"),
-    "faces beyond": ("a.obj", cube_obj() + b"f 1 2 99\n", "names a vertex"),
-    "faces before": ("a.obj", cube_obj() + b"f 1 2 -99\n", "names a vertex"),
-    "obj of words": ("a.obj", b"v a b c\nf 1 1 1\n", "no list of numbers"),
+    "faces beyond": ("a.obj", cube_obj() + b"f 1 2 99\n", "refers to a vertex"),
+    "faces before": ("a.obj", cube_obj() + b"f 1 2 -99\n", "refers to a vertex"),
+    "obj of words": ("a.obj", b"v a b c\nf 1 1 1\n", "not a list of numbers"),
     "obj of nothing": ("a.obj", b"# only a comment\n", "no triangles"),
     "glb of four billion": ("a.glb", cube_glb(changed("accessors", 0, count=4_000_000_000)), "claims 4,000,000,000"),
     "glb of less than none": ("a.glb", cube_glb(changed("accessors", 0, count=-1)), "whole number"),
@@ -343,7 +343,7 @@ def test_bundles_that_are_not_whole(tmp_path: Path) -> None:
     data = bytearray(files["high.glb"])
     data[100] ^= 1
     (out / "high.glb").write_bytes(data)
-    refused("high.glb is not what the manifest says")
+    refused("high.glb does not match the manifest")
     (out / "high.glb").write_bytes(bytes(10_000_000))
     refused("larger than the manifest says")
     (out / "high.glb").unlink()

@@ -28,11 +28,11 @@ def model(folder: Path, text: str) -> Path:
 
 
 REFUSED = {
-    "no time": (mjcf(head='<option timestep="0"/>'), "a timestep of 0 s"),
-    "time that goes back": (mjcf(head='<option timestep="-1"/>'), "a timestep of -1 s"),
-    "a moment": (mjcf(head='<option timestep="1e-300"/>'), "a timestep of 1e-300 s"),
-    "all time": (mjcf(head='<option timestep="1e300"/>'), "a timestep of 1e+300 s"),
-    "time that is none": (mjcf(head='<option timestep="nan"/>'), "a timestep of nan s"),
+    "no time": (mjcf(head='<option timestep="0"/>'), "the timestep is 0 s"),
+    "time that goes back": (mjcf(head='<option timestep="-1"/>'), "the timestep is -1 s"),
+    "a moment": (mjcf(head='<option timestep="1e-300"/>'), "the timestep is 1e-300 s"),
+    "all time": (mjcf(head='<option timestep="1e300"/>'), "the timestep is 1e+300 s"),
+    "time that is none": (mjcf(head='<option timestep="nan"/>'), "the timestep is nan s"),
     "a name that is no text": (mjcf(BODY.replace('"j"', '"\udcff"')), "can't decode"),
     "in itself": ('<mujoco><include file="a.xml"/></mujoco>', "already included"),
     "deep": (mjcf("<body>" * 5000 + BODY + "</body>" * 5000), "too deep"),
@@ -76,7 +76,7 @@ def test_a_model_that_is_refused_is_refused_with_the_same_words(tmp_path: Path) 
     path = model(tmp_path, mjcf("<geom size='.1'/>"))
     with pytest.raises(SourceError) as refused:
         open_source(f"mujoco:{path}", None)
-    assert str(refused.value) == f"{path}: no joint turns or slides"
+    assert str(refused.value) == f"{path}: the model has no hinge or slide joint"
 
 
 @pytest.mark.parametrize(

@@ -69,7 +69,7 @@ def test_pixels_are_paid_for_with_bytes() -> None:
     side = round((PIXELS_CLAIMED * 0.23) ** 0.5)
     claims = [tiff_claiming(side, side + i) for i in range(5)]
     for data in claims[:4]:
-        with pytest.raises(ModelRefused, match="no picture that is read"):
+        with pytest.raises(ModelRefused, match="not a readable picture"):
             pictures.validate(data)  # its pixels are not there; but they have been asked for
     with pytest.raises(ModelRefused, match="left out"):
         pictures.validate(claims[4])

@@ -30,7 +30,7 @@ def rows(folder: Path, data: bytes) -> list[Sample]:
 def test_a_mask_without_end_is_a_bad_row(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     found = rows(tmp_path, b"t,A,flags.A\n0,1," + b"9" * 5000 + b"\n1,2,3\n")
     assert [s.values for s in found] == [{"pos": {"A": 2.0}, "flags": {"A": 3}}]
-    assert "is no mask; row skipped" in caplog.text
+    assert "is not a mask; row skipped" in caplog.text
 
 
 @pytest.mark.parametrize("time", ["1e300", "-1e13", "1e999", "nan"])
@@ -95,7 +95,7 @@ def test_a_trajectory_that_is_emptied_while_it_plays_ends(tmp_path: Path) -> Non
     source = TrajectorySource(path, WALKER, WALKER.trajectory)
     source.advance(0.0)
     path.write_text("")
-    with pytest.raises(SourceError, match="no rows any more"):
+    with pytest.raises(SourceError, match="the file has no more rows"):
         source.advance(1.0)
 
 
@@ -122,7 +122,7 @@ def test_a_record_that_claims_more_than_there_is(
 ) -> None:
     data = MAGIC + struct.pack("<BQ", opcode, size) + bytes(100)
     assert held_bytes(lambda: played(tmp_path, data)) < 8 << 20
-    assert "breaks off in the record at byte 8" in caplog.text
+    assert "is cut off in the record at byte 8" in caplog.text
 
 
 def test_a_record_that_is_spoiled_costs_itself(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
@@ -157,8 +157,8 @@ CHUNKS = {
     "a frame's claim": (packed_chunk("zstd", 1000, zstd_claiming(1 << 40)), "more than 1000 bytes unpacked"),
     "another frame's": (packed_chunk("zstd", 1 << 20, zstd_claiming(1 << 31)), "bytes unpacked"),
     "no frame": (packed_chunk("lz4", 1000, b"x" * 50), "left out"),
-    "a record in it": (MAGIC + chunk(struct.pack("<BQ", 5, 1 << 60)), "not all there"),
-    "nothing in it": (MAGIC + chunk(bytes(9000)), "not all there"),
+    "a record in it": (MAGIC + chunk(struct.pack("<BQ", 5, 1 << 60)), "is incomplete"),
+    "nothing in it": (MAGIC + chunk(bytes(9000)), "is incomplete"),
 }  # fmt: skip
 
 
@@ -175,6 +175,6 @@ def test_thousands_of_topics_are_a_few_lines(tmp_path: Path, caplog: pytest.LogC
     file = RosRecording(tmp_path / "a.mcap", WALKER)
     assert len(list(file.read_samples(0.0, True))) == 3
     assert len(caplog.messages) == 8
-    assert caplog.messages[7].endswith("further ones are not said")
+    assert caplog.messages[7].endswith("further ones are not logged")
     assert all(len(line) < 500 for line in caplog.messages)
     assert len(file.topics) <= 2000

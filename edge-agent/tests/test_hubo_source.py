@@ -102,7 +102,7 @@ def test_from_achd_to_the_relay_with_every_fault_and_silence(server: Achd, route
         until(lambda: any(e["text"] == "silent" for e in router.events), "silent")
         count = len(router.frames)
         published = server.connections
-        until(lambda: any("robot time stands at" in line for line in edge.lines), "said aloud")
+        until(lambda: any("robot time stays at" in line for line in edge.lines), "said aloud")
         assert len(router.frames) == count
         assert server.connections == published
         robot.running.set()
@@ -188,7 +188,7 @@ def test_a_foreign_frame_is_told_once_and_the_next_good_one_counts(
     until(lambda: len(router.frames) > 5, "frames")
     told = [line for line in edge.lines if "3632 bytes" in line]
     assert len(told) == 1
-    assert "no hubo_state known here (3368, " in told[0]
+    assert "not a known hubo_state (3368, " in told[0]
 
 
 class OneByOne(PersistentReader):
@@ -228,7 +228,7 @@ def test_of_frames_that_came_at_once_the_last_that_is_one_is_the_newest() -> Non
 
 @pytest.mark.parametrize("address", ["", "host:port", "a b", "host:0", "host:70000", "/dev/shm/x", "h:1:2"])
 def test_an_address_that_is_none(address: str) -> None:
-    with pytest.raises(SourceError, match=r"hubo-ach: .* is no address; as in hubo-ach:192"):
+    with pytest.raises(SourceError, match=r"hubo-ach: .* is not an address such as hubo-ach:192"):
         open_source(f"hubo-ach:{address}", None)
 
 

@@ -77,7 +77,7 @@ def test_every_version_has_its_size_and_every_member_its_place(size: int) -> Non
 def test_any_other_length_is_refused_in_one_line(size: int) -> None:
     with pytest.raises(UnknownFrame) as caught:
         HuboDecoder(None).decode(bytes(size))
-    assert str(caught.value).startswith(f"a frame of {size} bytes is no hubo_state known here (3368, ")
+    assert str(caught.value).startswith(f"a frame of {size} bytes is not a known hubo_state (3368, ")
 
 
 @pytest.mark.parametrize("name", STATUS_BYTES)

@@ -67,9 +67,7 @@ def test_of_two_robots_the_first_counts_unless_the_namespace_says_which() -> Non
     report = made.take_transforms(both, False, 1.0)
     assert report is not None
     assert report.values["pos"]["lift"] == 0.1
-    assert said == [
-        "the frames of several robots are on /tf, with the prefixes 'r1/', 'r2/': the first is read"
-    ]
+    assert said == ["/tf has the frames of several robots, with the prefixes 'r1/', 'r2/': the first is read"]
     made, said = frames(namespace="/r2")
     report = made.take_transforms(both, False, 1.0)
     assert report is not None
@@ -83,8 +81,7 @@ def test_what_does_not_fit_is_one_remark_and_no_reading() -> None:
         assert report is not None
         assert report.values["pos"] == {"lift": None, "elbow": pytest.approx(0.5)}
     assert said == [
-        "lift is not read from /tf: base → upper is 0.0° and 20 mm off what its axis allows; "
-        "is this the robot's model?"
+        "lift is not read from /tf: base → upper is 0.0° and 20 mm off its axis; is this the robot's model?"
     ]
     assert made.describe() == "joints from /tf: 1 of 2; off their axis: lift"
     fits = made.take_transforms([lift(0.25, aside=0.004)], False, 6.0)  # a calibrated robot

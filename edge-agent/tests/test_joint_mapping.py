@@ -45,7 +45,7 @@ def test_differential_drives_share_channels() -> None:
         (
             {"a": joint(("M", 1.0)), "b": joint(("M", -1.0))},
             ("b", 0),
-            "channel 'M' moves joint 'a' already; a joint that moves with it names 'a' as its term",
+            "channel 'M' already moves joint 'a'; for a joint that moves with it, use 'a' as the term",
         ),
     ],
 )

@@ -124,21 +124,21 @@ def test_refused_and_on_air_again_are_told_once() -> None:
     news = News()
     words = ["waiting", "on air", "refused", "refused", "no link", "waiting", "refused", "late", "on air"]
     said = [news.list_changes(word, "", float(i)) for i, word in enumerate(words)]
-    refused = ["the relay takes nothing: does another edge send this robot too? Sending on"]
+    refused = ["the relay accepts no frames: does another agent publish this robot? Still sending"]
     assert said == [[], [], refused, [], [], [], [], ["on air again"], []]
 
 
 def test_what_is_over_the_share_is_told_when_it_changes() -> None:
     news = News()
     over = "120 frames a second a view"
-    told = "the relay drops some of what this robot sends: more than "
+    told = "the relay drops some of this robot's data: more than "
     assert news.list_changes("on air", over, 0.0) == [told + over]
     assert news.list_changes("on air", over, 1.0) == []
     assert news.list_changes("on air", "", 2.0) == [], "it comes and goes at the edge of the share"
     assert news.list_changes("on air", over, 3.0) == []
     assert news.list_changes("no link", "", 20.0) == [], "nothing is known"
     assert news.list_changes("on air", "1 MB a second", 21.0) == [told + "1 MB a second"]
-    assert news.list_changes("on air", "", 26.5) == ["the relay takes all that this robot sends again"]
+    assert news.list_changes("on air", "", 26.5) == ["the relay accepts all of this robot's data again"]
     assert news.list_changes("on air", "", 40.0) == []
 
 

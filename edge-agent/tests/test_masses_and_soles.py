@@ -105,7 +105,7 @@ def test_a_mass_that_follows_from_a_mesh_is_said_not_to_be_known(tmp_path: Path)
     assert write("") == []
     found = [f for f in load_robot_file(path).urdf.findings if f.code == "mass-of-mesh"]
     assert len(found) == 1
-    assert "the mass of body 'a' follows from a mesh; no balance is shown" in found[0].text
+    assert "the mass of body 'a' is derived from a mesh; no balance is shown" in found[0].text
     own = '<inertial pos="0 0 0" mass="3" diaginertia="1 1 1"/>'
     assert [e["mass_kg"] for e in write("", own)] == [3]
     assert write("", own, 'inertiafromgeom="true"') == [], "it is made of the geoms all the same"

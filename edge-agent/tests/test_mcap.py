@@ -80,7 +80,7 @@ def test_other_topics_are_merged_and_unknown_ones_said_once(
     assert last.values["ftm"] == {"ankle.mx": 4, "ankle.my": 5, "ankle.mz": 6}
     assert last.links == {"ankle": "ankle"}
     assert caplog.messages == [
-        f"{tmp_path}/walk.mcap: /image is ignored: nothing here reads sensor_msgs/Image"
+        f"{tmp_path}/walk.mcap: /image is ignored: the type sensor_msgs/Image is not supported"
     ]
 
 
@@ -149,7 +149,7 @@ def test_a_damaged_chunk_is_left_out(tmp_path: Path, caplog: pytest.LogCaptureFi
         k = round((sample.t_s - BEGAN_NS * 1e-9) * 100)
         assert sample.values == {"pos": {"A": k / 100, "B": -k / 100}}
     assert len(caplog.messages) == 1
-    assert "its checksum differs; left out" in caplog.text
+    assert "its checksum is wrong; left out" in caplog.text
 
 
 def test_a_bad_message_is_named(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
@@ -182,7 +182,7 @@ def test_what_is_no_such_file_is_refused(tmp_path: Path, content: bytes) -> None
     (tmp_path / "a.mcap").write_bytes(content)
     with pytest.raises(SourceError) as e:
         open_source(f"mcap:{tmp_path}/a.mcap", None)
-    assert str(e.value) == f"{tmp_path}/a.mcap: neither MCAP nor a bag of ROS 1 or ROS 2"
+    assert str(e.value) == f"{tmp_path}/a.mcap: neither an MCAP file nor a ROS 1 or ROS 2 bag"
     with pytest.raises(SourceError, match=r"none\.mcap: No such file"):
         open_source(f"mcap:{tmp_path}/none.mcap", None)
 

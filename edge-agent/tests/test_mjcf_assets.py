@@ -166,11 +166,11 @@ def fail(_: Any, *__: Any, **___: Any) -> CompiledModel:
 WITHOUT_WORDS: dict[str, tuple[Callable[[pytest.MonkeyPatch], None], str]] = {
     "a mesh": (
         lambda patch: patch.setattr(assets, "_compile", fail),
-        "mesh 'm', file 'm.stl': MuJoCo fails on it and does not say why: save it again",
+        "mesh 'm', file 'm.stl': MuJoCo failed without a reason: save it again",
     ),
     "the model": (
         lambda patch: patch.setattr(mujoco.MjSpec, "from_file", fail),
-        "file 'model.xml', or one that it names: MuJoCo fails on it and does not say why: try it",
+        "file 'model.xml', or one that it names: MuJoCo failed without a reason: try it",
     ),
 }
 
@@ -189,7 +189,7 @@ def test_where_mujoco_has_no_words(case: str, tmp_path: Path, monkeypatch: pytes
 
 def test_too_little_memory_is_said_of_the_mesh() -> None:
     refused = explain_failure(MemoryError(), ModelFiles("m.xml"), "mesh 'm', file 'm.stl'")
-    assert refused.reason == "mesh 'm', file 'm.stl': takes more memory than it may"
+    assert refused.reason == "mesh 'm', file 'm.stl': needs more memory than is allowed"
 
 
 def test_nothing_is_kept_between_models(tmp_path: Path) -> None:

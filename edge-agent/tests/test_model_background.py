@@ -103,7 +103,7 @@ def test_feet_of_the_profile_that_the_model_lacks_are_named_once(
     assert e.wait() == 0
     told = [line for line in e.lines if "[balance]" in line]
     assert told == [
-        "posecast-edge: profile: [balance] names feet that the model lacks: "
+        "posecast-edge: profile: [balance] names feet that are not in the model:  "
         "'RF' (on link 'right_foot'), 'lost'"
     ]
     built = next(i for i, line in enumerate(e.lines) if line.startswith("posecast-edge: model: "))
@@ -166,7 +166,7 @@ def test_without_the_mesh_tools_what_is_wrong_is_counted_too(
     build.start()
     build.stop()
     [message] = [r.getMessage() for r in caplog.records]
-    assert message == f"model: 2 errors; {name_edge_command('doctor')} --urdf {path} names them"
+    assert message == f"model: 2 errors; {name_edge_command('doctor')} --urdf {path} lists them"
 
 
 @pytest.mark.parametrize("size", [(0, "0 kB"), (99_400, "99 kB"), (123_456, "0.1 MB"), (3_210_000, "3.2 MB")])
@@ -201,7 +201,7 @@ def test_what_can_t_be_built_goes_as_it_is(tmp_path: Path, caplog: pytest.LogCap
     build.stop()
     assert ready.bundles == [raw]
     [message] = [r.getMessage() for r in caplog.records]
-    assert message == f"model: not built, meshes go as they are: {path}: it has no links"
+    assert message == f"model: not built, meshes are sent unchanged: {path}: it has no links"
 
 
 def test_what_is_wrong_is_counted(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
@@ -214,7 +214,7 @@ def test_what_is_wrong_is_counted(tmp_path: Path, caplog: pytest.LogCaptureFixtu
     assert json.loads(ready.bundles[0].manifest)["v"] == 2
     assert ready.bundles[0].read("manifest", 0, 10) == ready.bundles[0].manifest[:10]
     build.stop()
-    assert f"1 error; {name_edge_command('doctor')} --urdf {path} names them" in caplog.text
+    assert f"1 error; {name_edge_command('doctor')} --urdf {path} lists them" in caplog.text
 
 
 def test_what_the_page_can_t_read_is_announced_when_it_has_been_built(
@@ -244,5 +244,5 @@ def test_what_can_neither_be_built_nor_read_is_said(tmp_path: Path, caplog: pyte
     build.stop()
     assert ready.bundles == []
     [message] = [r.getMessage() for r in caplog.records]
-    assert message == f"model: not shown: {path}: there is no <model> in it"
+    assert message == f"model: not shown: {path}: it has no <model>"
     assert failed.is_set()

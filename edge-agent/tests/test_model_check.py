@@ -65,7 +65,7 @@ def test_errors_of_a_model_are_told_once(tmp_path: Path) -> None:
 def test_a_model_with_many_errors_does_not_fill_the_list(tmp_path: Path) -> None:
     _, problems = checked(tmp_path, *(joint(f"j{i}", "nowhere", "a") for i in range(200)), link("a"))
     assert len(problems.get_counts()) == ERRORS_MAX + 1
-    assert "doctor --urdf` names them" in [*problems.get_counts()][-1]
+    assert "doctor --urdf` lists them" in [*problems.get_counts()][-1]
 
 
 def test_names_that_move_nothing(tmp_path: Path) -> None:

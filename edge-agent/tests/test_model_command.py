@@ -53,8 +53,8 @@ def test_a_body_of_stand_ins_alone_is_a_problem(tmp_path: Path, capsys: pytest.C
         assert run_command(["model", "build", str(path), "-o", str(out)], environment(tmp_path)) == PROBLEMS
         said = capsys.readouterr().err.splitlines()
         assert said[1:] == [
-            f"posecast-edge: {path}: nothing but stand-ins can be shown of it; "
-            "--package-path DIR says where its meshes are"
+            f"posecast-edge: {path}: no mesh was found, so only placeholders can be shown; "
+            "give their folder with --package-path DIR"
         ]
         assert "high.glb" in read_folder(out)
 
@@ -81,7 +81,7 @@ def test_without_the_mesh_tools_the_doctor_sees_whether_meshes_are_there(
     assert run_command(["doctor", "--urdf", str(path)], {}) == code
     told = capsys.readouterr()
     assert told.out.startswith(f"{path}{said}")
-    assert "meshes not looked at, only whether they are there" in told.err
+    assert "checked only that mesh files exist, not their contents" in told.err
 
 
 def test_cache_is_used_until_anything_changes(tmp_path: Path) -> None:

@@ -50,13 +50,13 @@ def test_addresses(address: str, playback: Playback) -> None:
 @pytest.mark.parametrize(
     ("address", "reason"),
     [
-        ("", "csv: a path is needed, as in csv:walk.csv"),
-        ("?loop", "csv: a path is needed, as in csv:walk.csv"),
-        ("a?start=soon", "csv: start='soon' is no number of seconds"),
-        ("a?start=-1", "csv: start='-1' is no number of seconds"),
-        ("a?start=inf", "csv: start='inf' is no number of seconds"),
-        ("a?loop=2", "csv: 'loop=2' is unknown; after ? stand start=SECONDS and loop"),
-        ("a?speed=2", "csv: 'speed=2' is unknown; after ? stand start=SECONDS and loop"),
+        ("", "csv: give a path, such as csv:walk.csv"),
+        ("?loop", "csv: give a path, such as csv:walk.csv"),
+        ("a?start=soon", "csv: start='soon' is not a number of seconds"),
+        ("a?start=-1", "csv: start='-1' is not a number of seconds"),
+        ("a?start=inf", "csv: start='inf' is not a number of seconds"),
+        ("a?loop=2", "csv: unknown option 'loop=2'; after ? use start=SECONDS and loop"),
+        ("a?speed=2", "csv: unknown option 'speed=2'; after ? use start=SECONDS and loop"),
     ],
 )
 def test_wrong_addresses(address: str, reason: str) -> None:

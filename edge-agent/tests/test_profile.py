@@ -103,7 +103,7 @@ def test_other_unseen_letters_are_refused_also_beside_them(table: str, where: st
 def test_words_that_are_blank_are_refused(table: str, where: str, blank: str) -> None:
     with pytest.raises(ProfileError) as caught:
         parse_profile(FLAGS + table.format(f'"{blank}"'), "p.toml")
-    assert str(caught.value).startswith(f"{where}: must say something, not '")
+    assert str(caught.value).startswith(f"{where}: must not be blank, not '")
     assert str(caught.value).isprintable()
 
 
@@ -120,18 +120,18 @@ def test_words_that_are_blank_are_refused(table: str, where: str, blank: str) ->
         (BASE + "unt='rad'\n", "p.toml:5: fields[0].unt: unknown key"),
         (BASE + "unit='furlong'\n", "p.toml:5: fields.pos.unit: unknown unit 'furlong'"),
         (BASE + "labels='joints'\n", "p.toml:5: fields.pos.labels: unknown label set 'joints'"),
-        (BASE + "labels=['C','C']\n", "p.toml:5: fields.pos.labels[1]: 'C' stands there twice"),
+        (BASE + "labels=['C','C']\n", "p.toml:5: fields.pos.labels[1]: 'C' is listed twice"),
         (BASE + "scale=0\n", "p.toml:5: fields.pos.scale: must be above 0, not 0"),
         (BASE + "scale='big'\n", "p.toml:5: fields.pos.scale: must be a number, not 'big'"),
         (BASE + "deadband=-1\n", "p.toml:5: fields.pos.deadband: must be at least 0, not -1"),
-        (BASE + "rel='vel'\n", "p.toml:5: fields.pos.rel: 'vel' is no earlier field"),
+        (BASE + "rel='vel'\n", "p.toml:5: fields.pos.rel: 'vel' is not an earlier field"),
         (BASE + "slow=1\n", "p.toml:5: fields.pos.slow: must be true or false, not 1"),
-        (BASE + "[[fields]]\nname='pos'\n", "p.toml:6: fields[1].name: 'pos' stands there twice"),
+        (BASE + "[[fields]]\nname='pos'\n", "p.toml:6: fields[1].name: 'pos' is listed twice"),
         (BASE + "[[fields]]\nname='a b'\n", "p.toml:6: fields[1].name: 'a b' must be"),
         (BASE + "[joints.K]\nterms=[['C',1]]\n", "p.toml:6: joints.K.terms[0]: unknown joint 'C'"),
         (
             BASE + "[joints.K]\nterms=[['A',1]]\n[joints.L]\nterms=[['A',2]]\n",
-            "p.toml:8: joints.L.terms[0]: channel 'A' moves joint 'K' already; a joint that moves",
+            "p.toml:8: joints.L.terms[0]: channel 'A' already moves joint 'K'; for a joint that moves",
         ),
         (
             BASE + "[joints]\nK.terms=[['L',1]]\nL.terms=[['K',1]]\n",
@@ -191,7 +191,7 @@ def test_words_that_are_blank_are_refused(table: str, where: str, blank: str) ->
         ),
         (
             FLAGS + "[explain.flags.jam]\nen.say='{joint} [is [hot]]'\n",
-            "p.toml:9: explain.flags.jam.en.say: braces and brackets come in pairs",
+            "p.toml:9: explain.flags.jam.en.say: braces and brackets must come in pairs",
         ),
         (
             FLAGS + f"[explain.flags.jam]\nen.say='{'x' * 201}'\n",
@@ -212,7 +212,7 @@ def test_words_that_are_blank_are_refused(table: str, where: str, blank: str) ->
         ),
         (BASE + "[thresholds.temp]\nA={high=1}\n", "p.toml:5: thresholds.temp: unknown field 'temp'"),
         (BASE + "[thresholds.pos]\nC={high=1}\n", "p.toml:6: thresholds.pos.C: unknown label 'C'"),
-        (BASE + "[thresholds.pos]\nA={}\n", "p.toml:6: thresholds.pos.A: needs low or high"),
+        (BASE + "[thresholds.pos]\nA={}\n", "p.toml:6: thresholds.pos.A: give low, high or both"),
         (
             BASE + "[thresholds.pos]\nA={low=2,high=1}\n",
             "p.toml:6: thresholds.pos.A: low 2 is not below high 1",
@@ -228,7 +228,7 @@ def test_words_that_are_blank_are_refused(table: str, where: str, blank: str) ->
         (BASE + "a." * 40 + "b=1\n", "p.toml:5: a key of more than 32 parts"),
         (BASE + "unit=[1]\n", "p.toml:5: fields.pos.unit: unknown unit [1]"),
         (BASE + "labels=5\n", "p.toml:5: fields.pos.labels: must be a list of texts"),
-        (BASE + "rel=['ref']\n", "p.toml:5: fields.pos.rel: ['ref'] is no earlier field"),
+        (BASE + "rel=['ref']\n", "p.toml:5: fields.pos.rel: ['ref'] is not an earlier field"),
         (BASE + "scale=1979-05-27\n", "p.toml:5: fields.pos.scale: must be a number, not datetime.date"),
         (BASE + "x=9999-99-99\n", "p.toml: "),
         (BASE + f"[names]\nA='{'x' * 300}'\n", "p.toml:6: names.A: must be a text of 1 to 200 characters"),
@@ -246,17 +246,17 @@ def test_words_that_are_blank_are_refused(table: str, where: str, blank: str) ->
             + "[joints]\n"
             + "".join(f"j{i}.terms=[['j{i + 1}',1]]\n" for i in range(5000))
             + "j5000.terms=[['A',1]]\n",
-            "p.toml:6: joints.j0: more than 32 joints follow one another",
+            "p.toml:6: joints.j0: a chain of more than 32 joints that follow one another",
         ),
         (
             BASE + "[trajectory]\ncolumns=['A']\nrate_hz=1\nheader=-1\n",
-            "p.toml:8: trajectory.header: must lie in",
+            "p.toml:8: trajectory.header: must be an integer from",
         ),
-        (BASE + "[ros]\ndomain=true\n", "p.toml:6: ros.domain: must lie in 0…232, not True"),
+        (BASE + "[ros]\ndomain=true\n", "p.toml:6: ros.domain: must be an integer from 0 to 232, not True"),
         (BASE + "[names]\nC='c'\n", "p.toml:6: names.C: unknown channel or site 'C'"),
         (BASE + "[names]\nA=''\n", "p.toml:6: names.A: must be a text"),
         (BASE + "[names.ko]\nC='c'\n", "p.toml:6: names.ko.C: unknown channel or site 'C'"),
-        (BASE + "[names.ko]\nA=' '\n", "p.toml:6: names.ko.A: must say something, not ' '"),
+        (BASE + "[names.ko]\nA=' '\n", "p.toml:6: names.ko.A: must not be blank, not ' '"),
         (BASE + "[names.ko]\nA=5\n", "p.toml:6: names.ko.A: must be a text, not 5"),
         (BASE + "[names]\nA.x='y'\n", "p.toml:6: names.A: must be a language tag, such as en or ko"),
         (
@@ -352,6 +352,6 @@ def test_a_profile_that_comes_along_is_found_by_its_name(tmp_path: Path) -> None
     assert find_profile(str(tmp_path / "hubo2plus")) == tmp_path / "hubo2plus"
     assert find_profile("../profiles/hubo2plus") == Path("../profiles/hubo2plus")
     with pytest.raises(
-        ProfileError, match=r"No such file.*that come with the agent: arm, demo, drchubo, g1, hubo2plus"
+        ProfileError, match=r"No such file.*built-in profiles: arm, demo, drchubo, g1, hubo2plus"
     ):
         load_profile(find_profile("hubo3"))

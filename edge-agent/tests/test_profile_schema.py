@@ -69,11 +69,11 @@ def test_masks_have_bits_without_names() -> None:
     ("values", "message"),
     [
         ({"pos": [1.0, 2.0]}, "the first sample names no channel"),
-        ({"ftf": [1.0]}, "ftf has 1 values without labels: name them, or give --profile"),
+        ({"ftf": [1.0]}, "ftf has 1 values without labels: name them, or give a --profile"),
         ({"pos": {"A": 1.0}, "cur": [1.0, 2.0]}, "cur has 2 values without labels"),
         ({}, "the first sample names no channel"),
-        ({"a b": {"x": 1.0}}, "'a b' is no field name"),
-        ({"x": {str(i): 0.0 for i in range(5000)}}, "it names over 4096 channels"),
+        ({"a b": {"x": 1.0}}, "'a b' is not a field name"),
+        ({"x": {str(i): 0.0 for i in range(5000)}}, "it names more than 4096 channels"),
     ],
 )
 def test_what_a_sample_cannot_say(values: dict[str, Values], message: str) -> None:

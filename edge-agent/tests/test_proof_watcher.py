@@ -53,15 +53,15 @@ def test_what_is_wrong_is_said_once_and_without_the_secret(tmp_path: Path) -> No
     for text, mode, says in (
         (f"posecast1:hubo:{B}x", 0o600, "its secret is cut short or mistyped"),
         (Credential("hubo", B).line(), 0o644, "chmod 600"),
-        (Credential("g1", B).line(), 0o600, "is of robot 'g1', not of 'hubo'"),
-        ("", 0o600, "no credential"),
+        (Credential("g1", B).line(), 0o600, "is for robot 'g1', not for 'hubo'"),
+        ("", 0o600, "invalid credential"),
     ):
         of.write(text, mode)
         assert of.look(5) == []
         (said,) = of.warned
         assert said.startswith(f"{of.path}: ")
         assert says in said
-        assert said.endswith("; going on with what stood there before")
+        assert said.endswith("; keeping the previous one")
         assert B not in said
         of.warned.clear()
     of.path.unlink()

@@ -144,6 +144,6 @@ def test_joints_stand_in_the_order_of_the_constructor(monkeypatch: pytest.Monkey
     assert got == [Sample(1.0, {"pos": empty, "ref": empty, "temp": {"b": None, "a": 1.0}})]
     assert list(got[0].values["pos"]) == ["b", "a"]
     assert problems.get_counts() == {
-        "ref of 'a' is nan, which is no reading": 1,
-        "ref of 'c' is left out: it is none of joints=[…]": 1,
+        "ref of 'a' is nan, which is not a reading": 1,
+        "ref of 'c' is left out: it is not in joints=[…]": 1,
     }

@@ -65,7 +65,7 @@ def test_one_field_of_which_no_schema_can_be_made_leaves_the_others() -> None:
     assert names(made) == {"pos": {"a"}, "amp": {"main"}}
     assert not made.grow({"volt": huge}, 2.0)
     assert made.grow({"volt": {"main": 1.0}}, 3.0)
-    assert problems.get_counts() == {f"new names are left out: it names over {CHANNELS_MAX} channels": 2}
+    assert problems.get_counts() == {f"new names are left out: it names more than {CHANNELS_MAX} channels": 2}
 
 
 def test_joints_of_the_constructor_are_all_there_are() -> None:
@@ -74,5 +74,5 @@ def test_joints_of_the_constructor_are_all_there_are() -> None:
     assert not made.grow({"pos": {"c": 0.0}}, 1.0)
     assert made.grow({"temp": {"a": 0.0, "c": 0.0}, "volt": {"c": 0.0}}, 2.0)
     assert names(made) == {"pos": {"a", "b"}, "temp": {"a", "b"}, "volt": {"c"}}
-    assert made.explain_unknown("pos", "c") == "it is none of joints=[…]"
+    assert made.explain_unknown("pos", "c") == "it is not in joints=[…]"
     assert problems.get_counts() == {}

@@ -62,8 +62,8 @@ def test_found_with_leniency(tmp_path: Path) -> None:
     arm = placed(tmp_path / "model/meshes/Arm.STL")
     resolver = Resolver(written(tmp_path / "model", robot(link("a"))))
     for uri, words in (
-        ("meshes/arm.stl", "other letters"),
-        ("MESHES/ARM.STL", "other letters"),
+        ("meshes/arm.stl", "upper and lower case"),
+        ("MESHES/ARM.STL", "upper and lower case"),
         ("meshes\\Arm.STL", "backslashes"),
         ("package://renamed/meshes/Arm.STL", "model's own folder"),
         ("package://old/deep/path/meshes/Arm.STL", "model's own folder"),

@@ -184,14 +184,14 @@ def test_robot_time_is_what_the_program_says(router: Router, make: Make) -> None
     robot, watched = make(), Watched(router)
     publish_until(robot, lambda: bool(watched.look()) and watched.t_s == 12.5, t=12.5, **SETTLED)
     robot.publish(t=float("nan"), pos={"elbow": 1.0})
-    assert robot.status().problems == {"t is no number of seconds; the call is left out": 1}
+    assert robot.status().problems == {"t is not a number of seconds; the call is ignored": 1}
 
 
 def test_a_profile_gives_lists_their_order(router: Router, make: Make, profile_file: Path) -> None:
     robot, watched = make(profile=profile_file), Watched(router)
     publish_until(robot, lambda: watched.sees(pos={"RKN": 0.1, "LKN": 0.2}), pos=[0.1, 0.2], flags=[1, 2])
     robot.publish(pos={"RKN": 0.1, "toe": 1.0}, cur={"RKN": 1.0})
-    problems = ("pos of 'toe' is left out: the profile has none of that name",)
+    problems = ("pos of 'toe' is left out: it is not in the profile",)
     until(lambda: all(p in robot.status().problems for p in problems), "named")
     assert PROFILE.startswith("\n[robot]")
 
@@ -237,20 +237,20 @@ def test_the_last_pose_leaves_with_close(router: Router, make: Make) -> None:
 WRONG: list[tuple[dict[str, Any], str]] = [
     ({"pos": {"elbow": "0.4"}}, "pos of 'elbow' is '0.4', not a number"),
     ({"pos": {"elbow": True}}, "pos of 'elbow' is of type bool, not a number"),
-    ({"pos": {"elbow": float("nan")}}, "pos of 'elbow' is nan, which is no reading"),
-    ({"pos": {"elbow": float("inf")}}, "pos of 'elbow' is inf, which is no reading"),
-    ({"pos": {"elbwo": 0.4}}, "pos of 'elbwo' is left out: it is none of joints=[…]"),
-    ({"pos": {7: 0.4}}, "pos names 7: a name is a text"),
-    ({"pos": [0.1]}, "pos has 1 values, want 2"),
-    ({"pos": np.zeros((2, 2))}, "pos has the shape (2, 2), want (2,)"),
-    ({"pos": 0.4}, "pos is of type float: want a dict by name, a list or an array"),
-    ({"ftf": [1.0]}, "ftf is a list, and nobody said whose: joints=[…], or a dict by name"),
-    ({"ftf": {"wrist": (1.0,)}}, "ftf of 'wrist': want 3 numbers, fx, fy, fz"),
-    ({"base": [1, 2, 3]}, "base: want 7 numbers, x, y, z in metres and a quaternion x, y, z, w"),
+    ({"pos": {"elbow": float("nan")}}, "pos of 'elbow' is nan, which is not a reading"),
+    ({"pos": {"elbow": float("inf")}}, "pos of 'elbow' is inf, which is not a reading"),
+    ({"pos": {"elbwo": 0.4}}, "pos of 'elbwo' is left out: it is not in joints=[…]"),
+    ({"pos": {7: 0.4}}, "pos has the name 7, which is not a valid string"),
+    ({"pos": [0.1]}, "pos has 1 values, not 2"),
+    ({"pos": np.zeros((2, 2))}, "pos has the shape (2, 2), not (2,)"),
+    ({"pos": 0.4}, "pos is of type float: give a dict by name, a list or an array"),
+    ({"ftf": [1.0]}, "ftf is a list without names: give joints=[…], or use a dict by name"),
+    ({"ftf": {"wrist": (1.0,)}}, "ftf of 'wrist': give 3 numbers, fx, fy, fz"),
+    ({"base": [1, 2, 3]}, "base: give 7 numbers, x, y, z in metres and a quaternion x, y, z, w"),
     ({"flags": {"elbow": "jam"}}, "flags of 'elbow' is 'jam', not a mask or a list of names"),
-    ({"torque": {"elbow": 1.0}}, "torque becomes a plain table; the page knows effort="),
-    ({"info": {"mode": [1]}}, "info 'mode' is no text"),
-    ({"no name": {"a": 1}}, "'no name' is no name of a field"),
+    ({"torque": {"elbow": 1.0}}, "torque becomes a plain table; did you mean effort=?"),
+    ({"info": {"mode": [1]}}, "info 'mode' is not a text"),
+    ({"no name": {"a": 1}}, "'no name' is not a field name"),
 ]
 
 
@@ -269,7 +269,7 @@ def test_each_mistake_is_named_once_and_counted(
                 before = robot.status().problems.get(told, 0)
                 publish_until(robot, counts(robot, told, before), **fields)
         robot.publish({"elbow": 1.0})  # type: ignore[arg-type]
-        named = "publish() takes its arguments by name: publish(pos=…)"
+        named = "publish() takes keyword arguments only: publish(pos=…)"
         assert robot.status().problems[named] == 1
         said = [told for _, told in WRONG] + [named]
         until(lambda: {r.getMessage() for r in caplog.records} >= set(said), "all in the log")
@@ -357,19 +357,22 @@ def test_the_constructor_names_what_is_plainly_wrong(tmp_path: Path, profile_fil
     (tmp_path / "open").write_text("posecast1:x:y", encoding="utf-8")
     (tmp_path / "open").chmod(0o644)
     assert constructor_error(name="My Arm").startswith("robot 'My Arm': use 1 to 63")
-    assert constructor_error(name=7) == "name: 7 is no text"
-    assert constructor_error(relay="127.0.0.1") == "relay: '127.0.0.1' is no endpoint like tcp/127.0.0.1:7447"
-    assert constructor_error(relay=None) == "relay: None is no text"
-    assert constructor_error(hz=0) == "hz: 0 is no number from 1 to 60"
-    assert constructor_error(hz="30") == "hz: '30' is no number from 1 to 60"
-    assert constructor_error(joints="elbow") == "joints: 'elbow' is no list of names"
-    assert constructor_error(joints=["a", "a"]) == "joints: 'a' stands there twice"
-    assert constructor_error(joints=[1]) == "joints: 1 is no name"
-    assert constructor_error(joints=["toe"], profile=profile_file) == "joints: the profile has no 'toe'"
+    assert constructor_error(name=7) == "name: 7 is not a string"
+    assert (
+        constructor_error(relay="127.0.0.1")
+        == "relay: '127.0.0.1' is not an endpoint such as tcp/127.0.0.1:7447"
+    )
+    assert constructor_error(relay=None) == "relay: None is not a string"
+    assert constructor_error(hz=0) == "hz: 0 is not a number from 1 to 60"
+    assert constructor_error(hz="30") == "hz: '30' is not a number from 1 to 60"
+    assert constructor_error(joints="elbow") == "joints: 'elbow' is not a list of names"
+    assert constructor_error(joints=["a", "a"]) == "joints: 'a' is listed twice"
+    assert constructor_error(joints=[1]) == "joints: 1 is not a name"
+    assert constructor_error(joints=["toe"], profile=profile_file) == "joints: the profile has no joint 'toe'"
     assert "No such file" in constructor_error(urdf=tmp_path / "none.urdf")
     assert constructor_error(urdf=tmp_path / "bad.urdf").startswith(f"urdf: {tmp_path / 'bad.urdf'}: ")
-    assert "no built model" in constructor_error(model=tmp_path)
-    assert constructor_error(urdf="a", model="b") == "urdf and model: give one of the two"
+    assert "not a built model" in constructor_error(model=tmp_path)
+    assert constructor_error(urdf="a", model="b") == "urdf and model: give one, not both"
     assert "profile: nope" in constructor_error(profile="nope")
     assert "chmod 600" in constructor_error(credential=tmp_path / "open")
 
@@ -451,7 +454,7 @@ def test_close_while_others_publish(make: Make) -> None:
     robot.publish(pos={"elbow": 0.1})
     assert failed == []
     assert robot.status().link == "closed"
-    assert "publish() after close() reaches nobody" in robot.status().problems
+    assert "publish() after close() has no effect" in robot.status().problems
 
 
 def test_a_robot_that_nobody_holds_leaves(router: Router) -> None:

@@ -74,7 +74,7 @@ def test_a_mesh_of_the_file_itself_needs_no_other(tmp_path: Path) -> None:
     assert [v.get("placeholder") for v in built.document["visuals"]] == [
         None,
         None,
-        "mjcf: addresses are not fetched",
+        "mjcf: files are not downloaded",
     ]
     assert [m["uri"] for m in built.document["missing"]] == ["mjcf:gone"]
     assert len(built.figure.looks) == 2

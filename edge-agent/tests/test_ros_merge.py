@@ -105,8 +105,8 @@ def test_of_two_topics_with_one_channel_the_first_name_counts_whatever_comes_las
     robot.pos(ARM, 1.2)
     assert robot.values() == {"quat": {"a.w": 0.9}, **ARM}
     assert robot.said == [
-        "quat of 'a.w' is told by /imu/data and /imu/data_raw: the first counts; "
-        "a profile's [ros] can say which"
+        "quat of 'a.w' is on /imu/data and /imu/data_raw: the first is used; "
+        "to choose another, set it in a profile's [ros]"
     ]
 
 

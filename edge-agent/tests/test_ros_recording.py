@@ -124,9 +124,9 @@ def test_a_loop(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "reason"),
     [
-        (b"", "neither MCAP nor a bag of ROS 1 or ROS 2"),
+        (b"", "neither an MCAP file nor a ROS 1 or ROS 2 bag"),
         (b"#ROSBAG V1.2\n", "a bag older than version 2.0: convert it with `rosbag fix`"),
-        (b"SQLite format 2\0", "neither MCAP nor a bag of ROS 1 or ROS 2"),
+        (b"SQLite format 2\0", "neither an MCAP file nor a ROS 1 or ROS 2 bag"),
     ],
 )
 def test_what_is_no_recording_is_refused(tmp_path: Path, content: bytes, reason: str) -> None:
@@ -139,8 +139,8 @@ def test_what_is_no_recording_is_refused(tmp_path: Path, content: bytes, reason:
 def test_an_empty_folder_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SourceError) as e:
         open_source(f"bag:{tmp_path}", None)
-    assert str(e.value) == f"{tmp_path}: a folder without a recording in it (.mcap, .db3 or .bag)"
-    with pytest.raises(SourceError, match=r"^bag: a path is needed, as in bag:walk\.bag$"):
+    assert str(e.value) == f"{tmp_path}: no recording in this folder (.mcap, .db3 or .bag)"
+    with pytest.raises(SourceError, match=r"^bag: give a path, such as bag:walk\.bag$"):
         open_source("bag", None)
 
 
@@ -155,7 +155,7 @@ def test_a_bag_that_was_never_closed_plays_as_far_as_it_goes(
     assert 10 < len(found) < 100
     assert [s.values["pos"] for s in found] == [{"A": k / 100, "B": -k / 100} for k in range(len(found))]
     (line,) = caplog.messages
-    assert line.startswith(f"{path}: breaks off in the record at byte ")
+    assert line.startswith(f"{path}: is cut off in the record at byte ")
 
 
 def fields(**named: bytes) -> bytes:
@@ -177,10 +177,10 @@ HOSTILE = {
     "a bomb": (chunk(b"bz2", 1000, bz2.compress(bytes(64 << 20))), "more than 1000 bytes unpacked"),
     "less than it says": (chunk(b"bz2", 1000, bz2.compress(b"x")), "1 bytes unpacked instead of 1000"),
     "no stream": (chunk(b"lz4", 1000, b"x" * 50), "left out"),
-    "what nobody packs": (chunk(b"rar", 10, b"x"), "compressed as 'rar', which is not read here"),
-    "a record in it": (chunk(b"none", 8, struct.pack("<II", 1 << 31, 0)), "a record in it is not all there"),
-    "a header": (b"#ROSBAG V2.0\n" + struct.pack("<I", (1 << 32) - 1), "breaks off in the record at byte 13"),
-    "data": (b"#ROSBAG V2.0\n" + part(fields(op=b"\2")) + b"\xff" * 4, "breaks off in the record at byte 13"),
+    "what nobody packs": (chunk(b"rar", 10, b"x"), "compressed as 'rar', which is not supported"),
+    "a record in it": (chunk(b"none", 8, struct.pack("<II", 1 << 31, 0)), "a record in it is incomplete"),
+    "a header": (b"#ROSBAG V2.0\n" + struct.pack("<I", (1 << 32) - 1), "is cut off in the record at byte 13"),
+    "data": (b"#ROSBAG V2.0\n" + part(fields(op=b"\2")) + b"\xff" * 4, "is cut off in the record at byte 13"),
     "no field": (b"#ROSBAG V2.0\n" + part(fields(op=b"\2")) + part(b""), "no field"),
     "a secret": (b"#ROSBAG V2.0\n" + part(fields(op=b"\3", encryptor=b"aes")) + part(b""), "is encrypted"),
 }  # fmt: skip
@@ -332,4 +332,4 @@ def test_probe_lists_frames_and_suggests_the_line(tmp_path: Path, capsys: pytest
     out = capsys.readouterr().out
     assert "  /tf         tf2_msgs/TFMessage → tf" in out or "  /tf  tf2_msgs/TFMessage → tf" in out
     assert "  frame rail → base_link\n" in out
-    assert '  in a profile, for where the robot is: [ros] base = "odom→base_link"\n' in out
+    assert '  to show where the robot is, in a profile: [ros] base = "odom→base_link"\n' in out

@@ -150,13 +150,13 @@ def test_topics_to_ask_for_by_name() -> None:
     ("line", "words"),
     [
         ('poss = "/a"', "profile:5: ros.poss: unknown key"),
-        ('base = "odom→"', "profile:5: ros.base: 'odom→' is not two frames, as in odom→base_link"),
-        ('base = "a->b->c"', "profile:5: ros.base: 'a->b->c' is not two frames"),
-        ('pos = "a b"', "profile:5: ros.pos: 'a b' is no topic"),
+        ('base = "odom→"', "profile:5: ros.base: 'odom→' is not a pair of frames such as odom→base_link"),
+        ('base = "a->b->c"', "profile:5: ros.base: 'a->b->c' is not a pair of frames"),
+        ('pos = "a b"', "profile:5: ros.pos: 'a b' is not a topic"),
         ("pos = 5", "profile:5: ros.pos: must be a text"),
         ('pos = { x = "/a" }', "profile:5: ros.pos: must be a text"),
-        ('imu = { "a.b" = "/a" }', "ros.imu.a.b: a site is one word"),
-        ("domain = 300", "profile:5: ros.domain: must lie in 0…232"),
+        ('imu = { "a.b" = "/a" }', "ros.imu.a.b: a site must be one word"),
+        ("domain = 300", "profile:5: ros.domain: must be an integer from 0 to 232"),
         ('encoding = "png"', "profile:5: ros.encoding: unknown encoding 'png'"),
     ],
 )

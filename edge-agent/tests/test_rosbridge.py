@@ -175,9 +175,7 @@ def test_a_server_that_hangs_is_told_once_without_a_traceback(
             until(lambda: any("trying on" in r.getMessage() for r in caplog.records), "a word")
             until(lambda: not any("(keepalive)" in t.name for t in threading.enumerate()), "its end")
     told = [r.getMessage() for r in caplog.records if r.levelno >= logging.WARNING]
-    assert [text.partition("; ")[0].partition(": ")[2] for text in told] == [
-        "the server does not answer any more"
-    ]
+    assert [text.partition("; ")[0].partition(": ")[2] for text in told] == ["the server no longer answers"]
     assert not any(r.exc_info for r in caplog.records)
 
 
@@ -190,7 +188,9 @@ def test_what_the_server_says_on_parting_is_told_once(
     server.part(1001, "for lunch")
     until(lambda: "trying on" in caplog.text, "a word")
     url = f"ws://127.0.0.1:{server.port}"
-    assert f"{url}: the server ended the connection: 1001 (going away) for lunch; trying on" in caplog.text
+    assert (
+        f"{url}: the server closed the connection: 1001 (going away) for lunch; still trying" in caplog.text
+    )
 
 
 def test_nonsense_is_told_and_the_rest_goes_on(
@@ -225,7 +225,7 @@ def test_nonsense_is_told_and_the_rest_goes_on(
     until(lambda: len(heard.samples) > 20, "samples all the while")
     assert heard.newest["pos"] == {"hip": 1.0, "knee": 2.0}
     lines = [r.getMessage() for r in caplog.records]
-    assert "rosbridge: PNG compression is not read, and was not asked for" in lines
+    assert "rosbridge: PNG compression is not supported, and was not requested" in lines
     assert "/joint_states: position has 1 values, name 2" in lines
     assert "rosbridge says: something about /joint_states" in lines
     assert len(lines) < 12, lines

@@ -120,12 +120,12 @@ def test_cbor_with_typed_arrays() -> None:
         ("[1, 2]", "a message without op"),
         ('{"op": 5}', "a message without op"),
         ('{"op": "publish", "msg": 1}', "a message without a topic"),
-        ('{"op": "png", "data": "iVBOR"}', "PNG compression is not read, and was not asked for"),
-        ('{"op": "fragment", "id": "a", "data": "x", "num": 3, "total": 2}', "a fragment that is none"),
-        ('{"op": "fragment", "id": "a", "data": 5, "num": 0, "total": 2}', "a fragment that is none"),
+        ('{"op": "png", "data": "iVBOR"}', "PNG compression is not supported, and was not requested"),
+        ('{"op": "fragment", "id": "a", "data": "x", "num": 3, "total": 2}', "an invalid fragment"),
+        ('{"op": "fragment", "id": "a", "data": 5, "num": 0, "total": 2}', "an invalid fragment"),
         (
             f'{{"op": "fragment", "id": "a", "data": "x", "num": 0, "total": {FRAGMENTS_MAX + 1}}}',
-            "a fragment that is none",
+            "an invalid fragment",
         ),
         ('{"op": "fragment", "id": "a", "data": "x", "num": 0, "total": 1}', "not JSON"),
         (b"", "not CBOR"),
@@ -135,7 +135,7 @@ def test_cbor_with_typed_arrays() -> None:
         (cbor2.dumps(5), "a message without op"),
         (
             cbor2.dumps({"op": "publish", "topic": "/a", "msg": cbor2.CBORTag(86, b"123")}),
-            "CBOR: a typed array of 3 bytes, 8 a number expected",
+            "CBOR: a typed array of 3 bytes, 8 per number expected",
         ),
     ],
 )

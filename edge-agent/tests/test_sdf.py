@@ -409,13 +409,13 @@ WRONG = {
     model(link("a", relative=" relative_to='gone'")): "its pose is relative to 'gone', which does not exist",
     model(
         link("a", relative=" relative_to='b'"), link("b", relative=" relative_to='a'"), joint("j", "a", "b")
-    ): "its pose leads back to itself",
+    ): "its pose depends on itself",
     model("<frame name='f' attached_to='f'/>", link("a"), joint("j", "f", "a")): "there is no link 'f'",
     model(link("a", inside="<visual name='v'/>")): "link 'a': a visual without a geometry",
     model(link("a", inside=BOX.replace("0.2 0.2 0.2", "0 1 1"))): "link 'a': a box needs sizes above 0",
     model(link("a", inside=BOX.replace("box", "heightmap"))): "link 'a': shape 'heightmap' is not shown",
     model(link("a"), "<link/>"): "a link without a name; left out",
-    model(link("a"), more=" placement_frame='gone'"): "'gone' is no frame inside of it",
+    model(link("a"), more=" placement_frame='gone'"): "'gone' is not a frame inside it",
 }  # fmt: skip
 
 
@@ -429,11 +429,11 @@ def test_what_is_wrong_is_said_and_the_rest_is_shown(text: str, tmp_path: Path) 
 
 
 REFUSED = {
-    sdf(): "there is no <model> in it",
+    sdf(): "it has no <model>",
     sdf(include("model://gone")): ":2: include 'model://gone': no package 'gone'",
     sdf(
         include("model://a"), include("model://b")
-    ): "none of the 2 files that it includes is found; name the folder",
+    ): "none of the 2 files that it includes was found; name the folder",
     sdf(model()): "it has no links",
     "<sdf><model>": "not XML",
     "<!DOCTYPE sdf [<!ENTITY a 'b'>]>" + sdf(model(link("&a;"))): "a document type (DTD) is not accepted",

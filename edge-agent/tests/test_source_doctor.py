@@ -109,12 +109,12 @@ def put(field: str, **readings: Any) -> Change:
 
 CORPUS = [
     Case("silent", "source-silent", "no sample within 5 s", samples=0),
-    Case("few", "rate-few", "only 2 samples came", samples=2),
-    Case("gap", "rate-gap", "for 0.8 s no sample came", arrivals=lambda k: k / 100 + (0.8 if k > 100 else 0),
+    Case("few", "rate-few", "only 2 samples arrived", samples=2),
+    Case("gap", "rate-gap", "no sample for 0.8 s", arrivals=lambda k: k / 100 + (0.8 if k > 100 else 0),
          clock=lambda k: k / 100 + (0.8 if k > 100 else 0)),
     Case("milliseconds", "clock-unit", "are these milliseconds?", clock=lambda k: k * 10.0),
     Case("nanoseconds", "clock-unit", "are these nanoseconds?", clock=lambda k: k * 1e7),
-    Case("stopped clock", "clock-stands", "robot time stands at 7.000 s", clock=lambda k: 7.0),
+    Case("stopped clock", "clock-stands", "robot time stays at 7.000 s", clock=lambda k: 7.0),
     Case("slow clock", "clock-pace", "robot time runs 0.5 s a second", clock=lambda k: k / 200),
     Case("clock set back", "clock-back",
          "robot time stepped back once", clock=lambda k: k / 100 - (k > 99) * 50),
@@ -122,30 +122,30 @@ CORPUS = [
          "pos of 'shoulder', 'elbow', 'wrist' reaches 229.2 rad: are these degrees?",
          scaled("pos", 180 / math.pi, "shoulder", "elbow", "wrist")),
     Case("one in degrees, not far", "unit",
-         "joint 'elbow' goes from 5 to 9 rad, its limits are 0 to 2.5: are these deg",
+         "joint 'elbow' moves from 5 to 9 rad; its limits are 0 to 2.5: are these deg",
          lambda v: v["pos"].update(elbow=7 + 2 * v["pos"]["shoulder"])),
     Case("millimetres", "unit",
-         "'lift' goes from 100 to 300 m, its limits are 0 to 0.4: are these millimetres?",
+         "'lift' moves from 100 to 300 m; its limits are 0 to 0.4: are these millimetres?",
          lambda v: v["pos"].update(lift=200 + 100 * v["pos"]["shoulder"])),
     Case("milliamperes", "unit", "reaches 2000 A: are these mA?", scaled("cur", 1000)),
     Case("kelvin", "unit", "reaches 313 °C: are these kelvin or °F?", put("temp", elbow=313.0)),
     Case("past its limit", "limit-exceeded",
-         "joint 'shoulder' goes from -1.8 to 1.8 rad, its limits are -1.5 to 1.5",
+         "joint 'shoulder' moves from -1.8 to 1.8 rad; its limits are -1.5 to 1.5",
          scaled("pos", 1.8, "shoulder")),
     Case("a joint without a channel", "joint-undriven", "no channel moves the model's joint 'lift'",
          without("pos", "lift"), profile=PROFILE.replace(', "lift"]', "]"), also=("channel-unknown",)),
-    Case("a channel without a joint", "channel-moves-nothing", "channel 'tail' without effect",
+    Case("a channel without a joint", "channel-moves-nothing", "channel 'tail' moves nothing",
          put("pos", tail=0.0), profile=PROFILE.replace('"lift"]', '"lift", "tail"]')),
     Case("a channel that never speaks", "channel-dead",
-         "pos of 'elbow' never had a reading", without("pos", "elbow")),
+         "no reading for pos of 'elbow'", without("pos", "elbow")),
     Case("a channel spelled otherwise", "channel-unknown", "pos has 'Elbow', which the profile does not name",
          lambda v: v["pos"].update(Elbow=v["pos"].pop("elbow")), also=("channel-dead",)),
     Case("a field that is not there", "field-missing",
          "the profile has 'ftf', the source does not", without("ftf"),
          also=("sensor-silent",)),
     Case("no positions at all", "no-positions",
-         "neither pos nor ref", without("pos"), also=("field-missing",)),
-    Case("another number of values", "field-length", "cur has 3 values, the profile 4",
+         "no pos and no ref", without("pos"), also=("field-missing",)),
+    Case("another number of values", "field-length", "cur has 3 values, but the profile has 4",
          lambda v: v.update(cur=[0.0, 0.0, 0.0])),
     Case("a bit nobody named", "bit-unknown", "flags has bits the profile does not name: 'bored'",
          put("flags", elbow=["bored"])),
@@ -156,12 +156,12 @@ CORPUS = [
     Case("a sensor nobody mounted", "sensor-link", "sensor 'hand' without a link",
          profile=PROFILE.replace("[sensors.hand]", "[sensors.arm]")),
     Case("a dead sensor", "sensor-silent",
-         "sensor 'hand' never had a reading", put("ftf", **{"hand.fz": None})),
-    Case("half a coupling", "coupling-dead", "joint 'elbow' needs 'n1', 'n2'; no reading of 'n2'",
+         "no reading from sensor 'hand'", put("ftf", **{"hand.fz": None})),
+    Case("half a coupling", "coupling-dead", "joint 'elbow' needs 'n1', 'n2'; no reading for 'n2'",
          put("pos", n1=0.1), profile=NECK + "elbow.terms=[['n1',1],['n2',1]]", also=("channel-dead",)),
     Case("a coupling off its range", "coupling-limit", "is the coupling right for n1 5, n2 5?",
          put("pos", n1=5.0, n2=5.0), profile=NECK + "elbow.terms=[['n1',1],['n2',1]]"),
-    Case("a coupling of nothing", "coupling-zero", "joint 'elbow' takes channel 'n2' times 0",
+    Case("a coupling of nothing", "coupling-zero", "joint 'elbow' multiplies channel 'n2' by 0",
          put("pos", n1=0.1, n2=0.1), profile=NECK + "elbow.terms=[['n1',1],['n2',0]]"),
     Case("one channel, two joints", "coupling-shared",
          "channel 'wrist' moves two joints, 'wrist' and 'elbow'",
@@ -276,9 +276,7 @@ def test_without_a_profile_the_first_sample_is_the_profile(
     source, _ = files(without("pos", "lift"))
     done = run_edge("doctor", "--source", source, "--urdf", str(urdf_file), "--seconds", "9")
     assert done.returncode == 1
-    assert (
-        "pos of 'lift' never had a reading: that part of the body stands still [channel-dead]" in done.stdout
-    )
+    assert "no reading for pos of 'lift': that part of the body stays still [channel-dead]" in done.stdout
 
 
 def test_probe_says_what_there_is(files: Callable[[Change], tuple[str, str]]) -> None:

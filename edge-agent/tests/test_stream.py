@@ -64,7 +64,7 @@ def test_a_sample_without_a_time_is_dropped_and_said() -> None:
     s = Stream(parse_profile(PROFILE), 4.0, said.append)
     assert s.deliver(Sample(float("nan"), {"flags": [2, 0]}), 0.0) == []
     assert s.tick(0.0) is None
-    assert said == ["a sample of time nan is dropped"]
+    assert said == ["a sample with time nan is dropped"]
 
 
 def test_info_stays_bounded() -> None:

@@ -29,13 +29,15 @@ def test_a_text_that_is_none_is_named_and_the_others_stay() -> None:
         )
     )
     assert sample == Sample(1.0, {"pos": [1.0]}, {"ok": "é😀"}, "line 7")
-    assert said == ["line 7: info 'mode' is left out: it holds half a character, no text"]
+    assert said == ["line 7: info 'mode' is left out: it is not valid Unicode (half of a surrogate pair)"]
 
 
 def test_a_name_that_turns_the_line_is_shown_escaped() -> None:
     said: list[str] = []
     TextGuard(said.append).clean_names(Sample(0.0, {"\u202etorque": {HALF: 2.0}}), 0.0)
-    assert said == ["'\\u202etorque'.'\\ud800' is left out: it holds half a character, no text"]
+    assert said == [
+        "'\\u202etorque'.'\\ud800' is left out: it is not valid Unicode (half of a surrogate pair)"
+    ]
 
 
 def test_it_is_said_once_and_counted() -> None:
@@ -44,7 +46,7 @@ def test_it_is_said_once_and_counted() -> None:
     for i in range(600):
         guard.clean(Sample(0.0, {}, {"mode": f"{HALF}{i}"}, f"line {i}"), i / 500)
     assert len(said) == 2
-    assert " more names and texts that are none, the newest: line " in said[1]
+    assert " more invalid names and texts, the newest: line " in said[1]
 
 
 @pytest.mark.parametrize("text", [b"bytes", 5, None])
@@ -63,7 +65,7 @@ def test_a_schema_is_made_of_the_names_that_are_texts() -> None:
     }
     named = TextGuard(said.append).clean_names(Sample(0.0, values, where="line 1"), 0.0)
     assert named.values == {"pos": {"A": 1.0}, "flags": {"A": ["jam"]}, "order": [1.0, 2.0]}
-    assert said == ["line 1: 'pos'.'\\ud800' is left out: it holds half a character, no text"]
+    assert said == ["line 1: 'pos'.'\\ud800' is left out: it is not valid Unicode (half of a surrogate pair)"]
     del named.values["order"]  # type: ignore[attr-defined]
     schema = Schema.parse(make_schema_text(infer_profile("r", named)))
     json.loads(schema.text.encode())

@@ -62,8 +62,8 @@ def test_separators(line: str) -> None:
     [
         ("1 2", "2 columns, 3 expected"),
         ("1 2 3 4", "4 columns, 3 expected"),
-        ("1 nan 3", "column 2: 'nan' is no angle"),
-        ("1 2 -inf", "column 3: '-inf' is no angle"),
+        ("1 nan 3", "column 2: 'nan' is not an angle"),
+        ("1 2 -inf", "column 3: '-inf' is not an angle"),
         ("A B C", "column 1: 'A' is not a number"),
         ("1 2 3" + " " * MAX_LINE, f"over {MAX_LINE} characters"),
     ],
@@ -160,15 +160,15 @@ def test_a_file_without_a_row_that_fits_is_refused(tmp_path: Path, rows: str, re
 
 
 def test_wrong_configuration_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(SourceError, match="a path is needed"):
+    with pytest.raises(SourceError, match="give a path"):
         open_source("trajectory", profile())
     with pytest.raises(SourceError, match="No such file"):
         open_source(f"trajectory:{tmp_path}/none", profile())
-    with pytest.raises(SourceError, match=r"\[trajectory\] table is needed"):
+    with pytest.raises(SourceError, match=r"\[trajectory\] table"):
         open_source(f"trajectory:{tmp_path}/none", None)
     with pytest.raises(ProfileError, match=r"trajectory.columns\[1\]: unknown channel 'base.w'"):
         profile(text=PROFILE.replace('"-"', '"base.w"'))
-    with pytest.raises(ProfileError, match=r"trajectory\.fewest: must lie in 1…3, not 4"):
+    with pytest.raises(ProfileError, match=r"trajectory\.fewest: must be an integer from 1 to 3, not 4"):
         profile("fewest = 4")
 
 

@@ -91,7 +91,7 @@ def test_the_moving_transform_nearest_to_the_base_makes_the_pose() -> None:
     assert frames.take_message(message(("x", "y", (0, 0, 0), (1, 0, 0, 0))), False, 2.0) is None
     assert frames.take_message(message(A), False, 3.0) is not None
     assert frames.take_message(message(A), False, 3.0 + OLD_S) is None
-    assert said == [f"the transform of odom has not been told for {OLD_S:g} s: no base"]
+    assert said == [f"no transform of odom for {OLD_S:g} s: the base has no pose"]
 
 
 def test_a_static_chain_is_told_once_and_lasts() -> None:
@@ -115,11 +115,11 @@ def test_slashes_and_quaternions_of_any_length() -> None:
         ([B], "base odom→base_link: no transform names odom; frames: a, base_link"),
         (
             [A, ("a", "odom", (0, 0, 0), (1, 0, 0, 0)), ("x", "base_link", (0, 0, 0), (1, 0, 0, 0))],
-            "base odom→base_link: transforms lead in a circle: odom → a → odom",
+            "base odom→base_link: the transforms form a loop: odom → a → odom",
         ),
         (
             [A, ("x", "base_link", (0, 0, 0), (1, 0, 0, 0))],
-            "base odom→base_link: no transforms lead from one to the other",
+            "base odom→base_link: no transforms connect the two",
         ),
     ],
 )
@@ -162,5 +162,5 @@ def test_what_probe_shows() -> None:
         "frame base_link → mast (static)",
         "frame odom → a",
         "frame world → odom",
-        'in a profile, for where the robot is: [ros] base = "odom→base_link"',
+        'to show where the robot is, in a profile: [ros] base = "odom→base_link"',
     ]

@@ -45,8 +45,8 @@ def test_what_fits_together_decides(fits: str, tmp_path: Path) -> None:
     built = build(robot_of(tmp_path, WHERE[fits]), "auto")
     assert built.document["visuals"][0]["box"] == (UPRIGHT_Y if fits == "upright" else AS_WRITTEN)
     how = "turned upright" if fits == "upright" else "taken as written"
-    why = "the shells of 1 of 1 neighbouring links touch, against 0 otherwise"
-    assert said(built) == [f"the Collada files say Y_UP; {how} since {why}"]
+    why = "1 of 1 pairs of neighbouring links touch, otherwise 0"
+    assert said(built) == [f"the Collada files declare Y_UP; {how}, because then {why}"]
     note = next(f.text for f in built.findings if f.code == "collada-axis")
     assert note.endswith("it says Y_UP; applied" if fits == "upright" else "ignored, as RViz does")
 
@@ -57,13 +57,13 @@ def test_the_user_decides(fits: str, tmp_path: Path) -> None:
     assert build(path, "ignore").document["visuals"][0]["box"] == AS_WRITTEN
     applied = build(path, "apply")
     assert applied.document["visuals"][0]["box"] == UPRIGHT_Y
-    assert said(applied) == ["the Collada files say Y_UP; turned upright, as --up-axis says"]
+    assert said(applied) == ["the Collada files declare Y_UP; turned upright because of --up-axis"]
 
 
 def test_where_both_fit_it_is_as_in_rviz(tmp_path: Path) -> None:
     built = build(robot_of(tmp_path, 0.0), "auto")
     assert built.document["visuals"][0]["box"] == AS_WRITTEN
-    assert "1 of 1 neighbouring links touch, against 1 otherwise" in said(built)[0]
+    assert "1 of 1 pairs of neighbouring links touch, otherwise 1" in said(built)[0]
 
 
 def test_nothing_is_said_where_there_is_nothing_to_decide(tmp_path: Path) -> None:
@@ -99,12 +99,12 @@ def test_turning_mirrors_nothing_and_brings_the_axis_up(up: str) -> None:
 def test_commands_and_cache_tell_the_modes_apart(tmp_path: Path) -> None:
     path = robot_of(tmp_path, -0.25)
     done = run_edge("doctor", "--urdf", str(path))
-    assert "turned upright since the shells of 1 of 1" in done.stdout
+    assert "turned upright, because then 1 of 1" in done.stdout
     done = run_edge("doctor", "--urdf", str(path), "--up-axis", "ignore")
     assert "[up-axis]" not in done.stdout
     done = run_edge("doctor", "--urdf", str(path), "--up-axis", "sideways")
     assert (done.returncode, "invalid choice: 'sideways'" in done.stderr) == (2, True)
     run = ("run", "--robot", "a", "--source", "demo", "--relay", "tcp/127.0.0.1:1")
     done = run_edge(*run, "--up-axis", "sideways")
-    assert (done.returncode, "'sideways' is none of auto, ignore, apply" in done.stderr) == (2, True)
+    assert (done.returncode, "'sideways' is not one of auto, ignore, apply" in done.stderr) == (2, True)
     assert len({Cache(tmp_path, path, [], up_axis=mode)._entry for mode in UP_AXIS_MODES}) == 3

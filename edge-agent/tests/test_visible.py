@@ -34,7 +34,7 @@ def test_any_value_can_be_quoted() -> None:
     for _ in range(100_000):
         deep = [deep]
     assert quote("a\u202e") == "'a\\u202e'"
-    assert quote(10**5000) == "a number of thousands of digits"
+    assert quote(10**5000) == "a number with thousands of digits"
     assert quote(deep) == "a list nested too deep"
     assert len(quote("x" * 10_000_000)) <= 60
     assert len(quote(list(range(10_000)))) <= 60

@@ -43,7 +43,7 @@ def test_the_interval_holds_the_slope_and_shrinks_with_time() -> None:
 
 
 def test_two_points_have_no_slope() -> None:
-    with pytest.raises(ValueError, match="three points are needed, there are 2"):
+    with pytest.raises(ValueError, match="needs three points, got 2"):
         slope([Point(0, 1), Point(1, 2)])
 
 

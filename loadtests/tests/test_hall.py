@@ -52,9 +52,9 @@ def test_all_of_it_held() -> None:
     ("counts", "said"),
     [
         (make_counts(13.0), "1 viewers came, not 2"),
-        (make_counts(13.0, 11.0), "1 viewers got nothing after the relay was replaced"),
-        (make_counts(13.0, 14.0, told_lane=0), "only 0 were told the lane"),
-        (make_counts(13.0, 14.0, by="socket"), "only 0 went on by the lane, not 1"),
+        (make_counts(13.0, 11.0), "1 viewers received nothing after the relay was replaced"),
+        (make_counts(13.0, 14.0, told_lane=0), "only 0 were sent to the lane"),
+        (make_counts(13.0, 14.0, by="socket"), "only 0 used the lane, not 1"),
         (make_counts(13.0, 14.0, refusals=[(9.0, "socket: 1013")]), "1 refused, the first: socket: 1013"),
         (make_counts(13.0, 14.0, repeats=1), "1 repeats"),
         (make_counts(13.0, 14.0, missed=3), "3 missed"),

@@ -62,4 +62,4 @@ def test_a_breach_is_an_exit_code(tmp_path: Path) -> None:
 def test_a_name_nobody_knows(tmp_path: Path) -> None:
     code, output = loaded(tmp_path, "picnic")
     assert code == 2
-    assert "no scenario 'picnic'; there are lecture, flash-crowd, fleet, slow-phones" in output
+    assert "no scenario 'picnic': use lecture, flash-crowd, fleet, slow-phones" in output

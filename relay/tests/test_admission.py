@@ -48,25 +48,25 @@ def test_anyone_gets_what_is_open() -> None:
 @pytest.mark.parametrize(
     ("applicant", "close", "status", "reason", "retry_s"),
     [
-        (Applicant("lab", who=ANYONE), Close.ABSENT, 404, "no such robot here, or not for you", None),
-        (Applicant("none", who=SOMEBODY), Close.ABSENT, 404, "no such robot here, or not for you", None),
-        (Applicant("open", "lab", who=ANYONE), Close.FORBIDDEN, 403, "this view is not for you", None),
+        (Applicant("lab", who=ANYONE), Close.ABSENT, 404, "no such robot, or you may not see it", None),
+        (Applicant("none", who=SOMEBODY), Close.ABSENT, 404, "no such robot, or you may not see it", None),
+        (Applicant("open", "lab", who=ANYONE), Close.FORBIDDEN, 403, "you may not see this view", None),
         (
             Applicant("open", shows_token=True, who=Close.TOKEN),
-            *(Close.TOKEN, 401, "the link or sign-in is wrong or has expired", None),
+            *(Close.TOKEN, 401, "the link or sign-in is invalid or has expired", None),
         ),
         (
             Applicant("open", shows_token=True, who=Close.FULL),
-            *(Close.FULL, 503, "who you are can't be found out just now", 30.0),
+            *(Close.FULL, 503, "your sign-in can't be checked right now", 30.0),
         ),
         (
             replace(ASKS, shows_token=True, is_foreign=True),
             Close.FORBIDDEN,
             403,
-            "not for pages of this origin",
+            "pages of this origin may not use it",
             None,
         ),
-        (replace(ASKS, is_crowded=True), Close.FULL, 503, "as many streams as this address may have", 30.0),
+        (replace(ASKS, is_crowded=True), Close.FULL, 503, "too many streams from this address", 30.0),
         (replace(ASKS, bad_name="a name"), Close.ABSENT, 404, "a name", None),
         (replace(ASKS, who=Close.INTERNAL_ERROR), Close.INTERNAL_ERROR, 500, FAULT, None),
     ],

@@ -75,7 +75,7 @@ async def test_the_list_and_one_robot(relays: Any, edges: Any) -> None:
     base = f"http://{relay.address}/api/v1/robots"
     assert httpx.get(base).json() == {"publish_at": relay.zenoh, "robots": []}
     missing = httpx.get(base + "/r")
-    assert (missing.status_code, missing.json()) == (404, {"error": "no such robot here, or not for you"})
+    assert (missing.status_code, missing.json()) == (404, {"error": "no such robot, or you may not see it"})
     edge = edges(relay.zenoh)
     edge.edge.info = {"mode": "walking"}
     async with Watcher(relay.url()) as viewer:

@@ -68,7 +68,7 @@ def test_an_index_is_read_as_it_was_written_and_that_of_others_is_refused() -> N
         ("r", "all", START),
         ("r", "public", START + PAGE_MS),
     ):
-        with pytest.raises(ValueError, match="of another"):
+        with pytest.raises(ValueError, match="belongs to another"):
             unpack_index(robot, view, page_ms, data)
     doc = json.loads(data)
     doc["segments"][1]["take"] = "no take"
@@ -158,7 +158,7 @@ def test_a_day_of_another_or_damaged_is_refused() -> None:
     day = DayIndex("r", "public", DAY_START, {START: digest_page(START, make_run(3))})
     data = pack_day(day)
     for robot, view, day_ms in (("s", "public", DAY_START), ("r", "x", DAY_START), ("r", "public", 0)):
-        with pytest.raises(ValueError, match="day: of another"):
+        with pytest.raises(ValueError, match="day: belongs to another"):
             unpack_day(robot, view, day_ms, data)
     doc = json.loads(data)
     page = doc["pages"][0]
@@ -175,7 +175,7 @@ def test_a_day_of_another_or_damaged_is_refused() -> None:
         {"minutes": [[0, "a", 1, 1, 1, "online", 0, 5, 4]]},
         {"schemas": [["no hash", "a", 0, 1]]},
     ):
-        with pytest.raises(ValueError, match=r"^day: |^audiences"):
+        with pytest.raises(ValueError, match=r"^day: |^invalid audiences"):
             unpack_day("r", "public", DAY_START, json.dumps(doc | {"pages": [page | change]}).encode())
 
 

@@ -157,8 +157,8 @@ def away(tmp_path: Path, start: Start, edges: Edges, seconds: float) -> None:
     wanted = {(take, index) for index in range(last["index"] + 1)}
     until("all that waited is there", lambda: wanted <= set(list_there(tmp_path / "store")) or None, 30.0)
     until("all is well", lambda: httpx.get(f"{base}/readyz").json().get("why", "") != ready or None, 45.0)
-    assert "; what is recorded waits, up to 16 MB a robot, live goes on" in relay.errors()
-    assert relay.errors().count("the archive: is back; none that waited was lost") == 1
+    assert "; queueing up to 16 MB per robot, live data continues" in relay.errors()
+    assert relay.errors().count("the archive is back; nothing was lost") == 1
     assert relay.stop() == 0
     check_readable(tmp_path / "store")
 
@@ -206,7 +206,7 @@ def test_without_keep_nothing_is_written(tmp_path: Path, relays: Start, edges: E
         20.0,
     )
     assert min(index for _, index in list_there(tmp_path / "store")) > 0
-    assert "r: its past is kept in the store for 30 d" in relay.errors()
+    assert "r: the store keeps its past for 30 d" in relay.errors()
     write(tmp_path / "robots.toml", "[robots.r.anyone]\n")
     until("it is said", lambda: "r: `keep` is gone" in relay.errors())
     assert list_there(tmp_path / "store")

@@ -38,20 +38,20 @@ async def test_a_store_that_can_only_be_read_is_told_of_without_a_robot(
     async def put(key: str, data: bytes) -> None:
         keys.append(key)
         if refused:
-            raise ArchiveRefused("it can only be read")
+            raise ArchiveRefused("it is read-only")
 
     monkeypatch.setattr(archive.store, "put", put)
     assert archive.indexer is not None
     await archive.indexer.do_due()
     await archive.indexer.do_due()
     assert keys == [PROBE_KEY]
-    assert archive.measure().trouble == archive.find_trouble() == "it can only be read"
+    assert archive.measure().trouble == archive.find_trouble() == "it is read-only"
     refused = False
     archive.indexer._probe_at = 0.0
     await archive.indexer.do_due()
     assert archive.measure().trouble is None
     assert [record.message for record in caplog.records if "disk" not in record.message] == [
-        "the archive: it can only be read; retried until it works",
+        "the archive: it is read-only; retrying until it works",
         "the archive: the store works again",
     ]
 
@@ -84,7 +84,7 @@ async def test_a_folder_that_is_gone_is_told_of_once_and_is_no_mistake_of_ours(
     finally:
         await world.indexer.stop()
     told = [record.message for record in caplog.records if "disk" not in record.message]
-    assert told[0] == "the archive: its folder is gone; retried until it works"
+    assert told[0] == "the archive: its folder is gone; retrying until it works"
     assert len(told) == 2
     assert all(record.levelno == logging.WARNING for record in caplog.records)
 

@@ -115,8 +115,8 @@ async def test_a_store_that_is_away_is_told_of_once_and_nothing_is_lost(
         await world.written()
         await until("it is said", lambda: world.writer.find_trouble() is None)
     assert [record.message for record in caplog.records] == [
-        "the archive: its folder is gone; what is recorded waits, up to 16 MB a robot, live goes on",
-        "the archive: is back; none that waited was lost",
+        "the archive: its folder is gone; queueing up to 16 MB per robot, live data continues",
+        "the archive is back; nothing was lost",
     ]
     assert read_written(world) == list(range(20))
     assert world.writer.dropped == 0
@@ -134,7 +134,7 @@ async def test_what_was_lost_meanwhile_is_said(tmp_path: Path, caplog: pytest.Lo
         mend()
         await world.written()
         await until("it is said", lambda: world.writer.find_trouble() is None)
-    assert caplog.records[-1].message == "the archive: is back; dropped 15 segments"
+    assert caplog.records[-1].message == "the archive is back; dropped 15 segments"
     assert read_written(world)[-5:] == list(range(15, 20))
 
 
@@ -213,7 +213,7 @@ async def test_a_view_whose_name_is_ours_has_no_place(
         world.writer.keep(make_kept(n, PAGE_MS, view="models"))
     assert world.writer.waiting_bytes == 0
     assert [record.message for record in caplog.records] == [
-        "the archive: r/models: not kept: the archive uses a folder of that name"
+        "the archive: r/models: not kept: the archive has a folder of that name"
     ]
 
 

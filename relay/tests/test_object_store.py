@@ -81,7 +81,7 @@ async def test_what_strangers_put_there_harms_nothing(store: ObjectStore) -> Non
     (deep / "f").touch()
     assert set(await list_all(store)) == {"r/public/a", "r/a line\nbreak"}
     assert await store.list_folders("r") == ["public"]
-    with pytest.raises(ArchiveRefused, match=r"^something else lies"):
+    with pytest.raises(ArchiveRefused, match=r"^something else is in the place"):
         await store.put("r/public/a/b", b"")
 
 
@@ -142,7 +142,7 @@ def test_a_url_of_a_folder_that_is_nearly_right(url: str, told: str) -> None:
 
 def test_a_file_is_no_folder(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    with pytest.raises(StoreUrlError, match=r"^a file lies there, no folder$"):
+    with pytest.raises(StoreUrlError, match=r"^this is a file, not a folder$"):
         open_object_store(f"file://{tmp_path}/file")
 
 

@@ -71,10 +71,10 @@ def test_the_others() -> None:
 @pytest.mark.parametrize(
     ("read", "text", "said"),
     [
-        (read_span, "2026-11-24T02:13Z", "minutes end in 0"),
+        (read_span, "2026-11-24T02:13Z", "the minute ends in 0"),
         (read_span, "1999-12-31", "from 2000 to 2099"),
-        (read_page, "2026-11-24", "KEYs are of ten minutes"),
-        (read_page, "000000000000000a", "KEYs are of ten minutes"),
+        (read_page, "2026-11-24", "KEYs: want ten minutes"),
+        (read_page, "000000000000000a", "KEYs: want ten minutes"),
         (read_span, "2026-02-29", "no such day"),
         (read_index, "0343", "without leading zeros"),
         (read_take, "A" * 16, "16 lower-case hexadecimal digits"),

@@ -86,18 +86,18 @@ def test_what_can_not_be_asked_for_so_gets_one_line(tmp_path: Path) -> None:
     (tmp_path / "r").mkdir()
     whole = ("--from", "2026-11-18", "--to", "2026-11-19")
     for argv, why in (
-        (("list", "--past", "0"), "--past 0: keeps nothing"),
+        (("list", "--past", "0"), "--past 0 keeps nothing"),
         (("list", "--past", "ftp://x"), "--past 'ftp://x': use file:///FOLDER, s3://"),
         (("list", "--past", f"file://{tmp_path}/absent"), "there is no such folder"),
         (("delete", *store), "give --from and --to, or --all"),
         (("delete", *store, "--from", "2026-11-18"), "give --from and --to, or --all"),
-        (("delete", *store, "--all", *whole), "give either --all, or --from and --to"),
+        (("delete", *store, "--all", *whole), "give --all or --from and --to, not both"),
         (("delete", *store, *whole[2:], "--from", "2026-11-20"), "is not before"),
-        (("delete", *store, "--from", "2999-01-01", "--to", "2999-01-02"), "this is in the future"),
+        (("delete", *store, "--from", "2999-01-01", "--to", "2999-01-02"), "is in the future"),
         (("delete", *store, "--from", "yesterday", "--to", "2026-11-19"), "--from 'yesterday': use 2026"),
         (("delete", "--past", f"file://{tmp_path}", "--all"), "--robot"),
         (("delete", *store[:2], "--robot", "../x", "--all"), "use 1 to 63 of a-z"),
-        (("delete", *store, *whole), "there is no terminal to ask for confirmation: give --yes"),
+        (("delete", *store, *whole), "can't ask for confirmation without a terminal: give --yes"),
         (("empty",), "unknown command 'empty'"),
     ):
         with pytest.raises(SettingsError) as told:
@@ -137,7 +137,7 @@ def test_it_asks_before_it_deletes(
     assert capsys.readouterr().out.startswith("deleted: 3 segments, ")
     assert len(list(tmp_path.rglob("*.segment"))) == count - 3
     run(*argv, "--yes")
-    assert "there was nothing of it in the store" in capsys.readouterr().out
+    assert "the store had no matching segments" in capsys.readouterr().out
     assert len(list((tmp_path / "tombstones" / "r").glob("*.json"))) == 2  # memory may have had it
 
 
@@ -148,19 +148,19 @@ def test_a_store_that_does_not_let_it_in_is_one_line_and_status_1(
         monkeypatch.setenv(f"AWS_{name}", "none")
     monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")  # nobody is there
     told = fail(capsys, "list", "--past", "s3://bucket/lab")
-    assert told.startswith("posecast-relay: the store of the past: ")
+    assert told.startswith("posecast-relay: the past's store: ")
     assert told.count("\n") == 1
 
 
 def test_without_store_and_socket_it_says_what_to_name(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert "which past? Name the store (--past URL)" in fail(capsys, "list")
+    assert "give the store (--past URL)" in fail(capsys, "list")
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     (tmp_path / "posecast-relay-1.sock").touch()
     assert "no relay answers at" in fail(capsys, "list")
     (tmp_path / "posecast-relay-2.sock").touch()
-    assert "several relays run here" in fail(capsys, "list")
+    assert "several relays run on this machine" in fail(capsys, "list")
 
 
 async def test_strangers_at_the_socket_are_answered_or_let_go(tmp_path: Path) -> None:
@@ -197,15 +197,15 @@ async def test_a_relay_with_a_store_deletes_nothing_from_memory_alone(
         argv = ("delete", *socket, "--robot", "r", "--all", "--yes")
         refusal = await asyncio.to_thread(fail, capsys, *argv)
         assert refusal.startswith("posecast-relay: nothing was deleted: ")
-        assert refusal.endswith("give --past s3://bucket/lab\n")
+        assert refusal.endswith("use --past s3://bucket/lab\n")
         await asyncio.to_thread(run, "list", *socket)
         told = capsys.readouterr()
         assert told.out.splitlines()[1].split()[:2] == ["r", "public"]
-        assert told.err.startswith("posecast-relay: this is only what the relay has in memory; ")
+        assert told.err.startswith("posecast-relay: this lists only the relay's memory; ")
         assert told.err.endswith("give --past s3://bucket/lab\n")
         reader, writer = await asyncio.open_unix_connection(str(tmp_path / "s"))
         writer.write(deletion.encode())
-        assert "in a store too" in json.loads(await reader.read())["error"]
+        assert "also in a store" in json.loads(await reader.read())["error"]
         writer.close()
     assert len(kept) == 1
 

@@ -228,7 +228,7 @@ def test_by_its_socket_a_relay_without_a_store_is_reached_and_redis_and_its_gate
     other = relays("--past-socket", str(path))  # it takes the place of the one that was killed
     until("it answers", lambda: run_past("list", "--past-socket", str(path)).returncode == 0)
     second = relays("--past-socket", str(path))
-    until("one line", lambda: "another process listens there" in second.errors())
+    until("one line", lambda: "another process listens on it" in second.errors())
     assert second.stop() == 0
     assert path.exists()
     assert other.stop() == 0

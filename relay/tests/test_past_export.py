@@ -215,12 +215,12 @@ def test_what_is_private_needs_a_token_and_a_word(
     assert "/api/v1/robots/r/past: " in refused()[1]
     assert refused("--as", "link") == (
         2,
-        "--as link: a relay needs a token of such a viewer: --token-file FILE",
+        "--as link: the relay needs the token of such a viewer: give --token-file FILE",
     )
     with_token = ["--token-file", str(tmp_path / "token")]
     for audience in ([], ["--as", "anyone"]):
         status, said = refused(*with_token, *audience)
-        assert (status, "say --as signed-in or --as link" in said) == (2, True)
+        assert (status, "confirm it with --as signed-in or --as link" in said) == (2, True)
     (tmp_path / "wrong").write_text(token[:-1])
     status, said = refused("--token-file", str(tmp_path / "wrong"), "--as", "link")
     assert (status, token[:20] in said) == (1, False)
@@ -240,11 +240,12 @@ def test_one_line_for_all_that_is_wrong(
     refused = partial(run_refused, capsys)
     out = ["-o", str(tmp_path / "x.posecast"), "--relay", f"http://{station.relay.address}"]
     at = f"{out[-1]}/api/v1/robots/nobody/past"
-    assert refused(*out, "--robot", "nobody") == (1, f"{at}: no such robot here, or not for you")
+    assert refused(*out, "--robot", "nobody") == (1, f"{at}: no such robot, or you may not see it")
     status, said = refused(*out, "--from", "2026-01-01T00:00+01:00", "--to", "2026-01-01T01:00+01:00")
     assert status == 1
     assert re.fullmatch(
-        r"r/public, from \S+ to \S+: nothing in this span; there is something from \S+ to \S+", said
+        r"r/public, from \S+ to \S+: nothing was recorded in this span; it has a recording from \S+ to \S+",
+        said,
     )
     wrong: list[tuple[list[str], int, str]] = [
         (["--view", "lab"], 1, "/past?view=lab: "),
@@ -266,17 +267,17 @@ def test_one_line_for_all_that_is_wrong(
             "argument -o/--out: use .posecast, .csv, .mcap, or the name of a f",
         ),
         (["--notes", "none.toml"], 2, "--notes none.toml: no such file or directory"),
-        (["--page", str(tmp_path)], 2, "--page: is for a folder; a file .posecast has no page"),
+        (["--page", str(tmp_path)], 2, "--page: only works for a folder; a .posecast file has no page"),
         (
             ["-o", str(tmp_path / "lecture"), "--page", str(tmp_path)],
             1,
             "not a built page: index.html is not",
         ),
-        (["-o", str(tmp_path / "x.csv"), "--notes", os.devnull], 2, "--notes: a file .csv has no place"),
+        (["-o", str(tmp_path / "x.csv"), "--notes", os.devnull], 2, "--notes: a .csv file can't hold notes"),
         (["-o", "/no/where"], 1, "/no/where: there is no folder /no"),
         (["-o", ".."], 2, "argument -o/--out: name a new folder or file"),
         (["--as", "everybody"], 2, "argument --as: invalid choice: 'everybody'"),
-        (["--past", "file:///tmp"], 2, "give either --relay or --past"),
+        (["--past", "file:///tmp"], 2, "give --relay or --past, not both"),
     ]
     for arguments, expected, says in wrong:
         status, said = refused(*out, *arguments)
@@ -318,7 +319,7 @@ def test_an_end_in_the_middle_leaves_the_earlier_one(tmp_path: Path, station: St
             continue
         assert (writer.returncode, said) == (
             1,
-            f"posecast-relay: {lecture}: interrupted; nothing of it is left\n",
+            f"posecast-relay: {lecture}: interrupted; no files were left behind\n",
         )
         assert list_names(tmp_path) == ["lecture", "page"]
     assert export(*arguments).returncode == 0

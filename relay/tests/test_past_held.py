@@ -332,7 +332,7 @@ def test_the_log_says_once_a_minute_that_places_are_full(caplog: pytest.LogCaptu
         return [record.getMessage() for record in caplog.records]
 
     with held.hold():
-        full = "the past: 1 requests wait for the next segment, no more may: %d answered at once so far"
+        full = "the past: 1 requests wait for the next segment, the limit: %d answered at once so far"
         assert knock(1000) == [full % 1]
         now_s += TOLD_EVERY_S - 1
         assert knock(1000) == []

@@ -32,8 +32,8 @@ A, S = Audience.ANYONE, Audience.SIGNED_IN
             Policy({"r": {A: Rule(past_s=86400.0)}}),
             "the past: 1 d in memory, up to 1024",
         ),
-        (("--past", "0"), Policy(), "the past: none is kept (--past 0)"),
-        ((), Policy({"r": {A: Rule(past_s=0.0)}}), "the past: none is kept, nobody may look back"),
+        (("--past", "0"), Policy(), "the past: off (--past 0)"),
+        ((), Policy({"r": {A: Rule(past_s=0.0)}}), "the past: nothing is kept, because nobody may look back"),
         (("--role", "gateway", "--store", "redis://x"), Policy(), "the past: from Redis"),
         (
             (*ARCHIVE, "--role", "gateway", "--store", "redis://x"),
@@ -43,7 +43,7 @@ A, S = Audience.ANYONE, Audience.SIGNED_IN
         (
             ARCHIVE,
             Policy(),
-            "the past: 30 min in memory, up to 256 MB; nothing in file:///srv/past: without --robots nobody",
+            "the past: 30 min in memory, up to 256 MB; nothing in file:///srv/past: `keep` needs a file of",
         ),
         (
             ARCHIVE,
@@ -59,13 +59,13 @@ A, S = Audience.ANYONE, Audience.SIGNED_IN
             ARCHIVE,
             Policy({"hubo": {S: Rule(past_s=0.0)}, "r": {A: Rule()}}, {"hubo": 2592000.0, "r": 86400.0}),
             "the past: 30 min in memory, up to 256 MB; in file:///srv/past: r 1 d; keep of 'hubo' has no "
-            "effect: nobody may look back on it; give an audience `past`",
+            "effect: nobody may look back; give an audience `past`",
         ),
         (
             ARCHIVE,
             Policy({"r": {A: Rule(past_s=0.0), S: Rule("lab", past_s=86400.0)}}, {"r": 86400.0}),
             "the past: 31 min in memory, up to 256 MB; in file:///srv/past: r 1 d; view 'public': keep of "
-            "'r' has no effect: nobody may look back on it",
+            "'r' has no effect: nobody may look back",
         ),
     ],
 )
@@ -96,7 +96,7 @@ def test_a_change_of_the_rules_is_a_line_for_each_robot_and_audience(
         "r, anyone: blackout begins",
         "r, signed-in: may look back 1 min",
         "r, anyone: blackout ends",
-        "r, anyone: may not look back any more",
+        "r, anyone: may no longer look back",
     ]
 
 
@@ -105,8 +105,10 @@ def test_keep_that_comes_and_goes_is_told(caplog: pytest.LogCaptureFixture) -> N
     for keeps_s in ({}, {"r": 86400.0}, {"r": 86400.0}, {}):
         said.follow(Policy(rules, keeps_s))
     kept, gone = caplog.messages
-    assert kept == "r: its past is kept in the store for 1 d"
-    assert gone.startswith("r: `keep` is gone: nothing more is written to the store, and what is there stays")
+    assert kept == "r: the store keeps its past for 1 d"
+    assert gone.startswith(
+        "r: `keep` was removed: nothing more is written to the store, and existing data stays"
+    )
 
 
 def test_keep_without_effect_is_told_on_each_change(caplog: pytest.LogCaptureFixture) -> None:
@@ -116,7 +118,7 @@ def test_keep_without_effect_is_told_on_each_change(caplog: pytest.LogCaptureFix
     caplog.clear()
     policy = Policy({"hubo": {S: Rule(past_s=0.0)}}, keeps_s)
     said.follow(policy)
-    told = "keep of 'hubo' has no effect: nobody may look back on it; give an audience `past`"
+    told = "keep of 'hubo' has no effect: nobody may look back; give an audience `past`"
     assert caplog.messages == [told]
     said.follow(policy)
     assert caplog.messages == [told]
@@ -132,7 +134,9 @@ def test_who_crowds_the_memory_is_named_once_a_minute(caplog: pytest.LogCaptureF
         past.add(make_kept(n, PAGE_MS + 4000 * n, robot="large"), 4.0 * n)
         said.report_crowding(past, 4.0 * n)
     first, *more = caplog.messages
-    assert first.startswith("the past: memory is full (--past-memory, 0 MB): large has most of it, lost its ")
+    assert first.startswith(
+        "the past: memory is full (--past-memory, 0 MB): large uses most of it, lost its "
+    )
     assert first.endswith("reaches back 68 s")
     assert len(more) == (60 - 18) * 4 // CROWD_EVERY_S
     assert not any("small" in line for line in caplog.messages)

@@ -78,12 +78,12 @@ def test_a_time_of_today_and_the_end_of_a_day() -> None:
 def test_what_is_none(text: str) -> None:
     with pytest.raises(TimeError) as caught:
         read_moment(text)
-    assert "use 2026-11-22T14:20, with or without a zone, 14:20 of today" in str(caught.value)
+    assert "use 2026-11-22T14:20 with or without a zone, 14:20 for today" in str(caught.value)
 
 
 @pytest.mark.parametrize("text", ["1969-12-30", "9999-12-31T23:59:59Z"])
 def test_what_is_too_long_ago_or_to_come(text: str) -> None:
-    with pytest.raises(TimeError, match=r"^use a time from 1970 on$"):
+    with pytest.raises(TimeError, match=r"^use a time in 1970 or later$"):
         read_moment(text)
 
 

@@ -30,9 +30,7 @@ async def test_a_redis_that_is_full_now_and_then_is_two_lines(
         assert sum("has had room" in line for line in caplog.messages) == 1
 
 
-@pytest.mark.parametrize(
-    ("queue_bytes", "told"), [(1 << 25, "none that waited was lost"), (5000, "gateways lack ")]
-)
+@pytest.mark.parametrize(("queue_bytes", "told"), [(1 << 25, "nothing was lost"), (5000, "gateways lack ")])
 async def test_an_outage_is_a_gap_only_where_something_was_lost(
     redis_server: Redis,
     caplog: pytest.LogCaptureFixture,

@@ -95,7 +95,7 @@ def test_a_gateway_reads_what_an_all_relay_kept(
 
     def is_told() -> bool:
         edge.force_key = True  # so that a segment is closed soon
-        return "what is recorded waits" in relay.errors()
+        return "queueing up to" in relay.errors()
 
     until("a line", is_told)
     assert relay.stop() == gateway.stop() == 0

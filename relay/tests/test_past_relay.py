@@ -165,7 +165,7 @@ def test_without_a_past(tmp_path: Path, relays: Callable[..., Relay], redis_serv
         for path in ("/public/2026-11-22", f"/public/{'0' * 16}/0"):
             answer = httpx.get(f"http://{relay.address}/api/v1/robots/r/past{path}")
             assert answer.status_code == 501
-            assert answer.json()["error"].startswith("no past is kept here: ask a relay that")
+            assert answer.json()["error"].startswith("this process keeps no past: ask a relay that")
     assert httpx.get(f"http://{gateway.address}/api/v1/robots/hidden/past").status_code == 404
 
 

@@ -170,7 +170,7 @@ async def test_a_view_that_is_not_for_them_is_told_by_4403(published: Published)
     async with Watcher(published.relay.url(query="?view=lab")) as viewer:
         await viewer.until("the end", lambda v: v.closed is not None)
     assert [doc["type"] for doc in viewer.texts] == ["bye"]
-    assert viewer.closed == (Close.FORBIDDEN, "this view is not for you")
+    assert viewer.closed == (Close.FORBIDDEN, "you may not see this view")
     assert httpx.get(f"{published.base}/r/state?view=lab").status_code == 403
     assert httpx.get(f"{published.base}/r/live.sse?view=lab").status_code == 403
 
@@ -189,7 +189,7 @@ async def test_a_robot_that_is_hidden_is_as_one_that_is_not(published: Published
             said += [f"{answer.status_code} {headers} {answer.text}"]
         answers.add((viewer.closed, *said))
     assert len(answers) == 1
-    assert answers.pop()[0] == (Close.ABSENT, "no such robot here, or not for you")
+    assert answers.pop()[0] == (Close.ABSENT, "no such robot, or you may not see it")
 
 
 async def test_a_policy_that_changes_reaches_those_who_watch(published: Published) -> None:

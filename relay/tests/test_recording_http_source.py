@@ -82,8 +82,8 @@ async def test_a_past_that_is_not_there(doors: PastDoors) -> None:
     doors.keep(0)
     at = f"http://127.0.0.1:{doors.port}"
     for robot, view, says in (
-        ("nobody", None, "no such robot here, or not for you"),
-        ("r", "lab", "this view is not for you"),
+        ("nobody", None, "no such robot, or you may not see it"),
+        ("r", "lab", "you may not see this view"),
     ):
         source = HttpSource(at, robot, view, None)
         with pytest.raises(PastUnreadable) as caught:

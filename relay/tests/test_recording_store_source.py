@@ -214,7 +214,7 @@ def test_a_store_that_says_no_is_one_line(
     (tmp_path / "store" / file).mkdir()
     with pytest.raises(SystemExit):
         export(tmp_path)
-    assert "nothing in this span; there is nothing at all" in capsys.readouterr().err
+    assert "nothing was recorded in this span; it has no recording at all" in capsys.readouterr().err
 
 
 def test_an_end_while_it_is_written_leaves_nothing(tmp_path: Path, store: ObjectStore) -> None:
@@ -231,6 +231,6 @@ main.run_past(sys.argv[1:], {})
     done = subprocess.run(
         [sys.executable, "-c", command, *asked], capture_output=True, text=True, timeout=60, check=False
     )
-    said = f"posecast-relay: {tmp_path}/x.posecast: interrupted; nothing of it is left\n"
+    said = f"posecast-relay: {tmp_path}/x.posecast: interrupted; no files were left behind\n"
     assert (done.returncode, done.stdout, done.stderr) == (1, "", said)
     assert os.listdir(tmp_path) == ["store"]

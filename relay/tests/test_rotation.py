@@ -71,7 +71,7 @@ async def test_a_rotation_in_two_steps_leaves_no_gap(lab: Lab, tmp_path: Path) -
             newer = Credential.parse(line)
             assert newer.secret != old.secret
             replace(tmp_path / "credential", line)
-            await run("it is tried", lambda: "does not take the new credential yet" in edge.errors())
+            await run("it is tried", lambda: "does not accept the new credential yet" in edge.errors())
             seen = len(viewer.frames)
             await viewer.until("the robot goes on", lambda v: len(v.frames) > seen + 30)
             assert await asyncio.to_thread(is_let_in, lab, old)
@@ -111,8 +111,8 @@ def test_what_is_wrong_in_the_file_changes_nothing(lab: Lab, tmp_path: Path) -> 
     with Agent(lab, tmp_path, credential) as edge:
         until("on air", lambda: edge.seq(url) is not None, 20.0)
         for text, says in (
-            (other.line(), "is of robot 'other', not of 'hubo'; going on with what stood there before"),
-            ("posecast1:hubo:cut\n", "its secret is cut short or mistyped; going on with"),
+            (other.line(), "it is for robot 'other', not for 'hubo'; keeping the previous one"),
+            ("posecast1:hubo:cut\n", "its secret is cut short or mistyped; keeping the previous"),
         ):
             replace(tmp_path / "credential", text)
             until("it says so", partial(_says, edge, says), 20.0)

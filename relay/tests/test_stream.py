@@ -120,7 +120,7 @@ def test_a_snapshot_that_does_not_hold_together_changes_nothing() -> None:
     edge.frame(1.0)
     good = edge.snapshot()
     for bad, why in [
-        (good._replace(key=b"\x10nothing"), "KEY is none"),
+        (good._replace(key=b"\x10nothing"), "KEY is invalid"),
         (good._replace(schema=schema(scale=0.5).text), "another schema"),
         (good._replace(info={"mode": "walking"}), "info over 10 bytes"),
     ]:

@@ -241,7 +241,7 @@ def test_the_next_one_is_told_that_the_relay_is_full() -> None:
     world.join()
     first, _ = world.join()
     _, screen = world.join()
-    assert screen.ended == (Close.FULL, "as many viewers as this relay takes", 30.0)
+    assert screen.ended == (Close.FULL, "the relay has no room for more viewers", 30.0)
     assert screen.texts == []
     world.hub.remove_viewer(first)
     _, screen = world.join()
@@ -257,7 +257,7 @@ def test_connections_are_renewed_before_their_age_limit() -> None:
     watch(world, edge, viewer, 54.0)
     assert screen.ended is None
     watch(world, edge, viewer, 2.0)
-    assert screen.ended == (Close.AGE_LIMIT, "time for a new connection", 1.0)
+    assert screen.ended == (Close.AGE_LIMIT, "maximum connection age reached", 1.0)
     assert viewer not in world.hub.viewers
     assert world.hub.endings[Close.AGE_LIMIT] == 1
 

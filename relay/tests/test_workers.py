@@ -129,14 +129,14 @@ async def test_limits_and_rules_are_those_of_one_relay(relays: Relays, edges: Ed
         for pid in (first, second):
             refused = await come(pid)
             await refused.until("an end", lambda v: v.closed)
-            assert refused.closed == (Close.FULL, "as many viewers as this robot takes")
+            assert refused.closed == (Close.FULL, "this robot has no room for more viewers")
         late = [await come(first, "late"), await come(second, "late")]  # two more: now the relay is full
         for each in late:
             await each.until("frames", lambda v: v.frames)
         for pid in (first, second):
             refused = await come(pid, "late")
             await refused.until("an end", lambda v: v.closed)
-            assert refused.closed == (Close.FULL, "as many viewers as this relay takes")
+            assert refused.closed == (Close.FULL, "the relay has no room for more viewers")
         leaves = late.pop().connection
         assert leaves is not None
         await leaves.close()

@@ -1,5 +1,5 @@
-"""Changes the generator's script: it must work with a strict Content-Security-Policy, with a single search index
-and with screen readers."""
+"""Changes the generator's script: it must work with a strict Content-Security-Policy, with a single search
+index and with screen readers."""
 
 from __future__ import annotations
 

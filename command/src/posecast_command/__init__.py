@@ -1,1 +1,1 @@
-"""The command `posecast`: everything that puts a robot on a URL, under one name."""
+"""The `posecast` command: every tool that puts a robot on a URL, under one name."""

@@ -16,13 +16,13 @@ from posecast_command.demo import make_demo_parser
 from posecast_command.programs import make_parser
 from posecast_command.run import make_run_parser
 
-FOLDERS = ("DIR",)  # metavars of flags that take one; FILES: of those that take a file
+FOLDERS = ("DIR",)  # metavars of flags that take a folder; FILES: of flags that take a file
 FILES = ("FILE", "URDF", "PROFILE", "CREDENTIAL", "TLS_CERT", "TLS_KEY", "TLS_CA")
 
 
 def make_whole_parser() -> argparse.ArgumentParser:
-    """The parser of `posecast` with those of all its commands inside. It is only for completion: each program
-    parses with its own."""
+    """The parser of `posecast` with the parsers of all its commands. Used for completion only: each program
+    parses with its own parser."""
     models = _commands(model_command.make_parser())
     profile, probing = profile_new.make_parser(), probe.make_parser()
     agent, serving = edge.make_parser({}), relay.make_parser("posecast relay")

@@ -19,7 +19,7 @@ def make_demo_parser() -> CommandParser:
     parser = CommandParser(
         prog="posecast demo",
         description="Show a demo robot. This starts a relay, which serves the page, and "
-        "the robot's agent, prints the link, and opens it in a browser where there is one. Ctrl-C ends both.",
+        "the robot's agent, prints the link, and opens it in your browser. Ctrl-C stops both.",
         statuses=STATUSES,
         allow_abbrev=False,
     )
@@ -31,7 +31,7 @@ def run_demo(argv: Sequence[str], environment: Mapping[str, str]) -> int:
     """Run the command and return the exit status."""
     args = make_demo_parser().parse_args(argv)
     agent = ["edge", "run", "--source", "demo"]
-    # the settings of somebody's own relay and robot are not the demo's
+    # ignore the user's settings for their own relay and robot
     ours = {k: v for k, v in environment.items() if not k.startswith("POSECAST_") or k == PAGE_FOLDER}
     try:
         return show_robot(ROBOT, agent, read_place(args), ours, browser=not args.no_browser)

@@ -14,7 +14,8 @@ EVERYWHERE = ("0.0.0.0", "::")
 
 
 def find_lan_address() -> str:
-    """The address by which other machines reach this one: the route's own source address; nothing is sent."""
+    """The address at which other machines reach this one: the source address of the default route. Sends
+    nothing."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect(("192.0.2.1", 9))  # TEST-NET-1: only picks a route
@@ -24,19 +25,19 @@ def find_lan_address() -> str:
 
 
 def name_host(host: str) -> str:
-    """The host in a link that other machines open, of a relay that listens on `host`."""
+    """The host to put into a link that other machines open, for a relay that listens on `host`."""
     shown = find_lan_address() if host in EVERYWHERE else host
     return f"[{shown}]" if ":" in shown else shown
 
 
 def name_local_host(host: str) -> str:
-    """The host in a link that this machine opens, of a relay that listens on `host`."""
+    """The host to put into a link that this machine opens, for a relay that listens on `host`."""
     local = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)
     return f"[{local}]" if ":" in local else local
 
 
 def is_for_others(host: str) -> bool:
-    """Whether machines other than this one reach what listens on `host`."""
+    """Whether other machines can reach a server that listens on `host`."""
     try:
         return not ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -44,7 +45,7 @@ def is_for_others(host: str) -> bool:
 
 
 def draw_qr(url: str, encoding: str) -> str:
-    """The link as a QR code for a terminal; "" where its encoding lacks the characters."""
+    """The link as a QR code for a terminal; "" if the terminal's encoding lacks the characters."""
     import segno  # noqa: PLC0415 - only for the phone
 
     out = io.StringIO()
@@ -58,7 +59,7 @@ def draw_qr(url: str, encoding: str) -> str:
 
 
 def has_browser(environment: Mapping[str, str], platform: str = sys.platform) -> bool:
-    """Whether the user can be expected to see a browser that is opened on this machine."""
+    """Whether the user is likely to see a browser window opened on this machine."""
     if any(environment.get(name) for name in ("CI", "SSH_CONNECTION", "SSH_TTY")):
         return False
     if platform.startswith(("darwin", "win")):
@@ -67,6 +68,6 @@ def has_browser(environment: Mapping[str, str], platform: str = sys.platform) ->
 
 
 def open_browser(url: str) -> None:
-    """Open the link, if that can be done."""
-    with suppress(webbrowser.Error, OSError):  # the link is on the screen, too
+    """Open the link if possible."""
+    with suppress(webbrowser.Error, OSError):  # the link is also printed
         webbrowser.open(url)

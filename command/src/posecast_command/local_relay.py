@@ -1,4 +1,4 @@
-"""A relay on this machine with a robot, in one terminal: started, waited for, announced, ended."""
+"""Runs a relay and a robot's agent in one terminal: starts both, waits, prints the link, stops both."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ from posecast_command.processes import Processes, name_program
 
 ROBOTS_HOST = "127.0.0.1"  # without credentials a robot is on this machine
 START_S = 30.0  # for the relay
-SHOWN_S = 30.0  # then it is said that the robot takes its time
+SHOWN_S = 30.0  # then a line says that the robot is still starting
 SERVES = b": serving http"
 PORT_TRIES = 5  # another program may take a port between our look and the relay's
 ENDED, FAILED, NOT_STARTED = 0, 1, 2
 STATUSES = {
-    ENDED: "ended by Ctrl-C or a signal, or the source has ended",
+    ENDED: "stopped by Ctrl-C or a signal, or the source ended",
     FAILED: "the relay or the robot's agent failed",
-    NOT_STARTED: "wrong arguments, or one of them can't start",
+    NOT_STARTED: "wrong arguments, or the relay or agent can't start",
 }
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where the relay listens for pages. `port`: None for the first that is free."""
+    """Where the relay serves the page. `port`: None for the first free port."""
 
     host: str = "127.0.0.1"
     port: int | None = None
@@ -54,16 +54,16 @@ def add_place_flags(parser: argparse._ActionsContainer) -> None:
         "--host",
         default=Place.host,
         metavar="HOST",
-        help="address on which the page is served (127.0.0.1: this machine alone); with 0.0.0.0 a phone in "
-        "the same network can open it",
+        help="address to serve the page on (127.0.0.1: this machine only); use 0.0.0.0 to open it from a "
+        "phone in the same network",
     )
     parser.add_argument(
         "--port",
         type=_port,
         metavar="PORT",
-        help=f"port of the page (the first one from {PAGE_PORT} on that is free)",
+        help=f"port to serve the page on (the first free one from {PAGE_PORT})",
     )
-    parser.add_argument("--no-browser", action="store_true", help="print the link, and open no browser")
+    parser.add_argument("--no-browser", action="store_true", help="only print the link; don't open a browser")
 
 
 def read_place(args: argparse.Namespace) -> Place:
@@ -95,8 +95,8 @@ def show_robot(
             path = f"/#/r/{robot}" if has_page else f"/api/v1/robots/{robot}/state"
             if wait_until_shown(f"{local}/api/v1/robots/{robot}/state", robot, processes):
                 if not has_page:
-                    _say(f"there is no page: `make setup` in {CHECKOUT} builds it")
-                with suppress(OSError, ValueError):  # nobody reads it: the robot is on air all the same
+                    _say(f"the page is not built: run `make setup` in {CHECKOUT}")
+                with suppress(OSError, ValueError):  # stdout is closed; the robot is on air anyway
                     shown = f"http://{name_host(place.host)}:{port}{path}"
                     _announce(shown, uplink, is_for_others(place.host))
                 if has_page and browser and has_browser(environment):
@@ -111,8 +111,8 @@ def show_robot(
 def wait_until_shown(
     state_url: str, robot: str, processes: Processes, now_s: Callable[[], float] = time.monotonic
 ) -> bool:
-    """Whether the relay has the robot's state at `state_url`; False when a process has ended first: what
-    answers then is somebody else's. A robot that takes longer than SHOWN_S is waited for, and that is said.
+    """Wait until the relay answers with the robot's state at `state_url`. False when a process has ended:
+    then an answer may come from another program. After SHOWN_S a line says that it is still waiting.
     """
     say_at_s: float | None = now_s() + SHOWN_S
     while True:
@@ -128,11 +128,11 @@ def wait_until_shown(
 
 
 def explain_end(relay: subprocess.Popen[bytes], agent: subprocess.Popen[bytes]) -> int:
-    """The exit status after one of the two has ended. Prints why, unless that one has said it itself."""
+    """The exit status after one of the two has ended. Prints why, unless that process did."""
     for process, name in ((relay, "the relay"), (agent, "the robot's agent")):
         status = process.poll()
         if status is not None and status < 0:
-            _say(f"{name} was ended by signal {-status}")
+            _say(f"{name} was killed by signal {-status}")
             return FAILED
     if relay.poll() is not None:
         _say("the relay has ended")
@@ -143,15 +143,15 @@ def explain_end(relay: subprocess.Popen[bytes], agent: subprocess.Popen[bytes]) 
 def _start_relay(
     processes: Processes, place: Place, environment: Mapping[str, str]
 ) -> tuple[subprocess.Popen[bytes], int, str] | None:
-    """A relay and where it listens: the port for pages, and an endpoint for robots; None when there is none,
-    which has been said."""
+    """Start a relay. Returns it, its page port and its endpoint for robots; None when it can't start, which
+    has been reported."""
     for _ in range(PORT_TRIES):
         port = _choose_port(place)
         uplink_port = find_free_port(ROBOTS_HOST, ROBOTS_PORT)
         uplink = f"tcp/{ROBOTS_HOST}:{uplink_port}"
         flags = ["--host", place.host, "--port", str(port), "--zenoh-listen", uplink]
         command = name_program("relay", "run", "--dev", *flags)
-        # by its own word: what answers on the port may be somebody else's relay
+        # wait for its own output: another relay may answer on this port
         relay, serves = processes.start_until(command, SERVES, START_S, environment)
         if serves:
             return relay, port, uplink
@@ -168,7 +168,7 @@ def _choose_port(place: Place) -> int:
     if place.port is None:
         return find_free_port(place.host, PAGE_PORT)
     if is_taken(place.host, place.port):
-        raise PortError(f"port {place.port} is taken by {name_holder(place.port) or 'another program'}")
+        raise PortError(f"port {place.port} is in use by {name_holder(place.port) or 'another program'}")
     return place.port
 
 
@@ -195,6 +195,6 @@ def _say(text: str) -> None:
 
 
 def _erase_progress_line() -> None:
-    """The agent's: it stands on the terminal's last line."""
+    """Erase the agent's progress line, the last line of the terminal."""
     if sys.stderr.isatty():
         print("\r\x1b[K", end="", file=sys.stderr, flush=True)

@@ -1,4 +1,4 @@
-"""`posecast`: one name for the agent, the relay and what starts both."""
+"""`posecast`: one command for the agent, the relay, and both together."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def main() -> NoReturn:
         with suppress(KeyboardInterrupt):
             status = _run(sys.argv[1:])
         sys.stdout.flush()
-    except BrokenPipeError:  # who read has heard enough
+    except BrokenPipeError:  # the reader closed the pipe
         status = FAILED
     except OSError as e:
         from posecast_wire.command_line.color import print_error  # noqa: PLC0415 - see _command
@@ -38,8 +38,8 @@ def _run(argv: Sequence[str]) -> int:
 
 
 def _command(argv: Sequence[str]) -> int:
-    """Run one command; the exit status. Those of agent and relay end the process themselves. Only what is
-    asked for is loaded, and nothing before, so that Ctrl-C is never a traceback."""
+    """Run one command and return the exit status. Commands of agent and relay end the process themselves.
+    Imports happen here, and only the needed ones, so that Ctrl-C never prints a traceback."""
     from posecast_wire.command_line.standard_streams import open_closed_streams  # noqa: PLC0415
 
     from posecast_command.programs import COMMANDS, EDGE, RELAY, make_parser  # noqa: PLC0415
@@ -68,8 +68,8 @@ def _command(argv: Sequence[str]) -> int:
         return run_robot(argv[1:], os.environ)
     parser = make_parser()
     if not argv:
-        parser.error(f"give a command, one of {', '.join(COMMANDS)}; --help says what they do")
-    asked = parser.parse_args(argv)  # ends the process unless it is the last of them
+        parser.error(f"give a command: {', '.join(COMMANDS)}; --help describes them")
+    asked = parser.parse_args(argv)  # ends the process unless the command is `completion`
     from posecast_command.completion import make_script  # noqa: PLC0415
 
     print(make_script(asked.shell))

@@ -1,4 +1,4 @@
-"""The processes that one command starts and ends together."""
+"""The processes that one command starts and stops together."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from types import TracebackType
 from typing import Any
 
 POLL_S = 0.1
-END_S = 5.0  # then a process that goes on is killed
+END_S = 5.0  # then a process that is still running is killed
 ENDINGS = ("SIGINT", "SIGTERM", "SIGHUP")  # Ctrl-C, kill, a closed terminal; Windows has no SIGHUP
 
 
 class Processes:
-    """Programs that run side by side, ended at the end of a `with` block in the reverse order of their start.
+    """Programs that run side by side. The end of the `with` block stops them in reverse order of their start.
 
-    Inside the block the signals that end this process, also those that a shell had ignored, only make
-    `start_until` and `pause` raise KeyboardInterrupt. So a signal that comes while a program is being
-    started, or a second signal, leaves none of them running.
+    Inside the block, the signals that end this process only make `start_until` and `pause` raise
+    KeyboardInterrupt; that includes signals the shell ignored. So a signal during a start, or a second
+    signal, leaves no program running.
     """
 
     def __init__(self) -> None:
@@ -60,9 +60,9 @@ class Processes:
         environment: Mapping[str, str] | None = None,
         folder: Path | None = None,
     ) -> subprocess.Popen[bytes]:
-        """Start a program. `read`: subprocess.PIPE for what it writes to stdout; `environment` and `folder`:
-        None for those of this process. It has a session of its own: Ctrl-C reaches only this process, which
-        ends the others in order."""
+        """Start a program. `read`: subprocess.PIPE to read its stdout; `environment` and `folder`: None for
+        those of this process. The program gets its own session: Ctrl-C reaches only this process, which
+        stops the others in order."""
         process = subprocess.Popen(command, stdout=read, start_new_session=True, env=environment, cwd=folder)
         self._started.append(process)
         return process
@@ -70,15 +70,15 @@ class Processes:
     def start_until(
         self, command: Sequence[str], word: bytes, limit_s: float, environment: Mapping[str, str]
     ) -> tuple[subprocess.Popen[bytes], bool]:
-        """Start a program as `start` does, and wait until it has written `word` to stdout: True then, False
-        where it ended before or took longer than `limit_s`. What it writes to stdout is not shown. Raises
-        KeyboardInterrupt when a signal has told this process to end."""
+        """Start a program as `start` does, and wait until it writes `word` to stdout. The boolean is False
+        when it ended first or took longer than `limit_s`. Its stdout is not shown. Raises KeyboardInterrupt
+        when a signal told this process to end."""
         process = self.start(command, read=subprocess.PIPE, environment=environment)
         written = threading.Event()
 
         def read() -> None:
             assert process.stdout is not None
-            for line in process.stdout:  # to its end, so that the pipe is never full
+            for line in process.stdout:  # keep reading, so that the pipe never fills
                 if word in line:
                     written.set()
 
@@ -104,7 +104,7 @@ class Processes:
         self._started.remove(process)
 
     def _note_ending(self, _signum: int, _frame: object) -> None:
-        # it raises nothing: what it interrupts may hold a lock, or a process that is not in the list yet
+        # don't raise: the interrupted code may hold a lock, or a process that is not in the list yet
         self._is_to_end = True
 
     def _obey_ending(self) -> None:

@@ -1,4 +1,4 @@
-"""`posecast run`: the agent beside a robot, and a relay on this machine if none is named."""
+"""`posecast run`: the robot's agent, and a relay on this machine if none is given."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ from posecast_command.ports import PortError
 
 PROGRAM = "posecast"
 NAMELESS = "robot"
-# flags that go with a relay elsewhere: each of them means that none is started here
+# flags for a relay elsewhere: with any of them, none is started here
 ELSEWHERE = ("relay", "credential", "tls_cert", "tls_key", "tls_ca")
 
 
 def make_run_parser(environment: Mapping[str, str]) -> CommandParser:
-    """The parser of the command: the agent's flags, and the place of the relay that is started."""
+    """The parser of the command: the agent's flags, and where the started relay serves the page."""
     parser = CommandParser(
         prog=f"{PROGRAM} run",
         description="Read a robot from a source and show it on a page. Only --source is needed: without "
-        "--relay, a relay is started on this machine, and the robot is named after its model. With --relay, "
-        "give --robot or a --credential that names the robot; --host, --port and --no-browser are refused. "
-        "A flag that is not given is taken from the environment variable in [].",
+        "--relay, it starts a relay on this machine, and without --robot, it names the robot after its model. "
+        "With --relay, give --robot or a --credential that names the robot, and no --host, --port or "
+        "--no-browser. Each flag can also be set by the environment variable in [].",
         statuses=STATUSES,
         allow_abbrev=False,
     )
     add_run_flags(parser, environment, required=("source",))
-    add_place_flags(parser.add_argument_group("the relay that is started if --relay names none"))
+    add_place_flags(parser.add_argument_group("without --relay, for the relay that is started"))
     return parser
 
 
@@ -46,8 +46,8 @@ def run_robot(argv: Sequence[str], environment: Mapping[str, str]) -> int:
         if agent != [*argv]:
             print_error(
                 f"{PROGRAM} run",
-                "--host, --port and --no-browser are of a relay that is started here; "
-                f"--{named[0].replace('_', '-')} is of one elsewhere",
+                "--host, --port and --no-browser are for a relay started here, "
+                f"--{named[0].replace('_', '-')} is for a relay elsewhere; give one kind",
             )
             return WRONG_ARGUMENTS
         from posecast_edge.cli.main import main as run_edge  # noqa: PLC0415 - Zenoh is not loaded before
@@ -65,7 +65,7 @@ def run_robot(argv: Sequence[str], environment: Mapping[str, str]) -> int:
 
 
 def name_robot(model: Path | None) -> str:
-    """The name in the link of a robot that was given none: its model's, as far as that can be a name."""
+    """The robot's name in the link when none is given: derived from the model's file name."""
     if model is None:
         return NAMELESS
     name = re.sub(r"[^a-z0-9]+", "-", model.name.partition(".")[0].lower()).strip("-")
@@ -76,12 +76,12 @@ def name_robot(model: Path | None) -> str:
 
 
 def _check(agent: Sequence[str], robot: str, environment: Mapping[str, str]) -> None:
-    """Raise UsageError for what the agent will refuse, before anything is started."""
+    """Raise UsageError for arguments that the agent would refuse, before anything is started."""
     parse_settings(["run", *agent, "--robot", robot, "--relay", f"tcp/{ROBOTS_HOST}:1"], environment, PROGRAM)
 
 
 def _drop_own_flags(argv: Sequence[str]) -> list[str]:
-    """The agent's arguments alone."""
+    """The arguments without the flags of this command."""
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     add_place_flags(parser)
     return parser.parse_known_args(argv)[1]

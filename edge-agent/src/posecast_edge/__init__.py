@@ -1,1 +1,1 @@
-"""The agent beside the robot: reads, encodes, pushes."""
+"""The agent: reads a robot's state, encodes it and sends it to a relay."""

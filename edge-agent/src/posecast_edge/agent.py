@@ -1,7 +1,7 @@
-"""Wires source, clock and uplink together and runs them until the source ends.
+"""Connects source, clock and uplink, and runs them until the source ends.
 
-An exception in one view costs that view one frame; after an unexpected exception the source is run again.
-Both are logged and counted, and everything else continues.
+An exception in one view costs that view one frame. After an unexpected exception the source is restarted.
+Both are logged and counted; everything else continues.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ from posecast_edge.visible import make_visible, quote
 
 log = logging.getLogger("posecast_edge")
 
-NAP_S = 0.2  # the longest sleep: a signal is noticed this soon
+NAP_S = 0.2  # the longest sleep; a signal is noticed within it
 STOP_S = 0.7
-AGAIN_S = (0.5, 10.0)  # a source that raised what it should not is tried again so soon, then more seldom
-WELL_S = 60.0  # a turn of its that lasted so long counts as a good one
+AGAIN_S = (0.5, 10.0)  # first and longest pause before a source that raised unexpectedly is restarted
+WELL_S = 60.0  # a run that lasted this long resets the pause
 
 
 @dataclass(frozen=True)
@@ -80,16 +80,16 @@ class Agent:
         profile: Profile | None,
         progress_line: ProgressLine,
     ) -> None:
-        """posecast_wire.SchemaError when the wire cannot carry the profile."""
+        """Raises posecast_wire.SchemaError when the wire format can't carry the profile."""
         self._settings = settings
         self._source = source
         self._progress_line = progress_line
         self._profile = profile
         self._model: str | None = None
-        self._lacking_feet: dict[str, str] = {}  # as they were named last
-        self._sliding: frozenset[str] = frozenset()  # joints, by the model
+        self._lacking_feet: dict[str, str] = {}  # as last logged
+        self._sliding: frozenset[str] = frozenset()  # joints that slide, according to the model
         self._inferred: tuple[Sample, frozenset[str]] | None = (
-            None  # what the profile was made of, without one
+            None  # the names the profile was inferred from, if none was given
         )
         self.exceptions = ExceptionLog()
         self._useless = RateLimitedLog(log.warning, "useless samples")
@@ -104,13 +104,13 @@ class Agent:
             heard=self._force_key,
             credential=settings.credential,
         )
-        self._bell = threading.Event()  # somebody has begun to listen
+        self._bell = threading.Event()  # set when a viewer starts to listen
         self._rate = RateControl(settings.hz)
         self._meter = Meter()
         self._stopping = False
         self._source_stop = threading.Event()
         self._source_ended = False
-        self._told_trouble = False  # before the first sample
+        self._told_trouble = False  # trouble before the first sample has been reported
         self._failure: str | None = None
 
     def set_model(self, bundle: Bundle) -> None:
@@ -120,9 +120,9 @@ class Agent:
         self._publisher.set_model(bundle)
 
     def expect_model(self, bundle: Bundle) -> None:
-        """Know a model before it is served. Without a profile the values of the joints that slide are m, m/s
-        and N; with one, the feet that the model lacks are named in one line. May be called from any thread,
-        also before `run`."""
+        """Take the joints and links of a model that is still being built. Without a profile, they set the
+        units of sliding joints: m, m/s and N. With one, logs a line that names feet missing from the model.
+        May be called from any thread, also before `run`."""
         self._sliding = bundle.sliding
         lacking = {} if self._profile is None else find_unknown_feet(self._profile.mapping, bundle.links)
         if lacking and lacking != self._lacking_feet:
@@ -130,7 +130,7 @@ class Agent:
                 quote(foot) + ("" if foot == link else f" (on link {quote(link)})")
                 for foot, link in lacking.items()
             )
-            log.warning("profile: [balance] names feet that the model lacks: %s", ", ".join(named))
+            log.warning("profile: [balance] names feet that are not in the model: %s", ", ".join(named))
         self._lacking_feet = lacking
 
     def stop(self) -> None:
@@ -139,21 +139,21 @@ class Agent:
 
     @property
     def frames(self) -> int:
-        """How many frames have been sent, those of all views together."""
+        """How many frames have been sent, in all views together."""
         return self._meter.total
 
     def describe_link(self) -> str:
-        """The state of the link in a word or two, and why there is none."""
+        """The state of the link in a word or two, with the reason when there is none."""
         why = self._publisher.why_no_link
         return f"{self._publisher.describe_state()}: {why}" if why else self._publisher.describe_state()
 
     def wait_for_link_end(self, timeout_s: float) -> None:
-        """After `run`: wait until no thread of the link runs any more, at most so long."""
+        """After `run`: wait until all threads of the link have ended, at most `timeout_s` seconds."""
         self._publisher.wait_for_end(timeout_s)
 
     def run(self) -> int:
-        """Run until the source ends or `stop` is called. Returns the exit status: 0 in these cases, 1 when
-        the source failed."""
+        """Run until the source ends or `stop` is called. Returns the exit status: 0, or 1 when the source
+        failed."""
         self._publisher.start()
         threading.Thread(target=self._read_source, name="source", daemon=True).start()
         echoes = 0
@@ -174,7 +174,7 @@ class Agent:
                 self._send(pipeline)  # the last sample
             log.log(logging.ERROR if self._failure else logging.INFO, "%s", self._failure or "source ended")
         for pipeline in self._pipelines:
-            pipeline.end()  # a source that delivers on must not meet a link that closes
+            pipeline.end()  # before the link closes: the source may still deliver samples
         self._publisher.stop(STOP_S)
         self._progress_line.finish()
         return 1 if self._failure else 0
@@ -215,9 +215,9 @@ class Agent:
     def _progress(self, now_s: float) -> str:
         link = self._publisher.describe_state()
         if link == "late":
-            link = f"late {self._publisher.late_s:.1f} s, asked for {self._rate.hz:g} Hz"
+            link = f"late {self._publisher.late_s:.1f} s, reduced to {self._rate.hz:g} Hz"
         if self._publisher.over:
-            link += ", over its share"
+            link += ", over its limit"
         stream = self._pipelines[0].stream
         source = "no sample yet" if stream is None or not stream.started else "live"
         if stream is not None and stream.silent:
@@ -225,18 +225,18 @@ class Agent:
         flow = self._meter.take_summary(now_s)
         return f"{self._settings.robot} | {link} | {flow} | {self._source.description}: {source}"
 
-    # --- the source's thread, which also sends: nobody has to be woken up for a frame
+    # --- the source's thread, which also sends: no other thread has to wake up for a frame
 
     def _send(self, pipeline: ViewPipeline) -> None:
-        """The frame that is due. By the clock's thread when no sample came for it."""
+        """Send the frame that is due. The clock's thread calls this when no sample arrived in time."""
         try:
             with pipeline.lock:
                 now_s = clock.now_s()
                 if pipeline.ended:
                     return
                 pipeline.record_frame(now_s, self._rate.hz)
-                # without a link, or with a queue in it, nothing is encoded: the newest sample waits, only
-                # the newest, and not for long
+                # don't encode while the link is down or has a queue: only the newest sample is kept, for
+                # a short time
                 if pipeline.stream is None or not self._publisher.open:
                     return
                 frame = pipeline.stream.tick(now_s, pipeline.compute_oldest_s(now_s))
@@ -247,7 +247,7 @@ class Agent:
             self._failed(pipeline, e)
 
     def _failed(self, pipeline: ViewPipeline, error: Exception) -> None:
-        """What was under way for this view is lost, and it goes on with the next sample."""
+        """Drop the view's current frame and continue with the next sample."""
         self.exceptions.add(f"view {pipeline.view}", error)
         if pipeline.stream is not None:
             pipeline.stream.recover()
@@ -262,9 +262,9 @@ class Agent:
             except SourceError as e:
                 self._failure = f"source: {e}"
                 break
-            # a source is what others write: its bug is no silent robot, nor the end of the agent
+            # sources may be third-party code: a bug in one must not silence the robot or end the agent
             except BaseException as e:
-                self.exceptions.add("the source, which is tried again", e)
+                self.exceptions.add("the source, which is restarted", e)
             if time.monotonic() - began_s > WELL_S:
                 pause_s = AGAIN_S[0]
             self._source_stop.wait(pause_s)
@@ -286,7 +286,7 @@ class Agent:
             if pipeline.stream is None:
                 return None
             wanted_s = min(wanted_s, pipeline.pacer.from_s)
-        return wanted_s - clock.now_s() + time.monotonic()  # sources wait by Python's clock
+        return wanted_s - clock.now_s() + time.monotonic()  # sources use time.monotonic()
 
     def _deliver_to(self, pipeline: ViewPipeline, sample: Sample, now_s: float) -> None:
         stream = pipeline.stream
@@ -306,14 +306,14 @@ class Agent:
             self._send_events(pipeline, events)
         if stream.info is not info:
             self._publisher.queue_info(pipeline.view, stream.info)
-        pipeline.stream = stream  # seen by the clock only now, with its first sample in it
+        pipeline.stream = stream  # visible to the clock's thread only now that it has a sample
         if sample.newest and pipeline.pacer.is_due(now_s):
             self._send(pipeline)
 
     def _change_profile(
         self, pipeline: ViewPipeline, stream: Stream, sample: Sample, named: Sample, now_s: float
     ) -> None:
-        """The model came later, or the robot has channels that were not in `named`."""
+        """Infer the profile again: the model has arrived, or the robot has channels not in `named`."""
         sliding = self._sliding
         if sample.anew:
             named = join_channels(named, self._guard.clean_names(sample, now_s))
@@ -322,7 +322,7 @@ class Agent:
             with pipeline.lock:
                 stream.change_profile(profile)
         except (SourceError, SchemaError) as e:
-            self._useless.add(f"what came later is left out: {e}", now_s)
+            self._useless.add(f"the new channels are left out: {e}", now_s)
             return
         self._inferred = named, sliding
 
@@ -330,7 +330,7 @@ class Agent:
         return Stream(profile, self._settings.key_interval_s, log.warning)
 
     def _pipelines_of(self, profile: Profile | None) -> list[ViewPipeline]:
-        """What is sent, the fastest first: without views everything, without a profile what comes first."""
+        """One pipeline per view, fastest first. Without views: one with everything."""
         hz, now_s = self._settings.hz, clock.now_s()
         if profile is None or not profile.views:
             stream = self._new_stream(profile) if profile else None
@@ -356,7 +356,7 @@ class Agent:
         pipeline = self._pipeline_of(view)
         if pipeline.stream:
             pipeline.stream.force_key()
-            pipeline.at_once = True  # who has just come does not wait for the pace
+            pipeline.at_once = True  # a new viewer gets a frame at once, outside of the pace
             self._bell.set()
 
 

@@ -1,4 +1,4 @@
-"""Runs an agent in threads of a program that is not ours: it ends with the program, and never holds it up."""
+"""Runs an agent in threads of the user's program. It ends with the program and never delays it."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from posecast_edge.sources.published.source import PublishedSource
 
 log = logging.getLogger("posecast_edge.robot")
 
-LAST_SAMPLE_S = 0.5  # so long the newest readings have to leave
+LAST_SAMPLE_S = 0.5  # time to send the newest readings
 STOP_S = 1.5
-# At the interpreter's end a thread that returns from Zenoh into Python would abort the process: wait for it
+# A thread that returns from Zenoh into Python during interpreter shutdown aborts the process: wait for it
 LINK_S = 3.0
 
 
@@ -36,10 +36,9 @@ class NoProgressLine:
 
 
 class BackgroundAgent:
-    """The agent's thread. Nothing here refers to the object that the program holds, so that one may be
-    garbage-collected."""
+    """The agent's threads. Holds no reference to the Robot object, so that Python can garbage-collect it."""
 
-    # Zenoh's threads are the process's: in a fork of it they are missing for ever, and no link is ever made
+    # Zenoh's threads don't survive a fork, so a forked process can never open a link
     _zenoh_pid: ClassVar[int | None] = None
 
     def __init__(self, agent: Agent, source: PublishedSource, build: BackgroundBuild | None) -> None:
@@ -57,11 +56,11 @@ class BackgroundAgent:
         return self._agent.describe_link() if self._thread.is_alive() else "closed"
 
     def start(self) -> None:
-        """Start the threads. Raises RuntimeError in a fork of a process that has had some."""
+        """Start the threads. Raises RuntimeError in a process forked from one that has started them."""
         if BackgroundAgent._zenoh_pid not in (None, self._pid):
             raise RuntimeError(
-                "this process was forked from one that has had a Robot, and its link does not survive that: "
-                "start it otherwise, with multiprocessing by 'spawn'"
+                "this process was forked from one that had a Robot, and the link does not survive a fork: "
+                "use the multiprocessing start method 'spawn'"
             )
         BackgroundAgent._zenoh_pid = self._pid
         atexit.register(self._close_at_exit)
@@ -70,17 +69,17 @@ class BackgroundAgent:
             self._build.start()
 
     def is_fork(self) -> bool:
-        """Whether this is a process forked from the one that has the threads."""
+        """Whether this process is a fork of the one that has the threads."""
         return os.getpid() != self._pid
 
     def abandon(self) -> None:
-        """Ask all threads to end soon. Takes no lock: the garbage collector calls it at any point of any
-        thread."""
+        """Ask all threads to end soon. Takes no lock, because the garbage collector may call it at any point
+        in any thread."""
         self._source.end()
 
     def close(self) -> None:
-        """Send the newest readings if there is a link, then end; about a second at most. In a fork of the
-        process: nothing."""
+        """Send the newest readings if the link is up, then end. Takes about a second at most. Does nothing
+        in a fork of the process."""
         if self.is_fork():
             return
         self._source.end()
@@ -103,6 +102,6 @@ class BackgroundAgent:
         finally:
             if self._build is not None:
                 self._build.stop()
-            # what the garbage collector has ended is held by nobody then
+            # after garbage collection nobody holds a reference
             self._agent.wait_for_link_end(LINK_S)
             atexit.unregister(self._close_at_exit)

@@ -1,7 +1,7 @@
-"""The agent's one clock. Where the platform allows it, it also counts the time this machine was suspended.
+"""The agent's only clock. On Linux it keeps counting while the machine is suspended.
 
-A sample taken before a laptop was closed is old when the laptop is opened again, although `time.monotonic()`
-stood still meanwhile. Linux has such a clock; elsewhere this is `time.monotonic()`.
+So a sample from before a laptop was closed counts as old when it is opened again, although
+`time.monotonic()` stops during suspend. On other platforms this clock is `time.monotonic()`.
 """
 
 from __future__ import annotations

@@ -35,7 +35,9 @@ class ExceptionLog:
 
     def get_log(self, place: str) -> RateLimitedLog:
         """The rate-limited log for the exceptions of one place."""
-        return self._by_place.setdefault(place, RateLimitedLog(self._say, f"faults in {place}", SAY_EVERY_S))
+        return self._by_place.setdefault(
+            place, RateLimitedLog(self._say, f"exceptions in {place}", SAY_EVERY_S)
+        )
 
     def guard(self, place: str, call: Callable[[T], None]) -> Callable[[T], None]:
         """Wrap `call` as a library's callback: an exception is logged under `place` and never reaches the

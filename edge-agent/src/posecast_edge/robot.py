@@ -1,4 +1,4 @@
-"""`posecast.Robot`: a Python program puts its robot on a URL by itself, without a process beside it."""
+"""`posecast.Robot`: puts a Python program's robot on a URL, without a separate agent process."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ from posecast_edge.visible import quote
 log = logging.getLogger("posecast_edge.robot")
 
 KEY_INTERVAL_S = 4.0
-INFO_MAX = 32  # texts of one call
+INFO_MAX = 32  # texts per call
 INFO_CHARS = 200
-MEANT = {  # what people write → the name that the page knows
+MEANT = {  # common name → the name that the page knows
     "position": "pos",
     "q": "pos",
     "velocity": "vel",
@@ -56,7 +56,7 @@ T_co = TypeVar("T_co", covariant=True)
 
 
 class Array(Protocol[T_co]):
-    """What numpy's, PyTorch's and JAX's arrays have in common."""
+    """What the arrays of NumPy, PyTorch and JAX have in common."""
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -66,7 +66,7 @@ class Array(Protocol[T_co]):
         """The length along the first axis."""
 
     def tolist(self) -> T_co:
-        """The values as Python's own."""
+        """The values as Python numbers or nested lists."""
 
 
 Numbers = Sequence[float | None] | Array[object]
@@ -78,9 +78,9 @@ Bits = Mapping[str, int | Iterable[str] | None] | Sequence[int | Iterable[str] |
 
 @dataclass(frozen=True)
 class RobotStatus:
-    """How a robot is doing. `link`: "on air", "no link: …", "no relay", "refused", "waiting", "late" or
-    "closed"; `published`: calls of publish(); `frames`: sent to the relay; `problems`: what was wrong with
-    what was published, and how often."""
+    """The state of a robot. `link`: "on air", "no link: …", "no relay", "refused", "waiting", "late" or
+    "closed"; `published`: number of publish() calls; `frames`: number of frames sent to the relay;
+    `problems`: each problem with the published values, and how often it occurred."""
 
     link: str
     published: int
@@ -89,8 +89,8 @@ class RobotStatus:
 
 
 class Robot:
-    """A robot on a relay. It sends from a thread of its own until close(), the end of the `with` block or of
-    the program. All methods may be called from any thread."""
+    """A robot on a relay. It sends from a background thread until close(), the end of the `with` block or the
+    end of the program. All methods may be called from any thread."""
 
     def __init__(
         self,
@@ -104,24 +104,24 @@ class Robot:
         joints: Sequence[str] | None = None,
         hz: float = 30.0,
     ) -> None:
-        """`name`: the robot's name in the link, a-z, 0-9 and -; `relay`: where the relay listens,
-        `tls/HOST:PORT`, or `tcp/…` on one machine. `urdf`: the robot's model, made small in the background;
-        `model`: instead the folder that `posecast-edge model build` made. `profile`: a TOML file, or the name
-        of one that comes along. `credential`: the file with the line that `posecast-relay robots add`
-        printed. `joints`: their names, in the order that lists and arrays have. `hz`: frames a second, up
-        to 60.
+        """`name`: the robot's name in the link, a-z, 0-9 and -. `relay`: the relay's address,
+        `tls/HOST:PORT`, or `tcp/127.0.0.1:PORT` on the same machine. `urdf`: the file of the robot's model,
+        made smaller in the background; `model`: instead of `urdf`, the folder that `posecast-edge model
+        build` wrote. `profile`: a TOML file, or the name of a built-in profile. `credential`: the file with
+        the line that `posecast-relay robots add` printed. `joints`: joint names, in the order of your lists
+        and arrays. `hz`: the highest frame rate, 1 to 60.
 
-        Raises ValueError, one line, when an argument can't be used, and RuntimeError in a process forked from
-        one that has had a Robot. A relay that is away is no error: the link is made when it is there.
+        Raises ValueError (one line) for an unusable argument, and RuntimeError in a process forked from one
+        that had a Robot. An unreachable relay is no error: the link comes up once the relay does.
         """
         _check_name(name)
         checked_hz = _check_hz(hz)
         endpoint = _checked("relay", relay, check_endpoint)
         secret = _checked("credential", credential, read_credential) if credential is not None else None
         if secret is not None and secret.robot != name:
-            raise ValueError(f"credential: it is of robot {secret.robot!r}, not of {name!r}")
+            raise ValueError(f"credential: it is for robot {secret.robot!r}, not for {name!r}")
         if urdf is not None and model is not None:
-            raise ValueError("urdf and model: give one of the two")
+            raise ValueError("urdf and model: give one, not both")
         found = None if profile is None else _load_profile(profile)
         own = _check_joints(joints, found)
         built, raw = _load_model(urdf, model)
@@ -141,7 +141,7 @@ class Robot:
             take_model(built)
         elif urdf is not None:
             if raw is not None:
-                agent.expect_model(raw)  # the model itself may take a minute
+                agent.expect_model(raw)  # building the model may take a minute
                 source.expect_model(raw)
             build = BackgroundBuild(Path(urdf), raw, take_model)
         orders = {f.name: f.labels for f in found.fields} if found else {}
@@ -156,7 +156,7 @@ class Robot:
 
     def publish(
         self,
-        *wrong: NoReturn,  # a type checker refuses an argument without a name; at run time it is reported
+        *wrong: NoReturn,  # a type checker refuses positional arguments; at run time they are reported
         t: float | None = None,
         pos: JointNumbers | None = None,
         ref: JointNumbers | None = None,
@@ -182,19 +182,19 @@ class Robot:
         info: Mapping[str, str | float] | None = None,
         **others: JointNumbers | None,
     ) -> None:
-        """Take what the robot reports now. Returns within microseconds, never blocks and never raises: what
-        is wrong is logged once and counted in status().
+        """Publish the robot's current readings. Returns within microseconds, never blocks and never raises:
+        each problem is logged once and counted in status().
 
-        Joints, by name or, with joints=[…], in order: `pos` and `ref` (rad or m), `vel` (rad/s or m/s),
-        `effort` (N·m or N), `cur` (A), `temp` (°C), `duty` (%), `heat` (J), `flags` (names of bits, or a
-        mask). `base`: where the root link is, x, y, z (m) and a quaternion x, y, z, w.
-        Sensors, by site: `ftf` (N), `ftm` (N·m), `quat` (x, y, z, w), `gyro` (rad/s), `acc` (m/s²),
-        `tilt` (rad), `volt`, `amp`, `watt`, `charge` (%).
-        `diag`: bits of parts; `info`: texts; other names become plain tables. `t`: the robot's clock,
-        seconds; without it the time of the call counts.
+        Joints, as {name: value} or, with joints=[…], as a list or array in that order: `pos` and `ref` (rad
+        or m), `vel` (rad/s or m/s), `effort` (N·m or N), `cur` (A), `temp` (°C), `duty` (%), `heat` (J),
+        `flags` (names of bits, or a mask). `base`: pose of the root link, x, y, z (m) and a quaternion
+        x, y, z, w. Sensors, as {site: value}: `ftf` (N), `ftm` (N·m), `quat` (x, y, z, w), `gyro` (rad/s),
+        `acc` (m/s²), `tilt` (rad), `volt`, `amp`, `watt`, `charge` (%). `diag`: {part: bits}; `info`:
+        {name: text}. Any other name becomes a plain table. `t`: the robot's clock, seconds; default: the
+        time of the call.
 
-        What a call does not name stays as it was, what moves for 1.5 s, the rest for 60 s. None and NaN are
-        no reading.
+        Readings that a call leaves out keep their last value: for 1.5 s if they describe motion, otherwise
+        for 60 s. None and NaN mean "no reading".
         """
         given = {
             "pos": pos,
@@ -224,7 +224,7 @@ class Robot:
                 return
             now_s = clock.now_s()
             if wrong:
-                self._problems.add("publish() takes its arguments by name: publish(pos=…)")
+                self._problems.add("publish() takes keyword arguments only: publish(pos=…)")
             copies: list[Copied] = []
             for name, readings in given.items():
                 if readings is not None:
@@ -239,11 +239,11 @@ class Robot:
                 self._slot.put(t_s, copies, texts, now_s)
         except UnusableError as e:
             self._problems.add(str(e))
-        except Exception as e:  # the program moves a robot: nothing of ours may end it
+        except Exception as e:  # the program may control a robot: never let an exception reach it
             self._problems.add(f"publish() failed: {type(e).__name__}")
 
     def status(self) -> RobotStatus:
-        """How the robot is doing. Never blocks."""
+        """The robot's state. Never blocks."""
         return RobotStatus(
             "closed" if self._closed else self._background.describe_link(),
             self._slot.published,
@@ -252,8 +252,8 @@ class Robot:
         )
 
     def close(self) -> None:
-        """Send the newest readings if there is a link, then leave; about a second at most. May be called more
-        than once."""
+        """Send the newest readings if the link is up, then stop. Takes about a second at most. May be called
+        more than once."""
         self._closed = True
         self._background.close()
 
@@ -273,62 +273,62 @@ class Robot:
             copies.append(self._copier.copy_field(name, readings))
         except UnusableError as e:
             self._problems.add(str(e))
-        except Exception as e:  # the other fields are as good as before
+        except Exception as e:  # keep the other fields
             self._problems.add(f"{name} can't be read: {type(e).__name__}")
 
     def _copy_others(self, others: Mapping[str, object], copies: list[Copied]) -> None:
         for name, readings in islice(others.items(), CHANNELS_MAX):
             if not FIELD_NAME.fullmatch(name) or name == "baseq":
-                self._problems.add(f"{quote(name)} is no name of a field")
+                self._problems.add(f"{quote(name)} is not a field name")
                 continue
             if name in MEANT and name not in self._own_fields:
-                self._problems.add(f"{name} becomes a plain table; the page knows {MEANT[name]}=")
+                self._problems.add(f"{name} becomes a plain table; did you mean {MEANT[name]}=?")
             if readings is not None:
                 self._copy(name, readings, copies)
 
     def _copy_info(self, info: object) -> dict[str, str]:
         texts: dict[str, str] = {}
         if not isinstance(info, Mapping):
-            self._problems.add("info is no dict of texts")
+            self._problems.add("info is not a dict of texts")
             return texts
         for name, text in islice(info.items(), INFO_MAX + 1):
             if len(texts) == INFO_MAX:
-                self._problems.add(f"info has over {INFO_MAX} entries")
+                self._problems.add(f"info has more than {INFO_MAX} entries")
             elif isinstance(name, str) and isinstance(text, (str, int, float)):
                 texts[name[:INFO_CHARS]] = str(text)[:INFO_CHARS]
             else:
-                self._problems.add(f"info {quote(name)} is no text")
+                self._problems.add(f"info {quote(name)} is not a text")
         return texts
 
     def _report_unheard(self) -> None:
-        """Nobody else would log it any more."""
-        text = "publish() after close() reaches nobody"
+        """Log it here: the thread that logs problems is gone."""
+        text = "publish() after close() has no effect"
         if not self._closed:
-            text = "publish() reaches nobody in a fork of the process that has the Robot"
+            text = "publish() has no effect in a fork of the process that has the Robot"
         self._problems.add(text)
         self._problems.log_new()
 
 
 def _check_time(t: object) -> float:
-    """Raises UnusableError when it is no time."""
+    """`t` in seconds. Raises UnusableError when it is not a time."""
     try:
         t_s = math.nan if isinstance(t, WORDS) else float(t)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
         t_s = math.nan
     if not abs(t_s) < TIME_MAX_S:
-        raise UnusableError("t is no number of seconds; the call is left out")
+        raise UnusableError("t is not a number of seconds; the call is ignored")
     return t_s
 
 
 def _check_name(name: object) -> None:
     if not isinstance(name, str):
-        raise ValueError(f"name: {quote(name)} is no text")
+        raise ValueError(f"name: {quote(name)} is not a string")
     check_name("robot", name)
 
 
 def _check_hz(hz: object) -> float:
     if isinstance(hz, bool) or not isinstance(hz, (int, float)) or not 1 <= hz <= 60:
-        raise ValueError(f"hz: {quote(hz)} is no number from 1 to 60")
+        raise ValueError(f"hz: {quote(hz)} is not a number from 1 to 60")
     return float(hz)
 
 
@@ -343,7 +343,7 @@ def _checked(argument: str, given: object, check: _Check[_T]) -> _T:
     try:
         return check(os.fspath(given))  # type: ignore[call-overload]
     except TypeError:
-        raise ValueError(f"{argument}: {quote(given)} is no text") from None
+        raise ValueError(f"{argument}: {quote(given)} is not a string") from None
     except ValueError as e:
         raise ValueError(f"{argument}: {e}") from None
 
@@ -356,32 +356,32 @@ def _check_joints(joints: object, profile: Profile | None) -> tuple[str, ...]:
     if joints is None:
         return ()
     if isinstance(joints, (str, bytes)) or not isinstance(joints, Iterable):
-        raise ValueError(f"joints: {quote(joints)} is no list of names")
+        raise ValueError(f"joints: {quote(joints)} is not a list of names")
     names = tuple(islice(joints, CHANNELS_MAX + 1))
     for name in names:
         if not isinstance(name, str) or not name:
-            raise ValueError(f"joints: {quote(name)} is no name")
+            raise ValueError(f"joints: {quote(name)} is not a name")
         if names.count(name) > 1 and len(names) != len(set(names)):
-            raise ValueError(f"joints: {quote(name)} stands there twice")
+            raise ValueError(f"joints: {quote(name)} is listed twice")
     if not 0 < len(names) <= CHANNELS_MAX:
-        raise ValueError(f"joints: want 1 to {CHANNELS_MAX} names")
+        raise ValueError(f"joints: give 1 to {CHANNELS_MAX} names")
     if profile is not None:
         known = {label for f in profile.fields if f.name in JOINT_FIELDS for label in f.labels}
         for name in names:
             if name not in known:
-                raise ValueError(f"joints: the profile has no {quote(name)}")
+                raise ValueError(f"joints: the profile has no joint {quote(name)}")
     return names
 
 
 def _load_model(urdf: object, model: object) -> tuple[Bundle | None, Bundle | None]:
-    """(built, raw), at most one of them."""
+    """(built, raw): at most one of them is not None."""
     try:
         if model is not None:
             return _checked("model", model, lambda text: load_built(Path(text))), None
         if urdf is None:
             return None, None
         packages = list_package_folders(os.environ)
-        # a page reads URDF; what is written in another format it gets when it has been built
+        # the page reads URDF only; a model in another format is sent once it has been built
         is_urdf = _checked("urdf", urdf, lambda text: find_format(Path(text)) == "urdf")
         raw = _checked("urdf", urdf, lambda text: load_bundle(Path(text), packages)) if is_urdf else None
     except ModelError as e:

@@ -11,11 +11,11 @@ from typing import NamedTuple
 Reading = float | int | Sequence[str] | None
 Values = Sequence[Reading] | Mapping[str, Reading]
 
-TIME_MAX_S = 1e12  # robot time: beyond it milliseconds are lost in a double
+TIME_MAX_S = 1e12  # robot time: beyond it a double loses the milliseconds
 
 
 class SourceError(Exception):
-    """A source cannot open or cannot continue. Its text is one line for the user."""
+    """A source can't open or can't continue. The message is one line for the user."""
 
 
 NOTHING: Mapping[str, str] = MappingProxyType({})
@@ -25,14 +25,14 @@ class Sample(NamedTuple):
     """What the robot reported at one instant.
 
     `t_s`: the robot's clock, seconds. `values`: field name → values in the order of the field's labels, or by
-    label; the source does not touch them again. `info`: strings that change rarely (mode, battery name).
-    `where` it was read, for messages ("line 12"). `exact`: the source had a profile and keeps to it,
-    with sequences of floats (masks: ints) and None in the order of its labels; then a field is asked for only
-    when it is needed. `links`: site → link of the model, where the robot itself says where its sensors sit.
-    `sliding`: joints that slide, where the robot itself says so: theirs are m, m/s and N.
-    `anew`: it has fields or channels that earlier samples did not have; where there is no profile the robot
-    has them from now on. A source sets it seldom: viewers get another schema.
-    `newest`: False when one that came after it follows at once; then it makes events, but no frame.
+    label; the source must not change them afterwards. `info`: strings that change rarely (mode, battery
+    name). `where`: the place it was read from, for messages ("line 12"). `exact`: the values follow the
+    source's profile: sequences of floats (masks: ints) and None in the order of its labels; a field is then
+    read only when it is needed. `links`: site → link of the model, if the robot reports where its sensors are
+    mounted. `sliding`: joints that the robot reports as sliding: their units are m, m/s and N.
+    `anew`: the sample has fields or channels that earlier ones lacked; without a profile, the robot has them
+    from now on. Set it rarely: viewers get a new schema.
+    `newest`: False when a newer sample follows at once; it then causes events, but no frame.
     """
 
     t_s: float

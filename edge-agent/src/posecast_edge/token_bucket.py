@@ -1,4 +1,4 @@
-"""Token bucket: limits work done for strangers to a steady rate with a bounded burst. Does no I/O."""
+"""Token bucket: limits work requested by others to a steady rate with a bounded burst. Does no I/O."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ class TokenBucket:
         self._at_s: float | None = None
 
     def take(self, now_s: float, cost: float = 1.0) -> bool:
-        """Spend `cost` tokens and return True if there are enough. A cost above `most` is allowed when the
-        bucket is full."""
+        """Spend `cost` tokens and return True if the bucket has enough. A cost above `most` is allowed when
+        the bucket is full."""
         if self.compute_wait_s(now_s, cost) > 0:
             return False
         self._left -= cost

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 
 LINE_MAX = 600  # characters of a line
-WORD_MAX = 60  # of a value that is quoted in one
-# Printable by Unicode's word, and yet nothing to be seen: fillers, joiners, selectors of variants, blanks.
+WORD_MAX = 60  # characters of a value quoted in a line
+# Unicode calls these printable, but they are invisible: fillers, joiners, variation selectors, blanks.
 _UNSEEN = re.compile(
     "[\u034f\u115f\u1160\u17b4\u17b5\u180b-\u180f\u2800\u3164\ufe00-\ufe0f\uffa0\U000e0100-\U000e01ef]"
 )
@@ -30,11 +30,11 @@ def _escaped(c: str) -> str:
 def quote(value: object, most: int = WORD_MAX) -> str:
     """`repr` of a value from outside for use in a message, cut to `most` characters. Never raises."""
     if isinstance(value, str):
-        value = value[: most + 1]  # a long one is not copied whole
+        value = value[: most + 1]  # don't copy a long one whole
     try:
         shown = repr(value)
     except RecursionError:
         shown = f"a {type(value).__name__} nested too deep"
-    except ValueError:  # Python writes no integer of more than 4300 digits
-        shown = "a number of thousands of digits"
+    except ValueError:  # Python refuses to print integers of more than 4300 digits
+        shown = "a number with thousands of digits"
     return make_visible(shown, most)

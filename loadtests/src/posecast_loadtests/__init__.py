@@ -1,1 +1,1 @@
-"""Locust viewers that check what they are sent."""
+"""Locust viewers that verify what they receive."""

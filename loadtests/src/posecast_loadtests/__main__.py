@@ -1,7 +1,8 @@
-"""`python -m posecast_loadtests [SCENARIO …]`: each on its own relay, beside a control viewer (`make load`).
+"""`python -m posecast_loadtests [SCENARIO …]`: runs each scenario on its own relay, with a control viewer.
 
-With `-H ws://host:port --zenoh tcp/host:port` nothing is started and that relay is loaded instead. Results go
-to `--out`: Locust's HTML report and CSV files, and the counts as JSON. Exit code 1 when a limit was broken.
+`make load` runs it. With `-H ws://host:port --zenoh tcp/host:port` it starts nothing and loads that relay
+instead. Results go to `--out`: Locust's HTML report and CSV files, and the counts as JSON. Exit status 1 if a
+limit was exceeded.
 """
 
 from __future__ import annotations
@@ -24,26 +25,26 @@ def options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="python -m posecast_loadtests", description="Load tests of the relay."
     )
-    parser.add_argument("scenario", nargs="*", help=f"of {', '.join(SCENARIOS)}; all when none is named")
-    parser.add_argument("-H", "--host", help="a relay that runs already, ws://host:port; its robot is `demo`")
-    parser.add_argument("--zenoh", default="tcp/127.0.0.1:7447", help="where its robots connect")
-    parser.add_argument("--viewers", type=int, help="instead of each scenario's own number")
-    parser.add_argument("--stretch", type=float, default=1.0, help="multiplies all times")
+    parser.add_argument("scenario", nargs="*", help=f"of {', '.join(SCENARIOS)}; all if none is named")
+    parser.add_argument("-H", "--host", help="a running relay, ws://host:port, with the robot `demo`")
+    parser.add_argument("--zenoh", default="tcp/127.0.0.1:7447", help="where the relay's robots connect")
+    parser.add_argument("--viewers", type=int, help="number of viewers, instead of the scenario's")
+    parser.add_argument("--stretch", type=float, default=1.0, help="factor for all times")
     parser.add_argument(
-        "--processes", type=int, help="Locust workers; one carries about 1,000 viewers of 10 Hz"
+        "--processes", type=int, help="Locust workers; each can run about 1,000 viewers at 10 Hz"
     )
     parser.add_argument("--out", type=Path, default=Path("out/load"))
     asked = parser.parse_args()
     for name in asked.scenario:
         if name not in SCENARIOS:
-            parser.error(f"no scenario {name!r}; there are {', '.join(SCENARIOS)}")
+            parser.error(f"no scenario {name!r}: use {', '.join(SCENARIOS)}")
     if asked.stretch <= 0 or (asked.viewers is not None and asked.viewers < 1):
         parser.error("--stretch and --viewers must be above 0")
     return asked
 
 
 def run(scenario: Scenario, asked: argparse.Namespace) -> tuple[Tally, Tally]:
-    """What Locust's viewers and the control viewer counted."""
+    """Run a scenario. Return the counts of Locust's viewers and of the control viewer."""
     at = str(asked.out / scenario.name)
     with Path(f"{at}.log").open("w") as log, ExitStack() as stack:
         address = Address(asked.host, asked.zenoh) if asked.host else own_relay(stack, log).address
@@ -72,7 +73,7 @@ def run(scenario: Scenario, asked: argparse.Namespace) -> tuple[Tally, Tally]:
         ]
         status = subprocess.run(command, stdout=log, stderr=log, check=False).returncode
         if status or not counts.exists():
-            sys.exit(f"{scenario.name}: Locust ended with {status}, see {at}.log")
+            sys.exit(f"{scenario.name}: Locust exited with status {status}, see {at}.log")
         told, _ = control.communicate()
     return Tally.sum([json.loads(counts.read_text())]), Tally.sum([json.loads(told)])
 

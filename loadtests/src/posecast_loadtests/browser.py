@@ -1,4 +1,4 @@
-"""What a browser asks over HTTP before and beside the stream: list, robot, state, model."""
+"""The HTTP requests of a browser next to the stream: list, robot, state, model."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ API = "/api/v1/robots"
 
 
 class BrowserUser(FastHttpUser):
-    """One more visitor every second or so, who opens the list, then a robot with its model."""
+    """A new visitor about every second, who opens the list, then a robot with its model."""
 
     fixed_count = 2
     wait_time = between(0.5, 1.5)
@@ -27,14 +27,14 @@ class BrowserUser(FastHttpUser):
 
     @task
     def visit(self) -> None:
-        """In the order a page does it."""
+        """Make the requests in the order of the page."""
         self._get(API, "list")
         found = self._get(f"{API}/{self._robot}", "robot")
         self._get(f"{API}/{self._robot}/state", "state")
         model = found.get("model")
         if model:
             manifest = self._get(f"{API}/{self._robot}/model/{model}/manifest.json", "manifest")
-            for level in list(manifest.get("levels", []))[:1]:  # what a phone fetches first
+            for level in list(manifest.get("levels", []))[:1]:  # the level that a phone fetches first
                 path = f"{API}/{self._robot}/model/{model}/{level['path']}"
                 self._get(path, "lowest level", parse=False)
 

@@ -1,4 +1,4 @@
-"""One viewer's socket: upgrade, messages, acknowledgements as the page sends them. Blocking."""
+"""One viewer's blocking socket: upgrade, messages, and acknowledgements like those of the page."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ _SLOW_BUFFER_BYTES = 4096
 
 
 class Connection:
-    """Open from its making until `close`. OSError and ProtocolError when it cannot be had or breaks."""
+    """A connection, open until `close`. Raises OSError or ProtocolError if it can't connect or breaks."""
 
     def __init__(self, address: str, slow: bool = False) -> None:
         url = urlsplit(address)
         self.socket = socket.socket()
         self.socket.settimeout(SILENCE_S)
-        if slow:  # before connecting, or the kernel would still read ahead
+        if slow:  # before connecting, otherwise the kernel reads ahead
             self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _SLOW_BUFFER_BYTES)
         try:
             self.socket.connect((url.hostname or "127.0.0.1", url.port or 80))
@@ -52,14 +52,15 @@ class Connection:
         while (rest := check_upgrade(answer, key)) is None:
             more = self.socket.recv(4096)
             if not more:
-                raise ProtocolError("closed instead of an answer")
+                raise ProtocolError("the connection was closed before the response")
             answer += more
         return rest
 
     def messages(self, receive: Callable[[], bytes] | None = None) -> Iterator[tuple[Opcode, bytes, float]]:
-        """(TEXT, BINARY or CLOSE, payload, arrival in monotonic s) until the relay closes.
+        """Yield the kind (TEXT, BINARY or CLOSE), payload, and arrival in monotonic s, until the relay
+        closes.
 
-        `receive`: reads from the socket; the whole of what is there when None.
+        `receive`: reads from the socket; None: read everything available.
         """
         receive = receive or (lambda: self.socket.recv(RECEIVE_BYTES))
         data = self._rest
@@ -79,12 +80,12 @@ class Connection:
                 return
 
     def _acknowledge(self, now_s: float) -> None:
-        # after any message, not only a frame: a relay that waits for this sends no frames, but status
+        # after any message, not only a frame: a relay that waits for an ack still sends status
         if now_s - self._acknowledged_s >= ACK_INTERVAL_S and self._binaries > self._acknowledged:
             self._acknowledged_s, self._acknowledged = now_s, self._binaries
             text = json.dumps({"type": "ack", "n": self._binaries})
             self.socket.sendall(client_frame(Opcode.TEXT, text.encode()))
 
     def close(self) -> None:
-        """Gone; twice is fine."""
+        """Close the connection. Calling it twice is fine."""
         self.socket.close()

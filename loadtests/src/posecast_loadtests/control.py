@@ -1,9 +1,9 @@
-"""One viewer in a process of its own: its lateness is the relay's, not that of a busy load generator.
+"""A viewer in a separate process: it measures the relay's lateness, not that of a busy load generator.
 
 python -m posecast_loadtests.control ws://127.0.0.1:8080/api/v1/robots/demo/live?hz=10 3
 
-Prints its counts as one line of JSON when its standard input ends. The second argument: how many of the
-robot's frames one of its own stands for.
+Prints its counts as one line of JSON when its standard input ends. The second argument is the number of robot
+frames per viewer frame.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from posecast_loadtests.rfc6455 import Opcode, ProtocolError
 
 
 def watch(address: str, step: int, tally: Tally, ended: threading.Event) -> None:
-    """Until `ended`, however often the relay closes."""
+    """Watch until `ended`, reconnecting whenever the relay closes."""
     viewer, came = Viewer(tally, Clock(), step, decode=True), 0
     while not ended.wait(0.2 if came else 0):
         viewer.connected()

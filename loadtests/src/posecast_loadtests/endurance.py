@@ -1,4 +1,4 @@
-"""The verdict of a soak, from its series alone: what grows, what comes back, what stays."""
+"""Judges a soak test by its series: what grows, what returns to its start, what stays."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ GROWTH_MB_PER_H = 1.0
 RETURN_WITHIN = 5
 HEAP_MB = 1.0
 FULL_MINUTES = 30.0
-LEAK_MB = 5.0  # so much more within one run is a leak, however short the run
-POINTS_MAX = 400  # pairs of points are compared, so their number is bounded
+LEAK_MB = 5.0  # growth by this much in one run is a leak, however short the run
+POINTS_MAX = 400  # bounds the number of points, because all pairs are compared
 _Z95 = 1.96
 
 KEPT, BROKEN, NOT_SHOWN = "kept", "BROKEN", "not shown"
 
 
 class Point(NamedTuple):
-    """One reading of a series, `at_s` from the load's beginning."""
+    """One reading of a series. `at_s`: since the start of the load."""
 
     at_s: float
     value: float
@@ -29,7 +29,7 @@ class Point(NamedTuple):
 
 @dataclass(frozen=True)
 class SoakResult:
-    """One line of the table."""
+    """One row of the table."""
 
     name: str
     figure: str
@@ -38,7 +38,7 @@ class SoakResult:
 
 
 class Slope(NamedTuple):
-    """Per second, with the bounds of its 95 % interval."""
+    """A slope per second, with its 95 % confidence interval."""
 
     middle: float
     low: float
@@ -46,10 +46,13 @@ class Slope(NamedTuple):
 
 
 def slope(points: Sequence[Point]) -> Slope:
-    """Theil and Sen: the median of the slopes of all pairs, so that single peaks count for nothing. Bounds
-    by Sen (1968), doi:10.1080/01621459.1968.10480934. ValueError under three points."""
+    """Compute the Theil-Sen slope: the median slope of all pairs, which ignores single peaks.
+
+    The interval is by Sen (1968), doi:10.1080/01621459.1968.10480934. Raises ValueError for fewer than three
+    points.
+    """
     if len(points) < 3:
-        raise ValueError(f"slope: three points are needed, there are {len(points)}")
+        raise ValueError(f"slope: needs three points, got {len(points)}")
     step = -(-len(points) // POINTS_MAX)
     kept = points[::step]
     slopes = sorted(
@@ -62,8 +65,11 @@ def slope(points: Sequence[Point]) -> Slope:
 
 
 def judge_growth(name: str, points: Sequence[Point], minutes: float) -> SoakResult:
-    """Memory, MB. Kept up to the limit; broken when it is surely steeper. A run that is shorter than the full
-    one can't tell a slow leak from warming up: there only a large growth is a breach."""
+    """Judge growth of memory in MB. It fails if the slope is certainly above the limit.
+
+    A run shorter than the full length can't distinguish a slow leak from warming up, so there only large
+    growth fails.
+    """
     limit = f"≤ {GROWTH_MB_PER_H:g} MB/h"
     if len(points) < 3:
         return SoakResult(name, f"{len(points)} readings", limit, NOT_SHOWN)
@@ -81,14 +87,16 @@ def judge_growth(name: str, points: Sequence[Point], minutes: float) -> SoakResu
 
 
 def judge_return(name: str, before: float, after: float, within: int = RETURN_WITHIN) -> SoakResult:
-    """A count at rest, before the load and after it."""
+    """Judge a count at rest, before and after the load."""
     verdict = KEPT if abs(after - before) <= within else BROKEN
     return SoakResult(name, f"{before:g} → {after:g}", f"back within {within}", verdict)
 
 
 def judge_heap(name: str, points: Sequence[Point], minutes: float) -> SoakResult:
-    """MB after forced collections: the least of the first third against the least of the last. What has just
-    been thrown away may stand in a single reading; a leak raises the floor."""
+    """Judge the heap in MB after forced collections: the minimum of the first third against that of the last.
+
+    Fresh garbage can appear in a single reading. A leak raises the minimum.
+    """
     limit = f"differs by ≤ {HEAP_MB:g} MB"
     if len(points) < 2:
         return SoakResult(name, f"{len(points)} readings", limit, NOT_SHOWN)
@@ -106,7 +114,7 @@ def judge_heap(name: str, points: Sequence[Point], minutes: float) -> SoakResult
 
 
 def table(findings: Sequence[SoakResult]) -> str:
-    """For a person."""
+    """Format the results for the terminal."""
     lines = [(f.name, f.figure, f.limit, f.verdict) for f in findings]
     widths = [max(len(line[i]) for line in lines) for i in range(4)]
     return "\n".join(

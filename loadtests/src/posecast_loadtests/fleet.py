@@ -1,11 +1,11 @@
-"""Many robots from one process, each with a run, a liveliness token and a snapshot of its own.
+"""Many robots in one process, each with its own run, liveliness token and snapshot.
 
 python -m posecast_loadtests.fleet --relay tcp/127.0.0.1:7447 --robots 100 --hz 30
 
-Robots are called fleet-0, fleet-1, …; they walk in ten groups out of step, and a group's robots send the same
-frames, since encoding is the edge's load and not the relay's. Prints one line of JSON a second:
-{"robots", "frames", "late"}; `late` counts ticks that began over half a period late, so that a generator that
-cannot keep up is not taken for a slow relay.
+Robots are named fleet-0, fleet-1, and so on. They walk in ten groups out of step. The robots of a group send
+the same frames, because encoding is the edge's load, not the relay's. Prints one line of JSON per second:
+{"robots", "frames", "late"}. `late` counts ticks that began over half a period late, so that a slow generator
+is not mistaken for a slow relay.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ VIEW = "public"
 
 @dataclass
 class Robot:
-    """One robot's place in the relay."""
+    """One robot's connection to the relay."""
 
     name: str
     run_id: int = field(default_factory=lambda: secrets.randbits(63) | 1)
@@ -63,7 +63,7 @@ class Group:
         self._seq = 0
 
     def frame(self, t_s: float, now_s: float) -> bytes:
-        """The next one: every joint swings, the position a little behind its reference."""
+        """Return the next frame: every joint swings, and the position lags behind its reference."""
         self._seq += 1
         ref = [round(500 * math.sin(2 * t_s + self._phase * 6 + at)) for at in range(JOINTS)]
         pos = [code - at % 4 for at, code in enumerate(ref)]
@@ -75,7 +75,7 @@ class Group:
 
 
 def open_session(relay: str) -> zenoh.Session:
-    """A client of this relay that finds nobody else."""
+    """Open a client session to this relay that does not discover other peers."""
     return zenoh.open(
         zenoh.Config.from_json5(
             json.dumps(
@@ -91,7 +91,7 @@ def open_session(relay: str) -> zenoh.Session:
 
 
 def join(session: zenoh.Session, robot: Robot, group: Group) -> list[object]:
-    """On air. What must be kept for it to stay there."""
+    """Bring a robot online. Keep the returned objects for as long as it should stay online."""
 
     def answer(query: zenoh.Query) -> None:
         snapshot = group.snapshot()

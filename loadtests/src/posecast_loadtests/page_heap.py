@@ -1,7 +1,7 @@
-"""The page in a headless Chromium, and how much its scripts keep.
+"""The page in a headless Chromium, and how much memory its scripts hold.
 
-Chromium is spoken to over its debugging pipe (Chrome DevTools Protocol: JSON documents, each ended by a zero
-byte), so nothing needs installing.
+It drives Chromium through its debugging pipe (Chrome DevTools Protocol: JSON documents that each end with a
+zero byte), so that nothing needs to be installed.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from typing import Any, NamedTuple, TextIO
 
 from posecast_loadtests.stage import ends_with
 
-_ANSWER_S = 60.0  # a collection on a busy machine takes its time
-_COLLECTIONS = 5  # the page goes on between a collection and its reading: the least of so many has no garbage
+_ANSWER_S = 60.0  # a collection can take long on a busy machine
+_COLLECTIONS = 5  # the page runs on between collection and reading, so take the least of several
 _PHONE = {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": False}
-_HIGH = 10  # descriptors from here on, so that neither is 3 or 4, the two that Chromium uses
+_HIGH = 10  # descriptors from here on, to avoid 3 and 4, which Chromium uses
 _ARGUMENTS = (
     *("--headless", "--no-sandbox", "--no-first-run", "--remote-debugging-pipe"),
     *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
@@ -38,19 +38,22 @@ _VIEW = """(() => {
 
 
 class PageError(Exception):
-    """One line: what Chromium did not do."""
+    """Chromium failed to do something. The message is one line."""
 
 
 class Heap(NamedTuple):
-    """Of the page and its workers together, 10⁶ bytes. `scripts_mb`: objects and the bytes of their buffers;
-    `browser_mb`: what the browser keeps for them (nodes, events)."""
+    """The heap of the page and its workers together, in 10⁶ bytes.
+
+    `scripts_mb`: objects and the bytes of their buffers; `browser_mb`: what the browser holds for them
+    (nodes, events).
+    """
 
     scripts_mb: float
     browser_mb: float
 
 
 class Page:
-    """One page, watched by nobody."""
+    """One page in a headless browser."""
 
     def __init__(self, orders: int, answers: int) -> None:
         self._orders = orders
@@ -60,7 +63,7 @@ class Page:
         self._sessions: list[str] = []  # the page's, then its workers'
 
     def attach(self, url: str) -> None:
-        """To the page of this address. PageError when it doesn't open."""
+        """Attach to the page with this address. Raises PageError if it does not open."""
         end_s = time.monotonic() + _ANSWER_S
         while True:
             found = self._ask("Target.getTargets")["targetInfos"]
@@ -78,26 +81,28 @@ class Page:
         )
 
     def text(self) -> str:
-        """What stands on it."""
+        """Return the text on the page."""
         asked = {"expression": "document.body.innerText", "returnByValue": True}
         return str(self._ask("Runtime.evaluate", self._sessions[0], **asked)["result"].get("value", ""))
 
     def view(self) -> str:
-        """How the robot is shown: "3D", which from now on gives up neither pixels nor detail, "light"
-        (without WebGL), or "" while there is neither. A picture whose resolution follows the machine's
-        load takes megabytes more and less."""
+        """Return how the robot is shown: "3D", "light" (without WebGL), or "" if not yet.
+
+        Once it is "3D", the page keeps full resolution and detail. A resolution that follows the machine's
+        load would change memory by megabytes.
+        """
         asked = {"expression": _VIEW, "returnByValue": True}
         return str(self._ask("Runtime.evaluate", self._sessions[0], **asked)["result"].get("value", ""))
 
     def heap(self) -> Heap:
-        """After a forced collection in the page and in each worker, while the stream goes on."""
+        """Measure after a forced collection in the page and in each worker, while the stream runs."""
         found = [self._collected(session) for session in tuple(self._sessions)]
         return Heap(sum(heap.scripts_mb for heap in found), sum(heap.browser_mb for heap in found))
 
     def _collected(self, session: str) -> Heap:
         least = Heap(float("inf"), float("inf"))
         for _ in range(_COLLECTIONS):
-            for _ in range(2):  # what the first one's finalizers let go of goes with the second
+            for _ in range(2):  # the second one frees what the finalizers of the first released
                 self._ask("HeapProfiler.collectGarbage", session)
             used = self._ask("Runtime.getHeapUsage", session)
             scripts = used["usedSize"] + used.get("backingStorageSize", 0)
@@ -142,13 +147,13 @@ class Page:
 
 @contextmanager
 def page(executable: str, url: str, profile: str, log: TextIO) -> Iterator[Page]:
-    """Opens `url` in a Chromium of its own, which ends with the block. PageError when that fails."""
+    """Open `url` in a new Chromium, which ends with the block. Raises PageError if that fails."""
     with ExitStack() as stack:
         its_orders, orders = _pipe()
         answers, its_answers = _pipe()
         for end in (orders, answers):
             stack.callback(os.close, end)
-        # Chromium reads orders from descriptor 3 and answers on 4
+        # Chromium reads commands from descriptor 3 and writes responses to 4
         shell = f'exec "$0" "$@" 3<&{its_orders} 4>&{its_answers}'
         process = subprocess.Popen(
             ["bash", "-c", shell, executable, *_ARGUMENTS, f"--user-data-dir={profile}", url],

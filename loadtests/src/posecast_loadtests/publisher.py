@@ -1,4 +1,4 @@
-"""Locust's fleet: one user that keeps a process of robots on air and tells how it fares."""
+"""Locust's fleet: one user that runs a process of robots and reports how it does."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from posecast_loadtests.user import scenario
 
 
 class PublisherUser(User):
-    """One process for all robots: Zenoh's threads and gevent's do not belong in one."""
+    """Runs all robots in a separate process: Zenoh's threads and gevent do not mix."""
 
     fixed_count = 1
 
@@ -30,7 +30,8 @@ class PublisherUser(User):
 
     @task
     def publish(self) -> None:
-        """Until the test ends. A second with late ticks counts as a failure: the generator is too slow."""
+        """Publish until the test ends. A second with late ticks counts as a failure: the generator is too
+        slow."""
         self._process = subprocess.Popen(self._command, stdout=subprocess.PIPE, text=True)
         assert self._process.stdout is not None
         late = 0
@@ -42,7 +43,7 @@ class PublisherUser(User):
         self._process.wait()
 
     def on_stop(self) -> None:
-        """The robots leave with the test."""
+        """End the robots with the test."""
         if self._process is not None:
             self._process.kill()
 

@@ -1,7 +1,7 @@
-"""The client's half of WebSocket framing (RFC 6455 §5) as plain functions of bytes: no socket, no extension.
+"""The client's half of WebSocket framing (RFC 6455 §5) as pure functions of bytes, without extensions.
 
-A general client library costs about 90 µs a message under gevent, this about 30: the load test must not be
-what it measures.
+A general client library costs about 90 µs per message under gevent, this about 30. The load test must not
+measure itself.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _MAX_MESSAGE = 1 << 20
 
 
 class Opcode(IntEnum):
-    """The frame kinds that occur."""
+    """The frame kinds that are used."""
 
     CONTINUATION = 0
     TEXT = 1
@@ -29,11 +29,11 @@ class Opcode(IntEnum):
 
 
 class ProtocolError(ValueError):
-    """The other side broke RFC 6455, or refused the upgrade. The text is one line."""
+    """The server violated RFC 6455, or refused the upgrade. The message is one line."""
 
 
 def upgrade_request(host: str, path: str, key: bytes) -> bytes:
-    """The opening request; `key` is 16 random bytes."""
+    """Return the upgrade request. `key`: 16 random bytes."""
     text = base64.b64encode(key).decode()
     return (
         f"GET {path} HTTP/1.1\r\nHost: {host}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
@@ -42,11 +42,14 @@ def upgrade_request(host: str, path: str, key: bytes) -> bytes:
 
 
 def check_upgrade(response: bytes, key: bytes) -> bytes | None:
-    """What follows the answer's header, None while that is incomplete. ProtocolError when it refuses."""
+    """Return the bytes after the response's header; None while it is incomplete.
+
+    Raises ProtocolError if the server refuses.
+    """
     head, end, rest = response.partition(b"\r\n\r\n")
     if not end:
         if len(response) > _MAX_HEADER:
-            raise ProtocolError("the answer's header has no end")
+            raise ProtocolError("the response's header has no end")
         return None
     status, *lines = head.split(b"\r\n")
     if status.split(b" ")[1:2] != [b"101"]:
@@ -56,21 +59,21 @@ def check_upgrade(response: bytes, key: bytes) -> bytes | None:
     }
     wanted = base64.b64encode(hashlib.sha1(base64.b64encode(key) + _ACCEPT_SUFFIX).digest())
     if headers.get(b"sec-websocket-accept") != wanted:
-        raise ProtocolError("the answer's Sec-WebSocket-Accept does not fit the request")
+        raise ProtocolError("the response's Sec-WebSocket-Accept does not match the request")
     return rest
 
 
 def client_frame(opcode: Opcode, payload: bytes) -> bytes:
-    """One masked frame; `payload` up to 125 bytes, which is all a viewer ever says."""
+    """Return one masked frame. `payload`: at most 125 bytes, which is enough for a viewer."""
     if len(payload) > 125:
-        raise ProtocolError(f"{len(payload)} bytes are more than a viewer says at once")
+        raise ProtocolError(f"{len(payload)} bytes exceed a viewer's largest message")
     mask = os.urandom(4)
     masked = bytes(byte ^ mask[at % 4] for at, byte in enumerate(payload))
     return bytes((0x80 | opcode, 0x80 | len(payload))) + mask + masked
 
 
 class WebSocketReader:
-    """Bytes in, whole messages out."""
+    """Turns bytes into whole messages."""
 
     def __init__(self) -> None:
         self._buffer = bytearray()
@@ -78,7 +81,7 @@ class WebSocketReader:
         self._parts = bytearray()
 
     def feed(self, data: bytes) -> Iterator[tuple[Opcode, bytes]]:
-        """Every message and control frame that `data` completes, in order. ProtocolError ends it all."""
+        """Yield every message and control frame that `data` completes, in order. A ProtocolError is final."""
         buffer = self._buffer
         buffer += data
         at = 0
@@ -119,7 +122,7 @@ class WebSocketReader:
 
 
 def _header(buffer: bytearray, at: int) -> tuple[int, int] | None:
-    """(where the payload starts, its length) of the frame at `at`; None while the header is incomplete."""
+    """Return the payload's start and length for the frame at `at`; None while its header is incomplete."""
     if len(buffer) < at + 2:
         return None
     if buffer[at] & 0x70 or buffer[at + 1] & 0x80:

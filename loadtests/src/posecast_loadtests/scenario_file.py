@@ -1,4 +1,4 @@
-"""The locustfile of a named scenario: its users, and how many of them when.
+"""The locustfile of a named scenario: its users, and how many of them at which time.
 
 locust -f loadtests/src/posecast_loadtests/scenario_file.py --headless --scenario lecture -H ws://127.0.0.1:8080
 """
@@ -17,14 +17,14 @@ from posecast_loadtests.user import ViewerUser, scenario
 
 __all__ = ["BrowserUser", "PublisherUser", "Stages", "ViewerUser"]
 
-FLEET_FIRST_S = 3.0  # robots are on air before anybody watches
+FLEET_FIRST_S = 3.0  # robots come online before the first viewer
 
 
 class Stages(LoadTestShape):
     """Follows the scenario's stages; ends the test after the last."""
 
     def tick(self) -> tuple[int, float, list[type[User]]] | None:
-        """(users in all, new ones a second, their classes); None at the end."""
+        """Return the number of users, the new ones per second and their classes; None at the end."""
         assert self.runner is not None
         asked = scenario(self.runner.environment)
         users: list[type[User]] = [ViewerUser, BrowserUser]
@@ -44,7 +44,7 @@ class Stages(LoadTestShape):
 
 
 def _arguments(parser: Any) -> None:
-    parser.add_argument("--zenoh", default="tcp/127.0.0.1:7447", help="where a fleet's robots connect")
+    parser.add_argument("--zenoh", default="tcp/127.0.0.1:7447", help="where the fleet's robots connect")
 
 
 _hooks: Any = events

@@ -1,9 +1,9 @@
-"""`python -m posecast_loadtests.soak`: half an hour of viewers coming and going, and what it leaves behind.
+"""`python -m posecast_loadtests.soak`: half an hour of viewers coming and going, and what they leave behind.
 
-A relay with a Redis, the demo robot, Locust's viewers (a tenth leaves each minute and comes back as somebody
-new; some read slowly, some stop reading), and one real page in Chromium. Memory, descriptors, threads and
-tasks are read all the time; the page's heap after a forced collection, sixty times. A report goes to `--out`;
-exit code 1 when a limit was broken.
+It runs a relay with Redis, the demo robot, Locust's viewers (a tenth leave each minute and return as new
+ones; some read slowly, some stop reading), and one real page in Chromium. It reads memory, descriptors,
+threads and tasks all the time, and the page's heap sixty times after a forced collection. A report goes to
+`--out`. Exit status 1 if a limit was exceeded.
 """
 
 from __future__ import annotations
@@ -42,78 +42,79 @@ from posecast_loadtests.scenarios import SOAK
 from posecast_loadtests.stage import OwnRelay, ends_on_term, ends_with, own_relay, started
 from posecast_loadtests.vitals import figures, gauge, redis_mb, vitals
 
-READINGS = 360  # in one run, at most one a second
-WARM = 6  # a sixth into the run everything is warm
-HEAP_READINGS = 60  # of those, about
-REST_S = 30.0  # within this all that the load had opened must be closed
+READINGS = 360  # per run, at most one a second
+WARM = 6  # everything is warm after a sixth of the run
+HEAP_READINGS = 60  # roughly
+REST_S = 30.0  # within this time everything that the load opened must be closed
 LIVE_S = 30.0
 GROWING = ("relay RSS", "edge RSS", "Redis")
-POOL = min(32, (os.cpu_count() or 1) + 4)  # Python's own threads: made when first needed, then kept
+POOL = min(32, (os.cpu_count() or 1) + 4)  # Python's thread pool: threads are made on demand, then kept
 BEFORE, AFTER = "before: ", "after: "  # readings at rest
 RETURNING = ("relay descriptors", "relay threads", "relay tasks", "edge descriptors", "edge threads")
 HEAP = "page heap"
 FAILED = "readings without an answer"
-TOLD = ("posecast_endings_total{", "posecast_store_losses_total ")  # why viewers went; how often Redis did
+# reasons why viewers left; how often Redis was lost
+TOLD = ("posecast_endings_total{", "posecast_store_losses_total ")
 
 
 def options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="python -m posecast_loadtests.soak", description=(__doc__ or "").partition(":")[2].split(".")[0]
     )
-    parser.add_argument("--minutes", type=float, default=FULL_MINUTES, help="30 unless said; 480 for a night")
+    parser.add_argument(
+        "--minutes", type=float, default=FULL_MINUTES, help="length of the test [30]; 480 for a night"
+    )
     parser.add_argument("--viewers", type=int, default=SOAK.viewers)
     parser.add_argument("--static", type=Path, default=Path("spa/dist"), help="the built page")
-    parser.add_argument("--no-page", action="store_true", help="don't watch it in Chromium")
+    parser.add_argument("--no-page", action="store_true", help="run without a page in Chromium")
     parser.add_argument("--out", type=Path, default=Path("out/soak"))
     asked = parser.parse_args()
     if asked.minutes <= 0 or asked.viewers < 1:
         parser.error("--minutes and --viewers must be above 0")
     if not asked.no_page and not (asked.static / "index.html").is_file():
-        parser.error(
-            f"--static {asked.static}: no page is built there; `make setup` does it, or say --no-page"
-        )
+        parser.error(f"--static {asked.static}: contains no built page: run `make setup`, or use --no-page")
     return asked
 
 
 @dataclass
 class Record:
-    """What was read, and when."""
+    """The readings, with their times."""
 
     began_s: float = field(default_factory=time.monotonic)
     series: dict[str, list[Point]] = field(default_factory=dict)
-    told: dict[str, float] = field(default_factory=dict)  # by the relay at the end, see TOLD
+    told: dict[str, float] = field(default_factory=dict)  # the relay's counters at the end, see TOLD
 
     def note(self, name: str, value: float) -> None:
-        """One reading of now."""
+        """Record a reading now."""
         self.series.setdefault(name, []).append(Point(time.monotonic() - self.began_s, value))
 
     def newest(self, name: str) -> float:
-        """The last reading."""
+        """Return the last reading."""
         return self.series[name][-1].value
 
     def warm(self, name: str, from_s: float) -> list[Point]:
-        """A series without its beginning."""
+        """Return a series without its warm-up."""
         return [point for point in self.series.get(name, []) if point.at_s >= from_s]
 
 
 def free_port() -> int:
-    """A port nobody listens on now."""
+    """Return a port that is free now."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
 
 
 def wait(what: str, holds: Callable[[], bool], limit_s: float) -> None:
-    """SystemExit with one line when it doesn't within the limit."""
+    """Wait until `holds` is true. Raises SystemExit with one line if that exceeds the limit."""
     end_s = time.monotonic() + limit_s
     while not holds():
         if time.monotonic() > end_s:
-            sys.exit(f"soak: not within {limit_s:g} s: {what}")
+            sys.exit(f"soak: timed out after {limit_s:g} s: {what}")
         time.sleep(0.1)
 
 
 def redis(stack: ExitStack, log: TextIO, port: int) -> None:
-    """In memory only."""
+    """Start Redis without persistence."""
     started(
         stack, log, "redis-server", *("--port", str(port), "--bind", "127.0.0.1"),
         *("--save", "", "--appendonly", "no", "--logfile", "/dev/null"),
@@ -128,7 +129,7 @@ def redis(stack: ExitStack, log: TextIO, port: int) -> None:
 
 
 def viewers(asked: argparse.Namespace, log: TextIO, host: str, counts: Path) -> Popen[bytes]:
-    """Locust, for as long as the soak takes."""
+    """Start Locust for the length of the soak."""
     command = [
         *(sys.executable, "-m", "locust", "-f", str(Path(__file__).with_name("scenario_file.py"))),
         *("--headless", "--only-summary", "--loglevel", "WARNING", "--scenario", SOAK.name, "-H", host),
@@ -139,18 +140,18 @@ def viewers(asked: argparse.Namespace, log: TextIO, host: str, counts: Path) -> 
 
 
 def look_live(shown: Page) -> None:
-    """SystemExit when the page doesn't say LIVE."""
+    """Raise SystemExit if the page does not say LIVE."""
     wait("the page says LIVE", lambda: "LIVE" in shown.text(), LIVE_S)
 
 
 def look_whole(shown: Page) -> None:
-    """SystemExit when the page doesn't show the robot."""
+    """Raise SystemExit if the page does not show the robot."""
     wait("the page shows the robot", lambda: shown.view() != "", LIVE_S)
     look_live(shown)
 
 
 class Readers:
-    """Reads what relay, edge and Redis take."""
+    """Reads the resources that relay, edge and Redis use."""
 
     def __init__(self, record: Record, own: OwnRelay, metrics: str, redis_port: int) -> None:
         self._record = record
@@ -159,8 +160,10 @@ class Readers:
         self._redis_port = redis_port
 
     def read(self, prefix: str = "") -> None:
-        """One reading of each series; `prefix` goes before its name. SystemExit when a process has ended,
-        OSError or ValueError when one doesn't answer in time."""
+        """Read each series once; `prefix` is prepended to its name.
+
+        Raises SystemExit if a process has ended, OSError or ValueError if one does not answer in time.
+        """
         note = self._record.note
         for name, process in (("relay", self._own.relay), ("edge", self._own.edge)):
             if process.poll() is not None:
@@ -173,7 +176,7 @@ class Readers:
         note(f"{prefix}Redis", redis_mb(self._redis_port))
 
     def read_at_rest(self) -> None:
-        """When all is as it was before, or after a while."""
+        """Read once everything is back to its initial state, or after a limit."""
         end_s = time.monotonic() + REST_S
         while True:
             self.read(AFTER)
@@ -188,12 +191,12 @@ class Readers:
 def watch(
     record: Record, readers: Readers, process: Popen[bytes], shown: Page | None, seconds: float
 ) -> None:
-    """Reads until Locust ends."""
+    """Take readings until Locust ends."""
     record.began_s, next_heap_s = time.monotonic(), seconds / WARM
     while process.poll() is None:
         try:
             readers.read()
-        except (OSError, ValueError):  # too busy to answer once is no reason to lose a night
+        except (OSError, ValueError):  # one timeout must not end a test of a whole night
             record.note(FAILED, 1)
         at_s = time.monotonic() - record.began_s
         if shown is not None and at_s >= next_heap_s:
@@ -207,7 +210,7 @@ def watch(
 
 
 def soak(asked: argparse.Namespace, log: TextIO, chromium: str | None) -> tuple[Record, Tally]:
-    """Everything, from start to end. `chromium`: the program, None for no page."""
+    """Run the whole test. `chromium`: the program; None: no page."""
     record, metrics_port, redis_port = Record(), free_port(), free_port()
     counts: Path = asked.out / "counts.json"
     counts.unlink(missing_ok=True)
@@ -237,7 +240,7 @@ def soak(asked: argparse.Namespace, log: TextIO, chromium: str | None) -> tuple[
 
 
 def judge(record: Record, minutes: float, no_page: str) -> list[SoakResult]:
-    """Against the limits. `no_page`: why there was none."""
+    """Judge the readings against the limits. `no_page`: why there was no page."""
     warm_s = minutes * 60 / WARM
     found = [judge_growth(name, record.warm(name, warm_s), minutes) for name in GROWING]
     for name in RETURNING:
@@ -245,7 +248,7 @@ def judge(record: Record, minutes: float, no_page: str) -> list[SoakResult]:
         found.append(judge_return(name, record.newest(BEFORE + name), record.newest(AFTER + name), within))
     if no_page:
         return [*found, SoakResult(HEAP, no_page, "", NOT_SHOWN)]
-    # the 3D view and the light one take different room: each is judged by itself
+    # the 3D view and the light view need different amounts of memory, so judge each alone
     heaps = [name for name in record.series if name.startswith(HEAP)] or [HEAP]
     return found + [judge_heap(name, record.series.get(name, []), minutes) for name in heaps]
 
@@ -254,7 +257,7 @@ def main() -> int:
     asked = options()
     ends_on_term()
     asked.out.mkdir(parents=True, exist_ok=True)
-    short = "" if asked.minutes >= FULL_MINUTES else f", not the {FULL_MINUTES:g} that the limits are for"
+    short = "" if asked.minutes >= FULL_MINUTES else f" (the limits are for {FULL_MINUTES:g})"
     crowd = f"{asked.viewers} viewers × {SOAK.hz:g} Hz, {SOAK.churn_per_min:.0%} of them new each minute"
     print(f"soak: {asked.minutes:g} minutes{short}; {crowd}", flush=True)
     chromium = None if asked.no_page else shutil.which("chromium")
@@ -265,7 +268,7 @@ def main() -> int:
     except PageError as e:
         sys.exit(f"soak: {e}, see {asked.out}/soak.log")
     findings = judge(record, asked.minutes, no_page)
-    # a busy machine may be late and lower rates; what may never happen may not in half an hour either
+    # a busy machine may be late and lower rates, but must never break the other limits
     never = breaches(replace(tally, lowered=0), LoadLimits(missed_share=1.0, p99_ms=float("inf"), jain=0.0))
     print(table(findings))
     print(f"{tally.frames} frames to viewers, {tally.missed} missed; {tally.evicted} frozen viewers cut")

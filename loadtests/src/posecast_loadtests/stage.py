@@ -1,4 +1,4 @@
-"""A relay of the test's own, and the demo robot on it."""
+"""Starts a relay for the test, with the demo robot."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _START_LIMIT_S = 60.0
 
 
 class Address(NamedTuple):
-    """Where a relay is: `ws://host:port` for viewers, a Zenoh endpoint for robots."""
+    """A relay's addresses: `ws://host:port` for viewers, a Zenoh endpoint for robots."""
 
     viewers: str
     robots: str
 
 
 class OwnRelay(NamedTuple):
-    """A relay and the demo robot's edge, started here."""
+    """A relay and the demo robot's edge, started by this test."""
 
     address: Address
     relay: subprocess.Popen[str]
@@ -33,7 +33,7 @@ class OwnRelay(NamedTuple):
 
 
 def ends_on_term() -> None:
-    """A SIGTERM ends this process like an error does: what it has started ends with it."""
+    """Make SIGTERM raise an error, so that everything this process started ends with it."""
 
     def end(number: int, _frame: object) -> None:
         sys.exit(128 + number)
@@ -42,7 +42,7 @@ def ends_on_term() -> None:
 
 
 def ends_with(stack: ExitStack, process: subprocess.Popen[Any]) -> None:
-    """`process` is ended when `stack` is."""
+    """End `process` when `stack` closes."""
 
     def end() -> None:
         process.terminate()
@@ -56,14 +56,14 @@ def ends_with(stack: ExitStack, process: subprocess.Popen[Any]) -> None:
 
 
 def started(stack: ExitStack, log: TextIO, *command: str, stdin: int | None = None) -> subprocess.Popen[str]:
-    """A process that ends with `stack`; its stdout is piped, its stderr goes to `log`."""
+    """Start a process that ends with `stack`. Its stdout is piped; its stderr goes to `log`."""
     process = subprocess.Popen([*command], stdin=stdin, stdout=subprocess.PIPE, stderr=log, text=True)
     ends_with(stack, process)
     return process
 
 
 def own_relay(stack: ExitStack, log: TextIO, *flags: str) -> OwnRelay:
-    """Starts a relay, with these flags more, and the demo robot, which is on air when this returns."""
+    """Start a relay with these extra flags, and the demo robot. Returns once the robot is online."""
     here = Path(sys.executable).parent
     own = ["--dev", "--port", "0", "--zenoh-listen", "tcp/127.0.0.1:0", *flags]
     relay = started(stack, log, f"{here}/posecast-relay", "run", *own)
@@ -79,10 +79,10 @@ def own_relay(stack: ExitStack, log: TextIO, *flags: str) -> OwnRelay:
 
 
 def _wait_on_air(state: str) -> None:
-    """Until the robot's state can be read: load on an absent robot would measure nothing."""
+    """Wait until the robot's state is available: load on an absent robot would measure nothing."""
     end_s = time.monotonic() + _START_LIMIT_S
     while time.monotonic() < end_s:
         with suppress(OSError), urllib.request.urlopen(state, timeout=2):
             return
         time.sleep(0.1)
-    sys.exit(f"no robot on air within {_START_LIMIT_S:.0f} s")
+    sys.exit(f"no robot online within {_START_LIMIT_S:.0f} s")

@@ -1,4 +1,4 @@
-"""Locust's viewers: sockets under gevent, counts in plain integers."""
+"""Locust's viewers, with sockets under gevent and counts as plain integers."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from posecast_loadtests.results.verdict import tally
 from posecast_loadtests.rfc6455 import Opcode, ProtocolError
 from posecast_loadtests.scenarios import SCENARIOS, SOAK, Scenario, Stage
 
-# every tenth frame of a viewer goes into Locust's own table, every fiftieth viewer decodes in full
+# every tenth frame of a viewer goes into Locust's table; every fiftieth viewer decodes fully
 _REPORTED = 10
 _DECODING = 50
 _SLOW_BYTES_PER_S = 1000
 _SLOW_CHUNK = 250
 _FROZEN_AFTER_S = 5.0
-_FROZEN_FOR_S = 22.0  # by then the relay has cut who does not read (20 s at most)
-_STEADY_S = 2.0  # connections shorter than this say nothing about fairness
+_FROZEN_FOR_S = 22.0  # by then the relay has cut a viewer that does not read (after at most 20 s)
+_STEADY_S = 2.0  # shorter connections say nothing about fairness
 _COME_BACK_S = 1.0
 
 clocks: dict[str, Clock] = {}
 
 
 def scenario(environment: Environment) -> Scenario:
-    """The one asked for by name, or one made of Locust's own `-u`."""
+    """Return the scenario chosen by name, or one made from Locust's `-u`."""
     options = environment.parsed_options
     assert options is not None
     named = {**SCENARIOS, SOAK.name: SOAK}.get(options.scenario)
@@ -42,7 +42,7 @@ def scenario(environment: Environment) -> Scenario:
 
 
 class ViewerUser(User):
-    """One browser tab: joins, reads, acknowledges, until the test ends or it has seen enough."""
+    """One browser tab: joins, reads and acknowledges until the test ends or it leaves."""
 
     _started = 0
 
@@ -60,7 +60,7 @@ class ViewerUser(User):
         self._step = max(1, round(self._source_hz / asked.hz))
         self._stays_s = 60 / asked.churn_per_min if asked.churn_per_min else float("inf")
         clock = clocks.setdefault(robot, Clock())
-        mine = tally if self._kind == "healthy" else Tally()  # a slow phone misses frames, as it should
+        mine = tally if self._kind == "healthy" else Tally()  # a slow phone is expected to miss frames
         self._viewer = Viewer(mine, clock, self._step, decode=number % _DECODING == 0)
         self._mine = mine
         self._link: Connection | None = None
@@ -69,7 +69,7 @@ class ViewerUser(User):
 
     @task
     def watch(self) -> None:
-        """One connection, to its end."""
+        """Watch through one connection, until it ends."""
         self._viewer.connected()
         self._viewer.paced(self._step)
         began_s = time.monotonic()
@@ -88,7 +88,7 @@ class ViewerUser(User):
             self._leave()
 
     def on_stop(self) -> None:
-        """Locust ends the greenlet in the middle of `watch`; what it saw counts."""
+        """Locust kills the greenlet in the middle of `watch`; what it saw still counts."""
         self._leave()
 
     def _leave(self) -> None:
@@ -105,7 +105,7 @@ class ViewerUser(User):
             tally.slow_viewers += 1
             tally.slow_frames += frames
             tally.slow_starved += not frames
-        # these must hold for everybody, however slow
+        # these must hold for every viewer, however slow
         if self._mine is not tally:
             for name in ("duplicates", "reordered", "undecodable"):
                 setattr(tally, name, getattr(tally, name) + getattr(self._mine, name))
@@ -174,14 +174,20 @@ class ViewerUser(User):
 
 
 def _arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("--robot", default="demo", help="whom to watch")
-    parser.add_argument("--hz", type=float, default=10.0, help="frames a second each viewer asks for")
-    parser.add_argument("--source-hz", type=float, default=30.0, help="frames a second the robot sends")
-    parser.add_argument("--scenario", default="", help=f"one of {', '.join(SCENARIOS)}; instead of -u -r -t")
-    parser.add_argument("--viewers", type=int, default=None, help="of a scenario, instead of its own number")
-    parser.add_argument("--stretch", type=float, default=1.0, help="multiplies a scenario's times")
+    parser.add_argument("--robot", default="demo", help="the robot to watch")
+    parser.add_argument("--hz", type=float, default=10.0, help="frames per second that each viewer requests")
+    parser.add_argument(
+        "--source-hz", type=float, default=30.0, help="frames per second that the robot sends"
+    )
+    parser.add_argument(
+        "--scenario", default="", help=f"one of {', '.join(SCENARIOS)}; replaces -u, -r and -t"
+    )
+    parser.add_argument(
+        "--viewers", type=int, default=None, help="number of viewers, instead of the scenario's"
+    )
+    parser.add_argument("--stretch", type=float, default=1.0, help="factor for the scenario's times")
 
 
-# Locust's hooks carry no types; told once, here
+# Locust's hooks have no types, so ignore that here, once
 _hooks: Any = events
 _hooks.init_command_line_parser.add_listener(_arguments)

@@ -1,4 +1,4 @@
-"""What a process takes of its machine, as Linux tells it; and Redis of its memory, as Redis tells it."""
+"""Reads the resources of a process from Linux, and the memory use of Redis from Redis."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _ANSWER_S = 10.0
 
 
 class Vitals(NamedTuple):
-    """Of one process, at one moment."""
+    """The resources of one process at one time."""
 
     rss_mb: float  # resident, 10⁶ bytes
     descriptors: int
@@ -22,7 +22,7 @@ class Vitals(NamedTuple):
 
 
 def vitals(pid: int) -> Vitals:
-    """FileNotFoundError or ProcessLookupError when it is gone."""
+    """Read a process. Raises FileNotFoundError or ProcessLookupError if it is gone."""
     at = Path(f"/proc/{pid}")
     pages = int((at / "statm").read_text().split()[1])
     threads = len(os.listdir(at / "task"))
@@ -30,7 +30,8 @@ def vitals(pid: int) -> Vitals:
 
 
 def redis_mb(port: int) -> float:
-    """What Redis has allocated (`used_memory`). OSError or ValueError when it doesn't say."""
+    """Read how much Redis has allocated (`used_memory`). Raises OSError or ValueError if it does not
+    answer."""
     with socket.create_connection(("127.0.0.1", port), _ANSWER_S) as link:
         link.sendall(b"INFO memory\r\n")
         heard = b""
@@ -46,7 +47,7 @@ def redis_mb(port: int) -> float:
 
 
 def gauge(metrics: str, name: str) -> float:
-    """One value of a relay's Prometheus page. OSError or ValueError when it isn't there."""
+    """Read one value of a relay's metrics. Raises OSError or ValueError if it is missing."""
     found = figures(metrics, f"{name} ")
     if not found:
         raise ValueError(f"{metrics}: no {name}")
@@ -54,7 +55,7 @@ def gauge(metrics: str, name: str) -> float:
 
 
 def figures(metrics: str, *beginnings: str) -> dict[str, float]:
-    """All whose lines begin so, with their labels. OSError when the page can't be had."""
+    """Read all metrics whose lines begin so, with their labels. Raises OSError if there is no answer."""
     with urllib.request.urlopen(metrics, timeout=_ANSWER_S) as answer:
         lines = answer.read().decode().splitlines()
     found = (line.rpartition(" ") for line in lines if line.startswith(beginnings))

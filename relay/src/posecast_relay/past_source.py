@@ -1,7 +1,7 @@
-"""The interface of where a process reads the past: in its own memory, or elsewhere.
+"""The interface through which a process reads the past: from its own memory or from elsewhere.
 
-What is known of segments is in `kept`, and read there at once; their bytes, and what is new elsewhere, may
-have to be waited for.
+`kept` holds the known segments and is read without waiting. Reading their bytes, or finding what is new
+elsewhere, can take time.
 """
 
 from __future__ import annotations
@@ -20,66 +20,68 @@ Wake = Callable[[str, str], None]
 
 
 class PastAway(Exception):
-    """The past can't be read just now; it may be tried again in a second. The message says why, in a line."""
+    """The past can't be read right now; retry in a second. The message is one line with the reason."""
 
 
 class ReachedPast(NamedTuple):
-    """What is known of a stretch of time. `is_whole`: False when there may be more that can't be read now."""
+    """The known segments of a time span. `is_whole` is False if there may be more that can't be read now."""
 
     past: KeptPast
     is_whole: bool
 
 
 class PastSource(Protocol):
-    """Where a process reads the past. Whatever can't be reached raises PastAway, soon."""
+    """Where a process reads the past. A call that can't reach its data raises PastAway soon."""
 
     @property
     def kept(self) -> KeptPast:
-        """What is known of the recent past: of a view, as of the last `refresh`."""
+        """The known part of the recent past. For a view, it is as current as the last `refresh`."""
 
     @property
     def is_older(self) -> bool:
-        """Whether it may hold what was recorded before this process began."""
+        """Whether it may hold data recorded before this process started."""
 
     def follow(self, list_waiting: ListWaiting, wake: Wake) -> None:
-        """Call `wake` with a robot and view of which there is something new, at least for those that
-        `list_waiting` returns.
-        """
+        """Call `wake` with a robot and view when it has new segments, at least for those in
+        `list_waiting()`."""
 
     def find_trouble(self) -> str | None:
-        """Return why it can't be read just now; None when it can. Public: without addresses."""
+        """Return why it can't be read right now; None if it can. Shown to the public, so without
+        addresses."""
 
     async def refresh(self, robot: str, view: str, *, anew: bool = False) -> None:
-        """Bring up to date what is known of a view: as of a moment ago, or `anew`, as of now.
+        """Update what is known of a view. With `anew` read it now; otherwise an update a moment ago is
+        enough.
 
         Raises PastAway.
         """
 
     async def reach_span(self, robot: str, view: str, from_ms: int, to_ms: int) -> ReachedPast:
-        """Return what is known of the ten minutes from `from_ms` to `to_ms`, unix; more may be in it.
+        """Return what is known of the ten minutes from `from_ms` to `to_ms`, unix ms. It may contain more.
 
         Raises PastAway.
         """
 
     async def reach_segment(self, name: SegmentName, audience: Audience) -> KeptPast:
-        """Return what is known of a segment, of the one before, and of what comes next that an audience could
-        see. Raises PastAway.
+        """Return what is known of a segment, its predecessor, and the next one that an audience could see.
+
+        Raises PastAway.
         """
 
     async def load_reaches(self, robot: str, view: str, from_ms: int, to_ms: int) -> list[DayReach]:
-        """Return of which days between these, unix ms, there is more than what is recent, oldest first.
+        """Return the days between these times, unix ms, that have more than the recent past, oldest first.
 
         Raises PastAway.
         """
 
     async def load_day(self, robot: str, view: str, day_ms: int) -> DayIndex:
-        """Return what is known of one of these days. Raises PastAway."""
+        """Return the index of one of these days. Raises PastAway."""
 
     async def load(self, segments: Sequence[KeptSegment]) -> list[KeptSegment]:
-        """Return these segments with their bytes, without those that are gone or damaged. Raises PastAway."""
+        """Return these segments with their bytes, except those that are gone or damaged. Raises PastAway."""
 
     async def load_schema(self, robot: str, view: str, sha256: bytes) -> str | None:
-        """Return the text of a schema that a segment of a view names; None when it is gone.
+        """Return the text of a schema that one of a view's segments names; None if it is gone.
 
         Raises PastAway.
         """

@@ -1,4 +1,4 @@
-"""The past that this process keeps in memory itself."""
+"""The past in this process's own memory."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from posecast_relay.past_source_recent import RecentOnly
 
 
 class MemoryPastSource(RecentOnly):
-    """A PastSource of what lies in this process: nothing has to be waited for."""
+    """A PastSource in this process: it never has to wait."""
 
     kept: MemoryPast
 
@@ -20,23 +20,23 @@ class MemoryPastSource(RecentOnly):
 
     @property
     def is_older(self) -> bool:
-        """Whether it may hold what was recorded before this process began."""
+        """Whether it may hold data recorded before this process started."""
         return False
 
     def follow(self, _list_waiting: ListWaiting, wake: Wake) -> None:
-        """Call `wake` with the robot and view of each segment that is added."""
+        """Call `wake` with the robot and view of each added segment."""
         self.kept.on_added(lambda segment: wake(segment.name.robot, segment.name.view))
 
     def find_trouble(self) -> None:
-        """Return None: what lies here can be read."""
+        """Return None: memory can always be read."""
 
     async def refresh(self, robot: str, view: str, *, anew: bool = False) -> None:
-        """Do nothing: all is here."""
+        """Do nothing: everything is here."""
 
     async def load(self, segments: Sequence[KeptSegment]) -> list[KeptSegment]:
-        """Return them as they are."""
+        """Return them unchanged."""
         return list(segments)
 
     async def load_schema(self, robot: str, view: str, sha256: bytes) -> str | None:
-        """Return the text of a schema that a segment of a view names."""
+        """Return the text of a schema that one of a view's segments names."""
         return self.kept.find_schema_text(robot, view, sha256)

@@ -1,4 +1,4 @@
-"""A past that is recent, all of it: what a PastSource answers that has nothing from before."""
+"""The part of a PastSource for sources that have only the recent past."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from posecast_relay.past_source import ReachedPast
 
 
 class RecentOnly:
-    """The part of a PastSource that tells of days gone by, where there are none. `kept`: see there."""
+    """Answers for older days, of which there are none. `kept`: as in PastSource."""
 
     kept: Any  # a KeptPast, as an attribute or a property
 
     async def reach_span(self, *_asked: object) -> ReachedPast:
-        """Return all of it."""
+        """Return the recent past."""
         return ReachedPast(self.kept, True)
 
     async def reach_segment(self, *_asked: object) -> KeptPast:
-        """Return all of it."""
+        """Return the recent past."""
         past: KeptPast = self.kept
         return past
 
     async def load_reaches(self, *_asked: object) -> list[DayReach]:
-        """Return none."""
+        """Return no days."""
         return []
 
     async def load_day(self, robot: str, view: str, day_ms: int) -> DayIndex:
-        """Return an empty one."""
+        """Return an empty day."""
         return DayIndex(robot, view, day_ms)

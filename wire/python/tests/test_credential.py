@@ -36,7 +36,7 @@ def test_what_is_printed_is_read_back() -> None:
     ],
 )
 def test_anything_else_is_one_line_that_keeps_the_secret(text: str, says: str) -> None:
-    with pytest.raises(ValueError, match=r"no credential|robot 'R") as error:
+    with pytest.raises(ValueError, match=r"invalid credential|robot 'R") as error:
         Credential.parse(text)
     assert says in str(error.value)
     assert "CANARY" not in str(error.value)

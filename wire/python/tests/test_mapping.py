@@ -124,7 +124,7 @@ def test_what_the_robot_stands_on() -> None:
     [
         ([], "mapping.balance: must be an object"),
         ({"feet": "RF"}, "mapping.balance.feet: must be a list"),
-        ({"feet": ["RF", "RF"]}, "mapping.balance.feet: 'RF' stands there twice"),
+        ({"feet": ["RF", "RF"]}, "mapping.balance.feet: 'RF' appears twice"),
         ({"feet": [str(n) for n in range(17)]}, "mapping.balance.feet: more than 16 names"),
         ({"ground": "air"}, "mapping.balance.ground: must be one of measured, lowest"),
         ({"ground": ["lowest"]}, "mapping.balance.ground: must be one of measured, lowest"),

@@ -65,7 +65,7 @@ def test_names_are_quoted_in_one_short_line_with_nothing_unseen() -> None:
     with pytest.raises(SchemaError) as caught:
         build_schema_text("r", labels, [{"name": "a", "labels": "j"}])
     assert str(caught.value).startswith(r"labels.j: '\u{202e}\u{200b}")
-    assert str(caught.value).endswith("stands there twice")
+    assert str(caught.value).endswith("appears twice")
     assert str(caught.value).isprintable()
     assert len(str(caught.value)) < 2_000
 

@@ -111,7 +111,7 @@ export function texts(value: unknown, where: string, most: number): readonly str
   const found = new Set<string>();
   listed.forEach((item, i) => {
     const name = text(item, `${where}[${i}]`);
-    if (found.has(name)) fail(where, `'${name}' stands there twice`);
+    if (found.has(name)) fail(where, `'${name}' appears twice`);
     found.add(name);
   });
   return [...found];

@@ -52,7 +52,7 @@ function parseField(
   const name = text(doc.get('name'), `${where}.name`);
   if (!FIELD_NAME.test(name))
     fail(`${where}.name`, `'${name}' must be a letter or _ and then letters, digits or _, 63 at most`);
-  if (earlier.has(name)) fail(`${where}.name`, `'${name}' stands there twice`);
+  if (earlier.has(name)) fail(`${where}.name`, `'${name}' appears twice`);
   const labelSet = text(doc.get('labels'), `${where}.labels`);
   const labels = sets.get(labelSet);
   if (!labels?.length) fail(`${where}.labels`, `no such label set, or an empty one: '${labelSet}'`);

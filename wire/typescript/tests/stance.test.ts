@@ -30,7 +30,7 @@ describe('what is none is named as in Python', () => {
   test.each([
     [[], 'mapping.balance: must be an object'],
     [{ feet: 'RF' }, 'mapping.balance.feet: must be a list'],
-    [{ feet: ['RF', 'RF'] }, "mapping.balance.feet: 'RF' stands there twice"],
+    [{ feet: ['RF', 'RF'] }, "mapping.balance.feet: 'RF' appears twice"],
     [{ feet: seventeen }, 'mapping.balance.feet: more than 16 names'],
     [{ ground: 'air' }, 'mapping.balance.ground: must be one of measured, lowest'],
     [{ ground: ['lowest'] }, 'mapping.balance.ground: must be one of measured, lowest'],

@@ -19,10 +19,10 @@ from posecast_edge.visible import make_visible
 
 TTY_EVERY_S = 0.5
 PLAIN_EVERY_S = 5.0
-LINES_MAX = 8  # a second; an error, which ends the agent, is always told
+LINES_MAX = 8  # a second; an error, which ends the agent, is always written
 OURS = "posecast_edge"  # loggers
 CLEAR = "\r\x1b[K"
-STYLES = ((logging.ERROR, "red"), (logging.WARNING, "yellow"))  # of a line's head, where colours are wanted
+STYLES = ((logging.ERROR, "red"), (logging.WARNING, "yellow"))  # of a line's prefix, with colours on
 
 
 class Console(logging.Handler):
@@ -46,7 +46,7 @@ class Console(logging.Handler):
         self._next_s = 0.0
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Write a log record on a line of its own, above the progress line."""
+        """Write a log record on its own line, above the progress line."""
         self._begin_second(self._now_s())
         ours = record.name.partition(".")[0] == OURS
         if self._lines >= LINES_MAX and not (ours and record.levelno >= logging.ERROR):
@@ -62,7 +62,7 @@ class Console(logging.Handler):
         if self._left_out and self._has_room():
             left_out, self._left_out = self._left_out, 0
             self._lines = 1
-            self._line(f"{left_out} more lines left out")
+            self._line(f"{left_out} more lines dropped")
 
     def _line(self, text: str, level: int = logging.INFO) -> None:
         if not self._has_room():
@@ -100,11 +100,10 @@ class Console(logging.Handler):
             self._write("\n")
 
     def _has_room(self) -> bool:
-        """Whether a line can be written at once: of a pipe that nobody reads it can't, nor of a stopped
-        terminal."""
+        """Whether a line can be written without blocking. Not so for a full pipe or a stopped terminal."""
         try:
             return bool(select.select([], [self._out], [], 0)[1])
-        except (OSError, ValueError, TypeError):  # nothing that can be full
+        except (OSError, ValueError, TypeError):  # not a pipe or terminal, so it can't be full
             return True
 
     def _write(self, text: str) -> None:
@@ -112,14 +111,14 @@ class Console(logging.Handler):
             self._out.write(text)
             self._out.flush()
         except (OSError, ValueError):
-            pass  # nobody reads stderr any more; the robot stays on air
+            pass  # stderr is closed; the robot stays on air
 
 
 def _of_library(record: logging.LogRecord) -> str:
     """In one line, without the traceback."""
     try:
         text = f"{record.name}: {record.getMessage()}"
-    except Exception:  # its words don't fit its arguments
+    except Exception:  # its format doesn't match its arguments
         text = f"{record.name}: {record.msg}"
     error = record.exc_info[1] if record.exc_info else None
     return text if error is None else f"{text}: {type(error).__name__}: {error}"

@@ -1,6 +1,6 @@
-"""Checks profile, model and the data that a source delivers against each other. Does no I/O.
+"""Checks the profile, the model and a source's data against each other. Does no I/O.
 
-model/doctor/ checks the model alone; this module finds what shows only while the robot sends data.
+model/doctor/ checks the model alone; this module finds problems that only live data reveals.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from posecast_edge.profile.field_defaults import guess_unit
 from posecast_edge.profile.types import FieldSpec, Profile
 
 MOVING = ("revolute", "continuous", "prismatic")
-SLACK = 0.02  # rad or m past a limit before it is worth a word: encoders and servos overshoot
+SLACK = 0.02  # rad or m past a limit that is not reported: encoders and servos overshoot
 GAP_S = 0.5
 CLOCK_OFF = 0.05  # of a second per second
 CLOCKS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
@@ -25,13 +25,13 @@ SHOWN = 6  # names in one line
 
 
 def examine_source(seen: SourceStats, urdf: Urdf | None, hz: float, given: bool = True) -> list[Finding]:
-    """All findings, worst first. `hz`: the requested frame rate; `given`: the user has written the profile,
-    it was not inferred from the first sample."""
+    """All findings, worst first. `hz`: the requested frame rate; `given`: the user gave the profile, so it
+    was not inferred from the first sample."""
     profile = seen.profile
     if not seen.samples:
         return [Finding("error", "source-silent", f"no sample within {WAIT_S:g} s")]
     if profile is None:
-        return [Finding("error", "no-channels", "its samples name no channels: a profile is needed")]
+        return [Finding("error", "no-channels", "its samples name no channels: give a --profile")]
     found = [*_clock(seen), *_rate(seen, hz), *_units(seen, profile, urdf)]
     if given:
         found += _fields(seen, profile)
@@ -56,7 +56,7 @@ def _clock(seen: SourceStats) -> Iterator[Finding]:
         text = f"robot time runs {pace:.3g} s a second: are these {unit}?"
         yield Finding("error", "clock-unit", text)
     elif pace == 0:
-        text = f"robot time stands at {seen.times_s[0]:.3f} s while samples come"
+        text = f"robot time stays at {seen.times_s[0]:.3f} s while samples arrive"
         yield Finding("error", "clock-stands", text)
     elif abs(pace - 1) > CLOCK_OFF:
         text = f"robot time runs {pace:.3g} s a second: a replay, a simulator or a wrong clock"
@@ -65,12 +65,12 @@ def _clock(seen: SourceStats) -> Iterator[Finding]:
 
 def _rate(seen: SourceStats, hz: float) -> Iterator[Finding]:
     if seen.samples < 3:
-        yield Finding("warning", "rate-few", f"only {_many(seen.samples, 'sample')} came")
+        yield Finding("warning", "rate-few", f"only {_many(seen.samples, 'sample')} arrived")
     elif seen.rate_hz < 0.9 * hz:
-        text = f"the source delivers {seen.rate_hz:.3g} samples a second, {hz:g} are asked for"
+        text = f"the source delivers {seen.rate_hz:.3g} samples a second; --hz asks for {hz:g}"
         yield Finding("hint", "rate-low", text)
     if seen.longest_gap_s > GAP_S:
-        text = f"for {seen.longest_gap_s:.1f} s no sample came: viewers say STALE after 1.5 s"
+        text = f"no sample for {seen.longest_gap_s:.1f} s: pages show STALE after 1.5 s"
         yield Finding("warning", "rate-gap", text)
 
 
@@ -98,7 +98,8 @@ def _units(seen: SourceStats, profile: Profile, urdf: Urdf | None) -> Iterator[F
 def _doubted(
     name: str, channels: Mapping[str, ChannelStats], profile: Profile, urdf: Urdf | None
 ) -> list[str]:
-    """Channels that can't be in their field's unit; none of a sliding joint or with a unit of its own."""
+    """Channels whose values can't be in their field's unit. Skips sliding joints and channels with their own
+    unit."""
     apart = set(profile.mapping.units.get(name, {}))
     if name in POSITION and urdf is not None:
         maps = profile.mapping.joints
@@ -113,7 +114,8 @@ def _fields(seen: SourceStats, profile: Profile) -> Iterator[Finding]:
             yield Finding("hint", "field-unused", f"the source has {quote_name(name)}, the profile does not")
     for spec in profile.fields:
         if spec.name in seen.wrong_lengths:
-            text = f"{spec.name} has {seen.wrong_lengths[spec.name]} values, the profile {len(spec.labels)}"
+            given = seen.wrong_lengths[spec.name]
+            text = f"{spec.name} has {given} values, but the profile has {len(spec.labels)} labels"
             yield Finding("error", "field-length", text)
             continue
         channels = seen.fields.get(spec.name)
@@ -152,7 +154,7 @@ def _sensors(seen: SourceStats, profile: Profile) -> Iterator[Finding]:
     mounts = profile.mapping.sensors
     loose = [s for s in sites if s not in mounts or (mounts[s].link is None and mounts[s].kind != "power")]
     if loose:
-        text = f"{_the('sensor', loose)} without a link in [sensors]: readings can't be shown on the body"
+        text = f"{_the('sensor', loose)} without a link in [sensors]: the page can't place the readings"
         yield Finding("warning", "sensor-link", text)
     silent = [
         site
@@ -166,7 +168,7 @@ def _sensors(seen: SourceStats, profile: Profile) -> Iterator[Finding]:
         )
     ]
     if silent:
-        yield Finding("warning", "sensor-silent", f"{_the('sensor', silent)} never had a reading")
+        yield Finding("warning", "sensor-silent", f"no reading from {_the('sensor', silent)}")
 
 
 # --- joints of the model
@@ -176,7 +178,7 @@ def _joints(seen: SourceStats, profile: Profile, urdf: Urdf) -> Iterator[Finding
     moving = {j.name: j for j in urdf.joints if j.type in MOVING}
     spec = next((f for n in POSITION if (f := profile.find_field(n)) and n in seen.fields), None)
     if spec is None or spec.label_set != JOINT:
-        yield Finding("error", "no-positions", "neither pos nor ref of any joint: the body can't move")
+        yield Finding("error", "no-positions", "no pos and no ref for any joint: the body can't move")
         return
     labels, maps, channels = spec.labels, profile.mapping.joints, seen.fields[spec.name]
 
@@ -190,11 +192,11 @@ def _joints(seen: SourceStats, profile: Profile, urdf: Urdf) -> Iterator[Finding
     useless = [x for x in labels if x not in used and x not in moving]
     heard = [x for x in useless if reads(x)]
     if heard:
-        text = f"{_the('channel', heard)} without effect: the model has no such joint"
+        text = f"{_the('channel', heard)} moves nothing: the model has no such joint"
         yield Finding("warning", "channel-moves-nothing", text)
     dead = [x for x in labels if not reads(x) and (x in used or x in moving)]
     if dead:
-        text = f"{spec.name} of {_names(dead)} never had a reading: that part of the body stands still"
+        text = f"no reading for {spec.name} of {_names(dead)}: that part of the body stays still"
         yield Finding("warning", "channel-dead", text)
     yield from _couplings(maps, labels, moving, dead)
     doubted = set(_doubted(spec.name, channels, profile, urdf))
@@ -212,11 +214,11 @@ def _couplings(
         missing = [c for c, _ in how.terms if c in dead]
         if len(how.terms) > 1 and missing:
             needs = _names([c for c, _ in how.terms])
-            text = f"joint {quote_name(name)} needs {needs}; no reading of {_names(missing)}"
+            text = f"joint {quote_name(name)} needs {needs}; no reading for {_names(missing)}"
             yield Finding("warning", "coupling-dead", text)
         for channel, gain in how.terms:
             if gain == 0:
-                text = f"joint {quote_name(name)} takes channel {quote_name(channel)} times 0"
+                text = f"joint {quote_name(name)} multiplies channel {quote_name(channel)} by 0"
                 yield Finding("warning", "coupling-zero", text)
             if (
                 name in moving
@@ -230,7 +232,7 @@ def _couplings(
                 yield Finding("warning", "coupling-shared", text)
         joint = moving.get(name)
         if joint is not None and joint.mimic is not None:
-            text = f"joint {quote_name(name)} mimics another in the model; the profile overrules that"
+            text = f"joint {quote_name(name)} mimics another in the model; the profile overrides that"
             yield Finding("hint", "coupling-mimic", text)
 
 
@@ -244,7 +246,7 @@ def _within(
     if low >= high or (where.low >= low - SLACK and where.high <= high + SLACK):
         return
     unit = "m" if joint.type == "prismatic" else "rad"
-    shown = f"goes from {where.low:.3g} to {where.high:.3g} {unit}, its limits are {low:.3g} to {high:.3g}"
+    shown = f"moves from {where.low:.3g} to {where.high:.3g} {unit}; its limits are {low:.3g} to {high:.3g}"
     factor, instead = (1e-3, "millimetres") if joint.type == "prismatic" else (math.pi / 180, "degrees")
     if len(how.terms) > 1:
         from_what = ", ".join(f"{c} {channels[c].largest:.3g}" for c, _ in how.terms if c in channels)

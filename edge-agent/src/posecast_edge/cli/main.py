@@ -32,16 +32,16 @@ if TYPE_CHECKING:
 log = logging.getLogger("posecast_edge")
 
 WRONG_CONFIGURATION = 2
-NOT_TOLD = 1  # what was found could not be written
-INTERRUPTED = 130  # as shells have it
+NOT_TOLD = 1  # the output could not be written
+INTERRUPTED = 130  # the shells' convention
 
 
 def main(argv: Sequence[str] | None = None, program: str = "posecast-edge") -> NoReturn:
-    """Entry point; ends the process. `argv`: None for those of the process; `program`: what it is called in
+    """Entry point; ends the process. `argv`: None for the process's own arguments; `program`: its name in
     messages."""
     open_closed_streams()
     console = Console(program=program)
-    # on all loggers: by logging's last resort what a library says comes with its traceback
+    # on all loggers: otherwise logging prints a library's messages with tracebacks
     logging.getLogger().addHandler(console)
     threading.excepthook = _log_thread_end
     try:
@@ -49,7 +49,7 @@ def main(argv: Sequence[str] | None = None, program: str = "posecast-edge") -> N
         sys.stdout.flush()
     except KeyboardInterrupt:
         status = INTERRUPTED
-    except BrokenPipeError:  # who read has heard enough
+    except BrokenPipeError:  # the reader closed the pipe
         status = NOT_TOLD
     except OSError as e:
         log.error("%s: %s", e.filename or "stdout", e.strerror or e)
@@ -85,13 +85,13 @@ def _command(argv: list[str], console: Console, program: str) -> int:
         for line in e.lines if isinstance(e, ProfileError) else (e,):
             log.error("%s", line)
         return WRONG_CONFIGURATION
-    except KeyboardInterrupt:  # before the handlers stand
+    except KeyboardInterrupt:  # before the signal handlers are set
         return 0
 
 
 def _leave(status: int) -> NoReturn:
-    """Ends the process as it is: the interpreter's own farewell waits for a thread that sits in an open() of
-    the link, and one of Zenoh's threads that calls into it meanwhile aborts the process."""
+    """End the process at once. A normal interpreter exit would wait for a thread that is opening the link;
+    a Zenoh thread that calls back during it aborts the process."""
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):
             stream.flush()
@@ -106,13 +106,13 @@ def _run(settings: Settings, console: Console) -> int:
     profile = load_profile(profile_path) if profile_path else None
     built = load_built(model) if model else None
     packages = list_packages(settings.packages, os.environ)
-    # a page reads URDF; what is written in another format it gets when it has been built
+    # the page reads URDF only; a model in another format is sent once it has been built
     raw = load_bundle(urdf, packages) if urdf and not built and find_format(urdf) == "urdf" else None
     if raw:
         raw.log_missing()
     source = open_source(settings.source, profile)
 
-    from posecast_edge.agent import Agent, AgentSettings  # noqa: PLC0415 - Zenoh costs time and memory a wrong flag need not pay
+    from posecast_edge.agent import Agent, AgentSettings  # noqa: PLC0415 - loads Zenoh, which is slow: not before the flags are checked
 
     sending = AgentSettings(
         settings.robot, settings.relay, settings.hz, settings.key_interval_s, settings.credential
@@ -128,7 +128,7 @@ def _run(settings: Settings, console: Console) -> int:
         take_model(built)
     build: BackgroundBuild | DescribedModel | None = None
     if raw:
-        agent.expect_model(raw)  # the model itself may take a minute
+        agent.expect_model(raw)  # building the model may take a minute
         if isinstance(source, Discovering):
             source.take_joints(raw.joints)
     options = settings.list_model_options()

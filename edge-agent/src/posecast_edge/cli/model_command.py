@@ -44,16 +44,16 @@ from posecast_edge.sources.base import Discovering
 from posecast_edge.sources.registry import find_defaults, open_source
 
 DESCRIPTION = "robot_description"
-UP_AXIS_HELP = "whether Collada files mean the up axis that they name: what fits together (auto)"
-SEVERITY_STYLES = {"error": "red", "warning": "yellow"}  # where colours are wanted
+UP_AXIS_HELP = "apply or ignore the up axis that Collada meshes declare; auto: decide by what fits (auto)"
+SEVERITY_STYLES = {"error": "red", "warning": "yellow"}  # with colours on
 CLEAN, PROBLEMS, UNUSABLE = 0, 1, 2
 BUILD_STATUSES = {
     CLEAN: "built",
-    PROBLEMS: "built, of nothing but stand-ins",
+    PROBLEMS: "built, but every mesh is a placeholder",
     UNUSABLE: "wrong arguments, or a model that can't be used",
 }
 DOCTOR_STATUSES = {
-    CLEAN: "nothing wrong, or hints only",
+    CLEAN: "no problems, or only hints",
     PROBLEMS: "errors or warnings",
     UNUSABLE: "wrong arguments, or a model, profile or source that can't be used",
 }
@@ -99,22 +99,22 @@ def make_parser(program: str = "posecast-edge") -> CommandParser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="model|doctor")
     model = commands.add_parser("model").add_subparsers(dest="action", required=True, metavar="build")
     build = model.add_parser(
-        "build", help="a robot and its meshes, made small for phones", statuses=BUILD_STATUSES
+        "build", help="make a robot's model small enough for phones", statuses=BUILD_STATUSES
     )
     build.add_argument("urdf", type=Path, metavar="robot", help="URDF, xacro, SDF or MJCF")
-    build.add_argument("-o", "--out", type=Path, required=True, help="the bundle's folder")
-    build.add_argument("--no-cache", action="store_true", help="build it anew")
+    build.add_argument("-o", "--out", type=Path, required=True, help="folder to write the model bundle to")
+    build.add_argument("--no-cache", action="store_true", help="build again, even if a cached result exists")
     doctor = commands.add_parser(
-        "doctor", help="what is wrong with a set-up, in plain words", statuses=DOCTOR_STATUSES
+        "doctor", help="check a model, a profile or a source for problems", statuses=DOCTOR_STATUSES
     )
-    doctor.add_argument("--urdf", type=Path, help="the robot: URDF, xacro, SDF or MJCF")
-    doctor.add_argument("--profile", type=find_profile, help="also whether the profile fits it")
-    doctor.add_argument("--source", help="also whether what it delivers fits both")
+    doctor.add_argument("--urdf", type=Path, help="check this model: URDF, xacro, SDF or MJCF")
+    doctor.add_argument("--profile", type=find_profile, help="check this profile, and that it fits the model")
+    doctor.add_argument("--source", help="check that this source's data fits the model and the profile")
     doctor.add_argument(
         "--seconds", type=limit_number(0, WATCH_MAX_S), default=5.0, help="how long to watch the source (5)"
     )
     doctor.add_argument(
-        "--hz", type=limit_number(1, 60), default=30.0, help="frames a second that are wanted, 1 to 60 (30)"
+        "--hz", type=limit_number(1, 60), default=30.0, help="frames a second you want, 1 to 60 (30)"
     )
     for command in (build, doctor):
         add_robot_flags(command)
@@ -123,7 +123,7 @@ def make_parser(program: str = "posecast-edge") -> CommandParser:
 
 
 def _explain_missing(error: ImportError) -> str:
-    """Why there are no mesh tools: not installed, or not to be loaded, as without a library they need."""
+    """Why the mesh tools can't be used: not installed, or a library they need is missing."""
     if isinstance(error, ModuleNotFoundError):
         return f"needs the mesh tools: {advise_mesh_tools()}"
     first: BaseException = error
@@ -158,7 +158,7 @@ def _model(
         from posecast_edge.model.builder.up_axis import settle_up_axis  # noqa: PLC0415 - the same
     except ImportError as e:
         lost = find_lost_files(urdf, Resolver(path, packages), robot.meshes)
-        text = f"meshes not looked at, only whether they are there: {_explain_missing(e)}"
+        text = f"checked only that mesh files exist, not their contents: {_explain_missing(e)}"
         _print(sys.stderr, f"{args.program}: {text}")
     else:
         with ProgressBar(sys.stderr) as bar:
@@ -174,7 +174,7 @@ def _model(
 
 
 def _source(args: argparse.Namespace, profile: Profile | None, urdf: Urdf | None) -> list[Finding]:
-    """What shows only while the source speaks."""
+    """Findings that need the source's live data."""
     path = find_defaults(args.source).profile if profile is None else None
     profile = load_profile(path) if path else profile
     source = open_source(args.source, profile)
@@ -188,7 +188,7 @@ def _source(args: argparse.Namespace, profile: Profile | None, urdf: Urdf | None
     if described:
         urdf = read_urdf(BytesIO(described[-1].encode()))
     findings = examine_source(seen, urdf, args.hz, given=profile is not None)
-    # a line is the URDF's
+    # a finding with a line number is about the URDF
     _list(findings, lambda finding: str(args.urdf or DESCRIPTION) if finding.line else args.source)
     rate = f"{_many(seen.samples, 'sample')}, {seen.rate_hz:.1f} a second"
     _print(sys.stdout, f"{args.source}: {rate}: {_counted(findings)}")
@@ -196,12 +196,12 @@ def _source(args: argparse.Namespace, profile: Profile | None, urdf: Urdf | None
 
 
 def _name_lines(path: Path) -> str:
-    """What a finding's line is a line of: where there are macros, of what they expand to."""
+    """The text that a finding's line number refers to: for xacro, the expanded text."""
     return f"{path} (expanded)" if find_format(path) == "xacro" else str(path)
 
 
 def _list(findings: Sequence[Finding], name_file: Callable[[Finding], str]) -> None:
-    """The worst FINDINGS_MAX of them; a hostile file has tens of thousands."""
+    """Print the worst FINDINGS_MAX findings; a hostile file can cause tens of thousands."""
     for finding in findings[:FINDINGS_MAX]:
         _print_finding(sys.stdout, finding, name_file(finding))
     if len(findings) > FINDINGS_MAX:
@@ -239,13 +239,13 @@ def _build(args: argparse.Namespace, packages: Sequence[Path], cache: Path | Non
 
 
 def _report(path: Path, out: Path, manifest: Mapping[str, Any], program: str) -> int:
-    """The exit status: 1 when there is something to see, and all of it is stand-ins."""
+    """Print the result. Returns the exit status: 1 when every visual is a placeholder."""
     for finding in manifest.get("findings", []):
         if finding["severity"] != "hint":
             said = Finding(finding["severity"], finding["code"], finding["text"], finding.get("line"))
             _print_finding(sys.stderr, said, _name_lines(path))
     stand_ins = sum("placeholder" in v for v in manifest["visuals"])
-    more = f", {_many(stand_ins, 'stand-in')} among them" if stand_ins else ""
+    more = f", {_many(stand_ins, 'placeholder')} among them" if stand_ins else ""
     links, visuals = _many(len(manifest["links"]), "link"), _many(len(manifest["visuals"]), "visual")
     _print(sys.stdout, f"{out}: {links}, {visuals}{more}")
     for level in manifest["levels"]:
@@ -255,7 +255,7 @@ def _report(path: Path, out: Path, manifest: Mapping[str, Any], program: str) ->
         )
     if stand_ins == 0 or stand_ins < len(manifest["visuals"]):
         return CLEAN
-    text = "nothing but stand-ins can be shown of it; --package-path DIR says where its meshes are"
+    text = "no mesh was found, so only placeholders can be shown; give their folder with --package-path DIR"
     _print(sys.stderr, f"{program}: {path}: {text}")
     return PROBLEMS
 

@@ -17,7 +17,7 @@ def limit_number(low: float, high: float) -> Callable[[str], float]:
         except ValueError:
             value = float("nan")
         if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"{quote(text)} is no number from {low:g} to {high:g}")
+            raise argparse.ArgumentTypeError(f"{quote(text)} is not a number from {low:g} to {high:g}")
         return value
 
     return parse

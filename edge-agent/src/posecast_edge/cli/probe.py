@@ -1,4 +1,4 @@
-"""The command `posecast-edge probe SOURCE`: shows what a source offers, without needing a profile."""
+"""The command `posecast-edge probe SOURCE`: shows what a source delivers. Needs no profile."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ log = logging.getLogger("posecast_edge")
 FINE, SILENT, WRONG = 0, 1, 2
 STATUSES = {
     FINE: "the source delivers",
-    SILENT: "it is silent, or fails",
+    SILENT: "the source sent nothing, or failed",
     WRONG: "wrong arguments",
 }
 SHOWN = 4  # channels of a field
-SHOWN_MAX = 2000  # characters of a line: one that a source's words make too long is cut
+SHOWN_MAX = 2000  # characters; longer lines, caused by a source's names, are cut
 NAME_SHOWN = 200  # characters of a joint's name
 WIDTH = 100  # characters of a line of names
 
@@ -88,7 +88,7 @@ def make_parser(program: str = "posecast-edge") -> CommandParser:
     """The parser of the command."""
     parser = CommandParser(
         prog=f"{program} probe",
-        description="Watch a source for a while and say what it offers.",
+        description="Watch a source for a few seconds and list what it delivers.",
         statuses=STATUSES,
     )
     parser.add_argument("source", help=f"KIND[:ADDRESS]; kinds: {', '.join(KINDS)}")
@@ -96,19 +96,19 @@ def make_parser(program: str = "posecast-edge") -> CommandParser:
         "--seconds", type=limit_number(0, WATCH_MAX_S), default=3.0, help="how long to watch (3)"
     )
     parser.add_argument(
-        "--urdf", type=Path, help="the robot's model (URDF, xacro, SDF, MJCF), for joints that only /tf tells"
+        "--urdf", type=Path, help="the robot's model (URDF, xacro, SDF, MJCF), to read joints from /tf"
     )
     parser.add_argument(
-        "--profile", type=find_profile, help="for a source that needs one, as trajectory does"
+        "--profile", type=find_profile, help="for a source that needs a profile, such as trajectory"
     )
     return parser
 
 
 def _mark_described(profile: Profile, urdf: str) -> Profile:
-    """The profile with the units that the robot's own description gives its joints."""
+    """The profile with the joint units that follow from the robot's own description."""
     try:
         return mark_sliding(profile, find_sliding(read_urdf(io.BytesIO(urdf.encode()))))
-    except (ModelRefused, UnicodeEncodeError):  # `run` says what is wrong with it
+    except (ModelRefused, UnicodeEncodeError):  # `run` reports the reason
         return profile
 
 
@@ -130,7 +130,7 @@ def describe_source(description: str, seen: SourceStats) -> list[str]:
         f"the longest gap {seen.longest_gap_s * 1e3:.0f} ms",
         _clock(seen),
         "",
-        f"{'field':8}{'channels':>9}  {'unit':18}{'lowest':>10}{'highest':>10}  moving  for instance",
+        f"{'field':8}{'channels':>9}  {'unit':18}{'lowest':>10}{'highest':>10}  moving  examples",
     ]
     for name, channels in seen.fields.items():
         lines += [_field(name, unit, of_unit) for unit, of_unit in _by_unit(name, channels, seen.profile)]
@@ -156,7 +156,7 @@ def _clock(seen: SourceStats) -> str:
 def _by_unit(
     name: str, channels: dict[str, ChannelStats], profile: Profile | None
 ) -> list[tuple[str, dict[str, ChannelStats]]]:
-    """The channels of a field, those of one unit together."""
+    """The channels of a field, grouped by unit."""
     spec = profile.find_field(name) if profile else None
     own = profile.mapping.units.get(name, {}) if profile else {}
     usual = spec.unit if spec else find_usual_unit(name)

@@ -1,7 +1,7 @@
-"""The command `posecast-edge profile new`: writes an initial profile for a URDF.
+"""The command `posecast-edge profile new`: writes an initial profile for a robot's model.
 
-Channels are named like the model's joints. If the robot reports other names, change them in [labels] and say
-under [joints] which joint each moves; `posecast-edge doctor` tells what is still wrong.
+Channels are named after the model's joints. If the robot reports other names, change them in [labels] and set
+under [joints] which joint each moves. `posecast-edge doctor` reports what still doesn't match.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SENSOR_FIELDS = {
 }
 WIDTH = 100
 DONE, REFUSED = 0, 2
-STATUSES = {DONE: "written", REFUSED: "wrong arguments, or nothing to be made of the model"}
+STATUSES = {DONE: "written", REFUSED: "wrong arguments, or no profile can be made from the model"}
 
 
 def run_profile(argv: Sequence[str], program: str = "posecast-edge") -> int:
@@ -52,12 +52,12 @@ def run_profile(argv: Sequence[str], program: str = "posecast-edge") -> int:
         print(f"{program}: {args.urdf}{line}: {e.reason}", file=sys.stderr)
         return REFUSED
     except ProfileError as e:
-        print(f"{program}: {args.urdf}: no profile can be made of it: {e}", file=sys.stderr)
+        print(f"{program}: {args.urdf}: can't make a profile from this model: {e}", file=sys.stderr)
         return REFUSED
-    except BrokenPipeError:  # who reads has heard enough
+    except BrokenPipeError:  # the reader closed the pipe
         raise
     except FileExistsError:
-        print(f"{program}: {args.out}: is there already, and stays as it is", file=sys.stderr)
+        print(f"{program}: {args.out}: the file exists already and was not changed", file=sys.stderr)
         return REFUSED
     except OSError as e:
         print(f"{program}: {e.filename or args.urdf}: {e.strerror or e}", file=sys.stderr)
@@ -69,17 +69,15 @@ def make_parser(program: str = "posecast-edge") -> CommandParser:
     """The parser of the command."""
     parser = CommandParser(prog=f"{program} profile")
     commands = parser.add_subparsers(dest="command", required=True, metavar="new")
-    new = commands.add_parser(
-        "new", help="a profile to start from, made of a robot's description", statuses=STATUSES
-    )
-    new.add_argument("--urdf", type=Path, required=True, help="the robot: URDF, xacro, SDF or MJCF")
+    new = commands.add_parser("new", help="generate a profile from a robot's model", statuses=STATUSES)
+    new.add_argument("--urdf", type=Path, required=True, help="the robot's model: URDF, xacro, SDF or MJCF")
     add_robot_flags(new)
-    new.add_argument("-o", "--out", type=Path, help="the file; without, it is printed")
+    new.add_argument("-o", "--out", type=Path, help="the file to write; without it, print the profile")
     return parser
 
 
 def _write(path: Path, text: str) -> None:
-    """A new file, or none."""
+    """Write a new file; on failure leave none behind."""
     file = path.open("x", encoding="utf-8")
     try:
         with file:
@@ -87,7 +85,7 @@ def _write(path: Path, text: str) -> None:
     except OSError as e:
         with suppress(OSError):
             path.unlink()
-        e.filename = str(path)  # a full disk names none
+        e.filename = str(path)  # the error of a full disk has no file name
         raise
 
 
@@ -96,32 +94,32 @@ def _units(joints: Iterable[str], unit: str) -> str:
 
 
 def make_profile_text(urdf: Urdf, file: str) -> str:
-    """The profile as TOML text. Raises ModelRefused when no joint of the model moves."""
+    """The profile as TOML text. Raises ModelRefused when the model has no movable joint."""
     tree = build_tree(urdf)
     joints = [j for j in tree.joints if j.type in MOVING and j.mimic is None]
     if not joints:
         if any(j.type in FREE for j in tree.joints):
-            raise ModelRefused("floating and planar joints have no value of their own, and no other moves")
-        raise ModelRefused("no joint moves: there is nothing to show but a statue")
+            raise ModelRefused("it has only floating and planar joints, and these have no single value")
+        raise ModelRefused("it has no movable joint")
     sliding = [j.name for j in joints if j.type == "prismatic"]
     fine = f"scale = {SLIDING['pos'].scale:g} # 0.1 mm: sliding joints need it, angles get it too"
     units = [fine, _units(sliding, SLIDING["pos"].unit)] if sliding else []
     out = [
-        f"# Made of {_text(file)} by `posecast-edge profile new`; the guide explains every table.",
+        f"# Made from {_text(file)} by `posecast-edge profile new`; the guide explains every table.",
         "",
         "[robot]",
         f"name = {_text(urdf.name or 'robot')}",
         f"root = {_text(tree.links[0].name)}",
         "",
-        "# channels: what the robot reports, in its own words. A channel moves the joint of its own name.",
+        "# channels: the robot's own names for its readings. A channel moves the joint of the same name.",
         "[labels]",
         f"joint = [\n{_list([j.name for j in joints])}]",
         "",
-        "[[fields]] # where the joints are told to be; delete what your robot does not report",
+        "[[fields]] # commanded joint positions; delete the fields your robot does not report",
         'name = "ref"',
         *units,
         "",
-        "[[fields]] # where they are",
+        "[[fields]] # measured joint positions",
         'name = "pos"',
         *units,
         "",
@@ -129,11 +127,11 @@ def make_profile_text(urdf: Urdf, file: str) -> str:
         'name = "vel"',
         *([_units(sliding, SLIDING["vel"].unit)] if sliding else []),
         "",
-        "# more that the page knows by name:",
+        "# more fields that the page knows:",
         *(f'# [[fields]]\n# name = "{name}" # {what}' for name, what in MORE),
         *_sensors(urdf),
         "",
-        "# how far pos may be from ref before it shows: rad, or m for a sliding joint",
+        "# pos further than this from ref is marked on the page: rad, or m for a sliding joint",
         "[tolerance]",
         '"*" = 0.05',
         *(f"{_key(name)} = 0.005" for name in sliding),
@@ -143,7 +141,7 @@ def make_profile_text(urdf: Urdf, file: str) -> str:
         *_mimics(tree.joints),
     ]
     text = "\n".join(out) + "\n"
-    parse_profile(text, file)  # never hand out what the agent itself would refuse
+    parse_profile(text, file)  # never write a profile that the agent would refuse
     return text
 
 
@@ -153,8 +151,8 @@ MORE = (
     ("flags", 'with bits = ["homed", "enabled", "jam"] and a [severity.flags]'),
     ("volt", 'with labels = ["main"]'),
     ("amp", 'with labels = ["main"]'),
-    ("base", 'where the root is, m, with labels = ["base.x", "base.y", "base.z"]'),
-    ("baseq", 'and how it is turned, with labels = ["base.w", "base.x", "base.y", "base.z"]'),
+    ("base", 'position of the root, m, with labels = ["base.x", "base.y", "base.z"]'),
+    ("baseq", 'orientation of the root, with labels = ["base.w", "base.x", "base.y", "base.z"]'),
 )
 
 
@@ -173,7 +171,7 @@ def _sensors(urdf: Urdf) -> list[str]:
     if not known:
         return [
             "",
-            "# a sensor: its site is what stands before the dot in its labels",
+            "# a sensor: its site is the part of its labels before the dot",
             "# [sensors]",
             '# foot = { kind = "wrench", name = "right foot", link = "…", xyz = [0, 0, 0], rpy = [0, 0, 0] }',
         ]
@@ -202,7 +200,7 @@ def _mimics(joints: Sequence[Joint]) -> list[str]:
         return []
     return [
         "",
-        f"# the model itself says what these follow: {', '.join(_text(j.name) for j in found)}",
+        f"# the model defines these as mimic joints: {', '.join(_text(j.name) for j in found)}",
     ]
 
 

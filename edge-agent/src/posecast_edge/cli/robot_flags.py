@@ -1,4 +1,4 @@
-"""The flags by which every command is told how to read a robot's file."""
+"""The flags, shared by all commands, that say how to read a robot's file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from posecast_edge.model.urdf.resolver import list_package_folders
 
 def add_robot_flags(parser: argparse.ArgumentParser) -> None:
     """Add --package-path (also spelled --packages) and --xacro-arg."""
-    text = f"folders where packages or models lie, with {os.pathsep} between; before ROS_PACKAGE_PATH"
+    text = f"folders to search for packages and models, separated by {os.pathsep}; before ROS_PACKAGE_PATH"
     parser.add_argument(
         "--package-path",
         "--packages",
@@ -28,17 +28,17 @@ def add_robot_flags(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME:=VALUE",
-        help="a value for an argument of a xacro file; can be given more than once",
+        help="set an argument of a xacro file; can be repeated",
     )
 
 
 def parse_folders(text: str) -> list[Path]:
-    """The folders of a search path."""
+    """Split a search path into folders."""
     return [Path(part) for part in text.split(os.pathsep) if part]
 
 
 def parse_xacro_argument(text: str) -> tuple[str, str]:
-    """`name:=value`, as xacro itself spells it. Raises argparse.ArgumentTypeError when it is not that."""
+    """Parse `name:=value`, xacro's own syntax. Raises argparse.ArgumentTypeError for anything else."""
     name, given, value = text.partition(":=")
     if not name or not given:
         raise argparse.ArgumentTypeError(f"{text[:80]!r} is not NAME:=VALUE")
@@ -46,5 +46,5 @@ def parse_xacro_argument(text: str) -> tuple[str, str]:
 
 
 def list_packages(given: Sequence[Path], environment: Mapping[str, str]) -> list[Path]:
-    """What was given comes first, then where ROS and Gazebo look."""
+    """The given folders first, then those where ROS and Gazebo look."""
     return [*given, *list_package_folders(environment)]

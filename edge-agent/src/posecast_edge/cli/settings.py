@@ -1,4 +1,4 @@
-"""Turns flags and POSECAST_* variables into one immutable value, or into one error line and exit status 2."""
+"""Parses flags and POSECAST_* variables into one immutable value. An error is one line and exit status 2."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from posecast_edge.visible import quote
 T = TypeVar("T")
 
 STATUSES = {
-    0: "the source ended, or the agent was told to end",
+    0: "the source ended, or the agent was stopped",
     1: "the source or the agent failed, or output could not be written",
     2: "wrong arguments, profile or model",
-    130: "ended by Ctrl-C before it ran",
+    130: "stopped by Ctrl-C before it ran",
 }
 SUCH = "KIND[:ADDRESS], such as demo, csv:log.csv or mujoco:arm.xml"
 
@@ -55,7 +55,7 @@ class Settings:
     up_axis: str = AUTO
 
     def list_model_options(self) -> list[str]:
-        """What `model build` is to be told, too."""
+        """The options to pass on to `model build`."""
         folders = [f"--package-path={folder}" for folder in self.packages]
         arguments = [f"--xacro-arg={name}:={value}" for name, value in self.xacro_arguments]
         return [*folders, *arguments, f"--up-axis={self.up_axis}"]
@@ -89,7 +89,7 @@ def _relay(text: str) -> str:
 
 
 def _credential(text: str) -> Credential:
-    """A file, since a secret in the command line is read by everybody on the machine."""
+    """From a file: everybody on the machine can read a secret on a command line."""
     try:
         return read_credential(text)
     except ValueError as e:
@@ -97,16 +97,16 @@ def _credential(text: str) -> Credential:
 
 
 def _proof(args: argparse.Namespace) -> Credential | Certificate | None:
-    """How the robot proves who it is; by nothing, on one machine."""
+    """How the robot proves its identity; None when it needs no proof, on the relay's own machine."""
     given: Credential | None = args.credential
     if args.tls_cert is None and args.tls_key is None and args.tls_ca is None:
         return given
     if args.tls_cert is None or args.tls_key is None:
-        raise UsageError("--tls-cert and --tls-key go together; --tls-ca only with them")
+        raise UsageError("give --tls-cert and --tls-key together; --tls-ca needs both")
     if given is not None:
-        raise UsageError("--credential and --tls-cert: give one of the two")
+        raise UsageError("give --credential or --tls-cert, not both")
     if args.relay.startswith("tcp/"):
-        raise UsageError(f"--relay {args.relay}: a certificate needs tls/… or quic/…")
+        raise UsageError(f"--relay {args.relay}: with a certificate use tls/… or quic/…")
     certificate = Certificate(args.tls_cert, args.tls_key, args.tls_ca)
     try:
         certificate.check()
@@ -121,18 +121,18 @@ def _named(robot: str | None, credential: Credential | Certificate | None) -> st
             raise UsageError("the following arguments are required: --robot, or a --credential that names it")
         return robot
     if robot not in (None, credential.robot):
-        raise UsageError(f"--credential is of robot {credential.robot!r}, --robot says {robot!r}")
+        raise UsageError(f"--credential is for robot {credential.robot!r}, but --robot is {robot!r}")
     return credential.robot
 
 
 def _up_axis(text: str) -> str:
     if text not in UP_AXIS_MODES:
-        raise argparse.ArgumentTypeError(f"{quote(text)} is none of {', '.join(UP_AXIS_MODES)}")
+        raise argparse.ArgumentTypeError(f"{quote(text)} is not one of {', '.join(UP_AXIS_MODES)}")
     return text
 
 
 def _naming_variable(variable: str, given: str, parse: Callable[[str], object]) -> Callable[[str], object]:
-    """`parse`, which says where a wrong text comes from when that is the environment."""
+    """Wrap `parse` so that its errors name the environment variable when the value comes from there."""
 
     def parsed(text: str) -> object:
         try:
@@ -144,7 +144,7 @@ def _naming_variable(variable: str, given: str, parse: Callable[[str], object]) 
 
 
 def _list_from(environment: Mapping[str, str], variable: str, parse: Callable[[str], list[T]]) -> list[T]:
-    """A variable's value. Raises UsageError that names it."""
+    """A variable's value. Raises UsageError, which names the variable."""
     try:
         return parse(environment.get(variable, ""))
     except argparse.ArgumentTypeError as e:
@@ -152,7 +152,7 @@ def _list_from(environment: Mapping[str, str], variable: str, parse: Callable[[s
 
 
 def _xacro_arguments(text: str) -> list[tuple[str, str]]:
-    """With blanks between."""
+    """Split at spaces."""
     return [parse_xacro_argument(word) for word in text.split()]
 
 
@@ -161,7 +161,7 @@ def add_run_flags(
     environment: Mapping[str, str],
     required: Sequence[str] = ("source", "relay"),
 ) -> None:
-    """Add the flags of `run`; a variable of `environment` stands in for each that is not given."""
+    """Add the flags of `run`; a flag that is not given defaults to its variable in `environment`."""
 
     def flag(name: str, parse: Callable[[str], object], text: str, default: object = None) -> None:
         variable = "POSECAST_" + name.upper().replace("-", "_")
@@ -175,39 +175,44 @@ def add_run_flags(
             help=f"{text} [{variable}]",
         )
 
-    flag("robot", _robot, "the robot's name in the link: a-z, 0-9 and -; a credential has it, too")
+    flag("robot", _robot, "the robot's name in the link: a-z, 0-9 and -; default: the credential's")
     flag(
         "source",
         _source,
         f"{SUCH}; kinds: {', '.join(KINDS)}",
     )
     flag("relay", _relay, "the relay: tls/HOST:PORT, or tcp/127.0.0.1:PORT on this machine")
-    flag("credential", _credential, "file with the line that the relay's `robots add` printed")
+    flag("credential", _credential, "file with the line that `posecast-relay robots add` printed")
     flag(
         "tls-cert",
         Path,
-        "instead of --credential: the robot's certificate (PEM), for a relay with --zenoh-ca",
+        "instead of --credential, for a relay with --zenoh-ca: the robot's certificate (PEM)",
     )
     flag("tls-key", Path, "the private key of --tls-cert (PEM)")
-    flag("tls-ca", Path, "certificate of the authority that signed the relay's (PEM); without, a public one")
+    flag("tls-ca", Path, "CA certificate (PEM) that signed the relay's; without it, the public CAs")
     flag("hz", limit_number(1, 60), "frames a second, 1 to 60 (30)", 30.0)
-    flag("key-interval", limit_number(0.2, 600), "seconds between KEY frames, where viewers begin (4)", 4.0)
+    flag(
+        "key-interval",
+        limit_number(0.2, 600),
+        "seconds between KEY frames, from which viewers start (4)",
+        4.0,
+    )
     flag(
         "profile",
         find_profile,
-        "TOML file that says what the robot's channels mean, or the name of one in Posecast",
+        "TOML file that describes the robot's channels, or the name of a built-in profile",
     )
     flag(
         "urdf",
         Path,
-        "the robot's model, a file of URDF, xacro, SDF or MJCF; its meshes are made small for phones",
+        "the robot's model: URDF, xacro, SDF or MJCF; its meshes are made small enough for phones",
     )
-    flag("model", Path, "instead of --urdf: the folder that `model build` made")
+    flag("model", Path, "instead of --urdf: the folder that `model build` wrote")
     add_robot_flags(parser)
     flag(
         "up-axis",
         _up_axis,
-        "whether Collada meshes mean the up axis they name: auto, ignore, apply (auto)",
+        "the up axis that Collada meshes declare: auto (by what fits), ignore or apply (auto)",
         AUTO,
     )
 
@@ -215,13 +220,13 @@ def add_run_flags(
 def parse_settings(
     argv: Sequence[str], environment: Mapping[str, str], program: str = "posecast-edge"
 ) -> Settings:
-    """Parse the arguments of `run`. Raises UsageError with one line when something is wrong, SystemExit(0)
-    after --help."""
+    """Parse the arguments of `run`. Raises UsageError (one line) for a wrong one, SystemExit(0) after
+    --help."""
     args = make_parser(environment, program).parse_args(argv)
     if args.command is None:
-        raise UsageError(f"say `{program} run …`, or --help")
+        raise UsageError(f"give a command: `{program} run …`, or --help")
     if args.urdf and args.model:
-        raise UsageError("--urdf and --model: give one of the two")
+        raise UsageError("give --urdf or --model, not both")
     proof = _proof(args)
     return Settings(
         _named(args.robot, proof),
@@ -240,22 +245,23 @@ def parse_settings(
 
 
 def make_parser(environment: Mapping[str, str], program: str = "posecast-edge") -> CommandParser:
-    """The parser of the program; commands other than `run` have parsers of their own."""
+    """The parser of the program; commands other than `run` have their own parsers."""
     parser = _Parser(
         prog=program,
-        description="Put a robot on a URL: reads it, never commands it.",
+        description="Put a robot on a URL. Reads the robot, never commands it.",
         version=True,
         statuses=STATUSES,
     )
     commands = parser.add_subparsers(dest="command", metavar="run|probe|doctor|model|profile")
-    commands.add_parser("model", help="model build: a URDF and its meshes, made small for phones")
-    commands.add_parser("probe", help="what a source offers")
-    commands.add_parser("doctor", help="what is wrong with a model, a profile, a source, in plain words")
-    commands.add_parser("profile", help="profile new: a profile to start from, made of a URDF")
+    commands.add_parser("model", help="model build: make a robot's model small enough for phones")
+    commands.add_parser("probe", help="list what a source delivers; needs no profile")
+    commands.add_parser("doctor", help="check a model, a profile or a source for problems")
+    commands.add_parser("profile", help="profile new: generate a profile from a robot's model")
     run = commands.add_parser(
         "run",
         help="read a source and send it to a relay",
-        description="Read a source and send it to a relay. Every flag may also stand in the environment.",
+        description="Read a source and send it to a relay. Each flag can also be set by the environment "
+        "variable in [].",
         statuses=STATUSES,
     )
 

@@ -7,30 +7,30 @@ from dataclasses import dataclass, replace
 
 from posecast_wire.command_line.installation import advise_extra
 
-NO_BALANCE = "no balance is shown"  # what follows from masses that can't be, or are not known
+NO_BALANCE = "no balance is shown"  # the consequence of impossible or unknown masses
 SEVERITIES = ("error", "warning", "hint")
 
 
 def advise_mesh_tools() -> str:
-    """The command that installs what builds models."""
+    """The command that installs the mesh tools, which build models."""
     return advise_extra("posecast-edge", "model")
 
 
 def has_simplifier() -> bool:
-    """Whether meshoptimizer is installed, so that models are built as fine and as small as they can be."""
+    """Whether meshoptimizer is installed; without it, models are coarser and larger."""
     return importlib.util.find_spec("meshoptimizer") is not None
 
 
 def explain_coarser() -> str | None:
-    """One line that says why models are coarser here than they could be; None where they are not."""
+    """One line that says why models are coarser on this machine; None if they are not."""
     if has_simplifier():
         return None
     advice = advise_extra("posecast-edge", "meshopt")
-    return f"built without meshoptimizer, so it is coarser; where there is a C++ compiler: {advice}"
+    return f"built without meshoptimizer, so it is coarser; if you have a C++ compiler: {advice}"
 
 
 class ModelRefused(Exception):
-    """A model or one of its files can't be used: one line, without the file's name."""
+    """A model or one of its files can't be used. The message is one line, without the file's name."""
 
     def __init__(self, reason: str, line: int | None = None) -> None:
         super().__init__(reason)
@@ -40,8 +40,8 @@ class ModelRefused(Exception):
 
 @dataclass(frozen=True)
 class Finding:
-    """`severity` is `error` (something is not shown, or wrong), `warning` (probably wrong) or `hint`; `code`
-    names the rule for tools; `line` is the URDF's, None or 0 when it has none."""
+    """`severity`: `error` (something is wrong or not shown), `warning` (probably wrong) or `hint`; `code`:
+    the rule's name, for tools; `line`: in the URDF, None or 0 without one."""
 
     severity: str
     code: str
@@ -55,8 +55,8 @@ class Finding:
 
 
 def distrust_masses(findings: list[Finding], since: int) -> None:
-    """Make what is no number in the findings from `since` on, all of one link's mass, centre and moments, a
-    reason to show no balance."""
+    """Turn the findings from `since` on about invalid numbers, all in one link's mass, centre and moments,
+    into reasons to show no balance."""
     for i in range(since, len(findings)):
         found = findings[i]
         if found.code == "number":
@@ -70,12 +70,12 @@ def sort_by_severity(findings: list[Finding]) -> list[Finding]:
 
 
 def quote_name(name: str, longest: int = 80) -> str:
-    """Quote a name from a stranger's file so that it is safe to print: no control characters, bounded
+    """Quote a name from an untrusted file so that it is safe to print: no control characters, bounded
     length."""
     shown = make_printable(name[: longest + 1])
     return f"'{shown}'" if len(shown) <= longest else f"'{shown[:longest]}…'"
 
 
 def make_printable(text: str) -> str:
-    """Replace characters that move the cursor, end a line or change the writing direction by visible ones."""
+    """Replace characters that move the cursor, end a line or change the writing direction."""
     return "".join(c if c.isprintable() else "�" for c in text)

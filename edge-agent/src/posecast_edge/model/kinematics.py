@@ -1,4 +1,4 @@
-"""Forward kinematics from a bundle's manifest alone, in plain Python: what every viewer must compute.
+"""Forward kinematics from a bundle's manifest, in plain Python: a reference for what every viewer computes.
 
 Matrices are 4 × 4, row by row, parent_from_child; lengths in metres, angles in radians.
 """
@@ -11,7 +11,7 @@ from typing import Any
 
 Matrix = list[list[float]]
 
-# What a joint's readings are called after its own name, and their rest: MoveIt's names of variables.
+# Suffixes of a joint's readings and their values at rest: MoveIt's variable names.
 SCALAR = (("", 0.0),)
 VARIABLES = {
     "revolute": SCALAR,
@@ -62,7 +62,7 @@ def normalise_axis(axis: Sequence[float] | None) -> tuple[float, float, float]:
     longest = max(map(abs, axis)) if axis is not None else 0.0
     if axis is None or longest < 1e-9:
         return (1.0, 0.0, 0.0)
-    x, y, z = (v / longest for v in axis)  # first, for the square of a large number has no end
+    x, y, z = (v / longest for v in axis)  # scale first: the square of a large number overflows
     length = math.hypot(x, y, z)
     return (x / length, y / length, z / length)
 
@@ -73,7 +73,7 @@ def compute_plane_axes(
     """The x and y axes of the plane perpendicular to a unit axis: the frame's x and y, turned by the shortest
     rotation that takes z to the axis."""
     a, b, c = axis
-    if c < -1 + 1e-9:  # every turn by 180° is as short: about x
+    if c < -1 + 1e-9:  # all turns by 180° are equally short: take x
         return (1.0, 0.0, 0.0), (0.0, -1.0, 0.0)
     d = 1 / (1 + c)
     return (1 - a * a * d, -a * b * d, -a), (-a * b * d, 1 - b * b * d, -b)
@@ -108,7 +108,8 @@ def _turned(xyz: Sequence[float], axis: Sequence[float], angle: float) -> Matrix
 
 
 def compute_joint_values(manifest: Mapping[str, Any], readings: Mapping[str, float]) -> list[list[float]]:
-    """The values of every joint's variables: the reading, else the value it mimics, else its default."""
+    """The values of every joint's variables: the reading, otherwise the mimicked value, otherwise the
+    default."""
     joints = manifest["joints"]
 
     def values(joint: Mapping[str, Any]) -> list[float]:

@@ -1,4 +1,4 @@
-"""The joints of a model that one value moves, whether the model was read or has been built."""
+"""The joints of a model with a single value, for raw and for built models."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def list_moving_joints(urdf: Urdf) -> tuple[MovingJoint, ...]:
 
 
 def list_built_joints(manifest: bytes) -> tuple[MovingJoint, ...]:
-    """The same of a built model, by its manifest. What a manifest should not hold is left out."""
+    """The same for a built model, from its manifest. Leaves out invalid entries."""
     document = json.loads(manifest)
     links, joints = (document.get(name) for name in ("links", "joints"))
     if not isinstance(links, list) or not isinstance(joints, list):

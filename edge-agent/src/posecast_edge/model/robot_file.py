@@ -1,4 +1,4 @@
-"""Reads a robot's description in whichever format it is written."""
+"""Reads a robot's description in any supported format."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ class RobotFile:
 
 
 def find_format(path: Path) -> str:
-    """The format by the file's content: `urdf`, `xacro`, `sdf` or `mjcf`. What can't be read, or has
-    another root element, counts as `urdf`, whose reader says what is wrong."""
+    """The format, from the file's content: `urdf`, `xacro`, `sdf` or `mjcf`. A file that can't be read, or
+    has another root element, counts as `urdf`, whose reader reports the problem."""
     try:
         with path.open("rb") as source:
             content = source.read(BYTES_MAX)
@@ -65,7 +65,7 @@ def load_robot_file(
     if kind == "xacro":
         return _load_xacro(path, packages, xacro_arguments or {})
     if xacro_arguments:
-        raise ModelRefused("--xacro-arg is for xacro; this file has no macros")
+        raise ModelRefused("--xacro-arg is only for xacro files; this file has no macros")
     if kind == "mjcf":
         return _load_mjcf(path, packages)
     if kind == "sdf":
@@ -85,7 +85,7 @@ def _load_xacro(path: Path, packages: Sequence[Path], arguments: Mapping[str, st
     except ModelRefused as e:
         if path.suffix.lower() == ".xacro":
             raise
-        urdf = load_urdf(path)  # a URDF in which some of xacro's was left; it may be shown all the same
+        urdf = load_urdf(path)  # a URDF with leftovers of xacro; it may still be shown
         urdf.findings.append(Finding("error", "xacro", f"not expanded: {e.reason}", e.line))
         return RobotFile(urdf, {}, (path,))
     try:
@@ -93,7 +93,7 @@ def _load_xacro(path: Path, packages: Sequence[Path], arguments: Mapping[str, st
         urdf = read_sdf(expanded.text) if sdf else read_urdf(io.BytesIO(expanded.text))
     except ModelRefused as e:
         where = "" if e.line is None else f"line {e.line} of "
-        raise ModelRefused(f"{where}what it expands to: {e.reason}") from None
+        raise ModelRefused(f"{where}the expanded file: {e.reason}") from None
     if not urdf.links:
         raise ModelRefused("it has macros and no link: give the file that uses them")
     urdf.findings += [Finding("hint", "include-found", f"include {note}") for note in expanded.notes]

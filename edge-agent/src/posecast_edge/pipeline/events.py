@@ -1,8 +1,8 @@
-"""Makes events: faults that appear and clear, a source that falls silent, a limit that is crossed. Does no
+"""Detects events: faults that appear and clear, a source that falls silent, a limit that is crossed. Does no
 I/O.
 
-Every sample that the source delivers is checked, not only those that are sent, so a fault present in a single
-sample at 200 Hz becomes two events.
+Checks every sample that the source delivers, not only those that are sent: a fault in a single sample at
+200 Hz still becomes two events.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from posecast_wire.mapping import Threshold
 from posecast_wire.schema import Field, Schema
 
-SILENT_S = 1.5  # as long as a viewer waits before it says STALE
+SILENT_S = 1.5  # the page shows STALE after the same time
 PER_SECOND = 20
 HYSTERESIS = 0.05  # of the limit: how far back a value must go before the limit counts as left
 LEVELS = ("info", "caution", "fault")
@@ -22,7 +22,7 @@ LEVELS = ("info", "caution", "fault")
 
 @dataclass(frozen=True)
 class Event:
-    """An event for the relay. `t_s`: robot clock, seconds; `on`: True when it began, False when it ended."""
+    """An event for the relay. `t_s`: robot clock, seconds; `on`: True at its begin, False at its end."""
 
     t_s: float
     level: str
@@ -41,8 +41,8 @@ class EventLimit:
         self._count = 0
 
     def admit(self, events: Sequence[Event], now_s: float) -> list[Event]:
-        """Return those of `events` that may be sent now (monotonic seconds). Call it without events, too: it
-        then adds the count of dropped ones when that is due."""
+        """Return those of `events` that may be sent at `now_s` (monotonic seconds). Call it regularly, also
+        with no events: when it is due, it adds the event that counts the dropped ones."""
         out: list[Event] = []
         if now_s - self._since_s >= 1.0:
             if self._count:
@@ -75,7 +75,7 @@ class _Bits:
         self._known: list[float | None] = [0] * field.size  # the newest reading of each
 
     def carry_over(self, old: _Bits) -> None:
-        """Go on with what `old` knew, label by label and bit by bit."""
+        """Take over the state of `old`, label by label and bit by bit."""
         own = {name: mask for mask, name, _ in self._told}
         before = dict(zip(old._labels, old._known, strict=True))
         for i, label in enumerate(self._labels):
@@ -84,13 +84,13 @@ class _Bits:
 
     def look(self, t_s: float, masks: Values) -> list[Event]:
         events: list[Event] = []
-        if masks is self._newest or masks == self._newest:  # as nearly always, 200 times a second
+        if masks is self._newest or masks == self._newest:  # the common case, 200 times a second
             return events
         self._newest = masks
         for i, mask in enumerate(masks):
             before = self._known[i]
             if mask is None or mask == before:
-                continue  # no reading: what was true last stays so
+                continue  # no reading: keep the last state
             self._known[i] = mask
             changed = (int(mask) ^ int(before or 0)) & self._all
             if changed:
@@ -101,7 +101,7 @@ class _Bits:
 
 
 class _Limit:
-    """Watches one channel against one threshold. `index`: in its field."""
+    """Watches one channel against one threshold. `index`: the channel's position in its field."""
 
     def __init__(self, index: int, label: str, unit: str, threshold: Threshold) -> None:
         self.index = index
@@ -109,7 +109,7 @@ class _Limit:
         low, high = threshold.low, threshold.high
         self.low = -math.inf if low is None else low
         self.high = math.inf if high is None else high
-        # where the limit counts as left again
+        # where the value counts as back within the limit
         self._low_back = self.low if low is None else low + HYSTERESIS * (abs(low) or 1.0)
         self._high_back = self.high if high is None else high - HYSTERESIS * (abs(high) or 1.0)
         self._words = {-1: f"below {self.low:g} {unit}".strip(), 1: f"above {self.high:g} {unit}".strip()}
@@ -139,7 +139,7 @@ class _Limits:
         self._newest: Values = ()
 
     def carry_over(self, old: _Limits) -> None:
-        """Go on with what `old` knew, label by label."""
+        """Take over the state of `old`, label by label."""
         sides = {limit.label: limit.side for limit in old._limits}
         for limit in self._limits:
             limit.side = sides.get(limit.label, 0)
@@ -169,7 +169,7 @@ class EventWatch:
         self.silent = False
 
     def change_schema(self, schema: Schema) -> None:
-        """Go on with other channels: what was true of a channel stays so, new ones begin without a fault."""
+        """Switch to other channels. Known channels keep their state; new ones start without a fault."""
         bits = {watched.name: watched for watched in self._watched if isinstance(watched, _Bits)}
         limits = {watched.name: watched for watched in self._watched if isinstance(watched, _Limits)}
         self._watched = _list_watched(schema)
@@ -188,8 +188,8 @@ class EventWatch:
     def check_sample(
         self, t_s: float, values_of: Callable[[str], Values | None], now_s: float
     ) -> list[Event]:
-        """Return the events that a sample causes. `values_of` gives a field's values in the order of its
-        labels, None when the sample lacks the field; it is called only for fields that can cause an event."""
+        """Return the events that a sample causes. `values_of` returns a field's values in the order of its
+        labels, or None when the sample lacks the field. It is called only for fields that can cause one."""
         events: list[Event] = []
         self._last_s, self._t_s = now_s, t_s
         if self.silent:
@@ -202,8 +202,8 @@ class EventWatch:
         return events
 
     def check_time(self, now_s: float, trouble: str = "") -> list[Event]:
-        """Return the events that the source has fallen silent, and that it has or no longer has `trouble`
-        (see base.Troubled). Call it between samples."""
+        """Return the events for a source that has fallen silent, and for `trouble` that began or ended (see
+        base.Troubled). Call it between samples."""
         events: list[Event] = []
         if trouble != self._trouble:
             texts = ((self._trouble, False), (trouble, True))

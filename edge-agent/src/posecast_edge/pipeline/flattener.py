@@ -15,7 +15,7 @@ from posecast_edge.visible import WORD_MAX, make_visible, quote
 
 Flat = list[float | None]
 
-MAX_NAMED = 50  # unknown names said aloud; a source that invents names for ever is not followed
+MAX_NAMED = 50  # unknown names that are logged; a source could invent names for ever
 _FLOATS = {float, type(None)}
 _INTS = {int, type(None)}
 
@@ -37,8 +37,8 @@ class SampleFlattener:
         """Values in channel order, None where the sample has no usable reading. Lists of bit names become an
         integer mask.
 
-        What does not fit the schema is logged (rate-limited) and becomes "no reading"; nothing is shifted or
-        guessed.
+        A value that does not fit the schema is logged (rate-limited) and becomes "no reading"; values are
+        never shifted or guessed.
         """
         self._wrong.tick(now_s)
         flat: Flat = [None] * self._size
@@ -57,7 +57,7 @@ class SampleFlattener:
     def _in_order(self, field: Field, values: Sequence[Reading], sample: Sample, now_s: float) -> Flat:
         if values is self._good_masks.get(field.name):
             return list(values)  # type: ignore[arg-type]  # most sources hand out the same masks again
-        # the common cases without a look at each value: sources may run at 200 Hz
+        # handle the common cases without checking each value: sources may run at 200 Hz
         kinds = set(map(type, values))
         if not field.bits and kinds <= _FLOATS:
             return cast(Flat, list(values))
@@ -84,14 +84,14 @@ class SampleFlattener:
     def _number(self, field: Field, value: object, i: int, sample: Sample, now_s: float) -> float | None:
         if value is None:
             return None
-        if isinstance(value, bool):  # to Python a number, to whoever wrote it none
+        if isinstance(value, bool):  # Python treats it as a number, but its author did not mean one
             pass
         elif field.bits:
             if isinstance(value, (list, tuple)):
                 return self._mask(field, value, sample)
             if isinstance(value, (int, SupportsIndex)) and 0 <= (mask := index(value)) < 1 << len(field.bits):
                 return mask
-        elif isinstance(value, (float, int, SupportsFloat)):  # also numpy's scalars, not texts
+        elif isinstance(value, (float, int, SupportsFloat)):  # includes NumPy scalars, excludes strings
             with suppress(OverflowError):
                 return float(value)
         wanted = "a list or mask of its bits" if field.bits else "a number"
@@ -120,6 +120,6 @@ class SampleFlattener:
         if key in self._unknown:
             return
         self._unknown.add(key)
-        more = "; further unknown names are not said" if len(self._unknown) == MAX_NAMED else ""
+        more = "; further unknown names are not logged" if len(self._unknown) == MAX_NAMED else ""
         where = f"{sample.where}: " if sample.where else ""
         self._say(f"{where}unknown {what} {quote(name)} is ignored{more}")

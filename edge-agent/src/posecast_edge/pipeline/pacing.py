@@ -1,14 +1,14 @@
 """Decides when frames are sent: when a sample arrives, and at most at the requested rate. Does no I/O.
 
-A timer independent of the samples would send samples of any age up to the source's period. So a frame that is
-due waits for the next sample; when none arrives in time, the newest sample so far is sent.
+A timer that ignores the samples would send samples of any age up to the source's period. So a due frame waits
+for the next sample. If none arrives in time, the newest sample is sent.
 """
 
 from __future__ import annotations
 
-EARLY = 1 / 8  # of the interval: a sample so little before its time is taken
-# Of the interval: so long a frame waits for a newer sample than the one there is. More than one interval, or
-# of a source hardly faster than `hz` every sample would leave late rather than one in hundreds be skipped.
+EARLY = 1 / 8  # of the interval: a sample that arrives this little early is sent
+# Of the interval: how long a due frame waits for a newer sample. More than one interval: otherwise every
+# sample of a source slightly faster than `hz` would be delayed, instead of one in hundreds skipped.
 LATE = 5 / 4
 
 
@@ -30,7 +30,7 @@ class FramePacer:
         return (1 + LATE) / self.hz
 
     def is_due(self, now_s: float) -> bool:
-        """Whether a sample that arrives now is to be sent as a frame at once."""
+        """Whether a sample that arrives at `now_s` should be sent as a frame at once."""
         return now_s >= self.from_s
 
     def compute_wait_s(self, now_s: float) -> float:
@@ -38,5 +38,5 @@ class FramePacer:
         return max(0.0, self._next_s + LATE / self.hz - now_s)
 
     def record_frame(self, now_s: float) -> None:
-        """Note that a frame is sent now. A late frame does not make the next one earlier."""
+        """Record that a frame is sent at `now_s`. A late frame does not make the next one earlier."""
         self._next_s = max(self._next_s + 1 / self.hz, now_s)

@@ -10,14 +10,14 @@ from typing import NamedTuple
 from posecast_wire.quantiser import Quantiser
 
 Values = Sequence[float | None] | Callable[[], Sequence[float | None]]
-CONFIRM_S = 0.5  # an unchanged robot says so this often
+CONFIRM_S = 0.5  # how often unchanged codes are sent again
 NEVER = float("-inf")
 
 
 @dataclass(frozen=True)
 class Due:
-    """A frame to encode. `codes`: all channels in the schema's order; `t_s`: robot clock; `force_key`: it
-    must be a KEY; `taken_s`: when the sample came from the source. Times are seconds."""
+    """A frame to encode. `codes`: all channels in the schema's order; `t_s`: robot clock; `force_key`: the
+    frame must be a KEY; `taken_s`: when the sample was read from the source. Times are seconds."""
 
     codes: list[int]
     t_s: float
@@ -34,14 +34,15 @@ class LeftOver(NamedTuple):
 
 
 class Sampler:
-    """Holds only the newest sample: a source faster than the ticks loses samples here, and nowhere else.
+    """Holds only the newest sample. This is the only place where samples of a source faster than the ticks
+    are dropped.
 
     `offer` and `force_key` may be called from other threads than `tick`.
     """
 
     def __init__(self, quantiser: Quantiser) -> None:
         self._quantiser = quantiser
-        # Other threads only replace these two, ticks remember which they have seen: nothing needs a lock.
+        # Other threads only replace these two, and ticks remember which they have seen, so no lock is needed.
         self._newest: tuple[int, float, Values, float] = (0, 0.0, (), NEVER)
         self._force = 1
         self._seen_sample = self._sent_sample = 0
@@ -67,19 +68,19 @@ class Sampler:
         return LeftOver(number, t_s, values() if callable(values) else values)
 
     def skip_sample(self) -> None:
-        """Give up the newest sample, which can't be sent, and wait for the next."""
+        """Drop the newest sample, which can't be sent, and wait for the next."""
         self._seen_sample = self._newest[0]
 
     def force_key(self) -> None:
-        """Make the next frame a KEY and send it even if nothing has changed, provided that the source
-        delivers."""
+        """Make the next frame a KEY and send it even if nothing has changed, provided the source still
+        delivers samples."""
         self._force += 1
 
     def tick(self, now_s: float, oldest_s: float = NEVER) -> Due | None:
-        """What to send now, or None without a new sample or while the codes do not change; unchanged codes
-        are still sent every CONFIRM_S. Changes of time and sequence number do not count.
+        """What to send now. None without a new sample or while the codes do not change; unchanged codes are
+        still sent every CONFIRM_S. Time and sequence number are not compared.
 
-        A sample taken before `oldest_s` is not sent: viewers would take it for a new one.
+        A sample taken before `oldest_s` is not sent, because viewers would mistake it for a new one.
         """
         number, t_s, values, taken_s = self._newest
         force = self._force

@@ -1,4 +1,4 @@
-"""Statistics of what a source delivers within some seconds, for the reports of `probe` and `doctor`."""
+"""Statistics of a few seconds of a source's samples, for the reports of `probe` and `doctor`."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from posecast_edge.sources.base import Source
 
 WAIT_S = 5.0  # for the first sample
 WATCH_MAX_S = 3600.0
-MAX_CHANNELS = 4096  # of a field, and as many fields and texts
+MAX_CHANNELS = 4096  # per field; also the highest number of fields and of texts
 MAX_BITS = 256
 FINITE = sys.float_info.max
-POSITION = ("pos", "ref")  # the body stands where the first of them that there is says
+POSITION = ("pos", "ref")  # the first of these that exists sets the body's pose
 
 
 @dataclass
 class ChannelStats:
-    """One channel's readings. `low`, `high`, `last`: in the source's unit; `bits`: names seen in a list."""
+    """One channel's readings. `low`, `high`, `last`: in the source's unit; `bits`: bit names seen."""
 
     readings: int = 0
     low: float = math.inf
@@ -58,13 +58,13 @@ class ChannelStats:
 class SourceStats:
     """Collects statistics of samples. Does no I/O: arrival times are arguments, in monotonic seconds.
 
-    `fields`: field → label → channel. `joints`: values that the profile computes from them, by joint of the
-    model.
+    `fields`: field → label → channel. `joints`: joint of the model → statistics of the values that the
+    profile computes for it.
     """
 
     def __init__(self, profile: Profile | None = None) -> None:
         self.samples = 0
-        self.ended = False  # by itself
+        self.ended = False  # the source ended on its own
         self.fields: dict[str, dict[str, ChannelStats]] = {}
         self.joints: dict[str, ChannelStats] = {}
         self.info: dict[str, str] = {}
@@ -72,9 +72,9 @@ class SourceStats:
         self.times_s: tuple[float, float] = (0.0, 0.0)  # the robot's clock then
         self.longest_gap_s = 0.0
         self.steps_back = 0
-        self.wrong_lengths: dict[str, int] = {}  # field → how many values came
+        self.wrong_lengths: dict[str, int] = {}  # field → number of values received
         self.quaternions: ChannelStats = ChannelStats()  # norms
-        self.profile = profile  # the one given, or made of the first sample where that says enough
+        self.profile = profile  # the given one, or one inferred from the first sample if possible
         self._labels: dict[str, tuple[str, ...]] = {}
         self._maps: dict[str, JointMap] = {}
         if profile:
@@ -147,7 +147,7 @@ class SourceStats:
 
 
 def _number(value: Reading) -> float | None:
-    """What is one, and finite as a float."""
+    """The value as a finite float; None if it is not a number."""
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= FINITE:
         return None
     return float(value)
@@ -166,7 +166,7 @@ def _position(how: JointMap, channels: Mapping[str, Reading]) -> float | None:
 def observe_source(source: Source, seconds: float, profile: Profile | None = None) -> SourceStats:
     """Watch a source for `seconds` after its first sample, which may take up to WAIT_S to arrive.
 
-    Raises SourceError when the source fails. A source that ends early is reported on as far as it went.
+    Raises SourceError when the source fails. For a source that ends early, returns the statistics so far.
     """
     seen = SourceStats(profile)
     stop = threading.Event()

@@ -29,8 +29,8 @@ from posecast_edge.sample import Sample
 from posecast_edge.visible import quote
 
 INFO_MAX = 64  # texts kept of a robot; further names are ignored
-INFO_BYTES = 12_000  # of all of them together: a relay refuses a robot that says much more
-PICTURE_S = 1.0  # a sample that nobody was sent for so long is shown to who asks, as a picture
+INFO_BYTES = 12_000  # of all of them together: a relay refuses much more
+PICTURE_S = 1.0  # a sample unsent for this long is still shown in snapshots, as a still picture
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,8 @@ class Stream:
     """Encodes one view of one robot, with the channels of that view's profile."""
 
     def __init__(self, profile: Profile, key_interval_s: float, say: Callable[[str], None]) -> None:
-        """SchemaError when the wire cannot carry the profile. `say` takes lines about bad input."""
+        """`say` is called with lines about bad input. Raises SchemaError when the wire format can't carry
+        the profile."""
         self.schema = Schema.parse(make_schema_text(profile))
         self._say = say
         self._flattener = SampleFlattener(self.schema, say)
@@ -60,7 +61,7 @@ class Stream:
         self._limit = EventLimit()
         self._events_lock = threading.Lock()
         self._frames_lock = threading.Lock()
-        self._picture: tuple[int, bytes] | None = None  # of which sample, its KEY
+        self._picture: tuple[int, bytes] | None = None  # number of the sample, its KEY
         self._info: dict[str, str] = {}
         self._info_bytes = 0
         self._said: Mapping[str, str] = {}  # texts of the newest sample that had some
@@ -85,15 +86,14 @@ class Stream:
 
     @property
     def info(self) -> dict[str, str]:
-        """The robot's texts by name. A new mapping replaces it whenever a text changes, so compare by
-        identity."""
+        """The robot's texts by name. Each change of a text makes a new mapping, so compare by identity."""
         return self._info
 
     def change_profile(self, profile: Profile) -> None:
-        """Go on with the fields, labels, units and steps of `profile`. Viewers get a new schema with the next
-        sample; faults that were told are not told again. Call it in the source's thread, between two frames.
+        """Switch to the fields, labels, units and steps of `profile`. Viewers get a new schema with the next
+        sample; reported faults are not reported again. Call it in the source's thread, between two frames.
 
-        SchemaError when the wire cannot carry the profile.
+        Raises SchemaError when the wire format can't carry the profile.
         """
         schema = Schema.parse(make_schema_text(profile))
         if schema.text == self.schema.text:
@@ -113,9 +113,9 @@ class Stream:
         return Quantiser(self.schema, self._deadbands, self._strides)
 
     def deliver(self, sample: Sample, now_s: float) -> list[Event]:
-        """Take a sample that arrives now and return the events that it causes."""
+        """Take a sample that arrives at `now_s` and return the events that it causes."""
         if not math.isfinite(sample.t_s):
-            self._untimed.add(f"a sample of time {sample.t_s} is dropped", now_s)
+            self._untimed.add(f"a sample with time {sample.t_s} is dropped", now_s)
             return []
         if sample.exact:
             values = cast("Mapping[str, Sequence[float | None]]", sample.values)
@@ -135,7 +135,7 @@ class Stream:
     def _take_info(self, sample: Sample, now_s: float) -> None:
         self._too_much.tick(now_s)
         said, self._said = self._said, sample.info
-        if sample.info == said:  # as nearly always
+        if sample.info == said:  # the common case
             return
         for name, text in sample.info.items():
             before = self._info.get(name)
@@ -204,7 +204,7 @@ class Stream:
             codes = self._make_quantiser().quantise(left.values)
             key = Encoder(self.schema).encode(codes, self._next_seq(), left.t_s, now_s)
             self._picture = left.number, key
-            self._sampler.force_key()  # nothing is coded against a picture
+            self._sampler.force_key()  # a still picture is no base for delta frames
         return self._picture[1]
 
     def _next_seq(self) -> int:

@@ -1,4 +1,4 @@
-"""Removes names and texts that no message can carry, from whichever source, and logs them.
+"""Removes names and texts that no message can carry, and logs them.
 
 A lone half of a surrogate pair is valid in a Python string and in JSON, but cannot be encoded as UTF-8.
 """
@@ -29,8 +29,8 @@ class TextGuard:
     """Checks the texts of every sample. Not thread-safe."""
 
     def __init__(self, say: Callable[[str], None]) -> None:
-        self._bad = RateLimitedLog(say, "names and texts that are none")
-        self._good: Mapping[str, str] | None = None  # looked at before: most samples say the same again
+        self._bad = RateLimitedLog(say, "invalid names and texts")
+        self._good: Mapping[str, str] | None = None  # already checked: most samples repeat the same texts
 
     def clean(self, sample: Sample, now_s: float) -> Sample:
         """The sample without entries of `info` and `links` that are not valid text."""
@@ -73,9 +73,9 @@ class TextGuard:
         }
 
     def _report(self, what: str, sample: Sample, now_s: float) -> bool:
-        """False, so that it can stand in a condition."""
+        """Log it. Returns False, so that it can be used in a condition."""
         where = f"{sample.where}: " if sample.where else ""
-        self._bad.add(f"{where}{what} is left out: it holds half a character, no text", now_s)
+        self._bad.add(f"{where}{what} is left out: it is not valid Unicode (half of a surrogate pair)", now_s)
         return False
 
 

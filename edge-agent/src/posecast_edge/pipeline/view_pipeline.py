@@ -1,4 +1,4 @@
-"""One view's way from samples to frames: its stream, its pacing, and the order of its frames."""
+"""Turns samples into one view's frames: its stream, its pacing, and the order of its frames."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import threading
 from posecast_edge.pipeline.pacing import FramePacer
 from posecast_edge.pipeline.stream import Stream
 
-# A sample that has waited for longer, beside what its pace made it wait, is not sent: the link was away, or
-# this process stood still. Whoever saw it come would take it for new.
+# A sample delayed by more than this, in addition to its pacing, is not sent: the link was down or this
+# process was paused. Viewers would mistake it for a new one.
 OLD_S = 0.5
 
 
@@ -21,8 +21,8 @@ class ViewPipeline:
         self.hz = hz  # at most
         self.stream = stream
         self.pacer = FramePacer(hz, now_s)
-        self.at_once = False  # a frame is wanted whatever the pace
-        self.lock = threading.Lock()  # frames leave one after the other, in the order of their numbers
+        self.at_once = False  # send a frame regardless of the pace
+        self.lock = threading.Lock()  # frames are sent one at a time, in the order of their numbers
         self.ended = False
 
     def compute_rest_s(self, now_s: float) -> float:
@@ -32,16 +32,16 @@ class ViewPipeline:
         return self.pacer.compute_wait_s(now_s) if self.stream and self.stream.fresh else math.inf
 
     def compute_oldest_s(self, now_s: float) -> float:
-        """The earliest time at which a sample may have been taken to be still sent now, in seconds."""
+        """Samples taken before this time, in seconds, are too old to be sent now."""
         return now_s - OLD_S - self.pacer.longest_s
 
     def end(self) -> None:
-        """Stop sending: after this returns no frame is being sent or will be sent."""
+        """Stop sending. After this returns, no frame is being sent or will be sent."""
         with self.lock:
             self.ended = True
 
     def record_frame(self, now_s: float, most_hz: float) -> None:
-        """Note that a frame is sent now, and limit the rate to `most_hz`."""
+        """Record that a frame is sent at `now_s`, and limit the rate to `most_hz`."""
         self.at_once = False
         self.pacer.hz = min(self.hz, most_hz)
         self.pacer.record_frame(now_s)

@@ -1,1 +1,1 @@
-"""What is particular to one robot: its fields, joints, views and topics, read from TOML."""
+"""Everything specific to one robot: its fields, joints, views and topics, read from TOML."""

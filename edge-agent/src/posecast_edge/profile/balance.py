@@ -1,4 +1,4 @@
-"""Reads a profile's [balance] table: what the robot stands on, where its model and sensors don't say it."""
+"""Reads a profile's [balance] table: what the robot stands on, if model and sensors don't define it."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ REACH_MAX_M = 10.0
 
 
 def read_balance(reader: ProfileReader, value: object, sensors: Mapping[str, SensorMount]) -> BalanceRule:
-    """Parse [balance]. A foot is a site of a wrench sensor, else a link of the model. Raises ProfileError,
-    which names the line."""
+    """Parse [balance]. A foot is the site of a wrench sensor, otherwise a link of the model. Raises
+    ProfileError, which names the line."""
     item = reader.check_table(value, "balance", ("feet", "ground", "soles"))
     ground = item.get("ground")
     if ground is not None:
@@ -33,14 +33,14 @@ def read_balance(reader: ProfileReader, value: object, sensors: Mapping[str, Sen
         reader.fail("balance.soles", f"more than {FEET_MAX} soles")
     for foot in soles:
         if feet is not None and foot not in feet:
-            reader.fail(f"balance.soles.{foot}", f"{quote(foot)} is none of the feet")
+            reader.fail(f"balance.soles.{foot}", f"{quote(foot)} is not one of the feet")
     read = {foot: _sole(reader, points, f"balance.soles.{foot}") for foot, points in soles.items()}
     return BalanceRule(feet, cast("Ground | None", ground), read)
 
 
 def find_unknown_feet(meaning: Meaning, links: Collection[str]) -> dict[str, str]:
-    """The feet of [balance] that a model with these links lacks, each with the link that is not there: its
-    sensor's, else its own name."""
+    """The feet of [balance] that a model with these links lacks → the missing link: the sensor's link,
+    otherwise the foot's own name."""
     rule = meaning.balance
     link_of = {foot: _find_link(foot, meaning.sensors) for foot in (*(rule.feet or ()), *rule.soles)}
     return {foot: link for foot, link in link_of.items() if link not in links}
@@ -56,7 +56,7 @@ def _feet(
         where, mount = f"balance.feet[{i}]", sensors.get(foot)
         if mount is None:
             if is_measured:
-                reader.fail(where, f"unknown site {quote(foot)}: feet that measure stand in [sensors]")
+                reader.fail(where, f"unknown site {quote(foot)}: list feet with a sensor in [sensors]")
         elif mount.kind != WRENCH:
             reader.fail(where, f"{quote(foot)} is a sensor of kind {mount.kind}, not {WRENCH}")
         elif mount.link is None:
@@ -68,18 +68,18 @@ def _feet(
 def _refuse_one_link_twice(
     reader: ProfileReader, feet: Collection[str], sensors: Mapping[str, SensorMount]
 ) -> None:
-    """Its force would count twice."""
+    """Two feet on one link are an error: its force would count twice."""
     foot_on: dict[str, str] = {}
     for i, foot in enumerate(feet):
         link = _find_link(foot, sensors)
         if link in foot_on:
             both = f"{quote(foot_on[link])} and {quote(foot)}"
-            reader.fail(f"balance.feet[{i}]", f"{both} are one foot: both are on link {quote(link)}")
+            reader.fail(f"balance.feet[{i}]", f"{both} are the same foot: both are on link {quote(link)}")
         foot_on[link] = foot
 
 
 def _find_link(foot: str, sensors: Mapping[str, SensorMount]) -> str:
-    """The link that a foot is: its sensor's, else its own name."""
+    """The link of a foot: its sensor's link, otherwise the foot's own name."""
     return (sensors[foot].link or foot) if foot in sensors else foot
 
 
@@ -89,9 +89,9 @@ def _sole(reader: ProfileReader, value: object, where: str) -> tuple[Xyz, ...]:
     corners = tuple(reader.check_xyz(corner, f"{where}[{i}]") for i, corner in enumerate(value))
     for i, corner in enumerate(corners):
         if max(map(abs, corner)) > REACH_MAX_M:
-            reader.fail(f"{where}[{i}]", f"more than {REACH_MAX_M:g} m from its link; corners are metres")
+            reader.fail(f"{where}[{i}]", f"more than {REACH_MAX_M:g} m from its link; give corners in metres")
     if compute_area(corners) < AREA_MIN_M2:
-        reader.fail(where, "its corners enclose less than 1 cm²; they are metres, in order around the sole")
+        reader.fail(where, "its corners enclose under 1 cm²; give them in metres, in order around the sole")
     return corners
 
 
@@ -99,7 +99,7 @@ def compute_area(corners: Sequence[Xyz]) -> float:
     """The area of a polygon in space, m² (half the length of its Newell vector)."""
     x0, y0, z0 = corners[0]
     total = [0.0, 0.0, 0.0]
-    for one, other in pairwise(corners):  # with the first a triangle each
+    for one, other in pairwise(corners):  # each pair forms a triangle with the first corner
         a, b, c = one[0] - x0, one[1] - y0, one[2] - z0
         d, e, f = other[0] - x0, other[1] - y0, other[2] - z0
         for i, part in enumerate((b * f - c * e, c * d - a * f, a * e - b * d)):

@@ -25,10 +25,10 @@ class Columns:
                 self._channels[field.name] = _endings(field.labels)
 
     def find(self, column: str) -> tuple[str, int] | None:
-        """The (field, channel index) that a column's name stands for, or None: a joint's name belongs to
-        `ref` (to `pos` if the profile has no `ref`), `FIELD.LABEL` to that field.
+        """The (field, channel index) of the column with this name, or None. A joint's name means its channel
+        in `ref` (in `pos` if the profile has no `ref`); `FIELD.LABEL` means that field.
 
-        In a field with one site the component is enough: `baseq.w` is `base.w` in `baseq`.
+        In a field with one site the component is enough: `baseq.w` means `base.w` in `baseq`.
         """
         if column in self._joints:
             return self._joints[column]
@@ -38,7 +38,7 @@ class Columns:
 
 
 def _endings(labels: Sequence[str]) -> dict[str, int | None]:
-    """Label, and what of it stands after its site → its channel; None where several would do."""
+    """Label, or its part after the site → its channel; None where it is ambiguous."""
     found: dict[str, int | None] = {}
     for i, label in enumerate(labels):
         for ending in {label, label.partition(".")[2]}:

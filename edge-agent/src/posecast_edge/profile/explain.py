@@ -1,5 +1,4 @@
-"""Reads a profile's [explain] table: what a bit means, as a sentence in each language that the profile
-gives."""
+"""Reads a profile's [explain] table: sentences that say what a bit means, in each language of the profile."""
 
 from __future__ import annotations
 
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
 
 SENTENCE_MAX = 200  # characters, as on the wire
 BYTES_MAX = 32 << 10  # of all sentences in UTF-8: every viewer gets them before the first frame
-VALUES = ("ref", "pos", "error", "vel", "effort", "cur", "temp")  # with units, of the joint that has the bit
+VALUES = ("ref", "pos", "error", "vel", "effort", "cur", "temp")  # with units, for the joint that has the bit
 _OPTIONAL = re.compile(r"\[([^\[\]]*)\]")
 _PLACE = re.compile(r"\{([^{}]*)\}")
 
@@ -63,7 +62,7 @@ def _short(reader: ProfileReader, value: object, where: str) -> str:
 
 
 def _check_places(reader: ProfileReader, say: str, where: str) -> None:
-    """A value may be unknown, so it stands in a part that can be left out."""
+    """Check that each value is in an optional part of the sentence: it may be unknown."""
     surely, maybe = _OPTIONAL.sub("", say), _OPTIONAL.findall(say)
     for text, allowed in ((surely, ("joint",)), *((part, ("joint", "age", *VALUES)) for part in maybe)):
         for place in _PLACE.findall(text):
@@ -73,4 +72,4 @@ def _check_places(reader: ProfileReader, say: str, where: str) -> None:
             if place not in allowed:
                 reader.fail(where, f"{{{place}}} may be unknown: put its part of the sentence in [ ]")
         if any(mark in _PLACE.sub("", text) for mark in "{}[]"):
-            reader.fail(where, "braces and brackets come in pairs, one inside no other of its kind")
+            reader.fail(where, "braces and brackets must come in pairs, not nested in their own kind")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from posecast_wire.mapping import Severity
 
-# spelling people write → spelling everybody reads
+# common spelling → spelling shown to viewers
 UNITS = {
     "": "",
     "rad": "rad",
@@ -45,7 +45,7 @@ class WellKnown:
     rel: str | None = None
 
 
-# Scales as in the study of bytes per frame: half of what a person can tell apart on the page.
+# Scales are half of the smallest difference that is visible on the page.
 WELL_KNOWN = {
     "ref": WellKnown("rad", 0.001, joints=True),
     "pos": WellKnown("rad", 0.001, joints=True, rel="ref"),
@@ -71,8 +71,8 @@ WELL_KNOWN = {
     "diag": WellKnown("", 1.0),
 }
 
-# field → what it is of a joint that slides, where the robot or its model says so. Finer steps cost bytes of
-# every joint in the field (a bit each time they halve), so only positions have the tenth of a millimetre.
+# field → its defaults for sliding joints, if the robot or its model reports them. Halving a step costs one
+# bit per joint of the field, so only positions have steps of 0.1 mm.
 SLIDING = {
     "ref": WellKnown("m", 0.0001, joints=True),
     "pos": WellKnown("m", 0.0001, joints=True),
@@ -80,7 +80,7 @@ SLIDING = {
     "effort": WellKnown("N", 0.05, joints=True),
 }
 
-# field → kind of sensor its sites are
+# field → kind of sensor at its sites
 SITES_OF = {
     "ftf": "wrench",
     "ftm": "wrench",
@@ -94,9 +94,9 @@ SITES_OF = {
     "charge": "power",
 }
 
-PLAIN = WellKnown("", 0.001)  # a field nobody heard of: a plain table
+PLAIN = WellKnown("", 0.001)  # an unknown field: shown as a plain table
 
-# The bits a robot without a profile is taken to mean by these words, least significant first.
+# The bits that these names mean for a robot without a profile, least significant first.
 FLAG_BITS = (
     "homed",
     "enabled",
@@ -115,7 +115,7 @@ FLAG_BITS = (
     "comply",
 )
 
-# A bit that says how things are rather than that something is wrong.
+# A bit that reports a state rather than a fault.
 STATE_BITS: dict[str, Severity] = {
     "homed": "state",
     "enabled": "state",
@@ -130,11 +130,11 @@ STATE_BITS: dict[str, Severity] = {
     "stale": "caution",
 }
 
-# What the parts of a robot say of themselves: bits of the field `diag`.
+# What the parts of a robot report about themselves: bits of the field `diag`.
 DIAG_BITS = ("warn", "error", "stale")
 
 TURN = 6.2832
-# field → the largest magnitude that a robot's reading in the field's unit has, and what larger ones may be
+# field → the largest plausible magnitude in the field's unit, and the likely unit of larger readings
 MOST = {
     "ref": (1.5 * TURN, "degrees"),
     "pos": (1.5 * TURN, "degrees"),

@@ -1,5 +1,4 @@
-"""Finds what else is wrong with a profile once one error is known: takes the culprit out of the document and
-reads the rest again."""
+"""Finds further errors in a profile: removes the entry that caused the last error, then reads it again."""
 
 from __future__ import annotations
 
@@ -10,8 +9,8 @@ from typing import Any
 from posecast_edge.profile.values import ProfileError
 
 ERRORS_MAX = 20  # of one profile, the first included
-READ_BYTES_MAX = 1 << 20  # for all readings together
-# Entries that other tables name, and what is unknown there once one of them is taken out.
+READ_BYTES_MAX = 1 << 20  # for all reads together
+# Entries that other tables refer to, and the names that are unknown there once the entry is removed.
 _DEFINED = (
     (re.compile(r"labels\..*|fields\[\d+\]\.labels"), "label|label set|joint|channel|name|site|place"),
     (re.compile(r"fields\[\d+\]\.bits"), "bit"),
@@ -22,8 +21,8 @@ _DEFINED = (
 def find_further_errors(
     document: dict[str, Any], size: int, first: ProfileError, read: Callable[[dict[str, Any]], object]
 ) -> Iterator[str]:
-    """The lines of the errors after `first`. Takes `document` apart. `size`: bytes of its text; `read` raises
-    the next ProfileError, if any."""
+    """The lines of the errors after `first`. Removes entries from `document`. `size`: bytes of its text;
+    `read` raises the next ProfileError, if any."""
     error, seen, lost = first, {first.path}, set[str]()
     for _ in range(min(ERRORS_MAX, READ_BYTES_MAX // max(size, 1)) - 1):
         removed = _remove(document, error.path)
@@ -36,7 +35,7 @@ def find_further_errors(
             error = next_error
         else:
             return
-        # what has to be there and was taken out is missed next, and then goes with what it belongs to
+        # a removed entry may be required: the next error reports it as missing, which is not a new error
         is_missed = error.path in seen or error.path == removed.rpartition(".")[0]
         seen.add(error.path)
         if not is_missed and not any(re.search(f": unknown (?:{kinds}) ", str(error)) for kinds in lost):
@@ -44,8 +43,8 @@ def find_further_errors(
 
 
 def _remove(document: dict[str, Any], path: str) -> str | None:
-    """Delete the entry that `path` names, or the nearest around it, and return its path; None when that is a
-    whole field or the document. Items of lists stay: the others' places count."""
+    """Delete the entry at `path`, or the nearest table around it, and return its path; None when that is a
+    whole field or the document. Keeps list items, because errors name them by position."""
     owner: dict[str, Any] = document
     held: tuple[dict[str, Any], str, str] | None = None
     walked, rest = "", path

@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 
 from posecast_wire.mapping import JointMap
 
-DEPTH_MAX = 32  # joints that follow one another
-TERMS_MAX = 1 << 16  # of all joints, once they stand for channels
+DEPTH_MAX = 32  # length of a chain of joints that follow one another
+TERMS_MAX = 1 << 16  # of all joints, once resolved to channels
 
 
 class TermError(ValueError):
@@ -42,8 +42,8 @@ def resolve_entries(entries: Mapping[str, JointMap], channels: Sequence[str]) ->
             channel = entry.terms[0][0]
             if channel in owners:
                 reason = (
-                    f"channel {channel!r} moves joint {owners[channel]!r} already; "
-                    f"a joint that moves with it names {owners[channel]!r} as its term"
+                    f"channel {channel!r} already moves joint {owners[channel]!r}; "
+                    f"for a joint that moves with it, use {owners[channel]!r} as the term"
                 )
                 raise TermError(joint, 0, reason)
             owners[channel] = joint
@@ -52,9 +52,7 @@ def resolve_entries(entries: Mapping[str, JointMap], channels: Sequence[str]) ->
     for joint in entries:
         terms += len(_resolve(joint, entries, known, resolved, ()).terms)
         if terms > TERMS_MAX:
-            raise TermError(
-                joint, None, f"more than {TERMS_MAX} channels move joints, counted for each joint"
-            )
+            raise TermError(joint, None, f"all joints together have more than {TERMS_MAX} terms")
     return {joint: resolved[joint] for joint in entries}
 
 
@@ -71,7 +69,7 @@ def _resolve(
         loop = " → ".join((*above[above.index(joint) :], joint))
         raise TermError(joint, None, f"a loop: {loop}")
     if len(above) > DEPTH_MAX:
-        raise TermError(above[0], None, f"more than {DEPTH_MAX} joints follow one another")
+        raise TermError(above[0], None, f"a chain of more than {DEPTH_MAX} joints that follow one another")
     gains: dict[str, float] = {}
     offset = entries[joint].offset
     for name, gain in entries[joint].terms:

@@ -1,4 +1,4 @@
-"""Reads a profile's [names] table: words for channels and sites, also by language."""
+"""Reads a profile's [names] table: display names of channels and sites, also per language."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from posecast_edge.profile.values import Values
 def read_names(
     values: Values, value: object, known: Collection[str]
 ) -> tuple[dict[str, str], dict[str, dict[str, str]]]:
-    """Parse [names] into channel or site → words, and what its tables ([names.ko]) have: language → channel
-    or site → words. Raises ProfileError, which names the line."""
+    """Parse [names] into channel or site → display name, and its subtables ([names.ko]) into language →
+    channel or site → display name. Raises ProfileError, which names the line."""
     names: dict[str, str] = {}
     translated: dict[str, dict[str, str]] = {}
     for key, entry in values.check_table(value, "names").items():

@@ -1,7 +1,7 @@
 """Reads a profile's TOML text.
 
 Every table except `[[fields]]` is optional. An unknown key, joint, label or unit is an error that names file,
-line and place, so that a typing mistake does not become a silently missing limb.
+line and place, so that a typo never makes a limb disappear without a message.
 """
 
 from __future__ import annotations
@@ -47,24 +47,24 @@ else:
 __all__ = ["ProfileError", "find_profile", "load_profile", "parse_profile"]
 
 SHIPPED = Path(__file__).resolve().parent.parent / "profiles"
-SKIP = "-"  # a trajectory column nobody reads
+SKIP = "-"  # a trajectory column to ignore
 PROFILE_BYTES_MAX = 1 << 20
 NAME_MAX = 300  # characters of a file's name, in a message
 DEADBAND_MAX = 1e6  # steps
 HEADER_MAX = 1_000_000  # lines of a trajectory
 RATE_HZ_MAX = 100_000.0
 LAG_S_MAX = 60.0
-# What TOML's reader takes the square of to read: an integer's digits, the parts of a dotted key.
+# The TOML parser takes quadratic time for these: the digits of an integer, the parts of a dotted key.
 _DIGITS = re.compile(r"[0-9][0-9_]{400}")
 _DOTTED = re.compile(r"""(?<![A-Za-z0-9_-])(?:(?:[A-Za-z0-9_-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){32}""")
 
 
 def find_profile(name: str) -> Path:
-    """The file at this path, or the profile of this name that is installed with the agent (`hubo2plus`)."""
+    """The file at this path, or the built-in profile of this name (`hubo2plus`)."""
     path, shipped = Path(name), SHIPPED / f"{name}.toml"
     try:
         return shipped if not path.exists() and shipped.parent == SHIPPED and shipped.is_file() else path
-    except OSError:  # too long for a name; reading it will say so
+    except OSError:  # the name is too long; reading the file reports it
         return path
 
 
@@ -76,7 +76,7 @@ def load_profile(path: Path) -> Profile:
             content = file.read(PROFILE_BYTES_MAX + 1)
     except OSError as e:
         known = ", ".join(sorted(p.stem for p in SHIPPED.glob("*.toml")))
-        hint = "" if path.suffix else f"; profiles that come with the agent: {known}"
+        hint = "" if path.suffix else f"; built-in profiles: {known}"
         raise ProfileError(f"{name}: {e.strerror or e}{hint}") from None
     if len(content) > PROFILE_BYTES_MAX:
         raise ProfileError(f"{name}: over {PROFILE_BYTES_MAX} bytes")
@@ -89,8 +89,8 @@ def load_profile(path: Path) -> Profile:
 
 
 def parse_profile(text: str, file: str = "profile") -> Profile:
-    """Parse TOML text. Raises ProfileError, `file:line: where: reason` of bounded length, whatever is wrong
-    with it; its `more` has what else is."""
+    """Parse TOML text. Raises ProfileError for any problem: `file:line: where: reason`, of bounded length;
+    its `more` has the further errors."""
     for pattern, what in (
         (_DIGITS, "a number of more than 400 digits"),
         (_DOTTED, "a key of more than 32 parts"),
@@ -103,7 +103,7 @@ def parse_profile(text: str, file: str = "profile") -> Profile:
         document = tomllib.loads(text)
     except RecursionError:
         raise ProfileError(f"{file}: nested too deep") from None
-    except ValueError as e:  # TOMLDecodeError is one; others come of dates and numbers
+    except ValueError as e:  # a TOMLDecodeError, or an invalid date or number
         raise ProfileError(f"{file}: {make_visible(str(e), REASON_MAX)}") from None
 
     def read(document: dict[str, Any]) -> Profile:
@@ -124,7 +124,9 @@ class ProfileReader(Values):
 
     def __init__(self, file: str, text: str) -> None:
         super().__init__(file, text)
-        self.units: dict[str, dict[str, str]] = {}  # by field and label, where it is not the field's
+        self.units: dict[
+            str, dict[str, str]
+        ] = {}  # by field and label, for channels whose unit is not the field's
 
     def check_wire_bounds(self, profile: Profile) -> None:
         """Raise ProfileError when the schema of the profile or of one of its views exceeds the wire format's
@@ -218,9 +220,12 @@ class ProfileReader(Values):
         item = self.check_table(value, where, keys)
         name = self.check_text(item.get("name"), f"{where}.name")
         if not FIELD_NAME.fullmatch(name):
-            self.fail(f"{where}.name", f"{quote(name)} must be letters, digits and _, the first no digit")
+            self.fail(
+                f"{where}.name",
+                f"{quote(name)} must be letters, digits and _, no digit first",
+            )
         if name in before:
-            self.fail(f"{where}.name", f"{name!r} stands there twice")
+            self.fail(f"{where}.name", f"{name!r} is listed twice")
         self.field_paths[f"fields.{name}"] = where
         where = f"fields.{name}"
         default = WELL_KNOWN.get(name, PLAIN)
@@ -236,10 +241,12 @@ class ProfileReader(Values):
             other = before.get(rel) if isinstance(rel, str) else None
             if other is None:
                 if "rel" in item:
-                    self.fail(f"{where}.rel", f"{quote(rel)} is no earlier field")
+                    self.fail(f"{where}.rel", f"{quote(rel)} is not an earlier field")
                 rel = None
             elif len(other.labels) != len(own):
-                self.fail(f"{where}.rel", f"{rel!r} has {len(other.labels)} channels, {name!r} {len(own)}")
+                self.fail(
+                    f"{where}.rel", f"{rel!r} has {len(other.labels)} channels, but {name!r} has {len(own)}"
+                )
         bits = self.check_unique_texts(item["bits"], f"{where}.bits") if "bits" in item else ()
         if len(bits) > BITS_MAX:
             self.fail(f"{where}.bits", f"{len(bits)} bits; at most {BITS_MAX}")
@@ -366,7 +373,7 @@ class ProfileReader(Values):
             if known.find(column) is None:
                 self.fail(f"trajectory.columns[{i}]", f"unknown channel {quote(column)}")
             if column in seen:
-                self.fail(f"trajectory.columns[{i}]", f"{quote(column)} stands there twice")
+                self.fail(f"trajectory.columns[{i}]", f"{quote(column)} is listed twice")
             seen.add(column)
         header = self.check_integer(item.get("header", 0), "trajectory.header", 0, HEADER_MAX)
         fewest = self.check_integer(item.get("fewest", len(columns)), "trajectory.fewest", 1, len(columns))

@@ -1,4 +1,4 @@
-"""Reads a profile's [ros] table: which topics are read, and as what."""
+"""Reads a profile's [ros] table: which topics are read, and in which role."""
 
 from __future__ import annotations
 
@@ -33,22 +33,22 @@ def read_ros(reader: ProfileReader, value: object) -> RosTopics:
 
 
 def _frames(reader: ProfileReader, value: object) -> tuple[str, str] | None:
-    """`odom→base_link` or `odom->base_link`; None for what names topics."""
+    """The two frames of `odom→base_link` or `odom->base_link`; None for topic names."""
     if not isinstance(value, str) or not ARROW.search(value):
         return None
     names = [name.strip().strip("/") for name in ARROW.split(value)]
     if len(names) != 2 or not all(FRAME.fullmatch(name) for name in names) or names[0] == names[1]:
-        reader.fail("ros.base", f"{quote(value)} is not two frames, as in odom→base_link")
+        reader.fail("ros.base", f"{quote(value)} is not a pair of frames such as odom→base_link")
     return names[0], names[1]
 
 
 def _patterns(reader: ProfileReader, value: object, role: str) -> tuple[tuple[str, str], ...]:
-    """`"/a"`, `["/a", "/b/*"]`, `[]` for none, or `{ site = "/a" }` of a sensor."""
+    """Parse `"/a"`, `["/a", "/b/*"]`, `[]` for none, or for a sensor `{ site = "/a" }`."""
     where = f"ros.{role}"
     if isinstance(value, dict) and role in SITED:
         for site in value:
             if not SITE.fullmatch(site):
-                reader.fail(f"{where}.{site}", "a site is one word without a dot")
+                reader.fail(f"{where}.{site}", "a site must be one word without a dot")
         return tuple((_pattern(reader, text, f"{where}.{site}"), site) for site, text in value.items())
     listed = value if isinstance(value, list) else [value]
     return tuple((_pattern(reader, text, where), "") for text in listed)
@@ -57,5 +57,5 @@ def _patterns(reader: ProfileReader, value: object, role: str) -> tuple[tuple[st
 def _pattern(reader: ProfileReader, value: object, where: str) -> str:
     text = reader.check_text(value, where)
     if not PATTERN.fullmatch(text):
-        reader.fail(where, f"{quote(text)} is no topic; as in /joint_states, /arm/*/state, /**/imu")
+        reader.fail(where, f"{quote(text)} is not a topic such as /joint_states, /arm/*/state or /**/imu")
     return text

@@ -1,4 +1,4 @@
-"""Makes the schema from the profile, and a profile from the first sample where there is none."""
+"""Makes the schema from the profile and, without a profile, infers one from the first sample."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def make_schema_text(profile: Profile) -> str:
 
 
 def _mapping(meaning: Meaning) -> dict[str, object]:
-    """The `mapping` member; parts that say nothing are left out."""
+    """The `mapping` member, without empty parts."""
     parts: dict[str, object] = {
         "joints": {
             name: {"terms": [list(term) for term in joint.terms], "offset": joint.offset}
@@ -99,26 +99,26 @@ def _threshold(t: Threshold) -> dict[str, float]:
 
 
 def infer_profile(robot: str, sample: Sample, sliding: Collection[str] = ()) -> Profile:
-    """Make a profile for a robot without one from its first sample: fields and labels as named there, units
-    and scales by well-known field names. Fields and labels that appear only later are not included.
+    """Infer a profile from a robot's first sample: its fields and labels, with units and scales of well-known
+    field names. Fields and labels that appear only later are not included.
 
-    `sliding`: joints that slide, by the robot's model; those that the sample itself names slide, too.
+    `sliding`: joints that slide according to the robot's model, in addition to those in the sample.
 
     Raises SourceError when the sample is not enough: values without labels, nothing usable, too many
     channels.
     """
     joints = _joint_labels(sample)
     labels: dict[str, tuple[str, ...]] = {}
-    sets: dict[tuple[str, ...], str] = {}  # those of `labels`, by what is in them
+    sets: dict[tuple[str, ...], str] = {}  # the label sets in `labels`, by content
     fields: dict[str, FieldSpec] = {}
     channels = 0
-    # in the well-known order, so that ref stands before the pos that is relative to it
+    # in the well-known order, so that ref comes before pos, which is relative to it
     names = [n for n in WELL_KNOWN if n in sample.values] + [n for n in sample.values if n not in WELL_KNOWN]
     for name in names:
         values = sample.values[name]
         default = WELL_KNOWN.get(name, PLAIN)
         if not FIELD_NAME.fullmatch(name):
-            raise SourceError(f"{quote(name)} is no field name: letters, digits and _, the first no digit")
+            raise SourceError(f"{quote(name)} is not a field name: use letters, digits and _, no digit first")
         if default.joints:
             label_set, own = JOINT, joints
         elif isinstance(values, Mapping):
@@ -132,7 +132,7 @@ def infer_profile(robot: str, sample: Sample, sliding: Collection[str] = ()) -> 
             raise SourceError(_unlabelled(name, values))
         channels += len(own)
         if channels > CHANNELS_MAX:
-            raise SourceError(f"it names over {CHANNELS_MAX} channels")
+            raise SourceError(f"it names more than {CHANNELS_MAX} channels")
         labels[label_set] = own
         sets.setdefault(own, label_set)
         bits = _flag_bits(values) if name == FLAGS else DIAG_BITS if name == DIAG else ()
@@ -152,8 +152,8 @@ def infer_profile(robot: str, sample: Sample, sliding: Collection[str] = ()) -> 
 
 
 def join_channels(first: Sample, later: Sample) -> Sample:
-    """The first sample with the fields and channels that only the later one has: a sample to infer a profile
-    from. What the first one has stays as it is there, and in its order."""
+    """The first sample plus the fields and channels that only the later one has, to infer a profile from.
+    Values and order of the first sample stay."""
     values: dict[str, Values] = dict(first.values)
     for name, new in later.values.items():
         old = values.get(name)
@@ -161,7 +161,7 @@ def join_channels(first: Sample, later: Sample) -> Sample:
             values[name] = new
         elif isinstance(old, Mapping) and isinstance(new, Mapping):
             own = {label: reading for label, reading in new.items() if label not in old}
-            if name == FLAGS:  # masks would take the names from the bits that have some
+            if name == FLAGS:  # a mask would remove the names of bits that have one
                 own = {label: None if isinstance(r, int) else r for label, r in own.items()}
             values[name] = {**old, **own}
     links = {**later.links, **first.links}
@@ -169,10 +169,10 @@ def join_channels(first: Sample, later: Sample) -> Sample:
 
 
 def mark_sliding(profile: Profile, sliding: Collection[str]) -> Profile:
-    """The profile with metres, m/s and N for the joints named in `sliding`, in finer steps than angles need.
+    """The profile with metres, m/s and N for the joints in `sliding`, in finer steps than angles need.
 
-    A field has one step for all channels, so it takes the finer one; angles in it keep their own by moving in
-    multiples of it.
+    A field has one step for all channels, so it gets the finer one; its angles keep their coarser step as a
+    multiple of it.
     """
     fields: list[FieldSpec] = []
     units = {name: dict(labels) for name, labels in profile.mapping.units.items()}
@@ -193,7 +193,7 @@ def mark_sliding(profile: Profile, sliding: Collection[str]) -> Profile:
 
 
 def _mounts(sample: Sample) -> dict[str, SensorMount]:
-    """The sites whose link the sample names."""
+    """The sites whose link is in the sample."""
     kinds = {
         label.partition(".")[0]: kind
         for name, kind in SITES_OF.items()
@@ -214,11 +214,11 @@ def _joint_labels(sample: Sample) -> tuple[str, ...]:
 
 def _flag_bits(values: Values) -> tuple[str, ...]:
     readings: Sequence[Reading] = list(values.values() if isinstance(values, Mapping) else values)
-    if any(isinstance(r, int) for r in readings):  # a mask whose bits nobody named
+    if any(isinstance(r, int) for r in readings):  # a mask without names for its bits
         return tuple(f"bit{i}" for i in range(BITS_MAX))
     named = [bit for r in readings if isinstance(r, (list, tuple)) for bit in r if isinstance(bit, str)]
     return tuple(dict.fromkeys((*FLAG_BITS, *named)))[:BITS_MAX]
 
 
 def _unlabelled(name: str, values: Values) -> str:
-    return f"{name} has {len(values)} values without labels: name them, or give --profile"
+    return f"{name} has {len(values)} values without labels: name them, or give a --profile"

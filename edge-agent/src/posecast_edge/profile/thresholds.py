@@ -1,4 +1,4 @@
-"""Reads a profile's [thresholds] table: the limits of channels, and of what viewers compute themselves."""
+"""Reads a profile's [thresholds] table: the limits of channels, and of values that viewers compute."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from posecast_edge.profile.types import BALANCE, FieldSpec
 if TYPE_CHECKING:
     from posecast_edge.profile.reader import ProfileReader
 
-MARGIN = "margin"  # mm, from the centre of mass to the edge of what the robot stands on
+MARGIN = "margin"  # mm, from the centre of mass to the edge of the support area
 
 
 def read_thresholds(
     reader: ProfileReader, value: object, fields: Mapping[str, FieldSpec]
 ) -> dict[str, dict[str, Threshold]]:
-    """Parse [thresholds] into field → label → limits; beside the fields there is `balance` with its `margin`.
+    """Parse [thresholds] into field → label → limits. Besides the fields it may have `balance` → `margin`.
     Raises ProfileError, which names the line."""
     thresholds: dict[str, dict[str, Threshold]] = {}
     for name, entry in reader.check_table(value, "thresholds").items():
@@ -45,11 +45,11 @@ def _limits(reader: ProfileReader, value: object, where: str) -> Threshold:
         for k in ("low", "high", "caution")
     )
     if low is None and high is None:
-        reader.fail(where, "needs low or high")
+        reader.fail(where, "give low, high or both")
     if low is not None and high is not None and low >= high:
         reader.fail(where, f"low {low:g} is not below high {high:g}")
     if caution is None:
         caution = 1.0
     elif not 0 < caution <= 1:
-        reader.fail(f"{where}.caution", f"must lie above 0 and not above 1, not {caution:g}")
+        reader.fail(f"{where}.caution", f"must be above 0 and at most 1, not {caution:g}")
     return Threshold(low, high, caution)

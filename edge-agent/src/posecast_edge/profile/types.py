@@ -1,4 +1,4 @@
-"""A profile: all that is specific to one robot, as immutable typed values. Made from TOML by reader.py."""
+"""A profile: everything specific to one robot, as immutable typed values. reader.py makes it from TOML."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from posecast_wire.mapping import JOINT, BalanceRule
 from posecast_wire.mapping import Mapping as Meaning
 
 PUBLIC = "public"
-BALANCE = "balance"  # what has limits of its own in [thresholds], without being a field
+BALANCE = "balance"  # has limits in [thresholds] without being a field
 
 
 @dataclass(frozen=True)
 class FieldSpec:
     """One field. `scale`: units per code step; `deadband`: in steps; `bits`: bit names, lowest bit first.
 
-    `strides`: for channels that are coarser than the field, by label: their codes are multiples of so many
-    steps.
+    `strides`: label → stride, for channels that are coarser than the field: their codes are multiples of the
+    stride.
     """
 
     name: str
@@ -37,7 +37,7 @@ class Trajectory:
     """How to read a text file of joint angles. `header`: lines to skip; `lag_s`: lag of the servos from ref
     to pos, seconds.
 
-    `unit`: of the joint columns; `fewest`: rows may end after this many columns.
+    `unit`: unit of the joint columns; `fewest`: the lowest number of columns in a row.
     """
 
     columns: tuple[str, ...]
@@ -51,7 +51,7 @@ class Trajectory:
 @dataclass(frozen=True)
 class RosTopics:
     """Which ROS topics are read. `topics`: role (sources/ros/topics.py) → (pattern, site or ""); topics not
-    listed are assigned by type and name. `base_frames`: where the base is by /tf, from which frame to which.
+    listed are assigned by type and name. `base_frames`: the base's pose in /tf: parent frame, child frame.
     `domain`: ROS_DOMAIN_ID, None for any."""
 
     topics: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
@@ -86,7 +86,7 @@ class Profile:
     root: str | None = None  # the model's root link
     trajectory: Trajectory | None = None
     ros: RosTopics | None = None
-    csv: Mapping[str, str] = field(default_factory=dict)  # a table's column → the name it is read by
+    csv: Mapping[str, str] = field(default_factory=dict)  # column of a table → the name it is read as
     views: Mapping[str, View] = field(default_factory=dict)  # none: everything is public
     info: tuple[str, ...] | None = None  # texts that are sent; None: all
 
@@ -132,8 +132,8 @@ class Profile:
 
 
 def _stand_on_links(m: Meaning, sites: Collection[str]) -> BalanceRule:
-    """The rule for those who see only these sites: where a foot's forces are hidden, all feet are links, and
-    the lowest bear."""
+    """The rule for a view with only these sites. If a foot's forces are hidden, all feet are links, and the
+    lowest ones carry the robot."""
     rule = m.balance
     named = [*(rule.feet or ()), *rule.soles]
     if all(foot in sites for foot in named if foot in m.sensors):

@@ -1,4 +1,4 @@
-"""Checks values of a TOML document; an error is one line that names file, line and place."""
+"""Checks values of a TOML document. An error is one line that names file, line and place."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from posecast_edge.visible import make_visible, quote
 
 WHERE_MAX = 120  # characters
 REASON_MAX = 400
-LANGUAGES_MAX = 16  # of one text
+LANGUAGES_MAX = 16  # per text
 _LANGUAGE = re.compile(r"[a-z]{2,3}(-[A-Za-z0-9]{2,8}){0,3}")
 _BLANK = UNSEEN.union(SCRIPT_MARKS)
 _WITHOUT_MARKS = {ord(mark): None for mark in SCRIPT_MARKS}
 
 
 class ProfileError(ValueError):
-    """An unusable profile: one line, `file:line: where: reason`. `path`: where, as the file has it; `more`:
-    what else is wrong with it, in such lines."""
+    """An unusable profile: one line, `file:line: where: reason`. `path`: the place, as spelled in the file;
+    `more`: the lines of further errors."""
 
     def __init__(self, line: str, path: str = "") -> None:
         super().__init__(line)
@@ -34,7 +34,7 @@ class ProfileError(ValueError):
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """All that is wrong, a line each."""
+        """All errors, one line each."""
         return (str(self), *self.more)
 
 
@@ -48,18 +48,18 @@ class Values:
         self.field_paths: dict[str, str] = {}  # `fields.pos` → `fields[1]`
 
     def fail(self, where: str, reason: str) -> NoReturn:
-        """Raise ProfileError with the line on which `where` stands."""
+        """Raise ProfileError with the line number of `where`."""
         path = self._path(where)
         try:
             line = find_line(index_lines(self._text), path)
-        except RecursionError:  # nested deeper than can be walked
+        except RecursionError:  # nested too deep
             line = None
         place = self.file if line is None else f"{self.file}:{line}"
         said = f"{place}: {make_visible(where, WHERE_MAX)}: {make_visible(reason, REASON_MAX)}"
         raise ProfileError(said, path)
 
     def _path(self, where: str) -> str:
-        """`fields.pos.unit`, as a person says it, → `fields[1].unit`, as the file has it."""
+        """Convert `fields.pos.unit`, as in messages, to `fields[1].unit`, as in the file."""
         for said, meant in self.field_paths.items():
             if where == said or where.startswith((f"{said}.", f"{said}[")):
                 return meant + where[len(said) :]
@@ -82,18 +82,17 @@ class Values:
         return value
 
     def check_words(self, value: object, where: str) -> str:
-        """Return `value` if it is a text for people, in any language: besides what `check_text` takes it may
-        have the joiners and direction marks with which some scripts are written, and it is not blank."""
+        """Return `value` if it is a non-blank display text in any language. In addition to `check_text`, it
+        allows the joiners and direction marks that some scripts need."""
         if isinstance(value, str) and value and all(c.isspace() or c in _BLANK for c in value):
-            self.fail(where, f"must say something, not {quote(value)}")
+            self.fail(where, f"must not be blank, not {quote(value)}")
         if isinstance(value, str) and (seen := value.translate(_WITHOUT_MARKS)) != value:
             self.check_text(seen, where)
             return value
         return self.check_text(value, where)
 
     def check_language(self, tag: str, where: str, before: Collection[str]) -> str:
-        """Return `tag` if it is a language's (BCP 47), and not one more than may stand beside those `before`
-        it."""
+        """Return `tag` if it is a language tag (BCP 47) and, with those `before` it, not one too many."""
         if not _LANGUAGE.fullmatch(tag):
             self.fail(where, "must be a language tag, such as en or ko")
         if len(before) == LANGUAGES_MAX:
@@ -112,7 +111,7 @@ class Values:
         `most`."""
         number = math.nan
         if isinstance(value, (int, float)) and not isinstance(value, bool):
-            with suppress(OverflowError):  # an integer past every float
+            with suppress(OverflowError):  # an integer too large for a float
                 number = float(value)
         if not math.isfinite(number):
             self.fail(where, f"must be a number, not {quote(value)}")
@@ -127,7 +126,7 @@ class Values:
     def check_integer(self, value: object, where: str, low: int, most: int) -> int:
         """Return `value` if it is an integer from `low` to `most`."""
         if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= most:
-            self.fail(where, f"must lie in {low}…{most}, not {quote(value)}")
+            self.fail(where, f"must be an integer from {low} to {most}, not {quote(value)}")
         return value
 
     def check_texts(self, value: object, where: str) -> tuple[str, ...]:
@@ -142,7 +141,7 @@ class Values:
         seen: set[str] = set()
         for i, v in enumerate(texts):
             if v in seen:
-                self.fail(f"{where}[{i}]", f"{quote(v)} stands there twice")
+                self.fail(f"{where}[{i}]", f"{quote(v)} is listed twice")
             seen.add(v)
         return texts
 

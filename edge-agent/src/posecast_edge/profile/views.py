@@ -12,7 +12,7 @@ from posecast_edge.profile.types import FieldSpec, View
 if TYPE_CHECKING:
     from posecast_edge.profile.reader import ProfileReader
 
-VIEWS_MAX = 8  # a relay takes no more of one robot
+VIEWS_MAX = 8  # a relay accepts no more per robot
 HZ_MIN = 0.1  # as on the wire
 
 
@@ -42,8 +42,8 @@ def read_view(reader: ProfileReader, name: str, value: object, fields: Mapping[s
 
 
 def _info(reader: ProfileReader, item: Mapping[str, object], where: str) -> tuple[str, ...] | None:
-    """A view that picks fields picks its texts as well: what a source says of a part (its diagnosis, its
-    operator) nobody has chosen to show.
+    """The texts of a view. A view that lists fields must list its texts too, so that a source's texts (a
+    diagnosis, an operator's name) are never shown by accident.
     """
     if "info" not in item:
         return () if "fields" in item else None

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 FIRST_S = 0.2
 LONGEST_S = 5.0
-STEADY_S = 5.0  # a connection that lasted so long was a good one
+STEADY_S = 5.0  # a connection that lasted this long resets the pause
 
 
 class Backoff:
-    """Doubles the pause with every failure; after a connection that lasted it starts again with the shortest
-    one. Times are monotonic seconds."""
+    """Doubles the pause with every failure; starts again with the shortest one after a connection that lasted
+    STEADY_S. Times are monotonic seconds."""
 
     def __init__(self) -> None:
         self._pause_s = FIRST_S
@@ -21,11 +21,11 @@ class Backoff:
         return now_s >= self._next_s
 
     def record_success(self, now_s: float) -> None:
-        """Note that a connection was made."""
+        """Record that a connection was made."""
         self._connected_s = now_s
 
     def record_failure(self, now_s: float) -> None:
-        """Note that an attempt failed or a connection ended, and plan the next attempt."""
+        """Record that an attempt failed or a connection ended, and plan the next attempt."""
         if self._connected_s is not None and now_s - self._connected_s >= STEADY_S:
             self._pause_s = FIRST_S
         self._connected_s = None

@@ -11,9 +11,9 @@ from typing import Protocol, runtime_checkable
 from posecast_edge.model.moving_joints import MovingJoint
 from posecast_edge.sample import Sample
 
-# Takes a sample. The answer: from when on (monotonic seconds) the next one would make a frame, None for at
-# once. A source that can wait for several may sleep until then, but delivers them all: each is looked at for
-# faults.
+# Takes a sample. Returns the time (monotonic seconds) from which the next sample would be sent as a frame;
+# None: at once. A source that can collect samples may sleep until then, but must deliver all of them: each is
+# checked for faults.
 Deliver = Callable[[Sample], float | None]
 
 
@@ -23,29 +23,28 @@ class Defaults:
 
     profile: Path | None = None
     urdf: Path | None = None
-    model: Path | None = None  # the URDF, built; goes before it
+    model: Path | None = None  # the built model; preferred to the URDF
 
 
 class Source(Protocol):
-    """Delivers samples from a thread of its own at the source's own pace."""
+    """Delivers samples from its own thread, at its own pace."""
 
     description: str
 
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
-        """Deliver every sample until the data ends or `stop` is set. Raises SourceError with a one-line
-        text."""
+        """Deliver every sample until the data ends or `stop` is set. Raises SourceError (one line)."""
 
 
 @runtime_checkable
 class Discovering(Source, Protocol):
-    """A source that discovers by itself which data the robot offers."""
+    """A source that discovers which data the robot offers."""
 
     @property
     def offers(self) -> list[str]:
-        """Lines for `probe`: what was found, and as what each is read."""
+        """Lines for `probe`: what was found, and how each is read."""
 
     def watch_frames(self) -> None:
-        """Read the transforms of /tf also where no profile asks for them, so that `offers` can list their
+        """Read the transforms of /tf even if no profile asks for them, so that `offers` can list their
         frames. Call it before `run`."""
 
     def send_urdf_to(self, take: Callable[[str], None]) -> None:
@@ -53,21 +52,21 @@ class Discovering(Source, Protocol):
         `run`."""
 
     def take_joints(self, joints: Sequence[MovingJoint]) -> None:
-        """Take the joints of the model that is shown: where no joint states come they are read from /tf. May
-        be called from any thread, also while it runs."""
+        """Take the joints of the shown model. They are read from /tf if no joint states arrive. May be called
+        from any thread, also while the source runs."""
 
     def expect_joints(self) -> None:
-        """The model is still being built, and `take_joints` will be called: a recording of nothing but
-        transforms waits for it. Call it before `run`."""
+        """The model is still being built, and `take_joints` will follow. A recording that has only transforms
+        waits for it. Call it before `run`."""
 
 
 @runtime_checkable
 class Troubled(Source, Protocol):
-    """A source that can tell viewers why samples do not come through."""
+    """A source that can tell viewers why no samples arrive."""
 
     @property
     def trouble(self) -> str:
-        """A few words for the page, "" at most times. May be asked for from any thread."""
+        """A few words for the page, normally "". May be called from any thread."""
 
 
 @runtime_checkable

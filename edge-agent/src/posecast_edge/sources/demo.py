@@ -1,6 +1,6 @@
 """Source `demo`: a one-minute motion of a humanoid robot made for this project, repeated for ever.
 
-It brings its own profile and model. `edge-agent/demo/build.py` makes the bundle (URDF, meshes, motion);
+It has its own profile and model. `edge-agent/demo/build.py` makes the bundle (URDF, meshes, motion);
 packing.py there describes how the motion is stored.
 """
 
@@ -27,15 +27,15 @@ if TYPE_CHECKING:
 PACKAGE = Path(__file__).resolve().parent.parent
 PROFILE = PACKAGE / "profiles" / "demo.toml"
 BUNDLE = PACKAGE / "demo_bundle"
-HOW = f"make it: python edge-agent/demo/build.py --out {BUNDLE}"
+HOW = f"build it with: python edge-agent/demo/build.py --out {BUNDLE}"
 
 MAGIC = b"posecast-motion 1\n"
 MISSING = -32768
-MAX_BEHIND_S = 1.0  # a machine that slept goes on where it stood
+MAX_BEHIND_S = 1.0  # after a suspend, continue where it stopped
 
 
 def find_defaults(address: str) -> Defaults:
-    """The demo's profile and model, the built model if there is one. Raises SourceError when the bundle is
+    """The demo's profile and model: the built model if it exists. Raises SourceError when the bundle is
     missing."""
     del address
     urdf = BUNDLE / "robot.urdf"
@@ -46,8 +46,8 @@ def find_defaults(address: str) -> Defaults:
 
 
 def open_source(address: str, profile: Profile | None) -> Source:
-    """Open the demo. Raises SourceError when an address is given or the bundle has not been made."""
-    del profile  # labels are matched later, where samples of every source meet the schema
+    """Open the demo. Raises SourceError when an address is given or the bundle has not been built."""
+    del profile  # labels are matched later, for samples of every source
     if address:
         raise SourceError(f"demo takes no address, not {address!r}")
     path = BUNDLE / "motion.bin"

@@ -1,12 +1,12 @@
-"""Source `jsonl`: one JSON object a line, the way any program in any language joins.
+"""Source `jsonl`: one JSON object per line, for programs in any language.
 
     {"t": 12.3, "pos": {"RKN": 0.5}, "cur": [0.1, 0.2], "flags": {"RKN": ["jam"]}, "info": {"mode": "x"}}
 
-`jsonl` reads stdin, `jsonl:PATH` a file or FIFO. `t` is the robot's clock in seconds; without it the
-arrival on the monotonic clock counts. A line that is wrong is named on stderr and skipped; where only a value
-or text of it is, the rest counts. Of a name that stands twice in one object the last counts. A regular file
-plays at the pace of its `t`; a pipe is read as fast as it comes, so the newest line is the newest state, and
-the lines before it, which came with it, make events only. A FIFO outlives its writer.
+`jsonl` reads stdin, `jsonl:PATH` a file or FIFO. `t` is the robot's clock in seconds; the default is the
+arrival time on the monotonic clock. An invalid line is logged and skipped; of a line with an invalid value or
+text, the rest is used. If a name is repeated in one object, its last value counts. A regular file plays at
+the pace of its `t`. A pipe is read at once: only the newest line is sent as state, earlier lines only cause
+events. With a FIFO you can restart your program.
 """
 
 from __future__ import annotations
@@ -35,19 +35,19 @@ if TYPE_CHECKING:
 log = logging.getLogger("posecast_edge.jsonl")
 
 MAX_LINE = 1 << 20  # bytes; 4096 channels in full precision, with their names, are 200 kB
-TOO_LARGE = "robot's samples are too large"  # as viewers read it
-TROUBLE_S = 10.0  # so long after the last such line
+TOO_LARGE = "robot's samples are too large"  # shown to viewers
+TROUBLE_S = 10.0  # for this long after the last such line
 MAX_READ = 64 * 1024  # a full pipe
-MAX_DIGITS = 500  # of an integer: Python takes the square of their number to read them
-MAX_INFO = 32  # entries of one line
+MAX_DIGITS = 500  # of an integer: Python's parser takes quadratic time
+MAX_INFO = 32  # entries per line
 MAX_INFO_CHARS = 200
 MAX_PAUSE_S = 10.0  # between two lines of a file; a longer gap is skipped
-MAX_T_S = 1e12  # beyond it milliseconds are lost in a double
+MAX_T_S = 1e12  # beyond it a double loses the milliseconds
 NAME_SHOWN = VALUE_SHOWN = 40  # characters, in a message
 POLL_S = 0.1
 QUIET_S = 0.005
-STALL_S = 0.25  # so long without a look, and what is read next has lain there
-BACKLOG_S = 0.5  # a writer who has been ahead of his reader for so long is always ahead
+STALL_S = 0.25  # after this long without reading, the next data may be old
+BACKLOG_S = 0.5  # a writer ahead of its reader for this long is always ahead
 
 
 class LineError(ValueError):
@@ -56,11 +56,11 @@ class LineError(ValueError):
 
 def open_source(address: str, profile: Profile | None) -> Source:
     """Open stdin ("") or a path. Raises SourceError when the path can't be opened."""
-    del profile  # labels are matched later, where samples of every source meet the schema
+    del profile  # labels are matched later, for samples of every source
     if not address:
         return JsonlSource(sys.stdin.fileno(), "stdin")
     try:
-        # a FIFO opened for writing too does not end when its writer does
+        # opened for writing too, a FIFO does not end when its writer ends
         flags = os.O_RDWR if stat.S_ISFIFO(os.stat(address).st_mode) else os.O_RDONLY
         return JsonlSource(os.open(address, flags), address)
     except OSError as e:
@@ -76,19 +76,19 @@ class JsonlSource:
         self._name = name
         self._paced = stat.S_ISREG(os.fstat(fd).st_mode)
         self._started = False
-        self._start_s = 0.0  # clock.now_s() at which the file's clock stood at 0
+        self._start_s = 0.0  # clock.now_s() when the file's clock was 0
         self._bad = RateLimitedLog(log.warning, "bad lines")
         self._lines = LineSplitter(MAX_LINE)
-        self._too_large_s = -math.inf  # when a line was
+        self._too_large_s = -math.inf  # when a line was too large
         self._number = 0  # of the newest line
-        self._waiting: Sample | None = None  # perhaps the newest, perhaps followed by another at once
+        self._waiting: Sample | None = None  # the newest, unless another follows at once
         self._looked_s: float | None = None
         self._behind_s: float | None = None  # since when there has been more to read
-        self._stalled = False  # what is read has lain there for nobody knows how long
+        self._stalled = False  # the data being read may be old
 
     @property
     def trouble(self) -> str:
-        """What viewers are told while lines are too long."""
+        """The text shown to viewers while lines are too long."""
         return TOO_LARGE if clock.now_s() - self._too_large_s < TROUBLE_S else ""
 
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
@@ -133,8 +133,8 @@ class JsonlSource:
             deliver(sample if newest else sample._replace(newest=False))
 
     def _is_newest(self) -> bool:
-        """Whether what waits is the newest there is. A writer who was held up, because nobody read, goes on
-        with what he had to say then: after a stall a moment of silence must show that he has said it."""
+        """Whether the waiting sample is the newest. A writer that was blocked because nobody read continues
+        with old lines; so after a stall, a moment of silence must show that it has caught up."""
         now_s = clock.now_s()
         if not self._readable(QUIET_S if self._stalled else 0.0):
             self._behind_s, self._stalled = None, False
@@ -147,8 +147,8 @@ class JsonlSource:
         return True
 
     def _read(self) -> bytes | None:
-        """Some bytes, b"" at the end, None when nothing came for a while. Raw reads, because a thread that
-        waits inside sys.stdin holds a lock the interpreter wants when it ends."""
+        """Some bytes; b"" at the end; None when nothing arrived for a while. Uses raw reads, because a thread
+        that waits in sys.stdin holds a lock that the interpreter needs to exit."""
         readable = self._readable(POLL_S)
         before_s, self._looked_s = self._looked_s, clock.now_s()
         if before_s is not None and self._looked_s - before_s > STALL_S:
@@ -168,7 +168,7 @@ class JsonlSource:
             raise SourceError(f"{self._name}: {e.strerror or e}") from None
 
     def _wait(self, t_s: float, stop: threading.Event) -> None:
-        """Until the instant of `t_s` on the file's clock. A clock that jumps is followed from there on."""
+        """Wait until `t_s` on the file's clock. If that clock jumps, continue from its new time."""
         now_s = clock.now_s()
         ahead_s = self._start_s + t_s - now_s
         if not self._started or not -MAX_PAUSE_S <= ahead_s <= MAX_PAUSE_S:
@@ -177,13 +177,13 @@ class JsonlSource:
 
 
 class LineSplitter:
-    """Splits bytes into lines without line ends. Of a line longer than `most` bytes it yields the first most
-    + 1, enough to recognise it as too long."""
+    """Splits bytes into lines without line ends. Of a line longer than `most` bytes it yields the first
+    `most` + 1, enough to recognise it as too long."""
 
     def __init__(self, most: int) -> None:
         self._most = most
         self._rest = bytearray()
-        self._overlong = False  # the rest of a line that was refused
+        self._overlong = False  # skipping the rest of a refused line
 
     def feed(self, chunk: bytes) -> Iterator[bytes]:
         """Yield the lines that end in `chunk`, and the beginning of one that is already too long."""
@@ -235,7 +235,7 @@ def parse_line(line: bytes, arrival_s: float, where: str = "") -> tuple[Sample, 
 
 def _object(line: bytes) -> dict[str, Any]:
     if len(line) > MAX_LINE:
-        raise LineError(f"over {MAX_LINE} bytes; it is dropped")
+        raise LineError(f"longer than {MAX_LINE} bytes; it is dropped")
     try:
         value = json.loads(line.decode("utf-8-sig"), parse_constant=_no_reading, parse_int=_integer)
     except UnicodeDecodeError:
@@ -258,7 +258,7 @@ def _integer(digits: str) -> int | float:
 
 
 def _json(value: object) -> str:
-    """As it stood in the line, cut."""
+    """The value as JSON, shortened."""
     try:
         return make_visible(json.dumps(value), VALUE_SHOWN)
     except RecursionError:

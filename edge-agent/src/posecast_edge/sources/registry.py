@@ -1,10 +1,10 @@
-"""The kinds of sources there are, by the name that `--source` gives them.
+"""The kinds of sources, by their name in `--source`.
 
 A kind is a module with two functions:
 
-* `open_source(address, profile) -> Source`: `address` is what stands after `KIND:` ("" when nothing does);
-  raises `SourceError` with one line when the address or the profile does not fit.
-* `find_defaults(address) -> Defaults` (optional): the profile and URDF the kind brings when none is given.
+* `open_source(address, profile) -> Source`: `address` is the text after `KIND:` ("" if there is none); raises
+  `SourceError` with one line when the address or the profile does not fit.
+* `find_defaults(address) -> Defaults` (optional): the kind's own profile and model, used if none is given.
 """
 
 from __future__ import annotations
@@ -53,12 +53,12 @@ def split_spec(spec: str) -> tuple[str, str]:
 
 
 def _module(kind: str) -> ModuleType:
-    """Loaded only when wanted: a kind may bring what the others do without."""
+    """Load a kind only when needed: it may import packages that the others don't need."""
     return importlib.import_module(f"posecast_edge.sources.{KINDS[kind]}")
 
 
 def find_defaults(spec: str) -> Defaults:
-    """The profile and model that the kind of source in `spec` brings. Raises SourceError when the kind is
+    """The own profile and model of the kind of source in `spec`. Raises SourceError when the kind is
     unknown."""
     kind, address = split_spec(spec)
     defaults = getattr(_module(kind), "find_defaults", None)

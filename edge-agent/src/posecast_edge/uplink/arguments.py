@@ -1,4 +1,4 @@
-"""Reads what the user says about the link: where the relay listens, and the file of the robot's password."""
+"""Checks the arguments for the link: the relay's endpoint, and the file with the robot's credential."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ def check_endpoint(text: str) -> str:
     """Return `text` if it is a relay's endpoint, `tcp/HOST:PORT`. Raises ValueError, one line, otherwise."""
     match = ENDPOINT.fullmatch(text)
     if not match or not 0 < int(match[3]) < 65536:
-        raise ValueError(f"{quote(text)} is no endpoint like tcp/127.0.0.1:7447")
+        raise ValueError(f"{quote(text)} is not an endpoint such as tcp/127.0.0.1:7447")
     return text
 
 
 def read_credential(path: str) -> CredentialFile:
-    """Read the line that `posecast-relay robots add` printed from a file. Raises ValueError, one line that
-    never holds the secret, when the file can't be read, is open to everybody or holds none."""
+    """Read a file with the line that `posecast-relay robots add` printed. Raises ValueError when the file
+    can't be read, is readable by everybody or holds no credential; its one line never holds the secret."""
     try:
         with Path(path).open("rb") as file:
             if stat.S_IMODE(Path(path).stat().st_mode) & 0o007:
-                raise ValueError("everybody on this machine may read it: chmod 600")
+                raise ValueError("readable by everybody on this machine: chmod 600 it")
             content = file.read(LINE_MAX + len(BOM_UTF8) + 1).removeprefix(BOM_UTF8)
             found = Credential.parse(content.decode("ascii", "replace"))
             return CredentialFile(found.robot, found.secret, found.ca, Path(path))

@@ -1,4 +1,4 @@
-"""Finds the Python threads in which Zenoh calls callbacks, so that a program can wait for their end."""
+"""Finds the Python threads in which Zenoh runs callbacks, so that a program can wait for their end."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-NAME = "pyo3-closure"  # Zenoh starts a thread for each declared callback and names it so
+NAME = "pyo3-closure"  # Zenoh starts a thread of this name for each declared callback
 
 
 class CallbackThreads:
-    """The threads of callbacks that were declared within `collect`. Each ends soon after its session has been
-    closed; if the interpreter ends earlier, the thread's return into Python aborts the process."""
+    """The threads of callbacks that were declared within `collect`. Each ends soon after its session is
+    closed. If the interpreter ends first, the thread's return into Python aborts the process."""
 
     def __init__(self) -> None:
         self._threads: list[threading.Thread] = []
@@ -28,6 +28,6 @@ class CallbackThreads:
             self._threads = [t for t in self._threads if t.is_alive()] + new
 
     def join(self, until_s: float) -> None:
-        """Wait until all have ended, at most until `until_s` of the monotonic clock, seconds."""
+        """Wait until all have ended, at most until `until_s` (monotonic seconds)."""
         for thread in self._threads:
             thread.join(max(0.0, until_s - time.monotonic()))

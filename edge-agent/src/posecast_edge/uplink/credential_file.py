@@ -1,4 +1,4 @@
-"""What proves to the relay that this is the robot, and the file where that stands."""
+"""The credential that proves the robot's identity to the relay, and the file that holds it."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from posecast_edge.uplink.certificate import Certificate
 
 @dataclass(frozen=True, eq=False)
 class CredentialFile(Credential):
-    """A credential that was read from the file `path`, where a new one may stand later. Equal to another one
-    that holds the same, wherever it was read."""
+    """A credential read from the file `path`, whose content may be replaced later. Credentials with the same
+    content are equal, whatever file they come from."""
 
     path: Path = Path()
 

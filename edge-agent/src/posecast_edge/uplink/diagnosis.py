@@ -1,5 +1,4 @@
-"""Finds out why there is no link. Zenoh reports only a timeout, so this connects to the relay by other
-means."""
+"""Finds out why there is no link. Zenoh reports only a timeout, so this connects to the relay itself."""
 
 from __future__ import annotations
 
@@ -14,22 +13,22 @@ from posecast_edge.uplink.knock import WEB, is_http, is_tls, knock
 from posecast_edge.uplink.session_config import make_zenoh_config
 
 PATIENCE_S = 2.0
-SILENT = "takes connections and says nothing: does it hang, or is it just starting?"
-CREDENTIAL = "does it want a credential (--credential, in Python credential=)"
-SURE_AFTER = 3  # times in a row that a relay which answers made no link,
-SURE_AFTER_S = 5.0  # and for so long: a busy machine may be too slow once or twice
+SILENT = "accepts connections but sends nothing: does it hang, or is it still starting?"
+CREDENTIAL = "does it need a credential (--credential, in Python credential=)"
+SURE_AFTER = 3  # attempts in a row that failed although the relay answered,
+SURE_AFTER_S = 5.0  # over at least this time: a busy machine may be too slow once or twice
 
 
 class Diagnosis(NamedTuple):
-    """Why there is no link: `why` goes on after the relay's name. `is_refusal`: the relay answers, so nothing
-    else than what this robot shows it can be the reason."""
+    """Why there is no link. `why`: the rest of a sentence that starts with the relay's name. `is_refusal`:
+    the relay answers, so only this robot's credential can be the reason."""
 
     why: str
     is_refusal: bool = False
 
 
 class RefusalPatience:
-    """Decides when a relay counts as one that refuses this robot, and is not just slow. Times are monotonic
+    """Decides when to conclude that a relay refuses this robot and is not just slow. Times are monotonic
     seconds."""
 
     def __init__(self) -> None:
@@ -37,7 +36,7 @@ class RefusalPatience:
         self._since_s = 0.0
 
     def is_sure(self, found: Diagnosis, now_s: float) -> bool:
-        """Whether to tell what was found at `now_s`."""
+        """Whether to report `found`, the diagnosis at `now_s`."""
         if not found.is_refusal:
             self._count = 0
             return True
@@ -48,17 +47,17 @@ class RefusalPatience:
 
 
 def diagnose_link(relay: str, credential: Credential | Certificate | None) -> Diagnosis:
-    """Find out what is wrong. `relay`: a Zenoh endpoint, `tls/host:port`."""
+    """Find out why there is no link to `relay`, a Zenoh endpoint such as `tls/host:port`."""
     scheme, _, address = relay.partition("/")
     host, _, port = address.rpartition(":")
     host = host.strip("[]")
     if scheme == "quic":
-        return Diagnosis("does not answer, or does not let this robot in")
+        return Diagnosis("does not answer, or refuses this robot")
     wrong = alert = None
     try:
         with socket.create_connection((host, int(port)), PATIENCE_S) as plain:
             if scheme == "tls":
-                # brings ssl, 5 MB that an agent whose link is merely away must not take
+                # imports ssl, 5 MB that an agent must not load just because the link is down
                 from posecast_edge.uplink.diagnosis_tls import NO_TLS, shake_hands  # noqa: PLC0415
 
                 wrong, alert = shake_hands(plain, host, credential)
@@ -66,20 +65,20 @@ def diagnose_link(relay: str, credential: Credential | Certificate | None) -> Di
                     wrong = WEB
             else:
                 wrong = _explain_answer(knock(plain), address)
-    except (OSError, UnicodeError):  # also of a name that is none
+    except (OSError, UnicodeError):  # UnicodeError: an invalid host name
         return Diagnosis("does not answer")
     if wrong is not None:
         return Diagnosis(wrong)
     if alert is None and scheme == "tcp" and isinstance(credential, Credential) and _takes_anybody(relay):
         return Diagnosis(
-            "takes robots without a credential, as a relay does with --dev: leave the credential out, or "
-            "start the relay with --robots"
+            "accepts robots without a credential, like a relay with --dev: remove the credential, or start "
+            "the relay with --robots"
         )
     return Diagnosis(_refusal(credential, alert), alert is None)
 
 
 def _takes_anybody(relay: str) -> bool:
-    """Whether a robot that shows nothing is let in: Zenoh refuses a password where none is asked for."""
+    """Whether the relay accepts a robot without a credential: Zenoh refuses a password if none is needed."""
     try:
         with zenoh.open(make_zenoh_config(relay, tries_once=True)):
             return True
@@ -94,22 +93,22 @@ def _is_web(host: str, port: int) -> bool:
 
 
 def _explain_answer(answer: bytes | None, address: str) -> str | None:
-    """What is wrong with a tcp/… endpoint that answers so; None when it may be a relay's."""
+    """What is wrong with a tcp/… endpoint that sends this answer; None when it may be a relay's."""
     if answer is None:
         return SILENT
     if is_http(answer):
         return WEB
-    return f"wants TLS: it is tls/{address}" if is_tls(answer) else None
+    return f"requires TLS: use tls/{address}" if is_tls(answer) else None
 
 
 def _refusal(credential: Credential | Certificate | None, alert: str | None) -> str:
-    """What a relay that answers has against this robot."""
+    """Why a relay that answers refuses this robot."""
     if alert == "certificate required":
-        return "wants a certificate of this robot: give --tls-cert and --tls-key"
+        return "requires a certificate from this robot: give --tls-cert and --tls-key"
     if alert is not None:
-        return f"does not take this robot's certificate: {alert}"
+        return f"refuses this robot's certificate: {alert}"
     if credential is None:
-        return "answers, but does not let this robot in: " + CREDENTIAL + "?"
+        return "answers, but refuses this robot: " + CREDENTIAL + "?"
     if isinstance(credential, Certificate):
-        return "answers, but does not let this robot in: " + CREDENTIAL + ", not a certificate?"
-    return f"does not let {credential.robot!r} in: its credential is wrong, expired or revoked"
+        return "answers, but refuses this robot: " + CREDENTIAL + " instead of a certificate?"
+    return f"refuses {credential.robot!r}: its credential is wrong, expired or revoked"

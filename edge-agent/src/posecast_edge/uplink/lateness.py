@@ -7,14 +7,12 @@ from collections import deque
 
 from posecast_wire.keys import Echo
 
-LATE_S = 0.5  # above it the rate is halved, and an answer that takes longer holds frames back
-CALM_S = 0.25  # below it for RECOVER_S the rate doubles again
+LATE_S = 0.5  # above it, the rate is halved; a slower answer holds frames back
+CALM_S = 0.25  # below it for RECOVER_S, the rate doubles again
 RECOVER_S = 5.0
-SETTLE_S = (
-    2.0  # what was sent needs this long to show whether it is accepted, or whether half the rate helped
-)
+SETTLE_S = 2.0  # time to wait before judging whether frames are accepted, or whether the lower rate helped
 LOWEST_HZ = 1.0
-OVER_S = 5.0  # without a word of it, and the relay takes all of it again
+OVER_S = 5.0  # without a reported excess for this long, the relay accepts everything again
 SENT_MAX = 2048  # frames remembered: half a minute at 60 Hz; older ones are forgotten
 
 
@@ -29,11 +27,11 @@ class EchoWatch:
         self._quickest_s: float | None = None
         self._connected = False
         self._echo: Echo | None = None
-        self._asked_s: float | None = None  # a question is under way
+        self._asked_s: float | None = None  # when the pending query was sent
         self.late_s = 0.0
 
     def record_link(self, connected: bool) -> None:
-        """Note that the link came up or went down, and forget what was known about the relay."""
+        """Record that the link came up or went down, and forget the relay's state."""
         self._connected = connected
         self._echo = None
         self._asked_s = None
@@ -42,19 +40,19 @@ class EchoWatch:
         self.late_s = 0.0
 
     def record_frame(self, seq: int, now_s: float) -> None:
-        """Note that frame `seq` left at `now_s` (monotonic seconds)."""
+        """Record that frame `seq` was sent at `now_s` (monotonic seconds)."""
         if self._first is None:
             self._first = (seq, now_s)
         self._newest = seq
         self._sent.append((seq, now_s))
 
     def record_question(self, now_s: float) -> None:
-        """Note that an echo was asked for at `now_s` (monotonic seconds)."""
+        """Record that an echo was requested at `now_s` (monotonic seconds)."""
         self._asked_s = now_s
 
     def is_queue_full(self, now_s: float) -> bool:
-        """Whether to hold frames back: the relay has answered before but is slow now, so queries and frames
-        are waiting in a queue on the way. True until the pending query is answered or given up."""
+        """Whether to hold frames back: the relay answered before but is slow now, so queries and frames wait
+        in a queue on the way. True until the pending query is answered or times out."""
         if self._asked_s is None or self._echo is None or self._quickest_s is None:
             return False
         return now_s - self._asked_s > LATE_S + self._quickest_s
@@ -65,13 +63,13 @@ class EchoWatch:
         self._asked_s = None
         round_trip_s = now_s - asked_s
         if echo is None and round_trip_s < LATE_S:
-            self.late_s = 0.0  # nobody there to ask: not a matter of time
+            self.late_s = 0.0  # no relay answered: that is not lateness
             return
         if echo is not None:
             quickest_s = self._quickest_s
             self._quickest_s = round_trip_s if quickest_s is None else min(quickest_s, round_trip_s)
-        # Question and frames wait in the same queue, so a slow answer means late frames; and a frame that was
-        # sent well before the question and is not there yet is late itself.
+        # Query and frames wait in the same queue, so a slow answer means late frames. A frame that was sent
+        # well before the query and has not arrived is late itself.
         self.late_s = round_trip_s - (self._quickest_s or 0.0)
         if echo is not None and self._accepted(echo):
             while self._sent and self._sent[0][0] <= echo.seq:
@@ -80,15 +78,15 @@ class EchoWatch:
                 self.late_s = max(self.late_s, asked_s - self._sent[0][1])
 
     def _accepted(self, echo: Echo) -> bool:
-        """The relay has taken a frame that this run sent since the link came up. A number that was never sent
-        is no sign of that, whoever answers with it."""
+        """Whether the relay has accepted a frame that this run sent since the link came up. A number that was
+        never sent does not count."""
         if echo.run_id != self._run_id or self._first is None or self._newest is None:
             return False
         return self._first[0] <= echo.seq <= self._newest
 
     @property
     def over(self) -> str:
-        """Which limit of the relay the robot exceeds, by the newest echo; "" for none."""
+        """The relay's limit that the robot exceeds, from the newest echo; "" for none."""
         return "" if self._echo is None else self._echo.over
 
     def describe_state(self, now_s: float) -> str:
@@ -109,31 +107,31 @@ class News:
     def __init__(self) -> None:
         self._refused = False
         self._over = ""
-        self._over_s = 0.0  # when that was last so
+        self._over_s = 0.0  # when a limit was last exceeded
 
     def list_changes(self, word: str, over: str, now_s: float) -> list[str]:
-        """Lines for what has changed since the last call. `word` and `over` come from EchoWatch at monotonic
-        `now_s`."""
+        """Log lines for the changes since the last call. `word` and `over` come from EchoWatch at `now_s`
+        (monotonic seconds)."""
         lines: list[str] = []
         if word == "refused" and not self._refused:
             self._refused = True
-            lines.append("the relay takes nothing: does another edge send this robot too? Sending on")
+            lines.append("the relay accepts no frames: does another agent publish this robot? Still sending")
         elif word in ("on air", "late") and self._refused:
             self._refused = False
             lines.append("on air again")
         if over:
             self._over_s = now_s
             if over != self._over:
-                lines.append(f"the relay drops some of what this robot sends: more than {over}")
+                lines.append(f"the relay drops some of this robot's data: more than {over}")
             self._over = over
         elif self._over and word in ("on air", "late") and now_s - self._over_s > OVER_S:
             self._over = ""
-            lines.append("the relay takes all that this robot sends again")
+            lines.append("the relay accepts all of this robot's data again")
         return lines
 
 
 class RateControl:
-    """Halves the frame rate while frames arrive late and doubles it again when they no longer do."""
+    """Halves the frame rate while frames arrive late, and doubles it again when they arrive in time."""
 
     def __init__(self, hz: float) -> None:
         self._full_hz = hz

@@ -1,5 +1,5 @@
-"""Answers queries about the model one after the other in a thread of its own, so that many queries or a slow
-uplink delay neither Zenoh's threads nor the frames."""
+"""Answers queries about the model one at a time in a separate thread, so that many queries or a slow uplink
+delay neither Zenoh's threads nor the frames."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from posecast_edge.uplink.run import Run
 from posecast_edge.visible import make_visible
 
 WAITING_MAX = 64  # questions; a relay asks for a few at a time
-BYTES_S = 16e6  # a whole model goes at once,
-BYTES_AT_ONCE = 64e6  # whoever asks for it over and over gets it at this pace
+BYTES_S = 16e6  # the rate for repeated requests;
+BYTES_AT_ONCE = 64e6  # a whole model up to this size is sent at full speed
 
 
 class ModelServer:
@@ -66,7 +66,7 @@ class ModelServer:
             try:
                 self._answer(query)
             except Exception as e:
-                self._exceptions.add("an answer about the model", e)
+                self._exceptions.add("answering a query about the model", e)
 
     def _answer(self, query: zenoh.Query) -> None:
         part = str(query.key_expr).rpartition("/")[2]
@@ -80,7 +80,7 @@ class ModelServer:
             query.reply(model_key(self._robot, part), data, attachment=self._run.make_stamp().pack())
 
     def _range(self, part: str, parameters: zenoh.Parameters) -> bytes:
-        """KeyError, ValueError, OSError: there is no such file or range."""
+        """The requested bytes. Raises KeyError, ValueError or OSError when there is no such file or range."""
         if self.bundle is None:
             raise KeyError("no model")
         offset = int(parameters.get("off") or 0)

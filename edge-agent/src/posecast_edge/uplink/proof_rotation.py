@@ -1,5 +1,5 @@
-"""Takes a new credential or certificate while the agent runs: a second session is opened with it beside the
-first, and takes over once the relay listens there."""
+"""Switches to a new credential or certificate while the agent runs: opens a second session with it, which
+takes over once the relay listens to it."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from posecast_edge.uplink.session_config import make_zenoh_config
 log = logging.getLogger("posecast_edge.link")
 
 LOOK_S = 1.0
-AGAIN_S = 60.0  # each try that fails is a refusal that the relay counts and may log
-LISTENER_S = 2.0  # a certificate of the right authority links, whatever name it bears; it is not listened to
+AGAIN_S = 60.0  # the relay counts and may log each failed attempt
+LISTENER_S = 2.0  # with a wrong name in a valid certificate, the link opens but the relay does not listen
 POLL_S = 0.01
 
 
 class ProofRotation:
-    """Watches the files of `proof` in a thread of its own. Its methods return at once."""
+    """Watches the files of `proof` in a separate thread. Its methods return at once."""
 
     def __init__(
         self,
@@ -35,8 +35,8 @@ class ProofRotation:
         opened: Callable[[], None],
         exceptions: ExceptionLog,
     ) -> None:
-        """`key`: the one on which the relay listens to whom it lets in; `is_linked`: whether there is a link
-        by what was there before; `opened` is called when there is a session to `take`."""
+        """`key`: the relay listens on it to robots that it accepts; `is_linked`: whether the link with the
+        old credential is up; `opened` is called when a session is ready to `take`."""
         self._relay, self._key = relay, key
         self._is_linked, self._opened = is_linked, opened
         self._exceptions = exceptions
@@ -50,13 +50,13 @@ class ProofRotation:
         self.thread: threading.Thread | None = None
 
     def start(self) -> None:
-        """Begin to watch, where there are files."""
+        """Start watching, if there are files."""
         if self._watcher.has_files:
             self.thread = threading.Thread(target=self._run, name="credential", daemon=True)
             self.thread.start()
 
     def stop(self) -> None:
-        """Let the thread end, and close a session that nobody took."""
+        """End the thread, and close a session that was not taken."""
         with self._lock:
             self._stopping = True
             self._lock.notify_all()
@@ -65,13 +65,13 @@ class ProofRotation:
             found[0].close()  # type: ignore[no-untyped-call]
 
     def hurry(self) -> None:
-        """The link was lost: the relay may take the new one from now on. Try at once."""
+        """Try at once: the link was lost, so the relay may accept the new credential now."""
         with self._lock:
             self._hurries = True
             self._lock.notify_all()
 
     def take(self) -> tuple[zenoh.Session, Proof] | None:
-        """The session that was opened, and with what; once. The caller closes it."""
+        """Hand over the opened session and its credential, once. The caller closes it."""
         with self._lock:
             found, self._session = self._session, None
             return found
@@ -94,7 +94,7 @@ class ProofRotation:
     def _look(self) -> None:
         found = self._watcher.check()
         if found is not None:
-            # a certificate is the same object with other bytes
+            # a renewed certificate is the same object, with new bytes in its files
             self._next = None if found == self._used and found is not self._used else found
             self._try_at_s = 0.0
 
@@ -104,8 +104,7 @@ class ProofRotation:
         if session is None:
             if is_first:
                 log.warning(
-                    "the relay does not take the new credential yet: going on with the one of before, "
-                    "until it does"
+                    "the relay does not accept the new credential yet: keeping the previous one until it does"
                 )
             return
         with self._lock:
@@ -120,7 +119,7 @@ class ProofRotation:
         self._opened()
 
     def _open(self, proof: Proof, tries_once: bool) -> zenoh.Session | None:
-        """A session to which the relay listens; None when it does not."""
+        """A session that the relay listens to; None when it does not listen."""
         try:
             session = zenoh.open(make_zenoh_config(self._relay, proof, tries_once))
         except zenoh.ZError:

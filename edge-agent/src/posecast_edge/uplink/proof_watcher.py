@@ -1,4 +1,4 @@
-"""Notices that another credential or certificate stands in the files that the agent was started with."""
+"""Notices when the agent's credential or certificate files change."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ FileState = tuple[int, int, int, int]
 
 
 class ProofWatcher:
-    """Looks at the files of a credential or certificate. A file that is wrong changes nothing; `warn` is
-    given one line for each change of it."""
+    """Watches the files of a credential or certificate. An invalid file has no effect; `warn` is called with
+    one line each time it changes."""
 
     def __init__(self, proof: Proof | None, warn: Callable[[str], None]) -> None:
         self._proof = proof
@@ -29,12 +29,12 @@ class ProofWatcher:
 
     @property
     def has_files(self) -> bool:
-        """Whether there is anything to look at."""
+        """Whether there are files to watch."""
         return bool(self._files)
 
     def check(self) -> Proof | None:
-        """Return what the files hold when it is another one than at the last call, and good; else None. They
-        are read once they have been the same for two calls: several are written one after the other."""
+        """Return the files' content if it is valid and differs from the last call's; otherwise None. Files
+        are read only once they are unchanged for two calls, because several are written in turn."""
         before, self._seen = self._seen, self._look()
         if self._seen == self._taken or self._seen != before:
             return None
@@ -42,7 +42,7 @@ class ProofWatcher:
         try:
             return self._read()
         except ValueError as e:
-            self._warn(f"{e}; going on with what stood there before")
+            self._warn(f"{e}; keeping the previous one")
             return None
 
     def _read(self) -> Proof | None:
@@ -50,12 +50,12 @@ class ProofWatcher:
         before = self._proof
         if isinstance(before, Certificate):
             before.check()
-            return before  # of the same files: Zenoh reads them
+            return before  # same paths: Zenoh reads the files itself
         if not isinstance(before, CredentialFile):
             return None
         found = read_credential(str(before.path))
         if found.robot != before.robot:
-            raise ValueError(f"{before.path}: is of robot {found.robot!r}, not of {before.robot!r}")
+            raise ValueError(f"{before.path}: it is for robot {found.robot!r}, not for {before.robot!r}")
         if found == before:
             return None
         self._proof = found
@@ -66,7 +66,7 @@ class ProofWatcher:
 
 
 def _find_state(path: Path) -> FileState | None:
-    """What differs between two versions of a file; None while it is gone."""
+    """Attributes that differ between two versions of a file; None while it is missing."""
     try:
         found = os.stat(path)
     except OSError:

@@ -1,8 +1,8 @@
-"""The one outbound link. It publishes frames and events and answers questions about its own state; it
-subscribes to nothing, so nothing can flow towards the robot.
+"""The only outbound link. It publishes frames and events and answers queries about its own state. It
+subscribes to nothing, so no data can reach the robot.
 
-Zenoh reconnects by itself and for ever once a session is open; frames put meanwhile are discarded by it, so
-there is no backlog when the link comes back.
+Once a session is open, Zenoh reconnects automatically and for ever. It discards frames sent in between, so no
+backlog builds up while the link is down.
 """
 
 from __future__ import annotations
@@ -44,13 +44,13 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("posecast_edge.link")
 
-WHY_S = 3.0  # without a link for so long: find out why
-LOOK_S = 2.0  # at the session itself, where nothing is to be sent
+WHY_S = 3.0  # without a link for this long: find out why
+LOOK_S = 2.0  # how often to check the session while there is nothing to send
 ECHO_S = 1.0
 ECHO_AGAIN_S = 0.3  # while frames are late, and
-NEW_LINK_S = 5.0  # so long on a link of which nobody knows what it carries
+NEW_LINK_S = 5.0  # for this long on a new link, whose bandwidth is unknown
 ECHO_TIMEOUT_S = 2.0
-ECHO_END_S = 0.5  # so long its thread is waited for, which is in a call of the session for less
+ECHO_END_S = 0.5  # how long to wait for the echo's thread; its calls to the session take less
 ECHO_BYTES_MAX = 4096
 ECHO_REPLIES_MAX = 8  # to one question: there may be several relays
 
@@ -68,7 +68,7 @@ class ZenohPublisher:
         heard: Callable[[str], None],
         credential: Proof | None = None,
     ) -> None:
-        """`snapshot` and `heard` take a view and are called by Zenoh's threads; `heard` when somebody begins
+        """`snapshot` and `heard` take a view and are called by Zenoh's threads; `heard` when a relay starts
         to listen. Lateness is measured on the first of `views`, which must be the fastest."""
         self.run = Run()
         self.connected = False
@@ -78,7 +78,7 @@ class ZenohPublisher:
         self._news = News()
         self._robot, self._relay, self._credential = robot, relay, credential
         self._warned = ""  # why there is no link
-        self._patience: RefusalPatience | None = None  # once it was asked
+        self._patience: RefusalPatience | None = None  # made by the first diagnosis
         self._view_publishers = {
             view: ViewPublisher(
                 robot, view, self.run, partial(snapshot, view), partial(heard, view), self.exceptions
@@ -95,13 +95,13 @@ class ZenohPublisher:
             self.exceptions,
         )
         self._desk = ModelServer(robot, self.run, self.exceptions)
-        self._wake = threading.Condition()  # two threads wait on it, hence notify_all
+        self._wake = threading.Condition()  # two threads wait on it, so use notify_all
         self._stopping = False
         self._just_linked = False
         self._linked_s = 0.0
         self._watch_lock = threading.Lock()
         self._session: zenoh.Session | None = None
-        self._declared: list[object] = []  # Zenoh undeclares what nobody holds
+        self._declared: list[object] = []  # kept alive: Zenoh undeclares an entity when its object is dropped
         self._callback_threads = CallbackThreads()
         self._thread = threading.Thread(target=self._keep_link, name="link", daemon=True)
         self._echo_thread: threading.Thread | None = None
@@ -155,7 +155,7 @@ class ZenohPublisher:
         self._thread.join(timeout_s)
 
     def wait_for_end(self, timeout_s: float) -> None:
-        """After `stop`: wait for the threads that may still sit in a call of Zenoh's, at most so long."""
+        """After `stop`: wait for threads that may still be in a Zenoh call, at most `timeout_s` seconds."""
         until_s = time.monotonic() + timeout_s
         for thread in filter(None, (self._thread, self._echo_thread, self._rotation.thread)):
             thread.join(max(0.0, until_s - time.monotonic()))
@@ -163,17 +163,17 @@ class ZenohPublisher:
 
     @property
     def why_no_link(self) -> str:
-        """Why there has been no link for a while, in one line; "" when that is not known, or there is one."""
+        """Why there has been no link for a while, in one line; "" if unknown or if the link is up."""
         return self._warned
 
     @property
     def late_s(self) -> float:
-        """How late frames arrive at the relay, in seconds, by the newest echo."""
+        """How late frames arrive at the relay, in seconds, from the newest echo."""
         return self._watch.late_s
 
     @property
     def open(self) -> bool:
-        """Whether frames should be sent: there is a link, the relay listens, and no queue has built up."""
+        """Whether frames should be sent: the link is up, the relay listens, and no queue has built up."""
         if not self.connected or self._watch.is_queue_full(time.monotonic()):
             return False
         return self._view_publishers[self._measured].has_listener
@@ -188,7 +188,7 @@ class ZenohPublisher:
         return self._watch.over
 
     def list_changes(self) -> list[str]:
-        """Lines for the user about what the newest echo has changed."""
+        """Log lines for what the newest echo has changed."""
         now_s = time.monotonic()
         return self._news.list_changes(self._watch.describe_state(now_s), self._watch.over, now_s)
 
@@ -222,8 +222,8 @@ class ZenohPublisher:
             self._wake.wait_for(lambda: self._stopping, RETRY_MS[1] / 1000)
 
     def _serve(self, session: zenoh.Session) -> zenoh.Session | None:
-        """Until the agent stops, or a newer session takes over: that is returned, and all is declared on it
-        already. ZError when the session has ended by itself."""
+        """Serve until the agent stops or a newer session takes over. Returns the newer one, with everything
+        declared on it. Raises ZError when the session has ended on its own."""
         if self._session is not session:
             self._declare(session)
         self._echo_thread = threading.Thread(target=self._ask_echo, args=(session,), name="echo", daemon=True)
@@ -233,18 +233,18 @@ class ZenohPublisher:
             while self._send_waiting():
                 newer = self._take_newer()
                 if newer is not None:
-                    self._declare(newer)  # this one is closed after it, so that the relay misses nothing
+                    self._declare(newer)  # before this one is closed, so that the relay misses nothing
                     return newer
                 if session.is_closed():
                     raise zenoh.ZError("the session has ended")
             return None
-        finally:  # to close a session while another thread is in a call of it is an error
+        finally:  # a session must not be closed while another thread is calling it
             self._echo_ends = True
             self._notify()
             self._echo_thread.join(ECHO_END_S)
 
     def _take_newer(self) -> zenoh.Session | None:
-        """The session that was opened with what is new in the credential's file, if there is one."""
+        """The session that was opened with a new credential, if there is one."""
         found = self._rotation.take()
         if found is None:
             return None
@@ -258,7 +258,7 @@ class ZenohPublisher:
                 return newer
             try:
                 return zenoh.open(make_zenoh_config(self._relay, self._credential))
-            except zenoh.ZError:  # which only ever says that time ran out
+            except zenoh.ZError:  # it always reports a timeout
                 if not self._stopping:
                     self._diagnose()
             except Exception as e:
@@ -268,7 +268,7 @@ class ZenohPublisher:
         return None
 
     def _diagnose(self) -> None:
-        """Find out why there is no link, and log it: once, and again when it is another reason."""
+        """Find out why there is no link, and log it once, and again when the reason changes."""
         from posecast_edge.uplink.diagnosis import RefusalPatience, diagnose_link  # noqa: PLC0415 - few runs ever need it
 
         try:
@@ -277,19 +277,19 @@ class ZenohPublisher:
             if self._patience.is_sure(found, time.monotonic()):
                 self._warn_once(found.why)
         except Exception as e:
-            self.exceptions.add("asking why there is no link", e)
+            self.exceptions.add("finding out why there is no link", e)
 
     def _warn_once(self, why: str) -> None:
         if why != self._warned:
             self._warned = why
-            log.warning("%s %s; trying on", self._relay, why)
+            log.warning("%s %s; still trying", self._relay, why)
 
     def _declare(self, session: zenoh.Session) -> None:
-        """All that this agent is on the network. Who sees the token asks for the snapshot, and who has that
-        for the model: so they are declared the other way round."""
+        """Declare everything that this agent offers. A relay that sees the token asks for the snapshot, then
+        for the model, so these are declared in reverse order."""
         before, self._session, self._declared = self._declared, session, []
         on_transport = self.exceptions.guard("the link", partial(self._on_transport, session))
-        on_model = self.exceptions.guard("a question about the model", self._desk.enqueue_query)
+        on_model = self.exceptions.guard("a query about the model", self._desk.enqueue_query)
         with self._callback_threads.collect():
             self._declared += [
                 session.info.declare_transport_events_listener(on_transport, history=True),
@@ -298,14 +298,14 @@ class ZenohPublisher:
             for view_publisher in self._view_publishers.values():
                 self._declared += view_publisher.declare(session)
         self._declared.append(session.liveliness().declare_token(alive_key(self._robot)))
-        del before  # Zenoh undeclares what nobody holds: not until the relay knows the newer ones
+        del before  # dropping them undeclares them: only after the relay knows the newer ones
 
     def _notify(self) -> None:
         with self._wake:
             self._wake.notify_all()
 
     def _send_waiting(self) -> bool:
-        """Send what waits, or wait for something. False when the agent stops and no more can be sent."""
+        """Send what is waiting, or wait for something. False when the agent stops and no more can be sent."""
         with self._wake:
             waiting = [
                 view_publisher for view_publisher in self._view_publishers.values() if view_publisher.waiting
@@ -318,13 +318,13 @@ class ZenohPublisher:
             try:
                 send = ready.take_next()
             except Exception as e:
-                self.exceptions.add(f"what is told of {ready.view}", e)
+                self.exceptions.add(f"sending events of {ready.view}", e)
                 self._wake.wait(0.1)
                 return True
         try:
             send()
         except Exception as e:
-            self.exceptions.add(f"what is told of {ready.view}", e)
+            self.exceptions.add(f"sending events of {ready.view}", e)
         return True
 
     # --- called by Zenoh's threads
@@ -336,7 +336,7 @@ class ZenohPublisher:
         with self._watch_lock:
             self._watch.record_link(self.connected)
         with self._wake:
-            self._just_linked = self.connected  # ask before a queue can build up: how quick is an answer?
+            self._just_linked = self.connected  # measure the answer time before a queue can build up
             self._linked_s = time.monotonic()
             self._wake.notify_all()
         self._warned = ""
@@ -344,7 +344,7 @@ class ZenohPublisher:
         if not self._stopping:
             log.info("%s %s", "linked to" if self.connected else "lost", self._relay)
         if not self.connected:
-            self._rotation.hurry()  # the relay may have changed whom it lets in
+            self._rotation.hurry()  # the relay may accept other credentials now
 
     # --- the echo's thread
 
@@ -373,13 +373,13 @@ class ZenohPublisher:
                 if self.connected:
                     self._watch.record_answer(echo, asked_s, time.monotonic())
                     self.echoes += 1
-            # a certificate of the right authority links, whatever name it bears
+            # a valid certificate opens the link even if it has a wrong name
             stranger = echo is None and isinstance(self._credential, Certificate)
             if stranger and self.connected and asked_s - self._linked_s > WHY_S:
-                self._warn_once(f"does not know {self._robot!r}, or the certificate does not bear that name")
+                self._warn_once(f"does not know {self._robot!r}, or the certificate has another name")
 
     def _echo_of(self, session: zenoh.Session) -> Echo | None:
-        """The newest of the relays' answers that is one. Whatever else comes is counted."""
+        """The newest valid answer of the relays. Invalid ones are counted."""
         echo: Echo | None = None
         try:
             replies = session.get(

@@ -10,17 +10,20 @@ import zenoh
 from posecast_edge.uplink.certificate import Certificate
 from posecast_edge.uplink.credential_file import Proof
 
-OPEN_MS = 2000  # one attempt; in between the thread looks whether it is to stop
-LEASE_MS = 2500  # the relay takes an edge for gone after this long without a sign of life
-RETRY_MS = (25, 1000)  # at first at once: a relay that enrols a robot opens its door anew within milliseconds
-BATCH_BYTES = 8192  # small batches and a small kernel buffer: on a thin uplink a queue is only delay
+OPEN_MS = 2000  # one attempt; between attempts the thread checks whether to stop
+LEASE_MS = 2500  # after this long without a sign of life, the relay considers the agent gone
+RETRY_MS = (
+    25,
+    1000,
+)  # first and longest; quick at first: a relay that adds a robot reopens within milliseconds
+BATCH_BYTES = 8192  # small batches and a small kernel buffer: on a slow uplink a queue only adds delay
 SNDBUF_BYTES = 32768
-HEARD_BYTES_MAX = 1 << 18  # of one message towards the edge: it hears questions and echoes only
+HEARD_BYTES_MAX = 1 << 18  # per message to the agent, which receives only queries and echoes
 
 
 def make_zenoh_config(relay: str, credential: Proof | None = None, tries_once: bool = False) -> zenoh.Config:
     """A Zenoh client that connects only to this relay and discovers nobody else. `relay`: an endpoint,
-    `tcp/host:port`. `tries_once`: to open it is tried once, not again and again for OPEN_MS."""
+    `tcp/host:port`. `tries_once`: try to connect once, instead of repeatedly for OPEN_MS."""
     link: dict[str, object] = {
         "tx": {"lease": LEASE_MS, "keep_alive": 4, "batch_size": BATCH_BYTES},
         "rx": {"max_message_size": HEARD_BYTES_MAX},
@@ -32,7 +35,7 @@ def make_zenoh_config(relay: str, credential: Proof | None = None, tries_once: b
         link["tls"] = {"enable_mtls": True, **own, **ca_file}
     elif credential is not None:
         auth["usrpwd"] = {"user": credential.robot, "password": credential.secret}
-        if credential.ca is not None:  # else the authorities that the web trusts
+        if credential.ca is not None:  # otherwise the public authorities
             ca = base64.b64encode(credential.ca.encode()).decode()
             link["tls"] = {"root_ca_certificate_base64": ca}
     endpoint = relay if relay.startswith("quic/") else f"{relay}#so_sndbuf={SNDBUF_BYTES}"

@@ -1,4 +1,4 @@
-"""Publishes one view: what waits until the relay listens, and in which order it is sent."""
+"""Publishes one view: queues data until the relay listens, and decides the order of sending."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from posecast_edge.pipeline.events import Event
 from posecast_edge.token_bucket import TokenBucket
 from posecast_edge.uplink.run import Run
 
-EVENTS_MAX = 100  # waiting for the link; the oldest goes first. The relay keeps as many
-INFO_EVERY_S = 0.5  # texts that change more often go together
-SNAPSHOTS_S = 10.0  # a relay asks once a second, and there may be several; more are not answered,
-SNAPSHOTS_AT_ONCE = 20.0  # but for so many in a row
-KEY_FIRST_S = 1.0  # events wait this long for the KEY that makes the relay adopt this run
+EVENTS_MAX = 100  # waiting for the link; the oldest is dropped first. The relay keeps as many
+INFO_EVERY_S = 0.5  # texts that change more often are sent together
+SNAPSHOTS_S = 10.0  # answers a second: a relay asks once a second, and there may be several relays;
+SNAPSHOTS_AT_ONCE = 20.0  # a burst may have this many
+KEY_FIRST_S = 1.0  # how long events wait for the KEY that makes the relay switch to this run
 
 
 class ViewPublisher:
@@ -35,7 +35,7 @@ class ViewPublisher:
         heard: Callable[[], None],
         exceptions: ExceptionLog,
     ) -> None:
-        """`snapshot` and `heard` are called by Zenoh's threads; `heard` when somebody begins to listen."""
+        """`snapshot` and `heard` are called by Zenoh's threads; `heard` when a relay starts to listen."""
         self.view = view
         self.events: deque[Event] = deque(maxlen=EVENTS_MAX)
         self.info: dict[str, str] | None = None  # the newest only
@@ -66,11 +66,11 @@ class ViewPublisher:
         on_matching = self._exceptions.guard(f"the link of {self.view}", self._on_matching)
         on_snapshot = self._exceptions.guard(f"a snapshot of {self.view}", self._on_snapshot)
         listener = frames.declare_matching_listener(on_matching)
-        on_matching(_matching(frames))  # it may have matched before anybody listened for it
+        on_matching(_matching(frames))  # it may have matched before the listener was set
         return [listener, session.declare_queryable(snapshot_key(self._robot, self.view), on_snapshot)]
 
     def close(self) -> None:
-        """Drop the publishers of a lost link; no frame is sent any more."""
+        """Drop the publishers of a lost link. No more frames are sent."""
         self._frames = self._events = None
         self._matched = False
 
@@ -81,10 +81,10 @@ class ViewPublisher:
 
     @property
     def has_listener(self) -> bool:
-        """Whether a relay subscribes to this view: only then does a frame leave the machine. `heard` has been
+        """Whether a relay subscribes to this view; only then does a frame leave the machine. `heard` is
         called before this is first true, so that the first frame is a KEY."""
         if not self._matched and self._frames is not None:
-            self._on_matching(_matching(self._frames))  # Zenoh's thread may say so later than it is so
+            self._on_matching(_matching(self._frames))  # Zenoh's thread may report it late
         return self._matched
 
     def send_frame(self, data: bytes, taken_s: float) -> None:

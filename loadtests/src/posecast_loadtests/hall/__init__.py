@@ -1,1 +1,1 @@
-"""A hall with more viewers than its relay takes: the others go on in the lane. The relay is replaced once."""
+"""A hall with more viewers than its relay accepts. The others use the lane. The relay is replaced once."""

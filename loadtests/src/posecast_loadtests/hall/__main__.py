@@ -1,8 +1,9 @@
-"""`python -m posecast_loadtests.hall`: a relay with few places, many viewers, and the relay is replaced once.
+"""`python -m posecast_loadtests.hall`: many viewers, a relay with few places, and the relay is replaced once.
 
-A relay with `--max-viewers 50` and the demo robot; 500 viewers, of whom 450 go on by the lane. When each has
-got something the relay is told to end, and another one is started at its port; when each has got something
-from that one, it is over. Nobody may be refused. Results go to `--out`. Exit code 1 when anything failed.
+Starts a relay with `--max-viewers 50`, the demo robot and 500 viewers, of which 450 use the lane. Once every
+viewer has received something, the relay is stopped and another one starts on its port. The test ends once
+every viewer has received something from the new relay. No viewer may be refused. Results go to `--out`. Exit
+status 1 if anything failed.
 """
 
 from __future__ import annotations
@@ -39,14 +40,14 @@ def options() -> argparse.Namespace:
 
 
 def find_free_port() -> int:
-    """Return a port of the loopback that nobody listens at now."""
+    """Return a port of the loopback interface that is free now."""
     with socket.create_server(("127.0.0.1", 0)) as found:
         port: int = found.getsockname()[1]
         return port
 
 
 def wait_for(file: Path, holds: Callable[[HallCounts], bool]) -> HallCounts:
-    """Return the counts as soon as they are so; after LIMIT_S as they are then."""
+    """Return the counts once `holds` is true, or the current ones after LIMIT_S."""
     end_s, counts = time.monotonic() + LIMIT_S, HallCounts()
     while time.monotonic() < end_s:
         with suppress(FileNotFoundError):
@@ -58,7 +59,7 @@ def wait_for(file: Path, holds: Callable[[HallCounts], bool]) -> HallCounts:
 
 
 def play(viewers: int, places: int, out: Path) -> tuple[HallCounts, Replacement]:
-    """What the viewers saw, and when there was no relay."""
+    """Run the test. Return what the viewers saw, and when there was no relay."""
     out.mkdir(parents=True, exist_ok=True)
     file = out / "hall-counts.json"
     file.unlink(missing_ok=True)

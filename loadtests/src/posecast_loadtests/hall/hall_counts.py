@@ -1,4 +1,4 @@
-"""What the viewers of a hall saw, as one JSON document, and the verdict on it."""
+"""The counts of a hall's viewers as one JSON document, and the verdict on them."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ class HallViewer:
     """One viewer. Times are monotonic s; 0: nothing yet."""
 
     by: str = ""  # socket, or lane
-    last_s: float = 0.0  # something new came
-    longest_s: float = 0.0  # between two such moments
+    last_s: float = 0.0  # when something new last arrived
+    longest_s: float = 0.0  # the longest time between two such moments
     longest_from_s: float = 0.0
 
     def show(self, by: str, now_s: float) -> None:
-        """Something new has come."""
+        """Note that something new has arrived."""
         if self.last_s and now_s - self.last_s > self.longest_s:
             self.longest_s, self.longest_from_s = now_s - self.last_s, self.last_s
         self.by, self.last_s = by, now_s
@@ -28,14 +28,14 @@ class HallViewer:
 
 @dataclass
 class HallCounts:
-    """All viewers of one process."""
+    """The counts of all viewers of one process."""
 
     viewers: list[HallViewer] = field(default_factory=list)
-    refusals: list[tuple[float, str]] = field(default_factory=list)  # when, and what was said
-    told_lane: int = 0  # times that a full relay named it
-    moved: int = 0  # sockets that a relay sent away since it stops
-    away: int = 0  # attempts that met no relay
-    begun_anew: int = 0  # names that a new relay does not know
+    refusals: list[tuple[float, str]] = field(default_factory=list)  # the time and the message
+    told_lane: int = 0  # how often a full relay named the lane
+    moved: int = 0  # sockets closed by a stopping relay
+    away: int = 0  # attempts while there was no relay
+    begun_anew: int = 0  # segment names that the new relay did not know
     requests: int = 0
     segments: int = 0
     frames: int = 0
@@ -44,7 +44,7 @@ class HallCounts:
     unreadable: int = 0
 
     def note_refusal(self, text: str) -> None:
-        """Somebody was refused, with nowhere else to go."""
+        """Note that a viewer was refused and had no alternative."""
         if len(self.refusals) < REFUSALS_KEPT:
             self.refusals.append((time.monotonic(), text))
 
@@ -60,34 +60,34 @@ class HallCounts:
         return cls(**said | {"viewers": viewers, "refusals": refusals})
 
     def count_served(self, since_s: float) -> int:
-        """Return how many viewers something new has come to since then."""
+        """Return how many viewers have received something new since then."""
         return sum(viewer.last_s > since_s for viewer in self.viewers)
 
     def count_by(self, by: str) -> int:
-        """Return how many got the newest thing that way."""
+        """Return how many viewers received their newest data this way."""
         return sum(viewer.by == by for viewer in self.viewers)
 
 
 @dataclass(frozen=True)
 class Replacement:
-    """When a relay was told to end, and when the next one served (monotonic s)."""
+    """When a relay was told to stop, and when the next one served, in monotonic s."""
 
     ends_s: float
     serves_s: float
 
     def covers(self, at_s: float) -> bool:
-        """Whether there was no relay to speak of."""
+        """Whether there was no relay at this time."""
         return self.ends_s <= at_s <= self.serves_s
 
 
 def percentile(values: Sequence[float], share: float) -> float:
-    """Return the value that `share` of them keep; 0 when there are none."""
+    """Return the percentile of the values for this share; 0 if there are none."""
     ordered = sorted(values)
     return ordered[min(len(ordered) - 1, int(share * len(ordered)))] if ordered else 0.0
 
 
 def find_breaches(counts: HallCounts, viewers: int, places: int, replaced: Replacement) -> list[str]:
-    """Return one line for everything that did not hold."""
+    """Return one line for each failed check."""
     found: list[str] = []
     refused = [text for at_s, text in counts.refusals if not replaced.covers(at_s)]
     if refused:
@@ -96,17 +96,17 @@ def find_breaches(counts: HallCounts, viewers: int, places: int, replaced: Repla
         found.append(f"{len(counts.viewers)} viewers came, not {viewers}")
     if counts.count_served(replaced.serves_s) != viewers:
         missing = viewers - counts.count_served(replaced.serves_s)
-        found.append(f"{missing} viewers got nothing after the relay was replaced")
+        found.append(f"{missing} viewers received nothing after the relay was replaced")
     if counts.told_lane < viewers - places:
-        found.append(f"only {counts.told_lane} were told the lane")
+        found.append(f"only {counts.told_lane} were sent to the lane")
     if counts.count_by("lane") < viewers - places:
-        found.append(f"only {counts.count_by('lane')} went on by the lane, not {viewers - places}")
+        found.append(f"only {counts.count_by('lane')} used the lane, not {viewers - places}")
     bad = {name: getattr(counts, name) for name in ("repeats", "missed", "unreadable")}
     return [*found, *(f"{count} {name}" for name, count in bad.items() if count)]
 
 
 def make_report(counts: HallCounts, viewers: int, places: int, replaced: Replacement) -> str:
-    """Return the test's last words, for a person."""
+    """Return the report of the test."""
     lines = [
         f"viewers      {len(counts.viewers)}: {counts.count_by('socket')} by sockets, "
         f"{counts.count_by('lane')} by the lane",

@@ -1,9 +1,9 @@
-"""The locustfile of a hall: viewers who try a socket, and go on in the lane where the relay is full.
+"""The locustfile of a hall: viewers that try a socket, and use the lane if the relay is full.
 
 locust -f loadtests/src/posecast_loadtests/hall/hall_file.py --headless -u 100 -r 50 -H ws://127.0.0.1:8080
     --counts FILE
 
-FILE has what they saw so far, each half second anew.
+FILE receives the counts so far, twice a second.
 """
 
 from __future__ import annotations
@@ -30,16 +30,17 @@ from posecast_loadtests.rfc6455 import Opcode, ProtocolError
 FULL, MOVED = 1013, 1012
 HZ, SOURCE_HZ = 10, 30
 BACK_OFF_S, BACK_OFF_MAX_S = 0.5, 30.0
-RETRY_MAX_S = 300.0  # a socket is tried beside the lane at least so often
+RETRY_MAX_S = 300.0  # a lane reader retries a socket at least this often
 TOLD_EVERY_S = 0.5
 
 counts = HallCounts()
-sockets = Tally()  # what the sockets' own checks found
+sockets = Tally()  # the results of the sockets' checks
 clock = Clock()
 
 
 class LaneUser(User):
-    """One browser tab of a hall: a socket if there is a place, else the lane, and a socket again later."""
+    """One browser tab in a hall: a socket if there is a place, otherwise the lane, and later a socket
+    again."""
 
     def __init__(self, environment: Environment) -> None:
         super().__init__(environment)
@@ -54,7 +55,7 @@ class LaneUser(User):
 
     @task
     def watch(self) -> None:
-        """One socket to its end, and the lane if that is what it led to."""
+        """Watch through one socket until it ends, then through the lane if the relay offered it."""
         bye = self._read_socket()
         lane = bye.get("lane")
         if bye.get("code") == FULL and isinstance(lane, str):
@@ -68,7 +69,7 @@ class LaneUser(User):
             time.sleep(random.uniform(0.0, min(BACK_OFF_MAX_S, BACK_OFF_S * 2**self._failures)))
 
     def on_stop(self) -> None:
-        """Locust ends the greenlet in the middle of `watch`."""
+        """Locust kills the greenlet in the middle of `watch`."""
         self._leave()
 
     def _leave(self) -> None:
@@ -78,7 +79,7 @@ class LaneUser(User):
         self._link = self._lane = None
 
     def _read_socket(self) -> dict[str, Any]:
-        """Return what the relay said at the end: its `bye`, or nothing."""
+        """Return the relay's `bye`, or an empty document."""
         check, bye = Viewer(sockets, clock, SOURCE_HZ // HZ, decode=False), dict[str, Any]()
         try:
             self._link = Connection(self._address)
@@ -104,7 +105,7 @@ class LaneUser(User):
         return bye
 
     def _read_lane(self, address: str, retry_s: float) -> None:
-        """Until a socket has taken over and ended, or the lane is over."""
+        """Read the lane until a socket has taken over and ended, or until the lane ends."""
         self._lane = lane = LaneReader(address, counts, self._show)
         tries_s = time.monotonic() + retry_s * random.uniform(1.0, 2.0)
         while not lane.is_over:
@@ -156,11 +157,11 @@ def _end(environment: Environment, **_: Any) -> None:
 
 
 def _arguments(parser: Any) -> None:
-    parser.add_argument("--robot", default="demo", help="whom to watch")
+    parser.add_argument("--robot", default="demo", help="the robot to watch")
     parser.add_argument("--counts", default="", help="file for the counts, as JSON")
 
 
-# Locust's hooks carry no types; told once, here
+# Locust's hooks have no types, so ignore that here, once
 _hooks: Any = events
 _hooks.init_command_line_parser.add_listener(_arguments)
 _hooks.test_start.add_listener(_tell)

@@ -1,11 +1,11 @@
-"""When a viewer of the lane asks for the next segment: the page's rule (spa/src/stream/lane/)."""
+"""Decides when a lane viewer requests the next segment, by the page's rule (spa/src/stream/lane/)."""
 
 from __future__ import annotations
 
 from collections import deque
 
 AHEAD_S = 0.8
-HELD_FROM_S = 0.3  # an answer that took longer was held
+HELD_FROM_S = 0.3  # the relay held a request that took longer than this
 FOUND_AFTER = 3
 RETRY_S = 1.0
 
@@ -13,20 +13,21 @@ RETRY_S = 1.0
 class LanePace:
     """The time of the next request, in seconds of the viewer's clock.
 
-    Segments tell the time by the relay's clock, which is compared with the viewer's in one way only: how long
-    after its end a segment came, the least of the last ten.
+    Segments carry times of the relay's clock. The viewer compares clocks only by how long after its end a
+    segment arrived, taking the minimum of the last ten.
     """
 
     def __init__(self) -> None:
         self.due_s = 0.0
-        self.is_found = False  # a request was held, so it is known when segments come
+        self.is_found = False  # a request was held, so the rhythm of segments is known
         self._closes_s: deque[float] = deque(maxlen=10)
         self._spans_s: deque[float] = deque(maxlen=3)
         self._came = 0
         self._was_told_not_yet = False
 
     def take_segment(self, from_s: float, to_s: float, asked_s: float, now_s: float) -> None:
-        """Note one that has come. `from_s`, `to_s`: its own times; the others by the viewer's clock."""
+        """Note a segment that arrived. `from_s`, `to_s`: its own times; the others are by the viewer's
+        clock."""
         self._closes_s.append(now_s - to_s)
         self._spans_s.append(to_s - from_s)
         self.is_found = (
@@ -41,10 +42,10 @@ class LanePace:
         self.due_s = max(now_s, due_s) if self.is_found else now_s
 
     def take_not_yet(self, retry_s: float, now_s: float) -> None:
-        """Note that the next one is not there. `retry_s`: when the relay wants to be asked again."""
+        """Note that the next segment does not exist yet. `retry_s`: the relay's retry time."""
         self._was_told_not_yet = True
         self.due_s = now_s + max(RETRY_S, retry_s)
 
     def wait(self, seconds: float, now_s: float) -> None:
-        """Ask again after so long, whatever it was."""
+        """Ask again after this time, for any reason."""
         self.due_s = now_s + seconds

@@ -1,4 +1,4 @@
-"""One viewer of the lane: segments by HTTP, one after the other, each checked. Blocking."""
+"""One blocking viewer of the lane: requests segments over HTTP one after the other and checks each."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ BODY_MAX = 3_000_000
 
 
 class LaneReader:
-    """Reads from `address` (http://…/past/VIEW) on. `shown`: called when one with frames has come."""
+    """Reads from `address` (http://…/past/VIEW). Calls `shown` for each segment with frames."""
 
     def __init__(self, address: str, counts: HallCounts, shown: Callable[[], None]) -> None:
         url = urlsplit(address)
@@ -32,23 +32,23 @@ class LaneReader:
         self._counts = counts
         self._shown = shown
         self._pace = LanePace()
-        self._wanted: tuple[str, int] | None = None  # take, index; None: where the lane begins
+        self._wanted: tuple[str, int] | None = None  # take and index; None: the lane's first segment
         self._seen: tuple[int, int] | None = None  # run and newest seq
         self._take_seen: int | None = None
         self._failures = 0
 
     @property
     def due_s(self) -> float:
-        """When it asks next (monotonic s)."""
+        """When to make the next request, in monotonic s."""
         return self._pace.due_s
 
     @property
     def is_over(self) -> bool:
-        """Whether it has failed so often that it ends."""
+        """Whether it gave up after too many failures."""
         return self._failures >= FAILURES_MAX
 
     def ask(self) -> None:
-        """One request and its answer, for which it waits."""
+        """Make one request and wait for the response."""
         asked_s, wanted = time.monotonic(), self._wanted
         below = f"?view={self._view}" if wanted is None else f"/{self._view}/{wanted[0]}/{wanted[1]}"
         try:
@@ -102,7 +102,7 @@ class LaneReader:
         self._counts.segments += 1
 
     def _check(self, start: SegmentStart, frames: Sequence[FrameRecord]) -> None:
-        """No frame of a run twice, none missing within a take: what came while nobody recorded is in none."""
+        """Check that no frame of a run repeats and none is missing in a take."""
         if self._seen is not None and self._seen[0] == start.run_id:
             step = frames[0].seq - self._seen[1]
             self._counts.repeats += step <= 0
@@ -110,7 +110,7 @@ class LaneReader:
         self._seen, self._take_seen = (start.run_id, frames[-1].seq), start.take
 
     def _refuse(self, answer: HTTPResponse) -> None:
-        if answer.status == 404:  # of a relay that is no more: from where the lane begins now
+        if answer.status == 404:  # the name is from the old relay: restart at the lane's first segment
             self._counts.begun_anew += 1
         else:
             self._counts.note_refusal(f"lane: {answer.status} {answer.reason}")
@@ -123,7 +123,7 @@ class LaneReader:
         self._failures += 1
 
     def close(self) -> None:
-        """Gone; twice is fine."""
+        """Close the connection. Calling it twice is fine."""
         self._http.close()
 
 

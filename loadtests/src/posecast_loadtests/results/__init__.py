@@ -1,1 +1,1 @@
-"""What each viewer checks, what is counted of it in all processes, and the verdict on the counts."""
+"""The checks of each viewer, the counts over all processes, and the verdict on the counts."""

@@ -1,4 +1,4 @@
-"""What one viewer was sent, held against what it should have been: sequence numbers, bases, lateness."""
+"""Checks what one viewer received: sequence numbers, bases, lateness."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from posecast_loadtests.results.tally import Tally
 
 
 class Clock:
-    """Robot time against this machine's: lateness is what a frame took beyond the quickest of all.
+    """Compares robot time with this machine's. Lateness is how much longer a frame took than the fastest one.
 
-    One per process and robot, so a viewer that is always late shows as late.
+    There is one per process and robot, so that a viewer that is always late shows as late.
     """
 
     def __init__(self) -> None:
@@ -25,7 +25,7 @@ class Clock:
 
 
 class Viewer:
-    """Checks one viewer's messages. `step`: how many of the robot's frames one of its own stands for."""
+    """Checks one viewer's messages. `step`: the number of robot frames per viewer frame."""
 
     def __init__(self, tally: Tally, clock: Clock, step: int, decode: bool) -> None:
         self._tally = tally
@@ -36,7 +36,7 @@ class Viewer:
         self.connected()
 
     def connected(self) -> None:
-        """A new connection knows nothing of the one before."""
+        """Note a new connection, which starts without bases."""
         self._decoder = Decoder() if self._decodes else None
         self._bases: dict[int, tuple[int, float]] = {}  # KEY or REF id → (seq, t); a KEY empties it
         self._seq: int | None = None
@@ -47,17 +47,18 @@ class Viewer:
         self.messages = 0
 
     def paced(self, step: int) -> None:
-        """From now on every `step`th of the robot's frames is due: the relay has changed the rate."""
+        """From now on every `step`th robot frame is due, because the relay changed the rate."""
         self._step = step
         self._joined = False
 
     def schema(self, text: str) -> None:
-        """A schema message, verbatim."""
+        """Take a schema message, verbatim."""
         if self._decoder is not None:
             self._decoder.add_schema(text)
 
     def binary(self, message: bytes, arrival_s: float) -> float | None:
-        """One frame. Its lateness in seconds; None for a base sent ahead and for what can't be used."""
+        """Take one frame. Returns its lateness in seconds; None for a base sent ahead, or an unusable
+        frame."""
         self.messages += 1
         try:
             header = parse_header(message)
@@ -70,7 +71,7 @@ class Viewer:
             seq, t_s = header.seq, header.t
             self._bases.clear()
             if self._seq is not None and seq < self._seq:
-                self._seq = None  # a new run counts from its own beginning
+                self._seq = None  # a new run starts its own count
         else:
             base = self._bases.get(header.base_id or 0)
             if base is None:
@@ -93,13 +94,14 @@ class Viewer:
             else:
                 self._tally.reordered += 1
             return False
-        if last is not None and self._joined:  # who joins gets a base of seconds ago and then the newest
+        # a new viewer gets a base that is seconds old, then the newest frame
+        if last is not None and self._joined:
             self._tally.missed += max(0, (seq - last) // self._step - 1)
         self._seq = seq
         return True
 
     def _count(self, arrival_s: float, lateness_s: float, is_base: bool) -> float | None:
-        """A base that only goes ahead of the frame that needs it, in one write, is no frame of its own."""
+        """Count a frame. A base sent only for the frame that follows it in the same write does not count."""
         ahead, self._ahead = self._ahead, (arrival_s, lateness_s) if is_base else None
         if ahead is not None and ahead[0] != arrival_s:
             self._frame(ahead[1])

@@ -1,4 +1,4 @@
-"""Counts that add up across viewers and worker processes, and the verdict on them."""
+"""Counts that can be summed across viewers and worker processes, and the verdict on them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ _EDGES_MS = tuple(round(1.12**power, 3) for power in range(100))
 
 @dataclass
 class Tally:
-    """One process's counts. All members add; `counts` and `sum` carry them between processes."""
+    """The counts of one process. All members can be summed; `counts` and `sum` pass them between
+    processes."""
 
     viewers: int = 0
     refused: int = 0
@@ -22,34 +23,35 @@ class Tally:
     duplicates: int = 0
     reordered: int = 0
     undecodable: int = 0
-    lowered: int = 0  # times the relay told a viewer that it gets fewer frames
-    evicted: int = 0  # viewers that no longer read, cut by the relay as they should be
-    unevicted: int = 0  # … and still not cut when they read again
-    slow_frames: int = 0  # to viewers that read slowly; in no other count of frames
+    lowered: int = 0  # how often the relay lowered a viewer's rate
+    evicted: int = 0  # frozen viewers that the relay cut, as it should
+    unevicted: int = 0  # frozen viewers that were still connected when they read again
+    slow_frames: int = 0  # frames to slow viewers; not in other counts of frames
     slow_viewers: int = 0
-    slow_starved: int = 0  # slow viewers that got no frame in a whole connection
-    workers_lost: int = 0  # processes whose end is not known: their viewers count up to their last report
+    slow_starved: int = 0  # slow viewers that got no frame during a whole connection
+    workers_lost: int = 0  # lost processes: their viewers count up to their last report
     rate_sum_hz: float = 0.0
     rate_square_sum: float = 0.0
     buckets: list[int] = field(default_factory=lambda: [0] * (len(_EDGES_MS) + 1))
 
     def frame(self, lateness_s: float) -> None:
-        """One frame that arrived this late."""
+        """Count a frame that arrived this late."""
         self.frames += 1
         self.buckets[bisect_left(_EDGES_MS, lateness_s * 1000)] += 1
 
     def viewer(self, rate_hz: float) -> None:
-        """One viewer's end, having got `rate_hz` frames a second on average."""
+        """Count a viewer that ended after getting `rate_hz` frames per second on average."""
         self.viewers += 1
         self.rate_sum_hz += rate_hz
         self.rate_square_sum += rate_hz * rate_hz
 
     def clear(self) -> None:
-        """Begin anew."""
+        """Reset all counts."""
         self.__dict__.update(Tally().__dict__)
 
     def percentile_ms(self, share: float) -> float:
-        """The lateness that `share` of the frames keep, ms; infinite beyond the last bucket."""
+        """Return the percentile of lateness for `share` of the frames, in ms; infinite beyond the last
+        bucket."""
         rest = share * self.frames
         for edge, count in zip((*_EDGES_MS, float("inf")), self.buckets, strict=True):
             rest -= count
@@ -65,12 +67,12 @@ class Tally:
         return self.rate_sum_hz**2 / (self.viewers * self.rate_square_sum)
 
     def counts(self) -> dict[str, float | list[int]]:
-        """As plain JSON."""
+        """Return the counts as plain JSON."""
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @classmethod
     def sum(cls, parts: Iterable[Mapping[str, float | list[int]]]) -> Tally:
-        """Several processes' `counts` as one tally."""
+        """Add up the `counts` of several processes."""
         total = cls()
         for part in parts:
             for name, value in part.items():
@@ -84,7 +86,7 @@ class Tally:
 
 @dataclass(frozen=True)
 class LoadLimits:
-    """What a load test must keep. `p99_ms` is held against the control viewer where there is one."""
+    """The limits of a load test. `p99_ms` applies to the control viewer if there is one."""
 
     missed_share: float = 0.001
     p99_ms: float = 200.0
@@ -92,7 +94,7 @@ class LoadLimits:
 
 
 def breaches(tally: Tally, limits: LoadLimits, control: Tally | None = None) -> list[str]:
-    """One line for every limit that did not hold. `control`: what a viewer in a process of its own saw."""
+    """Return one line for each exceeded limit. `control`: the counts of the viewer in a separate process."""
     found: list[str] = []
     if tally.frames == 0:
         found.append("no viewer got a frame")
@@ -124,21 +126,21 @@ def breaches(tally: Tally, limits: LoadLimits, control: Tally | None = None) -> 
 
 
 def report(tally: Tally, limits: LoadLimits, control: Tally | None = None) -> str:
-    """The test's last words, for a person."""
+    """Return the report of the test."""
 
     def late(of: Tally) -> str:
         return f"p50 {of.percentile_ms(0.5):.0f} ms, p99 {of.percentile_ms(0.99):.0f} ms"
 
     lines = [
         f"viewers      {tally.viewers} healthy ones (refused {tally.refused}, closed early {tally.closed})",
-        f"frames       {tally.frames} in all; Locust's table has every tenth of each viewer's",
+        f"frames       {tally.frames} in all; Locust's table shows every tenth",
         f"missed       {tally.missed}",
         f"duplicates   {tally.duplicates}, out of order {tally.reordered}",
         f"undecodable  {tally.undecodable}",
         f"lateness     {late(tally)}, in the load generator",
     ]
     if control is not None:
-        lines.append(f"control      {late(control)}, {control.missed} missed, in a process of its own")
+        lines.append(f"control      {late(control)}, {control.missed} missed, in a separate process")
     lines.append(f"fairness     {tally.jain:.4f} (Jain)")
     if tally.slow_viewers:
         lines.append(f"slow         {tally.slow_viewers} viewers got {tally.slow_frames} frames")

@@ -1,8 +1,7 @@
-"""The counts of all processes of one test, and the verdict on them when it has ended.
+"""The counts of all processes of one test, and the verdict on them at its end.
 
-Locust's own reports come every few seconds, and its master waits half a second for the last ones: on a busy
-machine counts were lost, and with them whole workers. So the master asks each worker for its counts, and
-waits.
+Locust's reports come only every few seconds, and its master waits just half a second for the last ones. On a
+busy machine that loses the counts of whole workers. So the master asks each worker for its counts, and waits.
 """
 
 from __future__ import annotations
@@ -29,34 +28,34 @@ from locust.runners import (
 
 from posecast_loadtests.results.tally import LoadLimits, Tally, breaches, report
 
-END, COUNTS = "posecast-end", "posecast-counts"  # messages: to a worker, and what it answers
-END_S = 30.0  # a worker has so long to end its users and answer
+END, COUNTS = "posecast-end", "posecast-counts"  # messages: to a worker, and its response
+END_S = 30.0  # how long a worker may take to end its users and respond
 LOOK_S = 0.05
 _UNDER_WAY = (STATE_SPAWNING, STATE_RUNNING)
 
-tally = Tally()  # of this process
+tally = Tally()  # the counts of this process
 
 
 class WorkerCounts:
-    """At the master: what each worker of this test has counted, so far and at its end."""
+    """The master's record of what each worker has counted, so far and at its end."""
 
     def __init__(self, workers: Iterable[str] = ()) -> None:
-        """`workers`: those that were there when the test began. Others may join it later."""
+        """`workers`: those present when the test began. More may join later."""
         self._workers = set(workers)
         self._so_far: dict[str, dict[str, Any]] = {}
         self._at_end: dict[str, dict[str, Any]] = {}
 
     def record(self, worker: str, counts: dict[str, Any], at_end: bool) -> None:
-        """Note what a worker has counted since the test began; `at_end`, when its users have ended."""
+        """Record a worker's counts since the test began. `at_end`: its users have ended."""
         self._workers.add(worker)
         (self._at_end if at_end else self._so_far)[worker] = counts
 
     def find_missing(self) -> set[str]:
-        """Return the workers whose end is not known."""
+        """Return the workers that have not sent their final counts."""
         return self._workers - self._at_end.keys()
 
     def sum(self) -> Tally:
-        """Return all counts; of a worker that was lost, its last report."""
+        """Return the sum of all counts, using the last report of a lost worker."""
         whole = Tally.sum((self._so_far | self._at_end).values())
         whole.workers_lost = len(self.find_missing())
         return whole
@@ -66,7 +65,7 @@ _counts = WorkerCounts()
 
 
 def _collect(runner: MasterRunner) -> Tally:
-    """Ask each worker to end, and wait until all have told their counts, but for those that are lost."""
+    """Ask each worker to end, and wait for the counts of all that are not lost."""
     for client in runner.clients.all:
         runner.send_message(END, client_id=client.id)
     give_up_s = time.monotonic() + END_S
@@ -80,18 +79,27 @@ def _collect(runner: MasterRunner) -> Tally:
 
 def _add_arguments(parser: ArgumentParser) -> None:
     limits = LoadLimits()
-    parser.add_argument("--max-missed", type=float, default=limits.missed_share, help="share of frames")
     parser.add_argument(
-        "--max-p99-ms", type=float, default=limits.p99_ms, help="lateness of 99 %% of the frames"
+        "--max-missed", type=float, default=limits.missed_share, help="the largest share of missed frames"
     )
-    parser.add_argument("--min-jain", type=float, default=limits.jain, help="fairness of the viewers' rates")
-    parser.add_argument("--counts", default="", help="file for the counts, as JSON; then no verdict is given")
+    parser.add_argument(
+        "--max-p99-ms", type=float, default=limits.p99_ms, help="the largest 99th percentile of lateness"
+    )
+    parser.add_argument(
+        "--min-jain",
+        type=float,
+        default=limits.jain,
+        help="the smallest fairness index of the viewers' rates",
+    )
+    parser.add_argument(
+        "--counts", default="", help="write the counts as JSON to this file, without a verdict"
+    )
 
 
 def _prepare(runner: Runner | None, **_: Any) -> None:
     def end(environment: Environment, **_: Any) -> None:
         assert environment.runner is not None
-        environment.runner.stop()  # `_finish` then tells the counts; a second time is nothing
+        environment.runner.stop()  # `_finish` then reports the counts; a second call does nothing
 
     def take(msg: Any, **_: Any) -> None:
         _counts.record(msg.node_id, msg.data, at_end=True)
@@ -118,7 +126,7 @@ def _hear(client_id: str, data: dict[str, Any], **_: Any) -> None:
 
 
 def _finish(environment: Environment, **_: Any) -> None:
-    """A test has ended: with Locust's web page there may be another one."""
+    """Report when a test has ended. With Locust's web page another test may follow."""
     runner, options = environment.runner, environment.parsed_options
     assert options is not None
     if isinstance(runner, WorkerRunner):
@@ -136,13 +144,13 @@ def _finish(environment: Environment, **_: Any) -> None:
 
 
 def _quit(environment: Environment, **_: Any) -> None:
-    """Ctrl-C and SIGTERM in the middle of a test: what was seen counts."""
+    """Report on Ctrl-C and SIGTERM in the middle of a test: the counts so far are valid."""
     runner = environment.runner
     if not isinstance(runner, WorkerRunner) and runner is not None and runner.state in _UNDER_WAY:
         runner.stop()
 
 
-# Locust's hooks carry no types; told once, here
+# Locust's hooks have no types, so ignore that here, once
 _hooks: Any = events
 _hooks.init_command_line_parser.add_listener(_add_arguments)
 _hooks.init.add_listener(_prepare)

@@ -1,1 +1,1 @@
-"""The past in an object store: what is kept for days, months and years."""
+"""The past in an object store, kept for days, months or years."""

@@ -1,5 +1,7 @@
-"""A day's summary in an object store: read, made of the indexes of its ten minutes where it lacks some, and
-written; and one way to put all of it right after something was added or deleted.
+"""A day's summary in an object store: reads it, rebuilds missing parts from the ten-minute indexes, writes
+it.
+
+It also has one way to repair everything after segments were added or deleted.
 """
 
 from __future__ import annotations
@@ -27,30 +29,30 @@ from posecast_relay.archive.page_index import Known, LoadedPage, list_page, load
 from posecast_relay.core.past.day_index import DayIndex, PageDigest, digest_page, pack_day, unpack_day
 
 PAGES_AT_ONCE = 4
-DAYS_MAX = 40_000  # folders that are looked at
-KILLED_MS = 3_600_000  # after the end of a day nobody writes to it any more
-OWN_FOLDERS = 200  # of a day that are looked at: there are 144 ten minutes in one
+DAYS_MAX = 40_000  # the most folders to look at
+KILLED_MS = 3_600_000  # this long after a day has ended, no process writes to it any more
+OWN_FOLDERS = 200  # the most folders to look at in a day, which has 144 of ten minutes
 
 LoadPage = Callable[[ObjectStore, str, str, int], Awaitable[LoadedPage]]
 
 
 @dataclass(frozen=True)
 class LoadedDay:
-    """A day. `is_written`: the file says the same."""
+    """A day's index. `is_written`: the stored summary is identical."""
 
     day: DayIndex
     is_written: bool
 
 
 async def list_days(store: ObjectStore, robot: str, view: str) -> list[int]:
-    """Return when the days begin of which there is a folder, unix ms, oldest first. Raises ArchiveError."""
+    """Return the start of each day that has a folder, unix ms, oldest first. Raises ArchiveError."""
     names = await store.list_folders(make_view_folder(robot, view))
     days = (read_day(name) for name in names[-DAYS_MAX:])
     return sorted(day for day in days if day is not None)
 
 
 async def list_pages(store: ObjectStore, robot: str, view: str, day_ms: int) -> list[int]:
-    """Return when the ten minutes of a day begin of which there is a folder, unix ms. Raises ArchiveError."""
+    """Return the start of each ten minutes of a day that have a folder, unix ms. Raises ArchiveError."""
     names = await store.list_folders(make_day_folder(robot, view, day_ms))
     pages = (read_page(name) for name in names[:OWN_FOLDERS])
     return sorted(day_ms + page for page in pages if page is not None)
@@ -59,8 +61,10 @@ async def list_pages(store: ObjectStore, robot: str, view: str, day_ms: int) -> 
 async def load_day(
     store: ObjectStore, robot: str, view: str, day_ms: int, load: LoadPage = load_page
 ) -> LoadedDay:
-    """Load what is known of a day; ten minutes that its file lacks are loaded one by one by `load`, and what
-    it has too many is left out. Raises ArchiveError.
+    """Load the index of a day.
+
+    Ten minutes missing from its file are loaded one by one with `load`; entries without a folder are left
+    out. Raises ArchiveError.
     """
     written, folders = await asyncio.gather(
         _read_day_file(store, robot, view, day_ms), list_pages(store, robot, view, day_ms)
@@ -80,8 +84,9 @@ async def load_day(
 async def mend_page(
     store: ObjectStore, robot: str, view: str, page_ms: int, known: Known | None = None
 ) -> PageDigest | None:
-    """Write the index of ten minutes if it says anything else than is there, or delete it where there is
-    nothing. Return what is there; None for nothing. Raises ArchiveError.
+    """Write the index of ten minutes if it differs from the segments there, or delete it if there are none.
+
+    Returns what is there; None for nothing. Raises ArchiveError.
     """
     page = await load_page(store, robot, view, page_ms, known)
     if not page.segments:
@@ -97,8 +102,9 @@ async def mend_page(
 async def mend_day(
     store: ObjectStore, robot: str, view: str, day_ms: int, pages: dict[int, PageDigest | None]
 ) -> None:
-    """Write the summary of a day anew, with what is known now of some of its ten minutes; delete it where
-    there is nothing. Raises ArchiveError.
+    """Rewrite the summary of a day with new data for some of its ten minutes; delete it if nothing is left.
+
+    Raises ArchiveError.
     """
     written = await _read_day_file(store, robot, view, day_ms)
     loaded = written or (await load_day(store, robot, view, day_ms)).day
@@ -120,9 +126,9 @@ async def mend_day(
 async def check_day(
     store: ObjectStore, robot: str, view: str, day_ms: int, unix_ms: int | None = None
 ) -> list[int]:
-    """Return those ten minutes of a day of which listing, index and summary disagree. Raises ArchiveError.
+    """Return the ten minutes of a day whose listing, index and summary disagree. Raises ArchiveError.
 
-    Given the time now, `unix_ms`, what processes left that were killed while they wrote is deleted.
+    With the current time in `unix_ms`, also deletes what killed processes left half written.
     """
     written = await _read_day_file(store, robot, view, day_ms)
     known = {} if written is None else written.pages
@@ -150,9 +156,9 @@ async def check_day(
 
 
 async def delete_page(store: ObjectStore, robot: str, view: str, page_ms: int) -> list[ArchivedName]:
-    """Delete ten minutes: segments, then the index; what is foreign stays. Return what is gone.
+    """Delete ten minutes: segments first, then the index. Unknown files stay. Returns what was deleted.
 
-    Raises ArchiveError; then it may be done again.
+    Raises ArchiveError; you can then call it again.
     """
     listing = await list_page(store, robot, view, page_ms)
     for key in (*(name.key for name in listing.names), *listing.unfinished):
@@ -163,7 +169,8 @@ async def delete_page(store: ObjectStore, robot: str, view: str, page_ms: int) -
 
 
 def _read_index_key(key: str, folder: str, day_ms: int) -> int | None:
-    """Read the key of an index of ten minutes of a day: when they begin, unix ms."""
+    """Return the start of the ten minutes, unix ms, from the key of an index of this day; None if it is not
+    one."""
     below = key.removeprefix(f"{folder}/").split("/")
     at_ms = read_page(below[0]) if len(below) == 2 and below[1] == INDEX_NAME else None
     return None if at_ms is None else day_ms + at_ms
@@ -176,4 +183,4 @@ async def _read_day_file(store: ObjectStore, robot: str, view: str, day_ms: int)
     try:
         return await asyncio.to_thread(unpack_day, robot, view, day_ms, data)
     except ValueError:
-        return None  # it is made anew
+        return None  # it will be rebuilt

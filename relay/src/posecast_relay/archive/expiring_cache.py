@@ -1,4 +1,4 @@
-"""A cache that is bounded in bytes, whose entries are good for some time."""
+"""A cache that is bounded in bytes and whose entries expire."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class _Entry(NamedTuple):
 
 
 class ExpiringCache(Generic[T]):
-    """When its entries need more than `bytes_max`, the one that was asked for longest ago goes."""
+    """When its entries exceed `bytes_max`, it drops the least recently used ones."""
 
     def __init__(self, bytes_max: int) -> None:
         self.bytes = 0
@@ -24,7 +24,7 @@ class ExpiringCache(Generic[T]):
         self._entries: OrderedDict[Hashable, _Entry] = OrderedDict()
 
     def find(self, key: Hashable, now: float) -> T | None:
-        """Return what is kept under a key and still good at `now`, seconds; else None."""
+        """Return the value of a key if it is still valid at `now`, in seconds; otherwise None."""
         entry = self._entries.get(key)
         if entry is None or now >= entry.until:
             return None
@@ -32,7 +32,7 @@ class ExpiringCache(Generic[T]):
         return entry.value  # type: ignore[return-value]
 
     def put(self, key: Hashable, value: T, cost_bytes: int, until: float) -> None:
-        """Keep a value, until that time."""
+        """Keep a value until the given time, in seconds."""
         self._pop(key)
         self._entries[key] = _Entry(value, cost_bytes, until)
         self.bytes += cost_bytes
@@ -40,7 +40,7 @@ class ExpiringCache(Generic[T]):
             self._pop(next(iter(self._entries)))
 
     def forget(self, is_gone: Callable[[Hashable], bool]) -> None:
-        """Forget what is kept under keys of which that is true."""
+        """Drop the entries for whose key `is_gone` returns True."""
         for key in [key for key in self._entries if is_gone(key)]:
             self._pop(key)
 

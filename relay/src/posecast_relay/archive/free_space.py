@@ -1,4 +1,4 @@
-"""Watches how much space is left where a file store lies, and says so before it is full."""
+"""Watches the free space of a file store and logs a warning before it is full."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ from posecast_relay.archive.object_store import ArchiveError, FreeSpace, ObjectS
 
 log = logging.getLogger("posecast_relay")
 
-LEAST_SHARE, LEAST_BYTES = 0.1, 1 << 30  # below either of these it is said
-CALM = 1.2  # so many times as much, and all is well again
+LEAST_SHARE, LEAST_BYTES = 0.1, 1 << 30  # warn below either of these
+CALM = 1.2  # the warning ends at this multiple of the limit
 
 
 class SpaceWatch:
-    """What is left where a store lies; known for a folder only."""
+    """The free space of a store; only known for a local folder."""
 
     def __init__(self, store: ObjectStore, least_bytes: int = LEAST_BYTES) -> None:
         self.space: FreeSpace | None = None
         self._store = store
         self._least_bytes = least_bytes
         self._is_low = False
-        self._rule = ""  # the one by which it is low
+        self._rule = ""  # the limit that was crossed
 
     async def look(self) -> None:
-        """Measure, and write a line to the log when it has become low, or is no more."""
+        """Measure, and log a line when space becomes low or is sufficient again."""
         try:
             self.space = await self._store.measure_free()
         except ArchiveError:
-            return  # whoever writes says so
+            return  # the writer reports this
         if self.space is None:
             return
         low = self._is_below(CALM if self._is_low else 1.0)
@@ -37,7 +37,7 @@ class SpaceWatch:
             log.warning("the archive: %s: %s", what, self._describe())
 
     def find_trouble(self) -> str | None:
-        """Return that little is left; None when there is enough, or nobody knows."""
+        """Return a warning if little space is left; None if there is enough, or if it is unknown."""
         return f"the disk is nearly full: {self._describe()}" if self._is_low else None
 
     def _describe(self) -> str:

@@ -1,7 +1,8 @@
-"""Keeps the indexes of an object store right, and deletes what is too old: in the background, one at a time.
+"""Keeps the indexes of an object store correct and deletes expired data: in the background, one task at a
+time.
 
-An index is written when its ten minutes are over and when the process stops. After a start the days are
-looked through, the newest first: an index that disagrees with the listing, as after a crash, is made anew.
+An index is written after its ten minutes have ended, and when the process stops. After a start it checks all
+days, newest first. An index that disagrees with the listing, for example after a crash, is rebuilt.
 """
 
 from __future__ import annotations
@@ -23,25 +24,25 @@ from posecast_relay.counted import write_count
 
 log = logging.getLogger("posecast_relay")
 
-LOOK_S = 1.0  # between two looks at what is to be done
-ENDED_S = 15.0  # between two looks for ten minutes that are over
+LOOK_S = 1.0  # between two looks for work
+ENDED_S = 15.0  # between two looks for ten minutes that have ended
 SPACE_S = 10.0  # between two looks at the free space
-RETAIN_S = 600.0  # between two looks for what is too old
-WALK_S = 2.0  # between two days that are looked through
+RETAIN_S = 600.0  # between two looks for expired data
+WALK_S = 2.0  # between checks of two days
 RETRY_S = (1.0, 30.0)  # the first and the longest pause after a failure
-STOP_S = 3.0  # for indexes when the process stops
+STOP_S = 3.0  # to write indexes when the process stops
 PROBE_KEY = f"{TOMBSTONES}/.probe"  # written and deleted once
-PAGES_MAX = 10_000  # that wait; further ones are found when days are looked through next
+PAGES_MAX = 10_000  # waiting for repair; any more are found in the next check of the days
 
 DayKey = tuple[str, str, int]  # robot, view, and when the day begins, unix ms
 
 
 class Indexer:
-    """What has to be done in a store beside writing segments. `unix_s` reads the wall clock."""
+    """The work in a store other than writing segments. `unix_s` reads the wall clock."""
 
     def __init__(self, store: ObjectStore, unix_s: Callable[[], float] = time.time) -> None:
-        self.mended = 0  # indexes, since the process began
-        self.expired = 0  # segments that were deleted because they were too old
+        self.mended = 0  # indexes repaired since the process started
+        self.expired = 0  # expired segments deleted
         self.failures = 0
         self.space = SpaceWatch(store)
         self.trouble = BackgroundTrouble(lambda: self.writer is not None and bool(self.writer.find_trouble()))
@@ -50,39 +51,39 @@ class Indexer:
         self._unix_s = unix_s
         self._on_deleted: Callable[[str], None] = lambda _robot: None
         self._keeps: Mapping[str, float] = {}
-        self._pages: dict[PageKey, None] = {}  # to be mended
-        self._to_walk: list[DayKey] | None = None  # days to be looked through; None: to be found out
-        self._bytes: dict[DayKey, int] = {}  # of the days that were looked through or written to
+        self._pages: dict[PageKey, None] = {}  # to repair
+        self._to_walk: list[DayKey] | None = None  # days to check; None: not listed yet
+        self._bytes: dict[DayKey, int] = {}  # of the days that were checked or written to
         self._retain_at = self._walk_at = self._space_at = self._ended_at = self._probe_at = float("-inf")
         self._task: asyncio.Task[None] | None = None
 
     @property
     def stored_bytes(self) -> int:
-        """How many bytes the segments in the store have, as far as they were looked through."""
-        return sum(list(self._bytes.values()))  # another thread may ask
+        """The total bytes of the segments in the store, as far as it was checked."""
+        return sum(list(self._bytes.values()))  # another thread may call this
 
     def on_deleted(self, listener: Callable[[str], None]) -> None:
-        """Tell `listener` of each robot of which something was too old and is gone, from now on."""
+        """From now on, call `listener` with each robot that had expired data deleted."""
         self._on_deleted = listener
 
     def set_keeps(self, keeps_s: Mapping[str, float]) -> None:
-        """Set which robots are kept, each for how many seconds. Nothing is deleted of others."""
+        """Set which robots are kept, each for how many seconds. Other robots' data is never deleted."""
         if dict(keeps_s) != dict(self._keeps):
             self._retain_at = float("-inf")
             self._to_walk = None
         self._keeps = dict(keeps_s)
 
     def mend(self, page: PageKey) -> None:
-        """Have the index of ten minutes compared with what is there, and made anew where it differs."""
+        """Compare the index of ten minutes with the segments there, soon, and rebuild it if they differ."""
         if len(self._pages) < PAGES_MAX:
             self._pages[page] = None
 
     def start(self) -> None:
-        """Start the task that does all this."""
+        """Start the background task."""
         self._task = asyncio.create_task(self._work(), name="the archive's indexes")
 
     async def stop(self, stop_s: float = STOP_S) -> None:
-        """Write the indexes of what was written, if that is soon done; then end."""
+        """Write the indexes of what was written, within `stop_s` seconds, then end."""
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
@@ -90,7 +91,7 @@ class Indexer:
             self.writer.end_pages(1 << 62)
             for page in self.writer.list_open_pages():
                 self.mend(page)
-        with contextlib.suppress(TimeoutError, ArchiveError):  # it is found after the next start
+        with contextlib.suppress(TimeoutError, ArchiveError):  # the next start finds it
             async with asyncio.timeout(stop_s):
                 await self._mend_all()
 
@@ -105,7 +106,7 @@ class Indexer:
                 await asyncio.sleep(pause_s)
                 pause_s = min(2 * pause_s, RETRY_S[1])
                 continue
-            except Exception as e:  # a mistake of ours: the rest is done all the same
+            except Exception as e:  # a bug of ours: continue with the rest
                 log.error("the archive: an index", exc_info=e)
                 await asyncio.sleep(RETRY_S[1])
                 continue
@@ -114,7 +115,7 @@ class Indexer:
             await asyncio.sleep(LOOK_S)
 
     async def do_due(self) -> None:
-        """Do what is due now. Raises ArchiveError when the store does not; then the rest is done later."""
+        """Do what is due now. Raises ArchiveError if the store fails; the rest is then done later."""
         now = time.monotonic()
         if now >= self._space_at:
             self._space_at = now + SPACE_S
@@ -133,8 +134,9 @@ class Indexer:
             await self._walk()
 
     async def _finds_trouble(self) -> bool:
-        """Try whether the store can be written: it is said before anything is recorded. What can be done in a
-        store that is full is done all the same.
+        """Check that the store can be written, so that problems are logged before anything is recorded.
+
+        Work that is possible in a full store still goes on.
         """
         try:
             await self._store.put(PROBE_KEY, b"")
@@ -147,7 +149,7 @@ class Indexer:
         return False
 
     async def delete_old(self) -> None:
-        """Delete what is older than it is to be kept. Raises ArchiveError."""
+        """Delete expired data. Raises ArchiveError."""
         unix_ms = round(1000 * self._unix_s())
         for robot, keep_s in self._keeps.items():
             count = 0
@@ -163,13 +165,13 @@ class Indexer:
                 self._on_deleted(robot)
 
     async def walk_all(self) -> None:
-        """Look through all days now. Raises ArchiveError."""
+        """Check all days now. Raises ArchiveError."""
         self._to_walk = None
         while self._to_walk is None or self._to_walk:
             await self._walk()
 
     async def _walk(self) -> None:
-        """Look through one more day."""
+        """Check one more day."""
         if self._to_walk is None:
             found: list[DayKey] = []
             for robot in self._keeps:
@@ -187,14 +189,14 @@ class Indexer:
             self._to_walk.pop()
 
     async def _mend_all(self) -> None:
-        """Mend what waits, day by day."""
+        """Repair what is waiting, day by day."""
         while self._pages:
             robot, view, page_ms = next(iter(self._pages))
             day_ms = page_ms - page_ms % DAY_MS
             view_pages = [page for page in self._pages if page[:2] == (robot, view)]
             of_day = [page for page in view_pages if 0 <= page[2] - day_ms < DAY_MS]
             for page in of_day:
-                del self._pages[page]  # what is noted from now on is done once more
+                del self._pages[page]  # if it is noted again from now on, it is repaired again
             try:
                 await self._mend_pages((robot, view, day_ms), of_day)
             except ArchiveError:

@@ -1,7 +1,7 @@
-"""The past of a process that has an archive: what is recent from memory or Redis, the rest from the store.
+"""The past of a process with an archive: recent data from memory or Redis, older data from the store.
 
-What is recent is all that the front has of a view, back to its oldest segment; what began before that is read
-in the store. Ten minutes in which both meet are put together by the segments' names.
+The front holds the recent data of a view, back to its oldest segment. Older data is read from the store. For
+ten minutes that are in both, segments are merged by name.
 """
 
 from __future__ import annotations
@@ -18,13 +18,14 @@ from posecast_relay.core.past.memory_store import MemoryPast, TakeSpan
 from posecast_relay.core.policy.policy import Audience
 from posecast_relay.past_source import ListWaiting, PastAway, PastSource, ReachedPast, Wake
 
-UNBOUNDED = 1 << 62  # what is put together is ten minutes of two sources that are bounded
+UNBOUNDED = 1 << 62  # merges only ten minutes of two bounded sources
 LATEST_MS = (1 << 53) - 1
 
 
 class JoinedPast:
-    """A PastSource of what is recent in `front` and of what is older in an archive. `find_own_trouble` tells
-    why the archive can't be written, or is nearly full; None when all is well.
+    """A PastSource with recent data in `front` and older data in an archive.
+
+    `find_own_trouble` returns why the archive can't be written or is nearly full; None if all is well.
     """
 
     def __init__(
@@ -39,30 +40,30 @@ class JoinedPast:
 
     @property
     def kept(self) -> KeptPast:
-        """What is known of the recent past."""
+        """The known part of the recent past."""
         return self._front.kept
 
     @property
     def is_older(self) -> bool:
-        """Whether it may hold what was recorded before this process began."""
+        """Whether it may hold data recorded before this process started."""
         return True
 
     def follow(self, list_waiting: ListWaiting, wake: Wake) -> None:
-        """Call `wake` with a robot and view of which there is something new."""
+        """Call `wake` with a robot and view when it has new segments."""
         self._front.follow(list_waiting, wake)
 
     def find_trouble(self) -> str | None:
-        """Return what is wrong with the front or the archive; None when all is well."""
+        """Return the problem of the front or the archive; None if all is well."""
         own = self._find_own_trouble() or self._reader.find_trouble()
         troubles = (self._front.find_trouble(), own and f"the archive: {own}")
         return "; ".join(filter(None, troubles)) or None
 
     async def refresh(self, robot: str, view: str, *, anew: bool = False) -> None:
-        """Bring up to date what is known of the recent past of a view. Raises PastAway."""
+        """Update what is known of the recent past of a view. Raises PastAway."""
         await self._front.refresh(robot, view, anew=anew)
 
     async def reach_span(self, robot: str, view: str, from_ms: int, to_ms: int) -> ReachedPast:
-        """Return what is known of the ten minutes from `from_ms` to `to_ms`, unix. Raises PastAway."""
+        """Return what is known of the ten minutes from `from_ms` to `to_ms`, unix ms. Raises PastAway."""
         oldest_ms = self._find_oldest_ms(robot, view)
         if oldest_ms <= from_ms:
             return ReachedPast(self.kept, True)
@@ -76,7 +77,7 @@ class JoinedPast:
         return ReachedPast(_put_together(archived, recent), True)
 
     async def reach_segment(self, name: SegmentName, audience: Audience) -> KeptPast:
-        """Return what is known of a segment, and of what comes next for an audience. Raises PastAway."""
+        """Return what is known of a segment, and of the next one for an audience. Raises PastAway."""
         spans = self.kept.list_takes(name.robot, name.view)
         own = next((span for span in spans if span.take == name.take), None)
         if own is not None and name.index >= own.first_index:
@@ -90,18 +91,18 @@ class JoinedPast:
         return _AroundSegment(name.robot, name.view, archived, self.kept)
 
     async def load_reaches(self, robot: str, view: str, from_ms: int, to_ms: int) -> list[DayReach]:
-        """Return of which days between these there is more than what is recent. Raises PastAway."""
+        """Return the days between these times that have more than the recent past. Raises PastAway."""
         to_ms = min(to_ms, self._find_oldest_ms(robot, view))
         return await self._reader.load_reaches(robot, view, from_ms, to_ms) if from_ms < to_ms else []
 
     async def load_day(self, robot: str, view: str, day_ms: int) -> DayIndex:
-        """Return what is known of one of these days. Raises PastAway."""
+        """Return the index of one of these days. Raises PastAway."""
         if self._find_oldest_ms(robot, view) <= day_ms:
             return DayIndex(robot, view, day_ms)
         return await self._reader.load_day(robot, view, day_ms)
 
     async def load(self, segments: Sequence[KeptSegment]) -> list[KeptSegment]:
-        """Return these segments with their bytes, without those that are gone or damaged. Raises PastAway."""
+        """Return these segments with their bytes, except those that are gone or damaged. Raises PastAway."""
         known = {each.name for each in segments if each.data or self.kept.find(each.name) is not None}
         recent = await self._front.load([each for each in segments if each.name in known])
         found = {each.name: each for each in recent}
@@ -111,7 +112,7 @@ class JoinedPast:
         return [found[each.name] for each in segments if each.name in found]
 
     async def load_schema(self, robot: str, view: str, sha256: bytes) -> str | None:
-        """Return the text of a schema that a segment of a view names; None when it is gone.
+        """Return the text of a schema that one of a view's segments names; None if it is gone.
 
         Raises PastAway.
         """
@@ -125,8 +126,8 @@ class JoinedPast:
         return LATEST_MS if oldest is None else oldest.from_ms
 
     async def _find_pages(self, name: SegmentName, audience: Audience) -> list[int]:
-        """Find the ten minutes in which a segment lies, or the last before it in its take, and the next ones
-        in which there is something for an audience.
+        """Find the ten minutes of a segment, or of the last one before it in its take, and the next ones that
+        have something for an audience.
         """
         robot, view = name.robot, name.view
         reaches = await self._reader.load_reaches(robot, view, 0, LATEST_MS)
@@ -142,7 +143,7 @@ class JoinedPast:
         ]
         if not own:
             return []
-        found = [page.at_ms for page, _ in own[-2:]]  # where it is, and where the one before it is
+        found = [page.at_ms for page, _ in own[-2:]]  # the page of the segment and that of its predecessor
         next_ms = await self._find_next_page(robot, view, found[-1], pages, reaches, audience)
         return found if next_ms is None else [*found, next_ms]
 
@@ -155,7 +156,7 @@ class JoinedPast:
         reaches: Iterable[DayReach],
         audience: Audience,
     ) -> int | None:
-        """Find the next ten minutes in which there is something that an audience could see."""
+        """Find the next ten minutes with something that an audience could see."""
 
         def find(among: Iterable[PageDigest]) -> int | None:
             return next(
@@ -179,10 +180,10 @@ class JoinedPast:
 
 
 class _AroundSegment:
-    """What is known of the ten minutes around a segment that somebody asks for, and of what is recent.
+    """What is known of the ten minutes around a requested segment, and of the recent past.
 
-    The segment itself is found without more: whoever plays an older past asks for one after the other. All of
-    it is put together only when that one is not for them.
+    The segment itself is found directly, because playback of an older past requests one after the other.
+    Everything is merged only if that segment is hidden from the caller.
     """
 
     def __init__(self, robot: str, view: str, archived: Sequence[KeptSegment], recent: KeptPast) -> None:
@@ -200,7 +201,7 @@ class _AroundSegment:
         return self._together
 
     def find(self, name: SegmentName) -> KeptSegment | None:
-        """Return the segment of this name; None when it is not here."""
+        """Return the segment with this name; None if it is not here."""
         if self._together is not None:
             return self._together.find(name)
         found = (each for each in self._archived if each.name.index == name.index and each.name == name)
@@ -213,20 +214,20 @@ class _AroundSegment:
     def list_segments(
         self, robot: str, view: str, from_ms: int = 0, to_ms: int | None = None
     ) -> list[KeptSegment]:
-        """Return the segments that begin from `from_ms` on and before `to_ms`, unix; None: all later."""
+        """Return the segments that begin between `from_ms` and `to_ms` (exclusive), unix ms; None: no end."""
         return self._whole.list_segments(robot, view, from_ms, to_ms)
 
     def list_takes(self, robot: str, view: str) -> list[TakeSpan]:
-        """Return the takes of which there is something, in the order in which they began."""
+        """Return the takes that have segments here, in the order in which they began."""
         return self._whole.list_takes(robot, view)
 
     def list_after(self, name: SegmentName) -> list[KeptSegment]:
-        """Return the segments that began after the one of this name."""
+        """Return the segments that began after this one."""
         return self._whole.list_after(name)
 
 
 def _put_together(archived: Iterable[KeptSegment], recent: Iterable[KeptSegment]) -> MemoryPast:
-    """Put segments of both into one past, each once, in the order in which they began."""
+    """Merge segments of both sources into one past, each once, in the order in which they began."""
     by_name = {segment.name: segment for segment in (*archived, *recent)}
     past = MemoryPast(UNBOUNDED)
     for segment in sorted(by_name.values(), key=lambda each: (each.from_ms, each.name.take, each.name.index)):

@@ -1,4 +1,4 @@
-"""The keys of the past in an object store, written and read. Whatever is none of ours is foreign: None.
+"""Writes and reads the keys of the past in an object store. A key in any other form is foreign: None.
 
     {robot}/{view}/{2026-11-22}/{14-20}/{from_ms}-{to_ms}-{take}-{index}-{bytes}-{audiences}.segment
     {robot}/{view}/{2026-11-22}/{14-20}/index.json      of these ten minutes (UTC)
@@ -6,7 +6,7 @@
     {robot}/schemas/{sha256}.json
 
 `take` is 16 hexadecimal digits; `audiences` one letter each, sorted: a anyone, l link, s signed-in; x none.
-A name says enough to find a segment and to judge who may see it.
+A key alone is enough to find a segment and to decide who may see it.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ PageKey = tuple[str, str, int]  # robot, view, and when the ten minutes begin, u
 
 
 class ArchivedName(NamedTuple):
-    """What a segment's key says. Times are unix ms; `size` in bytes."""
+    """The facts in a segment's key. Times are unix ms; `size` is in bytes."""
 
     name: SegmentName
     from_ms: int
@@ -49,24 +49,24 @@ class ArchivedName(NamedTuple):
 
     @property
     def page_ms(self) -> int:
-        """The beginning of the ten minutes in which it begins, unix ms."""
+        """The start of the ten minutes in which it begins, unix ms."""
         return self.from_ms - self.from_ms % PAGE_MS
 
     @property
     def key(self) -> str:
-        """The key, which is always the same for the same content."""
+        """The key. The same content always has the same key."""
         letters = write_letters(self.audiences)
         file = f"{self.from_ms}-{self.to_ms}-{self.name.take:016x}-{self.name.index}-{self.size}-{letters}"
         return f"{make_page_folder(self.name.robot, self.name.view, self.page_ms)}/{file}.segment"
 
 
 def name_segment(segment: KeptSegment) -> ArchivedName:
-    """Return what the key of a segment says."""
+    """Return the facts that a segment's key holds."""
     return ArchivedName(segment.name, segment.from_ms, segment.to_ms, segment.size, segment.audiences)
 
 
 def read_segment_key(key: str) -> ArchivedName | None:
-    """Read a segment's key; None when it is none, or not the one that we would write."""
+    """Parse a segment's key; None if it is not one, or not in the form that we write."""
     if len(key) > KEY_CHARS_MAX or key.count("/") != 4:
         return None
     robot, view, _, _, file = key.split("/")
@@ -84,12 +84,14 @@ def read_segment_key(key: str) -> ArchivedName | None:
     try:
         return read if read.key == key else None
     except (ValueError, OverflowError):
-        return None  # a time beyond the calendar
+        return None  # a time outside the calendar
 
 
 def is_unfinished(key: str) -> bool:
-    """Whether it is what a file store has of an object of ours that is being written, or was when the process
-    was killed: it gets its name when all of it is there.
+    """Whether this is an incomplete object of ours in a file store: being written, or left by a killed
+    process.
+
+    An object gets its final name once it is complete.
     """
     whole = UNFINISHED.sub("", key)
     return whole != key and (
@@ -103,12 +105,12 @@ def make_view_folder(robot: str, view: str) -> str:
 
 
 def make_day_folder(robot: str, view: str, day_ms: int) -> str:
-    """Return the folder of a day (UTC), of which `day_ms` is any moment, unix."""
+    """Return the folder of the day (UTC) that contains `day_ms`, unix ms."""
     return f"{robot}/{view}/{write_day(day_ms)}"
 
 
 def make_page_folder(robot: str, view: str, page_ms: int) -> str:
-    """Return the folder of ten minutes, of which `page_ms` is any moment, unix."""
+    """Return the folder of the ten minutes that contain `page_ms`, unix ms."""
     return f"{robot}/{view}/{write_day(page_ms)}/{write_page(page_ms)}"
 
 
@@ -128,18 +130,18 @@ def make_schema_key(robot: str, sha256: bytes) -> str:
 
 
 def write_day(unix_ms: int) -> str:
-    """Return the day of a time, as in a key: 2026-11-22."""
+    """Return the day of a time as it appears in a key: 2026-11-22."""
     return datetime.fromtimestamp(unix_ms // 1000, UTC).strftime("%Y-%m-%d")
 
 
 def write_page(unix_ms: int) -> str:
-    """Return the ten minutes of a time within its day, as in a key: 14-20."""
+    """Return the ten minutes of a time within its day as they appear in a key: 14-20."""
     minute = unix_ms % DAY_MS // 60_000
     return f"{minute // 60:02d}-{minute % 60 // 10}0"
 
 
 def read_day(text: str) -> int | None:
-    """Read a day's folder: its beginning, unix ms; None when it is none."""
+    """Parse the name of a day's folder and return the day's start, unix ms; None if it is invalid."""
     if not DAY.fullmatch(text):
         return None
     try:
@@ -149,12 +151,13 @@ def read_day(text: str) -> int | None:
 
 
 def read_page(text: str) -> int | None:
-    """Read the folder of ten minutes: its beginning in the day, ms; None when it is none."""
+    """Parse the name of a ten-minute folder and return its start within the day, ms; None if it is
+    invalid."""
     found = PAGE.fullmatch(text)
     return None if found is None else int(found[1]) * 3_600_000 + int(found[2]) * PAGE_MS
 
 
 def may_be_archived(robot: str, view: str) -> bool:
-    """Whether a robot and view have a place in a store: none whose name is that of a folder of ours."""
+    """Whether a robot and view can be stored: not if a name equals one of our folders."""
     names = ROBOT_ID.fullmatch(robot) and ROBOT_ID.fullmatch(view)
     return bool(names) and robot != TOMBSTONES and view not in (SCHEMAS, MODELS)

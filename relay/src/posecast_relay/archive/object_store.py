@@ -1,10 +1,10 @@
-"""A small port to object stores: a folder (`file:///…`), S3 (`s3://…`), Google's (`gs://…`), Azure's (`az://…`).
+"""A small port to object stores: a folder (`file:///…`), S3 (`s3://…`), Google (`gs://…`), Azure (`az://…`).
 
-Where it lies is told by a URL; how to get in, by the environment, as obstore (Rust's object_store) reads it:
-`AWS_ACCESS_KEY_ID`, `AWS_SECRET_ACCESS_KEY`, `AWS_REGION`, and `AWS_ENDPOINT_URL` for S3 of others;
+A URL gives the location. Credentials come from the environment, as obstore (Rust's object_store) reads it:
+`AWS_ACCESS_KEY_ID`, `AWS_SECRET_ACCESS_KEY`, `AWS_REGION`, and `AWS_ENDPOINT_URL` for other S3 services;
 `GOOGLE_APPLICATION_CREDENTIALS`; `AZURE_STORAGE_ACCOUNT_NAME`, `AZURE_STORAGE_ACCOUNT_KEY`. Every call ends
-within CALL_S. What fails raises ArchiveAway or ArchiveRefused, with a line that holds neither address nor
-secret.
+within CALL_S. A failure raises ArchiveAway or ArchiveRefused with a one-line message without addresses or
+secrets.
 """
 
 from __future__ import annotations
@@ -28,26 +28,26 @@ from posecast_relay.store_url import StoreUrlError, check_store_url
 
 T = TypeVar("T")
 
-CALL_S = 10.0  # a call is given up after so long
+CALL_S = 10.0  # the timeout of a call
 CONNECT_S = 3.0
-THREADS = 4  # that look at a folder
-LISTED = 1000  # names in one part of a listing
-DEPTH_MAX = 8  # folders that a listing of a file store goes down; ours are five deep
-UNFINISHED = re.compile(r"#[0-9]{1,9}$", re.ASCII)  # a file that is written, until it has its name
+THREADS = 4  # for access to a folder
+LISTED = 1000  # names per part of a listing
+DEPTH_MAX = 8  # how deep a listing of a file store goes; our folders are five deep
+UNFINISHED = re.compile(r"#[0-9]{1,9}$", re.ASCII)  # a file being written, before it gets its final name
 NO_SPACE = "no space is left"
-NO_ENTRY = "our keys are not accepted"
-S3_KEYS = (  # by one of these an S3 store lets us in; else by what its cloud gives this machine
+NO_ENTRY = "access denied: check its keys"
+S3_KEYS = (  # one of these gives access to S3; otherwise the machine's cloud role does
     "AWS_ACCESS_KEY_ID",
     "AWS_CONTAINER_CREDENTIALS_RELATIVE_URI",
     "AWS_CONTAINER_CREDENTIALS_FULL_URI",
     "AWS_WEB_IDENTITY_TOKEN_FILE",
     "AWS_SKIP_SIGNATURE",
 )
-REASONS = (  # what its library says, and what that means: refused for good, or not just now
+REASONS = (  # patterns in the library's errors, and what they mean
     (r"os error (?:28|122)\)", NO_SPACE),
-    (r"os error 30\)", "it can only be read"),
+    (r"os error 30\)", "it is read-only"),
     (r"os error (?:1|13)\)", "permission denied"),
-    (r"os error (?:20|21|17|36)\)", "something else lies where an object is to be"),
+    (r"os error (?:20|21|17|36)\)", "something else is in the place of an object"),
     (r"NoSuchBucket|NoSuchContainer|ContainerNotFound|bucket does not exist", "there is no such bucket"),
     (
         r"InvalidAccessKeyId|SignatureDoesNotMatch|AccessDenied|AuthenticationFailed|40[13] |"
@@ -59,36 +59,36 @@ REASONS = (  # what its library says, and what that means: refused for good, or 
 
 
 class ArchiveError(Exception):
-    """The object store did not do what it was asked to. The message is one line, without addresses."""
+    """A call to the object store failed. The message is one line without addresses."""
 
 
 class ArchiveAway(ArchiveError):
-    """It does not answer just now: the same may be tried again soon."""
+    """It does not answer right now. Retry soon."""
 
 
 class ArchiveRefused(ArchiveError):
-    """It says no: wrong keys, no such bucket, no space, no permission. Somebody has to do something."""
+    """It refuses: wrong keys, no such bucket, no space, no permission. An operator must act."""
 
 
 class StoredObject(NamedTuple):
-    """An object of a listing. `key`: below the store's URL, with slashes; `size`: in bytes."""
+    """An object in a listing. `key`: relative to the store's URL, with slashes; `size`: in bytes."""
 
     key: str
     size: int
 
 
 class FreeSpace(NamedTuple):
-    """What a file system has left, in bytes."""
+    """The free space of a file system, in bytes."""
 
     free: int
     total: int
 
 
 def open_object_store(url: str, call_s: float = CALL_S, *, makes_folder: bool = True) -> ObjectStore:
-    """Open the store at a URL; a folder that isn't there is made for this user alone, or with `makes_folder`
-    False refused. Nothing else is asked of it yet.
+    """Open the store at a URL. This makes no request yet.
 
-    Raises StoreUrlError when that is none, when it can't be opened, or obstore isn't installed.
+    A missing folder is created for this user alone, or refused with `makes_folder` False. Raises
+    StoreUrlError if the URL is invalid, the store can't be opened, or obstore isn't installed.
     """
     url = check_store_url(url)
     try:
@@ -103,7 +103,7 @@ def open_object_store(url: str, call_s: float = CALL_S, *, makes_folder: bool = 
             folder = Path(unquote(urlsplit(url).path))
             is_new = not folder.exists()
             if not is_new and not folder.is_dir():
-                raise StoreUrlError("a file lies there, no folder")
+                raise StoreUrlError("this is a file, not a folder")
             if is_new and not makes_folder:
                 raise StoreUrlError("there is no such folder")
             if is_new:
@@ -114,7 +114,7 @@ def open_object_store(url: str, call_s: float = CALL_S, *, makes_folder: bool = 
             "timeout": timedelta(seconds=call_s),
             "connect_timeout": timedelta(seconds=CONNECT_S),
         }
-        if _endpoint().startswith("http://"):  # whoever names it so has decided on that
+        if _endpoint().startswith("http://"):  # the operator chose plain HTTP explicitly
             options["allow_http"] = True
         retry: Any = {"max_retries": 1, "retry_timeout": timedelta(seconds=call_s)}
         opened = from_url(url, client_options=options, retry_config=retry)  # type: ignore[call-overload]
@@ -122,14 +122,14 @@ def open_object_store(url: str, call_s: float = CALL_S, *, makes_folder: bool = 
     except StoreUrlError:
         raise
     except (BaseError, ValueError, OSError) as e:
-        raise StoreUrlError(_describe(e) or "it can't be opened") from None
+        raise StoreUrlError(_describe(e) or "can't open it") from None
 
 
 def _find_hint(url: str) -> str:
-    """Say what to set where an S3 store gets no keys from the environment; nothing where it gets some."""
+    """Return what to set if an S3 store gets no keys from the environment; otherwise an empty text."""
     if not url.startswith("s3:") or any(os.environ.get(name) for name in S3_KEYS):
         return ""
-    return "; there are no keys for it here: set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY"
+    return "; it has no keys: set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY"
 
 
 def _endpoint() -> str:
@@ -138,7 +138,7 @@ def _endpoint() -> str:
 
 
 class ObjectStore:
-    """Objects by key. A `put` is whole or not at all; keys have slashes, and begin below the store's URL."""
+    """Objects by key. `put` is atomic. Keys use slashes and are relative to the store's URL."""
 
     def __init__(
         self,
@@ -149,8 +149,8 @@ class ObjectStore:
         is_new: bool = False,
         hint: str = "",
     ) -> None:
-        """`store`: obstore's; `folder`: where it lies, when that is on this machine; `is_new`: it was made
-        just now; `hint`: what ends the message when it lets nobody in.
+        """`store`: obstore's; `folder`: its path if it is on this machine; `is_new`: it was just created;
+        `hint`: the end of the message when access is denied.
         """
         self.is_new = is_new
         self._hint = hint
@@ -166,7 +166,7 @@ class ObjectStore:
         self._call_s = call_s
 
     async def put(self, key: str, data: bytes) -> None:
-        """Write an object, all at once, over the one of that key if there is one. Raises ArchiveError."""
+        """Write a whole object, replacing any with the same key. Raises ArchiveError."""
         await self._check_folder()
         try:
             await self._call(self._obstore.put_async(self._store, key, data, use_multipart=False))
@@ -176,7 +176,7 @@ class ObjectStore:
             ) from None
 
     async def get(self, key: str) -> bytes | None:
-        """Return an object's bytes; None when there is none of that key. Raises ArchiveError."""
+        """Return an object's bytes; None if there is none with this key. Raises ArchiveError."""
 
         async def read() -> bytes:
             found = await self._obstore.get_async(self._store, key)
@@ -188,15 +188,18 @@ class ObjectStore:
         return None
 
     async def get_range(self, key: str, start: int, length: int) -> bytes | None:
-        """Return some of an object's bytes, none where it ends before `start`; None when there is none of
-        that key. Raises ArchiveError."""
+        """Return a range of an object's bytes, empty if it ends before `start`; None if there is no such
+        object.
+
+        Raises ArchiveError.
+        """
 
         async def read() -> bytes:
             try:
                 return bytes(
                     await self._obstore.get_range_async(self._store, key, start=start, length=length)
                 )
-            except self._general_error:  # for one, where there are no bytes from `start` on
+            except self._general_error:  # for example if there are no bytes from `start` on
                 head = await self._obstore.head_async(self._store, key)
                 if head["size"] <= start:
                     return b""
@@ -208,11 +211,11 @@ class ObjectStore:
         return None
 
     async def delete(self, key: str) -> None:
-        """Delete an object, or what is left of a `put` that was killed; it may be gone already.
+        """Delete an object, or the remains of a killed `put`; it may already be gone.
 
         Raises ArchiveError.
         """
-        if self.folder is not None and UNFINISHED.search(key):  # obstore takes that for no key
+        if self.folder is not None and UNFINISHED.search(key):  # obstore does not accept that as a key
             await self._call(self._start(_unlink, self.folder / key))
             return
         with contextlib.suppress(FileNotFoundError):
@@ -221,7 +224,7 @@ class ObjectStore:
     async def list_objects(self, prefix: str) -> AsyncIterator[list[StoredObject]]:
         """Yield all objects below a folder, in parts of LISTED, in no order. Raises ArchiveError.
 
-        Of a folder on this machine: what hides behind links, or deeper than DEPTH_MAX, is not there.
+        In a local folder it does not follow links or go deeper than DEPTH_MAX.
         """
         await self._check_folder()
         if self.folder is not None:
@@ -247,19 +250,20 @@ class ObjectStore:
         return sorted(path.rstrip("/").rpartition("/")[2] for path in found["common_prefixes"])
 
     async def measure_free(self) -> FreeSpace | None:
-        """Return what the file system has left; None where that can't be known. Raises ArchiveError."""
+        """Return the free space of the file system; None if it can't be known. Raises ArchiveError."""
         if self.folder is None:
             return None
         await self._check_folder()
         try:
             found = await self._call(self._start(os.statvfs, self.folder))
-        except FileNotFoundError:  # a moment later
+        except FileNotFoundError:  # it disappeared just now
             raise ArchiveRefused("its folder is gone") from None
         return FreeSpace(found.f_bavail * found.f_frsize, found.f_blocks * found.f_frsize)
 
     async def _check_folder(self) -> None:
-        """Raise ArchiveRefused when the folder is gone, or a disk that was mounted there: else an empty one
-        would pass for a past in which there was nothing, and what is written would fill another disk.
+        """Raise ArchiveRefused if the folder or the disk mounted there is gone.
+
+        Otherwise an empty folder would look like an empty past, and new data would fill another disk.
         """
         if self.folder is not None and self._device is not None:
             device = await self._call(self._start(_find_device, self.folder))
@@ -267,8 +271,9 @@ class ObjectStore:
                 raise ArchiveRefused("its folder is gone" if device is None else "its disk is not mounted")
 
     def _start(self, call: Callable[..., T], *args: Any) -> Awaitable[T]:
-        """Call the file system beside the event loop, in threads of our own: it may hang, as one of a network
-        does, and others need the common ones.
+        """Call the file system in our own threads, beside the event loop.
+
+        A network file system can hang, and other code needs the shared threads.
         """
         return asyncio.get_running_loop().run_in_executor(self._threads, partial(call, *args))
 
@@ -284,7 +289,7 @@ class ObjectStore:
             raise
         except TimeoutError:
             raise ArchiveAway(f"no answer within {self._call_s:g} s{self._hint}") from None
-        except Exception as e:  # obstore's have a base of their own; whatever it is, live must not notice
+        except Exception as e:  # obstore has its own base class; no error here may affect live data
             why = _describe(e)
             if why is not None:
                 raise ArchiveRefused(why + (self._hint if why == NO_ENTRY else "")) from None
@@ -292,7 +297,7 @@ class ObjectStore:
 
 
 def _describe(error: Exception) -> str | None:
-    """Say in our own words why a store refuses; None when nobody is known to be at fault."""
+    """Describe why a store refuses; None if the cause is unknown."""
     text = f"{type(error).__name__} {str(error)[:4000]}"
     if isinstance(error, OSError) and error.errno is not None:
         text += f"(os error {error.errno})"
@@ -304,7 +309,7 @@ def _unlink(path: Path) -> None:
 
 
 def _find_device(folder: Path) -> int | None:
-    """Find the file system of a folder; None when there is no such folder."""
+    """Return the file system of a folder; None if there is no such folder."""
     try:
         return os.stat(folder).st_dev if folder.is_dir() else None
     except FileNotFoundError:
@@ -312,7 +317,8 @@ def _find_device(folder: Path) -> int | None:
 
 
 def _walk(folder: Path, root: Path, depth: int = DEPTH_MAX) -> Iterator[StoredObject]:
-    """Yield the files below a folder. Not by obstore: one name with a line break in it ends its listing."""
+    """Yield the files below a folder. obstore's listing ends at a name with a line break, so we walk
+    ourselves."""
     try:
         with os.scandir(folder) as found:
             entries = sorted(found, key=lambda entry: entry.name)
@@ -327,7 +333,7 @@ def _walk(folder: Path, root: Path, depth: int = DEPTH_MAX) -> Iterator[StoredOb
                 key = Path(entry.path).relative_to(root).as_posix()
                 yield StoredObject(key, entry.stat(follow_symlinks=False).st_size)
         except FileNotFoundError:
-            continue  # deleted meanwhile
+            continue  # deleted in the meantime
 
 
 def _take_part(walk: Iterator[StoredObject]) -> list[StoredObject]:

@@ -1,7 +1,7 @@
-"""The index of ten minutes in an object store: read, made of the segments where it lacks some, and written.
+"""The index of ten minutes in an object store: reads it, rebuilds missing entries from segments, writes it.
 
-What the listing says counts. An index is a way to know more without reading the segments: what it lacks is
-read, what it has too much is passed over. So whatever happens to it, the past is the segments that are there.
+The listing decides. An index only saves reading the segments: missing entries are read from the segments,
+surplus ones are ignored. So whatever happens to an index, the past is the segments that exist.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ log = logging.getLogger("posecast_relay")
 
 VERSION = 1
 INDEX_BYTES_MAX = 16 << 20
-SEGMENTS_MAX = 20_000  # of ten minutes; further ones are passed over
+SEGMENTS_MAX = 20_000  # in ten minutes; any more are skipped
 READ_AT_ONCE = 8
 
 Known = Mapping[ArchivedName, KeptSegment]
@@ -41,9 +41,9 @@ Known = Mapping[ArchivedName, KeptSegment]
 
 @dataclass(frozen=True)
 class PageListing:
-    """What lies in the folder of ten minutes: segments by their names, and the size of the index, if any.
+    """The content of a ten-minute folder: segments by name, and the size of the index, if any.
 
-    `unfinished`: keys of what was being written when a process was killed, or is just now.
+    `unfinished`: keys of incomplete objects, left by a killed process or being written now.
     """
 
     names: tuple[ArchivedName, ...]
@@ -53,8 +53,8 @@ class PageListing:
 
 @dataclass(frozen=True)
 class LoadedPage:
-    """Ten minutes. `segments`: all that can be read, without their bytes, in order; `is_indexed`: the index
-    says the same.
+    """The index of ten minutes. `segments`: all readable ones, without their bytes, in order; `is_indexed`:
+    the stored index is identical.
     """
 
     segments: tuple[KeptSegment, ...]
@@ -62,7 +62,7 @@ class LoadedPage:
 
 
 async def list_page(store: ObjectStore, robot: str, view: str, page_ms: int) -> PageListing:
-    """List the segments of ten minutes; what is foreign is passed over. Raises ArchiveError."""
+    """List the segments of ten minutes, skipping foreign objects. Raises ArchiveError."""
     folder = make_page_folder(robot, view, page_ms)
     names: list[ArchivedName] = []
     index_bytes: int | None = None
@@ -83,8 +83,9 @@ async def list_page(store: ObjectStore, robot: str, view: str, page_ms: int) -> 
 async def load_page(
     store: ObjectStore, robot: str, view: str, page_ms: int, known: Known | None = None
 ) -> LoadedPage:
-    """Load what is known of ten minutes from the index, and read the segments that it lacks. `known`: what
-    need not be read. Raises ArchiveError.
+    """Load the index of ten minutes, and read the segments missing from it.
+
+    `known`: entries that need not be read. Raises ArchiveError.
     """
     listing = await list_page(store, robot, view, page_ms)
     indexed: dict[ArchivedName, KeptSegment] = {}
@@ -102,40 +103,41 @@ async def load_page(
 
 
 def pack_index(robot: str, view: str, page_ms: int, segments: Iterable[KeptSegment]) -> bytes:
-    """Encode the index of ten minutes. Raises ValueError when there is something that is no JSON."""
+    """Encode the index of ten minutes. Raises ValueError if a value is not valid JSON."""
     records = [make_record(segment) for segment in segments]
     return dump_json({"v": VERSION, "robot": robot, "view": view, "page_ms": page_ms, "segments": records})
 
 
 def unpack_index(robot: str, view: str, page_ms: int, data: bytes) -> list[KeptSegment]:
-    """Read the index of these ten minutes; a record that is none is left out, one that stands there twice
-    counts once. Raises ValueError when it is none, or of others.
+    """Parse the index of these ten minutes. Invalid entries are left out, duplicates count once.
+
+    Raises ValueError if it is invalid or belongs to other ten minutes.
     """
     if len(data) > INDEX_BYTES_MAX:
         raise ValueError("index: too long")
     doc = loads(data)
     if not isinstance(doc, dict) or doc.get("v") != VERSION:
-        raise ValueError("index: of another version")
+        raise ValueError("index: unsupported version")
     if [doc.get(name) for name in ("robot", "view", "page_ms")] != [robot, view, page_ms]:
-        raise ValueError("index: of another robot, view or time")
+        raise ValueError("index: belongs to another robot, view or time")
     records = doc.get("segments")
     if not isinstance(records, list):
-        raise ValueError("index: segments are none")
+        raise ValueError("index: invalid segments")
     found: dict[ArchivedName, KeptSegment] = {}
     for record in records[:SEGMENTS_MAX]:
         try:
             segment = read_record(robot, view, record)
         except ValueError:
-            continue  # it is read anew
+            continue  # it will be read from the segment
         if segment.from_ms - segment.from_ms % PAGE_MS == page_ms:
             found[name_segment(segment)] = segment
     return list(found.values())
 
 
 def make_segment_record(name: ArchivedName, data: bytes) -> KeptSegment:
-    """Make what an index tells of a segment from its name and its bytes, which are left out.
+    """Make a segment's index entry from its name and its bytes. The entry does not contain the bytes.
 
-    Raises SegmentError when they are damaged, or those of another segment.
+    Raises SegmentError if they are damaged or belong to another segment.
     """
     segment = decode_segment(data)
     start = segment.start
@@ -143,7 +145,7 @@ def make_segment_record(name: ArchivedName, data: bytes) -> KeptSegment:
         *(name.name.robot, name.name.view),
         *(name.name.take, name.name.index),
     ) or (start.from_ms, segment.to_ms, len(data)) != (name.from_ms, name.to_ms, name.size):
-        raise SegmentError("a segment under the name of another")
+        raise SegmentError("stored under the name of another segment")
     events = [each for each in segment.records if isinstance(each, EventRecord) and is_event(each.text)]
     words = [each for each in segment.records if isinstance(each, WordRecord)]
     frames = [each for each in segment.records if isinstance(each, FrameRecord)]
@@ -172,12 +174,12 @@ def make_segment_record(name: ArchivedName, data: bytes) -> KeptSegment:
 
 
 def forget_bytes(segment: KeptSegment) -> KeptSegment:
-    """Return a segment without its bytes and its schema's text, as an index has it."""
+    """Return a segment without its bytes and its schema's text, as in an index."""
     return replace(segment, data=b"", schema_text=None, elsewhere_bytes=segment.size)
 
 
 def _is_fault(text: str) -> bool:
-    """Whether an event tells that a fault began."""
+    """Whether an event begins a fault."""
     try:
         doc = loads(text)
     except ValueError:
@@ -189,11 +191,11 @@ def _unpack_known(robot: str, view: str, page_ms: int, data: bytes) -> dict[Arch
     try:
         return {name_segment(segment): segment for segment in unpack_index(robot, view, page_ms, data)}
     except ValueError:
-        return {}  # it is made anew
+        return {}  # it will be rebuilt
 
 
 async def _read_records(store: ObjectStore, names: list[ArchivedName]) -> dict[ArchivedName, KeptSegment]:
-    """Read segments for what an index would tell of them; those that are damaged are left out."""
+    """Read segments and make their index entries, leaving out damaged ones."""
     found: dict[ArchivedName, KeptSegment] = {}
     for at in range(0, len(names), READ_AT_ONCE):
         part = names[at : at + READ_AT_ONCE]
@@ -214,7 +216,7 @@ def _make_records(read: list[tuple[ArchivedName, bytes]]) -> dict[ArchivedName, 
 
 
 class _PassedOver:
-    """Says of each robot once that something in the store can't be read, and counts."""
+    """Logs once per robot that something in the store can't be read, and counts it."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -224,7 +226,7 @@ class _PassedOver:
         self.count += 1
         if name.name.robot not in self._told and len(self._told) < 1000:
             self._told.add(name.name.robot)
-            log.warning("the archive: passed over: %s: %.200s", name.key, why)
+            log.warning("the archive: skipped: %s: %.200s", name.key, why)
 
 
 PASSED_OVER = _PassedOver()

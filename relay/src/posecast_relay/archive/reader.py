@@ -1,7 +1,7 @@
-"""Reads the past in an object store, as it is asked for: days, ten minutes, segments. It writes nothing.
+"""Reads days, ten minutes and segments of the past from an object store on demand. It never writes.
 
-What was read is cached in bounded memory, and what several ask for at once is read once. When the store does
-not answer, requests fail within seconds.
+Results are cached in bounded memory, and simultaneous requests for the same thing share one read. If the
+store does not answer, requests fail within seconds.
 """
 
 from __future__ import annotations
@@ -38,25 +38,25 @@ log = logging.getLogger("posecast_relay")
 
 PAGES_BYTES, DAYS_BYTES, REACHES_BYTES = 32 << 20, 16 << 20, 16 << 20
 DATA_BYTES, SCHEMAS_BYTES, UNINDEXED_BYTES = 16 << 20, 4 << 20, 16 << 20
-AT_ONCE = 16  # things that are read
-TURN_S = 2.0  # to wait for one's turn among these
-ASKED_S = 6.0  # for one of them, which may take many calls
-YOUNG_S, OLD_S = 5.0, 120.0  # what is known is as old as that, at most: of the last hours, and of before
+AT_ONCE = 16  # concurrent reads
+TURN_S = 2.0  # to wait for a free one
+ASKED_S = 6.0  # for one read, which can take many calls
+YOUNG_S, OLD_S = 5.0, 120.0  # the maximum age of cached data: of the last hours, and of earlier
 YOUNG_MS = 2 * 3_600_000
-CLOSED_MS = 60_000  # after the end of ten minutes they have their index
-PAUSE_S = (1.0, 15.0)  # after a failure, for which nothing is asked: the first and the longest
-TROUBLE_S = 20.0  # after the last failure, until it is forgotten where nobody asks
-REACH_S = 1800.0  # what is known of a day of before is as old as that, at most, where months are looked at
+CLOSED_MS = 60_000  # this long after their end, ten minutes have their index
+PAUSE_S = (1.0, 15.0)  # without requests after a failure: the first and the longest
+TROUBLE_S = 20.0  # after the last failure, until it is forgotten without new requests
+REACH_S = 1800.0  # the maximum age of cached summaries of earlier days
 REACHES_AT_ONCE = 8
 SCHEMA_BYTES_MAX = 1 << 18
-AWAY = "what was kept of this can't be read just now: ask again"
-BUSY = "the past is asked for by many just now: ask again"
+AWAY = "this part of the past can't be read right now: retry"
+BUSY = "too many requests for the past right now: retry"
 
-Covers = Callable[[str, str, int, int], bool]  # a robot, a view, from when to when, unix ms
+Covers = Callable[[str, str, int, int], bool]  # robot, view, start and end in unix ms
 
 
 class ArchiveReader:
-    """What is in a store. `is_deleted` tells of a robot, a view and a span whether any of it was deleted."""
+    """Reads a store. `is_deleted` returns whether any part of a robot's view in a time span was deleted."""
 
     def __init__(
         self,
@@ -66,8 +66,8 @@ class ArchiveReader:
         is_deleted: Covers = lambda _robot, _view, _from_ms, _to_ms: False,
         mend: Callable[[PageKey], None] = lambda _page: None,
     ) -> None:
-        """`mend` is told of ten minutes whose index says anything else than is there."""
-        self.failures = 0  # times that the store could not be read
+        """`mend` gets each ten minutes whose index disagrees with the segments there."""
+        self.failures = 0  # how often the store could not be read
         self._store = store
         self._now = now
         self._unix_s = unix_s
@@ -82,19 +82,20 @@ class ArchiveReader:
         self._schemas: ExpiringCache[str] = ExpiringCache(SCHEMAS_BYTES)
         self._asked = SharedTasks("the archive")
         self._turns = asyncio.Semaphore(AT_ONCE)
-        self._forgotten = 0  # times that something was: what was read before that is not kept
+        self._forgotten = 0  # count of `forget` calls: data read before one is not cached
         self._failed_at = float("-inf")
         self._pause_s = 0.0
         self._trouble: str | None = None
 
     def find_trouble(self) -> str | None:
-        """Return why it could not be read in the last TROUBLE_S seconds; None when it could, or nobody asked.
-        Without addresses.
+        """Return why it could not be read in the last TROUBLE_S seconds; None if it could, or was not needed.
+
+        The message contains no addresses.
         """
         return self._trouble if self._now() < self._failed_at + TROUBLE_S else None
 
     def forget(self, robot: str) -> None:
-        """Forget all that is known of a robot, of which something was deleted."""
+        """Drop all cached data of a robot, because part of it was deleted."""
         self._forgotten += 1
         for cache in (
             *(self._pages, self._unindexed, self._days),
@@ -104,14 +105,14 @@ class ArchiveReader:
         self._data.forget(lambda key: isinstance(key, SegmentName) and key.robot == robot)
 
     async def list_days(self, robot: str, view: str) -> list[int]:
-        """Return when the days begin of which there is something, unix ms, oldest first. Raises PastAway."""
+        """Return the start of each day that has data, unix ms, oldest first. Raises PastAway."""
         if not may_be_archived(robot, view):
             return []
         ask = partial(list_days, self._store, robot, view)
         return await self._find(self._lists, (robot, view), ask, lambda days: 100 + 40 * len(days), YOUNG_S)
 
     async def load_reaches(self, robot: str, view: str, from_ms: int, to_ms: int) -> list[DayReach]:
-        """Load the little that is known of each day that overlaps a span, unix ms, oldest first.
+        """Load the summary of each day that overlaps a time span, unix ms, oldest first.
 
         Raises PastAway.
         """
@@ -123,7 +124,7 @@ class ArchiveReader:
         return found
 
     async def load_day(self, robot: str, view: str, day_ms: int) -> DayIndex:
-        """Load what is known of a day; without ten minutes where there is nothing. Raises PastAway."""
+        """Load the index of a day, without empty ten minutes. Raises PastAway."""
         if not may_be_archived(robot, view):
             return DayIndex(robot, view, day_ms)
         ask = partial(self._read_day, robot, view, day_ms)
@@ -133,7 +134,7 @@ class ArchiveReader:
         )
 
     async def load_page(self, robot: str, view: str, page_ms: int) -> tuple[KeptSegment, ...]:
-        """Load what is known of the segments that begin in ten minutes, without their bytes, in order.
+        """Load the index entries of the segments that begin in ten minutes, without their bytes, in order.
 
         Raises PastAway.
         """
@@ -144,12 +145,12 @@ class ArchiveReader:
         return await self._find(self._pages, (robot, view, page_ms), ask, _measure_page, until_s)
 
     async def load_data(self, segments: Sequence[KeptSegment]) -> list[KeptSegment]:
-        """Return these with their bytes, without those that are gone or damaged. Raises PastAway."""
+        """Return these segments with their bytes, except those that are gone or damaged. Raises PastAway."""
         found = await asyncio.gather(*(self._load_segment(segment) for segment in segments))
         return [segment for segment in found if segment is not None]
 
     async def load_schema(self, robot: str, sha256: bytes) -> str | None:
-        """Return the text of a schema; None when it is not there, or damaged. Raises PastAway."""
+        """Return the text of a schema; None if it is missing or damaged. Raises PastAway."""
         ask = partial(self._read_schema, robot, sha256)
         text = await self._find(self._schemas, (robot, sha256), ask, lambda text: 100 + len(text), OLD_S)
         return text or None
@@ -169,7 +170,7 @@ class ArchiveReader:
         day = (await load_day(self._store, robot, view, day_ms, self._load_page)).day
         for page_ms in list(day.pages):
             if self._is_deleted(robot, view, page_ms, page_ms + LONGEST_MS):
-                segments = await self._read_page(robot, view, page_ms)  # without what is deleted
+                segments = await self._read_page(robot, view, page_ms)  # without deleted segments
                 day.pages[page_ms] = digest_page(page_ms, segments)
         return day
 
@@ -185,8 +186,10 @@ class ArchiveReader:
         )
 
     async def _load_page(self, store: ObjectStore, robot: str, view: str, page_ms: int) -> LoadedPage:
-        """Load what is known of ten minutes. As long as they have no index, which today's last ones never
-        have, only those segments are read that were not there before: none ever changes.
+        """Load the index of ten minutes.
+
+        While they have no index, as today's last ones never do, only new segments are read: a segment never
+        changes.
         """
         key, forgotten = (robot, view, page_ms), self._forgotten
         page = await load_page(store, *key, self._unindexed.find(key, self._now()))
@@ -211,12 +214,12 @@ class ArchiveReader:
         data = await self._store.get(make_schema_key(robot, sha256))
         if data is None or len(data) > SCHEMA_BYTES_MAX or hashlib.sha256(data).digest() != sha256:
             return ""
-        return data.decode()  # its hash is that of a text
+        return data.decode()  # its hash proves that it is text
 
     # ---- how -------------------------------------------------------------------------
 
     def _compute_good_s(self, end_ms: int, old_s: float = OLD_S) -> float:
-        """For how long what is known of a stretch of time is good, in seconds."""
+        """Return for how many seconds the data of a time span may be cached."""
         return YOUNG_S if 1000 * self._unix_s() < end_ms + YOUNG_MS else old_s
 
     async def _find(
@@ -227,14 +230,14 @@ class ArchiveReader:
         measure: Callable[[T], int],
         good_s: float,
     ) -> T:
-        """Return what is kept under a key, or ask and keep it. Raises PastAway."""
+        """Return the cached value of a key, or read and cache it. Raises PastAway."""
         found = cache.find(key, self._now())
         if found is not None:
             return found
         if self._now() < self._failed_at + self._pause_s:
             raise PastAway(AWAY)
         forgotten = self._forgotten
-        asked = cache, key, forgotten  # a day has the key of its first ten minutes
+        asked = cache, key, forgotten  # a day and its first ten minutes have the same key
         value = await self._asked.run(asked, partial(self._ask, ask))
         if forgotten == self._forgotten:
             cache.put(key, value, measure(value), self._now() + good_s)
@@ -252,7 +255,7 @@ class ArchiveReader:
         except ArchiveError as e:
             self._note_failure(e)
             raise PastAway(AWAY) from None
-        except TimeoutError:  # it is much: the store may be well
+        except TimeoutError:  # a large read: the store may be fine
             self.failures += 1
             raise PastAway(AWAY) from None
         finally:
@@ -260,16 +263,16 @@ class ArchiveReader:
         self._pause_s = 0.0
         if self._trouble is not None:
             self._trouble = None
-            log.warning("the archive: it can be read again")
+            log.warning("the archive: can be read again")
         return found
 
     def _note_failure(self, error: ArchiveError) -> None:
         self.failures += 1
-        if self._now() >= self._failed_at + self._pause_s:  # not one of many that were asked at once
+        if self._now() >= self._failed_at + self._pause_s:  # the first failure of many concurrent requests
             self._pause_s = min(max(2 * self._pause_s, PAUSE_S[0]), PAUSE_S[1])
         self._failed_at = self._now()
         if self._trouble is None:
-            log.warning("the archive: %s; requests for what only it has are refused, live goes on", error)
+            log.warning("the archive: %s; requests for older data are refused, live data continues", error)
         self._trouble = str(error)
 
 

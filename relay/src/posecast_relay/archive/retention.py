@@ -1,4 +1,4 @@
-"""Deletes what is older than it is to be kept: ten minutes at a time, and whole days with their summary."""
+"""Deletes expired data: ten minutes at a time, and whole days with their summary."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from posecast_relay.archive.object_store import ObjectStore
 
 log = logging.getLogger("posecast_relay")
 
-SPARE_MS = 10_000  # after the end of ten minutes the last segment that began in them is over
+SPARE_MS = 10_000  # this long after their end, the last segment that began in ten minutes has ended
 
 
 async def list_views(store: ObjectStore, robot: str) -> list[str]:
-    """Return the views of a robot of which there may be something in a store. Raises ArchiveError."""
+    """Return the views of a robot that may have data in a store. Raises ArchiveError."""
     return [view for view in await store.list_folders(robot) if may_be_archived(robot, view)]
 
 
 async def delete_old(
     store: ObjectStore, robot: str, keep_s: float, unix_ms: int
 ) -> AsyncIterator[tuple[str, int, list[ArchivedName]]]:
-    """Delete what of a robot is older than `keep_s`, at the time `unix_ms`, day by day, the oldest first.
+    """Delete a robot's data that is older than `keep_s` at the time `unix_ms`, day by day, oldest first.
 
-    Yields what is gone, by view and day, after each. Raises ArchiveError; then it may be begun anew.
+    Yields what was deleted, by view and day, after each. Raises ArchiveError; you can then start again.
     """
     before_ms = unix_ms - round(1000 * keep_s)
     for view in await list_views(store, robot):

@@ -1,7 +1,8 @@
-"""Writes closed segments to an object store: several robots at once, each in order, beside all that is live.
+"""Writes closed segments to an object store: several robots at once, each in order, without delaying live
+data.
 
-What waits is bounded in bytes, for each robot and for all. When the store is slow, full or away it is tried
-again with growing pauses; beyond the bounds the oldest are dropped and counted, and the past has a gap there.
+The queue is bounded in bytes, per robot and in total. If the store is slow, full or away, it retries with
+growing pauses. Beyond the bounds it drops and counts the oldest segments, and the past has a gap there.
 """
 
 from __future__ import annotations
@@ -20,19 +21,21 @@ from posecast_relay.counted import write_count
 
 log = logging.getLogger("posecast_relay")
 
-ROBOT_BYTES = 16 << 20  # of one robot that wait
-ALL_BYTES = 128 << 20  # of all robots
-ROBOTS_AT_ONCE = 16  # that are written
-PUTS_AT_ONCE = 4  # of one robot, where so many wait
+ROBOT_BYTES = 16 << 20  # queued for one robot
+ALL_BYTES = 128 << 20  # queued for all robots
+ROBOTS_AT_ONCE = 16  # robots written concurrently
+PUTS_AT_ONCE = 4  # concurrent writes for one robot with a long queue
 BACKOFF_S = (0.5, 10.0)  # the first and the longest pause after a failure
-STOP_S = 2.0  # for what waits when the process stops
-SCHEMAS_MAX = 10_000  # that are known to be there
-RECENT_MAX = 2000  # segments of one view of which is known what an index tells
+STOP_S = 2.0  # to write the queue when the process stops
+SCHEMAS_MAX = 10_000  # schemas known to be in the store
+RECENT_MAX = 2000  # index entries remembered per view
 
 
 class ArchiveWriter:
-    """Writes the segments of those robots that are to be kept. `on_page_ended` is told of ten minutes when
-    something later has been written of their view: their index can be made.
+    """Writes the segments of the robots that are to be kept.
+
+    `on_page_ended` gets each ten minutes after something later was written for their view: their index can be
+    made.
     """
 
     def __init__(
@@ -44,39 +47,40 @@ class ArchiveWriter:
         all_bytes: int = ALL_BYTES,
         backoff_s: tuple[float, float] = BACKOFF_S,
     ) -> None:
-        self.written = 0  # segments
+        self.written = 0  # segments written
         self.written_bytes = 0
-        self.dropped = 0  # segments that did not get there
-        self.failures = 0  # calls that the store did not carry out
+        self.dropped = 0  # segments that were lost
+        self.failures = 0  # failed calls to the store
         self.waiting_bytes = 0
         self._store = store
         self._on_page_ended = on_page_ended
         self._is_deleted = is_deleted
         self._robot_bytes, self._all_bytes, self._backoff_s = robot_bytes, all_bytes, backoff_s
         self._keeps: Mapping[str, float] = {}
-        self._waiting: dict[str, deque[KeptSegment]] = {}  # by robot, the oldest first
+        self._waiting: dict[str, deque[KeptSegment]] = {}  # by robot, oldest first
         self._sizes: Counter[str] = Counter()  # of those, by robot
-        self._schemas: dict[tuple[str, bytes], None] = {}  # by robot, the ones that are there
+        self._schemas: dict[tuple[str, bytes], None] = {}  # by robot, the ones in the store
         self._recent: dict[PageKey, dict[ArchivedName, KeptSegment]] = {}
-        self._open: dict[PageKey, None] = {}  # the ten minutes that are written to
-        self._tasks: dict[str, asyncio.Task[None]] = {}  # by robot, those that write
-        self._trouble: dict[str, str] = {}  # by robot, why it can't be written just now
+        self._open: dict[PageKey, None] = {}  # the ten minutes being written
+        self._tasks: dict[str, asyncio.Task[None]] = {}  # the writing tasks, by robot
+        self._trouble: dict[str, str] = {}  # why writing currently fails, by robot
         self._turns = asyncio.Semaphore(ROBOTS_AT_ONCE)
-        self._dropped_before = 0  # what `dropped` was when all was well last
+        self._dropped_before = 0  # the value of `dropped` when all was last well
         self._refused_views: set[tuple[str, str]] = set()
         self._stopping = False
 
-    # ---- what comes ------------------------------------------------------------------
+    # ---- input -----------------------------------------------------------------------
 
     def set_keeps(self, keeps_s: Mapping[str, float]) -> None:
-        """Set which robots are kept, each for how many seconds. What waits of others is dropped."""
+        """Set which robots are kept, each for how many seconds. Queued segments of other robots are
+        dropped."""
         self._keeps = keeps_s
         for robot in [robot for robot in self._waiting if robot not in keeps_s]:
             while self._waiting.get(robot):
                 self._take_oldest(robot)
 
     def keep(self, segment: KeptSegment) -> None:
-        """Take a segment that has just closed; returns at once."""
+        """Queue a segment that has just closed. Returns at once."""
         robot, view = segment.name.robot, segment.name.view
         if robot not in self._keeps:
             return
@@ -84,7 +88,7 @@ class ArchiveWriter:
             if (robot, view) not in self._refused_views:
                 self._refused_views.add((robot, view))
                 log.warning(
-                    "the archive: %s/%s: not kept: the archive uses a folder of that name", robot, view
+                    "the archive: %s/%s: not kept: the archive has a folder of that name", robot, view
                 )
             return
         self._waiting.setdefault(robot, deque()).append(segment)
@@ -97,8 +101,8 @@ class ArchiveWriter:
             self._tasks[robot] = asyncio.create_task(self._write_robot(robot), name=f"the archive: {robot}")
 
     def drop_waiting(self, is_gone: Callable[[KeptSegment], bool]) -> None:
-        """Drop those that wait and are to be there no more, and what is known of such as are there; they are
-        not counted.
+        """Drop queued segments that must not be stored any more, and forget such segments that were. They are
+        not counted as lost.
         """
         for robot, segments in list(self._waiting.items()):
             kept = [segment for segment in segments if not is_gone(segment)]
@@ -112,20 +116,22 @@ class ArchiveWriter:
                 del recent[name]
 
     def list_waiting(self, robot: str) -> list[KeptSegment]:
-        """Return the segments of a robot that wait, or are being written."""
+        """Return the segments of a robot that are queued or being written."""
         return list(self._waiting.get(robot, ()))
 
     def find_known(self, page: PageKey) -> Known:
-        """Return what an index tells of the segments of ten minutes that were written a moment ago."""
+        """Return the index entries of the recently written segments of ten minutes."""
         return self._recent.get(page, {})
 
     def forget_known(self, page: PageKey) -> None:
-        """Forget these, since their index is written; not while they are written to."""
+        """Forget those entries, because their index is written; but not while segments are still being
+        added."""
         if page not in self._open:
             self._recent.pop(page, None)
 
     def end_pages(self, before_ms: int) -> None:
-        """Note that ten minutes that began before `before_ms`, unix, are over: nothing is recorded now."""
+        """Note that the ten minutes that began before `before_ms`, unix ms, have ended: nothing is
+        recording."""
         self._end([page for page in self._open if page[2] < before_ms])
 
     def _end(self, pages: list[PageKey]) -> None:
@@ -134,15 +140,15 @@ class ArchiveWriter:
             self._on_page_ended(page)
 
     def list_open_pages(self) -> list[PageKey]:
-        """Return the ten minutes of which something was written whose index was not."""
+        """Return the ten minutes that have new segments and no written index."""
         return list(self._recent)
 
     def find_trouble(self) -> str | None:
-        """Return why something can't be written just now; None when all is well. Without addresses."""
-        return next(iter(list(self._trouble.values())), None)  # another thread may ask
+        """Return why writing currently fails; None if all is well. Without addresses."""
+        return next(iter(list(self._trouble.values())), None)  # another thread may call this
 
     async def stop(self, stop_s: float = STOP_S) -> None:
-        """Write what waits, if that is soon done; then end."""
+        """Write the queue, within `stop_s` seconds, then end."""
         self._stopping = True
         tasks = list(self._tasks.values())
         if tasks:
@@ -153,7 +159,7 @@ class ArchiveWriter:
         if lost := sum(map(len, self._waiting.values())):
             log.warning("the archive: stopped before %s could be written", write_count(lost, "segment"))
 
-    # ---- what waits --------------------------------------------------------------------
+    # ---- the queue ---------------------------------------------------------------------
 
     def _add(self, robot: str, size: int) -> None:
         self.waiting_bytes += size
@@ -174,18 +180,18 @@ class ArchiveWriter:
     # ---- to the store ------------------------------------------------------------------
 
     async def _write_robot(self, robot: str) -> None:
-        """Write what waits of a robot, then end."""
+        """Write the queue of one robot, then end."""
         pause_s = self._backoff_s[0]
         try:
             while waiting := self._waiting.get(robot):
-                # one by one while it keeps up; a store that is slow is asked for several at once
+                # one by one while it keeps up; several at once to a slow store
                 batch = list(islice(waiting, PUTS_AT_ONCE))
                 async with self._turns:
                     results = await asyncio.gather(*map(self._write, batch), return_exceptions=True)
                 pairs = list(zip(batch, results, strict=True))
                 self._take_done(robot, {id(each) for each, e in pairs if not isinstance(e, ArchiveError)})
                 for segment, error in pairs:
-                    if error is not None and not isinstance(error, ArchiveError):  # a mistake of ours
+                    if error is not None and not isinstance(error, ArchiveError):  # a bug of ours
                         log.error("the archive: %s/%s", robot, segment.name.view, exc_info=error)
                         self.dropped += 1
                 failed = [str(error) for error in results if isinstance(error, ArchiveError)]
@@ -201,7 +207,7 @@ class ArchiveWriter:
             self._tasks.pop(robot, None)
 
     def _take_done(self, robot: str, done: set[int]) -> None:
-        """Remove what is written, if it still waits: it may have been dropped meanwhile."""
+        """Remove what was written, unless it was dropped in the meantime."""
         kept: list[KeptSegment] = []
         while done and self._waiting.get(robot):
             segment = self._take_oldest(robot)
@@ -224,7 +230,7 @@ class ArchiveWriter:
             while len(self._schemas) > SCHEMAS_MAX:
                 del self._schemas[next(iter(self._schemas))]
         await self._store.put(name.key, segment.data)
-        if self._is_deleted(segment):  # meanwhile
+        if self._is_deleted(segment):  # deleted in the meantime
             await self._store.delete(name.key)
             return
         self.written += 1
@@ -237,7 +243,7 @@ class ArchiveWriter:
         self._end([each for each in self._open if each[:2] == (robot, view) and each[2] < name.page_ms])
 
     def forget_schemas(self, robot: str) -> None:
-        """Write the schemas of a robot again where they are named: some may have been deleted."""
+        """Write a robot's schemas again when they are named: some may have been deleted."""
         for known in [known for known in self._schemas if known[0] == robot]:
             del self._schemas[known]
 
@@ -245,7 +251,7 @@ class ArchiveWriter:
         if not self._trouble:
             self._dropped_before = self.dropped
             log.warning(
-                "the archive: %s; what is recorded waits, up to %d MB a robot, live goes on",
+                "the archive: %s; queueing up to %d MB per robot, live data continues",
                 why,
                 self._robot_bytes >> 20,
             )
@@ -254,5 +260,5 @@ class ArchiveWriter:
     def _note_success(self, robot: str) -> None:
         if self._trouble.pop(robot, None) is not None and not self._trouble:
             lost = self.dropped - self._dropped_before
-            told = f"dropped {write_count(lost, 'segment')}" if lost else "none that waited was lost"
-            log.warning("the archive: is back; %s", told)
+            told = f"dropped {write_count(lost, 'segment')}" if lost else "nothing was lost"
+            log.warning("the archive is back; %s", told)

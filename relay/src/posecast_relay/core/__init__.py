@@ -1,1 +1,2 @@
-"""What the relay decides: who gets what, what may be dropped, who goes. No socket, clock or randomness."""
+"""The relay's decisions: who gets what, what is dropped, who is disconnected. No sockets, clocks or
+randomness."""

@@ -1,4 +1,4 @@
-"""The actions that the core returns. The caller carries them out in order."""
+"""The actions that the core returns. The caller executes them in order."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from posecast_relay.core.viewer.viewer import Viewer
 
 @dataclass(slots=True)
 class Send:
-    """Write the same bytes to each of these viewers, in one write each."""
+    """Write the same bytes to each of these viewers, with one write per viewer."""
 
     data: bytes
     viewers: Sequence[Viewer]
@@ -21,9 +21,9 @@ class Send:
 
 @dataclass(slots=True)
 class CloseConnection:
-    """Send this viewer `bye` with the reason, then close. The core has removed it already.
+    """Send this viewer `bye` with the reason, then close the connection. The core has already removed it.
 
-    `lane`: where it may read on, as an address to be resolved against that of the stream.
+    `lane` is where the viewer can read on: an address relative to that of the stream.
     """
 
     viewer: Viewer
@@ -35,7 +35,7 @@ class CloseConnection:
 
 @dataclass(slots=True)
 class Abort:
-    """Drop this connection at once: a polite close cannot get through a full buffer."""
+    """Cut this connection at once: a polite close can't get through a full buffer."""
 
     viewer: Viewer
     close: Close
@@ -58,9 +58,9 @@ class Persist:
 
 @dataclass(slots=True)
 class SubscribeRobot:
-    """Listen for this robot, which has its first viewer.
+    """Subscribe to this robot, because its first viewer has joined.
 
-    Only needed where robots are heard by other relays.
+    Only needed if other relays hear the robot.
     """
 
     robot: str
@@ -68,7 +68,7 @@ class SubscribeRobot:
 
 @dataclass(slots=True)
 class VerifyToken:
-    """Verify a token that a connected viewer has sent, and decide anew what it may see."""
+    """Verify a token that a connected viewer sent, and decide again what the viewer may see."""
 
     viewer: Viewer
     token: str
@@ -76,10 +76,7 @@ class VerifyToken:
 
 @dataclass(slots=True)
 class Fault:
-    """Report an error in the relay's own code.
-
-    The viewer or message concerned has been dealt with already.
-    """
+    """Report an error in the relay's own code. The viewer or message concerned has already been handled."""
 
     where: str
     error: Exception

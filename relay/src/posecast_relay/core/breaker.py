@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-FAILURES = 3  # in a row, and it is left alone
+FAILURES = 3  # in a row until requests stop
 PAUSE_S = 5.0
 PAUSE_MAX_S = 60.0
 
 
 class Breaker:
-    """closed (all goes through) → open (nothing does, for a pause) → half open (one try decides)."""
+    """closed (requests pass) → open (none pass, for a pause) → half open (one attempt decides)."""
 
     def __init__(self) -> None:
         self.failures = 0  # in a row
@@ -17,7 +17,7 @@ class Breaker:
 
     @property
     def is_open(self) -> bool:
-        """Whether requests have been stopped and none has succeeded since."""
+        """Whether requests were stopped and none has succeeded since."""
         return self.failures >= FAILURES
 
     def allow(self, now: float) -> bool:
@@ -25,7 +25,7 @@ class Breaker:
         return now >= self.open_until
 
     def record_success(self) -> bool:
-        """Note that a request succeeded. True when requests had been stopped until now."""
+        """Note that a request succeeded. Returns True if this ends a pause."""
         was_open = self.is_open
         self.failures, self._pause_s = 0, PAUSE_S
         return was_open
@@ -35,7 +35,7 @@ class Breaker:
         self.open_until += seconds
 
     def record_failure(self, now: float) -> bool:
-        """Note that a request failed. True when this failure is the one that stops further requests."""
+        """Note that a request failed. Returns True if this failure stops further requests."""
         self.failures += 1
         if not self.is_open:
             return False

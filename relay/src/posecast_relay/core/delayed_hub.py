@@ -1,8 +1,8 @@
-"""The delayed hub: some audiences see a robot with a delay. One bounded buffer per robot and view feeds it.
+"""The delayed hub shows robots with a delay. It reads from one bounded buffer per robot and view.
 
-What goes into a ring is what the stream held at that moment, by reference: an entry costs its newest frame.
-A full ring leaves out what comes until there is room again: the next entry brings all the state, and the
-events since the last one that was kept.
+A ring entry refers to what the stream held at that moment, so an entry costs only its newest frame. A full
+ring skips new entries until it has room. The next entry then carries the complete state and all events since
+the last entry.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from posecast_relay.core.roster import Headcount
 from posecast_relay.core.state.stream import Event, StoredFrame, Stream
 from posecast_relay.core.timer_queue import NEVER
 
-ENTRIES_MAX = 4000  # a minute at 60 Hz, and its events
+ENTRIES_MAX = 4000  # one minute at 60 Hz, with its events
 BYTES_MAX = 16_000_000
 
 
 @dataclass(slots=True)
 class _Moment:
-    """A stream as it was. `live`: its newest frame had just come."""
+    """A snapshot of a stream. `live`: its newest frame had just arrived."""
 
     at: float
     token: bool
@@ -45,13 +45,13 @@ class _Moment:
 
     @property
     def size(self) -> int:
-        """Bytes that are its own."""
+        """Bytes that belong to this entry alone."""
         frame = len(self.newest.payload) if self.newest and self.live else 0
         return 200 + frame + sum(len(event.text) for event in self.events)
 
 
 class _Ring:
-    """One robot and view on its way."""
+    """The delayed entries of one robot and view."""
 
     def __init__(self, delay_s: float) -> None:
         self.delay_s = delay_s
@@ -61,13 +61,13 @@ class _Ring:
         self._newest: StoredFrame | None = None
         self._numbering = ""
         self._event_n = 0
-        # what the second hub was given last
+        # what the delayed hub got last
         self.fed: _Moment | None = None
         self.fed_key: StoredFrame | None = None
         self.fed_ref: StoredFrame | None = None
 
     def put(self, stream: Stream, token: bool, now: float) -> None:
-        """As it is now."""
+        """Add the stream's current state."""
         if stream.numbering != self._numbering:
             self._numbering, self._event_n = stream.numbering, 0
         moment = _Moment(
@@ -94,11 +94,11 @@ class _Ring:
 
     @property
     def next_at(self) -> float:
-        """When the oldest is due."""
+        """When the oldest entry is due."""
         return self._moments[0].at + self.delay_s if self._moments else NEVER
 
     def take(self, now: float) -> _Moment | None:
-        """The oldest, when it is due."""
+        """Remove and return the oldest entry if it is due."""
         if now < self.next_at:
             return None
         moment = self._moments.popleft()
@@ -107,7 +107,7 @@ class _Ring:
 
 
 class DelayedHub(Hub):
-    """A hub that shows robots with a delay. Viewers join it as they join any hub."""
+    """A hub that shows robots with a delay. Viewers join it like any other hub."""
 
     def __init__(self, limits: Limits, headcount: Headcount | None = None) -> None:
         super().__init__(limits, headcount)
@@ -115,7 +115,7 @@ class DelayedHub(Hub):
         self._said = ReplicaFeed(self)
 
     def set_delays(self, delays_s: Mapping[tuple[str, str], float]) -> None:
-        """Set which robots and views are kept, and their delays in seconds. All others are dropped."""
+        """Set which robots and views are buffered, and their delays in seconds. All others are dropped."""
         for name in self._rings.keys() - delays_s.keys():
             del self._rings[name]
         for name, delay_s in delays_s.items():
@@ -127,7 +127,7 @@ class DelayedHub(Hub):
 
     @property
     def left_out(self) -> int:
-        """How many states were left out because their buffer was full."""
+        """How many states were skipped because their buffer was full."""
         return sum(ring.left_out for ring in self._rings.values())
 
     def list_robots(self) -> set[str]:
@@ -137,7 +137,7 @@ class DelayedHub(Hub):
     def record_stream(self, stream: Stream, token: bool, now: float) -> bool:
         """Record the state of a stream that has changed.
 
-        False when it is not shown with a delay. Else `wake_at` says by when `tick` has to be called.
+        Returns False if the stream is not delayed. Otherwise call `tick` by `wake_at`.
         """
         ring = self._rings.get((stream.robot, stream.view))
         if ring is None:
@@ -147,7 +147,7 @@ class DelayedHub(Hub):
         return True
 
     def tick(self, now: float, unix_s: float) -> list[Action]:
-        """Replay the recorded states that are due, then do what any hub does."""
+        """Replay the recorded states that are due, then do the work of any hub."""
         out: list[Action] = []
         for (robot, view), ring in self._rings.items():
             while (moment := ring.take(now)) is not None:
@@ -168,7 +168,7 @@ class DelayedHub(Hub):
         if moment.schema is not None and moment.key is not None and moment.newest is not None:
             self._replay_frame(robot, view, ring, moment, now)
         if moment.events:
-            out += self.flush(now, unix_s)  # first the state that they happened in
+            out += self.flush(now, unix_s)  # send first the state in which the events happened
             for event in moment.events:
                 out += self._said.take_event(robot, view, moment.numbering, event.text)
         ring.fed = moment
@@ -181,21 +181,22 @@ class DelayedHub(Hub):
         assert moment.schema is not None
         told = before is not None and before.schema is moment.schema
         told = told and before is not None and (before.info, before.model) == (moment.info, moment.model)
-        coming = newest if moment.live else None  # a picture is not handed on by itself
+        coming = newest if moment.live else None  # a frame from a snapshot is never sent alone
         bases_here = key in (ring.fed_key, coming) and ref in (None, ring.fed_ref, coming)
         stamp = Stamp(newest.run_id, round(newest.stamp_s * 1e9))
         of = self.admit_robot(robot)
-        if of is not None:  # else nothing of it is taken
-            adopt_run(of, newest.run_id, now)  # which run is current was decided then
-            if moment.live:  # and how late its frame was: nobody can be asked now
+        if of is not None:  # otherwise none of it is used
+            adopt_run(of, newest.run_id, now)  # the live hub has already decided which run is current
+            if moment.live:  # it also measured the lateness; it is too late to ask the edge
                 of.runs.record_answer(stamp, moment.late_s, now)
         if not told or not bases_here:
             ref_bytes = None if ref is None else ref.payload
             snapshot = Snapshot(moment.schema.text, moment.info, key.payload, ref_bytes, moment.model)
-            picture = None if moment.live else newest.payload  # else its KEY would stand for it, however old
+            # without it a KEY would be shown as the picture, however old it is
+            picture = None if moment.live else newest.payload
             try:
                 self.take_snapshot(robot, view, snapshot, stamp, now, picture)
-            except ValueError:  # the stream itself has taken it
+            except ValueError:  # can't happen: the stream itself accepted it
                 self.outcomes["bad"] += 1
                 return
         if moment.live:
@@ -204,5 +205,5 @@ class DelayedHub(Hub):
             if room is not None:
                 room.stream.set_age_unless_live(
                     moment.late_s, now
-                )  # a KEY that came with the snapshot counts as well
+                )  # includes a KEY that came with the snapshot
         ring.fed_key, ring.fed_ref = key, ref

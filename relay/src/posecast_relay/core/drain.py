@@ -1,4 +1,4 @@
-"""Closes the viewers of a relay that stops, a few at a time, so that they do not all reconnect at once."""
+"""Disconnects viewers gradually when a relay stops, so that they do not all reconnect at once."""
 
 from __future__ import annotations
 
@@ -7,14 +7,13 @@ from collections.abc import Sequence
 from posecast_relay.core.viewer.viewer import Viewer
 
 SPREAD_S = 6.5  # platforms kill a process 10 s after SIGTERM; closing politely takes up to 2 s more
-PER_S = 100.0  # few viewers need not take that long
+PER_S = 100.0  # a small number of viewers finishes sooner
 STEP_S = 0.1
 
 
 class Drain:
-    """Picks viewers in `order`, which the caller shuffles: those who joined together should not return
-    together.
-    """
+    """Returns viewers in `order`. The caller shuffles it: viewers that joined together should not return
+    together."""
 
     def __init__(self, order: Sequence[Viewer], now: float) -> None:
         self._order = order

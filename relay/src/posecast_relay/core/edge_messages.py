@@ -1,4 +1,4 @@
-"""Checks the JSON messages that an edge sends beside its frames: events, its info and its model."""
+"""Validates the JSON messages that an edge sends along with its frames: events, info and model."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ STATES = ("on", "off")
 
 
 def read_edge_message(payload: bytes, limits: Limits) -> dict[str, object] | None:
-    """Parse an event, info or model (by its `type`) and keep the members that viewers know.
+    """Parse an event, info or model (chosen by `type`) and keep the members that viewers know.
 
-    None when the message is invalid. What is returned can be written as JSON and UTF-8 again.
+    Returns None if the message is invalid. The result can always be written as JSON in UTF-8.
     """
     if len(payload) > max(limits.event_bytes, limits.info_bytes):
         return None
@@ -61,7 +61,7 @@ MEMBERS: dict[str, dict[str, Callable[[object], bool]]] = {
 
 
 def make_conflict_event(t_s: float, present: bool) -> dict[str, object]:
-    """Make the relay's own event: a second edge claims this robot, or no longer does.
+    """Make the relay's own event for a second edge that claims this robot, or no longer does.
 
     `t_s`: seconds of the robot's clock.
     """

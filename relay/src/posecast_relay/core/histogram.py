@@ -8,7 +8,7 @@ BOUNDS_S = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5
 
 
 class Histogram:
-    """Durations in seconds. `counts` has one more entry than BOUNDS_S, for longer ones than any bound."""
+    """Durations in seconds. `counts` has one more entry than BOUNDS_S, for durations above the last bound."""
 
     __slots__ = ("counts", "sum_s")
 

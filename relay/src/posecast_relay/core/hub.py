@@ -1,4 +1,4 @@
-"""The relay without its sockets. Each call takes the time and returns the actions to carry out, in order."""
+"""The relay without sockets. Each call takes the current time and returns the actions to execute in order."""
 
 from __future__ import annotations
 
@@ -49,15 +49,15 @@ from posecast_relay.core.uplink import Uplink
 from posecast_relay.core.viewer import messages
 from posecast_relay.core.viewer.viewer import Viewer
 
-RENEW_RETRY_S = 1.0  # these come one by one already
+RENEW_RETRY_S = 1.0  # these viewers already return one at a time
 EXPIRED = "the link or sign-in has expired"
 FORGET_EVERY = 20  # sweeps
-# With as many robots as the limits allow those that are gone make room for others. Those that have never sent
-# anything are forgotten as soon.
+# When the limit on robots is reached, robots that are gone make room for new ones. Robots that never sent
+# anything are forgotten just as early.
 FORGET_FULL_S = 5.0
-QUESTIONS_MAX = 8  # robots asked in one tick, some 3 ms; the others in the next ones,
-QUESTIONS_S = 0.005  # so much later
-HELD_UP_S = 0.1  # a tick that comes later than this shows that the process stood still
+QUESTIONS_MAX = 8  # robots asked per tick, about 3 ms; the others wait for the next tick,
+QUESTIONS_S = 0.005  # which comes this much later
+HELD_UP_S = 0.1  # a tick later than this means that the process was stalled
 
 
 class Hub(Uplink):
@@ -69,16 +69,16 @@ class Hub(Uplink):
         super().__init__(limits, headcount, recorder)
         self.load = LoadShedder()
         self.joins = 0
-        self.draining: Drain | None = None  # nobody is taken any more
+        self.draining: Drain | None = None  # set: no viewer may join
         self._status_at = 0.0
-        self._status_goes = False  # with the frames, just now
+        self._status_goes = False  # sent along with the frames of this flush
         self._sweep_at = 0.0
         self._sweeps = 0
 
     # ---- from the edges to the viewers ---------------------------------------
 
     def flush(self, now: float, unix_s: float) -> list[Action]:
-        """Send what has changed since the last flush: of each stream only the newest frame."""
+        """Send what has changed since the last flush. Of each stream only the newest frame is sent."""
         out: list[Action] = []
         changed, self.changed = self.changed, {}
         for room in changed:
@@ -94,9 +94,7 @@ class Hub(Uplink):
         age_s = room.stream.compute_age_s(now)
         is_old = not room.stream.is_live or age_s is None or age_s > self.limits.silent_s
         is_news = bool(room.viewers) and (self.record_status(robot, room, now) or is_old)
-        if (
-            is_news
-        ):  # goes with the frame: nobody takes an old one for a sign of life, or the one before for new
+        if is_news:  # sent with the frame, so that no viewer mistakes an old frame for a live one
             room.defer_status(robot.compute_status(room, now))
         out += self.remove_ended(room.offer(now))
         out.append(Persist(room.stream))
@@ -109,9 +107,9 @@ class Hub(Uplink):
     # ---- from the viewers ---------------------------------------------------
 
     def join(self, viewer: Viewer, now: float, unix_s: float) -> list[Action]:
-        """Add a viewer and send it all it needs in one write.
+        """Add a viewer and send it everything it needs in one write.
 
-        It is closed when the relay stops or is full.
+        The viewer is closed at once if the relay is stopping or full.
         """
         return self.guard(viewer, partial(self._join, viewer, now, unix_s))
 
@@ -127,7 +125,7 @@ class Hub(Uplink):
         out = [] if viewer.is_preview else self._make_room(grant, occupancy)
         viewer.set_rate(min(viewer.asked_hz, self.load.ceiling_hz))
         robot = self.robots.get(viewer.robot)
-        if robot is None:  # it may come later; bounded by the number of viewers
+        if robot is None:  # the robot may appear later; bounded by the number of viewers
             robot = self.robots[viewer.robot] = Robot(viewer.robot, self.limits)
         room = robot.get_room(viewer.view)
         self.add_viewer(viewer, room)
@@ -147,12 +145,13 @@ class Hub(Uplink):
         )
 
     def _make_room(self, grant: Grant | None, occupancy: Occupancy) -> list[Action]:
-        """End the oldest preview whose place a viewer needs; one of this robot where that is what is full."""
+        """End the oldest preview to make room for a viewer. If the robot's limit is reached, it is one of
+        that robot."""
         if grant is not None and grant.viewers is not None and occupancy.of_audience >= grant.viewers:
             by = grant.robot, grant.by
             here = (each for each in self.previews if each.grant and (each.robot, each.grant.by) == by)
             return self._end_preview(next(here, None), ROBOT_FULL)
-        if occupancy.viewers >= occupancy.viewers_max:  # those of another hub go with its next sweep
+        if occupancy.viewers >= occupancy.viewers_max:  # another hub ends its previews in its next sweep
             return self._end_preview(next(iter(self.previews), None), FULL)
         return []
 
@@ -160,7 +159,7 @@ class Hub(Uplink):
         return [] if preview is None else self.end_viewer(preview, why.close, why.reason, why.retry_s)
 
     def take_message(self, viewer: Viewer, payload: bytes, now: float) -> list[Action]:
-        """Handle a text message from a viewer. An invalid one, or too many, end the viewer."""
+        """Handle a text message from a viewer. An invalid message, or too many, end the connection."""
         room = self.viewers.get(viewer)
         if room is None:
             return []
@@ -193,19 +192,19 @@ class Hub(Uplink):
                 return [VerifyToken(viewer, token)]
 
     def refuse(self, viewer: Viewer, close: Close, reason: str) -> list[Action]:
-        """End a viewer for a reason found outside the core, such as binary data that it sent."""
+        """End a viewer for a reason found outside the core, for example because it sent binary data."""
         return self.end_viewer(viewer, close, reason, None)
 
     def replace_grant(self, viewer: Viewer, grant: Grant, now: float) -> list[Action]:
         """Replace a viewer's grant.
 
-        Another view, delay or audience ends the connection, so that it reconnects.
+        If the view, delay or audience differs, the connection ends, so that the viewer reconnects.
         """
         before, room = viewer.grant, self.viewers.get(viewer)
         if room is None or before is None:
             return []
         if (before.view, before.delay_s, before.by) != (grant.view, grant.delay_s, grant.by):
-            return self.end_viewer(viewer, Close.AGE_LIMIT, "what you may see has changed", RENEW_RETRY_S)
+            return self.end_viewer(viewer, Close.AGE_LIMIT, "your access has changed", RENEW_RETRY_S)
         if not viewer.set_grant(grant):
             return []
         granted = min(viewer.asked_hz, self.load.ceiling_hz)
@@ -214,13 +213,13 @@ class Hub(Uplink):
         return self.remove_ended(room.send_message(viewer, messages.make_rate(granted, "limit")))
 
     def resume_viewer(self, viewer: Viewer) -> list[Action]:
-        """Note that a viewer's socket has taken everything, and send what has waited."""
+        """Note that a viewer's socket has drained, and send what was waiting."""
         viewer.resume()
         room = self.viewers.get(viewer)
         return self.guard(viewer, partial(room.send_waiting, viewer)) if room else []
 
     def drain(self, order: Sequence[Viewer], now: float) -> list[Action]:
-        """Begin to stop: close all viewers in this order, spread over some seconds."""
+        """Start to stop: close all viewers in this order, spread over some seconds."""
         self.draining = Drain(order, now)
         if self.recorder is not None:
             self.recorder.close_all(now)
@@ -235,9 +234,9 @@ class Hub(Uplink):
         return out
 
     def judge_load(self, busy: float, now: float) -> list[Action]:
-        """Adapt the rates to the load; called once a second.
+        """Adapt the rates to the load. Call it once a second.
 
-        `busy`: the share of that second, 0 to 1, in which the event loop was computing.
+        `busy`: the share of that second, 0 to 1, that the event loop spent computing.
         """
         before = self.load.ceiling_hz
         behind = sum(room.count_behind() for robot in self.robots.values() for room in robot.rooms.values())
@@ -271,9 +270,9 @@ class Hub(Uplink):
     # ---- time ---------------------------------------------------------------
 
     def tick(self, now: float, unix_s: float) -> list[Action]:
-        """Do what is due at `now`: waiting frames, questions, statuses, timeouts. Sets `wake_at` anew."""
+        """Do what is due at `now`: waiting frames, questions, statuses, timeouts. Updates `wake_at`."""
         out: list[Action] = []
-        held_up_s = now - self._sweep_at  # a tick is due by then at the latest
+        held_up_s = now - self._sweep_at  # a tick was due by then
         if held_up_s > HELD_UP_S and self._sweeps:
             for viewer in tuple(self.viewers):
                 try:
@@ -323,7 +322,7 @@ class Hub(Uplink):
         return [RequestSnapshot(robot.name, (*{PUBLIC, *robot.rooms},))] if asks else []
 
     def _report(self, now: float) -> list[Action]:
-        """Send the statuses: with the next frame, or alone to viewers that get no frame soon."""
+        """Send the statuses, with the next frame or alone to viewers that get no frame soon."""
         out: list[Action] = []
         self._status_goes = not self._status_goes
         for robot in self.robots.values():
@@ -350,7 +349,7 @@ class Hub(Uplink):
         if now >= viewer.expires_at:
             return self.end_viewer(viewer, Close.TOKEN, EXPIRED, None)
         if now >= viewer.until:
-            return self.end_viewer(viewer, Close.AGE_LIMIT, "time for a new connection", RENEW_RETRY_S)
+            return self.end_viewer(viewer, Close.AGE_LIMIT, "maximum connection age reached", RENEW_RETRY_S)
         if viewer.take_ping(now):
             pings.append(viewer)
         return []
@@ -362,7 +361,7 @@ class Hub(Uplink):
             out += self.guard(viewer, partial(self._check_deadlines, viewer, now, pings))
         if pings:
             out.append(Send(messages.PING, pings))
-        for preview in tuple(self.previews):  # another hub, or another process, took a viewer in their place
+        for preview in tuple(self.previews):  # another hub or process gave their places to viewers
             grant = preview.grant
             if self.headcount.count_viewers() > self.limits.viewers:
                 out += self._end_preview(preview, FULL)

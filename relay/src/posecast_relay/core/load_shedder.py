@@ -1,9 +1,9 @@
-"""When the process can't keep up: how often viewers may be served. Rates fall before anybody is refused.
+"""Lowers the rates of viewers when the process can't keep up. Rates fall before any viewer is refused.
 
-Judged once a second by the median of how late the loop was, by the share of a core that it used, and by the
-share of viewers that could not take their last frame: whose sockets are full or, behind a proxy, whose
-acknowledgements are late. One bad second means nothing: a burst of joins, a process that was
-stopped. After a step down that helped, steps up are tried; each one that proves too early doubles the wait.
+Load is judged once a second by three figures: the median lateness of the event loop, its share of a core, and
+the share of viewers that could not take their last frame (their sockets are full or, behind a proxy, their
+acknowledgements are late). One bad second means nothing: it can be a burst of joins or a paused process.
+After a step down that helped, steps up are tried. Each step up that proves too early doubles the wait.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ from statistics import median
 
 RUNGS = (30.0, 15.0, 10.0, 5.0, 2.0, 1.0)
 NO_CEILING = float("inf")
-LATE_S, IN_TIME_S = 0.15, 0.05  # above the first is overload, below the second is calm; in between as it is
+LATE_S, IN_TIME_S = 0.15, 0.05  # above the first: overload; below the second: calm; in between: no change
 BUSY, IDLE = 0.92, 0.6
 PRESSED, EASY = 0.5, 0.2
-# Whoever does not read is held back alone and soon cut, so only a crowd counts; and never below this, since
-# it is in the hands of viewers, and none may hurt another.
+# A viewer that does not read is throttled alone and soon cut, so only a crowd counts. Viewers control this
+# figure and none may hurt another, so it never lowers the rate below this.
 CROWD, PRESSED_FLOOR_HZ = 20, 10.0
-BAD_SECONDS = 3  # of overload: one step down
-CALM_SECONDS, CALM_SECONDS_MAX = 5, 80  # one step up
-TOO_EARLY_S = 15.0  # a step down so soon after a step up
+BAD_SECONDS = 3  # of overload before a step down
+CALM_SECONDS, CALM_SECONDS_MAX = 5, 80  # of calm before a step up
+TOO_EARLY_S = 15.0  # a step down this soon means that the step up was too early
 
 
 class LoadShedder:
-    """Sets `ceiling_hz`, the highest rate in Hz at which any viewer is served, from the load measured."""
+    """Sets `ceiling_hz`, the highest rate in Hz at which any viewer is served, from the measured load."""
 
     def __init__(self) -> None:
         self.ceiling_hz = NO_CEILING
@@ -36,15 +36,15 @@ class LoadShedder:
         self._raised_at = float("-inf")
 
     def record_lag(self, lag_s: float) -> None:
-        """Note how many seconds late a timer of the event loop was; called about ten times a second."""
+        """Note how many seconds late a timer of the event loop fired. Called about ten times a second."""
         self._lags.append(lag_s)
 
     def judge(self, busy: float, behind: int, viewers: int, fastest_hz: float, now: float) -> bool:
-        """Judge the last second; True when `ceiling_hz` has changed. Called once a second.
+        """Judge the last second. Returns True if `ceiling_hz` has changed. Called once a second.
 
-        `busy`: the share of that second, 0 to 1, that the loop computed; `behind`: viewers that could not
-        take their last frame;
-        `fastest_hz`: the highest rate that is served or, under a ceiling, asked for.
+        `busy`: the share of that second, 0 to 1, that the loop spent computing; `behind`: viewers that could
+        not take their last frame; `fastest_hz`: the highest rate that is served or, under a ceiling,
+        requested.
         """
         lag_s = median(self._lags) if self._lags else 0.0
         self._lags.clear()

@@ -1,14 +1,14 @@
 """Works out what to write so that a mirror of the public views holds the newest state.
 
-One node for each robot, with these children:
+Each robot has one node with these children:
 
-    schema, key, ref, frame   as they came from the edge, in base64; no `ref` where the frame needs none
-    status                    {robot, age_ms, seq, at, model}: the relay's word, as viewers are told it. `at`:
-                              its unix clock in ms, another one at every write, so that readers see whether
-                              somebody still writes
+    schema, key, ref, frame   as the edge sent them, in base64; no `ref` if the frame needs none
+    status                    {robot, age_ms, seq, at, model}, as sent to viewers. `at` is the relay's unix
+                              clock in ms. It differs with every write, so readers can tell that the relay
+                              still writes
 
-Nothing waits here: each call of `find_changes` looks at what there is now, so the newest wins whatever
-became of the last write.
+There is no queue. Each call of `find_changes` compares the current state with what was written, so the newest
+state wins even if the last write was lost.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from posecast_wire.messages import RobotStatus
 
 from posecast_relay.core.state.stream import StoredFrame, Stream
 
-HZ = 2.0  # a free project's database would carry more, but each reader pays for every byte
-STATUS_S = 0.9  # at least once a second somebody tells that he is there
-SLACK_S = 0.05  # a look that comes this much early counts
+HZ = 2.0  # a free database plan allows more, but each reader pays for every byte
+STATUS_S = 0.9  # so that at least one write per second shows that the relay is running
+SLACK_S = 0.05  # a check that comes this early still counts
 
 Status = dict[str, str | int | None]
 Node = dict[str, str | Status | None]
@@ -32,7 +32,7 @@ EMPTY: Node = dict.fromkeys(("schema", "key", "ref", "frame"))
 
 @dataclass(frozen=True)
 class VisibleRobot:
-    """One robot as anyone may see it now. `hz`: how often it may be written, at most."""
+    """A robot as `anyone` may see it now. `hz`: the most writes per second."""
 
     stream: Stream
     status: RobotStatus
@@ -41,7 +41,7 @@ class VisibleRobot:
 
 @dataclass(frozen=True)
 class Written:
-    """What was written to a node. It holds the objects themselves, so that a change is found by identity."""
+    """What was written to a node. It keeps the objects themselves, so that changes are found by identity."""
 
     schema: str | None = None
     key: StoredFrame | None = None
@@ -56,7 +56,7 @@ class Written:
 class NodeChange:
     """A change to one node.
 
-    `node`: the children to write, None for those to delete; None: delete the node.
+    `node`: the children to write, with None for those to delete. `node` None: delete the whole node.
     """
 
     node: Node | None
@@ -64,13 +64,13 @@ class NodeChange:
 
 
 class Mirror:
-    """Remembers what was written. After a write that may have failed, the whole node is written again."""
+    """Remembers what was written. After a write that may have failed, it writes the whole node again."""
 
     def __init__(self) -> None:
-        self._nodes: dict[str, Written | None] = {}  # None: something may stand there, nobody knows what
+        self._nodes: dict[str, Written | None] = {}  # None: unknown content may exist there
 
     def record_existing(self, robots: Iterable[str]) -> None:
-        """Note nodes that exist already: from an earlier run, or of robots that are hidden now."""
+        """Note nodes that already exist: from an earlier run, or of robots that are hidden now."""
         for robot in robots:
             self._nodes.setdefault(robot, None)
 
@@ -79,14 +79,14 @@ class Mirror:
     ) -> dict[str, NodeChange]:
         """Return the changes to write, by robot.
 
-        Each has to be confirmed by `record_written` or `record_lost` before the next call.
+        Confirm each with `record_written` or `record_lost` before the next call.
         """
         out = {robot: NodeChange(None, Written()) for robot in self._nodes if robot not in shown}
         for robot, this in shown.items():
             before = self._nodes.get(robot)
             change = _change(before or Written(), this, now, unix_s)
             if change is not None:
-                # whatever stood there goes
+                # delete any existing content
                 whole = EMPTY | (change.node or {}) if before is None else change.node
                 out[robot] = NodeChange(whole, change.after)
         return out
@@ -100,7 +100,7 @@ class Mirror:
                 self._nodes[robot] = change.after
 
     def record_lost(self, changes: Mapping[str, NodeChange]) -> None:
-        """Note that it is unknown whether these changes were written."""
+        """Note that these changes may or may not have been written."""
         for robot in changes:
             self._nodes[robot] = None
 
@@ -109,7 +109,7 @@ def _change(before: Written, this: VisibleRobot, now: float, unix_s: float) -> N
     stream, node, after = this.stream, Node(), before
     newest = stream.newest if stream.schema is not None else None
     if newest is not before.frame and now >= before.frame_at + 1 / min(this.hz, HZ) - SLACK_S:
-        # the frame with all that it needs, or nothing: they are read together
+        # all or nothing: readers need the frame together with its bases
         after = Written(
             schema=stream.schema.text if stream.schema is not None and newest is not None else None,
             key=None if newest is None else newest.key or newest,

@@ -1,9 +1,10 @@
-"""Feeds a gateway's hub with what relays that hear the robots' edges send. Their events are numbered already.
+"""Feeds a gateway's hub with data from the relays that hear the edges. Its events are already numbered.
 
-Two things are decided here. *Who is right*: a robot's messages carry the generation of the process that
-writes it; the highest one says which run is current, whatever this hub would have made of the frames. *What
-is a sign of life*: a frame that was read, or was long under way, is a picture; only an age that the relay
-which hears the robot has told makes it more, and what stood here before the path was lost is never that.
+It decides two things. *Which writer is right*: messages about a robot carry the generation of the process
+that wrote them. The highest generation says which run is current, even if this hub would judge the frames
+differently. *What is a sign of life*: a frame that was read from the store, or took long to arrive, is only a
+picture. It becomes a sign of life only through an age reported by the relay that hears the robot. What the
+hub already held when the connection was lost never does.
 """
 
 from __future__ import annotations
@@ -17,33 +18,33 @@ from posecast_relay.core.replica_messages import Presence, StreamState, StreamUp
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.stream import FrameOutcome, StoredFrame, Stream
 
-ASK_S = 1.0  # between two questions for one robot's state
-AGAIN_S = 0.2  # where the answer brought none: it may have been read a moment too early
+ASK_S = 1.0  # between two requests for one robot's state
+AGAIN_S = 0.2  # if the answer was empty: it may have been read a moment too early
 
 
 class ReplicaSource:
-    """What other relays have sent of one robot. Times are seconds of this process's clock."""
+    """What other relays have sent about one robot. Times are seconds of this process's clock."""
 
     def __init__(self) -> None:
-        self.generation = 0  # of the newest process that was heard
-        self.versions: dict[str, str] = {}  # by view: names the schema, info and model that are here
-        self.told_at: float | None = None  # its presence was told then
-        self.sent_s: float | None = None  # by the store's clock, which may be set at any time
-        self.asked_at = float("-inf")  # for what the store holds
-        self.was_fed = False  # by the answer
+        self.generation = 0  # of the newest process that was heard from
+        self.versions: dict[str, str] = {}  # by view: identifies the schema, info and model that are here
+        self.told_at: float | None = None  # when its presence was last received
+        self.sent_s: float | None = None  # by the store's clock, which can jump at any time
+        self.asked_at = float("-inf")  # when the stored state was requested
+        self.was_fed = False  # whether the answer brought any
         self.before: dict[str, StoredFrame | None] | None = (
-            None  # by view: what stood here when the path was lost
+            None  # by view: what was here when the connection was lost
         )
 
     def record_presence(self, at: float | None) -> None:
-        """Note when its presence was received last; None: the relay that sent it knows the robot no more."""
+        """Note when its presence was last received; None: the sending relay no longer knows the robot."""
         self.told_at = at
 
 
 class ReplicaFeed:
     """Passes what other relays send to a hub. Frames and snapshots are handled like those of an edge.
 
-    `under_way_s` is how many seconds ago a message was sent; None when that is unknown.
+    `under_way_s`: how many seconds ago a message was sent; None if unknown.
     """
 
     def __init__(self, hub: Hub) -> None:
@@ -51,7 +52,7 @@ class ReplicaFeed:
         self.sources: dict[str, ReplicaSource] = {}
 
     def get_source(self, robot: str) -> ReplicaSource:
-        """Return the source of this robot, created when it is new."""
+        """Return the source of this robot, created if it is new."""
         return self.sources.setdefault(robot, ReplicaSource())
 
     # ---- what is told -----------------------------------------------------
@@ -59,11 +60,11 @@ class ReplicaFeed:
     def take_update(
         self, robot: str, said: StreamUpdate, under_way_s: float | None, now: float
     ) -> list[Action]:
-        """Take the changes of a stream. Raises ValueError when an event in it is invalid."""
+        """Apply the changes of a stream. Raises ValueError if an event in it is invalid."""
         hub, source = self._hub, self.get_source(robot)
         if said.generation < source.generation:
             hub.outcomes[FrameOutcome.RETIRED.value] += 1
-            return self.request_state(robot, now)  # if the store has lost count, what it holds will say so
+            return self.request_state(robot, now)  # the stored state shows whether the store has lost count
         found = hub.admit_view(robot, said.view)
         if found is None:
             hub.outcomes[FrameOutcome.CROWDED.value] += 1
@@ -75,8 +76,8 @@ class ReplicaFeed:
         late_s = said.late_s + (under_way_s or 0.0)
         for ns, payload in said.frames:
             stamp = Stamp(said.run_id, ns)
-            age_s = late_s + max(0, said.frames[-1][0] - ns) / 1e9  # bases may be much older than the newest
-            if under_way_s is not None:  # then this is known, and not only above the least that came here
+            age_s = late_s + max(0, said.frames[-1][0] - ns) / 1e9  # bases can be older than the newest frame
+            if under_way_s is not None:  # then the lateness is absolute, not relative to the smallest seen
                 of.runs.record_answer(stamp, age_s, now)
             hub.take_frame(robot, said.view, payload, stamp, now, age_s)
         out: list[Action] = []
@@ -84,7 +85,7 @@ class ReplicaFeed:
             source.before = None
             of.set_degraded(False)
             room.set_degraded(False)
-            room.defer_status(of.compute_status(room, now))  # with the frame that shows it, in one write
+            room.defer_status(of.compute_status(room, now))  # sent with the frame that shows it, in one write
             out = self.set_degraded(False, now, robot)
         for text in said.events:
             out += self.take_event(robot, said.view, said.numbering, text)
@@ -95,17 +96,16 @@ class ReplicaFeed:
     def set_generation(self, robot: str, generation: int, asked: int) -> None:
         """Note the generation of the newest state that the store holds.
 
-        `asked`: the source's when it was read.
-
-        A lower one than the source's now was overtaken by a message on its way here; one that is lower than
-        `asked` shows that the store has lost count, and what it holds counts.
+        `asked`: the source's generation when the state was requested. A generation lower than the source's
+        current one was overtaken by a message on its way here. One lower than `asked` means that the store
+        has lost count, so the stored state wins.
         """
         source = self.get_source(robot)
         if generation > source.generation or generation < asked:
             source.generation = generation
 
     def take_state(self, robot: str, view: str, said: StreamState, now: float) -> list[Action]:
-        """Take all that the store holds of a stream. Raises ValueError when it can't be used."""
+        """Apply the complete stored state of a stream. Raises ValueError if it can't be used."""
         hub, source = self._hub, self.get_source(robot)
         found = hub.admit_view(robot, view)
         if found is None:
@@ -113,9 +113,9 @@ class ReplicaFeed:
             return []
         of, room = found
         if said.run_id != of.runs.current:
-            if said.generation != source.generation:  # nobody writes this view any more
+            if said.generation != source.generation:  # no process writes this view any more
                 return []
-            if not said.is_heard and room.stream.newest is not None:  # what stands here is no older
+            if not said.is_heard and room.stream.newest is not None:  # what is here is at least as new
                 return []
             adopt_run(of, said.run_id, now)
         stamp = Stamp(said.run_id, said.stamp_ns)
@@ -130,14 +130,14 @@ class ReplicaFeed:
     def take_presence(
         self, robot: str, said: Presence, under_way_s: float | None, now: float
     ) -> list[Action]:
-        """Take the presence of a robot: its token and the ages of its frames."""
+        """Apply the presence of a robot: its token and the ages of its frames."""
         found = self._hub.admit_robot(robot)
         if found is None:
             return []
         source, late_s = self.get_source(robot), under_way_s or 0.0
         if (
             said.sent_s is not None and said.sent_s == source.sent_s
-        ):  # it has come before, and is as old as then
+        ):  # received before, so its age is measured from then
             return []
         source.sent_s = said.sent_s
         found.record_heard(now)
@@ -162,9 +162,9 @@ class ReplicaFeed:
         return self._hub.set_token(robot, False, now) + self.set_degraded(False, now, robot)
 
     def take_event(self, robot: str, view: str, numbering: str, text: str) -> list[Action]:
-        """Take an event that another relay has numbered; one that came before is ignored.
+        """Take an event that another relay has numbered. An event received before is ignored.
 
-        Raises ValueError when it is invalid.
+        Raises ValueError if it is invalid.
         """
         found = self._hub.admit_view(robot, view)
         if found is None:
@@ -176,7 +176,7 @@ class ReplicaFeed:
     # ---- what is lacking ----------------------------------------------------
 
     def request_state(self, robot: str, now: float) -> list[Action]:
-        """Request the stored state of a robot, since something is missing, but not too often."""
+        """Request the stored state of a robot because something is missing. Requests are rate-limited."""
         of, source = self._hub.robots.get(robot), self.sources.get(robot)
         if of is None or source is None:
             return []
@@ -188,7 +188,7 @@ class ReplicaFeed:
         return [RequestSnapshot(robot, (*{PUBLIC, *of.rooms},))]
 
     def mark_disconnected(self, now: float) -> list[Action]:
-        """Note that the connection to the relays that hear robots is lost. All viewers are told."""
+        """Note that the connection to the relays that hear robots is lost. All viewers are notified."""
         for name, source in self.sources.items():
             of = self._hub.robots.get(name)
             if of is not None:
@@ -196,16 +196,16 @@ class ReplicaFeed:
         return self.set_degraded(True, now)
 
     def mark_connected(self, now: float) -> list[Action]:
-        """Note that the connection is back. Each robot stays degraded until something new of it arrives."""
+        """Note that the connection is back. Each robot stays degraded until new data about it arrives."""
         for name, source in self.sources.items():
             of = self._hub.robots.get(name)
-            source.told_at = now  # judged anew, but not before it can have been heard
+            source.told_at = now  # judge it again, but give it time to be heard
             if of is not None and source.before is not None:
                 of.set_degraded(True)
         return self.set_degraded(False, now)
 
     def _awaits_frame(self, of: Robot, source: ReplicaSource, said: Presence, late_s: float) -> bool:
-        """Whether its frames come, so that a newer one than what stands here will be here in a moment."""
+        """Whether frames are arriving, so that one newer than the frame here will come in a moment."""
         before = source.before or {}
         limit_s = self._hub.limits.silent_s
         ages_s = [said.ages_s.get(view) for view in of.rooms]
@@ -213,7 +213,7 @@ class ReplicaFeed:
         return come and all(room.stream.newest is before.get(view) for view, room in of.rooms.items())
 
     def set_degraded(self, degraded: bool, now: float, robot: str | None = None) -> list[Action]:
-        """Set whether this relay can't hear one robot, or all of them (`robot` None). Viewers are told."""
+        """Set whether this relay can't hear one robot, or all robots (`robot` None). Viewers are notified."""
         hub = self._hub
         if robot is None:
             hub.set_degraded(degraded)
@@ -231,7 +231,7 @@ class ReplicaFeed:
         return out
 
     def forget_robot(self, robot: str) -> None:
-        """Forget a robot that is no longer listened for, unless it has viewers."""
+        """Forget a robot that is no longer subscribed to, unless it has viewers."""
         self.sources.pop(robot, None)
         of = self._hub.robots.get(robot)
         if of is not None and not of.has_viewers():
@@ -239,14 +239,14 @@ class ReplicaFeed:
 
 
 def adopt_run(of: Robot, run_id: int, now: float) -> None:
-    """Make this run the robot's current one, as it is where the robot is heard."""
+    """Make this run the robot's current one, as the relay that hears the robot did."""
     if of.runs.current != run_id:
         of.runs.adopt(run_id, now)
-        of.mark_lacking()  # its info and model may be others
+        of.mark_lacking()  # its info and model may differ
 
 
 def _confirm_age(stream: Stream, named: tuple[int, int] | None, age_s: float, now: float) -> None:
-    """The frame of this run and seq is so old: so is what stands here, if it is that one or a later one."""
+    """Set the age of the newest frame: the frame of this run and seq has this age, and ours is no older."""
     newest = stream.newest
     if newest is None or named is None or newest.run_id != named[0] or newest.seq < named[1]:
         return

@@ -1,4 +1,4 @@
-"""The robots and viewers of one process, and the status that viewers were told last."""
+"""The robots and viewers of one process, and the last status sent to viewers."""
 
 from __future__ import annotations
 
@@ -22,24 +22,25 @@ from posecast_relay.core.viewer.viewer import Viewer
 
 
 class CountsElsewhere(Protocol):
-    """What other processes of this relay count by name, and where this one tells them its own counts."""
+    """Counts, by name, in the relay's other processes. This process reports its own counts here too."""
 
     def add(self, name: str, change: int) -> None:
-        """Count so many more, or fewer, here."""
+        """Change this process's count by `change`."""
 
     def count_elsewhere(self, name: str) -> int:
-        """Return how many the other processes have."""
+        """Return the sum of the other processes' counts."""
 
 
 class Headcount:
-    """Counts the viewers of all hubs of one process, which share one limit; and of `elsewhere`, if given."""
+    """Counts the viewers of all hubs in one process, which share one limit, and those of `elsewhere` if
+    given."""
 
     def __init__(self, elsewhere: CountsElsewhere | None = None) -> None:
         self._hubs: list[tuple[Sized, Sized]] = []
         self._elsewhere = elsewhere
 
     def include(self, viewers: Sized, previews: Sized) -> None:
-        """Add a collection of viewers, and of the previews among them; sizes are read at every count."""
+        """Add a hub's viewers, and the previews among them. Their sizes are read at every count."""
         self._hubs.append((viewers, previews))
 
     def count_viewers(self) -> int:
@@ -51,11 +52,11 @@ class Headcount:
         return sum(len(previews) for _, previews in self._hubs) + self._count_elsewhere("previews")
 
     def count_audience_elsewhere(self, by: tuple[str, str], previews: bool = False) -> int:
-        """Return how many viewers, or only previews, of a robot and audience other processes have."""
+        """Return how many viewers (or only previews) of a robot and audience the other processes have."""
         return self._count_elsewhere(_name_audience(by, previews))
 
     def record(self, viewer: Viewer, change: int) -> None:
-        """Tell other processes that a viewer has come (`change` 1) or gone (-1)."""
+        """Tell the other processes that a viewer has joined (`change` 1) or left (-1)."""
         if self._elsewhere is None:
             return
         names = ["viewers", "previews" if viewer.is_preview else name_robot(viewer.robot)]
@@ -70,7 +71,7 @@ class Headcount:
 
 
 def name_robot(robot: str) -> str:
-    """Return the name under which processes count a robot's viewers, without previews."""
+    """Return the name under which processes count a robot's viewers, excluding previews."""
     return f"robot {robot}"
 
 
@@ -79,42 +80,42 @@ def _name_audience(by: tuple[str, str], previews: bool) -> str:
 
 
 class Roster:
-    """Adds and removes robots and viewers. Their messages are handled by `Uplink` and `Hub`."""
+    """Adds and removes robots and viewers. `Uplink` and `Hub` handle their messages."""
 
     def __init__(
         self, limits: Limits, headcount: Headcount | None = None, recorder: Recorder | None = None
     ) -> None:
         """`headcount` is shared by all hubs of a process; None: this is the only hub.
 
-        `recorder` is told what is accepted; None: nothing is recorded.
+        `recorder` gets everything that is accepted; None: nothing is recorded.
         """
         self.limits = limits
         self.headcount = Headcount() if headcount is None else headcount
         self.recorder = recorder
         self.robots: dict[str, Robot] = {}
-        self.publishers = 0  # of the robots, those that were heard of
+        self.publishers = 0  # of the robots, those that have sent something
         self.viewers: dict[Viewer, Room] = {}
         self.admitted: Counter[tuple[str, str]] = Counter()  # viewers by robot and audience
-        self.previews: dict[Viewer, None] = {}  # of the viewers, in the order they came
-        self.admitted_previews: Counter[tuple[str, str]] = Counter()  # likewise
+        self.previews: dict[Viewer, None] = {}  # of the viewers, in the order in which they joined
+        self.admitted_previews: Counter[tuple[str, str]] = Counter()  # previews by robot and audience
         self.headcount.include(self.viewers, self.previews)
         self.endings: Counter[int] = Counter()  # of viewers, by close code
-        self.preview_endings: Counter[int] = Counter()  # of previews, whom nobody misses, likewise
+        self.preview_endings: Counter[int] = Counter()  # of previews, by close code, counted separately
         self.sent_to_lane = 0  # of the viewers that were refused
         self._retry_pace = RetryPace()
-        self.delivered = 0  # by rooms that are forgotten; and so on
+        self.delivered = 0  # by rooms that are gone; likewise below
         self.skipped = 0
-        self.degraded = False  # no robot is heard of, for a reason of this relay's own
-        self.wake_at = 0.0  # `tick` wants to be called then, or a little later
-        self.flushes = TimerQueue[Room]()  # frames that wait for a viewer's period to pass
-        self.questions = TimerQueue[Robot]()  # snapshots to be asked for
+        self.degraded = False  # this relay can't hear any robot, through its own problem
+        self.wake_at = 0.0  # call `tick` then, or a little later
+        self.flushes = TimerQueue[Room]()  # frames that wait until a viewer is due
+        self.questions = TimerQueue[Robot]()  # snapshots to request
         self.changed: dict[Room, None] = {}  # since the last flush
-        self.statuses: dict[Room, str] = {}  # how its robot is, as its viewers were told last
+        self.statuses: dict[Room, str] = {}  # the last status sent to its viewers
 
     def admit_robot(self, name: str) -> Robot | None:
-        """Return the publishing robot of this name, created when it is new.
+        """Return the publishing robot with this name, created if it is new.
 
-        None when the limit is reached.
+        None if the limit is reached.
         """
         robot = self.robots.get(name)
         if robot is not None and robot.counted:
@@ -128,9 +129,9 @@ class Roster:
         return robot
 
     def admit_view(self, name: str, view: str) -> tuple[Robot, Room] | None:
-        """Return the robot and the room of one of its views.
+        """Return a robot and the room of one of its views.
 
-        None when a limit on robots or views is reached.
+        None if a limit on robots or views is reached.
         """
         robot = self.admit_robot(name)
         if robot is None or (view not in robot.rooms and len(robot.rooms) >= self.limits.views):
@@ -138,17 +139,17 @@ class Roster:
         return robot, robot.get_room(view)
 
     def count_audience(self, by: tuple[str, str], previews: bool = False) -> int:
-        """Return how many viewers, or only previews, of a robot and audience there are in all processes."""
+        """Return how many viewers (or only previews) of a robot and audience all processes have."""
         here = self.admitted_previews if previews else self.admitted
         return here[by] + self.headcount.count_audience_elsewhere(by, previews)
 
     def plan_flush(self, room: Room) -> None:
-        """Plan the next `flush` of a room, and move `wake_at` forward if needed."""
+        """Schedule the next `flush` of a room, and make `wake_at` earlier if needed."""
         self.flushes.put(room, room.find_wake_at())
         self.wake_at = min(self.wake_at, self.flushes.next_at)
 
     def plan_question(self, robot: Robot) -> None:
-        """Plan the next request for this robot's snapshots, and move `wake_at` forward if needed."""
+        """Schedule the next request for this robot's snapshots, and make `wake_at` earlier if needed."""
         self.questions.put(robot, robot.ask_at)
         self.wake_at = min(self.wake_at, self.questions.next_at)
 
@@ -163,7 +164,7 @@ class Roster:
             self.changed.pop(room, None)
 
     def add_viewer(self, viewer: Viewer, room: Room) -> None:
-        """Add a viewer to those who are counted; it is to join this room."""
+        """Count a viewer, which is about to join this room."""
         if viewer.grant is not None:
             self.admitted[viewer.robot, viewer.grant.by] += 1
             self.admitted_previews[viewer.robot, viewer.grant.by] += viewer.is_preview
@@ -173,7 +174,7 @@ class Roster:
         self.headcount.record(viewer, 1)
 
     def remove_viewer(self, viewer: Viewer) -> None:
-        """Remove a viewer whose connection is gone. Does nothing when it was removed before."""
+        """Remove a viewer whose connection is gone. Does nothing if it was already removed."""
         room = self.viewers.pop(viewer, None)
         if room is None:
             return
@@ -208,7 +209,7 @@ class Roster:
             return self.end_after_fault(of, error)
 
     def end_after_fault(self, of: Viewer | Room | None, error: Exception) -> list[Action]:
-        """End the viewer, or all viewers of the room, at which the relay's own code has failed."""
+        """End the viewer, or all viewers of the room, for which the relay's own code has failed."""
         viewers = [of] if isinstance(of, Viewer) else list(of.viewers) if of is not None else []
         where = "" if of is None else f"{of.robot}/{of.view}"
         out: list[Action] = [Fault(where, error)]
@@ -221,23 +222,23 @@ class Roster:
                 if room is not None:
                     room.evict(viewer)
             self.count_ending(Close.INTERNAL_ERROR, viewer.is_preview)
-            out.append(CloseConnection(viewer, Close.INTERNAL_ERROR, "a fault of the relay's own", None))
+            out.append(CloseConnection(viewer, Close.INTERNAL_ERROR, "internal error of the relay", None))
         return out
 
     def end_viewer(self, viewer: Viewer, close: Close, reason: str, retry_s: float | None) -> list[Action]:
-        """Remove a viewer, count why, and have its connection closed."""
+        """Remove a viewer, count the reason, and close its connection."""
         self.remove_viewer(viewer)
         self.count_ending(close, viewer.is_preview)
         return [CloseConnection(viewer, close, reason, retry_s)]
 
     def count_ending(self, close: int, is_preview: bool) -> None:
-        """Count that a viewer was let go or refused, by its close code; a preview apart from the viewers."""
+        """Count that a viewer was disconnected or refused, by close code. Previews are counted separately."""
         (self.preview_endings if is_preview else self.endings)[close] += 1
 
     def count_refusal(self, refusal: Refusal, is_preview: bool, now: float) -> Refusal:
-        """Count that somebody is not let in, by the close code, and if they are told the lane.
+        """Count a refusal by close code, and whether it names the lane.
 
-        Returns what they are told: when many are sent to the lane, to come again more seldom.
+        Returns what to send: if many viewers are sent to the lane, a longer time until they retry.
         """
         self.count_ending(refusal.close, is_preview)
         if refusal.lane is None or refusal.retry_s is None:
@@ -255,11 +256,11 @@ class Roster:
 
     @staticmethod
     def persist_views(robot: Robot) -> list[Action]:
-        """Return an action for the store for every view of this robot."""
+        """Return one action per view that saves this robot's streams in the store."""
         return [Persist(room.stream) for room in robot.rooms.values()]
 
     def report_statuses(self, robot: Robot, now: float) -> list[Action]:
-        """Send the robot's status to the viewers of each of its rooms, where it has changed."""
+        """Send the robot's status to the viewers of each room where it has changed."""
         out: list[Action] = []
         for room in robot.rooms.values():
             if room.viewers:
@@ -269,7 +270,7 @@ class Roster:
     def report_status(self, robot: Robot, room: Room, now: float) -> list[Action]:
         """Send the robot's status to the viewers of one room, if it has changed."""
         if room in self.changed:
-            return []  # the frame that it speaks of has not been handed out: `flush` tells both together
+            return []  # its frame has not been sent yet: `flush` sends both together
         return (
             room.send_status(robot.compute_status(room, now), now)
             if self.record_status(robot, room, now)
@@ -277,7 +278,8 @@ class Roster:
         )
 
     def record_status(self, robot: Robot, room: Room, now: float) -> bool:
-        """Note the robot's status in a room. True when it has changed, so that the caller has to send it."""
+        """Note the robot's status in a room. Returns True if it has changed, so that the caller must send
+        it."""
         status, over_share = robot.compute_status(room, now), bool(robot.share.find_exceeded_limit(now))
         if self.statuses.get(room) == status and room.over_share == over_share:
             return False

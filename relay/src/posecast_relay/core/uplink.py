@@ -1,4 +1,4 @@
-"""Takes in what edges send: frames, snapshots, events and tokens. What is not used is counted by reason."""
+"""Takes what edges send: frames, snapshots, events and tokens. Ignored messages are counted by reason."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from posecast_relay.core.state.stream import FrameOutcome
 
 
 class Uplink(Roster):
-    """The half of the hub that edges talk to. Viewers talk to the other half, `Hub`."""
+    """The half of the hub that handles edges. The other half, `Hub`, handles viewers."""
 
     def __init__(
         self, limits: Limits, headcount: Headcount | None = None, recorder: Recorder | None = None
     ) -> None:
         super().__init__(limits, headcount, recorder)
         self.outcomes: Counter[str] = Counter()  # of messages from edges
-        self.lateness = Histogram()  # of frames from edges, as they came in
+        self.lateness = Histogram()  # of frames from edges, on arrival
 
     def take_edge_frame(
         self, robot: str, view: str, payload: bytes, stamp: Stamp, now: float
     ) -> FrameOutcome:
-        """Take a frame that came from an edge directly. It is dropped when its robot exceeds its share."""
+        """Take a frame directly from an edge. It is dropped if its robot exceeds its share."""
         found = self.admit_view(robot, view)
         hashed = len(payload) > 0 and bool(payload[0] & REF)
         if found is not None and not found[0].share.allow_frame(view, len(payload), hashed, now):
@@ -43,9 +43,9 @@ class Uplink(Roster):
     def take_frame(
         self, robot: str, view: str, payload: bytes, stamp: Stamp, now: float, late_s: float = 0.0
     ) -> FrameOutcome:
-        """Take a frame; the next `flush` sends the newest one.
+        """Take a frame. The next `flush` sends the newest one.
 
-        `late_s`: the lateness that another relay measured.
+        `late_s`: the lateness measured by another relay.
         """
         found = self.admit_view(robot, view)
         if found is None:
@@ -66,13 +66,13 @@ class Uplink(Roster):
     def check_snapshot(self, robot: str, size: int, now: float) -> None:
         """Check a snapshot of `size` bytes before it is parsed.
 
-        Raises ValueError when the robot is unknown or has used up its share of snapshot bytes.
+        Raises ValueError if the robot is unknown or has used up its share of snapshot bytes.
         """
         of = self.robots.get(robot)
         if of is None:
-            raise ValueError("snapshot: of a robot that is not here")
+            raise ValueError("snapshot: unknown robot")
         if not of.share.allow_snapshot(size, now):
-            raise ValueError(f"snapshot: {size} bytes, more than this robot's share")
+            raise ValueError(f"snapshot: {size} bytes exceed this robot's share")
 
     def take_snapshot(
         self,
@@ -84,14 +84,14 @@ class Uplink(Roster):
         newest: bytes | None = None,
         waited_s: float | None = None,
     ) -> None:
-        """Take a snapshot that an edge sent `waited_s` after it was asked, or that another relay sent.
+        """Take a snapshot that an edge sent `waited_s` after the request, or that another relay sent.
 
-        `newest`: the newest frame, where another relay sent it along. Raises ValueError, one line, when the
-        snapshot can't be used.
+        `newest`: the newest frame, if another relay sent it along. Raises ValueError with a one-line message
+        if the snapshot can't be used.
         """
         found = self.admit_view(robot, view)
         if found is None:
-            raise ValueError("snapshot: more robots or views than the relay takes")
+            raise ValueError("snapshot: exceeds the relay's limit on robots or views")
         of, room = found
         self._check_room(room, len(snapshot.schema))
         before = room.stream.newest
@@ -99,11 +99,11 @@ class Uplink(Roster):
         self.changed[room] = None
         if self.recorder is not None:
             self.recorder.record_description(of, room, now)
-            if room.stream.is_live and room.stream.newest is not before:  # a frame that waited for its base
+            if room.stream.is_live and room.stream.newest is not before:  # a frame was waiting for its base
                 self.recorder.record_frame(of, room, now)
 
     def _check_room(self, room: Room, size: int) -> None:
-        """Raise ValueError when a schema of `size` bytes would exceed the bound for all long schemas."""
+        """Raise ValueError if a schema of `size` bytes would exceed the limit for all long schemas."""
         free = self.limits.schema_bytes_free
         if size <= free:
             return
@@ -120,8 +120,8 @@ class Uplink(Roster):
     def take_event(
         self, robot: str, view: str, payload: bytes, stamp: Stamp, now: float, unix_s: float
     ) -> list[Action]:
-        """Take a message from an edge: an event, which is numbered and sent to all, or the robot's info or
-        model.
+        """Take a message from an edge. An event is numbered and sent to all; info or a model replaces the old
+        one.
         """
         found = self.admit_view(robot, view)
         if found is None:
@@ -146,7 +146,7 @@ class Uplink(Roster):
     def announce_event(
         self, of: Robot, room: Room, doc: dict[str, object], now: float, unix_s: float
     ) -> list[Action]:
-        """Number an event of a robot and send it to all viewers of the room.
+        """Number a robot's event and send it to all viewers of the room.
 
         If that fails, only the event is dropped.
         """
@@ -162,7 +162,7 @@ class Uplink(Roster):
     def _set_description(
         self, of: Robot, room: Room, doc: dict[str, object], stamp: Stamp, now: float
     ) -> list[Action]:
-        if stamp.run_id != of.runs.current:  # its first KEY will bring the snapshot, and that all of it
+        if stamp.run_id != of.runs.current:  # its first KEY will trigger a snapshot, which brings it all
             return []
         try:
             if doc["type"] == "model":

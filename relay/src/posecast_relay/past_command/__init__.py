@@ -1,1 +1,1 @@
-"""`posecast-relay past`: what is kept of the past, and its deletion."""
+"""`posecast-relay past`: lists, exports and deletes recordings of the past."""

@@ -1,4 +1,4 @@
-"""`posecast-relay past delete`: deletes a robot's past, or a span of it, wherever it is kept."""
+"""`posecast-relay past delete`: deletes all or part of a robot's past from every place that keeps it."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from posecast_relay.past_command.location import add_location, add_robot, open_s
 from posecast_relay.past_command.moments import TimeError, read_moment, write_span
 from posecast_relay.past_command.relay_socket import OTHER_VERSION, RelayAway, ask_relay, find_relay_store
 
-HELP = "delete a robot's past, or a span of it: in the store, in Redis and, within 10 s, in running relays"
-LATER = "Running relays delete it within 10 s; caches of what anyone could see, within an hour."
+HELP = "delete all or part of a robot's past from the store, Redis and, within 10 s, running relays"
+LATER = "Running relays delete it within 10 s; shared caches drop public copies within an hour."
 
 
 def add_arguments(parser: argparse.ArgumentParser, environ: Mapping[str, str]) -> None:
@@ -32,9 +32,13 @@ def add_arguments(parser: argparse.ArgumentParser, environ: Mapping[str, str]) -
     add_location(parser, environ)
     add_robot(parser, required=True)
     form = "2026-11-22T14:20 with or without a zone, 14:20 for today, or 2026-11-22 for the start of that day"
-    parser.add_argument("--from", dest="from_", metavar="TIME", help=f"start of the span: {form}")
-    parser.add_argument("--to", metavar="TIME", help="end of the span, likewise; a day means its end")
-    parser.add_argument("--all", action="store_true", help="instead of --from and --to: everything until now")
+    parser.add_argument("--from", dest="from_", metavar="TIME", help=f"start of the time span: {form}")
+    parser.add_argument(
+        "--to", metavar="TIME", help="end of the time span, same formats; a date means the end of that day"
+    )
+    parser.add_argument(
+        "--all", action="store_true", help="delete everything recorded until now (replaces --from and --to)"
+    )
     parser.add_argument("--yes", action="store_true", help="do not ask for confirmation")
 
 
@@ -49,10 +53,10 @@ def run(asked: argparse.Namespace) -> None:
         kept_at = find_relay_store(asked.past_socket)
         if kept_at is not None:
             raise CommandFailed(
-                "nothing was deleted: this relay also keeps the past in a store, and deletes from its memory "
-                f"what is deleted there: give --past {kept_at}"
+                "nothing was deleted: this relay also keeps the past in a store; delete it there, and it "
+                f"leaves the relay's memory too: use --past {kept_at}"
             )
-        _confirm(asked.yes, f"{what}, in the memory of the relay and in its Redis.")
+        _confirm(asked.yes, f"{what}, from the relay's memory and its Redis.")
         told = ask_relay(asked.past_socket, {"do": "delete", "deletion": pack_deletion(deletion).decode()})
         segments, size = told.get("segments"), told.get("bytes")
         if not isinstance(segments, int) or not isinstance(size, int):
@@ -70,15 +74,15 @@ async def _delete(store: ObjectStore, deletion: Deletion, what: str, asked: argp
             segments += len(names)
             size += sum(each.size for each in names)
             bar.show_text(f"{write_count(segments, 'segment')} found")
-    found = _write_sum(segments, size) if segments else "there is nothing of it in the store"
+    found = _write_sum(segments, size) if segments else "the store has no matching segments"
     _confirm(asked.yes, f"{what}: {found}.")
     is_ordered = True
     try:
-        await put_tombstone(store, deletion)  # also where there is nothing: relays may have it in memory
+        await put_tombstone(store, deletion)  # even without a match: relays may have it in memory
     except ArchiveRefused as e:
         if str(e) != NO_SPACE:
             raise
-        is_ordered = False  # what is deleted makes room for it
+        is_ordered = False  # the deletion itself frees the space this needs
     with ProgressBar(sys.stderr) as bar:
 
         def show(erased: Erased) -> None:
@@ -90,7 +94,7 @@ async def _delete(store: ObjectStore, deletion: Deletion, what: str, asked: argp
     if erased.segments:
         print(f"deleted: {_write_sum(erased.segments, erased.bytes)}. {LATER}")
     else:
-        print(f"{what}: there was nothing of it in the store. {LATER}")
+        print(f"{what}: the store had no matching segments. {LATER}")
 
 
 async def _order_late(store: ObjectStore, deletion: Deletion, erased: Erased) -> None:
@@ -98,8 +102,8 @@ async def _order_late(store: ObjectStore, deletion: Deletion, erased: Erased) ->
         await put_tombstone(store, deletion)
     except ArchiveError as e:
         raise CommandFailed(
-            f"deleted {write_count(erased.segments, 'segment')} from the store, but relays can't be told to "
-            f"delete them from memory ({e}): make room and run the command again"
+            f"deleted {write_count(erased.segments, 'segment')} from the store, but could not tell relays to "
+            f"delete them from memory ({e}): free some space and run the command again"
         ) from None
 
 
@@ -108,10 +112,10 @@ async def _check_robot(store: ObjectStore, asked: argparse.Namespace) -> None:
     there = [name for name in await store.list_folders("") if name != TOMBSTONES]
     if asked.robot in there or _has_in_memory(asked):
         return
-    robots = f"only {', '.join(there):.200}" if there else "nor any other"
+    robots = f"only {', '.join(there):.200}" if there else "nor any other robot"
     raise CommandFailed(
-        f"the store has no robot {asked.robot!r}, {robots}; nothing was deleted. If only a relay has it in "
-        "memory, name that relay's socket as well (--past-socket PATH)"
+        f"the store has no robot {asked.robot!r}, {robots}; nothing was deleted. If the robot is only in a "
+        "relay's memory, also give that relay's socket (--past-socket PATH)"
     )
 
 
@@ -126,7 +130,7 @@ def _has_in_memory(asked: argparse.Namespace) -> bool:
 def _read_span(asked: argparse.Namespace, now_ms: int) -> tuple[int, int]:
     if asked.all:
         if asked.from_ is not None or asked.to is not None:
-            raise SettingsError("give either --all, or --from and --to")
+            raise SettingsError("give --all or --from and --to, not both")
         return 0, now_ms
     if asked.from_ is None or asked.to is None:
         raise SettingsError("give --from and --to, or --all")
@@ -135,7 +139,7 @@ def _read_span(asked: argparse.Namespace, now_ms: int) -> tuple[int, int]:
     if from_ms >= to_ms:
         raise SettingsError(f"--from {asked.from_} is not before --to {asked.to}")
     if from_ms >= now_ms:
-        raise SettingsError(f"--from {asked.from_}: this is in the future")
+        raise SettingsError(f"--from {asked.from_} is in the future")
     return from_ms, to_ms
 
 
@@ -152,7 +156,7 @@ def _write_sum(segments: int, size: int) -> str:
 
 def _describe(deletion: Deletion, is_all: bool) -> str:
     view = "each view" if deletion.view is None else f"view {deletion.view}"
-    span = "all until now" if is_all else write_span(deletion.from_ms, deletion.to_ms)
+    span = "everything until now" if is_all else write_span(deletion.from_ms, deletion.to_ms)
     return f"{deletion.robot}, {view}, {span}"
 
 
@@ -160,7 +164,7 @@ def _confirm(is_sure: bool, what: str) -> None:
     if is_sure:
         return
     if not sys.stdin.isatty():
-        raise SettingsError("there is no terminal to ask for confirmation: give --yes")
+        raise SettingsError("can't ask for confirmation without a terminal: give --yes")
     sys.stderr.write(f"{what}\nDelete it? This can't be undone. [y/N] ")
     sys.stderr.flush()
     if sys.stdin.readline().strip().lower() not in ("y", "yes"):

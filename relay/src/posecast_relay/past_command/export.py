@@ -1,4 +1,5 @@
-"""`posecast-relay past export`: writes a span of the past as files, for a static host or other programs."""
+"""`posecast-relay past export`: writes a time span of the past as files for a static host or other
+programs."""
 
 from __future__ import annotations
 
@@ -40,10 +41,10 @@ from posecast_relay.recording.source import PastUnreadable, RecordingSource
 from posecast_relay.recording.store_source import StoreSource
 from posecast_relay.recording.zip_file import pack_recording
 
-HELP = "write a span of the past as files: a folder that plays in a browser, .posecast, .csv or .mcap"
+HELP = "export a time span of the past: a folder that plays in a browser, .posecast, .csv or .mcap"
 RELAY = "http://127.0.0.1:8080"
 FILES = (".posecast", ".csv", ".mcap")
-FOREIGN = frozenset(  # formats that are not written here: without this, a folder would get that name
+FOREIGN = frozenset(  # formats we can't write; without this list they would become folder names
     [
         ".avi",
         ".bag",
@@ -73,51 +74,51 @@ def add_arguments(parser: argparse.ArgumentParser, environ: Mapping[str, str]) -
     """Add the arguments of the command."""
     add = parser.add_argument
     add("--robot", metavar="ID", type=read_name, required=True, help="the robot")
-    add("--view", metavar="VIEW", type=read_name, help="the view; else the one that viewers get")
+    add("--view", metavar="VIEW", type=read_name, help="the view to export [the view that viewers get]")
     for flag, is_end in (("--from", False), ("--to", True)):
         told = (
-            f"{'end' if is_end else 'start'} of the span: 2026-11-22T14:20 with or without a zone, or 14:20 "
-            "for today; rounded outwards to whole segments"
+            f"{'end' if is_end else 'start'} of the time span: 2026-11-22T14:20 with or without a zone, or "
+            "14:20 for today; extended to whole segments"
         )
         read = partial(_read_moment, is_end=is_end)
         add(flag, dest=f"{flag[2:]}_ms", metavar="T", type=read, required=True, help=told)
-    told = "a file *.posecast, *.csv or *.mcap, or a folder for any static host"
+    told = "a .posecast, .csv or .mcap file, or a folder for any static host"
     add("-o", "--out", dest="out", metavar="PATH", type=_read_out, required=True, help=told)
-    add("--replace", action="store_true", help="replace an earlier export at that place")
+    add("--replace", action="store_true", help="replace an earlier export at OUT")
     add("--relay", metavar="URL", help=f"export from a running relay [{RELAY}]")
     add(
         "--past",
         metavar="URL",
         default=None,
-        help="or from a store, as the relay's --past [POSECAST_PAST]",
+        help="export from a store: the relay's --past URL [POSECAST_PAST]",
     )
-    told = "anyone, signed-in or link: export what they could see [anyone]"
+    told = "anyone, signed-in or link: export what this audience could see [anyone]"
     add("--as", dest="audience", choices=[each.value for each in Audience], metavar="WHO", help=told)
     add(
         "--token-file",
         metavar="FILE",
         type=Path,
-        help="for a relay: the token of a viewer who may see it",
+        help="relay only: file with the token of a viewer who may see it",
     )
     for flag, told in (
         ("--title", "title of the recording"),
         ("--author", "who made it"),
-        ("--licence", "what others may do with it"),
+        ("--licence", "the licence under which others may use it"),
     ):
         add(flag, metavar="TEXT", type=_read_heading, help=told)
-    add("--notes", metavar="FILE", type=Path, help="a TOML file with notes at moments")
-    add("--page", metavar="DIR", type=Path, help="for a folder: the built page [as for the relay]")
+    add("--notes", metavar="FILE", type=Path, help="a TOML file with notes at points in time")
+    add("--page", metavar="DIR", type=Path, help="folder only: the built page [as for the relay]")
     add(
         "--url",
         metavar="URL",
         type=_read_url,
-        help="for a folder: its later address, which chats need to show a picture",
+        help="folder only: the URL you will publish it at; chats need it to show a preview picture",
     )
     parser.set_defaults(stored=environ.get("POSECAST_PAST"))
 
 
 def run(asked: argparse.Namespace) -> None:
-    """Export a span of the past. Raises SettingsError, ArchiveError, CommandFailed."""
+    """Export a time span of the past. Raises SettingsError, ArchiveError, CommandFailed."""
     if asked.from_ms >= asked.to_ms:
         raise SettingsError("--from is not before --to")
     _catch_sigterm()
@@ -140,11 +141,11 @@ def run(asked: argparse.Namespace) -> None:
     ) as e:
         raise CommandFailed(str(e)) from None
     except KeyboardInterrupt:
-        raise CommandFailed(f"{asked.out}: interrupted; nothing of it is left") from None
+        raise CommandFailed(f"{asked.out}: interrupted; no files were left behind") from None
 
 
 def _catch_sigterm() -> None:
-    """Let SIGTERM raise KeyboardInterrupt, so that what is half written goes."""
+    """Turn SIGTERM into KeyboardInterrupt, so that partial files are removed."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
 
 
@@ -161,8 +162,8 @@ def _export(
         except asyncio.CancelledError:
             raise KeyboardInterrupt from None
         finally:
-            collecting.close()  # ended before its loop ran it, Python would warn on stderr
-            _catch_sigterm()  # a loop that ends gives it back to the system
+            collecting.close()  # if the loop ended before running it, Python would warn on stderr
+            _catch_sigterm()  # the loop restored the default handler when it ended
         with ProgressBar(sys.stderr) as bar:
             report = partial(bar.show_progress, what=str(asked.out))
             span = ExportedSpan(folder, recording, asked.from_ms, asked.to_ms, report)
@@ -194,21 +195,21 @@ async def _collect(
     assert task is not None
     for signal_ in (signal.SIGINT, signal.SIGTERM):
         asyncio.get_running_loop().add_signal_handler(signal_, task.cancel)
-    there = await source.find_span()  # by which a relay also says which view it is
+    there = await source.find_span()  # from a relay, this also returns the view's name
     with ProgressBar(sys.stderr) as bar:
         collector.report_to(partial(_show_collected, bar))
         try:
             if there is None:
-                raise NothingThere("nothing in this span")
-            # of what is recorded while this runs, no more than begins soon
+                raise NothingThere("nothing was recorded in this span")
+            # data is being recorded while this runs: include no segment that begins later than this
             to_ms = min(asked.to_ms, there.to_ms + PAGE_MS)
             return await collector.collect(max(asked.from_ms, there.from_ms), to_ms, about)
         except NothingThere as e:
             span = f"from {write_moment(asked.from_ms)} to {write_moment(asked.to_ms)}"
-            what = "nothing at all"
+            what = "no recording at all"
             if there is not None:
-                what = f"something from {write_moment(there.from_ms)} to {write_moment(there.to_ms)}"
-            raise NothingThere(f"{source.robot}/{source.view}, {span}: {e}; there is {what}") from None
+                what = f"a recording from {write_moment(there.from_ms)} to {write_moment(there.to_ms)}"
+            raise NothingThere(f"{source.robot}/{source.view}, {span}: {e}; it has {what}") from None
 
 
 def _show_collected(bar: ProgressBar, found: Collection) -> None:
@@ -220,7 +221,7 @@ def _show_collected(bar: ProgressBar, found: Collection) -> None:
 
 
 class _Written(NamedTuple):
-    """`what` is in a file or a folder, of which time, and a line about each thing that is not in it."""
+    """What was written (`what`), the time it covers, and one line for each thing that was left out."""
 
     what: str
     held: HeldTime
@@ -228,7 +229,7 @@ class _Written(NamedTuple):
 
 
 def _write(asked: argparse.Namespace, span: ExportedSpan, place: Path, page: Path | None) -> _Written:
-    """Write what was asked for."""
+    """Write the export in the requested format."""
     if page is not None:
         add_page(page, place, span.recording, asked.url)
         return _sum_segments(span.recording)
@@ -250,52 +251,57 @@ def _sum_segments(recording: PastRecording) -> _Written:
 
 
 def _open_source(asked: argparse.Namespace) -> HttpSource | StoreSource:
-    """Where the past is. Raises SettingsError, PastUnreadable."""
+    """Open the relay or store to export from. Raises SettingsError, PastUnreadable."""
     past = asked.past if asked.past is not None or asked.relay is not None else asked.stored
     if asked.relay is not None and past is not None:
-        raise SettingsError("give either --relay or --past")
+        raise SettingsError("give --relay or --past, not both")
     audience = None if asked.audience is None else Audience(asked.audience)
     if past in (None, "", "0", "memory:"):
         if asked.token_file is None and audience not in (None, Audience.ANYONE):
-            raise SettingsError(f"--as {audience}: a relay needs a token of such a viewer: --token-file FILE")
+            raise SettingsError(
+                f"--as {audience}: the relay needs the token of such a viewer: give --token-file FILE"
+            )
         if asked.token_file is not None and audience in (None, Audience.ANYONE):
             raise SettingsError(
-                "--token-file: whoever gets the recording will see what this token may see: "
-                "say --as signed-in or --as link"
+                "--token-file: everyone who gets this export can see what the token may see: "
+                "confirm it with --as signed-in or --as link"
             )
         token = None if asked.token_file is None else _read_token(asked.token_file)
         return HttpSource(asked.relay or RELAY, asked.robot, asked.view, token)
     if asked.token_file is not None:
-        raise SettingsError("--token-file: is for a relay; a store is read with its own keys")
+        raise SettingsError("--token-file: only works with a relay; a store uses its own keys")
     store = open_store(argparse.Namespace(**vars(asked) | {"past": past}))
     assert store is not None  # no memory
     return StoreSource(store, asked.robot, asked.view or PUBLIC, audience or Audience.ANYONE)
 
 
 def _find_page(asked: argparse.Namespace) -> Path | None:
-    """The built page, for a folder. Raises SettingsError, OutputError."""
+    """Find the built page for a folder export. Raises SettingsError, OutputError."""
     if asked.out.suffix in FILES:
         for name in ("page", "url"):
             if getattr(asked, name) is not None:
-                raise SettingsError(f"--{name}: is for a folder; a file {asked.out.suffix} has no page")
+                raise SettingsError(
+                    f"--{name}: only works for a folder; a {asked.out.suffix} file has no page"
+                )
         if asked.out.suffix != ".posecast" and asked.notes is not None:
-            raise SettingsError(f"--notes: a file {asked.out.suffix} has no place for them")
+            raise SettingsError(f"--notes: a {asked.out.suffix} file can't hold notes")
         return None
     found = asked.page or find_page()
     if found is None:
-        raise SettingsError("--page: this package has no built page: name the folder of one")
+        raise SettingsError("this package contains no built page: give its folder with --page DIR")
     check_page(found)
     return found
 
 
 def _tell_lost(found: Collection) -> list[str]:
-    """What is not in it."""
+    """Return one line for each thing that could not be exported."""
     more = found.lost_count - len(found.lost)
     return [*found.lost, *([f"and {more:,} more like these"] if more else [])]
 
 
 def _tell_lacks(held: HeldTime, span: ExportedSpan) -> list[str]:
-    """In one line which parts of the span that was asked for are not in it; none where it is there whole."""
+    """Describe in one line the parts of the requested span that are missing; return no line if it is
+    complete."""
     lacks: list[str] = []
     if held.from_ms - span.from_ms > GAP_MS:
         lacks.append(f"before {write_moment(held.from_ms)}")
@@ -321,7 +327,7 @@ def _read_token(file: Path) -> str:
         raise SettingsError(f"--token-file {file}: {(e.strerror or str(e)).lower()}") from None
     token = raw.decode("latin-1").strip()
     if len(raw) > TOKEN_BYTES_MAX or not TOKEN.fullmatch(token):
-        raise SettingsError(f"--token-file {file}: holds no token, which is one line without spaces")
+        raise SettingsError(f"--token-file {file}: contains no token; a token is one line without spaces")
     return token
 
 

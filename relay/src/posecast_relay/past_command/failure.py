@@ -1,8 +1,7 @@
-"""How a command of `posecast-relay past` fails: by one line and exit status 1."""
+"""The error of a `posecast-relay past` command: one line, and exit status 1."""
 
 from __future__ import annotations
 
 
 class CommandFailed(Exception):
-    """A command could not do what it was asked to, or was told not to. The message is the one line that says
-    why."""
+    """A command failed, or the user answered no. The message is one line with the reason."""

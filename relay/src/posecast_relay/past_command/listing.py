@@ -1,4 +1,4 @@
-"""`posecast-relay past list`: what is kept, by robot and view."""
+"""`posecast-relay past list`: lists recordings of the past by robot and view."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from posecast_relay.past_command.location import add_location, add_robot, open_s
 from posecast_relay.past_command.moments import write_moment_utc
 from posecast_relay.past_command.relay_socket import OTHER_VERSION, RelayAway, ask_relay, find_relay_store
 
-HELP = "list what is kept of the past: from, to, bytes and segments of each robot and view (UTC)"
+HELP = "list the kept past: from, to, bytes and segments of each robot and view (UTC)"
 
 
 @dataclass
 class KeptSum:
-    """What is kept of a view, or of a day of it. Times are unix ms."""
+    """The total kept of a view, or of one day of it. Times are unix ms."""
 
     from_ms: int
     to_ms: int
@@ -30,7 +30,7 @@ class KeptSum:
     segments: int = 0
 
     def add(self, from_ms: int, to_ms: int, size: int, segments: int) -> None:
-        """Add what lasted from `from_ms` to `to_ms`."""
+        """Add segments that span `from_ms` to `to_ms`, unix ms."""
         self.from_ms, self.to_ms = min(self.from_ms, from_ms), max(self.to_ms, to_ms)
         self.bytes += size
         self.segments += segments
@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser, environ: Mapping[str, str]) -
 
 
 def run(asked: argparse.Namespace) -> None:
-    """List what is kept. Raises SettingsError, ArchiveError and RelayAway."""
+    """List the kept past. Raises SettingsError, ArchiveError and RelayAway."""
     store = open_store(asked)
     if store is None:
         days = _read_rows(ask_relay(asked.past_socket, {"do": "list"}).get("rows"))
@@ -55,7 +55,7 @@ def run(asked: argparse.Namespace) -> None:
         kept_at = find_relay_store(asked.past_socket)
         if kept_at is not None:
             print(
-                f"{asked.program}: this is only what the relay has in memory; to list its store, give "
+                f"{asked.program}: this lists only the relay's memory; to list its store, give "
                 f"--past {kept_at}",
                 file=sys.stderr,
             )
@@ -80,13 +80,13 @@ def run(asked: argparse.Namespace) -> None:
 
 
 async def sum_store(store: ObjectStore, robot: str | None) -> dict[Key, KeptSum]:
-    """Sum up what a store has of a robot, or of all, by day. Raises ArchiveError."""
+    """Sum up by day what a store has of one robot, or of all robots. Raises ArchiveError."""
     sums: dict[Key, KeptSum] = {}
     looked = 0
     with ProgressBar(sys.stderr) as bar:
         async for part in store.list_objects(robot or ""):
             looked += len(part)
-            bar.show_text(f"looked at {write_count(looked, 'object')}")
+            bar.show_text(f"scanned {write_count(looked, 'object')}")
             for each in part:
                 found = read_segment_key(each.key)
                 if found is not None:
@@ -115,7 +115,7 @@ def _sum_views(days: Mapping[Key, KeptSum]) -> dict[Key, KeptSum]:
 
 
 def _align(rows: Sequence[Sequence[str]]) -> Iterable[str]:
-    """Align the columns: the last two, numbers, to the right."""
+    """Align the columns. The last two are numbers and align right."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         texts = [text.ljust(width) for text, width in zip(row[:-2], widths[:-2], strict=True)]

@@ -1,4 +1,4 @@
-"""Where a command finds the past: in an object store, or in a running relay's memory."""
+"""Tells a command where the past is: in an object store, or in a running relay's memory."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from posecast_relay.store_url import StoreUrlError, check_store_url
 
 
 def add_location(parser: argparse.ArgumentParser, environ: Mapping[str, str]) -> None:
-    """Add the arguments that say where the past is."""
+    """Add the arguments that locate the past."""
     parser.add_argument(
         "--past",
         metavar="URL",
         default=environ.get("POSECAST_PAST") or "memory:",
-        help="URL of the store, as the relay's --past; memory: asks a relay on this machine [POSECAST_PAST]",
+        help="URL of the store, as in the relay's --past; memory: is a relay on this machine [POSECAST_PAST]",
     )
     parser.add_argument(
         "--past-socket",
         metavar="PATH",
         type=Path,
         default=environ.get("POSECAST_PAST_SOCKET"),
-        help="socket of that relay; else the only one in $XDG_RUNTIME_DIR [POSECAST_PAST_SOCKET]",
+        help="socket of that relay [POSECAST_PAST_SOCKET, else the only socket in $XDG_RUNTIME_DIR]",
     )
 
 
@@ -37,11 +37,11 @@ def add_robot(parser: argparse.ArgumentParser, *, required: bool) -> None:
 
 
 def open_store(asked: argparse.Namespace) -> ObjectStore | None:
-    """Open the store that was named; None: the past is in a relay's memory. Raises SettingsError."""
+    """Open the store that was named; return None for a relay's memory. Raises SettingsError."""
     if asked.past == "memory:":
         return None
     if asked.past == "0":
-        raise SettingsError("--past 0: keeps nothing; name a store, or memory:")
+        raise SettingsError("--past 0 keeps nothing: give a store's URL, or memory:")
     try:
         url = check_store_url(asked.past)
         return open_object_store(url, makes_folder=False)
@@ -50,7 +50,7 @@ def open_store(asked: argparse.Namespace) -> ObjectStore | None:
 
 
 def read_name(text: str) -> str:
-    """Read the name of a robot or a view, for argparse."""
+    """Parse the name of a robot or a view for argparse."""
     try:
         return check_name("name", text)
     except ValueError as e:

@@ -1,4 +1,4 @@
-"""`posecast-relay past`: lists, exports and deletes what is kept of the past."""
+"""`posecast-relay past`: lists, exports and deletes the kept past."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from posecast_relay.past_command import deletion, export, listing
 from posecast_relay.past_command.failure import CommandFailed
 from posecast_relay.past_command.relay_socket import RelayAway
 
-STATUSES = {0: "done", 1: "it failed, or you answered no", 2: "wrong arguments"}
+STATUSES = {0: "success", 1: "the command failed, or you answered no", 2: "wrong arguments"}
 
 
 class Subcommand(NamedTuple):
-    """One of the commands: what it does in a line, the arguments it takes, and itself."""
+    """A subcommand: its one-line help, its arguments, and the function that runs it."""
 
     help: str
     add_arguments: Callable[[argparse.ArgumentParser, Mapping[str, str]], None]
@@ -39,15 +39,15 @@ class _Parser(CommandParser):
 
 
 def run_past(argv: Sequence[str], environ: Mapping[str, str], program: str = "posecast-relay") -> None:
-    """Carry out one `posecast-relay past` command. `program`: what it is called in messages.
+    """Run one `posecast-relay past` command. `program` is its name in messages.
 
-    Raises SettingsError, with one line, for wrong arguments, and SystemExit 1 when it could not be done.
+    Raises SettingsError with a one-line message for wrong arguments, and SystemExit 1 on failure.
     """
     asked = make_past_parser(environ, program).parse_args(argv)
     try:
         COMMANDS[asked.do].run(asked)
     except ArchiveError as e:
-        print(f"{program}: the store of the past: {e}", file=sys.stderr)
+        print(f"{program}: the past's store: {e}", file=sys.stderr)
         raise SystemExit(1) from None
     except (RelayAway, CommandFailed) as e:
         print(f"{program}: {e}", file=sys.stderr)
@@ -55,10 +55,10 @@ def run_past(argv: Sequence[str], environ: Mapping[str, str], program: str = "po
 
 
 def make_past_parser(environ: Mapping[str, str], program: str = "posecast-relay") -> CommandParser:
-    """Make the parser of the command. `program`: what it is called in messages."""
+    """Make the command's parser. `program` is its name in messages."""
     parser = _Parser(
         prog=f"{program} past",
-        description="List, export and delete what is kept of the past.",
+        description="List, export and delete the kept past.",
         allow_abbrev=False,
         statuses=STATUSES,
     )

@@ -1,4 +1,4 @@
-"""Asks a relay on this machine by the socket that `server/past_socket.py` opens."""
+"""Sends requests to a relay on this machine through the socket that `server/past_socket.py` opens."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from posecast_relay.store_url import is_store_url
 
 PATIENCE_S = 10.0
 ANSWER_BYTES_MAX = 64 << 20
-OTHER_VERSION = "the relay's answer is of another version"
+OTHER_VERSION = "the relay answers in the format of another version"
 
 
 class RelayAway(RuntimeError):
-    """No relay could be asked. The message is one line that says why."""
+    """No relay could be asked. The message is one line with the reason."""
 
 
 def ask_relay(given: Path | None, question: dict[str, object]) -> dict[str, Any]:
@@ -39,7 +39,7 @@ def ask_relay(given: Path | None, question: dict[str, object]) -> dict[str, Any]
     try:
         found = loads(bytes(answer))
     except ValueError:
-        raise RelayAway(f"{path}: what answers there is no Posecast relay") from None
+        raise RelayAway(f"{path}: the program that answered is not a Posecast relay") from None
     if not isinstance(found, dict) or "error" in found:
         why = found.get("error") if isinstance(found, dict) else "no answer"
         raise RelayAway(f"{path}: {why}")
@@ -47,7 +47,7 @@ def ask_relay(given: Path | None, question: dict[str, object]) -> dict[str, Any]
 
 
 def find_relay_store(given: Path | None) -> str | None:
-    """Return the URL of the store in which a relay keeps the past, beside its memory; None when it has none.
+    """Return the URL of the store in which a relay also keeps the past; None if it keeps it only in memory.
 
     Raises RelayAway.
     """
@@ -63,5 +63,7 @@ def _find_only() -> Path:
     if len(found) == 1:
         return found[0]
     if found:
-        raise RelayAway(f"several relays run here, name one: --past-socket {' or '.join(map(str, found))}")
-    raise RelayAway("which past? Name the store (--past URL) or a relay's socket (--past-socket PATH)")
+        raise RelayAway(
+            f"several relays run on this machine; name one: --past-socket {' or '.join(map(str, found))}"
+        )
+    raise RelayAway("give the store (--past URL) or a relay's socket (--past-socket PATH)")

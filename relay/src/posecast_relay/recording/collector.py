@@ -169,7 +169,7 @@ class Collector:
             raise RecordingError(f"segments: {len(listed)}, {SEGMENTS_MAX} allowed: export a shorter span")
         if listed:
             return sorted(listed, key=lambda each: (each.from_ms, each.take, each.index))
-        raise NothingThere("nothing in this span")
+        raise NothingThere("nothing was recorded in this span")
 
     async def _load(
         self, listed: Sequence[ListedSegment]

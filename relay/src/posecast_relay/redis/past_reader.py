@@ -1,7 +1,7 @@
-"""A gateway's past: read from Redis when it is asked for, on a connection of its own. It writes nothing.
+"""A gateway's past: read from Redis on demand, through a separate connection. It never writes.
 
-Of a view that somebody asks for it knows the records as of a moment ago, and keeps some segments' bytes. When
-Redis does not answer, whoever asks is told so at once; live goes on, it has another connection.
+For each requested view it keeps the records as of a moment ago, and some segments' bytes. If Redis does not
+answer, requests fail at once. Live data has another connection and goes on.
 """
 
 from __future__ import annotations
@@ -30,41 +30,41 @@ from posecast_relay.shared_tasks import SharedTasks
 T = TypeVar("T")
 log = logging.getLogger("posecast_relay")
 
-FRESH_S = 0.2  # what is known of a view is this old at most, when it is asked for
-POLL_S = 0.2  # between two looks at the views of which something new is waited for, and more for many
-POLL_EACH_S = 0.002  # of them
+FRESH_S = 0.2  # the maximum age of a view's records when they are requested
+POLL_S = 0.2  # between two polls of the views that have waiting requests,
+POLL_EACH_S = 0.002  # plus this per view
 RETRY_S = 0.2  # while Redis is gone
-AT_ONCE = 16  # exchanges
-TURN_S = 1.0  # to wait for one's turn among these
-RECORDS = 100  # in one answer
-LOOKS_MAX = 1000  # answers for one view
-VIEWS_MAX = 1000  # of which something is known
-VIEW_BYTES = 1000  # of Python's own for one
-DATA_BYTES = 16 << 20  # of segments' bytes
+AT_ONCE = 16  # concurrent exchanges
+TURN_S = 1.0  # to wait for a free one
+RECORDS = 100  # per answer
+LOOKS_MAX = 1000  # the most answers for one view
+VIEWS_MAX = 1000  # the most views with known records
+VIEW_BYTES = 1000  # Python's overhead per view
+DATA_BYTES = 16 << 20  # cached bytes of segments
 SCHEMAS_MAX = 64
-BUSY = "the past is asked for by many just now: ask again"
-AWAY = "the past can't be read just now: ask again"
-TOO_MUCH = "there is more past of this robot than --past-memory holds here"
+BUSY = "too many requests for the past right now: retry"
+AWAY = "the past can't be read right now: retry"
+TOO_MUCH = "the past of this robot is larger than --past-memory of this process"
 
 
 class RedisPast(RecentOnly):
-    """A PastSource, and the KeptPast of it, that knows what is in Redis. `now`: the core's clock in seconds;
-    `bytes_max`: for all that it knows of segments, without their bytes.
+    """A PastSource for Redis, and its own KeptPast. `now`: the core's clock in seconds; `bytes_max`: the
+    limit for its records, not counting segments' bytes.
     """
 
     def __init__(
         self, url: str, bytes_max: int, now: Callable[[], float], deletions: Deletions | None = None
     ) -> None:
         self.link = RedisClient(url)
-        self.losses = 0  # times that Redis, having been there, was not any more
-        self.passed_over = 0  # records and segments that are damaged, or of another version
+        self.losses = 0  # how often the connection to Redis was lost
+        self.passed_over = 0  # damaged or unsupported records and segments
         self._bytes_max = bytes_max
         self._now = now
-        self._views: OrderedDict[tuple[str, str], PastReplica] = OrderedDict()  # the last one asked for last
+        self._views: OrderedDict[tuple[str, str], PastReplica] = OrderedDict()  # most recently requested last
         self._data: OrderedDict[SegmentName, bytes] = OrderedDict()  # likewise
         self._data_bytes = 0
         self._schemas: OrderedDict[tuple[str, bytes], str] = OrderedDict()  # by robot
-        self._told: set[str] = set()  # robots of which something was passed over
+        self._told: set[str] = set()  # robots that had something skipped
         self._asked = SharedTasks("the past")
         self._turns = asyncio.Semaphore(AT_ONCE)
         self._list_waiting: ListWaiting = tuple
@@ -84,29 +84,29 @@ class RedisPast(RecentOnly):
 
     @property
     def is_older(self) -> bool:
-        """Whether it may hold what was recorded before this process began."""
+        """Whether it may hold data recorded before this process started."""
         return True
 
     def find(self, name: SegmentName) -> KeptSegment | None:
-        """Return the segment of this name; None when it is not known."""
+        """Return the segment with this name; None if it is unknown."""
         return self._get(name.robot, name.view).find(name)
 
     def find_oldest(self, robot: str, view: str) -> KeptSegment | None:
-        """Return the segment of a view that was added first of those that are known."""
+        """Return the oldest known segment of a view, by when it was added."""
         return self._get(robot, view).find_oldest(robot, view)
 
     def list_segments(
         self, robot: str, view: str, from_ms: int = 0, to_ms: int | None = None
     ) -> list[KeptSegment]:
-        """Return the segments that begin from `from_ms` on and before `to_ms`, unix; None: all later."""
+        """Return the segments that begin between `from_ms` and `to_ms` (exclusive), unix ms; None: no end."""
         return self._get(robot, view).list_segments(robot, view, from_ms, to_ms)
 
     def list_takes(self, robot: str, view: str) -> list[TakeSpan]:
-        """Return the takes of which there is something, in the order in which they began."""
+        """Return the takes that have segments here, in the order in which they began."""
         return self._get(robot, view).list_takes(robot, view)
 
     def list_after(self, name: SegmentName) -> list[KeptSegment]:
-        """Return the segments of its view that were added after the one of this name."""
+        """Return the segments of the same view that were added after this one."""
         return self._get(name.robot, name.view).list_after(name)
 
     def _get(self, robot: str, view: str) -> MemoryPast:
@@ -116,17 +116,17 @@ class RedisPast(RecentOnly):
     # ---- a source ------------------------------------------------------------------
 
     def follow(self, list_waiting: ListWaiting, wake: Wake) -> None:
-        """Look often at the views that `list_waiting` returns, and `wake` when there is something new."""
+        """Poll the views that `list_waiting` returns, and call `wake` when there is something new."""
         self._list_waiting, self._wake = list_waiting, wake
 
     async def refresh(self, robot: str, view: str, *, anew: bool = False) -> None:
-        """Bring up to date what is known of a view: FRESH_S old at most, or `anew`, by a look of now.
+        """Update what is known of a view: at most FRESH_S old, or with `anew` read now.
 
         Raises PastAway.
         """
         key = robot, view
         since_s = self._now() - (0 if anew else FRESH_S)
-        for _ in range(2):  # a look that is under way may have begun before
+        for _ in range(2):  # a read in progress may have started earlier
             self._check()
             replica = self._views.get(key)
             if replica is not None and replica.looked_at > since_s:
@@ -135,7 +135,7 @@ class RedisPast(RecentOnly):
             await self._share(key, partial(self._look, robot, view))
 
     async def load(self, segments: Sequence[KeptSegment]) -> list[KeptSegment]:
-        """Return these segments with their bytes, without those that are gone or damaged. Raises PastAway."""
+        """Return these segments with their bytes, except those that are gone or damaged. Raises PastAway."""
         self._check()
         names = [segment.name for segment in segments]
         found = {name: self._data[name] for name in names if name in self._data}
@@ -159,7 +159,7 @@ class RedisPast(RecentOnly):
         return whole
 
     async def load_schema(self, robot: str, view: str, sha256: bytes) -> str | None:  # noqa: ARG002
-        """Return the text of a schema that a segment names; None when it is gone. Raises PastAway."""
+        """Return the text of a schema that a segment names; None if it is gone. Raises PastAway."""
         schema = sha256
         self._check()
         known = self._schemas.get((robot, schema))
@@ -170,14 +170,14 @@ class RedisPast(RecentOnly):
             if data is not None:
                 self._pass_over(robot, "a schema that is damaged")
             return None
-        text: str = data.decode()  # its hash is that of a text
+        text: str = data.decode()  # its hash proves that it is text
         self._schemas[robot, schema] = text
         if len(self._schemas) > SCHEMAS_MAX:
             self._schemas.popitem(last=False)
         return text
 
     def find_trouble(self) -> str | None:
-        """Return what is wrong with Redis; None when all is well."""
+        """Return the problem with Redis; None if all is well."""
         return self._trouble
 
     def get_exchanges(self) -> tuple[Histogram, int]:
@@ -185,7 +185,7 @@ class RedisPast(RecentOnly):
         return self.link.seconds, self.losses
 
     def start(self) -> None:
-        """Start to connect, and to look at what is waited for. Redis need not be there yet."""
+        """Start to connect and to poll. Redis need not be up yet."""
         self._task = asyncio.create_task(self._work(), name="the past from redis")
 
     async def stop(self) -> None:
@@ -203,10 +203,10 @@ class RedisPast(RecentOnly):
                     await self._connect()
                 waiting = list(self._list_waiting())
                 await asyncio.gather(*(self._look_again(*key) for key in waiting))
-            except Exception as e:  # whatever it was: it is begun anew
+            except Exception as e:  # start again, whatever it was
                 self._lose(e)
             if self._trouble is not None:
-                for key in self._list_waiting():  # they are told
+                for key in self._list_waiting():  # wake them, so that they get the error
                     self._wake(*key)
                 await self.link.reset()
                 await asyncio.sleep(RETRY_S)
@@ -226,7 +226,7 @@ class RedisPast(RecentOnly):
 
     def _lose(self, error: Exception) -> None:
         if why := self.link.note_failure(error):
-            log.warning("the past: redis: %s; who asks is told, live goes on", why)
+            log.warning("the past: redis: %s; requests for the past fail, live data continues", why)
         self.losses += self._trouble is None
         self._trouble = name_error(error)  # /readyz is public: no addresses
         self._lost.set()
@@ -235,8 +235,8 @@ class RedisPast(RecentOnly):
         try:
             await self.refresh(robot, view)
         except PastAway:
-            return  # whoever waits will be told
-        except Exception as e:  # a mistake of ours, at this view
+            return  # the requests that wait will get the error
+        except Exception as e:  # a bug of ours, with this view
             self._pass_over(robot, repr(e))
 
     def _check(self) -> None:
@@ -244,11 +244,12 @@ class RedisPast(RecentOnly):
             raise PastAway(AWAY)
 
     async def _share(self, key: Hashable, ask: Callable[[], Awaitable[T]]) -> T:
-        """Wait for what somebody asks for already, or ask. Raises PastAway."""
+        """Wait for the same request if one is already running; otherwise make it. Raises PastAway."""
         return await self._asked.run(key, partial(self._ask, ask))
 
     async def _ask(self, ask: Callable[[], Awaitable[T]]) -> T:
-        """What Redis does to one exchange it does to all; what our own code does ends this one."""
+        """Make one exchange. An error of Redis affects all requests, an error of our own code only this
+        one."""
         try:
             return await ask()
         except REDIS_ERRORS as e:
@@ -267,7 +268,7 @@ class RedisPast(RecentOnly):
         finally:
             self._turns.release()
 
-    # ---- what comes from Redis: a stranger's --------------------------------------------
+    # ---- input from Redis, not trusted -------------------------------------------------
 
     async def _look(self, robot: str, view: str) -> None:
         key = robot, view
@@ -284,10 +285,10 @@ class RedisPast(RecentOnly):
                 raise PastAway(TOO_MUCH)
             if replica.count == count or (is_whole and not told):
                 break
-            if not told:  # one from the middle is gone, or all
+            if not told:  # one in the middle is gone, or all are
                 replica = self._make_replica(robot, view)
                 is_whole = True
-        if self._deletions.count != deleted:  # meanwhile: what was read may hold it
+        if self._deletions.count != deleted:  # deleted in the meantime: the result may contain it
             self._views.pop(key, None)
             await self._look(robot, view)
             return
@@ -304,7 +305,7 @@ class RedisPast(RecentOnly):
         return PastReplica(robot, view, partial(self._pass_over, robot), self._deletions.cover_segment)
 
     def _forget_deleted(self, deletion: Deletion) -> None:
-        """Forget what is known of a robot of which something is deleted: the rest is read anew."""
+        """Drop a robot's data because part of it is being deleted. The rest will be read again."""
         for key in [key for key in self._views if key[0] == deletion.robot]:
             del self._views[key]
         for name in [name for name in self._data if name.robot == deletion.robot]:
@@ -333,7 +334,7 @@ class RedisPast(RecentOnly):
         self.passed_over += 1
         if robot not in self._told:
             self._told.add(robot)
-            log.warning("the past in redis: %s: passed over: %.200s", robot, why)
+            log.warning("the past in redis: %s: skipped: %.200s", robot, why)
 
     def _keep_data(self, name: SegmentName, data: bytes) -> None:
         if name not in self._data:
@@ -344,7 +345,7 @@ class RedisPast(RecentOnly):
             self._data_bytes -= len(self._data.popitem(last=False)[1])
 
     def _make_room(self) -> None:
-        """Forget the views that were not asked for longest."""
+        """Drop the least recently requested views."""
         size = sum(VIEW_BYTES + replica.kept.bytes for replica in self._views.values())
         while len(self._views) > 1 and (size > self._bytes_max or len(self._views) > VIEWS_MAX):
             size -= VIEW_BYTES + self._views.popitem(last=False)[1].kept.bytes

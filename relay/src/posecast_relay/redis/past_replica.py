@@ -1,4 +1,4 @@
-"""What a gateway knows of one view's past: the records in Redis's stream, as of the last look."""
+"""A gateway's copy of one view's records in Redis, as of the last read."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.core.past.segment_record import unpack_record
 
 BEGINNING = b"-"
-UNBOUNDED = 1 << 62  # whoever has replicas bounds them together
+UNBOUNDED = 1 << 62  # the owner of the replicas bounds them together
 
 
 class PastReplica:
-    """A view's records, without the segments' bytes. `pass_over` is told why a record is left out; what is
-    deleted is left out without a word.
+    """A view's records, without the segments' bytes. `pass_over` is called with the reason when a record is
+    skipped; deleted records are skipped silently.
     """
 
     def __init__(
@@ -31,29 +31,29 @@ class PastReplica:
         self._view = view
         self._pass_over = pass_over
         self._is_deleted = is_deleted
-        self._rows: deque[tuple[bytes, SegmentName | None]] = deque()  # None: passed over
+        self._rows: deque[tuple[bytes, SegmentName | None]] = deque()  # None: skipped
 
     @property
     def newest(self) -> bytes:
-        """The id after which there may be something new."""
+        """The id after which to look for new records."""
         return self._rows[-1][0] if self._rows else BEGINNING
 
     @property
     def count(self) -> int:
-        """How many records it has, with those that it passes over."""
+        """How many records it has, including skipped ones."""
         return len(self._rows)
 
     def note_look(self, at_s: float) -> None:
-        """Remember when it was compared with Redis last; minus infinity: it has to be, before it is used."""
+        """Note when it was last compared with Redis; minus infinity: compare it before use."""
         self.looked_at = at_s
 
     def append(self, told: Sequence[bytes]) -> bool:
-        """Append ids and records, in turn; whether there was a segment among them."""
+        """Append alternating ids and records. Returns whether any was a segment."""
         found = False
         for id_, record in zip(told[::2], told[1::2], strict=True):
             try:
                 segment = unpack_record(self._robot, self._view, record)
-                if self._is_deleted(segment):  # it is about to go there, too
+                if self._is_deleted(segment):  # Redis is about to delete it, too
                     self._rows.append((id_, None))
                     continue
                 self.kept.add(segment, 0.0)
@@ -66,7 +66,7 @@ class PastReplica:
         return found
 
     def drop_before(self, oldest: bytes) -> None:
-        """Drop the records that were before this id."""
+        """Drop the records older than this id."""
         first = _order(oldest)
         while self._rows and _order(self._rows[0][0]) < first:
             _, name = self._rows.popleft()
@@ -74,7 +74,7 @@ class PastReplica:
                 self.kept.drop_oldest(self._robot)
 
     def drop(self, name: SegmentName) -> None:
-        """Drop one segment, which is gone or damaged."""
+        """Drop one segment because it is gone or damaged."""
         segments = self.kept.list_segments(self._robot, self._view)
         self.kept = MemoryPast(UNBOUNDED)
         for segment in segments:
@@ -83,6 +83,6 @@ class PastReplica:
 
 
 def _order(id_: bytes) -> tuple[int, int]:
-    """A stream's id as it is ordered there."""
+    """Return a stream id as a sortable pair."""
     ms, _, n = id_.partition(b"-")
     return int(ms), int(n or b"0")

@@ -1,4 +1,4 @@
-"""The past in Redis: names of its keys, and the scripts in Lua that write and read them, each one atomic.
+"""The past in Redis: its keys, and the Lua scripts that read and write them. Each script is atomic.
 
     posecast:{ROBOT}:VIEW:past            stream: a record of each segment, as `segment_record.py` packs it
     posecast:{ROBOT}:VIEW:past:TAKE:INDEX hash: a segment's bytes, and the id of its record
@@ -7,9 +7,9 @@
     posecast:{-}:past:ROBOT               sorted set, of the ledger: VIEW TAKE INDEX SCHEMA BYTES →
                                           Redis's clock in ms
 
-Whoever writes a segment enters it into the ledger first, so never more lies there than the ledger knows. What
-the ledger gives up is deleted: the oldest of the robot that has most. Everything expires with the window.
-Live state shares nothing with this but the server.
+A writer enters a segment into the ledger before writing it, so Redis never holds more than the ledger lists.
+When space runs out, the ledger drops the oldest segments of the robot that uses the most, and the writer
+deletes them. Everything expires with the window. Live state shares only the server with this.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from posecast_relay.core.past.kept_segment import SegmentName
 from posecast_relay.redis.client import Call
 
 WRITTEN, LACKS_SCHEMA, FULL = 1, 2, 3
-MEMORY_SHARE = 0.75  # of the server's `maxmemory`: beyond it nothing is added, so that live state stays
-GONE_MAX = 1000  # lines that one call gives up, so that Redis is never busy with it for long
-FORGOTTEN_MAX = 250  # likewise, of a robot that is forgotten
-SPARE = 64  # one part of so many is freed when the bound is met, so that it isn't met by every segment
-EXPIRY_SPARE_MS = 60_000  # keys outlive the ledger's entries by so much
-LOOK_BYTES = 1 << 20  # of records in one answer, or a single one
+MEMORY_SHARE = 0.75  # of the server's `maxmemory`: beyond it nothing is added, to protect live state
+GONE_MAX = 1000  # the most lines that one call drops, so that it never blocks Redis for long
+FORGOTTEN_MAX = 250  # likewise, for a robot that is forgotten
+SPARE = 64  # this fraction (1/64) is freed at the limit, so that not every segment hits it
+EXPIRY_SPARE_MS = 60_000  # how much longer keys live than their ledger entries
+LOOK_BYTES = 1 << 20  # the most bytes of records in one answer, except for a single record
 
 LEDGER = "posecast:{-}:past"
 
 
 class LedgerEntry(NamedTuple):
-    """A line of the ledger. `schema`: SHA-256, hexadecimal, or `-`; `bytes`: what it takes in Redis."""
+    """A line of the ledger. `schema`: SHA-256 in hexadecimal, or `-`; `bytes`: its size in Redis."""
 
     name: SegmentName
     schema: str
@@ -39,23 +39,25 @@ class LedgerEntry(NamedTuple):
 
 
 def stream_key(robot: str, view: str) -> str:
-    """The stream of a view's records."""
+    """The key of the stream with a view's records."""
     return f"posecast:{{{robot}}}:{view}:past"
 
 
 def segment_key(name: SegmentName) -> str:
-    """The hash with a segment's bytes."""
+    """The key of the hash with a segment's bytes."""
     return f"{stream_key(name.robot, name.view)}:{name.take:016x}:{name.index}"
 
 
 def schema_key(robot: str, schema: str) -> str:
-    """The hash with a schema's text."""
+    """The key of the hash with a schema's text."""
     return f"posecast:{{{robot}}}:past:schema:{schema}"
 
 
 def make_enter_call(entries: list[LedgerEntry], window_s: float, bytes_max: int) -> Call:
-    """Make the call that enters segments into the ledger. It answers whether there is room for them now, and
-    then what had to go, as robot and line in turn: see `read_entry`.
+    """Make the call that enters segments into the ledger.
+
+    It returns whether there is room for them now, followed by what was dropped, as alternating robots and
+    lines: see `read_entry`.
     """
     args: list[str | int] = [round(1000 * window_s), bytes_max]
     for entry in entries:
@@ -65,21 +67,23 @@ def make_enter_call(entries: list[LedgerEntry], window_s: float, bytes_max: int)
 
 
 def make_forget_call(robot: str, lines: list[bytes]) -> Call:
-    """Make the call that takes lines of a robot, whose segments are deleted by now, out of the ledger. It
-    answers what lines there are still, FORGOTTEN_MAX at most.
+    """Make the call that removes a robot's lines, whose segments are already deleted, from the ledger.
+
+    It returns the robot's remaining lines, at most FORGOTTEN_MAX.
     """
     return FORGET, [LEDGER], [robot, *lines]
 
 
 def read_entry(robot: bytes, line: bytes) -> LedgerEntry:
-    """Read a line of the ledger. Raises ValueError when it is none."""
+    """Parse a line of the ledger. Raises ValueError if it is invalid."""
     view, take, index, schema, size = line.decode().split(" ")
     return LedgerEntry(SegmentName(robot.decode(), view, int(take, 16), int(index)), schema, int(size))
 
 
 def make_write_call(entry: LedgerEntry, record: bytes, data: bytes, schema_text: str, expiry_ms: int) -> Call:
-    """Make the call that writes a segment; twice does no harm. `schema_text`: "" where it is there already;
-    if not, the answer is LACKS_SCHEMA.
+    """Make the call that writes a segment. Repeating it is harmless.
+
+    `schema_text`: "" if the schema should already be stored; if it is not, the call returns LACKS_SCHEMA.
     """
     return WRITE, _keys(entry), [record, data, expiry_ms, schema_text]
 
@@ -108,8 +112,8 @@ end
 local function text(n) return string.format('%d', n) end
 """
 
-# KEYS: the ledger's sums. ARGV: the window in ms, the bound in bytes, then robots and lines in turn.
-# Everything that it touches is in the one slot of `{-}`.
+# KEYS: the ledger's sums. ARGV: the window in ms, the limit in bytes, then alternating robots and lines.
+# All keys that it touches are in the slot of `{-}`.
 ENTER = """
 local sums, window, bound, now = KEYS[1], tonumber(ARGV[1]), tonumber(ARGV[2]), now_ms()
 local gone = {0}
@@ -189,7 +193,7 @@ gone[1] = 1
 return gone
 """
 
-# KEYS: the ledger's sums. ARGV: a robot, then lines of it.
+# KEYS: the ledger's sums. ARGV: a robot, then lines to remove.
 FORGET = """
 local sums, robot = KEYS[1], ARGV[1]
 local set = sums .. ':' .. robot
@@ -204,7 +208,7 @@ end
 return redis.call('ZRANGE', set, 0, {forgotten} - 1)
 """
 
-# KEYS: stream, segment and, where it has one, schema. ARGV: record, bytes, expiry in ms, the schema's text or
+# KEYS: stream, segment and, if it has one, schema. ARGV: record, bytes, expiry in ms, the schema's text or
 # nothing. FULL: the server is near its `maxmemory`.
 WRITE = """
 local expiry = tonumber(ARGV[3])
@@ -231,7 +235,7 @@ redis.call('PEXPIRE', KEYS[2], expiry)
 return {written}
 """
 
-# KEYS: stream, segment and, where it has one, schema.
+# KEYS: stream, segment and, if it has one, schema.
 DELETE = """
 if is(KEYS[2], 'hash') then
   local id = redis.call('HGET', KEYS[2], 'id')
@@ -244,8 +248,8 @@ end
 return 1
 """
 
-# KEYS: stream. ARGV: after which id, `-`: from the beginning; how many records at most. Returns how many
-# there are, the oldest one's id, then id and record of each in turn. It writes nothing.
+# KEYS: stream. ARGV: the id to start after (`-`: from the beginning); the most records to return. Returns the
+# number of records, the oldest id, then alternating ids and records. It writes nothing.
 LOOK = """
 local found = {0, ''}
 if redis.call('TYPE', KEYS[1]).ok ~= 'stream' then return found end

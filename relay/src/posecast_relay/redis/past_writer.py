@@ -1,7 +1,7 @@
-"""Writes closed segments to Redis, for gateways: on a connection of its own, beside all that is live.
+"""Writes closed segments to Redis for gateways, through a separate connection, without delaying live data.
 
-What waits is bounded in bytes. When Redis is slow or away the oldest of the robots that have most waiting is
-dropped, and counted: there the past of gateways has a gap.
+The queue is bounded in bytes. If Redis is slow or away, the robots with the longest queues lose their oldest
+segments. These are counted, and the past has a gap there.
 """
 
 from __future__ import annotations
@@ -44,19 +44,19 @@ from posecast_relay.redis.past_scripts import (
 log = logging.getLogger("posecast_relay")
 
 QUEUE_BYTES = 32 << 20
-BATCH = 64  # segments in one exchange
-BATCH_BYTES = 1 << 20  # likewise, or a single one
-TRIES = 3  # to write one batch; then it is dropped, since it may be the reason
+BATCH = 64  # segments per exchange
+BATCH_BYTES = 1 << 20  # bytes per exchange, except for a single segment
+TRIES = 3  # to write one batch; then it is dropped, because it may be the cause
 BACKOFF_S = (0.2, 2.0)  # the first and the longest wait after a failure
-TROUBLE_LOOK_S = 1.0  # after a failure: is it over?
-CALM_S = 60.0  # without a refusal, until Redis is said to have room again
-STOP_S = 0.5  # for what waits when the process stops
-ROUNDED_UP = 1.25  # so much more memory, at most, Redis takes for bytes than they are
-SCHEMAS_MAX = 10_000  # that are known to be there
+TROUBLE_LOOK_S = 1.0  # after a failure, how often to check whether it is over
+CALM_S = 60.0  # without a refusal until Redis counts as having room again
+STOP_S = 0.5  # to write the queue when the process stops
+ROUNDED_UP = 1.25  # Redis needs at most this factor more memory than the bytes themselves
+SCHEMAS_MAX = 10_000  # schemas known to be stored
 
 
 class _Written(NamedTuple):
-    """A segment as it goes to Redis. `schema_text`: "" where it should be there already."""
+    """A segment as written to Redis. `schema_text`: "" if the schema should already be stored."""
 
     segment: KeptSegment
     entry: LedgerEntry
@@ -70,34 +70,34 @@ class _Written(NamedTuple):
 
 
 class RedisPastWriter:
-    """Writes the segments that it is given to Redis, `bytes_max` of them at a time over all processes."""
+    """Writes the segments that it gets to Redis, limited to `bytes_max` for all processes together."""
 
     def __init__(self, url: str, bytes_max: int, deletions: Deletions | None = None) -> None:
         self.link = RedisClient(url)
-        self.losses = 0  # times that Redis, having been there, was not any more
-        self.written = 0  # segments
-        self.dropped = 0  # segments that did not get there
-        self.passed_over = 0  # lines of the ledger that are none
-        self.bytes = 0  # that wait
+        self.losses = 0  # how often the connection to Redis was lost
+        self.written = 0  # segments written
+        self.dropped = 0  # segments that were lost
+        self.passed_over = 0  # invalid lines of the ledger
+        self.bytes = 0  # in the queue
         self._bytes_max = bytes_max
         self._window_s = 0.0
-        self._waiting: dict[str, deque[KeptSegment]] = {}  # by robot; the one whose turn it is first
+        self._waiting: dict[str, deque[KeptSegment]] = {}  # by robot; the next one first
         self._sizes: Counter[str] = Counter()  # of those, by robot
-        self._robots: Collection[str] = ()  # that the policy names
-        self._gone: dict[str, None] = {}  # robots whose past there has to go
+        self._robots: Collection[str] = ()  # the robots that the policy names
+        self._gone: dict[str, None] = {}  # robots whose past must be deleted there
         self._deletions = deletions or Deletions()
-        self._deleting: dict[str, Deletion] = {}  # those that are to be carried out there, by id
+        self._deleting: dict[str, Deletion] = {}  # deletions to execute there, by id
         self._deletions.on_added(self._delete)
-        self._schemas: dict[tuple[str, bytes], None] = {}  # by robot, the ones that were written
+        self._schemas: dict[tuple[str, bytes], None] = {}  # by robot, those already written
         self._tries = 0
-        self._full_at: float | None = None  # when Redis refused a segment last; None: it has room
-        self._dropped_before = 0  # what `dropped` was when Redis took something last
+        self._full_at: float | None = None  # when Redis last refused a segment; None: it has room
+        self._dropped_before = 0  # the value of `dropped` when Redis last accepted something
         self._trouble: str | None = "not connected yet"
         self._wake = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
 
     def keep(self, segment: KeptSegment) -> None:
-        """Take a segment that has just closed; returns at once."""
+        """Queue a segment that has just closed. Returns at once."""
         robot = segment.name.robot
         self._waiting.setdefault(robot, deque()).append(segment)
         self._add(robot, segment.cost_bytes)
@@ -106,11 +106,11 @@ class RedisPastWriter:
         self._wake.set()
 
     def set_window(self, window_s: float) -> None:
-        """Set for how long segments are kept there, in seconds."""
+        """Set how long segments are kept there, in seconds."""
         self._window_s = window_s
 
     def set_robots(self, robots: Collection[str]) -> None:
-        """Set which robots the policy names. The past of those that it named until now is deleted there."""
+        """Set which robots the policy names. The past of robots that it no longer names is deleted there."""
         for robot in set(self._robots) - set(robots):
             self._gone[robot] = None
             while waiting := self._waiting.get(robot):
@@ -119,7 +119,7 @@ class RedisPastWriter:
         self._wake.set()
 
     def _delete(self, deletion: Deletion) -> None:
-        """Delete what is there of a span, and what waits."""
+        """Delete a span there and in the queue."""
         self._deleting[deletion.id] = deletion
         waiting = self._waiting.get(deletion.robot, ())
         for segment in [each for each in waiting if deletion.covers_segment(each)]:
@@ -128,7 +128,7 @@ class RedisPastWriter:
         self._wake.set()
 
     def find_trouble(self) -> str | None:
-        """Return what is wrong with Redis; None when all is well."""
+        """Return the problem with Redis; None if all is well."""
         return self._trouble
 
     def get_exchanges(self) -> tuple[Histogram, int]:
@@ -136,13 +136,13 @@ class RedisPastWriter:
         return self.link.seconds, self.losses
 
     def start(self) -> None:
-        """Start the writing task. Redis need not be there yet."""
+        """Start the writing task. Redis need not be up yet."""
         self._task = asyncio.create_task(self._work(), name="the past to redis")
 
     async def stop(self) -> None:
-        """Write what waits, if that is soon done, then close all connections."""
+        """Write the queue within a short time, then close all connections."""
         await cancel_tasks(self._task)
-        with contextlib.suppress(Exception):  # it was worth a try
+        with contextlib.suppress(Exception):  # best effort
             async with asyncio.timeout(STOP_S):
                 while self._waiting and self._trouble is None:
                     await self._write_batch(self._take_batch())
@@ -164,10 +164,10 @@ class RedisPastWriter:
                     batch, self._tries, wait_s = [], 0, BACKOFF_S[0]
                     self._note_success()
                     await self._delete_all()
-            except asyncio.CancelledError:  # `stop` writes what waits
+            except asyncio.CancelledError:  # `stop` writes the queue
                 self._put_back(batch)
                 raise
-            except Exception as e:  # whatever it was: the batch is tried again
+            except Exception as e:  # retry the batch, whatever it was
                 await self._handle_failure(e)
                 self._put_back(batch)
                 await asyncio.sleep(wait_s)
@@ -176,19 +176,19 @@ class RedisPastWriter:
             try:
                 async with asyncio.timeout(TROUBLE_LOOK_S if self.link.outage.is_open else None):
                     await self._wake.wait()
-            except TimeoutError:  # all that waited was written: is the trouble over?
+            except TimeoutError:  # the whole queue was written: check whether the problem is over
                 self._note_success()
             self._wake.clear()
 
     async def _connect(self) -> None:
         await self.link.connect(ENTER, WRITE, DELETE, FORGET, LOOK)
-        self._schemas.clear()  # whatever is there
+        self._schemas.clear()  # they may be gone
         self._trouble = None
 
     def _note_success(self) -> None:
         if self.link.note_success():
             lost = self.dropped - self._dropped_before
-            told = f"gateways lack {write_count(lost, 'segment')}" if lost else "none that waited was lost"
+            told = f"gateways lack {write_count(lost, 'segment')}" if lost else "nothing was lost"
             log.warning("the past: redis is back; %s", told)
         if not self.link.outage.is_open:
             self._dropped_before = self.dropped
@@ -196,7 +196,7 @@ class RedisPastWriter:
     async def _handle_failure(self, error: Exception) -> None:
         if why := self.link.note_failure(error):
             log.warning(
-                "the past: redis: %s; what is recorded waits, up to %d MB, live goes on",
+                "the past: redis: %s; queueing up to %d MB, live data continues",
                 why,
                 QUEUE_BYTES >> 20,
             )
@@ -204,20 +204,20 @@ class RedisPastWriter:
         self._trouble = type(error).__name__
         await self.link.reset()
 
-    # ---- what waits ----------------------------------------------------------
+    # ---- the queue -----------------------------------------------------------
 
     def _add(self, robot: str, size: int) -> None:
         self.bytes += size
         self._sizes[robot] += size
 
     def _take(self, robot: str, segment: KeptSegment) -> None:
-        """What has just been taken from a robot's deque."""
+        """Account for a segment that was just taken from a robot's queue."""
         self._add(robot, -segment.cost_bytes)
         if not self._waiting[robot]:
             del self._waiting[robot], self._sizes[robot]
 
     def _shed(self) -> None:
-        """Drop the oldest of the robots that have more than their share waiting, until an eighth is free."""
+        """Drop the oldest segments of the robots with more than their share, until an eighth is free."""
         aim = QUEUE_BYTES - QUEUE_BYTES // 8
         share = aim // len(self._waiting)
         for robot in sorted(self._sizes, key=self._sizes.__getitem__, reverse=True):
@@ -226,7 +226,7 @@ class RedisPastWriter:
                 self.dropped += 1
 
     def _take_batch(self) -> list[KeptSegment]:
-        """The oldest of each robot in turn."""
+        """Return the oldest segments of the robots, in turn."""
         batch: list[KeptSegment] = []
         size = 0
         while self._waiting and len(batch) < BATCH:
@@ -235,7 +235,7 @@ class RedisPastWriter:
             if batch and size > BATCH_BYTES:
                 break
             segments = self._waiting.pop(robot)
-            self._waiting[robot] = segments  # the others come first now
+            self._waiting[robot] = segments  # now it is the turn of the others
             segment = segments.popleft()
             self._take(robot, segment)
             batch.append(segment)
@@ -262,16 +262,18 @@ class RedisPastWriter:
         made = [found for segment in batch if (found := self._make(segment)) is not None]
         try:
             evicted = await self._make_room([each.entry for each in made])
-        except OutOfMemoryError:  # all of its `maxmemory` is taken, by live state too
+        except OutOfMemoryError:  # live state and the past have used up its `maxmemory`
             self.dropped += len(batch)
             self._note_fullness(is_full=True)
             return
-        made = [each for each in made if each.entry.name not in evicted]  # larger than all that may be there
+        made = [
+            each for each in made if each.entry.name not in evicted
+        ]  # an evicted one is larger than the whole limit
         expiry_ms = round(1000 * self._window_s) + EXPIRY_SPARE_MS
         results = await self.link.run_all([each.make_call(expiry_ms) for each in made])
         lacking = [
             each for each, result in zip(made, results, strict=True) if result == LACKS_SCHEMA
-        ]  # it has expired meanwhile
+        ]  # it has expired in the meantime
         again = [each.make_call(expiry_ms, each.segment.schema_text or "") for each in lacking]
         results += await self.link.run_all(again)
         written = sum(result == WRITTEN for result in results)
@@ -285,7 +287,8 @@ class RedisPastWriter:
             del self._schemas[next(iter(self._schemas))]
 
     def _make(self, segment: KeptSegment) -> _Written | None:
-        """What is to be written of a segment; None where our own code fails at it, which is its end alone."""
+        """Return what to write for a segment; None if our own code fails on it, which loses only that
+        segment."""
         try:
             record = pack_record(segment)
             is_known = (segment.name.robot, segment.schema) in self._schemas
@@ -298,7 +301,7 @@ class RedisPastWriter:
             return None
 
     async def _make_room(self, entries: list[LedgerEntry]) -> set[object]:
-        """Enter these into the ledger, and delete what that gives up. Returns the names of that."""
+        """Enter these into the ledger, and delete what it drops. Returns the dropped names."""
         gone: set[object] = set()
         fits = False
         while not fits:
@@ -312,7 +315,7 @@ class RedisPastWriter:
         return gone
 
     async def _forget(self, robot: str) -> None:
-        """Delete all that is there of a robot, as far as the ledger knows; twice does no harm."""
+        """Delete everything of a robot that the ledger lists. Repeating it is harmless."""
         lines: list[bytes] = []
         while True:
             script, keys, args = make_forget_call(robot, lines)
@@ -325,7 +328,7 @@ class RedisPastWriter:
         del self._gone[robot]
 
     async def _delete_all(self) -> None:
-        """Carry out what is to be deleted; twice does no harm."""
+        """Execute the pending deletions. Repeating it is harmless."""
         while self._deleting:
             deletion = next(iter(self._deleting.values()))
             await delete_span(self.link, deletion)
@@ -338,14 +341,16 @@ class RedisPastWriter:
             try:
                 entries.append(read_entry(robot, line))
             except ValueError:
-                self.passed_over += 1  # somebody else wrote it
+                self.passed_over += 1  # another program wrote it
         return entries
 
     def _note_fullness(self, is_full: bool) -> None:
         now = time.monotonic()
         if is_full:
             if self._full_at is None:
-                log.warning("the past: redis is near its maxmemory: gateways' past has gaps, live goes on")
+                log.warning(
+                    "the past: redis is near its maxmemory; gateways' past has gaps, live data continues"
+                )
             self._full_at = now
         elif self._full_at is not None and now - self._full_at >= CALM_S:
             self._full_at = None

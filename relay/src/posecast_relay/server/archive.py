@@ -1,4 +1,4 @@
-"""The archive of a process: where robots are heard it is written, and read wherever the past is read."""
+"""The archive of a process: written where robots are heard, and read wherever the past is read."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.server.archive_upkeep import ArchiveUpkeep
 from posecast_relay.store_url import StoreUrlError
 
-READ_S = 3.0  # for a call on behalf of somebody who waits for the answer
+READ_S = 3.0  # for a call that a waiting request needs
 
 
 @dataclass(frozen=True)
 class ArchiveServices:
-    """What reads an object store; where robots are heard, also what writes it and keeps its indexes."""
+    """The reader of an object store; in processes that hear robots, also its writer and its indexer."""
 
     store: ObjectStore
     reader: ArchiveReader
@@ -34,11 +34,11 @@ class ArchiveServices:
     indexer: Indexer | None = None
 
     def join(self, front: PastSource) -> PastSource:
-        """Return a past of what is recent in `front` and of what is older in the store."""
+        """Return a past that combines recent data in `front` with older data in the store."""
         return JoinedPast(front, self.reader, self.find_trouble)
 
     def find_trouble(self) -> str | None:
-        """Return why the store can't be used, or that it is nearly full; None when all is well."""
+        """Return why the store can't be used, or that it is nearly full; None if all is well."""
         return self._find_store_trouble() or (
             None if self.indexer is None else self.indexer.space.find_trouble()
         )
@@ -48,7 +48,7 @@ class ArchiveServices:
         return trouble or self.trouble.find_trouble()
 
     def measure(self) -> ArchiveFigures:
-        """Return its state now. From any thread."""
+        """Return its current state. Callable from any thread."""
         writer, indexer = self.writer, self.indexer
         space = None if indexer is None else indexer.space.space
         return ArchiveFigures(
@@ -65,20 +65,20 @@ class ArchiveServices:
         )
 
     def set_policy(self, policy: Policy) -> None:
-        """Set which robots are kept, and for how long."""
+        """Set which robots are kept, and how long."""
         self.upkeep.set_keeps(policy.keeps_s)
         if self.writer is not None and self.indexer is not None:
             self.writer.set_keeps(policy.keeps_s)
             self.indexer.set_keeps(policy.keeps_s)
 
     def start(self) -> None:
-        """Start what runs in the background."""
+        """Start the background work."""
         self.upkeep.start()
         if self.indexer is not None:
             self.indexer.start()
 
     async def stop(self) -> None:
-        """Write what waits and its indexes, if that is soon done; then end."""
+        """Write the queue and its indexes within a short time, then end."""
         await self.upkeep.stop()
         if self.writer is not None and self.indexer is not None:
             await self.writer.stop()
@@ -86,7 +86,7 @@ class ArchiveServices:
 
 
 def make_archive(settings: Settings, deletions: Deletions) -> ArchiveServices | None:
-    """Make the archive that `settings` asks for; None without one. Raises StartError."""
+    """Make the archive for `settings`; None without one. Raises StartError."""
     if settings.archive is None:
         return None
     try:

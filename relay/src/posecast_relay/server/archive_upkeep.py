@@ -1,4 +1,4 @@
-"""Keeps a store true to what was ordered there and to what its segments name: deletions, models, schemas."""
+"""Maintains a store: executes deletions, stores the models that segments name, sweeps unnamed data."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from posecast_relay.runtime.dispatcher import Dispatcher
 
 log = logging.getLogger("posecast_relay")
 
-SWEEP_EVERY_S = 3600.0  # of robots of which something was too old
+SWEEP_EVERY_S = 3600.0  # between sweeps of robots with expired data
 
 
 class ArchiveUpkeep:
-    """Obeys deletions; `writer` None: in a gateway, which only reads."""
+    """Executes deletions. `writer` None: in a gateway, which only reads."""
 
     def __init__(
         self,
@@ -45,7 +45,7 @@ class ArchiveUpkeep:
         self._source: JoinedModelSource | None = None
         self._keeper: ModelKeeper | None = None
         self._keeps: Mapping[str, float] = {}
-        self._expired: set[str] = set()  # robots of which something was too old
+        self._expired: set[str] = set()  # robots with expired data since the last sweep
         self._tasks: list[asyncio.Task[None]] = []
         self._follower = TombstoneFollower(
             *(store, deletions, self._compute_unix_ms),
@@ -57,12 +57,12 @@ class ArchiveUpkeep:
         deletions.on_added(self._forget)
 
     def join_models(self, live: ModelSource) -> JoinedModelSource:
-        """Return a source of the models that `live` offers and of those in the store."""
+        """Return a source that combines the models of `live` and those in the store."""
         self._source = JoinedModelSource(live, self._store)
         return self._source
 
     def keep_models(self, models: ModelCache, kept: MemoryPast) -> None:
-        """Store the models that kept segments name from now on."""
+        """From now on, store the models that kept segments name."""
         self._kept, self._keeper = kept, ModelKeeper(self._store, models)
         self._keeper.set_robots(self._keeps)
         kept.on_added(self._keeper.keep)
@@ -74,17 +74,17 @@ class ArchiveUpkeep:
             self._keeper.set_robots(keeps_s)
 
     def note_expired(self, robot: str) -> None:
-        """Note that something of a robot was too old and is gone: what it named may be named no more."""
+        """Note that a robot's data has expired, so that its schemas and models may be unused."""
         self._expired.add(robot)
 
     def start(self) -> None:
-        """Start what runs in the background."""
+        """Start the background work."""
         self._tasks = [asyncio.create_task(self._follower.run(), name="tombstones")]
         if self._writer is not None:
             self._tasks.append(asyncio.create_task(self._sweep_expired(), name="sweeping the archive"))
 
     async def stop(self) -> None:
-        """End all of it."""
+        """End the background work."""
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
@@ -106,9 +106,9 @@ class ArchiveUpkeep:
                 try:
                     await self.sweep(robot)
                     self._expired.discard(robot)
-                except ArchiveError:  # who writes says so; it is tried again
+                except ArchiveError:  # the writer reports it; retried later
                     continue
-                except Exception as e:  # a mistake of ours, at this robot
+                except Exception as e:  # a bug of ours, with this robot
                     log.error("the archive: sweeping %s", robot, exc_info=e)
 
     def _list_in_use(self, robot: str) -> NamedHashes:
@@ -126,7 +126,7 @@ class ArchiveUpkeep:
         if self._writer is not None:
             self._writer.drop_waiting(deletion.covers_segment)
         self._reader.forget(deletion.robot)
-        self._forget_named(deletion.robot)  # whoever sweeps the store: what is named again is written again
+        self._forget_named(deletion.robot)  # any process may sweep the store: write what is named again
 
     def _forget_named(self, robot: str) -> None:
         if self._writer is not None:

@@ -1,7 +1,7 @@
 """The past of a process: who records it, where it is kept and read, and for how long.
 
-all, ingest   record in memory, and hand what they keep on to Redis and the archive, where there are such
-gateway       reads it from Redis, and what is older from the archive
+all, ingest   record in memory, and pass segments on to Redis and the archive if there are any
+gateway       reads from Redis, and older data from the archive
 """
 
 from __future__ import annotations
@@ -48,8 +48,8 @@ FORGET_EVERY_S = 5.0
 
 @dataclass(frozen=True)
 class PastServices:
-    """Where the past is read, and its way to or from Redis where there is one; where robots are heard, also
-    what is recorded and what is kept of it.
+    """The source of the past, and its connection to Redis if there is one. In processes that hear robots,
+    also the recorder and the memory.
     """
 
     source: PastSource
@@ -58,18 +58,18 @@ class PastServices:
     writer: RedisPastWriter | None = None
     reader: RedisPast | None = None
     deletions: Deletions = field(default_factory=Deletions)
-    told: RedisDeletions | None = None  # the way of deletions through Redis
+    told: RedisDeletions | None = None  # passes deletions through Redis
     socket: PastSocket | None = None
     archive: ArchiveServices | None = None
 
     @property
     def way(self) -> RedisPastWriter | RedisPast | None:
-        """The way to Redis, or from there."""
+        """The connection that writes to Redis, or reads from it."""
         return self.writer or self.reader
 
     @property
     def written_archive(self) -> ArchiveServices | None:
-        """The archive, where this process writes it."""
+        """The archive, if this process writes it."""
         return None if self.archive is None or self.archive.writer is None else self.archive
 
     def make_desk(self, dispatcher: Dispatcher) -> PastDesk:
@@ -80,17 +80,18 @@ class PastServices:
         )
 
     def join_models(self, live: ModelSource) -> ModelSource:
-        """Return a source of models that also has those of the past, where they are kept."""
+        """Return a source of models that also has those of the past, if they are kept."""
         return live if self.archive is None else self.archive.upkeep.join_models(live)
 
     def keep_models(self, models: ModelCache) -> None:
-        """Keep the models that the past names, where it is kept in a store."""
+        """Keep the models that the past names, if it is kept in a store."""
         if self.archive is not None and self.kept is not None:
             self.archive.upkeep.keep_models(models, self.kept)
 
     async def run(self, access: Access, now: Callable[[], float]) -> None:
-        """Open the way to Redis and the socket for `past`, and drop what nobody may ask for any more, until
-        cancelled: at once when the policy says so, and now and then as time passes.
+        """Connect to Redis, open the socket for `past`, and drop expired data, until cancelled.
+
+        Data is dropped at once when the policy changes, and regularly as time passes.
         """
         if self.way is not None:
             self.way.start()
@@ -112,7 +113,7 @@ class PastServices:
                 said.report_crowding(self.kept, now())
 
     def forget(self, policy: Policy, now: float) -> None:
-        """Drop what nobody may ask for any more by this policy."""
+        """Drop what can't be requested any more under this policy."""
         kept_s = compute_kept_s if self.archive is None else compute_recent_s
         if self.kept is not None:
             self.kept.forget_older(partial(kept_s, policy), now)
@@ -123,7 +124,7 @@ class PastServices:
             self.archive.set_policy(policy)
 
     async def stop(self, now: float) -> None:
-        """Close the open segments, and the way to Redis behind them."""
+        """Close the open segments, then the connection to Redis."""
         if self.recorder is not None:
             self.recorder.close_all(now)
         if self.way is not None:
@@ -135,12 +136,12 @@ class PastServices:
 
 
 def is_store_new(past: PastServices | None) -> bool:
-    """Whether the store of a process is a folder that was made just now."""
+    """Whether this process's store is a folder that was just created."""
     return past is not None and past.archive is not None and past.archive.store.is_new
 
 
 def make_past_services(settings: Settings, port: int = 0) -> PastServices | None:
-    """Make the past of the role that `settings` asks for; None with `--past 0`. `port`: where it listens."""
+    """Make the past for the role in `settings`; None with `--past 0`. `port`: where the relay listens."""
     if settings.past is None:
         return None
     deletions, told = Deletions(), None

@@ -1,4 +1,4 @@
-"""Obeys what was ordered to be deleted of the past, in this process's memory, and tells of it."""
+"""Executes deletions of the past in this process's memory, and logs them."""
 
 from __future__ import annotations
 
@@ -15,8 +15,10 @@ log = logging.getLogger("posecast_relay")
 
 
 class ObedientMemory:
-    """Stands between the recorder and memory: what is deleted leaves it, and what closes later of it (it was
-    being recorded when the deletion was ordered) does not come in, nor to whatever memory hands it on to.
+    """Wraps memory for the recorder: deleted segments are removed.
+
+    A segment that was being recorded when its deletion was ordered is neither kept when it closes nor passed
+    on.
     """
 
     def __init__(self, kept: MemoryPast, deletions: Deletions) -> None:
@@ -26,20 +28,20 @@ class ObedientMemory:
         deletions.on_added(self._delete)
 
     def add(self, segment: KeptSegment, now: float) -> None:
-        """Keep a segment that has just closed, unless it is deleted. `now`: the core's clock."""
+        """Keep a segment that has just closed, unless it was deleted. `now`: the core's clock."""
         if not self._deletions.cover_segment(segment):
             self._kept.add(segment, now)
 
     def _delete(self, deletion: Deletion) -> None:
         gone = self._kept.delete(deletion)
-        is_new = deletion.at_ms >= self._began_ms  # others were told by who was there
+        is_new = deletion.at_ms >= self._began_ms  # older ones were logged by an earlier process
         level = logging.WARNING if gone or is_new else logging.INFO
         count = write_count(len(gone), "segment")
         log.log(level, "past delete: %s: deleted %s from memory", describe_deletion(deletion), count)
 
 
 def describe_deletion(deletion: Deletion) -> str:
-    """Describe in a few words what is deleted."""
+    """Describe in a few words what a deletion covers."""
     view = "all views" if deletion.view is None else f"view {deletion.view}"
     return f"{deletion.robot}, {view}, {_write(deletion.from_ms)} to {_write(deletion.to_ms)}"
 
@@ -47,5 +49,5 @@ def describe_deletion(deletion: Deletion) -> str:
 def _write(unix_ms: int) -> str:
     try:
         return datetime.fromtimestamp(unix_ms / 1000, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
-    except (ValueError, OverflowError, OSError):  # beyond the year 9999
+    except (ValueError, OverflowError, OSError):  # after the year 9999
         return f"{unix_ms} ms"

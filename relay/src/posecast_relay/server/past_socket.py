@@ -1,14 +1,14 @@
-"""The socket by which `posecast-relay past` reaches what a running relay has in memory alone.
+"""The socket through which `posecast-relay past` reaches the memory of a running relay.
 
-A Unix socket that only the relay's own user may open: `--past-socket`, else `posecast-relay-PORT.sock` in
-$XDG_RUNTIME_DIR, else none. One line of JSON asks, one answers:
+A Unix socket that only the relay's user may open: `--past-socket`, otherwise `posecast-relay-PORT.sock` in
+$XDG_RUNTIME_DIR, otherwise none. A request and a response are one line of JSON each:
 
     {"do": "list"}                          {"rows": [[robot, view, day, from_ms, to_ms, bytes, segments], …]}
     {"do": "where"}                         {"store": "s3://BUCKET/PREFIX"}, or null: there is only memory
     {"do": "delete", "deletion": "{…}"}     {"segments": 12, "bytes": 34567}, or {"error": "…"}
 
-A relay that keeps the past in a store too deletes nothing by this way, since the store would keep it: what is
-ordered in the store itself reaches memory as well.
+A relay that also keeps the past in a store refuses to delete through this socket, because the store would
+keep it. Deletions ordered in the store reach its memory too.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ from posecast_relay.plain_json import json_bytes
 log = logging.getLogger("posecast_relay")
 
 LINE_BYTES_MAX = 1 << 16
-PATIENCE_S = 5.0  # for a whole line
+PATIENCE_S = 5.0  # to receive a whole line
 DAY_MS = 86_400_000
 
 
 class PastSocket:
-    """Takes orders at `path` while it is open. `store`: the URL of the store that has the past as well."""
+    """Accepts requests at `path` while it is open. `store`: the URL of the store that also has the past."""
 
     def __init__(self, path: Path, kept: MemoryPast, deletions: Deletions, store: str | None = None) -> None:
         self._path = path
@@ -46,7 +46,7 @@ class PastSocket:
         self._server: asyncio.Server | None = None
 
     async def __aenter__(self) -> PastSocket:
-        """Open it. Where that is not possible one line in the log says so, and the relay goes on."""
+        """Open the socket. If that fails, log one line and go on without it."""
         try:
             self._server = await asyncio.start_unix_server(
                 self._answer, sock=_bind(self._path), limit=LINE_BYTES_MAX
@@ -71,7 +71,7 @@ class PastSocket:
                 line = await reader.readline()
                 writer.write(self._carry_out(line) + b"\n")
                 await writer.drain()
-        except (ValueError, OSError, TimeoutError):  # too long, too late, or gone
+        except (ValueError, OSError, TimeoutError):  # too long, timed out, or disconnected
             pass
         finally:
             with contextlib.suppress(OSError):
@@ -86,7 +86,7 @@ class PastSocket:
                 return json_bytes({"store": self._store})
             if isinstance(doc, dict) and doc.get("do") == "delete":
                 if self._store is not None:
-                    return json_bytes({"error": f"its past is in a store too: give --past {self._store}"})
+                    return json_bytes({"error": f"its past is also in a store: use --past {self._store}"})
                 before = len(self._kept), self._kept.bytes
                 self._deletions.add(unpack_deletion(str(doc.get("deletion")).encode()))
                 return json_bytes(
@@ -94,7 +94,7 @@ class PastSocket:
                 )
         except ValueError as e:
             return json_bytes({"error": str(e)})
-        return json_bytes({"error": "want list, where or delete"})
+        return json_bytes({"error": "unknown request: want list, where or delete"})
 
     def _list(self) -> list[list[object]]:
         rows: dict[tuple[str, str, int], list[int]] = {}
@@ -111,7 +111,7 @@ class PastSocket:
 
 
 def find_socket_path(given: Path | None, port: int) -> Path | None:
-    """Return where the socket of a relay that listens on `port` is; None where there is none."""
+    """Return the path of the socket of a relay that listens on `port`; None if there is none."""
     folder = os.environ.get("XDG_RUNTIME_DIR")
     if given is None and folder and Path(folder).is_dir():
         return Path(folder) / f"posecast-relay-{port}.sock"
@@ -119,8 +119,9 @@ def find_socket_path(given: Path | None, port: int) -> Path | None:
 
 
 def _bind(path: Path) -> socket.socket:
-    """Bind a socket that only this user may open; a file that a killed process left is replaced. Raises
-    OSError.
+    """Bind a socket that only this user may open, replacing the file of a killed process.
+
+    Raises OSError.
     """
     opened = socket.socket(socket.AF_UNIX)
     try:
@@ -131,7 +132,7 @@ def _bind(path: Path) -> socket.socket:
                 except ConnectionRefusedError:
                     path.unlink()
                 else:
-                    raise OSError("another process listens there")
+                    raise OSError("another process listens on it")
         before = os.umask(0o177)
         try:
             opened.bind(str(path))

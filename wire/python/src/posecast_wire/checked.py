@@ -13,7 +13,7 @@ DEPTH_MAX = 64  # levels of a document, itself the first
 SHOWN_MAX = 160  # characters of a place or a reason in a line
 SURROGATE = re.compile("[\ud800-\udfff]")
 UNFIT = re.compile("[\x00-\x1f\x7f-\x9f\ud800-\udfff]")
-# Python counts these as printable, and nobody sees them: joiners, fillers, variation selectors
+# invisible, although Python counts them as printable: joiners, fillers, variation selectors
 UNSEEN = frozenset("\u034f\u115f\u1160\u17b4\u17b5\u180b\u180c\u180d\u180f\u2800\u3164\uffa0")
 UNSEEN |= frozenset(map(chr, (*range(0xFE00, 0xFE10), *range(0xE0100, 0xE01F0))))
 # zero-width non-joiner and joiner, left-to-right and right-to-left mark: unseen, and yet part of how Persian,
@@ -48,7 +48,7 @@ def loads(text: str | bytes) -> object:
     """Parse JSON as browsers do. Raises ValueError for invalid JSON and for what `check_document` refuses
     (SPEC §1)."""
     if isinstance(text, bytes):
-        text = text.decode()  # json would guess at UTF-16, and take half a surrogate pair
+        text = text.decode()  # json would guess UTF-16, and accept half a surrogate pair
     if not is_unicode(text):
         raise ValueError("not Unicode")
     try:
@@ -70,7 +70,7 @@ def check_document(document: object) -> None:
     for _ in range(DEPTH_MAX):
         try:
             level = _checked(level)
-        except OverflowError:  # a whole number past every double
+        except OverflowError:  # an integer too large for a double
             raise ValueError("a number that is not finite") from None
         if not level:
             return
@@ -78,7 +78,7 @@ def check_document(document: object) -> None:
 
 
 def _checked(level: list[object]) -> list[object]:
-    """What stands inside the values of a level, which are found sound themselves."""
+    """Return the values inside the values of a level, after checking the level itself."""
     inside: list[object] = []
     for value in level:
         if isinstance(value, str):
@@ -163,6 +163,6 @@ def check_texts(value: object, where: str, most: int) -> tuple[str, ...]:
     for i, item in enumerate(listed):
         name = check_text(item, f"{where}[{i}]")
         if name in found:
-            fail(where, f"'{name}' stands there twice")
+            fail(where, f"'{name}' appears twice")
         found[name] = None
     return tuple(found)

@@ -1,4 +1,4 @@
-"""The reasons for which a stream may end: every close code, and what the viewer does next (also
+"""The reasons why a stream ends: every close code, and what the viewer does next (also
 `wire/closes.json`)."""
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ class Retry(str, Enum):
     """What a viewer does after a stream has ended."""
 
     BACKOFF = "backoff"  # full jitter: random(0 … min(30 s, 0.5 s × 2^attempt))
-    SPREAD = "spread"  # first after random(0 … retry_s of `bye`, 10 s when it told none), then backoff
-    WAIT = "wait"  # not before retry_s of `bye` (30 s when it told none), then backoff
-    NEVER = "never"  # not by itself: asking again will not help until a person does something
+    SPREAD = "spread"  # first after random(0 … retry_s of `bye`, 10 s if it has none), then backoff
+    WAIT = "wait"  # not before retry_s of `bye` (30 s if it has none), then backoff
+    NEVER = "never"  # not automatically: retrying can't help until a person acts
 
 
 class Ending(NamedTuple):
@@ -52,22 +52,22 @@ ENDINGS: dict[Close, Ending] = {
     Close.NOT_ALLOWED: Ending("not allowed", "a viewer sent a message the relay does not know", Retry.NEVER),
     Close.TOO_LONG: Ending("too long", "a viewer sent a message over 4 KiB", Retry.NEVER),
     Close.INTERNAL_ERROR: Ending(
-        "internal error", "the relay met a fault of its own at this connection", Retry.BACKOFF
+        "internal error", "the relay had an internal error on this connection", Retry.BACKOFF
     ),
     Close.DRAIN: Ending("drain", "the relay is being replaced", Retry.SPREAD),
-    Close.FULL: Ending("full", "the relay has as many viewers as it takes", Retry.WAIT),
+    Close.FULL: Ending("full", "the relay has no room for more viewers", Retry.WAIT),
     Close.AGE_LIMIT: Ending("age limit", "connections are renewed from time to time", Retry.SPREAD),
     Close.TOKEN: Ending("token", "the link or sign-in is missing, wrong or expired", Retry.NEVER),
-    Close.FORBIDDEN: Ending("forbidden", "this robot or view is not for this viewer", Retry.NEVER),
+    Close.FORBIDDEN: Ending("forbidden", "this viewer may not see this robot or view", Retry.NEVER),
     Close.ABSENT: Ending("absent", "there is no such robot here", Retry.NEVER),
     Close.HALF_OPEN: Ending("half-open", "the viewer no longer answered", Retry.BACKOFF),
     Close.NO_ACK: Ending("no acknowledgement", "the viewer no longer acknowledged frames", Retry.BACKOFF),
     Close.TOO_MANY: Ending("too many messages", "the viewer sent messages too fast", Retry.WAIT),
-    Close.EVENTS_FULL: Ending("event queue full", "the viewer was too slow for the events", Retry.BACKOFF),
+    Close.EVENTS_FULL: Ending("event queue full", "the viewer was too slow to receive events", Retry.BACKOFF),
 }
 
 
 def retry_of(code: int) -> Retry:
-    """What to do after a close code; an unknown one (1006, or a proxy's own) means BACKOFF."""
+    """Return what to do after a close code. An unknown code (1006, or a proxy's) means BACKOFF."""
     known = code in Close._value2member_map_
     return ENDINGS[Close(code)].retry if known else Retry.BACKOFF

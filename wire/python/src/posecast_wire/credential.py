@@ -1,4 +1,4 @@
-"""A robot's credential: the line that `posecast-relay robots add` prints and an edge is given in a file."""
+"""A robot's credential: the line that `posecast-relay robots add` prints, which an edge reads from a file."""
 
 from __future__ import annotations
 
@@ -38,15 +38,16 @@ class Credential:
         is invalid."""
         lines = [line for raw in text[: LINE_MAX + 1].splitlines() if (line := raw.strip())]
         if len(text) > LINE_MAX or len(lines) != 1:
-            raise ValueError("no credential: want the one line that `posecast-relay robots add` printed")
+            raise ValueError("invalid credential: want the one line that `posecast-relay robots add` printed")
         kind, *rest = lines[0].split(":")
         if kind != KIND or not 2 <= len(rest) <= 3:
-            raise ValueError(f"no credential: want {KIND}:ROBOT:SECRET")
-        if len(rest[0]) >= SECRET_LETTERS and not ROBOT_ID.fullmatch(rest[0]):  # not to be quoted
-            raise ValueError("no credential: its robot is none; perhaps the secret stands there")
+            raise ValueError(f"invalid credential: want {KIND}:ROBOT:SECRET")
+        # a long text in the robot's place may be the secret, so don't quote it
+        if len(rest[0]) >= SECRET_LETTERS and not ROBOT_ID.fullmatch(rest[0]):
+            raise ValueError("invalid credential: not a robot's name; perhaps the secret is in its place")
         check_name("robot", rest[0])
         if not SECRET.fullmatch(rest[1]):
-            raise ValueError("no credential: its secret is cut short or mistyped")
+            raise ValueError("invalid credential: its secret is cut short or mistyped")
         return cls(rest[0], rest[1], _pem(rest[2]) if len(rest) == 3 else None)
 
 
@@ -56,4 +57,4 @@ def _pem(text: str) -> str:
     try:
         return ssl.DER_cert_to_PEM_cert(base64.b64decode(text, validate=True))
     except (binascii.Error, ValueError):
-        raise ValueError("no credential: its certificate is cut short or mistyped") from None
+        raise ValueError("invalid credential: its certificate is cut short or mistyped") from None

@@ -10,7 +10,7 @@ from posecast_wire.schema import CODE_MAX, MISSING, Schema
 
 KEY_ORDER = 4
 ALL_ZERO = 15
-REFS_MAX = 4  # the newest; a sender names only the very newest, the rest is for a channel that reorders
+REFS_MAX = 4  # the newest; senders name only the very newest, the others are for channels that reorder
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Decoder:
         bits.end()
         result = Frame(schema, header.seq, header.t, codes)
         key_id = frame_id(frame)
-        if self._key is None or self._key[0] != key_id:  # the same KEY once more retires nothing
+        if self._key is None or self._key[0] != key_id:  # a repeated KEY retires nothing
             self._key = (key_id, _Base(result, orders))
             self._refs = {}
         return result
@@ -104,7 +104,7 @@ def _check_size(frame: bytes, bytes_max: int) -> None:
 
 
 class _Bits:
-    """A frame's body as a text of 0 and 1: finding the next 1 is then one fast call."""
+    """A frame's body as a string of 0 and 1, so that finding the next 1 is one fast call."""
 
     def __init__(self, frame: bytes, offset: int) -> None:
         body = frame[offset:]

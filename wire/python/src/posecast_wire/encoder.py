@@ -13,11 +13,11 @@ from posecast_wire.schema import CODE_MAX, MISSING, Field, Schema
 
 ORDER_MAX = 15  # of the exp-Golomb code
 KEY_ORDER = 4  # every channel's order in a KEY's own body
-NEW_ORDER = 3  # a channel's order before anything is known of it
+NEW_ORDER = 3  # a channel's order before any statistics
 NIBBLE_MAX = 14
 NIBBLES = [f"{n:04b}" for n in range(16)]
-ALL_ZERO = "1111"  # the nibble of a field that did not move
-LEARNING_FRAMES = 8  # an idle robot sends as many in a KEY interval
+ALL_ZERO = "1111"  # the nibble of a field that did not change
+LEARNING_FRAMES = 8  # as many as an idle robot sends in a KEY interval
 KEPT_CODES = 1024  # per order: 0.15 MB, and a robot needs few of the 16 orders
 # order = round(log2(0.69 × mean z)), as thresholds on the mean so that both languages agree to the bit
 ORDER_STEPS = tuple(1.0247924945978928 * (1 << k) for k in range(1, ORDER_MAX + 1))
@@ -30,7 +30,7 @@ def encode_golomb(z: int, k: int) -> str:
 
 
 class _Codes(dict[int, str]):
-    """The codes of one order, made when first asked for; large ones are not kept."""
+    """The codes of one order, created on demand. Large ones are not kept."""
 
     def __init__(self, k: int) -> None:
         super().__init__()
@@ -107,7 +107,7 @@ class Encoder:
         return self._encode_from(base, is_ref, codes, distance, t_ms)
 
     def _encode_key(self, codes: Sequence[int], seq: int, t_s: float, now_s: float) -> bytes:
-        if self._z_frames >= LEARNING_FRAMES:  # else the old orders are better, and learning goes on
+        if self._z_frames >= LEARNING_FRAMES:  # otherwise the old orders are better, and learning continues
             frames = self._z_frames
             self._orders = [bisect_right(ORDER_STEPS, total / frames) for total in self._z_sums]
             self._rows = _Rows(self._orders)
@@ -141,8 +141,8 @@ class Encoder:
         return frame
 
     def _body(self, codes: Sequence[int], base: Sequence[int], rows: _Rows, learn: bool) -> str:
-        """Bits of all fields against a base. `learn`: how far channels moved counts for later orders."""
-        moved: dict[int, list[int]] = {}  # by where the field starts; [] for one that stands, as most do
+        """Return the bits of all fields against a base. `learn`: use the changes for later orders."""
+        moved: dict[int, list[int]] = {}  # by the field's start; [] for an unchanged field, like most
         for start, stop, _, _ in self._spans:
             field, still = codes[start:stop], base[start:stop]
             moved[start] = [] if field == still else list(map(sub, field, still))
@@ -181,14 +181,15 @@ class _Span(NamedTuple):
 
 
 class _Rows:
-    """The rows of all fields for one table of orders, and the search for a field's best nibble."""
+    """The rows of all fields for one table of orders; finds a field's best nibble."""
 
     def __init__(self, orders: list[int]) -> None:
         self._orders = orders
         self._rows: dict[tuple[int, int], _Row] = {}
 
     def choose_shortest(self, start: int, stop: int, z: list[int]) -> str:
-        """Nibble and codes of one field: walks downhill from what the mean z suggests."""
+        """Return the nibble and codes of one field, searching downhill from the value suggested by the mean
+        z."""
         suggested = bisect_right(ORDER_STEPS, sum(z) / len(z))
         usual = sum(self._orders[start:stop]) // len(z)
         n = max(0, min(NIBBLE_MAX, suggested - usual + 4))
@@ -198,7 +199,7 @@ class _Rows:
             while 0 <= m <= NIBBLE_MAX and (bits := self._row(start, stop, m).to_bits(z)) < least:
                 least, n, m = bits, m, m + step
             if m != n + step:
-                break  # it was downhill this way, so it is uphill the other way
+                break  # downhill in this direction means uphill in the other
         return NIBBLES[n] + "".join(map(getitem, self._row(start, stop, n).codes, z))
 
     def _row(self, start: int, stop: int, n: int) -> _Row:
@@ -221,8 +222,10 @@ class _Row(NamedTuple):
         return cls([CODES[k] for k in orders], [1 << k for k in orders], sum(orders) + len(orders))
 
     def to_bits(self, z: list[int]) -> int:
-        """How long the codes would be, without making them: each has as many zeros before its first 1 as bits
-        after it, but for the order."""
+        """Return the length of the codes without making them.
+
+        Each has as many zeros before its first 1 as bits after it, not counting the order.
+        """
         return 2 * sum(map(int.bit_length, map(add, z, self.powers))) - self.fixed_bits
 
 

@@ -1,5 +1,7 @@
-"""The page of KEYs (SPEC §11): the first pose of each segment of ten minutes, for looking through them.
-Not imported with `posecast_wire`, since an edge needs none of it."""
+"""The page of KEYs (SPEC §11): the first pose of each segment in ten minutes, for browsing.
+
+`posecast_wire` does not import it, because an edge does not need it.
+"""
 
 from __future__ import annotations
 
@@ -36,10 +38,13 @@ POSE = 1  # the kind of an entry
 
 @dataclass(frozen=True)
 class KeyPose:
-    """The first pose of a segment: its first frame, accepted at `at_ms` (Unix time, rounded down), `late_us`
-    µs late then. `frame` is a KEY, or `copies` has the KEY, and the newest REF if there was one: they are
-    decoded before it, and are no poses of this moment. `take`, `run_id`: u64; `index`: of the segment in its
-    take; `schema`, `model`: SHA-256, hexadecimal."""
+    """The first pose of a segment: its first frame, accepted at `at_ms` (Unix ms, rounded down), then
+    `late_us` late.
+
+    `frame` is a KEY, or `copies` has the KEY and any newest REF; these are decoded first and are not poses of
+    this moment. `take`, `run_id`: u64; `index`: of the segment in its take; `schema`, `model`: SHA-256 in
+    hexadecimal.
+    """
 
     at_ms: int
     take: int
@@ -64,19 +69,22 @@ class KeyPage:
 
 
 def pick_pose(segment: Segment | bytes) -> KeyPose | None:
-    """The first pose of a segment; None if it has no frames. Of bytes only what stands before the first frame
-    is decoded. Raises SegmentError when they are no segment."""
+    """Return the first pose of a segment; None if it has no frames. Of bytes it decodes only up to the first
+    frame.
+
+    Raises SegmentError if they are not a segment.
+    """
     return _pick(*_begin(segment))
 
 
 def encode_key_page(
     robot: str, view: str, from_ms: int, segments: Iterable[Segment | bytes | KeyPose], every: int = 1
 ) -> bytes:
-    """The page of segments in any order, or of poses picked of them before.
+    """Encode the page of segments in any order, or of poses picked earlier.
 
-    `from_ms`: the beginning of the ten minutes, Unix time. `every`: takes each n-th pose, from the first; of
-    more than fit, each 2n-th, and so on. Raises SegmentError for segments of another robot or view, outside
-    the ten minutes, or given twice.
+    `from_ms`: the start of the ten minutes, Unix ms. `every`: takes each n-th pose, starting with the first;
+    if that is too many, each 2n-th, and so on. Raises SegmentError for segments of another robot or view,
+    outside the ten minutes, or given twice.
     """
     if every < 1:
         refuse("every", f"{every}, at least 1 allowed")
@@ -103,7 +111,7 @@ def encode_key_page(
 
 
 def decode_key_page(data: bytes) -> KeyPage:
-    """Decode a page. Entries of unknown kinds are passed over. Raises SegmentError when it is invalid."""
+    """Decode a page, skipping entries of unknown kinds. Raises SegmentError if it is invalid."""
     if len(data) > PAGE_BYTES_MAX:
         refuse(f"byte {PAGE_BYTES_MAX}", f"page of {len(data)} bytes, {PAGE_BYTES_MAX} allowed")
     envelope = open_envelope(data, MAGIC, KEY_PAGE_VERSION, "page of KEYs")
@@ -250,7 +258,7 @@ def _read_row(r: ByteReader, what: str, hashes: list[str]) -> str | None:
 
 
 def _check_frames(copies: Sequence[bytes], frame: bytes) -> int:
-    """The number of the frame, which is a KEY or has its base in the copies."""
+    """Return the number of the frame, which must be a KEY or have its base in the copies."""
     chain = FrameChain()
     for copy in copies:
         chain.add_copy(copy)

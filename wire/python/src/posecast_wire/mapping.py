@@ -87,8 +87,8 @@ class Threshold:
 
 @dataclass(frozen=True)
 class Sentence:
-    """What a bit means, in one language: `say` with places for names and values (SPEC §2); `why`, one more
-    sentence, or None."""
+    """The meaning of a bit in one language. `say`: with placeholders for names and values (SPEC §2); `why`:
+    one more sentence, or None."""
 
     say: str
     why: str | None = None
@@ -96,10 +96,12 @@ class Sentence:
 
 @dataclass(frozen=True)
 class BalanceRule:
-    """What the robot stands on. `feet`: sites of wrench sensors, or links; `ground`: which of them bear,
-    those whose wrench says so or the lowest; `soles`: the corners of a foot's sole, metres, in its link, by
-    its name in `feet`. What is None or missing the model and the sensors say
-    (docs/reference/model-bundle.md)."""
+    """What the robot stands on.
+
+    `feet`: sites of wrench sensors, or links; `ground`: how to find the loaded feet, by their wrench or as
+    the lowest; `soles`: the corners of a foot's sole, in metres in its link, by its name in `feet`. Missing
+    parts come from the model and the sensors (docs/reference/model-bundle.md).
+    """
 
     feet: tuple[str, ...] | None = None
     ground: Ground | None = None
@@ -114,7 +116,7 @@ class Mapping:
     joints: ReadOnly[str, JointMap] = field(default_factory=dict)
     sensors: ReadOnly[str, SensorMount] = field(default_factory=dict)
     names: ReadOnly[str, str] = field(default_factory=dict)
-    # language → channel or site → words; where a language has none, those of `names` count
+    # language → channel or site → words; `names` is the fallback
     translated_names: ReadOnly[str, ReadOnly[str, str]] = field(default_factory=dict)
     thresholds: ReadOnly[str, ReadOnly[str, Threshold]] = field(default_factory=dict)
     tolerances: ReadOnly[str, float] = field(default_factory=dict)
@@ -134,7 +136,7 @@ class Mapping:
         return of_field.get(label) or of_field.get(ANY)
 
     def find_tolerance(self, channel: str) -> float | None:
-        """By how much ref and pos may differ before it is shown (rad or m), or None."""
+        """Return how far ref and pos may differ before it is shown (rad or m), or None."""
         return self.tolerances.get(channel, self.tolerances.get(ANY))
 
     def find_severity(self, field_name: str, bit: str) -> Severity:

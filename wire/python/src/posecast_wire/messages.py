@@ -10,7 +10,7 @@ from posecast_wire.checked import is_number, loads
 from posecast_wire.closes import Close
 
 MESSAGE_BYTES_MAX = 4096  # of one viewer's message
-COUNT_MAX = (1 << 53) - 1  # the largest whole number a browser counts to
+COUNT_MAX = (1 << 53) - 1  # the largest exact integer in a browser
 HZ_MIN = 0.1  # the lowest rate that still shows a robot move
 HZ_MAX = 1000
 TIME_MAX_S = 1e12  # of any clock, either way: 31,700 years, and milliseconds still fit a double
@@ -166,7 +166,7 @@ class Ping:
 
 ViewerMessage = Rate | Ack | Auth | Ping
 
-_ACK = re.compile(rb'\{"type":"ack","n":(0|[1-9][0-9]{0,14})\}')  # as our page writes it
+_ACK = re.compile(rb'\{"type":"ack","n":(0|[1-9][0-9]{0,14})\}')  # the form that our page writes
 
 
 class MessageError(ValueError):
@@ -181,7 +181,7 @@ def parse_viewer_message(text: str | bytes) -> ViewerMessage:
     """Parse a viewer's message. Raises MessageError: 1007 if it is not UTF-8, 1009 above 4 KiB, 1008 if it is
     none of the four messages."""
     if isinstance(text, bytes) and (found := _ACK.fullmatch(text)) is not None:
-        return Ack(int(found[1]))  # nearly all that a relay hears, so it is spared the rest
+        return Ack(int(found[1]))  # nearly every message is an ack, so skip the full parser
     doc = _document(text)
     kind = doc.get("type")
     if kind == "rate":

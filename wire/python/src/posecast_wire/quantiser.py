@@ -48,7 +48,7 @@ class Quantiser:
 
 
 class _FieldCodes:
-    """The last codes of one field, and the values that made them: many stand still from frame to frame."""
+    """The last codes of one field, and their values: many do not change from frame to frame."""
 
     def __init__(self, f: Field, deadband_lsb: float, strides: Sequence[int]) -> None:
         self.start, self.stop = f.start, f.start + f.size
@@ -75,7 +75,7 @@ class _FieldCodes:
                 continue
             try:
                 x = v / scale
-            except OverflowError:  # an int past every float
+            except OverflowError:  # an int too large for a float
                 x = inf
             old = last[i]
             if -keep <= x - old <= keep and old != MISSING:  # NaN fails this and every comparison

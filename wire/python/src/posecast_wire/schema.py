@@ -1,4 +1,4 @@
-"""The schema: which channels a stream has, in which order, and the unit and step of their codes."""
+"""The schema: the channels of a stream, their order, and the unit and step of their codes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from posecast_wire.fnv import fnv1a32
 from posecast_wire.mapping import Mapping, parse_mapping
 
 MISSING = -(1 << 28)  # the code of "no reading"
-CODE_MAX = (1 << 28) - 1  # readings lie in -CODE_MAX … CODE_MAX
+CODE_MAX = (1 << 28) - 1  # codes of readings are in -CODE_MAX … CODE_MAX
 BITS_MAX = 28
 CHANNELS_MAX = 4096
 TEXT_BYTES_MAX = 1 << 18
@@ -43,7 +43,7 @@ class Field:
     label_set: str
     unit: str
     scale: float
-    rel: str | None  # the earlier field whose movement this one shares
+    rel: str | None  # the earlier field whose changes this one shares
     bits: tuple[str, ...]  # names, lowest bit first; empty for a number
     slow: bool
     start: int
@@ -147,7 +147,7 @@ def _field(
     if not FIELD_NAME.fullmatch(name):
         fail(f"{where}.name", f"'{name}' must be a letter or _ and then letters, digits or _, 63 at most")
     if name in earlier:
-        fail(f"{where}.name", f"'{name}' stands there twice")
+        fail(f"{where}.name", f"'{name}' appears twice")
     label_set = check_text(doc.get("labels"), f"{where}.labels")
     labels = sets.get(label_set)
     if not labels:

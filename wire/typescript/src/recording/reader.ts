@@ -112,7 +112,7 @@ function readSchemas(members: Members): Map<string, string> {
     const where = `schemas[${i}]`;
     const schema = object(value, where);
     const sha256 = sha256Of(schema.get('sha256'), `${where}.sha256`);
-    if (schemas.has(sha256)) refuse(`${where}.sha256`, 'stands there twice');
+    if (schemas.has(sha256)) refuse(`${where}.sha256`, 'appears twice');
     const text = schema.get('text');
     if (typeof text !== 'string' || text === '' || !isWithin(text, SCHEMA_BYTES_MAX))
       refuse(`${where}.text`, `must be a text of 1 to ${SCHEMA_BYTES_MAX} bytes`);
@@ -130,7 +130,7 @@ function readModels(members: Members): string[] {
   const models = new Set<string>();
   for (const [i, value] of items(members.get('models'), 'models', HASHES_MAX).entries()) {
     const sha256 = sha256Of(value, `models[${i}]`);
-    if (models.has(sha256)) refuse(`models[${i}]`, 'stands there twice');
+    if (models.has(sha256)) refuse(`models[${i}]`, 'appears twice');
     models.add(sha256);
   }
   return [...models];
@@ -142,7 +142,7 @@ function readTakes(members: Members): Take[] {
     const where = `takes[${i}]`;
     const row = object(value, where);
     const take = u64(row.get('take'), `${where}.take`);
-    if (takes.has(take)) refuse(`${where}.take`, 'stands there twice');
+    if (takes.has(take)) refuse(`${where}.take`, 'appears twice');
     takes.set(take, u64(row.get('run'), `${where}.run`));
   }
   return [...takes];

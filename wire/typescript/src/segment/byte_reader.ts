@@ -75,7 +75,7 @@ export class ByteReader {
     const info = new Map<string, string>();
     for (let left = this.varint(`${what} count`, bytesMax); left > 0; left--) {
       const name = this.text(`${what} name`, bytesMax);
-      if (info.has(name)) this.fail(what, 'a name stands there twice');
+      if (info.has(name)) this.fail(what, 'a name appears twice');
       info.set(name, this.text(`${what} text`, bytesMax));
       if (this.at - start > bytesMax) break;
     }

@@ -1,6 +1,6 @@
-"""Makes bones for a robot with hardly any shells: its links from joint to joint, its joints as their axes.
+"""Makes bones for a robot with few visuals: its links as lines from joint to joint, its joints as axes.
 
-The page makes the same of a URDF that it shows itself (spa/src/urdf/bones.ts)."""
+The page does the same for a URDF that it reads itself (spa/src/urdf/bones.ts)."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from posecast_edge.model.kinematics import matrix_from_quaternion, normalise_axi
 from posecast_edge.model.urdf.tree import Tree
 from posecast_edge.model.urdf.types import SCALAR_TYPES, ZERO, Joint, Pose, Vector
 
-LEAST = 1e-6  # m, a shorter bone is none
-# parts of a bone's length, and of the longest way from the root to a tip
+LEAST = 1e-6  # m; shorter bones are left out
+# shares of a bone's length, and of the longest way from the root to a tip
 THICK, THICK_MAX = 0.09, 0.016  # half a bone's thickness
 WIDE, WIDE_MAX = 0.16, 0.024  # the radius of a joint's disc
-THIN = 0.003  # the least of both, of the longest way: a hair would not be seen
-STUB = 0.4  # length of what shows how a last link turns, of the bone before it
+THIN = 0.003  # minimum of both, as a share of the longest way: thinner would be invisible
+STUB = 0.4  # length of the stub that shows how a last link turns, as a share of the bone before it
 
 
 @dataclass(frozen=True)
@@ -35,12 +35,12 @@ class Bone:
 
 
 def make_bones(tree: Tree, dressed: Collection[int]) -> dict[int, tuple[Bone, ...]]:
-    """The bones and axes of the links without shells, by the link's index, if they are most of it; else
-    none.
+    """The bones and axes of the links without shells, by the link's index, if most links have none;
+    otherwise {}.
 
-    `dressed`: the indices of links with shells. Links that fixed joints hold together count as one.
+    `dressed`: the indices of links with shells. Links connected by fixed joints count as one.
     """
-    rigid = [0]  # the first link of those that each link is held together with
+    rigid = [0]  # for each link, the first of the links that it is rigidly connected to
     for i, joint in enumerate(tree.joints):
         rigid.append(rigid[tree.index[joint.parent]] if joint.type == "fixed" else i + 1)
     clothed = {rigid[link] for link in dressed}

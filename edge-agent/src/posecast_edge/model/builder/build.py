@@ -44,12 +44,12 @@ from posecast_edge.model.urdf.types import AUTO
 Vectors = NDArray[np.float64]
 Triangles = tuple[Vectors, Vectors, Vectors]  # corners and normals (m, 3, 3), display colours (m, 3)
 
-ROUGH = 15  # a rung: 0.2 % of the robot's size. Beyond, gaps open between shells that touch, for few bytes
-PATIENCE = 1.5  # a level may be so much larger than it should to spare that
+ROUGH = 15  # a rung: 0.2 % of the robot's size. Coarser rungs open gaps between shells and save few bytes
+PATIENCE = 1.5  # to avoid that, a level may exceed its budget by this factor
 
-THUMBNAIL_MAX = 300_000  # triangles in the small picture; only a heap that nothing makes smaller has more
+THUMBNAIL_MAX = 300_000  # triangles in the thumbnail; only a mesh that can't be simplified has more
 
-NEAR = 1.25  # a level that is that near to the next coarser one, or to its own aim, is taken for it
+NEAR = 1.25  # a level within this factor of the next coarser one, or of its own target, counts as equal
 
 
 @dataclass(frozen=True)
@@ -90,8 +90,8 @@ class Built:
 
 
 def build_model(robot: RobotFile, resolver: Resolver, progress: Progress, up_axis: str = AUTO) -> Built:
-    """Build a robot's bundle. `up_axis`: whether its Collada files mean the one they name (UP_AXIS_MODES).
-    Raises ModelRefused when there is no robot at all in it."""
+    """Build a robot's bundle. `up_axis`: how to treat the up axis of Collada files (one of UP_AXIS_MODES).
+    Raises ModelRefused when the file has no robot."""
     urdf = robot.urdf
     tree = build_tree(urdf)
     if not tree.links:
@@ -144,7 +144,7 @@ def build_model(robot: RobotFile, resolver: Resolver, progress: Progress, up_axi
 
 
 def _levels(figure: Figure, size: float, progress: Progress) -> dict[str, Level]:
-    """Coarsest first; one that would be no smaller than the next finer one is left out."""
+    """The levels, coarsest first, without those that are no smaller than the next finer one."""
     boxes = [looks.mesh.compute_box() for looks in figure.looks]
     sizes = [float((high - low).max()) for low, high in boxes]
     rungs = count_rungs(sizes, size)
@@ -174,8 +174,8 @@ def _levels(figure: Figure, size: float, progress: Progress) -> dict[str, Level]
 def _fitted(
     at: Callable[[int], Level], bodies: Sequence[Body], placed: Sequence[Placed], rungs: int, aim: LodBudget
 ) -> Level:
-    """The finest level that is about what it should be; the coarsest there is where none is that small, and
-    with more triangles than it should have, one whose surfaces move further."""
+    """The finest level within the budget. If none is small enough, the coarsest; and if that still has too
+    many triangles, one with a larger error."""
 
     def triangles(step: int) -> int:
         return sum(len(s.ladder.get_rung(step)[1]) for b in bodies for s in b.skins)
@@ -206,7 +206,7 @@ def _fitted(
 
 
 def _robot_box(figure: Figure, poses: Sequence[Vectors]) -> tuple[Vectors, Vectors] | None:
-    """Lowest and highest corner of everything, in the root link."""
+    """The lowest and highest corner of the whole robot, in the root link's frame."""
     if not figure.visuals:
         return None
     boxes = [_box(figure.looks[v.looks], poses[v.link] @ _matrix(v)) for v in figure.visuals]

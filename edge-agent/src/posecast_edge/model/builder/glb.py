@@ -1,5 +1,5 @@
-"""Writes binary glTF 2.0 files (GLB), packed (EXT_meshopt_compression) where meshoptimizer is there. The same
-input gives the same bytes."""
+"""Writes binary glTF 2.0 files (GLB), packed (EXT_meshopt_compression) if meshoptimizer is installed. The
+same input gives the same bytes."""
 
 from __future__ import annotations
 

@@ -13,8 +13,8 @@ from posecast_edge.model.urdf.types import Inertial
 
 
 def make_inertials(tree: Tree, findings: Collection[Finding]) -> list[dict[str, Any]]:
-    """An entry for each link that has a mass, in the links' order; none where one of the findings says that a
-    mass can't be."""
+    """An entry for each link that has a mass, in the links' order; [] if one of the findings reports an
+    impossible mass."""
     if has_impossible_masses(findings):
         return []
     return [
@@ -44,5 +44,5 @@ def turn_inertia(inertial: Inertial) -> tuple[float, ...]:
 
 
 def _round(value: float) -> float:
-    """Seven significant digits, without negative zero: more than anybody measures."""
+    """Seven significant digits, more than can be measured, without negative zero."""
     return float(f"{value:.7g}") + 0.0

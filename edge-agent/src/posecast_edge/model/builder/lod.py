@@ -104,7 +104,7 @@ def _draw(body: Body, fineness: LodSettings) -> Drawn:
 def _write_meshes(
     writer: GlbWriter, bodies: Sequence[Body], drawn: Sequence[Drawn], picture: int
 ) -> dict[int, int]:
-    """The glTF mesh of each body; a body of which nothing is left has none."""
+    """The glTF mesh of each body; none for a body without remaining triangles."""
     parts = [part for d in drawn for _, part in d.parts]
     if not parts:
         return {}
@@ -180,7 +180,7 @@ def _turned(v: Sequence[float], q: tuple[float, float, float, float]) -> list[fl
 
 
 def _short(value: float) -> float:
-    """Nine digits: a tenth of a nanometre on a metre."""
+    """Round to nine digits: a tenth of a nanometre in a metre."""
     return float(f"{value:.9g}")
 
 

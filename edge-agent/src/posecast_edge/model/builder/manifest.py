@@ -16,7 +16,7 @@ from posecast_edge.model.urdf.types import FAR_M, SCALAR_TYPES, UNBOUNDED, Pose,
 
 VERSION = 2
 FINDINGS_MAX = 200
-BYTES_MAX = 1 << 20  # what a relay takes
+BYTES_MAX = 1 << 20  # a relay accepts no more
 
 
 def make_skeleton(urdf: Urdf, tree: Tree) -> dict[str, Any]:
@@ -41,8 +41,8 @@ def compute_home(manifest: Mapping[str, Any]) -> dict[str, float]:
 
 
 def encode_manifest(manifest: Mapping[str, Any]) -> bytes:
-    """The manifest's exact bytes; their SHA-256 identifies the model. Raises ModelRefused when they are more
-    than a relay takes."""
+    """The manifest's exact bytes; their SHA-256 identifies the model. Raises ModelRefused when they are too
+    many for a relay."""
     data = json.dumps(manifest, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
     if len(data) > BYTES_MAX:
         raise ModelRefused(f"its manifest would have {len(data) / 1000:,.0f} kB; a relay takes at most 1 MiB")

@@ -1,8 +1,8 @@
-"""What meshoptimizer does for models, and what takes its place where it is missing: it is compiled when it is
-installed, and not every machine has a C++ compiler.
+"""Simplifies and packs meshes with meshoptimizer, with a fallback where it is missing: installing it needs a
+C++ compiler, which not every machine has.
 
-Without it surfaces are simplified by joining vertices, which leaves more triangles for the same error,
-and nothing is packed.
+Without it, surfaces are simplified by joining vertices, which leaves more triangles for the same error, and
+nothing is packed.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ except ImportError:
 DOUBLINGS = 6
 ALIKE = 0.9  # length of the mean of a flat cell's normals
 HEIGHT = 0.25  # of the error: how far a flat cell's vertices may lie from its plane
-UV_CELLS = 64  # along a texture: vertices of one place but of distant places in the picture stay apart
+UV_CELLS = 64  # along a texture: vertices at one position but far apart in the texture stay separate
 
 
 def can_pack() -> bool:
@@ -34,7 +34,7 @@ def can_pack() -> bool:
 def simplify(
     faces: Faces, positions: NDArray[Any], uv: NDArray[Any] | None, error: float, keeps_border: bool
 ) -> Faces:
-    """Fewer triangles, whose surface is within `error` of the given one, in the units of `positions`. Where
+    """Fewer triangles, whose surface is within `error` of the given one, in the units of `positions`. With
     `keeps_border`, vertices on the edge of the surface stay."""
     if meshoptimizer is None:
         return _join_vertices(faces, positions, uv, error, keeps_border)
@@ -53,7 +53,7 @@ def simplify(
 
 
 def order_for_cache(faces: Faces, vertices: int) -> Faces:
-    """The triangles in an order in which a GPU computes few vertices twice, and in which they pack well."""
+    """The triangles in an order that packs well and lets a GPU compute few vertices twice."""
     if meshoptimizer is None:
         return faces
     indices = np.ascontiguousarray(faces.reshape(-1), np.uint32)
@@ -63,13 +63,13 @@ def order_for_cache(faces: Faces, vertices: int) -> Faces:
 
 
 def pack_attributes(values: NDArray[Any]) -> bytes:
-    """Rows of vertices, packed as EXT_meshopt_compression means. Only where `can_pack`."""
+    """Rows of vertices, packed for EXT_meshopt_compression. Requires `can_pack()`."""
     meshoptimizer.encode_vertex_version(0)
     return bytes(meshoptimizer.encode_vertex_buffer(values))
 
 
 def pack_indices(indices: NDArray[np.uint32], vertices: int) -> bytes:
-    """Corners of triangles, packed as EXT_meshopt_compression means. Only where `can_pack`."""
+    """Corners of triangles, packed for EXT_meshopt_compression. Requires `can_pack()`."""
     meshoptimizer.encode_index_version(1)
     return bytes(meshoptimizer.encode_index_buffer(indices, len(indices), vertices))
 
@@ -121,7 +121,7 @@ def _average(rows: NDArray[Any], group: NDArray[Any], counts: NDArray[Any]) -> N
 
 
 def _compute_normals(place: NDArray[Any], faces: NDArray[Any]) -> NDArray[Any]:
-    """Of each vertex, of length 1; of length 0 where its triangles have no area."""
+    """The unit normal of each vertex; 0 if its triangles have no area."""
     a, b, c = (place[faces[:, corner]] for corner in range(3))
     of_faces = np.cross(b - a, c - a)
     normals = np.zeros_like(place)
@@ -133,7 +133,7 @@ def _compute_normals(place: NDArray[Any], faces: NDArray[Any]) -> NDArray[Any]:
 
 
 def _find_border(faces: NDArray[Any]) -> NDArray[Any]:
-    """The vertices of edges that only one triangle has."""
+    """The vertices of edges that belong to only one triangle."""
     edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     single, counts = np.unique(edges, axis=0, return_counts=True)
     return np.unique(single[counts == 1])

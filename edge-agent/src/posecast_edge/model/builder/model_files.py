@@ -1,4 +1,4 @@
-"""Finds and reads each file that a URDF names once."""
+"""Finds and reads the files that a URDF names, each once."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ Progress = Callable[[int, int, str], None]  # done, of how many, what
 
 @dataclass(frozen=True)
 class MeshFile:
-    """The mesh behind a URI, or the reason why there is none. `path`: None where it needs no file; `hint`:
-    how it was found despite a wrong URI."""
+    """The mesh of a URI, or the reason why there is none. `path`: None if it needs no file; `hint`: how it
+    was found despite a wrong URI."""
 
     uri: str
     path: Path | None
@@ -40,7 +40,7 @@ class Files:
     def __init__(
         self, resolver: Resolver, textured: Collection[str] = (), meshes: Mapping[str, Mesh] | None = None
     ) -> None:
-        """`textured`: URIs of meshes for which the URDF has a picture; `meshes`: those that need no file, by
+        """`textured`: URIs of meshes with a texture in the URDF; `meshes`: meshes that need no file, by
         URI."""
         self._resolver = resolver
         self._meshes = meshes or {}
@@ -77,14 +77,14 @@ class Files:
         return MeshFile(uri, found.path, loaded, None, found.hint, size)
 
     def _take(self, uri: str, mesh: Mesh) -> MeshFile:
-        """A mesh that needs no file."""
+        """Take a mesh that needs no file."""
         if self.triangles > TRIANGLES_MAX:
             return MeshFile(uri, None, None, _too_many(), None, 0)
         self.triangles += mesh.triangles
         return MeshFile(uri, None, mesh, None, None, 0)
 
     def find_picture(self, uri: str) -> bytes | None:
-        """The picture behind a URI, or None; `list_missing` then gives the reason."""
+        """The picture of a URI; None if there is none, and then `list_missing` has the reason."""
         if uri not in self._pictures:
             try:
                 self._pictures[uri] = self._shelf.get_picture(self._resolver.find_file(uri).path)
@@ -99,7 +99,7 @@ class Files:
         return reasons | {uri: why for uri, why in self._pictures.items() if isinstance(why, str)}
 
     def turn_upright(self) -> None:
-        """Turn every mesh whose file names another axis than z as up, also those that are read later."""
+        """Turn every mesh whose file declares an up axis other than z, also those that are read later."""
         self._upright = True
         self._by_path = {
             key: turn_upright(mesh) if isinstance(mesh, Mesh) else mesh for key, mesh in self._by_path.items()
@@ -116,13 +116,13 @@ class Files:
         except ModelRefused as e:
             return e.reason if e.line is None else f"line {e.line}: {e.reason}"
         except MemoryError:
-            return "takes more memory than there is"
+            return "needs more memory than this machine has"
         self.triangles += mesh.triangles
         return turn_upright(mesh) if self._upright else mesh
 
 
 def _too_many() -> str:
-    return f"left out: the robot has more than {TRIANGLES_MAX:,} triangles already"
+    return f"left out: the robot already has more than {TRIANGLES_MAX:,} triangles"
 
 
 def read_visual_files(robot: RobotFile, resolver: Resolver, progress: Progress) -> Files:
@@ -147,7 +147,7 @@ def read_visual_files(robot: RobotFile, resolver: Resolver, progress: Progress) 
 
 
 def collect_facts(files: Files) -> dict[str, MeshFacts]:
-    """What the doctor needs to know of each mesh, by URI."""
+    """The facts about each mesh that the doctor needs, by URI."""
     lost = {uri: MeshFacts(uri, reason) for uri, reason in files.list_missing().items()}
     return lost | {file.uri: _facts(file) for file in files}
 

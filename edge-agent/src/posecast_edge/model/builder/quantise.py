@@ -52,7 +52,7 @@ def pack_part(surface: Surface, faces: Faces, grid: Grid) -> Part:
     used, faces = drop_unused_vertices(faces)
     at = np.round((surface.positions[used] - grid.centre) / grid.step).astype(np.int64)
     uv = surface.uv[used] if surface.uv is not None else None
-    # Corners that fell onto one grid point are one vertex,
+    # Corners at one grid point become one vertex,
     key = ((at[:, 0] + 32768) << 42) | ((at[:, 1] + 32768) << 21) | (at[:, 2] + 32768)
     if uv is None:
         _, first, place = np.unique(key, return_index=True, return_inverse=True)

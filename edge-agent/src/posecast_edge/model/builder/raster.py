@@ -1,4 +1,4 @@
-"""Draws triangles with numpy: for thumbnails, and to compare silhouettes. Orthographic, both sides visible.
+"""Draws triangles with NumPy: for thumbnails, and to compare silhouettes. Orthographic, both sides visible.
 
 Triangles are sorted into classes by the size of their box on the screen; a class is tested against all pixels
 of such a box at once, so a million small triangles cost no loop.
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Vectors = NDArray[np.float64]
-TESTS_MAX = 4_000_000  # pixel tests in one go: bounds the memory
+TESTS_MAX = 4_000_000  # pixel tests at a time, which limits the memory
 TESTS_IN_ALL = 1 << 26  # of one picture: a second or two
 
 
@@ -76,7 +76,8 @@ def draw_triangles(corners: Vectors, camera: Camera) -> tuple[NDArray[np.int64],
 
 def _affordable(powers: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Which triangles are drawn, by the power of two of their pixel tests: the smaller ones first, as many as
-    TESTS_IN_ALL allow. A robot takes a tenth of them; a heap of triangles as large as itself has no end."""
+    TESTS_IN_ALL allows. A robot needs a tenth of that; a hostile mesh of huge triangles could need far more.
+    """
     order = np.argsort(powers, kind="stable")
     drawn = np.zeros(len(powers), bool)
     drawn[order] = np.cumsum(np.exp2(powers[order])) <= TESTS_IN_ALL

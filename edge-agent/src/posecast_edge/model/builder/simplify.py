@@ -1,4 +1,4 @@
-"""Makes coarser and coarser versions of a surface, each within a known distance of the original."""
+"""Makes increasingly coarse versions of a surface, each within a known distance of the original."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from posecast_edge.model.builder.mesh_coder import simplify
 from posecast_edge.model.meshes.mesh import Faces, Surface
 from posecast_edge.model.meshes.weld import find_crowded_faces
 
-LARGEST = 0.02  # of the mesh's size: no surface moves further, however small the level should be,
-LAST_RUNGS = 2  # but on that many more rungs, for a phone that would have too many triangles to draw
+LARGEST = 0.02  # of the mesh's size: no surface moves further, however small the level must be,
+LAST_RUNGS = 2  # except on this many extra rungs, for a phone that would have too many triangles to draw
 FINEST = 1e-5  # of the robot's size: the first rung
 STEP = math.sqrt(2)
 BELOW = 6  # rungs: an eighth of the error
@@ -20,8 +20,8 @@ BELOW = 6  # rungs: an eighth of the error
 
 class LodChain:
     """Simplified versions of one welded surface. Version k is within `robot_size · FINEST · STEP**k` of the
-    original, as `simplify` estimates it, and within LARGEST of the mesh's own size. Behind the last of
-    these, number `rungs` - 1, each goes STEP times as far as the one before."""
+    original, as `simplify` estimates it, and within LARGEST of the mesh's own size. After the last of these,
+    number `rungs` - 1, the error of each version is STEP times that of the one before."""
 
     def __init__(self, surface: Surface, mesh_size: float, robot_size: float, rungs: int) -> None:
         self.surface = surface
@@ -47,7 +47,7 @@ class LodChain:
         if k < 0:
             return 0.0, self._loose
         if k >= self._rungs_count and k not in self._rungs:
-            # At once: what a first pass leaves of shells with many holes a second one may not join.
+            # In one pass: a second pass may not join what the first leaves of shells with many holes.
             bound, before = self._most * STEP ** (k - self._rungs_count + 1), self._rung(k - 1)[1]
             self._rungs[k] = (bound, min(self._simplified(self._loose, bound), before, key=len))
         if k not in self._rungs:
@@ -64,7 +64,7 @@ class LodChain:
 
 
 def _crowded(surface: Surface) -> NDArray[np.bool_]:
-    if surface.uv is None:  # welded: one vertex a place
+    if surface.uv is None:  # welded: one vertex per position
         return find_crowded_faces(surface.faces)
     _, place = np.unique(surface.positions, axis=0, return_inverse=True)
     return find_crowded_faces(surface.faces, place.reshape(-1))

@@ -1,4 +1,4 @@
-"""Finds the soles of a robot's feet: what its lowest shells touch a level floor with at home."""
+"""Finds the soles of a robot's feet: the parts of its lowest shells that touch a level floor at home."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from posecast_edge.model.urdf.types import Limit
 
 Vectors = NDArray[np.float64]
 
-NEAR = 0.02  # of the robot's height: no foot ends so much above the lowest one
-THICK_M = 0.005  # of a sole: what is so near above its lowest point belongs to it
-TURNS = 16 * math.pi  # rad; what may go round so often is a wheel, and no leg whose limits nobody cared for
+NEAR = 0.02  # of the robot's height: a foot ends within this height above the lowest one
+THICK_M = 0.005  # of a sole: points within this height above its lowest point belong to it
+TURNS = 16 * math.pi  # rad; a joint with a larger range is a wheel, not a leg with wide limits
 AREA_MIN_M2 = 1e-4
 CORNERS_MAX = 16
-DIRECTIONS = 64  # in which the outermost point is a corner: of a round sole of 10 cm 0.1 mm are lost
-SPECK_M2 = 1e-7  # a corner that adds no more is left out
+DIRECTIONS = 64  # the outermost point in each is a corner: a round sole of 10 cm loses 0.1 mm
+SPECK_M2 = 1e-7  # a corner that adds less area is left out
 
 
 def find_soles(tree: Tree, figure: Figure, poses: Sequence[Vectors]) -> list[dict[str, Any]]:
     """The manifest's member `soles`. `poses`: root_from_link of every link at home, z up.
 
-    A foot is a link, with those that are fixed to it, that isn't fixed to the root nor turned without an end,
-    as wheels are, and whose lowest point is about as low as the robot's.
+    A foot is a link, including the links fixed to it, whose lowest point is about as low as the robot's. It
+    is neither fixed to the root nor a wheel, which turns without limits.
     """
     groups, wheels = _group_links(tree)
     shells = _collect_shells(figure, poses)
@@ -70,7 +70,7 @@ def _list_ancestors(tree: Tree, links: Iterable[int]) -> dict[int, set[int]]:
 
 
 def _leave_ankles_out(lows: Mapping[int, float], ancestors: Mapping[int, set[int]]) -> list[int]:
-    """The feet by their heights, without those that have a clearly lower one on the same leg. Toes stay."""
+    """The feet by height, without those that have a clearly lower one on the same leg. Toes stay."""
     return [
         foot
         for foot, low in lows.items()
@@ -82,7 +82,7 @@ def _leave_ankles_out(lows: Mapping[int, float], ancestors: Mapping[int, set[int
 
 
 def _group_links(tree: Tree) -> tuple[list[int], set[int]]:
-    """For each link the first of those that it is fixed to, and which of these turn without an end."""
+    """For each link, the first of the links that it is fixed to; and which of these turn without limits."""
     groups, wheels = [0] * len(tree.links), set[int]()
     for number, joint in enumerate(tree.joints, 1):
         if joint.type == "fixed":
@@ -97,8 +97,7 @@ def _group_links(tree: Tree) -> tuple[list[int], set[int]]:
 
 
 def _collect_shells(figure: Figure, poses: Sequence[Vectors]) -> dict[int, Vectors]:
-    """The vertices of each link that shows shells of its own, in the root link, m, by link. What stands in
-    for a mesh, and bones, are none."""
+    """Link → vertices of its own shells, in the root link's frame, m. Placeholders and bones don't count."""
     found: dict[int, list[Vectors]] = {}
     for visual in figure.visuals:
         if visual.reason is not None or visual.source == "bones":
@@ -111,8 +110,8 @@ def _collect_shells(figure: Figure, poses: Sequence[Vectors]) -> dict[int, Vecto
 
 
 def find_corners(points: Vectors) -> list[tuple[float, float]]:
-    """At most CORNERS_MAX corners of the convex polygon around points (n, 2), m, counter-clockwise. What is
-    left out is outside: the sole is rather too small than too large."""
+    """At most CORNERS_MAX corners of the convex polygon around points (n, 2), m, counter-clockwise. Left-out
+    corners make the sole smaller, never larger."""
     outermost: dict[tuple[float, float], None] = {}
     for step in range(DIRECTIONS):
         angle = 2 * math.pi * step / DIRECTIONS
@@ -136,7 +135,7 @@ def _area_of(a: tuple[float, float], b: tuple[float, float], c: tuple[float, flo
 
 
 def compute_area(corners: Sequence[tuple[float, float]]) -> float:
-    """Of a polygon, m²; positive when it goes counter-clockwise."""
+    """The area of a polygon, m²; positive if it is counter-clockwise."""
     return sum(_area_of((0.0, 0.0), corners[i - 1], corners[i]) for i in range(len(corners)))
 
 

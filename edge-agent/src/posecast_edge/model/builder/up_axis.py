@@ -1,8 +1,7 @@
-"""Decides whether a robot's Collada files mean the up axis that they name.
+"""Decides whether to apply the up axis that a robot's Collada files declare.
 
-Exporters write Y_UP whether or not they have turned the vertices already; RViz ignores it. Which of the two
-holds shows in the robot put together: the shells of links that are joined touch, unless they are turned
-wrongly.
+Exporters write Y_UP whether or not they have already turned the vertices; RViz ignores it. The assembled
+robot shows which is right: the shells of joined links touch, unless they are turned wrongly.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ Points = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Fit:
-    """How many of `pairs` joined links touch: with the files taken as written, and turned upright."""
+    """How many of `pairs` joined links touch: with the files as written, and turned upright."""
 
     pairs: int
     ignored: int
@@ -41,15 +40,15 @@ class Fit:
 
 
 def settle_up_axis(urdf: Urdf, tree: Tree, files: Files, mode: str) -> None:
-    """Turn the meshes in `files` upright where their up axis counts, and say so in the URDF's findings.
+    """Turn the meshes in `files` upright if their up axis applies, and add that to the URDF's findings.
     `mode`: one of UP_AXIS_MODES."""
     named = sorted({f.mesh.up for f in files if f.mesh is not None and f.mesh.up})
     if not named or mode == IGNORE:
         return
-    says = f"the Collada files say {' and '.join(named)}"
+    says = f"the Collada files declare {' and '.join(named)}"
     if mode == APPLY:
         files.turn_upright()
-        urdf.findings.append(Finding("hint", "up-axis", f"{says}; turned upright, as --up-axis says"))
+        urdf.findings.append(Finding("hint", "up-axis", f"{says}; turned upright because of --up-axis"))
         return
     fit = measure_fit(urdf, tree, files)
     if not fit.pairs:
@@ -57,14 +56,14 @@ def settle_up_axis(urdf: Urdf, tree: Tree, files: Files, mode: str) -> None:
     applied = fit.applied > fit.ignored
     best, other = max(fit.applied, fit.ignored), min(fit.applied, fit.ignored)
     how = "turned upright" if applied else "taken as written"
-    why = f"the shells of {best} of {fit.pairs} neighbouring links touch, against {other} otherwise"
-    urdf.findings.append(Finding("hint", "up-axis", f"{says}; {how} since {why}"))
+    why = f"{best} of {fit.pairs} pairs of neighbouring links touch, otherwise {other}"
+    urdf.findings.append(Finding("hint", "up-axis", f"{says}; {how}, because then {why}"))
     if applied:
         files.turn_upright()
 
 
 def measure_fit(urdf: Urdf, tree: Tree, files: Files) -> Fit:
-    """Count the joined links that touch, at home, of those that the up axis moves."""
+    """Count the joined links that touch at home, among those that the up axis affects."""
     skeleton = make_skeleton(urdf, tree)
     poses = [np.array(p) for p in compute_link_poses(skeleton, compute_home(skeleton)).values()]
     sampler = _Sampler(files)
@@ -134,8 +133,8 @@ def _placed(points: Points, at: Points) -> Points:
 
 
 def _neighbours(tree: Tree, clouds: Sequence[tuple[Points, Points]]) -> Iterator[tuple[int, int]]:
-    """Each link that shows something, with the next one above it that does."""
-    shown: list[int | None] = []  # of each link: itself, else the next above
+    """Each link with a visual, and the next link above it with one."""
+    shown: list[int | None] = []  # for each link: itself, otherwise the next above
     for number, (written, _) in enumerate(clouds):
         above = shown[tree.index[tree.joints[number - 1].parent]] if number else None
         if len(written) and above is not None:

@@ -1,4 +1,4 @@
-"""Collects what is drawn of the robot: each visual with its body, of meshes, shapes, stand-ins or bones."""
+"""Collects what is drawn of the robot: visuals made from meshes, shapes, placeholders or bones."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from posecast_edge.model.urdf.types import (
 GREY = Paint((0.72, 0.74, 0.77, 1.0))
 STAND_IN = Paint((0.93, 0.55, 0.14, 1.0))
 AXIS = Paint((0.36, 0.52, 0.78, 1.0))  # of a joint, between the bones of a robot without shells
-LITTLE = 0.02  # m, half a side of a stand-in of which nothing is known
+LITTLE = 0.02  # m, half a side of a placeholder of unknown size
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Appearance:
 
 @dataclass(frozen=True)
 class Visual:
-    """One visual. `reason`: why a stand-in, or the link's bones, are drawn instead of it."""
+    """One visual. `reason`: why a placeholder, or the link's bones, are drawn instead of it."""
 
     link: int
     pose: Pose
@@ -66,13 +66,13 @@ class Figure:
 
 
 def build_figure(urdf: Urdf, tree: Tree, files: Files) -> Figure:
-    """Collect every visual that has a geometry, of every link in the tree. A robot most of whose links show
-    nothing of themselves gets bones."""
+    """Collect every visual that has a geometry, of every link in the tree. If most links have none, the robot
+    gets bones."""
     maker = _Maker(urdf, tree, files)
     shown = [list(maker.visuals(i)) for i in range(len(tree.links))]
     bones = make_bones(tree, [i for i, visuals in enumerate(shown) if visuals])
     if bones and any(f.code == "collisions-shown" for f in urdf.findings):
-        # A few collision shapes, often crude hulls, would hide the skeleton.
+        # a few collision shapes, often crude hulls, would hide the skeleton
         maker, shown = _Maker(urdf, tree, files), [[] for _ in tree.links]
         bones = make_bones(tree, ())
     for i in range(len(shown)):
@@ -85,7 +85,7 @@ def build_figure(urdf: Urdf, tree: Tree, files: Files) -> Figure:
 
 @dataclass(frozen=True)
 class _Lack:
-    """Of a link nothing can be shown: where the first of its visuals would be, what it was made from, why."""
+    """A link that can't be shown: where its first visual would be, its source, and the reason."""
 
     xyz: Vector
     source: str
@@ -108,7 +108,7 @@ class _Maker:
         self.looks: list[Appearance] = []
 
     def visuals(self, link: int) -> Iterator[Visual]:
-        """What is known of a link's looks: its visuals, or its collision shapes instead."""
+        """The visuals of a link, or its collision shapes instead."""
         for shape in self._tree.links[link].visuals:
             if shape.geometry is None or self._left <= 0:
                 continue
@@ -124,12 +124,12 @@ class _Maker:
                 yield from self._stand_ins(link, shape, source, e.reason)
 
     def _drawn_as(self, geometry: Geometry, paint: Paint | None, mark: str | None) -> int:
-        """The looks of a geometry that is drawn once more. ModelRefused when its mesh can't be used, or too
-        much is drawn already."""
+        """The appearance of a geometry that is drawn again. Raises ModelRefused when its mesh can't be used,
+        or too much is drawn already."""
         number = self._number(geometry, paint, mark)
         drawn = self._drawn + sum(len(s.faces) for s, _, _ in self.looks[number].skins)
         if drawn > TRIANGLES_MAX:
-            raise ModelRefused(f"left out: the robot shows more than {TRIANGLES_MAX:,} triangles already")
+            raise ModelRefused(f"left out: the robot already shows more than {TRIANGLES_MAX:,} triangles")
         self._drawn = drawn
         return number
 
@@ -164,12 +164,12 @@ class _Maker:
             if len(welded.faces):
                 skins.append((welded, paint, extra))
         if not skins:
-            raise ModelRefused("all its triangles are without area")
+            raise ModelRefused("none of its triangles has an area")
         self.looks.append(Appearance(tuple(skins)))
         return len(self.looks) - 1
 
     def _stand_ins(self, link: int, shape: Shape, source: str, reason: str) -> Iterator[Visual]:
-        """The link's collision shapes; once for each link."""
+        """The link's collision shapes, once per link, as placeholders."""
         if link in self._stood_in:
             return
         self._stood_in.add(link)
@@ -190,7 +190,7 @@ class _Maker:
             self._lacks[link] = _Lack(at, source, reason)
 
     def box(self, link: int) -> Iterator[Visual]:
-        """A box from a link that lacks its looks to its children."""
+        """A box from a link without visuals to its children."""
         if lack := self._lacks.get(link):
             looks = self._add(self._box(link, lack.xyz), None, "placeholder")
             yield Visual(link, Pose(), looks, lack.source, lack.reason)

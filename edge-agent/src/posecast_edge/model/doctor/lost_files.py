@@ -1,4 +1,4 @@
-"""Finds the files that a model names and that are not there. Opens none, so it needs no mesh tools."""
+"""Finds the missing files of a model. Opens none, so it needs no mesh tools."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ FILES_MAX = 1000
 
 
 def find_lost_files(urdf: Urdf, resolver: Resolver, inline: Collection[str] = ()) -> dict[str, MeshFacts]:
-    """The meshes and pictures of visuals that can't be found, by URI, each with the reason. `inline`: URIs of
-    meshes that need no file. At most FILES_MAX files are looked for."""
+    """The meshes and pictures of visuals that can't be found, by URI, with the reason. `inline`: URIs of
+    meshes that need no file. Looks for at most FILES_MAX files."""
     uris: dict[str, None] = {}
     for link in urdf.links:
         for shape in link.visuals:

@@ -1,4 +1,4 @@
-"""Finds masses that can't be. One of them, and nothing is told of where the robot's mass is."""
+"""Finds impossible masses. A single one disables the display of the robot's centre of mass."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ DENSITY_MAX = 12_000.0  # kg/m³; lead has 11,340
 BOX_MIN_M3 = 1e-6
 MASS_MAX_KG = 1e6
 MASS_MIN_KG = 1e-3  # of a robot
-REACH_M = 100.0  # along an axis, of a centre from its link; what reads a bundle has the same limits
-# Robots that work have parts that can't be: a finger without mass, a camera with made-up moments, a pelvis
-# that shows only a bracket. The centre of mass hardly feels them, so they are hints; masses are distrusted
-# where that part of the robot's mass, or of its boxes, is concerned.
+REACH_M = 100.0  # along an axis, from a link to its centre of mass; readers of a bundle have the same limit
+# Models of working robots have impossible parts: a finger without mass, a camera with made-up moments, a
+# pelvis that shows only a bracket. They hardly affect the centre of mass, so they are hints. Masses are
+# distrusted if they concern this share of the robot's mass, or of its boxes.
 HEAVY_SHARE = 0.25
 MOMENTS_SHARE = 0.1
 EMPTY_SHARE = 0.02
-SLACK = 0.01  # of the largest moment, how far the others together may fall short of it: rounded numbers
-GROSS = 0.5  # so much no rounding explains
-SPAN_M = 1e-3  # a body with moments of a smaller one has been given none
-NOISE = 1e-6  # of the largest number of a matrix: what may be left of a moment of 0
+SLACK = 0.01  # of the largest moment: the others together may be this much smaller, because of rounding
+GROSS = 0.5  # rounding does not explain this much
+SPAN_M = 1e-3  # moments that fit only a smaller body count as not given
+NOISE = 1e-6  # of the largest number of a matrix: a moment of 0 may have this error
 SHOWN = 6  # names in one line
-DISTRUST = "mass-"  # how the codes begin of what makes masses useless
+DISTRUST = "mass-"  # prefix of the codes that make masses useless
 
 
 def examine_masses(tree: Tree, facts: Mapping[str, MeshFacts] | None) -> Iterator[Finding]:
-    """Yield findings about each link of the tree whose mass, centre or moments can't be. `facts`: the meshes
-    by URI, None if they were not read."""
+    """Yield findings about each link of the tree with an impossible mass, centre or moments. `facts`: the
+    meshes by URI, None if they were not read."""
     held, boxes = _list_held(tree), [None if facts is None else _compute_box(x, facts) for x in tree.links]
     whole = sum(max(link.inertial.mass, 0.0) for link in tree.links if link.inertial is not None)
     shown = sum(box for box in boxes if box is not None)
@@ -63,7 +63,7 @@ def examine_masses(tree: Tree, facts: Mapping[str, MeshFacts] | None) -> Iterato
 
 
 def has_impossible_masses(findings: Collection[Finding]) -> bool:
-    """Whether one of the findings says that masses can't be, or are not known."""
+    """Whether one of the findings reports impossible or unknown masses."""
     return any(f.code.startswith(DISTRUST) for f in findings)
 
 
@@ -84,10 +84,10 @@ def _examine_whole(tree: Tree, whole: float) -> Iterator[Finding]:
 
 
 def _examine_centres(tree: Tree, facts: Mapping[str, MeshFacts]) -> Iterator[Finding]:
-    """Centres farther outside of the robot than it is large, with all joints at 0."""
+    """Centres that are farther outside the robot than its size, with all joints at 0."""
     shapes = [shape for link in tree.links for shape in link.visuals]
     if not shapes or any(compute_shape_box(shape.geometry, facts) is None for shape in shapes):
-        return  # nobody knows how large it is
+        return  # its size is unknown
     low, high = compute_robot_box(tree, facts)
     size = max(b - a for a, b in zip(low, high, strict=True))
     for link, at in zip(tree.links, compute_zero_poses(tree), strict=True):
@@ -109,7 +109,7 @@ def _shows(link: Link) -> bool:
 
 
 def _list_held(tree: Tree) -> set[int]:
-    """The links that fixed joints hold to one that has a mass: it may be theirs as well."""
+    """The links that are fixed to one with a mass, which may include theirs."""
     groups = list(range(len(tree.links)))
     for number, joint in enumerate(tree.joints, 1):
         if joint.type == "fixed":
@@ -121,7 +121,7 @@ def _list_held(tree: Tree) -> set[int]:
 
 
 def _find_empty(link: Link, share: float) -> tuple[str, str] | None:
-    """The code and the words; `share`: of the boxes of all links."""
+    """The code and the text; `share`: of the boxes of all links."""
     if not _shows(link):
         return None
     code = "mass-zero" if share > EMPTY_SHARE else "massless"
@@ -159,8 +159,8 @@ def _find_impossible(inertial: Inertial, share: float) -> tuple[str, str] | None
 
 
 def _compute_box(link: Link, facts: Mapping[str, MeshFacts]) -> float | None:
-    """The volume of the box around what a link shows, m³, along the link's axes; None when it shows nothing,
-    or not all that it should."""
+    """The volume of the box around a link's visuals, m³, along the link's axes; None if it has none, or some
+    can't be shown."""
     low, high = [math.inf] * 3, [-math.inf] * 3
     for shape in link.visuals:
         box = compute_shape_box(shape.geometry, facts)
@@ -180,7 +180,7 @@ def compute_principal_moments(inertia: Sequence[float]) -> tuple[float, float, f
     size = max(map(abs, inertia))
     if size == 0:
         return (0.0, 0.0, 0.0)
-    xx, xy, xz, yy, yz, zz = (value / size for value in inertia)  # first, for the square of a large number
+    xx, xy, xz, yy, yz, zz = (value / size for value in inertia)  # scale first: large squares overflow
     mean = (xx + yy + zz) / 3
     spread = (xx - mean) ** 2 + (yy - mean) ** 2 + (zz - mean) ** 2 + 2 * (xy * xy + xz * xz + yz * yz)
     p = math.sqrt(spread / 6)

@@ -1,4 +1,4 @@
-"""Finds problems with a robot's meshes: missing, of an unlikely size, or readable only with leniency."""
+"""Finds problems with a robot's meshes: missing, of an implausible size, or not quite valid."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ OUTSIDE_CODES = {OUTSIDE: "mesh-outside", "no such file": "mesh-missing"}
 
 @dataclass(frozen=True)
 class MeshFacts:
-    """What is known of the mesh of one URI. `reason`: why there is none; `hint`: how it was found despite a
-    wrong URI; `low`, `high`: corners of its box in the file's axes, metres, before the URDF's scale;
-    `has_uv`: it has texture coordinates."""
+    """Facts about the mesh of one URI. `reason`: why there is none; `hint`: how it was found despite a wrong
+    URI; `low`, `high`: corners of its box in the file's axes, metres, before the URDF's scale; `has_uv`: it
+    has texture coordinates."""
 
     uri: str
     reason: str | None = None
@@ -57,7 +57,7 @@ def examine_meshes(urdf: Urdf, tree: Tree, facts: Mapping[str, MeshFacts] | None
 
 
 def examine_files(urdf: Urdf, facts: Mapping[str, MeshFacts]) -> Iterator[Finding]:
-    """Yield the findings about the files that the visuals name; nothing about those without facts."""
+    """Yield the findings about the files that the visuals name, if there are facts about them."""
     shapes = [(link.name, s) for link in urdf.links for s in link.visuals if s.geometry is not None]
     yield from _files(shapes, facts)
     yield from _textures(urdf, shapes, facts)
@@ -77,7 +77,7 @@ def _scale(name: str, shape: Shape) -> Iterator[Finding]:
 
 
 def _files(shapes: list[tuple[str, Shape]], facts: Mapping[str, MeshFacts]) -> Iterator[Finding]:
-    """Once for each file, or for each kind of note."""
+    """Findings about files, one per file or kind of note."""
     first: dict[str, int] = {}
     links: dict[str, list[str]] = {}
     for name, shape in shapes:
@@ -106,7 +106,7 @@ def _files(shapes: list[tuple[str, Shape]], facts: Mapping[str, MeshFacts]) -> I
 def _textures(
     urdf: Urdf, shapes: list[tuple[str, Shape]], facts: Mapping[str, MeshFacts]
 ) -> Iterator[Finding]:
-    """Pictures that the URDF itself names, and that can't be shown."""
+    """Pictures that the URDF names and that can't be shown."""
     told: set[str] = set()
     for name, shape in shapes:
         material = find_material(shape, urdf.materials)
@@ -159,8 +159,8 @@ def compute_zero_poses(tree: Tree) -> list[Matrix]:
 
 
 def compute_robot_box(tree: Tree, facts: Mapping[str, MeshFacts]) -> tuple[list[float], list[float]]:
-    """The lowest and highest corner of all that is shown, with all joints at 0, in the root's axes, metres;
-    the lowest is above the highest where nothing is."""
+    """The lowest and highest corner of all visuals, with all joints at 0, in the root's axes, metres. The
+    lowest is above the highest if there are no visuals."""
     low, high = [math.inf] * 3, [-math.inf] * 3
     for link, pose in zip(tree.links, compute_zero_poses(tree), strict=False):  # no link, one pose
         for shape in link.visuals:
@@ -177,7 +177,7 @@ def compute_robot_box(tree: Tree, facts: Mapping[str, MeshFacts]) -> tuple[list[
 def compute_shape_box(
     geometry: Geometry | None, facts: Mapping[str, MeshFacts]
 ) -> tuple[Vector, Vector] | None:
-    """The lowest and highest corner of a shape in its own axes, metres; None when its mesh is not there."""
+    """The lowest and highest corner of a shape in its own axes, metres; None when its mesh is missing."""
     if geometry is None:
         return None
     if geometry.kind == "mesh":

@@ -1,6 +1,6 @@
 """Finds problems in a robot's description. Works on parsed values and reads no files.
 
-The URDF reader (urdf/reader.py) and the tree report what can't be read or connected; this module reports what
+The URDF reader (urdf/reader.py) and the tree report what can't be read or connected. This module reports what
 can be read but is probably not intended.
 """
 
@@ -20,7 +20,7 @@ from posecast_edge.model.urdf.tree import Tree
 from posecast_edge.model.urdf.types import SCALAR_TYPES, UNBOUNDED, Joint, Link, Urdf, find_material
 
 TURN = 2 * math.pi
-FAR = 10.0  # m, from one joint to the next: more than that is a unit mistaken
+FAR = 10.0  # m, from one joint to the next: more suggests a wrong unit
 SHOWN = 6  # names in one line
 UNIT = 1e-3  # how far an axis may be from length 1
 
@@ -32,9 +32,8 @@ def examine_model(
     meaning: Meaning | None = None,
     lost: Mapping[str, MeshFacts] | None = None,
 ) -> list[Finding]:
-    """All findings, worst first. `facts`: the meshes by URI, None if they were not read; `meaning`: what a
-    profile says about joints and sensors; `lost`: where meshes were not read, the files that are not
-    there."""
+    """All findings, worst first. `facts`: the meshes by URI, None if they were not read; `meaning`: a
+    profile's joints and sensors; `lost`: if meshes were not read, the missing files."""
     found = [*urdf.findings, *tree.findings]
     for joint in urdf.joints:
         found += _joint(joint)
@@ -129,7 +128,7 @@ def _link(link: Link) -> Iterator[Finding]:
 
 
 def _materials(urdf: Urdf) -> Iterator[Finding]:
-    """Names that stand for no colour, each once."""
+    """Material names without a colour, each once."""
     lines: dict[str, list[int]] = {}
     for link in urdf.links:
         for shape in link.visuals:
@@ -145,7 +144,7 @@ def _materials(urdf: Urdf) -> Iterator[Finding]:
 
 
 def _mentions(urdf: Urdf) -> Iterator[Finding]:
-    """Sensors, transmissions and <gazebo> that speak of what there is not."""
+    """Sensors, transmissions and <gazebo> that refer to missing elements."""
     links, joints = {x.name for x in urdf.links}, {x.name for x in urdf.joints}
     for sensor in urdf.sensors:
         if sensor.link not in links:
@@ -193,5 +192,5 @@ def _profile(urdf: Urdf, meaning: Meaning) -> Iterator[Finding]:
 
 
 def _variables(joint: Joint) -> list[str]:
-    """Names of the readings that move it."""
+    """The names of the readings that move a joint."""
     return [name for name, _ in list_variables(joint.name, joint.type)]

@@ -1,4 +1,4 @@
-"""Finds soles in a profile that no floor can be under."""
+"""Finds soles in a profile that can't stand on a floor."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ TILT_MAX = math.radians(60)
 
 
 def examine_soles(tree: Tree, meaning: Meaning) -> Iterator[Finding]:
-    """Yield a finding about each sole of a profile that stands upright when the robot is at home, z up."""
+    """Yield a finding about each sole of a profile that is upright when the robot is at home, z up."""
     if not meaning.balance.soles:
         return
     poses = _compute_home_poses(tree)
@@ -35,7 +35,7 @@ def examine_soles(tree: Tree, meaning: Meaning) -> Iterator[Finding]:
         mount = meaning.sensors.get(foot)
         link = foot if mount is None else mount.link
         if link not in tree.index:
-            continue  # said elsewhere
+            continue  # reported elsewhere
         pose, (x, y, z) = poses[tree.index[link]], _compute_normal(corners)
         up = abs(sum(pose[2][i] * v for i, v in enumerate((x, y, z)))) / math.hypot(x, y, z)
         if up < math.cos(TILT_MAX):
@@ -73,7 +73,7 @@ def _find_home(joint: Joint) -> list[float]:
 
 
 def _compute_normal(corners: Sequence[Sequence[float]]) -> tuple[float, float, float]:
-    """Newell's vector, twice the area long; the profile's reader has seen that it is not 0."""
+    """Newell's vector: its length is twice the area. The profile's reader has checked that it is not 0."""
     x = y = z = 0.0
     for a, b in pairwise((*corners, corners[0])):
         x += (a[1] - b[1]) * (a[2] + b[2])

@@ -1,10 +1,10 @@
 """Reads Collada (1.4 and 1.5): triangles and the scene that places them.
 
-Like RViz it applies <unit> and leaves <up_axis> alone, because exporters write it and rotate the vertices as
-well; which axis it names stands in the mesh, for who sees the whole robot (builder/up_axis.py).
+Like RViz it applies <unit> and ignores <up_axis>, because exporters may write it although they have rotated
+the vertices. The mesh keeps the declared axis; builder/up_axis.py decides with the whole robot in view.
 
-A part shown in several places is read once, and its triangles are counted before they are made: a small file
-may show its parts far more often than memory allows.
+A part shown in several places is read once, and its triangles are counted before they are made, because a
+small file may show its parts more often than memory allows.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ Input = tuple[int, Element]  # offset within a corner, source
 @dataclass(frozen=True)
 class _Piece:
     """Triangles of one material symbol: (m, 3) corners into positions; uv and colour per corner. `url`: of
-    the material where no binding names one."""
+    the material if no binding sets one."""
 
     symbol: str
     url: str
@@ -60,7 +60,7 @@ class _Piece:
 
 @dataclass(frozen=True)
 class _Shown:
-    """What a node shows: an element of that kind, with the URLs that its symbols are bound to."""
+    """An element shown by a node, with the URLs that its symbols are bound to."""
 
     kind: str
     element: Element
@@ -76,14 +76,14 @@ class _Node:
 
 
 def read_collada(data: bytes, load: Load, keep_uv: bool = False, pictures: Pictures | None = None) -> Mesh:
-    """Read a file. Raises ModelRefused when it is not Collada; a missing texture is only noted. `keep_uv`:
-    keep texture coordinates even without a texture."""
+    """Read a file. Raises ModelRefused when it is not Collada; a missing texture only gives a note.
+    `keep_uv`: keep texture coordinates even without a texture."""
     root = read_xml(
         io.BytesIO(data), bytes_max=TEXT_MAX, elements_max=ELEMENTS_MAX, depth_max=DEPTH_MAX, texts=True
     )
     if root.tag.rpartition(":")[2] != "COLLADA":
         raise ModelRefused(f"its root is <{make_printable(root.tag[:40])}>, not <COLLADA>", root.line)
-    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused in the end
+    with np.errstate(over="ignore", invalid="ignore"):  # non-finite values are refused at the end
         return _Reader(root, load, keep_uv, pictures or Pictures(), len(data)).mesh()
 
 
@@ -97,7 +97,7 @@ class _Reader:
         self._materials = Materials(self._ids, load, pictures, self._notes)
         self._expansion = Expansion(size)
         self._instances = 0
-        # what has been read, by the element's identity
+        # already read, by the element's identity
         self._nodes: dict[int, _Node] = {}
         self._bases: dict[int, tuple[Transform, Element] | None] = {}  # of controllers
         self._pieces: dict[int, list[_Piece]] = {}
@@ -169,7 +169,7 @@ class _Reader:
     def _controlled(
         self, controller: Element, at: Transform, bound: Mapping[str, str], depth: int = 0
     ) -> Iterator[Surface]:
-        """A skinned or morphed shape as it was bound: URDF moves bodies, not bones."""
+        """A skinned or morphed shape in its bind pose, because URDF moves bodies, not bones."""
         self._count(depth)
         if id(controller) not in self._bases:
             self._bases[id(controller)] = self._read_base(controller)
@@ -183,7 +183,7 @@ class _Reader:
             yield from self._geometry(source, at, bound)
 
     def _read_base(self, controller: Element) -> tuple[Transform, Element] | None:
-        """What a controller bends, and where it was bound."""
+        """The geometry of a controller, and its bind transform."""
         how = controller.find_first("skin") or controller.find_first("morph")
         source = self._target(how.get("source")) if how else None
         if how is None or source is None:
@@ -275,7 +275,7 @@ class _Reader:
         return self._vertices[id(vertices)]
 
     def _source(self, source: Element, width: int) -> NDArray[np.float64]:
-        """(n, width) floats; ModelRefused when the array is shorter than it says."""
+        """(n, width) floats. Raises ModelRefused when the array is shorter than declared."""
         accessor = source.find_first("technique_common", "accessor")
         array = self._target(accessor.get("source") if accessor else None) or source.find_first("float_array")
         if array is None:
@@ -339,7 +339,7 @@ def _corners(element: Element, stride: int) -> tuple[NDArray[np.int64], NDArray[
         vcount = element.find_first("vcount")
         counts = extract_integers(vcount) if vcount else np.zeros(0, np.int64)
         if len(counts) and (counts.min() < 0 or counts.max() > len(numbers) or counts.sum() > len(numbers)):
-            raise ModelRefused("polygons of more corners than there are", element.line)
+            raise ModelRefused("polygons with more corners than the list has", element.line)
         return numbers, triangulate_fans(counts)
     if element.tag in ("polygons", "trifans"):
         return numbers, triangulate_fans(lengths)

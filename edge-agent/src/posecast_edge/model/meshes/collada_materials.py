@@ -1,6 +1,6 @@
 """Reads the materials of a Collada file.
 
-An opacity of 0 is read as 1: exporters mean the opposite of what the specification says.
+An opacity of 0 is read as 1, because exporters often invert the specification's meaning.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def find_target(ids: Mapping[str, Element], url: str | None) -> Element | None:
 
 
 class Materials:
-    """The materials of one file. A missing texture is only noted."""
+    """The materials of one file. A missing texture only gives a note."""
 
     def __init__(self, ids: Mapping[str, Element], load: Load, pictures: Pictures, notes: Notes) -> None:
         self._ids = ids
@@ -34,8 +34,8 @@ class Materials:
         self._effects: dict[int, Paint | None] = {}
 
     def find_paint(self, url: str) -> Paint | None:
-        """The paint of the material that a URL refers to; None when there is no such material or it defines
-        none."""
+        """The paint of the material that a URL refers to; None if there is no such material or it has no
+        paint."""
         if url not in self._paints:
             material = find_target(self._ids, url)
             instance = material.find_first("instance_effect") if material else None
@@ -44,7 +44,7 @@ class Materials:
         return self._paints[url]
 
     def _of_effect(self, effect: Element) -> Paint | None:
-        """Each is read once, however many materials show it."""
+        """The paint of an effect, which is read once for all its materials."""
         if id(effect) not in self._effects:
             self._effects[id(effect)] = self._read_paint(effect)
         return self._effects[id(effect)]
@@ -85,7 +85,7 @@ class Materials:
         return alpha if 0.02 <= alpha < 0.98 else 1.0
 
     def _picture(self, profile: Element, name: str) -> bytes | None:
-        """sampler → surface → image, or the image at once, as some exporters write it."""
+        """Follow sampler → surface → image, or the image directly, as some exporters write it."""
         params = {p.get("sid") or "": p for p in profile.find_all("newparam")}
         for path in (("sampler2D", "source"), ("surface", "init_from")):
             param = params.get(name)
@@ -106,5 +106,5 @@ class Materials:
 
 
 def _name(element: Element) -> str:
-    """Of a file or parameter. No more than a name can have: many may refer to one endless text."""
+    """The name of a file or parameter, cut to NAME_MAX: many elements may refer to one huge text."""
     return element.text[:NAME_MAX].strip()

@@ -39,11 +39,11 @@ def _numbers(element: Element, kind: type[T]) -> NDArray[T]:
     if not element.text or element.text.isspace():
         return np.zeros(0, kind)
     with warnings.catch_warnings():
-        warnings.simplefilter("error")  # older numpy only warns of what follows the last number
+        warnings.simplefilter("error")  # older NumPy only warns about text after the last number
         try:
             return np.fromstring(element.text, kind, sep=" ")
         except (ValueError, OverflowError, DeprecationWarning):
-            raise ModelRefused("a list of numbers that are none", element.line) from None
+            raise ModelRefused("a list with something other than numbers", element.line) from None
 
 
 def convert_float(text: str | None, default: float) -> float:

@@ -1,5 +1,5 @@
-"""Reads glTF 2.0, as GLB or with separate files: triangles and base colours, in the file's axes as RViz
-does."""
+"""Reads glTF 2.0, as GLB or with separate files: triangles and base colours, in the file's axes, like
+RViz."""
 
 from __future__ import annotations
 
@@ -51,15 +51,15 @@ def _json(text: bytes) -> dict[str, Any]:
     try:
         document = json.loads(text)
     except (ValueError, RecursionError):
-        raise ModelRefused("its JSON is none") from None
+        raise ModelRefused("its JSON is invalid") from None
     if not isinstance(document, dict):
-        raise ModelRefused("its JSON is none")
+        raise ModelRefused("its JSON is invalid")
     return document
 
 
 def _chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
     if len(data) < 20 or data[:4] != b"glTF" or int.from_bytes(data[4:8], "little") != 2:
-        raise ModelRefused("no glTF 2.0 binary")
+        raise ModelRefused("not a glTF 2.0 binary")
     length = int.from_bytes(data[12:16], "little")
     if data[16:20] != b"JSON" or length > len(data) - 20 or length > JSON_MAX:
         raise ModelRefused("its JSON is longer than the file, or than 16 MiB")
@@ -81,11 +81,11 @@ class _Reader:
         self._buffers: dict[int, bytes] = {}
         self._binary = binary
         self._pictures = pictures
-        self._picture_bytes = size  # that pictures inside it may have together: they do not overlap
+        self._picture_bytes = size  # limit for all pictures inside it: they do not overlap
         self._paints: dict[int, Paint] = {}
         self._images: dict[int, bytes | None] = {}
         self._places: dict[int, NDArray[np.float64]] = {}  # of nodes, in their parents
-        self._parts: dict[int, _Part] = {}  # by the identity of what the document says of them
+        self._parts: dict[int, _Part] = {}  # by the identity of their JSON
         self._expansion = Expansion(size)
         self._visited = 0
         self.notes = Notes()
@@ -120,7 +120,7 @@ class _Reader:
             yield from self._node(child, at, depth + 1)
 
     def _part(self, primitive: dict[str, Any]) -> _Part | None:
-        """A mesh's primitive, read once however often the scene shows it; None for points and lines."""
+        """A mesh's primitive, read once even if the scene shows it often; None for points and lines."""
         known = self._parts.get(id(primitive))
         if known is None:
             known = self._parts[id(primitive)] = self._read_part(primitive)
@@ -154,13 +154,13 @@ class _Reader:
         return _Part(triangles, positions, faces, uv, paint, colours)
 
     def _colours(self, attributes: dict[str, Any], kept: NDArray[np.int64], count: int) -> Floats | None:
-        """Display values (n, 3) of vertices that have colours of their own."""
+        """Display values (n, 3) of vertices with colours."""
         if "COLOR_0" not in attributes:
             return None
         number = attributes["COLOR_0"]
         width = WIDTHS[_at(self._document["accessors"], number)["type"]]
         if width < 3:
-            raise ModelRefused("colours of fewer than three parts")
+            raise ModelRefused("colours with fewer than three components")
         linear = np.clip(self._values(number, width, kept, count)[:, :3], 0, 1)
         low = linear * 12.92
         return np.where(linear <= 0.0031308, low, 1.055 * linear ** (1 / 2.4) - 0.055).astype(np.float32)
@@ -169,15 +169,15 @@ class _Reader:
         """(n, width) values of the kept vertices, of which there are `count` in all."""
         values, normalised = self._accessor(index, width)
         if len(values) != count:
-            raise ModelRefused("vertices and what belongs to them of different numbers")
+            raise ModelRefused("vertices and their attributes differ in number")
         found = values[kept].astype(np.float64)
         return np.maximum(found / np.iinfo(values.dtype).max, -1.0) if normalised else found
 
     def _accessor(self, index: int, width: int) -> tuple[NDArray[Any], bool]:
-        """(n, width) values as they lie there, uncopied; whether they are to be normalised."""
+        """(n, width) values as stored, without a copy; and whether they must be normalised."""
         accessor = _at(self._document["accessors"], index)
         if "sparse" in accessor or "bufferView" not in accessor:
-            raise ModelRefused("sparse vertices are not read")
+            raise ModelRefused("sparse vertices are not supported")
         if WIDTHS[accessor["type"]] != width:
             raise ModelRefused("vertices of the wrong width")
         kind = np.dtype(COMPONENTS[accessor["componentType"]])
@@ -208,14 +208,14 @@ class _Reader:
         return self._buffers[number]
 
     def _resource(self, uri: Any) -> bytes:
-        """The bytes behind a URI: inside it, or a file beside this one."""
+        """The bytes of a URI: embedded in it, or from a file next to this one."""
         if not isinstance(uri, str):
             raise ModelRefused("it has no data")
         if not uri.startswith("data:"):
             return self._file(uri)
         head, comma, text = uri.partition(",")
         if not comma or not head.endswith(";base64"):
-            raise ModelRefused("data inside it are not base64")
+            raise ModelRefused("its embedded data is not base64")
         return binascii.a2b_base64(text)
 
     def _file(self, uri: str) -> bytes:
@@ -258,7 +258,7 @@ class _Reader:
         inside = self._view(_at(self._document["bufferViews"], image["bufferView"]))
         self._picture_bytes -= len(inside)
         if self._picture_bytes < 0:
-            raise ModelRefused("its pictures are larger together than the file")
+            raise ModelRefused("its pictures together are larger than the file")
         return bytes(inside)
 
 
@@ -273,12 +273,12 @@ class _Part(NamedTuple):
     colours: Floats | None = None
 
     def placed(self, at: NDArray[np.float64]) -> Surface:
-        """The surface where `at` (4 x 4) puts it; a mirrored one is turned to face outwards."""
+        """The surface placed at `at` (4 x 4); a mirrored one is turned to face outwards."""
         (a, b, c), (d, e, f), (g, h, i) = at[:3, :3].tolist()
         mirrored = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) < 0
         faces = self.faces[:, ::-1] if mirrored else self.faces
         placed = self.positions @ at[:3, :3].T + at[:3, 3]
-        with np.errstate(over="ignore"):  # beyond single precision: infinite, which is refused later
+        with np.errstate(over="ignore"):  # overflows to infinity, which is refused later
             return Surface(placed.astype(np.float32), faces, self.uv, self.paint, self.colours)
 
 
@@ -288,7 +288,7 @@ def _at(items: list[Any], index: Any) -> Any:
 
 def _whole(number: Any) -> int:
     if isinstance(number, bool) or not isinstance(number, int) or not 0 <= number < 1 << 40:
-        raise ModelRefused("its glTF is broken: an index or a size is no whole number")
+        raise ModelRefused("its glTF is broken: an index or a size is not a whole number")
     return number
 
 
@@ -307,7 +307,7 @@ def _local(node: dict[str, Any]) -> NDArray[np.float64]:
         )
         matrix[:3, :3] *= np.array(node.get("scale", (1, 1, 1)), np.float64)
     if not np.isfinite(matrix).all():
-        raise ModelRefused("a node that is not finite")
+        raise ModelRefused("a node with a number that is not finite")
     return matrix
 
 

@@ -13,18 +13,18 @@ from posecast_edge.model.finding import ModelRefused, make_printable, quote_name
 from posecast_edge.model.urdf.types import FAR_M
 
 FILE_MAX = 256 << 20  # bytes of one mesh file
-TEXT_MAX = 128 << 20  # of one that is text: it takes ten times its size to read
+TEXT_MAX = 128 << 20  # of a text file: reading it takes ten times its size
 TRIANGLES_MAX = 5_000_000  # of one mesh
-NOTES_MAX = 20  # of one mesh; further ones are not told
-SHOWN_AGAIN_MAX = 1_000_000  # triangles that showing parts again may add to what the file's bytes can hold
+NOTES_MAX = 20  # of one mesh; further ones are dropped
+SHOWN_AGAIN_MAX = 1_000_000  # triangles that repeated parts may add to those that the file's bytes can hold
 NAMES_SHOWN = 6  # in one line
 UP_NOTE = "collada-axis"  # the code of a note about an up axis
-PLACING = 128  # triangles: what placing a part counts beside its own
+PLACING = 128  # triangles counted for placing a part, in addition to its own
 
 Floats = NDArray[np.float32]
 Faces = NDArray[np.int32]
 Rgba = tuple[float, float, float, float]
-Load = Callable[[str], bytes]  # a file named by the mesh; ModelRefused when it can't be had
+Load = Callable[[str], bytes]  # reads a file named by the mesh; raises ModelRefused when it can't
 
 
 @dataclass(frozen=True)
@@ -38,9 +38,9 @@ class Paint:
 @dataclass(frozen=True)
 class Surface:
     """Triangles of one paint: positions (n, 3), faces (m, 3) counter-clockwise seen from outside, uv (n, 2)
-    with (0, 0) at the picture's upper left, or None. `paint` None: the file names none. `colours` (n, 3): of
-    the vertices, display values multiplied with the paint, or None. `spare`: for where the URDF names no
-    paint either. `names`: what the file calls the part that it belongs to; none where it is one part."""
+    with (0, 0) at the picture's upper left, or None. `paint` None: the file has none. `colours` (n, 3): of
+    the vertices, display values multiplied with the paint, or None. `spare`: paint to use if the URDF has
+    none either. `names`: the file's names for the part; empty if the file is one part."""
 
     positions: Floats
     faces: Faces
@@ -51,7 +51,7 @@ class Surface:
     names: tuple[str, ...] = ()
 
 
-# z-up from an axis that a file calls up, right-handed (Collada's table)
+# z-up from a file's up axis, right-handed (Collada's table)
 UPRIGHT = {
     "Y_UP": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
     "X_UP": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
@@ -60,8 +60,8 @@ UPRIGHT = {
 
 @dataclass(frozen=True)
 class Mesh:
-    """Surfaces with their paints. `notes`: (code, text) of what a reader had to tolerate. `up`: the axis
-    other than z that the file calls up (a key of UPRIGHT) and that has not been applied, else ""."""
+    """Surfaces with their paints. `notes`: (code, text) of problems that the reader tolerated. `up`: the
+    file's up axis (a key of UPRIGHT) if it is not z and has not been applied, otherwise ""."""
 
     surfaces: tuple[Surface, ...]
     notes: tuple[tuple[str, str], ...] = ()
@@ -79,8 +79,9 @@ class Mesh:
 
 
 def pick_part(mesh: Mesh, name: str, is_centred: bool) -> Mesh:
-    """The surfaces of a mesh that the file calls `name`; all of them for "" and where it names none.
-    `is_centred`: with the middle of their box at the origin. Raises ModelRefused when it has other names."""
+    """The surfaces of a mesh that the file calls `name`; all of them for "" or if the file has no names.
+    `is_centred`: move the middle of their box to the origin. Raises ModelRefused when only other names exist.
+    """
     found = tuple(s for s in mesh.surfaces if name in s.names) if name else mesh.surfaces
     known = dict.fromkeys(n for s in mesh.surfaces for n in s.names)
     if known and not found:
@@ -96,7 +97,7 @@ def pick_part(mesh: Mesh, name: str, is_centred: bool) -> Mesh:
 
 
 def turn_upright(mesh: Mesh) -> Mesh:
-    """The mesh with the axis that its file calls up as z, and a note of it."""
+    """The mesh with its file's up axis turned to z, and a note about it."""
     if mesh.up not in UPRIGHT:
         return mesh
     turn = UPRIGHT[mesh.up].astype(np.float32)
@@ -110,7 +111,7 @@ class Expansion:
     huge scene; it is counted before anything is made."""
 
     def __init__(self, size: int) -> None:
-        """`size`: bytes of the file; a triangle that stands in it takes one at least."""
+        """`size`: bytes of the file; each triangle in it takes at least one."""
         self._left = SHOWN_AGAIN_MAX + size
         self._triangles = 0
 
@@ -127,12 +128,12 @@ class Expansion:
             raise ModelRefused(f"more than {TRIANGLES_MAX:,} triangles")
         if self._left < 0:
             raise ModelRefused(
-                f"shows its parts so often that they are over {SHOWN_AGAIN_MAX:,} triangles more"
+                f"repeats its parts so often that they add more than {SHOWN_AGAIN_MAX:,} triangles"
             )
 
 
 class Notes:
-    """What a reader had to tolerate, without duplicates and at most NOTES_MAX."""
+    """Problems that a reader tolerated, without duplicates, at most NOTES_MAX."""
 
     def __init__(self) -> None:
         self._found: dict[tuple[str, str], None] = {}
@@ -143,28 +144,28 @@ class Notes:
             self._found[code, make_printable(text[:200])] = None
 
     def list_entries(self) -> tuple[tuple[str, str], ...]:
-        """What was noted: (code, text), in the order it came."""
+        """The notes as (code, text), in order."""
         return tuple(self._found)
 
 
 def clip_to_unit(value: float) -> float:
     """`value` clipped to 0 … 1. Raises ValueError when it is not finite."""
     if not math.isfinite(value):
-        raise ValueError(f"{value} is no share")
+        raise ValueError(f"{value} is not finite")
     return min(max(value, 0.0), 1.0)
 
 
 def select_used_vertices(
     numbers: NDArray[np.int64], count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the used ones of `count` vertices, ascending, and `numbers` renumbered to index these. Surfaces
-    may share a file's vertices, and each would otherwise carry all of them.
+    """Return the used ones of `count` vertices, ascending, and `numbers` renumbered to index these. Without
+    this, each of several surfaces that share a file's vertices would carry all of them.
 
     Raises ModelRefused when a number is out of range.
     """
     if len(numbers) and (numbers.min() < 0 or numbers.max() >= count):
-        raise ModelRefused("a triangle names a vertex that there is not")
-    if count > 4 * len(numbers):  # few of many: no work that goes with all of them
+        raise ModelRefused("a triangle refers to a vertex that does not exist")
+    if count > 4 * len(numbers):  # few of many: avoid work proportional to all of them
         kept, place = np.unique(numbers, return_inverse=True)
         return kept, place.reshape(-1)
     used = np.zeros(count, bool)
@@ -180,7 +181,7 @@ def validate_mesh(mesh: Mesh) -> Mesh:
         if not len(surface.faces):
             continue
         if surface.faces.min() < 0 or surface.faces.max() >= len(surface.positions):
-            raise ModelRefused("a triangle names a vertex that there is not")
+            raise ModelRefused("a triangle refers to a vertex that does not exist")
         if not np.isfinite(surface.positions).all():
             raise ModelRefused("vertices that are not finite (NaN)")
         if np.abs(surface.positions).max() > FAR_M:
@@ -192,7 +193,7 @@ def validate_mesh(mesh: Mesh) -> Mesh:
             colours = None if not np.isfinite(colours).all() else np.clip(colours, 0, 1)
         surfaces.append(replace(surface, uv=uv, colours=colours))
     if not surfaces:
-        raise ModelRefused("no triangles in it")
+        raise ModelRefused("it has no triangles")
     if sum(len(s.faces) for s in surfaces) > TRIANGLES_MAX:
         raise ModelRefused(f"more than {TRIANGLES_MAX:,} triangles")
     return replace(mesh, surfaces=tuple(surfaces))

@@ -1,4 +1,4 @@
-"""Which way a surface faces at each corner: smooth over small angles, sharp over creases."""
+"""Computes corner normals: smooth over small angles, sharp over creases."""
 
 from __future__ import annotations
 

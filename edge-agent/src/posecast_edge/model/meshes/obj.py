@@ -1,4 +1,4 @@
-"""Wavefront OBJ with its material library."""
+"""Reads Wavefront OBJ with its material library."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ class _Group:
 
 
 def read_obj(data: bytes, load: Load, keep_uv: bool = False, pictures: Pictures | None = None) -> Mesh:
-    """Read a file. Raises ModelRefused when it is not OBJ; a missing library only costs colours. `keep_uv`:
-    keep texture coordinates even without a picture."""
+    """Read a file. Raises ModelRefused when it is not OBJ; without its material library it has no colours.
+    `keep_uv`: keep texture coordinates even without a picture."""
     if len(data) > TEXT_MAX:
         raise ModelRefused(f"an OBJ over {TEXT_MAX >> 20} MiB")
     notes = Notes()
@@ -84,7 +84,7 @@ def read_obj(data: bytes, load: Load, keep_uv: bool = False, pictures: Pictures 
 
 
 def _face(group: _Group, rest: bytes, vertices: int, textures: int) -> int:
-    """Adds a face; how many triangles it is."""
+    """Add a face. Returns its number of triangles."""
     corners = rest.split()
     if len(corners) < 3:
         return 0
@@ -94,11 +94,11 @@ def _face(group: _Group, rest: bytes, vertices: int, textures: int) -> int:
             v = int(numbers[0])
             t = int(numbers[1]) if len(numbers) > 1 and numbers[1] else 0
             if not -NUMBER_MAX < v < NUMBER_MAX or not -NUMBER_MAX < t < NUMBER_MAX:
-                raise ModelRefused("a triangle names a vertex that there is not")
+                raise ModelRefused("a triangle refers to a vertex that does not exist")
             group.vertex.append(v - 1 if v > 0 else vertices + v)
             group.texture.append(t - 1 if t > 0 else textures + t if t < 0 else -1)
     except ValueError:
-        raise ModelRefused("a face of the OBJ is no list of numbers") from None
+        raise ModelRefused("a face of the OBJ is not a list of numbers") from None
     group.counts.append(len(corners))
     return len(corners) - 2
 
@@ -107,13 +107,13 @@ def _rows(lines: list[bytes], width: int) -> Floats:
     """The first numbers of each line, (n, width)."""
     words = [_words(line, width) for line in lines]
     if not all(words):
-        raise ModelRefused("a vertex of the OBJ is no list of numbers")
+        raise ModelRefused("a vertex of the OBJ is not a list of numbers")
     try:
-        with np.errstate(over="ignore"):  # beyond single precision: infinite, which is refused later
+        with np.errstate(over="ignore"):  # overflows to infinity, which is refused later
             flat = np.fromiter(map(float, chain.from_iterable(words)), np.float64, width * len(words))
             return flat.astype(np.float32).reshape(-1, width)
     except ValueError:
-        raise ModelRefused("a vertex of the OBJ is no list of numbers") from None
+        raise ModelRefused("a vertex of the OBJ is not a list of numbers") from None
 
 
 def _words(line: bytes, count: int) -> list[bytes]:
@@ -158,7 +158,7 @@ class _Library:
         return None if paint is None else _lit(paint)
 
     def read(self, name: str) -> None:
-        """One more file. What can't be read is noted."""
+        """Read one more file. A problem gives a note."""
         if name in self._known:
             return
         self._known.add(name)
@@ -200,7 +200,7 @@ class _Library:
 
 
 def _picture_name(words: list[str]) -> str:
-    """The file's name, which may have spaces, behind options like `-s 1 1 1`."""
+    """The file's name, which may contain spaces, after options such as `-s 1 1 1`."""
     at = 0
     while at < len(words) - 1 and words[at].startswith("-"):
         at += 2  # the option and its first value; further ones are numbers
@@ -218,7 +218,7 @@ def _is_number(word: str) -> bool:
 
 
 def _lit(paint: Paint) -> Paint:
-    """A picture alone: exporters leave Kd at black, or at their default, where the picture says it all."""
+    """Use the picture alone: with a picture, exporters leave Kd black or at their default."""
     if paint.texture is not None and (max(paint.rgba[:3]) < 0.02 or paint.rgba[:3] == DEFAULT):
         return Paint((1.0, 1.0, 1.0, paint.rgba[3]), paint.texture)
     return paint

@@ -55,7 +55,7 @@ def _end(radius: float, z: float) -> Surface:
 
 
 def _turned(profile: Sequence[tuple[float, float]]) -> Surface:
-    """(radius, z) turned about z, from below to above; where it closes, two rows for the picture's ends."""
+    """(radius, z) turned about z, from bottom to top; two rows at the seam, for the picture's ends."""
     turn = 2 * np.pi * np.arange(AROUND + 1) / AROUND
     turn[-1] = 0.0
     rings = [
@@ -76,5 +76,5 @@ def _turned(profile: Sequence[tuple[float, float]]) -> Surface:
 
 
 def _surface(positions: NDArray[np.float64], faces: NDArray[np.int64], uv: NDArray[np.float64]) -> Surface:
-    with np.errstate(over="ignore"):  # beyond single precision: infinite, which is refused later
+    with np.errstate(over="ignore"):  # overflows to infinity, which is refused later
         return Surface(positions.astype(np.float32), faces.astype(np.int32), uv.astype(np.float32))

@@ -19,7 +19,7 @@ from posecast_edge.model.urdf.resolver import Resolver
 def read_mesh(path: Path, resolver: Resolver, keep_uv: bool = False, shelf: SideFiles | None = None) -> Mesh:
     """Read and check a mesh. Raises ModelRefused, which says why it can't be shown.
 
-    `keep_uv`: the URDF gives it a picture, so texture coordinates are needed even if the file names no
+    `keep_uv`: the URDF has a picture for it, so texture coordinates are needed even if the file has no
     picture. `shelf`: files that the robot's meshes share.
     """
     mesh = validate_mesh(_read(path, resolver, keep_uv, shelf or SideFiles()))
@@ -39,12 +39,12 @@ def _read(path: Path, resolver: Resolver, keep_uv: bool, shelf: SideFiles) -> Me
     if suffix == ".obj":
         return read_obj(data, load, keep_uv, shelf.pictures)
     if suffix == ".glb":
-        raise ModelRefused("no glTF 2.0 binary")
-    raise ModelRefused(f"{quote_name(suffix)} is no kind of mesh that is read")
+        raise ModelRefused("not a glTF 2.0 binary")
+    raise ModelRefused(f"{quote_name(suffix)} is not a supported mesh format")
 
 
 def _refuse_the_obvious(data: bytes) -> None:
-    """Files that are something else under a mesh's name, as servers and tools leave them."""
+    """Refuse files that are not meshes despite their name, as servers and tools leave them."""
     start = data[:512].lstrip().lower()
     if not data:
         raise ModelRefused("the file is empty")

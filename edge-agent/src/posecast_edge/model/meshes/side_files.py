@@ -12,13 +12,12 @@ from posecast_edge.model.meshes.texture import Pictures
 from posecast_edge.model.urdf.resolver import Resolver
 
 TEXTURE_MAX = 64 << 20  # bytes of one picture
-NAMES_MAX = 1000  # that one mesh names; further ones are not looked for
+NAMES_MAX = 1000  # files named by one mesh; further ones are ignored
 
 
 @dataclass(frozen=True)
 class Bound:
-    """Limits in bytes for one file and for all files that a robot's meshes are given; what exceeds them is
-    left out."""
+    """Limits in bytes for one file and for all files of a robot's meshes; files beyond them are left out."""
 
     one: int
     all: int
@@ -26,9 +25,9 @@ class Bound:
 
 PICTURE = ".png"  # stands for every kind of picture
 BOUNDS = {
-    ".bin": Bound(FILE_MAX, 1 << 30),  # counts each time that it is read
-    ".mtl": Bound(8 << 20, 64 << 20),  # counts each time
-    PICTURE: Bound(TEXTURE_MAX, 512 << 20),  # counts once: it is kept, and looked at once
+    ".bin": Bound(FILE_MAX, 1 << 30),  # counted each time it is read
+    ".mtl": Bound(8 << 20, 64 << 20),  # counted each time
+    PICTURE: Bound(TEXTURE_MAX, 512 << 20),  # counted once: it is cached and checked once
 }
 
 

@@ -44,10 +44,10 @@ def _text(data: bytes) -> Mesh:
         raise ModelRefused(f"a text STL over {TEXT_MAX >> 20} MiB")
     try:
         words = (float(word) for match in VERTEX.finditer(data) for word in match.groups())
-        with np.errstate(over="ignore"):  # beyond single precision: infinite, which is refused later
+        with np.errstate(over="ignore"):  # overflows to infinity, which is refused later
             numbers = np.fromiter(words, np.float64).astype("<f4")
     except ValueError:
-        raise ModelRefused("a vertex of the text STL is no number") from None
+        raise ModelRefused("a vertex of the text STL is not a number") from None
     if len(numbers) % 9:
         raise ModelRefused("the text STL ends within a triangle")
     return Mesh((Surface(numbers.reshape(-1, 3), _corners(len(numbers) // 3)),))

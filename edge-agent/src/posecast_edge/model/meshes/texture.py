@@ -14,21 +14,19 @@ from PIL import Image
 from posecast_edge.model.finding import ModelRefused, make_printable
 
 FORMATS = ("PNG", "JPEG", "BMP", "TGA", "TIFF", "WEBP", "GIF")
-PIXELS_MAX = 4096 * 4096  # of one picture, which a file of 50 kB can unpack to; they take four bytes each
+PIXELS_MAX = 4096 * 4096  # of one picture, at four bytes each; even a file of 50 kB can have so many
 JPEG_PIXELS_MAX = 64_000_000  # of a JPEG, unpacked at an eighth of its size unless it is progressive
-BAND = 256  # rows of a large picture that are made smaller at once
-LOOK = 128  # pixels a side: enough to see that a picture can be read, and its mean
+BAND = 256  # rows of a large picture that are scaled at a time
+LOOK = 128  # pixels a side: enough to check that a picture can be read, and for its mean
 PIXELS_IN_ALL = 1 << 30  # of a robot's pictures; further ones are left out
-PIXELS_A_BYTE = 400  # a PNG of one colour has some 340
-SCANS_MAX = 100  # of a JPEG, which has one or some ten; each goes over all pixels, and ten bytes are one
-PIXELS_CLAIMED = 64_000_000  # of a robot's pictures, beyond what their bytes can stand for
-KEPT_PIXEL = 8  # bytes of a pixel without compression: a file that is larger holds more than a picture
+PIXELS_A_BYTE = 400  # a PNG of one colour has about 340
+SCANS_MAX = 100  # of a JPEG; one or about ten are normal. Each scan needs only ten bytes but costs all pixels
+PIXELS_CLAIMED = 64_000_000  # of a robot's pictures, beyond the number that their bytes justify
+KEPT_PIXEL = 8  # bytes of a pixel without compression: a larger file holds more than a picture
 KEPT_HEAD = 4096
-START_OF_SCAN = b"\xff\xda"  # stands nowhere in a scan itself
+START_OF_SCAN = b"\xff\xda"  # never occurs within a scan
 JPEG_QUALITY = 85
-LOOKS_MAX = (
-    1000  # at one picture in one size that are remembered: as long as a robot is built it is in memory
-)
+LOOKS_MAX = 1000  # results per picture and size that are cached while a robot is built
 
 
 @dataclass(frozen=True)
@@ -40,7 +38,7 @@ class Picture:
 
 
 class Pictures:
-    """The pictures of one robot; each is checked once, however many surfaces use it."""
+    """The pictures of one robot; each is checked once, even if many surfaces use it."""
 
     def __init__(self) -> None:
         self._reasons: dict[bytes, str] = {}  # why a picture can't be used, "" where it can
@@ -111,16 +109,16 @@ def compute_mean_colour(data: bytes) -> tuple[float, float, float]:
 
 
 def _opened(data: bytes) -> Image.Image:
-    """Its head is read and its size fits; its pixels are not unpacked yet."""
+    """Open a picture: reads its header and checks its size, but does not unpack its pixels."""
     image = Image.open(io.BytesIO(data), formats=FORMATS)
     by_parts = image.format == "JPEG" and not image.info.get("progressive")
     most = JPEG_PIXELS_MAX if by_parts else PIXELS_MAX
     if image.width * image.height > most:
         side = int(most**0.5)
         raise ModelRefused(
-            f"a picture of {image.width} × {image.height} pixels; at most {side} × {side} are read"
+            f"a picture of {image.width} × {image.height} pixels; at most {side} × {side} are supported"
         )
-    if any(tile[0] == "libtiff" for tile in image.tile):  # which writes to stderr what it thinks of each tag
+    if any(tile[0] == "libtiff" for tile in image.tile):  # libtiff writes messages to stderr
         raise ModelRefused("a compressed TIFF")
     if any(tile[0] == "jpeg" for tile in image.tile) and data.count(START_OF_SCAN) > SCANS_MAX:
         raise ModelRefused(f"a JPEG of more than {SCANS_MAX} scans")
@@ -128,8 +126,8 @@ def _opened(data: bytes) -> Image.Image:
 
 
 def _plain(image: Image.Image, side: int) -> Image.Image:
-    """Its pixels, with transparency where it has some: of a large one as many as a good picture of `side` is
-    made of. All of them are never there twice."""
+    """Its pixels, with any transparency. A large picture is reduced to what a good picture of `side` needs.
+    Never holds all pixels twice."""
     image.draft("RGB", (side, side))
     mode = "RGBA" if image.mode in ("RGBA", "LA", "PA") or "transparency" in image.info else "RGB"
     less = max(image.size) // (2 * side)
@@ -148,7 +146,7 @@ def _plain(image: Image.Image, side: int) -> Image.Image:
 
 @contextmanager
 def _reading() -> Iterator[None]:
-    """Whatever a broken picture leads Pillow to becomes ModelRefused: seven formats fail in many ways."""
+    """Turn every exception of Pillow into ModelRefused: broken pictures fail in many ways."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
@@ -157,4 +155,4 @@ def _reading() -> Iterator[None]:
         raise
     except Exception as e:
         said = make_printable(str(e)[:60])
-        raise ModelRefused(f"no picture that is read: {said or type(e).__name__}") from None
+        raise ModelRefused(f"not a readable picture: {said or type(e).__name__}") from None

@@ -1,4 +1,4 @@
-"""Converts vertex colours to paints: a few colours, each on triangles of its own.
+"""Converts vertex colours to paints: a few colours, each on its own triangles.
 
 Levels of detail have paints but no vertex colours (docs/reference/model-bundle.md). Exporters use vertex
 colours to mark parts of a body, so a few colours are kept; the many colours of a scan are replaced by their
@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from posecast_edge.model.meshes.mesh import Paint, Surface
 
 COLOURS_MAX = 16
-CLOSE = 8 / 255  # colours nearer than this are one: rounding, or a breath of shading
+CLOSE = 8 / 255  # colours nearer than this count as one: rounding, or slight shading
 DARK = 0.02
-FEW = 1000  # triangles: so few may be parted however they like
-RAGGED = 0.3  # of all edges lying between colours: no parts, but a picture
+FEW = 1000  # triangles: up to this many are always split
+RAGGED = 0.3  # of all edges lying between colours: beyond it, the colours are an image, not parts
 
 
 def split_all_by_colour(surfaces: Sequence[Surface]) -> list[Surface]:
@@ -53,7 +53,7 @@ def split_by_colour(surface: Surface) -> Iterator[Surface]:
 
 
 def _sorts(colours: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Which colour each has, counted from 0: median cut (Heckbert 1982), the widest box first."""
+    """The number of each triangle's colour, from 0: median cut (Heckbert 1982), the widest box first."""
     sort = np.zeros(len(colours), np.int64)
     for new in range(1, COLOURS_MAX):
         boxes = [colours[sort == k] for k in range(new)]
@@ -68,7 +68,7 @@ def _sorts(colours: NDArray[np.float64]) -> NDArray[np.int64]:
 
 
 def _ragged(surface: Surface, sort: NDArray[np.int64]) -> bool:
-    """Whether the colours are no parts: too many edges have another colour on either side."""
+    """Whether the colours mark no parts, because too many edges separate different colours."""
     if not sort.any() or len(sort) < FEW:
         return False
     _, place = np.unique(surface.positions, axis=0, return_inverse=True)

@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 
 from posecast_edge.model.meshes.mesh import Faces, Surface
 
-CELLS = 1 << 20  # along the longest side: what is nearer than this is one vertex
-CROWD_MAX = 1000  # triangles at one vertex; the densest of real robots have some hundred
+CELLS = 1 << 20  # along the longest side: corners within one cell are one vertex
+CROWD_MAX = 1000  # triangles at one vertex; real robots have up to a few hundred
 
 
 def weld_vertices(surface: Surface) -> Surface:
     """The surface with one vertex per position (and texture coordinate), without duplicate triangles and
-    those that have no area."""
+    triangles of no area."""
     positions = surface.positions
     low = positions.min(0)
     cell = max(float((positions.max(0) - low).max()), 1e-12) / CELLS
@@ -49,8 +49,8 @@ def drop_duplicate_faces(faces: NDArray[np.int64], vertices: int) -> Faces:
 def find_crowded_faces(
     faces: NDArray[np.int64] | Faces, place: NDArray[np.int64] | None = None
 ) -> NDArray[np.bool_]:
-    """Which triangles touch a vertex shared by more than CROWD_MAX of them; simplification takes time in the
-    square of that number. `place`: the position number of each vertex, if several vertices are at one
+    """Which triangles touch a vertex shared by more than CROWD_MAX of them; simplification takes quadratic
+    time in that number. `place`: the position number of each vertex, if several vertices are at one
     position."""
     corners = faces if place is None else place[faces]
     crowded = np.bincount(corners.reshape(-1))[corners] > CROWD_MAX

@@ -1,1 +1,1 @@
-"""A MuJoCo model (MJCF) as a body: compiled by MuJoCo in a process of its own, read as links and joints."""
+"""Reads a MuJoCo model (MJCF): compiled by MuJoCo in a separate process, then read as links and joints."""

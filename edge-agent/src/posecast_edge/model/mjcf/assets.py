@@ -1,9 +1,9 @@
-"""Takes the meshes and pictures out of a MuJoCo model and compiles each in a small model of its own.
+"""Takes the meshes and pictures out of a MuJoCo model and compiles each in its own small model.
 
-MuJoCo makes a tree of bounding volumes of each mesh, and keeps it with copies of everything until the whole
-model is compiled: several hundred megabytes, of which twenty are drawn. One after the other, all that is
-freed before the next begins. In the model a box and a white point take their places. Bodies and joints are
-where they were without them, and a geom that shows the box is where its file puts it.
+MuJoCo builds a bounding volume hierarchy for each mesh, and keeps it with copies of everything until the
+whole model is compiled: several hundred megabytes, of which twenty are drawn. Compiled one by one, meshes
+need less, because the memory is freed each time. In the model, a box and a white point replace them. Bodies
+and joints are not affected, and a geom that shows the box is where its file puts it.
 """
 
 from __future__ import annotations
@@ -79,11 +79,11 @@ class TakenAssets:
 
 
 def take_assets(spec: Any, contents: Mapping[str, bytes]) -> TakenAssets:
-    """Compile the meshes and pictures of a MjSpec that come from a file, and put stand-ins in their places.
+    """Compile the meshes and pictures of a MjSpec that come from a file, and replace them by placeholders.
     `contents`: files by path. Raises AssetFailed.
 
-    What depends on more than its file stays: a mesh that a primitive is fitted to or a plug-in makes; and one
-    that is not found, of which MuJoCo says where it looked.
+    A mesh that depends on more than its file stays: one that a primitive is fitted to, or that a plug-in
+    makes. So does a missing one, for which MuJoCo reports where it looked.
     """
     taken = TakenAssets()
     places = sort_by_name(contents)
@@ -113,7 +113,7 @@ def take_assets(spec: Any, contents: Mapping[str, bytes]) -> TakenAssets:
 
 
 def list_guessed_bodies(spec: Any, boxes: Collection[str]) -> list[int]:
-    """The bodies of a compiled MjSpec whose mass MuJoCo made of `boxes`, meshes that a box stands in for."""
+    """The bodies of a compiled MjSpec whose mass MuJoCo derived from `boxes`, which replace meshes."""
     by_geoms = spec.compiler.inertiafromgeom
     low, high = spec.compiler.inertiagrouprange
     guessed = [

@@ -1,8 +1,7 @@
-"""A compiled MuJoCo model's bodies and joints as links and joints of a tree.
+"""Converts the bodies and joints of a compiled MuJoCo model to links and joints of a tree.
 
-A body's link has the body's frame. MuJoCo lets a body have several joints, each about a point of the body
-that need not be its origin; so between two joints, and behind one about another point, there is a link
-without a shape of its own.
+A body's link has the body's frame. In MuJoCo a body may have several joints, each about a point that need not
+be its origin. So between two joints, and after a joint about another point, there is a link without a shape.
 """
 
 from __future__ import annotations
@@ -40,9 +39,9 @@ class BodyTree:
 
 
 def find_base_joint(parents: Sequence[int], kinds: Sequence[int], bodies: Sequence[int]) -> int | None:
-    """The free joint by which the robot moves in the world; None for one that stands on it. `parents`: of the
-    bodies; `kinds`, `bodies`: of the joints. What has most joints is the robot: a free cube beside an arm is
-    none."""
+    """The free joint by which the robot moves in the world; None for a fixed robot. `parents`: of the bodies;
+    `kinds`, `bodies`: of the joints. The robot is the tree with the most joints, not a free cube beside an
+    arm."""
     top = list(range(len(parents)))
     for body in range(1, len(parents)):  # parents come before their children
         top[body] = body if parents[body] == 0 else top[parents[body]]
@@ -96,7 +95,7 @@ class _Builder:
             elif body != 0:
                 left_out.append(name)
         if marks:
-            self._say("mocap", f"{_list(marks)}: moved by hand in MuJoCo, no part of the robot; not shown")
+            self._say("mocap", f"{_list(marks)}: mocap bodies, not part of the robot; not shown")
         if left_out and root != 0:
             text = f"{_list(left_out)}: not joined to {quote_name(self._links[root])}, which moves freely"
             self._say("beside", f"{text}; not shown")
@@ -157,7 +156,7 @@ class _Builder:
         return Joint(name, word, parent, child, pose, axis, limit, self._mimics.get(number), line)
 
     def _couplings(self) -> Iterator[tuple[int, Mimic]]:
-        """Joints that follow another by an equality constraint, where that is a straight line."""
+        """Joints that follow another by a linear equality constraint."""
         model = self._model
         for kind, active, one, other, data in zip(
             model["eq_type"].tolist(),

@@ -1,4 +1,4 @@
-"""Runs MuJoCo's compiler in a process of its own, since a file may make it hang, crash or take all memory."""
+"""Runs MuJoCo's compiler in a separate process, because a file may make it hang, crash or use all memory."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ SECONDS_MAX = 60.0  # to load, by the clock
 CPU_S = 20  # of the processor; large robots take two
 ASKED_MAX = 2 << 30  # bytes that the process may ask for
 ANSWER_MAX = 256 << 20  # bytes that it may write
-SAID_MAX = 1 << 16  # bytes of its last words that are looked at
-# each thread takes memory that the model could have; what is freed goes back
+SAID_MAX = 1 << 16  # bytes of its last output that are read
+# fewer threads leave more memory for the model; freed memory is returned to the system
 LEAN = {"OPENBLAS_NUM_THREADS": "1", "MALLOC_TRIM_THRESHOLD_": "65536", "MALLOC_MMAP_THRESHOLD_": "65536"}
-REFUSED = 1  # exit status of one that has said why
+REFUSED = 1  # exit status after reporting a reason
 
 
 def run_child(module: str, arguments: Sequence[str], answer: IO[bytes] | None, seconds_max: float) -> None:
-    """Run `python -m module arguments…`; what it writes to stdout goes to the file `answer`.
+    """Run `python -m module arguments…` with stdout to the file `answer`.
 
-    Raises ModelRefused with its last line on stderr when it ends with REFUSED, else with what became of it.
+    Raises ModelRefused with its last line on stderr when it ends with REFUSED, otherwise with how it ended.
     """
     command = [sys.executable, "-m", module, *arguments]
     try:
@@ -46,12 +46,12 @@ def run_child(module: str, arguments: Sequence[str], answer: IO[bytes] | None, s
         if tried.returncode == REFUSED and said:
             raise ModelRefused(said)
         if tried.returncode == -signal.SIGXCPU:
-            raise ModelRefused(f"not loaded within {CPU_S} s of the processor")
+            raise ModelRefused(f"not loaded within {CPU_S} s of CPU time")
         raise ModelRefused(f"MuJoCo crashed on it ({tried.returncode})")
 
 
 def limit_child() -> None:
-    """Bound what this process may take: memory, processor time, bytes written. For a child's start."""
+    """Limit this process's memory, CPU time and written bytes. Called at a child's start."""
     resource.setrlimit(resource.RLIMIT_DATA, (ASKED_MAX, ASKED_MAX))
     resource.setrlimit(resource.RLIMIT_CPU, (CPU_S, CPU_S + 1))
     resource.setrlimit(resource.RLIMIT_FSIZE, (ANSWER_MAX, ANSWER_MAX))
@@ -60,7 +60,7 @@ def limit_child() -> None:
 
 @contextmanager
 def open_no_file() -> Iterator[None]:
-    """Within it this process can open nothing: MuJoCo gets the files that it was handed, and no other."""
+    """Within this block the process can't open files: MuJoCo gets only the files passed to it."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (0, hard))
     try:

@@ -1,4 +1,4 @@
-"""What is needed of a compiled MuJoCo model, as plain arrays that go from the compiling process to ours."""
+"""The needed parts of a compiled MuJoCo model, as plain arrays sent from the compiling process to ours."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ NAMED = {"body": "body", "jnt": "joint", "site": "site"}  # what a field's rows 
 class CompiledModel:
     """`arrays`: those of FIELDS; `names`: of bodies, joints, meshes and sites, by kind; `lines`: of bodies,
     joints and geoms in the file, 0 where it is not known; `name`: the model's; `skins`, `flexes`: how many
-    soft parts it has; `inputs`: the files that were read; `remarks`: what of it is not shown, and why."""
+    soft parts it has; `inputs`: the files that were read; `remarks`: what is not shown, and why."""
 
     arrays: Mapping[str, NDArray[Any]]
     names: Mapping[str, list[str]]

@@ -1,5 +1,5 @@
-"""Compiles a MuJoCo model and writes what is needed of it to stdout, bounded and without opening any file
-that does not belong to the model. `python -m posecast_edge.model.mjcf.compiler PATH [PACKAGES…]`"""
+"""Compiles a MuJoCo model and writes the needed parts to stdout, within limits, and opens only files that
+belong to the model. `python -m posecast_edge.model.mjcf.compiler PATH [PACKAGES…]`"""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ from posecast_edge.model.mjcf.child import ANSWER_MAX, REFUSED, limit_child, ope
 from posecast_edge.model.mjcf.compiled import FIELDS, CompiledModel, write_model
 from posecast_edge.model.mjcf.files import ModelFiles, collect_files
 
-# else MuJoCo writes a file MUJOCO_LOG.TXT wherever it was started
+# otherwise MuJoCo writes a file MUJOCO_LOG.TXT into the current folder
 mujoco.set_mju_user_warning(lambda _text: None)
-# else it keeps a copy of every mesh, for compiling the same model once more
+# otherwise it keeps a copy of every mesh, to compile the same model again
 mujoco.mj_setCacheCapacity(mujoco.mj_getCache(), 0)
 
 SAID_MAX = 300  # characters of what MuJoCo says
@@ -38,9 +38,9 @@ WRAPPING = re.compile(r"^(?:XML )?(?:Error: )+|,? (?:id \d+, )?line \d+$")  # ar
 QUOTED = re.compile(r"'([^']{1,1000})'")
 ELEMENT = re.compile(r" Element name '[^']*'$")
 UNKNOWN = "unknown exception"  # all that is left of an exception that MuJoCo's Python doesn't know
-SAVE_AGAIN = "save it again as binary STL, OBJ or PNG, whichever it is, with Blender or GIMP for instance"
-TAKE_APART = "try it in MuJoCo's viewer (python -m mujoco.viewer --mjcf FILE), and with parts taken out"
-# what MuJoCo says, and what to do
+SAVE_AGAIN = "save it again as binary STL, OBJ or PNG, for example with Blender or GIMP"
+TAKE_APART = "try it in MuJoCo's viewer (python -m mujoco.viewer --mjcf FILE), and with parts removed"
+# MuJoCo's message → what to do
 ADVICE = {
     "Unrecognized XML model type: 'mujocoinclude'": "it is a part; give the file that includes it",
     "mass and inertia of moving bodies": "give the body a mass, or <compiler boundmass> and boundinertia",
@@ -56,18 +56,18 @@ def make_spec(files: ModelFiles) -> tuple[Any, Any]:
 
 
 def explain_failure(error: BaseException, files: ModelFiles, asset: str = "") -> ModelRefused:
-    """MuJoCo's own words as one line, with the line in the file and what to do. `asset`: the mesh or texture
+    """MuJoCo's message as one line, with the line in the file and what to do. `asset`: the mesh or texture
     that was read, with its file; "" for the model itself."""
     said = make_printable(" ".join(str(error).split())[:SAID_MAX]) or type(error).__name__
     head = f"{asset}: " if asset else ""
     if isinstance(error, MemoryError):
-        return ModelRefused(f"{head}takes more memory than it may")
+        return ModelRefused(f"{head}needs more memory than is allowed")
     found = LINE.search(said)
     line = int(found[1]) if found and int(found[1]) else None
     if UNKNOWN in said.lower():
         what = asset or f"file {quote_name(PurePosixPath(files.main).name)}, or one that it names"
         advice = SAVE_AGAIN if asset else TAKE_APART
-        return ModelRefused(f"{what}: MuJoCo fails on it and does not say why: {advice}", line)
+        return ModelRefused(f"{what}: MuJoCo failed without a reason: {advice}", line)
     for name in QUOTED.findall(said):
         for wanted, reason in files.refused.items():
             if PurePosixPath(wanted).name == PurePosixPath(name.replace("\\", "/")).name:
@@ -218,7 +218,7 @@ def main(arguments: Sequence[str]) -> int:
         try:
             write_model(compile_model(path, packages), sys.stdout.buffer)
         except MemoryError:
-            raise ModelRefused("takes more memory than it may") from None
+            raise ModelRefused("needs more memory than is allowed") from None
         except OSError as e:
             raise ModelRefused(e.strerror or str(e)) from None
     except ModelRefused as e:

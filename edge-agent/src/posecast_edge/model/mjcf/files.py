@@ -1,8 +1,8 @@
-"""Collects the files that a MuJoCo model names, inside the folders that belong to it and nowhere else.
+"""Collects the files that a MuJoCo model names, only inside the folders that belong to it.
 
-MuJoCo itself opens whatever a model names. So it is handed the contents of these files and kept from opening
-any (child.py). Where it looks for a file depends on its compiler's settings, which includes and attached
-models may change; so each file is looked for wherever it may be meant.
+MuJoCo itself would open any file that a model names. So it gets the contents of these files and can't open
+any itself (child.py). Where it looks for a file depends on compiler settings that includes and attached
+models may change, so each file is looked up in every folder that may be meant.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ BASES_MAX = 16  # folders in which each is looked for
 BYTES_MAX = 512 << 20  # of all files together
 PARTS = (".xml", ".mjcf", ".urdf")
 ASSETS = (".stl", ".obj", ".msh", ".png", ".ktx", ".skn", ".hf", ".bin")
-# Not a parser: MuJoCo's reads what others refuse. A name that is none of a file does no harm here.
+# Not a parser: MuJoCo's accepts files that others refuse. A name that is not a file does no harm here.
 NAMED = re.compile(
     r"""\b(file\w{0,9}|meshdir|texturedir|assetdir)\s*=\s*(?:"([^"<]{1,4096})"|'([^'<]{1,4096})')"""
 )

@@ -21,7 +21,7 @@ from posecast_edge.model.urdf.types import Inertial, Link, Sensor, Urdf
 if TYPE_CHECKING:
     from posecast_edge.model.mjcf.compiled import CompiledModel
 
-NEEDS_MUJOCO = "this is a MuJoCo model (MJCF), which MuJoCo itself reads"
+NEEDS_MUJOCO = "this is a MuJoCo model (MJCF), and reading it needs MuJoCo"
 COMPILER = "posecast_edge.model.mjcf.compiler"
 SITE = 6  # mjtObj
 # mjtSensor: what a sensor on a site is called in a URDF
@@ -29,8 +29,8 @@ SENSOR_KINDS = {1: "imu", 3: "imu", 4: "force_torque", 5: "force_torque", 27: "i
 
 
 def load_mjcf(path: Path, packages: Sequence[Path] = ()) -> RobotFile:
-    """Read a model as a robot. MuJoCo compiles it in a process of its own, bounded in time and memory, which
-    reads files of the model's own folders and of `packages` and no others.
+    """Read a model as a robot. MuJoCo compiles it in a separate process, limited in time and memory, which
+    reads only files in the model's own folders and in `packages`.
 
     Raises ModelRefused with one line when MuJoCo is not installed or refuses the model.
     """
@@ -91,12 +91,12 @@ def _make_robot(model: CompiledModel, path: Path) -> RobotFile:
     guessed = [name for body, name in tree.links.items() if model["body_mass"][body] < 0]
     if guessed:
         many = f" and {len(guessed) - 1} more" if len(guessed) > 1 else ""
-        which = f"the mass of body {quote_name(guessed[0])}{many} follows from a mesh"
+        which = f"the mass of body {quote_name(guessed[0])}{many} is derived from a mesh"
         urdf.findings.append(Finding("hint", "mass-of-mesh", f"{which}; {NO_BALANCE}: give it an <inertial>"))
     for count, what in ((model.skins, "skin"), (model.flexes, "flexible part")):
         if count:
             many = f"{count} {what}s are" if count > 1 else f"a {what} is"
-            urdf.findings.append(Finding("hint", "soft", f"{many} not shown: only stiff parts are"))
+            urdf.findings.append(Finding("hint", "soft", f"{many} not shown: only rigid parts are"))
     return RobotFile(urdf, shapes.meshes, tuple(map(Path, model.inputs)))
 
 

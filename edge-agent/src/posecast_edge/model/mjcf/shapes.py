@@ -1,4 +1,4 @@
-"""What is shown of a compiled MuJoCo model: its geoms as visuals, its meshes and their colours."""
+"""Reads the geoms of a compiled MuJoCo model as visuals, with meshes and colours."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class GeomReader:
             if 2 * len({self._bodies[i] for i in shown}) >= len(bodies):
                 break
         if last >= GROUPS_SHOWN:
-            text = f"groups 0 to 2, which MuJoCo's viewer shows, have little in them; shown are 0 to {last}"
+            text = f"groups 0 to 2, which MuJoCo's viewer shows, are almost empty; showing 0 to {last}"
             self._say("geom-groups", text)
         elif len(shown) < len(seen):
             text = f"{len(seen) - len(shown)} geoms of groups 3 to 5 are hidden, as in MuJoCo's viewer"
@@ -87,8 +87,8 @@ class GeomReader:
             return geoms
         kept = [i for i in geoms if groups[i] not in bumps]
         count, which = len(geoms) - len(kept), ", ".join(map(str, sorted(bumps)))
-        text = f"{count} geoms of group {which} are there to collide and are hidden; group"
-        self._say("geom-groups", f"{text} {', '.join(map(str, sorted(looks)))} is there to be seen")
+        text = f"{count} geoms of group {which} are for collisions and are hidden; the visuals are in group"
+        self._say("geom-groups", f"{text} {', '.join(map(str, sorted(looks)))}")
         return kept
 
     def _say(self, code: str, text: str) -> None:

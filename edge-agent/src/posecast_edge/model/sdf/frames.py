@@ -1,4 +1,4 @@
-"""Where things of an SDF are: each pose is relative to a frame that the file names, or to a default one."""
+"""Resolves the poses of an SDF: each is relative to a frame that the file names, or to a default one."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ EXACT = 1e-12  # of a cosine: nearer to 0 roll and yaw turn about one axis
 
 
 class NoSuchFrame(Exception):
-    """A frame that there is not, or one that leads back to itself: one line."""
+    """A frame that does not exist, or depends on itself. The message is one line."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class FrameGraph:
         at = name
         while at not in self._poses:
             if at in chain:
-                self._poses[at] = f"its pose leads back to itself, over {quote_name(at)}"
+                self._poses[at] = f"its pose depends on itself, through {quote_name(at)}"
             elif at not in self._frames:
                 self._poses[at] = f"its pose is relative to {quote_name(at)}, which does not exist"
             else:
@@ -100,7 +100,7 @@ class FrameGraph:
         found, seen = identity(), set[str]()
         while name != outer:
             if name in seen or name not in self._frames:
-                raise NoSuchFrame(f"{quote_name(name)} is no frame inside of it")
+                raise NoSuchFrame(f"{quote_name(name)} is not a frame inside it")
             seen.add(name)
             found = multiply(self._frames[name].base_from_frame, found)
             name = self._frames[name].base

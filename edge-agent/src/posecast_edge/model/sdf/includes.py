@@ -92,7 +92,7 @@ class IncludeReader:
             return
         inside = next(self._list_models(found, self._base_of(base, uri, path), (*files, path)), None)
         if inside is None:
-            text = f"include {quote_name(uri)}: there is no model in it"
+            text = f"include {quote_name(uri)}: it has no model"
             self._values.note("warning", "include", text, element)
             return
         _set_lines(inside.element, element.line)
@@ -102,7 +102,7 @@ class IncludeReader:
         if not uri:
             raise ModelRefused("it names no file")
         if self._resolver is None:
-            raise ModelRefused("other files are not read here")
+            raise ModelRefused("includes are not read here")
         if len(files) > NESTED_MAX:
             raise ModelRefused(f"more than {NESTED_MAX} includes within each other")
         self._left -= 1
@@ -128,7 +128,7 @@ class IncludeReader:
 
     def _parse(self, content: bytes) -> Element:
         if len(content) > self._bytes:
-            raise ModelRefused(f"with what it includes larger than {BYTES_MAX >> 20} MiB")
+            raise ModelRefused(f"larger than {BYTES_MAX >> 20} MiB, including its includes")
         root = read_xml(
             io.BytesIO(content),
             bytes_max=self._bytes,

@@ -1,7 +1,7 @@
-"""Joints of an SDF, and the tree that they make of its links.
+"""Reads the joints of an SDF, and connects its links to a tree.
 
-In an SDF each joint names two links that stand where the file places them. A tree of them may need a joint
-turned round, and a joint that would close a loop is left out: a URDF can't hold it.
+In an SDF each joint names two links, which have their own poses. A tree of them may need a joint reversed.
+A joint that would close a loop is left out, because a URDF can't express it.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ KINDS = {
     "ball": "floating",
 }
 TWO_AXES = ("universal", "revolute2")
-LAST = ("ball", "gearbox")  # what closes a loop is mostly one of these; then it is the one that is left out
+LAST = ("ball", "gearbox")  # these usually close a loop, so they are the ones to leave out
 NO_LIMIT = 1e16
 OLD_AXIS = (1, 5)  # before this version an axis was given in the model's frame
 
@@ -204,7 +204,7 @@ class _Hanging:
             self._note("error", "joint-ends", f"{what}: {e}; left out", draft.line)
             return None
         if parent not in self._group or child not in self._group:
-            self._note("error", "joint-ends", f"{what}: a link of it is left out, and so is it", draft.line)
+            self._note("error", "joint-ends", f"{what}: left out, because one of its links is", draft.line)
             return None
         ends = self._find_group(parent), self._find_group(child)
         if ends[0] == ends[1]:

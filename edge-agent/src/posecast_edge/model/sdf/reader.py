@@ -1,7 +1,7 @@
-"""Reads an SDF tolerantly into the types of a URDF: the robot as it stands with every joint at zero.
+"""Reads an SDF tolerantly into the types of a URDF: the robot with every joint at zero.
 
-SDF places links in their model and joints at their child; a URDF hangs each link on its parent's joint. So a
-link whose joint is somewhere else than the link itself gets a link of its own for the joint, `JOINT::joint`.
+SDF places links in their model and joints at their child; a URDF places each link at its parent's joint. So a
+joint that is not at its link's origin gets an extra link, `JOINT::joint`.
 """
 
 from __future__ import annotations
@@ -80,8 +80,8 @@ class _Reader:
             raise ModelRefused(lost[0].text, lost[0].line)
         if lost:
             advice = "name the folder of its models with --package-path or GAZEBO_MODEL_PATH"
-            raise ModelRefused(f"none of the {len(lost)} files that it includes is found; {advice}")
-        raise ModelRefused("there is no <model> in it")
+            raise ModelRefused(f"none of the {len(lost)} files that it includes was found; {advice}")
+        raise ModelRefused("it has no <model>")
 
     def _make(self, models: list[ModelElement]) -> Urdf:
         name = (models[0].name or "") if len(models) == 1 else "world"

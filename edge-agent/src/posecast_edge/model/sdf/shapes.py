@@ -73,7 +73,7 @@ class ShapeReader:
             if shape.tag in ("box", "ellipsoid", *DIMENSIONS):
                 return self._primitive(shape, what)
             if shape.tag == "plane":
-                self._values.note("hint", "plane", f"{what}: a plane has no end; it is not shown", shape)
+                self._values.note("hint", "plane", f"{what}: a plane is infinite and not shown", shape)
             elif shape.tag != "empty":
                 advice = "; save it as a mesh to see it" if shape.tag in NEEDS_MESH else ""
                 text = f"{what}: shape {quote_name(shape.tag)} is not shown{advice}"
@@ -87,8 +87,8 @@ class ShapeReader:
             return None
         part = get_text(shape, "submesh", "name")
         if part and not COLLADA.search(uri):
-            text = f"{what}: it names part {quote_name(part)} of a mesh; the whole mesh is shown, since"
-            self._values.note("warning", "submesh", f"{text} parts are known in Collada files only", shape)
+            text = f"{what}: it names part {quote_name(part)} of a mesh; the whole mesh is shown, because"
+            self._values.note("warning", "submesh", f"{text} only Collada files have named parts", shape)
         scale = self._values.read_vector(shape.find_first("scale"), ONES, what)
         if 0.0 in scale:
             self._values.note("error", "scale-zero", f"{what}: a mesh scaled by 0", shape)

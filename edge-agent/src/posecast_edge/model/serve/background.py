@@ -1,5 +1,5 @@
 """Builds the model of a robot that is already on air, in a separate process, so that the agent stays small
-and on time. A model built before is taken from the cache at once (serve/cache.py)."""
+and on time. A cached model is used at once (serve/cache.py)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ log = logging.getLogger("posecast_edge.model")
 NEEDED = ("numpy", "PIL")  # the extra [model]
 BUILD_MAX_S = 900.0
 STOP_S = 2.0
-WRITTEN = (0, 1)  # exit statuses; 1: of stand-ins alone
+WRITTEN = (0, 1)  # exit statuses; 1: only placeholders
 NICE = 10  # the robot's own programs go first
 
 
@@ -70,7 +70,7 @@ class BackgroundBuild:
             return
         if len(self._raw.files) > 1:  # it has meshes, or pictures
             log.warning(
-                "model: meshes go as they are, %s; to make them small, %s",
+                "model: meshes are sent unchanged, %s; to make them smaller, %s",
                 describe_size(self._raw),
                 advise_mesh_tools(),
             )
@@ -94,7 +94,7 @@ class BackgroundBuild:
             bundle = self._built()
         except (ModelError, OSError, subprocess.SubprocessError) as e:
             if not self._stopping:
-                otherwise = "not shown" if self._raw is None else "not built, meshes go as they are"
+                otherwise = "not shown" if self._raw is None else "not built, meshes are sent unchanged"
                 log.warning("model: %s: %s", otherwise, e)
                 if self._raw is not None:
                     self._ready(self._raw)
@@ -114,11 +114,11 @@ class BackgroundBuild:
     def _log_findings(self, bundle: Bundle) -> None:
         if problems := _count_findings(bundle):
             doctor = name_edge_command("doctor")
-            log.warning("model: %s; %s --urdf %s names them", problems, doctor, self._urdf)
+            log.warning("model: %s; %s --urdf %s lists them", problems, doctor, self._urdf)
 
     def _built(self) -> Bundle:
-        """ModelError with the builder's last word."""
-        # no TemporaryDirectory: a fork of this process would delete it at its own end
+        """The built bundle. Raises ModelError with the builder's last line."""
+        # no TemporaryDirectory: a fork of this process would delete it on exit
         self._folder = tempfile.mkdtemp(prefix="posecast-model-")
         out = Path(self._folder, "bundle")
         program = [sys.executable, "-m", "posecast_edge", "model", "build"]
@@ -126,7 +126,7 @@ class BackgroundBuild:
         with self._lock:
             if self._stopping:
                 raise ModelError("stopped")
-            self._process = subprocess.Popen(  # Ctrl-C in the terminal is for the agent, which ends this one
+            self._process = subprocess.Popen(  # Ctrl-C is for the agent, which ends this process
                 command,
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,

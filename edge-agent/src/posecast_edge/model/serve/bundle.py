@@ -1,6 +1,6 @@
 """A robot's model as a manifest and ranges of bytes: a URDF with the files it names, or a built folder.
-Only meshes and pictures inside the model's own folders are served: a URDF from a stranger must not publish
-what else lies on this machine.
+Only meshes and pictures inside the model's own folders are served: an untrusted URDF must not publish other
+files of this machine.
 
 The manifest keeps every URI exactly as the URDF spells it, so the browser resolves nothing itself.
 """
@@ -34,7 +34,7 @@ from posecast_edge.model.urdf.types import Urdf
 
 log = logging.getLogger("posecast_edge.model")
 
-RANGE_MAX = 250_000  # bytes of one reply: a larger one closes a thin uplink's connection
+RANGE_MAX = 250_000  # bytes of one reply: a larger one breaks the connection on a slow uplink
 FILE_MAX = 256 << 20
 FILES_MAX = 1000
 FINDINGS_MAX = 100
@@ -196,7 +196,7 @@ def load_built(folder: Path) -> Bundle:
     try:
         manifest, entries = check_folder(folder)
     except FileNotFoundError as e:
-        raise ModelError(f"{folder}: no built model, {Path(e.filename).name} is missing") from None
+        raise ModelError(f"{folder}: not a built model, {Path(e.filename).name} is missing") from None
     except ModelRefused as e:
         raise ModelError(f"{folder}: {e}") from None
     except OSError as e:

@@ -78,7 +78,7 @@ def check_folder(folder: Path) -> tuple[bytes, list[BundleEntry]]:
             sha.update(chunk)
             length += len(chunk)
         if length != size or sha.hexdigest() != digest:
-            raise ModelRefused(f"{path} is not what the manifest says")
+            raise ModelRefused(f"{path} does not match the manifest")
     return manifest, entries
 
 
@@ -90,9 +90,9 @@ def list_entries(manifest: bytes) -> list[BundleEntry]:
             raise ModelRefused(f"a bundle of version {document['v']!r:.20}; this is for version 2")
         entries = [BundleEntry(f["path"], f["size"], f["sha256"]) for f in document["files"]]
     except (ValueError, KeyError, TypeError, RecursionError):
-        raise ModelRefused("its manifest is none") from None
+        raise ModelRefused("its manifest is invalid") from None
     if len(entries) > FILES_MAX or not all(map(_fits, entries)):
-        raise ModelRefused("its manifest names impossible files")
+        raise ModelRefused("its manifest has invalid file entries")
     if len({entry.path for entry in entries}) < len(entries):
         raise ModelRefused("its manifest names a file twice")
     return entries

@@ -1,7 +1,7 @@
 """Serves the model that a robot publishes as its robot_description, as if it were a file.
 
-Meshes are found where ROS finds them (ROS_PACKAGE_PATH, AMENT_PREFIX_PATH); stand-ins replace those that are
-not on this machine. A new description replaces the old one.
+Meshes are searched in ROS's folders (ROS_PACKAGE_PATH, AMENT_PREFIX_PATH); placeholders replace meshes that
+are not on this machine. A new description replaces the old one.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from posecast_edge.model.serve.bundle import Bundle, ModelError, load_bundle
 log = logging.getLogger("posecast_edge.model")
 
 STOP_S = 2.0
-# Below the folder of its own: what "near the URDF" means (resolve.py) must not reach what else lies in /tmp.
+# In its own folder: the search near the URDF (resolver.py) must not reach other files in /tmp.
 DEPTH = "a/robot/that/describes/itself"
 
 
@@ -91,7 +91,7 @@ class DescribedModel:
         try:
             path.write_text(urdf, encoding="utf-8")
         except UnicodeEncodeError:
-            raise ModelError("it is not text: half a character stands in it") from None
+            raise ModelError("it is not valid Unicode (half of a surrogate pair)") from None
         try:
             raw = load_bundle(path, self._packages)
         except ModelError as e:
@@ -99,7 +99,7 @@ class DescribedModel:
         self._heard(raw)
         raw.log_missing()
         if raw.missing:
-            log.info("model: packages are looked for where AMENT_PREFIX_PATH and ROS_PACKAGE_PATH say")
+            log.info("model: packages are searched in AMENT_PREFIX_PATH and ROS_PACKAGE_PATH")
         build = BackgroundBuild(path, raw, self._ready, self._options)
         build.start()
         return build

@@ -1,4 +1,4 @@
-"""Reads a URDF tolerantly: what can't be read is replaced by the standard's default for an absent value and
+"""Reads a URDF tolerantly: an unreadable value is replaced by the standard's default for an absent one and
 reported in `findings`, so that the rest of the robot can still be shown."""
 
 from __future__ import annotations

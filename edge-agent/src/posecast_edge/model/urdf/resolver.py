@@ -1,8 +1,8 @@
-"""Finds the file behind a URI, inside the folders that belong to the model and nowhere else: a URDF from a
-stranger must not publish what else lies on this machine.
+"""Finds the file of a URI, only inside the folders that belong to the model: an untrusted URDF must not
+publish other files of this machine.
 
-Model folders: the ROS package that holds the URDF (or the URDF's own folder), packages of the name asked for
-beside or above it, and what the user has named as package folders. Links are followed first, then judged.
+Model folders: the ROS package that holds the URDF (or the URDF's own folder), packages of the requested name
+beside or above it, and the user's package folders. Symbolic links are resolved before the check.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ SEARCH_PATHS = (
 )
 ENTRIES_MAX = 20_000  # of one folder, looked at for a name in other letters
 
-OUTSIDE = "lies outside the model's folders; name its folder with --package-path or ROS_PACKAGE_PATH"
-NOWHERE = "near the robot's file; name its folder with --package-path or ROS_PACKAGE_PATH"
+OUTSIDE = "is outside the model's folders; give its folder with --package-path or ROS_PACKAGE_PATH"
+NOWHERE = "near the robot's file; give its folder with --package-path or ROS_PACKAGE_PATH"
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class Resolver:
     def find_package(self, name: str) -> Path:
         """The folder of a package or model. Raises ModelRefused when there is none of that name."""
         if name in ("", ".", "..") or "/" in name or "\0" in name:
-            raise ModelRefused(f"{quote_name(name)} is no name of a package")
+            raise ModelRefused(f"{quote_name(name)} is not a package name")
         for root in self._roots_of(name):
             return root
         raise ModelRefused(f"no package {quote_name(name)} {NOWHERE}")
@@ -100,7 +100,7 @@ class Resolver:
         Raises ModelRefused."""
         scheme, mark, rest = uri.partition("://")
         if "\0" in uri or len(uri) > URI_MAX or uri.count("/") > PARTS_MAX:
-            raise ModelRefused("no name for a file")
+            raise ModelRefused("not a file name")
         if not mark or scheme == "file":
             path, roots = self._folder / (rest if mark else uri), list(self.roots)
         elif scheme in ("model", "package"):
@@ -108,7 +108,7 @@ class Resolver:
             folder = self.find_package(package)
             path, roots = folder / inside, [folder]
         else:
-            raise ModelRefused(f"{make_printable(scheme[:20])}: addresses are not fetched")
+            raise ModelRefused(f"{make_printable(scheme[:20])}: files are not downloaded")
         if _is_folder(path):
             path /= _configured(path / "model.config")
         return self._inside(path, roots, DESCRIPTIONS).path
@@ -136,15 +136,15 @@ class Resolver:
 
     def _find(self, uri: str) -> Resolved:
         if "\0" in uri or len(uri) > URI_MAX:
-            raise ModelRefused("no name for a file")
+            raise ModelRefused("not a file name")
         windows = "\\" in uri
         uri = uri.replace("\\", "/")
         try:
             parts = urlsplit(uri)
         except ValueError:
-            raise ModelRefused("no name for a file") from None
+            raise ModelRefused("not a file name") from None
         if uri.count("/") > PARTS_MAX:
-            raise ModelRefused("no name for a file")
+            raise ModelRefused("not a file name")
         scheme = parts.scheme if len(parts.scheme) > 1 else ""  # C:/… is a path
         path = unquote(parts.path)
         if scheme == "package":
@@ -163,7 +163,7 @@ class Resolver:
         elif scheme == "model":
             found = self._in_package(unquote(parts.netloc), path.strip("/"))
         else:
-            raise ModelRefused(f"{scheme}: addresses are not fetched")
+            raise ModelRefused(f"{scheme}: files are not downloaded")
         if windows and found.hint is None:
             return Resolved(found.path, "written with backslashes")
         return found
@@ -171,7 +171,7 @@ class Resolver:
     def _beside(self, mesh: Path, name: str) -> Path:
         name = unquote(name.replace("\\", "/").removeprefix("file://"))
         if "\0" in name or not name or "://" in name:
-            raise ModelRefused("no name for a file")
+            raise ModelRefused("not a file name")
         roots = [self._root, *self._given, *self._packages_of(mesh)]
         try:
             return self._inside(mesh.parent / name, roots, BESIDE).path
@@ -185,7 +185,7 @@ class Resolver:
         if not package:  # package:///name/rest
             package, _, rest = rest.partition("/")
         if package in ("", ".", "..") or "/" in package or not rest:
-            raise ModelRefused("no name for a file in a package")
+            raise ModelRefused("not a file name in a package")
         refused: ModelRefused | None = None
         for root in self._roots_of(package):
             found = self._look(root / rest, [root], MESHES + BESIDE)
@@ -252,7 +252,7 @@ class Resolver:
         except (OSError, ValueError):  # a name too long
             return ModelRefused("no such file")
         if isinstance(found, Resolved) and found.path.suffix.lower() not in suffixes:
-            return ModelRefused(f"{quote_name(found.path.suffix)} is no kind of mesh or picture that is read")
+            return ModelRefused(f"{quote_name(found.path.suffix)} is not a supported mesh or picture format")
         return found
 
     def _inside_of(self, roots: Sequence[Path], path: Path) -> Resolved | ModelRefused:
@@ -264,12 +264,12 @@ class Resolver:
             other = self._in_other_letters(plain)
             if other is None:
                 return ModelRefused("no such file")
-            hint = f"the file is called {quote_name(other.name)}, in other letters"
+            hint = f"the file is called {quote_name(other.name)}, in other upper and lower case"
             path = other
         real = resolve_links(path)
         if not any(real.is_relative_to(root) for root in roots):
             return ModelRefused(OUTSIDE)
-        return Resolved(real, hint) if real.is_file() else ModelRefused("is no file")
+        return Resolved(real, hint) if real.is_file() else ModelRefused("is not a file")
 
     def _in_other_letters(self, path: Path) -> Path | None:
         """The same path in other upper and lower case, for what was made on Windows."""

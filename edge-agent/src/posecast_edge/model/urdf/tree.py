@@ -1,5 +1,5 @@
-"""Connects a URDF's links and joints into one tree for kinematics. What does not fit is left out and
-reported."""
+"""Connects a URDF's links and joints into one tree for kinematics. Leaves out and reports parts that do not
+fit."""
 
 from __future__ import annotations
 
@@ -153,7 +153,7 @@ class _Problem:
 
 
 class _Leaders:
-    """Whom each joint follows in the end. A chain is gone along once, however many joints hang on it."""
+    """The joint that each joint finally follows. A chain is followed once, for all joints on it."""
 
     def __init__(self, order: list[Joint], known: set[str]) -> None:
         """`known`: names of all joints, also of those that are left out."""

@@ -15,7 +15,7 @@ from posecast_edge.model.finding import ModelRefused
 
 CHUNK = 1 << 20
 PREFIXES_MAX = 1000  # of namespaces, as in the page: a browser searches all of them for each element
-TOKEN_MAX = 2 << 20  # bytes of one tag with its attributes: expat starts anew on it with every chunk
+TOKEN_MAX = 2 << 20  # bytes of one tag with its attributes: expat parses it again with every chunk
 
 BLANKS = re.compile(rb"\s+")
 PREFIX = re.compile(r"([\w.-]+):[\w.-]+", re.ASCII)
@@ -157,7 +157,7 @@ def read_root_tag(source: BinaryIO) -> str | None:
     except _RootReached as e:
         return e.tag
     except (expat.ExpatError, LookupError, UnicodeError, ValueError):
-        return None  # its reader says what is wrong
+        return None  # its reader reports the problem
     return None
 
 

@@ -1,1 +1,1 @@
-"""Expands xacro, the macros in which ROS robots are written, in a process of its own."""
+"""Expands xacro, ROS's macro language for robots, in a separate process."""

@@ -1,8 +1,8 @@
 """The process in which a xacro file is expanded: `python -m posecast_edge.model.xacro.child`.
 
 stdin: JSON with `path`, `packages`, `arguments`. stdout: JSON with `inputs`, `notes` and either `text` (XML)
-or `reason` and `line`. Its expressions reach nothing but data (expressions.py), and an audit hook refuses
-whatever Python would do outside of itself, but for reading files in the model's folders.
+or `reason` and `line`. Its expressions can access only data (expressions.py), and an audit hook refuses every
+system access except reading files in the model's folders.
 """
 
 from __future__ import annotations
@@ -149,7 +149,7 @@ class XacroRun:
             return Path(rest)
         package, _, rest = rest.partition("/")
         if scheme not in ("package", "model"):
-            raise ModelRefused(f"{quote_name(scheme)}: addresses are not fetched")
+            raise ModelRefused(f"{quote_name(scheme)}: files are not downloaded")
         return Path(self._find(package), rest)
 
     @contextlib.contextmanager
@@ -196,7 +196,7 @@ class XacroRun:
             return  # a module that is imported late
         root = next((root for root in self._roots if real.is_relative_to(root)), None)
         if root is None or any(part.startswith(".") for part in real.relative_to(root).parts):
-            where = "lies outside the model's folders; name its folder with --package-path"
+            where = "is outside the model's folders; give its folder with --package-path"
             raise PermissionError(1, where, str(given))
         if event == "open":
             self.inputs[str(real)] = None
@@ -211,8 +211,8 @@ def _type_of(value: object) -> type:
 
 
 def _refuse_variable(name: str) -> str:
-    advice = "a robot's file does not get your environment; expand it yourself: xacro FILE > robot.urdf"
-    raise ModelRefused(f"it asks for the environment variable {quote_name(name)}: {advice}")
+    advice = "a robot's file can't read your environment; expand it yourself: xacro FILE > robot.urdf"
+    raise ModelRefused(f"it needs the environment variable {quote_name(name)}: {advice}")
 
 
 def _default_variable(_name: str, default: str = "") -> str:
@@ -227,7 +227,7 @@ def _words(e: BaseException, name_file: Callable[[str], str]) -> str:
     if isinstance(cause, ModelRefused | ExpressionRefused):
         return str(cause)
     if isinstance(cause, RecursionError):
-        return "a macro or a file that holds itself"
+        return "a macro or a file that includes itself"
     if isinstance(cause, MemoryError):
         return f"it takes more than {MEMORY_MAX >> 20} MiB to expand"
     if isinstance(cause, OSError):

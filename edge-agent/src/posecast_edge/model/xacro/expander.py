@@ -1,4 +1,4 @@
-"""Has a xacro file expanded by a process of its own, which may read the model's folders and nothing else."""
+"""Expands a xacro file in a separate process, which can read only the model's folders."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ WAIT_S = 60.0
 TEXT_MAX = 8 << 20  # bytes, as of a URDF
 ANSWER_MAX = 4 * TEXT_MAX  # with JSON's escapes
 CHUNK = 1 << 18
-# Python's own and the home folder, in which user installations lie; nothing of what else is there
+# Python's own variables and the home folder, which has user installations; nothing else of the environment
 PASSED = (
     "HOME",
     "PATH",
@@ -37,8 +37,7 @@ PASSED = (
 
 @dataclass(frozen=True)
 class Expanded:
-    """The XML that xacro makes of a file, all files that it has read for it, and what there is to say of
-    them."""
+    """The XML that xacro makes from a file, all files that it read, and notes about them."""
 
     text: bytes
     inputs: tuple[Path, ...]
@@ -73,7 +72,7 @@ def _ask(asked: bytes) -> Mapping[str, Any]:
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
-        cwd="/",  # -m looks there first, and a robot's folder may hold a module of a known name
+        cwd="/",  # -m searches it first, and a robot's folder may have a module of a known name
         env={name: os.environ[name] for name in PASSED if name in os.environ},
         start_new_session=True,
     )
@@ -87,7 +86,7 @@ def _ask(asked: bytes) -> Mapping[str, Any]:
                 process.stdin.write(asked)
                 process.stdin.close()
             except BrokenPipeError:
-                pass  # what it ended with says why
+                pass  # its exit status tells why
             said = bytearray()
             while len(said) <= ANSWER_MAX and (chunk := process.stdout.read(CHUNK)):
                 said += chunk
@@ -108,5 +107,5 @@ def _ask(asked: bytes) -> Mapping[str, Any]:
 
 def _name_end(status: int) -> str:
     if status in (-signal.SIGXCPU, -signal.SIGKILL):
-        return "it takes too long to expand (10 s of the processor); does a macro call itself?"
+        return "it takes too long to expand (over 10 s of CPU time); does a macro call itself?"
     return f"the process that expands it ended with status {status}"

@@ -1,8 +1,8 @@
 """Evaluates the expressions of a xacro file: `${2 * pi}`, `$(eval arg('x') > 1)`.
 
-xacro hands them to Python's eval() and refuses names with two underscores, which keeps nobody from reaching
-the rest of Python (through a lambda, a generator's frame, `vars`). Here an attribute can be asked for only of
-a namespace, a mapping or plain data, and only by the names that are listed.
+xacro passes them to Python's eval() and refuses names with two underscores, which does not prevent access to
+the rest of Python (through a lambda, a generator's frame, `vars`). Here only namespaces, mappings and plain
+data have attributes, and only the listed ones.
 """
 
 from __future__ import annotations

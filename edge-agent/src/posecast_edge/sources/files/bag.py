@@ -13,6 +13,6 @@ if TYPE_CHECKING:
 
 
 def open_source(address: str, profile: Profile | None) -> Source:
-    """Open a recording. Raises SourceError without a path or when nothing there is one."""
+    """Open a recording. Raises SourceError without a path, or when the path has no recording."""
     playback = parse_playback("bag", address)
     return RosRecordingPlayer(RosRecording(playback.path, profile), playback)

@@ -1,10 +1,10 @@
-"""Source `csv:PATH`: a table of what a robot reported, one row an instant; playback.py says how it is played.
+"""Source `csv:PATH`: a table of a robot's readings, one row per instant; playback.py plays it.
 
-The first row names the columns: csv_columns.py says what they are, csv_clock.py which is the robot's clock.
-A profile's [csv] gives columns other names, "-" leaves one out. Separators are commas, semicolons or tabs,
-with the last two also decimal commas; the text is UTF-8, or UTF-16 with its byte order mark. An empty cell or
-`nan` is no reading; flags are masks or names with blanks between them. A column of texts is left out. A row
-that does not fit is named and skipped.
+The first row names the columns: csv_columns.py finds their meaning, csv_clock.py the robot's clock.
+A profile's [csv] renames columns; "-" leaves one out. Separators are commas, semicolons or tabs, the last two
+also with decimal commas. The text is UTF-8, or UTF-16 with a byte order mark. An empty cell or `nan` is no
+reading; flags are masks, or names separated by spaces. A column of texts is left out. An invalid row is
+logged and skipped.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ MAX_TEXT = 200  # of an info
 SEPARATORS = ",;\t"
 MASK_DIGITS = 18  # of a mask: the widest has 28 bits
 FLAGS = "flags"
-LOOK_ROWS = 50  # at the beginning, to see what columns hold
-LOOK_CHARS = 1 << 20  # of them, about
+LOOK_ROWS = 50  # read at the start, to see what the columns hold
+LOOK_CHARS = 1 << 20  # of them in all, about
 SKIP = "-"
 NAME_SHOWN = 80  # characters
 COLUMNS_SHOWN = 100
@@ -60,7 +60,7 @@ class CellError(ValueError):
 
 @dataclass(frozen=True)
 class Column:
-    """A column that is read, counted from 0."""
+    """A column that is read. `index` counts from 0."""
 
     index: int
     meaning: ColumnMeaning
@@ -68,13 +68,13 @@ class Column:
 
 
 def open_source(address: str, profile: Profile | None) -> Source:
-    """Open a file. Raises SourceError without a path, a time column or at least one column that is known."""
+    """Open a file. Raises SourceError without a path, a time column, or at least one known column."""
     playback = parse_playback("csv", address)
     return TablePlayer(Table(playback.path, profile), playback)
 
 
 class TablePlayer(Player):
-    """Plays a table and tells how its columns are read (see Tabular)."""
+    """Plays a table and reports how its columns are read (see Tabular)."""
 
     def __init__(self, table: Table, playback: Playback) -> None:
         super().__init__(table, playback)
@@ -100,13 +100,13 @@ class Table:
         self._read_head()
 
     def _read_head(self) -> None:
-        """Look at the first rows. Raises SourceError when they are no table."""
+        """Read the first rows. Raises SourceError when they are not a table."""
         with self._open() as file:
             lines = self._lines(file)
             head = next(lines, None)
             self._above = 1  # lines before the first row
             self._separator = ""
-            if head is not None and head[1].rstrip()[:-1] == "sep=":  # Excel's own word
+            if head is not None and head[1].rstrip()[:-1] == "sep=":  # written by Excel
                 self._separator = head[1].rstrip()[-1]
                 self._above, head = 2, next(lines, None)
             if head is None:
@@ -131,7 +131,7 @@ class Table:
             )
             more = ", …" if len(self._left_out) > 6 else ""
             probe = name_edge_command("probe")
-            log.info("%s: columns left out: %s%s; `%s` says why", self._where, named, more, probe)
+            log.info("%s: columns left out: %s%s; `%s` tells why", self._where, named, more, probe)
 
     def _first_rows(self, lines: Iterator[tuple[int, str]]) -> list[list[str]]:
         rows, chars = [], 0
@@ -152,7 +152,7 @@ class Table:
         for i, name in enumerate(self._written[:COLUMNS_SHOWN]):
             if i == self._clock.index:
                 unit = "ISO 8601" if self._clock.unit == "iso" else self._clock.unit
-                why = f", for {self._clock.guessed}" if self._clock.guessed else ""
+                why = f", because {self._clock.guessed}" if self._clock.guessed else ""
                 use = f"→ the clock, {unit}{why}"
             elif i in read:
                 meaning = read[i]
@@ -166,9 +166,7 @@ class Table:
         example = make_visible(
             next((name for i, name in enumerate(self._written) if i in read), ""), NAME_SHOWN
         )
-        lines.append(
-            f'otherwise, in a profile: [csv] "{example}" = "vel.JOINT [deg/s]", or "-" to leave it out'
-        )
+        lines.append(f'or, in a profile: [csv] "{example}" = "vel.JOINT [deg/s]", or "-" to leave it out')
         return lines
 
     def read_samples(self, start_s: float, first_pass: bool) -> Iterator[Sample]:
@@ -196,7 +194,7 @@ class Table:
     def _open(self) -> TextIO:
         try:
             with open(self._path, "rb") as file:
-                # spreadsheets and PowerShell write UTF-16, and always with its mark
+                # spreadsheets and PowerShell write UTF-16, always with a byte order mark
                 utf16 = file.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
             encoding = "utf-16" if utf16 else "utf-8-sig"
             return open(self._path, encoding=encoding, errors="replace", newline="")
@@ -204,7 +202,7 @@ class Table:
             raise SourceError(f"{self._path}: {e.strerror or e}") from None
 
     def _lines(self, file: TextIO) -> Iterator[tuple[int, str]]:
-        """Lines that say something, with their number."""
+        """Non-blank lines, with their number."""
         number = 0
         try:
             while line := file.readline(MAX_LINE + 1):
@@ -235,7 +233,7 @@ class Table:
         if clock.guessed:
             name = make_visible(self._written[clock.index], NAME_SHOWN)
             log.warning(
-                '%s: the clock %s is taken for %s, for %s; a profile says otherwise: [csv] "%s" = "t_s"',
+                '%s: clock %s seems to be in %s, because %s; to change it, in a profile: [csv] "%s" = "t_s"',
                 *(self._where, name, clock.unit, clock.guessed, name),
             )
         return clock
@@ -261,12 +259,12 @@ class Table:
                 twice = taken.get((meaning.field, meaning.label))
                 shown = make_visible(f"{meaning.field}.{meaning.label}", NAME_SHOWN)
                 if twice is not None and twice.plain and meaning.plain:
-                    raise SourceError(f"{self._where}: column {i + 1}: {shown} stands there twice")
+                    raise SourceError(f"{self._where}: column {i + 1}: {shown} is listed twice")
                 bits = meaning.field in self._bits
                 if twice is not None:
                     meaning = f"another column is {shown}"
                 elif meaning.field != INFO and not bits and (text := self._find_text(rows, i)):
-                    meaning = f"it holds texts, as {text[:40]!r}; info.NAME would show them"
+                    meaning = f"it holds texts such as {text[:40]!r}; rename it info.NAME to show them"
             if isinstance(meaning, str):
                 self._left_out[i] = meaning
                 continue
@@ -275,11 +273,11 @@ class Table:
         if not any(column.meaning.field != INFO for column in columns):
             first = next(((self._names[i], why) for i, why in self._left_out.items() if self._names[i]), None)
             why = f"; {make_visible(first[0], NAME_SHOWN)}: {first[1]}" if first else ""
-            raise SourceError(f"{self._where}: nothing but a clock{why}")
+            raise SourceError(f"{self._where}: no column can be read except the clock{why}")
         return columns
 
     def _find_text(self, rows: Sequence[Sequence[str]], i: int) -> str:
-        """A text in a column that holds nothing else; "" where a number or no cell is."""
+        """A text from a column that holds only texts; "" if it has a number or no cells."""
         texts = [row[i] for row in rows if row[i] and not self._is_number(row, i)]
         return texts[0] if texts and len(texts) == sum(bool(row[i]) for row in rows) else ""
 
@@ -322,7 +320,7 @@ class Table:
             value = float(cell)
         except ValueError:
             try:
-                # a decimal comma, as spreadsheets write it in half of Europe
+                # a decimal comma, as spreadsheets write it in many countries
                 value = float(cell.replace(",", ".")) if self._separator != "," else math.nan
             except ValueError:
                 value = math.nan
@@ -332,12 +330,12 @@ class Table:
 
 
 def _bits(cells: Sequence[str], i: int) -> Reading:
-    """A mask, names, or None for an empty cell. CellError for a mask without end."""
+    """A mask, names, or None for an empty cell. Raises CellError for a mask that is too long."""
     cell = cells[i]
     if not cell:
         return None
     if not (cell.isascii() and cell.isdigit()):
         return cell.split()
     if len(cell) > MASK_DIGITS:
-        raise CellError(f"column {i + 1}: {cell[:40]!r} is no mask")
+        raise CellError(f"column {i + 1}: {cell[:40]!r} is not a mask")
     return int(cell)

@@ -1,8 +1,8 @@
-"""Which column of a table is the clock, and in which unit it counts. Does no I/O.
+"""Finds the clock column of a table, and its unit. Does no I/O.
 
-The unit stands in the name (`t_ms`, `time [us]`), or follows from the program (`%time` of `rostopic echo -p`
-is nanoseconds), or from the values: ISO 8601, or numbers of the size that time since 1970 has. Else it is
-seconds, unless the rows would then be too far apart to be played.
+The unit comes from the name (`t_ms`, `time [us]`), from the program that wrote it (`%time` of `rostopic echo
+-p` is nanoseconds), or from the values: ISO 8601, or numbers as large as the time since 1970. Otherwise it is
+seconds, unless the rows would then be too far apart.
 """
 
 from __future__ import annotations
@@ -30,22 +30,22 @@ STEPS = (("ns", 5e6), ("us", 5e3), ("ms", 5.0))  # from one row to the next, in 
 
 @dataclass(frozen=True)
 class TableClock:
-    """The column (counted from 0) and its unit, `iso` for ISO 8601. `guessed`: why the unit is taken to be
-    that, "" where it was told."""
+    """The column (counted from 0) and its unit, `iso` for ISO 8601. `guessed`: the reason for a guessed unit,
+    "" for one that the name states."""
 
     index: int
     unit: str
     guessed: str = ""
 
     def convert_cell(self, cell: str, number: float | None) -> float | None:
-        """The time in a cell, whose number is `number`, in seconds; None when there is none."""
+        """The time in a cell, in seconds; None when it has none. `number`: the cell as a number."""
         if self.unit == "iso":
             return parse_iso_time(cell)
         return None if number is None else number * SECONDS[self.unit]
 
 
 def find_clock(names: Sequence[str], rows: Sequence[Sequence[str]]) -> TableClock | None:
-    """The clock among the columns, None without one. `rows`: the first ones, to look at."""
+    """The clock among the columns; None if there is none. `rows`: the table's first rows."""
     for pattern, only_iso in ((CLOCK, False), (STAMP, False), (UNNAMED, True)):
         for i, name in enumerate(names):
             said = UNIT.fullmatch(name)
@@ -64,12 +64,12 @@ def find_clock(names: Sequence[str], rows: Sequence[Sequence[str]]) -> TableCloc
 
 
 def _guess_unit(cells: Sequence[str]) -> tuple[str, str]:
-    """The unit, and why; no reason for seconds, which are the rule."""
+    """The unit, and the reason for it; "" for seconds, the default."""
     numbers = (float(cell.replace(",", ".")) for cell in cells if NUMBER.fullmatch(cell))
     times = [number for number in numbers if abs(number) < NO_TIME]
     for unit, least in SINCE_1970:
         if times and min(map(abs, times)) >= least:
-            return unit, f"it begins at {times[0]:.4g}"
+            return unit, f"it starts at {times[0]:.4g}"
     steps = sorted(b - a for a, b in itertools.pairwise(times) if b > a)
     for unit, least in STEPS:
         if len(steps) > 1 and steps[len(steps) // 2] >= least:
@@ -78,8 +78,8 @@ def _guess_unit(cells: Sequence[str]) -> tuple[str, str]:
 
 
 def parse_iso_time(cell: str) -> float | None:
-    """Seconds since 1970 of `2026-11-23T10:00:00.123456789+01:00`, None for anything else. Without a zone it
-    is UTC."""
+    """Parse `2026-11-23T10:00:00.123456789+01:00` to seconds since 1970; None for anything else. Without a
+    time zone it is UTC."""
     found = ISO.fullmatch(cell)
     if found is None:
         return None

@@ -1,14 +1,14 @@
-"""What the column of a table is, by its name, as people and their programs write it. Does no I/O.
+"""Finds the meaning of a table's column from its name, as common programs write it. Does no I/O.
 
-    LABEL, FIELD.LABEL, info.NAME           our own
-    LABEL.velocity, LABEL_velocity          joints with what is told of them; also position, effort
+    LABEL, FIELD.LABEL, info.NAME           our own names
+    LABEL.velocity, LABEL_velocity          a joint and its quantity; also position, effort
     /joint_states/LABEL/velocity            PlotJuggler
     /joint_states/velocity[3]               PlotJuggler, rqt; the joint's name from /joint_states/name[3]
     field.velocity3                         `rostopic echo -p`; the name from field.name3
     velocity_3, wrench.force.x              bagpy
     /imu/orientation/w, field.wrench.force.x, /odom/pose/pose/position/x, …   other messages
 
-A unit in brackets may follow. What a profile has by that very name is that.
+A unit in brackets may follow. A channel of the profile with exactly this name has priority.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ ARRAY = re.compile(r"(name|position|velocity|effort)(?:\[(\d{1,4})\]|[._]?(\d{1,
 ENDING = re.compile(r"(.+)[._](position|velocity|effort)")
 COUNTER = re.compile(r"index|unnamed: \d+|(?:.*[/.])?header[/.]seq", re.IGNORECASE)
 HEADER = re.compile(r"(?:.*[/.])?header[/.](?:stamp|frame_id).*")
-# the last parts of a name → field, what stands before the component's letter
+# the last parts of a name → field, prefix of the component's letter
 VECTORS: Mapping[tuple[str, ...], tuple[str, str]] = {
     ("pose", "position"): ("base", ""),
     ("pose", "orientation"): ("baseq", ""),
@@ -51,7 +51,7 @@ class ColumnError(ValueError):
 @dataclass(frozen=True)
 class ColumnMeaning:
     """The field and label that a column belongs to. `gain`: factor from the column's unit to the field's;
-    `unit`: as it stands in the name; `plain`: the name says field and label itself."""
+    `unit`: as written in the name; `plain`: the name itself consists of field and label."""
 
     field: str
     label: str
@@ -61,7 +61,7 @@ class ColumnMeaning:
 
 
 def split_unit(name: str) -> tuple[str, str | None]:
-    """Split `name [unit]` into name and unit; None without one. The index of `name[3]` is none."""
+    """Split `name [unit]` into name and unit; None without a unit. The index in `name[3]` is not a unit."""
     at = name.find("[", name.rfind("]", 0, len(name) - 1) + 1)
     unit = name[at + 1 : -1].strip()
     if at < 0 or not name.endswith("]") or unit.isdigit():
@@ -70,7 +70,7 @@ def split_unit(name: str) -> tuple[str, str | None]:
 
 
 def match_joint_name(name: str) -> tuple[str, int] | None:
-    """The message and index of a column that holds a joint's name, as /joint_states/name[3]."""
+    """The message and index of a column that holds a joint's name, such as /joint_states/name[3]."""
     parts, _ = _parted(name)
     found = ARRAY.fullmatch(parts[-1])
     return ("/".join(parts[:-1]), _index(found)) if found and found[1] == "name" else None
@@ -79,8 +79,8 @@ def match_joint_name(name: str) -> tuple[str, int] | None:
 def interpret_column(
     name: str, joints: Mapping[tuple[str, int], str], known: Collection[tuple[str, str]]
 ) -> ColumnMeaning | str:
-    """What the column of this name is, or why it is left out. `joints`: names by message and index; `known`:
-    the (field, label) of a profile. Raises ColumnError for a unit that nobody knows."""
+    """The meaning of the column with this name, or the reason why it is left out. `joints`: names by message
+    and index; `known`: the (field, label) pairs of a profile. Raises ColumnError for an unknown unit."""
     if not name:
         return "it has no name"
     said, unit = split_unit(name)
@@ -89,7 +89,7 @@ def interpret_column(
     if COUNTER.fullmatch(said):
         return "it counts rows"
     if HEADER.fullmatch(said):
-        return "it is of the message's header"
+        return "it belongs to the message's header"
     field, _, label = said.partition(".")
     if not label:
         field, label = JOINTS, said
@@ -103,7 +103,7 @@ def interpret_column(
 
 
 def _nested(said: str, joints: Mapping[tuple[str, int], str]) -> tuple[str, str, float] | str | None:
-    """Field, label, gain; a reason to leave it out; None where it is no name of that kind."""
+    """Field, label, gain; or the reason to leave it out; None when it is not a nested name."""
     parts, is_path = _parted(said)
     found = ARRAY.fullmatch(parts[-1]) if is_path or len(parts) == 1 else None
     if found:
@@ -117,7 +117,7 @@ def _nested(said: str, joints: Mapping[tuple[str, int], str]) -> tuple[str, str,
     message = parts if is_path else said.split(".")
     of_message = _member(message, is_path)
     if of_message is not None or said.startswith(("/", "field.")):
-        return of_message or "nothing here reads it"
+        return of_message or "this kind of column is not supported"
     ending = ENDING.fullmatch(said)
     if ending and not is_path and ending[1] not in WELL_KNOWN:
         return MEMBERS[ending[2]], ending[1], 1.0

@@ -1,7 +1,7 @@
 """Reads the records of an MCAP file that are needed to play it: schemas, channels and messages.
 
-A record is read only if it is complete and useful, so sizes claimed by the file cost nothing. Besides the
-unpacked chunk only one record at a time is in memory. Needs the extra `mcap`.
+A record is read only if it is complete and needed, so a false size in the file allocates nothing. Only the
+unpacked chunk and one record are in memory at a time. Needs the extra `mcap`.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from posecast_edge.sources.ros.topics import TOPIC_MAX
 MAGIC = b"\x89MCAP0\r\n"
 HEAD = struct.Struct("<BQ")  # opcode, length
 RECORD_MAX = 256 << 20  # bytes; a longer one is left out
-TOO_LONG = (MemoryError, OverflowError)  # what a record only claims to hold
+TOO_LONG = (MemoryError, OverflowError)  # raised when a record claims too large a size
 UNREADABLE = (McapError, zstandard.ZstdError, struct.error, RuntimeError, ValueError, EOFError, *TOO_LONG)
 
 
 def read_mcap(file: IO[bytes], complain: Complain) -> Iterator[Record]:
-    """Read topics and messages in file order up to the end or to where the file breaks off. `complain` gets a
-    line about each record or chunk that is left out. Raises OSError when the file can't be read any more."""
+    """Read topics and messages in file order, up to the end or to the point where the file is cut off.
+    `complain` gets a line for each record or chunk that is left out. Raises OSError when reading fails."""
     types: dict[int, str] = {}  # of schemas
     for record in _records(file, complain):
         if isinstance(record, Message):
@@ -60,7 +60,7 @@ def _records(file: IO[bytes], complain: Complain) -> Iterator[Schema | Channel |
         if opcode == Opcode.FOOTER:
             return
         if length > size - begins - HEAD.size:
-            complain(f"breaks off in the record at byte {begins}: it is not all there")
+            complain(f"is cut off in the record at byte {begins}")
             return
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK):
             what = "chunk that begins" if opcode == Opcode.CHUNK else "record"
@@ -75,14 +75,14 @@ def _records(file: IO[bytes], complain: Complain) -> Iterator[Schema | Channel |
 
 
 def _of_chunk(data: bytes) -> Iterator[Schema | Channel | Message]:
-    """Those of one chunk. What `unpack_chunk` raises, and ValueError where they break off."""
+    """The records of one chunk. Raises what `unpack_chunk` raises, and ValueError when they are cut off."""
     content = unpack_chunk(Chunk.read(ReadDataStream(BytesIO(data))))
     begins = 0
     while begins < len(content):
         opcode, length = HEAD.unpack_from(content, begins)
         begins += HEAD.size
         if not opcode or length > len(content) - begins:
-            raise ValueError("a record in it is not all there")
+            raise ValueError("a record in it is incomplete")
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
             yield _record(opcode, content[begins : begins + length])
         begins += length
@@ -104,7 +104,7 @@ def unpack_chunk(chunk: Chunk) -> bytes:
     if size > UNPACKED_MAX:
         raise ValueError(f"{size} bytes unpacked, at most {UNPACKED_MAX}")
     if chunk.compression == "zstd":
-        # a frame's own word of its size counts more than ours
+        # the size in the compressed frame's header overrides the limit given here
         if zstandard.frame_content_size(chunk.data) > size:
             raise ValueError(f"more than {size} bytes unpacked")
         data = zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=size)
@@ -113,9 +113,9 @@ def unpack_chunk(chunk: Chunk) -> bytes:
     elif chunk.compression == "":
         data = chunk.data
     else:
-        raise ValueError(f"compressed as {chunk.compression[:20]!r}, which is not read here")
+        raise ValueError(f"compressed as {chunk.compression[:20]!r}, which is not supported")
     if len(data) != size:
         raise ValueError(f"{len(data)} bytes unpacked instead of {size}")
     if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
-        raise ValueError("its checksum differs")
+        raise ValueError("its checksum is wrong")
     return bytes(data)

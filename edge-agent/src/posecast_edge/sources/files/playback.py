@@ -1,10 +1,10 @@
 """Plays a recording at the pace of its own clock. `schedule_samples` computes when samples are due, `run`
 waits.
 
-    KIND:PATH[?start=SECONDS][&loop]   start so many seconds after the beginning; repeat for ever
+    KIND:PATH[?start=SECONDS][&loop]   start this many seconds after the beginning; repeat for ever
 
-A gap of more than MAX_PAUSE_S between two samples, or a step back, is skipped. In a loop robot time continues
-from one repetition to the next.
+A gap of more than MAX_PAUSE_S between two samples, or a step back, is skipped. In a loop, robot time
+continues from one repetition to the next.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from typing import Protocol, TextIO
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.base import Deliver
 
-ENDLESS_LINE = 64 << 20  # characters: what goes on for so long is no text
+ENDLESS_LINE = 64 << 20  # characters: a file with a longer line is not a text file
 MAX_PAUSE_S = 10.0
-MAX_BEHIND_S = 1.0  # a machine that slept goes on where it stood
-MIN_WAKE_S = 0.005  # faster recordings come in bursts
-LEAST_STEP_S = 1e-3  # from pass to pass: a loop that takes no time would have no end
+MAX_BEHIND_S = 1.0  # after a suspend, continue where it stopped
+MIN_WAKE_S = 0.005  # samples of faster recordings are delivered in bursts
+LEAST_STEP_S = 1e-3  # from pass to pass: a pass of zero length would loop without end
 LONE_STEP_S = 0.1  # from pass to pass of a recording with a single instant
 
 
@@ -50,7 +50,7 @@ class Recording(Protocol):
         """Samples in file order, from `start_s` seconds after the first. Problems are logged in the first
         pass only.
 
-        Raises SourceError, one line that names file and record, when reading cannot continue.
+        Raises SourceError (one line with file and record) when reading can't continue.
         """
 
 
@@ -69,7 +69,7 @@ def parse_playback(kind: str, address: str) -> Playback:
     """Parse the text after `KIND:`. Raises SourceError with one line when it is invalid."""
     name, _, words = address.partition("?")
     if not name or "\0" in name:
-        raise SourceError(f"{kind}: a path is needed, as in {kind}:walk.{kind}")
+        raise SourceError(f"{kind}: give a path, such as {kind}:walk.{kind}")
     start_s, loop = 0.0, False
     for word in words.split("&") if words else ():
         key, _, value = word.partition("=")
@@ -79,11 +79,11 @@ def parse_playback(kind: str, address: str) -> Playback:
             except ValueError:
                 start_s = math.nan
             if not 0 <= start_s < math.inf:
-                raise SourceError(f"{kind}: start={value[:40]!r} is no number of seconds")
+                raise SourceError(f"{kind}: start={value[:40]!r} is not a number of seconds")
         elif word == "loop":
             loop = True
         else:
-            raise SourceError(f"{kind}: {word[:40]!r} is unknown; after ? stand start=SECONDS and loop")
+            raise SourceError(f"{kind}: unknown option {word[:40]!r}; after ? use start=SECONDS and loop")
     return Playback(Path(name), start_s, loop)
 
 
@@ -98,7 +98,7 @@ class Player:
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
         """Deliver every sample when it is due until the end or `stop`. Raises SourceError when the file can't
         be read."""
-        began_s: float | None = None  # with the first sample: what it takes to find that is no delay
+        began_s: float | None = None  # set by the first sample: the time to find it is no delay
         for due_s, sample in self.schedule_samples():
             began_s = time.monotonic() if began_s is None else began_s
             behind_s = time.monotonic() - began_s - due_s
@@ -133,6 +133,6 @@ class Player:
             first_pass = False
             step_s = (
                 max(step_s, LEAST_STEP_S) if step_s else LONE_STEP_S
-            )  # a pass takes time, or none would end
+            )  # a pass must take time, or the loop would never wait
             due_s += step_s
             shift_s += max(0.0, previous_s - began_s) + step_s

@@ -1,4 +1,4 @@
-"""What a recording of ROS topics consists of, whatever its file format."""
+"""The parts of a recording of ROS topics, in any file format."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ UNPACKED_MAX = 64 << 20  # bytes of an unpacked chunk; recorders make chunks of 
 
 
 class RecordedTopic(NamedTuple):
-    """A topic of one file, told before its first message. `type_name`: short form; `encoding`: of its
+    """A topic of one file, which comes before its first message. `type_name`: short form; `encoding`: of its
     messages, `cdr`, `json` or `ros1`."""
 
     id: int
@@ -31,5 +31,5 @@ Complain = Callable[[str], None]  # takes a line about what can't be read
 
 
 def describe_error(e: Exception) -> str:
-    """What is wrong with a record, in one line of at most 200 characters."""
-    return " ".join(str(e).split())[:200] or "it is not all there"
+    """The problem with a record, in one line of at most 200 characters."""
+    return " ".join(str(e).split())[:200] or "it is incomplete"

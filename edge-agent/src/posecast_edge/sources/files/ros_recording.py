@@ -1,9 +1,9 @@
-"""Recordings of ROS topics: MCAP files, bags of ROS 1, bags of ROS 2 (a folder, or one of its files). The
-content tells which. Needs the extra `mcap`; playback.py says how they are played.
+"""Recordings of ROS topics: MCAP files, ROS 1 bags, ROS 2 bags (a folder, or one of its files). The format is
+detected from the content. Needs the extra `mcap`; playback.py plays them.
 
-JointState and the other types of ros/messages.py, in CDR, JSON or ROS 1's encoding. ros/topics.py says which
-topic is read as what, as if they were live. A file that breaks off is played as far as it goes; a chunk or
-message that cannot be read is named and left out.
+Reads JointState and the other types of ros/messages.py, in CDR, JSON or ROS 1's encoding. ros/topics.py maps
+topics to fields, as for live topics. A file that is cut off is played as far as it goes. An unreadable chunk
+or message is logged and left out.
 """
 
 from __future__ import annotations
@@ -53,11 +53,11 @@ if TYPE_CHECKING:
 log = logging.getLogger("posecast_edge.recording")
 
 ENCODINGS = ("cdr", "json", "ros1")
-NAMED_MAX = 8  # topics of no use that are said
+NAMED_MAX = 8  # unused topics that are logged
 FILES_MAX = 10_000  # of a folder
-MODEL_WAIT_S = 60.0  # so long a recording without joint states waits for the model that its transforms need
+MODEL_WAIT_S = 60.0  # how long a recording without joint states waits for the model to read its transforms
 MAGIC_BYTES = 16
-ZSTD = b"\x28\xb5\x2f\xfd"  # how a message or file begins that the recorder compressed; CDR begins with 0
+ZSTD = b"\x28\xb5\x2f\xfd"  # start of a compressed message or file; CDR starts with 0
 OF_BAG = re.compile(r".+\.(?:mcap|db3|bag)(?:\.zstd)?", re.IGNORECASE)
 DIGITS = re.compile(r"\d{1,18}")
 
@@ -71,21 +71,21 @@ class RosRecordingPlayer(Player):
 
     @property
     def offers(self) -> list[str]:
-        """Lines for `probe` about the topics and frames met so far."""
+        """Lines for `probe` about the topics and frames found so far."""
         topics = [f"{topic}  {use}" for topic, use in sorted(self._file.topics.items())]
         return topics + self._file.frames.list_lines()
 
     def watch_frames(self) -> None:
-        """Read /tf also where no profile asks for it, so that `offers` can list its frames."""
+        """Read /tf even if no profile asks for it, so that `offers` can list its frames."""
         self._file.watched = True
 
     def take_joints(self, joints: Sequence[MovingJoint]) -> None:
-        """Read these joints, the shown model's, from /tf where there are no joint states."""
+        """Read these joints of the shown model from /tf if there are no joint states."""
         self._file.joints = tuple(joints)
         self._file.joints_known.set()
 
     def expect_joints(self) -> None:
-        """Wait for `take_joints`, at most MODEL_WAIT_S, where nothing but transforms tells of joints."""
+        """Wait for `take_joints`, at most MODEL_WAIT_S, if joints are only in the transforms."""
         self._file.joints_known.clear()
 
     def send_urdf_to(self, take: Callable[[str], None]) -> None:
@@ -94,15 +94,15 @@ class RosRecordingPlayer(Player):
 
 
 class RosRecording:
-    """A recording that is read piece by piece while it plays. `topics`: what each met so far is read as."""
+    """A recording that is read piece by piece while it plays. `topics`: topic → how it is read."""
 
     def __init__(self, path: Path, profile: Profile | None) -> None:
-        """Raises SourceError, one line, when nothing there is a recording."""
+        """Raises SourceError (one line) when the path has no recording."""
         self.description = f"recording {path.name}"
         self._path = path
         self._profile = profile
         self._routes = Routes(profile.ros if profile else None)
-        self._routes.watch_frames()  # whether any are needed shows when they come
+        self._routes.watch_frames()  # whether they are needed is decided when they arrive
         self.watched = False
         self.joints: Sequence[MovingJoint] | None = None  # of the model that is shown
         self.joints_known = threading.Event()
@@ -137,7 +137,7 @@ class RosRecording:
                 if urdf is not None:
                     one.frames.joints.set_description(urdf)
                 if urdf is not None and first_pass and self.on_urdf is not None:
-                    self.on_urdf(urdf)  # said once, at the beginning: also by who starts later
+                    self.on_urdf(urdf)  # it is recorded once, at the start: pass it on with any start time
                 begun = begun or (record.t_ns - began_ns) * 1e-9 >= start_s
                 if not begun:
                     one.take_static(record)
@@ -151,27 +151,27 @@ class RosRecording:
         self._bad.flush(time.monotonic())
 
     def _find_joints(self) -> Sequence[MovingJoint] | None:
-        """Those of the model that is shown, which may still be built; None: the recording's own model
-        counts."""
+        """The joints of the shown model, which may still be building; None: use the recording's own
+        model."""
         self.joints_known.wait(MODEL_WAIT_S)
         return self.joints
 
 
 def list_files(folder: Path) -> list[Path]:
-    """The files of the folder that `ros2 bag record` wrote, in order of their numbers: without metadata.yaml,
-    which is missing where the recorder was killed. Raises SourceError when there is none."""
+    """The files in the folder that `ros2 bag record` wrote, in order of their numbers. Does not need
+    metadata.yaml, which is missing if the recorder was killed. Raises SourceError when there is none."""
     try:
         entries = itertools.islice(folder.iterdir(), FILES_MAX)
         found = [path for path in entries if OF_BAG.fullmatch(path.name)]
     except OSError as e:
         raise SourceError(f"{folder}: {e.strerror or e}") from None
     if not found:
-        raise SourceError(f"{folder}: a folder without a recording in it (.mcap, .db3 or .bag)")
+        raise SourceError(f"{folder}: no recording in this folder (.mcap, .db3 or .bag)")
     return sorted(found, key=lambda p: ([int(d) for d in DIGITS.findall(p.name)], p.name))
 
 
 def find_format(path: Path) -> str:
-    """`mcap`, `ros1` or `sqlite`, by the first bytes. Raises SourceError, which says what to do."""
+    """`mcap`, `ros1` or `sqlite`, from the first bytes. Raises SourceError, which says what to do."""
     try:
         with path.open("rb") as file:
             head = file.read(MAGIC_BYTES)
@@ -187,7 +187,7 @@ def find_format(path: Path) -> str:
         raise SourceError(f"{path}: a bag older than version 2.0: convert it with `rosbag fix`")
     if head.startswith(ZSTD):
         raise SourceError(f"{path}: compressed as a whole: unpack it with `zstd -d {path.name}`")
-    raise SourceError(f"{path}: neither MCAP nor a bag of ROS 1 or ROS 2")
+    raise SourceError(f"{path}: neither an MCAP file nor a ROS 1 or ROS 2 bag")
 
 
 def read_file(path: Path, complain: Complain) -> Iterator[Record]:
@@ -203,7 +203,7 @@ def read_file(path: Path, complain: Complain) -> Iterator[Record]:
     except SourceError as e:
         complain(str(e))
     except OSError as e:
-        complain(f"can't be read any more: {e.strerror or e}")
+        complain(f"reading stopped: {e.strerror or e}")
 
 
 class _Decoder:
@@ -211,7 +211,7 @@ class _Decoder:
 
     def __init__(self) -> None:
         self._cdr = CdrReader()
-        self._ros1: Ros1Reader | None = None  # made when wanted: it takes a while
+        self._ros1: Ros1Reader | None = None  # made when needed, because it is slow
 
     def decode(self, encoding: str, type_name: str, data: bytes) -> Any:
         """Decode one message. Raises RosMessageError."""
@@ -226,25 +226,25 @@ class _Decoder:
         try:
             return parse_json(data.decode())
         except UnicodeDecodeError:
-            raise RosMessageError("not JSON: no UTF-8") from None
+            raise RosMessageError("not JSON: not UTF-8") from None
         except RosbridgeProtocolError as e:
             raise RosMessageError(str(e)) from None
 
 
 def _unpacked(data: bytes) -> bytes:
-    """What `ros2 bag record --compression-mode message` compressed, a message at a time."""
+    """Decompress a message of `ros2 bag record --compression-mode message`."""
     if not data.startswith(ZSTD):
         return data
     try:
         if zstandard.frame_content_size(data) > DESCRIPTION_MAX:
-            raise RosMessageError("a message that is too large when it is unpacked")
+            raise RosMessageError("the message is too large when unpacked")
         return bytes(zstandard.ZstdDecompressor().decompress(data, max_output_size=DESCRIPTION_MAX))
     except (zstandard.ZstdError, MemoryError) as e:
         raise RosMessageError(f"can't be unpacked: {e}") from None
 
 
 class _Pass:
-    """What is known from channels and messages so far. `bad`: None where all has been said already."""
+    """The state of one pass: channels and messages so far. `bad`: None when problems were logged before."""
 
     def __init__(
         self,
@@ -265,7 +265,7 @@ class _Pass:
         self._looked_for_joints = False
         self._channels: dict[int, tuple[RecordedTopic, Route]] = {}  # those that are read
         self._descriptions: dict[int, RecordedTopic] = {}
-        self._topics = topics  # what each is read as
+        self._topics = topics  # topic → how it is read
         self._seen: set[int] = set()
         self._ignored = 0  # topics
         self._count: dict[str, int] = {}  # messages of a topic
@@ -273,7 +273,7 @@ class _Pass:
         self._delivered = False
 
     def begin_file(self, name: str) -> None:
-        """Topics have numbers of their own in each file."""
+        """Forget topic numbers, which differ from file to file."""
         self._name = name
         for known in (self._channels, self._descriptions, self._seen):
             known.clear()
@@ -289,9 +289,9 @@ class _Pass:
         if len(self._topics) < TOPICS_MAX:
             self._topics[topic] = f"{type_name} → {route.role}" if route else f"{type_name}, not read"
         if type_name not in TYPES:
-            self._ignore(topic, f"nothing here reads {type_name or 'it'}", met)
+            self._ignore(topic, f"the type {type_name or '(none)'} is not supported", met)
         elif record.encoding not in ENCODINGS:
-            self._ignore(topic, f"{record.encoding[:40]!r} is no encoding read here", met)
+            self._ignore(topic, f"the encoding {record.encoding[:40]!r} is not supported", met)
         elif route is not None and type_name == STRING:
             self._descriptions[record.id] = record
         elif route is not None:
@@ -341,8 +341,7 @@ class _Pass:
         return None if sample is None else sample._replace(where=f"{self._name}: {where}")
 
     def _needs_transforms(self) -> bool:
-        """Whether this message of /tf is of any use. Asks for the model when joints need it for the first
-        time."""
+        """Whether /tf messages are needed. Asks for the model the first time that joints need it."""
         if not self._looked_for_joints and self.frames.reads_joints(self._now_s):
             self._looked_for_joints = True
             joints = self._find_joints()
@@ -351,13 +350,13 @@ class _Pass:
         return self.frames.needs_messages(self._now_s)
 
     def take_static(self, message: RecordedMessage) -> None:
-        """Take a message from before the start: transforms that are told once count, nothing else."""
+        """Take a message from before the start: only static transforms count."""
         known = self._channels.get(message.topic_id)
         if known is not None and known[1].site == STATIC and known[1].role == "tf":
             self.take(message)
 
     def last(self) -> Sample | None:
-        """What a recording that is over while others would still be waited for has to say."""
+        """The sample that was still waiting for other topics when the recording ended."""
         self.frames.explain_missing(self._now_s)
         return None if self._delivered else self._merge.make_sample(self._now_s + SETTLED_S)
 
@@ -368,10 +367,10 @@ class _Pass:
 
     def _ignore(self, topic: str, why: str, met: bool) -> None:
         if met:
-            return  # told of in an earlier file
+            return  # logged for an earlier file
         self._ignored += 1
         if self._ignored <= NAMED_MAX:
-            more = "; further ones are not said" if self._ignored == NAMED_MAX else ""
+            more = "; further ones are not logged" if self._ignored == NAMED_MAX else ""
             self._warn(f"{topic} is ignored: {why}{more}")
 
     def _warn(self, text: str) -> None:

@@ -1,7 +1,7 @@
 """Reads the records of a ROS 1 bag (format 2.0) that are needed to play it, in file order and without its
-index: so a bag that was never closed plays, and a long one costs no memory.
+index: so a bag that was never closed can be played, and a long one needs no more memory.
 
-Beside the unpacked chunk one record at a time is in memory. Sizes claimed by the file cost nothing.
+Only the unpacked chunk and one record are in memory at a time. A false size in the file allocates nothing.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ Fields = dict[bytes, bytes]
 
 
 def read_rosbag1(file: IO[bytes], complain: Complain) -> Iterator[Record]:
-    """Read topics and messages in file order up to the end or to where the file breaks off. `complain` gets a
-    line about each record or chunk that is left out. Raises OSError when the file can't be read any more."""
+    """Read topics and messages in file order, up to the end or to the point where the file is cut off.
+    `complain` gets a line for each record or chunk that is left out. Raises OSError when reading fails."""
     size = file.seek(0, 2)
     begins = file.seek(len(MAGIC))
     while begins < size:
@@ -45,14 +45,14 @@ def read_rosbag1(file: IO[bytes], complain: Complain) -> Iterator[Record]:
         data_at = file.tell()
         (length,) = LENGTH.unpack(file.read(4)) if head is not None and data_at + 4 <= size else (size,)
         if head is None or length > size - data_at - 4:
-            complain(f"breaks off in the record at byte {begins}: it is not all there")
+            complain(f"is cut off in the record at byte {begins}")
             return
         what = "record"
         try:
             fields = split_fields(head)
             kind = fields[b"op"][0] if fields.get(b"op") else 0
             if kind == FILE and fields.get(b"encryptor"):
-                complain("is encrypted: decrypt it first, as with `rosbag decrypt`")
+                complain("is encrypted: decrypt it first, for example with `rosbag decrypt`")
                 return
             if kind in (MESSAGE, CHUNK, CONNECTION):
                 what = "chunk that begins" if kind == CHUNK else "record"
@@ -67,17 +67,17 @@ def read_rosbag1(file: IO[bytes], complain: Complain) -> Iterator[Record]:
 
 
 def split_fields(head: bytes) -> Fields:
-    """Split a header into its fields. Raises ValueError where it breaks off."""
+    """Split a header into its fields. Raises ValueError when it is incomplete."""
     fields: Fields = {}
     at = 0
     while at < len(head):
         if at + 4 > len(head):
-            raise ValueError("a header that is not all there")
+            raise ValueError("its header is incomplete")
         (length,) = LENGTH.unpack_from(head, at)
         at += 4 + length
         name, equals, value = head[at - length : at].partition(b"=")
         if at > len(head) or not equals:
-            raise ValueError("a header that is none")
+            raise ValueError("its header is invalid")
         fields[name] = value
     return fields
 
@@ -95,14 +95,14 @@ def unpack_rosbag1_chunk(fields: Fields, data: bytes) -> bytes:
         if len(data) == size and not unpacker.eof:
             raise ValueError(f"more than {size} bytes unpacked")
     elif compression != b"none":
-        raise ValueError(f"compressed as {_text(compression[:20])!r}, which is not read here")
+        raise ValueError(f"compressed as {_text(compression[:20])!r}, which is not supported")
     if len(data) != size:
         raise ValueError(f"{len(data)} bytes unpacked instead of {size}")
     return data
 
 
 def _read_part(file: IO[bytes], size: int, most: int) -> bytes | None:
-    """A length and as many bytes; None where there are fewer, or the length is out of all reason."""
+    """Read a length and as many bytes; None when there are fewer, or the length exceeds `most`."""
     raw = file.read(4)
     (length,) = LENGTH.unpack(raw) if len(raw) == 4 else (size,)
     return None if length > most or length > size - file.tell() else file.read(length)
@@ -115,11 +115,11 @@ def _of_chunk(fields: Fields, data: bytes) -> Iterator[Record]:
         parts: list[bytes] = []
         for _ in range(2):  # header and data
             if at + 4 > len(content):
-                raise ValueError("a record in it is not all there")
+                raise ValueError("a record in it is incomplete")
             (length,) = LENGTH.unpack_from(content, at)
             at += 4 + length
             if at > len(content):
-                raise ValueError("a record in it is not all there")
+                raise ValueError("a record in it is incomplete")
             parts.append(content[at - length : at])
         inner = split_fields(parts[0])
         kind = inner[b"op"][0] if inner.get(b"op") else 0

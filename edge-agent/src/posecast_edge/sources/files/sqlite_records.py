@@ -1,8 +1,8 @@
 """Reads the topics and messages of a ROS 2 bag that is an SQLite database (`.db3`), row after row.
 
-The database is opened for reading only, and nothing that it defines is run: its two tables must be tables,
-without computed columns. Rows come in the order in which they were recorded, so nothing is sorted; a file
-whose pages lead in a circle ends where it comes back.
+The database is opened read-only, and no code that it defines is run: its two tables must be real tables
+without generated columns. Rows are read in the order of recording, so nothing is sorted. Reading a damaged
+file whose pages form a loop ends where the loop closes.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from posecast_edge.sources.ros.messages import DESCRIPTION_MAX, shorten_type
 from posecast_edge.sources.ros.topics import TOPIC_MAX
 
 MAGIC = b"SQLite format 3\0"
-ROW_MAX = DESCRIPTION_MAX + 1024  # bytes of a message; longer ones are pictures, which nobody here reads
+ROW_MAX = DESCRIPTION_MAX + 1024  # bytes of a message; longer ones are images, which are not read
 TOPICS_MAX = 1 << 16
-STEPS_MAX = 1_000_000  # of SQLite's machine between two rows, which take some twenty
+STEPS_MAX = 1_000_000  # steps of SQLite's virtual machine between two rows; about twenty are normal
 COLUMNS = {
     "topics": ("id", "name", "type", "serialization_format"),
     "messages": ("topic_id", "timestamp", "data"),
@@ -58,7 +58,7 @@ def read_sqlite(path: Path, complain: Complain) -> Iterator[Record]:
 
 
 class _Watch:
-    """Ends a query that is busy and finds no further row."""
+    """Ends a query that runs too long without finding a row."""
 
     def __init__(self) -> None:
         self.rows = 0
@@ -75,16 +75,16 @@ def _further(e: Exception) -> str:
 
 
 def _check_tables(database: sqlite3.Connection) -> None:
-    """Raises ValueError unless both tables are plain ones with the columns of a bag."""
+    """Raise ValueError unless both are plain tables with the columns of a bag."""
     for table, columns in COLUMNS.items():
         found = database.execute("SELECT type, sql FROM sqlite_master WHERE name = ?", (table,)).fetchone()
         made = str(found[1]).split(maxsplit=2)[:2] if found else []
         if not found or found[0] != "table" or [word.upper() for word in made] != ["CREATE", "TABLE"]:
-            raise ValueError(f"has no table {table!r}: no bag of ROS 2")
+            raise ValueError(f"has no table {table!r}: not a ROS 2 bag")
         rows = database.execute("SELECT name, hidden FROM pragma_table_xinfo(?)", (table,)).fetchmany(100)
         plain = {name for name, hidden in rows if hidden == 0}
         if lacks := [name for name in columns if name not in plain]:
-            raise ValueError(f"its table {table!r} has no column {lacks[0]!r}: no bag of ROS 2")
+            raise ValueError(f"its table {table!r} has no column {lacks[0]!r}: not a ROS 2 bag")
 
 
 def _topics(database: sqlite3.Connection) -> Iterator[RecordedTopic]:
@@ -105,10 +105,10 @@ def _messages(database: sqlite3.Connection, watch: _Watch, complain: Complain) -
         (ROW_MAX,),
     ):
         if newest is not None and row <= newest:
-            raise ValueError(f"its rows lead in a circle: {row} after {newest}")
+            raise ValueError(f"its rows form a loop: {row} after {newest}")
         newest = row
         watch.rows += 1
         if isinstance(topic_id, int) and isinstance(t_ns, int) and isinstance(data, bytes):
             yield RecordedMessage(topic_id, t_ns, data)
         elif data is not None or not isinstance(size, int) or size <= ROW_MAX:
-            complain(f"row {row} is no message; left out")
+            complain(f"row {row} is not a message; left out")

@@ -1,9 +1,9 @@
 """Source `trajectory:PATH`: plays a text file of joint angles, one row per time step, for ever.
 
-The profile's [trajectory] names the columns, the rate and the unit. Columns are separated by blanks, commas
-or semicolons. The angles become `ref`; `pos` follows them like a servo, with a first-order lag. An invalid
-row is logged (in the first pass) and skipped, but its time step still passes. The file is read while it plays
-and never held in memory.
+The profile's [trajectory] sets the columns, the rate and the unit. Columns are separated by spaces, commas or
+semicolons. The angles become `ref`; `pos` follows them like a servo, with a first-order lag. An invalid row
+is logged (in the first pass) and skipped, but its time step still passes. The file is read while it plays and
+never held in memory.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ log = logging.getLogger("posecast_edge.trajectory")
 
 MAX_LINE = 64 * 1024  # characters
 MAX_BAD_START = 1000  # rows looked at to find one that fits
-MIN_WAKE_S = 0.01  # faster files come in batches, of which the newest row counts
-MAX_BEHIND_S = 1.0  # a machine that slept goes on where it stood
+MIN_WAKE_S = 0.01  # rows of faster files are read in batches, of which only the newest is delivered
+MAX_BEHIND_S = 1.0  # after a suspend, continue where it stopped
 SKIP = "-"
 
 Row = list[float]
@@ -44,9 +44,9 @@ def open_source(address: str, profile: Profile | None) -> Source:
     """Open a file. Raises SourceError without a path, a profile with [trajectory], or at least one valid
     row."""
     if not address:
-        raise SourceError("trajectory: a path is needed, as in trajectory:walk.traj")
+        raise SourceError("trajectory: give a path, such as trajectory:walk.traj")
     if profile is None or profile.trajectory is None:
-        raise SourceError("trajectory: a profile with a [trajectory] table is needed (--profile)")
+        raise SourceError("trajectory: give a profile with a [trajectory] table (--profile)")
     return TrajectorySource(Path(address), profile, profile.trajectory)
 
 
@@ -63,7 +63,7 @@ def parse_row(line: str, columns: int) -> Row:
         except ValueError:
             raise RowError(f"column {i + 1}: {word[:40]!r} is not a number") from None
         if not math.isfinite(row[-1]):
-            raise RowError(f"column {i + 1}: {word[:40]!r} is no angle")
+            raise RowError(f"column {i + 1}: {word[:40]!r} is not an angle")
     if len(words) != columns:
         raise RowError(f"{len(words)} columns, {columns} expected")
     return row
@@ -84,7 +84,7 @@ class TrajectorySource:
         self._index = -1  # of the newest row taken, over all passes
 
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
-        """Deliver samples until `stop`. Raises SourceError when the file can't be read any more."""
+        """Deliver samples until `stop`. Raises SourceError when reading the file fails."""
         with self._file:
             start_s = time.monotonic()
             while not stop.is_set():
@@ -139,7 +139,7 @@ class TrajectorySource:
             raise SourceError(f"{self._path}:{number}: {e}") from None
 
     def _count_columns(self) -> int:
-        """The count of the first row that fits; the whole file keeps to it."""
+        """The number of columns in the first valid row, which the whole file must have."""
         most, fewest = len(self._trajectory.columns), self._trajectory.fewest
         first = ""
         for _, (number, line) in zip(range(MAX_BAD_START), self._lines(), strict=False):
@@ -153,7 +153,7 @@ class TrajectorySource:
         raise SourceError(f"no row fits the profile: {first}" if first else f"{self._path}: no rows")
 
     def _play(self) -> Iterator[Row | None]:
-        """Rows for ever; None for a bad one. SourceError when the file has been emptied."""
+        """Yield rows for ever; None for an invalid one. Raises SourceError when the file was emptied."""
         first_pass = some = True
         while some:
             some = False
@@ -168,7 +168,7 @@ class TrajectorySource:
                     continue
                 yield row
             first_pass = False
-        raise SourceError(f"{self._path}: no rows any more")
+        raise SourceError(f"{self._path}: the file has no more rows")
 
 
 class TrajectoryPose:

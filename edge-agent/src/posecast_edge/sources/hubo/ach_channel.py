@@ -1,12 +1,12 @@
-"""An ACH channel in shared memory, read without disturbing the robot: no lock is taken, nothing is written.
+"""Reads an ACH channel in shared memory without disturbing the robot: takes no lock and writes nothing.
 
-ACH's own readers hold a mutex while they copy, and so delay the real-time loop that writes. The writer clears
-the index entries of the frames it is about to overwrite *before* it copies, so a reader that finds its entry
-unchanged after copying has copied a whole frame. The file is read with pread(2): a mapping would kill this
-process when somebody shrinks the file. Three reads are a look, however many frames it brings: the index, the
-frames, the index again. What `save_frames` keeps has been read in the same way and is evaluated later.
+ACH's own readers hold a mutex while they copy, which delays the real-time loop that writes. The writer clears
+the index entries of the frames it is about to overwrite *before* it copies. So if an entry is unchanged after
+copying, the copied frame is whole. The file is read with pread(2): with a memory mapping, shrinking the file
+would kill this process. One look takes three reads for any number of frames: the index, the frames, and the
+index again. `save_frames` reads in the same way; its frames are evaluated later.
 
-Layout: ach 2.0 on x86-64 with glibc; anything else shows in the guards and is refused.
+Layout: ach 2.0 on x86-64 with glibc; the guards reveal any other layout, which is refused.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ GUARDS = (
 GUARD = struct.Struct("<Q")
 FRAMES_MAX = 1 << 12
 DATA_MAX = 1 << 30
-SPAN_MAX = 1 << 18  # frames that lie so close together are read at once, with what is between them
+SPAN_MAX = 1 << 18  # bytes: frames within such a span are read at once, with the data between them
 Entry = tuple[int, int, int, int]  # its place in the index; size, offset and seq of its frame
-TRIES = 8  # looks at one frame; a writer that laps us more often is not followed
+TRIES = 8  # looks at one frame; then the writer is too fast to follow
 
 
 class ChannelError(ReaderError):
@@ -45,8 +45,8 @@ class AchChannel:
     """One open channel file. Not thread-safe."""
 
     def __init__(self, path: Path) -> None:
-        """OSError when the file cannot be read, ChannelError when it is no such channel."""
-        # of a pipe nobody would ever hear
+        """Raises OSError when the file can't be read, ChannelError when it is not such a channel."""
+        # non-blocking: opening a FIFO would block for ever
         self._fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
         try:
             self._check()
@@ -62,7 +62,7 @@ class AchChannel:
         os.close(self._fd)
 
     def is_replaced(self, path: Path) -> bool:
-        """Whether `path` now names another file or none: the daemon has created its channels anew."""
+        """Whether `path` is now another file or none: the daemon has created its channels again."""
         try:
             there, here = os.stat(path), os.fstat(self._fd)
         except OSError:
@@ -70,19 +70,19 @@ class AchChannel:
         return (there.st_dev, there.st_ino) != (here.st_dev, here.st_ino)
 
     def save_frames(self) -> None:
-        """Copy the frames that are there for the next `read_new_frames`, before the writer overwrites them.
-        Takes three reads only, because the caller is woken just for this. Does nothing for a large channel,
-        which keeps enough."""
+        """Copy the current frames for the next `read_new_frames`, before the writer overwrites them. Takes
+        only three reads, because the caller wakes up just for this. Does nothing for a large channel, which
+        keeps enough frames."""
         if self._data_size <= SPAN_MAX:
             head = self._head()
             self._kept.append((head, os.pread(self._fd, self._data_size, self._data), self._head()))
 
     def read_new_frames(self) -> list[bytes]:
-        """Frames written since the last call that still exist or were saved, oldest first, at most KEPT_MAX;
-        the first call returns only the newest. Without the current frames when the writer overwrites them too
+        """Frames written since the last call that still exist or were saved, oldest first, at most KEPT_MAX.
+        The first call returns only the newest. Leaves out current frames that the writer overwrites too
         quickly.
 
-        Raises ChannelError when the channel's index contradicts itself and continues to do so.
+        Raises ChannelError when the channel's index stays inconsistent.
         """
         found: list[bytes] = []
         kept, self._kept = self._kept, []
@@ -115,8 +115,8 @@ class AchChannel:
         last = (INDEX_HEAD.unpack_from(head, INDEX_HEAD_AT)[0] - 1) % self._count
         place = self._index + last * ENTRY.size
         size, offset, newest = ENTRY.unpack_from(head, place)
-        # A look across a lap may have met a frame before its publication, whose elder is the newest now.
-        # A sequence that fell further was begun anew.
+        # A look during a lap may have seen a frame before its publication; then its predecessor is the newest
+        # now. A sequence number that fell further was restarted.
         if newest == 0 or size == 0 or self.seq - self._count < newest <= self.seq:
             return []
         found = [(place, size, offset, newest)]
@@ -126,7 +126,7 @@ class AchChannel:
             place = self._index + last * ENTRY.size
             entry = (place, *ENTRY.unpack_from(head, place))
             if entry[3] != seq or entry[1] == 0 or not self._inside(entry):
-                break  # the writer is there by now; what is older went before
+                break  # the writer has reached this frame; older ones are overwritten
             found.append(entry)
         return found
 
@@ -143,8 +143,8 @@ class AchChannel:
         return [os.pread(self._fd, size, self._data + offset) for _, size, offset, _ in entries]
 
     def _whole(self, head: bytes, entries: list[Entry], frames: list[bytes], after: bytes) -> list[bytes]:
-        """The frames (newest first) that the writer did not touch between the two looks at the index, oldest
-        first; [] when he touched the newest."""
+        """Those of `frames` (newest first) that the writer did not touch between the two reads of the index,
+        oldest first; [] when it touched the newest."""
         whole = 0
         for (place, size, _, _), frame in zip(entries, frames, strict=True):
             end = place + ENTRY.size
@@ -160,12 +160,12 @@ class AchChannel:
     def _check(self) -> None:
         head = os.pread(self._fd, HEADER_SIZE + GUARD.size, 0)
         if len(head) < HEADER_SIZE + GUARD.size:
-            raise ChannelError(f"no ACH channel: only {len(head)} bytes")
+            raise ChannelError(f"not an ACH channel: only {len(head)} bytes")
         magic, length, _, frames, data_size, *_ = HEADER.unpack_from(head)
         if magic != MAGIC:
-            raise ChannelError(f"no ACH channel: it begins with {magic:#010x}")
+            raise ChannelError(f"not an ACH channel: it begins with {magic:#010x}")
         if not 0 < frames <= FRAMES_MAX or not 0 < data_size <= DATA_MAX:
-            raise ChannelError("an ACH channel of another layout: its counts make no sense")
+            raise ChannelError("an ACH channel of another layout: its counts are invalid")
         self._count: int = frames
         self._data_size: int = data_size
         self._index = HEADER_SIZE + GUARD.size

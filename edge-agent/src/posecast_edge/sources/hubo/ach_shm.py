@@ -10,12 +10,12 @@ from posecast_edge.sources.hubo.ach_channel import AchChannel, ChannelError
 from posecast_edge.sources.hubo.reconnecting import WAIT_S, PersistentReader
 from posecast_edge.sources.hubo.writer_clock import Aim, WriterClock
 
-# Nobody can be woken by a channel without taking its lock. So: look when the frame that is wanted should have
-# been written, and before that keep what the channel is about to forget; if nothing is there yet, look again
-# and again, ever more seldom.
+# A channel can't wake a reader that takes no lock. So: look when the wanted frame should have been written,
+# and before that save the frames that the channel is about to overwrite. If there is no frame yet, look again
+# at growing intervals.
 LOOK_S = (0.0004, 0.005)
-FORGET = 0.99  # of how late looks were, from look to look
-LATE_S = 0.015  # so long after its time a frame is waited for when others are there; then they count
+FORGET = 0.99  # decay of the measured lateness per look
+LATE_S = 0.015  # how long to wait for a late frame if others have arrived; then use those
 
 
 def find_channel_path(name: str) -> Path:
@@ -59,11 +59,11 @@ class ShmReader(PersistentReader):
             now_s = time.monotonic()
         frames = self._look(channel, aim, now_s, end_s)
         if not frames and channel.is_replaced(self._path):
-            raise ChannelError("the channel was made anew")
+            raise ChannelError("the channel was created again")
         return frames
 
     def _look(self, channel: AchChannel, aim: Aim, now_s: float, end_s: float) -> list[bytes]:
-        """What there is when the frame aimed at has come, or does not come; at the latest at `end_s`."""
+        """The new frames once the wanted frame has arrived or is overdue, at the latest at `end_s`."""
         look_s, pause_s = aim.look_s, LOOK_S[0]
         late_s = max(look_s, now_s) + LATE_S
         frames: list[bytes] = []
@@ -87,7 +87,7 @@ class ShmReader(PersistentReader):
             if now_s >= end_s:
                 return frames
             if now_s >= look_s:
-                enough = min(enough, written + 1)  # held up: the next will be late enough
+                enough = min(enough, written + 1)  # the writer is delayed: one more frame is late enough
                 too_early_s, look_s = now_s, now_s + pause_s
                 pause_s = min(2 * pause_s, LOOK_S[1])
 

@@ -1,4 +1,4 @@
-"""Reads a channel through the TCP server `achd`. All frames that have accumulated are read at once."""
+"""Reads a channel through the TCP server `achd`. Reads all accumulated frames at once."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from posecast_edge.sources.hubo.achd_protocol import HEAD, AchdParser, AchdProto
 from posecast_edge.sources.hubo.reconnecting import KEPT_MAX, WAIT_S, PersistentReader
 
 ANSWER_S = 3.0  # to connect, and again until the server has answered
-SILENT_S = 5.0  # a daemon that starts anew makes a new channel, and the old connection stays silent for ever
+SILENT_S = 5.0  # a restarted daemon makes a new channel; the old connection then stays silent for ever
 CHUNK = 1 << 16
-DRAIN_MAX = 1 << 20  # bytes taken at once; beyond it the newest so far counts, whatever still floods in
-BATCH_BYTES = 1 << 16  # the kernel keeps so much while we wait, before the server has to
-BATCH_LATE_S = 0.03  # so long after its time a batch is waited for; then what there is counts
-# achd gathers small writes (Nagle): what is less than a segment leaves when what left before is acknowledged.
-# While nobody reads, the kernel acknowledges at the second full segment. Where a frame is less than one, as
-# over loopback, that takes 40 ms; so segments are as on any other network.
+DRAIN_MAX = 1 << 20  # bytes read at once; then use the newest frame, even if more data is arriving
+BATCH_BYTES = 1 << 16  # the kernel buffers this much while we wait
+BATCH_LATE_S = 0.03  # how long to wait for a late batch; then use the frames that have arrived
+# achd combines small writes (Nagle): data smaller than a segment is sent once the previous data is
+# acknowledged. While nobody reads, the kernel acknowledges only at the second full segment. Over loopback a
+# frame is smaller than a segment, so that takes 40 ms; limiting the segments' size avoids it.
 SEGMENT_BYTES = 1400
 
 
 class BatchTimer:
-    """Computes how many frames to wait for, so that the last of them is the one that is wanted: a wake-up
-    costs ten times as much as reading a frame, and the last frame of a batch is no older for it. Does no I/O;
-    times are monotonic seconds."""
+    """Computes how many frames to wait for, so that the last of them is the wanted one. A wake-up costs ten
+    times as much as reading a frame, and waiting makes the last frame of a batch no older. Does no I/O; times
+    are monotonic seconds."""
 
     def __init__(self) -> None:
         self._seen_s: float | None = None  # when the newest came
         self._period_s = 0.0  # from frame to frame, smoothed; 0: not known
 
     def record_batch(self, frames: int, now_s: float) -> None:
-        """Note that `frames` frames arrived together."""
+        """Record that `frames` frames arrived together."""
         if self._seen_s is not None:
             period_s = (now_s - self._seen_s) / frames
             self._period_s += (period_s - self._period_s) / 4 if self._period_s else period_s
@@ -79,7 +79,7 @@ class AchdReader(PersistentReader):
 
     def _open(self) -> None:
         self._socket = connection = _connected(*self._address)
-        # a robot that was unplugged sends no farewell
+        # an unplugged robot does not close the connection
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         connection.sendall(make_request(self._channel))
         connection.setblocking(False)
@@ -117,7 +117,7 @@ class AchdReader(PersistentReader):
             except BlockingIOError:
                 break
             if not data:
-                raise AchdProtocolError("the server ended the connection")
+                raise AchdProtocolError("the server closed the connection")
             self._heard_s = time.monotonic()
             taken += len(data)
             frames.extend(self._conversation.feed(data))
@@ -133,7 +133,7 @@ class AchdReader(PersistentReader):
             raise AchdProtocolError(f"no frame for {SILENT_S:g} s")
 
     def _wake_for(self, connection: socket.socket, batch: int) -> None:
-        """From now on poll returns when so many frames are there; of one its first byte is enough."""
+        """Make poll return once `batch` frames have arrived; for one frame, at its first byte."""
         low = batch * self._size - self._conversation.pending if batch > 1 else 1
         if low != self._low:
             self._low = low
@@ -144,7 +144,7 @@ class AchdReader(PersistentReader):
 
 
 def _connected(host: str, port: int) -> socket.socket:
-    """To the first of the host's addresses that answers; its segments are at most SEGMENT_BYTES."""
+    """Connect to the first of the host's addresses that answers, with segments of at most SEGMENT_BYTES."""
     failure = OSError(f"{host} has no address")
     for family, kind, protocol, _, address in socket.getaddrinfo(host, port, type=socket.SOCK_STREAM):
         connection = socket.socket(family, kind, protocol)

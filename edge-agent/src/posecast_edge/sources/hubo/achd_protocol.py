@@ -1,10 +1,11 @@
-"""The protocol of `achd`, which hands a channel of the robot's shared memory to a TCP client. Pure.
+"""The protocol of `achd`, which sends a channel of the robot's shared memory to a TCP client. Pure.
 
-The client sends header lines and a line `.`; the server answers likewise, then sends frames, each after 16
-bytes: `achpipe\\0` and its length (u64, little endian). No timestamps, no sequence numbers, no heartbeat.
+The client sends header lines and a line `.`; the server answers in the same way. Then it sends frames, each
+after 16 bytes: `achpipe\\0` and the frame's length (u64, little endian). There are no timestamps, sequence
+numbers or heartbeats.
 
-`direction` says what the *server* does. `push`: it sends its frames. `pull` would make it write ours into the
-robot's channel, so that word stands nowhere in this agent.
+`direction` sets what the *server* does. With `push` it sends its frames. With `pull` it would write our data
+into the robot's channel, so this agent never uses that word.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ class AchdParser:
 
         Raises AchdProtocolError when the server refuses or sends nonsense; the connection is then useless.
         """
-        if self.accepted and not self._buffer:  # as nearly always: the data begins with a frame
+        if self.accepted and not self._buffer:  # the common case: the data starts with a frame
             frames, taken = _frames(data)
             self._buffer += data[taken:]
             return frames
@@ -77,34 +78,34 @@ class AchdParser:
             end = self._buffer.find(b"\n", 0, LINE_MAX)
             if end < 0:
                 if len(self._buffer) >= LINE_MAX:
-                    raise AchdProtocolError(f"a header line of over {LINE_MAX} bytes: this is no achd")
+                    raise AchdProtocolError(f"a header line of over {LINE_MAX} bytes: this is not achd")
                 return
             line = bytes(self._buffer[:end])
             del self._buffer[: end + 1]
             self._lines += 1
             if self._lines > LINES_MAX:
-                raise AchdProtocolError(f"a header of over {LINES_MAX} lines: this is no achd")
+                raise AchdProtocolError(f"a header of over {LINES_MAX} lines: this is not achd")
             self._take(line)
 
     def _take(self, line: bytes) -> None:
         try:
             text = line.decode().partition("#")[0].strip()
         except UnicodeDecodeError:
-            raise AchdProtocolError("a header that is not text: this is no achd") from None
+            raise AchdProtocolError("a header that is not text: this is not achd") from None
         if text == ".":
             self._check()
             self.accepted = True
         elif text:
-            # key and value are parted by : or =, whichever comes first
+            # key and value are separated by : or =, whichever comes first
             at = min((i for i in (text.find(":"), text.find("=")) if i > 0), default=0)
             if not at:
-                raise AchdProtocolError(f"header line {_shown(text)} has no key and value: this is no achd")
+                raise AchdProtocolError(f"header line {_shown(text)} has no key and value: this is not achd")
             self._head[text[:at].strip().lower()] = text[at + 1 :].strip()
 
     def _check(self) -> None:
         status = self._head.get("status", "")
         if not status.isdecimal() or len(status) > STATUS_DIGITS:
-            raise AchdProtocolError("a header without a status: this is no achd")
+            raise AchdProtocolError("a header without a status: this is not achd")
         number = int(status)
         if number:
             name = f"ACH_{STATUS[number]}" if number < len(STATUS) else f"status {number}"
@@ -118,7 +119,7 @@ def _frames(data: bytes | bytearray) -> tuple[list[bytes], int]:
     while len(data) - at >= HEAD.size:
         magic, size = HEAD.unpack_from(data, at)
         if magic != MAGIC:
-            raise AchdProtocolError("no frame where one should begin: the stream is out of step")
+            raise AchdProtocolError("no frame where one should begin: the stream is out of sync")
         if not 0 < size <= FRAME_MAX:
             raise AchdProtocolError(f"a frame of {size} bytes; at most {FRAME_MAX}")
         end = at + HEAD.size + size

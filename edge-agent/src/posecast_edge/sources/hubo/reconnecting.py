@@ -12,10 +12,10 @@ from posecast_edge.sources.backoff import Backoff
 
 log = logging.getLogger("posecast_edge.ach")
 
-WAIT_S = 0.2  # the longest stay in one call
+WAIT_S = 0.2  # the longest time in one call
 SAY_EVERY_S = 10.0
 FRAME_MAX = 1 << 16  # bytes; a hubo-ach channel is made for 3,000. A longer one ends the connection
-KEPT_MAX = 64  # frames taken at once; of more only the newest so many are looked at for faults
+KEPT_MAX = 64  # frames read at once; if there are more, only the newest ones are checked for faults
 
 
 class ReaderError(Exception):
@@ -53,11 +53,11 @@ class PersistentReader(ABC):
             now_s = time.monotonic()
             self._backoff.record_failure(now_s)
             self._in_trouble = True
-            self._trouble.add(f"{self.name}: {self._reason(e)}; trying on", now_s)
+            self._trouble.add(f"{self.name}: {self._reason(e)}; still trying", now_s)
             return []
         if frames and self._in_trouble:
             self._in_trouble = False
-            log.info("%s: frames again", self.name)
+            log.info("%s: receiving frames again", self.name)
         return frames
 
     def close(self) -> None:
@@ -66,11 +66,11 @@ class PersistentReader(ABC):
 
     @abstractmethod
     def _open(self) -> None:
-        """OSError or ReaderError when it can't be opened; `close` is called then as well."""
+        """Raises OSError or ReaderError when it can't be opened; `close` is called in that case, too."""
 
     @abstractmethod
     def _next(self, stop: threading.Event, wanted_s: float) -> list[bytes]:
-        """As `wait_for_frames`. OSError or ReaderError: close, and try again later."""
+        """Like `wait_for_frames`. After OSError or ReaderError, the caller closes and tries again later."""
 
     def _reason(self, e: Exception) -> str:
         return str((e.strerror if isinstance(e, OSError) else None) or e)

@@ -2,10 +2,10 @@
 
     hubo-ach:HOST[:PORT]   from another machine, through achd (port 8076)
     hubo-ach:shm           on the robot's own computer, from shared memory; takes no lock and writes nothing
-    hubo-ach:shm:PATH      the same with the channel's file somewhere else, as in a container
+    hubo-ach:shm:PATH      the same with another path of the channel's file, for example in a container
 
-`--profile hubo2plus` or `--profile drchubo` says which robot it is: a frame does not. A daemon whose clock
-stands still is silent, whatever it sends.
+`--profile hubo2plus` or `--profile drchubo` selects the robot, because frames don't identify it. If the
+daemon's clock stops, the source counts as silent even if frames arrive.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ log = logging.getLogger("posecast_edge.hubo_ach")
 
 CHANNEL = "hubo-state"
 ADDRESS = re.compile(r"(\[[0-9a-fA-F:.]+(?:%\w+)?\]|[A-Za-z0-9._-]+)(?::(\d{1,5}))?")
-STANDSTILL_S = 1.5  # robot time unchanged for so long is worth a word
+STANDSTILL_S = 1.5  # robot time unchanged for this long is logged
 
 
 def open_source(address: str, profile: Profile | None) -> Source:
-    """Open the source. Raises SourceError when the address is invalid; a robot that is not reachable yet is
-    waited for."""
+    """Open the source. Raises SourceError when the address is invalid. If the robot is not reachable yet, the
+    source waits for it."""
     if address == "shm" or address.startswith("shm:"):
         path = address.partition(":")[2]
         reader: PersistentReader = ShmReader(Path(path) if path else find_channel_path(CHANNEL))
@@ -49,7 +49,7 @@ def open_source(address: str, profile: Profile | None) -> Source:
         port = int(match[2] or PORT) if match else 0
         if match is None or not 0 < port < 65536:
             example = "hubo-ach:192.168.0.5, hubo-ach:HOST:PORT or hubo-ach:shm"
-            raise SourceError(f"hubo-ach: {address!r} is no address; as in {example}")
+            raise SourceError(f"hubo-ach: {address!r} is not an address such as {example}")
         reader = AchdReader(match[1].strip("[]"), port, CHANNEL)
     return HuboAchSource(reader, profile)
 
@@ -82,8 +82,8 @@ class HuboAchSource:
             self._reader.close()
 
     def make_samples(self, frames: Sequence[bytes], now_s: float) -> list[Sample]:
-        """Decode frames that arrived together, oldest first. Leaves out those that are not hubo_state and
-        those with the same time as the one before."""
+        """Decode frames that arrived together, oldest first. Leaves out frames that are not hubo_state, and
+        frames with the same time as their predecessor."""
         found = [taken for frame in frames if (taken := self._taken(frame, now_s)) is not None]
         last = len(found) - 1
         exact = self._decoder.exact
@@ -102,7 +102,7 @@ class HuboAchSource:
         if t_s == self._t_s:
             if not self._told_still and now_s - self._moved_s > STANDSTILL_S:
                 self._told_still = True
-                log.warning("%s: frames come, but robot time stands at %.3f s", self._reader.name, t_s)
+                log.warning("%s: frames arrive, but robot time stays at %.3f s", self._reader.name, t_s)
             return None
         self._t_s, self._moved_s, self._told_still = t_s, now_s, False
         return t_s, values

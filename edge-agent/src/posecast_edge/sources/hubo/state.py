@@ -1,14 +1,14 @@
-"""`hubo_state`, the frame of the channel `hubo-state`: raw bytes become values of the profile's fields. Pure.
+"""Decodes `hubo_state`, the frame of the channel `hubo-state`, into values of the profile's fields. Pure.
 
-Packed little-endian C structs of the daemon hubo-ach, one for both robots; the daemon converts to SI. A frame
-carries no version, but each version has a length of its own, which is all this reader goes by:
+Packed little-endian C structs of the daemon hubo-ach, the same for both robots; the daemon converts to SI. A
+frame has no version number, but each version has its own length, from which this reader recognises it:
 
     imu[3] {a_x a_y a_z w_x w_y w_z}  ft[4] {m_x m_y f_z}
     joint[42] {ref comply pos cur vel duty heat tmp active zeroed}  status[42] {17 bytes}
     driver[54 or 38] {temp}  power {voltage current power}  time  refWait  multi
 
-It runs once per frame, at 200 Hz: masks are made anew only when a byte of them changed, numbers are unpacked
-when somebody asks for their field.
+It runs once per frame, at 200 Hz, so masks are computed only when one of their bytes changes, and numbers are
+unpacked only when their field is requested.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ STATUS = (  # byte by byte
 )
 # fmt: on
 HOMED = {6}
-HOMED_WRIST_ROLL = {6, 2}  # a DRC-Hubo's; a Hubo 2+ has none
+HOMED_WRIST_ROLL = {6, 2}  # of a DRC-Hubo; a Hubo 2+ has none
 WRIST_ROLLS = ("LWR", "RWR")
 COMPLIANT = {1, 2}  # compliant, and on the way back to rigid
 FINGERS = frozenset(name for name in JOINTS if name[1:2] == "F")
@@ -47,7 +47,7 @@ SITES_IMU = ("RF", "LF", "torso")
 IMU_SIZE, FT_SIZE, STATUS_SIZE = 48, 24, 17
 JOINT_START = 3 * IMU_SIZE + 4 * FT_SIZE
 SLOTS = len(JOINTS)
-# bits of a mask, by name; `enabled` is what other robots call ctrlOn
+# bits of a mask, by name; `enabled` is called ctrlOn by other robots
 BITS = ("homed", "enabled", "active", "comply", *(name for name in STATUS if name != "homeFlag"))
 
 
@@ -86,7 +86,7 @@ def _layout(comply: bool, duty: bool, drivers: int, power: bool, multi: bool) ->
     return Layout(time + 8 + 2 + multi, joint_size, doubles, comply, end if power else None, time)
 
 
-# 2013-08 to 2015 (the last), back to 2013-03. The older 3,632 bytes are of a layout nobody has described.
+# 2013-08 to 2015 (the last), back to 2013-03. The layout of the older 3,632 bytes is undocumented.
 LAYOUTS = {
     layout.size: layout
     for layout in (
@@ -122,7 +122,7 @@ class HuboDecoder:
     """Decodes frames into values. Keeps masks and layouts of earlier frames; not thread-safe."""
 
     def __init__(self, profile: Profile | None) -> None:
-        """With a profile, its fields in the order of its labels; without, everything by name.
+        """With a profile, decodes its fields in the order of its labels; without one, everything by name.
 
         `self.unknown`: labels and bits of the profile that hubo-ach has no reading for, as `field.label`.
         """
@@ -132,14 +132,14 @@ class HuboDecoder:
         self._plans: dict[int, _Plan] = {}
 
     def decode(self, frame: bytes) -> tuple[float, Mapping[str, Values]]:
-        """Return robot time (seconds) and values. Raises UnknownFrame when the frame's length is none of
-        LAYOUTS."""
+        """Return robot time (seconds) and values. Raises UnknownFrame when no layout in LAYOUTS has the
+        frame's length."""
         plan = self._plans.get(len(frame))
         if plan is None:
             layout = LAYOUTS.get(len(frame))
             if layout is None:
                 known = ", ".join(map(str, sorted(LAYOUTS)))
-                raise UnknownFrame(f"a frame of {len(frame)} bytes is no hubo_state known here ({known})")
+                raise UnknownFrame(f"a frame of {len(frame)} bytes is not a known hubo_state ({known})")
             wanted = list_wanted_fields(self._profile)
             plan = self._plans[len(frame)] = _Plan(layout, wanted, named=self._profile is None)
             self.unknown = plan.unknown
@@ -200,13 +200,13 @@ class _Plan:
         elif field.name in JOINT_FIELDS:
             self._unknown(field, slots)
             if field.name in layout.joint_doubles:
-                # where the daemon divides by its period it multiplies for fingers: 40,000 times too fast
+                # for fingers the daemon multiplies by its period instead of dividing: 40,000 times too fast
                 wrong = FINGERS if field.name == "vel" else frozenset[str]()
                 places = [None if s is None or JOINTS[s] in wrong else s for s in slots]
                 before = layout.find_offset(field.name)
                 one = f"{before}xd{layout.joint_size - before - 8}x"
                 self._numbers[field.name] = numbers = _Numbers("<" + one * SLOTS, JOINT_START, places, True)
-                # 0 °C is what a board without a thermometer says
+                # a board without a thermometer reports 0 °C
                 numbers.zero_is_none = field.name == "temp"
         elif field.name in HEAD:
             heads = [HEAD[field.name].get(label) for label in field.labels]
@@ -232,7 +232,7 @@ class _Plan:
         return self._time.unpack_from(frame, self._layout.time)[0], values
 
     def _look_at_marks(self, frame: bytes) -> None:
-        """Masks, and which joints have no motor behind them, when a byte of either has changed."""
+        """Update the masks and the joints without a motor, if one of their bytes has changed."""
         layout = self._layout
         status = frame[layout.status : layout.status + SLOTS * STATUS_SIZE]
         of_joint = slice(JOINT_START + layout.active, layout.status, layout.joint_size)
@@ -242,7 +242,7 @@ class _Plan:
         if marks == self._marks:
             return
         self._marks = marks
-        # a daemon marks the joints its table has; a simulator may mark none, and means all
+        # a daemon marks the joints in its table; a simulator may mark none, which means all
         anyone = any(active)
         self._dead = dead = frozenset(s for s in range(SLOTS) if anyone and not active[s])
         of_slot = [
@@ -315,7 +315,8 @@ class _Numbers:
     """The numbers of one field: unpacked by one struct, picked by one itemgetter."""
 
     def __init__(self, form: str, start: int, places: Sequence[int | None], per_slot: bool = False) -> None:
-        """`places`: which of the struct's numbers each label has, None for none; `per_slot`: as slots."""
+        """`places`: for each label the position of its number in the struct, None for none; `per_slot`: the
+        positions are slots."""
         self._struct = struct.Struct(form)
         self._start = start
         self._places = places
@@ -331,7 +332,7 @@ class _Numbers:
         last_numbers, last_dead, last = self._last
         if dead is last_dead and numbers == last_numbers:
             return last
-        # of a single item itemgetter makes no tuple
+        # itemgetter returns no tuple for a single item
         found = list(self._get(numbers)) if len(self._places) > 1 else [self._get(numbers)]
         for i in self._without(dead) if self._per_slot else self._none:
             found[i] = None

@@ -7,19 +7,19 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-LEARNED_FRAMES = 32  # before that every frame is looked for,
-LEARNING = 0.8  # of a period after the one before
-SPAN_S = 4.0  # the period is the mean over about so long, and over twice LEARNED_FRAMES
-# So much earlier is every further look in a row that is not too early: about one in fifty then is. Of a beat
-# just met the phase is anywhere, so the first looks count as if they were UNMET in a row;
+LEARNED_FRAMES = 32  # until this many, look for every frame,
+LEARNING = 0.8  # of a period after the previous one
+SPAN_S = 4.0  # the period is the mean over about this time, and over at least twice LEARNED_FRAMES
+# Each look in a row that is not too early makes the next one this much earlier, so that about one in fifty is
+# too early. With an unknown phase, start as if UNMET looks in a row had been in time;
 EARLIER_S = 1e-6
 UNMET = 100
-LATER = 3 / 4  # and by so much of the time it was too early the one after it is later,
-LATER_MAX_S = 0.5e-3  # but not by more: a frame that was held up says nothing of the next ones
-JUMPS_MAX = 3  # frames in a row that came a period off: it is another beat
-SPARE_S = 0.006  # so late a look may be before the writer overwrites what nobody has seen,
-SPARE_LATE = 3  # and so many times as late again as the latest look of late
-LOOKS_HZ = 100  # a writer quicker than this and its channel is not followed frame by frame
+LATER = 3 / 4  # a look that was too early makes the next one later by this share of the error,
+LATER_MAX_S = 0.5e-3  # but by no more than this: a single delayed frame does not predict the next ones
+JUMPS_MAX = 3  # frames in a row that came a period off: the writer's phase has changed
+SPARE_S = 0.006  # a look may be this late before the writer overwrites unseen frames,
+SPARE_LATE = 3  # plus this many times the recent worst lateness
+LOOKS_HZ = 100  # at most this many looks a second; frames of a faster writer with a small channel are lost
 
 
 class Aim(NamedTuple):
@@ -59,8 +59,8 @@ class WriterClock:
         return Aim(frames, self._written_s + frames * self.period_s, keep_s)
 
     def record_look(self, frames: int, now_s: float, blind_s: float) -> None:
-        """Note that `frames` new frames were found, the newest written before `now_s`. `blind_s`: seconds
-        since the last look that found it not yet written; 0 if there was no such look."""
+        """Record that `frames` new frames were found, the newest written before `now_s`. `blind_s`: seconds
+        since the last look at which it was not yet written; 0 if there was no such look."""
         if self._written_s is None:
             self._written_s = now_s
             return
@@ -68,7 +68,7 @@ class WriterClock:
         if self._learned:
             expected_s = self._written_s + frames * self.period_s
             late_s = at_s - expected_s
-            if abs(late_s) > self.period_s:  # he paused, or hurried
+            if abs(late_s) > self.period_s:  # the writer paused or hurried
                 self._jumps += 1
                 if self._jumps == JUMPS_MAX:
                     self._span_s = self._span_frames = 0.0

@@ -27,22 +27,22 @@ from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import Reading, Sample, SourceError
 
 log = logging.getLogger("posecast_edge.mujoco")
-# else MuJoCo writes a file MUJOCO_LOG.TXT wherever the agent was started
+# otherwise MuJoCo writes a file MUJOCO_LOG.TXT into the current folder
 mujoco.set_mju_user_warning(lambda text: log.debug("%s", text))
 
 SAY_EVERY_S = 10.0
 FILE_MAX = 64 << 20  # bytes
-STEP_S = (1e-5, 0.1)  # simulated at once, from and to
-ROTOR = 0.5  # of what a joint carries: what the motor's own inertia is felt as behind its gear
-SERVO_HZ = 8.0  # natural frequency of the servos given to a model without any, critically damped
-TURN_S = 3.0  # one joint there and back
-GO_S, STAY_S = 1.5, 1.0  # from keyframe to keyframe
-FORCE_LEAST = 1e-6  # N or N·m: less than that pulls at nothing
+STEP_S = (1e-5, 0.1)  # shortest and longest timestep
+ROTOR = 0.5  # the motor's inertia behind its gear, as a share of the inertia that the joint carries
+SERVO_HZ = 8.0  # natural frequency of the servos added to a model without any, critically damped
+TURN_S = 3.0  # one joint, there and back
+GO_S, STAY_S = 1.5, 1.0  # from keyframe to keyframe, and at each
+FORCE_LEAST = 1e-6  # N or N·m: anything less counts as no force
 SWING = 0.45  # of a joint's range, at most
 HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 SWING_MOST = {HINGE: 0.5, SLIDE: 0.05}  # rad, m
 
-# kind of sensor → field, and what its values are called
+# kind of sensor → field, names of its values
 SENSORS = {
     int(mujoco.mjtSensor.mjSENS_ACCELEROMETER): ("acc", ("x", "y", "z")),
     int(mujoco.mjtSensor.mjSENS_GYRO): ("gyro", ("x", "y", "z")),
@@ -51,7 +51,7 @@ SENSORS = {
     int(mujoco.mjtSensor.mjSENS_TORQUE): ("ftm", ("mx", "my", "mz")),
 }
 
-# What MuJoCo is given of a URDF: what bears on motion. Meshes come in formats it may not know.
+# The parts of a URDF passed to MuJoCo: those that affect motion. Mesh formats may be unknown to it.
 URDF_KEPT = (
     "link",
     "inertial",
@@ -69,8 +69,8 @@ COMPILER = '<mujoco><compiler boundmass="0.001" boundinertia="0.000001" balancei
 
 
 def load_simulation(path: Path) -> Simulation:
-    """Read MJCF or URDF; of other files only what belongs to the model (model/mjcf/files.py). Raises
-    SourceError with one line when that fails."""
+    """Read MJCF or URDF, and only files that belong to the model (model/mjcf/files.py). Raises SourceError
+    (one line) when that fails."""
     files = ModelFiles(str(path))
     try:
         with path.open("rb") as file:
@@ -95,7 +95,7 @@ def load_simulation(path: Path) -> Simulation:
         line = "" if refused.line is None else f":{refused.line}"
         raise SourceError(f"{path}{line}: {refused.reason}") from None
     if not simulation.joints:
-        raise SourceError(f"{path}: no joint turns or slides")
+        raise SourceError(f"{path}: the model has no hinge or slide joint")
     return simulation
 
 
@@ -103,7 +103,7 @@ def _simulate(spec: Any, vfs: Any, path: Path) -> Simulation:
     if not STEP_S[0] <= spec.option.timestep <= STEP_S[1]:
         least_s, most_s = STEP_S
         raise SourceError(
-            f"{path}: a timestep of {spec.option.timestep:g} s; {least_s:g} to {most_s:g} are simulated"
+            f"{path}: the timestep is {spec.option.timestep:g} s; it must be {least_s:g} to {most_s:g}"
         )
     if not spec.actuators:
         _add_servos(spec, vfs)
@@ -127,7 +127,7 @@ def strip_visuals(urdf: bytes) -> str:
 
 
 def _follow(spec: Any, urdf: Urdf) -> None:
-    """A joint that mimics another is tied to it."""
+    """Tie each mimic joint to the joint that it follows."""
     known = {joint.name for joint in spec.joints}
     for joint in urdf.joints:
         if joint.mimic is not None and {joint.name, joint.mimic.joint} <= known:
@@ -138,8 +138,8 @@ def _follow(spec: Any, urdf: Urdf) -> None:
 
 
 def _add_servos(spec: Any, vfs: Any) -> None:
-    """A position servo for each joint that follows no other, strong enough for what hangs on it; its
-    weight is carried besides."""
+    """Add a position servo to each joint that follows no other, strong enough for the load. Gravity is
+    compensated separately."""
     for number, joint in enumerate(spec.joints):
         if not joint.name:
             joint.name = f"unnamed joint {number}"
@@ -148,7 +148,7 @@ def _add_servos(spec: Any, vfs: Any) -> None:
     omega = 2 * math.pi * SERVO_HZ
     spec.option.integrator = (
         mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    )  # stiff servos on light fingers stay stable
+    )  # keeps stiff servos on light fingers stable
     for body in spec.bodies:
         body.gravcomp = 1.0
     for joint in spec.joints:
@@ -211,14 +211,14 @@ class Simulation:
             before_s = self._data.time
             self._programme(self.t_s)
             mujoco.mj_step(self._model, self._data)
-            if self._data.time <= before_s:  # reset: MuJoCo does that where numbers are no numbers any more
+            if self._data.time <= before_s:  # MuJoCo resets itself when a value becomes NaN
                 self._resets_s += before_s
                 self._reset()
-                text = f"the simulation became unstable at {self.t_s:.2f} s and begins anew"
+                text = f"the simulation became unstable at {self.t_s:.2f} s and was restarted"
                 self._unstable.add(text, time.monotonic())
 
     def explain_rest(self) -> str:
-        """Why a model does nothing of itself: one line, "" where servos or keyframes move it. Call it before
+        """Why a model does not move on its own: one line, "" if servos or keyframes move it. Call it before
         the first step."""
         model, data = self._model, self._data
         holds = model.actuator_biastype != mujoco.mjtBias.mjBIAS_NONE
@@ -253,14 +253,14 @@ class Simulation:
         return Sample(self.t_s, values, links=links, sliding=self._sliding)
 
     def _reset(self) -> None:
-        """To the first keyframe, where there is one."""
+        """Reset to the first keyframe, if there is one."""
         mujoco.mj_resetData(self._model, self._data)
         if self._model.nkey:
             mujoco.mj_resetDataKeyframe(self._model, self._data, 0)
             self._data.time = 0.0
 
     def _find_servos(self) -> Iterator[Servo]:
-        """Actuators of a joint whose force goes with the distance from what they are told."""
+        """Actuators whose force is proportional to the distance from their target."""
         model = self._model
         for k in range(model.nu):
             i = int(model.actuator_trnid[k, 0])
@@ -286,7 +286,7 @@ class Simulation:
         return self._model.nkey > 1 and bool((keys != keys[0]).any())
 
     def _keyframes(self, t_s: float) -> None:
-        """From key to key, gently, with a rest at each."""
+        """Move smoothly from keyframe to keyframe, with a rest at each."""
         keys = self._model.key_ctrl
         leg, within_s = divmod(t_s, GO_S + STAY_S)
         start, end = keys[int(leg) % len(keys)], keys[(int(leg) + 1) % len(keys)]
@@ -294,7 +294,7 @@ class Simulation:
         self._data.ctrl[:] = start + (end - start) * (1 - math.cos(math.pi * share)) / 2
 
     def _one_by_one(self, t_s: float) -> None:
-        """One servo after the other: there and back."""
+        """Move one servo after the other, there and back."""
         turn, within_s = divmod(t_s, TURN_S)
         for i, servo in enumerate(self.servos):
             away = (
@@ -333,7 +333,7 @@ def _sensors(model: Any) -> Iterator[SiteSensor]:
 
 
 def _name(model: Any, kind: str, i: int) -> str:
-    """Of joint, site, sensor or body `i`."""
+    """The name of joint, site, sensor or body `i`."""
     objects: dict[str, Callable[[int], Any]] = {
         "joint": model.joint,
         "site": model.site,

@@ -1,12 +1,12 @@
-"""Source `mujoco[:MODEL]`: a robot that is simulated (MuJoCo, the extra `mujoco`), for who has none at hand.
+"""Source `mujoco[:MODEL]`: a robot simulated with MuJoCo (the extra `mujoco`), if you have no real one.
 
-MODEL is MJCF (.xml) or URDF; without one an arm that comes along is simulated. What it does:
+MODEL is MJCF (.xml) or URDF; the default is a built-in arm. The robot moves like this:
 
-* a model with keyframes that set controls goes from one to the next;
-* else every joint that a servo holds moves a little and back, one after the other.
+* with keyframes that set controls, from one keyframe to the next;
+* otherwise one servo-held joint after the other, a little way and back.
 
-`ref` is what position servos are told, `pos`, `vel` and `effort` are the joints', `base` and `baseq` a free
-joint's, `acc`, `gyro`, `quat`, `ftf` and `ftm` those of the model's sensors, by site.
+`ref` is the target of the position servos. `pos`, `vel` and `effort` are those of the joints, `base` and
+`baseq` the pose of a free joint. `acc`, `gyro`, `quat`, `ftf` and `ftm` are the model's sensors, by site.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ PACKAGE = Path(__file__).resolve().parents[2]
 ARM = PACKAGE / "simulated" / "arm.urdf"
 ARM_PROFILE = PACKAGE / "profiles" / "arm.toml"
 SAMPLE_S = 0.01  # of simulated and of real time
-MAX_BEHIND_S = 0.5  # a model too heavy for this machine runs slower than time, it does not pile up
+MAX_BEHIND_S = 0.5  # a model too heavy for this machine runs slower than real time, without a backlog
 
 
 def find_defaults(address: str) -> Defaults:
-    """The model itself as the one to be shown, if it is a URDF or MJCF."""
+    """The simulated model as the shown model, if it is URDF or MJCF."""
     if not address:
         return Defaults(ARM_PROFILE, ARM)
     path = Path(address)
@@ -47,8 +47,8 @@ def find_defaults(address: str) -> Defaults:
 
 
 def open_source(address: str, profile: Profile | None) -> Source:
-    """Load the model. SourceError, one line, without MuJoCo or when it refuses the model."""
-    del profile  # labels are matched later, where samples of every source meet the schema
+    """Load the model. Raises SourceError (one line) when MuJoCo is missing or refuses the model."""
+    del profile  # labels are matched later, for samples of every source
     try:
         from posecast_edge.sources.mujoco.model import load_simulation  # noqa: PLC0415 - an extra
     except ModuleNotFoundError as e:
@@ -85,4 +85,4 @@ class MujocoSource:
                 began_s -= ahead_s
                 if not told:
                     told = True
-                    log.warning("%s: slower than time on this machine", self.description)
+                    log.warning("%s: slower than real time on this machine", self.description)

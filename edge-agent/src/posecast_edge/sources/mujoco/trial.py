@@ -1,4 +1,4 @@
-"""Loads a model in a separate process first: a file may make MuJoCo hang, crash or exhaust the memory.
+"""Loads a model in a separate process first, because a file may make MuJoCo hang, crash or exhaust memory.
 `python -m posecast_edge.sources.mujoco.trial PATH`"""
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.mjcf.child import REFUSED, limit_child, run_child
 from posecast_edge.sample import SourceError
 
-SECONDS_MAX = 60.0  # to load; a large scene takes some
-MEMORY_MAX = 1 << 30  # bytes that the process has when it is loaded
+SECONDS_MAX = 60.0  # to load; a large scene takes a while
+MEMORY_MAX = 1 << 30  # bytes of the process once the model is loaded
 SAMPLE_S = 0.01
 
 
 def check_loads(path: Path) -> None:
-    """Raise SourceError with one line when the model can't be loaded within the bounds on time and memory, or
-    by the files that belong to it alone."""
+    """Raise SourceError (one line) when the model can't be loaded within the limits of time and memory, or
+    needs files that don't belong to it."""
     try:
         run_child("posecast_edge.sources.mujoco.trial", [str(path)], None, SECONDS_MAX)
     except ModelRefused as e:
@@ -37,7 +37,7 @@ def main(path: Path) -> int:
         simulation.make_sample()
         size = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss << 10
         if size > MEMORY_MAX:
-            raise SourceError(f"{path}: takes {size >> 20} MiB, at most {MEMORY_MAX >> 20}")
+            raise SourceError(f"{path}: needs {size >> 20} MiB of memory, at most {MEMORY_MAX >> 20}")
     except SourceError as e:
         print(e, file=sys.stderr)
         return REFUSED

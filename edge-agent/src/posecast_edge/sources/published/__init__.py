@@ -1,1 +1,1 @@
-"""What a Python program publishes by itself: `posecast.Robot` feeds it, the agent reads it."""
+"""The source for Python programs: `posecast.Robot` writes to it, the agent reads it."""

@@ -1,7 +1,7 @@
-"""What a program publishes, as fields and labels: settled by the first sample, and more when more comes.
+"""The fields and labels that a program publishes: set by the first sample, and extended by later ones.
 
-Each time that something new comes viewers get another schema. So it is waited a moment for what else may be
-new, and a program that makes up names for ever soon gets no further ones.
+Each extension gives viewers a new schema. So it waits a moment for other new names, and the number of
+extensions is limited, in case a program keeps inventing names.
 """
 
 from __future__ import annotations
@@ -20,48 +20,47 @@ from posecast_edge.sources.published.slot import Readings
 
 JOINT_FIELDS = frozenset(name for name, known in WELL_KNOWN.items() if known.joints)
 GROW_EVERY_S = 1.0
-GROWTHS_MAX = 32  # tries
-FIELDS_MAX = 128  # where there are as many, no further ones come
-GROWN_BYTES_MAX = 1 << 20  # of the schemas that were made so, in all
+GROWTHS_MAX = 32  # attempts
+FIELDS_MAX = 128  # with this many, no more are added
+GROWN_BYTES_MAX = 1 << 20  # of all schemas made by extensions
 FULL = (
-    f"names that are new again are left out: new ones came {GROWTHS_MAX} times already, or make too large a "
-    "robot; publish all from the start, or give profile=…"
+    f"further new names are left out: new names came {GROWTHS_MAX} times, or the robot would be too large; "
+    "publish all names from the start, or give profile=…"
 )
-OF_PROFILE = "the profile has none of that name"
-OF_JOINTS = "it is none of joints=[…]"
+OF_PROFILE = "it is not in the profile"
+OF_JOINTS = "it is not in joints=[…]"
 
 Labels = Mapping[str, frozenset[str]]  # of each field
 
 
 class PublishedChannels:
-    """The channels of one robot. `joints`: its joints in order, empty when nobody said; `profile`: says all
-    channels beforehand."""
+    """The channels of one robot. `joints`: its joints in order, empty if not given; `profile`: if given,
+    defines all channels in advance."""
 
     def __init__(
         self, robot: str, joints: Sequence[str], profile: Profile | None, problems: ProblemList
     ) -> None:
         self._robot, self._joints, self._problems = robot, frozenset(joints), problems
         self._profile_given = profile is not None
-        self.labels: Labels | None = _labels_by_field(profile) if profile else None  # None: nobody knows yet
-        self._refused: set[tuple[str, str]] = set()  # names of which no schema can be made
+        self.labels: Labels | None = _labels_by_field(profile) if profile else None  # None: unknown yet
+        self._refused: set[tuple[str, str]] = set()  # names that no schema can be made from
         self._tries = 0
         self._bytes = 0
         self._tried_s = -math.inf
 
     def learn(self, values: Mapping[str, Readings]) -> None:
-        """Take the first sample's fields and labels for the robot's, as far as a schema can be made of
-        them."""
+        """Use the first sample's fields and labels, as far as a schema can be made from them."""
         own = {name: self._keep_own(name, readings) for name, readings in values.items()}
         profile = self._infer(own)
-        if profile is None:  # not for the sake of one field
+        if profile is None:  # don't fail because of one field
             own = {name: readings for name, readings in own.items() if self._infer({name: readings})}
             profile = self._infer(own) if own else None
         if profile is not None:
             self.labels = _labels_by_field(profile)
 
     def grow(self, values: Mapping[str, Readings], now_s: float) -> bool:
-        """Add the fields and labels that are new, if it is time for that (`now_s`: monotonic seconds).
-        Returns whether there are more now."""
+        """Add new fields and labels, if it is time for that (`now_s`: monotonic seconds). Returns whether any
+        were added."""
         if self._profile_given or self.labels is None or now_s - self._tried_s < GROW_EVERY_S:
             return False
         news = self._find_new(values)
@@ -74,7 +73,7 @@ class PublishedChannels:
         self._tried_s = now_s
         if self._add(news):
             return True
-        # not for the sake of one field
+        # don't fail because of one field
         grown = False
         for name, labels in news.items():
             if len(news) > 1 and self._add({name: labels}):
@@ -85,7 +84,7 @@ class PublishedChannels:
 
     @property
     def is_full(self) -> bool:
-        """Whether nothing more is added."""
+        """Whether no more names are added."""
         return (
             self._tries >= GROWTHS_MAX
             or self._bytes >= GROWN_BYTES_MAX
@@ -94,7 +93,7 @@ class PublishedChannels:
         )
 
     def explain_unknown(self, name: str, label: str) -> str:
-        """Why a channel is left out for good; "" when it may still be added."""
+        """Why a channel is left out permanently; "" when it may still be added."""
         if self._profile_given:
             return OF_PROFILE
         return OF_JOINTS if self._is_foreign(name, label) else ""

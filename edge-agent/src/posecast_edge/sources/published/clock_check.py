@@ -1,17 +1,17 @@
-"""Compares the robot's clock that a program gives with this machine's."""
+"""Compares the robot clock that a program passes with this machine's clock."""
 
 from __future__ import annotations
 
 from posecast_edge.sources.published.problems import ProblemList
 
-LOOK_S = 1.0  # between two looks at the pace
-BACK_S = 1.0  # threads that publish with times of their own are a little apart
+LOOK_S = 1.0  # between two checks of the pace
+BACK_S = 1.0  # threads that publish with their own times may be a little apart
 UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
-BACK = "t stepped back by over a second: is it of another clock?"
+BACK = "t stepped back by more than a second: does it come from another clock?"
 
 
 class ClockCheck:
-    """Reports to `problems` when the robot's time steps back, or runs as in another unit."""
+    """Reports to `problems` when the robot's time steps back, or seems to be in another unit."""
 
     def __init__(self, problems: ProblemList) -> None:
         self._problems = problems
@@ -19,7 +19,7 @@ class ClockCheck:
         self._began: tuple[float, float] | None = None
 
     def check_time(self, t_s: float, now_s: float) -> None:
-        """`t_s`: the robot's time of what was published at `now_s`, a clock that never steps back."""
+        """Check one call. `t_s`: the robot's time that it passed; `now_s`: monotonic seconds."""
         if self._newest is not None and t_s < self._newest[0] - BACK_S:
             self._problems.add(BACK)
             self._began = None

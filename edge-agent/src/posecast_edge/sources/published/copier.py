@@ -1,7 +1,7 @@
-"""Copies what a program hands over, in the program's own thread: afterwards the program may change it.
+"""Copies the values that a program passes, in the program's thread: afterwards the program may change them.
 
-The usual cases (a dict of floats, a numpy array) take a few microseconds; each value is looked at only where
-something is unusual. numpy is not imported: whatever has `shape` and `tolist` is read as an array.
+The usual cases (a dict of floats, a NumPy array) take a few microseconds; values are checked one by one only
+if something is unusual. NumPy is not imported: any object with `shape` and `tolist` is read as an array.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from posecast_edge.sample import Reading
 from posecast_edge.visible import quote
 
 SHOWN = 40  # characters of a value in a message
-WORDS = (str, bytes, bytearray, bool)  # float() takes them, and who wrote them meant no number
-# what of a sensor a sequence holds, part by part
+WORDS = (str, bytes, bytearray, bool)  # float() accepts them, but they are not meant as numbers
+# field of a sensor → the parts of its sequence
 PARTS = {
     "ftf": ("fx", "fy", "fz"),
     "ftm": ("mx", "my", "mz"),
@@ -27,16 +27,16 @@ PARTS = {
     "acc": ("x", "y", "z"),
 }
 BASE, BASEQ = ("base.x", "base.y", "base.z"), ("base.x", "base.y", "base.z", "base.w")
-FIELDS_MAX = 256  # whose labels are remembered
+FIELDS_MAX = 256  # fields whose labels are remembered
 _FLOATS = frozenset((float, type(None)))
 
 
 class UnusableError(ValueError):
-    """Values of one field that can't be read at all; the text says why."""
+    """Values of one field that can't be read at all; the text gives the reason."""
 
 
 class Copied(NamedTuple):
-    """One field of one call. Nobody changes it any more."""
+    """One field of one call. It is never changed."""
 
     name: str
     labels: tuple[str, ...]
@@ -44,8 +44,8 @@ class Copied(NamedTuple):
 
 
 class ReadingsCopier:
-    """`orders`: field → whose values a list holds; `bit_fields`: those whose readings are masks or lists of
-    names; `report` takes lines about what is wrong. May be used from any thread."""
+    """Copies fields. `orders`: field → labels, in the order of a list; `bit_fields`: the fields with masks or
+    lists of names; `report` is called with a line for each problem. May be used from any thread."""
 
     def __init__(
         self,
@@ -58,19 +58,18 @@ class ReadingsCopier:
 
     def copy_field(self, name: str, values: object) -> Copied:
         """Copy the values of one field: a mapping by label, or a list or array in the field's order. A single
-        value that is no reading is reported and becomes None. Raises UnusableError when nothing can be
-        read."""
+        unreadable value is reported and becomes None. Raises UnusableError when nothing can be read."""
         if type(values) is dict or isinstance(values, Mapping):
             return self._copy_mapping(name, values)
         if isinstance(values, (*WORDS, set, frozenset)) or not hasattr(values, "__len__"):
-            raise UnusableError(f"{name} is {_describe(values)}: want a dict by name, a list or an array")
+            raise UnusableError(f"{name} is {_describe(values)}: give a dict by name, a list or an array")
         order = self._orders.get(name, ())
         return self._check_readings(name, order, _copy_list(name, values, order))
 
     def _copy_mapping(self, name: str, values: Mapping[object, object]) -> Copied:
         if len(values) > CHANNELS_MAX:
-            raise UnusableError(f"{name} names over {CHANNELS_MAX} channels")
-        # another thread may be changing it
+            raise UnusableError(f"{name} has more than {CHANNELS_MAX} channels")
+        # another thread may change it meanwhile
         copied = values.copy() if type(values) is dict else dict(islice(values.items(), CHANNELS_MAX))
         known = self._labels.get(name)
         labels = tuple(copied)
@@ -79,7 +78,7 @@ class ReadingsCopier:
         elif not _are_texts(labels):
             for label in labels:
                 if not _are_texts((label,)):
-                    self._report(f"{name} names {quote(label, SHOWN)}: a name is a text")
+                    self._report(f"{name} has the name {quote(label, SHOWN)}, which is not a valid string")
                     del copied[label]
             labels = tuple(map(str, copied))
         elif len(self._labels) < FIELDS_MAX or name in self._labels:
@@ -89,7 +88,7 @@ class ReadingsCopier:
         return self._check_readings(name, labels, list(copied.values()))
 
     def _copy_sites(self, name: str, values: Mapping[object, object]) -> Copied:
-        """`{"wrist": (1, 2, 3)}` as `{"wrist.fx": 1, …}`."""
+        """Copy `{"wrist": (1, 2, 3)}` as `{"wrist.fx": 1, …}`."""
         parts = PARTS[name]
         found: dict[str, object] = {}
         for site, value in values.items():
@@ -97,7 +96,7 @@ class ReadingsCopier:
             if not hasattr(value, "__len__") or isinstance(value, (Mapping, *WORDS)):
                 found[str(site)] = value
             elif len(numbers) != len(parts):
-                self._report(f"{name} of {quote(site)}: want {len(parts)} numbers, {', '.join(parts)}")
+                self._report(f"{name} of {quote(site)}: give {len(parts)} numbers, {', '.join(parts)}")
             else:
                 found |= zip((f"{site}.{part}" for part in parts), numbers, strict=False)
         return self._check_readings(name, tuple(found), list(found.values()))
@@ -113,7 +112,7 @@ class ReadingsCopier:
                 if any(issubclass(kind, WORDS) for kind in kinds):
                     raise TypeError
                 values = [None if value is None else float(value) for value in values]  # type: ignore[arg-type]
-            except Exception:  # whatever a stranger's __float__ raises: which one is it?
+            except Exception:  # a foreign __float__ may raise anything; find the value that did
                 values = [self._read(name, *pair, _number) for pair in zip(labels, values, strict=True)]
         return Copied(name, labels, values)  # type: ignore[arg-type]
 
@@ -127,7 +126,7 @@ class ReadingsCopier:
 
 
 def copy_base(values: object) -> list[Copied]:
-    """Copy where the root link is: x, y, z in metres, then a quaternion x, y, z, w. Raises UnusableError."""
+    """Copy the root link's pose: x, y, z in metres, then a quaternion x, y, z, w. Raises UnusableError."""
     numbers: list[Reading] = []
     try:
         if isinstance(values, (Mapping, *WORDS)):
@@ -137,23 +136,23 @@ def copy_base(values: object) -> list[Copied]:
     except Exception:
         numbers = []
     if len(numbers) != len(BASE) + len(BASEQ):
-        raise UnusableError("base: want 7 numbers, x, y, z in metres and a quaternion x, y, z, w")
+        raise UnusableError("base: give 7 numbers, x, y, z in metres and a quaternion x, y, z, w")
     return [Copied("base", BASE, numbers[:3]), Copied("baseq", BASEQ, numbers[3:])]
 
 
 def _copy_list(name: str, values: object, order: Sequence[str]) -> list[object]:
     size = len(order)
     if not size:
-        raise UnusableError(f"{name} is a list, and nobody said whose: joints=[…], or a dict by name")
+        raise UnusableError(f"{name} is a list without names: give joints=[…], or use a dict by name")
     shape = getattr(values, "shape", None)
     if isinstance(shape, tuple):
         if shape != (size,):
-            raise UnusableError(f"{name} has the shape {quote(tuple(shape), SHOWN)}, want ({size},)")
+            raise UnusableError(f"{name} has the shape {quote(tuple(shape), SHOWN)}, not ({size},)")
         copied = values.tolist()  # type: ignore[attr-defined]
     else:
         copied = list(islice(values, size + 1)) if len(values) == size else values  # type: ignore[arg-type, call-overload]
     if len(copied) != size:
-        raise UnusableError(f"{name} has {len(copied)} values, want {size}")
+        raise UnusableError(f"{name} has {len(copied)} values, not {size}")
     return list(copied)
 
 
@@ -179,7 +178,7 @@ def _mask(value: object) -> Reading:
 
 
 def _are_texts(labels: tuple[object, ...]) -> bool:
-    """Whether all are strings without half a surrogate pair, which can't be sent."""
+    """Whether all are strings that can be sent: without lone surrogates."""
     try:
         "".join(labels).encode()  # type: ignore[arg-type]
     except (TypeError, UnicodeEncodeError):
@@ -188,5 +187,5 @@ def _are_texts(labels: tuple[object, ...]) -> bool:
 
 
 def _describe(value: object) -> str:
-    """For a message that is to be the same each time: without the value, unless that is what was mistyped."""
+    """Describe a value so that the message is the same each time: only strings are quoted."""
     return quote(value, SHOWN) if isinstance(value, (str, bytes)) else f"of type {type(value).__name__}"

@@ -1,4 +1,4 @@
-"""Compares what a program publishes with its robot's model, as far as that needs no look into meshes."""
+"""Compares published values with the robot's model. Does not read meshes."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from posecast_edge.sample import Reading
 from posecast_edge.sources.published.problems import ProblemList
 from posecast_edge.visible import quote
 
-ERRORS_MAX = 10  # of one model, told one by one
+ERRORS_MAX = 10  # errors of one model that are reported one by one
 POSITIONS = ("pos", "ref")
-FAR = 3.0  # times the larger limit, or LEAST: what is beyond is no overshoot
+FAR = 3.0  # times the larger limit, or LEAST: anything beyond is no overshoot
 LEAST = 0.1  # rad or m
 SLACK = 0.02  # rad or m
 
 
 class JointLimits(NamedTuple):
-    """Where a joint may be, rad, or m where it slides; `lower` is below `upper`."""
+    """The range of a joint, rad, or m if it slides; `lower` is below `upper`."""
 
     slides: bool
     lower: float
@@ -31,36 +31,36 @@ class JointLimits(NamedTuple):
         return f"{self.lower:.3g} to {self.upper:.3g} {'m' if self.slides else 'rad'}"
 
     def is_far(self, reading: float) -> bool:
-        """Whether that is more than an overshoot, or an encoder that is a little off."""
+        """Whether a reading is beyond any overshoot or encoder offset."""
         return abs(reading) > FAR * max(abs(self.lower), abs(self.upper), LEAST)
 
     def suspect_unit(self, reading: float) -> str:
-        """The question whether it is in another unit, if it fits then; else ""."""
+        """The question whether the reading is in another unit, if it would then fit; otherwise ""."""
         factor, other = (1e-3, "millimetres") if self.slides else (math.pi / 180, "degrees")
         fits = self.lower - SLACK <= reading * factor <= self.upper + SLACK
         return f": are these {other}?" if fits else ""
 
 
 class ModelCheck:
-    """Reports to `problems`. `take_model` may be called from any thread, the rest by one."""
+    """Reports to `problems`. `take_model` may be called from any thread, the other methods from one."""
 
     def __init__(self, problems: ProblemList) -> None:
         self._problems = problems
         self._readings: frozenset[str] | None = None
         self._limits: Mapping[str, JointLimits] = {}
         self._told: set[str] = set()
-        self._doubts: dict[str, str] = {}  # by their question: what is said of the first joint
+        self._doubts: dict[str, str] = {}  # question → message about the first joint
 
     def take_model(self, bundle: Bundle) -> None:
-        """Compare with this model from now on. Reports its errors, each once: what is built may have more of
-        them than its URDF."""
+        """Compare with this model from now on. Reports each of its errors once; the built model may have more
+        errors than the URDF."""
         errors = [f for f in bundle.findings if f.severity == "error"]
         for finding in errors[:ERRORS_MAX]:
             where = f"line {finding.line}: " if finding.line else ""
             self._tell_once(f"model: {where}{finding.text}")
         if len(errors) > ERRORS_MAX:
             self._tell_once(
-                f"model: it has further errors; `{name_edge_command('doctor')} --urdf` names them"
+                f"model: it has further errors; `{name_edge_command('doctor')} --urdf` lists them"
             )
         self._limits = {
             j.name: JointLimits(j.slides, j.lower, j.upper)
@@ -70,7 +70,7 @@ class ModelCheck:
         self._readings = bundle.readings
 
     def check_names(self, labels: Mapping[str, frozenset[str]]) -> None:
-        """Report those that move nothing. `labels`: by field of joints."""
+        """Report labels that move nothing. `labels`: field of joints → labels."""
         if self._readings is None:
             return
         for name in sorted(labels):
@@ -78,8 +78,8 @@ class ModelCheck:
                 self._tell_once(f"{name} of {quote(label)} moves nothing: the model has no such joint")
 
     def check_positions(self, values: Mapping[str, Mapping[str, Reading]]) -> None:
-        """Report what is far beyond a joint's limits, of many joints only the first: degrees are mistaken for
-        radians in all of them."""
+        """Report a value far beyond a joint's limits, only for the first of many joints: if a program passes
+        degrees as radians, all joints are affected."""
         for name in POSITIONS:
             for label, reading in values.get(name, {}).items():
                 limits = self._limits.get(label)

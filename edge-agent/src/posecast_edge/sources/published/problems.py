@@ -1,4 +1,4 @@
-"""Counts what is wrong with what a program publishes, and logs each kind of it once."""
+"""Counts the problems with published values, and logs each kind once."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ from posecast_edge.visible import make_visible
 
 log = logging.getLogger("posecast_edge.robot")
 
-PROBLEMS_MAX = 50  # kinds told apart
+PROBLEMS_MAX = 50  # kinds that are counted separately
 MORE = "further kinds of problems are only counted"
 
 
 class ProblemList:
-    """May be used from any thread. `add` writes nothing; `log_new` does, in a thread that may wait."""
+    """May be used from any thread. `add` never writes; `log_new` writes the log, in a thread that may
+    block."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -22,7 +23,7 @@ class ProblemList:
         self._new: list[str] = []
 
     def add(self, text: str) -> None:
-        """Count one more problem of this kind. `text`: one line that is the same each time."""
+        """Count one more problem of this kind. `text`: one line, the same for each problem of a kind."""
         text = make_visible(text)
         with self._lock:
             if text not in self._counts and len(self._counts) >= PROBLEMS_MAX:
@@ -32,7 +33,7 @@ class ProblemList:
             self._counts[text] = self._counts.get(text, 0) + 1
 
     def get_counts(self) -> dict[str, int]:
-        """How often each problem has occurred, by its text, the oldest first."""
+        """Text of each problem → how often it has occurred, the oldest first."""
         with self._lock:
             return dict(self._counts)
 

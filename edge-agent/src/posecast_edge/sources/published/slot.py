@@ -1,9 +1,9 @@
-"""Between the program that publishes and the thread that sends there is one place, and the newest wins.
+"""A one-place buffer between the program that publishes and the thread that sends: the newest readings win.
 
-A program at 1 kHz writes here; the reader takes what there is when a frame is due. What a call does not name
-stays as it was for a while, so positions and temperatures, left arm and right arm may come at different rates
-and from different threads. Only faults are not replaced: flags that have changed since are kept, the newest
-KEPT_MAX of them, to be looked at one after the other.
+A program may write here at 1 kHz; the reader takes the content when a frame is due. Readings that a call
+leaves out keep their value for a while. So positions and temperatures, or left and right arm, may come at
+different rates and from different threads. Only faults are not replaced: changed flags are kept, the newest
+KEPT_MAX of them, and checked one by one.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from posecast_edge.sources.published.copier import Copied
 
 Readings = dict[str, Reading]  # by label
 
-STRANDS_MAX = 64  # kinds of calls (a field and its labels) told apart
+STRANDS_MAX = 64  # strands: combinations of a field and its labels
 LABELS_MAX = 1 << 14  # of all of them (the wire has 4,096 channels)
 KEPT_MAX = 64
-STREAM_S = 1.5  # what moves counts no longer than that; the page says STALE after as long
-STATE_S = 60.0  # the same of what is told rarely or only when it changes
+STREAM_S = 1.5  # how long readings of motion are valid; the page shows STALE after the same time
+STATE_S = 60.0  # the same for readings that are published rarely or only when they change
 STREAMS = frozenset(
     ("pos", "vel", "effort", "base", "baseq", "ftf", "ftm", "quat", "tilt", "gyro", "acc"),
 )
@@ -32,7 +32,7 @@ FLAGS = "flags"
 
 @dataclass
 class _Strand:
-    """What calls of one kind said last. `number`: of the call."""
+    """The last readings of one field and set of labels. `number`: of the call."""
 
     labels: tuple[str, ...]
     readings: Sequence[Reading] = ()
@@ -41,8 +41,8 @@ class _Strand:
 
 
 class Taken(NamedTuple):
-    """What lay in the slot. `t_s`: the robot's time, seconds. `flags`: (robot time, readings) of those that
-    were replaced before anybody saw them, the oldest first."""
+    """The content of the slot. `t_s`: the robot's time, seconds. `flags`: (robot time, readings) of flags
+    that were replaced before they were read, the oldest first."""
 
     t_s: float
     values: dict[str, Readings]
@@ -86,8 +86,8 @@ class PublishedSlot:
             self._bell.set()
 
     def wait(self, seconds: float) -> None:
-        """Return when something new lies here, or after `seconds`. Only a reader who waits is woken up, so at
-        most one call a frame pays for that."""
+        """Return when there is something new, or after `seconds`. `put` wakes only a waiting reader, so at
+        most one call per frame has that cost."""
         with self._lock:
             if self._fresh:
                 return
@@ -96,7 +96,7 @@ class PublishedSlot:
         self._bell.wait(seconds)
 
     def take(self, now_s: float) -> Taken | None:
-        """All that counts now; None when nothing has been published since the last call."""
+        """All valid readings; None when nothing has been published since the last call."""
         with self._lock:
             if not self._fresh:
                 return None
@@ -111,7 +111,7 @@ class PublishedSlot:
             return Taken(self._t_s, values, self._info, flags)
 
     def _find_strand(self, name: str, labels: tuple[str, ...]) -> _Strand:
-        """The strand of these labels, from now on the field's newest. The longest silent one gives way."""
+        """The strand of these labels, which becomes the field's newest. May evict the one silent longest."""
         key = (name, labels)
         if key not in self._strands:
             while self._strands and (

@@ -1,4 +1,4 @@
-"""The source behind `posecast.Robot`: takes what the program has published whenever a frame is due."""
+"""The source behind `posecast.Robot`: takes the published readings whenever a frame is due."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from posecast_edge.sources.published.problems import ProblemList
 from posecast_edge.sources.published.slot import FLAGS, PublishedSlot, Readings, Taken
 from posecast_edge.visible import quote
 
-LOOK_S = 0.2  # the longest sleep: the end is noticed this soon
-SETTLE_S = 0.5  # without a profile the first sample says what there is: it waits for all that is published
+LOOK_S = 0.2  # the longest sleep; the end is noticed within it
+SETTLE_S = 0.5  # without a profile, the first sample defines the channels: wait for all readings
 
 
 class PublishedSource:
-    """`joints`: the robot's joints in order, empty when nobody said. The agent calls `run`; `end` and
+    """`joints`: the robot's joints in order, empty if not given. The agent calls `run`; `end` and
     `expect_model` may be called from any thread."""
 
     description = "Python"
@@ -41,16 +41,16 @@ class PublishedSource:
         self._profile_given = profile is not None
         self._channels = PublishedChannels(robot, joints, profile, problems)
         self._model, self._clock = ModelCheck(problems), ClockCheck(problems)
-        self._is_compared = True  # the names of joints with the model's
+        self._is_compared = True  # whether joint names have been compared with the model's
         self._ended = False
 
     def end(self) -> None:
-        """Make `run` deliver what waits and return. Takes no lock, so the garbage collector may call it."""
+        """Make `run` deliver waiting readings and return. Takes no lock, so the garbage collector may call
+        it."""
         self._ended = True
 
     def expect_model(self, bundle: Bundle) -> None:
-        """Report what is wrong with the robot's model, and from now on what of the published is not meant for
-        it."""
+        """Report errors of the robot's model and, from now on, published values that do not fit it."""
         self._model.take_model(bundle)
         self._is_compared = False
 
@@ -58,7 +58,7 @@ class PublishedSource:
         """Deliver the newest readings as often as frames are sent, until `end` or `stop`."""
         first_s: float | None = None
         while not stop.is_set():
-            ended = self._ended  # before the last look
+            ended = self._ended  # read it before the last take
             if not ended:
                 self._slot.wait(LOOK_S)
             if self._channels.labels is None and not ended and self._slot.published:
@@ -75,7 +75,7 @@ class PublishedSource:
                 self._sleep(wanted_s, stop)
 
     def _sleep(self, until_s: float, stop: threading.Event) -> None:
-        """Until this monotonic time, or the end."""
+        """Sleep until this monotonic time, or the end."""
         while not self._ended and (rest_s := until_s - time.monotonic()) > 0:
             if stop.wait(min(rest_s, LOOK_S)):
                 return
@@ -83,7 +83,7 @@ class PublishedSource:
     def _deliver(self, taken: Taken, deliver: Deliver) -> float | None:
         values = {name: readings for name, readings in taken.values.items() if readings}
         if not self._profile_given:
-            values = self._order(values)  # the agent, too, learns from the first
+            values = self._order(values)  # the agent, too, infers its profile from the first sample
         before = self._channels.labels
         if before is None:
             self._channels.learn(values)
@@ -97,13 +97,13 @@ class PublishedSource:
         checked = self._check(values, known)
         if not self._profile_given:
             self._model.check_positions(checked)
-        for t_s, flags in taken.flags:  # with all the rest: one of them may be the first
+        for t_s, flags in taken.flags:  # with all other readings: one of them may be the first sample
             replaced = {**checked, **self._check({FLAGS: flags}, known)}
             deliver(Sample(t_s, replaced, taken.info, newest=False, anew=anew))
         return deliver(Sample(taken.t_s, checked, taken.info, anew=anew))
 
     def _order(self, values: Mapping[str, Readings]) -> dict[str, Readings]:
-        """Joints as joints=[…] has them, also those that are not published yet."""
+        """Order joints as in joints=[…], including joints that are not published yet."""
         values = {"pos": {}, **values} if self._joints else values
         return {
             name: {**dict.fromkeys(self._joints), **readings} if name in JOINT_FIELDS else readings
@@ -129,10 +129,10 @@ class PublishedSource:
 
     def _check_reading(self, name: str, label: str, reading: Reading) -> Reading:
         if type(reading) is float and not math.isfinite(reading):
-            self._problems.add(f"{name} of {quote(label)} is {reading}, which is no reading")
+            self._problems.add(f"{name} of {quote(label)} is {reading}, which is not a reading")
             return None
         return reading
 
     def _compare_names(self, known: Labels) -> None:
-        if not self._profile_given:  # which says itself what moves what
+        if not self._profile_given:  # a profile defines what moves what
             self._model.check_names({name: known[name] for name in JOINT_FIELDS & known.keys()})

@@ -1,4 +1,4 @@
-"""Decodes what ROS 2 (CDR) and ROS 1 serialise, with rosbags (the extras [ros] and [mcap])."""
+"""Decodes serialised messages of ROS 2 (CDR) and ROS 1, with rosbags (the extras [ros] and [mcap])."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from posecast_edge.sources.ros.messages import (
     RosMessageError,
 )
 
-# Every ROS 2's definition begins like this, what follows differs; what the controller is told stands first.
+# The definition starts like this in every ROS 2; the rest differs. The controller's target comes first.
 CONTROLLER_HEAD = """
 std_msgs/Header header
 string[] joint_names
 trajectory_msgs/JointTrajectoryPoint reference
 """
-TRANSFORMS = "geometry_msgs/TransformStamped[] transforms"  # tf2_msgs, which rosbags has of ROS 2 only
+TRANSFORMS = "geometry_msgs/TransformStamped[] transforms"  # tf2_msgs, which rosbags has for ROS 2 only
 HEAD = "posecast/msg/ControllerHead"
-ENCAPSULATION = 4  # bytes before the message, of which the first two are
+ENCAPSULATION = 4  # bytes before the message
 LITTLE_OR_BIG = (b"\0\1", b"\0\0")
 
 
 class CdrReader:
-    """Decodes messages of ROS 2, of the types of messages.py. Not thread-safe."""
+    """Decodes ROS 2 messages of the types in messages.py. Not thread-safe."""
 
     def __init__(self) -> None:
         self._store = get_typestore(Stores.ROS2_HUMBLE)  # the types read here are the same in every ROS 2
@@ -42,16 +42,16 @@ class CdrReader:
     def _decode(self, type_name: str, payload: bytes) -> object:
         if type_name != CONTROLLER_STATE:
             return self._store.deserialize_cdr(payload, _long(type_name))
-        # the part of a controller's state that is read; the rest may be anything
+        # only this part of a controller's state is read; the rest may have any layout
         if payload[:2] not in LITTLE_OR_BIG or len(payload) < ENCAPSULATION:
-            raise RosMessageError("no CDR")
+            raise RosMessageError("not CDR")
         definition = self._store.get_msgdef(HEAD)
         read = definition.deserialize_cdr_le if payload[1] else definition.deserialize_cdr_be
         return read(payload[ENCAPSULATION:], 0, definition.cls, self._store)[0]
 
 
 class Ros1Reader:
-    """Decodes messages of ROS 1, of the types of messages.py. Not thread-safe."""
+    """Decodes ROS 1 messages of the types in messages.py. Not thread-safe."""
 
     def __init__(self) -> None:
         self._store = get_typestore(Stores.ROS1_NOETIC)
@@ -78,9 +78,9 @@ def _decoded(type_name: str, payload: bytes, decode: Callable[[str, bytes], obje
         return decode(type_name, payload)
     except RosMessageError:
         raise
-    except Exception as e:  # code that is made from definitions: nobody has listed what it raises
+    except Exception as e:  # generated code: its exceptions are undocumented
         said = " ".join(str(e).split())[:200] or type(e).__name__
-        raise RosMessageError(f"{len(payload)} bytes that are no {type_name}: {said}") from None
+        raise RosMessageError(f"{len(payload)} bytes that are not a {type_name}: {said}") from None
 
 
 def _long(type_name: str) -> str:

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 log = logging.getLogger("posecast_edge.ros")
 
 SAY_EVERY_S = 10.0
-TOPICS_MAX = 2000  # remembered; what a graph has beyond that is neither shown nor read
-NAMED_MAX = 8  # types of no use said aloud, topics told of one by one; `probe` shows them all
+TOPICS_MAX = 2000  # remembered; further topics are neither shown nor read
+NAMED_MAX = 8  # unsupported types, and topics with bad messages, that are logged; `probe` shows all
 
 
 class RosInput:
@@ -46,15 +46,15 @@ class RosInput:
             profile, self._merge, lambda text: log.warning("%s: %s", name, text), namespace
         )
         self._topics: dict[tuple[str, str], Route | None] = {}
-        self._messages: dict[str, int] = {}  # topic → how many
-        self._ignored: set[str] = set()  # types told of
+        self._messages: dict[str, int] = {}  # topic → count
+        self._ignored: set[str] = set()  # types that were logged
         self._bad: dict[str, RateLimitedLog] = {}  # by topic, "" for those beyond NAMED_MAX
         self._urdf = ""
         self._told_still = False
 
     def add_topic(self, topic: str, type_name: str) -> Route | None:
-        """Add a discovered topic and return how it is read, None if it is not. `type_name`: short form. A
-        type that can't be read is logged once."""
+        """Add a discovered topic and return how it is read, None if it is not read. `type_name`: short form.
+        An unsupported type is logged once."""
         key = (topic, type_name)
         if key in self._topics:
             return self._topics[key]
@@ -67,8 +67,8 @@ class RosInput:
                 self.frames.expect_states()
         elif type_name not in TYPES and type_name not in self._ignored and len(self._ignored) < NAMED_MAX:
             self._ignored.add(type_name)
-            more = "; further types are not said" if len(self._ignored) == NAMED_MAX else ""
-            log.info("%s: %s is ignored: nothing here reads %s%s", self._name, topic, type_name, more)
+            more = "; further types are not logged" if len(self._ignored) == NAMED_MAX else ""
+            log.info("%s: %s is ignored: the type %s is not supported%s", self._name, topic, type_name, more)
         return route
 
     def take_message(self, topic: str, type_name: str, decode: Callable[[], Any]) -> None:
@@ -93,7 +93,7 @@ class RosInput:
         except RosMessageError as e:
             self.report_bad(topic, str(e))
             return
-        except Exception as e:  # one message, whatever it did, ends nothing but itself
+        except Exception as e:  # one bad message must not affect anything else
             log.debug("message of %s", topic, exc_info=True)
             self.report_bad(topic, f"{type(e).__name__}: {str(e)[:200]}")
             return
@@ -101,14 +101,14 @@ class RosInput:
         self._merge.take_report(topic, route.role, type_name, report, now_s)
 
     def watch_frames(self) -> None:
-        """Read /tf from now on, also topics of it that were met before. May be called from any thread."""
+        """Read /tf from now on, also its topics that were found before. May be called from any thread."""
         self.routes.watch_frames()
         for key in [key for key in self._topics.copy() if key[1] == TF]:
             self._topics[key] = self.routes.find_route(*key)
 
     def begin_reading_joints(self, listed: bool = False) -> bool:
-        """Begin to read /tf when no joint states come: at once where all topics are known (`listed`), else
-        after a while. Returns True when it has begun now."""
+        """Start reading /tf if no joint states arrive: at once if all topics are known (`listed`), otherwise
+        after a while. Returns True when it starts now."""
         least_s = 0.0 if listed else STATES_S
         if self.routes.reads_frames or not self.frames.reads_joints(time.monotonic(), least_s):
             return False
@@ -125,8 +125,7 @@ class RosInput:
         self._bad[of].add(f"{topic[:TOPIC_MAX]}: {text}", time.monotonic())
 
     def make_sample(self) -> Sample | None:
-        """The next sample to deliver, or None. Call it often: it also logs the messages that were held
-        back."""
+        """The next sample to deliver, or None. Call it often: it also logs counts that are due."""
         now_s = time.monotonic()
         for bad in tuple(self._bad.values()):
             bad.tick(now_s)
@@ -137,11 +136,11 @@ class RosInput:
             self._told_still = False
         elif not self._told_still and now_s - since_s > STREAM_S:
             self._told_still = True
-            log.warning("%s: messages come, but their stamps stand still", self._name)
+            log.warning("%s: messages arrive, but their timestamps do not change", self._name)
         return sample
 
     def list_topics(self) -> list[str]:
-        """Lines for `probe`: every topic, its type, and as what it is read; then the frames of /tf."""
+        """Lines for `probe`: every topic, its type, and how it is read; then the frames of /tf."""
         rows = []
         for (topic, type_name), route in sorted(self._topics.copy().items()):
             use = "not read" if route is None else f"→ {route.role}{f' {route.site}' if route.site else ''}"

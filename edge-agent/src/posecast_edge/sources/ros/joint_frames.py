@@ -1,8 +1,8 @@
-"""The transforms between the links of a robot → its joints' values, for a robot without joint states. Pure:
-time comes in as an argument.
+"""Computes joint values from the transforms between links, for a robot without joint states. Pure: time is an
+argument.
 
-robot_state_publisher tells for each joint where its child link is in its parent link; with the model that is
-the joint's value again. A prefix that all frames of a robot have (`r1/base_link`) is found by itself.
+robot_state_publisher publishes, for each joint, the pose of its child link in its parent link. With the
+model, this gives the joint's value. A common prefix of a robot's frames (`r1/base_link`) is detected.
 """
 
 from __future__ import annotations
@@ -22,17 +22,16 @@ from posecast_edge.sources.ros.messages import Report, Transform
 from posecast_edge.sources.ros.transforms import FRAMES_MAX, LINE_MAX, SHOWN, WAIT_S
 from posecast_edge.visible import make_visible, quote
 
-OFF_M, OFF_RAD = 0.005, math.radians(2)  # a calibrated robot is so far from its model; another model further
+OFF_M, OFF_RAD = 0.005, math.radians(2)  # a calibrated robot deviates less from its model
 NO_MODEL = (
-    "no joint states; the joints can be worked out from /tf with the robot's model: "
-    "give --urdf FILE or --model FOLDER"
+    "no joint states; to compute the joints from /tf, give the robot's model: --urdf FILE or --model FOLDER"
 )
 
 
 class JointFrames:
-    """The joints of one robot. `namespace`: of the robot, "" without one; of several prefixes that fit it is
-    the one. `channels`: joints of other names are left out; None: none is. `say` gets one line about each
-    thing that is wrong."""
+    """The joints of one robot. `namespace`: of the robot, "" without one; decides between several prefixes
+    that fit. `channels`: joints with other names are left out; None: none is left out. `say` is called with
+    a line for each problem."""
 
     def __init__(
         self, say: Callable[[str], None], namespace: str = "", channels: Collection[str] | None = None
@@ -41,12 +40,14 @@ class JointFrames:
         self._channels = channels
         self._wanted = f"{namespace.strip('/')}/"
         self._joints: tuple[MovingJoint, ...] = ()
-        self._given: Sequence[MovingJoint] | None = None  # by who runs the agent; counts before what is told
+        self._given: Sequence[MovingJoint] | None = (
+            None  # from the user; preferred to the robot's description
+        )
         self._has_model = False
         self._is_given = False
-        self._description: str | None = None  # that was not read yet
-        self._parents: dict[str, str] = {}  # of each frame met
-        self._prefixes: dict[str, list[str]] = {}  # frame → those by which it is a link of the model
+        self._description: str | None = None  # not parsed yet
+        self._parents: dict[str, str] = {}  # frame → parent
+        self._prefixes: dict[str, list[str]] = {}  # frame → the prefixes with which it is a link of the model
         self._votes: Counter[str] = Counter()
         self._prefix: str | None = None  # None until a frame fits
         self._by_child: dict[str, MovingJoint] = {}  # by link
@@ -58,24 +59,23 @@ class JointFrames:
 
     @property
     def names(self) -> list[str]:
-        """The names of the model's joints that have a value of their own, in the model's order."""
+        """The names of the model's joints that have their own value, in the model's order."""
         return [joint.name for joint in self._joints]
 
     @property
     def wants_transforms(self) -> bool:
-        """Whether transforms are of any use: False where there is no model, which has been said, until one
-        comes."""
+        """Whether transforms are needed. False while there is no model and that has been logged."""
         if self._given is not None or (self._description is not None and not self._is_given):
             return True
         return bool(self._joints) if self._has_model else NO_MODEL not in self._told
 
     def set_joints(self, joints: Sequence[MovingJoint]) -> None:
-        """Take the joints of the model that is shown. May be called from any thread."""
+        """Take the joints of the shown model. May be called from any thread."""
         self._given = tuple(joints)
 
     def set_description(self, urdf: str) -> None:
-        """Take the robot's own description (URDF text), which counts where no joints were given. It is read
-        when it is needed."""
+        """Take the robot's own description (URDF text), used if no joints were given. It is parsed when it is
+        needed."""
         self._description = urdf
 
     def is_link(self, frame: str) -> bool:
@@ -83,8 +83,8 @@ class JointFrames:
         return frame in self._by_frame
 
     def take_transforms(self, told: Sequence[Transform], static: bool, now_s: float) -> Report | None:
-        """Take transforms that arrived at `now_s` (seconds). Returns the joints that they tell of, None where
-        there are none; a joint whose transform does not fit has no reading."""
+        """Take transforms that arrived at `now_s` (seconds). Returns the values of their joints, None if they
+        have none. A joint whose transform does not fit has no reading."""
         if self._began_s is None:
             self._began_s = now_s
         self._adopt_model()
@@ -105,13 +105,13 @@ class JointFrames:
         return Report(stamp_s, {"pos": readings}, lasts=static) if readings else None
 
     def check_time(self, now_s: float) -> None:
-        """Say what is missing when it has been waited for. Call it now and then."""
+        """Log what is missing after a waiting time. Call it regularly."""
         if self._began_s is not None and now_s - self._began_s >= WAIT_S:
             self.explain_missing()
 
     def explain_missing(self) -> None:
-        """Say once which joints have no value, if there are any."""
-        if self._began_s is None:  # no transform came
+        """Log once which joints have no value, if there are any."""
+        if self._began_s is None:  # no transform arrived
             return
         if not self._has_model:
             self._say_once(NO_MODEL, NO_MODEL)
@@ -119,8 +119,8 @@ class JointFrames:
             self._say_once(self.describe())
 
     def describe(self) -> str:
-        """One line for `probe`: how many of the model's joints have had a value, and what is the matter with
-        the others."""
+        """One line for `probe`: how many of the model's joints have had a value, and why the others have
+        not."""
         if not self._has_model:
             return f"joints from /tf: none; {NO_MODEL}"
         parts = [f"joints from /tf: {len(self._found)} of {len(self._joints)}"]
@@ -144,7 +144,7 @@ class JointFrames:
             urdf, self._description = self._description, None
             try:
                 joints = list_moving_joints(read_urdf(io.BytesIO(urdf.encode())))
-            except (ModelRefused, UnicodeEncodeError):  # who shows it says what is wrong with it
+            except (ModelRefused, UnicodeEncodeError):  # the model's builder reports the reason
                 return
         else:
             return
@@ -167,7 +167,7 @@ class JointFrames:
     # --- which frame is which link
 
     def _meet_frame(self, told: Transform) -> None:
-        """A frame that is new, or hangs on another than before."""
+        """Take a frame that is new or has another parent than before."""
         if told.child not in self._parents and len(self._parents) >= FRAMES_MAX:
             return
         self._parents[told.child] = told.parent
@@ -186,7 +186,7 @@ class JointFrames:
             self._prefixes[child] = fits
 
     def _choose_prefix(self) -> None:
-        """The prefix by which most frames are links of the model. It stays until another has more."""
+        """Choose the prefix with which most frames are links of the model. Keep it until another has more."""
         fits = {prefix: count for prefix, count in self._votes.items() if count}
         if not fits:
             return
@@ -198,7 +198,7 @@ class JointFrames:
         others = [prefix for prefix, count in fits.items() if prefix != now and count == fits.get(now) != 1]
         if others and now != self._wanted:
             shown = _list([quote(prefix) for prefix in (now, *others)])
-            text = f"the frames of several robots are on /tf, with the prefixes {shown}: the first is read"
+            text = f"/tf has the frames of several robots, with the prefixes {shown}: the first is read"
             self._say_once(text)
 
     # --- one joint
@@ -213,7 +213,7 @@ class JointFrames:
         self._found.discard(joint.name)
         self._say_once(
             f"{joint.name} is not read from /tf: {told.parent} → {told.child} is "
-            f"{math.degrees(found.off_rad):.1f}° and {found.off_m * 1e3:.0f} mm off what its axis allows; "
+            f"{math.degrees(found.off_rad):.1f}° and {found.off_m * 1e3:.0f} mm off its axis; "
             "is this the robot's model?",
             "misfit",
         )

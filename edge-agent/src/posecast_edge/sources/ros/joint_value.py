@@ -1,4 +1,4 @@
-"""The value of a joint, from where its child link is in its parent link. Pure."""
+"""Computes a joint's value from the pose of its child link in its parent link. Pure."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from posecast_edge.model.moving_joints import MovingJoint
 from posecast_edge.sources.ros.transforms import Pose, invert_pose, multiply_poses
 
 TURN = 2 * math.pi
-SLACK = 1e-3  # rad: a joint may stand so far beyond its limit before a full turn is added
+SLACK = 1e-3  # rad: a joint may be this far beyond its limit before a full turn is added
 
 
 class JointValue(NamedTuple):
-    """`value`: rad, or m for a joint that slides. `off_m`, `off_rad`: what of the transform the joint can't
-    make."""
+    """`value`: rad, or m for a joint that slides. `off_m`, `off_rad`: the part of the transform that the
+    joint can't produce."""
 
     value: float
     off_m: float
@@ -22,8 +22,8 @@ class JointValue(NamedTuple):
 
 
 def compute_joint_value(joint: MovingJoint, parent_from_child: Pose) -> JointValue:
-    """The value at which the child link is there. An angle lies in -π … π, or a turn away where only that is
-    within the joint's limits. `parent_from_child`: metres, unit quaternion w x y z."""
+    """The value at which the child link has this pose. An angle is in -π … π, or one turn away if only that
+    is within the joint's limits. `parent_from_child`: metres, unit quaternion w x y z."""
     (x, y, z), (w, qx, qy, qz) = multiply_poses(invert_pose((joint.xyz, joint.quat)), parent_from_child)
     a, b, c = joint.axis
     if joint.slides:

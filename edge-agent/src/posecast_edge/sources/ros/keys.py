@@ -18,8 +18,8 @@ BRIDGE_TOKENS = "@/*/@ros2_lv/MP/**"
 
 @dataclass(frozen=True)
 class Found:
-    """A topic that somebody publishes. `type_name`: short form. `key`: where a bridge publishes its data;
-    None for rmw_zenoh, whose key follows from topic and type."""
+    """A topic with a publisher. `type_name`: short form. `key`: where a bridge publishes its data; None for
+    rmw_zenoh, whose key follows from topic and type."""
 
     topic: str
     type_name: str
@@ -45,7 +45,7 @@ def make_token_key(domain: int | None) -> str:
 
 
 def match_data_key(key: str) -> Found | None:
-    """The topic and type that a data key of rmw_zenoh names; None for any other key."""
+    """The topic and type in a data key of rmw_zenoh; None for any other key."""
     parts = key.split("/")
     if len(parts) < 4 or not parts[0].isdigit() or "::" not in parts[-2]:
         return None
@@ -53,7 +53,7 @@ def match_data_key(key: str) -> Found | None:
 
 
 def match_token_key(key: str) -> Found | None:
-    """The topic and type that a publisher's liveliness token names; None for any other key."""
+    """The topic and type in a publisher's liveliness token; None for any other key."""
     parts = key.split("/")
     if parts[0] == "@ros2_lv" and len(parts) == 13 and parts[5] == "MP":
         return Found(_slashes(parts[9], "%"), shorten_type(parts[10]))

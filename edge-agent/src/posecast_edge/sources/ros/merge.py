@@ -1,9 +1,9 @@
-"""Messages of many topics and publishers → one robot's samples. Pure: time comes in as an argument.
+"""Merges messages of many topics and publishers into one robot's samples. Pure: time is an argument.
 
-What has been told stays until it is told anew or grows old: the arm's publisher does not wipe out the leg's.
-A publisher that dies takes its readings with it after a while, so dead never looks like still. Where two
-topics tell of one channel, the one whose name comes first in the alphabet counts (`/imu/data` before
-`/imu/data_raw`), so that values never flap between the two.
+A reading is kept until it is replaced or expires, so the arm's publisher does not erase the leg's readings.
+The readings of a dead publisher expire after a while, so it never looks like a robot at rest. If two topics
+report the same channel, the first in alphabetical order is used (`/imu/data` before `/imu/data_raw`), so that
+values never alternate between the two.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from dataclasses import dataclass, field
 from posecast_edge.sample import Reading, Sample
 from posecast_edge.sources.ros.messages import JOINT_STATE, Report
 
-STREAM_S = 1.5  # a stream silent for so long has no readings any more; the page says STALE after as long
-STATE_S = 60.0  # the same of what is told rarely or only when it changes
-HOLD_S = 0.5  # a clock that went on so recently is not moved by another, nor back
-SETTLE_S = 2.0  # without a profile the first sample says which channels there are: it waits for all of them
-SETTLED_S = 0.5  # the same when everything that was expected has come
-STRANDS_MAX = 256  # publishers told apart; the one silent for longest gives way
-LABELS_MAX = 1 << 14  # of all publishers; the one silent for longest gives way (the wire has 4,096 channels)
-DOUBLES_MAX = 8  # pairs of topics that are said to tell of one channel
+STREAM_S = 1.5  # readings of a silent stream expire after this; the page shows STALE after the same time
+STATE_S = 60.0  # the same for readings that are published rarely or only when they change
+HOLD_S = 0.5  # a clock that advanced this recently is not set by another clock, nor set back
+SETTLE_S = 2.0  # without a profile, the first sample defines the channels: wait for all of them
+SETTLED_S = 0.5  # the same once everything expected has arrived
+STRANDS_MAX = 256  # publishers; beyond that, the one silent longest is dropped
+LABELS_MAX = 1 << 14  # of all publishers; beyond that, the same (the wire format has 4,096 channels)
+DOUBLES_MAX = 8  # pairs of topics with the same channel that are logged
 TEXTS_MAX = 256  # about; further names are ignored
 STREAMS = ("pos", "ref", "imu", "wrench", "base")
 
 
 class RobotClock:
-    """Robot time: the newest stamp of any message. A step back (a restarted simulation) counts
-    once nobody has advanced the time for HOLD_S; without stamps, robot time is the time of arrival."""
+    """Robot time: the newest timestamp of any message. A step back (a restarted simulation) is accepted once
+    the time has not advanced for HOLD_S. Without timestamps, robot time is the time of arrival."""
 
     def __init__(self) -> None:
         self.t_s = 0.0
@@ -44,7 +44,7 @@ class RobotClock:
             if stamped != self._stamped or (stamp_s is not None and stamp_s <= self.t_s):
                 return False
         elif stamp_s is not None and stamp_s == self.t_s:
-            return False  # it stands still
+            return False  # it does not advance
         self.t_s = now_s if stamp_s is None else stamp_s
         self._stamped, self._moved_s = stamped, now_s
         return True
@@ -52,7 +52,7 @@ class RobotClock:
 
 @dataclass
 class _Strand:
-    """What one publisher told last. `life_s`: how long that counts."""
+    """The last readings of one publisher. `life_s`: how long they are valid."""
 
     life_s: float
     heard_s: float
@@ -60,15 +60,15 @@ class _Strand:
 
 
 class MessageMerger:
-    """Merges the messages of one robot. `settled`: its channels are known beforehand. `say` gets lines about
-    channels that two topics report."""
+    """Merges the messages of one robot. `settled`: its channels are known in advance. `say` is called with
+    lines about channels that two topics report."""
 
     def __init__(self, settled: bool, say: Callable[[str], None]) -> None:
         self._say = say
         self._strands: dict[tuple[str, tuple[str, ...]], _Strand] = {}  # by topic and labels
         self._labels = 0  # of all strands
         self._clock = RobotClock()
-        self._joints_s: float | None = None  # when positions last came
+        self._joints_s: float | None = None  # when positions last arrived
         self._began_s: float | None = None
         self._expected: dict[str, bool] = {}  # topic → heard
         self._settled = settled
@@ -77,7 +77,7 @@ class MessageMerger:
         self._links: dict[str, str] = {}
         self._doubled: set[tuple[str, str]] = set()
         self._anew = False
-        self.stands_since_s: float | None = None  # positions come, but their time does not go on
+        self.stands_since_s: float | None = None  # positions arrive, but their timestamps do not advance
 
     def expect_topic(self, topic: str) -> None:
         """Make the first sample wait for this topic, at most SETTLE_S seconds."""
@@ -99,7 +99,7 @@ class MessageMerger:
             self._drop(next(iter(self._strands)))
         self._labels += len(key[1])
         stream = role in STREAMS and not (role == "ref" and type_name == JOINT_STATE)
-        # heard last stands last
+        # keep the order of arrival: the last heard comes last
         life_s = math.inf if report.lasts else STREAM_S if stream else STATE_S
         self._strands[key] = _Strand(life_s, now_s, report.values)
         for known, told in ((self._info, report.info), (self._links, report.links)):
@@ -115,16 +115,16 @@ class MessageMerger:
             self.stands_since_s = now_s
 
     def forget_topic(self, topic: str) -> None:
-        """Drop what was told of this topic: from now on another tells it."""
+        """Drop the readings of this topic, because another topic reports them from now on."""
         for key in [key for key in self._strands if key[0] == topic]:
             self._drop(key)
 
     def announce_channels(self) -> None:
-        """Mark the next sample as one that has channels which may come later than the first sample."""
+        """Mark the next sample as having new channels, since channels may appear after the first sample."""
         self._anew = True
 
     def make_sample(self, now_s: float) -> Sample | None:
-        """All that is known, if something arrived since the last call and robot time has advanced; else
+        """All valid readings, if something arrived since the last call and robot time has advanced; otherwise
         None."""
         if not self._news or not self._ready(now_s):
             return None
@@ -144,9 +144,9 @@ class MessageMerger:
         self._labels -= len(key[1])
 
     def _drives(self, role: str, now_s: float) -> bool:
-        """Whether the message makes a sample: positions do, and other streams where there are none."""
+        """Whether the message causes a sample: positions do; other streams do if there are no positions."""
         if role == "pos" or self._joints_s is None:
-            self._joints_s = now_s  # who has not told positions yet is given time to
+            self._joints_s = now_s  # give positions time to arrive
         return role == "pos" or (role in STREAMS and now_s - self._joints_s >= STREAM_S)
 
     def _ready(self, now_s: float) -> bool:
@@ -166,9 +166,9 @@ class MessageMerger:
                 both = readings.keys() & strand.values.get(name, {}).keys()
                 if both:
                     self._doubled.add(pair)
-                    more = "; further ones are not said" if len(self._doubled) == DOUBLES_MAX else ""
+                    more = "; further ones are not logged" if len(self._doubled) == DOUBLES_MAX else ""
                     self._say(
-                        f"{name} of {min(both)!r} is told by {pair[0]} and {pair[1]}: the first counts; "
-                        f"a profile's [ros] can say which{more}"
+                        f"{name} of {min(both)!r} is on {pair[0]} and {pair[1]}: the first is used; "
+                        f"to choose another, set it in a profile's [ros]{more}"
                     )
                     break

@@ -1,7 +1,7 @@
-"""ROS messages → values of fields. Pure: it knows neither how a message came nor how it was encoded.
+"""Converts ROS messages to values of fields. Pure: independent of transport and encoding.
 
-A message is anything that has the members of its definition: an object of a CDR decoder, or the mapping that
-JSON or CBOR is. ROS 1 and 2 differ in the names of types and of the two numbers of a stamp; both are read.
+A message is any object with the members of its definition: an object from a CDR decoder, or a mapping from
+JSON or CBOR. ROS 1 and 2 name types and the two numbers of a timestamp differently; both are read.
 
 | type | field: labels |
 |---|---|
@@ -11,7 +11,7 @@ JSON or CBOR is. ROS 1 and 2 differ in the names of types and of the two numbers
 | geometry_msgs/WrenchStamped | `ftf` SITE.fx fy fz, `ftm` SITE.mx my mz |
 | sensor_msgs/BatteryState | `volt`, `amp`, `charge`: SITE |
 | nav_msgs/Odometry | `base` base.x y z, `baseq` base.w x y z |
-| tf2_msgs/TFMessage | `base`, `baseq`, `pos`, by way of robot_frames.py |
+| tf2_msgs/TFMessage | `base`, `baseq`, `pos`, through robot_frames.py |
 | diagnostic_msgs/DiagnosticArray | `diag`, bits of field_defaults.DIAG_BITS: names of the statuses |
 """
 
@@ -38,12 +38,12 @@ TF = "tf2_msgs/TFMessage"
 STRING = "std_msgs/String"  # robot_description
 
 BATTERY_STATES = ("unknown", "charging", "discharging", "not charging", "full")
-# What is longer is refused, message by message.
-PAYLOAD_MAX = 1 << 18  # bytes of a message that is no robot description
+# Longer messages are refused.
+PAYLOAD_MAX = 1 << 18  # bytes of a message other than a robot description
 DESCRIPTION_MAX = 8 << 20  # characters of a robot description
 MAX_NAMES = 4096  # joints of one message; numbers of one list
 NAME_MAX = 200  # characters of a name
-# What is longer is cut.
+# Longer ones are cut.
 MAX_STATUSES = 64  # of one message; further ones are ignored
 TEXT_MAX = 200  # characters of a text that is shown
 
@@ -56,9 +56,9 @@ class RosMessageError(ValueError):
 class Report:
     """The content of one message.
 
-    `stamp_s`: the header's time in seconds; None if there is none or it is zero. `values`: field → label →
-    reading, None where the message states that there is none. `info`: texts. `links`: site → link of the
-    model, where the message names it. `lasts`: it is told once and counts for good.
+    `stamp_s`: the header's time in seconds; None if it is missing or zero. `values`: field → label → reading;
+    None if the message states that there is no reading. `info`: texts. `links`: site → link of the model, if
+    the message names it. `lasts`: the content is published once and never expires.
     """
 
     stamp_s: float | None
@@ -70,7 +70,7 @@ class Report:
 
 @dataclass(frozen=True)
 class Transform:
-    """Where the frame `child` is in the frame `parent`: metres, unit quaternion w x y z. `stamp_s`: as in
+    """The pose of the frame `child` in the frame `parent`: metres, unit quaternion w x y z. `stamp_s`: as in
     Report."""
 
     parent: str
@@ -86,15 +86,15 @@ def shorten_type(name: str) -> str:
     parts = name.replace("::", "/").split("/")
     parts = [p for p in parts if p not in ("msg", "dds_", "")]
     short = "/".join(p.rstrip("_") if i == len(parts) - 1 else p for i, p in enumerate(parts))
-    return TF if short == "tf/tfMessage" else short  # as early ROS 1 called it
+    return TF if short == "tf/tfMessage" else short  # its name in early ROS 1
 
 
 def read_message(type_name: str, message: Any, site: str = "", field_name: str = "pos") -> Report:
-    """Read one message whose (short) type is one of READERS. Raises RosMessageError when it does not match
-    its type.
+    """Read one message whose (short) type is in READERS. Raises RosMessageError when it does not match its
+    type.
 
-    `site`: the sensor's name, "" for the frame that the message names. `field_name`: the field of a
-    JointState's positions, `pos` or `ref`; with `ref` there are no velocities.
+    `site`: the sensor's name; "" to use the message's frame. `field_name`: the field of a JointState's
+    positions, `pos` or `ref`; with `ref`, velocities are not read.
     """
     reader = READERS[type_name]
     try:
@@ -106,11 +106,11 @@ def read_message(type_name: str, message: Any, site: str = "", field_name: str =
 
 
 def read_transforms(message: Any) -> list[Transform]:
-    """Read a TFMessage. Raises RosMessageError when it does not match its type; a transform that is not
-    finite, or whose frames have no names, is left out."""
+    """Read a TFMessage. Leaves out transforms that are not finite or whose frames have no names. Raises
+    RosMessageError when the message does not match its type."""
     transforms = _member(message, "transforms")
     if not isinstance(transforms, (list, tuple)) or len(transforms) > MAX_NAMES:
-        raise RosMessageError(f"transforms is no list of at most {MAX_NAMES}")
+        raise RosMessageError(f"transforms is not a list of at most {MAX_NAMES}")
     try:
         return [found for said in transforms if (found := _transform(said)) is not None]
     except (TypeError, ValueError, ArithmeticError) as e:
@@ -136,7 +136,7 @@ def _transform(said: Any) -> Transform | None:
 
 
 def get_text(message: Any) -> str:
-    """The text of a std_msgs/String. Raises RosMessageError if it is longer than any robot description."""
+    """The text of a std_msgs/String. Raises RosMessageError if it is too long for a robot description."""
     return validate_description(_member(message, "data"))
 
 
@@ -164,7 +164,7 @@ def _joint_state(message: Any, site: str, field_name: str) -> Report:
     for member, name in members if field_name == "pos" else members[:1]:
         numbers = _numbers(_member(message, member), member)
         if not numbers:
-            continue  # "leave it empty" is how a robot says that it does not measure it
+            continue  # by convention a robot leaves empty what it does not measure
         if len(numbers) != len(names):
             raise RosMessageError(f"{member} has {len(numbers)} values, name {len(names)}")
         values[name] = dict(zip(names, numbers, strict=True))
@@ -174,7 +174,7 @@ def _joint_state(message: Any, site: str, field_name: str) -> Report:
 
 
 def _controller_state(message: Any, site: str, field_name: str) -> Report:
-    """What the controller is told is `reference` or, up to ROS 2 Galactic and in ROS 1, `desired`."""
+    """The controller's target is `reference` or, up to ROS 2 Galactic and in ROS 1, `desired`."""
     del site, field_name
     names = _names(_member(message, "joint_names"), "joint_names")
     points = [_optional(message, member) for member in ("reference", "desired")]
@@ -184,7 +184,7 @@ def _controller_state(message: Any, site: str, field_name: str) -> Report:
             if len(numbers) != len(names):
                 raise RosMessageError(f"positions has {len(numbers)} values, joint_names {len(names)}")
             return Report(_stamp(message), {"ref": dict(zip(names, numbers, strict=True))})
-    raise RosMessageError("a controller state without positions that are asked for")
+    raise RosMessageError("a controller state without target positions")
 
 
 def _imu(message: Any, site: str, field_name: str) -> Report:
@@ -218,7 +218,7 @@ def _battery(message: Any, site: str, field_name: str) -> Report:
     del field_name
     site = site or "main"
     present = bool(_member(message, "present"))
-    share = _number(_member(message, "percentage"), "percentage")  # 0 to 1, whatever it is called
+    share = _number(_member(message, "percentage"), "percentage")  # 0 to 1, despite its name
     readings: dict[str, Reading] = {
         "volt": _number(_member(message, "voltage"), "voltage"),
         "amp": _number(_member(message, "current"), "current"),
@@ -289,18 +289,18 @@ def _text(value: Any, what: str) -> str:
         raise RosMessageError(f"{what} is {type(value).__name__}, not a text")
     try:
         value.encode()
-    except UnicodeEncodeError:  # JSON can write half a character, and nothing else can carry it
-        raise RosMessageError(f"{what} has half a character in it") from None
+    except UnicodeEncodeError:  # JSON can contain a lone surrogate, which can't be sent
+        raise RosMessageError(f"{what} is not valid Unicode (half of a surrogate pair)") from None
     return value
 
 
 def _names(value: Any, what: str) -> list[str]:
     if not isinstance(value, (list, tuple)):
-        raise RosMessageError(f"{what} is no list of names")
+        raise RosMessageError(f"{what} is not a list of names")
     if len(value) > MAX_NAMES:
         raise RosMessageError(f"{what} has {len(value)} names, at most {MAX_NAMES}")
     if not all(isinstance(v, str) and 0 < len(v) <= NAME_MAX for v in value):
-        raise RosMessageError(f"{what} is no list of names of 1 to {NAME_MAX} characters")
+        raise RosMessageError(f"{what} is not a list of names of 1 to {NAME_MAX} characters")
     _text("".join(value), what)
     return list(value)
 
@@ -315,7 +315,7 @@ def _numbers(value: Any, what: str) -> list[float | None]:
 
 
 def _number(value: Any, what: str) -> float | None:
-    """None for what JSON has instead of NaN."""
+    """The number; None for null, which JSON has instead of NaN."""
     if value is None:
         return None
     if isinstance(value, bool) or not isinstance(value, (int, float)):
@@ -324,7 +324,7 @@ def _number(value: Any, what: str) -> float | None:
 
 
 def _shown(value: Any) -> str:
-    """What stands there instead, in a few letters: it may be endless, or in itself."""
+    """A short description of a wrong value, which may be huge or contain itself."""
     if isinstance(value, bool):
         return repr(str(value))
     return repr(value[:40]) if isinstance(value, (str, bytes)) else f"a {type(value).__name__}"
@@ -335,7 +335,7 @@ def _vector(value: Any) -> list[float | None]:
 
 
 def _quaternion(value: Any) -> list[float | None]:
-    """w x y z; no reading of a quaternion nobody has filled in."""
+    """w x y z; no reading for a quaternion that was left at zero."""
     parts = [_number(_member(value, c), c) for c in "wxyz"]
     return parts if any(parts) else [None] * 4
 
@@ -345,7 +345,7 @@ def _labelled(site: str, components: Sequence[str], numbers: Sequence[float | No
 
 
 def _site(message: Any, site: str, otherwise: str) -> tuple[str, dict[str, str]]:
-    """The site, and the link it sits on where nobody has named the site but the message its frame."""
+    """The site, and site → link if the site is named after the message's frame."""
     if site:
         return site, {}
     frame = _text(_member(_member(message, "header"), "frame_id"), "frame_id").strip("/")
@@ -360,10 +360,10 @@ def _stamp(message: Any) -> float | None:
     seconds = _member(stamp, "secs" if ros_1 else "sec")
     nanoseconds = _member(stamp, "nsecs" if ros_1 else "nanosec")
     if not isinstance(seconds, int) or not isinstance(nanoseconds, int):
-        raise RosMessageError("a stamp that is no time")
+        raise RosMessageError("the timestamp is not a time")
     stamp_s = seconds + nanoseconds * 1e-9
     if abs(stamp_s) > TIME_MAX_S:
-        raise RosMessageError("a stamp that is no time")
+        raise RosMessageError("the timestamp is not a time")
     return stamp_s or None
 
 

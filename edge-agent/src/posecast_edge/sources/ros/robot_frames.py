@@ -1,5 +1,5 @@
-"""What /tf and /tf_static say of one robot: where its base is, and how its joints stand while no joint
-states say so. Both the live sources and recordings read transforms through it."""
+"""Reads a robot's base pose from /tf and /tf_static, and its joints if there are no joint states. Live
+sources and recordings both use it."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from posecast_edge.sources.ros.transforms import TransformTree
 if TYPE_CHECKING:
     from posecast_edge.profile.types import Profile
 
-STATES_S = 2.0  # so long joint states are waited for where there is a topic of them
+STATES_S = 2.0  # how long to wait for joint states if they have a topic
 TOPIC = "/tf"
-JOINTS_TOPIC = "/tf (joints)"  # as the merger knows them
+JOINTS_TOPIC = "/tf (joints)"  # its name in the merger
 
 
 class RobotFrames:
     """Takes the transforms of one robot and reports to `merge`. `profile`: its `[ros] base` names the two
-    frames of the base; joints are read unless it has no field `pos`. `namespace`: see JointFrames; `say` gets
-    one line about each thing that is wrong."""
+    frames of the base; joints are not read if it lacks the field `pos`. `namespace`: see JointFrames; `say`
+    is called with a line for each problem."""
 
     def __init__(
         self,
@@ -41,11 +41,11 @@ class RobotFrames:
         self._began_s: float | None = None
         self._states_known = False  # there is a topic of joint states
         self._states_heard = False
-        self._names: list[str] | None = None  # of the joints that were announced
+        self._names: list[str] | None = None  # of the announced joints
         self._watched = False
 
     def watch(self) -> None:
-        """Take every transform, for `list_lines`."""
+        """Take all transforms, for `list_lines`."""
         self._watched = True
 
     def expect_states(self) -> None:
@@ -53,30 +53,30 @@ class RobotFrames:
         self._states_known = True
 
     def note_report(self, role: str, report: Report) -> None:
-        """Take notice of a message of another topic: from the first joint state with positions on, no joint
-        is read from /tf."""
+        """Note a message of another topic: after the first joint state with positions, joints are no longer
+        read from /tf."""
         if role == "pos" and not self._states_heard and "pos" in report.values:
             self._states_heard = True
             self._merge.forget_topic(JOINTS_TOPIC)
-            if self._names:  # they may call them otherwise
+            if self._names:  # joint states may use other names
                 self._merge.announce_channels()
 
     def reads_joints(self, now_s: float, least_s: float = 0.0) -> bool:
-        """Whether joints are read from /tf: no joint states come. `least_s`: so many seconds after the first
-        call at the earliest."""
+        """Whether joints are read from /tf, because no joint states arrive. `least_s`: the earliest time of
+        that, in seconds after the first call."""
         if self._began_s is None:
             self._began_s = now_s
         wait_s = STATES_S if self._states_known else least_s
         return self._wants_joints and not self._states_heard and now_s - self._began_s >= wait_s
 
     def needs_messages(self, now_s: float) -> bool:
-        """Whether there is any use in decoding a message of /tf."""
+        """Whether messages of /tf need to be decoded."""
         if self._reads_base or self._watched:
             return True
         return self.reads_joints(now_s) and self.joints.wants_transforms
 
     def take_message(self, message: Any, static: bool, now_s: float) -> bool:
-        """Take a TFMessage that arrived at `now_s` (seconds). Returns whether it said something of the robot.
+        """Take a TFMessage that arrived at `now_s` (seconds). Returns whether it had data of this robot.
         Raises RosMessageError when the message does not match its type."""
         transforms = read_transforms(message)
         base = self.tree.take_transforms(transforms, static, now_s)
@@ -89,24 +89,24 @@ class RobotFrames:
         return base is not None or joints is not None
 
     def check_time(self, now_s: float) -> None:
-        """Say what is missing when it has been waited for. Call it now and then."""
+        """Log what is missing after a waiting time. Call it regularly."""
         self.tree.check_time(now_s)
         if self.reads_joints(now_s):
             self.joints.check_time(now_s)
 
     def explain_missing(self, now_s: float) -> None:
-        """Say once what of base and joints is missing."""
+        """Log once what is missing for the base and the joints."""
         self.tree.explain_missing()
         if self.reads_joints(now_s):
             self.joints.explain_missing()
 
     def list_lines(self) -> list[str]:
-        """Lines for `probe`: the frames, and the joints where they are read from them."""
+        """Lines for `probe`: the frames, and the joints if they are read from /tf."""
         lines = self.tree.list_frames(self.joints.is_link)
         return [*lines, self.joints.describe()] if lines and not self._states_heard else lines
 
     def _announce(self, now_s: float) -> None:
-        """All joints of the model are channels from the start, whichever transform comes first."""
+        """Announce all joints of the model as channels from the start, in any order of transforms."""
         names = self.joints.names
         if names != self._names:
             self._names = names

@@ -1,10 +1,10 @@
 """Source `ros2`: a ROS 2 robot over Zenoh, without ROS installed (the extra [ros]).
 
     ros2                          the Zenoh router on this machine, port 7447
-    ros2:HOST[:PORT][/NAMESPACE]  another one; only topics below the namespace. ros2://HOST… is the same
+    ros2:HOST[:PORT][/NAMESPACE]  another router; only topics below the namespace. ros2://HOST… is the same
 
-The robot runs rmw_zenoh (and its router), or zenoh-bridge-ros2dds beside a DDS robot. The agent has a Zenoh
-session of its own to that router, apart from the uplink's: there it subscribes, and publishes nothing.
+The robot runs rmw_zenoh (and its router), or DDS with zenoh-bridge-ros2dds. The agent opens a Zenoh session
+to that router, separate from the uplink's. It only subscribes there and publishes nothing.
 """
 
 from __future__ import annotations
@@ -46,27 +46,27 @@ log = logging.getLogger("posecast_edge.ros2")
 
 PORT = 7447  # of rmw_zenoh's router
 ADDRESS = re.compile(r"(?://)?(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+)?(?::(\d{1,5}))?((?:/[A-Za-z0-9_]+)*)/?")
-OPEN_MS = 2000  # one attempt; in between the thread looks whether it is to stop
+OPEN_MS = 2000  # one attempt; between attempts the thread checks whether to stop
 LEASE_MS = 2500
 RETRY_MS = (200, 2000)
 WAIT_S = 0.2
-REST_S = 0.004  # between two looks: what comes meanwhile goes together
-BACKLOG_MAX = 4 << 20  # bytes that wait; the oldest go first, the newest count
-WAITING = 512  # bytes: what a message that waits takes beside its own
+REST_S = 0.004  # between two reads; messages that arrive in between are handled together
+BACKLOG_MAX = 4 << 20  # bytes of waiting messages; the oldest are dropped
+WAITING = 512  # bytes of overhead of a waiting message
 BRIDGED_MAX = 64  # topics of bridges
 
 
 def open_source(address: str, profile: Profile | None) -> Source:
-    """Open the source. Raises SourceError when the address is invalid or the extra is missing; a robot that
-    is not reachable yet is waited for."""
+    """Open the source. Raises SourceError when the address is invalid or the extra is missing. If the robot
+    is not reachable yet, the source waits for it."""
     match = ADDRESS.fullmatch(address)
     port = int(match[2] or PORT) if match else 0
     if match is None or not 0 < port < 65536:
         raise SourceError(
-            f"ros2: {address!r} is no address; as in ros2, ros2:HOST or ros2://HOST:PORT/NAMESPACE"
+            f"ros2: {address!r} is not an address; use ros2, ros2:HOST or ros2://HOST:PORT/NAMESPACE"
         )
     if importlib.util.find_spec("rosbags") is None:
-        raise SourceError(f"ros2 needs what decodes ROS messages: {advise_extra('posecast-edge', 'ros')}")
+        raise SourceError(f"ros2: its decoder is not installed; {advise_extra('posecast-edge', 'ros')}")
     return Ros2Source(match[1] or "localhost", port, match[3], profile)
 
 
@@ -81,12 +81,12 @@ class Ros2Source(RosSource):
         self._inbox = Inbox()
         self._bridged: deque[str] = deque(maxlen=BRIDGED_MAX)  # keys to subscribe to
         self._of_key: dict[str, Found] = {}  # keys of bridges
-        self._bridged_frames: deque[Found] = deque(maxlen=BRIDGED_MAX)  # of /tf, which may be read later
+        self._bridged_frames: deque[Found] = deque(maxlen=BRIDGED_MAX)  # of /tf, which may be needed later
         self._dropped = RateLimitedLog(log.warning, "times", SAY_EVERY_S)
 
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
-        """Deliver what comes, until `stop`."""
-        from posecast_edge.sources.ros.cdr import CdrReader  # noqa: PLC0415 - numpy takes its time
+        """Deliver samples until `stop`."""
+        from posecast_edge.sources.ros.cdr import CdrReader  # noqa: PLC0415 - imports NumPy, which is slow
 
         cdr = CdrReader()
         session = self._open(stop)
@@ -104,7 +104,7 @@ class Ros2Source(RosSource):
                     self._intake.take_message(topic, type_name, partial(cdr.read, type_name, payload))
                 now_s = time.monotonic()
                 if lost:
-                    self._dropped.add(f"{lost} messages came too fast and were dropped, the oldest", now_s)
+                    self._dropped.add(f"{lost} messages came too fast; the oldest were dropped", now_s)
                 self._dropped.tick(now_s)
                 sample = self._intake.make_sample()
                 if sample is not None:
@@ -116,16 +116,16 @@ class Ros2Source(RosSource):
     def _open(self, stop: threading.Event) -> zenoh.Session | None:
         told = False
         while not stop.is_set():
-            with suppress(zenoh.ZError):  # which only ever says that time ran out
+            with suppress(zenoh.ZError):  # it always reports a timeout
                 return zenoh.open(_config(self._endpoint))
             if not told:
                 told = True
-                log.warning("%s does not answer, trying on", self._endpoint)
+                log.warning("%s does not answer; still trying", self._endpoint)
             stop.wait(RETRY_MS[0] / 1e3)
         return None
 
     def _declare(self, session: zenoh.Session) -> list[object]:
-        """Everything this session is; it must be held."""
+        """Declare everything. The caller must keep the returned objects alive."""
         held: list[object] = [
             session.info.declare_transport_events_listener(self._on_transport, history=True),
             *(
@@ -139,7 +139,7 @@ class Ros2Source(RosSource):
         return held
 
     def _subscribe_frames(self, session: zenoh.Session) -> list[object]:
-        """All topics of transforms, when nothing else tells the joints."""
+        """Subscribe to all topics of transforms, because no other topic reports the joints."""
         for found in self._bridged_frames.copy():
             self._bridge(found)
         return [
@@ -148,7 +148,7 @@ class Ros2Source(RosSource):
         ]
 
     def _subscribe(self, session: zenoh.Session, key: str, latched: bool | None = None) -> object:
-        """`latched`: what was published before counts too (transient local)."""
+        """Subscribe. `latched`: also receive earlier messages (transient local)."""
         if latched is None:
             latched = is_latched(self._of_key[key].topic, self._of_key[key].type_name)
         if not latched:
@@ -173,7 +173,7 @@ class Ros2Source(RosSource):
             self._bridge(found)
 
     def _bridge(self, found: Found) -> None:
-        """Have a topic of a bridge subscribed to."""
+        """Queue a subscription to a bridge's topic."""
         key = found.key
         if key and key not in self._of_key and len(self._of_key) < BRIDGED_MAX:
             self._of_key[key] = found
@@ -192,13 +192,13 @@ class Ros2Source(RosSource):
 
 
 def is_latched(topic: str, type_name: str) -> bool:
-    """Whether what was published before counts too (transient local)."""
+    """Whether earlier messages count, too (transient local)."""
     return type_name == STRING or (type_name == TF and topic.endswith("tf_static"))
 
 
 class Inbox:
-    """Hands payloads from Zenoh's threads to the source's: at most BACKLOG_MAX bytes, then the oldest are
-    dropped."""
+    """Passes payloads from Zenoh's threads to the source's. Holds at most BACKLOG_MAX bytes, then drops the
+    oldest."""
 
     def __init__(self) -> None:
         self._waiting: deque[tuple[str, str, bytes]] = deque()
@@ -229,7 +229,7 @@ class Inbox:
 
 
 def _config(endpoint: str) -> zenoh.Config:
-    """A client of one router that finds nobody else."""
+    """A client of one router that discovers nobody else."""
     retry = {"period_init_ms": RETRY_MS[0], "period_max_ms": RETRY_MS[1], "period_increase_factor": 2}
     document: dict[str, Any] = {
         "mode": "client",

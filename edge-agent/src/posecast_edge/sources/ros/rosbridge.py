@@ -3,8 +3,8 @@
     rosbridge:HOST[:PORT][/PATH]   port 9090; rosbridge://HOST… is the same
     rosbridge:wss://HOST…          over TLS
 
-rosapi, which is started with the server, tells which topics there are; without it the agent asks for those
-the profile names, and for /joint_states and /robot_description. Nothing is published.
+rosapi, which is started with the server, lists the topics. Without it, the agent subscribes to the topics
+that the profile names, and to /joint_states and /robot_description. Nothing is published.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("posecast_edge.rosbridge")
 
-# What the library says is of connections that end, which is told here.
+# The library only logs ended connections, which are logged here.
 SILENT = logging.getLogger("posecast_edge.rosbridge.websockets")
 SILENT.setLevel(logging.CRITICAL + 1)
 
@@ -55,25 +55,25 @@ ADDRESS = re.compile(
     r"(?:(ws|wss)://|//)?(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+)(?::(\d{1,5}))?((?:/[A-Za-z0-9_.~%-]*)*)"
 )
 OPEN_S = 3.0
-PING_S = 3.0  # an unanswered ping ends the connection as late again
+PING_S = 3.0  # between pings; an unanswered one ends the connection after the same time
 WAIT_S = 0.2
-DRAIN_S = 0.05  # so long what has come is taken before any of it is read
-BATCH_MAX = 256  # of which the newest count
-BATCH_CHARS_MAX = 32 << 20  # and of these, so many characters or bytes
-QUEUE_MAX = 8  # frames that wait to be taken: beyond them the server has to wait
-LOOK_S = 10.0  # between two questions which topics there are
-ANSWER_S = 3.0  # without an answer there is no rosapi
-THROTTLE_MS = 15  # twice as often as the fastest stream needs it
+DRAIN_S = 0.05  # how long to receive before parsing
+BATCH_MAX = 256  # messages; the newest are kept
+BATCH_CHARS_MAX = 32 << 20  # characters or bytes of these
+QUEUE_MAX = 8  # received frames that wait; beyond them the server has to wait
+LOOK_S = 10.0  # between two requests for the list of topics
+ANSWER_S = 3.0  # without an answer by then, there is no rosapi
+THROTTLE_MS = 15  # twice the rate that the fastest stream needs
 
 
 def open_source(address: str, profile: Profile | None) -> Source:
-    """Open the source. Raises SourceError when the address is invalid or the extra is missing; a robot that
-    is not reachable yet is waited for."""
+    """Open the source. Raises SourceError when the address is invalid or the extra is missing. If the robot
+    is not reachable yet, the source waits for it."""
     match = ADDRESS.fullmatch(address)
     port = int(match[3] or PORT) if match else 0
     if match is None or not 0 < port < 65536:
         raise SourceError(
-            f"rosbridge: {address!r} is no address; as in rosbridge:HOST or rosbridge:wss://HOST:PORT"
+            f"rosbridge: {address!r} is not an address; use rosbridge:HOST or rosbridge:wss://HOST:PORT"
         )
     if any(importlib.util.find_spec(name) is None for name in ("websockets", "cbor2")):
         raise SourceError(
@@ -95,7 +95,7 @@ class RosbridgeSource(RosSource):
         self._wants_urdf = False
         self._backoff = Backoff()
         self._trouble = RateLimitedLog(log.warning, f"failures of {url}", SAY_EVERY_S)
-        self._words = RateLimitedLog(log.warning, "words of the server", SAY_EVERY_S)
+        self._words = RateLimitedLog(log.warning, "messages of the server", SAY_EVERY_S)
 
     def send_urdf_to(self, take: Callable[[str], None]) -> None:
         """Pass every new robot_description (URDF text) to `take`, in the source's thread."""
@@ -157,10 +157,10 @@ class RosbridgeConnection:
         self._words = words
         self._ear = MessageAssembler()
         self._types: dict[str, str] = {}  # of topics, as the server spells them
-        self._counting: dict[str, float] = {}  # topics whose publishers are being counted, since
+        self._counting: dict[str, float] = {}  # topic whose publishers are being counted → since when
         self._subscribed: set[str] = set()
         self._looked_s = float("-inf")
-        self._listed: bool | None = None  # rosapi answers; None: nobody knows yet
+        self._listed: bool | None = None  # whether rosapi answers; None: unknown yet
 
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
         """Exchange messages until `stop`. Raises OSError or WebSocketException when the connection ends."""
@@ -173,7 +173,7 @@ class RosbridgeConnection:
                 deliver(sample)
 
     def _newest(self) -> deque[str | bytes]:
-        """What has come. A flood is taken faster than it can be read; then the newest BATCH_MAX count."""
+        """The received messages. If they arrive faster than they can be parsed, the newest BATCH_MAX."""
         taken: deque[str | bytes] = deque()
         chars = 0
         until_s = time.monotonic() + DRAIN_S
@@ -193,7 +193,7 @@ class RosbridgeConnection:
         self._words.tick(now_s)
         if self._listed is None and self._looked_s + ANSWER_S < now_s < self._looked_s + LOOK_S:
             self._listed = False
-            log.warning("no answer from rosapi: topics are asked for by name")
+            log.warning("no answer from rosapi: subscribing to topics by name")
             self._subscribe_named()
         if now_s >= self._looked_s + LOOK_S:
             if self._listed is False:
@@ -247,7 +247,7 @@ class RosbridgeConnection:
         if not isinstance(names, list) or not isinstance(types, list) or len(names) != len(types):
             if self._listed is None:
                 self._listed = False
-                log.warning("rosapi does not tell its topics: they are asked for by name")
+                log.warning("rosapi does not list its topics: subscribing to topics by name")
                 self._subscribe_named()
             return
         first = self._listed is None
@@ -263,15 +263,15 @@ class RosbridgeConnection:
                     self._types[topic] = type_name
                     self._want(topic, route)
         ros_1 = any(isinstance(t, str) and t.count("/") == 1 for t in types)
-        if first and ros_1 and self._wants_urdf:  # there it is a parameter, not a topic
+        if first and ros_1 and self._wants_urdf:  # in ROS 1 it is a parameter, not a topic
             question = make_service_call(
                 "/rosapi/get_param", "description", name="/robot_description", default='""'
             )
             self._connection.send(question)
 
     def _want(self, topic: str, route: Route) -> None:
-        """Streams are throttled, but a topic of several publishers is not: the newest of one would push out
-        the newest of the other before either is sent."""
+        """Subscribe. Streams are throttled, except topics with several publishers: there, the newest message
+        of one publisher would replace that of another before it is sent."""
         if route.role in ("battery", "diagnostics", "description", "tf"):
             self._subscribe(topic, 0, described=route.role == "description")
             return
@@ -285,25 +285,25 @@ class RosbridgeConnection:
         self._connection.send(make_subscribe(topic, self._types.get(topic), encoding, throttle_ms))
 
     def _subscribe_named(self) -> None:
-        """Also again: a topic without a publisher has no type, and the server forgets who asked for it."""
+        """Subscribe, repeatedly: the server forgets subscriptions to a topic without a publisher."""
         for topic, route in self._intake.routes.list_topics():
             self._subscribe(topic, 0, described=route.role == "description")
 
     def _parameter(self, value: object) -> None:
-        """A ROS 1 parameter, which rosapi gives as JSON. ProtocolError, MessageError."""
+        """Take a ROS 1 parameter, which rosapi returns as JSON. Raises ProtocolError or MessageError."""
         text = parse_json(value) if isinstance(value, str) else None
         if isinstance(text, str):
             self._intake.take_urdf(text)
 
 
 def _reason(e: Exception) -> str:
-    """Why there is no connection any more, or none yet. The library repeats what was said on parting."""
+    """Why the connection failed or ended."""
     from websockets.exceptions import ConnectionClosed  # noqa: PLC0415 - an extra
 
     if not isinstance(e, ConnectionClosed):
         return str(e) or type(e).__name__
     if e.rcvd is not None and (e.rcvd_then_sent or e.sent is None):
-        return f"the server ended the connection: {e.rcvd}"
+        return f"the server closed the connection: {e.rcvd}"
     if e.sent is not None and "ping timeout" in e.sent.reason:
-        return "the server does not answer any more"
-    return f"the connection ended: {e.sent}" if e.sent is not None else "the connection broke off"
+        return "the server no longer answers"
+    return f"the connection ended: {e.sent}" if e.sent is not None else "the connection was lost"

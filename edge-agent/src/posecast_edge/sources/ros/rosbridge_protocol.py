@@ -13,16 +13,16 @@ from dataclasses import dataclass, field
 from typing import Any
 
 MESSAGE_MAX = 16 << 20  # bytes of one message, put together
-CBOR_MAX = 1 << 20  # bytes; an empty map takes one of them, and seventy here. Descriptions come as JSON
-ITEMS_MAX = 250_000  # values in one message's lists and objects, a robot description has none
+CBOR_MAX = 1 << 20  # bytes; an empty map takes one byte there, and seventy here. Descriptions use JSON
+ITEMS_MAX = 250_000  # values in the lists and objects of one message; a robot description has none
 ARRAY_MAX = 1 << 16  # numbers of a typed array
 FRAGMENTS_MAX = 4096  # of one message
-PARTS_MAX = 8  # messages that are put together at a time; the oldest is given up
+PARTS_MAX = 8  # messages being assembled at a time; beyond that, the oldest is dropped
 PARTS_CHARS_MAX = MESSAGE_MAX  # of all of them
-WORD_MAX = 300  # characters of what a server says, and of an id
+WORD_MAX = 300  # characters of a server's message, and of an id
 
-# What cbor2 makes of tags by itself: dates, fractions, regular expressions, references. Nothing of it is in a
-# ROS message, and some of it is endless.
+# Tags that cbor2 decodes by default: dates, fractions, regular expressions, references. ROS messages use none
+# of them, and some never end.
 NO_TAGS = (0, 1, 2, 3, 4, 5, 25, 28, 29, 30, 35, 36, 37, 52, 54, 100, 256, 258, 260, 261, 1004, 43000, 55799)
 
 # RFC 8746: tags of typed arrays, as rosbridge writes them → struct's letter; little-endian
@@ -126,11 +126,11 @@ class MessageAssembler:
             or not 0 <= number < total
             or (len(name) > WORD_MAX if isinstance(name, str) else abs(name) >> 64)
         ):
-            raise RosbridgeProtocolError("a fragment that is none")
+            raise RosbridgeProtocolError("an invalid fragment")
         key = str(name)
         parts = self._parts.setdefault(key, _Parts(total))
         if parts.total != total or number in parts.found:
-            # its rest never came, and the server counts anew
+            # the rest never came, and the server has restarted its numbering
             self._give_up(key)
             parts = self._parts[key] = _Parts(total)
         parts.found[number] = data
@@ -165,12 +165,12 @@ def _parsed(document: dict[str, Any]) -> Received | None:
     if op == "status":
         return RosbridgeStatus(_word(document, "level"), _word(document, "msg"))
     if op == "png":
-        raise RosbridgeProtocolError("PNG compression is not read, and was not asked for")
+        raise RosbridgeProtocolError("PNG compression is not supported, and was not requested")
     return None
 
 
 def _word(document: dict[str, Any], name: str) -> str:
-    """A short text; "" where something else stands, which may be endless."""
+    """A short text; "" for anything else, which may be huge."""
     value = document.get(name)
     return value[:WORD_MAX] if isinstance(value, str) else ""
 
@@ -188,11 +188,11 @@ def parse_json(text: str) -> Any:
 
 
 def _no_reading(_token: str) -> None:
-    """NaN and Infinity, which some servers write though JSON has none."""
+    """Replace NaN and Infinity, which some servers write although JSON lacks them."""
 
 
 def _cbor(data: bytes) -> Any:
-    import cbor2  # noqa: PLC0415 - the extra [ros]; JSON does without
+    import cbor2  # noqa: PLC0415 - the extra [ros]; not needed for JSON
 
     if len(data) > CBOR_MAX:
         raise RosbridgeProtocolError(f"CBOR of {len(data)} bytes, at most {CBOR_MAX}")
@@ -205,7 +205,7 @@ def _cbor(data: bytes) -> Any:
         )
     except RosbridgeProtocolError:
         raise
-    except Exception as e:  # what it raises has changed from version to version
+    except Exception as e:  # the exceptions differ from version to version
         if isinstance(e.__cause__, RosbridgeProtocolError):
             raise e.__cause__ from None
         said = " ".join(str(e).split())[:WORD_MAX]
@@ -213,7 +213,7 @@ def _cbor(data: bytes) -> Any:
 
 
 def _no_value(_value: Any, _immutable: bool) -> None:
-    """In the place of a tag that is not read."""
+    """Replace a tag that is not supported."""
 
 
 def _typed_array(tag: Any, _immutable: bool) -> Any:
@@ -224,7 +224,7 @@ def _typed_array(tag: Any, _immutable: bool) -> Any:
     count, rest = divmod(len(tag.value), size)
     if rest:
         raise RosbridgeProtocolError(
-            f"CBOR: a typed array of {len(tag.value)} bytes, {size} a number expected"
+            f"CBOR: a typed array of {len(tag.value)} bytes, {size} per number expected"
         )
     if count > ARRAY_MAX:
         raise RosbridgeProtocolError(f"CBOR: a typed array of {count} numbers, at most {ARRAY_MAX}")

@@ -1,4 +1,4 @@
-"""What every live ROS source does by its input, however messages come to it."""
+"""The common base of the live ROS sources."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class RosSource:
-    """The base of ROS sources. `intake` turns what they receive into samples."""
+    """The base of ROS sources. `intake` turns messages into samples."""
 
     def __init__(self, intake: RosInput) -> None:
         self._intake = intake
@@ -27,13 +27,13 @@ class RosSource:
         self._intake.on_urdf = take
 
     def watch_frames(self) -> None:
-        """Read /tf also where no profile asks for it, so that `offers` can list its frames."""
+        """Read /tf even if no profile asks for it, so that `offers` can list its frames."""
         self._intake.frames.watch()
         self._intake.watch_frames()
 
     def take_joints(self, joints: Sequence[MovingJoint]) -> None:
-        """Read these joints, the shown model's, from /tf where no joint states come."""
+        """Read these joints of the shown model from /tf if no joint states arrive."""
         self._intake.frames.joints.set_joints(joints)
 
     def expect_joints(self) -> None:
-        """Nothing: what comes before `take_joints` is the past by then."""
+        """Do nothing: a live source need not wait, since messages before `take_joints` would be outdated."""

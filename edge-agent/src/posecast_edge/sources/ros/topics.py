@@ -1,5 +1,5 @@
-"""Decides what each topic of a ROS graph means: by the profile's [ros], else by type and name. Does no
-I/O."""
+"""Decides how each topic of a ROS graph is read: from the profile's [ros], otherwise from type and name. Does
+no I/O."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from posecast_edge.sources.ros.messages import (
     make_site_name,
 )
 
-# what a profile may name topics for (profile.ros.ROLES) → the types that can serve
+# role in a profile (profile.ros.ROLES) → supported message types
 TYPES_OF_ROLE: Mapping[str, tuple[str, ...]] = {
     "pos": (JOINT_STATE,),
     "ref": (JOINT_STATE, CONTROLLER_STATE),
@@ -32,7 +32,7 @@ TYPES_OF_ROLE: Mapping[str, tuple[str, ...]] = {
     "diagnostics": (DIAGNOSTICS,),
     "base": (ODOMETRY,),
     "description": (STRING,),
-    "tf": (TF,),  # of which a profile names the frames, not the topics
+    "tf": (TF,),  # a profile names its frames, not its topics
 }
 TYPES = frozenset(name for names in TYPES_OF_ROLE.values() for name in names)
 
@@ -40,14 +40,14 @@ TOPIC_MAX = 255  # characters, as in ROS 2; a longer one is not read
 
 COMMAND = re.compile(r"(?:joint_)?(?:command|cmd|desired|goal|target|reference)s?|joint_(?:ref|setpoint)s?")
 STATE = re.compile(r"joint_states?")
-STATIC = "static"  # in a Route's site: transforms that are told once
+STATIC = "static"  # in a Route's site: transforms that are published once
 TF_TOPICS = {"tf": "", "tf_static": STATIC}
 BATTERY_WORDS = re.compile(r"battery(?:_state)?s?|power|state|status")
 
 
 @dataclass(frozen=True)
 class Route:
-    """What a topic is read as. `site`: the sensor's site, "" for the frame that its messages name."""
+    """How a topic is read. `site`: the sensor's site; "" to use the frame in its messages."""
 
     role: str
     site: str = ""
@@ -63,7 +63,7 @@ class Routes:
         self._namespace = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
 
     def watch_frames(self) -> None:
-        """Read transforms also where no profile asks for them."""
+        """Read transforms even if no profile asks for them."""
         self.reads_frames = True
 
     def find_route(self, topic: str, type_name: str) -> Route | None:
@@ -83,7 +83,7 @@ class Routes:
         return route if route is not None and route.role not in self._given else None
 
     def _find_frames_route(self, topic: str) -> Route | None:
-        """Robots in namespaces often share one /tf."""
+        """The route of a topic of transforms. Robots in namespaces often share one /tf."""
         above, _, last = topic.rpartition("/")
         if not self.reads_frames or last not in TF_TOPICS:
             return None
@@ -112,8 +112,8 @@ class Routes:
         return [f"{place}/{name}" for name in TF_TOPICS for place in places]
 
     def list_topics(self) -> list[tuple[str, Route]]:
-        """Topics to request if the server does not list them: those the profile names without a pattern, and
-        the usual names of the roles that the profile leaves open."""
+        """Topics to subscribe to if the server does not list them: those that the profile names without a
+        pattern, and the usual names of roles that the profile does not set."""
         given = [
             (pattern, Route(role, site))
             for role, entries in self._given.items()
@@ -136,15 +136,14 @@ def _by_name(topic: str, type_name: str) -> Route | None:
     if type_name == STRING:
         return Route("description") if last == "robot_description" else None
     roles = {CONTROLLER_STATE: "ref", IMU: "imu", WRENCH: "wrench", DIAGNOSTICS: "diagnostics"}
-    role = roles.get(type_name)  # odometry has many authors and no usual name: the profile says which
+    role = roles.get(type_name)  # odometry has many publishers and no usual name: the profile must set it
     if role == "diagnostics" and last == "diagnostics_agg":
-        return None  # says again what /diagnostics says
+        return None  # repeats /diagnostics
     return Route(role) if role else None
 
 
 def match_topic(pattern: str, topic: str) -> bool:
-    """Whether `topic` matches: `*` stands for any text within one part of the name, `**` for any number of
-    parts."""
+    """Whether `topic` matches: `*` is any text within one part of the name, `**` any number of parts."""
     return _expression(pattern).fullmatch(topic) is not None
 
 

@@ -1,8 +1,9 @@
-"""The tree of transforms (/tf, /tf_static) → where the robot's base is. Pure: time comes in as an argument.
+"""Computes the pose of the robot's base from the tree of transforms (/tf, /tf_static). Pure: time is an
+argument.
 
 A profile's `[ros] base = "odom→base_link"` names the two frames. The transforms between them may come in any
-number of messages, from any number of publishers; of each the newest counts. A pose is made when the moving
-transform nearest to the base is told anew, so a base whose odometry is silent does not look still.
+number of messages, from any number of publishers; the newest of each is used. A new pose is made when the
+moving transform nearest to the base is updated, so a base with silent odometry does not look still.
 """
 
 from __future__ import annotations
@@ -15,11 +16,11 @@ from posecast_edge.sources.ros.messages import Report, Transform, read_transform
 from posecast_edge.visible import make_visible
 
 FRAMES_MAX = 2048  # of one tree, about a megabyte; further ones are ignored
-OLD_S = 60.0  # a moving transform that was not told for so long counts no more
-WAIT_S = 5.0  # so long after the first transform a missing frame is said
+OLD_S = 60.0  # a moving transform without an update for this long expires
+WAIT_S = 5.0  # a missing frame is logged this long after the first transform
 SHOWN = 12  # frames named in one line
 LINE_MAX, LINES_MAX = 600, 40  # characters of a line, lines
-FIXED = ("odom", "map", "world")  # what robots call the frame they move in, the smoothest first
+FIXED = ("odom", "map", "world")  # usual names of the fixed frame, the smoothest first
 BASES = ("base_footprint", "base_link", "pelvis", "base", "torso", "trunk", "body")
 
 Vector = tuple[float, float, float]
@@ -31,7 +32,7 @@ NO_MOVE: Pose = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 
 @dataclass(frozen=True)
 class _Edge:
-    """What was told last of one frame. `heard_s`: when."""
+    """The last transform of one frame. `heard_s`: when it arrived."""
 
     told: Transform
     static: bool
@@ -39,8 +40,8 @@ class _Edge:
 
 
 class TransformTree:
-    """The frames of one robot. `base`: the two frames wanted, None to only list what there is. `say` gets one
-    line about each thing that is wrong."""
+    """The frames of one robot. `base`: the two wanted frames; None to only list frames. `say` is called with
+    a line for each problem."""
 
     def __init__(self, base: tuple[str, str] | None, say: Callable[[str], None]) -> None:
         self._base = base
@@ -52,12 +53,12 @@ class TransformTree:
         self._told: set[str] = set()
 
     def take_message(self, message: Any, static: bool, now_s: float) -> Report | None:
-        """Take a TFMessage that arrived at `now_s` (seconds). Returns where the base is, when that was told.
+        """Take a TFMessage that arrived at `now_s` (seconds). Returns the pose of the base if it was updated.
         Raises RosMessageError when the message does not match its type."""
         return self.take_transforms(read_transforms(message), static, now_s)
 
     def take_transforms(self, transforms: Sequence[Transform], static: bool, now_s: float) -> Report | None:
-        """Take the transforms of one message. Returns where the base is, when that was told."""
+        """Take the transforms of one message. Returns the pose of the base if it was updated."""
         if self._began_s is None:
             self._began_s = now_s
         news: set[str] = set()
@@ -73,12 +74,12 @@ class TransformTree:
         return None if self._base is None else self._report(news, now_s)
 
     def check_time(self, now_s: float) -> None:
-        """Say what is missing when it has been waited for. Call it now and then."""
+        """Log what is missing after a waiting time. Call it regularly."""
         if self._base and self._began_s is not None and now_s - self._began_s >= WAIT_S:
             self.explain_missing()
 
     def explain_missing(self) -> None:
-        """Say once why there is no pose of the base, if there is none."""
+        """Log once why the base has no pose, if it has none."""
         if self._base is None or self._find_chain() is not None:
             return
         fixed, base = self._base
@@ -90,13 +91,13 @@ class TransformTree:
                 self._say_once(f"base {fixed}→{base}: no transform names {name}; frames: {shown or 'none'}")
                 return
             if circle:
-                self._say_once(f"base {fixed}→{base}: transforms lead in a circle: {circle}")
+                self._say_once(f"base {fixed}→{base}: the transforms form a loop: {circle}")
                 return
-        self._say_once(f"base {fixed}→{base}: no transforms lead from one to the other")
+        self._say_once(f"base {fixed}→{base}: no transforms connect the two")
 
     def list_frames(self, is_link: Callable[[str], bool] = lambda _: False) -> list[str]:
-        """Lines for `probe`: which frame carries which, and the line of a profile that makes a base of
-        them. `is_link`: whether a frame is moved by a joint of the robot, and so is no base."""
+        """Lines for `probe`: the parent and children of each frame, and the profile line that sets the base.
+        `is_link`: whether a joint of the robot moves a frame, so that it can't be the base."""
         children: dict[str, list[str]] = {}
         for child, edge in sorted(self._edges.copy().items()):
             children.setdefault(edge.told.parent, []).append(child + (" (static)" if edge.static else ""))
@@ -105,10 +106,10 @@ class TransformTree:
             for parent, names in sorted(children.items())
         ]
         if len(lines) > LINES_MAX:
-            lines[LINES_MAX:] = [f"and {len(lines) - LINES_MAX} more frames that carry others"]
+            lines[LINES_MAX:] = [f"and {len(lines) - LINES_MAX} more frames with children"]
         found = self._suggest()
         if found and not is_link(found[1]):
-            lines.append(f'in a profile, for where the robot is: [ros] base = "{found[0]}→{found[1]}"')
+            lines.append(f'to show where the robot is, in a profile: [ros] base = "{found[0]}→{found[1]}"')
         return lines
 
     # --- the chain
@@ -123,7 +124,7 @@ class TransformTree:
             return None
         old = [child for child in moving if now_s - self._edges[child].heard_s > OLD_S]
         if old:
-            self._say_once(f"the transform of {old[0]} has not been told for {OLD_S:g} s: no base")
+            self._say_once(f"no transform of {old[0]} for {OLD_S:g} s: the base has no pose")
             return None
         pose = NO_MOVE
         for child in up:
@@ -153,7 +154,7 @@ class TransformTree:
         return self._chain
 
     def _list_way_up(self, name: str) -> list[str]:
-        """The frame and those that carry it, up to the last or to where they lead in a circle."""
+        """The frame and its ancestors, up to the root or to the point where they form a loop."""
         way = {name: None}
         while (edge := self._edges.get(name)) is not None and edge.told.parent not in way:
             name = edge.told.parent
@@ -161,7 +162,7 @@ class TransformTree:
         return list(way)
 
     def _find_circle(self, name: str) -> str:
-        """`a → b → a`, or "" when the way up from this frame ends."""
+        """`a → b → a`; "" when this frame's ancestors form no loop."""
         way = self._list_way_up(name)
         edge = self._edges.get(way[-1])
         if edge is None:
@@ -177,7 +178,7 @@ class TransformTree:
             if above:
                 return (fixed or above[-1:])[0], base
         if any(edge.told.parent.rpartition("/")[2] in BASES for edge in self._edges.copy().values()):
-            return None  # the base carries the rest, and nothing says where it is
+            return None  # the base is the root, so its pose is unknown
         moving = [(edge.told.parent, child) for child, edge in self._edges.items() if not edge.static]
         return next((pair for pair in moving if pair[0] not in self._edges), None)
 
@@ -189,14 +190,14 @@ class TransformTree:
 
 
 def multiply_poses(first: Pose, second: Pose) -> Pose:
-    """The pose that `second` has where `first` is its parent. Lengths in metres, unit quaternions w x y z."""
+    """The pose `second` in the frame of `first`, its parent. Lengths in metres, unit quaternions w x y z."""
     (x, y, z), q = first
     dx, dy, dz = rotate_vector(q, second[0])
     return (x + dx, y + dy, z + dz), multiply_quaternions(q, second[1])
 
 
 def invert_pose(pose: Pose) -> Pose:
-    """The parent's pose as its child sees it."""
+    """The parent's pose in the frame of its child."""
     w, x, y, z = pose[1]
     back = (w, -x, -y, -z)
     dx, dy, dz = rotate_vector(back, pose[0])

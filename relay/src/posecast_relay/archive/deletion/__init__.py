@@ -1,1 +1,1 @@
-"""Deletion from an object store: tombstones, what they cover, and what nothing names any more."""
+"""Deletion from an object store: tombstones, what they cover, and data that no segment names any more."""

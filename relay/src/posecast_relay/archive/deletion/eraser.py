@@ -1,4 +1,4 @@
-"""Erases from an object store what a deletion covers. What is foreign there is passed over and stays."""
+"""Erases what a deletion covers from an object store. Unknown objects are skipped."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ Progress = Callable[[Erased], None]
 
 
 async def find_covered(store: ObjectStore, deletion: Deletion) -> AsyncIterator[list[ArchivedName]]:
-    """Yield what a store has of what a deletion covers, ten minutes at a time. Raises ArchiveError."""
+    """Yield the segments in a store that a deletion covers, ten minutes at a time. Raises ArchiveError."""
     async for view, _, pages in _list_days(store, deletion):
         for page_ms in pages:
             names, _ = await _list_covered(store, deletion, view, page_ms)
@@ -51,9 +51,10 @@ async def erase(
     progress: Progress = lambda _: None,
     mend: Callable[[PageKey], None] | None = None,
 ) -> Erased:
-    """Delete the segments that a deletion covers, and put the indexes that tell of them right; twice does no
-    harm. `progress` is told the sum so far; `mend` is told of indexes instead, where somebody else puts them
-    right one by one. Raises ArchiveError; then it may be done again.
+    """Delete the segments that a deletion covers, and repair the indexes. Repeating it is harmless.
+
+    `progress` gets the totals so far. `mend` gets the indexes to repair if another task repairs them one by
+    one. Raises ArchiveError; you can then call it again.
     """
     erased = Erased(0, 0)
     span = _find_pages(deletion)
@@ -69,7 +70,7 @@ async def erase(
         for page_ms in pages:
             names, unfinished = await _list_covered(store, deletion, view, page_ms)
             await _delete_all(store, unfinished)
-            if names:  # the index goes first: it has texts, and whoever is killed here leaves none behind
+            if names:  # delete the index first: it contains texts, and a killed process must not leave them
                 await store.delete(make_index_key(deletion.robot, view, page_ms))
             for at in range(0, len(names), AT_ONCE):
                 part = names[at : at + AT_ONCE]
@@ -78,7 +79,7 @@ async def erase(
                 progress(erased)
             if names:
                 await mend_one(view, page_ms, mended)
-        # also what one who was killed has left
+        # also what a killed process left
         for page_ms in await check_day(store, deletion.robot, view, day_ms, deletion.at_ms):
             if page_ms in span and page_ms not in mended:
                 await mend_one(view, page_ms, mended)
@@ -90,7 +91,7 @@ async def erase(
 async def _list_covered(
     store: ObjectStore, deletion: Deletion, view: str, page_ms: int
 ) -> tuple[list[ArchivedName], list[str]]:
-    """Return the segments that are covered, and keys of those whose writing did not come to its end."""
+    """Return the covered segments, and the keys of objects that were never written completely."""
     found: list[ArchivedName] = []
     unfinished: list[str] = []
     async for part in store.list_objects(make_page_folder(deletion.robot, view, page_ms)):
@@ -107,9 +108,7 @@ async def _list_covered(
 
 
 async def _list_days(store: ObjectStore, deletion: Deletion) -> AsyncIterator[tuple[str, int, list[int]]]:
-    """Yield view and beginning of each day, with those of its ten minutes of which a deletion may cover
-    something.
-    """
+    """Yield the view and start of each day, with those of its ten minutes that a deletion may overlap."""
     robot, span = deletion.robot, _find_pages(deletion)
     views = [deletion.view] if deletion.view else await store.list_folders(robot)
     for view in (view for view in views if may_be_archived(robot, view)):
@@ -120,7 +119,7 @@ async def _list_days(store: ObjectStore, deletion: Deletion) -> AsyncIterator[tu
 
 
 def _find_pages(deletion: Deletion) -> range:
-    """Return between which times, unix ms, ten minutes begin of which a deletion may cover something."""
+    """Return the range of start times, unix ms, of the ten minutes that a deletion may overlap."""
     return range(deletion.from_ms - SPAN_MS_MAX - PAGE_MS + 1, deletion.to_ms)
 
 

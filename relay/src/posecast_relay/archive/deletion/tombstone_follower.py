@@ -1,5 +1,6 @@
-"""Follows the tombstones of a store: this process learns of deletions within seconds. One that records also
-carries them out, and finishes what another process has left undone.
+"""Follows the tombstones of a store, so that this process learns of deletions within seconds.
+
+A process that records also executes them, and finishes those that another process left undone.
 """
 
 from __future__ import annotations
@@ -26,14 +27,16 @@ from posecast_relay.counted import write_count
 log = logging.getLogger("posecast_relay")
 
 EVERY_S = 3.0
-SETTLED_MS = 60_000  # by then every process has obeyed, and what was on its way to the store is there
+SETTLED_MS = 60_000  # after this every process has complied, and pending writes have reached the store
 READ_AT_ONCE = 16
-CLOCKS_APART_MS = 60_000  # of the machine that ordered it and of this one
+CLOCKS_APART_MS = 60_000  # the largest expected clock difference to the machine that ordered it
 
 
 class TombstoneFollower:
-    """Puts the tombstones of a store into `deletions`. `erases`: also deletes there what they cover, and then
-    calls `sweep` with the robot; a gateway only reads. `compute_unix_ms`: the time now.
+    """Adds a store's tombstones to `deletions`.
+
+    `erases`: also deletes what they cover, then calls `sweep` with the robot; a gateway only reads.
+    `compute_unix_ms`: returns the time now.
     """
 
     def __init__(
@@ -47,8 +50,8 @@ class TombstoneFollower:
         mend: Callable[[PageKey], None] | None = None,
         trouble: BackgroundTrouble | None = None,
     ) -> None:
-        """`mend` is told of ten minutes whose index is to be put right; None: it is put right here. `trouble`
-        is told whether the store does what it is asked to.
+        """`mend` gets each ten minutes whose index needs repair; None: repair it here. `trouble` is told
+        whether the store works.
         """
         self._store = store
         self._deletions = deletions
@@ -57,12 +60,12 @@ class TombstoneFollower:
         self._sweep = sweep
         self._mend = mend
         self._trouble = trouble or BackgroundTrouble()
-        self._read: dict[str, Deletion | None] = {}  # by key; None: it is none
-        self._erased: set[str] = set()  # keys of those that were carried out here once
+        self._read: dict[str, Deletion | None] = {}  # by key; None: invalid
+        self._erased: set[str] = set()  # keys of those that were executed here
         self._erasing: asyncio.Task[None] | None = None
 
     async def run(self) -> None:
-        """Follow until cancelled. While the store is away it is tried again."""
+        """Follow until cancelled. Retries while the store is away."""
         try:
             while True:
                 try:
@@ -70,7 +73,7 @@ class TombstoneFollower:
                     self._trouble.note_success("deletions ordered")
                 except ArchiveError as e:
                     self._trouble.note_failure("deletions ordered", str(e))
-                except Exception as e:  # a mistake of ours
+                except Exception as e:  # a bug of ours
                     log.error("tombstones", exc_info=e)
                 await asyncio.sleep(EVERY_S)
         finally:
@@ -78,7 +81,7 @@ class TombstoneFollower:
                 self._erasing.cancel()
 
     async def look(self) -> None:
-        """Read what is new, and begin to carry it out. Raises ArchiveError."""
+        """Read new tombstones, and start to execute them. Raises ArchiveError."""
         names = await list_tombstones(self._store)
         self._read = {stem: self._read[stem] for stem in names.all if stem in self._read}
         new = [stem for stem in names.all if stem not in self._read]
@@ -100,18 +103,18 @@ class TombstoneFollower:
         try:
             deletion = await get_tombstone(self._store, stem)
         except ValueError as e:
-            log.warning("tombstones: passed over: %s: %.200s", stem, e)
+            log.warning("tombstones: skipped: %s: %.200s", stem, e)
             deletion = None
         if deletion is not None and deletion.at_ms > self._compute_unix_ms() + CLOCKS_APART_MS:
-            # else all that is recorded until then would be lost, for a clock that is set wrong
-            log.warning("tombstones: passed over: %s: it is dated later than now by the clock here", stem)
+            # a wrong clock would otherwise delete everything recorded until that time
+            log.warning("tombstones: skipped: %s: its date is in the future by this machine's clock", stem)
             deletion = None
         self._read[stem] = deletion
         if deletion is not None:
             self._deletions.add(deletion)
 
     async def _carry_out(self, due: list[tuple[str, Deletion]], old: list[str]) -> None:
-        """Beside the looks: what is new is obeyed meanwhile."""
+        """Execute deletions while `look` goes on, so that new ones take effect meanwhile."""
         try:
             for stem, deletion in due:
                 settled = self._is_settled(stem)
@@ -122,12 +125,12 @@ class TombstoneFollower:
                 if self._sweep is not None:
                     await self._sweep(deletion.robot)
                 self._erased.add(stem)
-                if settled:  # nothing of it can come any more
+                if settled:  # no more of its data can arrive
                     await put_done(self._store, stem)
             for stem in old:
                 await remove_tombstone(self._store, stem)
             self._trouble.note_success("deletions")
-        except ArchiveError as e:  # the next look begins anew
+        except ArchiveError as e:  # the next look tries again
             self._trouble.note_failure("deletions", str(e))
-        except Exception as e:  # a mistake of ours
+        except Exception as e:  # a bug of ours
             log.error("deletions in the store", exc_info=e)

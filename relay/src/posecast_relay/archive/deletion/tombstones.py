@@ -1,10 +1,10 @@
-"""Tombstones: what was deleted, as it stands in an object store, so that every process obeys.
+"""Tombstones: records of deletions in an object store, so that every process complies.
 
     tombstones/{robot}/{at_ms}-{id}.json   a deletion, as `deletion_record.py` packs it
-    tombstones/{robot}/{at_ms}-{id}.done   the same, and empty: it is carried out, and nothing came later
+    tombstones/{robot}/{at_ms}-{id}.done   empty, same name: the deletion is complete
 
-A tombstone comes first, and then what it tells of is deleted: whoever is killed between the two leaves it to
-the next process that records. It stays for KEPT_MS, in which nobody can have anything of before any more.
+The tombstone is written before anything is deleted. If the process is killed in between, the next process
+that records finishes the job. Tombstones are kept for KEPT_MS. After that no process can hold older data.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ KEY = re.compile(rf"{TOMBSTONES}/([^/]+)/([0-9]{{1,16}})-([0-9a-f]{{16}})\.(json
 
 
 class TombstoneNames(NamedTuple):
-    """Keys of tombstones, without `.json`: of all, the newest last, KNOWN_MAX at most, and of those that are
-    carried out.
+    """Keys of tombstones, without `.json`: all of them, oldest first, at most KNOWN_MAX; and the completed
+    ones.
     """
 
     all: tuple[str, ...]
@@ -36,12 +36,12 @@ def make_stem(deletion: Deletion) -> str:
 
 
 def read_age_ms(stem: str, now_ms: int) -> int:
-    """Return how long ago it was ordered, by its key."""
+    """Return how long ago the deletion was ordered, in ms, from its key."""
     return now_ms - int(stem.rpartition("/")[2].partition("-")[0])
 
 
 async def list_tombstones(store: ObjectStore) -> TombstoneNames:
-    """List the tombstones of a store; what has another name is foreign. Raises ArchiveError."""
+    """List the tombstones of a store, ignoring objects with other names. Raises ArchiveError."""
     stems: dict[str, set[str]] = {}
     async for part in store.list_objects(TOMBSTONES):
         for each in part:
@@ -62,25 +62,25 @@ async def put_tombstone(store: ObjectStore, deletion: Deletion) -> None:
 
 
 async def put_done(store: ObjectStore, stem: str) -> None:
-    """Note that a deletion is carried out. Raises ArchiveError."""
+    """Mark a deletion as complete. Raises ArchiveError."""
     await store.put(f"{stem}.done", b"")
 
 
 async def get_tombstone(store: ObjectStore, stem: str) -> Deletion | None:
-    """Read a tombstone; None when it is gone.
+    """Read a tombstone; None if it is gone.
 
-    Raises ArchiveError, and ValueError when it is none, or lies under another one's name.
+    Raises ArchiveError, and ValueError if it is invalid or stored under the wrong name.
     """
     data = await store.get(f"{stem}.json")
     if data is None:
         return None
     deletion = unpack_deletion(data)
     if make_stem(deletion) != stem:
-        raise ValueError("deletion: it lies under another one's name")
+        raise ValueError("deletion: stored under the name of another")
     return deletion
 
 
 async def remove_tombstone(store: ObjectStore, stem: str) -> None:
-    """Remove a tombstone that nobody needs any more. Raises ArchiveError."""
+    """Remove a tombstone that is no longer needed. Raises ArchiveError."""
     await store.delete(f"{stem}.json")
     await store.delete(f"{stem}.done")

@@ -1,4 +1,4 @@
-"""Deletes the schemas and models of a robot in a store that no segment names any more."""
+"""Deletes a robot's schemas and models in a store that no segment names any more."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SHA256 = re.compile(r"[0-9a-f]{64}", re.ASCII)
 
 
 class NamedHashes(NamedTuple):
-    """SHA-256 of schemas and models, hexadecimal."""
+    """SHA-256 of schemas and models, in hexadecimal."""
 
     schemas: frozenset[str]
     models: frozenset[str]
@@ -26,16 +26,16 @@ ListInUse = Callable[[str], NamedHashes]
 
 
 async def sweep_unnamed(store: ObjectStore, robot: str, list_in_use: ListInUse, unix_ms: int) -> NamedHashes:
-    """Delete what no segment of a robot names, and return what is gone. Raises ArchiveError.
+    """Delete what no segment of a robot names, and return what was deleted. Raises ArchiveError.
 
-    `list_in_use` tells what segments name that are on their way to the store: a schema is there before them.
+    `list_in_use` returns what pending segments name: a schema is stored before its segments.
     """
     there = NamedHashes(await _list_schemas(store, robot), await _list_models(store, robot))
     if _subtract(there, await _list_named(store, robot, unix_ms, is_sure=False), list_in_use(robot)) == (
         *(frozenset(), frozenset()),
     ):
         return NamedHashes(frozenset(), frozenset())
-    # a summary may be older than the segments: now it counts
+    # summaries can be older than the segments, so read the segments before deleting
     named = await _list_named(store, robot, unix_ms, is_sure=True)
     gone = _subtract(there, named, list_in_use(robot))
     for sha256 in sorted(gone.schemas - list_in_use(robot).schemas):
@@ -51,7 +51,7 @@ def _subtract(there: NamedHashes, *named: NamedHashes) -> NamedHashes:
 
 
 async def _list_named(store: ObjectStore, robot: str, unix_ms: int, *, is_sure: bool) -> NamedHashes:
-    """Return what the segments name; `is_sure`: the days are compared with their segments before."""
+    """Return what the segments name. `is_sure`: first compare the days with their segments."""
     schemas: set[str] = set()
     models: set[str] = set()
     for view in await list_views(store, robot):
@@ -82,7 +82,7 @@ async def _list_models(store: ObjectStore, robot: str) -> frozenset[str]:
 
 
 async def _delete_model(store: ObjectStore, robot: str, sha256: str) -> None:
-    """The manifest first: without it there is no model, and whoever is killed here leaves no half of one."""
+    """Delete the manifest first: without it the model does not exist, so a kill leaves no partial model."""
     folder = f"{robot}/{MODELS}/{sha256}"
     await store.delete(f"{folder}/manifest.json")
     async for part in store.list_objects(folder):

@@ -1,1 +1,1 @@
-"""Models in an object store: kept as long as a segment there names them."""
+"""Models in an object store, kept while a segment there names them."""

@@ -1,10 +1,10 @@
-"""Keeps models in an object store: each that a kept segment names, once, fetched in the background.
+"""Keeps models in an object store: each model that a kept segment names, fetched once, in the background.
 
-    {robot}/models/{sha256}/manifest.json   written last: where it is, the files are
+    {robot}/models/{sha256}/manifest.json   written last: if it exists, all files do
     {robot}/models/{sha256}/{path}          each file that the manifest names
 
-`sha256` is that of the manifest. What a robot's models take is bounded by MODELS_BYTES; one that does not fit
-is not kept, and the log says so once.
+`sha256` is that of the manifest. MODELS_BYTES limits the models of one robot. A model beyond that is not
+kept, and the log says so once.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from posecast_relay.models.cache import Absent, ModelCache, Unavailable
 log = logging.getLogger("posecast_relay")
 
 MODELS_BYTES = 64 << 20  # of one robot
-RETRY_S = 15.0  # after a model could not be fetched or written; then the next segment begins anew
-KNOWN_MAX = 10_000  # models that are there, or can't be
+RETRY_S = 15.0  # after a failed fetch or write; then the next segment triggers a new attempt
+KNOWN_MAX = 10_000  # models that are stored, or that can't be
 WAITING_MAX = 1000
 MANIFEST = "manifest.json"
 
@@ -39,7 +39,7 @@ def make_model_key(robot: str, digest: str, path: str) -> str:
 
 
 class ModelKeeper:
-    """Stores the models that segments name, one at a time. `models`: where they are fetched."""
+    """Stores the models that segments name, one at a time. `models`: where they are fetched from."""
 
     def __init__(
         self,
@@ -48,13 +48,13 @@ class ModelKeeper:
         now: Callable[[], float] = time.monotonic,
         bytes_max: int = MODELS_BYTES,
     ) -> None:
-        self.stored = 0  # models, since the process began
+        self.stored = 0  # models, since the process started
         self._store = store
         self._models = models
         self._now = now
         self._bytes_max = bytes_max
-        self._robots: Collection[str] = ()  # that are kept
-        self._known: OrderedDict[ModelName, None] = OrderedDict()  # that are there, or too large
+        self._robots: Collection[str] = ()  # the robots that are kept
+        self._known: OrderedDict[ModelName, None] = OrderedDict()  # stored, or too large
         self._waiting: OrderedDict[ModelName, None] = OrderedDict()
         self._again_at: dict[ModelName, float] = {}
         self._storing: ModelName | None = None
@@ -65,7 +65,7 @@ class ModelKeeper:
         self._robots = frozenset(robots)
 
     def keep(self, segment: KeptSegment) -> None:
-        """See to it that the model is there that a segment names; returns at once."""
+        """Store the model that a segment names, in the background. Returns at once."""
         if segment.model is None or segment.name.robot not in self._robots:
             return
         name = segment.name.robot, segment.model
@@ -78,17 +78,17 @@ class ModelKeeper:
             self._task = asyncio.create_task(self._work(), name="models to the archive")
 
     def forget(self, robot: str) -> None:
-        """Store the models of a robot again where they are named: some may have been deleted."""
+        """Store a robot's models again when they are named: some may have been deleted."""
         for name in [name for name in self._known if name[0] == robot]:
             del self._known[name]
 
     def find_storing(self, robot: str) -> set[str]:
-        """Return the models of a robot that are being stored, or wait for it."""
+        """Return the models of a robot that are being stored, or are waiting for it."""
         names = {*self._waiting, *(() if self._storing is None else (self._storing,))}
         return {digest for of, digest in names if of == robot}
 
     async def stop(self) -> None:
-        """End, also in the middle of a model: the next process stores it."""
+        """End at once, even in the middle of a model: the next process stores it."""
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
@@ -100,10 +100,10 @@ class ModelKeeper:
             try:
                 await self._store_model(robot, digest)
                 self._note_known(name)
-            except (ArchiveError, Absent, Unavailable) as e:  # the store and the robot say so themselves
+            except (ArchiveError, Absent, Unavailable) as e:  # the store and the robot report it themselves
                 log.info("the archive: model %.12s of %s: %s", digest, robot, e)
                 self._note_failure(name)
-            except Exception as e:  # a mistake of ours, at this model
+            except Exception as e:  # a bug of ours, with this model
                 log.error("the archive: model %.12s of %s", digest, robot, exc_info=e)
                 self._note_failure(name)
             finally:
@@ -121,7 +121,7 @@ class ModelKeeper:
         self._again_at[name] = self._now() + RETRY_S
 
     async def _store_model(self, robot: str, digest: str) -> None:
-        """The manifest goes last. Raises ArchiveError, Absent or Unavailable."""
+        """Store a model, its manifest last. Raises ArchiveError, Absent or Unavailable."""
         there = await self._store.get(make_model_key(robot, digest, MANIFEST))
         if there is not None and hashlib.sha256(there).hexdigest() == digest:
             return
@@ -132,7 +132,7 @@ class ModelKeeper:
         if size + others > self._bytes_max:
             log.warning(
                 "the archive: %s: a model of %.1f MB is not kept: with %.1f MB of its other models "
-                "it is over %d MB",
+                "it exceeds %d MB",
                 robot,
                 size / (1 << 20),
                 others / (1 << 20),
@@ -146,7 +146,7 @@ class ModelKeeper:
         await self._put(make_model_key(robot, digest, MANIFEST), manifest.name, manifest.size)
         self.stored += 1
         log.info(
-            "the archive: a model of %s is kept: %s, %d bytes", robot, write_count(len(paths), "file"), size
+            "the archive: stored a model of %s: %s, %d bytes", robot, write_count(len(paths), "file"), size
         )
 
     async def _put(self, key: str, name: str, size: int) -> None:

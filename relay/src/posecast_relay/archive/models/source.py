@@ -1,4 +1,4 @@
-"""Reads models where they are: from who offers them now, else from an object store."""
+"""Reads models from the robot that currently offers them, otherwise from an object store."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from posecast_relay.archive.object_store import ArchiveError, ObjectStore
 from posecast_relay.models.cache import Absent, ModelSource, Unavailable
 from posecast_relay.models.manifest import BYTES_MAX, ManifestError, read_manifest
 
-KNOWN_MAX = 4  # models whose files are known by hash: up to some megabytes each
-ELSEWHERE_S = 60.0  # who could not give a model is not asked for it again for so long
-NOT_READ = "what was kept of this can't be read just now: ask again"
+KNOWN_MAX = 4  # models whose file hashes are remembered: up to some megabytes each
+ELSEWHERE_S = 60.0  # how long not to ask a source again for a model it did not have
+NOT_READ = "this part of the past can't be read right now: retry"
 
 
 class JoinedModelSource:
-    """A ModelSource of what `live` offers now, and of what a store has. What it returns is not verified."""
+    """A ModelSource that combines `live` models with those in a store. What it returns is not verified."""
 
     def __init__(
         self, live: ModelSource, store: ObjectStore, now: Callable[[], float] = time.monotonic
@@ -26,8 +26,8 @@ class JoinedModelSource:
         self._live = live
         self._store = store
         self._now = now
-        self._paths: OrderedDict[ModelName, dict[str, str]] = OrderedDict()  # of a model, by SHA-256
-        self._elsewhere: OrderedDict[ModelName, float] = OrderedDict()  # until when `live` isn't asked
+        self._paths: OrderedDict[ModelName, dict[str, str]] = OrderedDict()  # a model's paths, by SHA-256
+        self._elsewhere: OrderedDict[ModelName, float] = OrderedDict()  # until when `live` is not asked
 
     def offers(self, robot: str, digest: str) -> bool:  # noqa: ARG002
         """Return True: only the store knows what it has."""
@@ -67,7 +67,7 @@ class JoinedModelSource:
         return await self._read_stored(robot, digest, sha256, off, size)
 
     def forget(self, robot: str) -> None:
-        """Forget what the store has of a robot, of which something was deleted."""
+        """Forget what the store has of a robot, because part of it was deleted."""
         for name in [name for name in self._paths if name[0] == robot]:
             del self._paths[name]
 
@@ -80,7 +80,7 @@ class JoinedModelSource:
             self._elsewhere.popitem(last=False)
 
     async def _read_manifest(self, robot: str, digest: str) -> bytes:
-        """Read it from the store, and note its files."""
+        """Read it from the store, and remember its files."""
         try:
             data = await self._store.get_range(make_model_key(robot, digest, MANIFEST), 0, BYTES_MAX + 1)
         except ArchiveError:

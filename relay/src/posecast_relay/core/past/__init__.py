@@ -1,1 +1,1 @@
-"""The past: what robots sent in the last while, in segments (`wire/SPEC.md` §10), and where they are kept."""
+"""The past: recent data from robots, in segments (`wire/SPEC.md` §10), and where it is kept."""

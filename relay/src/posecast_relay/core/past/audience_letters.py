@@ -1,4 +1,4 @@
-"""Audiences as letters, as they stand in the names and indexes of an object store."""
+"""Encodes audiences as letters for the names and indexes of an object store."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def write_letters(audiences: Iterable[Audience]) -> str:
 
 
 def read_letters(text: str) -> frozenset[Audience]:
-    """Read what `write_letters` wrote. Raises ValueError."""
+    """Parse what `write_letters` wrote. Raises ValueError."""
     if not text or not FORM.fullmatch(text):
-        raise ValueError("audiences are none")
+        raise ValueError("invalid audiences")
     return frozenset(audience for audience, letter in LETTERS.items() if letter in text)

@@ -1,8 +1,8 @@
-"""What is known of a day of one robot's view without reading its segments: minute by minute, and of each ten
-minutes which takes, schemas and models there are.
+"""The index of one day of a robot's view: a row per minute and, per ten minutes, the takes, schemas and
+models.
 
-It is made of segments alone, so it can be made again at any time. What is read is not trusted: whatever is
-malformed raises ValueError with a message of one line.
+It is built from segments alone, so it can be rebuilt at any time. Input is not trusted: malformed input
+raises ValueError with a one-line message.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ T = TypeVar("T")
 VERSION = 1
 DAY_MS, MINUTE_MS = 86_400_000, 60_000
 DAY_BYTES_MAX = 8 << 20
-ROWS_MAX = 4096  # of one kind, of ten minutes
+ROWS_MAX = 4096  # of one kind, in ten minutes
 U32_MAX, WHOLE_MAX = (1 << 32) - 1, (1 << 53) - 1
-LONGEST_MS = 1_200_000  # from the beginning of ten minutes to the end of what began in them
-ROW_BYTES, PAGE_BYTES = 320, 1200  # of Python's own
+LONGEST_MS = 1_200_000  # from the start of ten minutes to the end of the last segment that began in them
+ROW_BYTES, PAGE_BYTES = 320, 1200  # overhead of Python objects
 WORDS: tuple[RobotStatus, ...] = get_args(RobotStatus)
 TAKE = re.compile("[0-9a-f]{16}", re.ASCII)
 SHA256 = re.compile("[0-9a-f]{64}", re.ASCII)
@@ -38,8 +38,8 @@ SHA256 = re.compile("[0-9a-f]{64}", re.ASCII)
 class MinuteRow(NamedTuple):
     """The segments that begin in one minute and have the same audiences.
 
-    `at_ms`: the minute; `from_ms`, `to_ms`: when the first begins and the last ends, unix; `word`: what it is
-    told as; `faults`: how many began.
+    `at_ms`: the minute; `from_ms`, `to_ms`: the first begin and the last end, unix ms; `word`: the robot's
+    status for this minute; `faults`: how many faults began.
     """
 
     at_ms: int
@@ -54,8 +54,7 @@ class MinuteRow(NamedTuple):
 
 
 class HashSpan(NamedTuple):
-    """A schema or model, and the newest segment of some audiences that names it: from when to when, unix
-    ms."""
+    """A schema or model, with the time span (unix ms) and audiences of the newest segment that names it."""
 
     sha256: str
     audiences: frozenset[Audience]
@@ -65,7 +64,7 @@ class HashSpan(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PageDigest:
-    """What is known of ten minutes from `at_ms` on, unix. `count`, `bytes`: of all their segments."""
+    """The index of the ten minutes from `at_ms`, unix ms. `count`, `bytes`: totals of their segments."""
 
     at_ms: int
     count: int
@@ -78,7 +77,7 @@ class PageDigest:
 
 @dataclass
 class DayIndex:
-    """What is known of the day (UTC) from `day_ms` on, unix: its ten minutes, by when they begin."""
+    """The index of the day (UTC) that begins at `day_ms`, unix ms: its ten-minute pages by start time."""
 
     robot: str
     view: str
@@ -87,17 +86,17 @@ class DayIndex:
 
     @property
     def bytes(self) -> int:
-        """How many bytes its segments have."""
+        """The total bytes of its segments."""
         return sum(page.bytes for page in self.pages.values())
 
     @property
     def cost_bytes(self) -> int:
-        """How many bytes of memory it takes, about."""
+        """Roughly how many bytes of memory it takes."""
         rows = sum(len(page.minutes) + len(page.takes) + len(page.schemas) for page in self.pages.values())
         return ROW_BYTES * rows + PAGE_BYTES * len(self.pages)
 
     def list_pages(self) -> list[PageDigest]:
-        """Return its ten minutes in order."""
+        """Return its ten-minute pages in order."""
         return [self.pages[at_ms] for at_ms in sorted(self.pages)]
 
     def list_minutes(self) -> Iterator[MinuteRow]:
@@ -106,12 +105,12 @@ class DayIndex:
             yield from page.minutes
 
     def list_schemas(self) -> Iterator[HashSpan]:
-        """Yield the schemas that its segments name, those of the last ten minutes first."""
+        """Yield the schemas that its segments name, newest ten minutes first."""
         for page in reversed(self.list_pages()):
             yield from page.schemas
 
     def list_models(self) -> Iterator[HashSpan]:
-        """Yield the models that its segments name, those of the last ten minutes first."""
+        """Yield the models that its segments name, newest ten minutes first."""
         for page in reversed(self.list_pages()):
             yield from page.models
 
@@ -120,7 +119,8 @@ class DayIndex:
         return {span.sha256 for page in self.pages.values() for span in page.schemas}
 
     def find_models(self) -> dict[str, frozenset[Audience]]:
-        """Return the SHA-256 of all models that its segments name, and who could see such a segment."""
+        """Return the SHA-256 of all models that its segments name, each with the audiences of those
+        segments."""
         found: dict[str, frozenset[Audience]] = {}
         for page in self.pages.values():
             for span in page.models:
@@ -129,7 +129,7 @@ class DayIndex:
 
 
 def digest_page(at_ms: int, segments: Sequence[KeptSegment]) -> PageDigest:
-    """Make the digest of the ten minutes from `at_ms` on, unix, of all segments that begin in them."""
+    """Make the index of the ten minutes from `at_ms`, unix ms. `segments`: all that begin in them."""
     minutes: dict[tuple[int, str], list[KeptSegment]] = {}
     takes: dict[int, TakeSpan] = {}
     schemas: dict[tuple[str, str], HashSpan] = {}
@@ -153,7 +153,7 @@ def digest_page(at_ms: int, segments: Sequence[KeptSegment]) -> PageDigest:
 
 
 def _sum_minutes(minutes: Mapping[tuple[int, str], list[KeptSegment]]) -> list[MinuteRow]:
-    """Sum up each minute's segments of the same audiences, in order of time."""
+    """Sum up each minute's segments with the same audiences, in order of time."""
     rows: list[MinuteRow] = []
     last: dict[str, RobotStatus] = {}
     for minute, letters in sorted(minutes):
@@ -181,12 +181,12 @@ def _sum_minute(
 
 
 def _find_main_word(at_ms: int, words: Sequence[PastWord], before: RobotStatus) -> RobotStatus:
-    """Return what a minute is told as: "offline" if it ended so, else "silent" if the robot was away for half
-    of it, else "online".
+    """Return the status that a minute is shown with.
 
-    A page draws the minute as a whole, and a robot that was silent for 5 s of it was not silent for 60.
-    `words`: of the segments that begin in the minute; the last may come after its end. `before`: the word
-    that held when it began.
+    It is "offline" if the minute ended so, "silent" if the robot was away for at least half of it, and
+    "online" otherwise. The page draws a minute as a whole, and 5 s of silence must not look like 60 s.
+    `words`: of the segments that begin in the minute; the last may come after its end. `before`: the status
+    when the minute began.
     """
     end_ms = at_ms + MINUTE_MS
     away_ms, since_ms, word = 0, at_ms, before
@@ -204,7 +204,7 @@ def _find_main_word(at_ms: int, words: Sequence[PastWord], before: RobotStatus) 
 
 
 def sum_minutes(segments: Iterable[KeptSegment]) -> list[MinuteRow]:
-    """Sum segments up by minute and audiences. `segments`: in order of time."""
+    """Sum up segments by minute and audiences. `segments`: in order of time."""
     minutes: dict[tuple[int, str], list[KeptSegment]] = {}
     for segment in segments:
         key = segment.from_ms // MINUTE_MS, write_letters(segment.audiences)
@@ -213,7 +213,7 @@ def sum_minutes(segments: Iterable[KeptSegment]) -> list[MinuteRow]:
 
 
 def pack_day(day: DayIndex) -> bytes:
-    """Encode a day as JSON; times count from the beginning of the ten minutes."""
+    """Encode a day as JSON. Times count from the start of the ten minutes."""
     return dump_json(
         {
             "v": VERSION,
@@ -226,14 +226,14 @@ def pack_day(day: DayIndex) -> bytes:
 
 
 def unpack_day(robot: str, view: str, day_ms: int, data: bytes) -> DayIndex:
-    """Read a day of this robot and view. Raises ValueError when it is none, or of another."""
+    """Parse a day of this robot and view. Raises ValueError if it is malformed or belongs to another day."""
     if len(data) > DAY_BYTES_MAX:
         raise ValueError("day: too long")
     doc = loads(data)
     if not isinstance(doc, dict) or doc.get("v") != VERSION:
-        raise ValueError("day: of another version")
+        raise ValueError("day: unsupported version")
     if [doc.get(name) for name in ("robot", "view", "day_ms")] != [robot, view, day_ms]:
-        raise ValueError("day: of another robot, view or day")
+        raise ValueError("day: belongs to another robot, view or day")
     pages = _list(doc.get("pages"), DAY_MS // PAGE_MS)
     read = [_read_page(page, day_ms) for page in pages]
     return DayIndex(robot, view, day_ms, {page.at_ms: page for page in read})
@@ -266,15 +266,15 @@ def _write_page(page: PageDigest) -> dict[str, object]:
 
 def _read_page(doc: object, day_ms: int) -> PageDigest:
     if not isinstance(doc, dict):
-        raise ValueError("day: ten minutes are none")
+        raise ValueError("day: invalid ten minutes")
     at_ms = _whole(doc.get("at_ms"))
     if at_ms % PAGE_MS or not day_ms <= at_ms < day_ms + DAY_MS:
-        raise ValueError("day: ten minutes of another day")
+        raise ValueError("day: these ten minutes belong to another day")
 
     def read_rows(name: str, width: int, read: Callable[[list[Any]], T]) -> tuple[T, ...]:
         rows = _list(doc.get(name), ROWS_MAX)
         if not all(isinstance(row, list) and len(row) == width for row in rows):
-            raise ValueError(f"day: {name} are none")
+            raise ValueError(f"day: invalid {name}")
         return tuple(read(row) for row in rows)
 
     def read_span(row: Sequence[Any]) -> tuple[int, int]:
@@ -288,7 +288,7 @@ def _read_page(doc: object, day_ms: int) -> PageDigest:
 
     def read_minute(row: list[Any]) -> MinuteRow:
         if row[5] not in WORDS:
-            raise ValueError("day: a word is none")
+            raise ValueError("day: invalid status")
         count, size, frames, faults = (_whole(row[n]) for n in (2, 3, 4, 6))
         minute_ms, audiences = at_ms + MINUTE_MS * _whole(row[0], 9), _letters(row[1])
         return MinuteRow(minute_ms, audiences, count, size, frames, row[5], faults, *read_span(row[7:]))
@@ -309,13 +309,13 @@ def _read_page(doc: object, day_ms: int) -> PageDigest:
 
 def _whole(found: object, most: int = WHOLE_MAX) -> int:
     if type(found) is not int or not 0 <= found <= most:
-        raise ValueError("day: a number is none")
+        raise ValueError("day: invalid number")
     return found
 
 
 def _text(found: object, form: re.Pattern[str]) -> str:
     if not isinstance(found, str) or not form.fullmatch(found):
-        raise ValueError("day: a text is none")
+        raise ValueError("day: invalid text")
     return found
 
 
@@ -325,5 +325,5 @@ def _letters(found: object) -> frozenset[Audience]:
 
 def _list(found: object, most: int) -> list[Any]:
     if not isinstance(found, list) or len(found) > most:
-        raise ValueError("day: a list is none")
+        raise ValueError("day: invalid list")
     return found

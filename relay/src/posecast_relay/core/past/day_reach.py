@@ -1,4 +1,4 @@
-"""The little that is known of a day where months of them are looked at: who could see any of it, and when."""
+"""A summary of a day, for looking through months: which audiences could see anything, and when."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from posecast_relay.core.past.day_index import DayIndex
 from posecast_relay.core.past.memory_store import TakeSpan
 from posecast_relay.core.policy.policy import Audience
 
-REACH_BYTES, SPAN_BYTES = 600, 250  # of Python's own
+REACH_BYTES, SPAN_BYTES = 600, 250  # overhead of Python objects
 
 
 class SeenSpan(NamedTuple):
-    """From when to when, unix ms, there is anything that some audiences could see."""
+    """A time span, unix ms, in which some audiences could see something."""
 
     audiences: frozenset[Audience]
     from_ms: int
@@ -23,7 +23,7 @@ class SeenSpan(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class DayReach:
-    """What is known of a day. `takes`: by take, from which index to which; `schemas`, `models`: SHA-256."""
+    """The summary of a day. `takes`: the first and last index of each take; `schemas`, `models`: SHA-256."""
 
     day_ms: int
     spans: tuple[SeenSpan, ...]
@@ -33,13 +33,13 @@ class DayReach:
 
     @property
     def cost_bytes(self) -> int:
-        """How many bytes of memory it takes, about."""
+        """Roughly how many bytes of memory it takes."""
         rows = len(self.spans) + len(self.takes) + len(self.schemas) + len(self.models)
         return REACH_BYTES + SPAN_BYTES * rows
 
 
 def reach_day(day: DayIndex) -> DayReach:
-    """Make what is known of a day where months of them are looked at."""
+    """Summarise a day's index."""
     spans: dict[str, SeenSpan] = {}
     takes: dict[int, TakeSpan] = {}
     for row in day.list_minutes():

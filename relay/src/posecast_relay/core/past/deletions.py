@@ -1,7 +1,6 @@
-"""What somebody has deleted of the past: spans of a robot's time that nobody keeps, writes or shows any
-more.
+"""Deletions of the past: time spans of a robot that nobody keeps, writes or shows any more.
 
-A deletion reaches back only: it ends, at the latest, when it was ordered. What is recorded later is kept.
+A deletion only affects what was recorded before it was ordered. Later recordings are kept.
 """
 
 from __future__ import annotations
@@ -12,13 +11,14 @@ from dataclasses import dataclass, field
 
 from posecast_relay.core.past.kept_segment import KeptSegment
 
-KNOWN_MAX = 10_000  # some megabytes; then the one that was known first is forgotten: it is long carried out
+KNOWN_MAX = 10_000  # some megabytes; beyond that the oldest is forgotten, which was executed long ago
 
 
 @dataclass(frozen=True, slots=True)
 class Deletion:
-    """All that overlaps a span of a robot's past is deleted. `view` None: in each view; `from_ms`, `to_ms`:
-    unix; `at_ms`: when it was ordered, unix; `id`: never means two deletions.
+    """Deletes every segment that overlaps a time span of a robot's past.
+
+    `view` None: every view; `from_ms`, `to_ms`: unix ms; `at_ms`: when it was ordered, unix ms; `id`: unique.
     """
 
     robot: str
@@ -29,8 +29,9 @@ class Deletion:
     id: str
 
     def covers(self, robot: str, view: str, from_ms: int, to_ms: int) -> bool:
-        """Whether something of a view that lasted from `from_ms` to `to_ms`, unix, is deleted, if only in
-        part: a segment is whole or not at all.
+        """Whether the span from `from_ms` to `to_ms`, unix ms, of a view overlaps the deletion.
+
+        A partly covered segment is deleted as a whole.
         """
         return (
             robot == self.robot
@@ -40,7 +41,7 @@ class Deletion:
         )
 
     def covers_segment(self, segment: KeptSegment) -> bool:
-        """Whether a segment is deleted."""
+        """Whether this deletes a segment."""
         name = segment.name
         return self.covers(name.robot, name.view, segment.from_ms, segment.to_ms)
 
@@ -50,15 +51,16 @@ Listener = Callable[[Deletion], None]
 
 @dataclass
 class Deletions:
-    """The deletions that a process knows of, wherever it heard of them, each once."""
+    """The deletions that a process knows of, from any source, each once."""
 
-    count: int = 0  # since the process began
+    count: int = 0  # since the process started
     _known: OrderedDict[str, Deletion] = field(default_factory=OrderedDict)
-    _of: dict[str, dict[str, Deletion]] = field(default_factory=dict)  # the same by robot
+    _of: dict[str, dict[str, Deletion]] = field(default_factory=dict)  # the known deletions by robot
     _listeners: list[Listener] = field(default_factory=list)
 
     def add(self, deletion: Deletion) -> bool:
-        """Note a deletion and tell the listeners, which must not raise. False: it was known already."""
+        """Add a deletion and tell the listeners, which must not raise. Returns False if it was already
+        known."""
         if deletion.id in self._known:
             return False
         self._known[deletion.id] = deletion
@@ -74,21 +76,21 @@ class Deletions:
         return True
 
     def on_added(self, listener: Listener) -> None:
-        """Call `listener` with each deletion that is added from now on."""
+        """Call `listener` with each deletion added from now on."""
         self._listeners.append(listener)
 
     def has(self, id_: str) -> bool:
-        """Whether the deletion of this id is known."""
+        """Whether a deletion with this id is known."""
         return id_ in self._known
 
     def list_known(self) -> Iterable[Deletion]:
-        """Return all that are known, in the order in which they became known."""
+        """Return all known deletions in the order in which they were added."""
         return tuple(self._known.values())
 
     def cover(self, robot: str, view: str, from_ms: int, to_ms: int) -> bool:
-        """Whether something of a view that lasted from `from_ms` to `to_ms`, unix, is deleted."""
+        """Whether any deletion overlaps the span from `from_ms` to `to_ms`, unix ms, of a view."""
         return any(each.covers(robot, view, from_ms, to_ms) for each in self._of.get(robot, {}).values())
 
     def cover_segment(self, segment: KeptSegment) -> bool:
-        """Whether a segment is deleted."""
+        """Whether any deletion covers a segment."""
         return any(each.covers_segment(segment) for each in self._of.get(segment.name.robot, {}).values())

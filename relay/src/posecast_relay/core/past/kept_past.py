@@ -1,4 +1,4 @@
-"""What is known of the kept past, as those who read it need it: the index, and not the bytes."""
+"""The interface for readers of the kept past: an index of segments, without their bytes."""
 
 from __future__ import annotations
 
@@ -9,23 +9,22 @@ from posecast_relay.core.past.memory_store import TakeSpan
 
 
 class KeptPast(Protocol):
-    """The segments of all robots and views, each view's in the order in which they were added."""
+    """The segments of all robots and views. Those of a view are in the order in which they were added."""
 
     def find(self, name: SegmentName) -> KeptSegment | None:
-        """Return the segment of this name; None when it is not here, not yet or no more."""
+        """Return the segment with this name; None if it is not here, or no longer."""
 
     def find_oldest(self, robot: str, view: str) -> KeptSegment | None:
-        """Return the segment of a view that was added first of those that are here."""
+        """Return the oldest segment of a view that is still here, by when it was added."""
 
     def list_segments(
         self, robot: str, view: str, from_ms: int = 0, to_ms: int | None = None
     ) -> list[KeptSegment]:
-        """Return the segments that begin from `from_ms` on and before `to_ms`, unix; None: all later."""
+        """Return the segments that begin between `from_ms` and `to_ms` (exclusive), unix ms; None: no end."""
 
     def list_takes(self, robot: str, view: str) -> list[TakeSpan]:
-        """Return the takes of which there is something, in the order in which they began."""
+        """Return the takes that have segments here, in the order in which they began."""
 
     def list_after(self, name: SegmentName) -> list[KeptSegment]:
-        """Return the segments of its view that were added after the one of this name; all where it is not
-        here.
-        """
+        """Return the segments of the same view that were added after this one; all of them if it is not
+        here."""

@@ -1,4 +1,4 @@
-"""A closed segment as it is kept: its bytes, and what an index tells of it without reading them."""
+"""A closed segment: its bytes, and the facts that an index holds about it."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from posecast_wire.messages import RobotStatus
 
 from posecast_relay.core.policy.policy import Audience
 
-OBJECT_BYTES = 1000  # of Python's own for one segment, its name and what its index tells
+OBJECT_BYTES = 1000  # Python's overhead for one segment, its name and its index entry
 
 
 @dataclass(frozen=True, slots=True)
 class SegmentName:
-    """What a segment is called; never means two things. `take`: u64; `index`: in its take, from 0."""
+    """The unique name of a segment. `take`: u64; `index`: its position in the take, from 0."""
 
     robot: str
     view: str
@@ -23,14 +23,14 @@ class SegmentName:
 
 
 class PastEvent(NamedTuple):
-    """An event. `at_ms`: when it was accepted, unix ms; `text`: JSON as every viewer got it."""
+    """An event. `at_ms`: when it was accepted, unix ms; `text`: the JSON that every viewer got."""
 
     at_ms: int
     text: str
 
 
 class PastWord(NamedTuple):
-    """What the robot's status was from `at_ms` on, unix ms."""
+    """The robot's status from `at_ms` on, unix ms."""
 
     at_ms: int
     word: RobotStatus
@@ -40,10 +40,10 @@ class PastWord(NamedTuple):
 class KeptSegment:
     """A closed segment.
 
-    `run`: u64, 0 if none was known; `from_ms`, `to_ms`: unix; `missing`: frames lost between the segment
-    before and this one; `schema`: SHA-256 of `schema_text`, None without a schema; `model`: SHA-256 of the
-    manifest at the beginning, hexadecimal; `sha256`: of `data`; `words`: the first is that of the beginning;
-    `faults`: how many of `events` say that a fault began; `audiences`: those that could see all of it live.
+    `run`: u64, 0 if none was known; `from_ms`, `to_ms`: unix ms; `missing`: frames lost since the previous
+    segment; `schema`: SHA-256 of `schema_text`, or None; `model`: SHA-256 of the manifest at the start, in
+    hexadecimal; `sha256`: of `data`; `words`: the first is the status at the start; `faults`: how many of
+    `events` begin a fault; `audiences`: those that could see all of it live.
     """
 
     name: SegmentName
@@ -62,12 +62,12 @@ class KeptSegment:
     words: tuple[PastWord, ...]
     faults: int
     audiences: frozenset[Audience]
-    schema_text: str | None = field(default=None, repr=False)  # shared by all segments of that schema
-    elsewhere_bytes: int = 0  # how many bytes it has that are not here: then `data` is empty
+    schema_text: str | None = field(default=None, repr=False)  # shared by all segments with that schema
+    elsewhere_bytes: int = 0  # its size if its bytes are not here; `data` is then empty
 
     @property
     def size(self) -> int:
-        """How many bytes it has, wherever they are."""
+        """Its size in bytes, wherever the bytes are."""
         return len(self.data) + self.elsewhere_bytes
 
     @property

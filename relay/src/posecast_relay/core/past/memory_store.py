@@ -1,4 +1,4 @@
-"""The past in memory: one bound in bytes for the process, shared fairly among robots."""
+"""Keeps the past in memory: one limit in bytes for the process, shared fairly among robots."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from posecast_relay.core.past.deletions import Deletion
 from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
 
 Listener = Callable[[KeptSegment], None]
-PAGE_MS = 600_000  # what begins within so long is found together
+PAGE_MS = 600_000  # segments are grouped by the page of this length in which they begin
 
 
 class TakeSpan(NamedTuple):
-    """A take of which there are segments, from the oldest one's index to the newest one's."""
+    """A take that has segments here, with the indexes of its oldest and newest one."""
 
     take: int
     first_index: int
@@ -23,23 +23,23 @@ class TakeSpan(NamedTuple):
 
 
 class _SchemaText:
-    """A schema's text, kept as long as a segment names it."""
+    """A schema's text, kept while a segment names it."""
 
     __slots__ = ("named", "text")
 
     def __init__(self, text: str) -> None:
         self.text = text
-        self.named = 0  # by how many segments
+        self.named = 0  # how many segments name it
 
 
 class _Shelf:
-    """What is kept of one robot, oldest first."""
+    """The segments of one robot, oldest first."""
 
     def __init__(self) -> None:
         self.bytes = 0
         self.views: dict[str, deque[KeptSegment]] = {}
-        self.added_at: dict[str, deque[float]] = {}  # when each of these was added
-        self.pages: dict[tuple[str, int], deque[KeptSegment]] = {}  # the same by view and page
+        self.added_at: dict[str, deque[float]] = {}  # when each of those was added
+        self.pages: dict[tuple[str, int], deque[KeptSegment]] = {}  # the same segments by view and page
         self.takes: dict[tuple[str, int], TakeSpan] = {}  # by view and take, in the order in which they began
         self.schemas: dict[tuple[str, bytes], _SchemaText] = {}  # by view and SHA-256
 
@@ -61,17 +61,17 @@ class _Shelf:
             schema.named += 1
 
     def find_oldest_view(self) -> str:
-        """Return the view whose first segment was added first."""
+        """Return the view with the segment that was added first."""
         return min(self.added_at, key=lambda view: self.added_at[view][0])
 
     def take_oldest(self, view: str) -> KeptSegment:
-        """Remove the oldest segment of a view, and its schema when no other names it."""
+        """Remove the oldest segment of a view, and its schema if no other segment names it."""
         segment = self.views[view].popleft()
         self.added_at[view].popleft()
         if not self.views[view]:
             del self.views[view], self.added_at[view]
         of_page = self.pages[view, segment.from_ms // PAGE_MS]
-        of_page.popleft()  # the same one: both have them in one order
+        of_page.popleft()  # the same segment: both are in the same order
         if not of_page:
             del self.pages[view, segment.from_ms // PAGE_MS]
         span = self.takes[view, segment.name.take]
@@ -90,22 +90,22 @@ class _Shelf:
 
 
 class MemoryPast:
-    """Keeps closed segments. When they need more than `bytes_max` in all, the robot that has most of it loses
-    its oldest segment, until they do not.
+    """Keeps closed segments. While they exceed `bytes_max` in total, the robot that uses the most loses its
+    oldest.
     """
 
     def __init__(self, bytes_max: int) -> None:
         self.bytes_max = bytes_max
-        self.bytes = 0  # kept now
-        self.added = 0  # segments, since the process began
-        self.crowded_out = 0  # of these, those that had to go before their time
-        self.crowded = Counter[str]()  # the same by robot
+        self.bytes = 0  # in use now
+        self.added = 0  # segments, since the process started
+        self.crowded_out = 0  # segments dropped early to free memory
+        self.crowded = Counter[str]()  # the same, by robot
         self._shelves: dict[str, _Shelf] = {}  # by robot
         self._named: dict[SegmentName, KeptSegment] = {}
         self._listeners: dict[Listener, None] = {}
 
     def compute_reach_s(self, robot: str, now: float) -> float:
-        """Return for how many seconds the oldest segment of a robot has been here; 0 without one."""
+        """Return for how many seconds a robot's oldest segment has been here; 0 if it has none."""
         shelf = self._shelves.get(robot)
         return 0.0 if shelf is None else now - min(added_at[0] for added_at in shelf.added_at.values())
 
@@ -116,11 +116,13 @@ class MemoryPast:
     def add(self, segment: KeptSegment, now: float) -> None:
         """Keep a segment that has just closed, and tell the listeners. `now`: the core's clock.
 
-        Raises ValueError when one of this name is here already.
+        Raises ValueError if a segment with this name is already here.
         """
         name = segment.name
         if name in self._named:
-            raise ValueError(f"segment {name.take:016x},{name.index} of {name.robot}/{name.view}: twice")
+            raise ValueError(
+                f"segment {name.take:016x},{name.index} of {name.robot}/{name.view}: added twice"
+            )
         shelf = self._shelves.setdefault(name.robot, _Shelf())
         before = shelf.bytes
         shelf.put(segment, now)
@@ -137,7 +139,7 @@ class MemoryPast:
                 listener(segment)
 
     def on_added(self, listener: Listener) -> Callable[[], None]:
-        """Call `listener` with each segment that is added from now on, until the function returned is called.
+        """Call `listener` with each segment added from now on, until you call the returned function.
 
         A listener must not raise.
         """
@@ -149,7 +151,7 @@ class MemoryPast:
         return stop
 
     def find(self, name: SegmentName) -> KeptSegment | None:
-        """Return the segment of this name; None when it is not here, not yet or no more."""
+        """Return the segment with this name; None if it is not here, or no longer."""
         return self._named.get(name)
 
     def find_newest(self, robot: str, view: str) -> KeptSegment | None:
@@ -158,16 +160,17 @@ class MemoryPast:
         return segments[-1] if segments else None
 
     def find_oldest(self, robot: str, view: str) -> KeptSegment | None:
-        """Return the segment that was added first of those that are here."""
+        """Return the oldest segment that is still here, by when it was added."""
         segments = self._list_view(robot, view)
         return segments[0] if segments else None
 
     def list_segments(
         self, robot: str, view: str, from_ms: int = 0, to_ms: int | None = None
     ) -> list[KeptSegment]:
-        """Return the segments that begin from `from_ms` on and before `to_ms` (unix; None: all later ones).
+        """Return the segments that begin between `from_ms` and `to_ms` (exclusive), unix ms; None: no end.
 
-        They stand as they were added, which is not the order of `from_ms` where a clock was set back.
+        They are in the order in which they were added. After a clock was set back, that is not the order of
+        `from_ms`.
         """
         return [
             segment
@@ -176,17 +179,16 @@ class MemoryPast:
         ]
 
     def list_takes(self, robot: str, view: str) -> list[TakeSpan]:
-        """Return the takes of which there is something, in the order in which they began.
+        """Return the takes that have segments here, in the order in which they began.
 
-        All but the last are over, where there is one recorder.
+        With a single recorder, all but the last have ended.
         """
         shelf = self._shelves.get(robot)
         return [] if shelf is None else [span for (of, _), span in shelf.takes.items() if of == view]
 
     def list_after(self, name: SegmentName) -> list[KeptSegment]:
-        """Return the segments of its view that were added after the one of this name, in that order; all
-        where it is not here.
-        """
+        """Return the segments of the same view that were added after this one, in order; all if it is not
+        here."""
         found: list[KeptSegment] = []
         for segment in reversed(self._list_view(name.robot, name.view)):
             if segment.name == name:
@@ -195,24 +197,26 @@ class MemoryPast:
         return found[::-1]
 
     def list_robots(self) -> list[str]:
-        """Return the robots of which there is something."""
+        """Return the robots that have segments."""
         return list(self._shelves)
 
     def list_views(self, robot: str) -> list[str]:
-        """Return the views of a robot of which there is something."""
+        """Return the views of a robot that have segments."""
         shelf = self._shelves.get(robot)
         return [] if shelf is None else list(shelf.views)
 
     def find_schema_text(self, robot: str, view: str, sha256: bytes) -> str | None:
-        """Return the text of a schema that a kept segment of this view names."""
+        """Return the text of a schema that one of this view's segments names."""
         shelf = self._shelves.get(robot)
         schema = None if shelf is None else shelf.schemas.get((view, sha256))
         return None if schema is None else schema.text
 
     def forget_older(self, compute_kept_s: Callable[[str, str], float], now: float) -> None:
-        """Drop the segments that were added longer ago than a robot's view is kept, in seconds; 0: all of it.
+        """Drop the segments that are older than the retention time of their robot and view, in seconds; 0:
+        all.
 
-        Not by the time that they tell: a wall clock that is set back would make them stay.
+        Age counts from when a segment was added. With a segment's own times, a wall clock that is set back
+        would keep it forever.
         """
         for robot, shelf in list(self._shelves.items()):
             for view, added_at in list(shelf.added_at.items()):
@@ -221,11 +225,12 @@ class MemoryPast:
                     self._drop(robot, view)
 
     def drop_oldest(self, robot: str) -> None:
-        """Drop the oldest segment of a robot of which there is one."""
+        """Drop the oldest segment of a robot. It must have one."""
         self._drop(robot, self._shelves[robot].find_oldest_view())
 
     def delete(self, deletion: Deletion) -> list[KeptSegment]:
-        """Drop what a deletion covers, also from the middle, and return it. Its cost is all of that robot."""
+        """Drop and return what a deletion covers, also from the middle. Takes time for all of the robot's
+        segments."""
         before = self._shelves.get(deletion.robot)
         if before is None:
             return []
@@ -255,7 +260,7 @@ class MemoryPast:
             del self._shelves[robot]
 
     def _list_pages(self, robot: str, view: str, from_ms: int, to_ms: int | None) -> Iterable[KeptSegment]:
-        """Return what begins between these, and maybe more."""
+        """Return the segments that begin in this span, and possibly others."""
         shelf = self._shelves.get(robot)
         if shelf is None or to_ms is None or (to_ms - from_ms) // PAGE_MS >= len(shelf.pages):
             return self._list_view(robot, view)

@@ -1,4 +1,4 @@
-"""The faults that have begun and not ended, as far as events tell it."""
+"""The faults that have begun and not ended, according to events."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from posecast_relay.core.state.stream import Event
 
 
 class OpenFaults:
-    """Follows the events of one stream. Of more than a hundred open ones, the oldest are forgotten."""
+    """Follows the events of one stream. Beyond a hundred open faults it forgets the oldest."""
 
     def __init__(self, events: Iterable[Event] = ()) -> None:
-        """`events`: those of before, oldest first."""
+        """`events`: earlier events, oldest first."""
         self._texts: dict[tuple[object, object], str] = {}  # by source and text
         for event in events:
             self.record_event(json.loads(event.text), event.text)
 
     def record_event(self, doc: Mapping[str, object], text: str) -> None:
-        """Take an event. `text`: the same as JSON, as every viewer got it."""
+        """Record an event. `text`: its JSON, as every viewer got it."""
         key = doc.get("source"), doc.get("text")
         self._texts.pop(key, None)
         if doc.get("state") == "on":
@@ -29,5 +29,5 @@ class OpenFaults:
                 del self._texts[next(iter(self._texts))]
 
     def list_texts(self) -> tuple[str, ...]:
-        """Return the events with which they began, oldest first."""
+        """Return the events that began the open faults, oldest first."""
         return tuple(self._texts.values())

@@ -1,4 +1,4 @@
-"""The segment that a recording writes just now."""
+"""The segment that a recording is currently writing."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from posecast_relay.core.past.kept_segment import KeptSegment, PastEvent, PastWo
 from posecast_relay.core.policy.policy import Audience
 from posecast_relay.core.state.stream import SEQS, StoredFrame
 
-KEY_US = 1_000_000  # the first KEY after so long ends it
-LENGTH_S = 6.0  # it ends after so long in any case
-RECORD_BYTES = 24  # beside a record's content, at most
+KEY_US = 1_000_000  # the first KEY after this time ends the segment
+LENGTH_S = 6.0  # it ends after this time in any case
+RECORD_BYTES = 24  # a record's overhead, at most
 COPIED_BYTES = 2 * RECORD_BYTES
 
 
 class OpenSegment:
-    """One segment until it is closed. Times are unix µs of its take's clock, and never go back.
+    """One segment until it is closed. Times are unix µs of its take's clock and never go back.
 
-    `began_at`: seconds of the core's clock; `schema`: the one that `start.schema` is the hash of.
+    `began_at`: seconds of the core's clock; `schema`: the one whose hash is `start.schema`.
     """
 
     def __init__(self, start: SegmentStart, at_us: int, began_at: float, schema: Schema | None) -> None:
@@ -30,8 +30,8 @@ class OpenSegment:
         self._from_us = 1000 * start.from_ms
         self._began_us = at_us
         self._writer = SegmentWriter(start)
-        self._key: StoredFrame | None = None  # the newest of it
-        self._ref: StoredFrame | None = None  # likewise, since that KEY
+        self._key: StoredFrame | None = None  # the segment's newest KEY
+        self._ref: StoredFrame | None = None  # the newest REF since that KEY
         self._first_seq = 0
         self._events: list[PastEvent] = []
         self._words = [PastWord(start.from_ms, start.word)]
@@ -39,31 +39,34 @@ class OpenSegment:
 
     @property
     def frames(self) -> int:
-        """How many frames it holds, without copies."""
+        """How many frames it holds, not counting copies."""
         return self._writer.frames
 
     def takes_frame(self, frame: StoredFrame, ref: StoredFrame | None, at_us: int) -> bool:
-        """Whether it goes on with this frame; else the next one begins with it. `ref`: the newest REF."""
+        """Whether this frame continues the segment; otherwise it begins the next one. `ref`: the newest
+        REF."""
         size = len(frame.payload)
         if frame.is_key:
             if at_us - self._began_us >= KEY_US:
                 return False
         elif self._writer.frames:
             if frame.key is not self._key or (frame.ref is not None and frame.ref is not self._ref):
-                return False  # a snapshot has brought its base
+                return False  # its base came with a snapshot
         else:
             size += COPIED_BYTES + sum(len(base.payload) for base in (frame.key, ref) if base)
         return self._writer.has_room(size)
 
     def has_room(self, payload_bytes: int) -> bool:
-        """Whether a record with so many bytes of content fits."""
+        """Whether a record with this many bytes of content fits."""
         return self._writer.has_room(payload_bytes)
 
     def append_frame(
         self, frame: StoredFrame, ref: StoredFrame | None, last_seq: int | None, at_us: int, late_s: float
     ) -> None:
-        """Append a frame that it `takes_frame`. `ref`: the newest REF, this one perhaps; `last_seq`: of the
-        frame before in this take; `late_s`: its lateness in seconds.
+        """Append a frame for which `takes_frame` is true.
+
+        `ref`: the newest REF, possibly this frame; `last_seq`: of the previous frame in this take; `late_s`:
+        its lateness in seconds.
         """
         writer, at_us = self._writer, at_us - self._from_us
         if not writer.frames:
@@ -83,27 +86,28 @@ class OpenSegment:
             self._ref = frame
 
     def append_event(self, text: str, at_us: int, is_fault: bool) -> None:
-        """Append an event. `is_fault`: it tells that a fault began."""
+        """Append an event. `is_fault`: it begins a fault."""
         self._writer.append_event(text, at_us - self._from_us)
         self._events.append(PastEvent(at_us // 1000, text))
         self._faults += is_fault
 
     def append_info(self, info: dict[str, str], at_us: int) -> None:
-        """Append what the info has changed to."""
+        """Append the new info."""
         self._writer.append_info(info, at_us - self._from_us)
 
     def append_model(self, model: str | None, at_us: int) -> None:
-        """Append what the model has changed to."""
+        """Append the new model."""
         self._writer.append_model(model, at_us - self._from_us)
 
     def append_word(self, word: RobotStatus, at_us: int) -> None:
-        """Append what the robot's status has changed to."""
+        """Append the robot's new status."""
         self._writer.append_word(word, at_us - self._from_us)
         self._words.append(PastWord(at_us // 1000, word))
 
     def close(self, at_us: int, audiences: frozenset[Audience]) -> KeptSegment:
-        """Return it, closed at `at_us`, or when it was due if that is earlier. `audiences`: who could see all
-        of it live.
+        """Close the segment at `at_us`, or earlier if it was due earlier, and return it.
+
+        `audiences`: those that could see all of it live.
         """
         writer, start = self._writer, self._writer.start
         end_us = max(min(at_us, self._began_us + round(LENGTH_S * 1e6)), self._from_us + writer.at_us)

@@ -1,6 +1,7 @@
-"""Records what a hub accepts, so that those who may can look back on it.
+"""Records what a hub accepts, for viewers who may look back.
 
-What fails here ends one recording and changes nothing live: what was open is lost, and a new take begins.
+A failure here ends one recording and does not affect live data. The open segment is lost and a new take
+begins.
 """
 
 from __future__ import annotations
@@ -15,38 +16,39 @@ from posecast_relay.core.state.room import Room
 from posecast_relay.core.state.stream import Event
 from posecast_relay.core.timer_queue import TimerQueue
 
-FAULTS_MAX = 16  # that wait to be reported; further ones are counted only
+FAULTS_MAX = 16  # waiting to be reported; any more are only counted
 
 ListLookers = Callable[[Policy, str, str], frozenset[Audience]]
 
 
 class Recorder:
-    """All recordings of one hub. Until it is told a policy, it records nothing."""
+    """All recordings of one hub. It records nothing until it gets a policy."""
 
     def __init__(self, ports: RecordingPorts, list_lookers: ListLookers) -> None:
-        """`list_lookers`: who may look back on what is live now, by policy, robot and view."""
-        self.faults: Counter[str] = Counter()  # by the error's type
+        """`list_lookers`: returns the audiences that may look back on live data, by policy, robot and
+        view."""
+        self.faults: Counter[str] = Counter()  # by error type
         self._ports = ports
         self._list_lookers = list_lookers
         self._policy: Policy | None = None
-        self._recordings: dict[Room, StreamRecording | None] = {}  # None: nobody may look back on it
-        # who could see its last KEY, where a stream is not recorded just now; all, where nothing is said
+        self._recordings: dict[Room, StreamRecording | None] = {}  # None: nobody may look back
+        # the audiences that could see the last KEY of a stream that is not being recorded; no entry means all
         self._seen: dict[Room, frozenset[Audience]] = {}
         self._due = TimerQueue[StreamRecording]()
         self._reports: list[tuple[str, Exception]] = []
 
     @property
     def next_at(self) -> float:
-        """By when `close_due` has to be called, seconds of the core's clock."""
+        """When to call `close_due` at the latest, in seconds of the core's clock."""
         return self._due.next_at
 
     @property
     def count(self) -> int:
-        """How many streams are recorded now."""
+        """How many streams are being recorded."""
         return sum(1 for each in list(self._recordings.values()) if each is not None)
 
     def set_policy(self, policy: Policy, now: float) -> None:
-        """Set who may see what. What nobody may look back on is recorded no longer."""
+        """Set who may see what. Streams that nobody may look back on are no longer recorded."""
         is_first = self._policy is None
         self._policy = policy
         for room, recording in list(self._recordings.items()):
@@ -64,7 +66,7 @@ class Recorder:
                 self._end_after_fault(room, error)
 
     def record_frame(self, robot: Robot, room: Room, now: float) -> None:
-        """Record the newest frame of a stream, which has just been accepted, and the robot's status."""
+        """Record the newest frame of a stream, which was just accepted, and the robot's status."""
         try:
             recording = self._find(robot, room, room.stream.event_n, now)
             frame, late_s = room.stream.newest, room.stream.compute_age_s(now)
@@ -78,7 +80,7 @@ class Recorder:
     def record_event(
         self, robot: Robot, room: Room, event: Event, doc: dict[str, object], now: float
     ) -> None:
-        """Record an event that has just been numbered. `doc`: what it says."""
+        """Record an event that was just numbered. `doc`: its content."""
         try:
             recording = self._find(robot, room, event.n - 1, now)
             if recording is not None:
@@ -88,7 +90,7 @@ class Recorder:
             self._end_after_fault(room, error)
 
     def record_description(self, robot: Robot, room: Room, now: float) -> None:
-        """Record the info and model of a stream, as far as they have changed."""
+        """Record the info and model of a stream if they have changed."""
         try:
             recording = self._find(robot, room, room.stream.event_n, now)
             if recording is not None:
@@ -98,7 +100,7 @@ class Recorder:
             self._end_after_fault(room, error)
 
     def record_statuses(self, robot: Robot, now: float) -> None:
-        """Record the robot's status in those of its streams that are recorded, where it has changed."""
+        """Record the robot's status, if it has changed, in those of its streams that are being recorded."""
         for room in robot.rooms.values():
             try:
                 recording = self._recordings.get(room)
@@ -118,7 +120,7 @@ class Recorder:
                 self._end_after_fault(recording.room, error)
 
     def close_all(self, now: float) -> None:
-        """Close all open segments, since the process is about to stop."""
+        """Close all open segments, because the process is stopping."""
         for room, recording in list(self._recordings.items()):
             try:
                 if recording is not None:
@@ -127,7 +129,7 @@ class Recorder:
                 self._end_after_fault(room, error)
 
     def forget_robot(self, robot: Robot, now: float) -> None:
-        """Close what is open of a robot, which the hub forgets."""
+        """Close a robot's open segments, because the hub forgets the robot."""
         for room in robot.rooms.values():
             try:
                 recording = self._recordings.pop(room, None)
@@ -138,12 +140,12 @@ class Recorder:
                 self._end_after_fault(room, error)
 
     def take_faults(self) -> list[tuple[str, Exception]]:
-        """Return what has failed since the last call, each with its place."""
+        """Return the failures since the last call, each with its place."""
         reports, self._reports = self._reports, []
         return reports
 
     def _find(self, robot: Robot, room: Room, event_n: int, now: float) -> StreamRecording | None:
-        """The recording of a stream, begun when it is new; None where nobody may look back."""
+        """Return a stream's recording, started if it is new; None if nobody may look back."""
         if room in self._recordings:
             return self._recordings[room]
         audiences = (

@@ -1,8 +1,7 @@
-"""Encodes what an index tells of a segment of the past, as it stands where the segment's bytes do: in Redis,
-and in an object store's indexes.
+"""Encodes the index entry of a segment, as it is stored next to the bytes in Redis and in an object store.
 
-What is read there isn't trusted: whatever is malformed, or of another version, raises ValueError with a
-message of one line.
+Input is not trusted. If it is malformed or of another version, reading raises ValueError with a one-line
+message.
 """
 
 from __future__ import annotations
@@ -19,23 +18,23 @@ from posecast_relay.core.past.kept_segment import KeptSegment, PastEvent, PastWo
 from posecast_relay.core.policy.policy import Audience
 
 VERSION = 1
-RECORD_BYTES_MAX = 1 << 22  # a segment holds a megabyte of events at most; escaped anew they may take more
+RECORD_BYTES_MAX = 1 << 22  # a segment holds at most 1 MB of events; escaping can make them longer
 SEGMENT_BYTES_MAX = 3 << 20
 U32_MAX, WHOLE_MAX = (1 << 32) - 1, (1 << 53) - 1
 SPAN_MS_MAX = 600_000
-LISTED_MAX = 1 << 19  # events or words: more of them do not fit into a segment
+LISTED_MAX = 1 << 19  # events or statuses: more do not fit into a segment
 U64 = re.compile("[0-9a-f]{16}", re.ASCII)
 SHA256 = re.compile("[0-9a-f]{64}", re.ASCII)
 WORDS = get_args(RobotStatus)
 
 
 def pack_record(segment: KeptSegment) -> bytes:
-    """Encode what an index tells of a segment, without its name's robot and view. Raises ValueError."""
+    """Encode the index entry of a segment, without its robot and view. Raises ValueError."""
     return dump_json(make_record(segment))
 
 
 def make_record(segment: KeptSegment) -> dict[str, object]:
-    """Make what an index tells of a segment, without its name's robot and view."""
+    """Make the index entry of a segment, without its robot and view."""
     return {
         "v": VERSION,
         "take": f"{segment.name.take:016x}",
@@ -59,18 +58,18 @@ def make_record(segment: KeptSegment) -> dict[str, object]:
 
 
 def unpack_record(robot: str, view: str, data: bytes) -> KeptSegment:
-    """Read what an index tells of a segment; its bytes are elsewhere. Raises ValueError when it is none."""
+    """Parse the index entry of a segment whose bytes are elsewhere. Raises ValueError if it is invalid."""
     if len(data) > RECORD_BYTES_MAX:
         raise ValueError("record: too long")
     return read_record(robot, view, loads(data))
 
 
 def read_record(robot: str, view: str, doc: object) -> KeptSegment:
-    """Read what an index tells of a segment, taken out of JSON. Raises ValueError when it is none."""
+    """Read the index entry of a segment from parsed JSON. Raises ValueError if it is invalid."""
     if not isinstance(doc, dict):
-        raise ValueError("record: no object")
+        raise ValueError("record: not an object")
     if doc.get("v") != VERSION:
-        raise ValueError(f"record: of version {doc.get('v')!r:.20}")
+        raise ValueError(f"record: unsupported version {doc.get('v')!r:.20}")
     schema, from_ms = doc.get("schema"), _whole(doc, "from", WHOLE_MAX - SPAN_MS_MAX)
     to_ms = _whole(doc, "to", from_ms + SPAN_MS_MAX)
     if to_ms < from_ms:
@@ -97,7 +96,7 @@ def read_record(robot: str, view: str, doc: object) -> KeptSegment:
 
 
 def is_event(text: str) -> bool:
-    """Whether it is an event, numbered: an index writes it anew without taking it apart."""
+    """Whether it is a numbered event: an index copies it without parsing it."""
     try:
         doc = loads(text)
     except ValueError:
@@ -106,32 +105,32 @@ def is_event(text: str) -> bool:
 
 
 def dump_json(doc: object) -> bytes:
-    """Encode as JSON. Raises ValueError for what is no valid JSON: 1e999, half a surrogate pair."""
+    """Encode as JSON. Raises ValueError for values that JSON can't hold: 1e999, half a surrogate pair."""
     return json.dumps(doc, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
 
 
 def _whole(doc: dict[str, Any], name: str, most: int) -> int:
     found = doc.get(name)
     if type(found) is not int or not 0 <= found <= most:
-        raise ValueError(f"record: {name} is none")
+        raise ValueError(f"record: invalid {name}")
     return found
 
 
 def _hex(doc: dict[str, Any], name: str, form: re.Pattern[str]) -> str:
     found = doc.get(name)
     if not isinstance(found, str) or not form.fullmatch(found):
-        raise ValueError(f"record: {name} is none")
+        raise ValueError(f"record: invalid {name}")
     return found
 
 
 def _pairs(doc: dict[str, Any], name: str, is_text: Callable[[str], bool]) -> list[tuple[int, str]]:
     found = doc.get(name)
     if not isinstance(found, list) or len(found) > LISTED_MAX:
-        raise ValueError(f"record: {name} are none")
+        raise ValueError(f"record: invalid {name}")
     for pair in found:
         whole = isinstance(pair, list) and len(pair) == 2 and type(pair[0]) is int
         if not whole or not 0 <= pair[0] <= WHOLE_MAX or not isinstance(pair[1], str) or not is_text(pair[1]):
-            raise ValueError(f"record: {name} are none")
+            raise ValueError(f"record: invalid {name}")
     return [(at, text) for at, text in found]
 
 
@@ -140,8 +139,8 @@ def _is_word(text: str) -> bool:
 
 
 def _audiences(doc: dict[str, Any]) -> frozenset[Audience]:
-    """Those that are known here: what another version calls by a new name sees nothing."""
+    """The audiences known to this version. An unknown name from another version sees nothing."""
     found = doc.get("audiences")
     if not isinstance(found, list):
-        raise ValueError("record: audiences are none")
+        raise ValueError("record: invalid audiences")
     return frozenset(audience for audience in Audience if audience.value in found)

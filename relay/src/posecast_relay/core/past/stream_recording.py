@@ -1,4 +1,4 @@
-"""Records one stream: what it accepts becomes segments, one after the other."""
+"""Records one stream: turns what it accepts into consecutive segments."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from posecast_relay.core.state.room import Room
 from posecast_relay.core.state.stream import Event, StoredFrame
 from posecast_relay.core.timer_queue import NEVER
 
-STEP_US = 1_000_000  # by which the wall clock may differ from the monotonic one within a take
+STEP_US = 1_000_000  # how far the wall clock may drift from the monotonic clock within a take
 
 
 class RecordingPorts(NamedTuple):
-    """What a recording can't know by itself.
+    """What a recording needs from outside.
 
-    `keep` takes each closed segment and the time of the core's clock; `draw` returns a random u64;
-    `read_unix_s` reads the wall clock.
+    `keep` takes each closed segment and the core's time; `draw` returns a random u64; `read_unix_s` reads the
+    wall clock.
     """
 
     keep: Callable[[KeptSegment, float], object]
@@ -34,10 +34,11 @@ class RecordingPorts(NamedTuple):
 
 
 class StreamRecording:
-    """One stream's recording. Each `take_…` comes at the moment at which the stream has accepted something.
+    """One stream's recording. Call each `take_…` when the stream has just accepted something.
 
-    `word`: the robot's status now; `event_n`: the newest event that is not to come by `take_event`;
-    `seen`: who could see the KEY that its newest frames name; for others it begins with the next one.
+    `word`: the robot's current status; `event_n`: the newest event that will not come through `take_event`;
+    `seen`: the audiences that could see the KEY that its newest frames name. For other audiences the past
+    begins with the next KEY.
     """
 
     def __init__(
@@ -54,41 +55,43 @@ class StreamRecording:
         self._stream = stream = room.stream
         self._ports = ports
         self._audiences = audiences
-        self._seen = seen & audiences  # for whom the open segment is
+        self._seen = seen & audiences  # who may see the open segment
         self._word = word
         self._info = stream.info
         self._model = stream.model
-        self._schema: Schema | None = None  # whose hash is known
+        self._schema: Schema | None = None  # the last one hashed
         self._schema_hash: str | None = None
         self._open: OpenSegment | None = None
         self._at_us = 0
-        self._last_seq: int | None = None  # of this take
+        self._last_seq: int | None = None  # in this take
         self._begin_take(now)
-        self._name = f"{self._take:016x}"  # of the events' count, where nobody else names it
+        self._name = f"{self._take:016x}"  # names the count of events if nobody else does
         self._follow_events(event_n)
 
     @property
     def due_at(self) -> float:
-        """When the open segment has to be closed, seconds of the core's clock; NEVER without one."""
+        """When to close the open segment, in seconds of the core's clock; NEVER if there is none."""
         return NEVER if self._open is None else self._open.due_at
 
     @property
     def seen(self) -> frozenset[Audience]:
-        """Those who may look back and could see the KEY that the newest frames name."""
+        """The audiences that may look back and could see the KEY that the newest frames name."""
         return self._seen
 
     def set_audiences(self, audiences: frozenset[Audience], now: float) -> None:
-        """Set who may look back on what is live now. What nobody could see all of is dropped. Who is new gets
-        what begins with the next KEY: frames before that would show them the last pose that was hidden.
+        """Set which audiences may look back on live data.
+
+        A segment that no audience could see completely is dropped. A new audience starts with the next KEY:
+        earlier frames would show the last pose that was hidden from it.
         """
         self._audiences = audiences
         self._seen &= audiences
-        if not self._seen:  # a take of before would call lost what is withheld
+        if not self._seen:  # the old take would report withheld frames as lost
             self._open = None
             self._begin_take(now)
 
     def take_frame(self, frame: StoredFrame, late_s: float, now: float) -> None:
-        """Record a frame. `late_s`: its lateness in seconds, as viewers are told."""
+        """Record a frame. `late_s`: its lateness in seconds, as sent to viewers."""
         at_us = self._follow(now, self._stream.event_n)
         if frame.is_key and self._seen != self._audiences:
             self.close(now)
@@ -105,13 +108,13 @@ class StreamRecording:
             key = frame if frame.key is None else frame.key
             schema = self._stream.schema
             if schema is None or parse_header(key.payload).schema_id != schema.id:
-                return  # nobody could read it
+                return  # nobody could decode it
         segment = self._enter(at_us, now)
         segment.append_frame(frame, self._stream.ref, self._last_seq, at_us, late_s)
         self._last_seq = frame.seq
 
     def take_event(self, event: Event, doc: dict[str, object], now: float) -> None:
-        """Record an event, which the stream has just numbered. `doc`: what it says."""
+        """Record an event that the stream has just numbered. `doc`: its content."""
         at_us = self._follow(now, event.n - 1)
         if self._seen:
             self._make_room(2 * len(event.text), now)
@@ -121,7 +124,7 @@ class StreamRecording:
         self._faults.record_event(doc, event.text)
 
     def take_description(self, now: float) -> None:
-        """Record the stream's info and model, as far as they have changed."""
+        """Record the stream's info and model if they have changed."""
         info, model = self._stream.info, self._stream.model
         if not self._seen:
             self._info, self._model = info, model
@@ -150,18 +153,18 @@ class StreamRecording:
             self.close(now)
 
     def drop(self) -> None:
-        """Forget the open segment, which nobody may or can read."""
+        """Drop the open segment, which nobody may see or can read."""
         self._open = None
 
     def close(self, now: float) -> None:
-        """Close the open segment, if there is one, and hand it over."""
+        """Close the open segment, if any, and hand it over."""
         segment, self._open = self._open, None
         if segment is not None:
             self._index += 1
             self._ports.keep(segment.close(self._compute_at_us(now), self._seen), now)
 
     def _follow(self, now: float, event_n: int) -> int:
-        """What a new record's time is, in µs of the take. Before, what has ended is closed."""
+        """Return the time of a new record in µs of the take, after closing what has ended."""
         if self._open is not None and now >= self._open.due_at:
             self.close(now)
         stream = self._stream
@@ -187,7 +190,7 @@ class StreamRecording:
         self._at_us = 0
 
     def _follow_events(self, event_n: int) -> None:
-        """Take over the stream's events up to that number, as they are counted now."""
+        """Take over the stream's events up to this number, as they are counted now."""
         self._said_numbering = self._stream.numbering
         self._event_n = event_n
         self._faults = OpenFaults(event for event in self._stream.events if event.n <= event_n)
@@ -197,7 +200,7 @@ class StreamRecording:
             self.close(now)
 
     def _enter(self, at_us: int, now: float) -> OpenSegment:
-        """The open segment; a new one begins now where there is none."""
+        """Return the open segment, started now if there is none."""
         if self._open is None:
             stream = self._stream
             schema = stream.schema

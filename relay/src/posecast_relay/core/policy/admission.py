@@ -1,7 +1,7 @@
-"""Decides who is let in: one pure function, used by WebSockets, event streams and every HTTP route alike.
+"""Decides who is let in: one pure function for WebSockets, event streams and every HTTP route.
 
-What it takes I/O to find out (an address, a token) comes in as values, and as it becomes known: whoever asks
-may be judged again when more is known of them. A refusal says everything of itself, for every way in.
+Facts that need I/O (an address, a token) are passed in as values once they are known. A caller may be judged
+again when more is known. A refusal holds everything that each kind of connection needs.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from posecast_wire import Close
 from posecast_relay.core.policy.lane import find_lane
 from posecast_relay.core.policy.policy import Grant, Policy, Principal
 
-HIDDEN = "no such robot here, or not for you"
+HIDDEN = "no such robot, or you may not see it"
 GOING = "the relay is being replaced"
 FULL_RETRY_S = 30.0
-DRAIN_RETRY_S = 0.5  # they are moved away a few at a time, so need not be spread once more
+DRAIN_RETRY_S = 0.5  # viewers leave a few at a time, so their return is already spread
 PREVIEW_HZ = 1.0
 
 
 @dataclass(frozen=True)
 class Refusal:
-    """Why somebody is not let in: as a close code and as an HTTP status, in words, and when to try again.
+    """Why a viewer or caller is refused: a close code, an HTTP status, a text, and when to retry.
 
-    `at_door`: before there is a stream, so a WebSocket is answered by the status as well. `retry_s` None: the
-    close code alone says whether to try again. `lane`: where to read on meanwhile.
+    `at_door`: refused before a stream exists, so that a WebSocket also gets the HTTP status. `retry_s` None:
+    the close code alone says whether to retry. `lane`: where to read on meanwhile.
     """
 
     close: Close
@@ -37,82 +37,84 @@ class Refusal:
     lane: str | None = None
 
 
-# What a page of another origin, or an address, may not: they end before a WebSocket begins.
-FOREIGN = Refusal(Close.FORBIDDEN, HTTPStatus.FORBIDDEN, "not for pages of this origin", None, at_door=True)
+# Refusals of a page's origin or of an address come before a WebSocket begins.
+FOREIGN = Refusal(
+    Close.FORBIDDEN, HTTPStatus.FORBIDDEN, "pages of this origin may not use it", None, at_door=True
+)
 CROWDED = Refusal(
-    *(Close.FULL, HTTPStatus.SERVICE_UNAVAILABLE, "as many streams as this address may have", FULL_RETRY_S),
+    *(Close.FULL, HTTPStatus.SERVICE_UNAVAILABLE, "too many streams from this address", FULL_RETRY_S),
     at_door=True,
 )
-# What comes of a token or of the policy, by close code.
+# Refusals because of a token or the policy, by close code.
 REFUSALS = {
     refusal.close: refusal
     for refusal in (
-        Refusal(Close.TOKEN, HTTPStatus.UNAUTHORIZED, "the link or sign-in is wrong or has expired"),
+        Refusal(Close.TOKEN, HTTPStatus.UNAUTHORIZED, "the link or sign-in is invalid or has expired"),
         Refusal(Close.ABSENT, HTTPStatus.NOT_FOUND, HIDDEN),
-        Refusal(Close.FORBIDDEN, HTTPStatus.FORBIDDEN, "this view is not for you"),
+        Refusal(Close.FORBIDDEN, HTTPStatus.FORBIDDEN, "you may not see this view"),
         Refusal(
             Close.FULL,
             HTTPStatus.SERVICE_UNAVAILABLE,
-            "who you are can't be found out just now",
+            "your sign-in can't be checked right now",
             FULL_RETRY_S,
         ),
         Refusal(
             Close.INTERNAL_ERROR,
             HTTPStatus.INTERNAL_SERVER_ERROR,
-            "a fault of the relay's own at this connection",
+            "internal error of the relay at this connection",
         ),
     )
 }
-# What comes of who is here already.
+# Refusals because of the viewers that are already here.
 DRAINING = Refusal(Close.DRAIN, HTTPStatus.SERVICE_UNAVAILABLE, GOING, DRAIN_RETRY_S)
 FULL = Refusal(
-    *(Close.FULL, HTTPStatus.SERVICE_UNAVAILABLE, "as many viewers as this relay takes", FULL_RETRY_S)
+    *(Close.FULL, HTTPStatus.SERVICE_UNAVAILABLE, "the relay has no room for more viewers", FULL_RETRY_S)
 )
 ROBOT_FULL = Refusal(
-    *(Close.FULL, HTTPStatus.SERVICE_UNAVAILABLE, "as many viewers as this robot takes", FULL_RETRY_S)
+    *(Close.FULL, HTTPStatus.SERVICE_UNAVAILABLE, "this robot has no room for more viewers", FULL_RETRY_S)
 )
 
 
 @dataclass(frozen=True)
 class Occupancy:
-    """Who watches already, when somebody is about to join. A hub counts it."""
+    """The viewers that are already here when another one wants to join. The hub counts them."""
 
     viewers: int
     viewers_max: int
-    of_audience: int = 0  # by the same audience's rule for the same robot
-    previews: int = 0  # of these, who gives way to a viewer
+    of_audience: int = 0  # under the same audience's rule for the same robot
+    previews: int = 0  # of these, those that give way to a viewer
     previews_of_audience: int = 0
     is_draining: bool = False
 
 
 @dataclass(frozen=True)
 class Applicant:
-    """Who asks for what, as far as it is known by now."""
+    """What is known so far of a caller and its request."""
 
-    robot: str | None = None  # None: for what concerns no robot alone, as the list
-    view: str | None = None  # None: whichever they may see
-    shows_token: bool = False  # or says that one will come
-    is_foreign: bool = False  # a page of an origin that may not show what is not for everybody
-    is_crowded: bool = False  # their address has as many streams as it may
-    bad_name: str | None = None  # why there can be no such robot or view
-    who: Principal | Close | None = None  # None: not found out yet; a close code: why it can't be
-    is_preview: bool = False  # they want a picture that moves now and then, and give way to viewers
+    robot: str | None = None  # None: the request is about no single robot, for example the list
+    view: str | None = None  # None: any view they may see
+    shows_token: bool = False  # or announces one
+    is_foreign: bool = False  # a page whose origin may only show public data
+    is_crowded: bool = False  # their address has reached its limit of streams
+    bad_name: str | None = None  # why this name of a robot or view is invalid
+    who: Principal | Close | None = None  # None: not known yet; a close code: why it can't be known
+    is_preview: bool = False  # they want an occasional frame, and give way to viewers
 
 
 def admit(applicant: Applicant, policy: Policy, has_past: bool = False) -> Grant | Refusal | None:
     """Return what an applicant may see of a robot, or why they are refused.
 
     None: there is no reason to refuse, but the robot or the applicant is not known yet. `has_past`: whether
-    this process answers for the past, so that there can be a lane.
+    this process serves the past, so that a lane can exist.
 
-    The order is that of cost: what stands in the request, then who asks, then what that one may see. Whether
-    there is room is judged when they join, by `find_no_room`.
+    The checks run in order of cost: first the request itself, then who is asking, then what they may see.
+    `find_no_room` judges whether there is room when they join.
     """
     if applicant.shows_token and applicant.is_foreign:
         return FOREIGN
     if applicant.is_crowded:
         lane = _find_lane(applicant, policy) if has_past else None
-        # a browser does not see why it is turned away at the door: they are let in to be told the lane
+        # a browser can't see why a handshake failed, so let it in to send it the lane
         return CROWDED if lane is None else replace(CROWDED, at_door=False, lane=lane)
     if applicant.bad_name is not None:
         return Refusal(Close.ABSENT, HTTPStatus.NOT_FOUND, applicant.bad_name)
@@ -129,18 +131,20 @@ def admit(applicant: Applicant, policy: Policy, has_past: bool = False) -> Grant
 
 
 def _find_lane(applicant: Applicant, policy: Policy) -> str | None:
-    """Return the lane of what anyone may see of what they ask for. A picture in a list has none."""
+    """Return the lane of the public part of what they ask for. A picture in a list has no lane."""
     if applicant.robot is None or applicant.bad_name is not None or applicant.is_preview:
         return None
     return find_lane(policy, applicant.robot, applicant.view)
 
 
 def find_no_room(grant: Grant | None, occupancy: Occupancy) -> Refusal | None:
-    """Why a viewer who may watch can't join now; None when there is room. `grant` None: nobody asked for one.
+    """Return why a viewer who may watch can't join now; None if there is room. `grant` None: none was
+    requested.
 
-    A viewer has the place of a preview as well: whoever counts ends one then. A preview has free places only.
-    The last step of admission, and its own function: only a hub counts viewers, and only at that moment.
-    Who would find room but for the bound of the whole relay is told the lane, where there is one.
+    A viewer may take the place of a preview: the hub then ends one. A preview may only take a free place.
+    This is the last step of admission. It is a separate function because only a hub counts viewers, and only
+    at that moment. A viewer that is refused only by the limit of the whole relay is sent the lane, if there
+    is one.
     """
     if occupancy.is_draining:
         return DRAINING

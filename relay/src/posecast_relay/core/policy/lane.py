@@ -1,7 +1,7 @@
-"""The lane: where somebody reads on for whom a full relay has no place.
+"""The lane: where viewers can read on when the relay is full.
 
-It is what anyone may look back on, as segments by HTTP, through any cache; so it is told only where these are
-what anyone sees live.
+The lane serves the public past as segments over HTTP, through any cache. It is offered only if those segments
+show exactly what `anyone` sees live.
 """
 
 from __future__ import annotations
@@ -11,24 +11,23 @@ import math
 from posecast_relay.core.policy.past import shows_all
 from posecast_relay.core.policy.policy import Audience, Policy
 
-LANE_PAST_S = 15.0  # a segment lasts 6 s at most, and who waits for the next one may come 9 s late
-TRIES_PER_S = 20.0  # of those in the lane, for a stream: a refusal costs half a millisecond
-PACE_S = 60.0  # how far back it counts how many came
+LANE_PAST_S = 15.0  # a segment lasts at most 6 s, and a request for the next one may be 9 s late
+TRIES_PER_S = 20.0  # attempts of lane readers to get a stream: each refusal costs half a millisecond
+PACE_S = 60.0  # the time over which arrivals are counted
 RETRY_S_MAX = 600.0
 
 NO_PAST = "this process keeps no past (--past 0)"
-NOT_OPEN = "it is not open to anyone"
-DELAYED = "anyone sees it with a delay"
-NOT_ALL = "anyone gets fewer frames than there are (`hz`)"
-NO_LOOK_BACK = f"anyone may not look back on it for {LANE_PAST_S:g} s (`past`)"
-CAPPED = "as many viewers watch it as its own rule allows (`viewers`)"
+NOT_OPEN = "`anyone` may not see it"
+DELAYED = "`anyone` sees it with a delay"
+NOT_ALL = "`anyone` gets a reduced rate (`hz`)"
+NO_LOOK_BACK = f"`anyone` may look back less than {LANE_PAST_S:g} s (`past`)"
+CAPPED = "its own rule limits the viewers (`viewers`)"
 
 
 def find_lane(policy: Policy, robot: str, view: str | None) -> str | None:
-    """Return the address of the lane as `bye` tells it, to be resolved against that of the stream; None where
-    there is none.
+    """Return the lane's address as sent in `bye`, relative to that of the stream; None if there is no lane.
 
-    `view` None: whichever anyone may see. There may be no segment there yet.
+    `view` None: any view that `anyone` may see. The lane may not have a segment yet.
     """
     return (
         None
@@ -38,7 +37,7 @@ def find_lane(policy: Policy, robot: str, view: str | None) -> str | None:
 
 
 def explain_no_lane(policy: Policy, robot: str, view: str | None) -> str | None:
-    """Return why a robot and view have no lane by the rules, as the log says it; None where they have one."""
+    """Return why the rules give a robot and view no lane, for the log; None if they have one."""
     rule = policy.find_rules(robot).get(Audience.ANYONE)
     if rule is None or rule.blackout or rule.viewers == 0 or view not in (None, rule.view):
         return NOT_OPEN
@@ -50,17 +49,17 @@ def explain_no_lane(policy: Policy, robot: str, view: str | None) -> str | None:
 
 
 class RetryPace:
-    """When those who are sent to the lane are to try a stream again: the more they are the more seldom.
+    """Decides when viewers in the lane retry a stream: the more there are, the longer each waits.
 
-    Else what a full relay has to do would grow with all who read the lane, though caches serve these.
+    Otherwise the load on a full relay would grow with the number of lane readers, although caches serve them.
     """
 
     def __init__(self) -> None:
-        self._came = 0.0  # lately, each the less the longer ago
+        self._came = 0.0  # recent arrivals, weighted down with age
         self._at = 0.0
 
     def choose_retry_s(self, least_s: float, now: float) -> float:
-        """Count one more who is sent to the lane; return in how many seconds they may come again."""
+        """Count one more viewer sent to the lane, and return in how many seconds it may retry."""
         self._came = self._came * math.exp((self._at - now) / PACE_S) + 1.0
         self._at = now
         return max(least_s, min(RETRY_S_MAX, float(round(self._came / TRIES_PER_S))))

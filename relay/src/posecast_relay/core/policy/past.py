@@ -1,7 +1,7 @@
-"""Who may look back on what: the rules of today, and those of the time when it was recorded.
+"""Who may look back on what, by today's rules and those in force at the time of recording.
 
-A segment bears the names of the audiences that could see all of it live and had a past then. So a rule that
-is written later opens nothing of before, and one that is taken back closes everything at once.
+A segment lists the audiences that could see all of it live and had a past at that time. So a new rule never
+opens older data, and a revoked rule closes everything at once.
 """
 
 from __future__ import annotations
@@ -27,45 +27,45 @@ ComputeKept = Callable[[Policy, str, str], float]
 
 
 class Recorded(Protocol):
-    """A stretch of time that was recorded. `from_ms`, `to_ms`: unix; `audiences`: who could see all of it."""
+    """A recorded time span. `from_ms`, `to_ms`: unix ms; `audiences`: those that could see all of it live."""
 
     @property
     def from_ms(self) -> int:
-        """Its beginning."""
+        """Its start, unix ms."""
 
     @property
     def to_ms(self) -> int:
-        """Its end."""
+        """Its end, unix ms."""
 
     @property
     def audiences(self) -> frozenset[Audience]:
-        """Who could see all of it live."""
+        """The audiences that could see all of it live."""
 
 
 @dataclass(frozen=True)
 class PastWindow:
-    """What somebody may look back on now, in unix ms: what lies in it as a whole. Empty: `from_ms` is
-    `to_ms`."""
+    """The time span, unix ms, that a caller may look back on now. It is empty if `from_ms` equals `to_ms`."""
 
     from_ms: int
     to_ms: int
 
     def compute_left_s(self, from_ms: int) -> float:
-        """Return for how many seconds more a segment that began at `from_ms` may be looked at; at least 0."""
+        """Return how many more seconds a segment that began at `from_ms` stays visible; at least 0."""
         return max(0.0, (from_ms - self.from_ms) / 1000) if self.to_ms > self.from_ms else 0.0
 
 
 def shows_all(rule: Rule) -> bool:
-    """Whether an audience sees each frame by this rule, at once or delayed: a rate below FULL_HZ may leave
-    some out, whatever the robot's is just now.
+    """Whether a rule shows an audience every frame, live or delayed.
+
+    A rate below FULL_HZ may skip frames, whatever the robot's current rate is.
     """
     return not rule.blackout and rule.viewers != 0 and rule.hz >= FULL_HZ
 
 
 def list_lookers(policy: Policy, robot: str, view: str) -> frozenset[Audience]:
-    """Return the audiences that may look back on what a view shows now. None: it need not be recorded.
+    """Return the audiences that may look back on what a view shows now. If empty, it need not be recorded.
 
-    They can see all of it live, and their rule gives them a past already.
+    They see all of it live, and their rule already gives them a past.
     """
     return frozenset(
         audience
@@ -75,9 +75,9 @@ def list_lookers(policy: Policy, robot: str, view: str) -> frozenset[Audience]:
 
 
 def compute_kept_s(policy: Policy, robot: str, view: str) -> float:
-    """Return for how many seconds after its end a segment of this view may still be asked for.
+    """Return for how many seconds after its end a segment of this view can still be requested.
 
-    0: by nobody, so that nothing of it need be kept. A blackout keeps what is there: it ends.
+    0: nobody can request it, so it need not be kept. A blackout is temporary and does not shorten this.
     """
     return max(
         (
@@ -90,8 +90,10 @@ def compute_kept_s(policy: Policy, robot: str, view: str) -> float:
 
 
 def list_idle_keeps(policy: Policy) -> list[tuple[str, str | None]]:
-    """Return of what nothing is kept in an object store though the file of robots has `keep`, since nobody
-    may look back on it: robots, with a view of theirs, or None where it is all of them. A blackout ends.
+    """Return the robots, with a view or None for all views, whose `keep` has no effect.
+
+    The file of robots has `keep` for them, but nobody may look back on them, so nothing is stored. A blackout
+    does not count, because it is temporary.
     """
     found: list[tuple[str, str | None]] = []
     for robot in policy.keeps_s:
@@ -107,15 +109,16 @@ def list_idle_keeps(policy: Policy) -> list[tuple[str, str | None]]:
 
 
 def compute_recent_s(policy: Policy, robot: str, view: str) -> float:
-    """Return for how many seconds a segment of this view is kept in memory or Redis when there is an archive:
-    no longer than RECENT_S where the robot's past is in that.
+    """Return for how many seconds memory or Redis keeps a segment of this view if there is an archive.
+
+    At most RECENT_S if the archive keeps this robot's past.
     """
     kept_s = compute_kept_s(policy, robot, view)
     return min(kept_s, RECENT_S) if robot in policy.keeps_s else kept_s
 
 
 def compute_kept_longest_s(policy: Policy, kept_s: ComputeKept = compute_kept_s) -> float:
-    """Return the longest time in seconds for which any segment may still be asked for."""
+    """Return the longest time in seconds for which any segment can still be requested."""
     if policy.rules is None:
         return max(rule.compute_past_s(audience) for audience, rule in EVERYBODY.items())
     return max(
@@ -129,15 +132,15 @@ def compute_kept_longest_s(policy: Policy, kept_s: ComputeKept = compute_kept_s)
 
 
 def find_past_window(grant: Grant, unix_ms: int) -> PastWindow:
-    """Return what a grant lets somebody look back on at `unix_ms`: in its own, delayed time."""
+    """Return what a grant may look back on at `unix_ms`, taking its delay into account."""
     shown_ms = unix_ms - round(1000 * grant.delay_s)
     return PastWindow(shown_ms - round(1000 * grant.past_s), shown_ms)
 
 
 def judge_past(grant: Grant, recorded: Recorded, window: PastWindow) -> bool:
-    """Whether a segment of the grant's robot and view is for whoever has the grant.
+    """Whether a grant may see a segment of its robot and view.
 
-    It lies in the `window`, and the audience by whose rule they see the robot could see all of it live.
+    The segment must lie in the `window`, and the grant's audience must have been able to see all of it live.
     """
     return (
         grant.by in recorded.audiences

@@ -1,7 +1,7 @@
-"""Who may see what: one pure function, asked by the stream, by events, by the state, the list and the models.
+"""Who may see what: one pure function for streams, events, state, the list and models.
 
-A robot's rules are by audience. Whoever proves nothing is `anyone`; a share link or a signed-in account comes
-before that. Where no rule lets somebody in, the robot is absent, as one that does not exist is.
+A robot has one rule per audience. A caller without proof is `anyone`; a share link or a sign-in takes
+precedence. If no rule admits a caller, the robot looks like one that does not exist.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from enum import StrEnum
 
 from posecast_wire import Close
 
-PUBLIC = "public"  # the view that there is unless a profile says otherwise
+PUBLIC = "public"  # the default view, unless a profile defines others
 DELAY_MAX_S = 60.0
-FULL_HZ = 60.0  # the most that anybody gets live: a rule of less may leave frames out
-PAST_S = 1800.0  # how far back an audience may look that sees a robot live, unless its rule says otherwise
+FULL_HZ = 60.0  # the highest live rate: a rule with a lower rate may skip frames
+PAST_S = 1800.0  # how far back an audience with live access may look by default
 
 
 class Audience(StrEnum):
-    """Who asks, by how they proved it. The values are the names used in the file of `--robots`."""
+    """The kind of caller, by the proof it gave. The values are the names used in the file of `--robots`."""
 
     ANYONE = "anyone"
     SIGNED_IN = "signed-in"
@@ -28,10 +28,10 @@ class Audience(StrEnum):
 
 @dataclass(frozen=True)
 class Rule:
-    """What an audience gets of a robot. `viewers`: of this audience at a time, in this process.
+    """What an audience may see of a robot. `viewers`: of this audience at a time, in this process.
 
-    `frames`: origins of pages that may frame what `anyone` sees; None: any page. `past_s`: how far back it
-    may look, in seconds; None: nothing is said of it.
+    `frames`: origins of pages that may embed what `anyone` sees; None: any page. `past_s`: how far back it
+    may look, in seconds; None: not set.
     """
 
     view: str = PUBLIC
@@ -43,10 +43,10 @@ class Rule:
     past_s: float | None = None
 
     def compute_past_s(self, audience: Audience) -> float:
-        """Return how far back `audience` may look by this rule, in seconds.
+        """Return how far back `audience` may look under this rule, in seconds.
 
-        0 where frames may be left out, since a segment holds them all; and, unless the rule says otherwise,
-        for share links and for what is delayed.
+        0 if frames may be skipped, because segments hold all frames. Also 0 by default for share links and
+        for delayed views.
         """
         if self.hz < FULL_HZ:
             return 0.0
@@ -57,7 +57,7 @@ class Rule:
 
 @dataclass(frozen=True)
 class Principal:
-    """Who asks, as far as `token` proves it. `robot`: the one that a share link opens. `until_s`: unix."""
+    """A caller, as its `token` proves. `robot`: the one that a share link opens. `until_s`: unix s."""
 
     audience: Audience = Audience.ANYONE
     robot: str | None = None
@@ -70,8 +70,8 @@ ANYONE = Principal()
 
 @dataclass(frozen=True)
 class Grant:
-    """What somebody may see: one view of one robot, so often, so late, so far back, and by which audience's
-    rule."""
+    """What a caller may see: one view of a robot, the rate, the delay, the past, and the audience whose rule
+    applies."""
 
     robot: str
     view: str
@@ -80,13 +80,13 @@ class Grant:
     viewers: int | None
     by: Audience
     who: Principal
-    is_preview: bool = False  # a card in a list: counted as no viewer, and the first to go
-    past_s: float = 0.0  # how far back from what is shown now; 0: not at all
-    lane: str | None = None  # where they read on when the relay has no place for them
+    is_preview: bool = False  # a card in a list: not counted as a viewer, and the first to be dropped
+    past_s: float = 0.0  # how far back from what is shown live; 0: no past
+    lane: str | None = None  # where they read on if the relay is full
 
     @property
     def open(self) -> bool:
-        """Whether the rule is that of `anyone`, so that any page may read it."""
+        """Whether the rule is that of `anyone`, so that any page may read the response."""
         return self.by is Audience.ANYONE
 
 
@@ -98,20 +98,21 @@ EVERYBODY: Mapping[Audience, Rule] = {Audience.ANYONE: Rule()}
 class Policy:
     """The rules of all robots. `rules` None: every robot's public view is open, as with --dev.
 
-    `keeps_s`: for how many seconds the past of a robot stays in an object store, by robot; of others nothing.
+    `keeps_s`: for how many seconds an object store keeps a robot's past, by robot; other robots are not
+    stored.
     """
 
     rules: Rules | None = None
     keeps_s: Mapping[str, float] = field(default_factory=dict)
 
     def find_rules(self, robot: str) -> Mapping[Audience, Rule]:
-        """Return the rules of one robot by audience; empty for a robot that is not named."""
+        """Return the rules of one robot by audience; empty for an unlisted robot."""
         return EVERYBODY if self.rules is None else self.rules.get(robot, {})
 
     def judge(self, who: Principal, robot: str, view: str | None = None) -> Grant | Close:
         """Return what `who` may see of a robot.
 
-        ABSENT when they may see nothing, FORBIDDEN when they may see another view than `view`.
+        ABSENT if they may see nothing; FORBIDDEN if they may see another view but not `view`.
         """
         rules = self.find_rules(robot)
         found = [
@@ -129,11 +130,11 @@ class Policy:
         return next((grant for grant in found if view in (None, grant.view)), Close.FORBIDDEN)
 
     def list_frame_ancestors(self, robot: str, listed: Collection[str]) -> tuple[str, ...]:
-        """Return the pages that may frame a robot, as sources of CSP's `frame-ancestors`; `robot` "": any
+        """Return the pages that may embed a robot, as sources of CSP's `frame-ancestors`; `robot` "": any
         robot.
 
-        `listed`: pages elsewhere that may show what is not for everybody. Whoever asks for a frame proves
-        nothing yet, so a robot that is hidden is answered like one that does not exist.
+        `listed`: external pages that may show restricted data. A request for a frame carries no proof yet, so
+        a hidden robot gets the same answer as one that does not exist.
         """
         rule = self.find_rules(robot).get(Audience.ANYONE)
         if rule is None or rule.blackout:

@@ -1,4 +1,4 @@
-"""Share links: a signed text that lets whoever has it see one robot until it expires. Nothing is stored."""
+"""Share links: signed texts that let the holder see one robot until they expire. Nothing is stored."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ KIND = "L1"
 FORM = re.compile(
     r"(L1\.([a-z0-9][a-z0-9-]{0,62})\.([1-9][0-9]{0,11})\.[A-Za-z0-9_-]{8})\.([A-Za-z0-9_-]{43})"
 )
-NO_KEY = "no such robot"  # signs nothing; a robot that is not here takes as long as one that is
+NO_KEY = "no such robot"  # signs nothing; makes the check for an unknown robot take the same time
 
 
 def make_link(key: str, robot: str, until_s: int, name: str) -> str:
-    """Sign a link that opens `robot` until `until_s` (unix time in seconds).
+    """Sign a link that opens `robot` until `until_s`, unix s.
 
-    `name`: 8 letters of base64url, so that no two links are the same.
+    `name`: 8 letters of base64url that make the link unique.
     """
     said = f"{KIND}.{robot}.{until_s}.{name}"
     return f"{said}.{_sign(key, said)}"
 
 
 def is_link(token: str) -> bool:
-    """Whether a token has the form of a share link; its signature is not checked."""
+    """Whether a token looks like a share link. Does not check its signature."""
     return token.startswith(KIND + ".")
 
 
 def read_link(token: str, keys: Mapping[str, str], unix_s: float) -> Principal | None:
-    """Return who holds the link; None when it is malformed, wrongly signed or expired. `keys`: by robot."""
+    """Return the holder of the link; None if it is malformed, wrongly signed or expired. `keys`: by robot."""
     found = FORM.fullmatch(token)
     if found is None:
         return None

@@ -1,8 +1,8 @@
-"""What an audience could not see live though it was meant for it: judged by how the rules changed.
+"""Tracks recordings that an audience was meant to see but never saw live, because the rules changed first.
 
-A segment bears the audiences that could see it when it was recorded. Whoever sees a robot late could not see
-it yet by then: when a blackout begins, what is on its way to them is never shown live. And a robot that is in
-the file no more has no past, also when another gets its name.
+A segment lists the audiences that could see it when it was recorded. An audience with a delay has not seen it
+yet at that moment. If a blackout begins, the delayed data is never shown live. A robot that is no longer in
+the file has no past, even if another robot gets its name.
 """
 
 from __future__ import annotations
@@ -12,31 +12,31 @@ from typing import NamedTuple
 from posecast_relay.core.policy.past import Recorded, shows_all
 from posecast_relay.core.policy.policy import Audience, Grant, Policy, Rule
 
-SPANS_MAX = 100  # of one audience of a view; then the two oldest become one, with what is between them
+SPANS_MAX = 100  # per audience of a view; beyond that the two oldest merge, with the gap between them
 
 
 class _Span(NamedTuple):
-    """Unix ms."""
+    """A time span, unix ms."""
 
     from_ms: int
     to_ms: int
 
 
 class Unseen:
-    """What was taken back before it was seen, since this process began. It is told each policy.
+    """What was withdrawn before it was seen, since this process started. It needs each new policy.
 
-    `knows_all`: nothing is kept that was recorded before. If not, who sees late gets nothing of that.
+    `knows_all`: no recordings predate this process. Otherwise delayed audiences get none of those.
     """
 
     def __init__(self, knows_all: bool) -> None:
         self._knows_all = knows_all
         self._policy: Policy | None = None
         self._began_ms = 0
-        self._gone_ms: dict[str, int] = {}  # by robot: when it was taken out of the file last
+        self._gone_ms: dict[str, int] = {}  # by robot: when it was last removed from the file
         self._spans: dict[tuple[str, str, Audience], list[_Span]] = {}  # by robot, view and audience
 
     def set_policy(self, policy: Policy, unix_ms: int) -> None:
-        """Note what the rules that are in force from `unix_ms` on take back."""
+        """Note what the rules in force from `unix_ms` on withdraw."""
         before, self._policy = self._policy, policy
         if before is None:
             self._began_ms = unix_ms
@@ -52,7 +52,7 @@ class Unseen:
                     )
 
     def has(self, grant: Grant, recorded: Recorded) -> bool:
-        """Whether a segment of the grant's robot and view was taken back before its audience could see it."""
+        """Whether a segment of the grant's robot and view was withdrawn before its audience could see it."""
         began_ms = 0 if self._knows_all or grant.delay_s == 0 else self._began_ms
         return recorded.from_ms < max(began_ms, self._gone_ms.get(grant.robot, 0)) or any(
             recorded.from_ms <= span.to_ms and recorded.to_ms > span.from_ms

@@ -1,1 +1,1 @@
-"""What is known of each robot: streams, runs, liveness, its share of the relay, and its viewers' rooms."""
+"""The state of each robot: streams, runs, liveness, its share of the relay, and its viewers' rooms."""

@@ -1,15 +1,15 @@
-"""How late one run's messages are, although its clock and the relay's share no zero.
+"""Measures how late a run's messages are, although the edge's clock and the relay's have different zeros.
 
-Lateness is (arrival − stamp) above the smallest such difference of the run. That is right while both clocks
-run. A clock that stood still (a laptop asleep, a paused virtual machine) makes every later difference larger
-for good, exactly as a full uplink would; only an answer to a question tells the two apart: it was stamped
-after the question was asked, so it is no later than the time since.
+Lateness is (arrival − stamp) minus the smallest such difference of the run. This is right while both clocks
+run. A clock that stops (a sleeping laptop, a paused virtual machine) increases every later difference for
+good, just as a congested uplink would. Only an answer to a question tells the two apart: it was stamped after
+the question was sent, so it can't be later than the time since then.
 """
 
 from __future__ import annotations
 
-DRIFT = 1e-4  # two clocks part by up to 100 ppm; without allowing for it, lateness would grow all day
-DOUBT_S = 0.5  # a message so much later than the one before: is it late, or did its clock stand still?
+DRIFT = 1e-4  # two clocks drift apart by up to 100 ppm; ignoring that, lateness would grow all day
+DOUBT_S = 0.5  # a message later than the one before by this much: is it late, or did its clock stop?
 DOUBT_WAITS_S = (
     1.0,
     2.0,
@@ -17,8 +17,8 @@ DOUBT_WAITS_S = (
     8.0,
     16.0,
     32.0,
-)  # between questions about it; then the last
-DOUBT_ENDS_S = 60.0  # without a question: the next doubt begins with the first of these
+)  # between questions about it; the last one repeats
+DOUBT_ENDS_S = 60.0  # without a question; then the intervals start again
 
 
 class Lateness:
@@ -29,13 +29,13 @@ class Lateness:
         self._least_s = float("inf")  # of arrival − stamp
         self._least_at = 0.0
         self._doubted = False
-        self._questions = 0  # since the doubt began
-        self._question_at = float("-inf")  # not before
+        self._questions = 0  # since the current doubt began
+        self._question_at = float("-inf")  # earliest time for the next question
 
     def record_arrival(self, stamp_s: float, now: float) -> float:
         """Note a message's arrival and return its lateness in seconds.
 
-        `stamp_s`: the edge's clock when it was made.
+        `stamp_s`: when it was made, by the edge's clock.
         """
         offset_s = now - stamp_s
         before_s = self.seconds
@@ -46,20 +46,20 @@ class Lateness:
         return self.seconds
 
     def record_answer(self, stamp_s: float, waited_s: float, now: float) -> None:
-        """Note an answer that came `waited_s` seconds after its question: it is no later than that."""
+        """Note an answer that came `waited_s` seconds after its question. It can't be later than that."""
         self._raise_least(now)
         self._least_s = max(self._least_s, now - stamp_s - waited_s)
         self.record_arrival(stamp_s, now)
 
     def should_ask(self, now: float) -> bool:
-        """Whether to ask the edge now, to find out if its clock stood still.
+        """Whether to send the edge a question now, to find out if its clock stopped.
 
-        Intervals grow, to spare the uplink.
+        The intervals grow to save uplink bandwidth.
         """
         return self._doubted and now >= self._question_at
 
     def record_question(self, now: float) -> None:
-        """Note that the edge was asked. The next question waits longer."""
+        """Note that a question was sent. The next one waits longer."""
         if now - self._question_at > DOUBT_ENDS_S:
             self._questions = 0
         self._question_at = now + DOUBT_WAITS_S[min(self._questions, len(DOUBT_WAITS_S) - 1)]

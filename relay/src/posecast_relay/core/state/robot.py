@@ -1,4 +1,4 @@
-"""One robot: its runs, its token, its views, and when to ask its edge for snapshots."""
+"""One robot: its runs, its token, its views, and when to request snapshots from its edge."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from posecast_relay.core.state.runs import Runs
 from posecast_relay.core.state.share import Share
 from posecast_relay.core.state.stream import FrameOutcome
 
-SETTLE_S = 0.05  # between a token and the first question: what the edge declares comes one by one
-HEARD_S = 10.0  # an edge without a token that was heard within this may still answer
-UNANSWERED_S_MAX = 30.0  # between questions to an edge that never answers and sends no frame
-REFRESH_S = 10.0  # a watched robot is asked again, since a model changes without a frame
+SETTLE_S = 0.05  # between a token and the first request: the edge's declarations arrive one by one
+HEARD_S = 10.0  # an edge without a token may still answer if it was heard this recently
+UNANSWERED_S_MAX = 30.0  # between requests to an edge that never answers and sends no frame
+REFRESH_S = 10.0  # how often to ask for a watched robot: a model can change without a frame
 
 
 class Robot:
-    """What is known of one robot.
+    """The state of one robot.
 
-    `heard_at` is when its edge was last heard; None for a robot that only viewers have named.
+    `heard_at`: when its edge was last heard; None for a robot that only viewers have named.
     """
 
     def __init__(self, name: str, limits: Limits) -> None:
@@ -29,19 +29,19 @@ class Robot:
         self.limits = limits
         self.runs = Runs()
         self.share = Share(limits)
-        self.counted = False  # among those that publish
+        self.counted = False  # counted as publishing
         self.liveness = Liveness()
         self.rooms: dict[str, Room] = {}
         self.heard_at: float | None = None
-        self.lacking = False  # something that only a snapshot brings
-        self.ask_at = float("-inf")  # not before
-        self._unanswered = 0  # questions since anything came
+        self.lacking = False  # something is missing that only a snapshot brings
+        self.ask_at = float("-inf")  # earliest time for the next request
+        self._unanswered = 0  # requests since anything arrived
         self.in_conflict = False
-        self.followed = False  # somebody watches it at another relay
-        self.degraded = False  # those who hear it do not answer
+        self.followed = False  # it has viewers at another relay
+        self.degraded = False  # the relays that hear it do not answer
 
     def get_room(self, view: str) -> Room:
-        """Return the room of a view, created when it is new."""
+        """Return the room of a view, created if it is new."""
         room = self.rooms.get(view)
         if room is None:
             room = self.rooms[view] = Room(self.name, view, self.limits)
@@ -50,7 +50,7 @@ class Robot:
     def set_token(self, now: float) -> None:
         """Note that the edge's token has appeared.
 
-        Its snapshots are asked for, since everything may be new.
+        Requests its snapshots, because everything may be new.
         """
         self.heard_at = now
         self.liveness.set_token()
@@ -63,7 +63,7 @@ class Robot:
         self.heard_at = now
 
     def mark_counted(self) -> None:
-        """Count this robot among those that publish."""
+        """Count this robot as publishing."""
         self.counted = True
 
     def mark_lacking(self) -> None:
@@ -85,7 +85,7 @@ class Robot:
     def take_frame(
         self, room: Room, payload: bytes, stamp: Stamp, now: float, late_s: float = 0.0
     ) -> FrameOutcome:
-        """Take a frame that has just arrived. `late_s`: the lateness that another relay measured."""
+        """Take a frame that just arrived. `late_s`: the lateness measured by another relay."""
         stream = room.stream
         header = stream.check_frame(payload)
         if isinstance(header, FrameOutcome):
@@ -115,17 +115,17 @@ class Robot:
         newest: bytes | None = None,
         waited_s: float | None = None,
     ) -> None:
-        """Take a snapshot that came `waited_s` seconds after it was asked for (None: from another relay).
+        """Take a snapshot that came `waited_s` seconds after it was requested (None: from another relay).
 
-        Raises ValueError when it is inconsistent, its run is retired, or another run is sending.
+        Raises ValueError if it is inconsistent, its run is retired, or another run is sending.
         """
         self.heard_at = now
         self._unanswered = 0
         if self.runs.is_retired(stamp.run_id, now):
-            raise ValueError("snapshot: of a retired run")
+            raise ValueError("snapshot: its run is retired")
         if waited_s is not None:
             if not room.stream.awaits_base(stamp.run_id) and not self.runs.may_adopt(stamp.run_id, now):
-                raise ValueError("snapshot: of a run that sends nothing")
+                raise ValueError("snapshot: its run sends no frames")
             self.runs.record_answer(stamp, waited_s, now)
         room.stream.apply_snapshot(snapshot, stamp.run_id, stamp.elapsed_ns / 1e9, newest)
         if stamp.run_id != self.runs.current:
@@ -134,17 +134,17 @@ class Robot:
 
     def _adopt(self, run_id: int, now: float) -> None:
         self.runs.adopt(run_id, now)
-        self.lacking = True  # its info and model may be others, even when its schema is not
+        self.lacking = True  # its info and model may differ even if its schema does not
 
     def should_ask(self, now: float) -> bool:
-        """Whether its edge should be asked for snapshots now."""
+        """Whether to request snapshots from its edge now."""
         there = self.liveness.token or (self.heard_at is not None and now - self.heard_at < HEARD_S)
         if now < self.ask_at or not there:
             return False
         return self.lacking or self._is_stale(now) or self.runs.lateness.should_ask(now)
 
     def record_question(self, now: float) -> None:
-        """Note that snapshots were asked for.
+        """Note that snapshots were requested.
 
         An edge that neither answers nor sends is asked less and less often.
         """
@@ -158,9 +158,7 @@ class Robot:
         return watched and self.liveness.token and now >= self.ask_at + REFRESH_S
 
     def compute_status(self, room: Room | None, now: float) -> RobotStatus:
-        """Return the robot's status by the frames of one view; `room` None: it has sent none of that view
-        yet.
-        """
+        """Return the robot's status by the frames of one view. `room` None: that view has no frames yet."""
         if room is None:
             return "silent" if self.liveness.token else "offline"
         stream = room.stream
@@ -171,5 +169,5 @@ class Robot:
         return any(room.viewers for room in self.rooms.values())
 
     def count_viewers(self) -> int:
-        """Return how many viewers it has, over all views; previews are none."""
+        """Return how many viewers it has in all views, not counting previews."""
         return sum(len(room.viewers) - len(room.previews) for room in self.rooms.values())

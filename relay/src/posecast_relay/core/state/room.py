@@ -1,7 +1,7 @@
-"""One stream and its viewers, and the rule by which frames are sent to them.
+"""One stream and its viewers, and the rule for sending them frames.
 
-When a viewer is due at its rate and its socket has drained, it gets the schema and bases it lacks and then
-the newest frame, in that order, in one write. Joining, rates and slow viewers are all this one rule.
+When a viewer is due by its rate and its socket has drained, it gets any schema and bases it lacks, then the
+newest frame, in one write. Joining, rates and slow viewers all follow from this rule.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from posecast_relay.core.viewer.viewer import Viewer
 
 
 class RateGroup:
-    """The viewers of a room that are served at the same rate."""
+    """The viewers of a room with the same rate."""
 
     def __init__(self, hz: float) -> None:
         self.pace = RateTimer(hz)
-        self.viewers: dict[Viewer, None] = {}  # in the order they came
-        self.behind: set[Viewer] = set()  # could not take what was due
-        self.frame: StoredFrame | None = None  # handed out last
-        self.flush_at = NEVER  # a frame waits that was not due: then the newest goes out, whatever comes
-        self.retry_at = NEVER  # then those behind are tried again, if no further frame has come
+        self.viewers: dict[Viewer, None] = {}  # in the order in which they joined
+        self.behind: set[Viewer] = set()  # viewers that could not take the frame they were due
+        self.frame: StoredFrame | None = None  # the last one sent
+        self.flush_at = NEVER  # when to send the newest frame, because one is waiting until the group is due
+        self.retry_at = NEVER  # when to retry those behind, if no newer frame has arrived
 
 
 class Room:
-    """A stream with its viewers, grouped by rate, and all that is sent to them."""
+    """A stream with its viewers, grouped by rate, and everything sent to them."""
 
     def __init__(self, robot: str, view: str, limits: Limits) -> None:
         self.robot = robot
@@ -41,21 +41,21 @@ class Room:
         self.stream = Stream(robot, view, limits)
         self.limits = limits
         self.viewers: dict[Viewer, None] = {}
-        self.previews: set[Viewer] = set()  # of these
+        self.previews: set[Viewer] = set()  # of the viewers
         self.groups: dict[float, RateGroup] = {}
         self.delivered = 0  # frames times viewers
-        self.skipped = 0  # likewise: due, but the viewer could not take it
-        self.degraded = False  # this relay does not hear of the robot just now, for a reason of its own
+        self.skipped = 0  # likewise: frames due to viewers that could not take them
+        self.degraded = False  # this relay can't hear the robot now, through its own problem
         self.over_share = False  # the robot sends more than its share of this relay
-        self._owed: RobotStatus | None = None  # the status that goes with the next frame
-        self._told: set[RateGroup] = set()  # who has it
+        self._owed: RobotStatus | None = None  # the status to send with the next frame
+        self._told: set[RateGroup] = set()  # the groups that have it
 
     # ---- coming, going, changing rate -------------------------------------
 
     def join(self, viewer: Viewer, status: RobotStatus, now: float, unix_s: float) -> Send:
         """Add a viewer and return all it needs in one write.
 
-        The frame comes before the events, a long list.
+        The frame comes before the events, because they can be long.
         """
         stream = self.stream
         self.viewers[viewer] = None
@@ -72,7 +72,7 @@ class Room:
         if stream.schema is not None:
             parts.append(
                 stream.make_description(viewer.schema_n, with_model=False)
-            )  # hello has told the model
+            )  # hello already names the model
         viewer.record_description(stream.version, stream.schema_n)
         group = self._enter(viewer)
         if group is not None and stream.newest is not None:
@@ -82,7 +82,7 @@ class Room:
                 self._record_sent(group, stream.newest, now)
         unasked = sum(map(len, parts))
         for event in () if viewer.is_preview else stream.events:
-            if viewer.speaks and unasked >= self.limits.ping_bytes:  # who reads slowly shows that it does
+            if viewer.speaks and unasked >= self.limits.ping_bytes:  # lets a slow reader prove that it reads
                 parts.append(messages.PING)
                 unasked = 0
             parts.append(event.packed)
@@ -92,13 +92,13 @@ class Room:
         return Send(data, (viewer,))
 
     def leave(self, viewer: Viewer) -> None:
-        """Remove a viewer. Does nothing when it is gone already."""
+        """Remove a viewer. Does nothing if it is already gone."""
         self.viewers.pop(viewer, None)
         self.previews.discard(viewer)
         self._exit(viewer)
 
     def evict(self, viewer: Viewer) -> None:
-        """Remove a viewer from every group, when `leave` has failed."""
+        """Remove a viewer from every group, after `leave` has failed."""
         self.viewers.pop(viewer, None)
         self.previews.discard(viewer)
         for group in self.groups.values():
@@ -106,7 +106,7 @@ class Room:
             group.behind.discard(viewer)
 
     def set_rate(self, viewer: Viewer, hz: float, now: float) -> None:
-        """Serve a viewer at another rate.
+        """Change a viewer's rate.
 
         A frame that it lacks comes with the next one, or within a period.
         """
@@ -138,20 +138,20 @@ class Room:
             del self.groups[viewer.hz]
             self._told.discard(group)
 
-    # ---- how its robot is -------------------------------------------------
+    # ---- the robot's status ----------------------------------------------
 
     def set_degraded(self, degraded: bool) -> None:
-        """Set whether this relay can't hear the robot now. The next status says so."""
+        """Set whether this relay can't hear the robot now. The next status reports it."""
         self.degraded = degraded
 
     def set_over_share(self, over_share: bool) -> None:
-        """Set whether the robot sends more than its share. The next status says so."""
+        """Set whether the robot sends more than its share. The next status reports it."""
         self.over_share = over_share
 
     # ---- frames -----------------------------------------------------------
 
     def offer(self, now: float) -> list[Action]:
-        """Send the newest frame to every group that is due. Called when the stream has changed."""
+        """Send the newest frame to every group that is due. Called after the stream has changed."""
         out: list[Action] = []
         newest = self.stream.newest
         interval_s = self.stream.cadence.interval_s
@@ -168,7 +168,7 @@ class Room:
         return out
 
     def flush(self, now: float) -> list[Action]:
-        """Send the newest frame to the viewers that have waited for a period."""
+        """Send the newest frame to the viewers whose period has passed."""
         out: list[Action] = []
         newest = self.stream.newest
         for group in tuple(self.groups.values()):
@@ -177,7 +177,7 @@ class Room:
                     if now >= group.flush_at:
                         self._send_frame(group, group.viewers, newest, now, out)
                     elif now >= group.retry_at:
-                        group.retry_at = NEVER  # the frame that waits will come to those behind as well
+                        group.retry_at = NEVER  # the waiting frame will also go to those behind
                 elif newest is not None and now >= group.retry_at:
                     self._send_frame(group, tuple(group.behind), newest, now, out)
             except Exception as error:
@@ -185,25 +185,26 @@ class Room:
         return out
 
     def _end_after_fault(self, viewers: Iterable[Viewer], error: Exception) -> list[Action]:
-        """End the viewers at which the relay's own code has failed; the others of this room stay."""
+        """End the viewers for which the relay's own code has failed; the others in this room stay."""
         out: list[Action] = [Fault(f"{self.robot}/{self.view}", error)]
         for viewer in tuple(viewers):
             self.leave(viewer)
-            out.append(CloseConnection(viewer, Close.INTERNAL_ERROR, "a fault of the relay's own", None))
+            out.append(CloseConnection(viewer, Close.INTERNAL_ERROR, "internal error of the relay", None))
         return out
 
     def find_wake_at(self) -> float:
-        """Return when `flush` has something to do next; NEVER when it has nothing."""
+        """Return when `flush` is next needed; NEVER if it is not."""
         return min((min(g.flush_at, g.retry_at) for g in self.groups.values()), default=NEVER)
 
     def count_behind(self) -> int:
-        """Return how many viewers could not take the frame that was due to them last."""
+        """Return how many viewers could not take their last frame."""
         return sum(len(group.behind) for group in self.groups.values())
 
     def _send_frame(
         self, group: RateGroup, viewers: Iterable[Viewer], frame: StoredFrame, now: float, out: list[Action]
     ) -> None:
-        """One walk over viewers that are due. Nearly all hold the bases and share the frame's bytes."""
+        """Send a frame to viewers that are due, in one pass. Nearly all hold the bases and share the frame's
+        bytes."""
         ready: list[Viewer] = []
         lacking: list[Viewer] = []
         behind: set[Viewer] = set()
@@ -222,7 +223,7 @@ class Room:
             self.delivered += len(ready)
             out.append(Send(status + frame.packed, ready))
         if group.frame is not frame:
-            self.skipped += len(behind)  # once for each frame, however often it is tried again
+            self.skipped += len(behind)  # once per frame, however often it is retried
             self._record_sent(group, frame, now)
         group.behind = behind
         group.flush_at = NEVER
@@ -235,7 +236,7 @@ class Room:
         group.pace.record_sent(frame.run_id, frame.stamp_s, self.stream.cadence.interval_s, now)
 
     def _collect_lacking(self, viewer: Viewer, frame: StoredFrame) -> bytes:
-        """Return `frame`, and before it what this viewer needs to read it."""
+        """Return `frame`, preceded by what this viewer needs to decode it."""
         parts: list[bytes] = []
         if viewer.version != self.stream.version:
             parts.append(self.stream.make_description(viewer.schema_n))
@@ -247,7 +248,7 @@ class Room:
         return b"".join(parts)
 
     def _record_given(self, viewer: Viewer, frame: StoredFrame) -> None:
-        """Note that a viewer was sent `frame` and what it needs to read it."""
+        """Note that a viewer was sent `frame` and what it needs to decode it."""
         viewer.record_description(self.stream.version, self.stream.schema_n)
         viewer.record_frame(frame)
         self.delivered += 1
@@ -255,11 +256,11 @@ class Room:
     # ---- everything else --------------------------------------------------
 
     def send_description(self) -> list[Action]:
-        """Send a changed schema, info or model to the viewers that can take it; to others with their next
+        """Send a changed schema, info or model to the viewers that can take it now, to others with their next
         frame.
         """
         stream = self.stream
-        ready: dict[int, list[Viewer]] = {}  # by the schema they hold
+        ready: dict[int, list[Viewer]] = {}  # by the schema that they hold
         for viewer in self.viewers:
             if viewer.version != stream.version and not viewer.blocked:
                 ready.setdefault(viewer.schema_n, []).append(viewer)
@@ -267,7 +268,7 @@ class Room:
         return [Send(stream.make_description(held), viewers) for held, viewers in ready.items()]
 
     def send_event(self, event: Event) -> list[Action]:
-        """Send an event to all viewers but previews, at once or by their reliable queue."""
+        """Send an event to all viewers except previews, at once or through their reliable queue."""
         ready: list[Viewer] = []
         out: list[Action] = []
         for viewer in tuple(self.viewers):
@@ -280,17 +281,17 @@ class Room:
         return [*out, Send(event.packed, ready)] if ready else out
 
     def send_message(self, viewer: Viewer, data: bytes) -> list[Action]:
-        """Send one viewer a message that must arrive: at once or by its reliable queue."""
+        """Send one viewer a message that must arrive, at once or through its reliable queue."""
         return self._enqueue(viewer, data) if viewer.blocked else [Send(data, (viewer,))]
 
     def _enqueue(self, viewer: Viewer, data: bytes) -> list[Action]:
         if viewer.enqueue(data):
             return []
         self.leave(viewer)
-        return [CloseConnection(viewer, Close.EVENTS_FULL, "too slow for the events", None)]
+        return [CloseConnection(viewer, Close.EVENTS_FULL, "too slow to receive events", None)]
 
     def send_waiting(self, viewer: Viewer) -> list[Action]:
-        """Send what has waited in a viewer's reliable queue, if it can take data again."""
+        """Send what is in a viewer's reliable queue if it can take data again."""
         data = viewer.release()
         if data is None:
             return []
@@ -311,7 +312,7 @@ class Room:
         self._told.clear()
 
     def send_deferred_status(self, now: float) -> list[Action]:
-        """Send the deferred status alone to the viewers that no frame has brought it to."""
+        """Send the deferred status alone to the viewers that have not got it with a frame."""
         status, self._owed = self._owed, None
         if status is None:
             return []

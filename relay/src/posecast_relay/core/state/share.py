@@ -1,19 +1,20 @@
-"""One robot's share of the relay: how much it may send a second, so that no robot takes what is the others'.
+"""One robot's share of the relay: how much it may send per second, so that it does not crowd out others.
 
-Who sends more loses frames of its own, is told so, and is within its share again as soon as it sends less.
+A robot that exceeds its share loses some of its own frames, and its status says so. It is within its share
+again as soon as it sends less.
 """
 
 from __future__ import annotations
 
 from posecast_relay.core.limits import Limits
 
-BURST_S = 1.0  # a relay or link that stood still for so long lets all of it through at once
-OVER_FOR_S = 3.0  # after the last message that was dropped: a flood is one word, not a word per frame
+BURST_S = 1.0  # what queued up while a relay or link stalled this long may arrive at once
+OVER_FOR_S = 3.0  # after the last dropped message: a flood is one status, not one per frame
 HASHED = 2  # a KEY or REF costs twice its bytes: it is hashed and kept
 
 
 class TokenBucket:
-    """Allows `rate` units a second, and at once as many as in BURST_S seconds, or `least` if that is more."""
+    """Allows `rate` units per second, and at once those of BURST_S seconds or `least`, whichever is more."""
 
     def __init__(self, rate: float, least: float = 1.0) -> None:
         self._rate = rate
@@ -29,7 +30,7 @@ class TokenBucket:
         return self._tokens >= cost
 
     def take(self, cost: float) -> None:
-        """Take `cost` units, which `has` has found available."""
+        """Take `cost` units that `has` found available."""
         self._tokens -= cost
 
 
@@ -43,12 +44,12 @@ class Share:
         self._events = TokenBucket(limits.robot_events_per_s, least=limits.robot_events_burst)
         self._snapshot_bytes = TokenBucket(limits.snapshot_bytes_per_s, least=limits.snapshot_bytes_burst)
         self._views: dict[str, TokenBucket] = {}
-        self.limit = ""  # that was exceeded last
+        self.limit = ""  # the limit that was exceeded last
         self._over_until = float("-inf")
         self.dropped = 0
 
     def allow_frame(self, view: str, size: int, hashed: bool, now: float) -> bool:
-        """Whether a frame of `size` bytes is within the share; if so, it is counted."""
+        """Whether a frame of `size` bytes is within the share. If so, counts it."""
         frames = self._views.get(view)
         if frames is None:
             frames = self._views[view] = TokenBucket(self._limits.view_frames_per_s)
@@ -61,7 +62,7 @@ class Share:
         return True
 
     def allow_message(self, size: float, now: float) -> bool:
-        """Whether another message of `size` bytes is within the share; if so, it is counted."""
+        """Whether another message of `size` bytes is within the share. If so, counts it."""
         if not self._messages.has(1, now):
             return self._drop(f"{self._limits.robot_messages_per_s:g} messages a second", now)
         if not self._bytes.has(size, now):
@@ -71,7 +72,7 @@ class Share:
         return True
 
     def allow_event(self, size: float, now: float) -> bool:
-        """Whether an event, info or model of `size` bytes is within the share; if so, it is counted."""
+        """Whether an event, info or model of `size` bytes is within the share. If so, counts it."""
         if not self._events.has(1, now):
             return self._drop(f"{self._limits.robot_events_per_s:g} events a second", now)
         if not self.allow_message(size, now):
@@ -80,9 +81,9 @@ class Share:
         return True
 
     def allow_snapshot(self, size: int, now: float) -> bool:
-        """Whether a snapshot of `size` bytes is within the share; if so, it is counted.
+        """Whether a snapshot of `size` bytes is within the share. If so, counts it.
 
-        Parsing one costs more.
+        Snapshots have a limit of their own because parsing them costs more.
         """
         if not self._snapshot_bytes.has(size, now):
             return self._drop(f"{self._limits.snapshot_bytes_per_s:,.0f} bytes of snapshots a second", now)
@@ -90,13 +91,14 @@ class Share:
         return True
 
     def record_lost(self, count: int, reason: str, now: float) -> None:
-        """Count messages that were dropped earlier, because too many waited. `reason`: the limit exceeded."""
+        """Count messages that were dropped earlier because too many were queued. `reason`: the limit
+        exceeded."""
         self.dropped += count
         self.limit = reason
         self._over_until = now + OVER_FOR_S
 
     def find_exceeded_limit(self, now: float) -> str:
-        """Return the limit that the robot exceeds at present, as text; "" when none."""
+        """Return the limit that the robot currently exceeds, as text; "" if none."""
         return self.limit if now < self._over_until else ""
 
     def _drop(self, reason: str, now: float) -> bool:

@@ -1,7 +1,7 @@
-"""The newest state of one robot and view, as the edge sent it: schema, bases, newest frame, info, events.
+"""The newest state of one robot's view as sent by the edge: schema, bases, newest frame, info, events.
 
-Only headers are read. A frame that is old, repeated, too large, of an unknown version or coded against a base
-that is not here changes nothing; its fate is returned, so that it can be counted.
+Only headers are read. A frame is ignored if it is old, repeated, too large, of an unknown version, or coded
+against a base that is not here. Its outcome is returned so that it can be counted.
 """
 
 from __future__ import annotations
@@ -18,30 +18,30 @@ from posecast_relay.core.limits import Limits
 from posecast_relay.core.viewer import messages
 from posecast_relay.core.viewer.cadence import Cadence
 
-SEQS = 1 << 32  # a frame's number goes round
+SEQS = 1 << 32  # frame numbers wrap around
 
 
 class FrameOutcome(StrEnum):
-    """What became of a message from an edge."""
+    """The outcome of a message from an edge."""
 
     TAKEN = "taken"
-    LATE = "late"  # older than what is here
+    LATE = "late"  # older than the newest frame here
     REPEATED = "repeated"
     OVERSIZED = "oversized"
-    VERSION = "version"  # of a wire format not known here
+    VERSION = "version"  # unknown version of the wire format
     BAD = "bad"
-    RETIRED = "retired"  # of a run that a newer one has replaced
-    NO_BASE = "no base"  # coded against a frame that is not here: the snapshot is asked for
-    NO_SCHEMA = "no schema"  # a KEY whose schema is not here: likewise
-    CROWDED = "crowded"  # one robot or view more than the limits allow
-    OVER_SHARE = "over share"  # its robot sends more than it may
-    FAULT = "fault"  # the relay's own code failed at it
+    RETIRED = "retired"  # its run was replaced by a newer one
+    NO_BASE = "no base"  # coded against a frame that is not here: requests a snapshot
+    NO_SCHEMA = "no schema"  # a KEY whose schema is not here: requests a snapshot
+    CROWDED = "crowded"  # exceeds the limit on robots or views
+    OVER_SHARE = "over share"  # its robot exceeds its share
+    FAULT = "fault"  # the relay's own code failed on it
 
 
 class StoredFrame:
     """A frame that is kept.
 
-    `stamp_s`: seconds of the edge's clock since its run began; `t_s`: robot's clock.
+    `stamp_s`: seconds since the run began by the edge's clock; `t_s`: seconds of the robot's clock.
     """
 
     __slots__ = (
@@ -69,7 +69,7 @@ class StoredFrame:
         self.id = frame_id(payload) if header.is_ref else 0
         self.seq: int = header.seq if base is None else (base.seq + header.seq) & 0xFFFFFFFF
         self.t_s: float = header.t if base is None else base.t_s + header.t / 1000
-        # the bases a reader needs: of a KEY none; of any other frame its KEY, and the REF it names, if any
+        # the bases needed to decode it: none for a KEY, otherwise its KEY and any REF it names
         self.key: StoredFrame | None = None if base is None else base.key or base
         self.ref: StoredFrame | None = base if base is not None and base.is_ref else None
         self._packed: bytes | None = None
@@ -96,26 +96,26 @@ class Event:
 class Stream:
     """The state of one robot's view.
 
-    `version` counts changes of schema, info or model, `schema_n` of the schema.
+    `version` counts changes of schema, info or model; `schema_n` counts changes of the schema.
     """
 
     def __init__(self, robot: str, view: str, limits: Limits) -> None:
         self.robot = robot
         self.view = view
         self.limits = limits
-        self.run_id = 0  # whose frames stand here
+        self.run_id = 0  # the run of the frames here
         self.schema: Schema | None = None
         self.key: StoredFrame | None = None
         self.ref: StoredFrame | None = None
         self.newest: StoredFrame | None = None
-        self.is_live = False  # the newest frame came from the edge just then, and not with a snapshot
-        self.live_at: float | None = None  # arrival of the newest one that did
-        self.late_s = 0.0  # how long that one was under way
+        self.is_live = False  # the newest frame came directly from the edge, not with a snapshot
+        self.live_at: float | None = None  # when the newest such frame arrived
+        self.late_s = 0.0  # that frame's lateness
         self.info: dict[str, str] = {}
         self.model: str | None = None
         self.events: deque[Event] = deque(maxlen=limits.events)
         self.event_n = 0
-        self.numbering = ""  # names the count that `event_n` goes on with, where other relays follow it
+        self.numbering = ""  # identifies the count that `event_n` continues, for relays that follow it
         self.version = 0
         self.schema_n = 0
         self.cadence = Cadence()
@@ -140,7 +140,7 @@ class Stream:
     def take_frame(
         self, payload: bytes, header: Header, run_id: int, stamp_s: float, now: float, late_s: float
     ) -> FrameOutcome:
-        """Take a frame that has just arrived, of a run that is not retired."""
+        """Take a frame that just arrived, from a run that is not retired."""
         outcome = self._place(payload, header, run_id, stamp_s)
         if outcome is FrameOutcome.TAKEN:
             self.is_live = True
@@ -152,11 +152,11 @@ class Stream:
         return outcome
 
     def hold_for_base(self, payload: bytes, run_id: int, stamp_s: float, now: float, late_s: float) -> None:
-        """Keep a frame that has just arrived until a snapshot, which is older, brings its base."""
+        """Keep a frame that just arrived until an older snapshot brings its base."""
         self._waiting = (payload, run_id, stamp_s, now, late_s)
 
     def awaits_base(self, run_id: int) -> bool:
-        """Whether a frame of this run waits for its base."""
+        """Whether a frame of this run is waiting for its base."""
         return self._waiting is not None and self._waiting[1] == run_id
 
     def _place(self, payload: bytes, header: Header, run_id: int, stamp_s: float) -> FrameOutcome:
@@ -166,7 +166,7 @@ class Stream:
             if base is None:
                 return FrameOutcome.LATE if header.base_id == self._old_key_id else FrameOutcome.NO_BASE
             if header.is_ref and not base.is_key:
-                return FrameOutcome.BAD  # a REF coded against a REF
+                return FrameOutcome.BAD  # a REF must not be coded against a REF
         elif self.schema is None or header.schema_id != self.schema.id:
             return FrameOutcome.NO_SCHEMA
         if self.schema is not None and self._is_too_long(payload, header):
@@ -180,7 +180,7 @@ class Stream:
             )
         if held.is_key:
             if run_id != self.run_id:
-                self.live_at = None  # of the run before
+                self.live_at = None  # belongs to the previous run
             self._old_key_id = self._get_key_id() if run_id == self.run_id else None
             self.key, self.ref, self.run_id = held, None, run_id
         elif held.is_ref:
@@ -202,7 +202,7 @@ class Stream:
     def _is_old(self, run_id: int, seq: int) -> bool:
         if self.newest is None or run_id != self.run_id:
             return False
-        return (seq - self.newest.seq - 1) % SEQS >= SEQS // 2  # 0 comes after the last one
+        return (seq - self.newest.seq - 1) % SEQS >= SEQS // 2  # 0 follows the highest number
 
     def _get_key_id(self) -> int | None:
         return self.key.id if self.key else None
@@ -212,24 +212,24 @@ class Stream:
     def apply_snapshot(
         self, snapshot: Snapshot, run_id: int, stamp_s: float, newest: bytes | None = None
     ) -> None:
-        """Apply a snapshot. Raises ValueError, with nothing changed, when it is inconsistent.
+        """Apply a snapshot. Raises ValueError and changes nothing if it is inconsistent.
 
-        Its frames may be of any age, so they count as bases and as a picture, but never as a sign of life.
+        Its frames can be of any age. They count as bases and as a picture, never as a sign of life.
         """
         key_header = self.check_frame(snapshot.key)
         if isinstance(key_header, FrameOutcome) or not key_header.is_key:
-            raise ValueError("snapshot: its KEY is none")
+            raise ValueError("snapshot: its KEY is invalid")
         self._check_info(snapshot.info)
         schema = self.schema
         if schema is None or schema.text != snapshot.schema:
             if fnv1a32(snapshot.schema.encode()) != key_header.schema_id:
-                raise ValueError("snapshot: its KEY is of another schema")
+                raise ValueError("snapshot: its KEY belongs to another schema")
             try:
                 schema = Schema.parse(snapshot.schema)
             except SchemaError as e:
                 raise ValueError(f"snapshot: {e}") from None
             if self._is_old(run_id, key_header.seq):
-                raise ValueError("snapshot: older than what is here")
+                raise ValueError("snapshot: older than the stream's state")
         self._set_description(schema, snapshot.info, snapshot.model)
         self._place(snapshot.key, key_header, run_id, stamp_s)
         for payload in (snapshot.ref, newest):
@@ -241,7 +241,7 @@ class Stream:
             self._waiting = None
             if waiting_run == run_id:
                 self._place(payload, parse_header(payload), run_id, waiting_stamp_s)
-                if self.newest is not None and self.newest.payload == payload:  # now, or by the snapshot
+                if self.newest is not None and self.newest.payload == payload:  # set now, or by the snapshot
                     self.is_live = True
                     self.live_at = arrived
                     self.late_s = late_s
@@ -259,9 +259,9 @@ class Stream:
         self.model = model
 
     def set_info(self, info: dict[str, str]) -> None:
-        """Replace the robot's info texts. Raises ValueError when they are too long."""
+        """Replace the robot's info texts. Raises ValueError if they are too long."""
         self._check_info(info)
-        if self.schema is not None:  # else the snapshot brings it
+        if self.schema is not None:  # otherwise the snapshot brings it
             self._set_description(self.schema, info, self.model)
 
     def set_model(self, model: str) -> None:
@@ -274,9 +274,9 @@ class Stream:
             raise ValueError(f"info over {self.limits.info_bytes} bytes")
 
     def make_description(self, schema_n: int, with_model: bool = True) -> bytes:
-        """Return schema, info and model as WebSocket messages, for a viewer that has an older `version`.
+        """Return schema, info and model as WebSocket messages, for a viewer with an older `version`.
 
-        `schema_n`: of the schema that it has; if that is the current one, it is left out.
+        `schema_n`: the schema that the viewer has. The current schema is not sent again.
         """
         schema = self._schema_packed if schema_n != self.schema_n else b""
         model = messages.make_model(self.model) if self.model and with_model else b""
@@ -285,7 +285,7 @@ class Stream:
     # ---- events ----------------------------------------------------------
 
     def number_event(self, doc: dict[str, object], unix_s: float) -> Event:
-        """Give an event the next number and keep it among the newest."""
+        """Give an event the next number and keep it with the newest events."""
         self.event_n += 1
         numbered = doc | {"n": self.event_n, "at": round(unix_s, 3)}
         event = Event(self.event_n, json.dumps(numbered, separators=(",", ":"), ensure_ascii=False))
@@ -293,10 +293,10 @@ class Stream:
         return event
 
     def append_numbered(self, numbering: str, text: str) -> Event | None:
-        """Keep an event that another relay has numbered; None when it is here already.
+        """Keep an event that another relay has numbered; returns None if it is already here.
 
-        Another `numbering` than before means that the count began at 1 again: the older events are dropped.
-        Raises ValueError when the event has no number.
+        A changed `numbering` means that the count restarted at 1: older events are dropped. Raises ValueError
+        if the event has no number.
         """
         n = _read_number(text)
         if numbering != self.numbering:
@@ -311,15 +311,14 @@ class Stream:
         return event
 
     def set_numbering(self, numbering: str) -> None:
-        """Set the name of the count that `event_n` belongs to."""
+        """Set the identifier of the count that `event_n` belongs to."""
         self.numbering = numbering
 
     def resume_events(self, numbering: str, texts: Sequence[str], told_n: int = 0) -> None:
-        """Continue the count of another process: its events come first, this process's own are numbered after
-        them.
+        """Continue the count of another process: its events come first, then this process's own, renumbered.
 
-        `told_n`: the newest event of this process that was stored already. An event that both processes
-        received is kept once. Raises ValueError, with nothing changed, when one of `texts` has no number.
+        `told_n`: the newest event of this process that was already stored. An event that both processes
+        received is kept once. Raises ValueError and changes nothing if one of `texts` has no number.
         """
         for text in texts:
             _read_number(text)
@@ -337,7 +336,7 @@ class Stream:
     # ---- age -------------------------------------------------------------
 
     def set_age_unless_live(self, age_s: float, now: float) -> None:
-        """Set the age of the newest frame, in seconds, unless a live frame has come."""
+        """Set the age of the newest frame, in seconds, unless a live frame has arrived."""
         if self.live_at is None and self.newest is not None:
             self.set_age(age_s, now)
 
@@ -346,7 +345,7 @@ class Stream:
         self.live_at, self.late_s = now - age_s, 0.0
 
     def compute_age_s(self, now: float) -> float | None:
-        """Return the newest frame's age in seconds, with its time under way; None before any live frame."""
+        """Return the newest frame's age in seconds, including transit; None before any live frame."""
         return None if self.live_at is None else now - self.live_at + self.late_s
 
 
@@ -355,9 +354,9 @@ def _read_number(text: str) -> int:
     try:
         return int(json.loads(text)["n"])
     except (TypeError, LookupError, RecursionError) as e:
-        raise ValueError(f"no numbered event: {type(e).__name__}") from None
+        raise ValueError(f"not a numbered event: {type(e).__name__}") from None
 
 
 def _identify_event(event: dict[str, object]) -> str:
-    """Return the event without its number and time, which is the same at every relay that heard it."""
+    """Return the event without its number and time. This text is the same at every relay that heard it."""
     return json.dumps({name: said for name, said in event.items() if name not in ("n", "at")}, sort_keys=True)

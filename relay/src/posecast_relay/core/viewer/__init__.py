@@ -1,1 +1,1 @@
-"""One viewer, when its rate makes it due, and the messages it is sent."""
+"""One viewer: when it is due by its rate, and the messages it gets."""

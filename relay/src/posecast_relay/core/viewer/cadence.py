@@ -1,8 +1,9 @@
-"""When the viewers of one rate are due.
+"""Decides when the viewers of one rate are due.
 
-The edge's own clock (the stamp on each frame) decides, not the moment of arrival, so a jittering network does
-not turn every third frame into every second or fourth. Where the source's rate is close to a whole multiple
-of the viewer's, exactly every n-th frame is due; elsewhere moments are counted on, so the mean is right.
+The edge's clock (the stamp on each frame) decides, not the arrival time. So network jitter does not turn
+every third frame into every second or fourth. If the source's rate is close to a whole multiple of the
+viewer's, exactly every n-th frame is due. Otherwise due times advance by the period, so the mean rate is
+right.
 """
 
 from __future__ import annotations
@@ -12,14 +13,15 @@ from collections import deque
 from posecast_wire import clamp_hz
 
 SAMPLES = 16
-WHOLE = 0.05  # how far, as a part of it, a ratio of rates may lie from a whole number to count as one
-BURST = 0.5  # frames held up under way and let go at once are passed on at no less than this part of a period
+WHOLE = 0.05  # a ratio of rates this close to a whole number, relatively, counts as whole
+BURST = 0.5  # frames that were delayed and arrive together go out at least this part of a period apart
 
 
 def grant_hz(asked_hz: float, most_hz: float) -> float:
-    """Return the rate in Hz that a viewer gets, in steps, so that there are some 300 rates at most.
+    """Return the rate in Hz that a viewer gets. Rates go in steps, so that there are at most about 300.
 
-    The steps are 0.01 Hz up to 1, 0.1 Hz up to 10, then 0.5 Hz. 0 stays 0; nothing else is below 0.1 Hz.
+    The steps are 0.01 Hz up to 1 Hz, 0.1 Hz up to 10 Hz, then 0.5 Hz. 0 stays 0; any other rate is at least
+    0.1 Hz.
     """
     hz = clamp_hz(max(0.0, min(asked_hz, most_hz)))
     steps_per_hz = 100 if hz < 1 else 10 if hz < 10 else 2
@@ -29,7 +31,8 @@ def grant_hz(asked_hz: float, most_hz: float) -> float:
 class Cadence:
     """A stream's frame interval in seconds, from its stamps.
 
-    An unchanged robot skips frames, so long steps don't count: the mean of those near the lower quartile.
+    A robot that does not change skips frames, so long steps don't count: it is the mean of those near the
+    lower quartile.
     """
 
     def __init__(self) -> None:
@@ -38,7 +41,7 @@ class Cadence:
         self._steps: deque[float] = deque(maxlen=SAMPLES)
 
     def record_stamp(self, stamp_s: float) -> None:
-        """Note the stamp, in seconds, of a frame that was taken."""
+        """Note the stamp, in seconds, of an accepted frame."""
         step = stamp_s - self._last_s
         self._last_s = stamp_s
         if 0.0 < step < 10.0:
@@ -54,8 +57,8 @@ class RateTimer:
 
     def __init__(self, hz: float) -> None:
         self.period_s = 1.0 / hz
-        self.sent_at = float("-inf")  # relay's clock
-        self._due_s = float("-inf")  # edge's clock
+        self.sent_at = float("-inf")  # by the relay's clock
+        self._due_s = float("-inf")  # by the edge's clock
         self._run_id = 0
 
     def is_due(self, run_id: int, stamp_s: float, interval_s: float, now: float) -> bool:

@@ -1,7 +1,7 @@
 """Decides when a viewer may be written to and when it is cut, by what it acknowledges, reads and answers.
 
-All times are seconds of the core's clock. Only this file writes these fields, but for `sent`: that one the
-walk over a crowd counts as well (`viewer.py`).
+All times are seconds of the core's clock. Only this file writes these fields, except `sent`: the loop over
+many viewers in `viewer.py` counts that as well.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from posecast_relay.core.limits import Limits
 
 
 class FlowControl:
-    """The flow control of one connection. Viewer inherits it: one object less to reach, for every frame."""
+    """The flow control of one connection. Viewer inherits it to save one object access per frame."""
 
     __slots__ = (
         "acks",
@@ -39,26 +39,26 @@ class FlowControl:
 
     def __init__(self, limits: Limits, now: float, speaks: bool = True) -> None:
         self.limits = limits
-        self.speaks = speaks  # answers pings
-        # what must arrive and waits for the socket to drain; None = nothing
+        self.speaks = speaks  # whether it answers pings
+        # reliable data that waits for the socket to drain; None = nothing
         self.reliable_queue: list[bytes] | None = None
-        # blocked = nothing new may be written now: not drained, acks owed, or that queue not empty
+        # blocked = nothing new may be written: not drained, acks owed, or that queue is not empty
         self.blocked = False
         self.paused_at: float | None = None
         self.stalled = False
-        # reading what it was given when it came, until it acknowledges more messages than those:
+        # still reading its first data, until it acknowledges more messages than those:
         self.join_burst_n = 0
-        self.join_burst_arrives_by = now  # till then without a word
-        self.join_burst_read_by = now  # till then as long as it is heard of
+        self.join_burst_arrives_by = now  # its limit if the viewer stays silent
+        self.join_burst_read_by = now  # its limit while the viewer is heard from
         # acknowledgements
-        self.sent = 0  # binary messages
-        self.acks = False  # it has acknowledged once, so it will
+        self.sent = 0  # count of binary messages
+        self.acks = False  # it has acknowledged once, so it can be expected to
         self.heard_ack_at = now
-        self.owed_at: float | None = None  # when the first message went that is sure to be acknowledged
+        self.owed_at: float | None = None  # when the first message was sent that must be acknowledged
         self.oldest_n = 0
-        self.oldest_at: float | None = None  # when message `oldest_n` went, the oldest of those that is not
-        self.check_at = float("inf")  # when the next message sent makes it owe one, or stalls it
-        # signs of life and manners
+        self.oldest_at: float | None = None  # when `oldest_n`, the oldest unacknowledged one, was sent
+        self.check_at = float("inf")  # from when the next message makes it owe an ack, or stalls it
+        # signs of life and message limits
         self.heard_at = now
         self.ping_at = now
         self.tokens = float(limits.messages_burst)
@@ -67,23 +67,24 @@ class FlowControl:
     # ---- the socket -------------------------------------------------------
 
     def pause(self, now: float) -> None:
-        """Note that the viewer's socket did not take everything."""
+        """Note that the viewer's socket buffer is full."""
         self.paused_at = now
         self.blocked = True
 
     def resume(self) -> None:
-        """Note that the socket has taken everything. The viewer stays blocked until `release`."""
+        """Note that the socket has drained. The viewer stays blocked until `release`."""
         self.paused_at = None
 
     def enqueue(self, data: bytes) -> bool:
-        """Keep data that must arrive until `release`. False: more waits than the limits allow."""
+        """Keep data that must arrive until `release`. Returns False if more is waiting than the limits
+        allow."""
         if self.reliable_queue is None:
             self.reliable_queue = []
         self.reliable_queue.append(data)
         return len(self.reliable_queue) <= self.limits.reliable_queue
 
     def release(self) -> bytes | None:
-        """Return what waited, which has to be written first; None while the viewer can't take anything."""
+        """Return the waiting data, which must be written first; None while the viewer can't take anything."""
         if self.paused_at is not None or self.stalled:
             return None
         waited = b"".join(self.reliable_queue or ())
@@ -96,14 +97,15 @@ class FlowControl:
     def may_send(self, now: float) -> bool:
         """Whether another message may be sent before it acknowledges. Called when `check_at` has passed.
 
-        A viewer acknowledges when a message arrives and a second has passed since its last acknowledgement.
-        So the first message sent a second after that was heard here is sure to be answered, and is always let
-        through: a viewer that had read all in one go owes nothing for the rest, and would never speak again.
+        A viewer acknowledges when a message arrives at least a second after its last acknowledgement. So the
+        first message sent a second after that ack arrived is sure to be acknowledged, and always allowed.
+        Without this, a viewer that had read everything in one go would owe nothing for it and never
+        acknowledge again.
         """
         limits = self.limits
         if self.owed_at is None:
             if now < self.heard_ack_at + limits.ack_every_s:
-                return False  # its acknowledgements come, but for messages of two seconds ago
+                return False  # it acknowledges, but messages that are two seconds old
             self.owed_at = now
             if self.oldest_at is None:
                 self.oldest_at = now
@@ -132,7 +134,7 @@ class FlowControl:
         self.blocked = self.paused_at is not None or self.reliable_queue is not None
 
     def begin_join_burst(self, size: int, now: float) -> None:
-        """Note that a new viewer was sent `size` bytes at once, and allow it time to read them."""
+        """Note that a new viewer was sent `size` bytes at once, and give it time to read them."""
         limits = self.limits
         reads_s = size / limits.slowest_bytes_per_s
         self.join_burst_n = self.sent
@@ -142,18 +144,18 @@ class FlowControl:
     # ---- signs of life ----------------------------------------------------
 
     def record_heard(self, now: float) -> None:
-        """Note that anything came from the viewer."""
+        """Note that anything was received from the viewer."""
         self.heard_at = now
 
     def take_ping(self, now: float) -> bool:
-        """Whether to ping the viewer now, since nothing came from it; if so, it counts as pinged."""
+        """Whether to ping the viewer now, because it was silent. If so, counts it as pinged."""
         if not self.speaks or now - max(self.heard_at, self.ping_at) < self.limits.ping_s:
             return False
         self.ping_at = now
         return True
 
     def allow_message(self, now: float) -> bool:
-        """Whether the viewer may send one more message now; if so, it is counted."""
+        """Whether the viewer may send one more message now. If so, counts it."""
         refill = (now - self.tokens_at) * self.limits.messages_per_s
         self.tokens = min(float(self.limits.messages_burst), self.tokens + refill)
         self.tokens_at = now
@@ -163,8 +165,8 @@ class FlowControl:
         return True
 
     def find_overdue(self, now: float) -> Close | None:
-        """Return why this connection has to be cut now, HALF_OPEN or NO_ACK; None when it may stay."""
-        limits = self.limits  # a ping, too, waits behind what it reads at first
+        """Return why this connection must be cut now, HALF_OPEN or NO_ACK; None if it may stay."""
+        limits = self.limits  # a ping also waits behind its first data
         came = max(self.join_burst_arrives_by, min(self.heard_at, self.join_burst_read_by))
         if self.speaks and now - max(came, self.heard_at) >= limits.half_open_s:
             return Close.HALF_OPEN
@@ -176,7 +178,7 @@ class FlowControl:
         return None
 
     def shift_deadlines(self, seconds: float, now: float) -> None:
-        """Extend all deadlines, since the relay itself stood still for this many seconds."""
+        """Extend all deadlines, because the relay itself was stalled for this many seconds."""
         self.heard_at = min(now, self.heard_at + seconds)
         self.join_burst_arrives_by += seconds
         self.join_burst_read_by += seconds

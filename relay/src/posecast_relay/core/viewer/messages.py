@@ -63,7 +63,7 @@ def make_hello(
 ) -> bytes:
     """Make `hello`, the first message of every connection.
 
-    `max_hz`: this viewer's limit, if it has its own.
+    `max_hz`: this viewer's limit, if it has one.
     """
     granted: Granted = {
         "max_hz": limits.max_hz if max_hz is None else max_hz,
@@ -93,10 +93,10 @@ def make_status(
     degraded: bool = False,
     over_share: bool = False,
 ) -> bytes:
-    """Make `status`: how the robot is, and how old its newest frame.
+    """Make `status`: the robot's status and the age of its newest frame.
 
-    `degraded`: this relay can't hear the robot now. `over_share`: the robot sends more than its share, so
-    some of its frames are dropped.
+    `degraded`: this relay can't hear the robot now. `over_share`: the robot exceeds its share, so some of its
+    frames are dropped.
     """
     doc: Status = {"type": "status", "robot": robot_status, "age_ms": age_ms, "seq": seq}
     if degraded:
@@ -131,9 +131,10 @@ def make_pong(t: float) -> bytes:
 
 
 def make_bye(code: int, reason: str, retry_s: float | None, lane: str | None = None) -> bytes:
-    """Make `bye`: why the connection ends, in how many seconds to try again, and where to read on meanwhile.
+    """Make `bye`: why the connection ends, how many seconds to wait before a retry, and where to read on
+    meanwhile.
 
-    `lane`: an address to be resolved against that of the stream.
+    `lane`: an address relative to that of the stream.
     """
     doc: Bye = {"type": "bye", "code": code, "reason": reason, "retry_s": retry_s}
     if lane is not None:

@@ -1,4 +1,4 @@
-"""One viewer: who it is, how often it is served, and its mailbox of one, the frame it was given last."""
+"""One viewer: who it is, its rate, and its mailbox of one, the last frame it was sent."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from posecast_relay.core.viewer.flow_control import FlowControl
 
 
 class Outlet(Protocol):
-    """A viewer's connection, for whoever carries out actions. The core never calls it.
+    """A viewer's connection, for the code that executes actions. The core never calls it.
 
-    `descriptor`: the socket's, while bytes may be written straight to it; −1: only `write` may be used.
+    `descriptor`: the socket's, while bytes may be written straight to it; −1: use `write` only.
     """
 
     descriptor: int
@@ -33,7 +33,7 @@ class Outlet(Protocol):
 
 
 class Viewer(FlowControl):
-    """One viewer's connection, as the core knows it. It has slots, since a frame visits thousands of them."""
+    """One viewer's connection as the core sees it. It has slots because a frame visits thousands of them."""
 
     __slots__ = (
         "asked_hz",
@@ -72,18 +72,18 @@ class Viewer(FlowControl):
     ) -> None:
         super().__init__(limits, now, speaks)
         self.outlet = outlet
-        self.number = 0  # of the connection, given by the hub
+        self.number = 0  # of the connection, assigned by the hub
         self.robot = robot
         self.view = view
-        self.grant = grant  # None: nobody asked for one
-        self.asked_view = asked_view  # None: whichever the grant is for
+        self.grant = grant  # None: access was not checked
+        self.asked_view = asked_view  # None: the one that the grant names
         self.max_hz = min(limits.max_hz, grant.hz) if grant else limits.max_hz
         self.hz = grant_hz(hz, self.max_hz)
-        self.asked_hz = self.hz  # served less often while the process is overloaded
+        self.asked_hz = self.hz  # the effective rate is lower while the process is overloaded
         self.until = now + lives_s
-        self.expires_at = expires_at  # what it has shown is worth nothing from then on
-        self.decoded = decoded  # gets no bases: it counts one message per frame
-        # state: what it was given last, and which bases it holds
+        self.expires_at = expires_at  # when its token expires
+        self.decoded = decoded  # gets no bases: it expects one message per frame
+        # state: what it was sent last, and which bases it holds
         self.frame: StoredFrame | None = None
         self.key: StoredFrame | None = None
         self.ref: StoredFrame | None = None
@@ -94,15 +94,15 @@ class Viewer(FlowControl):
 
     @property
     def is_preview(self) -> bool:
-        """Whether it is a card in a list: it counts as nobody and gets no events."""
+        """Whether it is a card in a list: it is not counted as a viewer and gets no events."""
         return self.grant is not None and self.grant.is_preview
 
     def set_number(self, number: int) -> None:
-        """Set the number of its connection, counted by the hub."""
+        """Set the number of its connection, assigned by the hub."""
         self.number = number
 
     def set_grant(self, grant: Grant) -> bool:
-        """Set what it may see. True when that lowers the rate that it asked for."""
+        """Set what it may see. Returns True if that lowers its requested rate."""
         self.grant = grant
         self.max_hz = min(self.limits.max_hz, grant.hz)
         if self.asked_hz <= self.max_hz:
@@ -115,11 +115,11 @@ class Viewer(FlowControl):
         self.expires_at = expires_at
 
     def set_asked_rate(self, hz: float) -> None:
-        """Set the rate in Hz that it asks for, as far as its grant allows. `set_rate` makes it effective."""
+        """Set the rate in Hz that it requests, within its grant. `set_rate` makes it effective."""
         self.asked_hz = grant_hz(hz, self.max_hz)
 
     def set_rate(self, hz: float) -> None:
-        """Set the rate in Hz at which it is served. Called by Room, which groups viewers by rate."""
+        """Set the rate in Hz at which it is served. Room calls this, because it groups viewers by rate."""
         self.hz = hz
 
     # ---- mailbox ----------------------------------------------------------
@@ -129,7 +129,7 @@ class Viewer(FlowControl):
         self.version, self.schema_n = version, schema_n
 
     def record_frame(self, frame: StoredFrame) -> None:
-        """Note that it was sent `frame`, and before it the bases that it lacked."""
+        """Note that it was sent `frame`, after any bases that it lacked."""
         if frame.key is not None and self.key is not frame.key and not self.decoded:
             self.sent += 1
         if frame.ref is not None and self.ref is not frame.ref and not self.decoded:
@@ -150,16 +150,16 @@ class Viewer(FlowControl):
         lacking: list[Viewer],
         behind: set[Viewer],
     ) -> list[tuple[Viewer, Exception]]:
-        """Sort viewers that are due by what they need; returns those at which this failed, with the error.
+        """Sort due viewers by what they need. Returns those for which this failed, with the error.
 
         Viewers with the bases and the description of this `version` go to `ready`, and count as having been
-        sent `frame`; those that need more go to `lacking`; those that can't take it now go to `behind`.
-        All in one function, since a call for each viewer of each frame would take too long.
+        sent `frame`. Those that need more go to `lacking`, and those that can't take it now go to `behind`.
+        It is one function because a call per viewer and frame would take too long.
         """
         failed: list[tuple[Viewer, Exception]] = []
         key = frame if frame.is_key else frame.key
         ref, is_key = frame.ref, frame.is_key
-        while True:  # once, and once more behind each viewer at whom it fails
+        while True:  # restarts after each viewer for which it fails
             try:
                 for viewer in viewers:
                     if viewer.frame is frame:
@@ -178,7 +178,7 @@ class Viewer(FlowControl):
                 break
             except Exception as error:
                 if failed and failed[-1][0] is viewer:
-                    raise  # not at a viewer, but at the walk
+                    raise  # the loop itself failed, not a viewer
                 failed.append((viewer, error))
         if frame.is_ref:
             for viewer in ready:

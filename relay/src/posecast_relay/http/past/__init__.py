@@ -1,1 +1,1 @@
-"""The past over HTTP: its routes, and what they answer."""
+"""The past over HTTP: routes and responses."""

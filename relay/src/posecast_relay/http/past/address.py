@@ -1,4 +1,4 @@
-"""Reads the parts of an address of the past: days, pages of ten minutes, takes, indexes, hashes."""
+"""Parses the parts of a past URL: days, pages of ten minutes, takes, indexes, hashes."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ SHA256_HEX = re.compile(r"[0-9a-f]{64}", re.ASCII)
 INDEX = re.compile(r"0|[1-9][0-9]{0,9}", re.ASCII)
 INDEX_MAX = (1 << 32) - 1
 EVERY_MAX = 1000
-EVERY_STEPS = 150  # segments of 4 s in ten minutes: a pose of them all, however many more are left out
+EVERY_STEPS = 150  # segments of 4 s in ten minutes: larger steps mean the same, one pose for all
 DAY_MS = 86_400_000
 PAGE_MS = 600_000
 MINUTE_MS = 60_000
-TEN_MINUTES = "ten minutes of UTC as 2026-11-22T14:20Z (minutes end in 0)"
+TEN_MINUTES = "ten minutes in UTC as 2026-11-22T14:20Z (the minute ends in 0)"
 YEARS = "from 2000 to 2099"
-SHOWN_MAX = 40  # characters of what a refusal quotes
+SHOWN_MAX = 40  # the most characters that a refusal quotes
 
 
 class AddressError(ValueError):
-    """A part of an address that is none. The message is one line that says what it may be."""
+    """An invalid part of a URL. The message is one line that names the valid form."""
 
 
 class PastSpan(NamedTuple):
-    """A day or ten minutes of UTC: unix ms, the end not included."""
+    """A day or ten minutes in UTC: unix ms, end exclusive."""
 
     from_ms: int
     to_ms: int
@@ -41,7 +41,7 @@ class PastSpan(NamedTuple):
 
 
 def read_span(text: str) -> PastSpan:
-    """Read a day as `2026-11-22` or ten minutes as `2026-11-22T14:20Z`. Raises AddressError."""
+    """Parse a day as `2026-11-22` or ten minutes as `2026-11-22T14:20Z`. Raises AddressError."""
     day = DAY.fullmatch(text)
     if day is not None:
         from_ms = _read_day_ms(text)
@@ -52,30 +52,30 @@ def read_span(text: str) -> PastSpan:
 
 
 def read_page(text: str) -> PastSpan:
-    """Read the ten minutes of a page of KEYs as `2026-11-22T14:20Z`. Raises AddressError."""
+    """Parse the ten minutes of a page of KEYs as `2026-11-22T14:20Z`. Raises AddressError."""
     page = PAGE.fullmatch(text)
     if page is None:
-        raise AddressError(f"KEYs are of {TEN_MINUTES}, {YEARS}{_quote(text)}")
+        raise AddressError(f"KEYs: want {TEN_MINUTES}, {YEARS}{_quote(text)}")
     from_ms = _read_day_ms(page[1]) + int(page[2]) * 3_600_000 + int(page[3]) * PAGE_MS
     return PastSpan(from_ms, from_ms + PAGE_MS)
 
 
 def read_take(text: str) -> int:
-    """Read a take: 16 hexadecimal digits. Raises AddressError."""
+    """Parse a take: 16 hexadecimal digits. Raises AddressError."""
     if not U64_HEX.fullmatch(text):
         raise AddressError(f"a take is 16 lower-case hexadecimal digits{_quote(text)}")
     return int(text, 16)
 
 
 def read_index(text: str) -> int:
-    """Read a segment's index in its take. Raises AddressError."""
+    """Parse a segment's index in its take. Raises AddressError."""
     if not INDEX.fullmatch(text) or int(text) > INDEX_MAX:
         raise AddressError(f"an index is a number from 0 to {INDEX_MAX}, without leading zeros{_quote(text)}")
     return int(text)
 
 
 def read_after(text: str) -> tuple[int, int]:
-    """Read `take,index`. Raises AddressError."""
+    """Parse `take,index`. Raises AddressError."""
     take, comma, index = text.partition(",")
     if not comma:
         raise AddressError(f"after: want a take, a comma and an index{_quote(text)}")
@@ -86,8 +86,10 @@ def read_after(text: str) -> tuple[int, int]:
 
 
 def read_every(text: str) -> int:
-    """Read how many segments there are to be for one KEY; above EVERY_STEPS it is that many, so that one page
-    has few names in caches. Raises AddressError.
+    """Parse how many segments share one KEY. Values above EVERY_STEPS count as that, so that caches see few
+    names for one page.
+
+    Raises AddressError.
     """
     if not INDEX.fullmatch(text) or not 1 <= int(text) <= EVERY_MAX:
         raise AddressError(f"every: want a number from 1 to {EVERY_MAX}, without leading zeros{_quote(text)}")
@@ -95,19 +97,19 @@ def read_every(text: str) -> int:
 
 
 def read_sha256(text: str) -> bytes:
-    """Read a SHA-256: 64 hexadecimal digits. Raises AddressError."""
+    """Parse a SHA-256: 64 hexadecimal digits. Raises AddressError."""
     if not SHA256_HEX.fullmatch(text):
         raise AddressError(f"a SHA-256 is 64 lower-case hexadecimal digits{_quote(text)}")
     return bytes.fromhex(text)
 
 
 def write_day(unix_ms: int) -> str:
-    """Return the day of a time, as in an address."""
+    """Return the day of a time as it appears in a URL."""
     return datetime.fromtimestamp(unix_ms // 1000, UTC).strftime("%Y-%m-%d")
 
 
 def write_minute(unix_ms: int) -> str:
-    """Return the minute of a time, as in an address."""
+    """Return the minute of a time as it appears in a URL."""
     return datetime.fromtimestamp(unix_ms // 1000, UTC).strftime("%Y-%m-%dT%H:%MZ")
 
 
@@ -119,5 +121,5 @@ def _read_day_ms(text: str) -> int:
 
 
 def _quote(text: str) -> str:
-    """Say what was got instead, shortened, and such that it can be shown."""
+    """Quote the rejected text, shortened and printable."""
     return f"; got '{visible(text, SHOWN_MAX)}'"

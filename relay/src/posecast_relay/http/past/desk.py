@@ -1,7 +1,7 @@
-"""The past of a process as its routes need it: what somebody may see of what is recent and of what is older.
+"""What the routes of the past need from a process: what a caller may see of recent and older data.
 
-Months are looked at by their days, a day by its minutes, and only ten minutes by their segments. All of these
-are judged alike: who could see it live, how far back they may look, and what was taken back.
+Months are searched by day, a day by minute, and only ten minutes by segment. All follow the same rules: who
+could see it live, how far back they may look, and what was withdrawn.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Found = KeptSegment | SegmentName | NotYet | None
 
 
 class ShownPage(NamedTuple):
-    """What somebody may see of ten minutes. `is_whole`: False when there may be more that can't be read
+    """What a caller may see of ten minutes. `is_whole` is False if there may be more that can't be read
     now."""
 
     segments: list[KeptSegment]
@@ -37,10 +37,10 @@ class ShownPage(NamedTuple):
 
 
 class PastDesk:
-    """Where the past is read, who waits for more, and the time.
+    """Combines the source of the past, the waiting requests and the clocks.
 
-    `now` is the core's clock in seconds, `unix_s` the wall clock, by which the times of segments are told.
-    What has to be waited for raises PastAway when it can't be read.
+    `now` is the core's clock in seconds. `unix_s` is the wall clock that segments' times refer to. Methods
+    that wait raise PastAway if the data can't be read.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class PastDesk:
         *,
         has_models: bool = False,
     ) -> None:
-        """`has_models`: models of the past are kept as well, for who may see a past that names them."""
+        """`has_models`: models of the past are kept too, for callers that may see a past that names them."""
         self.source = source
         self.policy: Policy | None = None
         self.deletions = deletions or Deletions()
@@ -67,7 +67,7 @@ class PastDesk:
         source.follow(self.held.list_waiting, self.held.wake)
 
     def set_policy(self, policy: Policy) -> None:
-        """Note what the rules that are in force from now on take back. Who waits for more is judged anew."""
+        """Note what the rules in force from now on withdraw. Waiting requests are judged again."""
         self.policy = policy
         self.unseen.set_policy(policy, self.compute_unix_ms())
         self.held.wake_all()
@@ -83,7 +83,7 @@ class PastDesk:
     # ---- months ----------------------------------------------------------------------
 
     async def has_any(self, grant: Grant) -> bool:
-        """Whether there is anything that they may see."""
+        """Whether there is anything that the grant may see."""
         if self.reader.list_shown(grant, self.compute_unix_ms()):
             return True
         for reach in reversed(await self._load_reaches(grant)):
@@ -92,7 +92,7 @@ class PastDesk:
         return False
 
     async def find_extent(self, grant: Grant) -> PastExtent:
-        """Return how far the past goes for them."""
+        """Return the extent of the past for a grant."""
         unix_ms = self.compute_unix_ms()
         recent = self.reader.list_shown(grant, unix_ms)
         try:
@@ -120,7 +120,7 @@ class PastDesk:
         return await self.source.load_reaches(grant.robot, grant.view, window.from_ms, window.to_ms)
 
     async def _shows_day(self, grant: Grant, reach: DayReach) -> bool:
-        """Whether there is a minute of a day that they may see."""
+        """Whether a day has a minute that the grant may see."""
         spans = [span for span in reach.spans if grant.by in span.audiences]
         unix_ms = self.compute_unix_ms()
         if any(self.reader.shows(grant, span, unix_ms) for span in spans):
@@ -128,12 +128,12 @@ class PastDesk:
         return bool(spans and await self._list_spans(grant, reach))
 
     async def _list_spans(self, grant: Grant, reach: DayReach) -> list[int]:
-        """Return when those minutes of a day begin that they may see, to the millisecond."""
+        """Return the start of each minute of a day that the grant may see, unix ms."""
         day = await self.source.load_day(grant.robot, grant.view, reach.day_ms)
         return [row.from_ms for row in self._list_rows(grant, day)]
 
     async def _find_newest(self, grant: Grant, day_ms: int) -> KeptSegment | None:
-        """Return the newest segment of a day that they may see."""
+        """Return the newest segment of a day that the grant may see."""
         day = await self.source.load_day(grant.robot, grant.view, day_ms)
         pages = {row.at_ms - row.at_ms % PAGE_MS for row in self._list_rows(grant, day)}
         for page_ms in sorted(pages, reverse=True):
@@ -145,7 +145,7 @@ class PastDesk:
     # ---- a day -------------------------------------------------------------------------
 
     async def list_minutes(self, grant: Grant, day: PastSpan) -> list[MinuteRow]:
-        """Return what there is in each minute of a day that they may see."""
+        """Return a row for each minute of a day that the grant may see."""
         recent = sum_minutes(self.reader.list_shown(grant, self.compute_unix_ms(), day.from_ms, day.to_ms))
         if find_past_window(grant, self.compute_unix_ms()).from_ms >= day.to_ms:
             return recent
@@ -163,7 +163,7 @@ class PastDesk:
         newer: dict[int, list[MinuteRow]] = {}
         for row in recent:
             newer.setdefault(row.at_ms, []).append(row)
-        for at_ms, rows in newer.items():  # of the minute in which both meet, whichever has more
+        for at_ms, rows in newer.items():  # for the minute that is in both, take the one with more
             if _count(rows) > _count(found.get(at_ms, ())):
                 found[at_ms] = rows
         return [row for at_ms in sorted(found) for row in found[at_ms]]
@@ -175,7 +175,7 @@ class PastDesk:
     # ---- ten minutes, a segment, a schema ------------------------------------------------
 
     async def list_page(self, grant: Grant, page: PastSpan) -> ShownPage:
-        """Return what they may see of the segments that begin in ten minutes."""
+        """Return the segments that begin in ten minutes and that the grant may see."""
         window = find_past_window(grant, self.compute_unix_ms())
         if window.from_ms >= page.to_ms or window.to_ms <= page.from_ms:
             return ShownPage([], True)
@@ -185,7 +185,7 @@ class PastDesk:
         return ShownPage(shown, reached.is_whole)
 
     async def find_segment(self, grant: Grant, take: int, index: int) -> Found:
-        """Return the segment of this name with its bytes, or what there is instead."""
+        """Return the segment with this name and its bytes, or what replaces it."""
         if grant.past_s <= 0:
             return None
         name = SegmentName(grant.robot, grant.view, take, index)
@@ -195,14 +195,16 @@ class PastDesk:
         if not isinstance(found, KeptSegment):
             return found
         whole = await self.source.load([found])
-        if whole and not self.deletions.cover_segment(found):  # it may have been, meanwhile
+        if whole and not self.deletions.cover_segment(found):  # it may have been deleted in the meantime
             return whole[0]
         found = self.reader.find_segment(grant, take, index, self.compute_unix_ms())  # gone, or damaged
         return None if isinstance(found, KeptSegment) else found
 
     async def find_schema(self, grant: Grant, sha256: bytes) -> tuple[str, int] | None:
-        """Return the text of a schema that a segment names which they may see, and when that one began, unix
-        ms; None when there is none.
+        """Return the text of a schema named by a segment that the grant may see, and that segment's start,
+        unix ms.
+
+        None if there is none.
         """
         unix_ms = self.compute_unix_ms()
         found = self.reader.find_schema(grant, sha256, unix_ms)
@@ -217,7 +219,7 @@ class PastDesk:
         return text, from_ms
 
     async def shows_model(self, grant: Grant, digest: str) -> bool:
-        """Whether they may see a segment that names this model."""
+        """Whether the grant may see a segment that names this model."""
         unix_ms = self.compute_unix_ms()
         if any(segment.model == digest for segment in self.reader.list_shown(grant, unix_ms)):
             return True
@@ -230,7 +232,7 @@ class PastDesk:
         return False
 
     async def _find_naming(self, grant: Grant, sha256: str) -> int | None:
-        """Return when a segment began that names a schema and that they may see, of what is older."""
+        """Return the start, unix ms, of an older segment that names a schema and that the grant may see."""
         unix_ms = self.compute_unix_ms()
         for reach in reversed(await self._load_reaches(grant)):
             if sha256 in reach.schemas:

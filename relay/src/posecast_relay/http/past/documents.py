@@ -1,4 +1,4 @@
-"""JSON documents about the past. Each is made of segments that the asker may see, and of nothing else."""
+"""JSON documents about the past. Each contains only data about segments that the caller may see."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from posecast_relay.http.past.address import PastSpan, write_day, write_minute
 from posecast_relay.http.past.extent import PastExtent
 from posecast_relay.plain_json import json_bytes
 
-INDEX_BYTES_MAX = 1 << 20  # of one page's answer; what is beyond is asked for with `after`
-WORDS: tuple[RobotStatus, ...] = ("online", "silent", "offline")  # the worst last
+INDEX_BYTES_MAX = 1 << 20  # of one page's response; request the rest with `after`
+WORDS: tuple[RobotStatus, ...] = ("online", "silent", "offline")  # worst last
 
 
 class _Document(BaseModel):
@@ -25,14 +25,15 @@ class _Document(BaseModel):
 
 
 class NamedSegment(_Document):
-    """A segment: `take` is 16 hexadecimal digits, `index` counts in it from 0."""
+    """A segment: `take` is 16 hexadecimal digits, `index` counts within it from 0."""
 
     take: str
     index: int
 
 
 class PastSummary(_Document):
-    """How far back the asker may look, and what there is: unix ms; null and nothing where there is none."""
+    """How far back the caller may look, and what exists. Times are unix ms; null or empty if there is
+    nothing."""
 
     view: str
     from_ms: int | None
@@ -44,7 +45,7 @@ class PastSummary(_Document):
 
 
 class PastMinute(_Document):
-    """What began in one minute: bytes and frames of its segments, the worst word, how many faults began."""
+    """The segments that began in one minute: bytes, frames, the worst status, and how many faults began."""
 
     minute: str
     bytes: int
@@ -54,7 +55,7 @@ class PastMinute(_Document):
 
 
 class PastDay(_Document):
-    """The minutes of a day (UTC) in which anything was recorded."""
+    """The minutes of a day (UTC) that have recordings."""
 
     view: str
     day: str
@@ -62,7 +63,7 @@ class PastDay(_Document):
 
 
 class PastEventEntry(BaseModel):
-    """An event as every viewer got it (SPEC §6), with its number `n` and when it came, unix ms."""
+    """An event as every viewer got it (SPEC §6), with its number `n` and its time of arrival, unix ms."""
 
     model_config = ConfigDict(extra="allow")
     n: int
@@ -70,14 +71,14 @@ class PastEventEntry(BaseModel):
 
 
 class PastWordEntry(_Document):
-    """What the robot's status was from this moment on, unix ms."""
+    """The robot's status from this time on, unix ms."""
 
     at_ms: int
     word: Literal["online", "silent", "offline"]
 
 
 class PastEntry(NamedSegment):
-    """A segment of an index. `missing`: frames lost before it; hashes are hexadecimal."""
+    """A segment in an index. `missing`: frames lost before it; hashes are hexadecimal."""
 
     run: str
     from_ms: int
@@ -97,7 +98,8 @@ class PastEntry(NamedSegment):
 
 
 class PastPage(_Document):
-    """The segments that begin in ten minutes. `more`: there are more: ask with `after`, the last one here."""
+    """The segments that begin in ten minutes. `more`: there are more; request them with `after` and the last
+    one."""
 
     view: str
     from_: str
@@ -108,13 +110,13 @@ class PastPage(_Document):
 
 
 class NextSegment(_Document):
-    """What comes after a segment that is not for the asker, was dropped, or whose take is over."""
+    """The segment that follows one that is hidden or gone, or the last one of a take."""
 
     next: NamedSegment
 
 
 def make_summary(grant: Grant, extent: PastExtent) -> bytes:
-    """Return how far back somebody may look, as JSON."""
+    """Return how far back a caller may look, as JSON."""
     return json_bytes(
         {
             "view": grant.view,
@@ -129,12 +131,12 @@ def make_summary(grant: Grant, extent: PastExtent) -> bytes:
 
 
 def make_no_summary(grant: Grant) -> bytes:
-    """Return that nobody may look back at all, as JSON."""
+    """Return that the caller may not look back at all, as JSON."""
     return make_summary(replace(grant, past_s=0.0), PastExtent())
 
 
 def make_day(view: str, day: PastSpan, shown: Iterable[MinuteRow]) -> bytes:
-    """Return what there is in each minute of a day, as JSON."""
+    """Return a row for each minute of a day, as JSON."""
     minutes: dict[int, list[MinuteRow]] = {}
     for row in shown:
         minutes.setdefault(row.at_ms, []).append(row)
@@ -143,7 +145,7 @@ def make_day(view: str, day: PastSpan, shown: Iterable[MinuteRow]) -> bytes:
 
 
 def make_page(view: str, page: PastSpan, shown: Iterable[KeptSegment]) -> bytes:
-    """Return the index of ten minutes as JSON, INDEX_BYTES_MAX of it at most, or a single segment's."""
+    """Return the index of ten minutes, or of a single segment, as JSON of at most INDEX_BYTES_MAX."""
     entries: list[bytes] = []
     size, more = 0, False
     for segment in shown:
@@ -158,7 +160,7 @@ def make_page(view: str, page: PastSpan, shown: Iterable[KeptSegment]) -> bytes:
 
 
 def make_next(name: SegmentName) -> bytes:
-    """Return the name of the segment that comes next, as JSON."""
+    """Return the name of the next segment, as JSON."""
     return json_bytes({"next": _name(name)})
 
 
@@ -183,11 +185,11 @@ ENTRY = (
 
 
 def _write_entry(segment: KeptSegment) -> bytes:
-    """Write a segment's entry by hand: numbers, hashes and words need no care, and there are hundreds."""
+    """Write a segment's entry by hand: there are hundreds, and their values need no escaping."""
     name, schema = segment.name, segment.schema
     numbers = (name.take, name.index, segment.run, segment.from_ms, segment.to_ms, segment.frames)
     words = ",".join(f'{{"at_ms":{each.at_ms},"word":"{each.word}"}}' for each in segment.words)
-    # events as they came: they need not be taken apart for that
+    # copy events as they are, without parsing them
     events = ",".join(f'{{"at_ms":{each.at_ms},{each.text[1:]}' for each in segment.events)
     hashes = (
         segment.sha256.hex(),

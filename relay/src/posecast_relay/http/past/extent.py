@@ -1,4 +1,4 @@
-"""How far a past goes for somebody."""
+"""The extent of the past for a caller."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from posecast_relay.core.past.kept_segment import SegmentName
 
 
 class PastExtent(NamedTuple):
-    """From when to when there is anything, unix ms, on which days (when they begin), and the newest segment.
-    None and nothing where there is nothing.
+    """The first and last time with data, unix ms, the starts of the days that have data, and the newest
+    segment.
+
+    None or empty if there is nothing.
     """
 
     from_ms: int | None = None

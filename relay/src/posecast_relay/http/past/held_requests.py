@@ -1,4 +1,5 @@
-"""HTTP requests that wait for the next segment: bounded, and let go when the relay stops."""
+"""HTTP requests that wait for the next segment. Their number is bounded, and they end when the relay
+stops."""
 
 from __future__ import annotations
 
@@ -12,28 +13,28 @@ from itertools import islice
 
 log = logging.getLogger("posecast_relay")
 
-HELD_MAX = 1000  # at once, at 31 kB each, 65 kB with a long head; further ones are answered at once
-WOKEN_PER_TURN = 8  # one is answered in a quarter of a millisecond, and what is live goes out in between
-TOLD_EVERY_S = 60.0  # that places are full
+HELD_MAX = 1000  # at once, 31 kB each (65 kB with long headers); any more are answered at once
+WOKEN_PER_TURN = 8  # each takes a quarter of a millisecond; live data goes out in between
+TOLD_EVERY_S = 60.0  # how often to log that the limit is reached
 
 
 class HeldRequests:
-    """The requests of a process that wait until something new of a robot and view is kept. `now`: seconds."""
+    """The requests of a process that wait for a new segment of a robot's view. `now`: seconds."""
 
     def __init__(self, most: int = HELD_MAX, now: Callable[[], float] = time.monotonic) -> None:
         self._most = most
         self._now = now
-        self._told_s: float | None = None  # when the log was told that places are full
+        self._told_s: float | None = None  # when the log last reported the limit
         self._waiting: dict[tuple[str, str], set[asyncio.Future[None]]] = {}
-        self._woken: dict[asyncio.Future[None], None] = {}  # to be let go, in this order
+        self._woken: dict[asyncio.Future[None], None] = {}  # to be answered, in this order
         self._released = False
-        self.count = 0  # held now
-        self.turned_away = 0  # answered at once, as so many were held
-        self.answers: Counter[str] = Counter()  # of all requests for segments, held or not, by what they got
+        self.count = 0  # waiting now
+        self.turned_away = 0  # answered at once because of the limit
+        self.answers: Counter[str] = Counter()  # of all requests for segments, waiting or not, by result
 
     @contextmanager
     def hold(self) -> Iterator[bool]:
-        """Hold one more request within the context. False: it may not wait."""
+        """Hold one more request within the context. Yields False if it may not wait."""
         if self._released or self.count >= self._most:
             if not self._released:
                 self._turn_away()
@@ -46,9 +47,9 @@ class HeldRequests:
             self.count -= 1
 
     async def wait(self, robot: str, view: str, seconds: float) -> bool:
-        """Wait until something new of a view is kept; `seconds` at most.
+        """Wait until a view has a new segment, at most `seconds`.
 
-        False when the relay stops: nothing is worth waiting for.
+        Returns False if the relay is stopping: there is nothing left to wait for.
         """
         if self._released:
             return False
@@ -66,24 +67,24 @@ class HeldRequests:
         return not self._released
 
     def list_waiting(self) -> list[tuple[str, str]]:
-        """Return the robots and views of which something new is waited for."""
+        """Return the robots and views with waiting requests."""
         return list(self._waiting)
 
     def wake(self, robot: str, view: str) -> None:
-        """Let those look again who wait for this view, some in each turn of the event loop."""
+        """Wake the requests that wait for this view, a few in each turn of the event loop."""
         waiting = self._waiting.get((robot, view))
         if waiting and not self._woken:
             asyncio.get_running_loop().call_soon(self._let_some_go)
         self._woken.update(dict.fromkeys(waiting or ()))
 
     def _turn_away(self) -> None:
-        """Count it, and tell the log once in a while."""
+        """Count a request over the limit, and log it from time to time."""
         self.turned_away += 1
         now_s = self._now()
         if self._told_s is None or now_s - self._told_s >= TOLD_EVERY_S:
             self._told_s = now_s
             log.warning(
-                "the past: %d requests wait for the next segment, no more may: %d answered at once so far",
+                "the past: %d requests wait for the next segment, the limit: %d answered at once so far",
                 self._most,
                 self.turned_away,
             )
@@ -97,11 +98,11 @@ class HeldRequests:
             asyncio.get_running_loop().call_soon(self._let_some_go)
 
     def wake_all(self) -> None:
-        """Let all look again, since the rules have changed."""
+        """Wake all requests, because the rules have changed."""
         for robot, view in self._waiting:
             self.wake(robot, view)
 
     def release(self) -> None:
-        """Let all go, and hold none any more, since the relay stops."""
+        """End all waiting requests and accept no more, because the relay is stopping."""
         self._released = True
         self.wake_all()

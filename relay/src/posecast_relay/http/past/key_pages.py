@@ -1,4 +1,4 @@
-"""Makes pages of KEYs (SPEC §11) of kept segments, one at a time, beside the event loop."""
+"""Makes pages of KEYs (SPEC §11) from kept segments, one at a time, off the event loop."""
 
 from __future__ import annotations
 
@@ -12,30 +12,32 @@ from posecast_wire.key_page import KeyPose, encode_key_page, pick_pose
 from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
 from posecast_relay.core.policy.policy import Grant
 
-POSES_BYTES = 4 << 20  # kept of what was picked already: picking one takes a tenth of a millisecond
-POSE_BYTES = 500  # of Python's own for each
-WAITING_MAX = 32  # pages asked for at once; further ones are refused
-LOADED_BYTES = 1 << 20  # of segments that lie elsewhere, brought here at a time, or a single one
-LOADED_BYTES_MAX = 16 << 20  # of them for one page; fewer poses where it would take more
+POSES_BYTES = 4 << 20  # cached poses: picking one takes a tenth of a millisecond
+POSE_BYTES = 500  # Python's overhead for each
+WAITING_MAX = 32  # concurrent requests for pages; any more are refused
+LOADED_BYTES = 1 << 20  # of stored segments loaded at a time, except for a single one
+LOADED_BYTES_MAX = 16 << 20  # of them for one page; a page that needs more has fewer poses
 
 Load = Callable[[Sequence[KeptSegment]], Awaitable[list[KeptSegment]]]
 
 
 class KeyPages:
-    """Makes pages of KEYs, and keeps some of the poses picked for them."""
+    """Makes pages of KEYs and caches some of the poses picked for them."""
 
     def __init__(self) -> None:
         self._worker = ThreadPoolExecutor(1, "key pages")
         self._waiting = 0
-        self._poses: OrderedDict[SegmentName, KeyPose] = OrderedDict()  # the last one asked for last
+        self._poses: OrderedDict[SegmentName, KeyPose] = OrderedDict()  # most recently used last
         self._bytes = 0
 
     async def make_page(
         self, grant: Grant, from_ms: int, segments: Sequence[KeptSegment], every: int, load: Load
     ) -> bytes | None:
-        """Return the page of the ten minutes from `from_ms`, unix, with a pose of each `every`-th segment
-        that has frames; None when WAITING_MAX pages are being made. `segments`: what the grant shows of them;
-        `load` returns them with their bytes, without those that are gone.
+        """Return the page of the ten minutes from `from_ms`, unix ms, with a pose from every `every`-th
+        segment that has frames.
+
+        None if WAITING_MAX pages are already being made. `segments`: those that the grant may see; `load`
+        returns them with their bytes, without those that are gone.
         """
         if self._waiting >= WAITING_MAX:
             return None
@@ -56,13 +58,13 @@ class KeyPages:
             self._waiting -= 1
 
     def forget(self, robot: str) -> None:
-        """Forget the poses of a robot of which something was deleted."""
+        """Forget the poses of a robot because part of its past was deleted."""
         for name in [name for name in self._poses if name.robot == robot]:
-            pose = self._poses.pop(name, None)  # the worker may have been faster
+            pose = self._poses.pop(name, None)  # the worker may have removed it first
             self._bytes -= 0 if pose is None else _size(pose)
 
     def _divide(self, segments: Sequence[KeptSegment]) -> list[list[KeptSegment]]:
-        """Divide them into parts, each of which may be brought here at a time."""
+        """Divide them into parts that can be loaded at a time."""
         parts: list[list[KeptSegment]] = [[]]
         size = 0
         for segment in segments:
@@ -74,7 +76,7 @@ class KeyPages:
         return parts
 
     def _sum_lacking(self, segments: Sequence[KeptSegment]) -> int:
-        """How many bytes of these are elsewhere, and their pose is not known."""
+        """Return how many bytes must be loaded because their pose is not cached."""
         return sum(each.elsewhere_bytes for each in segments if each.name not in self._poses)
 
     def _pick_all(self, segments: Sequence[KeptSegment]) -> list[KeyPose]:
@@ -85,7 +87,7 @@ class KeyPages:
         if pose is not None:
             self._poses.move_to_end(segment.name)
             return pose
-        pose = pick_pose(segment.data) if segment.data else None  # else its pose was known a moment ago
+        pose = pick_pose(segment.data) if segment.data else None  # otherwise its pose was cached a moment ago
         if pose is not None:
             self._poses[segment.name] = pose
             self._bytes += _size(pose)

@@ -1,4 +1,4 @@
-"""For how long caches may keep what the routes of the past refuse."""
+"""Decides how long caches may keep refusals of the routes of the past."""
 
 from __future__ import annotations
 
@@ -9,17 +9,18 @@ from typing import Any
 from fastapi import HTTPException, Request, Response
 
 NO_STORE = {"cache-control": "private, no-store"}
-# what pages of other origins may read
+# headers that pages of other origins may read
 READABLE = {"access-control-expose-headers": "age, date, etag, retry-ms, retry-after"}
 FOR_A_SECOND = READABLE | {"cache-control": "public, max-age=1", "vary": "authorization"}
-# What passes, or may: a blackout, a robot that is to come, a Redis that is away.
-# And an address that there can't be; one with a token in it says by itself that nobody may keep the answer.
+# Statuses that may pass: a blackout, a robot that is not there yet, Redis away. Also malformed addresses;
+# the response to one that contains a token is already marked as not cacheable.
 SAME_FOR_ALL = frozenset((400, 403, 404, 501, 503))
 
 
 def tell_caches(route: Callable[..., Awaitable[Response]]) -> Callable[..., Awaitable[Response]]:
-    """Wrap a route, whose `request` is given by name: what it refuses has a `cache-control`, its own or the
-    one that befits who asked.
+    """Wrap a route, which takes `request` by name, so that its refusals have a `cache-control` header.
+
+    That is the refusal's own header, or one that fits the caller.
     """
 
     @wraps(route)
@@ -34,11 +35,11 @@ def tell_caches(route: Callable[..., Awaitable[Response]]) -> Callable[..., Awai
 
 
 def _choose_headers(request: Request, status: int) -> dict[str, str]:
-    """Let caches keep for a second what somebody is told who proves nothing, and nothing else.
+    """Let caches keep refusals for a second, but only those for callers without a token.
 
-    In a blackout a crowd in the lane asks for the same address again and again. What a cache may not keep it
-    passes on for each of them, and Varnish goes on so for two minutes. Whoever shows a token may be told
-    something else, so it varies with that.
+    In a blackout many lane readers request the same address again and again. A response that may not be
+    cached is passed on for each of them, and Varnish continues to do so for two minutes. A caller with a
+    token may get another response, so it varies with that.
     """
     shows_token = "authorization" in request.headers
     return NO_STORE if shows_token or status not in SAME_FOR_ALL else FOR_A_SECOND

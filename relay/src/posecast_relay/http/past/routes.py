@@ -1,8 +1,8 @@
-"""The routes of the past: how far back one may look, what there is, and the segments themselves.
+"""The HTTP routes of the past: how far back the caller may look, the indexes, and the segments.
 
-All of it is judged by the same admission as live, for each request. Segments go through ASGI like every other
-answer, not below it like streams: they end, and so share the bounds on requests, on what lies unread, and a
-connection that goes on.
+Each request goes through the same admission as a live viewer. Segments use ASGI like any other response,
+not the raw transport that streams use: they end, so the usual bounds on requests and unread bytes and
+keep-alive apply to them.
 """
 
 from __future__ import annotations
@@ -41,28 +41,30 @@ from posecast_relay.past_source import PastAway
 
 T = TypeVar("T")
 
-HOLD_S = 8.0  # a request for the next segment waits for so long
-RETRY_MS = 1000  # when to ask again for what is not there yet
-FRESH_S_MAX = 3600.0  # caches keep nothing for longer, so that what is taken back is gone within it
-CLOSED_MS = 10_000  # after its end a page can get no further segment: one lasts 6 s at most
-NOT_KEPT = "no past is kept here: ask a relay that was started with --past memory:"
+HOLD_S = 8.0  # how long a request for the next segment waits
+RETRY_MS = 1000  # when to ask again for a segment that does not exist yet
+FRESH_S_MAX = 3600.0  # the longest cache lifetime, so that revoked data is gone within an hour
+CLOSED_MS = 10_000  # after its end a page gets no more segments: each lasts at most 6 s
+NOT_KEPT = "this process keeps no past: ask a relay that was started with --past memory:"
 NO_ROUTE = (
     "no such route: below past there are VIEW/DAY, VIEW/MINUTES, VIEW/MINUTES/keys, VIEW/TAKE/INDEX and "
     "VIEW/schema/SHA256, with a VIEW as public, a DAY as 2026-11-22, ten MINUTES as 2026-11-22T14:20Z"
 )
 BUSY = READABLE | {"retry-after": "1"}
 BINARY = "application/octet-stream"
-HAD: dict[int | str, dict[str, Any]] = {304: {"description": "You have it"}}
+HAD: dict[int | str, dict[str, Any]] = {304: {"description": "Not modified: your copy is current"}}
 ERRORS: dict[int | str, dict[str, Any]] = {
-    400: {"description": "There can be no such address, or it holds a token"},
+    400: {"description": "The address is malformed, or contains a token"},
     401: {"description": "The token is wrong or has expired"},
-    403: {"description": "This view is not for you, or a token came from a page of another origin"},
-    404: {"description": "Not here, or not for you"},
-    503: {"description": "What keeps it, or what knows accounts, does not answer: ask again"},
+    403: {"description": "You may not see this view, or a token came from a page of another origin"},
+    404: {"description": "Not found, or you may not see it"},
+    503: {"description": "The store of the past or the account service does not answer: retry"},
 }
 BELOW = ERRORS | {501: {"description": "This process keeps no past"}}
 KEYS: dict[int | str, dict[str, Any]] = HAD | {
-    503: {"description": "What keeps it does not answer, or many ask for such pages just now: ask again"},
+    503: {
+        "description": "The store does not answer, or too many of these pages are requested at once: retry"
+    },
     200: {
         "description": "A page of KEYs (SPEC §11)",
         "content": {BINARY: {"schema": {"type": "string", "format": "binary"}}},
@@ -70,16 +72,16 @@ KEYS: dict[int | str, dict[str, Any]] = HAD | {
 }
 HELD: dict[int | str, dict[str, Any]] = HAD | {
     200: {
-        "description": "The segment; as JSON the next one, where this one is not for you or its take is over",
+        "description": "The segment; or JSON that names the next one, if this is hidden or its take is over",
         "model": documents.NextSegment,
         "content": {BINARY: {"schema": {"type": "string", "format": "binary"}}},
     },
-    204: {"description": "Not yet: ask again after `retry-ms`"},
+    204: {"description": "It does not exist yet: retry after `retry-ms`"},
 }
 
 
 def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | None) -> None:
-    """Add the routes below `{api}/{robot}/past`. `desk` None: no past is kept in this process."""
+    """Add the routes below `{api}/{robot}/past`. `desk` None: this process keeps no past."""
     api += "/{robot}/past"
 
     @app.get(api, summary="How far back you may look", responses=ERRORS | _tells(documents.PastSummary))
@@ -104,7 +106,7 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
         grant, at = await _enter(access, desk, request, robot, view)
         found = await _wait(at.find_schema(grant, _read(read_sha256, sha256)))
         if found is None:
-            _refuse(grant, "no such schema in the past, as far as it is for you")
+            _refuse(grant, "no such schema in the part of the past that you may see")
         text, from_ms = found
         left_s = find_past_window(grant, at.compute_unix_ms()).compute_left_s(from_ms)
         return _send(request, text.encode(), "application/json", sha256, _share(grant, left_s))
@@ -128,7 +130,7 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
 
     @app.get(
         api + "/{view}/{page}/keys",
-        summary="The first pose of each segment of ten minutes, or of each n-th: every, above 150 as 150",
+        summary="The first pose of every n-th segment of ten minutes; `every` above 150 counts as 150",
         response_class=Response,
         responses=BELOW | KEYS,
     )
@@ -144,7 +146,7 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
 
     @app.get(
         api + "/{view}/{take}/{index}",
-        summary="A segment; the next one is held",
+        summary="A segment; a request for the next one waits until it exists",
         response_class=Response,
         responses=BELOW | HELD,
     )
@@ -158,7 +160,7 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
                 until_s, waits = access.live.now() + HOLD_S, may_wait
                 while waits and isinstance(found, NotYet):
                     waits = await _hold(at, grant, name, access.live.now, until_s)
-                    grant, at = await _enter(access, desk, request, robot, view)  # it may be another now
+                    grant, at = await _enter(access, desk, request, robot, view)  # it may have changed
                     found = await _wait(at.find_segment(grant, *name))
         return _answer(request, at, grant, found)
 
@@ -170,11 +172,11 @@ async def _make_key_page(
 ) -> bytes:
     """Return a page of KEYs. Raises HTTPException 503."""
     body = await _wait(desk.keys.make_page(grant, page.from_ms, shown, every, desk.source.load))
-    if any(map(desk.deletions.cover_segment, shown)):  # meanwhile
+    if any(map(desk.deletions.cover_segment, shown)):  # deleted while the page was made
         desk.keys.forget(grant.robot)
-        raise HTTPException(503, "something was deleted while this was made: ask again", BUSY)
+        raise HTTPException(503, "a deletion changed this page while it was made: retry", BUSY)
     if body is None:
-        raise HTTPException(503, "as many pages of KEYs as this relay makes at once", BUSY)
+        raise HTTPException(503, "this relay is making as many pages of KEYs as it can: retry", BUSY)
     return body
 
 
@@ -186,7 +188,7 @@ def _refuse_others(app: FastAPI, api: str) -> None:
 
 
 async def _tell_no_past(access: Access, request: Request, robot: str, view: str | None) -> Response:
-    """Say that nobody may look back: no error, for every page would have it in its console."""
+    """Answer that nobody may look back. Not an error status: browsers would log that on every page."""
     grant = await require_grant(access, request, robot, view)
     return Response(documents.make_no_summary(grant), media_type="application/json", headers=NO_STORE)
 
@@ -194,7 +196,7 @@ async def _tell_no_past(access: Access, request: Request, robot: str, view: str 
 async def _enter(
     access: Access, desk: PastDesk | None, request: Request, robot: str, view: str | None
 ) -> tuple[Grant, PastDesk]:
-    """Return what the asker may see, and where the past is. Raises HTTPException."""
+    """Return what the caller may see, and where the past is read. Raises HTTPException."""
     grant = await require_grant(access, request, robot, view)
     if desk is None:
         raise HTTPException(HTTPStatus.NOT_IMPLEMENTED, NOT_KEPT)
@@ -206,7 +208,7 @@ async def _enter(
 
 
 async def _send_day(request: Request, desk: PastDesk, grant: Grant, day: PastSpan, text: str) -> Response:
-    """Answer with a day by minutes. Raises HTTPException 503."""
+    """Send a day by minutes. Raises HTTPException 503."""
     name, body = _key(grant, text), b""
     if not desk.answers.has(name):
         body = documents.make_day(grant.view, day, await _wait(desk.list_minutes(grant, day)))
@@ -214,9 +216,9 @@ async def _send_day(request: Request, desk: PastDesk, grant: Grant, day: PastSpa
 
 
 async def _find(desk: PastDesk, grant: Grant, name: tuple[int, int]) -> Found:
-    """Return a segment, or what there is instead. Raises HTTPException 503.
+    """Return a segment, or what to send instead. Raises HTTPException 503.
 
-    Of a name that this gateway does not know another one may have told a moment ago: it looks once more.
+    Another gateway may have announced a name that this one does not know yet, so it looks again once.
     """
     found = await _wait(desk.find_segment(grant, *name))
     if found is None and grant.past_s > 0:
@@ -228,9 +230,9 @@ async def _find(desk: PastDesk, grant: Grant, name: tuple[int, int]) -> Found:
 async def _hold(
     desk: PastDesk, grant: Grant, name: tuple[int, int], now: Callable[[], float], until_s: float
 ) -> bool:
-    """Wait until a segment may be there or the rules are others; until `until_s` at most, seconds of `now`.
+    """Wait until a segment may exist or the rules change, at most until `until_s`, in seconds of `now`.
 
-    False when there was or is nothing to wait for. Raises HTTPException 503.
+    Returns False if there is nothing to wait for. Raises HTTPException 503.
     """
     rules, has_waited = desk.policy, False
     while (left_s := until_s - now()) > 0 and desk.policy is rules:
@@ -248,11 +250,11 @@ async def _hold(
 
 
 def _answer(request: Request, desk: PastDesk, grant: Grant, found: Found) -> Response:
-    """Answer with a segment, or with what there is instead. Raises HTTPException 404."""
+    """Send a segment, or what replaces it. Raises HTTPException 404."""
     answers = desk.held.answers
     if found is None:
         answers["none"] += 1
-        _refuse(grant, "no such segment, as far as it is for you")
+        _refuse(grant, "no such segment in the part of the past that you may see")
     if isinstance(found, NotYet):
         answers["not yet"] += 1
         headers = _share(grant, 1.0) | {"retry-ms": f"{RETRY_MS}"}
@@ -268,7 +270,7 @@ def _answer(request: Request, desk: PastDesk, grant: Grant, found: Found) -> Res
 
 
 async def _wait(asked: Awaitable[T]) -> T:
-    """Wait for the source of the past. Raises HTTPException 503 when it can't be read just now."""
+    """Wait for the source of the past. Raises HTTPException 503 if it can't be read right now."""
     try:
         return await asked
     except PastAway as e:
@@ -283,14 +285,16 @@ def _read(read: Callable[[str], T], text: str) -> T:
 
 
 def _refuse(grant: Grant, reason: str) -> NoReturn:
-    """Say that something is not here; to be asked again in a second at the earliest."""
+    """Answer 404, with a retry after one second at the earliest."""
     raise HTTPException(HTTPStatus.NOT_FOUND, reason, _share(grant, 1.0))
 
 
 def _share(grant: Grant, fresh_s: float) -> dict[str, str]:
-    """Make the headers that say who may read an answer, and for how long caches may keep it.
+    """Make the headers that say who may read a response and how long caches may keep it.
 
-    A second at least, while it may be asked for: what may not be kept at all each of a crowd asks us for.
+    The lifetime is at least one second while the request can repeat: without it, every viewer of a crowd
+    would
+    reach the relay.
     """
     if not grant.open:
         return NO_STORE
@@ -299,7 +303,7 @@ def _share(grant: Grant, fresh_s: float) -> dict[str, str]:
 
 
 def _send(request: Request, body: bytes, type_: str, name: str, headers: dict[str, str]) -> Response:
-    """Send bytes that never change, called `name`; 304 if the asker has them already."""
+    """Send immutable bytes named `name`; 304 if the caller already has them."""
     headers = headers | {"etag": f'"{name}"', "x-content-type-options": "nosniff"}
     if has_already(request, headers["etag"]):
         return Response(status_code=HTTPStatus.NOT_MODIFIED, headers=headers)
@@ -307,13 +311,14 @@ def _send(request: Request, body: bytes, type_: str, name: str, headers: dict[st
 
 
 def _key(grant: Grant, what: str) -> str:
-    """Name an answer: two who get the same name are shown the same."""
+    """Name a response: callers with the same name get the same bytes."""
     return f"{grant.robot}/{grant.view}/{grant.by}/{grant.delay_s:g}/{grant.past_s:g}/{what}"
 
 
 def _list_after(shown: list[KeptSegment], since: tuple[int, int] | None) -> list[KeptSegment]:
-    """Return what came after a segment; where it is not among these, after the newest one before it in its
-    take. All where nothing of that take up to it is here (any more).
+    """Return the segments after `since`. If it is not in the list, return those after the newest earlier one
+    of
+    its take; if there is none of those either, return them all.
     """
     if since is None:
         return shown
@@ -324,7 +329,7 @@ def _list_after(shown: list[KeptSegment], since: tuple[int, int] | None) -> list
 
 
 def _compute_page_s(grant: Grant, page: PastSpan, found: ShownPage, unix_ms: int) -> float:
-    """Return for how long the index of ten minutes stays as it is, in seconds."""
+    """Return how long the index of ten minutes stays unchanged, in seconds."""
     window = find_past_window(grant, unix_ms)
     if not found.segments or not found.is_whole or window.to_ms < page.to_ms + CLOSED_MS:
         return 1.0
@@ -332,7 +337,7 @@ def _compute_page_s(grant: Grant, page: PastSpan, found: ShownPage, unix_ms: int
 
 
 def _tells(*models: type) -> dict[int | str, dict[str, Any]]:
-    """What an answer holds, for the description of the API."""
+    """Describe a response for the API description."""
     model: Any = models[0]
     for other in models[1:]:
         model = model | other

@@ -1,1 +1,1 @@
-"""What all programs of Posecast share on the command line: how they parse it, and how they print."""
+"""Shared by the command lines of all Posecast programs: parsing and output."""

@@ -1,4 +1,4 @@
-"""Colour for people: on a terminal, and as NO_COLOR (https://no-color.org) and FORCE_COLOR say."""
+"""Decides whether to use colours: on a terminal, and by NO_COLOR (https://no-color.org) and FORCE_COLOR."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ STYLES = {"bold": "1", "red": "31", "yellow": "33", "green": "32", "cyan": "36"}
 
 
 def wants_color(out: TextIO | None, environment: Mapping[str, str] | None = None) -> bool:
-    """Whether text written to `out` should have colours; None, as sys.stderr is where it was closed, has
-    none. `environment`: None for that of the process."""
+    """Whether text written to `out` should be coloured. False if `out` is None, like a closed sys.stderr.
+
+    `environment`: None means that of the process.
+    """
     if out is None:
         return False
     known = os.environ if environment is None else environment
@@ -28,11 +30,11 @@ def wants_color(out: TextIO | None, environment: Mapping[str, str] | None = None
 
 
 def paint(text: str, style: str, out: TextIO | None, environment: Mapping[str, str] | None = None) -> str:
-    """`text` in one of STYLES where `out` wants colours, else as it is."""
+    """Return `text` in one of STYLES if `out` should be coloured, otherwise unchanged."""
     return f"\x1b[{STYLES[style]}m{text}\x1b[0m" if wants_color(out, environment) else text
 
 
 def print_error(program: str, text: str) -> None:
-    """Print a line that begins with the program's name to stderr, if that can be written to."""
+    """Print a line that begins with the program's name to stderr, if stderr is writable."""
     with suppress(OSError, ValueError):
         print(paint(f"{program}:", "red", sys.stderr), text, file=sys.stderr, flush=True)

@@ -1,6 +1,6 @@
-"""What is installed here, and how what is missing can be added to it.
+"""Finds out what is installed, and how to add missing parts.
 
-What looks that up is imported by the functions: it takes 3 MB, which an agent beside a robot never needs.
+The functions import the modules for this themselves: these take 3 MB, which an agent on a robot never needs.
 """
 
 from __future__ import annotations
@@ -17,23 +17,29 @@ PART = "posecast-wire"
 
 
 def find_version() -> str:
-    """The version of the programs; they are released together."""
+    """Return the version of the programs, which are released together."""
     found = _find(WHOLE) or _find(PART)
     return "unknown" if found is None else found.version
 
 
 def name_edge_command(command: str) -> str:
-    """What a user types for a command of the agent, such as doctor: `posecast doctor` where `posecast` is
-    installed, which uvx starts by that name alone, else `posecast-edge doctor`."""
+    """Return how a user runs a command of the agent, such as doctor.
+
+    That is `posecast doctor` if `posecast` is installed (uvx can only start it by that name), otherwise
+    `posecast-edge doctor`.
+    """
     from importlib.util import find_spec  # noqa: PLC0415
 
     return f"posecast {command}" if find_spec("posecast_command") else f"posecast-edge {command}"
 
 
 def advise_extra(part: str, extra: str) -> str:
-    """The command that adds an extra to what is installed. `part`: the distribution whose extra it is, such
-    as posecast-edge; where the whole is installed, it has the extra too. An environment that uv has made has
-    no pip, and one of uvx is not on the PATH."""
+    """Return the command that installs an extra.
+
+    `part`: the distribution with this extra, such as posecast-edge; the whole distribution has the same
+    extras. The command fits the environment: uv creates environments without pip, and uvx puts them outside
+    the PATH.
+    """
     import shlex  # noqa: PLC0415
 
     found = _find(WHOLE) or _find(part)
@@ -54,8 +60,10 @@ def _find(name: str) -> Distribution | None:
 
 
 def _locate(found: Distribution) -> str | None:
-    """The wheel or folder it was installed from, when that is a file that is still there; nothing of ours may
-    be at the index that pip asks."""
+    """Return the wheel or folder that it was installed from, if that file still exists.
+
+    The index that pip uses may not have our packages.
+    """
     import json  # noqa: PLC0415
     from urllib.parse import unquote, urlparse  # noqa: PLC0415
 

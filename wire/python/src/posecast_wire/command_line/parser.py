@@ -14,12 +14,12 @@ from posecast_wire.command_line.color import paint, wants_color
 N = TypeVar("N")
 
 WRONG_ARGUMENTS = 2
-ALIKE = 0.6  # of two words, 1 when they are the same
+ALIKE = 0.6  # the similarity of two words; 1: identical
 HEADING = re.compile(r"^([a-z][a-z ]*):", re.MULTILINE)
 
 
 def suggest(word: str, known: Iterable[str]) -> str:
-    """` (did you mean X?)`, or "" when nothing known is like `word`."""
+    """Return ` (did you mean X?)`, or "" if no known word is similar to `word`."""
     import difflib  # noqa: PLC0415 - for mistakes only
 
     found = difflib.get_close_matches(word, [*known], n=1, cutoff=ALIKE)
@@ -27,21 +27,22 @@ def suggest(word: str, known: Iterable[str]) -> str:
 
 
 class CommandParser(argparse.ArgumentParser):
-    """A parser whose errors say what was probably meant; those of its subcommands are of its own class."""
+    """A parser whose errors suggest the likely word. Its subcommands use the same class."""
 
     def __init__(
         self, *args: Any, statuses: Mapping[int, str] | None = None, version: bool = False, **options: Any
     ) -> None:
-        """`statuses`: what each exit status means, for `--help`; `version`: whether there is `--version`."""
+        """`statuses`: the meaning of each exit status, for `--help`; `version`: whether to add
+        `--version`."""
         super().__init__(*args, **options)
         self._statuses = statuses or {}
         if version:
-            self.add_argument("--version", action=_Version, nargs=0, help="print the version and end")
+            self.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
 
     def parse_known_args(  # type: ignore[override]
         self, args: Sequence[str] | None = None, namespace: N | None = None
     ) -> tuple[N | argparse.Namespace, list[str]]:
-        """As argparse does, but a mistyped flag is told before what it leaves missing."""
+        """Like argparse, but reports a mistyped flag before the argument that is missing because of it."""
         given = sys.argv[1:] if args is None else [*args]
         own = given if self._subparsers is None else takewhile(lambda word: word.startswith("-"), given)
         self._check_flags(own)
@@ -63,7 +64,7 @@ class CommandParser(argparse.ArgumentParser):
         return word in self._option_string_actions
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
-        """Refuse what is none of the choices, with a hint."""
+        """Reject a value that is not one of the choices, with a suggestion."""
         if action.choices is None or value in action.choices:
             return
         known = [str(choice) for choice in action.choices]
@@ -74,12 +75,12 @@ class CommandParser(argparse.ArgumentParser):
         raise argparse.ArgumentError(action, f"invalid choice: {said}")
 
     def error(self, message: str) -> NoReturn:
-        """End the process with one line and status 2."""
+        """Exit with one line and status 2."""
         program = paint(f"{self.prog}:", "red", sys.stderr)
         self.exit(WRONG_ARGUMENTS, f"{program} {message}\n")
 
     def format_help(self) -> str:
-        """With the exit statuses at the end, and headings in bold where stdout wants that."""
+        """Return the help with the exit statuses at the end, and bold headings if stdout supports them."""
         text = super().format_help()
         if self._statuses:
             lines = "".join(f"  {status:<22}{means}\n" for status, means in self._statuses.items())
@@ -90,7 +91,7 @@ class CommandParser(argparse.ArgumentParser):
 
 
 class _Version(argparse.Action):
-    """Prints the version that is installed; looks for it only then, since that takes a while."""
+    """Prints the installed version. Looks it up only on demand, because that is slow."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
         from posecast_wire.command_line.installation import find_version  # noqa: PLC0415

@@ -1,4 +1,4 @@
-"""How far a command is: on a terminal, when it takes more than a second."""
+"""Shows the progress of a command on a terminal, if it takes more than a second."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from typing import TextIO
 WIDTH = 24
 AFTER_S = 1.0
 TICK_S = 0.25
-COLUMNS = 79  # a line that a terminal breaks can't be erased
+COLUMNS = 79  # a wrapped line can't be erased
 ERASE = "\r\x1b[K"
 
 
 class ProgressBar:
-    """A line that is drawn anew every TICK_S once AFTER_S is over, and erased when the context ends. Nothing
-    is written where `out` is no terminal.
+    """A line that is redrawn every TICK_S after the first AFTER_S, and erased when the context ends. It
+    writes nothing if `out` is not a terminal.
 
     `with ProgressBar(sys.stderr) as bar: bar.show_progress(3, 10, "arm.stl")`.
     """
@@ -30,15 +30,15 @@ class ProgressBar:
         self._ticking = threading.Thread(target=self._tick, name="progress bar", daemon=True)
 
     def show_progress(self, done: int, total: int, what: str) -> None:
-        """Show that `done` of `total` steps are complete, and what is being worked on."""
+        """Show that `done` of `total` steps are complete, and what is in progress."""
         self._draw = lambda _: _draw_bar(done, total, what)
 
     def show_text(self, text: str) -> None:
-        """Show how far it is where nobody knows how much there is."""
+        """Show progress as text if the total is unknown."""
         self._draw = lambda _: text
 
     def show_countdown(self, duration_s: float, what: str) -> None:
-        """Show how much of `duration_s` is over."""
+        """Show how much of `duration_s` has passed."""
         whole_s = int(duration_s)
         self._draw = lambda passed_s: _draw_bar(min(int(passed_s), whole_s), whole_s, what)
 
@@ -75,7 +75,7 @@ class ProgressBar:
 def show_countdown(
     out: TextIO, duration_s: float, what: str, now_s: Callable[[], float] = time.monotonic
 ) -> Iterator[None]:
-    """Show how much of `duration_s` is over until the block ends."""
+    """Show how much of `duration_s` has passed, until the block ends."""
     with ProgressBar(out, now_s) as bar:
         bar.show_countdown(duration_s, what)
         yield
@@ -85,4 +85,4 @@ def _draw_bar(done: int, total: int, what: str) -> str:
     full = WIDTH * done // max(total, 1)
     bar = f"[{'#' * full}{'.' * (WIDTH - full)}] {done:,}/{total:,} "
     room = COLUMNS - len(bar)
-    return bar + (what if len(what) <= room else f"…{what[1 - room :]}")  # of a path its end
+    return bar + (what if len(what) <= room else f"…{what[1 - room :]}")  # for a path, its end

@@ -1,4 +1,4 @@
-"""stdin, stdout and stderr of a program that was started without some of them."""
+"""Handles programs that were started without stdin, stdout or stderr."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ import sys
 
 
 def open_closed_streams() -> None:
-    """Let what is closed lead to /dev/null: else the next file or socket that is opened becomes our stderr,
-    and sys.stderr is None."""
+    """Open /dev/null for each closed stream.
+
+    Otherwise the next file or socket to be opened would become stderr, and sys.stderr would be None.
+    """
     while (number := os.open(os.devnull, os.O_RDWR)) < 3:  # the lowest that is free
         pass
     os.close(number)

@@ -1,5 +1,8 @@
-"""The recording (SPEC §12): a stretch of one robot and view in files, and `recording.json`, which says what
-there is. Not imported with `posecast_wire`, since an edge needs none of it."""
+"""The recording (SPEC §12): a time span of one robot and view in files, with its contents in
+`recording.json`.
+
+`posecast_wire` does not import it, because an edge does not need it.
+"""
 
 from posecast_wire.recording.contents import (
     RECORDING_FILE,

@@ -1,4 +1,4 @@
-"""What a recording holds, its bounds, and where its files lie."""
+"""The contents of a recording, its limits, and the paths of its files."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class RecordingError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class RecordingNote:
-    """What somebody wrote about a moment. `at_ms`: Unix time."""
+    """A note at a moment. `at_ms`: Unix ms."""
 
     at_ms: int
     text: str
@@ -56,9 +56,11 @@ class RecordedEvent:
 
 @dataclass(frozen=True, slots=True)
 class RecordedSegment:
-    """What is known of a segment without reading it. `take`, `run_id`: u64, a run of 0 if none was known;
-    `from_ms`, `to_ms`: Unix time; `size`: its bytes; `schema`, `model`: SHA-256, hexadecimal, as they were at
-    its beginning; `missing`: frames that got lost before it."""
+    """A segment's entry in the recording.
+
+    `take`, `run_id`: u64, with a run of 0 if none was known; `from_ms`, `to_ms`: Unix ms; `size`: in bytes;
+    `schema`, `model`: SHA-256 in hexadecimal, at its start; `missing`: frames lost before it.
+    """
 
     take: int
     run_id: int
@@ -78,8 +80,11 @@ class RecordedSegment:
 
 @dataclass(frozen=True)
 class PastRecording:
-    """What `recording.json` says. `from_ms`, `to_ms`: Unix time; `notes`: ascending; `schemas`: text by
-    SHA-256; `models`: SHA-256 of each manifest; `segments`: ordered by beginning, then take, then index."""
+    """The content of `recording.json`.
+
+    `from_ms`, `to_ms`: Unix ms; `notes`: ascending; `schemas`: text by SHA-256; `models`: SHA-256 of each
+    manifest; `segments`: ordered by start, then take, then index.
+    """
 
     robot: str
     view: str
@@ -95,23 +100,23 @@ class PastRecording:
 
 
 def segment_path(take: int, index: int) -> str:
-    """Where a segment's file lies in a recording. `take`: u64."""
+    """Return the path of a segment's file in a recording. `take`: u64."""
     return f"segments/{take:016x}/{index}.segment"
 
 
 def key_page_path(from_ms: int) -> str:
-    """Where the page of KEYs of ten minutes lies in a recording. `from_ms`: a moment in them, Unix time."""
+    """Return the path of the page of KEYs of ten minutes. `from_ms`: any time within them, Unix ms."""
     at_s = from_ms // TEN_MINUTES_MS * (TEN_MINUTES_MS // 1000)
     return f"keys/{datetime.fromtimestamp(at_s, timezone.utc):%Y-%m-%dT%H-%MZ}.keys"
 
 
 def model_path(model: str, name: str) -> str:
-    """Where a file of a model lies in a recording. `name`: `manifest.json`, or as the manifest has it."""
+    """Return the path of a model's file. `name`: `manifest.json`, or a name from the manifest."""
     return f"models/{model}/{name}"
 
 
 def check_segment(recording: PastRecording, expected: RecordedSegment, found: Segment) -> None:
-    """Raise RecordingError when a segment's file is another one than its name and place say."""
+    """Raise RecordingError if a segment's file does not match its name and path."""
     start = found.start
     if (start.robot, start.view, start.take, start.index) != (
         recording.robot,

@@ -1,4 +1,4 @@
-"""The file of a segment: its bytes as they are, or the gzip of them."""
+"""The file of a segment: its plain bytes, or their gzip."""
 
 from __future__ import annotations
 
@@ -12,15 +12,17 @@ WINDOW = 31  # 2^15 bytes, in gzip's envelope
 
 
 def pack_segment(data: bytes) -> bytes:
-    """The gzip of a segment; where that is not smaller, its bytes as they are."""
-    packer = zlib.compressobj(9, zlib.DEFLATED, WINDOW)  # without a time: the same every time
+    """Return the gzip of a segment, or its plain bytes if gzip is not smaller."""
+    packer = zlib.compressobj(9, zlib.DEFLATED, WINDOW)  # without a time stamp: deterministic
     packed = packer.compress(data) + packer.flush()
     return packed if len(packed) < len(data) else data
 
 
 def unpack_segment(data: bytes) -> bytes:
-    """The segment's bytes, which are not looked at. What unpacks to more than a segment may have is let go of
-    at once. Raises SegmentError."""
+    """Return the segment's bytes, unchecked. Raises SegmentError.
+
+    Unpacking stops as soon as the result exceeds the largest segment.
+    """
     if data[:2] != GZIP:
         return data
     unpacker = zlib.decompressobj(WINDOW)

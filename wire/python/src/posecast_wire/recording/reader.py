@@ -1,4 +1,5 @@
-"""Reads `recording.json`. What breaks a rule of SPEC §12 is refused whole, with one line: what and where."""
+"""Reads `recording.json`. It refuses a document that breaks a rule of SPEC §12, with one line: what and
+where."""
 
 from __future__ import annotations
 
@@ -25,11 +26,11 @@ from posecast_wire.segment.records import DURATION_MS_MAX, WORDS
 
 T = TypeVar("T")
 
-SEGMENT_VALUES = 11  # of a row
+SEGMENT_VALUES = 11  # per row
 STATE_VALUES = 3
 
 CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f]")
-NOTE_CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")  # line ends and tabs are none
+NOTE_CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")  # except line ends and tabs
 U64_DIGITS = re.compile(r"[0-9a-f]{16}")
 SHA256_DIGITS = re.compile(r"[0-9a-f]{64}")
 
@@ -54,7 +55,7 @@ def decode_recording(data: bytes) -> PastRecording:
 
 
 class _Reader:
-    """Reads the members, in the order in which both languages look at them."""
+    """Reads the members in the same order in both languages."""
 
     def __init__(self, members: Mapping[str, object]) -> None:
         self._members = members
@@ -112,7 +113,7 @@ class _Reader:
             schema = _object(value, where)
             sha256 = _digits(schema.get("sha256"), f"{where}.sha256", SHA256_DIGITS, 64)
             if sha256 in self._schemas:
-                refuse(f"{where}.sha256", "stands there twice")
+                refuse(f"{where}.sha256", "appears twice")
             text = schema.get("text")
             if not isinstance(text, str) or not 0 < len(text.encode()) <= SCHEMA_BYTES_MAX:
                 refuse(f"{where}.text", f"must be a text of 1 to {SCHEMA_BYTES_MAX} bytes")
@@ -123,7 +124,7 @@ class _Reader:
             where = f"models[{i}]"
             sha256 = _digits(value, where, SHA256_DIGITS, 64)
             if sha256 in self._models:
-                refuse(where, "stands there twice")
+                refuse(where, "appears twice")
             self._models[sha256] = None
 
     def _read_takes(self) -> None:
@@ -132,7 +133,7 @@ class _Reader:
             row = _object(value, where)
             take = int(_digits(row.get("take"), f"{where}.take", U64_DIGITS, 16), 16)
             if take in self._takes:
-                refuse(f"{where}.take", "stands there twice")
+                refuse(f"{where}.take", "appears twice")
             self._takes[take] = int(_digits(row.get("run"), f"{where}.run", U64_DIGITS, 16), 16)
 
     def _read_segments(self) -> list[_Part]:
@@ -186,7 +187,7 @@ class _Reader:
         return events
 
     def _read_states(self, name: str, parts: Sequence[_Part]) -> Iterator[tuple[str, int, int, object]]:
-        """Where it stands, its segment's row, its moment, Unix time, and what it says."""
+        """Yield the place, the segment's row, the time in Unix ms, and the content."""
         newest = (-1, -1)
         for i, value in enumerate(_items(self._members.get(name), name, of.STATES_MAX)):
             where = f"{name}[{i}]"
@@ -208,7 +209,7 @@ def _object(value: object, where: str) -> dict[str, object]:
 
 
 def _items(value: object, where: str, most: int) -> list[object]:
-    """A list, empty where there is none."""
+    """Return a list; an empty one if it is missing."""
     if value is None:
         return []
     if not isinstance(value, list):
@@ -219,7 +220,7 @@ def _items(value: object, where: str, most: int) -> list[object]:
 
 
 def _values(value: object, where: str, count: int) -> list[object]:
-    """A row. A later writer may add values behind those that are known."""
+    """Return a row. A later writer may append values."""
     if not isinstance(value, list) or len(value) < count:
         refuse(where, f"must be a list of {count}")
     return value

@@ -10,7 +10,7 @@ from posecast_wire.recording.reader import decode_recording
 
 
 def encode_recording(recording: PastRecording) -> bytes:
-    """Write `recording.json`. Raises RecordingError when it could not be read again."""
+    """Encode `recording.json`. Raises RecordingError if it could not be read again."""
     of = recording
     takes: dict[tuple[int, int], int] = {}
     schemas = {sha256: row for row, sha256 in enumerate(of.schemas)}

@@ -1,5 +1,7 @@
-"""The segment (SPEC §10): what a relay accepted of one robot and view in a few seconds, as bytes that never
-change again. Not imported with `posecast_wire`, since an edge needs none of it."""
+"""The segment (SPEC §10): the data that a relay accepted of one robot and view in a few seconds, immutable.
+
+`posecast_wire` does not import it, because an edge does not need it.
+"""
 
 from posecast_wire.segment.merged_run import MergedFrame, MergedRun, merge_segments
 from posecast_wire.segment.reader import decode_segment

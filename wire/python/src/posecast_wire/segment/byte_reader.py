@@ -85,7 +85,7 @@ class ByteReader:
         for _ in range(self.take_varint(f"{what} count", bytes_max)):
             name = self.take_text(f"{what} name", bytes_max)
             if name in info:
-                self.fail(what, "a name stands there twice")
+                self.fail(what, "a name appears twice")
             info[name] = self.take_text(f"{what} text", bytes_max)
             if self.at - start > bytes_max:
                 break
