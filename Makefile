@@ -59,8 +59,8 @@ $(DEMO)/model/manifest.json: $(DEMO)/robot.urdf $(wildcard edge-agent/src/poseca
 	$(BIN)/posecast-edge model build --no-cache $< -o $(@D)
 	@touch $@
 
-# inside the page's folder, where the relay finds it; compressed like the page
-spa/dist/guide/index.html: spa/dist/index.html .venv/.ready $(shell git ls-files --cached --others --exclude-standard docs tools/site zensical.toml '*.md' 2>/dev/null)
+# inside the page's folder, where the relay finds it; compressed like the page. Its gallery shows the demo robot
+spa/dist/guide/index.html: spa/dist/index.html $(DEMO)/model/manifest.json .venv/.ready $(shell git ls-files --cached --others --exclude-standard docs tools/site zensical.toml '*.md' 2>/dev/null)
 	$(BIN)/python -m tools.site --out out/site
 	rm -rf $(@D) && cp -r out/site $(@D)
 	find $(@D) -type f -regex '.*\.\(html\|css\|js\|json\|svg\)' -exec gzip -9kn {} +

@@ -29,7 +29,7 @@ def own_policy() -> str:
 @needs_page
 def test_its_headers_say_what_the_page_says() -> None:
     said = re.findall(r'"Content-Security-Policy",\s*"value": "([^"]+)"', CONFIG.read_text())
-    assert len(said) == 3
+    assert len(said) == 4
     assert {each.partition("; frame-ancestors ")[0] for each in said} == {own_policy()}
 
 
@@ -57,6 +57,9 @@ def test_the_emulator_serves_the_page_with_its_headers(hosting: str) -> None:
         ("/embed/demo", "no-cache", "*"),
         ("/embed/hubo", "no-cache", "'self'"),
         ("/embed/", "no-cache", "'self'"),
+        ("/guide/gallery.html", "no-cache", "'none'"),
+        ("/guide/gallery/knee/embed/index.html", "no-cache", "'self'"),
+        (f"/guide/gallery/assets/{worker}", "public, max-age=31536000, immutable", "'none'"),
     ):
         answer = httpx.get(hosting + path, trust_env=False)
         assert answer.status_code == 200, path

@@ -135,6 +135,8 @@ def test_nginx_serves_the_page_with_its_headers(site: Callable[..., Site], tmp_p
         ("/embed/demo", "no-cache", "*"),
         ("/embed/hubo", "no-cache", "'self' https://course.example"),
         ("/embed/g1", "no-cache", "'self'"),
+        ("/guide/gallery.html", "no-cache", "'none'"),
+        ("/guide/gallery/knee/embed/index.html", "no-cache", "'self'"),
     ):
         status, headers, body = at.get(path)
         assert status == 200, path

@@ -84,7 +84,7 @@ def test_a_loop_takes_time_whatever_its_clock(tmp_path: Path) -> None:
 
 
 def test_a_path_that_is_none() -> None:
-    with pytest.raises(SourceError, match="a path is needed"):
+    with pytest.raises(SourceError, match="give a path"):
         parse_playback("csv", "a\0b")
 
 

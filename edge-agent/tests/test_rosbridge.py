@@ -142,7 +142,7 @@ def test_a_server_that_dies_and_comes_back(
     caplog.set_level(logging.INFO, "posecast_edge")
     port = free_port()
     heard = listen(f"rosbridge://127.0.0.1:{port}", PROFILE)
-    until(lambda: any("trying on" in r.getMessage() for r in caplog.records), "a word")
+    until(lambda: any("still trying" in r.getMessage() for r in caplog.records), "a word")
 
     def live(life: float) -> None:
         server = bridge(port=port)
@@ -155,7 +155,7 @@ def test_a_server_that_dies_and_comes_back(
 
     live(1.0)
     live(2.0)
-    told = [r.getMessage() for r in caplog.records if "trying on" in r.getMessage()]
+    told = [r.getMessage() for r in caplog.records if "still trying" in r.getMessage()]
     assert len(told) <= 4, told
 
 
@@ -172,7 +172,7 @@ def test_a_server_that_hangs_is_told_once_without_a_traceback(
             assert key is not None
             upgrade = "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
             link.sendall(f"{upgrade}Sec-WebSocket-Accept: {accept_key(key[1].decode())}\r\n\r\n".encode())
-            until(lambda: any("trying on" in r.getMessage() for r in caplog.records), "a word")
+            until(lambda: any("still trying" in r.getMessage() for r in caplog.records), "a word")
             until(lambda: not any("(keepalive)" in t.name for t in threading.enumerate()), "its end")
     told = [r.getMessage() for r in caplog.records if r.levelno >= logging.WARNING]
     assert [text.partition("; ")[0].partition(": ")[2] for text in told] == ["the server no longer answers"]
@@ -186,7 +186,7 @@ def test_what_the_server_says_on_parting_is_told_once(
     listen(server.source, PROFILE)
     until(lambda: server.subscribed == {"/joint_states"}, "a subscription")
     server.part(1001, "for lunch")
-    until(lambda: "trying on" in caplog.text, "a word")
+    until(lambda: "still trying" in caplog.text, "a word")
     url = f"ws://127.0.0.1:{server.port}"
     assert (
         f"{url}: the server closed the connection: 1001 (going away) for lunch; still trying" in caplog.text

@@ -121,7 +121,7 @@ def test_an_include_of_a_package_that_was_taken_apart(tmp_path: Path) -> None:
         "include 'urdf/arm.xacro' not found; taken from beside the file"
     ]
     (tmp_path / "mine/urdf/passwd").write_text("<robot/>")
-    with pytest.raises(ModelRefused, match="'/etc/passwd': lies outside"):
+    with pytest.raises(ModelRefused, match="'/etc/passwd': is outside"):
         load_robot_file(one_file(tmp_path / "mine/urdf", "<xacro:include filename='/etc/passwd'/>"))
 
 
@@ -148,7 +148,7 @@ REFUSED = {
     "<xacro:include filename='http://h/a.xacro'/>": "files are not downloaded",
     "<xacro:include filename='gone.xacro'/>": "xacro: 'gone.xacro': No such file or directory",
     "<xacro:include filename='robot.xacro'/>": "a macro or a file that includes itself",
-    '<xacro:macro name="m"><xacro:m/></xacro:macro><xacro:m/>': "holds itself, in macro 'm'",
+    '<xacro:macro name="m"><xacro:m/></xacro:macro><xacro:m/>': "includes itself, in macro 'm'",
     '<a x="${(lambda: ().__class__.__base__.__subclasses__())()}"/>': "can't use the attribute '__class__'",
     '<a x="${(x for x in [1]).gi_frame.f_back.f_globals}"/>': "can't use the attribute 'gi_frame'",
     '<a x="$(eval [x for x in [1]].__class__)"/>': "can't use the attribute '__class__'",

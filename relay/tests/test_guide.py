@@ -107,18 +107,19 @@ def test_no_path_leads_out_of_the_guide(relays: Any, page: Path, guide: Path) ->
 
 def test_a_recording_in_the_guide_keeps_its_own_policy(relays: Any, page: Path, guide: Path) -> None:
     policy = "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'"
-    for name in ("index.html", "embed/index.html"):
+    for name in ("index.html", "embed/index.html", "knee/embed/index.html"):
         entry = guide / "gallery" / name
-        entry.parent.mkdir(exist_ok=True)
+        entry.parent.mkdir(parents=True, exist_ok=True)
         entry.write_text(f'<meta http-equiv="Content-Security-Policy" content="{policy}">')
     (guide / "gallery/assets").mkdir()
     (guide / "gallery/assets/worker-1a2b3c4d.js").write_text("1")
     base = f"http://{relays('--static', str(page)).address}/guide/gallery/"
-    for path in ("", "embed/", "assets/worker-1a2b3c4d.js"):
+    for path in ("", "embed/", "knee/embed/index.html", "assets/worker-1a2b3c4d.js"):
         answer = httpx.get(base + path)
         assert answer.status_code == 200
         assert answer.headers["content-security-policy"] == f"{policy}; {FRAMES}"
-    assert httpx.get(base + "embed/").headers["x-frame-options"] == "SAMEORIGIN"
+    for path in ("embed/", "knee/embed/index.html"):
+        assert httpx.get(base + path).headers["x-frame-options"] == "SAMEORIGIN"
 
 
 def test_a_page_without_a_guide_says_so(relays: Any, page: Path) -> None:

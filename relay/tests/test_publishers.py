@@ -175,7 +175,7 @@ def test_whoever_is_not_let_in_is_told_at_both_ends(lab: Lab, tmp_path: Path) ->
         until("the relay says why", lambda: lab.told(r"publisher refused \(\d+ so far\): "))
         until("they are counted", lambda: lab.figure("posecast_publishers_refused_total") >= 3)
     for edge in edges.values():
-        assert edge.errors().count("trying on") == 1
+        assert edge.errors().count("still trying") == 1
         assert good.secret not in edge.errors()
     assert good.secret not in lab.relay.errors()
     assert _robots(f"http://{lab.relay.address}/api/v1/robots") == []

@@ -12,6 +12,7 @@ describe('the page around a frame', () => {
       posecast: 'select',
       joint: null,
     });
+    expect(readParentRequest({ posecast: 'play', speed: 8 })).toEqual({ posecast: 'play' });
     expect(readParentRequest({ posecast: 'set', angle: 'deg', theme: 'pink', palette: 'safe' })).toEqual({
       posecast: 'set',
       changed: { angle: 'deg' },

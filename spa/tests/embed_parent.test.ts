@@ -1,9 +1,11 @@
 import { afterEach, beforeEach, expect, it, vi } from 'vitest';
 import { connectParent } from '../src/app/pages/embed/parent.ts';
 import { showScene } from '../src/app/shell/debug_api.ts';
+import { pastControls } from '../src/app/state/moment.ts';
 import type { RobotLink } from '../src/app/state/robot_link.ts';
 import { selection, selectJoint } from '../src/app/state/selection.ts';
 import { settings } from '../src/app/state/settings.ts';
+import type { PastControls } from '../src/past/past_types.ts';
 import type { BodyView } from '../src/view/body_view.ts';
 
 const COURSE = 'https://course.example';
@@ -96,6 +98,23 @@ it('hears the page around it, and no other', () => {
   expect(selection()?.joint).toBe('RKN');
   end();
   showScene(null);
+});
+
+it('plays a recording, and nothing that is live or plays already', () => {
+  const toggle = vi.fn();
+  const end = connectParent(link);
+  const ask = (playhead: object | null) => {
+    pastControls.set(playhead as PastControls | null);
+    hear({ source: parent, origin: COURSE, data: { posecast: 'play' } });
+  };
+  ask(null);
+  ask({ playhead: { at: 'live', playing: false }, toggle });
+  ask({ playhead: { at: 'past', playing: true }, toggle });
+  expect(toggle).not.toHaveBeenCalled();
+  ask({ playhead: { at: 'past', playing: false }, toggle });
+  expect(toggle).toHaveBeenCalledTimes(1);
+  pastControls.set(null);
+  end();
 });
 
 it('says nothing where the address names nobody', () => {

@@ -35,12 +35,14 @@ def draw_robot(bundle: Path) -> Image.Image:
     return both
 
 
-def read_triangles(manifest: Mapping[str, Any], glb: bytes) -> tuple[Vectors, Vectors, Vectors]:
-    """A level's triangles as a viewer sees them at the home position: corners and normals (m, 3, 3) in the
-    root link, metres; display colours (m, 3)."""
+def read_triangles(
+    manifest: Mapping[str, Any], glb: bytes, poses: Mapping[str, Any] | None = None
+) -> tuple[Vectors, Vectors, Vectors]:
+    """A level's triangles as a viewer sees them: corners and normals (m, 3, 3) in the root link, metres;
+    display colours (m, 3). `poses`: root_from_link by name; None: the home position."""
     length = struct.unpack_from("<I", glb, 12)[0]
     document, binary = json.loads(glb[20 : 20 + length]), glb[28 + length :]
-    poses = compute_link_poses(manifest, compute_home(manifest))
+    poses = poses or compute_link_poses(manifest, compute_home(manifest))
     links = [np.array(poses[name]) for name in manifest["links"]]
     visuals = {v["node"]: v for v in manifest["visuals"]}
     views: dict[int, NDArray[Any]] = {}

@@ -1,6 +1,7 @@
 """Builds the guide: a static site that uses no other origin and works under any path, or opened from files.
 
-python -m tools.site [--out FOLDER]: out/site by default. Warnings from Zensical are errors.
+python -m tools.site [--out FOLDER]: out/site by default. Warnings from Zensical are errors. The recordings of
+the gallery and their player are added, from the demo robot and the built page (tools/site/moments).
 """
 
 from __future__ import annotations
@@ -14,7 +15,12 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from posecast_edge.model.serve.bundle import ModelError
+from posecast_relay.config.built_page import find_page
+
 from tools.site.generator_script import change_script
+from tools.site.moments.gallery import PAGE, add_gallery
+from tools.site.moments.simulated_relay import RecordingFailed
 from tools.site.navigation import make_navigation
 from tools.site.notices import list_notices
 from tools.site.python_page import write_python_page
@@ -70,9 +76,21 @@ def _build_within(stage: Path) -> Path:
     _name_breadcrumbs(stage / "site")
     _drop_indents(stage / "site")
     bundle = (stage / "site/assets/javascripts/LICENSE").read_text(encoding="utf-8")
+    if (stage / "site" / PAGE).is_file():
+        _add_gallery(stage / "site")
     notices = json.dumps(list_notices(ROOT, bundle), indent=1)
     (stage / "site/licenses.json").write_text(notices, encoding="utf-8")
     return stage / "site"
+
+
+def _add_gallery(site: Path) -> None:
+    page = find_page()
+    if page is None:
+        raise SiteError("the gallery needs the built page: make setup\n")
+    try:
+        add_gallery(site, page)
+    except (RecordingFailed, ModelError) as e:
+        raise SiteError(f"{e}\n") from None
 
 
 def _name_breadcrumbs(site: Path) -> None:

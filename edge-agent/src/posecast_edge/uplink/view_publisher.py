@@ -123,7 +123,7 @@ class ViewPublisher:
             document = {"type": "model", "hash": self.model}
             self.model = None
         else:
-            document = _event_document(self.events.popleft())
+            document = make_event_document(self.events.popleft())
         publisher = self._events
         assert publisher is not None
 
@@ -158,7 +158,8 @@ def _matching(publisher: zenoh.Publisher) -> zenoh.MatchingStatus:
     return cast(zenoh.MatchingStatus, publisher.matching_status)  # zenoh's stub says bool; it is not
 
 
-def _event_document(event: Event) -> dict[str, object]:
+def make_event_document(event: Event) -> dict[str, object]:
+    """The event as the relay reads it, before it is encoded as JSON."""
     return {
         "type": "event",
         "t": event.t_s,

@@ -51,14 +51,7 @@ def add_page(page: Path, folder: Path, recording: PastRecording, address: str | 
 
     `address`: where it is to lie, as chats want it whole for the picture. Raises OSError.
     """
-    for path in sorted(page.rglob("*")):
-        relative = path.relative_to(page)
-        if relative.parts[0] not in PAGE_FILES | PAGE_FOLDERS or path.suffix == ".gz" or not path.is_file():
-            continue
-        if any(part.startswith(".") for part in relative.parts) or relative.as_posix() in ENTRIES:
-            continue
-        (folder / relative).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(path, folder / relative)
+    copy_page_files(page, folder)
     parts = _list_first_parts(page)
     for name, home in ENTRIES.items():
         text = (page / name).read_text(encoding="utf-8")
@@ -68,6 +61,18 @@ def add_page(page: Path, folder: Path, recording: PastRecording, address: str | 
             links = [f'  <link rel="modulepreload" crossorigin href="./{part}">\n  ' for part in parts]
             marked = marked.replace("</head>", f"{''.join(links)}</head>", 1)
         (folder / name).write_text(marked, encoding="utf-8")
+
+
+def copy_page_files(page: Path, folder: Path) -> None:
+    """Copy what a built page needs into a folder, without the two pages themselves. Raises OSError."""
+    for path in sorted(page.rglob("*")):
+        relative = path.relative_to(page)
+        if relative.parts[0] not in PAGE_FILES | PAGE_FOLDERS or path.suffix == ".gz" or not path.is_file():
+            continue
+        if any(part.startswith(".") for part in relative.parts) or relative.as_posix() in ENTRIES:
+            continue
+        (folder / relative).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(path, folder / relative)
 
 
 def _list_first_parts(page: Path) -> list[str]:

@@ -6,6 +6,8 @@ export type ParentRequest =
   | { posecast: 'look'; view: ViewName }
   /** A joint by the robot's name for it; null: none. */
   | { posecast: 'select'; joint: string | null }
+  /** To play on from the moment of the past that it shows, as every recording does. */
+  | { posecast: 'play' }
   | { posecast: 'set'; changed: Partial<Pick<Settings, 'shown' | 'load' | 'angle' | 'theme'>> };
 
 /** The message that a frame sends: once when it is ready, then whenever its state word or its delay changes. */
@@ -41,6 +43,7 @@ export function readParentRequest(data: unknown): ParentRequest | null {
   if (posecast === 'select') {
     return joint === null || typeof joint === 'string' ? { posecast, joint } : null;
   }
+  if (posecast === 'play') return { posecast };
   if (posecast !== 'set') return null;
   const changed = Object.entries(CHOICES).flatMap(([key, words]) => {
     const value = (data as Record<string, unknown>)[key];

@@ -1,5 +1,6 @@
 import { isClaim } from '../../../twin/liveness.ts';
 import { shownScene } from '../../shell/debug_api.ts';
+import { pastControls } from '../../state/moment.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
 import { selectJoint } from '../../state/selection.ts';
 import { applyLinkSettings } from '../../state/settings.ts';
@@ -47,6 +48,11 @@ function grant(wish: ParentRequest): void {
     case 'select':
       selectJoint(wish.joint);
       return;
+    case 'play': {
+      const controls = pastControls.get();
+      if (controls?.playhead.at === 'past' && !controls.playhead.playing) controls.toggle();
+      return;
+    }
     case 'set':
       applyLinkSettings(new URLSearchParams(wish.changed));
       return;
