@@ -101,7 +101,11 @@ def test_there_is_time_to_go_and_one_goes_at_a_time() -> None:
     viewers = next(metric["pods"] for metric in scaler["metrics"] if metric["type"] == "Pods")
     assert viewers["metric"]["name"] == "posecast_viewers"
     room = settings(container, POSECAST_ROBOTS=__file__).max_viewers
-    assert int(viewers["target"]["averageValue"]) < room
+    target = int(viewers["target"]["averageValue"])
+    assert target < room
+    cpu = next(metric["resource"] for metric in scaler["metrics"] if metric["type"] == "Resource")
+    assert f"for every {target:,} viewers (each allows {room:,})" in PAGE
+    assert f"more than {cpu['target']['averageUtilization']} % of a core" in PAGE
 
 
 def test_nobody_reaches_redis_or_metrics_from_outside() -> None:

@@ -30,6 +30,7 @@ PAGES = {
     )
 }
 LECTURE, HOST = PAGES["how-to/record/keep-a-lecture"], PAGES["how-to/record/host-a-recording"]
+ADD = re.compile(r"^\(umask 077; (posecast-relay robots add .*) > \S+\)$", re.MULTILINE)
 KEEP = re.compile(r"^ *(posecast-relay robots set .*)$", re.MULTILINE)
 EXPORT = re.compile(r"^(?:runuser .* /opt/posecast/bin/)?(posecast-relay past export .*)$", re.MULTILINE)
 ARCHIVE = "file:///srv/posecast/past"
@@ -101,7 +102,8 @@ def test_what_the_pages_say_is_so(stack: Any, tmp_path: Path) -> None:
     assert [text.split("\n")[0] for text in texts] == ["It takes the first step.", "The left knee warms up."]
     (tmp_path / "notes.toml").write_text(re.sub(r"(?m)^at = [^#\n]*", 'at = "00:01" ', notes))
 
-    carry_out("posecast-relay robots add hubo --robots robots.toml", tmp_path, tmp_path)
+    (add,) = commands(ADD, LECTURE)
+    carry_out(add, tmp_path, tmp_path)
     keep, remember = commands(KEEP, LECTURE)
     carry_out(remember, tmp_path, tmp_path)
     carry_out(keep, tmp_path, tmp_path)

@@ -162,6 +162,17 @@ def test_links_of_these_pages_lead_somewhere() -> None:
             ]
 
 
+def test_its_program_is_that_of_the_readme_which_is_run() -> None:
+    """So what the home page and the page about installation pipe into Posecast can be copied from it."""
+    (program,) = blocks("python", OF_SOURCE["jsonl"])
+    assert program.startswith("# wave.py\n")
+    assert blocks("python", (ROOT / "README.md").read_text(encoding="utf-8"))[0] == program
+    for name, link in (("index", "how-to/robots/"), ("how-to/install/install", "../robots/")):
+        page = (DOCS / f"{name}.md").read_text(encoding="utf-8")
+        assert "python3 wave.py |" in page
+        assert f"({link}jsonl.md#write-a-program)" in page
+
+
 def test_the_lines_of_a_program_on_its_page_make_frames() -> None:
     """With a profile and without, as the page says."""
     (text,) = blocks("json", OF_SOURCE["jsonl"])

@@ -70,6 +70,29 @@ def test_the_pages_name_the_constants_they_use() -> None:
         assert said in text, said
 
 
+@pytest.mark.parametrize(
+    ("hz", "row"),
+    [
+        (
+            30,
+            "| 30 Hz, which the page requests | about {hundreds:,} | {core:.0%} of the core | {mb:.0f} MB |",
+        ),
+        (10, "| 10 Hz | {viewers:,} | `--max-viewers` | {mb:.0f} MB |"),
+    ],
+)
+def test_the_answer_for_one_small_server_is_that_for_a_process(hz: float, row: str) -> None:
+    page = (ROOT / "docs/reference/capacity.md").read_text()
+    viewers = crowd.count_viewers_per_process(hz)
+    said = row.format(
+        viewers=viewers,
+        hundreds=viewers // 100 * 100,
+        core=crowd.CORE_SHARE,
+        mb=crowd.PROCESS_MB + viewers / 1000 * crowd.RSS_MB_PER_1000,
+    ).replace("%", " %")
+    assert said in page
+    assert f"one core and {crowd.INSTANCE_MB:g} MB of memory" in page
+
+
 def test_benchmarks_page_has_what_scaling_stands_on() -> None:
     page = (ROOT / "docs" / "reference/benchmarks.md").read_text()
     for said in (

@@ -124,11 +124,13 @@ def test_another_script_than_was_expected_is_refused(tmp_path: Path) -> None:
     (tmp_path / "search.json").write_text("{}")
     script.write_text(
         'o.appendChild(C("style",{},Tc.toString()));'
+        'C("nav",{class:"md-code__nav"},C("nav",{class:"md-tabs"}));'
         'return location.protocol==="file:"?ct(`${new URL("search.js",b)}`):Ge(new URL("search.json",b));'
     )
     change_script(tmp_path)
     assert script.read_text() == (
         "(s=>{s.replaceSync(Tc.toString());o.adoptedStyleSheets=[s]})(new CSSStyleSheet);"
+        'C("div",{class:"md-code__nav"},C("nav",{class:"md-tabs"}));'
         'return !0?ct(`${new URL("search.js",b)}`):Ge(new URL("search.json",b));'
     )
     assert not (tmp_path / "search.json").exists()

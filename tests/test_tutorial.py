@@ -20,6 +20,7 @@ from tests.conftest import BIN, Part, until
 from tests.test_install import PLAIN, UV
 
 PAGE = (Path(__file__).resolve().parent.parent / "docs/tutorials/first-robot.md").read_text(encoding="utf-8")
+PROGRAM = re.findall(r"Save this as `(\w+\.py)`", PAGE)[0]
 ACTIVATE = ". venv/bin/activate\n"
 wheels, alone = test_install.wheels, test_install.alone
 
@@ -108,7 +109,7 @@ def test_a_reader_arrives_where_the_page_says(stack: Any, wheels: Path, alone: A
 
     relay = reader.start("relay", relay_dev)
     relay.line(r"serving http://127\.0\.0\.1:8080, robots on tcp/127\.0\.0\.1:7447")
-    (reader.folder / "wave.py").write_text(program, encoding="utf-8")
+    (reader.folder / PROGRAM).write_text(program, encoding="utf-8")
     robot = reader.start("wave", wave)
     (page, name) = re.findall(r"<(http://\S+)/#/r/(\S+)>", PAGE)[0]
     state_url = f"{page}/api/v1/robots/{name}/state"
@@ -128,7 +129,7 @@ def test_a_reader_arrives_where_the_page_says(stack: Any, wheels: Path, alone: A
     until_state(reader, state_url, "it is offline", lambda state: state["status"] == "offline")
     jammed = re.sub(r"^ +robot\.publish\(.*\n", lambda _: jam_line, program, flags=re.MULTILINE)
     assert jammed != program
-    (reader.folder / "wave.py").write_text(jammed, encoding="utf-8")
+    (reader.folder / PROGRAM).write_text(jammed, encoding="utf-8")
     assert again == wave
     robot = reader.start("jam", again)
     until_state(reader, state_url, "the elbow is jammed", is_jammed)
@@ -140,7 +141,7 @@ def test_a_reader_arrives_where_the_page_says(stack: Any, wheels: Path, alone: A
     reader.start("relay", serve).line(r"serving http://0\.0\.0\.0:8080, robots on tcp/127\.0\.0\.1:7447")
     shared = re.sub(r"^with .*\n", lambda _: with_line, jammed, flags=re.MULTILINE)
     assert shared != jammed
-    (reader.folder / "wave.py").write_text(shared, encoding="utf-8")
+    (reader.folder / PROGRAM).write_text(shared, encoding="utf-8")
     reader.start("shared", again)
     token = reader.sh(link).strip().partition("?t=")[2]
     until_state(reader, state_url, "it is seen by its link", is_jammed, token)

@@ -231,7 +231,7 @@ def capacity() -> str:
         mbit_s = crowd.compute_socket_gb_per_h(viewers, hz) / 3600 * 8000
         figures = [number(memory_mb), number(mbit_s), number(gb_per_1000)]
         rows.append([f"{hz:g} Hz", f"{viewers:,}", *figures, *costs])
-    head = ["rate", "viewers per process", "MB", "Mbit/s", "GB"]
+    head = ["rate", "viewers per process", "memory, MB", "Mbit/s", "GB"]
     return table([*head, "large cloud, US$", "rented servers, US$"], rows)
 
 

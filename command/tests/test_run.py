@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from posecast_command.run import name_robot, run_robot
+
+BIN = Path(sys.executable).parent
 
 
 @pytest.mark.parametrize(
@@ -22,6 +26,7 @@ def test_a_robot_without_a_name_has_its_models(model: str | None, name: str) -> 
     assert name_robot(None if model is None else Path(model)) == name
 
 
+@pytest.mark.parametrize("place", [["--port", "8080"], ["--host", "0.0.0.0"], ["--no-browser"]])
 @pytest.mark.parametrize(
     ("flags", "named"),
     [
@@ -30,12 +35,28 @@ def test_a_robot_without_a_name_has_its_models(model: str | None, name: str) -> 
     ],
 )
 def test_flags_of_a_relay_here_do_not_go_with_one_elsewhere(
-    flags: list[str], named: str, capsys: pytest.CaptureFixture[str]
+    flags: list[str], named: str, place: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run_robot(["--source", "demo", *flags, "--port", "8080"], {}) == 2
+    assert run_robot(["--source", "demo", *flags, *place], {}) == 2
     said = capsys.readouterr().err
     assert said.startswith("posecast run: --host, --port and --no-browser are for a relay started here")
     assert said.endswith(f"{named} is for a relay elsewhere; give one kind\n")
+
+
+def test_a_robot_at_a_relay_elsewhere_needs_a_name() -> None:
+    command = [
+        f"{BIN}/posecast",
+        "run",
+        "--source",
+        "demo",
+        "--urdf",
+        "arm.urdf",
+        "--relay",
+        "tcp/127.0.0.1:1",
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=30)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "required: --robot, or a --credential that names it" in done.stderr
 
 
 def test_what_the_agent_will_refuse_is_told_first(capsys: pytest.CaptureFixture[str]) -> None:

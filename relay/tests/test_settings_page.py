@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 from posecast_relay.config.settings import FLAGS
+from posecast_relay.core.hub import FORGET_FULL_S
+from posecast_relay.core.limits import Limits
 
 from .operator_pages import DOCS, PAGES
 
@@ -43,6 +45,12 @@ def test_every_setting_has_a_row_with_its_default() -> None:
         (flag.option, flag.metavar, flag.default or "–") for flag in FLAGS
     }
     assert len(rows) == len(FLAGS)
+
+
+def test_robots_that_have_left_keep_their_places_as_long_as_it_says() -> None:
+    (row,) = re.findall(r"^\| `--max-robots .*$", PAGE, re.MULTILINE)
+    assert (Limits().forget_s, FORGET_FULL_S) == (3600, 5)
+    assert "an hour after it went offline; if all places are taken, after 5 s" in row
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

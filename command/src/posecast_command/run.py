@@ -26,8 +26,9 @@ def make_run_parser(environment: Mapping[str, str]) -> CommandParser:
     parser = CommandParser(
         prog=f"{PROGRAM} run",
         description="Read a robot from a source and show it on a page. Only --source is needed: without "
-        "--relay, it starts a relay on this machine; without --robot, it names the robot after its model. "
-        "Each flag can also be set by the environment variable in [].",
+        "--relay, it starts a relay on this machine, and names the robot after its model if there is no "
+        "--robot. With --relay, give --robot or a --credential that names the robot, and no --host, --port "
+        "or --no-browser. Each flag can also be set by the environment variable in [].",
         statuses=STATUSES,
         allow_abbrev=False,
     )
