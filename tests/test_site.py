@@ -284,3 +284,5 @@ def test_the_generated_pages_have_what_they_are_about() -> None:
     assert "[RobotState](#robotstate)" in routes
     assert "### RobotState\n" in routes
     assert "any value" not in routes
+    for heading in re.findall("^#+ (.*)", routes, re.MULTILINE):
+        assert heading.count("(") == heading.count(")"), heading

@@ -117,3 +117,13 @@ def test_the_slowest_rate_there_is_harms_nobody_elses(hz: float) -> None:
         world.publish(edge)
     assert [frame.seq for frame in screen.states[1:]] == list(range(1, 91))
     assert slow_screen.ended is None
+
+
+def test_the_rate_is_that_of_the_frames_and_not_of_the_source() -> None:
+    """A source of 50 Hz, of which the agent takes the newest sample 30 times a second."""
+    cadence = Cadence()
+    assert cadence.hz == 0
+    for n in range(3000):
+        cadence.record_stamp(int(n / 30 * 50) / 50)
+        if n > 32:
+            assert cadence.hz == pytest.approx(30, rel=0.06)

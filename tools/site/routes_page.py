@@ -51,10 +51,10 @@ class _Nothing:
 
 
 def _write_route(method: str, path: str, operation: Described) -> Iterator[str]:
-    title, _, more = operation["summary"].partition(":")
+    title, _, more = operation["summary"].partition(": ")
     yield f"## {title}"
     yield ""
-    yield f"`{method} {path}`" + (f":{more}." if more else "")
+    yield f"`{method} {path}`" + (f": {more}." if more else "")
     yield ""
     parameters = [each for each in operation.get("parameters", ()) if each["in"] == "query"]
     if parameters:
@@ -88,10 +88,10 @@ def _write_schema(name: str, schema: Described) -> Iterator[str]:
     yield ""
     required = set(schema.get("required", ()))
     if schema.get("properties"):
-        yield "| member | type | |"
+        yield "| member | type | presence |"
         yield "|---|---|---|"
         for member, told in schema["properties"].items():
-            note = "" if member in required else "may be missing"
+            note = "always" if member in required else "optional"
             yield f"| `{member}` | {_write_type(told)} | {note} |"
 
 

@@ -86,14 +86,14 @@ def make_robot_summary(robot: Robot, room: Room | None, now: float) -> dict[str,
     """Return one robot's entry in the list, based on one of its views."""
     stream = room.stream if room else None
     age_s = stream.compute_age_s(now) if stream else None
-    interval_s = stream.cadence.interval_s if stream else 0.0
+    hz = stream.cadence.hz if stream else 0.0
     return {
         "robot": robot.name,
         "name": stream.schema.robot if stream and stream.schema else robot.name,
         "status": robot.compute_status(room, now),
         "age_ms": None if age_s is None else max(0, round(age_s * 1000)),
         "seq": stream.newest.seq if stream and stream.newest else None,
-        "hz": round(1 / interval_s, 1) if interval_s else None,
+        "hz": round(hz, 1) if hz else None,
         "viewers": robot.count_viewers(),
         "model": stream.model if stream else None,
     }

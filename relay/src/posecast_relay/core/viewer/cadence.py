@@ -37,6 +37,9 @@ class Cadence:
 
     def __init__(self) -> None:
         self.interval_s = 0.0  # 0 = not known yet
+        # frames a second, lately. Not 1 / interval_s: an agent that takes 30 of a source's 50 samples a second
+        # stamps frames 20 or 40 ms apart, so the quartile is 20 ms
+        self.hz = 0.0
         self._last_s = 0.0
         self._steps: deque[float] = deque(maxlen=SAMPLES)
 
@@ -50,6 +53,7 @@ class Cadence:
                 ordered = sorted(self._steps)
                 near = [s for s in ordered if s <= 1.5 * ordered[len(ordered) // 4]]
                 self.interval_s = sum(near) / len(near)
+                self.hz = len(ordered) / sum(ordered)
 
 
 class RateTimer:
