@@ -37,7 +37,7 @@ class Cadence:
 
     def __init__(self) -> None:
         self.interval_s = 0.0  # 0 = not known yet
-        # frames a second, lately. Not 1 / interval_s: an agent that takes 30 of a source's 50 samples a second
+        # recent frames a second; not 1 / interval_s: an agent that takes 30 of a source's 50 samples a second
         # stamps frames 20 or 40 ms apart, so the quartile is 20 ms
         self.hz = 0.0
         self._last_s = 0.0
