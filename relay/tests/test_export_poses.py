@@ -114,7 +114,7 @@ def broken(path: str, value: Any) -> bytes:
         ),
         (broken("links", []), "links: none"),
         (broken("links", ["a"] * 1001), "links: 1001 are too many"),
-        (broken("links.1", "trunk"), "links: a name stands there twice"),
+        (broken("links.1", "trunk"), "links: a name is used twice"),
         (broken("links.1", 5), "links[1]: no name"),
         (broken("joints", []), "joints: 9 links need 8"),
         (broken("joints.2.child", 1), "joints[2]: its child is not link 3"),

@@ -108,7 +108,7 @@ def make_model_tree(doc: Mapping[str, object]) -> ModelTree:
         fail("joints", f"{len(links)} links need {len(links) - 1}")
     for where, names in (("links", links), ("joints", tuple(joint.name for joint in joints))):
         if len(set(names)) < len(names):
-            fail(where, "a name stands there twice")
+            fail(where, "a name is used twice")
     for i, joint in enumerate(joints):
         if joint.mimic is not None and joint.mimic.joint >= len(joints):
             fail(f"joints[{i}]", "mimics a joint that is not there")

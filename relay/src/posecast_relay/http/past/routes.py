@@ -293,8 +293,7 @@ def _share(grant: Grant, fresh_s: float) -> dict[str, str]:
     """Make the headers that say who may read a response and how long caches may keep it.
 
     The lifetime is at least one second while the request can repeat: without it, every viewer of a crowd
-    would
-    reach the relay.
+    would reach the relay.
     """
     if not grant.open:
         return NO_STORE
@@ -317,8 +316,7 @@ def _key(grant: Grant, what: str) -> str:
 
 def _list_after(shown: list[KeptSegment], since: tuple[int, int] | None) -> list[KeptSegment]:
     """Return the segments after `since`. If it is not in the list, return those after the newest earlier one
-    of
-    its take; if there is none of those either, return them all.
+    of its take; if there is none of those either, return them all.
     """
     if since is None:
         return shown
