@@ -11,7 +11,7 @@ from pathlib import Path
 
 from PIL import Image
 
-QUALITY = 70
+QUALITY = 55
 METHOD = 4  # of 0 (quickest) to 6 (smallest)
 FRAMES_MAX = 200
 
