@@ -208,5 +208,5 @@ def test_without_keep_nothing_is_written(tmp_path: Path, relays: Start, edges: E
     assert min(index for _, index in list_there(tmp_path / "store")) > 0
     assert "r: the store keeps its past for 30 d" in relay.errors()
     write(tmp_path / "robots.toml", "[robots.r.anyone]\n")
-    until("it is said", lambda: "r: `keep` is gone" in relay.errors())
+    until("it is said", lambda: "r: `keep` was removed" in relay.errors())
     assert list_there(tmp_path / "store")

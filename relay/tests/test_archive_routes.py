@@ -157,7 +157,7 @@ async def test_while_the_store_is_away_what_is_in_memory_is_served(world: Archiv
         answer = await joined.ask(path)
         assert answer.status_code == 503, path
         assert answer.headers["retry-after"] == "1"
-        assert answer.json()["error"].endswith("ask again")
+        assert answer.json()["error"].endswith("retry")
     ready = (await joined.ask_ready()).json()
     assert ready["status"] == "degraded"
     assert ready["why"].startswith("the past: the archive: ")

@@ -143,7 +143,10 @@ def test_a_certificate_writes_its_own_robots_keys_and_no_others(lab: Lab) -> Non
         assert asked(session, echo_key("other")) == []
         assert heard == []
         del keep
-    until("the stranger is told of", lambda: "of a name that the file of --robots does not" in relay.errors())
+    until(
+        "the stranger is told of",
+        lambda: "does not list the common name of its certificate" in relay.errors(),
+    )
 
 
 def test_none_an_expired_one_and_one_of_another_authority_are_refused(lab: Lab, tmp_path: Path) -> None:
@@ -152,12 +155,15 @@ def test_none_an_expired_one_and_one_of_another_authority_are_refused(lab: Lab, 
     relay = lab.start()
     cases = {
         # it does not know the relay's authority either, which is what it finds first
-        "none": (None, "a certificate that is not to be trusted"),
-        "expired": (lab.certificate("hubo", days=-1), "take this robot's certificate: certificate expired"),
+        "none": (None, "a certificate that can't be trusted"),
+        "expired": (
+            lab.certificate("hubo", days=-1),
+            "robot's certificate: certificate expired",
+        ),
         "stolen": (lab.certificate("hubo", authority="theirs"), "certificate: "),
         "misnamed": (
             lab.certificate("g1"),
-            "does not know 'hubo', or the certificate does not bear that name",
+            "does not know 'hubo', or the certificate has another name",
         ),
     }
     for name in ("none", "expired", "stolen"):

@@ -131,7 +131,7 @@ def test_a_certificate_that_is_none_is_one_line(tmp_path: Path) -> None:
     for pair in ((key, cert), (tmp_path / "names", key)):  # the wrong way round, and no certificate
         with pytest.raises(CertificateError) as error:
             RouterCertificates(*pair, None)
-        said = f"--zenoh-tls-cert {pair[0]}, --zenoh-tls-key {pair[1]}: not a certificate with its key"
+        said = f"--zenoh-tls-cert {pair[0]}, --zenoh-tls-key {pair[1]}: not a valid pair"
         assert str(error.value) == said
     with pytest.raises(CertificateError, match=r"--zenoh-ca .*: no certificate in PEM form"):
         RouterCertificates(None, None, tmp_path / "names")

@@ -71,7 +71,7 @@ def test_what_was_added_is_found() -> None:
 def test_a_name_never_means_two_things() -> None:
     past = MemoryPast(1_000_000)
     past.add(make_segment(), 0.0)
-    with pytest.raises(ValueError, match="segment 0000000000000001,0 of demo/public: twice"):
+    with pytest.raises(ValueError, match="segment 0000000000000001,0 of demo/public: added twice"):
         past.add(make_segment(), 1.0)
     assert len(past) == 1
 

@@ -156,8 +156,8 @@ def test_whoever_is_not_let_in_is_told_at_both_ends(lab: Lab, tmp_path: Path) ->
     text = lab.file.read_text()
     lab.file.write_text(text.replace("[robots.old]\n", "[robots.old]\nexpires = 2020-01-01T00:00:00Z\n"))
     lab.start()
-    locked = "does not let '{}' in: its credential is wrong, expired or revoked"
-    untrusted = "a certificate that is not to be trusted"
+    locked = "refuses '{}': its credential is wrong, expired or revoked"
+    untrusted = "a certificate that can't be trusted"
     strangers = {
         "wrong": (Credential("hubo", "x" * 43, good.ca), locked.format("hubo")),
         "unknown": (Credential("g1", good.secret, good.ca), locked.format("g1")),
@@ -290,7 +290,7 @@ def test_without_a_certificate_or_a_file_there_is_no_start(tmp_path: Path) -> No
     file.write_text("")
     for endpoint, says in (
         ("tls/127.0.0.1:0", "needs a certificate"),
-        ("tcp/0.0.0.0:0", "beyond this machine only tls/"),
+        ("tcp/0.0.0.0:0", "use tls/… or quic/… for other machines"),
     ):
         assert says in _refused("--robots", str(file), "--zenoh-listen", endpoint)
 

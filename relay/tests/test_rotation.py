@@ -120,7 +120,7 @@ def test_what_is_wrong_in_the_file_changes_nothing(lab: Lab, tmp_path: Path) -> 
         replace(tmp_path / "credential", credential.line())  # what it has
         until("the robot goes on", partial(is_beyond, edge, url, seq + 60), 20.0)
         assert TAKEN not in edge.errors()
-        assert "going on" in edge.errors()
+        assert "keeping the previous one" in edge.errors()
 
 
 def _says(edge: Agent, what: str) -> bool:
@@ -149,7 +149,7 @@ async def test_a_certificate_that_is_renewed_in_place_leaves_no_gap(
 
             for new, old in zip(lab.certificate("nobody"), (chain, key), strict=True):
                 shutil.move(new, old)
-            await run("it is not taken", lambda: "take the new credential yet" in errors.read_text())
+            await run("it is not taken", lambda: "accept the new credential yet" in errors.read_text())
             seen = len(viewer.frames)
             await viewer.until("the robot goes on", lambda v: len(v.frames) > seen + 30)
             assert errors.read_text().count(TAKEN) == 1
