@@ -32,7 +32,7 @@ from tools.site.moments.simulated_relay import RecordedPast, RecordingFailed, re
 
 FOLDER = "gallery"
 PAGE = "gallery.html"
-FROM_MS = 1_795_867_200_000  # 2026-11-28T12:00Z: fixed, so that the same robot makes the same files
+FROM_MS = 1_793_620_800_000  # 2026-11-02T12:00Z: fixed, so that the same robot makes the same files
 STEP_MS = 600_000  # from moment to moment: each has a page of KEYs of its own, in the folder of all
 PLACE = re.compile(r'<div class="moment" data-moment="(?P<name>[a-z]*)">\s*</div>')
 REDIRECT = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Gallery</title>
