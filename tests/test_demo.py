@@ -143,7 +143,7 @@ def test_a_named_port_that_is_taken_names_who_has_it() -> None:
         port = str(other.getsockname()[1])
         ended = refused("demo", "--port", port)
     name = Path("/proc/self/comm").read_text().strip()
-    assert ended.stderr == f"posecast demo: port {port} is taken by {name} (process {os.getpid()})\n"
+    assert ended.stderr == f"posecast demo: port {port} is in use by {name} (process {os.getpid()})\n"
     assert (ended.returncode, ended.stdout) == (2, "")
 
 
@@ -153,7 +153,7 @@ def test_a_named_port_that_is_taken_names_who_has_it() -> None:
         (
             ("demo",),
             {"POSECAST_STATIC": "/nowhere"},
-            "posecast relay: POSECAST_STATIC '/nowhere': no index.html",
+            "posecast relay: POSECAST_STATIC '/nowhere': use a folder that contains index.html",
         ),
         (("run", "--source", "csv:/nowhere.csv"), {}, "posecast edge: /nowhere.csv: "),
     ],

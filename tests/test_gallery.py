@@ -75,7 +75,7 @@ def test_installed_packages_are_found(tmp_path: Path, monkeypatch: pytest.Monkey
 def test_nothing_found_is_said(tmp_path: Path) -> None:
     ended = run_gallery("--out", tmp_path / "out", tmp_path)
     assert ended.returncode == 1
-    assert ended.stderr == f"gallery: no robot found ({tmp_path}); name folders: make gallery FOLDERS=…\n"
+    assert ended.stderr == f"gallery: no robot found ({tmp_path}); pass folders: make gallery FOLDERS=…\n"
 
 
 def test_a_file_counts_once_and_knows_who_includes_it(tmp_path: Path) -> None:

@@ -230,7 +230,9 @@ async def test_a_second_edge_of_the_same_name_comes_and_goes(stack: Any, robot: 
     try:
         second = stack.edge(zenoh, "--source", "jsonl", stdin=other.read)
         await viewer.until("the second is shown", lambda v: v.frames[-1][1].schema.size == 3)
-        await asyncio.to_thread(until, "the first is told", lambda: "takes nothing" in first.log)
+        await asyncio.to_thread(
+            until, "the first is told", lambda: "the relay accepts no frames" in first.log
+        )
         await asyncio.to_thread(until, "all are told", lambda: state_of(address)["conflict"] is True)
         second.kill()
         await viewer.until("the first is shown again", lambda v: v.frames[-1][1].schema.size == 2)

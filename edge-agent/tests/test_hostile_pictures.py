@@ -79,7 +79,9 @@ def test_pixels_are_paid_for_with_bytes() -> None:
 @pytest.mark.parametrize("how", [{}, {"progressive": True}], ids=["PNG", "progressive JPEG"])
 def test_a_picture_that_would_fill_the_memory_is_refused(how: dict[str, bool]) -> None:
     data = encoded(Image.new("L", (5000, 5000)), "JPEG" if how else "PNG", **how)
-    with pytest.raises(ModelRefused, match="a picture of 5000 × 5000 pixels; at most 4096 × 4096 are read"):
+    with pytest.raises(
+        ModelRefused, match="a picture of 5000 × 5000 pixels; at most 4096 × 4096 are supported"
+    ):
         validate_picture(data)
 
 

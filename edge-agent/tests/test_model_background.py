@@ -103,7 +103,7 @@ def test_feet_of_the_profile_that_the_model_lacks_are_named_once(
     assert e.wait() == 0
     told = [line for line in e.lines if "[balance]" in line]
     assert told == [
-        "posecast-edge: profile: [balance] names feet that are not in the model:  "
+        "posecast-edge: profile: [balance] names feet that are not in the model: "
         "'RF' (on link 'right_foot'), 'lost'"
     ]
     built = next(i for i, line in enumerate(e.lines) if line.startswith("posecast-edge: model: "))

@@ -42,7 +42,7 @@ def test_build_names_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture
     out = tmp_path / "bundle"
     assert run_command(["model", "build", str(path), "-o", str(out)], environment(tmp_path)) == CLEAN
     said = capsys.readouterr()
-    assert said.out.splitlines()[0] == f"{out}: 2 links, 2 visuals, 1 stand-in among them"
+    assert said.out.splitlines()[0] == f"{out}: 2 links, 2 visuals, 1 placeholder among them"
     assert said.err == f"{path}:3: error: mesh 'meshes/b.stl' of link 'b': no such file [mesh-missing]\n"
 
 

@@ -87,7 +87,7 @@ def test_the_command_writes_a_file_once(tmp_path: Path) -> None:
     urdf.write_text('<robot name="x"><link name="a"/></robot>', encoding="utf-8")
     statue = run_edge("profile", "new", "--urdf", str(urdf))
     assert statue.returncode == 2
-    assert "no joint moves" in statue.stderr
+    assert "it has no movable joint" in statue.stderr
     urdf.write_text(
         '<robot name="x"><link name="a"/><link name="b"/><joint name="free" type="floating">'
         '<parent link="a"/><child link="b"/></joint></robot>',

@@ -85,13 +85,13 @@ def test_months_of_a_past_are_kept(machine: Machine) -> None:
     said = machine.run(
         f"""{install(machine)}{START_ROBOT}{alias}{keep}
         cat /var/lib/posecast-relay/robots.toml
-        wait_for grep -q 'hubo: its past is kept in the store' posecast-relay.log
+        wait_for grep -q 'hubo: the store keeps its past for 30 d' posecast-relay.log
         {look}
         wait_for sh -c 'find /srv/posecast/past | grep -q segment$'
         {after}
         {link}{days}{stop}"""
     )
-    assert "hubo: its past is kept in the store" in said, "in the log"
+    assert "hubo: the store keeps its past for 30 d" in said, "in the log"
     shown = read_block(KEEP, "toml", "keep")
     written = re.sub(r'secret = ".*"', 'secret = "…"', said)
     for line in shown.splitlines():
