@@ -162,7 +162,7 @@ def test_frames_come_and_a_broken_connection_comes_back(
     assert {h["direction"] for h in server.headers} == {"push"}
     assert caplog.messages == [
         f"127.0.0.1:{server.port}: the server closed the connection; still trying",
-        f"127.0.0.1:{server.port}: frames again",
+        f"127.0.0.1:{server.port}: receiving frames again",
     ]
 
 

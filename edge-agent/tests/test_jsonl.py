@@ -61,7 +61,7 @@ def test_nan_and_infinity_are_no_reading() -> None:
         (b'{"pos": ' + b"[" * 500_000, "nested too deep"),
         (b'{"pos": [1]}\0', "not JSON: Extra data at character 13"),
         (b"\xed\xa0\x80", "not UTF-8"),  # half a character, as some encoders write it
-        (b" " * (MAX_LINE + 1), "over 1048576 bytes; it is dropped"),
+        (b" " * (MAX_LINE + 1), "longer than 1048576 bytes; it is dropped"),
     ],
 )
 def test_a_bad_line_says_why(line: bytes, reason: str) -> None:
@@ -152,7 +152,8 @@ def test_the_rest_keeps_running_and_lines_are_numbered(caplog: pytest.LogCapture
     ]
     assert caplog.messages[0].startswith("stdin line 3: not JSON")
     assert (
-        caplog.messages[1] == "1 more bad lines, the newest: stdin line 5: over 1048576 bytes; it is dropped"
+        caplog.messages[1]
+        == "1 more bad lines, the newest: stdin line 5: longer than 1048576 bytes; it is dropped"
     )
 
 

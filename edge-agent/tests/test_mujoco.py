@@ -135,7 +135,7 @@ def test_an_unstable_model_begins_anew_in_its_first_keyframe(
 ) -> None:
     wild = WALKER.replace("</mujoco>", HOME).replace('kp="200" kv="5"', 'kp="1e12" kv="0"')
     samples = play(mjcf(tmp_path, wild), 0.3)
-    assert "begins anew" in caplog.text
+    assert "s and was restarted" in caplog.text
     assert max(value(sample, "base", "base.z") for sample in samples[5:]) > 1.9
 
 
@@ -233,7 +233,7 @@ def test_an_unstable_model_begins_anew_and_time_goes_on(
     samples = play(mjcf(tmp_path, wild), 1)
     assert all(a.t_s < b.t_s for a, b in itertools.pairwise(samples))
     assert all(math.isfinite(value(s, "pos", "knee")) for s in samples)
-    assert "begins anew" in caplog.text
+    assert "s and was restarted" in caplog.text
 
 
 @pytest.mark.parametrize(

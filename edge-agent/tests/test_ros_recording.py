@@ -212,7 +212,7 @@ SELECT i AS id, 1 AS topic_id, i AS timestamp, x'00' AS data FROM n
 BLOBS = MESSAGES.replace("data BLOB", "data BLOB AS (zeroblob(1000000000))")
 MODULE = "CREATE VIRTUAL TABLE messages USING fts5(id, topic_id, timestamp, data)"
 TRICKS = {
-    "no tables": (("CREATE TABLE a(b)",), "has no table 'topics': no bag of ROS 2"),
+    "no tables": (("CREATE TABLE a(b)",), "has no table 'topics': not a ROS 2 bag"),
     "an endless view": ((TOPICS, f"CREATE VIEW messages AS {ENDLESS}"), "has no table 'messages'"),
     "a computed column": (
         (TOPICS, BLOBS, "INSERT INTO messages VALUES(1, 1, 1)"),
@@ -221,7 +221,7 @@ TRICKS = {
     "a table of a module": ((TOPICS, MODULE), "has no table 'messages'"),
     "texts for numbers": (
         (TOPICS, MESSAGES, "INSERT INTO messages VALUES(1, 'a', 'b', 'c')"),
-        "row 1 is no message",
+        "row 1 is not a message",
     ),
 }
 

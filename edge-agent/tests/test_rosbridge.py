@@ -296,7 +296,7 @@ def test_of_a_flood_the_newest_arrives(bridge: Callable[..., Rosbridge], listen:
 
 @pytest.mark.parametrize("address", ["", "host name", "host:99999", "http://host", "host?x=1"])
 def test_addresses_that_are_none(address: str) -> None:
-    with pytest.raises(SourceError, match="is no address"):
+    with pytest.raises(SourceError, match="is not an address"):
         open_source(f"rosbridge:{address}", None)
 
 

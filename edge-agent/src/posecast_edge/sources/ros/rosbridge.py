@@ -133,7 +133,7 @@ class RosbridgeSource(RosSource):
                 now_s = time.monotonic()
                 self._backoff.record_failure(now_s)
                 if not stop.is_set():
-                    self._trouble.add(f"{self._url}: {_reason(e)}; trying on", now_s)
+                    self._trouble.add(f"{self._url}: {_reason(e)}; still trying", now_s)
 
     def _talk(self, connection: ClientConnection) -> RosbridgeConnection:
         return RosbridgeConnection(connection, self._intake, self._encoding, self._wants_urdf, self._words)
