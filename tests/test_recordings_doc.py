@@ -26,6 +26,7 @@ PAGES = {
     name: (ROOT / f"docs/{name}.md").read_text()
     for name in (
         *(f"how-to/record/{page}" for page in ("keep-a-lecture", "host-a-recording", "csv", "mcap")),
+        "how-to/watch/play-a-recording",
         "reference/past-export",
     )
 }
@@ -136,8 +137,34 @@ def test_what_the_pages_say_is_so(stack: Any, tmp_path: Path) -> None:
     assert (recording.title, recording.licence) == ("Walking, lecture 7", "CC BY 4.0")
     assert [note.text for note in recording.notes] == texts
     assert '"https://uni.example/robots/lecture-7/models/' in (lecture / "index.html").read_text()
+    check_python_server(stack, lecture)
     if shutil.which("nginx") is not None:
         check_nginx(stack, lecture.parent, recording.models[0])
+
+
+def check_python_server(stack: Any, lecture: Path) -> None:
+    """The one command that three pages give serves the folder."""
+    found = {
+        line
+        for page in PAGES.values()
+        for line in re.findall(r"^ *(python3 -m http\.server .*)$", page, re.MULTILINE)
+    }
+    (command,) = found
+    port = free_port()
+    words = ["python3", *shlex.split(command)[1:-1], str(port), "--bind", "127.0.0.1"]
+    words[words.index("lecture")] = str(lecture)
+    stack.start("http.server", *words)
+
+    def answers() -> bool:
+        try:
+            return (
+                get(f"http://127.0.0.1:{port}/recording.json")[1] == (lecture / "recording.json").read_bytes()
+            )
+        except urllib.error.URLError:
+            return False
+
+    until("it serves the recording", answers)
+    assert b"<script" in get(f"http://127.0.0.1:{port}/")[1]
 
 
 def check_nginx(stack: Any, folder: Path, model: str) -> None:
