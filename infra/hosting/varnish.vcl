@@ -14,7 +14,7 @@ backend relay {
 }
 
 sub vcl_recv {
- # requests that no page sends: refuse them and close the connection
+	# requests that no page sends: refuse them and close the connection
 	if (req.http.Transfer-Encoding || req.http.Content-Length ~ "[1-9]") {
 		return (synth(400, "requests have no body here"));
 	}
@@ -32,9 +32,9 @@ sub vcl_recv {
 	}
 	unset req.http.Cookie;
 	unset req.http.Range; # send a segment in one piece
- # Each address is written in only one way: other spellings would be additional cache keys for the same answer. Model names may
- # contain spaces and letters of any language, which pages encode with encodeURIComponent. Made-up parameters would also be cache
- # keys. A day, a segment, a schema and a model have none; anything else that no page requests passes through uncached.
+	# Each address is written in only one way: other spellings would be additional cache keys for the same answer. Model names may
+	# contain spaces and letters of any language, which pages encode with encodeURIComponent. Made-up parameters would also be cache
+	# keys. A day, a segment, a schema and a model have none; anything else that no page requests passes through uncached.
 	if (req.url ~ "^/api/v1/robots/[a-z0-9-]+/past[^?]*[^A-Za-z0-9_:/?-]") {
 		return (synth(404, "not here, or not for you"));
 	}
@@ -54,7 +54,7 @@ sub vcl_recv {
 	if (req.url ~ "^[^?]*/keys\?every=(15[1-9]|1[6-9][0-9]|[2-9][0-9][0-9]|1000)$") {
 		set req.url = regsub(req.url, "=.*$", "=150"); # the relay has no further steps
 	}
- # requests with a token are neither answered from the cache nor cached
+	# requests with a token are neither answered from the cache nor cached
 	if (req.method == "OPTIONS" || req.http.Authorization ||
 	    (req.url ~ "\?" && req.url !~ "^[^?]*/past\?view=[A-Za-z0-9_-]+$" &&
 	     req.url !~ "^[^?]*Z\?after=[0-9a-f]{16}(,|%2C)[0-9]{1,10}$" && req.url !~ "^[^?]*/keys\?every=[1-9][0-9]{0,2}$")) {
@@ -83,7 +83,7 @@ sub vcl_backend_response {
 	if (bereq.uncacheable) {
 		return (deliver);
 	}
- # Stale answers are not sent: clients wait with the one whose request is at the relay, and hear of news at once.
+	# Stale answers are not sent: clients wait with the one whose request is at the relay, and hear of news at once.
 	set beresp.grace = 0s;
 	set beresp.keep = 0s;
 	if (beresp.status >= 400) {
