@@ -176,7 +176,11 @@ it('a moment has its link while presented, and one that can’t be shown is name
   await until('LIVE', is(page, 'LIVE'), 60_000);
   await page.open('about:blank');
   await page.open(link('hello'));
-  await until('no moment', async () => /names no moment/.test(await text('past-note')), 60_000);
+  await until(
+    'no moment',
+    async () => /moment in this link can’t be read/.test(await text('past-note')),
+    60_000,
+  );
   await until('LIVE', is(page, 'LIVE'), 60_000);
 }, 240_000);
 
