@@ -11,11 +11,12 @@ from pathlib import Path
 from tests.doc_blocks.block import Block
 
 # Bash asks this function for every program, because there is none on PATH. A program prints "1", which is
-# a word, a number, or a command that this file leaves out.
+# a word, a number, or a command that this file leaves out. A note is written at once, because both sides of a
+# pipe write notes at the same time.
 NOTE = r"""
 shopt -s expand_aliases
 command_not_found_handle() {
-  { printf '%s\0' "$BLOCK" "$@"; printf '\n'; } >> "$NOTES"
+  printf '%s\0' "$BLOCK" "$@" $'\1' >> "$NOTES"
   [ "$1" = ls ] && echo "$2" || echo 1
 }
 cd() { command_not_found_handle cd "$@" > /dev/null; }
@@ -65,7 +66,7 @@ def list_calls(blocks: Sequence[Block], folder: Path) -> list[Call]:
     if done.stderr:
         raise ShellError(f"{blocks[0].page}: {done.stderr}")
     calls = []
-    for line in notes.read_text(encoding="utf-8").split("\0\n"):
+    for line in notes.read_text(encoding="utf-8").split("\0\1\0"):
         of_block, _, rest = line.partition("\0")
         words = tuple(rest.split("\0"))
         if of_block and words != ("1",):

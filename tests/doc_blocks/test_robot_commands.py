@@ -215,6 +215,7 @@ def test_a_program_that_prints_lines(desk: Desk, page: str) -> None:
     programs = [block.text for block in read_pages()["README.md"] if "# wave.py" in block.text]
     (desk.folder / "wave.py").write_text(programs[0], encoding="utf-8")
     desk.replace(".venv/bin/", "")
+    desk.replace("edge-agent/examples/", "")
     desk.type_line(read_script(page, "wave.py |"))
 
 

@@ -40,7 +40,7 @@ from posecast_wire.segment import (
 
 from posecast_relay.archive.names import PAGE_MS
 from posecast_relay.models.manifest import ManifestError, read_manifest
-from posecast_relay.recording.source import ListedSegment, PastAway, PastDamaged, RecordingSource
+from posecast_relay.recording.source import ListedSegment, PartAway, PastDamaged, RecordingSource
 
 AHEAD = 16  # segments that are asked for ahead of their turn
 SEGMENT_MS_MAX = 600_000  # a segment that reaches into a span begins at most so long before it
@@ -278,7 +278,7 @@ class Collector:
         """Wait for one of a model's files; if the source does not have it, note why."""
         try:
             data = await loading
-        except PastAway as e:
+        except PartAway as e:
             self.found.lose(path, str(e))
             return None
         if data is None:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import httpx
 from posecast_wire.checked import loads, make_visible
 
-from posecast_relay.recording.source import PastAway, PastDamaged, PastUnreadable
+from posecast_relay.recording.source import PartAway, PastDamaged, PastUnreadable
 
 AT_ONCE = 8  # requests
 TIMEOUT_S = 20.0  # of a wait; a relay holds a request for 8 s at most
@@ -76,7 +76,7 @@ class RelayClient:
 
     async def ask(self, path: str, bytes_max: int, patience_s: float | None = None) -> RelayAnswer:
         """Return the answer to a GET; repeat it while the relay is busy or away, for `patience_s` (AGAIN_S).
-        Raises PastUnreadable; PastAway when the relay answered, but did not have it in time."""
+        Raises PastUnreadable; PartAway when the relay answered, but did not have it in time."""
         patience_s = AGAIN_S if patience_s is None else patience_s
         end_s = self._now() + patience_s
         wait_s = WAIT_S
@@ -100,7 +100,7 @@ class RelayClient:
                 self._has_answered = True
                 if answer.status not in BUSY:
                     break
-                why, refusal = read_reason(answer), PastAway
+                why, refusal = read_reason(answer), PartAway
                 pause_s = _read_seconds(answer.retry_after, wait_s)
             if self._now() + pause_s > end_s:
                 waited = f"gave up after {patience_s:g} s: " if patience_s else ""

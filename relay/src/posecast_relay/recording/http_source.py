@@ -19,7 +19,7 @@ from posecast_wire.segment.frame_chain import SEQS
 from posecast_relay.archive.names import DAY_MS, PAGE_MS, read_day
 from posecast_relay.models.manifest import BYTES_MAX as MANIFEST_BYTES_MAX
 from posecast_relay.recording.http_client import RelayAnswer, RelayClient, read_reason
-from posecast_relay.recording.source import ListedSegment, PastAway, PastDamaged, SourceSpan
+from posecast_relay.recording.source import ListedSegment, PartAway, PastDamaged, SourceSpan
 
 PAGE_BYTES_MAX = 4 << 20  # of one answer; a relay sends the index of ten minutes in parts of 1 MiB
 PARTS_MAX = 1000  # that one index may have
@@ -105,11 +105,11 @@ class HttpSource:
         return None if answer is None else answer.body.decode(errors="replace")
 
     async def load_manifest(self, model: str) -> bytes | None:
-        """Ask for a manifest. Raises PastUnreadable; PastAway when the relay can't get it from the robot."""
+        """Ask for a manifest. Raises PastUnreadable; PartAway when the relay can't get it from the robot."""
         return await self._ask_model(f"{model}/manifest.json", MANIFEST_BYTES_MAX, model)
 
     async def load_model_file(self, model: str, path: str, sha256: str, size: int) -> bytes | None:
-        """Ask for a model's file. Raises PastUnreadable; PastAway as above."""
+        """Ask for a model's file. Raises PastUnreadable; PartAway as above."""
         return await self._ask_model(f"{model}/{quote(path)}", size, sha256)
 
     async def _list_page(self, page_ms: int) -> list[ListedSegment]:
@@ -135,7 +135,7 @@ class HttpSource:
         if that is off, waiting for one file is enough."""
         try:
             answer = await self._ask(f"{self._base}/model/{path}", bytes_max, sha256, self._model_patience_s)
-        except PastAway:
+        except PartAway:
             self._model_patience_s = 0.0
             raise
         return None if answer is None else answer.body

@@ -14,7 +14,7 @@ class PastDamaged(PastUnreadable):
     """One part of the past is damaged; others may be fine."""
 
 
-class PastAway(PastUnreadable):
+class PartAway(PastUnreadable):
     """The source answers, but can't deliver this part now; others may be available."""
 
 
