@@ -20,7 +20,7 @@ from posecast_relay.http.past import documents
 from posecast_relay.recording import http_client, http_source
 from posecast_relay.recording.collector import Collector
 from posecast_relay.recording.http_source import HttpSource
-from posecast_relay.recording.source import ListedSegment, PastDamaged, PastUnreadable
+from posecast_relay.recording.source import ListedSegment, PartAway, PastDamaged, PastUnreadable
 from posecast_wire.recording import PastRecording
 
 from .past_doors import PAGE_MS, PastDoors, link
@@ -177,6 +177,19 @@ async def test_at_last_it_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
             await source.find_span()
         assert str(caught.value).endswith("/past?view=public: gave up after 60 s: away")
         assert len(asked) == 3  # within the minute
+
+
+async def test_of_a_robot_that_is_off_one_file_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(http_client, "WAIT_S", 0.01)
+    off: Script = lambda answer, _: answer.send(503, b'{"error":"off"}')  # noqa: E731
+    async with answering(off, ask_s=20.0) as (source, asked):
+        with pytest.raises(PartAway, match=r"manifest\.json: gave up after 60 s: off$"):
+            await source.load_manifest("5c" * 32)
+        assert len(asked) == 3
+        for _ in range(2):
+            with pytest.raises(PartAway, match=r"a\.glb: off$"):
+                await source.load_model_file("5c" * 32, "a.glb", "5c" * 32, 1)
+        assert len(asked) == 5
 
 
 SEGMENT = ListedSegment(10, 0, PAGE_MS, PAGE_MS + 1, "5c" * 32)
