@@ -1,24 +1,23 @@
 # Every target prepares what it needs; `make` alone lists the targets.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo dev test test-full check fix fuzz bytes bench peers lane balance load attack faults soak gallery pictures explained prose site compose-test dist bare clean unit python python-a python-b typescript page e2e browsers
+.PHONY: help setup demo dev test test-full check fix fuzz mutants bytes bench peers lane balance load attack faults soak gallery pictures explained prose site compose-test dist bare clean unit python typescript page e2e browsers
 SHELL := /bin/bash
 export UV_PYTHON_DOWNLOADS := never
-export PYTHONDONTWRITEBYTECODE := 1
+# bytecode is kept, but not in the sources
+unexport PYTHONDONTWRITEBYTECODE
+export PYTHONPYCACHEPREFIX := $(CURDIR)/out/pyc
 # tests start hundreds of short processes: compile their libraries once
 export UV_COMPILE_BYTECODE := 1
 
 UV    := .tools/bin/uv
 BIN   := .venv/bin
-PYSRC := wire/python edge-agent relay command/src command/tests benches loadtests fuzz tests tools spa/e2e
+PYSRC := wire/python edge-agent relay command/src command/tests benches testing loadtests fuzz tests tools spa/e2e
 ENGINES   := chromium firefox webkitgtk
 E2E_NEEDS := redis-server chromium firefox-esr webkit2gtk-driver xvfb
 DEMO  := edge-agent/src/posecast_edge/demo_bundle
 DIST  ?= dist
-# A test that fails on a busy machine is run once more, and reported.
-PYTEST := $(BIN)/pytest --reruns 1 -rR
-# two halves that take about the same time
-PYTHON_A := relay/tests wire/python/tests loadtests/tests fuzz/tests
-PYTHON_B := edge-agent/tests command/tests tests
+# more processes than cores, because most tests wait; one that fails on a busy machine is run once more, and reported
+PYTEST := $(BIN)/pytest --reruns 1 -rR --numprocesses 4 --dist worksteal
 PYTHON_NEEDS := for package in redis-server nginx rsync prometheus; do tools/need $$package || exit; done
 E2E    := npm run --silent e2e -w spa -- --retry=1
 
@@ -30,40 +29,46 @@ help: ## list the targets
 $(UV): tools/uv-version
 	@python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is needed."; exit 2; }
 	@python3 -c 'import ensurepip' 2>/dev/null || tools/need python3-venv
-	python3 -m venv .tools
-	.tools/bin/python -m pip install --quiet --disable-pip-version-check "uv==$$(cat tools/uv-version)"
+	@echo "set up: uv, which installs Python packages"
+	@python3 -m venv .tools
+	@.tools/bin/python -m pip install --quiet --disable-pip-version-check "uv==$$(cat tools/uv-version)"
 	@touch $@
 
 .venv/.ready: $(UV) uv.lock pyproject.toml $(wildcard */pyproject.toml wire/python/pyproject.toml)
 	@# the mesh tools' simplifier comes as source
 	@tools/need g++
 	@tools/need python3-dev
-	$(UV) sync --quiet --frozen --all-packages --python "$$(command -v python3)"
+	@echo "set up: Python packages"
+	@$(UV) sync --quiet --frozen --all-packages --python "$$(command -v python3)"
 	@touch $@
 
 node_modules/.ready: package-lock.json package.json $(wildcard spa/package.json wire/typescript/package.json)
 	@node -e 'const [a, b] = process.versions.node.split(".").map(Number); process.exit(a > 20 || (a === 20 && b >= 19) ? 0 : 1)' || { echo "Node 20.19 or newer is needed."; exit 2; }
 	@# not `npm ci`: it refuses a lock file without the optional binaries of other platforms, which a mirror may lack
-	npm install --silent --no-save --ignore-scripts
+	@echo "set up: npm packages"
+	@npm install --silent --no-save --ignore-scripts
 	@touch $@
 
 spa/dist/index.html: node_modules/.ready $(shell git ls-files --cached --others --exclude-standard spa/src spa/lean_react spa/lean_three spa/public spa/index.html spa/vite.config.ts wire/typescript/src 2>/dev/null)
-	npm run --silent build -w spa
+	@echo "set up: the page"
+	@npm run --silent build -w spa -- --logLevel warn
 	@touch $@
 
 $(DEMO)/robot.urdf: .venv/.ready $(shell git ls-files --cached --others --exclude-standard edge-agent/demo 2>/dev/null)
-	$(BIN)/python edge-agent/demo/build.py --out $(DEMO)
+	@echo "set up: the demo robot"
+	@$(BIN)/python edge-agent/demo/build.py --out $(DEMO)
 	@touch $@
 
 $(DEMO)/model/manifest.json: $(DEMO)/robot.urdf $(wildcard edge-agent/src/posecast_edge/model/*.py edge-agent/src/posecast_edge/model/*/*.py)
-	$(BIN)/posecast-edge model build --no-cache $< -o $(@D)
+	@$(BIN)/posecast-edge model build --no-cache $< -o $(@D)
 	@touch $@
 
 # inside the page's folder, where the relay finds it; compressed like the page. Its gallery shows the demo robot
 spa/dist/guide/index.html: spa/dist/index.html $(DEMO)/model/manifest.json .venv/.ready $(shell git ls-files --cached --others --exclude-standard docs tools/site zensical.toml '*.md' 2>/dev/null)
-	$(BIN)/python -m tools.site --out out/site
-	rm -rf $(@D) && cp -r out/site $(@D)
-	find $(@D) -type f -regex '.*\.\(html\|css\|js\|json\|svg\)' -exec gzip -9kn {} +
+	@echo "set up: the guide"
+	@$(BIN)/python -m tools.site --out out/site
+	@rm -rf $(@D) && cp -r out/site $(@D)
+	@find $(@D) -type f -regex '.*\.\(html\|css\|js\|json\|svg\)' -exec gzip -9kn {} +
 	@touch $@
 
 setup: .venv/.ready node_modules/.ready spa/dist/index.html spa/dist/guide/index.html $(DEMO)/model/manifest.json ## install and build everything, start nothing
@@ -80,7 +85,7 @@ site: spa/dist/guide/index.html ## the guide (docs/) as a static site: out/site 
 
 # ---- tests -------------------------------------------------------------------
 
-check: .venv/.ready node_modules/.ready ## lint, types, import directions, formats, wording of the docs, known vulnerabilities
+check: setup ## lint, types, import directions, formats, wording of the docs, known vulnerabilities
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy $(PYSRC)
@@ -96,6 +101,8 @@ check: .venv/.ready node_modules/.ready ## lint, types, import directions, forma
 	npx --no-install tsc -p spa/tsconfig.pure.json
 	npx --no-install tsc -p fuzz/page
 	@UV=$(UV) tools/audit
+	@# the documentation against files and parsers: no program is started
+	$(BIN)/pytest --quiet -m docs tests command/tests
 
 prose: .venv/.ready ## readability of each docs page: words, median and longest sentence, reading ease
 	$(BIN)/python -m tools.prose
@@ -110,16 +117,12 @@ fix: .venv/.ready node_modules/.ready ## fix what the linters can fix automatica
 
 unit: python typescript fuzz ## tests without a browser
 
-# in parallel with --jobs, because most of them wait
-python: python-a python-b
-
-python-a: setup
+python: setup
 	@$(PYTHON_NEEDS)
-	$(PYTEST) -m "not full" $(PYTHON_A)
-
-python-b: setup
-	@$(PYTHON_NEEDS)
-	$(PYTEST) -m "not full" $(PYTHON_B)
+	@# compiled once, not by each process, and not by one whose memory or time is measured
+	@$(BIN)/python -m compileall -q $(wildcard */src) wire/python/src
+	@$(BIN)/pytest --collect-only > out/collected || { cat out/collected; exit 1; }
+	$(PYTEST) -m "not full and not docs"
 
 typescript: setup
 	npm test --silent -w wire/typescript
@@ -134,18 +137,19 @@ e2e: setup ## end-to-end tests in real browsers: all in Chromium, a smoke test i
 fuzz: .venv/.ready node_modules/.ready ## untrusted bytes into every parser at a boundary (SECONDS=3600 for an hour)
 	$(BIN)/python -m fuzz --seconds $(or $(SECONDS),60)
 
-test: setup ## all tests that CI runs: both halves of Python's and the page's in parallel, because most of them wait
-	@# once, before two ask for the same package
-	@$(PYTHON_NEEDS)
-	@$(MAKE) --no-print-directory --jobs=3 --output-sync=target python-a python-b page
-	@$(MAKE) --no-print-directory fuzz
+mutants: setup ## plant faults in product code, one at a time, and see the tests catch each
+	$(BIN)/python -m tools.mutants --check
+
+# one after the other, because each fills the cores
+test: SECONDS := 30
+test: python page fuzz ## all tests that CI runs
 
 page: typescript e2e
 
 test-full: setup ## also the slow tests, and every browser test in each of the three engines
 	@for package in $(E2E_NEEDS) nginx varnish rsync; do tools/need $$package || exit; done
 	@# and says what was skipped, and why
-	$(PYTEST) -rRs
+	POSECAST_FULL=1 $(BIN)/pytest -rs
 	npm test --silent -w wire/typescript
 	POSECAST_FULL=1 npm test --silent -w spa
 	$(BIN)/python -m fuzz

@@ -4,6 +4,7 @@
 # robots reach the relay, as in .env.
 set -eu
 umask 027
+names=$("$(dirname "$0")/site_names.sh")
 cd "${SECRET_FOLDER:-/secret}"
 
 if [ ! -s store ]; then
@@ -18,14 +19,7 @@ if [ ! -s ca.pem ]; then
   openssl req -x509 $key -days 3650 -subj "/CN=Posecast, this cloud's own" -keyout ca.key -out ca.new 2>/dev/null
   mv ca.new ca.pem
 fi
-alternatives="DNS:relay"
-for name in $(echo "${SITE:-localhost}" | tr ',' ' '); do
-  name=${name#*://}
-  case $name in
-    *[!0-9.]*) alternatives="$alternatives,DNS:${name%%:*}" ;;
-    *) alternatives="$alternatives,IP:$name" ;;
-  esac
-done
+alternatives="DNS:relay,$(echo "$names" | paste -sd, -)"
 wanted="subjectAltName=$alternatives
 basicConstraints=CA:FALSE"
 if [ ! -s relay.pem ] || [ "$(cat names 2>/dev/null)" != "$wanted" ]; then

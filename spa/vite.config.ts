@@ -1,3 +1,4 @@
+import { createHash } from 'node:crypto';
 import { mkdirSync, readdirSync, readFileSync, writeFileSync } from 'node:fs';
 import { createRequire } from 'node:module';
 import path from 'node:path';
@@ -13,17 +14,18 @@ const RELAYS = 'https: wss: http://localhost:* ws://localhost:* http://127.0.0.1
  * What the built page may load. It is in the page itself, so that it applies on any host, even one that sets no headers. The dev
  * server's reload script is inline, so this is only in the build.
  */
-const CONTENT_POLICY = [
-  "default-src 'self'",
-  "script-src 'self' 'wasm-unsafe-eval'",
-  // A relay may be elsewhere: `relay/relay.ts` narrows these to the one it reads as soon as it is known.
-  `img-src 'self' data: blob: ${RELAYS}`,
-  `connect-src 'self' blob: data: ${RELAYS}`,
-  "worker-src 'self' blob:",
-  "object-src 'none'",
-  "base-uri 'none'",
-  "form-action 'none'",
-].join('; ');
+const contentPolicyOf = (page: string) =>
+  [
+    "default-src 'self'",
+    `script-src 'self' 'wasm-unsafe-eval' ${inlineScriptHash(page)}`,
+    // A relay may be elsewhere: `relay/relay.ts` narrows these to the one it reads as soon as it is known.
+    `img-src 'self' data: blob: ${RELAYS}`,
+    `connect-src 'self' blob: data: ${RELAYS}`,
+    "worker-src 'self' blob:",
+    "object-src 'none'",
+    "base-uri 'none'",
+    "form-action 'none'",
+  ].join('; ');
 
 /** Chunks that the page itself imports, and those for signed-in viewers. A missing name here costs some bytes, nothing else. */
 const IN_THE_PAGE =
@@ -39,7 +41,7 @@ const SHARED_CHUNKS = [
   },
   {
     name: 'base',
-    test: /node_modules\/react\/|spa\/src\/(app\/(shell\/media|state\/(settings|use_store)|status\/span_words|text\/language)|browser\/(drawn_lines|first_paint|late_part|retry)|model\/kinematics|twin\/(format|joints|liveness|names|plain_names|rotation|values|limits\/(level_latch|limits))|view\/camera\/framing)\.ts$/,
+    test: /node_modules\/react\/|spa\/src\/(app\/(shell\/(media|page_keys)|state\/(settings|use_store)|status\/span_words|text\/language)|browser\/(drawn_lines|first_paint|late_part|retry)|model\/kinematics|twin\/(format|joints|liveness|names|plain_names|rotation|values|limits\/(level_latch|limits))|view\/camera\/framing)\.ts$/,
   },
   {
     // All of three.js except what only mesh readers need: a scene consists of this file and its own.
@@ -79,14 +81,21 @@ const SHARED_CHUNKS = [
   },
 ];
 
+/** The source expression for the page's only inline script. */
+function inlineScriptHash(page: string): string {
+  const script = /<script>(.*?)<\/script>/s.exec(page)?.[1];
+  if (script === undefined) throw new Error('no inline script');
+  return `'sha256-${createHash('sha256').update(script).digest('base64')}'`;
+}
+
 function contentPolicy(): Plugin {
   return {
     name: 'content-policy',
     apply: 'build',
-    transformIndexHtml: () => [
+    transformIndexHtml: (page) => [
       {
         tag: 'meta',
-        attrs: { 'http-equiv': 'Content-Security-Policy', content: CONTENT_POLICY },
+        attrs: { 'http-equiv': 'Content-Security-Policy', content: contentPolicyOf(page) },
         injectTo: 'head-prepend',
       },
     ],
@@ -208,5 +217,5 @@ export default defineConfig({
     proxy: { '/api': { target: process.env.POSECAST_RELAY ?? 'http://127.0.0.1:8080', ws: true } },
   },
   // these tests measure no time: on a busy machine, the default of five seconds would
-  test: { include: ['src/**/*.test.ts', 'tests/**/*.test.ts'], environment: 'node', testTimeout: 30_000 },
+  test: { include: ['src/**/*.test.ts', 'tests/**/*.test.ts'], environment: 'node', testTimeout: 120_000 },
 });

@@ -5,10 +5,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import re
-import signal
-import socket
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -20,63 +16,11 @@ from typing import Any
 
 import pytest
 import websockets
+from posecast_testing import Process, free_port, is_listened_on, until, until_async
 from posecast_wire.decoder import Decoder, Frame
 from posecast_wire.frame import FrameError
 
-from relay.tests.stage import free_port, until
-
-__all__ = ("free_port", "until")  # of the relay's tests, and for all of these
-
 BIN = Path(sys.executable).parent
-GRACE_S = 10.0
-
-
-class Part:
-    """One process; stdout and stderr go to files in `folder`."""
-
-    def __init__(self, folder: Path, name: str, *command: str, stdin: int | None = None) -> None:
-        self.name = name
-        self._paths = [folder / f"{name}.out", folder / f"{name}.err"]
-        with self._paths[0].open("ab") as out, self._paths[1].open("ab") as err:
-            self.process = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL if stdin is None else stdin, stdout=out, stderr=err
-            )
-
-    def line(self, pattern: str) -> re.Match[str]:
-        """Waits for the newest line of stdout that matches."""
-
-        def found() -> re.Match[str] | None:
-            assert self.process.poll() is None, f"{self.name} has ended:\n{self.log}"
-            matches = list(re.finditer(pattern, self._paths[0].read_text()))
-            return matches[-1] if matches else None
-
-        return until(f"{self.name} prints {pattern}", found)
-
-    @property
-    def out(self) -> str:
-        """Its stdout so far, whole lines."""
-        text = self._paths[0].read_text()
-        return text[: text.rfind("\n") + 1]
-
-    @property
-    def log(self) -> str:
-        """Both outputs."""
-        return "\n".join(f"--- {path.name}\n{path.read_text()}" for path in self._paths)
-
-    def kill(self) -> None:
-        """Sends SIGKILL and waits for the end."""
-        self.process.kill()
-        self.process.wait()
-
-    def stop(self) -> None:
-        """Sends SIGTERM; SIGKILL if that is not enough."""
-        if self.process.poll() is None:
-            self.process.send_signal(signal.SIGCONT)
-            self.process.terminate()
-            with suppress(subprocess.TimeoutExpired):
-                self.process.wait(GRACE_S)
-        if self.process.poll() is None:
-            self.kill()
 
 
 @dataclass
@@ -84,13 +28,13 @@ class Stack:
     """Everything that one test started."""
 
     folder: Path
-    parts: list[Part] = field(default_factory=list)
+    parts: list[Process] = field(default_factory=list)
     relay_command: tuple[str, ...] = (f"{BIN}/posecast-relay",)
     edge_command: tuple[str, ...] = (f"{BIN}/posecast-edge",)
 
-    def start(self, name: str, *command: str, stdin: int | None = None) -> Part:
+    def start(self, name: str, *command: str, stdin: int | None = None) -> Process:
         """Any process."""
-        part = Part(self.folder, f"{len(self.parts)}-{name}", *command, stdin=stdin)
+        part = Process(self.folder, f"{len(self.parts)}-{name}", *command, stdin=stdin)
         self.parts.append(part)
         return part
 
@@ -101,7 +45,7 @@ class Stack:
         store: str = "memory://",
         zenoh_host: str = "127.0.0.1",
         flags: tuple[str, ...] = (),
-    ) -> tuple[Part, str, str]:
+    ) -> tuple[Process, str, str]:
         """(process, `127.0.0.1:port` of HTTP, Zenoh endpoint: empty for a gateway)."""
         listen = f"tcp/{zenoh_host}:{zenoh_port}"
         part = self.start(
@@ -113,7 +57,7 @@ class Stack:
         found = part.line(r"serving http://(\S+), robots (?:on (tcp/\S+)|from Redis)")
         return part, found[1], found[2] or ""
 
-    def edge(self, zenoh: str, *arguments: str, stdin: int | None = None) -> Part:
+    def edge(self, zenoh: str, *arguments: str, stdin: int | None = None) -> Process:
         """An edge of the robot `demo`."""
         return self.start(
             "edge",
@@ -135,12 +79,7 @@ class Stack:
             *("redis-server", "--port", str(port), "--bind", "127.0.0.1", "--save", ""),
             *("--appendonly", "no", "--dir", str(self.folder)),
         )
-
-        def listens() -> bool:
-            with socket.socket() as probe:
-                return probe.connect_ex(("127.0.0.1", port)) == 0
-
-        until("redis listens", listens)
+        until("redis listens", lambda: is_listened_on(port))
         return f"redis://127.0.0.1:{port}/0"
 
 
@@ -185,15 +124,22 @@ class Viewer:
 
     async def until(self, what: str, probe: Callable[[Viewer], bool], deadline_s: float = 20.0) -> None:
         """Waits on the event loop until `probe` holds."""
-        end_s = time.monotonic() + deadline_s
-        while not probe(self):
-            assert time.monotonic() < end_s, f"not within {deadline_s:g} s: {what}"
-            await asyncio.sleep(0.02)
+        await until_async(what, lambda: probe(self), deadline_s)
 
     def longest_gap_s(self, since_s: float) -> float:
         """The longest time without a decodable frame from `since_s` (monotonic) to the newest."""
         times = [since_s, *(at for at, _ in self.frames if at > since_s)]
         return max((b - a for a, b in pairwise(times)), default=float("inf"))
+
+
+@pytest.fixture(scope="session")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The guide, built; any warning of the generator would have failed."""
+    from tools.site.__main__ import build
+
+    out = tmp_path_factory.mktemp("guide") / "site"
+    build(out)
+    return out
 
 
 @pytest.fixture

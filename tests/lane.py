@@ -5,8 +5,6 @@ from __future__ import annotations
 import asyncio
 import json
 import ssl
-import time
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -163,11 +161,3 @@ class Origin:
                 await writer.drain()
         relay_writer.close()
         writer.close()
-
-
-async def until_true(what: str, probe: Callable[[], bool], deadline_s: float = 30.0) -> None:
-    """Let others go on until `probe` holds."""
-    end_s = time.monotonic() + deadline_s
-    while not probe():
-        assert time.monotonic() < end_s, f"not within {deadline_s:g} s: {what}"
-        await asyncio.sleep(0.02)

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.docs
+
 REPO = Path(__file__).resolve().parent.parent
 OVERVIEW = REPO / "docs/ARCHITECTURE.md"
 PARTS = ("edge-agent", "fault-isolation", "lane", "libraries-not-used", "relay", "rendering", "web-page")

@@ -22,20 +22,9 @@ def changed(command: list[str], flag: str, value: str) -> list[str]:
 @pytest.mark.parametrize(
     ("command", "said"),
     [
-        (changed(EDGE, "--robot", "hu*bo"), "hu*bo"),
-        (changed(EDGE, "--robot", "Hubo"), "Hubo"),
-        (changed(EDGE, "--source", "telepathy"), "telepathy"),
-        (changed(EDGE, "--relay", "127.0.0.1"), "127.0.0.1"),
-        ([*EDGE, "--hz", "0"], "hz"),
-        ([*EDGE, "--profile", "no-such-file.toml"], "no-such-file.toml"),
-        ([*EDGE, "--urdf", "no-such-file.urdf"], "no-such-file.urdf"),
+        # the other words: edge-agent/tests/test_cli.py and relay/tests/test_settings.py
         (changed(EDGE, "--source", "trajectory:walk.traj"), "--profile"),
-        ([*EDGE, "--frobnicate"], "frobnicate"),
-        (["posecast-relay", "run", "--port", "0"], "--dev"),
-        (changed(RELAY, "--port", "http"), "http"),
         ([*RELAY, "--store", "mongodb://x"], "mongodb://x"),
-        ([*RELAY, "--static", "no-such-folder"], "no-such-folder"),
-        ([*RELAY, "--frobnicate"], "frobnicate"),
     ],
 )
 def test_wrong_configuration(command: list[str], said: str) -> None:

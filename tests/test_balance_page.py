@@ -12,6 +12,8 @@ from posecast_relay.unit_conversion import find_factor
 from posecast_wire.mapping import Threshold
 from posecast_wire.schema import Schema
 
+pytestmark = pytest.mark.docs
+
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = (ROOT / "docs/how-to/robots/show-balance.md").read_text(encoding="utf-8")
 WRENCHES = """

@@ -6,6 +6,8 @@ import pytest
 
 from tools.bars import PAGE, bars_of
 
+pytestmark = pytest.mark.docs
+
 TABLE = """
 <!-- bars: ../img/x.svg | Cost | µs | µs CPU -->
 

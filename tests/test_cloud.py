@@ -14,6 +14,8 @@ import yaml
 from posecast_relay.config.settings import FLAGS, parse
 from posecast_relay.server.http_server import END_S
 
+pytestmark = pytest.mark.docs
+
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = (ROOT / "docs/how-to/install/cloud.md").read_text(encoding="utf-8")
 CLOUD = ROOT / "infra/cloud"

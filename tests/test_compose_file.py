@@ -8,10 +8,13 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
+import pytest
 import yaml
 from posecast_relay.config.settings import FLAGS, parse
 
 from tests.conftest import BIN
+
+pytestmark = pytest.mark.docs
 
 ROOT = Path(__file__).resolve().parent.parent
 TEXT = (ROOT / "infra/docker-compose.yml").read_text()

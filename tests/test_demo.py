@@ -15,21 +15,22 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from posecast_testing import Process, free_port, until
 
-from tests.conftest import BIN, Part, free_port, until
+from tests.conftest import BIN
 
 ROOT = Path(__file__).resolve().parent.parent
 ON_AIR = r"Posecast is on air:  (http://[^/]+)/#/r/(\S+)"
 MORE = r"More robots on this machine: --relay (tcp/\S+)"
-Starter = Callable[..., Part]
+Starter = Callable[..., Process]
 
 
 @pytest.fixture
 def posecast(stack: Any) -> Starter:
     """Starts `posecast` with arguments."""
 
-    def start(*argv: str, stdin: int | None = None, env: tuple[str, ...] = ()) -> Part:
-        part: Part = stack.start("posecast", "env", *env, f"{BIN}/posecast", *argv, stdin=stdin)
+    def start(*argv: str, stdin: int | None = None, env: tuple[str, ...] = ()) -> Process:
+        part: Process = stack.start("posecast", "env", *env, f"{BIN}/posecast", *argv, stdin=stdin)
         return part
 
     return start
@@ -63,26 +64,30 @@ def refused(*argv: str, **environment: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_it_says_on_air_when_it_is_and_ends_whole(posecast: Starter, how: signal.Signals) -> None:
+OF_OTHERS = ("POSECAST_ROBOTS=/nowhere", "POSECAST_URDF=/nowhere", "POSECAST_CREDENTIAL=/nowhere")
+
+
+@pytest.mark.parametrize(
+    ("how", "env"), [(signal.SIGINT, ()), (signal.SIGTERM, OF_OTHERS), (signal.SIGHUP, ())]
+)
+def test_it_says_on_air_when_it_is_and_ends_whole(
+    posecast: Starter, how: signal.Signals, env: tuple[str, ...]
+) -> None:
+    """Whatever is set for other commands."""
     port = free_port()
-    demo = posecast("demo", "--no-browser", "--port", str(port))
+    demo = posecast("demo", "--no-browser", "--port", str(port), env=env)
     url, robot = demo.line(ON_AIR).groups()
     assert (url, robot) == (f"http://127.0.0.1:{port}", "demo")
     # it is there at once: nobody waits after having read that line
     assert ask(f"{url}/api/v1/robots/demo/state")["fields"]["pos"]["values"]
     assert ask(f"{url}/api/v1/robots")["publish_at"] == demo.line(MORE)[1]
+    with urllib.request.urlopen(url, timeout=5) as answer:  # from a checkout it is the page built there
+        assert answer.read() == (ROOT / "spa/dist/index.html").read_bytes()
     started = children(demo.process.pid)
     assert len(started) == 2
     demo.process.send_signal(how)
     assert demo.process.wait(timeout=30) == 0
     assert gone(started)
-
-
-def test_from_a_checkout_it_shows_the_page_that_was_built_there(posecast: Starter) -> None:
-    url = posecast("demo", "--no-browser", "--port", str(free_port())).line(ON_AIR)[1]
-    with urllib.request.urlopen(url, timeout=5) as answer:
-        assert answer.read() == (ROOT / "spa/dist/index.html").read_bytes()
 
 
 def test_without_a_page_it_says_how_to_build_one_and_links_to_what_there_is(
@@ -123,19 +128,18 @@ def test_a_robot_is_on_air_whether_anybody_reads_that_or_not(redirection: str, t
     assert "Traceback" not in said.read_text()
 
 
-def test_the_demo_is_the_same_whatever_is_set_for_others(posecast: Starter) -> None:
-    others = ("POSECAST_ROBOTS=/nowhere", "POSECAST_URDF=/nowhere", "POSECAST_CREDENTIAL=/nowhere")
-    demo = posecast("demo", "--no-browser", "--port", str(free_port()), env=others)
-    assert ask(f"{demo.line(ON_AIR)[1]}/api/v1/robots/demo/state")["fields"]["pos"]["values"]
-
-
-def test_two_side_by_side(posecast: Starter) -> None:
+def test_two_side_by_side_and_a_robot_that_joins_one(posecast: Starter) -> None:
     both = [posecast("demo", "--no-browser") for _ in range(2)]
     said = [(demo.line(ON_AIR)[1], demo.line(MORE)[1]) for demo in both]
     assert len({url for url, _ in said}) == len({uplink for _, uplink in said}) == 2
     for url, uplink in said:
         listed = ask(f"{url}/api/v1/robots")
         assert ([robot["robot"] for robot in listed["robots"]], listed["publish_at"]) == (["demo"], uplink)
+    (url, uplink), _ = said
+    run = posecast("run", "--robot", "two", "--source", "demo", "--relay", uplink)
+    until("both robots", lambda: len(ask(f"{url}/api/v1/robots")["robots"]) == 2)
+    assert children(run.process.pid) == set()
+    assert "on air:" not in run.out
 
 
 def test_a_named_port_that_is_taken_names_who_has_it() -> None:
@@ -182,15 +186,6 @@ def test_run_puts_a_robot_on_a_relay_of_its_own(posecast: Starter, tmp_path: Pat
     wave.stdout.close()
     # the robot is over, and so is all that was started for it
     assert run.process.wait(timeout=30) == 0
-
-
-def test_run_joins_a_relay_that_is_named(posecast: Starter) -> None:
-    demo = posecast("demo", "--no-browser", "--port", str(free_port()))
-    url, uplink = demo.line(ON_AIR)[1], demo.line(MORE)[1]
-    run = posecast("run", "--robot", "two", "--source", "demo", "--relay", uplink)
-    until("both robots", lambda: len(ask(f"{url}/api/v1/robots")["robots"]) == 2)
-    assert children(run.process.pid) == set()
-    assert "on air:" not in run.out
 
 
 WAVE = """

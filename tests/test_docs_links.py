@@ -15,6 +15,8 @@ import pytest
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
 
+pytestmark = pytest.mark.docs
+
 ROOT = Path(__file__).resolve().parent.parent
 LISTED = ["git", "ls-files", "--cached", "--others", "--exclude-standard", "*.md"]
 PAGES = sorted(

@@ -16,6 +16,8 @@ import pytest
 from tools.prose.__main__ import list_pages
 from tools.prose.figures import count_syllables, measure_prose, split_sentences
 
+pytestmark = pytest.mark.docs
+
 ROOT = Path(__file__).resolve().parent.parent
 SENTENCE_WORDS = 16
 PAGE_WORDS = 1500  # reference pages may be longer: nobody reads them from top to bottom

@@ -17,7 +17,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import posecast
 import pytest
+
+from tests.conftest import Stack
 
 EXAMPLES = Path(__file__).resolve().parent.parent / "edge-agent" / "examples"
 JOINTS = ("shoulder", "elbow")
@@ -54,13 +57,25 @@ def moves(frame: Any) -> bool:
     return all(value is not None and abs(value) > 0.02 for value in pos.values())
 
 
+@pytest.fixture(scope="module")
+def air(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, str]]:
+    """One relay for all: its address and where robots connect."""
+    stack = Stack(tmp_path_factory.mktemp("relay"))
+    relay, address, zenoh = stack.relay()
+    yield address, zenoh
+    relay.stop()
+    assert "Traceback" not in relay.log, relay.log
+
+
 @pytest.mark.parametrize(
     ("example", "library"), [("mujoco", "mujoco"), ("pybullet", "pybullet"), ("pinocchio", "pinocchio")]
 )
-async def test_a_simulation_is_seen_to_move(stack: Any, example: str, library: str) -> None:
+async def test_a_simulation_is_seen_to_move(
+    stack: Any, air: tuple[str, str], example: str, library: str
+) -> None:
     if importlib.util.find_spec(library) is None:
         pytest.skip(f"{library} is not installed here")
-    _, address, zenoh = stack.relay()
+    address, zenoh = air
     stack.start("example", sys.executable, str(EXAMPLES / f"{example}_arm.py"), zenoh)
     frame = await seen(stack.viewer(address), f"{example}-arm", "the arm moves", moves)
     pos = readings(frame, "pos")
@@ -75,9 +90,9 @@ async def test_a_simulation_is_seen_to_move(stack: Any, example: str, library: s
         assert pos == pytest.approx(ref, abs=0.5)
 
 
-async def test_the_cells_of_the_notebook_run(stack: Any, tmp_path: Path) -> None:
+async def test_the_cells_of_the_notebook_run(stack: Any, air: tuple[str, str]) -> None:
     """As a program, cell after cell; by Jupyter's own kernel where there is one."""
-    _, address, zenoh = stack.relay()
+    address, zenoh = air
     notebook = json.loads((EXAMPLES / "notebook.ipynb").read_text(encoding="utf-8"))
     cells = ["".join(c["source"]) for c in notebook["cells"] if c["cell_type"] == "code"]
     program = "\n".join(cells)
@@ -94,24 +109,16 @@ async def test_the_cells_of_the_notebook_run(stack: Any, tmp_path: Path) -> None
 
 
 @pytest.fixture
-def robot(stack: Any) -> Iterator[Callable[[], tuple[Any, str]]]:
-    import posecast
-
-    made = []
-
-    def make() -> tuple[Any, str]:
-        _, address, zenoh = stack.relay()
-        made.append(posecast.Robot("arm", relay=zenoh))
-        return made[-1], address
-
-    yield make
-    for each in made:
-        each.close()
+def robot(air: tuple[str, str], request: pytest.FixtureRequest) -> Iterator[tuple[posecast.Robot, str]]:
+    """One that is named by the test's parameter, and its viewers' address."""
+    name: str = request.param
+    with posecast.Robot(name, relay=air[1]) as made:
+        yield made, f"{air[0]} {name}"
 
 
-async def publish_until_seen(
-    stack: Any, address: str, publish: Callable[[], None], pos: dict[str, float]
-) -> Any:
+async def publish_until_seen(seen_at: str, publish: Callable[[], None], pos: dict[str, float]) -> Any:
+    address, robot = seen_at.split()
+
     async def keep_publishing() -> None:
         while True:
             publish()
@@ -120,8 +127,8 @@ async def publish_until_seen(
     task = asyncio.create_task(keep_publishing())
     try:
         return await seen(
-            stack.viewer(address),
-            "arm",
+            Stack.viewer(address),
+            robot,
             "what was published",
             lambda frame: readings(frame, "pos") == pytest.approx(pos, abs=0.002),
         )
@@ -129,7 +136,8 @@ async def publish_until_seen(
         task.cancel()
 
 
-async def test_a_joint_state_of_ros_2_arrives(stack: Any, robot: Callable[[], tuple[Any, str]]) -> None:
+@pytest.mark.parametrize("robot", ["ros-arm"], indirect=True)
+async def test_a_joint_state_of_ros_2_arrives(robot: tuple[posecast.Robot, str]) -> None:
     """rosbags has ROS's message types; rclpy itself is not on PyPI, so the node around it is not run."""
     pytest.importorskip("rosbags", reason="the extra [ros] is not installed")
     import numpy as np
@@ -140,25 +148,23 @@ async def test_a_joint_state_of_ros_2_arrives(stack: Any, robot: Callable[[], tu
     message = types["sensor_msgs/msg/JointState"](
         header, ["elbow", "shoulder"], np.array([0.25, -0.5]), np.array([]), np.array([1.0, 2.0])
     )
-    own, address = robot()
+    own, at = robot
     publish = load("ros2_node").publish_joint_state
-    frame = await publish_until_seen(
-        stack, address, lambda: publish(own, message), {"elbow": 0.25, "shoulder": -0.5}
-    )
+    frame = await publish_until_seen(at, lambda: publish(own, message), {"elbow": 0.25, "shoulder": -0.5})
     assert frame.t_s == 12.5
     assert readings(frame, "effort") == pytest.approx({"elbow": 1.0, "shoulder": 2.0}, abs=0.05)
     assert [f.name for f in frame.schema.fields] == ["pos", "effort"]
     assert own.status().problems == {}
 
 
-async def test_dictionaries_of_lerobot_arrive(stack: Any, robot: Callable[[], tuple[Any, str]]) -> None:
-    own, address = robot()
+@pytest.mark.parametrize("robot", ["lerobot-arm"], indirect=True)
+async def test_dictionaries_of_lerobot_arrive(robot: tuple[posecast.Robot, str]) -> None:
+    own, at = robot
     publish = load("lerobot_arm").publish_lerobot
     observation = {"shoulder_pan.pos": 12.3, "elbow_flex.pos": -90.0, "gripper.pos": 40.0, "front": object()}
     action = {"shoulder_pan.pos": 15.0, "elbow_flex.pos": -90.0, "gripper.pos": 40.0}
     frame = await publish_until_seen(
-        stack,
-        address,
+        at,
         lambda: publish(own, observation, action),
         {"shoulder_pan": math.radians(12.3), "elbow_flex": -math.pi / 2},
     )

@@ -8,6 +8,8 @@ import pytest
 
 from tools.explained import PAGE, read_catalogue, write_page
 
+pytestmark = pytest.mark.docs
+
 ENGLISH, KOREAN = read_catalogue("en"), read_catalogue("ko")
 TEXT = PAGE.read_text(encoding="utf-8")
 # Terms that a sentence may use only with an explanation: a reader has never seen a robot.

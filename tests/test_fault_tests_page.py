@@ -5,6 +5,10 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import pytest
+
+pytestmark = pytest.mark.docs
+
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = (ROOT / "docs/reference/fault-tests.md").read_text(encoding="utf-8")
 FAULTS = ROOT / "tests/faults"

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from posecast_testing import until
 
-from tests.conftest import BIN, until
+from tests.conftest import BIN
 
 SCRIPT = Path(__file__).resolve().parent.parent / "infra" / "first_start.sh"
 
@@ -59,6 +60,18 @@ def test_what_is_there_stays(tmp_path: Path) -> None:
         "secret/relay.pem",
     }
     assert set(moved) == set(first)
+
+
+def test_the_certificate_names_what_site_names(tmp_path: Path) -> None:
+    start(tmp_path, "https://lab.example:8443, 10.0.0.5:8443,[fd77::5], [fd77::6]:8443 fd77::7 *.lab.example")
+    show = ("openssl", "x509", "-noout", "-ext", "subjectAltName", "-in", tmp_path / "secret/relay.pem")
+    shown = subprocess.run(show, capture_output=True, text=True, check=True).stdout
+    addresses = ("10.0.0.5", "FD77:0:0:0:0:0:0:5", "FD77:0:0:0:0:0:0:6", "FD77:0:0:0:0:0:0:7")
+    assert shown.splitlines()[1].strip().split(", ") == [
+        *("DNS:relay", "DNS:lab.example"),
+        *(f"IP Address:{each}" for each in addresses),
+        "DNS:*.lab.example",
+    ]
 
 
 def test_nobody_else_may_read_it(tmp_path: Path) -> None:

@@ -21,15 +21,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from posecast_testing import free_port, until
 
-from tests.conftest import Stack, free_port, until
+from tests.conftest import Stack
 from tests.lane import Link
 
 ROOT = Path(__file__).resolve().parent.parent
 HOSTING = ROOT / "infra/hosting"
 DIST = ROOT / "spa/dist"
 POLICY = re.compile(r'http-equiv="Content-Security-Policy"\s+content="([^"]+)"')
-HALL = 200  # people
+HALL = 40  # people: a 25th of those that the limits are for, and here so are the limits
 FILES_OF_A_LOAD = 80
 
 pytestmark = [
@@ -145,6 +146,8 @@ def test_nginx_serves_the_page_with_its_headers(site: Callable[..., Site], tmp_p
         assert headers["x-frame-options"] == ("DENY" if frames == "'none'" else None), path
         assert headers["x-content-type-options"] == "nosniff"
         assert headers["referrer-policy"] == "no-referrer"
+        readers = "*" if path == "/config.json" or path.startswith("/assets/") else None
+        assert headers["access-control-allow-origin"] == readers, path
         assert headers["strict-transport-security"]
         assert "1." not in (headers["server"] or ""), "its version is nobody's business"
         if path.startswith("/embed/"):
@@ -159,7 +162,7 @@ def test_nginx_serves_the_page_with_its_headers(site: Callable[..., Site], tmp_p
         "/docs/",
     ):
         status, headers, body = at.get(gone)
-        assert status == 404, gone
+        assert (status, headers.get_all("cache-control")) == (404, ["no-cache"]), gone
         assert b'id="root"' not in body, "never the page instead"
 
     script = next(page.glob("assets/index-*.js"))
@@ -167,8 +170,10 @@ def test_nginx_serves_the_page_with_its_headers(site: Callable[..., Site], tmp_p
     assert headers["content-encoding"] == "gzip"
     assert headers["content-type"].partition(";")[0].endswith("javascript")
     assert gzip.decompress(body) == script.read_bytes()
-    _, headers, _ = at.get("/")
-    assert at.get("/", **{"if-none-match": headers["etag"]})[0] == 304
+    immutable = "public, max-age=31536000, immutable"
+    for path, cache in (("/", "no-cache"), (f"/assets/{script.name}", immutable)):
+        status, headers, _ = at.get(path, **{"if-none-match": at.get(path)[1]["etag"]})
+        assert (status, headers["cache-control"]) == (304, cache), path
     assert json.loads(at.get("/config.json")[2]) == {"relay": "https://relay.example"}
     for each in (page / "assets").glob("*.js"):  # one could keep an old page alive
         assert "serviceWorker.register" not in each.read_text(), each.name
@@ -203,9 +208,14 @@ def test_nginx_before_a_relay_adds_nothing_and_holds_nothing_back(
             "access-control-allow-origin",
         ):
             assert headers.get_all(name) == ([said[name]] if name in said else None), (path, name)
+        assert headers.get_all("strict-transport-security") == ["max-age=31536000"], path
     assert at.get("/embed/demo")[1]["content-security-policy"].endswith("'self' https://course.example")
     for inside in ("/livez", "/readyz", "/metrics"):
         assert at.get(inside)[0] == 404, inside
+
+    for kept in ("MISS", "MISS"):
+        status, headers, _ = at.get("/assets/gone.js")
+        assert (status, headers["cache-control"], headers["x-cache"]) == (404, None, kept)
 
     stream = f"https://localhost:{at.port}/api/v1/robots/demo/live.sse?hz=10"
     with urllib.request.urlopen(stream, timeout=10, context=at.trust) as answer:
@@ -248,6 +258,10 @@ async def test_a_hall_behind_one_address_opens_the_page_at_once(
         "/etc/nginx/nginx-lane.rules": str(HOSTING / "nginx-lane.rules"),
         "/var/log/nginx": str(tmp_path),
         "/var/cache/posecast": str(tmp_path / "kept"),
+        "rate=200r/s": "rate=8r/s",
+        "burst=16000": "burst=640",
+        "rate=5000r/s": "rate=200r/s",
+        "burst=100000": "burst=4000",
     }
     at = site("nginx-relay.conf", **{"127.0.0.1:8080": address}, **lane)
     until("the robot is on air", lambda: at.get("/api/v1/robots/demo/state")[0] == 200)

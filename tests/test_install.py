@@ -5,6 +5,7 @@ The commands are those in docs/how-to/install.
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import re
@@ -22,8 +23,9 @@ import pytest
 from posecast_edge.cli.settings import Settings, parse_settings
 from posecast_relay.config.settings import Settings as RelaySettings
 from posecast_relay.config.settings import parse as parse_relay_settings
+from posecast_testing import until
 
-from tests.conftest import BIN, until
+from tests.conftest import BIN
 from tests.namespaces import Namespace
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -59,13 +61,17 @@ def sh(script: str, folder: Path) -> None:
     assert done.returncode == 0, f"{script}\n{done.stdout}{done.stderr}"
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def wheels(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder where `make dist` left the wheels."""
+    """The folder where `make dist` left the wheels: once, also with several workers."""
     assert "make dist\n" in blocks("install")
     assert "```sh\nmake dist\n```" in (ROOT / "docs/index.md").read_text(encoding="utf-8")
-    folder = tmp_path_factory.mktemp("site") / "dist"
-    sh(f"make --silent dist DIST={folder}", ROOT)
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "dist"
+    with folder.with_suffix(".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not folder.exists():
+            sh(f"make --silent dist DIST={folder}.part && mv {folder}.part {folder}", ROOT)
     assert sorted(wheel.name.split("-")[0] for wheel in folder.glob("*.whl")) == [
         "posecast",
         "posecast_edge",
@@ -177,16 +183,13 @@ def test_wheels_put_a_robot_on_air_without_internet(
     assert list((tmp_path / "relay").glob("lib/*/site-packages/obstore"))
 
 
-@pytest.mark.parametrize(
-    "page",
-    [*(f"robots/{name}" for name in ("mujoco", "ros2", "rosbridge", "urdf")), "record/mcap"],
-)
-def test_the_extras_of_a_page_can_be_installed(page: str, wheels: Path, tmp_path: Path) -> None:
-    text = (PAGES.parent / f"{page}.md").read_text(encoding="utf-8")
-    (line,) = re.findall(r"^pip install .*$", text, re.MULTILINE)
+def test_the_extras_of_pages_can_be_installed(wheels: Path, tmp_path: Path) -> None:
     (tmp_path / "dist").symlink_to(wheels)
-    taken = line.replace("pip install", f"{UV} pip install --quiet --dry-run --python venv")
-    sh(f"{sys.executable} -m venv --without-pip venv\n{taken}", tmp_path)
+    sh(f"{sys.executable} -m venv --without-pip venv", tmp_path)
+    for page in (*(f"robots/{name}" for name in ("mujoco", "ros2", "rosbridge", "urdf")), "record/mcap"):
+        text = (PAGES.parent / f"{page}.md").read_text(encoding="utf-8")
+        (line,) = re.findall(r"^pip install .*$", text, re.MULTILINE)
+        sh(line.replace("pip install", f"{UV} pip install --quiet --dry-run --python venv"), tmp_path)
 
 
 def megabytes(folder: Path) -> float:
@@ -215,6 +218,9 @@ def test_one_wheel_is_all_of_it(stack: Any, wheels: Path, alone: Any, tmp_path: 
     whole_page(alone, url)
     routes_page(alone, url)
     guide_page(alone, url)
+    # and what builds models is small too
+    sh(f"{UV} pip install --quiet --python venv '{wheel}[model]'", tmp_path)
+    assert megabytes(tmp_path / "venv") <= WITH_MODELS_MB
 
 
 @pytest.mark.full
@@ -225,16 +231,6 @@ def test_one_command_is_enough(how: str, stack: Any, wheels: Path, tmp_path: Pat
     path = f"PATH={UV.parent}:{os.environ['PATH']}"
     demo = stack.start("demo", "env", path, "bash", "-euc", f"cd {tmp_path}\n{line} --no-browser")
     until("it is on air", lambda: "on air:" in demo.out, 240)
-
-
-def test_what_builds_models_is_small_too(wheels: Path, tmp_path: Path) -> None:
-    (wheel,) = wheels.glob("posecast-*.whl")
-    sh(
-        f"{sys.executable} -m venv --without-pip venv\n"
-        f"{UV} pip install --quiet --python venv '{wheel}[model]'",
-        tmp_path,
-    )
-    assert megabytes(tmp_path / "venv") <= WITH_MODELS_MB
 
 
 @pytest.mark.full
@@ -304,6 +300,7 @@ def test_a_robot_reaches_a_relay_on_another_machine(stack: Any, tmp_path: Path) 
     until("hubo is on air", lambda: "hubo | on air" in edge.log)
 
 
+@pytest.mark.docs
 def test_the_service_reads_settings_that_exist(tmp_path: Path) -> None:
     (text,) = (b for b in blocks("service", "ini") if "POSECAST_RELAY=" in b)
     given = dict(line.split("=", 1) for line in text.splitlines())
@@ -325,6 +322,7 @@ def test_the_service_reads_settings_that_exist(tmp_path: Path) -> None:
     assert set(given) <= known
 
 
+@pytest.mark.docs
 def test_the_relays_service_reads_settings_that_exist(tmp_path: Path) -> None:
     unit = RELAY_UNIT.read_text(encoding="utf-8")
     fixed = dict(re.findall(r"(POSECAST_\w+)=(\S+)", unit))
@@ -356,6 +354,7 @@ def test_the_relays_service_reads_settings_that_exist(tmp_path: Path) -> None:
     assert set(given) <= known
 
 
+@pytest.mark.docs
 @pytest.mark.parametrize("service", ["posecast-edge@hubo", "posecast-relay"])
 def test_the_services_are_started(service: str) -> None:
     unit = UNIT if "@" in service else RELAY_UNIT

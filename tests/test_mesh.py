@@ -18,9 +18,10 @@ import httpx
 import pytest
 import zenoh
 from posecast_relay.zenoh.router import make_access_control
+from posecast_testing import Process, free_port, until
 from posecast_wire import Stamp, alive_key, echo_key, event_key, frame_key
 
-from tests.conftest import BIN, Part, Stack, free_port, until
+from tests.conftest import BIN, Stack
 
 FILE = Path(__file__).parents[1] / "infra/mesh/zenohd.json5"
 ROUTERS = ("router-1", "router-2")
@@ -57,7 +58,7 @@ class Mesh:
         """The address for robots."""
         return f"tls/127.0.0.1:{self.ports[router]}"
 
-    def router(self, name: str, *connects: str) -> Part:
+    def router(self, name: str, *connects: str) -> Process:
         """From the file, with this machine's addresses and files."""
         config = zenoh.Config.from_file(str(FILE))
         for key, value in {
@@ -97,7 +98,7 @@ class Mesh:
             }
         return {f"transport/link/tls/{key}": str(path) for key, path in tls.items()}
 
-    def agent(self, robot: str, router: str) -> Part:
+    def agent(self, robot: str, router: str) -> Process:
         """The real one."""
         folder = self.stack.folder
         own = ("--tls-cert", str(folder / f"{robot}.pem"), "--tls-key", str(folder / f"{robot}.key"))

@@ -23,11 +23,10 @@ from posecast_wire.recording import PastRecording, decode_recording, model_path,
 from posecast_wire.segment import FrameRecord, decode_segment
 
 from tools.site.moments import drone
-from tools.site.moments.gallery import add_gallery, place_moments
+from tools.site.moments.gallery import place_moments
 from tools.site.moments.moments import DRONE, MOMENTS
 from tools.site.moments.simulated_relay import RecordingFailed, record_samples
 
-ROOT = Path(__file__).resolve().parent.parent
 RECORDINGS_BYTES_MAX = 1_000_000
 PLAYER_BYTES_MAX = 2_000_000
 POSTER_BYTES_MAX = 20_000
@@ -37,6 +36,7 @@ RECORDING = re.compile(r'<meta name="posecast-recording" content="([^"]+)" />')
 NAMES = [moment.name for moment in MOMENTS]
 
 pytestmark = [
+    pytest.mark.docs,
     pytest.mark.skipif(find_page() is None, reason="no built page: run make setup"),
     pytest.mark.skipif(not (BUNDLE / "model").exists(), reason="no demo robot: run make setup"),
 ]
@@ -46,17 +46,6 @@ def write_places(site: Path, *names: str) -> Path:
     page = site / "gallery.html"
     page.write_text(f"<html><body>{''.join(PLACE.format(name) for name in names)}</body></html>")
     return page
-
-
-@pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Only the gallery of it."""
-    folder = tmp_path_factory.mktemp("site")
-    write_places(folder, *re.findall(r'data-moment="(\w+)"', (ROOT / "docs/gallery.md").read_text()))
-    page = find_page()
-    assert page is not None
-    add_gallery(folder, page)
-    return folder
 
 
 def read(site: Path, name: str) -> PastRecording:

@@ -17,9 +17,10 @@ from typing import Any
 import pytest
 import yaml
 from posecast_relay.core.state.stream import FrameOutcome
+from posecast_testing import free_port, until
 from posecast_wire import Close
 
-from tests.conftest import BIN, Stack, free_port, until
+from tests.conftest import BIN, Stack
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "infra/observability"
@@ -73,6 +74,7 @@ def test_each_alarm_sounds_when_it_should_and_not_before() -> None:
     assert sound == {alert["alert"] for alert in ALERTS}
 
 
+@pytest.mark.docs
 def test_the_reference_has_the_same_alarms() -> None:
     rows = re.findall(
         r"^\| `(\w+)` \| `(.+)`(?: for (\w+))? \| \[[^]]+\]\(\.\./how-to/operate/([a-z-]+\.md#[a-z-]+)\) \|$",
@@ -87,6 +89,7 @@ def test_the_reference_has_the_same_alarms() -> None:
         assert (FOLDER / file).is_file(), file
 
 
+@pytest.mark.docs
 def test_the_panels_stand_side_by_side_under_questions() -> None:
     rows = [panel for panel in DASHBOARD["panels"] if panel["type"] == "row"]
     assert all(row["title"].endswith("?") for row in rows)
@@ -144,7 +147,7 @@ class Prometheus:
         return {each["labels"]["alertname"]: each["state"] for each in self._get("alerts")["alerts"]}
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def prometheus(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Prometheus]:
     """The shipped configuration with other targets and intervals; for a relay with all its stores."""
     folder = tmp_path_factory.mktemp("observability")
@@ -196,19 +199,19 @@ def name_metrics(expression: str) -> set[str]:
     return set(re.findall(r"posecast_\w+", expression))
 
 
-@needs_prometheus
-@pytest.mark.parametrize(("title", "query"), QUERIES)
-def test_each_panel_shows_what_a_running_relay_tells(prometheus: Prometheus, title: str, query: str) -> None:
-    found = prometheus.ask(query.replace("$__rate_interval", WINDOW))
-    can_be_empty = bool(name_metrics(query) & UNCOUNTED) or "ALERTS" in query
-    assert found or can_be_empty, f"{title}: nothing"
-    legend = next(t["legendFormat"] for p in PANELS for t in p["targets"] if t["expr"] == query)
-    for label in re.findall(r"\{\{(\w+)\}\}", legend):
-        assert all(label in sample["metric"] for sample in found), f"{title}: no {label} for the legend"
+def check_panels(prometheus: Prometheus) -> None:
+    """Each shows what a running relay tells."""
+    for title, query in QUERIES:
+        found = prometheus.ask(query.replace("$__rate_interval", WINDOW))
+        can_be_empty = bool(name_metrics(query) & UNCOUNTED) or "ALERTS" in query
+        assert found or can_be_empty, f"{title}: nothing"
+        legend = next(t["legendFormat"] for p in PANELS for t in p["targets"] if t["expr"] == query)
+        for label in re.findall(r"\{\{(\w+)\}\}", legend):
+            assert all(label in sample["metric"] for sample in found), f"{title}: no {label} for the legend"
 
 
-@needs_prometheus
-def test_dashboard_and_alarms_name_metrics_and_labels_that_there_are(prometheus: Prometheus) -> None:
+def check_names(prometheus: Prometheus) -> None:
+    """Dashboard and alarms name metrics and labels that there are."""
     expressions = [query for _, query in QUERIES] + [alert["expr"] for alert in ALERTS]
     for metric in sorted(set().union(*map(name_metrics, expressions)) - ELSEWHERE - UNCOUNTED):
         assert prometheus.ask(metric), f"no running relay tells {metric}"
@@ -223,7 +226,9 @@ def test_dashboard_and_alarms_name_metrics_and_labels_that_there_are(prometheus:
 
 
 @needs_prometheus
-def test_a_relay_that_is_well_sounds_no_alarm(prometheus: Prometheus) -> None:
+def test_a_running_relay_fills_each_panel_and_sounds_no_alarm(prometheus: Prometheus) -> None:
+    check_panels(prometheus)
+    check_names(prometheus)
     until("all rules have been looked at", lambda: prometheus.list_health() == {"ok"})
     sound = {alert for alert, state in prometheus.list_alerts().items() if state == "firing"}
     assert sound <= {"DiskNearlyFull"}  # which the disk of this machine may be

@@ -10,6 +10,8 @@ from PIL import Image, ImageDraw, ImageSequence
 
 from tools.moving_picture import join_frames, main
 
+pytestmark = pytest.mark.docs
+
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "docs/img"
 MOVING = FOLDER / "jam.webp"

@@ -12,6 +12,7 @@ import threading
 import time
 import urllib.error
 import urllib.request
+from collections.abc import Iterator
 from contextlib import suppress
 from datetime import UTC, datetime
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -20,12 +21,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from posecast_testing import until
 
-from tests.conftest import BIN, until
+from tests.conftest import BIN, Stack
 
 PAGE = (Path(__file__).resolve().parent.parent / "docs" / "reference/protocol.md").read_text()
 ADDRESS = "127.0.0.1:8080"  # where the page says the demo is
-SEGMENTS = Path(__file__).resolve().parent.parent / "wire" / "vectors" / "segments"
+WIRE = Path(__file__).resolve().parent.parent / "wire"
+SEGMENTS = WIRE / "vectors" / "segments"
 BYTES = {"content-type": "application/octet-stream"}
 Answer = tuple[int, dict[str, str], bytes]
 HANG_UP: Answer = (0, {}, b"")
@@ -45,9 +48,20 @@ def sample(holding: str) -> Any:
     return json.loads(block("json", holding))
 
 
-@pytest.fixture
-def demo(stack: Any) -> str:
-    """Where a relay serves the moving demo robot."""
+@pytest.mark.docs
+def test_the_page_has_every_close_code() -> None:
+    endings = json.loads((WIRE / "closes.json").read_text())
+    for each in endings:
+        row = f"| {each['code']} | {each['name']} | {each['meaning']} | `{each['retry']}` |"
+        assert row in PAGE, row
+    rules = re.findall(r"^\| `(\w+)` \| (?:after|not) ", PAGE, re.MULTILINE)
+    assert set(rules) == {each["retry"] for each in endings}
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Where a relay serves the moving demo robot, for all tests of this file."""
+    stack = Stack(tmp_path_factory.mktemp("demo"))
     _, address, zenoh = stack.relay(flags=("--past", "memory:"))
     stack.edge(zenoh, "--source", "demo")
 
@@ -58,7 +72,10 @@ def demo(stack: Any) -> str:
         return False
 
     until("the demo has a state, and a model", has_state)
-    return str(address)
+    yield address
+    for part in reversed(stack.parts):
+        part.stop()
+        assert "Traceback" not in part.log, part.log
 
 
 def get(address: str, path: str) -> Any:

@@ -8,18 +8,21 @@ import re
 import shutil
 import socket
 import ssl
+import subprocess
 import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from dataclasses import dataclass
 from email.message import Message
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
+from posecast_testing import Process, until
 
-from tests.conftest import BIN, Part, Stack, until
+from tests.conftest import BIN, Stack
 from tests.namespaces import Namespace
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -33,6 +36,8 @@ SAFE = (
     *("cross-origin-opener-policy", "permissions-policy"),
 )
 OTHERS = "10.9.9."  # addresses that are not this machine's own, which are not counted
+PUBLISHED = "10.9.8.7"  # in SITE, like the host's address, which a container does not have
+PUBLISHED_6 = "fd00::5"
 
 pytestmark = pytest.mark.skipif(not CADDY.exists(), reason="no caddy in the virtual environment")
 
@@ -52,7 +57,7 @@ class Site:
     trust: ssl.SSLContext
     proxy: int  # its process
     stack: Stack
-    cache: Part | None
+    cache: Process | None
     cache_command: tuple[str, ...]
 
     def get(self, path: str, **headers: str) -> tuple[int, Message[str, str], bytes]:
@@ -99,7 +104,8 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     assert text.count("write_idle 2m") == 1
     caddyfile.write_text(text.replace("write_idle 2m", f"write_idle {UNREAD_S}s"))
     settings = {
-        "SITE": "localhost",
+        "PATH": f"{BIN}:{os.environ['PATH']}",
+        "SITE": f"localhost, {PUBLISHED}, [{PUBLISHED_6}]",
         "VIEWERS_AT": "127.0.0.1",
         "ADMIN_AT": "127.0.0.1",
         "LANE_AT": "127.0.0.1" if NGINX else "",
@@ -109,7 +115,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         "XDG_CONFIG_HOME": str(folder),
     }
     words = [f"{name}={value}" for name, value in settings.items()]
-    caddy = [str(CADDY), "run", "--config", str(caddyfile), "--adapter", "caddyfile"]
+    caddy = [str(ROOT / "infra/start_proxy.sh"), "--config", str(caddyfile), "--adapter", "caddyfile"]
     root = folder / "caddy/pki/authorities/local/root.crt"
     try:
         limits = ("--trusted-proxies", "127.0.0.1", "--max-per-address", str(PER_ADDRESS), "--static", page)
@@ -168,6 +174,10 @@ def test_only_the_lane_goes_through_the_cache(site: Site) -> None:
             assert headers.get_all(name) is not None
             assert len(headers.get_all(name) or []) == 1, name
     assert site.get(segment, authorization="Bearer x")[1]["x-cache"] == "BYPASS"
+    # as docs/how-to/scale/cache-for-a-crowd.md empties it
+    kept_at = Path(site.cache_command[2]).parent / "posecast"
+    subprocess.run(["find", kept_at, "-type", "f", "-delete"], check=True)
+    assert [site.get(segment)[1]["x-cache"] for _ in range(2)] == ["MISS", "HIT"]
     for path in ("/api/v1/robots/demo", "/api/v1/robots", "/"):
         assert site.get(path)[1]["x-cache"] is None, path
 
@@ -204,8 +214,12 @@ def test_page_and_routes_over_tls(site: Site) -> None:
     status, headers, _ = site.get(f"/{asset}", **{"accept-encoding": "gzip"})
     assert (status, headers["content-encoding"]) == (200, "gzip")
     assert headers["cache-control"] == "public, max-age=31536000, immutable"
+    for path, readers in ((f"/{asset}", "*"), ("/config.json", "*"), ("/", None), ("/favicon.svg", None)):
+        for at in ("", "http://127.0.0.1:8080"):  # the relay too
+            assert site.get(at + path)[1]["access-control-allow-origin"] == readers, at + path
     assert site.get("/.vite/manifest.json")[0] == 404
-    assert site.get("/assets/gone.js")[0] == 404
+    status, headers, _ = site.get("/assets/gone.js")
+    assert (status, headers.get_all("cache-control")) == (404, ["no-store"])
     assert "/api/v1/robots" in json.loads(site.get("/openapi.json")[2])["paths"]
     for framed in ("/embed/demo", "/embed/"):  # as the relay says it, and nobody else
         status, headers, _ = site.get(framed)
@@ -222,6 +236,64 @@ def test_page_and_routes_over_tls(site: Site) -> None:
     status, headers, _ = site.get("http://localhost/")
     assert (status, headers["location"]) == (308, "https://localhost/")
     assert site.get("/", **{"x-long": "x" * 40_000})[0] == 431
+
+
+def test_the_page_opens_by_the_address_in_site(site: Site) -> None:
+    """Clients that open an IP address send no SNI."""
+    for host in (PUBLISHED, f"[{PUBLISHED_6}]"):
+        answer = site.place.run(partial(ask_by_address, site, host))
+        assert answer.startswith(b"HTTP/1.1 200 "), host
+        assert b'id="root"' in answer
+        status, headers, _ = site.get(f"http://{OTHERS}1/a?b", host=host)
+        assert (status, headers["location"]) == (308, f"https://{host}/a?b")
+
+
+def ask_by_address(site: Site, host: str) -> bytes:
+    """The answer over TLS, to a client that opened an address."""
+    raw = socket.create_connection((f"{OTHERS}1", 443), 10)
+    # for an address, Python sends no SNI, and expects it in the certificate
+    with site.trust.wrap_socket(raw, server_hostname=PUBLISHED) as link:
+        link.sendall(f"GET / HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n".encode())
+        return link.makefile("rb").read()
+
+
+@pytest.mark.parametrize("host", [f"{OTHERS}1", "[fd00::7]", "lab.test:8443"])
+def test_who_opens_another_address_is_told_so(site: Site, host: str) -> None:
+    told = "This address is not in SITE. "
+    head, _, said = site.place.run(lambda: ask_by_address(site, host)).decode().partition("\r\n\r\n")
+    assert head.startswith("HTTP/1.1 421 ")
+    assert "\nServer:" not in head
+    assert said.startswith(told)
+    status, headers, body = site.get(f"http://{OTHERS}1/", host=host)
+    assert (status, headers["location"], headers["server"]) == (421, None, None)
+    assert body.decode().startswith(told)
+
+
+@pytest.mark.parametrize(
+    ("site", "default", "names"),
+    [
+        ("lab.test, 10.0.0.5, 10.0.0.6", "10.0.0.5", "lab.test 10.0.0.5 10.0.0.6"),
+        ("https://10.0.0.5:8443", "10.0.0.5", "10.0.0.5"),
+        ("lab.test:8443,[fd00::5]:8443", "fd00::5", "lab.test fd00::5"),
+        ("fd00::5", "fd00::5", "fd00::5"),
+        ("lab.test", "localhost", "lab.test"),
+    ],
+)
+def test_who_opens_an_address_gets_the_certificate_of_the_first_one_in_site(
+    site: str, default: str, names: str
+) -> None:
+    script = ROOT / "infra/start_proxy.sh"
+    text = script.read_text()
+    assert "exec caddy run" in text
+    shown = text.replace("exec caddy run", 'echo "$DEFAULT_SNI, $NAMES"; exit')
+    done = subprocess.run(
+        ["sh", "-c", shown, script],
+        env=os.environ | {"SITE": site},
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
+    )
+    assert done.stdout == f"{default}, {names} \n"
 
 
 def test_who_never_reads_its_answer_is_let_go(site: Site) -> None:

@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from posecast_testing import free_port, until
 
-from tests.conftest import BIN, free_port, until
+from tests.conftest import BIN
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text()
@@ -86,11 +87,13 @@ async def arm_moves(viewer: Any, robot: str) -> None:
     task.cancel()
 
 
+@pytest.mark.docs
 def test_it_is_short() -> None:
     text = re.sub(r"[|·]|---", " ", README)
     assert len(text.split()) <= WORDS
 
 
+@pytest.mark.docs
 def test_targets_and_pages_exist() -> None:
     targets = set(re.findall(r"^([a-z0-9-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
     named = set(re.findall(r"(?:\n|`)(?:[A-Z]+=\S+ )?make ([a-z-]+)", README))

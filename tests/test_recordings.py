@@ -1,19 +1,14 @@
-"""A table, a bag and a simulation, each shown to a viewer from its file with one command."""
+"""A simulation, shown to a viewer with one command. Tables and bags: doc_blocks/test_robot_commands.py."""
 
 from __future__ import annotations
 
 import asyncio
 import json
 import urllib.request
-from pathlib import Path
 from typing import Any
 
 import pytest
-
-from tests.conftest import until
-
-EDGE_TESTS = Path(__file__).parents[1] / "edge-agent" / "tests"
-POSE = {"hip": 0.25, "knee": -0.5}
+from posecast_testing import until
 
 
 async def frames(stack: Any, *arguments: str) -> tuple[Any, str]:
@@ -37,41 +32,6 @@ def model_of(url: str) -> str:
             return model
 
     return until("a model is announced", known)
-
-
-@pytest.mark.full
-async def test_a_table(stack: Any, tmp_path: Path) -> None:
-    rows = "".join(f"{k / 50},{POSE['hip']},{k / 1000}\n" for k in range(250))
-    (tmp_path / "walk.csv").write_text(f"t,hip,knee [deg]\n{rows}")
-    viewer, _ = await frames(stack, "--source", f"csv:{tmp_path}/walk.csv?loop")
-    for _, frame in viewer.frames:
-        assert frame.schema.fields[0].labels == ("hip", "knee")
-        assert frame.values("pos")[0] == pytest.approx(POSE["hip"], abs=0.0006)
-
-
-@pytest.mark.full
-async def test_a_bag_brings_its_model(stack: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("mcap", reason="the extra [mcap] is not installed")
-    monkeypatch.syspath_prepend(str(EDGE_TESTS))
-    from mcap_stage import BEGAN_NS, STEP_NS, Bag, joint_state
-    from ros_stage import text_message
-
-    joints = "".join(
-        f"<link name='{name}'/><joint name='{name}' type='continuous'>"
-        f"<parent link='base'/><child link='{name}'/></joint>"
-        for name in POSE
-    )
-    bag = Bag()
-    urdf = f"<robot name='two'><link name='base'/>{joints}</robot>"
-    bag.add("/robot_description", "std_msgs/msg/String", BEGAN_NS, text_message(urdf))
-    for k in range(300):
-        t_ns = BEGAN_NS + k * STEP_NS
-        bag.add("/joint_states", "sensor_msgs/msg/JointState", t_ns, joint_state(t_ns, **POSE))
-    (tmp_path / "walk.mcap").write_bytes(bag.finish())
-    viewer, url = await frames(stack, "--source", f"mcap:{tmp_path}/walk.mcap?loop")
-    for _, frame in viewer.frames:
-        assert frame.values("pos") == pytest.approx(list(POSE.values()), abs=0.0006)
-    assert await asyncio.to_thread(model_of, url)
 
 
 async def test_a_simulated_arm_brings_profile_and_model(stack: Any) -> None:

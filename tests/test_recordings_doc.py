@@ -17,9 +17,10 @@ from typing import Any
 
 import pytest
 from posecast_relay.recording.notes import read_notes
+from posecast_testing import free_port, until
 from posecast_wire.recording import decode_recording
 
-from tests.conftest import BIN, free_port, until
+from tests.conftest import BIN
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = {

@@ -18,9 +18,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from posecast_testing import until
 from posecast_wire.decoder import Frame
 
-from tests.conftest import until
 from tests.faults.robot import hand, told_s
 
 KEYS = ("--key-interval", "60")

@@ -50,7 +50,8 @@ def fetch(url: str) -> Any:
     return json.load(urllib.request.urlopen(url, timeout=5))
 
 
-@pytest.mark.parametrize("kind", ["ros2", "rosbridge"])
+# in `make test`, a robot behind a rosbridge is on air in doc_blocks/test_robot_commands.py
+@pytest.mark.parametrize("kind", ["ros2", pytest.param("rosbridge", marks=pytest.mark.full)])
 async def test_one_command_puts_a_robot_that_describes_itself_on_air(stack: Any, kind: str) -> None:
     """Neither profile nor --urdf: joints and model come from the robot itself."""
     import ros_stage

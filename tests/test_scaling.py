@@ -12,6 +12,8 @@ import pytest
 
 from tools import crowd, plot, scaling, segment_bytes
 
+pytestmark = pytest.mark.docs
+
 ROOT = Path(__file__).resolve().parents[1]
 SHARED = Path(os.environ.get("POSECAST_SHARED", ROOT.parent / "shared"))
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import re
+from base64 import b64encode
 from collections import Counter
+from hashlib import sha256
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
@@ -19,6 +21,8 @@ from tools.site.navigation import make_navigation
 from tools.site.python_page import write_python_page
 from tools.site.routes_page import read_description, write_routes
 from tools.site.staging import MOVED, stage_pages
+
+pytestmark = pytest.mark.docs
 
 ROOT = Path(__file__).resolve().parent.parent
 BYTES_MAX = 6_000_000  # without recordings and their player
@@ -65,14 +69,6 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Built; any warning of the generator would have failed."""
-    out = tmp_path_factory.mktemp("guide") / "site"
-    build(out)
-    return out
-
-
-@pytest.fixture(scope="module")
 def pages(site: Path) -> dict[Path, Page]:
     return {file: Page(file) for file in sorted(site.rglob("*.html"))}
 
@@ -114,8 +110,15 @@ def test_nothing_comes_from_elsewhere(site: Path, pages: dict[Path, Page]) -> No
         assert "@import" not in style.read_text(encoding="utf-8")
 
 
-def test_a_strict_content_policy_suffices(pages: dict[Path, Page]) -> None:
-    assert {file.name: page.inline for file, page in pages.items() if page.inline} == {}
+def test_a_strict_content_policy_suffices(site: Path, pages: dict[Path, Page]) -> None:
+    """A recording's page brings a policy of its own, with the hash of its script."""
+    inline = {file: page.inline for file, page in pages.items() if page.inline}
+    assert {file.name: tags for file, tags in inline.items() if not is_of_recordings(site, file)} == {}
+    for file, tags in inline.items():
+        assert tags == ["<script>"]
+        text = file.read_text(encoding="utf-8")
+        script = text.partition("<script>")[2].partition("</script>")[0]
+        assert b64encode(sha256(script.encode()).digest()).decode() in text.partition("<script>")[0]
 
 
 def test_another_script_than_was_expected_is_refused(tmp_path: Path) -> None:

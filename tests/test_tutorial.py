@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from posecast_testing import Process, until
 
 from tests import test_install
-from tests.conftest import BIN, Part, until
+from tests.conftest import BIN
 from tests.test_install import PLAIN, UV
 
 PAGE = (Path(__file__).resolve().parent.parent / "docs/tutorials/first-robot.md").read_text(encoding="utf-8")
@@ -46,11 +47,11 @@ class Reader:
         assert done.returncode == 0, f"{script}\n{done.stdout}{done.stderr}"
         return str(done.stdout)
 
-    def start(self, name: str, line: str) -> Part:
+    def start(self, name: str, line: str) -> Process:
         """In a separate terminal."""
         script = f"cd '{self.folder}'\n{ACTIVATE}exec {line}"
         words = ("env", "-i", *(f"{k}={v}" for k, v in PLAIN.items()), "bash", "-euc", script)
-        part: Part = self.place.run(lambda: self.stack.start(name, *words))
+        part: Process = self.place.run(lambda: self.stack.start(name, *words))
         return part
 
     def ask(self, url: str, token: str = "") -> Any:

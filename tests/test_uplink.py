@@ -21,8 +21,9 @@ from typing import NamedTuple
 
 import httpx
 import pytest
+from posecast_testing import Process, until
 
-from .conftest import Part, Stack, until
+from .conftest import Stack
 from .namespaces import Cable
 
 MBIT = 10
@@ -96,7 +97,7 @@ class Arrival(NamedTuple):
     at_s: float
 
 
-def arrivals(log: Part) -> list[Arrival]:
+def arrivals(log: Process) -> list[Arrival]:
     """All frames so far."""
     lines = [line.split() for line in log.out.splitlines()]
     least_s = min((float(at) - float(sent) for _, sent, at in lines), default=0.0)

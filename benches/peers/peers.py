@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
 
+from posecast_testing import free_port
+
 from benches.peers import mqtt
 from relay.benches.build import ROOT
 from relay.benches.scenarios import Scenario
@@ -84,12 +86,6 @@ def own_server(*command: str) -> Start:
             end(child)
 
     return start
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def wait_port(port: int) -> None:

@@ -2,29 +2,35 @@
 
 from __future__ import annotations
 
+import io
+import logging
 import os
 import re
 import subprocess
 import sys
+import threading
+from contextlib import redirect_stderr, redirect_stdout
 from importlib.metadata import version
 
 import pytest
+from posecast_command.main import main
 from posecast_command.ports import PAGE_PORT
 from posecast_command.programs import EDGE, RELAY, make_parser
 from posecast_edge.sources.registry import split_spec
 
 
 def posecast(*argv: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "posecast_command", *argv]
-    return subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-        stdin=subprocess.DEVNULL,
-        env={**os.environ, "COLUMNS": "80"},
-    )
+    """In this process, which it would end and whose logging it sets up."""
+    out, err, root = io.StringIO(), io.StringIO(), logging.getLogger()
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
+        patch.setattr(sys, "argv", ["posecast", *argv])
+        patch.setattr(os, "_exit", sys.exit)
+        patch.setattr(root, "handlers", [])
+        patch.setattr(threading, "excepthook", threading.excepthook)
+        patch.setenv("COLUMNS", "80")
+        with pytest.raises(SystemExit) as ended:
+            main()
+    return subprocess.CompletedProcess(argv, int(ended.value.code or 0), out.getvalue(), err.getvalue())
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,8 @@ import pytest
 from posecast_command.completion import make_whole_parser
 from posecast_edge.cli.settings import make_parser as make_agent_parser
 
+pytestmark = pytest.mark.docs
+
 APP = Path(__file__).resolve().parents[2] / "spa/src/app"
 HINT = re.compile(r"(?<![\w.`])posecast ((?:run|model|demo|relay|edge|robots|past)[^`'”\n]*)")
 HINTS = sorted(

@@ -26,8 +26,9 @@ sys.path.insert(0, str(HERE.parent / "tests"))
 
 from ach_stage import Writer  # noqa: E402
 from achd_stage import Achd  # noqa: E402
-from edge_stage import ROBOT, Edge, Got, Router, until  # noqa: E402
+from edge_stage import ROBOT, Edge, Got, Router  # noqa: E402
 from hubo_structs import SLOT, state  # noqa: E402
+from posecast_testing import until  # noqa: E402
 from posecast_wire.decoder import Decoder  # noqa: E402
 from posecast_wire.frame import FrameError  # noqa: E402
 from posecast_wire.keys import Snapshot  # noqa: E402
@@ -111,7 +112,7 @@ def measure(source: str, windows: int) -> int:
     flags = ("--robot", ROBOT, "--source", source, "--relay", router.endpoint, "--profile", "hubo2plus")
     edge = Edge("run", *flags, stdin=False)
     try:
-        until(lambda: len(router.frames) > 30, "frames")
+        until("frames", lambda: len(router.frames) > 30)
         time.sleep(SETTLE_S)
         pid = edge.process.pid
         sample = router.snapshot()

@@ -24,7 +24,8 @@ import posecast
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent / "tests"))
 
-from edge_stage import ROBOT, Router, until  # noqa: E402
+from edge_stage import ROBOT, Router  # noqa: E402
+from posecast_testing import until  # noqa: E402
 
 JOINTS = [f"joint_{i}" for i in range(30)]
 CALLS = 5_000  # of one window
@@ -85,7 +86,7 @@ def main() -> int:
         with posecast.Robot(ROBOT, relay=router.endpoint, joints=JOINTS) as robot:
             call = partial(publish, robot)
             call()
-            until(lambda r=robot: r.status().frames > 0, "on air")  # type: ignore[misc]
+            until("on air", lambda r=robot: r.status().frames > 0)  # type: ignore[misc]
             took_us = [time_us(call, CALLS) for _ in range(windows)]
             empty_us = [time_us(lambda: None, CALLS) for _ in range(windows)]
             calls_us = time_control_loop_us(call)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -16,6 +15,7 @@ from pathlib import Path
 
 import pytest
 import zenoh
+from posecast_testing import free_port
 from posecast_wire.decoder import Decoder
 from posecast_wire.frame import Header, parse_header
 from posecast_wire.keys import Echo, Snapshot, Stamp, echo_key, snapshot_key
@@ -23,21 +23,6 @@ from posecast_wire.keys import Echo, Snapshot, Stamp, echo_key, snapshot_key
 ROBOT = "r1"
 LEASE_MS = 2500
 WITHOUT_MESH_TOOLS = "import sys; sys.modules['PIL'] = None; from posecast_edge.cli.main import main; main()"
-
-
-def until(condition: Callable[[], bool], what: str, seconds: float = 10.0) -> None:
-    """Wait for a condition; fail with `what` when it does not come."""
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, f"not within {seconds:g} s: {what}"
-        time.sleep(0.01)
-
-
-def free_port() -> int:
-    with socket.socket() as s:
-        s.bind(("127.0.0.1", 0))
-        port: int = s.getsockname()[1]
-        return port
 
 
 @dataclass

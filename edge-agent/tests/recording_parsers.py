@@ -276,6 +276,12 @@ PARSERS = (
             "fields": Worst(lambda n: json.dumps({f"f{i}": [0] for i in range(n)}).encode(), 400),
             "labels": Worst(lambda n: json.dumps({"pos": {f"j{i}": 0 for i in range(n)}}).encode(), 400),
             "brackets": Worst(lambda n: b"[" * n, 1000),
+            "brackets in a field": Worst(lambda n: b'{"pos":[' + b"[" * n, 2000),
+            "digits": Worst(lambda n: b'{"pos":[' + b"9" * n + b"]}", 2000),
+            "a label again": Worst(lambda n: b'{"pos":{' + b'"a":1,' * n + b'"b":1}}', 2000),
+            "texts": Worst(lambda n: json.dumps({"info": {str(i): "x" for i in range(n)}}).encode(), 2000),
+            "halves of characters": Worst(lambda n: b'{"' + b"\\ud800" * n + b'":1}', 2000),
+            "blanks": Worst(lambda n: b'{"t":' + b"[" * 900 + b"]" * 900 + b"}" + b" " * n, 2000),
         },
     ),
     Parser(

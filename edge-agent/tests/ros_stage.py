@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import zenoh
-from edge_stage import free_port
 from posecast_edge.profile.reader import find_profile, load_profile
 from posecast_edge.sources.ros.messages import CONTROLLER_STATE, IMU, JOINT_STATE, ODOMETRY
+from posecast_testing import free_port
 from zenoh.ext import CacheConfig, declare_advanced_publisher
 
 GID = bytes(range(16))

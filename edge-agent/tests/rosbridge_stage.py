@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import cbor2
-from edge_stage import free_port
+from posecast_testing import free_port
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import Server, ServerConnection, serve
 

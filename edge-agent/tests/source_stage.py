@@ -8,11 +8,11 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from edge_stage import until
 from posecast_edge.profile.reader import parse_profile
 from posecast_edge.sample import Sample
 from posecast_edge.sources.base import Discovering
 from posecast_edge.sources.registry import open_source
+from posecast_testing import until
 
 
 class Listening:
@@ -81,7 +81,7 @@ def flood(publish: Callable[[float], None], heard: Listening) -> list[float]:
     publisher = threading.Thread(target=go_on)
     publisher.start()
     try:
-        until(lambda: len(heard.samples) > 50, "samples", 20)
+        until("samples", lambda: len(heard.samples) > 50, 20)
     finally:
         ended.set()
         publisher.join()

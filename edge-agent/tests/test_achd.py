@@ -13,12 +13,12 @@ from contextlib import suppress
 
 import pytest
 from achd_stage import Achd, framed, refuse
-from edge_stage import free_port, until
 from posecast_edge.sources.backoff import Backoff
 from posecast_edge.sources.hubo import achd as achd_module
 from posecast_edge.sources.hubo.achd import BATCH_BYTES, AchdReader, BatchTimer
 from posecast_edge.sources.hubo.achd_protocol import AchdParser, AchdProtocolError, make_request
 from posecast_edge.sources.hubo.reconnecting import KEPT_MAX
+from posecast_testing import free_port, until
 
 OK = b"frame-count: 10\nframe-size: 3000\nstatus: 0 # ACH_OK\n.\n"
 
@@ -145,7 +145,7 @@ def publish_until(server: Achd, frame: bytes, condition: Callable[[], bool], wha
         server.publish(frame)
         return condition()
 
-    until(step, what)
+    until(what, step)
 
 
 def test_frames_come_and_a_broken_connection_comes_back(
@@ -171,7 +171,7 @@ def test_a_robot_that_is_switched_on_later_is_waited_for(
 ) -> None:
     port = free_port()
     r = reading(port)
-    until(lambda: "Connection refused; still trying" in caplog.text, "told that nobody is there")
+    until("told that nobody is there", lambda: "Connection refused; still trying" in caplog.text)
     server = Achd(port=port)
     try:
         publish_until(server, b"x", lambda: bool(r.frames), "a frame")
@@ -184,7 +184,7 @@ def test_a_channel_that_is_not_there_yet_is_told_once_and_waited_for(
 ) -> None:
     server.instead = refuse
     r = reading(server.port)
-    until(lambda: server.connections >= 3, "three tries")
+    until("three tries", lambda: server.connections >= 3)
     server.instead = None
     publish_until(server, b"x", lambda: bool(r.frames), "a frame")
     told = [m for m in caplog.messages if "ENOENT" in m]
@@ -211,9 +211,9 @@ def test_a_server_that_says_nothing_or_nothing_more_is_left(
 
     server.instead = mute
     r = reading(server.port)
-    until(lambda: server.connections >= 2, "left a mute server")
+    until("left a mute server", lambda: server.connections >= 2)
     server.instead = one_frame
-    until(lambda: len(r.frames) >= 2, "left a server whose channel was made anew")
+    until("left a server whose channel was made anew", lambda: len(r.frames) >= 2)
     done.set()
     assert "no answer within 0.3 s" in caplog.text
     assert "no frame for 0.3 s" in caplog.text
@@ -261,7 +261,7 @@ def test_a_flood_does_not_keep_the_newest_frame_from_coming_out(server: Achd) ->
         return got[0] > 100
 
     try:
-        until(read, "frames of a flood that goes on", 60)
+        until("frames of a flood that goes on", read, 60)
     finally:
         over.set()
         reader.close()
@@ -297,11 +297,11 @@ def test_of_a_fast_source_the_frames_until_the_wanted_one_wake_the_reader_once_a
             ages_s.append(time.monotonic() - struct.unpack_from("<d", came[-1], 4)[0])
         return len(came)
 
-    until(lambda: read(0.0275) >= 4 and len(ages_s) > 20, "several at once", 30)
-    until(lambda: read(0.0275) > 0 and min(ages_s) < 0.004, "one whose last has not waited, too", 30)
+    until("several at once", lambda: read(0.0275) >= 4 and len(ages_s) > 20, 30)
+    until("one whose last has not waited, too", lambda: read(0.0275) > 0 and min(ages_s) < 0.004, 30)
     slow.set()
     n = len(got)
-    until(lambda: read(0.0275) == 1 and len(got) > n + 6, "one at a time", 30)
+    until("one at a time", lambda: read(0.0275) == 1 and len(got) > n + 6, 30)
     over.set()
     reader.close()
     assert got == list(range(len(got)))
@@ -375,7 +375,7 @@ def test_a_batch_is_no_larger_than_what_the_kernel_keeps(server: Achd) -> None:
         lows.append(reader._low)
         return max(lows) > BATCH_BYTES // 2
 
-    until(read, "a large batch", 30)
+    until("a large batch", read, 30)
     over.set()
     reader.close()
     assert max(lows) <= BATCH_BYTES

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from edge_stage import PROFILE, ROBOT, Got, Router, until
+from edge_stage import PROFILE, ROBOT, Got, Router
 from posecast_edge import clock
 from posecast_edge.agent import Agent, AgentSettings
 from posecast_edge.cli.console import Console
@@ -20,6 +20,7 @@ from posecast_edge.pipeline.view_pipeline import ViewPipeline
 from posecast_edge.profile.reader import parse_profile
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.base import Deliver
+from posecast_testing import until
 from posecast_wire.decoder import Decoder
 from posecast_wire.frame import parse_header
 from posecast_wire.keys import frame_key, snapshot_key
@@ -74,7 +75,7 @@ class Running:
 
     def goes_on(self, view: str, frames: int = 10) -> None:
         n = len(self.frames(view))
-        until(lambda: len(self.frames(view)) >= n + frames, f"{view} goes on")
+        until(f"{view} goes on", lambda: len(self.frames(view)) >= n + frames)
 
     def end(self) -> None:
         self.agent.stop()
@@ -109,7 +110,7 @@ CALLS: list[tuple[str, Callable[[Running], object], bool]] = [
     ("is_due", lambda r: r.pipeline("public").pacer, True),
     ("record_frame", lambda r: r.pipeline("public").pacer, True),
     ("send_frame", lambda r: r.agent._publisher._view_publishers["public"], True),
-    ("take_next", lambda r: r.agent._publisher._view_publishers["public"], False),
+    ("send", lambda r: r.agent._publisher._view_publishers["public"], False),
 ]
 
 
@@ -124,7 +125,7 @@ def test_what_one_view_raises_ends_there(
     if call == "make_snapshot":
         assert [reply.ok for reply in router.get(key)] == []
     if call == "check_time":
-        until(lambda: running.agent.exceptions.count("view public") > 0, "a look for silence")
+        until("a look for silence", lambda: running.agent.exceptions.count("view public") > 0)
     running.goes_on("lab", 30)
     n = len(running.frames("public"))
     running.goes_on("lab", 30)
@@ -160,7 +161,7 @@ def test_what_one_view_raises_ends_there(
 )
 def test_what_a_source_raises_ends_its_turn(running: Running, error: BaseException) -> None:
     running.source.errors.append(error)
-    until(lambda: running.source.turns == 2, "another turn")
+    until("another turn", lambda: running.source.turns == 2)
     for view in ("public", "lab"):
         running.goes_on(view)
     line = next(line for line in running.said.getvalue().splitlines() if "the source" in line)
@@ -169,7 +170,7 @@ def test_what_a_source_raises_ends_its_turn(running: Running, error: BaseExcepti
 
 def test_a_source_that_says_it_can_not_go_on_ends_the_agent(running: Running) -> None:
     running.source.errors.append(SourceError("walk.csv: is a directory"))
-    until(lambda: "source: walk.csv: is a directory" in running.said.getvalue(), "the end")
+    until("the end", lambda: "source: walk.csv: is a directory" in running.said.getvalue())
 
 
 NO_SAMPLES: list[Any] = [
@@ -201,14 +202,14 @@ def test_viewers_are_told_a_source_s_trouble(running: Running, router: Router) -
         return any(event.items() >= wanted.items() for event in router.events)
 
     running.source.trouble = told["text"]  # type: ignore[attr-defined]
-    until(lambda: heard(True), "the trouble")
+    until("the trouble", lambda: heard(True))
     running.source.trouble = ""  # type: ignore[attr-defined]
-    until(lambda: heard(False), "its end")
+    until("its end", lambda: heard(False))
 
 
 def test_half_a_character_ends_nothing(running: Running, router: Router) -> None:
     running.source.info = {"mode": "walks", "bad": "\ud800", "\udfff": "bad"}
-    until(lambda: {"type": "info", "kv": {"mode": "walks"}} in router.events, "what is text of it")
+    until("what is text of it", lambda: {"type": "info", "kv": {"mode": "walks"}} in router.events)
     for view in ("public", "lab"):
         running.goes_on(view)
     assert (
@@ -280,7 +281,7 @@ def test_the_stamp_on_the_wire_is_when_the_sample_was_taken(running: Running) ->
     taken_s = clock.now_s() + 1000.0
     publisher.send_frame("lab", Frame(running.frames("lab")[0].data, 0, taken_s))
     stamp = publisher.run.make_stamp(taken_s)
-    until(lambda: stamp in [f.stamp for f in running.frames("lab")], "the stamp")
+    until("the stamp", lambda: stamp in [f.stamp for f in running.frames("lab")])
 
 
 def test_a_sample_from_before_an_outage_is_a_picture_and_no_frame(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -369,11 +370,11 @@ def test_a_model_that_comes_later_changes_units_once(router: Router) -> None:
         return list(dict.fromkeys(header.schema_id for header in headers if header.schema_id is not None))
 
     try:
-        until(lambda: len(router.frames) >= 10, "frames of a robot without a model")
+        until("frames of a robot without a model", lambda: len(router.frames) >= 10)
         agent.expect_model(Bundle(b"", [], [], frozenset(), frozenset({"finger"})))
-        until(lambda: len(schemas()) == 2, "another schema")
+        until("another schema", lambda: len(schemas()) == 2)
         n = len(router.frames)
-        until(lambda: len(router.frames) >= n + 10, "it goes on")
+        until("it goes on", lambda: len(router.frames) >= n + 10)
     finally:
         agent.stop()
         thread.join()

@@ -51,7 +51,8 @@ def test_manifest_says_what_there_is(tmp_path: Path) -> None:
 def test_every_way_to_name_a_mesh(tmp_path: Path) -> None:
     a = mesh(tmp_path / "ws/foo/meshes/a.stl")
     b = mesh(tmp_path / "ws/bar/b.DAE")
-    (tmp_path / "ws/foo/package.xml").write_text("<package/>")
+    for package in ("foo", "bar"):
+        (tmp_path / "ws" / package / "package.xml").write_text("<package/>")
     uris = [
         "../meshes/a.stl",
         "package://foo/meshes/a.stl",

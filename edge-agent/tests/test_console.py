@@ -7,7 +7,7 @@ import sys
 from contextlib import suppress
 
 import pytest
-from posecast_edge.cli.console import CLEAR, LINES_MAX, Console
+from posecast_edge.cli.console import CLEAR, LINES_MAX, WAITING_MAX, Console
 
 
 class Terminal(io.StringIO):
@@ -60,9 +60,31 @@ def test_a_flood_of_lines_is_counted() -> None:
     console.emit(logging.LogRecord("posecast_edge", logging.ERROR, "", 0, "the end", None, None))
     lines = out.getvalue().splitlines()
     assert lines[:3] == [f"posecast-edge: attack {i}" for i in range(3)]
-    assert "posecast-edge: 92 more lines dropped" in lines
+    assert "posecast-edge: 93 more lines dropped" in lines
     assert lines[-1] == "posecast-edge: the end", "what ends the agent is always told"
-    assert len(lines) <= 10 * 10 + 1
+    assert len(lines) <= 10 * LINES_MAX + WAITING_MAX + 1
+
+
+def test_lines_of_one_moment_wait_for_the_next_seconds() -> None:
+    out, clock = io.StringIO(), [0.0]
+    console = Console(out, lambda: clock[0])
+    said = [f"posecast-edge: part {i} is bad" for i in range(3 * LINES_MAX + 2)]
+    for i in range(len(said)):
+        console.emit(record(f"part {i} is bad"))
+    for second in range(3):
+        assert out.getvalue().splitlines() == said[: LINES_MAX * (second + 1)]
+        clock[0] += 1.0
+        console.is_due(clock[0])
+    assert out.getvalue().splitlines() == said
+
+
+def test_lines_that_wait_are_written_at_the_end() -> None:
+    out = io.StringIO()
+    console = Console(out, lambda: 0.0)
+    for i in range(LINES_MAX + 5):
+        console.emit(record(f"part {i} is bad"))
+    console.close()
+    assert len(out.getvalue().splitlines()) == LINES_MAX + 5
 
 
 def test_a_line_has_an_end() -> None:

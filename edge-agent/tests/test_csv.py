@@ -12,7 +12,7 @@ import pytest
 from posecast_edge.cli.probe import run_probe
 from posecast_edge.profile.reader import parse_profile
 from posecast_edge.sample import Sample, SourceError
-from posecast_edge.sources.files.csv import MAX_LINE, Table
+from posecast_edge.sources.files.csv import MAX_LINE, ROWS_HZ, Table
 from posecast_edge.sources.files.playback import Player
 from posecast_edge.sources.registry import open_source
 from posecast_wire.command_line.installation import name_edge_command
@@ -133,12 +133,146 @@ def test_a_bad_row_is_named_in_the_first_pass_and_skipped(
         first = [s.t_s for s in file.read_samples(0, first_pass=True)]
         said = list(caplog.messages)
         second = [s.t_s for s in file.read_samples(0, first_pass=False)]
-    assert first == second == [0, 4]
+    assert first == second == [0, 2, 4]
     assert caplog.messages == said
     assert said == [
-        f"{tmp_path}/walk.csv:3: column 1: 'x' is not a number; row skipped",
-        f"4 more bad rows, the newest: {tmp_path}/walk.csv:7: over {MAX_LINE} characters; row skipped",
+        f"{tmp_path}/walk.csv:3: column 1, t: 'x' is not a number; row skipped",
+        f"{tmp_path}/walk.csv:4: column 2, A: 'x' is not a number; no reading",
+        f"{tmp_path}/walk.csv:5: 1 cell, 2 expected; the others are no reading",
+        f"{tmp_path}/walk.csv:6: column 1, t: no time; row skipped",
+        f"{tmp_path}/walk.csv:7: over {MAX_LINE} characters; row skipped",
     ]
+
+
+def test_a_short_row_and_a_long_one_cost_nothing_else(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    rows = "".join(f"{2 * n},1\n{2 * n + 1},1,2,3,4\n" for n in range(30))
+    read = samples(tmp_path, f"t,A,B\n{rows}60,1,2,\n")
+    short, long = {"A": 1, "B": None}, {"A": 1, "B": 2}
+    assert [s.values["pos"] for s in read] == [short, long] * 30 + [long]
+    assert caplog.messages == [
+        f"{tmp_path}/walk.csv:2: 2 cells, 3 expected; the others are no reading",
+        f"{tmp_path}/walk.csv:3: 5 cells, 3 expected; the last are ignored",
+        f"10 more bad rows and cells, the newest: {tmp_path}/walk.csv:13: 5 cells, 3 expected; the last are "
+        "ignored",
+        f"58 more bad rows and cells, the newest: {tmp_path}/walk.csv:61: 5 cells, 3 expected; the last are "
+        "ignored",
+    ]
+
+
+def test_each_bad_column_is_named(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    samples(tmp_path, "t,A,B,C\n0,1,2,3\n1,ERR,x,3\n2,1,2,y\n3,ERR,x,y\n")
+    assert [text.partition(": ")[2] for text in caplog.messages[:3]] == [
+        f"column {i}, {name}: {cell!r} is not a number; no reading"
+        for i, name, cell in ((2, "A", "ERR"), (3, "B", "x"), (4, "C", "y"))
+    ]
+
+
+def test_a_column_of_an_unknown_unit_is_left_out_and_named(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (sample,) = samples(tmp_path, "t,A,cur.A [foo]\n0,1,2\n")
+    assert sample.values == {"pos": {"A": 1}}
+    assert caplog.messages[0].startswith(
+        f"{tmp_path}/walk.csv:1: column 3, cur.A [foo]: unknown unit 'foo'; known: rad, m, mm, "
+    )
+    assert caplog.messages[0].endswith("; column left out")
+
+
+def test_a_clock_that_stands_still(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    read = samples(tmp_path, "t,A\n" + "5,0.5\n" * 100)
+    assert [s.t_s for s in read] == pytest.approx([5 + n / ROWS_HZ for n in range(100)])
+    assert caplog.messages == [f"{tmp_path}/walk.csv:1: clock t stands still: rows are played at 20 a second"]
+    caplog.clear()
+    read = samples(tmp_path, "t,A\n" + "5,0.5\n" * 99 + "6,0.5\n")
+    assert [s.t_s for s in read] == [5] * 99 + [6]
+    assert samples(tmp_path, "t,A\n5,0.5\n")[0].t_s == 5
+    assert caplog.messages == []
+
+
+def test_flags_as_posecast_exports_them(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.WARNING, "posecast_edge")
+    read = samples(tmp_path, "t,flags.A\n0,homed|jam\n1,0\n2,a\\|b|c\\\\\n3,\n4,jam hot\n")
+    assert [s.values["flags"]["A"] for s in read] == [  # type: ignore[call-overload]
+        *(["homed", "jam"], 0, ["a|b", "c\\"], None, ["jam", "hot"])
+    ]
+    (own,) = samples(
+        tmp_path,
+        "\ufefftime,seconds,robot_time,pos.A [rad],flags.A\r\n"
+        "2026-11-23T10:00:00.000Z,0.000,12.500,0.1,too hot\r\n",
+    )
+    assert own.values == {"pos": {"A": 0.1}, "flags": {"A": ["too hot"]}}
+    assert caplog.messages == []
+
+
+@pytest.mark.parametrize("cell", ["-1", "1.5", "1e3", "9" * 30])
+def test_a_number_that_is_no_mask_names_no_bit(
+    tmp_path: Path, cell: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    (sample,) = samples(tmp_path, f"t,A,flags.A\n0,1,{cell}\n")
+    assert sample.values == {"pos": {"A": 1}, "flags": {"A": None}}
+    assert caplog.messages == [
+        f"{tmp_path}/walk.csv:2: column 3, flags.A: {cell!r} is not a mask; no reading"
+    ]
+
+
+ABSENT = [
+    "",
+    "NA",
+    "N/A",
+    "n/a",
+    "#N/A",
+    "null",
+    "NULL",
+    "None",
+    "-",
+    "--",
+    "nan",
+    "NaN",
+    "inf",
+    "<NA>",
+    "NaT",
+]
+
+
+@pytest.mark.parametrize("cell", ABSENT)
+def test_an_absent_cell_is_no_reading(tmp_path: Path, cell: str, caplog: pytest.LogCaptureFixture) -> None:
+    read = samples(tmp_path, f"t,A,B,flags.A\n0,1,2,4\n1,{cell},3,{cell if cell != 'inf' else ''}\n2,4,5,0\n")
+    assert [s.values["pos"] for s in read] == [{"A": 1, "B": 2}, {"A": None, "B": 3}, {"A": 4, "B": 5}]
+    assert [s.values["flags"]["A"] for s in read] == [4, None, 0]  # type: ignore[call-overload]
+    assert caplog.messages == []
+
+
+@pytest.mark.parametrize("head", ["t,A,B", "t,A [deg],B"])
+def test_one_bad_cell_costs_that_cell_only(
+    tmp_path: Path, head: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    read = samples(tmp_path, f"{head}\n0,1,2\n1,ERR,3\n2,\u202e4,5\n3,ERR,ERR\n")
+    assert [(s.t_s, s.values["pos"]["B"]) for s in read] == [(0, 2), (1, 3), (2, 5)]  # type: ignore[call-overload]
+    assert [s.values["pos"]["A"] for s in read[1:]] == [None, None]  # type: ignore[call-overload]
+    name = head.split(",")[1]
+    assert caplog.messages == [
+        f"{tmp_path}/walk.csv:3: column 2, {name}: 'ERR' is not a number; no reading",
+        f"{tmp_path}/walk.csv:5: column 3, B: 'ERR' is not a number; no reading",
+        f"2 more bad rows and cells, the newest: {tmp_path}/walk.csv:5: column 2, {name}: "
+        "'ERR' is not a number; no reading",
+    ]
+
+
+@pytest.mark.parametrize("cell", ["9" * 30, "9" * 5000])
+def test_a_mask_that_is_too_long_costs_its_cell(
+    tmp_path: Path, cell: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    (sample,) = samples(tmp_path, f"t,A,flags.A\n0,1,{cell}\n")
+    assert sample.values == {"pos": {"A": 1}, "flags": {"A": None}}
+    assert caplog.messages == [
+        f"{tmp_path}/walk.csv:2: column 3, flags.A: '{'9' * min(len(cell), 40)}' is not a mask; no reading"
+    ]
+
+
+UNITS = "rad, m, mm, rad/s, m/s, A, V, W, N, N·m, Nm, N*m, °C, C, degC, m/s², m/s2, m/s^2, %, s, J, Hz, Pa"
+UNITS += ", deg, deg/s, mm, mA, mV"
 
 
 @pytest.mark.parametrize(
@@ -149,8 +283,11 @@ def test_a_bad_row_is_named_in_the_first_pass_and_skipped(
         ("A,B\n1,2\n", "walk.csv:1: no column `t` (or time, timestamp, t_ms, …) among 'A', 'B'"),
         ("t\n1\n", "walk.csv:1: no column can be read except the clock"),
         ("t,info.mode\n1,x\n", "walk.csv:1: no column can be read except the clock"),
-        ("t,A,pos.A\n", "walk.csv:1: column 3: pos.A is listed twice"),
-        ("t,A [furlong]\n", "walk.csv:1: column 2: unknown unit 'furlong'"),
+        (
+            "t,A [furlong]\n",
+            "walk.csv:1: no column can be read except the clock; A [furlong]: unknown unit 'furlong'; "
+            f"known: {UNITS}",
+        ),
     ],
 )
 def test_files_that_are_refused(tmp_path: Path, text: str, reason: str) -> None:
@@ -326,6 +463,9 @@ def test_two_columns_of_one_channel(tmp_path: Path) -> None:
     read = table(tmp_path, "t,/a/joint_states/A/position,/b/joint_states/A/position\n0,1,2\n")
     assert [s.values for s in read.read_samples(0, first_pass=True)] == [{"pos": {"A": 1}}]
     assert "/b/joint_states/A/position  left out: another column is pos.A" in read.describe_columns()
+    read = table(tmp_path, "t,A,pos.A\n0,1,2\n")
+    assert [s.values for s in read.read_samples(0, first_pass=True)] == [{"pos": {"A": 1}}]
+    assert "pos.A  left out: another column is pos.A" in read.describe_columns()
 
 
 def test_probe_tells_how_each_column_is_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -142,6 +142,9 @@ def test_it_leans_until_the_margin_is_amber_and_recovers(balance: Balance) -> No
     amber = leaning[margin_mm[leaning] < AMBER_MM]
     assert 1 < len(amber) / balance.hz < 2
     assert (np.diff(amber) == 1).all(), "once"
+    jam_ends = np.flatnonzero(balance.minute.flag("RKN", "jam"))[-1] + 1
+    lesson = jam_ends + 14.5 * balance.hz  # docs/tutorials/balance-lesson.md
+    assert amber[0] + 0.3 * balance.hz < lesson < amber[-1] - 0.3 * balance.hz, "by hand, give or take"
     assert 14 < margin_mm[leaning].min() < 18
     assert margin_mm[leaning[0]] > 80
     assert margin_mm[-1] > 80

@@ -15,11 +15,12 @@ from pathlib import Path
 
 import pytest
 import zenoh
-from edge_stage import ROBOT, Edge, Router, free_port, until
+from edge_stage import ROBOT, Edge, Router
 from posecast_edge.uplink import diagnosis as doorbell
 from posecast_edge.uplink import knock
 from posecast_edge.uplink.certificate import Certificate
 from posecast_edge.uplink.diagnosis import Diagnosis, RefusalPatience, diagnose_link
+from posecast_testing import free_port, until
 from posecast_wire import Credential
 from posecast_wire.keys import alive_key
 
@@ -109,7 +110,7 @@ def test_a_relay_that_is_slow_at_first_is_not_said_to_refuse(
                     knocked.set()
         assert knocked.is_set()
     router.start()
-    until(lambda: router.tokens[-1:] == [(alive_key(ROBOT), True)], "on air", 30.0)
+    until("on air", lambda: router.tokens[-1:] == [(alive_key(ROBOT), True)], 30.0)
     assert not [line for line in running.lines if "does it need a credential" in line]
 
 
@@ -156,7 +157,7 @@ def test_the_port_of_a_web_page(tmp_path: Path) -> None:
     proof = Credential("hubo", "x" * 43, (tmp_path / "relay.pem").read_text())
     server = subprocess.Popen(["nginx", "-p", tmp_path, "-c", tmp_path / "conf"], stderr=subprocess.DEVNULL)
     try:
-        until(lambda: listens(port) and listens(tls_port), "nginx listens")
+        until("nginx listens", lambda: listens(port) and listens(tls_port))
         for endpoint in (f"tcp/127.0.0.1:{port}", f"tls/127.0.0.1:{port}", f"tls/127.0.0.1:{tls_port}"):
             found = diagnose_link(endpoint, proof)
             assert found == Diagnosis(knock.WEB), endpoint

@@ -26,6 +26,7 @@ from posecast_edge.model.urdf.reader import read_urdf
 from posecast_edge.model.urdf.resolver import OUTSIDE, Resolver
 
 HONEST_READINGS = 100  # the worst takes 20; `pytest -s` shows seconds, of which the goal is 0.5
+SURELY_LITTLE_S = 0.2
 MEGABYTES = 50
 
 HONEST = "<honest>" + '<a b="c">d</a>' * 20_000 + "</honest>"
@@ -47,9 +48,10 @@ def bounded() -> Iterator[None]:
         gc.unfreeze()
     seconds, grown = time.thread_time() - start, (_kilobytes("VmHWM") - before) / 1024
     print(f"{seconds:.3f} s, {grown:.1f} MB")
-    assert seconds < HONEST_READINGS * (honest_s := honest_reading_s()), (
-        f"{seconds:.2f} s, honest: {honest_s:.3f} s"
-    )
+    if seconds > SURELY_LITTLE_S:
+        assert seconds < HONEST_READINGS * (honest_s := honest_reading_s()), (
+            f"{seconds:.2f} s, honest: {honest_s:.3f} s"
+        )
     assert grown < MEGABYTES, f"{grown:.0f} MB"
 
 
@@ -83,21 +85,16 @@ URDFS = {
 
 
 @pytest.mark.parametrize("name", URDFS)
-def test_urdfs(name: str) -> None:
+def test_urdfs(name: str, tmp_path: Path) -> None:
+    """Read for the mesh tools, and on the way that needs none."""
     text, reason = URDFS[name]
-    data = io.BytesIO(text.encode())
     with bounded(), pytest.raises(ModelRefused, match=reason) as refused:
-        read_urdf(data)
+        read_urdf(io.BytesIO(text.encode()))
     assert len(refused.value.reason) < 200
-
-
-@pytest.mark.parametrize("name", URDFS)
-def test_urdfs_that_would_go_as_they_are(name: str, tmp_path: Path) -> None:
-    """The same on the way that needs no mesh tools."""
-    (tmp_path / "robot.urdf").write_text(URDFS[name][0])
-    with bounded(), pytest.raises(ModelError, match=URDFS[name][1]) as refused:
+    (tmp_path / "robot.urdf").write_text(text)
+    with bounded(), pytest.raises(ModelError, match=reason) as unsent:
         load_bundle(tmp_path / "robot.urdf")
-    assert "\n" not in str(refused.value)
+    assert "\n" not in str(unsent.value)
 
 
 def png_of(width: int, height: int) -> bytes:
@@ -139,6 +136,11 @@ def changed(key: str, index: int, **values: object) -> Callable[[dict[str, objec
         document[key][index] |= values  # type: ignore[index]
 
     return change
+
+
+def coloured(factor: list[object]) -> Callable[[dict[str, object]], None]:
+    material = {"pbrMetallicRoughness": {"baseColorFactor": factor}}
+    return lambda document: document.update(materials=[material])
 
 
 def deep_json(data: bytes) -> bytes:
@@ -192,6 +194,20 @@ MESHES: dict[str, tuple[str, bytes, str]] = {
     "data that are none": ("a.glb", cube_glb(changed("buffers", 0, uri="data:;base64,AAA")), "broken"),
     "data in words": ("a.glb", cube_glb(changed("buffers", 0, uri="data:text/plain,hello")), "not base64"),
     "glTF": ("a.gltf", b"{}", "no triangles"),
+    "a vertex of 30 digits": ("a.obj", cube_obj() + b"f 1 2 " + b"9" * 30, "refers to a vertex"),
+    "a texture of 30 digits": ("a.obj", cube_obj() + b"f 1/1 2/1 3/" + b"9" * 30, "refers to a vertex"),
+    "a vertex of 5,000 digits": ("a.obj", cube_obj() + b"f 1 2 " + b"9" * 5000, "not a list of numbers"),
+    "vertices of two numbers": ("a.obj", b"v 0 0\n" * 3 + b"f 1 2 1\n", "not a list of numbers"),
+    "polygons whose sum is none": (
+        "a.dae",
+        cube_collada()
+        .replace(b"triangles", b"polylist")
+        .replace(b"<p>", b"<vcount>9223372036854775807 9223372036854775807 4</vcount><p>"),
+        "more corners",
+    ),
+    "a colour that is none": ("a.glb", cube_glb(coloured([float("nan"), 0, 0, 1])), "broken"),
+    "a colour without end": ("a.glb", cube_glb(coloured([float("inf"), 0, 0, 1])), "broken"),
+    "a need nested deep": ("a.glb", cube_glb(lambda d: d.update(extensionsRequired=[[]])), "broken"),
 }  # fmt: skip
 
 
@@ -265,9 +281,10 @@ def test_nothing_outside_is_found(tmp_path: Path) -> None:
     (folder / "meshes" / "loop.stl").symlink_to("loop.stl")
     resolver = Resolver(path)
     before = sorted(tmp_path.rglob("*"))
-    for uri in OUTSIDERS:
-        with bounded(), pytest.raises(ModelRefused):
-            resolver.find_file(uri.format(outside=tmp_path / "ws"))
+    with bounded():
+        for uri in OUTSIDERS:
+            with pytest.raises(ModelRefused):
+                resolver.find_file(uri.format(outside=tmp_path / "ws"))
     for name in ("../../secret.stl", "../../../etc/passwd", "x\0.png", "http://127.0.0.1:1/t.png", ""):
         with pytest.raises(ModelRefused):
             resolver.find_beside(folder / "meshes" / "a.obj", name)

@@ -16,6 +16,7 @@ from posecast_edge.model.mjcf.child import run_child
 from posecast_edge.model.mjcf.reader import load_mjcf
 from posecast_edge.model.urdf.resolver import OUTSIDE
 from posecast_edge.sample import SourceError
+from posecast_edge.sources.mujoco.model import load_simulation
 from posecast_edge.sources.registry import open_source
 
 BODY = '<body name="b"><joint name="j"/><geom size=".1"/></body>'
@@ -40,8 +41,10 @@ def model(tmp_path: Path, text: str) -> Path:
         (place / "secret.xml").write_text("<mujocoinclude><body name='secret'/></mujocoinclude>")
     (folder.parent / ".hidden").mkdir()
     (folder.parent / ".hidden" / "secret.stl").write_bytes(cube_stl())
-    (folder.parent / "shells").mkdir()
-    (folder.parent / "shells" / "own.stl").write_bytes(cube_stl())
+    for beside in ("meshes", "packed", "shells"):
+        (folder.parent / beside).mkdir()
+        (folder.parent / beside / "own.stl").write_bytes(cube_stl())
+    (folder.parent / "packed" / "package.xml").write_text("<package/>")
     (folder / "link.stl").symlink_to(tmp_path / "secret.stl")
     path = folder / "model.xml"
     path.write_text(text.replace("TMP", str(tmp_path)))
@@ -57,6 +60,7 @@ OUTSIDERS = {
     "a mesh in a folder by its path": with_mesh("secret.stl", '<compiler meshdir="TMP"/>'),
     "a mesh behind a link": with_mesh("link.stl"),
     "a mesh in a hidden folder": with_mesh("../.hidden/secret.stl"),
+    "a mesh in a folder beside it": with_mesh("own.stl", '<compiler meshdir="../shells"/>'),
     "a mesh with an entity in its name": with_mesh("..&#47;secret.stl"),
     "a height field": mjcf(BODY, '<asset><hfield name="h" file="../secret.png" size="1 1 1 1"/></asset>'),
     "a texture": mjcf(BODY, '<asset><texture name="t" type="2d" file="/etc/secret.png"/></asset>'),
@@ -77,13 +81,16 @@ def test_nothing_is_read_that_is_not_the_models(case: str, tmp_path: Path) -> No
     assert said[:60] in str(simulated.value)
 
 
-def test_what_the_user_names_belongs_to_it(tmp_path: Path) -> None:
+def test_what_the_user_names_belongs_to_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = model(tmp_path, with_mesh("../secret.stl"))
     assert path.parent.parent / "secret.stl" in load_mjcf(path, [path.parent.parent]).inputs
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(path.parent.parent))
+    assert "j" in load_simulation(path).joints
 
 
-def test_a_folder_beside_the_model_belongs_to_it(tmp_path: Path) -> None:
-    path = model(tmp_path, with_mesh("own.stl", '<compiler meshdir="../shells"/>'))
+@pytest.mark.parametrize("folder", ["meshes", "packed"])
+def test_a_folder_of_meshes_and_a_package_beside_the_model_belong_to_it(folder: str, tmp_path: Path) -> None:
+    path = model(tmp_path, with_mesh("own.stl", f'<compiler meshdir="../{folder}"/>'))
     assert len(load_mjcf(path).inputs) == 2
 
 
@@ -127,7 +134,7 @@ HEAVY = {
 
 @pytest.mark.parametrize("case", HEAVY)
 def test_models_that_are_too_much(case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reader, "SECONDS_MAX", 8.0)
+    monkeypatch.setattr(reader, "SECONDS_MAX", 3.0)
     with pytest.raises(ModelRefused) as refused:
         load_mjcf(model(tmp_path, HEAVY[case]))
     assert refused.value.reason.isprintable()

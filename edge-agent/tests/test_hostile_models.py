@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -45,38 +44,6 @@ from posecast_edge.model.urdf.tree import Follow, build_tree
 
 def glb(**members: object) -> bytes:
     return cube_glb(lambda document: document.update(members))
-
-
-def coloured(factor: list[object]) -> Callable[[dict[str, object]], None]:
-    material = {"pbrMetallicRoughness": {"baseColorFactor": factor}}
-    return lambda document: document.update(materials=[material])
-
-
-REFUSED: dict[str, tuple[str, bytes, str]] = {
-    "a vertex of 30 digits": ("a.obj", cube_obj() + b"f 1 2 " + b"9" * 30, "refers to a vertex"),
-    "a texture of 30 digits": ("a.obj", cube_obj() + b"f 1/1 2/1 3/" + b"9" * 30, "refers to a vertex"),
-    "a vertex of 5,000 digits": ("a.obj", cube_obj() + b"f 1 2 " + b"9" * 5000, "not a list of numbers"),
-    "vertices of two numbers": ("a.obj", b"v 0 0\n" * 3 + b"f 1 2 1\n", "not a list of numbers"),
-    "polygons whose sum is none": (
-        "a.dae",
-        cube_collada()
-        .replace(b"triangles", b"polylist")
-        .replace(b"<p>", b"<vcount>9223372036854775807 9223372036854775807 4</vcount><p>"),
-        "more corners",
-    ),
-    "a colour that is none": ("a.glb", cube_glb(coloured([float("nan"), 0, 0, 1])), "broken"),
-    "a colour without end": ("a.glb", cube_glb(coloured([float("inf"), 0, 0, 1])), "broken"),
-    "a need nested deep": ("a.glb", glb(extensionsRequired=[[]]), "broken"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("case", REFUSED)
-def test_meshes_that_are_refused(case: str, tmp_path: Path) -> None:
-    name, data, reason = REFUSED[case]
-    with pytest.raises(ModelRefused) as refused:
-        read_mesh_of(tmp_path, name, data)
-    assert reason in refused.value.reason
-    assert refused.value.reason.isprintable()
 
 
 @pytest.mark.parametrize("depth", range(900, 1000, 3))

@@ -27,12 +27,6 @@ def rows(folder: Path, data: bytes) -> list[Sample]:
     return list(table(folder, data).read_samples(0.0, True))
 
 
-def test_a_mask_without_end_is_a_bad_row(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    found = rows(tmp_path, b"t,A,flags.A\n0,1," + b"9" * 5000 + b"\n1,2,3\n")
-    assert [s.values for s in found] == [{"pos": {"A": 2.0}, "flags": {"A": 3}}]
-    assert "is not a mask; row skipped" in caplog.text
-
-
 @pytest.mark.parametrize("time", ["1e300", "-1e13", "1e999", "nan"])
 def test_a_time_that_no_frame_can_carry_is_a_bad_row(time: str, tmp_path: Path) -> None:
     assert [s.t_s for s in rows(tmp_path, f"t,A\n{time},1\n5,2\n".encode())] == [5.0]
@@ -60,9 +54,8 @@ def test_a_line_without_end_is_given_up(kind: str) -> None:
 
 def test_a_column_twice_is_named_in_one_line(tmp_path: Path) -> None:
     name = "x" * 5000
-    with pytest.raises(SourceError) as refused:
-        table(tmp_path, f"t,{name},{name}\n".encode())
-    assert len(str(refused.value)) < 300
+    lines = table(tmp_path, f"t,{name},{name}\n".encode()).describe_columns()
+    assert max(map(len, lines)) < 300
 
 
 @pytest.mark.parametrize(

@@ -13,13 +13,14 @@ from typing import Any
 import pytest
 from ach_stage import Writer
 from achd_stage import Achd, framed
-from edge_stage import ROBOT, Edge, Router, until
+from edge_stage import ROBOT, Edge, Router
 from hubo_structs import SLOT, state
 from posecast_edge.profile.reader import load_profile
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.hubo.reconnecting import PersistentReader
 from posecast_edge.sources.hubo.source import HuboAchSource
 from posecast_edge.sources.registry import open_source
+from posecast_testing import until
 from posecast_wire.decoder import Decoder
 
 HUBO = Path(__file__).parents[1] / "src/posecast_edge/profiles/hubo2plus.toml"
@@ -68,7 +69,7 @@ def run(router: Router) -> Iterator[Run]:
 
 
 def decoder_of(router: Router) -> Decoder:
-    until(lambda: router.snapshot() is not None, "a snapshot")
+    until("a snapshot", lambda: router.snapshot() is not None)
     decoder = router.decoder()
     assert decoder is not None
     return decoder
@@ -80,7 +81,7 @@ def test_from_achd_to_the_relay_with_every_fault_and_silence(server: Achd, route
         robot.state.status[i].homeFlag = 6
     edge = run(server.source)
     try:
-        until(lambda: len(router.frames) > 10, "frames")
+        until("frames", lambda: len(router.frames) > 10)
         decoder = decoder_of(router)
         start = next(i for i, f in enumerate(router.frames) if f.header.is_key)
         frames = [decoder.decode(f.data) for f in router.frames[start:]]
@@ -90,23 +91,23 @@ def test_from_achd_to_the_relay_with_every_fault_and_silence(server: Achd, route
             assert f.values("pos")[knee] == pytest.approx(math.sin(f.t_s - 0.05), abs=0.002)
         # a fault of a few frames
         robot.state.status[SLOT["LSR"]].jam = 1
-        until(lambda: any(e["text"] == "jam" for e in router.events), "the rise")
+        until("the rise", lambda: any(e["text"] == "jam" for e in router.events))
         robot.state.status[SLOT["LSR"]].jam = 0
-        until(lambda: len(router.events) == 2, "the fall")
+        until("the fall", lambda: len(router.events) == 2)
         assert [(e["source"], e["text"], e["state"]) for e in router.events] == [
             ("LSR", "jam", "on"),
             ("LSR", "jam", "off"),
         ]
         # frames go on, their time does not: that is silence
         robot.running.clear()
-        until(lambda: any(e["text"] == "silent" for e in router.events), "silent")
+        until("silent", lambda: any(e["text"] == "silent" for e in router.events))
         count = len(router.frames)
         published = server.connections
-        until(lambda: any("robot time stays at" in line for line in edge.lines), "said aloud")
+        until("said aloud", lambda: any("robot time stays at" in line for line in edge.lines))
         assert len(router.frames) == count
         assert server.connections == published
         robot.running.set()
-        until(lambda: len(router.frames) > count, "on air again")
+        until("on air again", lambda: len(router.frames) > count)
         assert {h["direction"] for h in server.headers} == {"push"}
         loaded = Path(f"/proc/{edge.process.pid}/maps").read_text()
         assert "zenoh" in loaded
@@ -144,9 +145,9 @@ def test_a_fault_of_a_single_frame_is_told_at_any_time_between_two_sent(
     thread.start()
     run(server.source if way == "achd" else f"hubo-ach:shm:{path}")
     try:
-        until(lambda: len(router.frames) > 2, "frames")
+        until("frames", lambda: len(router.frames) > 2)
         on_air.set()
-        until(lambda: len(router.events) >= 2 * len(jam), "the jams", 20)
+        until("the jams", lambda: len(router.events) >= 2 * len(jam), 20)
     finally:
         stop.set()
         thread.join()
@@ -166,7 +167,7 @@ def test_from_shared_memory_while_the_daemon_is_restarted(tmp_path: Path, router
         made.rename(path)
         robot = Robot(writer.put)
         try:
-            until(lambda: len(router.frames) > 5, "frames")
+            until("frames", lambda: len(router.frames) > 5)
         finally:
             robot.end()
 
@@ -185,7 +186,7 @@ def test_a_foreign_frame_is_told_once_and_the_next_good_one_counts(
 
     server.instead = mixed
     edge = run(server.source)
-    until(lambda: len(router.frames) > 5, "frames")
+    until("frames", lambda: len(router.frames) > 5)
     told = [line for line in edge.lines if "3632 bytes" in line]
     assert len(told) == 1
     assert "not a known hubo_state (3368, " in told[0]

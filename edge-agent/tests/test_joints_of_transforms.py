@@ -12,13 +12,13 @@ from typing import Any
 
 import pytest
 from command_stage import run_edge
-from edge_stage import until
 from posecast_edge.model.moving_joints import list_moving_joints
 from posecast_edge.model.urdf.reader import load_urdf, read_urdf
 from posecast_edge.sample import Sample
 from posecast_edge.sources.registry import open_source
 from posecast_edge.sources.ros.joint_frames import NO_MODEL
 from posecast_edge.sources.ros.messages import JOINT_STATE, STRING, TF
+from posecast_testing import until
 from source_stage import Listen, Move
 
 pytest.importorskip("mcap", reason="the extra [mcap] is not installed")
@@ -114,7 +114,7 @@ def test_a_recording_waits_for_a_model_that_is_being_built(tmp_path: Path) -> No
     heard: list[Sample] = []
     thread = threading.Thread(target=source.run, args=(heard.append, threading.Event()))
     thread.start()
-    until(lambda: source._file.topics != {}, "it reads")
+    until("it reads", lambda: source._file.topics != {})
     assert heard == []
     source.take_joints(list_moving_joints(load_urdf(urdf)))
     thread.join(20)
@@ -163,33 +163,33 @@ def test_a_live_graph_whose_joint_states_come_later(graph: Graph, listen: Listen
     graph.latch("/tf_static", TF, transforms(1000, ("world", "base_link", (0, 0, 0), (1, 0, 0, 0))))
     moving(50, lambda t: graph.publish("/tf", TF, transforms(1000 + t, *crane(0.5, t / 100))))
     heard = listen(graph.source, None)
-    until(lambda: "pos" in heard.newest, "joints by /tf")
+    until("joints by /tf", lambda: "pos" in heard.newest)
     assert heard.newest["pos"].keys() == {"slew", "travel", "hoist"}
     assert heard.newest["pos"]["slew"] == pytest.approx(0.5)
     t_s, values = heard.last
     assert values["pos"]["travel"] == pytest.approx((t_s - 1000) / 100, abs=1e-6)
     assert "joints from /tf: 2 of 3; no transform for hoist (trolley → hook)" in heard.source.offers
     moving(50, lambda t: graph.publish("/joint_states", JOINT_STATE, joint_state(2000 + t, ["slew"], [2.0])))
-    until(lambda: heard.newest["pos"] == {"slew": 2.0}, "joint states")
+    until("joint states", lambda: heard.newest["pos"] == {"slew": 2.0})
 
 
 def test_frames_of_a_bridge_and_a_model_given_later(graph: Graph, listen: Listen, moving: Move) -> None:
     publish = graph.bridge("/tf", TF)
     heard = listen(graph.source, None)
     moving(50, lambda t: publish(transforms(1000 + t, *crane(0.5, 0.25, "lab/"))))
-    until(lambda: any(NO_MODEL in line for line in heard.source.offers), "frames")
+    until("frames", lambda: any(NO_MODEL in line for line in heard.source.offers))
     heard.source.take_joints(
         tuple(j for j in list_moving_joints(read_urdf(BytesIO(URDF.encode()))) if j.name != "hoist"),
     )
-    until(lambda: heard.newest.get("pos") == {"slew": pytest.approx(0.5), "travel": 0.25}, "joints")
+    until("joints", lambda: heard.newest.get("pos") == {"slew": pytest.approx(0.5), "travel": 0.25})
 
 
 def test_with_joint_states_nothing_asks_for_transforms(graph: Graph, listen: Listen, moving: Move) -> None:
     heard = listen(graph.source, None)
     moving(50, lambda t: graph.publish("/joint_states", JOINT_STATE, joint_state(1000 + t, ["slew"], [2.0])))
     moving(50, lambda t: graph.publish("/tf", TF, transforms(1000 + t, *crane(0.5, 0.25))))
-    until(lambda: heard.newest.get("pos") == {"slew": 2.0}, "joint states")
-    until(lambda: len(heard.samples) > 150, "for longer than joint states are waited for")
+    until("joint states", lambda: heard.newest.get("pos") == {"slew": 2.0})
+    until("for longer than joint states are waited for", lambda: len(heard.samples) > 150)
     assert heard.newest["pos"] == {"slew": 2.0}
     assert any("tf2_msgs/TFMessage" in line and "not read" in line for line in heard.source.offers)
 
@@ -216,6 +216,6 @@ def test_rosbridge(listen: Listen, moving: Move) -> None:
 
         moving(50, act)
         expected = {"slew": pytest.approx(0.5), "travel": 0.25, "hoist": None}
-        until(lambda: heard.newest.get("pos") == expected, "joints")
+        until("joints", lambda: heard.newest.get("pos") == expected)
     finally:
         server.stop()

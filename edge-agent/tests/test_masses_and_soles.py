@@ -16,7 +16,6 @@ from posecast_edge.model.doctor.masses import compute_principal_moments
 from posecast_edge.model.kinematics import compute_link_poses
 from posecast_edge.model.robot_file import load_robot_file
 from posecast_edge.model.urdf.tree import build_tree
-from shared_stage import ROBOTS, shared_robot
 
 WEIGHT = """<inertial><origin xyz="0.1 0.2 0.3" rpy="0 0 1.5707963267948966"/><mass value="2"/>
 <inertia ixx="1" ixy="0.1" ixz="0" iyy="2" iyz="0" izz="2.5"/></inertial>"""
@@ -270,24 +269,3 @@ def test_principal_moments_are_eigenvalues(scale: float) -> None:
         assert ours == pytest.approx(np.linalg.eigvalsh(m), rel=1e-4, abs=1e-5 * scale)
     assert compute_principal_moments((0, 0, 0, 0, 0, 0)) == (0, 0, 0)
     assert compute_principal_moments((1, 1, 1, 1, 1, 1)) == pytest.approx((0, 0, 3))
-
-
-SIZES = {  # kg; m along and across a sole
-    "hubo2plus-collision": (40.70, 0.214, 0.144),
-    "hubo2plus-collada": (40.70, 0.214, 0.144),
-    "drchubo": (58.20, 0.220, 0.150),
-    "g1": (33.34, 0.207, 0.076),
-    "g1-hands": (34.39, 0.207, 0.076),
-}
-
-
-@pytest.mark.parametrize("name", SIZES)
-def test_robots_of_others_keep_their_masses_and_have_two_soles(name: str) -> None:
-    assert name in ROBOTS
-    document = build_robot(shared_robot(name)).document
-    mass, long, wide = SIZES[name]
-    assert sum(e["mass_kg"] for e in document["inertials"]) == pytest.approx(mass, abs=0.01)
-    assert len(document["soles"]) == 2
-    for sole in document["soles"]:
-        assert np.ptp(np.array(sole["points"]), axis=0) == pytest.approx([long, wide, 0], abs=0.002)
-        assert 3 <= len(sole["points"]) <= CORNERS_MAX

@@ -17,7 +17,7 @@ from posecast_edge.sources.registry import open_source
 mcap = pytest.importorskip("mcap", reason="the extra [mcap] is not installed")
 
 from mcap.writer import CompressionType  # noqa: E402
-from mcap_stage import BEGAN_NS, STEP_NS, Bag, joint_state, wrench  # noqa: E402
+from mcap_stage import BEGAN_NS, STEP_NS, Bag, header, joint_state, wrench  # noqa: E402
 from posecast_edge.sources.files.ros_recording import RosRecording  # noqa: E402
 from ros_stage import text_message  # noqa: E402
 
@@ -166,6 +166,36 @@ def test_a_bad_message_is_named(tmp_path: Path, caplog: pytest.LogCaptureFixture
     assert caplog.messages[0].startswith(
         f"{tmp_path}/walk.mcap: /joint_states, message 2: 30 bytes that are no"
     )
+
+
+def test_one_bad_part_of_every_message_is_named_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    bag = Bag()
+    for k in range(9):
+        t_ns = BEGAN_NS + k * STEP_NS
+        data = header(t_ns).texts(["A", "B\t"]).doubles([k, 1.0]).doubles([0.5] * 3).doubles([k]).done()
+        bag.add("/joint_states", "sensor_msgs/msg/JointState", t_ns, data)
+    file = file_of(tmp_path, bag.finish())
+    with caplog.at_level(logging.WARNING):
+        found = [list(file.read_samples(0, first_pass)) for first_pass in (True, False)]
+    assert [[s.values for s in of_pass] for of_pass in found] == [
+        [{"pos": {"A": k, "B\t": 1.0}} for k in range(9)]
+    ] * 2
+    assert caplog.messages == [
+        f"{tmp_path}/walk.mcap: /joint_states: velocity has 3 values, name 2; it is left out",
+        f"{tmp_path}/walk.mcap: /joint_states: effort has 1 value, name 2; it is left out",
+    ]
+
+
+@pytest.mark.parametrize("head", [{"stamp": {"sec": 1_700_000_000, "nsec": 500}}, {}, None, 5])
+def test_json_that_leaves_members_out_or_writes_times_otherwise(tmp_path: Path, head: object) -> None:
+    bag = Bag()
+    message = {"name": ["A"], "position": [0.5], **({} if head is None else {"header": head})}
+    bag.add("/joint_states", "sensor_msgs/msg/JointState", BEGAN_NS, json.dumps(message).encode(), "json")
+    (sample,) = samples(tmp_path, bag.finish())
+    assert sample.values == {"pos": {"A": 0.5}}
+    assert sample.t_s == pytest.approx(BEGAN_NS * 1e-9, abs=1e-6)
 
 
 def test_a_bomb_is_not_unpacked(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

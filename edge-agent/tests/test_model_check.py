@@ -130,7 +130,7 @@ def test_a_program_without_the_mesh_tools_is_told_all_that(tmp_path: Path) -> No
 
 def test_the_source_compares_what_it_delivers(tmp_path: Path) -> None:
     slot, problems = PublishedSlot(), ProblemList()
-    source = PublishedSource("r1", slot, (), None, problems)
+    source = PublishedSource(slot, (), None, problems)
     source.expect_model(load_bundle(written(tmp_path / "robot", robot(*ARM))))
     left = [1.0, 9.0]
 
@@ -152,7 +152,7 @@ def test_the_source_compares_what_it_delivers(tmp_path: Path) -> None:
 def test_a_profile_says_itself_what_moves_what(tmp_path: Path) -> None:
     profile = parse_profile('[labels]\njoint = ["elbow", "M1"]\n[[fields]]\nname = "pos"\n', "robot.toml")
     slot, problems = PublishedSlot(), ProblemList()
-    source = PublishedSource("r1", slot, (), profile, problems)
+    source = PublishedSource(slot, (), profile, problems)
     source.expect_model(load_bundle(written(tmp_path / "robot", robot(*ARM))))
     slot.put(1.0, [Copied("pos", ("elbow", "M1"), [90.0, 1.0])], {}, clock.now_s())
     source.run(lambda _: source.end(), threading.Event())

@@ -254,7 +254,7 @@ def test_doctor(
     ("arguments", "words"),
     [
         (["doctor", "--urdf", "{}/gone.urdf"], "gone.urdf: No such file"),
-        (["doctor", "--urdf", "{}"], "Is a directory"),
+        (["doctor", "--urdf", "{}"], "is not a file"),
         (["doctor"], "give --urdf, --profile, --source, or several of them"),
         (["doctor", "--urdf", "{}/robot.urdf", "--profile", "{}/gone.toml"], "gone.toml"),
         (["model"], "required"),

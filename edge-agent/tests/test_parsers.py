@@ -15,6 +15,7 @@ from every_parser import PARSERS
 from model_stage import PICTURE
 from parser_stage import Input, in_one_line
 from posecast_edge.sources.registry import KINDS
+from posecast_testing import count_examples
 
 PACKAGE = Path(posecast_edge.__file__).parent
 READS = re.compile(r"(?:decode|feed|fit|load|parse|read|unpack|validate)(?:_|$)")
@@ -22,6 +23,7 @@ READS = re.compile(r"(?:decode|feed|fit|load|parse|read|unpack|validate)(?:_|$)"
 ELSEWHERE = {
     "cli.robot_flags.parse_folders": "a flag",
     "cli.robot_flags.parse_xacro_argument": "a flag: test_xacro.py",
+    "sample.read_time": "a value that JSON has been parsed into, or of a Python program: test_jsonl.py",
     "sources.demo.read_motion": "a file of our own",
     "sources.mujoco.model.load_simulation": "test_hostile_mujoco.py: MuJoCo reads",
     "model.mjcf.reader.load_mjcf": "test_hostile_mjcf.py: MuJoCo reads, in a process of its own",
@@ -41,12 +43,13 @@ BY_KIND = {
     "ros2": {"cdr"},
     "rosbridge": {"rosbridge", "cbor"},
 }
-CASES = 150
+CASES = 2 * count_examples(75)  # `make test` tries others with `make fuzz`
 STRANGE = [
     *(b"1e999 -1e999 nan Infinity 1e-320 1e308 -0 99999999999 1_0 0x10 null true {} [] .. %00 &#0;".split()),
     *(b"-9223372036854775809", b"9223372036854775807", b"9" * 5000, b"9" * 30, b"-1", b"", b"\0", b"\xff"),
     *(b"[" * 985, b"[" * 5000, b'{"a":' * 300, b"<a>" * 60, b"\\ud800", b"&#xD800;", "١".encode()),
     *(b"\xef\xbb\xbf", b"\xed\xa0\x80", "\u202e".encode(), b"\r", b"\n", b"\t", b" ", b"\\", b"'", b'"'),
+    *(b"[[", b"]]", b'"""', b"=", b"a.b.c.d", b"{a={a={a=1}}}", b"1979-05-27T00:00:00Z"),
     *(b"\xff" * 4, b"\xff\xff\xff\x7f", b"\0\0\0\x80", b"\xff" * 8, b"\0" * 8, b","),
 ]
 WORD = re.compile(rb"-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?|[A-Za-z_#.:/-]{2,}")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from posecast_edge.sample import Sample
-from posecast_edge.sources.published.copier import Copied, ReadingsCopier, UnusableError, copy_base
+from posecast_edge.sources.published.copier import NAMES_MAX, Copied, ReadingsCopier, UnusableError, copy_base
 from posecast_edge.sources.published.problems import MORE, PROBLEMS_MAX, ProblemList
 from posecast_edge.sources.published.slot import KEPT_MAX, STRANDS_MAX, PublishedSlot, Taken
 from posecast_edge.sources.published.source import PublishedSource
@@ -54,6 +54,31 @@ def test_one_wrong_value_leaves_the_others() -> None:
     assert said == ["pos of 'a' is 'x', not a number", "pos of 'c' is of type object, not a number"]
     flags = copier(said).copy_field("flags", {"a": ["jam"], "b": 3, "c": {"hot"}, "d": -1})
     assert list(flags.readings) == [["jam"], 3, ["hot"], None]
+
+
+def test_of_too_many_names_those_that_were_there_stay() -> None:
+    said: list[str] = []
+    own = copier(said)
+    own.copy_field("pos", {"elbow": 1.0})
+    many: dict[str, float] = {f"j{k}": 0.0 for k in range(5000)}
+    assert own.copy_field("pos", {**many, "elbow": 1.0}).labels == (*many, "elbow"), "the agent decides"
+    assert said == []
+    own.copy_field("pos", {"elbow": 1.0})
+    many = {f"j{k}": 0.0 for k in range(NAMES_MAX)}
+    for _ in range(2):
+        assert own.copy_field("pos", {**many, "elbow": 1.0}).labels == ("elbow", *tuple(many)[:-1])
+    assert set(said) == {f"pos has more than {NAMES_MAX} names; the rest is left out"}
+
+
+def test_one_wrong_bit_leaves_the_others() -> None:
+    said: list[str] = []
+    many = [f"bit {n}" for n in range(40)]
+    flags = copier(said).copy_field("flags", {"a": ["jam", 5, None], "b": {"hot"}, "c": many})
+    assert list(flags.readings) == [["jam"], ["hot"], sorted(many)]
+    assert said == [
+        "flags of 'a' has an item of type int, not the name of a bit",
+        "flags of 'a' has None, not the name of a bit",
+    ]
 
 
 def test_a_base_is_seven_numbers() -> None:
@@ -131,7 +156,7 @@ def test_problems_are_counted_and_said_once(caplog: pytest.LogCaptureFixture) ->
 def test_joints_stand_in_the_order_of_the_constructor(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("posecast_edge.sources.published.source.SETTLE_S", 0.0)
     slot, problems, got = PublishedSlot(), ProblemList(), list[Sample]()
-    source = PublishedSource("r1", slot, ("b", "a"), None, problems)
+    source = PublishedSource(slot, ("b", "a"), None, problems)
     slot.put(1.0, [Copied("ref", ("a", "c"), [math.nan, 1.0]), Copied("temp", ("a",), [1.0])], {}, 0.0)
 
     def deliver(sample: Sample) -> None:

@@ -11,7 +11,8 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from edge_stage import ROBOT, Edge, Feeder, Got, Router, until
+from edge_stage import ROBOT, Edge, Feeder, Got, Router
+from posecast_testing import until
 from posecast_wire.decoder import Decoder
 from posecast_wire.keys import Echo, Snapshot, Stamp, alive_key, event_key, frame_key, model_key, snapshot_key
 
@@ -27,7 +28,7 @@ def fed(edge: Start, profile_file: Path) -> Iterator[tuple[Edge, Feeder]]:
 
 
 def test_frames_arrive_with_stamps_and_decode(router: Router, fed: tuple[Edge, Feeder]) -> None:
-    until(lambda: len(router.frames) >= 30, "30 frames")
+    until("30 frames", lambda: len(router.frames) >= 30)
     frames = list(router.frames)
     assert {f.key for f in frames} == {frame_key(ROBOT, "public")}
     assert len({f.stamp.run_id for f in frames}) == 1
@@ -49,7 +50,7 @@ def test_frames_arrive_with_stamps_and_decode(router: Router, fed: tuple[Edge, F
 def test_snapshot_holds_what_a_late_joiner_needs(router: Router, fed: tuple[Edge, Feeder]) -> None:
     _, feeder = fed
     feeder.extra = {"info": {"mode": "walking"}}
-    until(lambda: len(router.frames) >= 20, "frames")
+    until("frames", lambda: len(router.frames) >= 20)
     sample = router.snapshot()
     assert sample is not None
     snapshot = Snapshot.unpack(sample.payload.to_bytes())
@@ -60,21 +61,21 @@ def test_snapshot_holds_what_a_late_joiner_needs(router: Router, fed: tuple[Edge
     assert schema.robot == "two-joints"
     decoder.decode(snapshot.key)
     n = len(router.frames)
-    until(lambda: len(router.frames) > n, "a newer frame")
+    until("a newer frame", lambda: len(router.frames) > n)
     decoder.decode(router.frames[-1].data)  # the base in the snapshot is the one frames name
 
 
 def test_alive_token_comes_and_goes(router: Router, fed: tuple[Edge, Feeder]) -> None:
-    until(lambda: router.tokens == [(alive_key(ROBOT), True)], "token")
+    until("token", lambda: router.tokens == [(alive_key(ROBOT), True)])
     fed[0].process.kill()
-    until(lambda: router.tokens[1:] == [(alive_key(ROBOT), False)], "token lost")
+    until("token lost", lambda: router.tokens[1:] == [(alive_key(ROBOT), False)])
 
 
 def test_restarted_relay_gets_a_key_at_once_and_no_backlog(router: Router, fed: tuple[Edge, Feeder]) -> None:
-    until(lambda: len(router.frames) >= 10, "frames")
+    until("frames", lambda: len(router.frames) >= 10)
     router.stop()
     down_at_t = fed[1].t
-    until(lambda: fed[1].t > down_at_t + 1.0, "a second of samples without a link")
+    until("a second of samples without a link", lambda: fed[1].t > down_at_t + 1.0)
     router.frames.clear()
     up_s = time.monotonic()
     router.start()
@@ -82,7 +83,7 @@ def test_restarted_relay_gets_a_key_at_once_and_no_backlog(router: Router, fed: 
     def fresh() -> list[Got]:
         return [f for f in router.frames if f.at_s >= up_s]  # one from before may have been on its way
 
-    until(lambda: len(fresh()) >= 10, "frames again")
+    until("frames again", lambda: len(fresh()) >= 10)
     first = fresh()[0]
     assert first.header.is_key  # though keys are 30 s apart
     assert first.header.t > down_at_t + 0.9  # the newest state, not what happened meanwhile
@@ -99,9 +100,9 @@ def test_relay_that_comes_later_gets_a_key_first(edge: Start, profile_file: Path
     router.stop()
     e = edge("--profile", str(profile_file), "--key-interval", "30")
     feeder = Feeder(e)
-    until(lambda: any("does not answer" in line for line in e.lines), "a line that says so")
+    until("a line that says so", lambda: any("does not answer" in line for line in e.lines))
     router.start()
-    until(lambda: len(router.frames) >= 3, "frames")
+    until("frames", lambda: len(router.frames) >= 3)
     assert router.frames[0].header.is_key
     feeder.stop()
 
@@ -110,27 +111,27 @@ def test_unchanged_robot_is_confirmed_only_while_the_source_delivers(
     router: Router, fed: tuple[Edge, Feeder]
 ) -> None:
     _, feeder = fed
-    until(lambda: len(router.frames) >= 5, "frames")
+    until("frames", lambda: len(router.frames) >= 5)
     feeder.moving = False
     still_since_s = time.monotonic() + 0.5
 
     def still() -> list[float]:
         return [f.stamp.elapsed_ns / 1e9 for f in router.frames if f.at_s > still_since_s]
 
-    until(lambda: len(still()) >= 5, "five confirmations")
+    until("five confirmations", lambda: len(still()) >= 5)
     feeder.stop()
     silent = {"level": "caution", "source": "source", "text": "silent", "state": "on"}
-    until(lambda: bool(router.events) and silent.items() <= router.events[-1].items(), "source silent")
+    until("source silent", lambda: bool(router.events) and silent.items() <= router.events[-1].items())
     assert all(a < b for a, b in pairwise(still())), "each is of a sample of its own"
 
 
 def test_a_fault_of_30_ms_becomes_two_events(router: Router, edge: Start, profile_file: Path) -> None:
     e = edge("--profile", str(profile_file), "--hz", "1")  # one frame a second can't see it
     e.send(t=0.0, flags=[0, 0])
-    until(lambda: len(router.frames) >= 1, "first frame")
+    until("first frame", lambda: len(router.frames) >= 1)
     for i in range(200):  # a second at 200 Hz, faulty for 30 ms
         e.send(t=i / 200, flags={"RKN": ["homed", "jam"] if 100 <= i < 106 else ["homed"], "LKN": []})
-    until(lambda: len(router.events) >= 2, "two events")
+    until("two events", lambda: len(router.events) >= 2)
     assert router.events == [
         {"type": "event", "t": 0.5, "level": "fault", "source": "RKN", "text": "jam", "state": "on"},
         {"type": "event", "t": 0.53, "level": "fault", "source": "RKN", "text": "jam", "state": "off"},
@@ -139,11 +140,11 @@ def test_a_fault_of_30_ms_becomes_two_events(router: Router, edge: Start, profil
 
 def test_changed_info_is_sent_at_once(router: Router, fed: tuple[Edge, Feeder]) -> None:
     _, feeder = fed
-    until(lambda: len(router.frames) >= 1, "first frame")
+    until("first frame", lambda: len(router.frames) >= 1)
     feeder.extra = {"info": {"mode": "walking"}}
-    until(lambda: {"type": "info", "kv": {"mode": "walking"}} in router.events, "the info")
+    until("the info", lambda: {"type": "info", "kv": {"mode": "walking"}} in router.events)
     feeder.extra = {"info": {"mode": "standing"}}
-    until(lambda: {"type": "info", "kv": {"mode": "standing"}} in router.events, "the new info")
+    until("the new info", lambda: {"type": "info", "kv": {"mode": "standing"}} in router.events)
     assert len(router.events) == 2
 
 
@@ -157,7 +158,7 @@ def test_model_ranges_hash_right(router: Router, edge: Start, tmp_path: Path) ->
     )
     e = edge("--urdf", str(tmp_path / "r.urdf"), mesh_tools=False)
     e.send(pos={"RKN": 0.1})
-    until(lambda: router.snapshot() is not None, "snapshot")
+    until("snapshot", lambda: router.snapshot() is not None)
     sample = router.snapshot()
     assert sample is not None
     model = Snapshot.unpack(sample.payload.to_bytes()).model
@@ -187,7 +188,7 @@ def test_model_ranges_hash_right(router: Router, edge: Start, tmp_path: Path) ->
 
 
 def test_nothing_flows_towards_the_robot(router: Router, fed: tuple[Edge, Feeder]) -> None:
-    until(lambda: len(router.frames) >= 5, "frames")
+    until("frames", lambda: len(router.frames) >= 5)
     assert router.session is not None
     declared = [str(r.ok.key_expr) for r in router.get("@/*/router/**") if r.ok is not None]
     sources = {
@@ -207,7 +208,7 @@ def test_nothing_flows_towards_the_robot(router: Router, fed: tuple[Edge, Feeder
     router.session.put(model_key(ROBOT, "manifest"), b"evil")
     router.session.delete(snapshot_key(ROBOT, "public"))
     n = len(router.frames)
-    until(lambda: len([f for f in router.frames[n:] if f.data != b"evil"]) >= 5, "frames go on")
+    until("frames go on", lambda: len([f for f in router.frames[n:] if f.data != b"evil"]) >= 5)
     after = router.snapshot()
     assert after is not None
     assert (
@@ -220,16 +221,16 @@ def test_progress_follows_the_echo(router: Router, fed: tuple[Edge, Feeder]) -> 
     router.echo = lambda: (
         Echo(router.frames[-1].stamp.run_id, router.frames[-1].header.seq, 0.0) if router.frames else None
     )
-    until(lambda: any("on air" in line for line in edge.lines), "on air", 15.0)
+    until("on air", lambda: any("on air" in line for line in edge.lines), 15.0)
     line = next(line for line in edge.lines if "on air" in line)
     assert line.startswith("r1 | on air | ")
     assert "B/frame" in line
     router.echo = lambda: Echo(12345, 7, 0.0)
-    until(lambda: any("refused" in line for line in edge.lines), "refused", 15.0)
+    until("refused", lambda: any("refused" in line for line in edge.lines), 15.0)
 
 
 def test_late_frames_halve_the_rate(router: Router, fed: tuple[Edge, Feeder]) -> None:
-    until(lambda: len(router.frames) >= 5, "frames")
+    until("frames", lambda: len(router.frames) >= 5)
     run_id = router.frames[0].stamp.run_id
     router.echo = lambda: Echo(run_id, 0, 0.0)  # as if nothing newer than the first frame ever came through
 
@@ -237,26 +238,26 @@ def test_late_frames_halve_the_rate(router: Router, fed: tuple[Edge, Feeder]) ->
         recent = [f.at_s for f in router.frames if f.at_s > time.monotonic() - 1.0]
         return (len(recent) - 1) / (recent[-1] - recent[0]) if len(recent) > 1 else 0.0
 
-    until(lambda: 0 < rate() < 20, "half the rate", 10.0)
+    until("half the rate", lambda: 0 < rate() < 20, 10.0)
     router.echo = lambda: Echo(run_id, router.frames[-1].header.seq, 0.0)
-    until(lambda: any("frames arrive in time: 30 Hz again" in line for line in fed[0].lines), "30 Hz", 30.0)
+    until("30 Hz", lambda: any("frames arrive in time: 30 Hz again" in line for line in fed[0].lines), 30.0)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signals_end_it_quickly(number: int, router: Router, fed: tuple[Edge, Feeder]) -> None:
     edge, _ = fed
-    until(lambda: len(router.frames) >= 5, "frames")
+    until("frames", lambda: len(router.frames) >= 5)
     edge.process.send_signal(number)
     assert edge.wait() == 0
-    until(lambda: router.tokens[-1:] == [(alive_key(ROBOT), False)], "token withdrawn")
+    until("token withdrawn", lambda: router.tokens[-1:] == [(alive_key(ROBOT), False)])
     assert not any("Traceback" in line for line in edge.lines)
 
 
 def test_signal_ends_it_without_a_link(edge: Start) -> None:
-    from edge_stage import free_port
+    from posecast_testing import free_port
 
     e = edge(relay=f"tcp/127.0.0.1:{free_port()}")
-    until(lambda: any("no link" in line for line in e.lines), "progress")
+    until("progress", lambda: any("no link" in line for line in e.lines))
     e.process.send_signal(signal.SIGINT)
     assert e.wait() == 0
 
@@ -264,11 +265,11 @@ def test_signal_ends_it_without_a_link(edge: Start) -> None:
 def test_end_of_input_sends_the_last_sample_and_ends_with_0(router: Router, edge: Start) -> None:
     e = edge("--hz", "1")
     e.send(t=1.0, pos={"RKN": 0.1})
-    until(lambda: len(router.frames) == 1, "first frame")
+    until("first frame", lambda: len(router.frames) == 1)
     e.send(t=1.5, pos={"RKN": 0.2})
     e.end_of_input()
     assert e.wait() == 0
-    until(lambda: len(router.frames) == 2, "last frame")
+    until("last frame", lambda: len(router.frames) == 2)
     assert any("source ended" in line for line in e.lines)
 
 
@@ -277,16 +278,16 @@ def test_bad_lines_are_named_and_the_rest_keeps_running(
 ) -> None:
     e = edge("--profile", str(profile_file))
     e.send(t=0.0, pos=[0.0, 0.0])
-    until(lambda: len(router.frames) == 1, "first frame")
+    until("first frame", lambda: len(router.frames) == 1)
     e.send_text('{"t": 0.1, "pos": [1, }')
     e.send(t=0.2, pos=[0.0, 0.0, 0.0])
     e.send(t=0.3, pos={"RKM": 1.0})
     e.send_text('{"t": 0.4, "pos": [NaN, Infinity]}')
     e.send(t=0.5, pos=[0.25, 0.5])
-    until(lambda: any("line 2: not JSON" in line for line in e.lines), "line 2")
-    until(lambda: any("line 3: pos has 3 values, 2 expected" in line for line in e.lines), "line 3")
-    until(lambda: any("line 4: unknown label of pos 'RKM'" in line for line in e.lines), "line 4")
+    until("line 2", lambda: any("line 2: not JSON" in line for line in e.lines))
+    until("line 3", lambda: any("line 3: pos has 3 values, 2 expected" in line for line in e.lines))
+    until("line 4", lambda: any("line 4: unknown label of pos 'RKM'" in line for line in e.lines))
     decoder = router.decoder()
     assert decoder is not None
-    until(lambda: [decoder.decode(f.data) for f in router.frames][-1].values("pos") == [0.25, 0.5], "line 6")
+    until("line 6", lambda: [decoder.decode(f.data) for f in router.frames][-1].values("pos") == [0.25, 0.5])
     assert e.process.poll() is None

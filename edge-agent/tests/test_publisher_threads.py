@@ -7,9 +7,10 @@ import time
 
 import pytest
 import zenoh
-from edge_stage import ROBOT, Router, until
+from edge_stage import ROBOT, Router
 from posecast_edge.uplink import publisher
 from posecast_edge.uplink.publisher import ZenohPublisher
+from posecast_testing import until
 
 LOOK_S = 0.3  # so long a question goes on after the end
 
@@ -22,7 +23,7 @@ def test_a_session_is_closed_only_when_no_question_is_asked_over_it(
 
     def ask_until_it_ends(self: ZenohPublisher, session: zenoh.Session) -> None:
         asks.set()
-        until(lambda: self._stopping, "the end", 20.0)
+        until("the end", lambda: self._stopping, 20.0)
         until_s = time.monotonic() + LOOK_S
         while not session.is_closed() and time.monotonic() < until_s:
             time.sleep(0.01)
@@ -31,7 +32,7 @@ def test_a_session_is_closed_only_when_no_question_is_asked_over_it(
     monkeypatch.setattr(ZenohPublisher, "_echo_of", ask_until_it_ends)
     link = ZenohPublisher(ROBOT, ["public"], router.endpoint, snapshot=lambda _: None, heard=lambda _: None)
     link.start()
-    until(asks.is_set, "it asks")
+    until("it asks", asks.is_set)
     link.stop(20.0)
     link.wait_for_end(20.0)
     assert closed == [False]
@@ -52,10 +53,10 @@ def test_the_end_waits_for_the_threads_of_callbacks(router: Router, monkeypatch:
     link = ZenohPublisher(ROBOT, ["public"], router.endpoint, snapshot=lambda _: None, heard=lambda _: None)
     before = set(threading.enumerate())
     link.start()
-    until(lambda: link.connected, "a link")
+    until("a link", lambda: link.connected)
     ours = set(threading.enumerate()) - before
     router.stop()
-    until(is_called.is_set, "the end of the link is told")
+    until("the end of the link is told", is_called.is_set)
     link.stop(20.0)
     waiting = threading.Thread(target=link.wait_for_end, args=(20.0,))
     waiting.start()

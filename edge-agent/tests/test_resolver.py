@@ -24,7 +24,8 @@ def named(folder: Path, name: str) -> Path:
 
 def test_beside_and_above(tmp_path: Path) -> None:
     arm = placed(tmp_path / "ws/foo_description/meshes/arm.STL")
-    bar = placed(tmp_path / "ws/bar/b.stl")
+    bar = placed(named(tmp_path / "ws/bar", "bar") / "b.stl")
+    placed(tmp_path / "ws/no_package/b.stl")
     named(tmp_path / "ws/foo_description", "foo_description")
     urdf = written(tmp_path / "ws/foo_description/urdf", robot(link("a")))
     resolver = Resolver(urdf)
@@ -42,6 +43,10 @@ def test_beside_and_above(tmp_path: Path) -> None:
         assert resolver.find_file(uri).path == arm, uri
         assert resolver.find_file(uri).hint is None
     assert resolver.find_file("package://bar/b.stl").path == bar
+    with pytest.raises(
+        ModelRefused, match=r"no package 'no_package' with a package\.xml or model\.config near"
+    ):
+        resolver.find_file("package://no_package/b.stl")
 
 
 def test_a_relative_name_may_start_from_a_folder_that_is_given(tmp_path: Path) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import itertools
 
 import posecast
-from edge_stage import ROBOT, Router, until
+from edge_stage import ROBOT, Router
+from posecast_testing import until
 from test_robot import Watched, publish_until
 
 POS = {"elbow": 0.4}
@@ -25,6 +26,33 @@ def test_a_field_and_a_joint_that_come_later_appear(router: Router) -> None:
         publish_until(robot, lambda: watched.sees(pos=later["pos"], effort=both), **later)
         assert robot.status().problems == {}
     assert count_schemas(router) == 2
+
+
+def test_a_bit_that_comes_later_appears(router: Router) -> None:
+    """Until then nothing is said of it: it isn't among the robot's bits."""
+    watched = Watched(router)
+    with posecast.Robot(ROBOT, relay=router.endpoint) as robot:
+        flags: dict[str, list[str]] = {"elbow": ["jam"], "wrist": []}
+        publish_until(robot, lambda: watched.sees(flags={"elbow": 1, "wrist": 0}), pos=POS, flags=flags)
+        assert "homed" not in watched.bits
+        flags = {"elbow": ["jam", "homed"], "wrist": ["odd"]}
+        publish_until(robot, lambda: bool(watched.look()) and "homed" in watched.bits, pos=POS, flags=flags)
+        homed, odd = (1 << watched.bits.index(bit) for bit in ("homed", "odd"))
+        publish_until(
+            robot, lambda: watched.sees(flags={"elbow": 1 + homed, "wrist": odd}), pos=POS, flags=flags
+        )
+        until("the new fault is an event", lambda: any(e["text"] == "odd" for e in router.events))
+        assert robot.status().problems == {}
+    assert count_schemas(router) == 2
+
+
+def test_a_fault_of_a_new_name_between_two_frames_is_an_event(router: Router) -> None:
+    watched = Watched(router)
+    with posecast.Robot(ROBOT, relay=router.endpoint) as robot:
+        publish_until(robot, lambda: watched.sees(pos=POS), pos=POS, flags={"elbow": []})
+        robot.publish(pos=POS, flags={"elbow": ["odd"]})
+        robot.publish(pos=POS, flags={"elbow": []})
+        until("both", lambda: [e["state"] for e in router.events if e["text"] == "odd"] == ["on", "off"])
 
 
 def test_a_fault_that_lasts_is_not_told_again_when_more_comes(router: Router) -> None:
@@ -60,5 +88,5 @@ def test_names_that_are_made_up_for_ever_do_not_stop_the_rest(router: Router) ->
             robot.publish(pos={"elbow": 0.7}, volt={f"v{next(numbers)}": 1.0})
             return watched.sees(pos={"elbow": 0.7}) and count_schemas(router) > 1
 
-        until(go_on, "it goes on")
+        until("it goes on", go_on)
         assert count_schemas(router) <= 1 + next(numbers) / 10  # not one for each call

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 import pytest
 import zenoh
 from command_stage import run_edge
-from edge_stage import ROBOT, Edge, Router, until
+from edge_stage import ROBOT, Edge, Router
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.registry import open_source
 from posecast_edge.sources.ros import ros2 as ros2_module
@@ -32,6 +32,7 @@ from posecast_edge.sources.ros.messages import (
     WRENCH,
 )
 from posecast_edge.sources.ros.ros2 import Inbox
+from posecast_testing import until
 from posecast_wire.command_line.installation import advise_extra
 from ros_stage import (
     Graph,
@@ -86,7 +87,7 @@ def test_the_base_by_transforms(graph: Graph, listen: Listen, moving: Move) -> N
 
     heard = listen(graph.source, PROFILE.replace("/odom", "odom→base_link"))
     moving(50, act)
-    until(lambda: "base" in heard.newest and "pos" in heard.newest, "base and joints")
+    until("base and joints", lambda: "base" in heard.newest and "pos" in heard.newest)
     base = heard.newest["base"]
     assert (base["base.y"], base["base.z"]) == (1, 2)
     assert heard.newest["baseq"] == {"base.w": 1, "base.x": 0, "base.y": 0, "base.z": 0}
@@ -110,7 +111,7 @@ def test_every_type_from_its_own_topic(graph: Graph, listen: Listen, moving: Mov
     heard = listen(graph.source, PROFILE)
     moving(50, act)
     fields = {"pos", "vel", "effort", "ref", "quat", "gyro", "acc", "ftf", "ftm", "volt", "base", "diag"}
-    until(lambda: fields <= set(heard.newest), "every field")
+    until("every field", lambda: fields <= set(heard.newest))
     values = heard.newest
     assert values["ref"] == {"hip": 0.25, "knee": 0.75}
     assert values["vel"] == {"hip": 0.5, "knee": 0.5}
@@ -138,23 +139,23 @@ def test_two_publishers_of_one_topic(graph: Graph, listen: Listen, moving: Move)
     heard = listen(graph.source, PROFILE)
     moving(50, act("hip", 1.0))
     leg = moving(50, act("knee", 2.0))
-    until(lambda: heard.newest.get("pos") == {"hip": 1.0, "knee": 2.0}, "both")
+    until("both", lambda: heard.newest.get("pos") == {"hip": 1.0, "knee": 2.0})
     leg.end()
-    until(lambda: heard.newest.get("pos") == {"hip": 1.0}, "the dead one's readings are gone")
+    until("the dead one's readings are gone", lambda: heard.newest.get("pos") == {"hip": 1.0})
 
 
 def test_a_robot_described_before_anybody_listened(graph: Graph, listen: Listen) -> None:
     urdf = "<robot name='r'><!--" + "x" * 140_000 + "--><link name='a'/></robot>"
     graph.latch("/robot_description", STRING, text_message(urdf))
     heard = listen(graph.source, None)
-    until(lambda: heard.urdfs == [urdf], "the description")
+    until("the description", lambda: heard.urdfs == [urdf])
 
 
 def test_a_description_that_comes_later_counts_too(graph: Graph, listen: Listen) -> None:
     heard = listen(graph.source, None)
-    until(lambda: heard.source.offers == [], "it runs")
+    until("it runs", lambda: heard.source.offers == [])
     graph.latch("/robot_description", STRING, text_message("<robot name='late'/>"))
-    until(lambda: heard.urdfs == ["<robot name='late'/>"], "the description")
+    until("the description", lambda: heard.urdfs == ["<robot name='late'/>"])
 
 
 def test_a_robot_behind_the_dds_bridge(graph: Graph, listen: Listen, moving: Move) -> None:
@@ -167,7 +168,7 @@ def test_a_robot_behind_the_dds_bridge(graph: Graph, listen: Listen, moving: Mov
         camera(b"\0\1\0\0" + bytes(1000))
 
     moving(50, act)
-    until(lambda: heard.newest.get("pos") == {"hip": 1.0, "knee": 2.0}, "positions")
+    until("positions", lambda: heard.newest.get("pos") == {"hip": 1.0, "knee": 2.0})
     assert [line.split()[:2] for line in heard.source.offers] == [
         ["/r1/camera", "sensor_msgs/Image"],
         ["/r1/joint_states", "sensor_msgs/JointState"],
@@ -184,7 +185,7 @@ def test_only_one_robot_of_several(graph: Graph, listen: Listen, moving: Move) -
         graph.publish("/r3/joint_states", JOINT_STATE, joint_state(1 + t_s, NAMES, [3.0, 3.0]), domain=7)
 
     moving(50, act)
-    until(lambda: len(one.samples) > 20 and len(domain.samples) > 20, "samples of both")
+    until("samples of both", lambda: len(one.samples) > 20 and len(domain.samples) > 20)
     assert {s.values["pos"]["hip"] for s in one.samples} == {1.0}  # type: ignore[call-overload]
     assert {s.values["pos"]["hip"] for s in domain.samples} == {3.0}  # type: ignore[call-overload]
 
@@ -214,9 +215,9 @@ def test_bad_payloads_are_told_and_the_good_ones_go_on(
         graph.publish("/joint_states", JOINT_STATE, joint_state(1 + t_s, NAMES, [1.0, 2.0]))
 
     moving(100, act)
-    until(lambda: not left, "all the bad ones", 30)
+    until("all the bad ones", lambda: not left, 30)
     n = len(heard.samples)
-    until(lambda: len(heard.samples) > n + 5, "good ones after them", 30)
+    until("good ones after them", lambda: len(heard.samples) > n + 5, 30)
     assert {"hip": 1.0, "knee": 2.0}.items() <= heard.newest["pos"].items()
     lines = [r.getMessage() for r in caplog.records]
     told = [
@@ -242,7 +243,7 @@ def test_of_a_flood_the_newest_arrives(graph: Graph, listen: Listen) -> None:
     stamps = flood(
         lambda t_s: graph.publish("/joint_states", JOINT_STATE, joint_state(t_s, names, [1.0] * 40)), heard
     )
-    until(lambda: heard.samples[-1].t_s == pytest.approx(stamps[-1], abs=1e-6), "the newest")
+    until("the newest", lambda: heard.samples[-1].t_s == pytest.approx(stamps[-1], abs=1e-6))
     assert len(heard.samples) < len(stamps)
 
 
@@ -265,14 +266,14 @@ def test_a_robot_that_goes_and_comes_back(
     began_s = time.monotonic()
 
     first = Mover(50, joints(graph))
-    until(lambda: len(heard.samples) > 10, "samples")
+    until("samples", lambda: len(heard.samples) > 10)
     first.end()
     graph.stop()
-    until(lambda: any("router lost" in r.getMessage() for r in caplog.records), "the loss is said")
+    until("the loss is said", lambda: any("router lost" in r.getMessage() for r in caplog.records))
     graph.start()
     n = len(heard.samples)
     again = Mover(50, joints(graph))
-    until(lambda: len(heard.samples) > n + 10, "samples again", 20)
+    until("samples again", lambda: len(heard.samples) > n + 10, 20)
     again.end()
     assert heard.samples[-1].t_s > began_s
 
@@ -280,10 +281,10 @@ def test_a_robot_that_goes_and_comes_back(
 def test_a_robot_that_is_not_there_yet(caplog: pytest.LogCaptureFixture) -> None:
     graph = Graph()
     heard = Listening(graph.source, PROFILE)
-    until(lambda: any("does not answer; still trying" in r.getMessage() for r in caplog.records), "a word")
+    until("a word", lambda: any("does not answer; still trying" in r.getMessage() for r in caplog.records))
     graph.start()
     mover = Mover(50, joints(graph))
-    until(lambda: len(heard.samples) > 5, "samples", 20)
+    until("samples", lambda: len(heard.samples) > 5, 20)
     mover.end()
     heard.end()
     graph.stop()
@@ -297,7 +298,7 @@ def test_stamps_that_stand_still_are_silence(
 ) -> None:
     heard = listen(graph.source, PROFILE)
     moving(50, lambda t: graph.publish("/joint_states", JOINT_STATE, joint_state(5.0, NAMES, [t, 2.0])))
-    until(lambda: any("stamps do not change" in r.getMessage() for r in caplog.records), "a word")
+    until("a word", lambda: any("stamps do not change" in r.getMessage() for r in caplog.records))
     assert len(heard.samples) == 1
 
 
@@ -307,7 +308,7 @@ def test_without_a_profile_the_first_sample_has_every_topic(
     heard = listen(graph.source, None)
     moving(50, joints(graph))
     moving(2, lambda t: graph.publish("/battery_state", BATTERY, battery(1 + t, 48.0, 1.0, math.nan)))
-    until(lambda: heard.samples != [], "the first sample")
+    until("the first sample", lambda: heard.samples != [])
     assert {"pos", "volt", "amp", "charge"} <= set(heard.samples[0].values)
 
 
@@ -320,7 +321,7 @@ def test_the_source_s_session_subscribes_and_the_uplink_s_does_not(
     flags = ("--robot", ROBOT, "--source", graph.source, "--relay", router.endpoint)
     edge = Edge("run", *flags, stdin=False)
     try:
-        until(lambda: len(router.frames) >= 5, "frames at the relay", 20)
+        until("frames at the relay", lambda: len(router.frames) >= 5, 20)
         assert router.session is not None
         assert graph.router is not None
         assert graph.nodes is not None

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from posecast_edge.sources.ros.merge import (
     HOLD_S,
+    LABELS_MAX,
     SETTLE_S,
     SETTLED_S,
     STATE_S,
@@ -139,6 +140,15 @@ def test_publishers_without_end_do_not_fill_the_memory() -> None:
     values = robot.values()
     assert len(values["pos"]) == STRANDS_MAX
     assert f"j{STRANDS_MAX + 49}" in values["pos"]
+
+
+def test_a_publisher_that_goes_on_for_long_takes_nothing_from_the_others() -> None:
+    robot = Robot()
+    robot.pos(LEG, 0.5)
+    arms = {"pos": {f"arm{k}": 0.0 for k in range(1000)}}
+    for k in range(2 * LABELS_MAX // 1000):
+        robot.pos(arms, k + 1.0)
+    assert robot.values() == {"pos": LEG["pos"] | arms["pos"]}
 
 
 def test_time_that_stands_still_is_silence_and_noticed() -> None:

@@ -16,9 +16,11 @@ from posecast_edge.sources.ros.messages import (
     MAX_STATUSES,
     ODOMETRY,
     WRENCH,
+    Report,
     RosMessageError,
     get_text,
     read_message,
+    read_transforms,
     shorten_type,
 )
 
@@ -179,18 +181,132 @@ def test_of_endless_diagnostics_the_first_count() -> None:
     )
 
 
+GOOD = {"a": 1.0, "b": 2.0}
+SHORT: list[tuple[dict[str, Any], dict[str, Any], list[str]]] = [
+    ({"effort": [1.0]}, {"pos": GOOD}, ["effort has 1 value, name 2"]),
+    ({"velocity": [1.0] * 3}, {"pos": GOOD}, ["velocity has 3 values, name 2"]),
+    ({"position": [1.0], "effort": [1, 2]}, {"effort": GOOD}, ["position has 1 value, name 2"]),
+    ({"effort": ["x", "y"]}, {"pos": GOOD}, ["effort of 'a' is 'x', not a number"]),
+    ({"effort": [[1.0], [2.0]]}, {"pos": GOOD}, ["effort of 'a' is a list, not a number"]),
+    ({"effort": "none"}, {"pos": GOOD}, ["effort is str, not a list of numbers"]),
+    ({"effort": {"a": 1.0}}, {"pos": GOOD}, ["effort is dict, not a list of numbers"]),
+    ({"effort": None, "velocity": None}, {"pos": GOOD}, []),
+    ({"position": [1, "x"]}, {"pos": {"a": 1.0, "b": None}}, ["position of 'b' is 'x', not a number"]),
+    ({"position": [True, 2]}, {"pos": {"a": None, "b": 2.0}}, ["position of 'a' is 'True', not a number"]),
+    ({"position": [1, 10**400]}, {"pos": {"a": 1.0, "b": None}}, ["position of 'b' is too large"]),
+    ({"name": ["a", 7]}, {"pos": {"a": 1.0}}, ["name[1] is a int, not a text"]),
+    ({"name": ["a", ["b"]]}, {"pos": {"a": 1.0}}, ["name[1] is a list, not a text"]),
+    ({"name": ["a", None]}, {"pos": {"a": 1.0}}, ["name[1] is a NoneType, not a text"]),
+    ({"name": ["a", "x" * 201]}, {"pos": {"a": 1.0}}, ["name[1] has 201 characters, at most 200"]),
+    ({"name": ["a", "a"]}, {"pos": {"a": 1.0}}, ["name[1] is 'a' again"]),
+    ({"header": None}, {"pos": GOOD}, []),
+    ({"header": {"stamp": "now"}}, {"pos": GOOD}, ["header.stamp is no time (the time of arrival counts)"]),
+    (
+        {"header": {"stamp": {"sec": "5", "nanosec": 0}}},
+        {"pos": GOOD},
+        ["header.stamp is no time (the time of arrival counts)"],
+    ),
+    (
+        {"header": {"stamp": {"sec": 10**400, "nanosec": 0}}},
+        {"pos": GOOD},
+        ["header.stamp: OverflowError: int too large to convert to float"],
+    ),
+]
+
+
+@pytest.mark.parametrize(("members", "values", "left_out"), SHORT)
+def test_one_bad_part_of_a_joint_state_is_left_out_and_named(
+    members: dict[str, Any], values: dict[str, Any], left_out: list[str]
+) -> None:
+    report = read_message(JOINT_STATE, joints(position=[1.0, 2.0]) | members)
+    assert report.values == values
+    assert list(report.left_out.values()) == left_out
+    assert report.stamp_s == (None if "header" in members else 5.25)
+
+
+def test_members_that_json_leaves_out_are_empty() -> None:
+    report = read_message(JOINT_STATE, {"name": ["a"], "position": [1.0]})
+    assert report == Report(None, {"pos": {"a": 1.0}})
+
+
+def test_names_that_no_schema_can_hold_are_left_to_where_schemas_are_made() -> None:
+    names = ["", "elbow\t", "\ud800", "x" * 200]
+    report = read_message(JOINT_STATE, joints(name=names, position=[1.0] * 4))
+    assert list(report.values["pos"]) == names
+
+
+@pytest.mark.parametrize(
+    "stamp",
+    [
+        {"sec": 5, "nanosec": 250_000_000},
+        {"secs": 5, "nsecs": 250_000_000},
+        {"sec": 5, "nsec": 250_000_000},
+        {"sec": 5.0, "nsec": 250_000_000.0},
+    ],
+)
+def test_a_time_is_read_as_either_ros_and_foxglove_write_it(stamp: dict[str, int]) -> None:
+    header = {"stamp": stamp, "frame_id": ""}
+    assert read_message(JOINT_STATE, joints(position=[1, 2], header=header)).stamp_s == 5.25
+
+
+def test_an_imu_and_its_parts() -> None:
+    message = imu(angular_velocity={"x": 0.1}, linear_acceleration_covariance="?")
+    del message["orientation"], message["orientation_covariance"]
+    report = read_message(IMU, message)
+    assert report.values == {"acc": {"pelvis.x": 1.0, "pelvis.y": 2.0, "pelvis.z": 9.0}}
+    assert list(report.left_out.values()) == [
+        "orientation: no member 'orientation'",
+        "angular_velocity: no member 'y'",
+        "linear_acceleration_covariance is str, not a list of numbers",
+    ]
+    for frame_id in (7, "\ud800", "x" * 201):
+        report = read_message(IMU, imu({**ROS_2, "frame_id": frame_id}))
+        assert ("imu.x" in report.values["acc"], report.links) == (True, {})
+        assert list(report.left_out) == ["frame_id"]
+
+
+def test_other_sensors_and_their_parts() -> None:
+    wrench = {"force": ZERO, "torque": [1, 2, 3]}
+    report = read_message(WRENCH, {"wrench": wrench}, site="RF")
+    assert (set(report.values), list(report.left_out)) == ({"ftf"}, ["torque"])
+    report = read_message(BATTERY, {"voltage": 24.0, "current": "1", "power_supply_status": "full"})
+    assert (report.values, report.info) == ({"volt": {"main": 24.0}}, {"battery": "unknown"})
+    assert list(report.left_out.values()) == [
+        "current is '1', not a number",
+        "percentage: no member 'percentage'",
+    ]
+    report = read_message(ODOMETRY, {"pose": {"pose": {"position": ZERO}}})
+    assert (set(report.values), list(report.left_out)) == ({"base"}, ["orientation"])
+    statuses = [
+        {"level": 9, "name": "a", "message": ""},
+        {"level": 1, "name": "b", "message": "hot"},
+        {"level": 2, "name": 7, "message": ""},
+    ]
+    report = read_message(DIAGNOSTICS, {"status": statuses})
+    assert report.values == {"diag": {"b": ["warn"]}}
+    assert list(report.left_out) == ["status[0]", "status[2]"]
+
+
+def test_one_bad_transform_leaves_the_others() -> None:
+    pose = {"translation": ZERO, "rotation": {"x": 0, "y": 0, "z": 0, "w": 1}}
+    good = {"header": {"frame_id": "odom"}, "child_frame_id": "base", "transform": pose}
+    bad = [{**good, "child_frame_id": 5}, {**good, "transform": None}, 7]
+    found, left_out = read_transforms({"transforms": [bad[0], good, *bad[1:]]})
+    assert [(one.parent, one.child) for one in found] == [("odom", "base")]
+    assert list(left_out) == ["transforms[0]", "transforms[2]", "transforms[3]"]
+    with pytest.raises(RosMessageError, match=r"transforms\[0\]: child_frame_id is int, not a text"):
+        read_transforms({"transforms": bad})
+
+
 @pytest.mark.parametrize(
     ("type_name", "message", "words"),
     [
-        (JOINT_STATE, joints(position=[1.0]), "position has 1 values, name 2"),
+        (JOINT_STATE, joints(position=[1.0]), "position has 1 value, name 2"),
         (JOINT_STATE, joints(), "a JointState without positions"),
         (JOINT_STATE, joints(name=[]), "a JointState without joints"),
-        (JOINT_STATE, joints(name=["a", 1], position=[1, 2]), "name is not a list of names"),
-        (JOINT_STATE, joints(name=["a", ""], position=[1, 2]), "name is not a list of names"),
         (JOINT_STATE, joints(position="12"), "position is str, not a list of numbers"),
-        (JOINT_STATE, joints(position=[1, "x"]), "position is 'x', not a number"),
-        (JOINT_STATE, joints(position=[1, True]), "position is 'True', not a number"),
-        (JOINT_STATE, {"name": ["a"], "position": [1.0], "velocity": [], "effort": []}, "no member 'header'"),
+        (JOINT_STATE, joints(position=["x", "y"]), "position of 'a' is 'x', not a number"),
+        (JOINT_STATE, joints(name="ab", position=[1, 2]), "name is not a list of names"),
         (JOINT_STATE, [], "no member 'name'"),
         (JOINT_STATE, None, "no member 'name'"),
         (IMU, {"header": ROS_2}, "no member 'orientation'"),
@@ -203,11 +319,6 @@ def test_of_endless_diagnostics_the_first_count() -> None:
             "level is '?'",
         ),
         (CONTROLLER_STATE, {"header": ROS_2, "joint_names": ["a"]}, "without target positions"),
-        (
-            JOINT_STATE,
-            joints(position=[1, 2], header={"stamp": {"sec": "5", "nanosec": 0}}),
-            "the timestamp is not a time",
-        ),
     ],
 )
 def test_a_message_that_is_not_its_type_is_named(type_name: str, message: Any, words: str) -> None:

@@ -13,11 +13,11 @@ from typing import Any
 
 import cbor2
 import pytest
-from edge_stage import free_port, until
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.registry import open_source
 from posecast_edge.sources.ros import rosbridge as rosbridge_module
 from posecast_edge.sources.ros.messages import DIAGNOSTICS, JOINT_STATE
+from posecast_testing import free_port, until
 from posecast_wire.command_line.installation import advise_extra
 from rosbridge_stage import Rosbridge, joint_state, ros_1, ros_2
 from source_stage import Listen, Move, Mover, flood
@@ -59,7 +59,7 @@ def test_either_ros_in_either_encoding(
     server = bridge({"/joint_states": version(JOINT_STATE), "/camera": version("sensor_msgs/Image")})
     heard = listen(server.source, profile)
     moving(50, lambda t: server.publish("/joint_states", joint_state(9 + t, NAMES, [t, 2.0], version)))
-    until(lambda: len(heard.samples) > 10, "samples")
+    until("samples", lambda: len(heard.samples) > 10)
     t_s, values = heard.last
     assert values["pos"]["knee"] == 2.0
     assert t_s == pytest.approx(9 + values["pos"]["hip"], abs=1e-6)
@@ -91,7 +91,7 @@ def test_the_base_by_transforms(
         server.publish("/tf", {"transforms": [moved]})
 
     moving(50, act)
-    until(lambda: "base" in heard.newest, "base")
+    until("base", lambda: "base" in heard.newest)
     assert heard.newest["base"] == {"base.x": 2.5, "base.y": 0, "base.z": 0}
     wishes = {w["topic"]: w for w in server.asked if w["op"] == "subscribe"}
     assert wishes["/tf"]["type"] == type_name
@@ -101,11 +101,11 @@ def test_the_base_by_transforms(
 def test_the_last_value_before_a_pause_arrives(bridge: Callable[..., Rosbridge], listen: Listen) -> None:
     server = bridge()
     heard = listen(server.source, PROFILE)
-    until(lambda: server.subscribed == {"/joint_states"}, "a subscription")
+    until("a subscription", lambda: server.subscribed == {"/joint_states"})
     for burst in range(3):
         for k in range(200):  # far faster than the throttle
             server.publish("/joint_states", joint_state(1 + burst + k / 1000, NAMES, [burst, k]))
-        until(lambda: heard.newest.get("pos") == {"hip": burst, "knee": 199}, "the last of a burst")  # noqa: B023
+        until("the last of a burst", lambda: heard.newest.get("pos") == {"hip": burst, "knee": 199})  # noqa: B023
     assert server.sent < 300  # most were never sent
 
 
@@ -114,7 +114,7 @@ def test_a_topic_of_two_publishers_is_not_throttled(bridge: Callable[..., Rosbri
     server = bridge()
     server.publishers["/joint_states"] = 2
     heard = listen(server.source, PROFILE)
-    until(lambda: server.subscribed == {"/joint_states"}, "a subscription")
+    until("a subscription", lambda: server.subscribed == {"/joint_states"})
     assert "throttle_rate" not in next(w for w in server.asked if w["op"] == "subscribe")
 
     def both(t_s: float) -> None:
@@ -122,7 +122,7 @@ def test_a_topic_of_two_publishers_is_not_throttled(bridge: Callable[..., Rosbri
         server.publish("/joint_states", joint_state(1 + t_s, ["knee"], [2.0]))
 
     mover = Mover(200, both)
-    until(lambda: heard.newest.get("pos") == {"hip": 1.0, "knee": 2.0}, "both")
+    until("both", lambda: heard.newest.get("pos") == {"hip": 1.0, "knee": 2.0})
     mover.end()
 
 
@@ -131,7 +131,7 @@ def test_fragments(bridge: Callable[..., Rosbridge], listen: Listen, moving: Mov
     server.fragment = 50
     heard = listen(server.source, PROFILE)
     moving(50, lambda t: server.publish("/joint_states", joint_state(1 + t, NAMES, [1.0, 2.0])))
-    until(lambda: heard.newest.get("pos") == {"hip": 1.0, "knee": 2.0}, "a message put together")
+    until("a message put together", lambda: heard.newest.get("pos") == {"hip": 1.0, "knee": 2.0})
 
 
 def test_a_server_that_dies_and_comes_back(
@@ -142,14 +142,14 @@ def test_a_server_that_dies_and_comes_back(
     caplog.set_level(logging.INFO, "posecast_edge")
     port = free_port()
     heard = listen(f"rosbridge://127.0.0.1:{port}", PROFILE)
-    until(lambda: any("still trying" in r.getMessage() for r in caplog.records), "a word")
+    until("a word", lambda: any("still trying" in r.getMessage() for r in caplog.records))
 
     def live(life: float) -> None:
         server = bridge(port=port)
-        until(lambda: server.subscribed == {"/joint_states"}, "a subscription")
+        until("a subscription", lambda: server.subscribed == {"/joint_states"})
         state = joint_state(life * 100, NAMES, [life, 0])
         mover = Mover(50, lambda _: server.publish("/joint_states", state))
-        until(lambda: heard.newest.get("pos", {}).get("hip") == life, "positions of this life")
+        until("positions of this life", lambda: heard.newest.get("pos", {}).get("hip") == life)
         mover.end()
         server.stop()
 
@@ -172,8 +172,8 @@ def test_a_server_that_hangs_is_told_once_without_a_traceback(
             assert key is not None
             upgrade = "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
             link.sendall(f"{upgrade}Sec-WebSocket-Accept: {accept_key(key[1].decode())}\r\n\r\n".encode())
-            until(lambda: any("still trying" in r.getMessage() for r in caplog.records), "a word")
-            until(lambda: not any("(keepalive)" in t.name for t in threading.enumerate()), "its end")
+            until("a word", lambda: any("still trying" in r.getMessage() for r in caplog.records))
+            until("its end", lambda: not any("(keepalive)" in t.name for t in threading.enumerate()))
     told = [r.getMessage() for r in caplog.records if r.levelno >= logging.WARNING]
     assert [text.partition("; ")[0].partition(": ")[2] for text in told] == ["the server no longer answers"]
     assert not any(r.exc_info for r in caplog.records)
@@ -184,9 +184,9 @@ def test_what_the_server_says_on_parting_is_told_once(
 ) -> None:
     server = bridge()
     listen(server.source, PROFILE)
-    until(lambda: server.subscribed == {"/joint_states"}, "a subscription")
+    until("a subscription", lambda: server.subscribed == {"/joint_states"})
     server.part(1001, "for lunch")
-    until(lambda: "still trying" in caplog.text, "a word")
+    until("a word", lambda: "still trying" in caplog.text)
     url = f"ws://127.0.0.1:{server.port}"
     assert (
         f"{url}: the server closed the connection: 1001 (going away) for lunch; still trying" in caplog.text
@@ -201,7 +201,7 @@ def test_nonsense_is_told_and_the_rest_goes_on(
 ) -> None:
     server = bridge()
     heard = listen(server.source, PROFILE)
-    until(lambda: server.subscribed == {"/joint_states"}, "a subscription")
+    until("a subscription", lambda: server.subscribed == {"/joint_states"})
     wrong = joint_state(1.0, NAMES, [1.0])
     nonsense: list[str | bytes] = [
         '{"op": "png", "data": "iVBORw0KGgo="}',
@@ -222,13 +222,31 @@ def test_nonsense_is_told_and_the_rest_goes_on(
         server.publish("/joint_states", joint_state(1 + t_s, NAMES, [1.0, 2.0]))
 
     moving(30, act)
-    until(lambda: len(heard.samples) > 20, "samples all the while")
+    until("samples all the while", lambda: len(heard.samples) > 20)
     assert heard.newest["pos"] == {"hip": 1.0, "knee": 2.0}
     lines = [r.getMessage() for r in caplog.records]
     assert "rosbridge: PNG compression is not supported, and was not requested" in lines
-    assert "/joint_states: position has 1 values, name 2" in lines
+    assert "/joint_states: position has 1 value, name 2" in lines
     assert "rosbridge says: something about /joint_states" in lines
     assert len(lines) < 12, lines
+
+
+def test_one_bad_part_of_every_message_is_named_once(
+    bridge: Callable[..., Rosbridge], listen: Listen, moving: Move, caplog: pytest.LogCaptureFixture
+) -> None:
+    server = bridge()
+    heard = listen(server.source, PROFILE)
+
+    def act(t_s: float) -> None:
+        state = joint_state(1 + t_s, NAMES, [1.0, 2.0]) | {"effort": [round(99 * t_s)] * 3}
+        del state["velocity"]
+        server.publish("/joint_states", state)
+
+    moving(30, act)
+    until("samples", lambda: len(heard.samples) > 20)
+    assert heard.newest == {"pos": {"hip": 1.0, "knee": 2.0}}
+    assert caplog.messages.count("/joint_states: effort has 3 values, name 2; it is left out") == 1
+    assert len([line for line in caplog.messages if "/joint_states" in line]) == 1
 
 
 def test_without_rosapi_topics_are_asked_for_by_name(
@@ -244,10 +262,10 @@ def test_without_rosapi_topics_are_asked_for_by_name(
         server.publish("/target", controller | {"header": state["header"]})
 
     moving(30, act)
-    until(lambda: set(heard.newest) == {"pos", "ref"}, "both")
+    until("both", lambda: set(heard.newest) == {"pos", "ref"})
     assert heard.newest == {"pos": {"hip": 1.0, "knee": 2.0}, "ref": {"hip": 0.5, "knee": 0.6}}
     until(
-        lambda: "/robot_description" in {w.get("topic") for w in server.asked}, "its description is asked for"
+        "its description is asked for", lambda: "/robot_description" in {w.get("topic") for w in server.asked}
     )
 
 
@@ -257,19 +275,50 @@ def test_a_topic_that_appears_later(
     moving: Move,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(rosbridge_module, "LOOK_S", 0.3)
+    monkeypatch.setattr(rosbridge_module, "LOOK_S", (0.3, 10.0))
     server = bridge({})
     heard = listen(server.source, PROFILE)
-    until(lambda: len(server.asked) >= 2, "it asks again")
+    until("it asks again", lambda: len(server.asked) >= 2)
     server.topics["/joint_states"] = ros_1(JOINT_STATE)
     moving(50, lambda t: server.publish("/joint_states", joint_state(1 + t, NAMES, [1.0, 2.0], ros_1)))
-    until(lambda: len(heard.samples) > 5, "samples")
+    until("samples", lambda: len(heard.samples) > 5)
+
+
+def test_a_publisher_that_joins_a_topic_ends_its_throttle(
+    bridge: Callable[..., Rosbridge], listen: Listen, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rosbridge_module, "LOOK_S", (0.1, 10.0))
+    server = bridge({"/joint_states": ros_2(JOINT_STATE)})
+    listen(server.source, PROFILE)
+
+    def throttles() -> list[object]:
+        return [w.get("throttle_rate") for w in list(server.asked) if w["op"] == "subscribe"]
+
+    until("one subscription", lambda: throttles() == [rosbridge_module.THROTTLE_MS])
+    server.publishers["/joint_states"] = 2
+    until("another without a throttle", lambda: throttles() == [rosbridge_module.THROTTLE_MS, None])
+    asked = len(server.asked)
+    until("it goes on asking", lambda: len(server.asked) > asked + 3)
+    assert len(throttles()) == 2
+
+
+def test_a_server_that_answers_slowly_is_asked_less_often(
+    bridge: Callable[..., Rosbridge], listen: Listen, moving: Move, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rosbridge_module, "LOOK_S", (0.01, 10.0))
+    monkeypatch.setattr(rosbridge_module, "LOOK_SHARE", 1e-9)  # any time is long
+    server = bridge({"/joint_states": ros_2(JOINT_STATE)})
+    heard = listen(server.source, PROFILE)
+    moving(50, lambda t: server.publish("/joint_states", joint_state(1 + t, NAMES, [1.0, 2.0])))
+    until("samples", lambda: len(heard.samples) > 20)
+    services = [w["service"] for w in list(server.asked) if w["op"] == "call_service"]
+    assert services.count("/rosapi/topics") == 1
 
 
 def test_diagnostics_are_never_throttled(bridge: Callable[..., Rosbridge], listen: Listen) -> None:
     server = bridge({"/diagnostics": ros_2(DIAGNOSTICS)})
     listen(server.source, PROFILE)
-    until(lambda: server.subscribed == {"/diagnostics"}, "a subscription")
+    until("a subscription", lambda: server.subscribed == {"/diagnostics"})
     assert "throttle_rate" not in server.asked[-1]
 
 
@@ -279,8 +328,8 @@ def test_the_description_of_either_ros(bridge: Callable[..., Rosbridge], listen:
     one = bridge({"/joint_states": JOINT_STATE})
     one.parameters["/robot_description"] = "<robot name='one'/>"
     of_two, of_one = listen(two.source, None), listen(one.source, None)
-    until(lambda: of_two.urdfs == ["<robot name='two'/>"], "the topic")
-    until(lambda: of_one.urdfs == ["<robot name='one'/>"], "the parameter")
+    until("the topic", lambda: of_two.urdfs == ["<robot name='two'/>"])
+    until("the parameter", lambda: of_one.urdfs == ["<robot name='one'/>"])
 
 
 def test_of_a_flood_the_newest_arrives(bridge: Callable[..., Rosbridge], listen: Listen) -> None:
@@ -289,9 +338,9 @@ def test_of_a_flood_the_newest_arrives(bridge: Callable[..., Rosbridge], listen:
     server.publishers["/joint_states"] = 2
     names = [f"joint{i}" for i in range(40)]
     heard = listen(server.source, None)
-    until(lambda: server.subscribed == {"/joint_states"}, "a subscription")
+    until("a subscription", lambda: server.subscribed == {"/joint_states"})
     stamps = flood(lambda t_s: server.publish("/joint_states", joint_state(t_s, names, [1.0] * 40)), heard)
-    until(lambda: heard.samples[-1].t_s == pytest.approx(stamps[-1], abs=1e-6), "the newest", 20)
+    until("the newest", lambda: heard.samples[-1].t_s == pytest.approx(stamps[-1], abs=1e-6), 20)
 
 
 @pytest.mark.parametrize("address", ["", "host name", "host:99999", "http://host", "host?x=1"])

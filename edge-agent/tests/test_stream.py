@@ -6,6 +6,7 @@ import random
 
 import pytest
 from edge_stage import PROFILE
+from posecast_edge.part_log import NAMED_MAX
 from posecast_edge.pipeline.stream import Stream
 from posecast_edge.profile.reader import parse_profile
 from posecast_edge.profile.schema import infer_profile
@@ -72,7 +73,9 @@ def test_info_stays_bounded() -> None:
     s = Stream(parse_profile(PROFILE), 4.0, said.append)
     for i in range(200):
         s.deliver(Sample(0.0, {}, {f"k{i}": "v"}, where=f"line {i}"), 0.0)
-    assert said == ["line 64: info 'k64' is left out: at most 64 texts, 12000 bytes in all"]
+    left_out = "is left out: at most 64 texts, 12000 bytes in all"
+    assert said[:2] == [f"line 64: info 'k64' {left_out}", f"line 65: info 'k65' {left_out}"]
+    assert len(said) == NAMED_MAX + 1
     s.deliver(Sample(0.0, {"pos": [0.0, 0.0]}, {"k0": "new"}), 0.0)
     s.tick(0.0)
     snapshot = s.make_snapshot(None, 0.0)
@@ -81,16 +84,14 @@ def test_info_stays_bounded() -> None:
     assert snapshot.info["k0"] == "new"
 
 
-def test_texts_left_out_are_told_when_they_change_and_not_for_each_sample() -> None:
+def test_texts_left_out_are_told_once_and_not_for_each_sample() -> None:
     said: list[str] = []
     s = Stream(parse_profile(PROFILE), 4.0, said.append)
     texts = {f"k{i}": "v" for i in range(66)}
     for second in range(10):
         s.deliver(Sample(second, {}, {**texts, "k0": str(second)}), second)
     left_out = "is left out: at most 64 texts, 12000 bytes in all"
-    assert said == [f"info 'k64' {left_out}", f"1 more texts too many, the newest: info 'k65' {left_out}"]
-    s.deliver(Sample(10.0, {}, {**texts, "k65": "w"}), 10.0)
-    assert said[2:] == [f"info 'k65' {left_out}"]
+    assert said == [f"info 'k64' {left_out}", f"info 'k65' {left_out}"]
 
 
 def test_a_text_that_found_no_room_is_taken_once_there_is_some() -> None:
@@ -223,3 +224,17 @@ def test_more_channels_are_a_new_schema_and_faults_stay_told() -> None:
     cleared = more._replace(t_s=0.2, values={"flags": {"arm": [], "leg": ["jam"]}})
     told = [(e.source, e.text, e.on) for e in s.deliver(cleared, 0.2)]
     assert told == [("arm", "jam", False), ("leg", "jam", True)]
+
+
+@pytest.mark.parametrize("exact", [False, True])
+def test_a_value_that_no_code_has_is_no_reading(exact: bool) -> None:
+    said: list[str] = []
+    s = Stream(parse_profile(PROFILE), 4.0, said.append)
+    s.deliver(Sample(0.0, {"pos": [0.5, 1e300]}, exact=exact), 0.0)
+    frame = s.tick(0.0)
+    assert frame is not None
+    decoder = Decoder()
+    decoder.add_schema(s.schema.text)
+    assert decoder.decode(frame.data).values("pos") == [pytest.approx(0.5, abs=0.001), None]
+    assert len(said) == 1
+    assert " is 1e+300, beyond ±" in said[0]

@@ -15,7 +15,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from edge_stage import ROBOT, until
+from edge_stage import ROBOT
+from posecast_testing import until
 
 pytestmark = [
     pytest.mark.full,
@@ -107,9 +108,9 @@ def test_the_pose_at_the_relay_is_never_older_than_three_seconds(uplink: Callabl
                     return
 
         threading.Thread(target=feed, daemon=True).start()
-        until(lambda: len(arrived) > 0, "the first frame", 30)
+        until("the first frame", lambda: len(arrived) > 0, 30)
         began_s = time.monotonic()
-        until(lambda: time.monotonic() - began_s > RUN_S, "the run", RUN_S + 10)
+        until("the run", lambda: time.monotonic() - began_s > RUN_S, RUN_S + 10)
         stop.set()
     finally:
         for process in (edge, router):

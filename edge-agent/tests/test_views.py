@@ -8,7 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import zenoh
-from edge_stage import PROFILE, ROBOT, Edge, Router, until
+from edge_stage import PROFILE, ROBOT, Edge, Router
+from posecast_testing import until
 from posecast_wire.decoder import Decoder
 from posecast_wire.keys import Snapshot, event_key, frame_key, snapshot_key
 
@@ -57,7 +58,7 @@ def test_each_view_is_a_stream_of_its_own(router: Router, edge: Callable[..., Ed
         return [f.data for f in list(router.frames) if f.key == keys[view]]
 
     try:
-        until(lambda: len(of("public")) >= 10 and len(events()) >= 2, "frames and events")
+        until("frames and events", lambda: len(of("public")) >= 10 and len(events()) >= 2)
         public, lab = len(of("public")), len(of("lab"))
         assert lab > 3 * public, "each at its own rate"
         assert set(events()) == {event_key(ROBOT, "lab")}, "a fault is no business of a view without flags"

@@ -142,7 +142,7 @@ def test_a_urdf_that_xacro_made_is_a_urdf(tmp_path: Path) -> None:
 REFUSED = {
     "<xacro:include filename='/etc/passwd'/>": "'/etc/passwd': is outside the model's folders; give its",
     "<xacro:include filename='../other.xacro'/>": "is outside the model's folders",
-    "<xacro:include filename='.hidden/a.xacro'/>": "is outside the model's folders",
+    "<xacro:include filename='.hidden/a.xacro'/>": "has a name on its path that begins with a dot; give its",
     "<a x=\"${xacro.load_yaml('/etc/hosts')}\"/>": "is outside the model's folders",
     "<xacro:include filename='link.xacro'/>": "is outside the model's folders",
     "<xacro:include filename='http://h/a.xacro'/>": "files are not downloaded",
@@ -160,7 +160,7 @@ REFUSED = {
     '<a x="${len([0 for i in range(10 ** 9)])}"/>': "it takes more than 256 MiB to expand",
     '<a x="$(env HOME)"/>': "the environment variable 'HOME': a robot's file can't read your environment",
     '<a x="$(arg gone)"/>': "it needs the argument 'gone': --xacro-arg gone:=VALUE",
-    '<a x="$(find gone)"/>': "no package 'gone' near the robot's file; give its folder with --package-path",
+    '<a x="$(find gone)"/>': "no package 'gone' with a package.xml or model.config near the robot's file",
     '<a x="${gone}"/>': "name 'gone' is not defined when evaluating expression 'gone'",
     "<a x=\"${xacro.fatal('my\nown\u202e words')}\"/>": "my own",
     "<b": "not XML: not well-formed",
@@ -222,6 +222,9 @@ def test_the_second_line_holds_by_itself(what: str, tmp_path: Path) -> None:
         expansion._audit("open", ("/etc/hostname", "r", 0))
     with pytest.raises(PermissionError):
         expansion._audit("open", (str(tmp_path / "robot.xacro"), None, os.O_RDWR))
+    expansion._audit("open", (str(child.PYTHON / "base64.py"), "r", 0))
+    with pytest.raises(PermissionError):  # it may be the owner's own program
+        expansion._audit("open", (str(child.PYTHON / "site-packages/mine.py"), "r", 0))
 
 
 @pytest.mark.parametrize(

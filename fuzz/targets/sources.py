@@ -11,10 +11,11 @@ import json
 from collections.abc import Iterable
 
 from posecast_edge.model.moving_joints import MovingJoint
+from posecast_edge.pipeline.inferred_channels import InferredChannels
 from posecast_edge.pipeline.stream import Stream
 from posecast_edge.pipeline.text_guard import TextGuard
 from posecast_edge.profile.reader import ProfileError, load_profile, parse_profile
-from posecast_edge.profile.schema import infer_profile, make_schema_text
+from posecast_edge.profile.schema import make_schema_text
 from posecast_edge.profile.types import Profile
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.files.csv import Table
@@ -81,14 +82,20 @@ def shown(samples: Iterable[Sample], profile: Profile | None = None) -> None:
     """Samples as an agent treats them: the schema of the first, then frames that a decoder reads."""
     stream: Stream | None = None
     guard = TextGuard(hear)
+    channels = InferredChannels("demo", hear)
     decoder = Decoder()
     for i, sample in enumerate(itertools.islice(samples, SAMPLES_MAX)):
         now_s = i / 30
-        sample = guard.clean(sample, now_s)  # noqa: PLW2901 - as an agent does
+        sample = guard.clean(sample)  # noqa: PLW2901 - as an agent does
+        if profile is None:
+            sample = channels.take(sample, now_s)  # noqa: PLW2901
+        used = profile or channels.profile
+        if used is None:
+            continue
         if stream is None:
-            made = profile or infer_profile("demo", guard.clean_names(sample, now_s))
-            stream = Stream(made, 4.0, hear)
-            decoder.add_schema(stream.schema.text)
+            stream = Stream(used, 4.0, hear, says_unknown=profile is not None)
+        stream.change_profile(used)
+        decoder.add_schema(stream.schema.text)
         events = stream.deliver(sample, now_s)
         json.dumps([[e.level, e.source, e.text, e.on] for e in events], ensure_ascii=False).encode()
         frame = stream.tick(now_s)
@@ -107,7 +114,7 @@ def jsonl(data: bytes) -> None:
         try:
             sample, wrong = parse_line(line, 12.5, "line")
             found.append(sample)
-            for text in wrong:
+            for text in wrong.values():
                 hear(text)
         except LineError as e:
             refused = e
@@ -201,7 +208,7 @@ def ros_message(name: str, message: object) -> None:
         joints = JointFrames(hear)
         joints.set_joints(ARM)
         for at_s in (1.0, 7.0):
-            joints.take_transforms(read_transforms(message), False, at_s)
+            joints.take_transforms(read_transforms(message)[0], False, at_s)
             joints.check_time(at_s)
         return
     report = read_message(name, message)

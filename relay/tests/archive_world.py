@@ -16,8 +16,9 @@ from posecast_relay.core.past.kept_segment import KeptSegment
 from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.past_source import PastSource
 from posecast_relay.past_source_memory import MemoryPastSource
+from posecast_testing import until_async
 
-from .past_doors import PAGE_MS, PastDoors, Rules, make_kept, until
+from .past_doors import PAGE_MS, PastDoors, Rules, make_kept
 
 QUICK_S = (0.01, 0.05)  # pauses after a failure
 KEEP_S = 30 * 86400.0
@@ -69,7 +70,7 @@ class ArchiveWorld:
 
     async def written(self) -> None:
         """Wait until nothing waits."""
-        await until("all is written", lambda: not self.writer.waiting_bytes)
+        await until_async("all is written", lambda: not self.writer.waiting_bytes)
 
     async def index(self) -> None:
         """Write all indexes, as at a stop."""

@@ -31,11 +31,10 @@ from posecast_relay.store_memory import MemoryStore
 from posecast_relay.streaming.decode_cache import DecodeCache
 from posecast_relay.streaming.sse import make_http_protocol
 from posecast_relay.streaming.websocket import LiveSocket
+from posecast_testing import free_port
 from posecast_wire import Close
 from websockets.frames import Frame, Opcode
 from websockets.http11 import Request
-
-from .stage import free_port
 
 # 7.1.5: a fragment, a close, a fragment. The library answers 1002 where 1000 is wanted.
 ALLOWED = {"7.1.5"}

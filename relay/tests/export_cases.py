@@ -28,7 +28,7 @@ VECTORS = Path(__file__).resolve().parents[2] / "wire" / "vectors" / "exports.js
 STORE = get_typestore(Stores.ROS2_JAZZY)
 
 JOINTS = ["lift", "m1", "m2", "m3", "m4", "knee", "wrist", "finger"]
-BITS = ["homed", "enabled", "a|b", "=1+1", 'so "quoted"', "back\\slash", "a, b"]
+BITS = ["homed", "enabled", "a|b", "=1+1", 'so "quoted";=2+2', "back\\slash", "a, b"]
 MAPPING: dict[str, Any] = {
     "joints": {
         "hip": {"terms": [["m1", 0.5], ["m2", -0.25]], "offset": 0.2},
@@ -57,7 +57,7 @@ SITES = {
     "tilt": ["cart.roll", "cart.pitch"],
     "gyro": [f"{site}.{part}" for site in ("torso", "cart") for part in "xyz"],
     "acc": ["torso.x", "torso.y", "torso.z"],
-    "volt": ["main", "=aux", "a,b", 'x"y'],
+    "volt": ["main", "=aux", "a,b", 'x";＝y'],
 }
 
 

@@ -46,7 +46,7 @@ CLASSES = (
 # must not fail: what is called when something has failed, and what the process does for everybody at once
 SOUND = {
     *("end_after_fault", "cut", "abort", "report_fault", "_work", "_sweep"),
-    *("recheck_accounts", "recheck_once", "set_policy"),
+    *("recheck_accounts", "recheck_once", "set_policy", "_rejudge_some"),
 }
 
 

@@ -6,7 +6,7 @@ import asyncio
 import hashlib
 import json
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import Any
 
@@ -33,6 +33,7 @@ from posecast_relay.streaming.decode_cache import DecodeCache
 from posecast_relay.streaming.sse import make_http_protocol
 from posecast_relay.streaming.websocket import make_live_protocol
 from posecast_relay.zenoh.models import EdgeModels
+from posecast_testing import until_async
 from posecast_wire.segment import EventRecord, FrameRecord, Segment, SegmentStart, encode_segment
 
 from .sim import Edge, schema
@@ -181,15 +182,7 @@ class PastDoors:
 
     async def until_held(self, count: int) -> None:
         """Wait until so many requests are held."""
-        await until(f"{count} requests are held", lambda: self.desk.held.count == count)
-
-
-async def until(what: str, probe: Callable[[], object], deadline_s: float = 10.0) -> None:
-    """Wait for something to be true."""
-    end_s = time.monotonic() + deadline_s
-    while not probe():
-        assert time.monotonic() < end_s, f"not within {deadline_s:g} s: {what}"
-        await asyncio.sleep(0.005)
+        await until_async(f"{count} requests are held", lambda: self.desk.held.count == count)
 
 
 def address_of(segment: KeptSegment) -> str:

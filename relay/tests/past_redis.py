@@ -7,14 +7,17 @@ import itertools
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any
+from unittest.mock import patch
 
 import redis
 from posecast_relay.core.past.kept_segment import KeptSegment
+from posecast_relay.redis import client
 from posecast_relay.redis.past_reader import RedisPast
 from posecast_relay.redis.past_scripts import LEDGER
 from posecast_relay.redis.past_writer import RedisPastWriter
+from posecast_testing import until_async
 
-from .past_doors import PastDoors, Rules, until
+from .past_doors import PastDoors, Rules
 from .redis_cluster import Cluster
 from .redis_server import Redis
 
@@ -53,7 +56,7 @@ class PastFleet:
     async def written(self) -> None:
         """Wait until nothing waits for Redis."""
         count = self.ingest.past.added
-        await until("all is written", lambda: self.writer.written + self.writer.dropped >= count)
+        await until_async("all is written", lambda: self.writer.written + self.writer.dropped >= count)
 
     async def ask(self, path: str, token: str | None = None, **headers: str) -> list[Any]:
         """The same request to all, and the answers."""
@@ -82,16 +85,19 @@ class PastFleet:
 
 @asynccontextmanager
 async def running(
-    server: Redis | Cluster, rules: Rules | None, bytes_max: int = BYTES_MAX
+    server: Redis | Cluster, rules: Rules | None, bytes_max: int = BYTES_MAX, patience_s: float = 20.0
 ) -> AsyncIterator[PastFleet]:
-    """All of it, until the end of the block."""
-    fleet = PastFleet(server, rules, bytes_max)
-    for way in fleet.ways:
-        way.start()
-    await asyncio.gather(*(door.start() for door in fleet.doors))
-    await until("all are connected", lambda: not any(r.find_trouble() for r in fleet.ways))
-    yield fleet
-    await asyncio.gather(*(door.stop() for door in fleet.doors))
-    for way in fleet.ways:
-        await way.stop()
-    fleet.client.close()
+    """All of it, until the end of the block. `patience_s`: with Redis; on a busy machine, all of this process
+    may stand still for longer than a relay waits.
+    """
+    with patch.object(client, "TIMEOUT_S", patience_s):
+        fleet = PastFleet(server, rules, bytes_max)
+        for way in fleet.ways:
+            way.start()
+        await asyncio.gather(*(door.start() for door in fleet.doors))
+        await until_async("all are connected", lambda: not any(r.find_trouble() for r in fleet.ways))
+        yield fleet
+        await asyncio.gather(*(door.stop() for door in fleet.doors))
+        for way in fleet.ways:
+            await way.stop()
+        fleet.client.close()

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import redis
-
-from .stage import free_port, until
+from posecast_testing import free_port, until
 
 SLOTS = 16384
 

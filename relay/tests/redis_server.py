@@ -11,8 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-
-from .stage import free_port, until
+from posecast_testing import free_port, is_listened_on, until
 
 
 class Redis:
@@ -28,7 +27,7 @@ class Redis:
     def start(self, tls: Path | None = None) -> None:
         """Until it answers. `tls`: only to those who speak it, with the certificates in that folder."""
         self.launch(tls)
-        until("redis answers", self._listens if tls else self._answers)
+        until("redis answers", (lambda: is_listened_on(self.port)) if tls else self._answers)
 
     def launch(self, tls: Path | None = None) -> None:
         """Without waiting."""
@@ -40,10 +39,6 @@ class Redis:
         command.append("--dir")
         command += [str(self._folder), *self._options]
         self.process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-
-    def _listens(self) -> bool:
-        with socket.socket() as probe:
-            return probe.connect_ex(("127.0.0.1", self.port)) == 0
 
     def _answers(self) -> bool:
         with suppress(OSError), socket.create_connection(("127.0.0.1", self.port), 1.0) as probe:

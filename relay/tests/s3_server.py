@@ -7,15 +7,13 @@ import contextlib
 import os
 import shutil
 import signal
-import socket
 import subprocess
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-
-from .stage import free_port, until
+from posecast_testing import free_port, is_listened_on, until
 
 GATEWAY = "github.com/versity/versitygw/cmd/versitygw@v1.8.0"  # Apache-2.0; its Go module, as go.sum has it
 ACCESS, SECRET, BUCKET = "testuser", "testsecret", "past"
@@ -52,11 +50,7 @@ class S3Server:
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
-        until("the S3 server answers", self._listens, 30.0)
-
-    def _listens(self) -> bool:
-        with socket.socket() as probe:
-            return probe.connect_ex(("127.0.0.1", self.port)) == 0
+        until("the S3 server answers", lambda: is_listened_on(self.port), 30.0)
 
     def kill(self) -> None:
         """At once."""

@@ -22,6 +22,15 @@ def schema(names: Sequence[str] = ("RKN", "LKN"), scale: float = 0.001) -> Schem
     return Schema.parse(build_schema_text("sim", {"joint": names}, fields))
 
 
+def mixed() -> Schema:
+    """Numbers and flags."""
+    fields: list[dict[str, object]] = [
+        {"name": "pos", "labels": "joint", "unit": "rad", "scale": 0.01},
+        {"name": "flags", "labels": "joint", "bits": ["jam", "homed"]},
+    ]
+    return Schema.parse(build_schema_text("sim", {"joint": ["RKN", "LKN"]}, fields))
+
+
 class Edge:
     """One run of an edge: frames with their stamps, and its snapshot. Its clock is the test's."""
 

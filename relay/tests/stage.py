@@ -6,21 +6,21 @@ import asyncio
 import base64
 import hashlib
 import json
-import re
+import shutil
 import signal
 import socket
-import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from itertools import pairwise
+from itertools import count, pairwise
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import pytest
 import websockets
 import zenoh
+from posecast_testing import Process
 from posecast_wire import (
     Credential,
     Decoder,
@@ -37,31 +37,13 @@ from posecast_wire import (
 
 from .sim import Edge, schema
 
-T = TypeVar("T")
-
 START_S = 60.0  # after so long a relay that has said nothing is ended, and its test fails
 
 
-def until(what: str, probe: Callable[[], T | None], deadline_s: float = 20.0) -> T:
-    """The first answer of `probe` that is neither None nor False."""
-    end_s = time.monotonic() + deadline_s
-    while True:
-        answer = probe()
-        if answer is not None and answer is not False:
-            return answer
-        assert time.monotonic() < end_s, f"not within {deadline_s:g} s: {what}"
-        time.sleep(0.02)
-
-
-def free_port() -> int:
-    """A port nobody listens on just now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
-class Relay:
+class Relay(Process):
     """A relay process on free ports."""
+
+    robot = "r"
 
     def __init__(
         self,
@@ -72,46 +54,69 @@ class Relay:
         dev: bool = True,
         module: str = "posecast_relay.cli",
     ) -> None:
-        self._errors = folder / f"relay-{time.monotonic_ns()}.err"
         scheme = "tls" if "--zenoh-tls-cert" in flags else "tcp"
         listen = f"{scheme}/127.0.0.1:{zenoh_port}"
         command = [sys.executable, "-m", module, "run", *(["--dev"] if dev else [])]
         if http is not None:  # else as the environment says
             command += ["--port", str(http)]
-        with self._errors.open("wb") as errors:
-            self.process = subprocess.Popen(
-                [*command, "--zenoh-listen", listen, *flags], stdout=subprocess.PIPE, stderr=errors
+        super().__init__(folder, f"relay-{time.monotonic_ns()}", *command, "--zenoh-listen", listen, *flags)
+        try:
+            found = self.line(
+                r"^posecast-relay: serving http://(127\.0\.0\.1:(\d+)), "
+                r"robots (?:on (t(?:cp|ls)/127\.0\.0\.1:(\d+))|from Redis)\n",
+                START_S,
             )
-        assert self.process.stdout is not None
-        late = threading.Timer(START_S, self.process.kill)
-        late.start()
-        line = self.process.stdout.readline().decode()
-        late.cancel()
-        found = re.fullmatch(
-            r"posecast-relay: serving http://(127\.0\.0\.1:(\d+)), "
-            r"robots (?:on (t(?:cp|ls)/127\.0\.0\.1:(\d+))|from Redis)\n",
-            line,
-        )
-        assert found, f"{line!r} {self.errors()}"
+        except AssertionError:
+            self.kill()
+            raise
         self.address, self.http = found[1], int(found[2])
         self.zenoh, self.zenoh_port = found[3] or "", int(found[4] or 0)
 
-    def errors(self) -> str:
-        """Its stderr."""
-        return self._errors.read_text()
-
-    def url(self, robot: str = "r", query: str = "") -> str:
+    def url(self, robot: str | None = None, query: str = "") -> str:
         """The stream's address."""
-        return f"ws://{self.address}/api/v1/robots/{robot}/live{query}"
+        return f"ws://{self.address}/api/v1/robots/{robot or self.robot}/live{query}"
 
-    def stop(self, how: signal.Signals = signal.SIGTERM) -> int:
-        """End it; its exit status."""
-        if self.process.poll() is None:
-            self.process.send_signal(how)
-        status = self.process.wait(15)
-        assert self.process.stdout is not None
-        self.process.stdout.close()
-        return status
+    @property
+    def base(self) -> str:
+        """Where it serves."""
+        return f"http://{self.address}"
+
+    @property
+    def path(self) -> str:
+        """Of its robot, below `base`."""
+        return f"/api/v1/robots/{self.robot}"
+
+    @property
+    def api(self) -> str:
+        """Its robot's address."""
+        return self.base + self.path
+
+
+class SharedRelay(Relay):
+    """One for many tests, one after the other. Each has a robot of its own, a fresh page and log."""
+
+    _names = count()
+
+    def __init__(self, folder: Path) -> None:
+        self.page = folder / "page"
+        self._known = 0
+        self._write_page()
+        super().__init__(folder, "--static", str(self.page))
+
+    def _write_page(self) -> None:
+        shutil.rmtree(self.page, ignore_errors=True)
+        self.page.mkdir()
+        (self.page / "index.html").write_text("page")
+
+    def lend(self) -> None:
+        """To the next test."""
+        self.robot = f"r{next(self._names)}"
+        self._write_page()
+        self._known = len(super().errors())
+
+    def errors(self) -> str:
+        """Its stderr since this test began."""
+        return super().errors()[self._known :]
 
 
 def client_config(endpoint: str, credential: Credential | None = None) -> zenoh.Config:
@@ -352,8 +357,33 @@ def relays(tmp_path: Path) -> Iterator[Callable[..., Relay]]:
 
     yield start
     for relay in started:
-        relay.stop()
+        was_running = relay.process.poll() is None
+        assert relay.stop() != -signal.SIGKILL or not was_running, "it did not end by SIGTERM"
         assert "Traceback" not in relay.errors(), relay.errors()
+
+
+@pytest.fixture(scope="session")
+def _shared_relays() -> Iterator[list[SharedRelay]]:
+    """The last one is in use; those before it have ended."""
+    started: list[SharedRelay] = []
+    yield started
+    for relay in started:
+        was_running = relay.process.poll() is None
+        assert relay.stop() != -signal.SIGKILL or not was_running, "it did not end by SIGTERM"
+
+
+@pytest.fixture
+def relay(
+    _shared_relays: list[SharedRelay], tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[SharedRelay]:
+    """For tests that need no flags, and leave it running: it starts once. None may leave a traceback."""
+    if not _shared_relays or _shared_relays[-1].process.poll() is not None:
+        _shared_relays.append(SharedRelay(tmp_path_factory.mktemp("relay")))
+    relay = _shared_relays[-1]
+    relay.lend()
+    yield relay
+    assert relay.process.poll() is None, relay.log
+    assert "Traceback" not in relay.errors(), relay.errors()
 
 
 @pytest.fixture
@@ -361,8 +391,11 @@ def edges() -> Iterator[Callable[..., ZenohEdge]]:
     """Puts robots on air; all go off air."""
     started: list[ZenohEdge] = []
 
-    def start(endpoint: str, **how: Any) -> ZenohEdge:
-        started.append(ZenohEdge(endpoint, **how))
+    def start(at: str | Relay, **how: Any) -> ZenohEdge:
+        if isinstance(at, Relay):
+            started.append(ZenohEdge(at.zenoh, **{"robot": at.robot} | how))
+        else:
+            started.append(ZenohEdge(at, **how))
         return started[-1]
 
     yield start

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import subprocess
-import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +15,10 @@ import httpx
 import pytest
 from posecast_relay.config.robots_file import read_robots
 from posecast_relay.http.admin.documents import AdminReport, MadeShareLink
+from posecast_testing import free_port, until
 
-from .stage import Relay, ZenohEdge, until
+from .command import run_command
+from .stage import Relay, ZenohEdge
 
 ROUTES = (("GET", ""), ("POST", "/robots/hubo/links"), ("DELETE", "/robots/hubo/links"))
 
@@ -32,8 +37,9 @@ class Lab:
 
     def robots(self, *words: str) -> str:
         """`posecast-relay robots …`; what it prints."""
-        command = [sys.executable, "-m", "posecast_relay.cli", "robots", *words, "--robots", str(self.file)]
-        return subprocess.run(command, capture_output=True, text=True, timeout=20, check=True).stdout
+        done = run_command("robots", *words, "--robots", str(self.file))
+        assert done.returncode == 0, done.stderr
+        return done.stdout
 
     def ask(
         self, method: str = "GET", path: str = "", secret: str | None = None, **headers: str
@@ -47,6 +53,16 @@ class Lab:
 def lab(tmp_path: Path, relays: Callable[..., Relay]) -> Lab:
     """Started."""
     return Lab(tmp_path, relays)
+
+
+@pytest.fixture(scope="module")
+def still_lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
+    """For tests after which others find it as it was."""
+    folder = tmp_path_factory.mktemp("lab")
+    lab = Lab(folder, partial(Relay, folder), "--public-url", "https://lab.example/robots")
+    yield lab
+    lab.relay.stop()
+    assert "Traceback" not in lab.relay.errors()
 
 
 def test_only_its_own_credential_opens_it(lab: Lab) -> None:
@@ -65,16 +81,18 @@ def test_only_its_own_credential_opens_it(lab: Lab) -> None:
     assert lab.secret not in lab.relay.errors()
 
 
-def test_no_page_of_another_origin_may_ask(lab: Lab) -> None:
-    before = lab.file.read_text()
+def test_no_page_of_another_origin_may_ask(still_lab: Lab) -> None:
+    before = still_lab.file.read_text()
     for method, path in ROUTES:
-        for origin in ("https://evil.example", "null", f"http://{lab.relay.address}.evil.example"):
-            answer = lab.ask(method, path, origin=origin)
+        for origin in ("https://evil.example", "null", f"http://{still_lab.relay.address}.evil.example"):
+            answer = still_lab.ask(method, path, origin=origin)
             assert answer.status_code == 403
             assert "set-cookie" not in answer.headers
-    assert lab.file.read_text() == before
-    assert lab.ask(origin=f"http://{lab.relay.address}").status_code == 200
-    assert "access-control-allow-origin" not in lab.ask(origin=f"http://{lab.relay.address}").headers
+    assert still_lab.file.read_text() == before
+    assert still_lab.ask(origin=f"http://{still_lab.relay.address}").status_code == 200
+    assert (
+        "access-control-allow-origin" not in still_lab.ask(origin=f"http://{still_lab.relay.address}").headers
+    )
 
 
 def test_it_is_for_this_machine_unless_told_otherwise(tmp_path: Path, relays: Callable[..., Relay]) -> None:
@@ -100,17 +118,53 @@ def test_it_is_for_this_machine_unless_told_otherwise(tmp_path: Path, relays: Ca
     assert lab.ask(**far).status_code == 403
 
 
-def test_without_a_credential_in_the_file_there_is_no_page(
-    tmp_path: Path, relays: Callable[..., Relay]
+@contextmanager
+def nginx_before(relay: str, folder: Path) -> Iterator[str]:
+    """Start nginx with nothing but `proxy_pass`, and return its address."""
+    address = f"127.0.0.1:{free_port()}"
+    paths = [f"{kind}_temp_path {folder};" for kind in ("client_body", "proxy", "fastcgi", "uwsgi", "scgi")]
+    user = "" if os.getuid() else "user root;"  # nobody else may read a test's folder
+    (folder / "nginx.conf").write_text(
+        f"daemon off; pid {folder}/pid; error_log {folder}/error.log; events {{}} {user}"
+        f"http {{ access_log off; {' '.join(paths)}"
+        f" server {{ listen {address}; location / {{ proxy_pass http://{relay}; }} }} }}"
+    )
+    command = ["nginx", "-e", f"{folder}/error.log", "-c", f"{folder}/nginx.conf"]
+    with subprocess.Popen(command) as process:
+        try:
+            until("nginx answers", lambda: _answers(address))
+            yield address
+        finally:
+            process.terminate()
+
+
+def _answers(address: str) -> bool:
+    try:
+        return httpx.get(f"http://{address}/livez").status_code == 200
+    except httpx.TransportError:
+        return False
+
+
+@pytest.mark.skipif(shutil.which("nginx") is None, reason="no nginx here: apt-get install nginx")
+def test_who_comes_through_nginx_as_it_is_by_default_is_not_this_machine(
+    tmp_path: Path, relays: Callable[..., Relay], relay: Relay
 ) -> None:
     lab = Lab(tmp_path, relays)
+    assert lab.ask().status_code == 200
+    with nginx_before(lab.relay.address, tmp_path) as address:
+        lab.url = f"http://{address}/api/v1/admin"
+        assert lab.ask().status_code == httpx.get(f"http://{address}/admin/").status_code == 403
+    with nginx_before(relay.address, tmp_path) as address:
+        assert "publish_at" not in httpx.get(f"http://{address}/api/v1/robots").json()
+
+
+def test_without_a_credential_in_the_file_there_is_no_page(lab: Lab, relay: Relay) -> None:
     text = lab.file.read_text()
     lab.file.write_text(text[: text.index("[admin]")])
     page = f"http://{lab.relay.address}/admin/"
     until("it is gone", lambda: lab.ask().status_code == 404)
     assert httpx.get(page).status_code == httpx.get(page.removesuffix("/")).status_code == 404
-    open_to_all = relays()
-    assert httpx.get(f"http://{open_to_all.address}/api/v1/admin").status_code == 404
+    assert httpx.get(f"{relay.base}/api/v1/admin").status_code == 404
 
 
 def test_it_shows_robots_and_figures_and_no_secret(lab: Lab, edges: Callable[..., ZenohEdge]) -> None:
@@ -179,8 +233,8 @@ def test_share_links_are_made_and_revoked(lab: Lab, edges: Callable[..., ZenohEd
     assert token not in lab.relay.errors()
 
 
-def test_the_api_describes_its_routes_and_what_they_answer(lab: Lab) -> None:
-    paths = httpx.get(f"http://{lab.relay.address}/openapi.json").json()["paths"]
+def test_the_api_describes_its_routes_and_what_they_answer(still_lab: Lab) -> None:
+    paths = httpx.get(f"http://{still_lab.relay.address}/openapi.json").json()["paths"]
     told = {
         (method.upper(), path.removeprefix("/api/v1/admin")): route["responses"]
         for path, methods in paths.items()
@@ -195,14 +249,13 @@ def test_the_api_describes_its_routes_and_what_they_answer(lab: Lab) -> None:
         assert answers["200"]["content"]["application/json"]["schema"]["$ref"]
 
 
-def test_links_lead_to_where_people_open_the_page(tmp_path: Path, relays: Callable[..., Relay]) -> None:
-    lab = Lab(tmp_path, relays, "--public-url", "https://lab.example/robots")
-    made = lab.ask("POST", "/robots/hubo/links").json()["link"]
+def test_links_lead_to_where_people_open_the_page(still_lab: Lab) -> None:
+    made = still_lab.ask("POST", "/robots/hubo/links").json()["link"]
     assert made.startswith("https://lab.example/robots/#/r/hubo?t=")
 
 
-def test_the_page_has_a_policy_and_its_own_files_alone(lab: Lab) -> None:
-    page = f"http://{lab.relay.address}/admin"
+def test_the_page_has_a_policy_and_its_own_files_alone(still_lab: Lab) -> None:
+    page = f"http://{still_lab.relay.address}/admin"
     assert httpx.get(page).headers["location"] == "admin/"
     assert '<link rel="icon" href="data:,">' in httpx.get(f"{page}/").text  # a browser asks for no other
     for name, kind in (("", "text/html"), ("admin.js", "javascript"), ("admin.css", "text/css")):

@@ -12,40 +12,36 @@ import httpx
 import pytest
 import zenoh
 from posecast_relay.http.app import NO_PAGE
-from posecast_wire import Schema, build_schema_text
+from posecast_testing import until
 from posecast_wire.keys import alive_key
 
 from .past_doors import PastDoors
-from .stage import Model, Watcher, client_config, until
+from .sim import mixed
+from .stage import Model, Relay, SharedRelay, Watcher, client_config
 
 MESH = bytes(range(256)) * 2500  # 640 kB: three ranges
 
 
-def mixed() -> Schema:
-    """Numbers and flags."""
-    fields: list[dict[str, object]] = [
-        {"name": "pos", "labels": "joint", "unit": "rad", "scale": 0.01},
-        {"name": "flags", "labels": "joint", "bits": ["jam", "homed"]},
-    ]
-    return Schema.parse(build_schema_text("sim", {"joint": ["RKN", "LKN"]}, fields))
+def listed(relay: Relay) -> list[dict[str, Any]]:
+    """What the list says of its robot, and of those named after it."""
+    found = httpx.get(f"{relay.base}/api/v1/robots").json()["robots"]
+    return [each for each in found if each["robot"].partition("-")[0] == relay.robot]
 
 
-def on_air(relay: Any) -> bool:
-    found = httpx.get(f"http://{relay.address}/api/v1/robots").json()["robots"]
+def on_air(relay: Relay) -> bool:
+    found = listed(relay)
     return bool(found) and found[0]["status"] == "online" and found[0]["hz"] is not None
 
 
 PROXIED = ("X-Forwarded-For", "X-Forwarded-Proto", "Forwarded", "X-Real-IP", "Via", "CF-Connecting-IP")
 
 
-def test_where_to_publish_is_told_at_this_machine_only(relays: Any) -> None:
-    relay = relays()
+def test_where_to_publish_is_told_at_this_machine_only(relay: Relay) -> None:
     port = relay.address.rpartition(":")[2]
-    base = f"http://{relay.address}/api/v1/robots"
+    base = f"{relay.base}/api/v1/robots"
 
     def told(**headers: str) -> Any:
         answer = httpx.get(base, headers={name.replace("_", "-"): of for name, of in headers.items()})
-        assert answer.json()["robots"] == []
         assert "origin" in answer.headers["vary"]
         return answer.json().get("publish_at")
 
@@ -70,20 +66,18 @@ def test_where_to_publish_is_told_at_this_machine_only(relays: Any) -> None:
     assert told() == relay.zenoh, "what others were told is not kept for this machine"
 
 
-async def test_the_list_and_one_robot(relays: Any, edges: Any) -> None:
-    relay = relays()
-    base = f"http://{relay.address}/api/v1/robots"
-    assert httpx.get(base).json() == {"publish_at": relay.zenoh, "robots": []}
-    missing = httpx.get(base + "/r")
+async def test_the_list_and_one_robot(relay: Relay, edges: Any) -> None:
+    base = f"{relay.base}/api/v1/robots"
+    missing = httpx.get(relay.api)
     assert (missing.status_code, missing.json()) == (404, {"error": "no such robot, or you may not see it"})
-    edge = edges(relay.zenoh)
+    edge = edges(relay)
     edge.edge.info = {"mode": "walking"}
     async with Watcher(relay.url()) as viewer:
         await viewer.until("frames", lambda v: len(v.frames) > 10)
         await asyncio.to_thread(until, "on air", lambda: on_air(relay))
         answer = httpx.get(base)
-        robot = answer.json()["robots"][0]
-        assert robot["robot"] == "r"
+        assert answer.json()["publish_at"] == relay.zenoh
+        (robot,) = listed(relay)
         assert robot["viewers"] == 1
         assert 15 < robot["hz"] < 35  # 30, on a loaded machine
         assert 0 <= robot["age_ms"] < 1500
@@ -92,30 +86,30 @@ async def test_the_list_and_one_robot(relays: Any, edges: Any) -> None:
         again = httpx.get(base, headers={"if-none-match": answer.headers["etag"]})
         assert again.status_code in (200, 304)
         assert again.status_code == 200 or again.content == b""
-        await asyncio.to_thread(until, "info", lambda: httpx.get(base + "/r").json()["info"], 15.0)
-        one = httpx.get(base + "/r").json()
+        await asyncio.to_thread(until, "info", lambda: httpx.get(relay.api).json()["info"], 15.0)
+        one = httpx.get(relay.api).json()
     assert one["schema"] == edge_schema(edge)
     assert one["schema_id"] == f"{edge.edge.schema.id:08x}"
     assert one["conflict"] is False
     assert one["model"] is None
 
 
-def test_a_robot_that_left_is_listed_unless_it_has_never_sent_a_frame(relays: Any, edges: Any) -> None:
-    relay = relays()
-    base = f"http://{relay.address}/api/v1/robots"
+def test_a_robot_that_left_is_listed_unless_it_has_never_sent_a_frame(relay: Relay, edges: Any) -> None:
+    mute = f"{relay.robot}-mute"
 
-    def listed() -> dict[str, str]:
-        return {robot["robot"]: robot["status"] for robot in httpx.get(base).json()["robots"]}
+    def statuses() -> dict[str, str]:
+        return {robot["robot"]: robot["status"] for robot in listed(relay)}
 
-    spoke = edges(relay.zenoh, robot="spoke")
-    with zenoh.open(client_config(relay.zenoh)) as mute:
-        token = mute.liveliness().declare_token(alive_key("mute"))
-        until("both are there", lambda: listed() == {"spoke": "online", "mute": "silent"})
+    spoke = edges(relay)
+    with zenoh.open(client_config(relay.zenoh)) as session:
+        token = session.liveliness().declare_token(alive_key(mute))
+        until("both are there", lambda: statuses() == {relay.robot: "online", mute: "silent"})
         spoke.close()
         token.undeclare()  # type: ignore[no-untyped-call]
-    until("both have left", lambda: listed() == {"spoke": "offline"})
-    for robot in ("spoke", "mute"):
-        assert httpx.get(f"{base}/{robot}").status_code == 200, "a link to it says what is known"
+    until("both have left", lambda: statuses() == {relay.robot: "offline"})
+    for robot in (relay.robot, mute):
+        answer = httpx.get(f"{relay.base}/api/v1/robots/{robot}")
+        assert answer.status_code == 200, "a link to it says what is known"
 
 
 def edge_schema(edge: Any) -> dict[str, Any]:
@@ -124,20 +118,18 @@ def edge_schema(edge: Any) -> dict[str, Any]:
     return dict(json.loads(edge.edge.schema.text))
 
 
-def test_an_answer_is_made_once_a_second_and_has_an_etag(relays: Any) -> None:
-    relay = relays()
-    url = f"http://{relay.address}/api/v1/robots"
+def test_an_answer_is_made_once_a_second_and_has_an_etag(relay: Relay) -> None:
+    url = f"{relay.base}/api/v1/robots"
     first = httpx.get(url)
     again = httpx.get(url, headers={"if-none-match": first.headers["etag"]})
     assert again.status_code == 304
     assert again.headers["etag"] == first.headers["etag"]
 
 
-async def test_the_state_as_plain_json(relays: Any, edges: Any) -> None:
-    relay = relays()
-    url = f"http://{relay.address}/api/v1/robots/r/state"
+async def test_the_state_as_plain_json(relay: Relay, edges: Any) -> None:
+    url = f"{relay.api}/state"
     assert httpx.get(url).status_code == 404
-    edge = edges(relay.zenoh, of=mixed())
+    edge = edges(relay, of=mixed())
     await asyncio.to_thread(until, "a state", lambda: httpx.get(url).status_code == 200)
     edge.silent = True
     await asyncio.sleep(0)
@@ -157,8 +149,7 @@ async def test_the_state_as_plain_json(relays: Any, edges: Any) -> None:
     assert (stream.status_code, stream.headers["allow"]) == (405, "GET")
 
 
-async def test_a_model_is_fetched_once_verified_and_immutable(relays: Any, edges: Any) -> None:
-    relay = relays()
+async def test_a_model_is_fetched_once_verified_and_immutable(relay: Relay, edges: Any) -> None:
     files = {
         "robot.urdf": (b"<robot name='sim'/>", "application/xml"),
         "meshes/knee.stl": (MESH, "model/stl"),
@@ -166,8 +157,8 @@ async def test_a_model_is_fetched_once_verified_and_immutable(relays: Any, edges
         "empty.txt": (b"", "text/plain"),
     }
     model = Model(files)
-    edges(relay.zenoh, model=model)
-    base = f"http://{relay.address}/api/v1/robots/r/model/{model.digest}"
+    edges(relay, model=model)
+    base = f"{relay.api}/model/{model.digest}"
     async with httpx.AsyncClient(timeout=20) as client:
 
         async def manifest() -> bool:
@@ -212,16 +203,15 @@ async def test_a_model_is_fetched_once_verified_and_immutable(relays: Any, edges
         assert other.status_code == 404
 
 
-async def test_a_file_that_is_not_what_its_manifest_says_is_refused(relays: Any, edges: Any) -> None:
-    relay = relays()
+async def test_a_file_that_is_not_what_its_manifest_says_is_refused(relay: Relay, edges: Any) -> None:
     model = Model({"a.stl": (b"true", "model/stl"), "gone.stl": (b"gone", "model/stl")})
     for digest, data in list(model.files.items()):
         if data == b"gone":
             del model.files[digest]
         else:
             model.files[digest] = b"fake"
-    edges(relay.zenoh, model=model)
-    base = f"http://{relay.address}/api/v1/robots/r/model/{model.digest}"
+    edges(relay, model=model)
+    base = f"{relay.api}/model/{model.digest}"
     await asyncio.to_thread(until, "manifest", lambda: httpx.get(base + "/manifest.json").status_code == 200)
     for path, retry_s in (("/a.stl", "15"), ("/gone.stl", "5")):
         answer = httpx.get(base + path)
@@ -231,17 +221,16 @@ async def test_a_file_that_is_not_what_its_manifest_says_is_refused(relays: Any,
 
 
 @pytest.fixture
-def page(tmp_path: Path) -> Path:
-    folder = tmp_path / "page"
-    (folder / "assets").mkdir(parents=True)
+def page(relay: SharedRelay) -> Path:
+    folder = relay.page
+    (folder / "assets").mkdir()
     (folder / "index.html").write_text("<!doctype html><title>page</title>")
     (folder / "assets" / "app-1a2b.js").write_text("1")
     return folder
 
 
-def test_the_page_and_never_instead_of_an_answer(relays: Any, page: Path) -> None:
-    relay = relays("--static", str(page))
-    base = f"http://{relay.address}"
+def test_the_page_and_never_instead_of_an_answer(relay: SharedRelay, page: Path) -> None:
+    base = relay.base
     index = httpx.get(base + "/")
     assert "<title>page" in index.text
     assert index.headers["cache-control"] == "no-cache"
@@ -259,10 +248,10 @@ def test_the_page_and_never_instead_of_an_answer(relays: Any, page: Path) -> Non
     assert httpx.get(base + "/metrics").status_code == 404
 
 
-def test_the_pages_own_policy_is_sent_as_a_header_too(relays: Any, page: Path) -> None:
+def test_the_pages_own_policy_is_sent_as_a_header_too(relay: SharedRelay, page: Path) -> None:
     policy = '<meta http-equiv="Content-Security-Policy" content="default-src &#39;self&#39;; img-src *">'
     (page / "index.html").write_text(f"<!doctype html><head>{policy}<title>page</title>")
-    base = f"http://{relays('--static', str(page)).address}"
+    base = relay.base
     for path in ("/", "/assets/app-1a2b.js"):  # a worker's script as well: what the page says doesn't bind it
         answer = httpx.get(base + path)
         frames = "; frame-ancestors 'none'" if path == "/" else ""
@@ -277,6 +266,23 @@ def test_the_pages_own_policy_is_sent_as_a_header_too(relays: Any, page: Path) -
     (page / "index.html").write_text("<!doctype html><title>built anew")
     os.utime(page / "index.html", (0, 0))
     assert "content-security-policy" not in httpx.get(base + "/").headers
+
+
+def test_a_frame_without_an_origin_may_read_the_files_that_are_alike_for_everybody(
+    relay: SharedRelay, page: Path
+) -> None:
+    (page / "config.json").write_text("{}")
+    base = relay.base
+    for path, readers in (
+        ("/assets/app-1a2b.js", "*"),
+        ("/config.json", "*"),
+        ("/", None),
+        ("/r/demo", None),
+    ):
+        answer = httpx.get(base + path, headers={"origin": "null"})
+        assert answer.status_code == 200, path
+        assert answer.headers.get("access-control-allow-origin") == readers, path
+        assert "access-control-allow-credentials" not in answer.headers
 
 
 def test_a_frames_page_says_which_pages_may_frame_its_robot(relays: Any, page: Path, tmp_path: Path) -> None:
@@ -328,11 +334,11 @@ def test_a_frames_page_says_which_pages_may_frame_its_robot(relays: Any, page: P
     )
 
 
-def test_a_packed_file_goes_to_those_who_can_unpack(relays: Any, page: Path) -> None:
+def test_a_packed_file_goes_to_those_who_can_unpack(relay: SharedRelay, page: Path) -> None:
     script = "let a = 1;\n" * 1000
     (page / "assets" / "app-1a2b.js").write_text(script)
     (page / "assets" / "app-1a2b.js.gz").write_bytes(gzip.compress(script.encode()))
-    url = f"http://{relays('--static', str(page)).address}/assets/app-1a2b.js"
+    url = f"{relay.base}/assets/app-1a2b.js"
     packed = httpx.get(url, headers={"accept-encoding": "gzip, br"})
     plain = httpx.get(url, headers={"accept-encoding": "identity"})
     assert packed.text == plain.text == script

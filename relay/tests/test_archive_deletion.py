@@ -13,13 +13,14 @@ from typing import Any
 import pytest
 from posecast_relay.archive.day_file import check_day, load_day
 from posecast_relay.archive.deletion.eraser import Erased, erase
-from posecast_relay.archive.deletion.tombstone_follower import SETTLED_MS, TombstoneFollower
+from posecast_relay.archive.deletion.tombstone_follower import CLOCKS_APART_MS, SETTLED_MS, TombstoneFollower
 from posecast_relay.archive.deletion.tombstones import (
     KEPT_MS,
     get_tombstone,
     list_tombstones,
     make_stem,
     put_tombstone,
+    remove_tombstone,
 )
 from posecast_relay.archive.deletion.unnamed_sweep import NamedHashes, sweep_unnamed
 from posecast_relay.archive.names import DAY_MS, name_segment, read_segment_key
@@ -186,20 +187,55 @@ async def test_what_comes_later_is_deleted_too_until_it_is_settled(tmp_path: Pat
     assert world.list_files() == [f for f in world.list_files() if f.startswith("r/schemas/")]
 
 
-async def test_what_is_ordered_in_the_future_deletes_nothing_that_is_to_come(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
+@pytest.mark.parametrize("ahead_ms", [CLOCKS_APART_MS + 1, 90_000, DAY_MS])
+async def test_what_is_ordered_by_a_clock_ahead_deletes_nothing_to_come_and_is_obeyed_when_it_has_come(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, ahead_ms: int
+) -> None:
+    world = ArchiveWorld(tmp_path)
+    kept = make_kept(0, SPAN[0])
+    await world.write(kept)
+    late = dataclasses.replace(order(), to_ms=NOW_MS + ahead_ms, at_ms=NOW_MS + ahead_ms)
+    await put_tombstone(world.store, late)
+    now_ms = NOW_MS
+    deletions = Deletions()
+    follower = TombstoneFollower(world.store, deletions, lambda: now_ms, erases=True)
+    for _ in range(3):
+        await look(follower)
+    assert deletions.count == 0
+    assert world.list_files(".segment")
+    for now_ms in (late.to_ms - CLOCKS_APART_MS - 1, late.to_ms - CLOCKS_APART_MS, late.to_ms + SETTLED_MS):
+        await look(follower)
+        assert deletions.cover_segment(kept) == (now_ms >= late.to_ms - CLOCKS_APART_MS)
+        assert bool(world.list_files(".segment")) != deletions.cover_segment(kept)
+    assert deletions.count == 1
+    assert (await list_tombstones(world.store)).done == {make_stem(late)}
+    assert caplog.text.count("its end is in the future by this machine's clock") == 1
+
+
+async def test_a_span_that_is_over_is_deleted_at_once_whatever_the_clock_that_ordered_it(
+    tmp_path: Path,
 ) -> None:
     world = ArchiveWorld(tmp_path)
     await world.write(make_kept(0, SPAN[0]))
+    await put_tombstone(world.store, dataclasses.replace(order(), at_ms=NOW_MS + DAY_MS))
+    deletions = Deletions()
+    await look(TombstoneFollower(world.store, deletions, lambda: NOW_MS, erases=True))
+    assert deletions.count == 1
+    assert world.list_files(".segment") == []
+
+
+async def test_a_postponed_deletion_that_is_withdrawn_is_forgotten(tmp_path: Path) -> None:
+    world = ArchiveWorld(tmp_path)
     late = dataclasses.replace(order(), to_ms=NOW_MS + DAY_MS, at_ms=NOW_MS + DAY_MS)
     await put_tombstone(world.store, late)
+    now_ms = NOW_MS
     deletions = Deletions()
-    follower = TombstoneFollower(world.store, deletions, lambda: NOW_MS, erases=True)
+    follower = TombstoneFollower(world.store, deletions, lambda: now_ms, erases=True)
     await look(follower)
+    await remove_tombstone(world.store, make_stem(late))
+    now_ms += 2 * DAY_MS
     await look(follower)
     assert deletions.count == 0
-    assert world.list_files(".segment")
-    assert caplog.text.count("its date is in the future by this machine's clock") == 1
 
 
 async def test_a_gateway_only_reads(tmp_path: Path) -> None:

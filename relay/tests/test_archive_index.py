@@ -31,6 +31,7 @@ from posecast_relay.core.past.day_index import DayIndex, digest_page, pack_day, 
 from posecast_relay.core.past.day_reach import reach_day
 from posecast_relay.core.past.kept_segment import KeptSegment, PastWord
 from posecast_relay.core.policy.policy import Audience
+from posecast_testing import count_examples
 from posecast_wire.messages import RobotStatus
 from posecast_wire.segment import SegmentError
 
@@ -85,7 +86,7 @@ AUDIENCES = st.frozensets(st.sampled_from(Audience))
 
 
 @given(st.lists(st.tuples(st.integers(0, PAGE_MS - 1), AUDIENCES), max_size=30))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=count_examples(50), deadline=None)
 def test_a_day_is_read_as_it_was_written(found: list[tuple[int, frozenset[Audience]]]) -> None:
     segments = [
         make_small(n, START + at, audiences)
@@ -306,6 +307,10 @@ async def test_whatever_happens_to_the_indexes_the_past_is_the_segments(
         assert await check_day(fresh.store, "r", "public", DAY_START) == []
     loaded = await load_page(fresh.store, "r", "public", START)
     assert loaded.is_indexed is bool(readable)
+    if readable:
+        data = (world.folder / make_index_key("r", "public", START)).read_bytes()
+        named = [each.name for each in unpack_index("r", "public", START, data)]
+        assert named == [each.name for each in loaded.segments], "and nothing of what is gone"
     day = (await load_day(fresh.store, "r", "public", DAY_START)).day
     assert list(day.list_minutes()) == sum_minutes(loaded.segments)
     assert foreign <= set(fresh.list_files())

@@ -11,9 +11,10 @@ from posecast_relay.archive.models.keeper import ModelKeeper, make_model_key
 from posecast_relay.archive.models.source import JoinedModelSource
 from posecast_relay.core.policy.policy import Audience, Rule
 from posecast_relay.models.cache import Absent, ModelCache, Unavailable
+from posecast_testing import until_async
 
 from .archive_world import ArchiveWorld, make_run
-from .past_doors import PAGE_MS, PastDoors, until
+from .past_doors import PAGE_MS, PastDoors
 from .stage import Model
 
 FILES = {"robot.urdf": (b"<robot/>" * 9, "application/xml"), "meshes/a b.glb": (b"glTF" * 99_999, "")}
@@ -58,7 +59,7 @@ class Keeping:
     async def keep(self, digest: str, robot: str = "r") -> None:
         """A segment that names a model, and what comes of it."""
         self.keeper.keep(make_run(1, robot=robot, model=digest)[0])
-        await until("it is done", lambda: not self.keeper.find_storing(robot))
+        await until_async("it is done", lambda: not self.keeper.find_storing(robot))
 
 
 def make_cache(world: ArchiveWorld, edge: Edge) -> ModelCache:

@@ -15,10 +15,10 @@ from posecast_relay.core.past.kept_segment import KeptSegment
 from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.core.policy.policy import Audience, Rule
 from posecast_relay.past_source_memory import MemoryPastSource
+from posecast_testing import until_async
 
 from . import past_doors
 from .archive_world import ArchiveWorld, make_run
-from .past_doors import until
 
 START = past_doors.PAGE_MS
 DAY_START = START - START % DAY_MS
@@ -50,10 +50,10 @@ async def test_who_asks_after_a_deletion_does_not_get_what_was_read_before(tmp_p
 
     world.reader._read_day = read_slowly  # type: ignore[assignment, method-assign]
     before = asyncio.create_task(world.reader.load_day("r", "public", DAY_START))
-    await until("it is read", lambda: reads)
+    await until_async("it is read", lambda: reads)
     world.reader.forget("r")
     after = asyncio.create_task(world.reader.load_day("r", "public", DAY_START))
-    await until("it is read anew", lambda: reads == 2, 2.0)
+    await until_async("it is read anew", lambda: reads == 2, 2.0)
     gate.set()
     await asyncio.gather(before, after)
 

@@ -13,11 +13,12 @@ from typing import Any
 import httpx
 import pytest
 from posecast_relay.archive.names import ArchivedName, read_segment_key
+from posecast_testing import until
 from posecast_wire.segment import decode_segment
 
 from .archive_world import break_store
-from .stage import Relay, ZenohEdge, until
-from .test_past_relay import find_newest, write
+from .stage import Relay, ZenohEdge
+from .test_past_relay import await_segment, find_newest, write
 
 Start = Callable[..., Relay]
 Edges = Callable[..., ZenohEdge]
@@ -56,17 +57,6 @@ def check_readable(folder: Path) -> None:
         json.loads(path.read_bytes())
 
 
-def record(relay: Relay, edge: ZenohEdge, index: int) -> dict[str, Any]:
-    """Wait until a segment of this index is closed."""
-
-    def look() -> dict[str, Any] | None:
-        edge.force_key = True
-        found = find_newest(relay)
-        return found if found is not None and found["index"] >= index else None
-
-    return until(f"segment {index}", look, 30.0)
-
-
 def list_shown(relay: Relay) -> set[tuple[int, int]]:
     """What the routes show, by take and index."""
     base = f"http://{relay.address}/api/v1/robots/r/past"
@@ -82,7 +72,7 @@ def test_what_was_recorded_is_there_after_a_stop(tmp_path: Path, start: Start, e
     store = tmp_path / "store"
     relay = start()
     edge = edges(relay.zenoh)
-    newest = record(relay, edge, 2)
+    newest = await_segment(relay, edge, 2)
     address = f"/api/v1/robots/r/past/public/{newest['take']}/1"
     before = httpx.get(f"http://{relay.address}{address}")
     assert before.status_code == 200
@@ -106,11 +96,12 @@ def kill_at_random(tmp_path: Path, start: Start, edges: Edges, rounds: int, seed
     for _ in range(rounds):
         relay = start()
         edge = edges(relay.zenoh)
-        record(relay, edge, 0)
+        await_segment(relay, edge, 0)
         kill_at = time.monotonic() + draw.uniform(0.0, 4.0)
         newest = find_newest(relay)
         while time.monotonic() < kill_at:
             edge.force_key = True
+            time.sleep(0.02)
             newest = find_newest(relay)
         relay.stop(signal.SIGKILL)
         edge.silent = True
@@ -138,15 +129,15 @@ def test_after_kill_nine_at_many_moments(tmp_path: Path, start: Start, edges: Ed
 def away(tmp_path: Path, start: Start, edges: Edges, seconds: float) -> None:
     relay = start()
     edge = edges(relay.zenoh)
-    first = record(relay, edge, 1)
+    first = await_segment(relay, edge, 1)
     mend = break_store(tmp_path / "store")
     broken_at = time.monotonic()
     base = f"http://{relay.address}"
-    before = record(relay, edge, 3)
+    before = await_segment(relay, edge, 3)
     ready = until("it is said", lambda: httpx.get(f"{base}/readyz").json().get("why"), 20.0)
     assert ready == "the past: the archive: its folder is gone"
     while time.monotonic() < broken_at + seconds:  # live and the recent past go on
-        newest = record(relay, edge, find_newest(relay)["index"] + 1)  # type: ignore[index]
+        newest = await_segment(relay, edge, find_newest(relay)["index"] + 1)  # type: ignore[index]
         assert httpx.get(f"{base}/api/v1/robots/r/past/public/{newest['take']}/{newest['index']}").is_success
         assert httpx.get(f"{base}/api/v1/robots/r").json()["status"] == "online"
     last = find_newest(relay)
@@ -177,7 +168,7 @@ def test_a_gateway_reads_the_archive(
 ) -> None:
     relay = start()
     edge = edges(relay.zenoh)
-    newest = record(relay, edge, 2)
+    newest = await_segment(relay, edge, 2)
     relay.stop()
     there = set(list_there(tmp_path / "store"))
     gateway = start("--role", "gateway", "--store", redis_server.url)
@@ -198,11 +189,11 @@ def test_without_keep_nothing_is_written(tmp_path: Path, relays: Start, edges: E
     (tmp_path / "store").mkdir()
     relay = relays("--past", f"file://{tmp_path}/store", "--robots", str(tmp_path / "robots.toml"))
     edge = edges(relay.zenoh)
-    record(relay, edge, 1)
+    await_segment(relay, edge, 1)
     write(tmp_path / "robots.toml", POLICY)
     until(
         "it is kept from now on",
-        lambda: list_there(tmp_path / "store") or (record(relay, edge, 0) and None),
+        lambda: list_there(tmp_path / "store") or (await_segment(relay, edge, 0) and None),
         20.0,
     )
     assert min(index for _, index in list_there(tmp_path / "store")) > 0

@@ -20,12 +20,13 @@ import httpx
 import pytest
 from posecast_relay.archive.names import read_segment_key
 from posecast_relay.archive.object_store import ArchiveRefused, open_object_store
+from posecast_testing import until
 
 from .s3_server import BUCKET, Proxy, S3Server
-from .stage import Model, Relay, Watcher, ZenohEdge, until
-from .test_archive_relay import POLICY, check_readable, list_shown, list_there, record
+from .stage import Model, Relay, Watcher, ZenohEdge
+from .test_archive_relay import POLICY, check_readable, list_shown, list_there
 from .test_past_deletion_relay import list_names, run_past
-from .test_past_relay import find_newest, write
+from .test_past_relay import await_segment, find_newest, write
 
 pytestmark = pytest.mark.full
 
@@ -73,7 +74,7 @@ def start(tmp_path: Path, relays: Start, proxy: Proxy) -> Start:
 def record_more(relay: Relay, edge: ZenohEdge, count: int) -> dict[str, Any]:
     """So many segments more."""
     newest = find_newest(relay)
-    return record(relay, edge, (newest["index"] if newest else -1) + count)
+    return await_segment(relay, edge, (newest["index"] if newest else -1) + count)
 
 
 def get_why(relay: Relay) -> str:
@@ -122,7 +123,7 @@ def test_a_day_in_its_life(start: Start, edges: Edges, bucket: Bucket) -> None:
     relay = start()
     model = Model({"robot.urdf": (b"<robot/>", "application/xml"), "meshes/a.glb": (b"glTF" * 99_999, "")})
     edge = edges(relay.zenoh, model=model)
-    newest = record(relay, edge, 3)
+    newest = await_segment(relay, edge, 3)
     manifest = bucket.folder / "r" / "models" / model.digest / "manifest.json"
     until("the model is there", lambda: manifest.is_file() or None, LONG_S)
     finish(relay, edge, bucket, newest, start)
@@ -165,7 +166,7 @@ async def test_a_store_that_is_away_for_a_minute(
 ) -> None:
     relay = start()
     edge = edges(relay.zenoh)
-    await asyncio.to_thread(record, relay, edge, 1)
+    await asyncio.to_thread(await_segment, relay, edge, 1)
     async with Watcher(relay.url()) as watcher:
         await watcher.until("a frame", lambda seen: seen.frames)
         since = watcher.frames[-1][1].seq
@@ -260,7 +261,7 @@ def refuse_and_mend(
     """A store that says no: live goes on, one line says why; once it is mended all is there."""
     relay = start()
     edge = edges(relay.zenoh)
-    newest = record(relay, edge, 4)
+    newest = await_segment(relay, edge, 4)
     until("it is said", lambda: get_why(relay).startswith("the past: the archive: ") or None, LONG_S)
     assert why in get_why(relay)
     address = f"http://{relay.address}/api/v1/robots/r/past/public/{newest['take']}/{newest['index']}"
@@ -282,7 +283,7 @@ def test_another_writer_at_the_same_prefix_and_files_that_are_not_ours(
     for path in foreign:
         path.write_text("mine")
     edge = edges(first.zenoh, also=[second.zenoh])
-    newest = [record(relay, edge, 3) for relay in (first, second)]
+    newest = [await_segment(relay, edge, 3) for relay in (first, second)]
     assert newest[0]["take"] != newest[1]["take"]
     for each in newest:
         take = int(each["take"], 16)
@@ -303,7 +304,7 @@ def test_kill_nine_at_any_moment_of_a_write(
     for _ in range(8):
         relay = start()
         edge = edges(relay.zenoh)
-        newest = record(relay, edge, 1)
+        newest = await_segment(relay, edge, 1)
         puts, at_s = proxy.puts, draw.uniform(0.0, 0.6)
         edge.force_key = True
         until("a write begins", lambda puts=puts: proxy.puts > puts or None, LONG_S)  # type: ignore[misc]
@@ -330,7 +331,7 @@ def test_a_deletion_that_is_killed_in_the_middle(
 ) -> None:
     relay = start()
     edge = edges(relay.zenoh)
-    newest = record(relay, edge, 8)
+    newest = await_segment(relay, edge, 8)
     finish(relay, edge, bucket, newest, start)
     count = len(list_there(bucket.folder))
     store = ("--past", URL, "--robot", "r", "--all", "--yes")

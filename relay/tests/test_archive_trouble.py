@@ -15,9 +15,9 @@ from posecast_relay.archive.object_store import ArchiveError, ArchiveRefused, Fr
 from posecast_relay.config.settings import StartError, parse
 from posecast_relay.core.past.deletions import Deletions
 from posecast_relay.server.archive import ArchiveServices, make_archive
+from posecast_testing import until_async
 
 from .archive_world import ArchiveWorld
-from .past_doors import until
 
 RELAY = ("run", "--dev", "--past")
 
@@ -73,14 +73,14 @@ async def test_a_folder_that_is_gone_is_told_of_once_and_is_no_mistake_of_ours(
     shutil.move(world.folder, tmp_path / "aside")
     world.indexer.start()
     try:
-        await until("it is seen", lambda: world.indexer.failures > 1)
+        await until_async("it is seen", lambda: world.indexer.failures > 1)
         with pytest.raises(ArchiveError):
             await follower.look()
         assert trouble.find_trouble() == "its folder is gone"
         assert not (tmp_path / "store").exists()
         shutil.move(tmp_path / "aside", world.folder)
         world.indexer._probe_at = 0.0
-        await until("it is over", lambda: trouble.find_trouble() is None)
+        await until_async("it is over", lambda: trouble.find_trouble() is None)
     finally:
         await world.indexer.stop()
     told = [record.message for record in caplog.records if "disk" not in record.message]
@@ -91,7 +91,7 @@ async def test_a_folder_that_is_gone_is_told_of_once_and_is_no_mistake_of_ours(
 
 async def test_the_rule_that_struck_is_named(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     store = open_object_store(f"file://{tmp_path}/store")
-    left = FreeSpace(3 << 20, 3 << 20)
+    left = FreeSpace(3 << 20, 3 << 20)  # a small disk, and empty
 
     async def measure() -> FreeSpace:
         return left
@@ -99,17 +99,28 @@ async def test_the_rule_that_struck_is_named(tmp_path: Path, caplog: pytest.LogC
     store.measure_free = measure  # type: ignore[method-assign]
     watch = SpaceWatch(store)
     await watch.look()
-    assert watch.find_trouble() == "the disk is nearly full: less than 1 GiB is left, 3 MB, 100 % of it"
-    left = FreeSpace(1150 << 20, 2 << 30)  # a little more: not yet enough
+    assert watch.find_trouble() is None
+    left = FreeSpace(499 << 20, 2000 << 20)
     await watch.look()
-    assert str(watch.find_trouble()).endswith("less than 1 GiB is left, 1150 MB, 56 % of it")
+    assert watch.find_trouble() == "the disk is nearly full: less than 25 % is left, 499 MB, 24 % of it"
+    left = FreeSpace(599 << 20, 2000 << 20)  # a little more: not yet enough
+    await watch.look()
+    assert str(watch.find_trouble()).endswith("less than 25 % is left, 599 MB, 29 % of it")
+    left = FreeSpace(600 << 20, 2000 << 20)
+    await watch.look()
+    assert watch.find_trouble() is None
+    left = FreeSpace(1023 << 20, 8 << 30)
+    await watch.look()
+    assert watch.find_trouble() == "the disk is nearly full: less than 1 GiB is left, 1023 MB, 12 % of it"
     left = FreeSpace(1 << 40, 1 << 41)
     await watch.look()
     assert watch.find_trouble() is None
     left = FreeSpace(2 << 30, 1 << 40)
     await watch.look()
     assert [record.message for record in caplog.records] == [
-        "the archive: the disk is nearly full: less than 1 GiB is left, 3 MB, 100 % of it",
+        "the archive: the disk is nearly full: less than 25 % is left, 499 MB, 24 % of it",
+        "the archive: the disk has room again: 600 MB, 30 % of it",
+        "the archive: the disk is nearly full: less than 1 GiB is left, 1023 MB, 12 % of it",
         "the archive: the disk has room again: 1048576 MB, 50 % of it",
         "the archive: the disk is nearly full: less than 10 % is left, 2048 MB, 0 % of it",
     ]

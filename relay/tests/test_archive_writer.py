@@ -12,9 +12,10 @@ import pytest
 from posecast_relay.archive.names import name_segment, read_segment_key
 from posecast_relay.archive.writer import PUTS_AT_ONCE, ROBOTS_AT_ONCE, ArchiveWriter
 from posecast_relay.core.past.kept_segment import KeptSegment
+from posecast_testing import until_async
 
 from .archive_world import ArchiveWorld, GatedStore, break_store, make_run
-from .past_doors import PAGE_MS, SCHEMA, SCHEMA_HASH, make_kept, until
+from .past_doors import PAGE_MS, SCHEMA, SCHEMA_HASH, make_kept
 
 
 def read_written(world: ArchiveWorld, robot: str = "r") -> list[int]:
@@ -42,7 +43,7 @@ async def test_nothing_is_written_that_was_not_decided(tmp_path: Path) -> None:
     gated = GatedStore(tmp_path / "store")
     held = ArchiveWorld(tmp_path / "store", ["r"], store=gated)
     held.writer.keep(make_kept(0, PAGE_MS))
-    await until("one is written", lambda: gated.at_once)
+    await until_async("one is written", lambda: gated.at_once)
     held.writer.keep(make_kept(1, PAGE_MS + 4000))
     held.keep({})
     gated.gate.set()
@@ -59,7 +60,7 @@ async def test_each_robots_are_written_in_order_and_several_robots_at_once(tmp_p
     for n in range(3):
         for robot in robots:
             world.writer.keep(make_kept(n, PAGE_MS + 4000 * n, robot=robot, schema_text=None))
-    await until("many wait at the gate", lambda: gated.at_once >= ROBOTS_AT_ONCE)
+    await until_async("many wait at the gate", lambda: gated.at_once >= ROBOTS_AT_ONCE)
     assert gated.most_at_once <= ROBOTS_AT_ONCE * PUTS_AT_ONCE
     gated.gate.set()
     await world.written()
@@ -109,11 +110,11 @@ async def test_a_store_that_is_away_is_told_of_once_and_nothing_is_lost(
     with caplog.at_level(logging.WARNING, "posecast_relay"):
         for segment in segments[3:]:
             world.writer.keep(segment)
-        await until("it was tried often", lambda: world.writer.failures > 4)
+        await until_async("it was tried often", lambda: world.writer.failures > 4)
         assert world.writer.find_trouble() == "its folder is gone"
         mend()
         await world.written()
-        await until("it is said", lambda: world.writer.find_trouble() is None)
+        await until_async("it is said", lambda: world.writer.find_trouble() is None)
     assert [record.message for record in caplog.records] == [
         "the archive: its folder is gone; queueing up to 16 MB per robot, live data continues",
         "the archive is back; nothing was lost",
@@ -128,12 +129,12 @@ async def test_what_was_lost_meanwhile_is_said(tmp_path: Path, caplog: pytest.Lo
     mend = break_store(world.folder)
     with caplog.at_level(logging.WARNING, "posecast_relay"):
         world.writer.keep(segments[0])
-        await until("it failed", lambda: world.writer.failures)
+        await until_async("it failed", lambda: world.writer.failures)
         for segment in segments[1:]:
             world.writer.keep(segment)
         mend()
         await world.written()
-        await until("it is said", lambda: world.writer.find_trouble() is None)
+        await until_async("it is said", lambda: world.writer.find_trouble() is None)
     assert caplog.records[-1].message == "the archive is back; dropped 15 segments"
     assert read_written(world)[-5:] == list(range(15, 20))
 
@@ -157,16 +158,17 @@ async def test_a_full_disk_leaves_nothing_half_written(tiny_disk: Path) -> None:
         segments = [replace(segment, data=b"x" * 40_000) for segment in make_run(12, schema_text=None)]
         for segment in segments:
             world.writer.keep(segment)
-        await until("it is full", lambda: world.writer.find_trouble() == "no space is left")
+        await until_async("it is full", lambda: world.writer.find_trouble() == "no space is left")
         await world.indexer.space.look()
         assert (world.indexer.space.find_trouble() or "").startswith("the disk is nearly full: ")
         for key in world.list_files(".segment"):
             assert (tiny_disk / "store" / key).stat().st_size == 40_000
-        assert set(world.list_files()) == set(world.list_files(".segment"))  # nothing half-written
+        whole = lambda: set(world.list_files()) == set(world.list_files(".segment"))  # noqa: E731
+        await until_async("nothing half-written is left of an attempt", whole)
         written = read_written(world)
         for key in world.list_files(".segment"):  # somebody makes room
             (tiny_disk / "store" / key).unlink()
-        await until("it goes on", lambda: world.writer.written > len(written))
+        await until_async("it goes on", lambda: world.writer.written > len(written))
         await world.writer.stop(0.05)
     finally:
         subprocess.run(["umount", "-l", str(tiny_disk)], check=True)
@@ -182,12 +184,12 @@ async def test_what_is_deleted_does_not_come_back(tmp_path: Path) -> None:
     world = ArchiveWorld(tmp_path / "store", store=gated, is_deleted=is_deleted)
     for segment in make_run(4, schema_text=None):
         world.writer.keep(segment)
-    await until("all wait", lambda: gated.at_once == 3)
+    await until_async("all wait", lambda: gated.at_once == 3)
     gone.add(2)  # while it is written
     world.writer.drop_waiting(is_deleted)
     gated.gate.set()
     await world.written()
-    await until("it is deleted again", lambda: read_written(world) == [0, 3])
+    await until_async("it is deleted again", lambda: read_written(world) == [0, 3])
     assert world.writer.written == 2
     assert world.writer.dropped == 0
 

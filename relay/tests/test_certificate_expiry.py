@@ -11,9 +11,10 @@ from pathlib import Path
 import httpx
 import pytest
 from posecast_relay.zenoh.certificate_expiry import read_expiry
+from posecast_testing import free_port
 
 from .certificates import KEY, certificates
-from .stage import Relay, free_port
+from .stage import Relay
 
 
 def make(folder: Path, days: int, extra: str = "") -> Path:

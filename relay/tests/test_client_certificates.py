@@ -18,11 +18,13 @@ from pathlib import Path
 import httpx
 import pytest
 import zenoh
+from posecast_testing import until
 from posecast_wire import alive_key, echo_key, event_key, frame_key, snapshot_key
 from posecast_wire.keys import Stamp
 
 from .certificates import certificates
-from .stage import Relay, client_config, until
+from .command import run_command
+from .stage import Relay, client_config
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "how-to/operate/use-certificates.md"
 SHOWN = re.search(r"## Create an authority.*?```sh\n(.*?)```", PAGE.read_text(), re.DOTALL)
@@ -58,8 +60,7 @@ class Lab:
 
     def robots(self, *words: str) -> None:
         """`posecast-relay robots …`."""
-        command = [sys.executable, "-m", "posecast_relay.cli", "robots", *words, "--robots", str(self.file)]
-        subprocess.run(command, capture_output=True, timeout=20, check=True)
+        assert run_command("robots", *words, "--robots", str(self.file)).returncode == 0
 
     def start(self) -> Relay:
         """With its metrics on a port of their own."""

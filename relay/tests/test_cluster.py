@@ -12,9 +12,10 @@ from typing import Any
 import httpx
 import pytest
 from posecast_relay.redis.client import state_key
+from posecast_testing import until
 
 from .redis_cluster import Cluster
-from .stage import Watcher, until
+from .stage import Watcher
 from .test_gateway import clean, live_after, word
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import signal
+import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -11,32 +11,28 @@ from pathlib import Path
 
 import httpx
 import pytest
-import zenoh
 from posecast_relay.zenoh.certificates import CertificateError, RouterCertificates
+from posecast_testing import Process, free_port, until
 from posecast_wire import Credential
 
 from .certificates import certificates
-from .stage import Relay, ZenohEdge, client_config, free_port, until
-from .test_publishers import Lab
+from .stage import START_S, Relay, ZenohEdge
+from .test_publishers import Lab, is_let_in
 
 WRONG = "[robots.secret-robot]\nsecrte = 1\n"
+KEPT = "[robots.hubo]\nkeep = '1d'\n"
 SECRET = "C" * 43
 
 
-class Starting:
+class Starting(Process):
     """A relay that may not have begun to serve, on a known port."""
 
     def __init__(self, folder: Path, robots: Path, *flags: str) -> None:
-        self._errors = folder / "relay.err"
-        self.url = f"http://127.0.0.1:{free_port()}"
-        command = [sys.executable, "-m", "posecast_relay.cli", "run", "--robots", str(robots)]
-        port = self.url.rpartition(":")[2]
-        with self._errors.open("wb") as errors:
-            self.process = subprocess.Popen(
-                [*command, "--port", port, "--zenoh-listen", "tcp/127.0.0.1:0", *flags],
-                stdout=subprocess.DEVNULL,
-                stderr=errors,
-            )
+        port = free_port()
+        self.url = f"http://127.0.0.1:{port}"
+        command = (sys.executable, "-m", "posecast_relay.cli", "run", "--robots", str(robots))
+        ports = ("--port", str(port), "--zenoh-listen", "tcp/127.0.0.1:0")
+        super().__init__(folder, "relay", *command, *ports, *flags)
 
     def ask(self, path: str) -> httpx.Response | None:
         """Its answer; None while nobody listens."""
@@ -50,15 +46,6 @@ class Starting:
         answer = self.ask("/readyz")
         return answer is not None and answer.json()["status"] == status
 
-    def errors(self) -> str:
-        """Its stderr."""
-        return self._errors.read_text()
-
-    def end(self) -> int:
-        """By SIGTERM."""
-        self.process.send_signal(signal.SIGTERM)
-        return self.process.wait(15)
-
 
 @pytest.fixture
 def starting(tmp_path: Path) -> Iterator[Callable[..., Starting]]:
@@ -71,8 +58,7 @@ def starting(tmp_path: Path) -> Iterator[Callable[..., Starting]]:
 
     yield start
     for each in started:
-        each.process.kill()
-        each.process.wait()
+        each.kill()
 
 
 def write(path: Path, text: str) -> Path:
@@ -82,13 +68,13 @@ def write(path: Path, text: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.full)])
 def test_a_relay_waits_for_a_file_that_is_wrong_or_not_there(
     tmp_path: Path, starting: Callable[..., Starting], workers: int
 ) -> None:
     path = tmp_path / "robots.toml"
     relay = starting(path, "--workers", str(workers))
-    until("it waits", partial(relay.is_ready, "waiting"))
+    until("it waits", partial(relay.is_ready, "waiting"), START_S)
     until(
         "it says why", lambda: "robots.toml: no such file or directory; nobody can publish" in relay.errors()
     )
@@ -103,15 +89,48 @@ def test_a_relay_waits_for_a_file_that_is_wrong_or_not_there(
     assert relay.process.poll() is None
 
     write(path, "[robots.hubo.anyone]\n")
-    until("it serves", partial(relay.is_ready, "ready"))
+    until("it serves", partial(relay.is_ready, "ready"), START_S)
     assert relay.ask("/api/v1/robots/hubo") is not None
-    assert relay.end() == 0
+    assert relay.stop() == 0
+
+
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.full)])
+def test_a_relay_without_the_store_that_its_file_needs_ends(
+    tmp_path: Path, starting: Callable[..., Starting], workers: int
+) -> None:
+    path = write(tmp_path / "robots.toml", KEPT)
+    relay = starting(path, "--workers", str(workers))
+    assert relay.process.wait(START_S) == 2
+    (line,) = relay.errors().splitlines()
+    assert f"{path}: [robots.hubo] keep: needs an object store: give the relay --past" in line
+
+
+def test_a_running_relay_goes_on_when_its_file_needs_a_store(
+    tmp_path: Path, starting: Callable[..., Starting]
+) -> None:
+    path = write(tmp_path / "robots.toml", "[robots.hubo.anyone]\n")
+    relay = starting(path)
+    until("it serves", partial(relay.is_ready, "ready"), START_S)
+    write(path, KEPT)
+    until("it is degraded", partial(relay.is_ready, "degraded"))
+    until(
+        "it says why",
+        lambda: (
+            re.search(
+                r"\[robots\.hubo\] keep: needs an object store.*its last good version stays", relay.errors()
+            )
+            is not None
+        ),
+    )
+    write(path, "[robots.hubo.anyone]\n")
+    until("all is well", partial(relay.is_ready, "ready"))
+    assert relay.stop() == 0
 
 
 def test_while_it_waits_a_signal_ends_it(tmp_path: Path, starting: Callable[..., Starting]) -> None:
     relay = starting(tmp_path / "robots.toml")
-    until("it waits", partial(relay.is_ready, "waiting"))
-    assert relay.end() == 0
+    until("it waits", partial(relay.is_ready, "waiting"), START_S)
+    assert relay.stop() == 0
 
 
 def test_a_relay_waits_for_certificates_too(tmp_path: Path, starting: Callable[..., Starting]) -> None:
@@ -119,10 +138,14 @@ def test_a_relay_waits_for_certificates_too(tmp_path: Path, starting: Callable[.
     cert, key = tmp_path / "server.pem", tmp_path / "server.key"
     flags = ("--zenoh-tls-cert", str(cert), "--zenoh-tls-key", str(key))
     relay = starting(path, *flags, "--zenoh-listen", "tls/127.0.0.1:0")
-    until("it says why", lambda: f"--zenoh-tls-cert {cert}: no such file or directory" in relay.errors())
+    until(
+        "it says why",
+        lambda: f"--zenoh-tls-cert {cert}: no such file or directory" in relay.errors(),
+        START_S,
+    )
     assert relay.is_ready("waiting")
     certificates(tmp_path)
-    until("it serves", partial(relay.is_ready, "ready"))
+    until("it serves", partial(relay.is_ready, "ready"), START_S)
 
 
 def test_a_certificate_that_is_none_is_one_line(tmp_path: Path) -> None:
@@ -138,6 +161,25 @@ def test_a_certificate_that_is_none_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(CertificateError, match=r"--zenoh-ca .*: is not a file"):
         RouterCertificates(None, None, tmp_path)
     assert len(RouterCertificates(cert, key, tmp_path / "ca.pem").make_settings()) == 3
+
+
+def test_a_certificate_that_zenoh_can_not_use_is_none_either(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    certificates(tmp_path)
+    cert, key = tmp_path / "server.pem", tmp_path / "server.key"
+    found = RouterCertificates(cert, key, None)
+    before = found.make_settings()
+    words = "req -x509 -newkey ec -pkeyopt ec_paramgen_curve:P-521 -nodes -days 2 -subj /CN=server"
+    subprocess.run(["openssl", *words.split(), "-keyout", key, "-out", cert], check=True, capture_output=True)
+    assert found.refresh() is False
+    assert found.make_settings() == before
+    said = f"--zenoh-tls-cert {cert}, --zenoh-tls-key {key}: Zenoh can't use them: "
+    assert (found.trouble or "").startswith(said)
+    assert caplog.messages == [f"{found.trouble}; the last good certificates stay in force"]
+    certificates(tmp_path)
+    assert found.refresh() is True
+    assert found.trouble is None
 
 
 @pytest.fixture
@@ -203,31 +245,91 @@ def test_certificates_that_are_damaged_are_those_of_before_and_new_ones_are_take
     until("by the new ones it is let in", partial(is_let_in, lab, newer), 30.0)
 
 
-def is_let_in(lab: Lab, credential: Credential) -> bool:
-    """Whether a session can be opened with it."""
+def test_a_change_for_which_there_is_no_room_comes_later_and_the_robots_of_before_go_on(
+    lab: Lab, edges: Callable[..., ZenohEdge], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    room = lab.folder / "tmp"
+    room.mkdir()
+    credential = lab.credential("hubo")
+    monkeypatch.setenv("TMPDIR", str(room))
+    relay = lab.start()
+    monkeypatch.undo()
+    edge = edges(relay.zenoh, robot="hubo", credential=credential)
+    robots = f"http://{relay.address}/api/v1/robots"
+    until("on air", lambda: httpx.get(f"{robots}/hubo/state").status_code == 200)
+    links = relay.errors().count("robot hubo on air")
+    room.rmdir()
+    other = lab.credential("other")
+    until("it is degraded", lambda: explain(lab)["status"] == "degraded")
+    assert explain(lab)["why"] == (
+        "a change of the robots or certificates is not in force; retrying; the log says why"
+    )
+    assert lab.told(f"its last change is not in force: {room}: no such file or directory; retrying")
+    assert (lab.figure("posecast_config_up"), lab.figure("posecast_robots_port_up")) == (1, 1)
+    assert not is_let_in(lab, other)
+    seq = edge.seq
+    until(
+        "the robot goes on",
+        lambda: edge.seq > seq + 30 and httpx.get(f"{robots}/hubo/state").json()["seq"] > seq,
+    )
+    assert relay.errors().count("robot hubo on air") == links
+    room.mkdir()
+    until("all is well", lambda: explain(lab) == {"status": "ready"})
+    assert lab.told("robots.toml: its last change is in force")
+    assert lab.told("publishers enrolled: other")
+    assert is_let_in(lab, other)
+    assert lab.figure("posecast_config_up") == 2
 
-    try:
-        with zenoh.open(client_config(lab.relay.zenoh, credential)):
-            return True
-    except zenoh.ZError:
-        return False
+
+def test_a_port_that_is_taken_is_opened_when_it_is_free_again(
+    lab: Lab, edges: Callable[..., ZenohEdge], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken, port = lab.folder / "taken", free_port()
+    taken.touch()
+    monkeypatch.setenv("TAKEN", str(taken))
+    monkeypatch.setenv("TAKEN_PORT", str(port))
+    credential = lab.credential("hubo")
+    relay = lab.start(zenoh_port=port, module="relay.tests.taken_port")
+    edges(relay.zenoh, robot="hubo", credential=credential)
+
+    def status() -> str:
+        found = httpx.get(f"http://{relay.address}/api/v1/robots").json()["robots"]
+        return next((str(each["status"]) for each in found), "")
+
+    until("on air", lambda: status() == "online")
+    lab.credential("other")
+    until("it is degraded", lambda: explain(lab)["status"] == "degraded")
+    assert explain(lab)["why"] == (
+        "robots can't connect, because their port can't be opened; retrying; the log says why"
+    )
+    until(
+        "the log says why", lambda: lab.told(f"robots can't connect: zenoh listener {relay.zenoh}: address")
+    )
+    assert (lab.figure("posecast_config_up"), lab.figure("posecast_robots_port_up")) == (2, 0), "one alarm"
+    until("viewers see that it is gone", lambda: status() == "offline")
+    taken.unlink()
+    until("all is well", lambda: explain(lab) == {"status": "ready"}, 30.0)
+    assert lab.told("publishers enrolled: other")
+    assert (lab.figure("posecast_config_up"), lab.figure("posecast_robots_port_up")) == (2, 1)
+    until("the robot is back", lambda: status() == "online")
 
 
+@pytest.mark.full  # several workers; one process that waits is tested above
 def test_a_worker_that_is_started_anew_waits_for_the_file(
     tmp_path: Path, starting: Callable[..., Starting]
 ) -> None:
     path = write(tmp_path / "robots.toml", "[robots.hubo.anyone]\n")
     relay = starting(path, "--workers", "2")
-    until("it serves", partial(relay.is_ready, "ready"))
+    until("it serves", partial(relay.is_ready, "ready"), START_S)
     children = Path(f"/proc/{relay.process.pid}/task/{relay.process.pid}/children")
     (before,) = children.read_text().split()
     write(path, WRONG)
     until("it is degraded", partial(relay.is_ready, "degraded"))
     subprocess.run(["kill", "-9", before], check=True)
-    until("it waits", lambda: "nobody can publish or watch until this is fixed" in relay.errors())
+    until("it waits", lambda: "nobody can publish or watch until this is fixed" in relay.errors(), START_S)
     (after,) = children.read_text().split()
     assert after != before
     write(path, "[robots.hubo.anyone]\n")
-    until("both serve", partial(relay.is_ready, "ready"))
+    until("both serve", partial(relay.is_ready, "ready"), START_S)
     assert children.read_text().split() == [after], "it did not end over the file"
-    assert relay.end() == 0
+    assert relay.stop() == 0

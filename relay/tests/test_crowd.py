@@ -9,11 +9,12 @@ from functools import partial
 from typing import Any
 
 import pytest
+from posecast_testing import free_port
 from posecast_wire import Close, parse_header
 
 from .open_files import allow_files
 from .sim import schema
-from .stage import Relay, Watcher, free_port
+from .stage import Relay, Watcher
 from .test_websocket import endings, raw_viewer
 
 VIEWERS = 1000
@@ -103,9 +104,8 @@ async def test_a_full_event_queue_ends_a_viewer_that_does_not_read(relays: Any, 
         sock.close()
 
 
-async def test_a_30_ms_fault_reaches_a_viewer_of_one_frame_in_ten_seconds(relays: Any, edges: Any) -> None:
-    relay = relays()
-    edge = edges(relay.zenoh, of=schema())
+async def test_a_30_ms_fault_reaches_a_viewer_of_one_frame_in_ten_seconds(relay: Relay, edges: Any) -> None:
+    edge = edges(relay, of=schema())
     async with Watcher(relay.url(query="?hz=0.1")) as viewer:
         await viewer.until("a second of frames", lambda v: v.frames and edge.seq > 30)
         before = len(viewer.frames)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import socket
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from uuid import uuid4
 
 import pytest
 from posecast_relay.core.actions import Fault, RequestSnapshot, Send, SubscribeRobot, VerifyToken
@@ -13,6 +15,7 @@ from posecast_relay.core.limits import Limits
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.core.viewer import messages
 from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.runtime import dispatcher as dispatcher_module
 from posecast_relay.runtime.dispatcher import Dispatcher, NoSource
 from posecast_relay.runtime.fan_out import SLICE, FanOut
 from posecast_relay.runtime.io_uring import IoUring
@@ -54,6 +57,21 @@ def fan_out(request: pytest.FixtureRequest) -> Iterator[FanOut]:
     yield FanOut(ring)
     if ring is not None:
         ring.close()
+
+
+def test_two_machines_have_different_clocks_and_one_machine_has_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(dispatcher_module, "BOOT_ID", tmp_path / "boot_id")
+    starts = []
+    for boot_id in [*[f"{uuid4()}\n" for _ in range(20)], "no UUID"]:
+        (tmp_path / "boot_id").write_text(boot_id)
+        starts += [dispatcher_module._find_clock_start() for _ in range(2)]
+    assert starts[::2] == starts[1::2]
+    assert len(set(starts)) == 21
+    assert starts[-1] == 0.0
+    (tmp_path / "boot_id").unlink()
+    assert dispatcher_module._find_clock_start() == 0.0
 
 
 def viewer(outlet: Far | Screen) -> Viewer:
@@ -108,7 +126,7 @@ async def test_a_crowd_is_served_in_slices_and_frames_meanwhile_replace_each_oth
     assert all(len(screen.states) == 2 for screen in screens[:served])
     for _ in range(3):
         publish()
-    dispatcher.carry_out([Send(messages.make_pong(7.0), viewers[:1])])
+    dispatcher.carry_out([Send(messages.make_pong(7.0, now=0.0), viewers[:1])])
     assert not screens[0].told("pong")  # it was decided after the frame that not all have yet
     async with asyncio.timeout(20):
         while len(screens[-1].states) < 3:
@@ -193,7 +211,7 @@ async def test_ports_and_connections_that_fail_are_nobody_elses_trouble(
         publish()
     dispatcher.carry_out(dispatcher.hub.refuse(viewers[1], Close.BINARY, "binary"))
     told = Fault("r/public", ArithmeticError("told by the core"))
-    dispatcher.carry_out([told, Send(messages.make_pong(7.0), viewers[2:])])
+    dispatcher.carry_out([told, Send(messages.make_pong(7.0, now=0.0), viewers[2:])])
     sound = [screen for screen in screens[2:] if not isinstance(screen, Broken)]
     assert all(len(screen.states) == 6 and screen.told("pong") for screen in sound)
     # the first could not be verified

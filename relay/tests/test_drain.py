@@ -118,8 +118,9 @@ async def test_a_process_moves_its_viewers_away_takes_no_new_ones_and_ends_with_
 async def test_a_second_signal_ends_it_at_once(relays: Any, edges: Any) -> None:
     relay = relays()
     edge = edges(relay.zenoh)
-    viewers = [Watcher(relay.url(query="?hz=1")) for _ in range(300)]  # three seconds' worth
-    await asyncio.gather(*(v.__aenter__() for v in viewers))
+    viewers = [Watcher(relay.url(query="?hz=1")) for _ in range(600)]  # six seconds' worth
+    for n in range(0, len(viewers), 50):  # all at once may take longer than the relay lets anybody ask
+        await asyncio.gather(*(v.__aenter__() for v in viewers[n : n + 50]))
     relay.process.send_signal(signal.SIGINT)
     await viewers[0].until("the first goes", lambda _: any(v.closed for v in viewers))
     began = edge.seq
@@ -127,7 +128,7 @@ async def test_a_second_signal_ends_it_at_once(relays: Any, edges: Any) -> None:
     assert await asyncio.to_thread(relay.process.wait, 30) == 0
     for viewer in viewers:
         await viewer.until("its end", lambda v: v.closed is not None)
-    assert edge.seq - began < 75  # frames of 30 a second: it did not wait for all to have gone one by one
+    assert edge.seq - began < 150  # frames of 30 a second: it did not wait for all to have gone one by one
 
 
 async def test_connections_of_a_process_are_renewed(relays: Any, edges: Any) -> None:

@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from posecast_testing import until
 
 from .redis_server import Redis
-from .stage import Relay, Watcher, until
+from .stage import Relay, Watcher
 
 BY_S = 10.0
 

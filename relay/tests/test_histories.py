@@ -12,6 +12,7 @@ import pytest
 from hypothesis import Phase, note, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
+from posecast_testing import count_examples
 
 from .histories import BACK_S, RETURN_S, ROBOTS, History, Step
 from .kept_histories import KEPT
@@ -212,7 +213,7 @@ class Test(Histories.TestCase):  # type: ignore[valid-type, misc]
     """
 
     settings = settings(
-        max_examples=30,
+        max_examples=count_examples(30, few=8),
         stateful_step_count=25,
         deadline=None,
         derandomize=True,

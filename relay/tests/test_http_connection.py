@@ -169,8 +169,7 @@ async def test_a_flood_is_refused_and_nothing_of_it_is_kept(flood: str) -> None:
         (GET + b"Upgrade: h2c\r\nConnection: Upgrade, HTTP2-Settings\r\n", 200),
     ],
 )
-def test_what_is_within_the_limits_is_answered(head: bytes, status: int, relays: Any) -> None:
-    relay: Relay = relays()
+def test_what_is_within_the_limits_is_answered(head: bytes, status: int, relay: Relay) -> None:
     with socket.create_connection(("127.0.0.1", relay.http), 10) as sock:
         sock.sendall(head + b"\r\n")
         if b"Content-Length" in head:
@@ -178,8 +177,7 @@ def test_what_is_within_the_limits_is_answered(head: bytes, status: int, relays:
         assert int(sock.recv(4096).split(b" ", 2)[1]) == status
 
 
-def test_requests_sent_at_once_are_answered_in_their_order(relays: Any) -> None:
-    relay: Relay = relays()
+def test_requests_sent_at_once_are_answered_in_their_order(relay: Relay) -> None:
     with socket.create_connection(("127.0.0.1", relay.http), 10) as sock:
         sock.sendall(b"GET /livez HTTP/1.1\r\nHost: x\r\n\r\n" * PIPELINED)
         sock.sendall(b"GET /nothing HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n")

@@ -6,6 +6,7 @@ import asyncio
 import gzip
 import socket
 import threading
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,8 +18,9 @@ from posecast_relay.http.models import PIECE_BYTES, make_model_answer
 from posecast_relay.models.cache import RANGE_BYTES, ModelCache
 from posecast_relay.models.memory import IN_USE_S
 from posecast_relay.streaming.http_connection import AnswerAborted
+from posecast_testing import until
 
-from .stage import Model, Relay, until
+from .stage import Model, Relay
 from .test_model_cache import Edge, bytes_of
 from .test_pending_requests import asking
 
@@ -123,15 +125,13 @@ class Gated(Model):
         return super().answer(key, parameters)
 
 
-async def test_a_real_edge_is_asked_no_longer_than_somebody_waits(relays: Any, edges: Any) -> None:
+async def test_a_real_edge_is_asked_no_longer_than_somebody_waits(relay: Relay, edges: Any) -> None:
     model = Gated(4 * RANGE_BYTES)
-    relay: Relay = relays()
-    edges(relay.zenoh, model=model)
-    listed = f"http://{relay.address}/api/v1/robots"
-    path = f"/api/v1/robots/r/model/{model.digest}/a.glb"
+    edges(relay, model=model)
+    path = f"{relay.path}/model/{model.digest}/a.glb"
 
     def ask_and_leave() -> None:
-        until("it is announced", lambda: httpx.get(listed).json()["robots"][0]["model"])
+        until("it is announced", partial(is_announced, relay))
         with asking(relay, path) as sock:
             assert model.begun.wait(20)
             sock.shutdown(socket.SHUT_WR)
@@ -139,39 +139,37 @@ async def test_a_real_edge_is_asked_no_longer_than_somebody_waits(relays: Any, e
         model.let.set()
 
     await asyncio.to_thread(ask_and_leave)
-    answer = await asyncio.to_thread(httpx.get, f"http://{relay.address}{path}")
+    answer = await asyncio.to_thread(httpx.get, relay.base + path)
     assert answer.content == bytes_of(1, 4 * RANGE_BYTES)
     assert model.offsets == [0, 0, RANGE_BYTES, 2 * RANGE_BYTES, 3 * RANGE_BYTES]
 
 
+def is_announced(relay: Relay) -> bool:
+    """Whether its robot has a model."""
+    answer = httpx.get(relay.api)
+    return answer.status_code == 200 and answer.json()["model"] is not None
+
+
+def ask_manifest(relay: Relay, model: Model) -> httpx.Response:
+    """When it can be asked for."""
+    until("it is announced", partial(is_announced, relay))
+    return httpx.get(f"{relay.api}/model/{model.digest}/manifest.json", timeout=20)
+
+
 @pytest.mark.parametrize(("size", "ranges"), [(2 * RANGE_BYTES - 1, 2), (2 * RANGE_BYTES, 3), (1 << 20, 5)])
-async def test_a_large_manifest_comes_in_ranges(size: int, ranges: int, relays: Any, edges: Any) -> None:
+async def test_a_large_manifest_comes_in_ranges(size: int, ranges: int, relay: Relay, edges: Any) -> None:
     files = {"a.glb": (b"a", "model/gltf-binary")}
     model = Model(files, note="n" * (size - len(Model(files, note="").manifest)))
     assert len(model.manifest) == size
-    relay: Relay = relays()
-    edges(relay.zenoh, model=model)
-    address = f"http://{relay.address}/api/v1/robots"
-
-    def ask() -> httpx.Response:
-        until("it is announced", lambda: httpx.get(address).json()["robots"][0]["model"])
-        return httpx.get(f"{address}/r/model/{model.digest}/manifest.json", timeout=20)
-
-    answer = await asyncio.to_thread(ask)
+    edges(relay, model=model)
+    answer = await asyncio.to_thread(ask_manifest, relay, model)
     assert answer.content == model.manifest
     assert model.asked == ["manifest"] * ranges
 
 
-async def test_a_manifest_that_is_too_large_is_said_to_be(relays: Any, edges: Any) -> None:
+async def test_a_manifest_that_is_too_large_is_said_to_be(relay: Relay, edges: Any) -> None:
     model = Model({}, note="n" * (1 << 20))
-    relay: Relay = relays()
-    edges(relay.zenoh, model=model)
-    address = f"http://{relay.address}/api/v1/robots"
-
-    def ask() -> httpx.Response:
-        until("it is announced", lambda: httpx.get(address).json()["robots"][0]["model"])
-        return httpx.get(f"{address}/r/model/{model.digest}/manifest.json", timeout=20)
-
-    answer = await asyncio.to_thread(ask)
+    edges(relay, model=model)
+    answer = await asyncio.to_thread(ask_manifest, relay, model)
     assert answer.status_code == 503
     assert "more than 1048576 bytes" in answer.text

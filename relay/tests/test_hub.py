@@ -129,7 +129,8 @@ def test_status_comes_right_after_hello_and_at_least_once_a_second_also_without_
     world = World()
     viewer, screen = world.join(robot="nobody")
     assert [d["type"] for d in screen.texts] == ["hello", "status"]
-    assert screen.texts[1] == {"type": "status", "robot": "offline", "age_ms": None, "seq": None}
+    nobody = {"type": "status", "robot": "offline", "age_ms": None, "seq": None}
+    assert screen.texts[1] == nobody | {"clock_ms": 1000 * world.now}
     for n in range(2, 20):
         world.pass_time(1.0)
         viewer.record_heard(world.now)
@@ -248,6 +249,21 @@ def test_a_viewer_who_joins_a_dead_robot_never_sees_it_online() -> None:
     world.pass_time(5.0)
     assert {s["robot"] for s in viewer_words + screen.told("status")} == {"offline"}
     assert viewer_words[0]["age_ms"] >= 60_000
+
+
+def test_an_old_pose_never_comes_without_the_status_that_says_so() -> None:
+    world = World()
+    world.do(world.hub.set_token("r", True, world.now))
+    edge = Edge(0xABC, schema(), began_s=world.now - 60.0)
+    edge.frame(world.now - 60.0)  # nobody was there to hear it
+    _, screen = world.join()
+    assert screen.told("status")[-1]["seq"] is None
+    writes = screen.writes
+    world.answer(edge)
+    assert screen.states[-1].seq == edge.seq
+    assert screen.told("status")[-1]["robot"] == "silent"
+    assert screen.told("status")[-1]["seq"] == edge.seq, "a newer frame than that in the status is a live one"
+    assert screen.writes == writes + 2, "the description, then both at once"
 
 
 def test_a_robot_that_comes_on_air_is_asked_at_once_and_then_once_a_second() -> None:

@@ -37,10 +37,11 @@ from posecast_relay.core.policy.lane import (
 from posecast_relay.core.policy.policy import ANYONE, Audience, Grant, Policy, Principal, Rule
 from posecast_relay.core.viewer import messages
 from posecast_relay.core.viewer.viewer import Viewer
+from posecast_testing import free_port, until
 from posecast_wire import Close
 
 from .sim import UNIX_S, Screen, World, split
-from .stage import Relay, Watcher, free_port, until
+from .stage import Relay, Watcher
 from .test_sse import parse_events
 
 A, S, L = Audience.ANYONE, Audience.SIGNED_IN, Audience.LINK

@@ -1,16 +1,25 @@
-"""Whoever asks and never reads the answer is let go."""
+"""Whoever asks and never reads the answer is let go; sockets of stopped relays keep nobody waiting."""
 
 from __future__ import annotations
 
 import errno
+import logging
+import os
+import signal
 import socket
-from contextlib import ExitStack
+import tempfile
+from collections.abc import Iterator
+from contextlib import ExitStack, suppress
+from pathlib import Path
 
 import pytest
 from posecast_relay.config.settings import StartError
+from posecast_relay.core.past.deletions import Deletions
+from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.server import listener
-
-from .stage import until
+from posecast_relay.server.past_socket import PastSocket
+from posecast_relay.server.workers import crew
+from posecast_testing import until
 
 
 def fill(sock: socket.socket) -> None:
@@ -50,3 +59,91 @@ def test_who_reads_nothing_is_cut_and_who_reads_slowly_is_not(monkeypatch: pytes
 def test_a_host_that_is_none_is_named_in_one_line(host: str) -> None:
     with pytest.raises(StartError, match=f"^--host {host}: [^\n]+$"):
         listener.listen(host, 0)
+
+
+# ---- Unix sockets -------------------------------------------------------------------
+
+
+@pytest.fixture
+def _no_call_blocks() -> Iterator[None]:
+    """Interrupt a call that waits for ever."""
+
+    def interrupt(*_: object) -> None:
+        raise AssertionError("it waits for a process that is stopped")
+
+    before = signal.signal(signal.SIGALRM, interrupt)
+    signal.alarm(10)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where relays with several workers have their folders."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    return tmp_path
+
+
+def stop_relay(path: Path, stack: ExitStack) -> None:
+    """Listen at `path` without accepting, until the queue is full: as a process does that is stopped."""
+    door = stack.enter_context(socket.socket(socket.AF_UNIX))
+    door.bind(str(path))
+    door.listen(0)
+    with suppress(BlockingIOError):
+        while True:
+            waiting = stack.enter_context(socket.socket(socket.AF_UNIX))
+            waiting.setblocking(False)
+            waiting.connect(str(path))
+
+
+def leave_behind(path: Path) -> None:
+    """What a relay leaves at `path` that was killed."""
+    with socket.socket(socket.AF_UNIX) as door:
+        door.bind(str(path))
+
+
+@pytest.mark.usefixtures("_no_call_blocks")
+def test_a_stopped_relay_keeps_its_folder_and_no_other_from_starting(folder: Path) -> None:
+    stopped, killed, serving = (folder / f"{crew.PREFIX}{name}" for name in ("stopped", "killed", "serving"))
+    with ExitStack() as stack:
+        for each in (stopped, killed, serving):
+            each.mkdir()
+        stop_relay(stopped / "http", stack)
+        leave_behind(killed / "http")
+        door = stack.enter_context(socket.socket(socket.AF_UNIX))
+        door.bind(str(serving / "http"))
+        door.listen()
+        crew._remove_left()
+        assert sorted(each.name for each in folder.iterdir()) == [serving.name, stopped.name]
+
+
+@pytest.mark.usefixtures("_no_call_blocks")
+async def test_a_stopped_relay_keeps_its_past_socket(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.WARNING)
+    path = tmp_path / "past"
+    with ExitStack() as stack:
+        stop_relay(path, stack)
+        inode = path.stat().st_ino
+        async with PastSocket(path, MemoryPast(1 << 20), Deletions()):
+            pass
+        assert path.stat().st_ino == inode
+    assert "another process listens on it" in caplog.text
+
+
+async def test_the_past_socket_is_this_user_s_alone_and_no_other_file_s_mode_changes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "past"
+    leave_behind(path)
+    before = os.umask(0)  # the most open one
+    try:
+        with monkeypatch.context() as patch:
+            patch.delattr(os, "umask")  # of the whole process: other threads write files meanwhile
+            async with PastSocket(path, MemoryPast(1 << 20), Deletions()):
+                assert path.stat().st_mode & 0o777 == 0o600
+    finally:
+        os.umask(before)
+    assert not path.exists()

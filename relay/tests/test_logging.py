@@ -13,8 +13,9 @@ from typing import Any
 import pytest
 from posecast_relay import logging as logs
 from posecast_relay.logging import LINE_MAX, JsonLines, describe_error, visible
+from posecast_testing import until
 
-from .stage import Relay, until
+from .stage import Relay
 
 HIDING = (
     "\u202e",

@@ -13,12 +13,13 @@ from typing import Any
 import pytest
 import redis
 import zenoh
+from posecast_testing import until
 from posecast_wire import alive_key, frame_key
 from posecast_wire.keys import PREFIX
 
 from .redis_server import Redis
 from .sim import Edge, schema
-from .stage import Watcher, client_config, until
+from .stage import Watcher, client_config
 from .test_gateway import clean, word
 
 ON_AIR, WATCHED = 220, 200

@@ -14,12 +14,13 @@ import httpx
 import pytest
 from posecast_relay.core.mirror import Mirror, NodeChange, VisibleRobot, Written
 from posecast_relay.mirror.firebase import BATCH_BYTES, split_batches
+from posecast_testing import until
 from posecast_wire import Decoder
 
 from tests.rtdb_double import Double
 
 from .sim import UNIX_S, Edge, World, schema
-from .stage import Relay, Watcher, until
+from .stage import Relay, Watcher
 
 
 class Reader:

@@ -19,10 +19,11 @@ from posecast_relay.logging import JsonLines
 from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.store_memory import MemoryStore
+from posecast_testing import free_port, until
 from posecast_wire import Close
 from prometheus_client.parser import text_string_to_metric_families
 
-from .stage import Watcher, free_port, until
+from .stage import Watcher
 
 LABELS = {"state", "fate", "result", "code", "flag", "le"}
 

@@ -19,7 +19,6 @@ from posecast_wire import Close
 from .sim import Screen, World
 
 ROOT = Path(posecast_relay.__file__).parent
-TREES = {str(path.relative_to(ROOT)): ast.parse(path.read_text()) for path in sorted(ROOT.rglob("*.py"))}
 FLOW, VIEWER = "core/viewer/flow_control.py", "core/viewer/viewer.py"
 COUNTED = {"sent"}  # by the walk over a crowd as well, one line per viewer and frame
 
@@ -41,6 +40,12 @@ OTHERS_OBJECTS = {
     ("streaming/http_connection.py", "cycle.default_headers"),
     ("streaming/websocket.py", "self._ws.parser_exc"),  # else it holds itself in a circle
 }
+
+
+@pytest.fixture(scope="module")
+def trees() -> dict[str, ast.Module]:
+    """Of all modules."""
+    return {str(path.relative_to(ROOT)): ast.parse(path.read_text()) for path in sorted(ROOT.rglob("*.py"))}
 
 
 def assigned(tree: ast.AST) -> Iterator[ast.Attribute]:
@@ -65,34 +70,33 @@ def declared(tree: ast.Module) -> set[str]:
     return found
 
 
-def test_only_its_own_module_writes_an_objects_fields() -> None:
+def test_only_its_own_module_writes_an_objects_fields(trees: dict[str, ast.Module]) -> None:
     """So nothing hangs a hook into somebody else's object, either: ports go in through constructors."""
-    found = {
-        (name, ast.unparse(node))
-        for name, tree in TREES.items()
-        for node in assigned(tree)
-        if not is_self(node) and node.attr not in declared(tree)
-    }
+    found = set()
+    for name, tree in trees.items():
+        own = declared(tree)
+        others = (node for node in assigned(tree) if not is_self(node) and node.attr not in own)
+        found |= {(name, ast.unparse(node)) for node in others}
     assert found == OTHERS_OBJECTS
 
 
-def test_no_field_is_written_by_its_name_as_a_text() -> None:
-    for name, tree in TREES.items():
+def test_no_field_is_written_by_its_name_as_a_text(trees: dict[str, ast.Module]) -> None:
+    for name, tree in trees.items():
         for node in ast.walk(tree):
             if isinstance(node, ast.Call):
                 called = ast.unparse(node.func)
                 assert called not in ("setattr", "delattr", "object.__setattr__"), f"{name}:{node.lineno}"
 
 
-def test_only_flow_control_writes_its_fields() -> None:
+def test_only_flow_control_writes_its_fields(trees: dict[str, ast.Module]) -> None:
     flow = set(FlowControl.__slots__)
-    assert {node.attr for node in assigned(TREES[FLOW])} == flow
-    assert {node.attr for node in assigned(TREES[VIEWER])} & flow == COUNTED
-    assert {node.attr for node in assigned(TREES[VIEWER])} - COUNTED == set(Viewer.__slots__)
+    assert {node.attr for node in assigned(trees[FLOW])} == flow
+    assert {node.attr for node in assigned(trees[VIEWER])} & flow == COUNTED
+    assert {node.attr for node in assigned(trees[VIEWER])} - COUNTED == set(Viewer.__slots__)
 
 
-def test_nobody_else_writes_a_field_of_what_is_called_a_viewer() -> None:
-    for name, tree in TREES.items():
+def test_nobody_else_writes_a_field_of_what_is_called_a_viewer(trees: dict[str, ast.Module]) -> None:
+    for name, tree in trees.items():
         for node in assigned(tree):
             whose = ast.unparse(node.value)
             assert name == VIEWER or not whose.endswith("viewer"), (

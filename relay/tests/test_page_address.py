@@ -9,6 +9,8 @@ import httpx
 import pytest
 from posecast_relay.http.page_address import find_home, place_page, read_robots
 
+from .stage import SharedRelay
+
 INDEX = (
     '<!doctype html>\n<html lang="en"><head><meta http-equiv="Content-Security-Policy" '
     'content="default-src &#39;self&#39;"><link href="./a.css"><title>page</title></head>'
@@ -93,15 +95,14 @@ def test_a_robots_path_is_the_page_and_a_mistyped_one_the_page_with_404(relays: 
     assert ask("/r/demo", **A_BROWSER).status_code == 404, "a page that is being built anew"
 
 
-def test_no_path_leads_out_of_the_page_or_around_in_it(relays: Any, tmp_path: Path) -> None:
+def test_no_path_leads_out_of_the_page_or_around_in_it(relay: SharedRelay) -> None:
     """A detour tells what folders there are; and by one, an index would be kept for a year."""
-    folder = tmp_path / "page"
-    (folder / "assets").mkdir(parents=True)
+    folder = relay.page
+    (folder / "assets").mkdir()
     (folder / "index.html").write_text(INDEX)
     (folder / "assets/a.js").write_text("1")
     (folder / "assets/..b.js").write_text("2")
-    relay = relays("--static", str(folder))
-    with httpx.Client(base_url=f"http://{relay.address}") as client:
+    with httpx.Client(base_url=relay.base) as client:
         for path in (
             *("/..%2fpage%2findex.html", "/%2e%2e/page/index.html", "/assets/..%2findex.html"),
             *(

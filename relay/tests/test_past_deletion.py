@@ -7,22 +7,25 @@ import dataclasses
 from typing import Any
 
 import pytest
-from posecast_relay.core.past.deletions import KNOWN_MAX, Deletion, Deletions
+from posecast_relay.core.past.deletions import KNOWN_MAX, SPANS_MAX, Deletion, Deletions
 from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.core.past.segment_record import pack_record
+from posecast_relay.core.policy.policy import Audience, Rule
 from posecast_relay.deletion_record import make_deletion, pack_deletion, unpack_deletion
 from posecast_relay.past_source_memory import MemoryPastSource
 from posecast_relay.redis.deletions.feed import KEY, RedisDeletions
 from posecast_relay.redis.past_replica import PastReplica
 from posecast_relay.redis.past_scripts import stream_key
 from posecast_relay.server.past_deletion import ObedientMemory
+from posecast_testing import until_async
 
-from .past_doors import DAY, PAGE, PAGE_MS, PastDoors, address_of, make_kept, until
+from .past_doors import DAY, PAGE, PAGE_MS, PastDoors, address_of, make_kept
 from .past_redis import PastFleet, running
 from .redis_server import Redis
 
 NOW_MS = PAGE_MS + 3_600_000
 MINUTE_MS = 60_000
+A = Audience.ANYONE
 
 
 def order(from_ms: int, to_ms: int, view: str | None = None, robot: str = "r") -> Deletion:
@@ -77,6 +80,52 @@ def test_deletions_are_known_once_and_bounded() -> None:
     assert len(list(deletions.list_known())) == KNOWN_MAX
     assert not deletions.has(first.id)
     assert not deletions.cover("r", "public", PAGE_MS, PAGE_MS + 1)
+
+
+def test_viewers_hear_of_the_spans_of_their_view_once_each_and_of_not_too_many() -> None:
+    deletions = Deletions()
+    assert deletions.list_spans("r", "public") == []
+    for deletion in (order(5000, 9000), order(0, 2000, "public"), order(1000, 3000), order(4000, 5000)):
+        deletions.add(deletion)
+    deletions.add(order(20_000, 30_000, "staff"))
+    deletions.add(order(40_000, 50_000, robot="q"))
+    assert deletions.list_spans("r", "public") == [
+        (PAGE_MS, PAGE_MS + 3000),
+        (PAGE_MS + 4000, PAGE_MS + 9000),
+    ]
+    for n in range(2 * SPANS_MAX):
+        deletions.add(order(100_000 + 10 * n, 100_005 + 10 * n))
+    listed = deletions.list_spans("r", "public")
+    assert len(listed) == SPANS_MAX
+    assert listed[-1] == (PAGE_MS + 101_990, PAGE_MS + 101_995)
+
+
+async def test_a_list_that_a_browser_has_is_asked_for_again_and_lacks_what_was_deleted() -> None:
+    doors = PastDoors({"r": {A: Rule(past_s=1000)}})
+    await doors.start()
+    try:
+        for index in range(3):
+            doors.keep(index, PAGE_MS + 60_000 * index)
+        ObedientMemory(doors.past, doors.desk.deletions)
+        doors.unix_ms = PAGE_MS + 700_000
+        had: dict[str, str] = {}
+        for path in ("", f"public/{DAY}", f"public/{PAGE}", f"public/{PAGE}/keys"):
+            answer = await doors.ask(path)
+            assert "max-age=1" in answer.headers["cache-control"].split(", "), path
+            had[path] = answer.headers["etag"]
+            assert (await doors.ask(path, if_none_match=had[path])).status_code == 304, path
+        doors.desk.deletions.add(order(60_000, 61_000))
+        doors.desk.deletions.add(order(-500_000, -400_000))  # out of sight
+        for path, etag in had.items():
+            answer = await doors.ask(path, if_none_match=etag)
+            assert answer.status_code == 200, path
+        page = (await doors.ask(f"public/{PAGE}")).json()
+        assert [entry["index"] for entry in page["segments"]] == [0, 2]
+        assert (await doors.ask("")).json()["deleted"] == [
+            {"from_ms": PAGE_MS + 60_000, "to_ms": PAGE_MS + 61_000}
+        ]
+    finally:
+        await doors.stop()
 
 
 def test_memory_loses_the_middle_and_counts_as_if_it_had_never_been_there() -> None:
@@ -190,8 +239,8 @@ async def test_a_deletion_at_one_process_reaches_redis_and_each_gateway(redis_se
         for segment in gone:
             assert [each.status_code for each in await ask_all(fleet, address_of(segment))] == [200] * 3
         here.add(order(120_000, 200_000))
-        await until("gateways know", lambda: all(way._deletions.count for way in ways), 30.0)
-        await until("redis has no more of it", lambda: len(fleet.list_keys()) == 5 + 2 + 2, 30.0)
+        await until_async("gateways know", lambda: all(way._deletions.count for way in ways), 30.0)
+        await until_async("redis has no more of it", lambda: len(fleet.list_keys()) == 5 + 2 + 2, 30.0)
         for segment in gone:
             for answer in await ask_all(fleet, address_of(segment)):
                 assert answer.status_code != 200 or answer.json()["next"]
@@ -209,12 +258,12 @@ async def test_a_deletion_at_one_process_reaches_redis_and_each_gateway(redis_se
         assert not fleet.writer._waiting
         assert fleet.writer.written == before
         here.add(make_deletion("r", None, 0, NOW_MS, NOW_MS))  # all of it, with the schema
-        await until(  # an empty stream expires by itself
+        await until_async(  # an empty stream expires by itself
             "all is gone",
             lambda: {key for key in fleet.list_keys() if "{r}" in key} == {stream_key("r", "public")},
         )
         assert fleet.client.xlen(stream_key("r", "public")) == 0
-        await until("its sum is", lambda: int(fleet.client.hget("posecast:{-}:past", "r")) == 0, 30.0)
+        await until_async("its sum is", lambda: int(fleet.client.hget("posecast:{-}:past", "r")) == 0, 30.0)
         sums = fleet.client.hgetall("posecast:{-}:past")
         assert int(sums[b""]) == int(sums[b"q"]) > 0
         for way in ways:
@@ -227,12 +276,12 @@ async def test_strangers_bytes_among_the_deletions_in_redis_are_passed_over(redi
         deletions = Deletions()
         way = RedisDeletions(redis_server.url, deletions)
         way.start()
-        await until("it is removed", lambda: fleet.client.type(KEY) == b"none")
+        await until_async("it is removed", lambda: fleet.client.type(KEY) == b"none")
         for fields in ({"deletion": b"\xff"}, {"other": "x"}, {"deletion": pack_deletion(order(0, 1000))}):
             fleet.client.xadd(KEY, fields)
-        await until("the one that is one", lambda: deletions.count == 1)
+        await until_async("the one that is one", lambda: deletions.count == 1)
         redis_server.kill()
         redis_server.start()
         deletions.add(order(0, 2000))  # while it may not be connected yet
-        await until("it is told", lambda: fleet.client.xlen(KEY) == 1)
+        await until_async("it is told", lambda: fleet.client.xlen(KEY) == 1)
         await way.stop()

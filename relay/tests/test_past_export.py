@@ -16,17 +16,19 @@ import zipfile
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import pytest
 from posecast_relay.config.settings import SettingsError
 from posecast_relay.core.policy.share_link import make_link
 from posecast_relay.past_command.main import run_past
 from posecast_relay.recording import http_client
+from posecast_testing import free_port, until
 from posecast_wire.recording import decode_recording, segment_path
 
+from .command import run_command
 from .recording_stage import list_files, make_page
-from .stage import Model, Relay, ZenohEdge, free_port, until
+from .stage import Model, Relay, ZenohEdge
 from .test_past_relay import await_segment, write
 from .test_recording_page import PNG, tags
 
@@ -34,12 +36,13 @@ KEY = "k" * 43
 SPAN = ("--from", "2026-01-01T00:00Z", "--to", "2099-01-01")
 
 
-def export(*arguments: str, **more: Any) -> subprocess.CompletedProcess[str]:
+EXPORT = ("past", "export", "--robot", "r", *SPAN)
+COMMAND = (sys.executable, "-m", "posecast_relay.cli", *EXPORT)
+
+
+def export(*arguments: str) -> subprocess.CompletedProcess[str]:
     """The command's outcome."""
-    command = [sys.executable, "-m", "posecast_relay.cli", "past", "export", "--robot", "r", *SPAN]
-    return subprocess.run(
-        [*command, *arguments], capture_output=True, text=True, timeout=60, check=False, **more
-    )
+    return run_command(*EXPORT, *arguments)
 
 
 def refusal(result: subprocess.CompletedProcess[str], status: int = 1) -> str:
@@ -319,7 +322,15 @@ def test_a_disk_that_fills_up_leaves_nothing(tmp_path: Path, station: Station) -
         arguments = ["-o", str(tmp_path / name), "--relay", f"http://{station.relay.address}"]
         arguments += ["--page", str(page)] if name == "lecture" else []
         limit = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000))  # noqa: E731
-        said = refusal(export(*arguments, preexec_fn=limit))
+        done = subprocess.run(
+            [*COMMAND, *arguments],
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+            preexec_fn=limit,
+        )
+        said = refusal(done)
         assert said == f"{tmp_path}/{name}: file too large; nothing of it is left"
     assert list_names(tmp_path) == ["page"]
 
@@ -330,10 +341,9 @@ def test_an_end_in_the_middle_leaves_the_earlier_one(tmp_path: Path, station: St
     arguments = ["-o", str(lecture), "--page", str(page), "--replace", "--relay", f"http://{relay.address}"]
     assert export(*arguments).returncode == 0
     before = {path: (lecture / path).read_bytes() for path in list_files(lecture)}
-    command = [sys.executable, "-m", "posecast_relay.cli", "past", "export", "--robot", "r", *SPAN]
     for how in (signal.SIGTERM, signal.SIGINT, signal.SIGKILL):
         relay.process.send_signal(signal.SIGSTOP)  # it answers no more
-        with subprocess.Popen([*command, *arguments], stderr=subprocess.PIPE, text=True) as writer:
+        with subprocess.Popen([*COMMAND, *arguments], stderr=subprocess.PIPE, text=True) as writer:
             try:
                 until("it has begun", (tmp_path / ".lecture.posecast-part/made").is_dir)
                 writer.send_signal(how)

@@ -14,9 +14,10 @@ from posecast_relay.http.past import routes
 from posecast_relay.http.past.held_requests import HELD_MAX, TOLD_EVERY_S, WOKEN_PER_TURN, HeldRequests
 from posecast_relay.redis.gateway import GRACE_S
 from posecast_relay.server.http_server import RelayServer
+from posecast_testing import until_async
 
 from .open_files import allow_files
-from .past_doors import PAGE_MS, TAKE, PastDoors, address_of, link, until
+from .past_doors import PAGE_MS, TAKE, PastDoors, address_of, link
 
 A, L = Audience.ANYONE, Audience.LINK
 NEXT = f"public/{TAKE:016x}/1"
@@ -234,7 +235,7 @@ async def test_a_thousand_who_are_held_and_leave_take_nobodys_place(doors: PastD
             writer.transport.abort()
         await doors.until_held(0)
     assert not doors.desk.held._waiting
-    await until("no request is under way", lambda: not doors.server.server_state.tasks)
+    await until_async("no request is under way", lambda: not doors.server.server_state.tasks)
     held = [asyncio.create_task(doors.ask(NEXT)) for _ in range(20)]
     await doors.until_held(20)
     segment = doors.keep(1, PAGE_MS + 4000)

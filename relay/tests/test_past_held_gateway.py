@@ -12,12 +12,13 @@ import httpx
 import pytest
 from posecast_relay.core.policy.policy import Audience, Rule
 from posecast_relay.http.past import routes
+from posecast_testing import until
 from posecast_wire.segment import decode_segment
 
 from .past_doors import PAGE_MS, TAKE, address_of
 from .past_redis import PastFleet, running
 from .redis_server import Redis
-from .stage import Relay, ZenohEdge, until
+from .stage import Relay, ZenohEdge
 from .test_past_relay import await_segment, write
 
 A, L = Audience.ANYONE, Audience.LINK

@@ -80,8 +80,7 @@ def test_a_folder_made_just_now_is_new() -> None:
 
 
 def test_a_relay_that_starts_says_it(relays: Any) -> None:
-    relay = relays()
-    assert relay.process.stdout.readline() == b"the past: 30 min in memory, up to 256 MB\n"
+    relays().line(r"^the past: 30 min in memory, up to 256 MB\n")
 
 
 def test_a_change_of_the_rules_is_a_line_for_each_robot_and_audience(

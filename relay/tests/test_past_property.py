@@ -10,6 +10,7 @@ from itertools import pairwise
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from posecast_relay.core.past.kept_segment import KeptSegment
+from posecast_testing import count_examples
 from posecast_wire import parse_header
 from posecast_wire.segment import (
     EventRecord,
@@ -131,7 +132,7 @@ step = st.one_of(
 )
 
 
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=count_examples(100), deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(step, min_size=12, max_size=40))
 def test_segments_say_what_was_accepted(steps: list[tuple[object, ...]]) -> None:
     story = Story()

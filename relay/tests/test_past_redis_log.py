@@ -6,8 +6,9 @@ import pytest
 from posecast_relay.core import outage_log
 from posecast_relay.redis import past_writer
 from posecast_relay.redis.past_writer import RedisPastWriter
+from posecast_testing import until_async
 
-from .past_doors import PAGE_MS, make_kept, until
+from .past_doors import PAGE_MS, make_kept
 from .past_redis import running
 from .redis_server import Redis
 
@@ -47,9 +48,9 @@ async def test_an_outage_is_a_gap_only_where_something_was_lost(
         redis_server.kill()
         for n in range(1, 9):
             fleet.ingest.past.add(make_kept(n, PAGE_MS + 4000 * n), 0.0)
-        await until("it is noticed", writer.find_trouble)
+        await until_async("it is noticed", writer.find_trouble)
         redis_server.start()
-        await until("it is back", lambda: any("redis is back; " in line for line in caplog.messages))
+        await until_async("it is back", lambda: any("redis is back; " in line for line in caplog.messages))
         lines = [line for line in caplog.messages if line.startswith("the past: redis is back; ")]
         assert lines[-1].startswith(f"the past: redis is back; {told}")
         assert (writer.dropped > 0) == (told == "gateways lack ")

@@ -8,10 +8,11 @@ from datetime import UTC, datetime
 from typing import Any
 
 import httpx
+from posecast_testing import free_port, until
 from posecast_wire.segment import decode_segment
 
 from .redis_server import Redis
-from .stage import Relay, ZenohEdge, free_port, until
+from .stage import Relay, ZenohEdge
 from .test_observability import figures
 
 PAST = ("--past", "memory:")

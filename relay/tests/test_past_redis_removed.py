@@ -13,8 +13,9 @@ from posecast_relay.redis.past_scripts import (
     segment_key,
     stream_key,
 )
+from posecast_testing import until_async
 
-from .past_doors import PAGE, PAGE_MS, SCHEMA_HASH, address_of, until
+from .past_doors import PAGE, PAGE_MS, SCHEMA_HASH, address_of
 from .past_redis import running
 from .redis_server import Redis
 
@@ -32,13 +33,13 @@ async def test_a_robot_that_is_removed_loses_its_past_at_gateways(redis_server: 
         fleet.writer.set_robots({"open"})
         fleet.writer.set_robots(RULES)  # another gets its name
         gone = {segment_key(segment.name) for segment in segments}
-        await until("it is deleted", lambda: not gone & fleet.list_keys())
+        await until_async("it is deleted", lambda: not gone & fleet.list_keys())
         assert fleet.list_keys() - {stream_key("r", "public")} == {
             segment_key(other.name),
             stream_key("open", "public"),
             schema_key("open", SCHEMA_HASH.hex()),
         }
-        await until("the ledger knows", lambda: not fleet.client.exists(f"{LEDGER}:r"))
+        await until_async("the ledger knows", lambda: not fleet.client.exists(f"{LEDGER}:r"))
         assert fleet.client.hget(LEDGER, "r") == b"0"
         assert fleet.client.hget(LEDGER, "") == fleet.client.hget(LEDGER, "open")
         assert (await fleet.ask_gateway(address_of(segments[0]))).status_code == 404

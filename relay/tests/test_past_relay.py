@@ -13,10 +13,11 @@ import pytest
 from posecast_relay.config.robots_reader import RobotsError
 from posecast_relay.config.settings import parse
 from posecast_relay.server.robots import load_robots
+from posecast_testing import until
 from posecast_wire import Decoder
 from posecast_wire.segment import CopyRecord, FrameRecord, decode_segment
 
-from .stage import Relay, Watcher, ZenohEdge, until
+from .stage import Relay, Watcher, ZenohEdge
 
 
 def write(file: Path, text: str) -> None:
@@ -35,7 +36,7 @@ def await_segment(relay: Relay, edge: ZenohEdge, index: int = 0) -> dict[str, An
         found = find_newest(relay)
         return found if found is not None and found["index"] >= index else None
 
-    return until(f"segment {index}", look, 15.0)
+    return until(f"segment {index}", look, 30.0)
 
 
 def find_newest(relay: Relay) -> dict[str, Any] | None:

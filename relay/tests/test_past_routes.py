@@ -15,6 +15,7 @@ import pytest
 from posecast_relay.core.past.kept_segment import KeptSegment
 from posecast_relay.core.policy.admission import HIDDEN
 from posecast_relay.core.policy.policy import Audience, Rule
+from posecast_relay.http.answer_cache import AnswerCache
 from posecast_relay.http.past import documents, key_pages, routes
 from posecast_wire.key_page import decode_key_page, encode_key_page
 from posecast_wire.segment import decode_segment
@@ -78,6 +79,7 @@ async def test_what_there_is(doors: PastDoors) -> None:
         "delay_ms": 0,
         "newest": {"take": f"{TAKE:016x}", "index": 1},
         "days": [DAY],
+        "deleted": [],
     }
     documents.PastSummary.model_validate_json(summary.content)
     day = await doors.ask(f"public/{DAY}")
@@ -108,6 +110,28 @@ async def test_what_there_is(doors: PastDoors) -> None:
     one = decode_key_page((await doors.ask(f"public/{PAGE}/keys?every=2")).content)
     assert [pose.index for pose in one.poses] == [0]
     assert (await doors.ask(f"public/schema/{SCHEMA_HASH.hex()}")).text == SCHEMA.text
+
+
+@pytest.mark.parametrize("step_s", [0.000_001, 0.3, 0.6])
+async def test_an_answer_that_expires_during_its_request_is_never_empty(
+    doors: PastDoors, step_s: float
+) -> None:
+    """Each read of the clock is later than the one before."""
+    kept = doors.keep(0, PAGE_MS)
+    doors.unix_ms = PAGE_MS + 100_000
+    now = [0.0]
+
+    def read_clock() -> float:
+        now[0] += step_s
+        return now[0]
+
+    doors.desk.answers = AnswerCache(read_clock)
+    for path in ("", f"public/{DAY}", f"public/{PAGE}"):
+        first = await doors.ask(path)
+        assert shows(first, kept) or first.json()["from_ms"] == kept.from_ms
+        for _ in range(8):
+            now[0] = max(now[0], now[0] // 1 + 1 - 1.5 * step_s)  # close to the end of the second
+            assert (await doors.ask(path)).content == first.content, path
 
 
 async def test_an_index_that_would_be_too_long_goes_on_after_its_last_segment(
@@ -155,7 +179,7 @@ async def test_a_cursor_that_is_not_on_the_page_leads_on_and_loses_nothing(doors
 async def test_what_came_after_one_of_a_page_that_is_over_is_cached_as_the_page_is(doors: PastDoors) -> None:
     for index in range(2):
         doors.keep(index, PAGE_MS + 4000 * index)
-    for at_ms, fresh in ((609_999, 1), (1_388_000, 412)):
+    for at_ms, fresh in ((609_999, "1"), (1_388_000, "1, s-maxage=10"), (1_795_000, "1, s-maxage=5")):
         doors.unix_ms = PAGE_MS + at_ms
         for after in ("", *(f"?after={TAKE:016x},{index}" for index in range(3))):
             answer = await doors.ask(f"public/{PAGE}{after}")
@@ -307,10 +331,10 @@ async def test_what_anyone_may_see_is_cached_until_it_leaves_the_window_and_an_h
         doors.now += 2
         assert (await doors.ask("")).json()["newest"] is None
         doors.unix_ms = PAGE_MS + 600_000
-        for closed, fresh in ((False, 1), (True, 3600)):
+        for closed, shared in ((False, ""), (True, ", s-maxage=10")):
             doors.unix_ms = PAGE_MS + (610_000 if closed else 609_999)
             for path in (f"public/{PAGE}", f"public/{PAGE}/keys"):
-                assert (await doors.ask(path)).headers["cache-control"] == f"public, max-age={fresh}", path
+                assert (await doors.ask(path)).headers["cache-control"] == f"public, max-age=1{shared}", path
     finally:
         await doors.stop()
 

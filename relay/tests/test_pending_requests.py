@@ -12,7 +12,7 @@ from typing import Any
 import httpx
 from posecast_relay.streaming.pending_requests import REQUEST_BYTES, STARTED_PER_TURN, PendingRequests
 
-from .stage import Relay, Watcher
+from .stage import Relay, SharedRelay, Watcher
 from .test_http_connection import peak_mb
 
 UNREAD = 2500
@@ -123,10 +123,8 @@ async def test_thousands_of_answers_that_nobody_reads(relays: Any, edges: Any, t
     assert peak_mb(relay) - before_mb < 60
 
 
-async def test_a_reader_that_is_slow_gets_all_of_it(relays: Any, tmp_path: Path) -> None:
-    (tmp_path / "index.html").write_text("page")
-    (tmp_path / "long.js").write_bytes(b"abcdefghij" * 30_000)
-    relay: Relay = relays("--static", str(tmp_path))
+async def test_a_reader_that_is_slow_gets_all_of_it(relay: SharedRelay) -> None:
+    (relay.page / "long.js").write_bytes(b"abcdefghij" * 30_000)
 
     def read() -> bytes:
         with asking(relay, "/long.js") as sock:

@@ -11,10 +11,11 @@ from posecast_relay.core.limits import Limits
 from posecast_relay.core.policy.admission import FULL, ROBOT_FULL
 from posecast_relay.core.policy.policy import ANYONE, Audience, Grant
 from posecast_relay.core.viewer.viewer import Viewer
+from posecast_testing import until
 from posecast_wire import Close
 
 from .sim import UNIX_S, Screen, World
-from .stage import Watcher, until
+from .stage import Watcher
 
 OPEN = Grant("r", "public", 60.0, 0.0, None, Audience.ANYONE, ANYONE)
 PREVIEW = replace(OPEN, hz=1.0, is_preview=True)

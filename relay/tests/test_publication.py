@@ -17,17 +17,23 @@ from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.policy.policy import Audience, Grant, Principal
 from posecast_relay.core.viewer.viewer import Viewer
+from posecast_testing import until
 from posecast_wire import Close
 
 from .sim import UNIX_S, Screen, World, schema
-from .stage import Relay, Watcher, until
+from .stage import Relay, Watcher
 
 CANARY = "CANARY-7319"
 
 
 def grant(hz: float = 60.0, viewers: int | None = None, by: Audience = Audience.ANYONE, **more: Any) -> Grant:
     """Of the robot `r`."""
-    return Grant("r", more.get("view", "public"), hz, 0.0, viewers, by, Principal())
+    return Grant(
+        *("r", more.get("view", "public"), hz, more.get("delay_s", 0.0)),
+        viewers=viewers,
+        by=by,
+        who=Principal(),
+    )
 
 
 def join(world: World, granted: Grant, hz: float = 30.0) -> tuple[Viewer, Screen]:
@@ -77,9 +83,16 @@ def test_a_grant_that_changes_is_told() -> None:
     world.do(world.hub.replace_grant(viewer, grant(hz=60.0), world.now))
     world.say(viewer, type="rate", hz=60)
     assert screen.told("rate")[-1]["hz"] == 60.0
-    world.do(world.hub.replace_grant(viewer, grant(view="lab"), world.now))
+
+
+@pytest.mark.parametrize("more", [{"view": "lab"}, {"delay_s": 5.0}, {"by": Audience.SIGNED_IN}], ids=str)
+def test_a_grant_to_see_something_else_ends_the_viewer(more: dict[str, Any]) -> None:
+    world = World()
+    world.on_air()
+    viewer, screen = join(world, grant())
+    world.do(world.hub.replace_grant(viewer, grant(**more), world.now))
     assert screen.ended is not None
-    assert screen.ended[0] is Close.AGE_LIMIT
+    assert screen.ended[0] is Close.AGE_LIMIT, "and returns at once, to what it may see now"
 
 
 def test_two_hubs_of_a_process_share_its_limit() -> None:
@@ -205,6 +218,18 @@ async def test_a_policy_that_changes_reaches_those_who_watch(published: Publishe
     assert viewer.closed is not None
     assert viewer.closed[0] == Close.ABSENT
     assert published.relay.errors().count("unknown field") == 1
+
+
+async def test_a_blackout_ends_events_and_spreads_their_readers(published: Published) -> None:
+    url = f"{published.base}/r/live.sse"
+    async with httpx.AsyncClient(timeout=20) as client, client.stream("GET", url) as answer:
+        parts = answer.aiter_text()
+        text = await anext(parts)
+        published.write("[robots.r.anyone]\nblackout = true\n")
+        async for part in parts:
+            text += part
+    assert f'"code":{int(Close.ABSENT)}' in text.replace(" ", "").rsplit("event:bye", 1)[1]
+    assert 30_000 <= int(text.rsplit("retry: ", 1)[1]) <= 60_000
 
 
 async def test_a_delay_is_kept_by_stream_state_and_list(published: Published) -> None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import re
-import signal
 import subprocess
 import sys
 import threading
@@ -12,16 +12,20 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
+from secrets import token_urlsafe
 from typing import Any
 
 import httpx
 import pytest
 import zenoh
+from posecast_testing import Process, until
 from posecast_wire import Credential, alive_key, echo_key, event_key, frame_key, snapshot_key
 
 from .certificates import certificates
-from .stage import Relay, client_config, until
+from .command import run_command
+from .stage import Relay, Watcher, client_config
 
 
 class Lab:
@@ -36,22 +40,23 @@ class Lab:
 
     def robots(self, *words: str) -> str:
         """`posecast-relay robots …`; what it prints."""
-        command = [sys.executable, "-m", "posecast_relay.cli", "robots", *words, "--robots", str(self.file)]
-        if words[0] in ("add", "rotate"):
-            command += ["--ca", str(self.folder / "ca.pem")]
-        return subprocess.run(command, capture_output=True, text=True, timeout=20, check=True).stdout
+        authority = ("--ca", str(self.folder / "ca.pem")) if words[0] in ("add", "rotate") else ()
+        done = run_command("robots", *words, "--robots", str(self.file), *authority)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
 
     def credential(self, robot: str) -> Credential:
         """Enrol it."""
         return Credential.parse(self.robots("add", robot))
 
-    def start(self) -> Relay:
+    def start(self, **how: Any) -> Relay:
         """With its metrics on a port of their own."""
         self.relay = self._relays(
             *("--robots", str(self.file), "--metrics-port", "0", "--log-level", "info"),
             *("--zenoh-tls-cert", str(self.folder / "server.pem")),
             *("--zenoh-tls-key", str(self.folder / "server.key")),
             dev=False,
+            **how,
         )
         return self.relay
 
@@ -212,6 +217,40 @@ def test_enrolling_one_costs_others_one_frame_and_revoking_ends_it(lab: Lab, tmp
         assert again.secret not in relay.errors()
 
 
+async def test_a_file_that_is_rewritten_twenty_times_is_not_seen_by_another_robots_viewers(
+    lab: Lab, tmp_path: Path
+) -> None:
+    credential = lab.credential("hubo")
+    relay = lab.start()
+    before = lab.file.read_text()
+    with Agent(lab, tmp_path, credential) as edge:
+        async with Watcher(relay.url("hubo")) as viewer:
+            await viewer.until("frames", lambda v: len(v.frames) > 30)
+            since, known = viewer.frames[-1][1].seq, len(viewer.told("status"))
+            for n in range(20):  # one robot comes, and one goes
+                other = Credential(f"other-{n}", token_urlsafe(32), credential.ca)
+                enrolled = f"{before}\n[robots.{other.robot}]\nsecret = '{other.secret}'\n"
+                lab.file.write_text(enrolled)
+                await asyncio.to_thread(until, "it is let in", partial(is_let_in, lab, other), 60.0)
+                seq = viewer.frames[-1][1].seq
+                await viewer.until("the robot goes on", lambda v, seq=seq: v.frames[-1][1].seq > seq + 5)  # type: ignore[misc]
+            assert edge.errors().count("linked to") <= 21, "once more for each change"
+            assert {each["robot"] for each in viewer.told("status")[known:]} == {"online"}
+            assert viewer.most_missed(since) < 30, "a second"
+            times_s = [at_s for at_s, frame in viewer.frames if frame.seq >= since]
+            print(f"longest gap: {1000 * max(b - a for a, b in pairwise(times_s)):.0f} ms")  # with pytest -s
+            assert "robot hubo gone" not in relay.errors()
+
+
+def is_let_in(lab: Lab, credential: Credential) -> bool:
+    """Whether a session can be opened with it."""
+    try:
+        with session_of(lab, credential):
+            return True
+    except zenoh.ZError:
+        return False
+
+
 def missing(lab: Lab, edge: Agent, url: str) -> int:
     """Frames that were numbered and never came, counted while the program pauses and none is under way."""
     edge.paused.set()
@@ -228,24 +267,18 @@ def missing(lab: Lab, edge: Agent, url: str) -> int:
     return numbered - arrived
 
 
-class Agent:
+class Agent(Process):
     """`posecast-edge` with a moving knee on its stdin."""
 
     def __init__(self, lab: Lab, folder: Path, credential: Credential | None) -> None:
-        self._errors = folder / "edge.err"
         flags = ["--robot", "hubo"]
         if credential is not None:
             file = folder / "credential"
             file.write_text(credential.line() + "\n")
             file.chmod(0o600)
             flags = ["--robot", credential.robot, "--credential", str(file)]
-        command = [str(Path(sys.executable).parent / "posecast-edge"), "run", *flags]
-        with self._errors.open("wb") as errors:
-            self.process = subprocess.Popen(
-                [*command, "--source", "jsonl", "--relay", lab.relay.zenoh],
-                stdin=subprocess.PIPE,
-                stderr=errors,
-            )
+        command = (str(Path(sys.executable).parent / "posecast-edge"), "run", *flags, "--source", "jsonl")
+        super().__init__(folder, "edge", *command, "--relay", lab.relay.zenoh, stdin=subprocess.PIPE)
         self._stop = threading.Event()
         self.paused = threading.Event()
         self._thread = threading.Thread(target=self._move, daemon=True)
@@ -262,10 +295,6 @@ class Agent:
                 stdin.write(json.dumps({"t": t_s, "pos": {"RKN": round(t_s % 2.0, 3)}}).encode() + b"\n")
                 stdin.flush()
 
-    def errors(self) -> str:
-        """Its stderr."""
-        return self._errors.read_text()
-
     def seq(self, url: str) -> int | None:
         """The newest that the relay has."""
         answer = httpx.get(f"{url}/hubo/state")
@@ -277,11 +306,7 @@ class Agent:
     def __exit__(self, *error: object) -> None:
         self._stop.set()
         self._thread.join()
-        self.process.send_signal(signal.SIGTERM)
-        self.process.wait(15)
-        with suppress(BrokenPipeError):
-            assert self.process.stdin is not None
-            self.process.stdin.close()
+        self.stop()
 
 
 def test_without_a_certificate_or_a_file_there_is_no_start(tmp_path: Path) -> None:
@@ -296,7 +321,6 @@ def test_without_a_certificate_or_a_file_there_is_no_start(tmp_path: Path) -> No
 
 
 def _refused(*flags: str) -> str:
-    command = [sys.executable, "-m", "posecast_relay.cli", "run", "--port", "0", *flags]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=20, check=False)
+    done = run_command("run", "--port", "0", *flags)
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
     return done.stderr

@@ -28,6 +28,7 @@ from posecast_relay.redis.guard import (
     STATUS,
     STORED,
 )
+from posecast_testing import count_examples
 
 from .redis_server import Redis
 from .sim_redis_data import Data
@@ -205,7 +206,11 @@ steps = st.lists(
 )
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=count_examples(150),
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
 @given(steps=steps)
 def test_the_twins_answer_alike_and_leave_the_same(
     guarded: Guarded, steps: Sequence[tuple[str, Any]]

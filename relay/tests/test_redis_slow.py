@@ -8,9 +8,10 @@ from contextlib import asynccontextmanager, suppress
 from typing import Any
 
 import redis
+from posecast_testing import free_port
 
 from .redis_server import Redis
-from .stage import Watcher, free_port
+from .stage import Watcher
 from .test_gateway import clean, live_after, watching, word
 from .test_observability import figures
 

@@ -9,10 +9,11 @@ from typing import Any
 import httpx
 import redis
 from posecast_relay.redis.client import generation_key, state_key
+from posecast_testing import until
 from posecast_wire import Decoder
 
 from .redis_server import Redis
-from .stage import Relay, Watcher, until
+from .stage import Relay, Watcher
 
 STATE = "posecast:{r}:public:state"
 

@@ -9,10 +9,11 @@ from typing import Any
 
 import httpx
 import pytest
+from posecast_testing import until
 
 from .certificates import certificates
 from .redis_server import Redis
-from .stage import Watcher, until
+from .stage import Watcher
 
 PASSWORD = "CANARY-7319"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,8 +12,10 @@ import httpx
 import pytest
 from posecast_relay.models.cache import RANGE_BYTES, ModelCache, Refused, Unavailable
 from posecast_relay.models.refusal_memory import REFUSED_MAX, REFUSED_S, RefusalMemory
+from posecast_testing import until
 
-from .stage import Model, Relay, until
+from .stage import Model, Relay
+from .test_http_models import is_announced
 from .test_model_cache import MB, Edge, Several, bytes_of, read
 
 ASKERS = 50
@@ -118,14 +121,12 @@ class Forger(Model):
         return bytes(int(parameters["len"]))
 
 
-def test_over_a_real_uplink_fifty_requests_cost_one_file(relays: Any, edges: Any) -> None:
+def test_over_a_real_uplink_fifty_requests_cost_one_file(relay: Relay, edges: Any) -> None:
     model = Forger(MB)
-    relay: Relay = relays()
-    edges(relay.zenoh, model=model)
-    listed = f"http://{relay.address}/api/v1/robots"
-    until("it is announced", lambda: httpx.get(listed).json()["robots"][0]["model"])
+    edges(relay, model=model)
+    until("it is announced", partial(is_announced, relay))
     with httpx.Client() as client:
-        answers = [client.get(f"{listed}/r/model/{model.digest}/a.glb") for _ in range(ASKERS)]
+        answers = [client.get(f"{relay.api}/model/{model.digest}/a.glb") for _ in range(ASKERS)]
     assert {answer.status_code for answer in answers} == {503}
     assert {answer.json()["error"] for answer in answers} == {"the file does not match its manifest"}
     assert all(1 <= int(answer.headers["retry-after"]) <= REFUSED_S for answer in answers)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import asyncio
 import socket
 from contextlib import ExitStack
-from pathlib import Path
 from typing import Any, cast
 
 import httpx
 from posecast_relay.streaming.request_timeouts import ASK_S, CROWD, HURRIED_S, SWEEP_S, RequestTimeouts
+from posecast_testing import free_port
 
-from .stage import Watcher, free_port
+from .stage import SharedRelay, Watcher
 from .test_observability import figures
 
 
@@ -89,16 +89,12 @@ async def test_six_hundred_half_requests_hurt_nobody(relays: Any, edges: Any) ->
 
 
 async def test_who_leaves_while_several_of_its_requests_are_answered_is_no_mistake_of_ours(
-    relays: Any, tmp_path: Path
+    relay: SharedRelay,
 ) -> None:
-    (tmp_path / "index.html").write_text("page")
-    (tmp_path / "long.js").write_bytes(bytes(1_000_000))
-    relay = relays("--static", str(tmp_path))
+    (relay.page / "long.js").write_bytes(bytes(1_000_000))
     for _ in range(40):  # each left behind a traceback one time in three
         with socket.create_connection(("127.0.0.1", relay.http)) as sock:
             sock.sendall(5 * b"GET /long.js HTTP/1.1\r\nHost: x\r\n\r\n")
             assert await asyncio.to_thread(sock.recv, 1000)
-    async with httpx.AsyncClient(base_url=f"http://{relay.address}") as client:
+    async with httpx.AsyncClient(base_url=relay.base) as client:
         assert (await client.get("/livez")).status_code == 200
-    relay.stop()
-    assert "Traceback" not in relay.errors()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import resource
 import stat
 import subprocess
 import sys
@@ -14,21 +16,12 @@ from posecast_relay.core.policy.share_link import read_link
 from posecast_wire import Credential
 
 from .certificates import certificates
+from .command import run_command
 
 
 def robots(path: Path, *words: str) -> subprocess.CompletedProcess[str]:
     """Run it."""
-    command = [
-        sys.executable,
-        "-m",
-        "posecast_relay.cli",
-        "robots",
-        words[0],
-        "--robots",
-        str(path),
-        *words[1:],
-    ]
-    return subprocess.run(command, capture_output=True, text=True, timeout=20, check=False)
+    return run_command("robots", words[0], "--robots", str(path), *words[1:])
 
 
 def refused(path: Path, *words: str) -> str:
@@ -119,10 +112,30 @@ def test_what_cannot_be_done_is_one_line(tmp_path: Path) -> None:
     assert "already has a credential" in refused(path, "add", "hubo")
     path.write_text("[robots.hubo]\nsecrte = 1\n")
     assert "unknown field 'secrte'" in refused(path, "add", "g1")
-    command = [sys.executable, "-m", "posecast_relay.cli", "robots", "list"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=20, check=False, env={})
+    done = run_command("robots", "list")
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "give --robots FILE" in done.stderr
+
+
+def test_a_file_that_can_not_be_written_is_no_wrong_argument(tmp_path: Path) -> None:
+    path = tmp_path / "robots.toml"
+    robots(path, "add", "hubo")
+    before = path.read_text()
+    command = [sys.executable, "-m", "posecast_relay.cli", "robots", "--robots", str(path)]
+    for words in (("add", "g1"), ("set", "hubo", "--anyone", "hz=5"), ("remove", "hubo")):
+        done = subprocess.run(
+            [*command[:4], words[0], *command[4:], *words[1:]],
+            capture_output=True,
+            text=True,
+            timeout=20,
+            check=False,
+            # the nearest to a full disk that needs no disk
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0)),
+        )
+        said = f"posecast-relay: {path}: file too large\n"
+        assert (done.returncode, done.stdout, done.stderr) == (1, "", said), words
+        assert path.read_text() == before
+    assert [each.name for each in tmp_path.iterdir()] == ["robots.toml"]
 
 
 def test_share_links_are_made_and_ended(tmp_path: Path) -> None:
@@ -160,6 +173,17 @@ def test_the_list_says_what_each_audience_may_look_back_on(tmp_path: Path) -> No
         "signed-in: public (5 s late, no past",
         "link: public (5 s late, 30 s back)",
     ]
+
+
+def test_the_list_says_blackout_and_what_ends_it(tmp_path: Path) -> None:
+    path = tmp_path / "robots.toml"
+    robots(path, "add", "hubo")
+    robots(path, "set", "hubo", "--anyone", "blackout=true")
+    shown = robots(path, "list").stdout.rstrip().split("\t")[-1]
+    found = re.fullmatch(r"anyone: nothing \(blackout; to end it: robots set NAME (.+ .+)\)", shown)
+    assert found is not None, shown
+    robots(path, "set", "hubo", *found[1].split())
+    assert robots(path, "list").stdout.rstrip().endswith("\tanyone: public (30 min back)")
 
 
 def test_who_may_watch_is_said_without_an_editor(tmp_path: Path) -> None:

@@ -11,8 +11,9 @@ from pathlib import Path
 
 import pytest
 from posecast_relay.config.robots_reader import MISTAKES_MAX, RobotsError, parse_robots
+from posecast_testing import until
 
-from .stage import until
+from .command import run_command
 
 WRONG = """# the lab's
 [robots.hubo]
@@ -40,11 +41,7 @@ def run(
     path: Path, do: str, stdin: bytes | None = None, *flags: str, **environ: str
 ) -> subprocess.CompletedProcess[str]:
     """`posecast-relay robots …` with its stdin from a file."""
-    command = [sys.executable, "-m", "posecast_relay.cli", "robots", do, *flags, "--robots", str(path)]
-    done = subprocess.run(
-        command, input=stdin or b"", capture_output=True, timeout=20, check=False, env=os.environ | environ
-    )
-    return subprocess.CompletedProcess(command, done.returncode, done.stdout.decode(), done.stderr.decode())
+    return run_command("robots", do, *flags, "--robots", str(path), stdin=stdin or b"", **environ)
 
 
 def write(folder: Path, text: str) -> Path:

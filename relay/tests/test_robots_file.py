@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -35,6 +36,25 @@ def test_who_may_publish_when(tmp_path: Path) -> None:
     assert robots.find_secrets(99.0).keys() == {"hubo", "g1"}
     assert robots.find_secrets(100.0) == {"hubo": SECRET}
     assert SECRET not in repr(robots)
+
+
+@pytest.fixture
+def seoul(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A machine whose clock shows the time of Seoul."""
+    monkeypatch.setenv("TZ", "KST-9")
+    time.tzset()
+    yield
+    monkeypatch.undo()
+    time.tzset()
+
+
+@pytest.mark.usefixtures("seoul")
+@pytest.mark.parametrize("zone", ["", "Z", "+00:00"])
+def test_a_time_without_a_zone_is_utc_on_every_machine(zone: str, tmp_path: Path) -> None:
+    text = f'[robots.g1]\nsecret = "{SECRET}"\nexpires = 1970-01-02T00:00:00{zone}\n'
+    robots = read_robots(write(tmp_path, text))
+    assert robots.list_publishers(86_399.0) == ["g1"]
+    assert robots.list_publishers(86_400.0) == []
 
 
 def test_who_may_watch(tmp_path: Path) -> None:

@@ -38,7 +38,7 @@ def robots(path: Path, *words: str, user: int, stdin: str = "") -> subprocess.Co
 @pytest.fixture
 def lab(tmp_path: Path) -> Path:
     """A folder of the relay's user, as a volume in compose is, that others can enter."""
-    for folder in (tmp_path, tmp_path.parent, tmp_path.parent.parent):
+    for folder in (tmp_path, *tmp_path.parents[:3]):  # of pytest, and of its processes
         folder.chmod(0o755)
     lab = tmp_path / "robots"
     lab.mkdir()

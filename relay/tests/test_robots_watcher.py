@@ -22,12 +22,15 @@ class Watched:
         self._written = 0
         self.write(text)
         self.told: list[Robots] = []
+        self.error: Exception | None = None  # of the change
         self.read: Callable[[Path], Robots] = read_robots
         self.beside = folder / "relay.pem"
         self.watch = RobotsWatcher(self.path, read_robots(self.path), self._tell, self._read, [self.beside])
 
     async def _tell(self, robots: Robots) -> None:
         self.told.append(robots)
+        if self.error is not None:
+            raise self.error
 
     def _read(self, path: Path) -> Robots:
         return self.read(path)
@@ -164,3 +167,34 @@ async def test_a_certificate_beside_it_is_told_once_it_stands_still(tmp_path: Pa
     await of.watch.check_file(2.0)
     await of.watch.check_file(3.0)
     assert len(of.told) == 1
+
+
+@pytest.mark.parametrize("error", [OSError("/tmp: no space left on device"), KeyError("a mistake of ours")])
+async def test_a_change_that_fails_is_tried_again_less_and_less_often(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, error: Exception
+) -> None:
+    of = Watched(tmp_path, "[robots.a]\n")
+    await of.watch.check_file(0.5)
+    of.error = error
+    of.write("[robots.b]\n")
+    tried = []
+    for check in range(50):
+        before = len(of.told)
+        await of.watch.check_file(1.0)
+        tried += [check] * (len(of.told) - before)
+    assert tried == [0, 2, 6, 14, 30, 47]
+    assert of.watch.failure == str(error)
+    of.write("[robots.c]\n")
+    await of.watch.check_file(1.0)
+    assert list(of.told[-1].enrolled) == ["c"], "a newer version does not wait"
+    of.error = None
+    for _ in range(40):
+        await of.watch.check_file(1.0)
+    assert len(of.told) == 8
+    assert list(of.told[-1].enrolled) == ["c"]
+    assert of.watch.failure is None
+    why = repr(error) if isinstance(error, KeyError) else str(error)
+    assert [record.getMessage() for record in caplog.records] == [
+        f"{of.path}: its last change is not in force: {why}; retrying",
+        f"{of.path}: its last change is in force",
+    ]

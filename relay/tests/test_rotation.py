@@ -11,10 +11,11 @@ from typing import Any
 
 import pytest
 import zenoh
+from posecast_testing import until
 from posecast_wire import Credential
 
 from . import test_client_certificates as certified
-from .stage import Relay, Watcher, client_config, until
+from .stage import Relay, Watcher, client_config
 from .test_publishers import Agent, Lab
 
 TAKEN = "the new credential is in use"

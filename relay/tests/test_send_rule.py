@@ -10,6 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from posecast_relay.core.actions import Send
 from posecast_relay.core.viewer.viewer import Viewer
+from posecast_testing import count_examples
 
 from .sim import Edge, Screen, World, schema
 
@@ -116,7 +117,7 @@ def play(story: Story, name: str, args: tuple[object, ...]) -> None:
             story.check()
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=count_examples(300), deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(step, min_size=5, max_size=80))
 def test_every_delivered_frame_decodes_to_the_newest_state(steps: list[tuple[object, ...]]) -> None:
     story = Story()

@@ -9,6 +9,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.viewer.viewer import Viewer
+from posecast_testing import count_examples
 from posecast_wire import Close
 
 from .sim import UNIX_S, Edge, Screen, World, schema, split
@@ -104,7 +105,9 @@ shapes = {
     "event_text": st.sampled_from([0, 80, 400, 1500]),
     "buffer_bytes": st.sampled_from([4_000, 16_000, 40_000, 200_000]),
 }
-often = settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+often = settings(
+    max_examples=count_examples(15, few=4), deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
 
 
 @often

@@ -15,20 +15,12 @@ import websockets
 from posecast_relay.core.viewer import messages
 from posecast_relay.streaming.decode_cache import DecodeCache
 from posecast_relay.streaming.encodings import EventStreamEncoding, JsonEncoding
-from posecast_wire import Close, Decoder, Schema, build_schema_text
+from posecast_testing import free_port, until
+from posecast_wire import Close, Decoder
 
-from .sim import World, schema, split
-from .stage import Relay, Watcher, free_port, until
+from .sim import World, mixed, schema, split
+from .stage import Relay, Watcher
 from .test_websocket import endings, stride
-
-
-def mixed() -> Schema:
-    """Numbers and flags."""
-    fields: list[dict[str, object]] = [
-        {"name": "pos", "labels": "joint", "unit": "rad", "scale": 0.01},
-        {"name": "flags", "labels": "joint", "bits": ["jam", "homed"]},
-    ]
-    return Schema.parse(build_schema_text("sim", {"joint": ["RKN", "LKN"]}, fields))
 
 
 def parse_events(text: str) -> list[tuple[str, str]]:
@@ -86,7 +78,7 @@ def test_every_message_becomes_an_event_named_by_its_type() -> None:
     edge = world.on_air()
     stream = world.hub.robots["r"].rooms["public"].stream
     data = (
-        messages.make_status("online", 12, 3)
+        messages.make_status("online", 12, 3, now=0.0)
         + messages.make_text('{"type":"x",\n"a":"b\u2028"}')
         + messages.PING
     )
@@ -126,9 +118,8 @@ def test_a_viewer_that_cannot_speak_is_neither_pinged_nor_cut_for_silence() -> N
 # ---- through real sockets -------------------------------------------------------
 
 
-async def test_the_stream_as_json(relays: Any, edges: Any) -> None:
-    relay = relays()
-    edge = edges(relay.zenoh, of=mixed())
+async def test_the_stream_as_json(relay: Relay, edges: Any) -> None:
+    edge = edges(relay, of=mixed())
     docs: list[dict[str, Any]] = []
     async with websockets.connect(relay.url(query="?hz=10&format=json")) as connection:
         while sum(doc["type"] == "frame" for doc in docs) < 25:
@@ -150,7 +141,7 @@ async def read_events(
 ) -> tuple[httpx.Response, list[tuple[str, str]]]:
     text = ""
     async with httpx.AsyncClient(timeout=deadline_s) as client:
-        url = f"http://{relay.address}/api/v1/robots/r/live.sse{query}"
+        url = f"{relay.api}/live.sse{query}"
         async with client.stream("GET", url) as response:
             async for part in response.aiter_text():
                 text += part
@@ -159,9 +150,8 @@ async def read_events(
     return response, parse_events(text)
 
 
-async def test_server_sent_events_bring_the_same(relays: Any, edges: Any) -> None:
-    relay = relays()
-    edge = edges(relay.zenoh)
+async def test_server_sent_events_bring_the_same(relay: Relay, edges: Any) -> None:
+    edge = edges(relay)
 
     def enough(events: list[tuple[str, str]]) -> bool:
         names = [name for name, _ in events]
@@ -185,8 +175,7 @@ async def test_server_sent_events_bring_the_same(relays: Any, edges: Any) -> Non
     _, decoded = await read_events(relay, "?format=json", lambda e: [n for n, _ in e].count("frame") > 5)
     seqs = [json.loads(data)["seq"] for name, data in decoded if name == "frame"]
     assert all(b > a for a, b in pairwise(seqs))
-    listed = httpx.get(f"http://{relay.address}/api/v1/robots").json()["robots"][0]
-    assert listed["viewers"] <= 1  # who went is not counted for long
+    assert httpx.get(relay.api).json()["viewers"] <= 1  # who went is not counted for long
 
 
 @pytest.mark.parametrize(
@@ -198,17 +187,15 @@ async def test_server_sent_events_bring_the_same(relays: Any, edges: Any) -> Non
         ("r/live.sse?view=lab", 403),
     ],
 )
-def test_what_is_no_stream_gets_a_status(relays: Any, path: str, status: int) -> None:
-    relay = relays()
-    answer = httpx.get(f"http://{relay.address}/api/v1/robots/{path}")
+def test_what_is_no_stream_gets_a_status(relay: Relay, path: str, status: int) -> None:
+    answer = httpx.get(f"{relay.base}/api/v1/robots/{path}")
     assert answer.status_code == status
     assert answer.json()["error"]
     assert answer.headers["access-control-allow-origin"] == "*"
 
 
-def test_public_routes_may_be_read_from_any_page(relays: Any) -> None:
-    relay = relays()
-    base = f"http://{relay.address}/api/v1/robots"
+def test_public_routes_may_be_read_from_any_page(relay: Relay) -> None:
+    base = f"{relay.base}/api/v1/robots"
     for path in ("", "/r", "/r/state", "/r/model/x/manifest.json", "/r/live.sse?hz=x", "/../nothing"):
         answer = httpx.get(base + path, headers={"Origin": "https://elsewhere.example"})
         assert answer.headers["access-control-allow-origin"] == "*", path
@@ -221,7 +208,7 @@ def test_public_routes_may_be_read_from_any_page(relays: Any) -> None:
 
 async def test_full_and_drain_are_told_with_when_to_come_again(relays: Any) -> None:
     relay = relays("--max-viewers", "1")
-    url = f"http://{relay.address}/api/v1/robots/r/live.sse"
+    url = f"{relay.api}/live.sse"
     async with httpx.AsyncClient(timeout=10) as client, client.stream("GET", url) as first:
         parts = first.aiter_text()
         text = await anext(parts)
@@ -240,7 +227,7 @@ async def test_full_and_drain_are_told_with_when_to_come_again(relays: Any) -> N
 async def test_a_reader_that_stops_is_cut_and_hurts_nobody(relays: Any, edges: Any) -> None:
     port = free_port()
     relay = relays("--metrics-port", str(port))
-    edges(relay.zenoh, of=schema([f"J{n}" for n in range(3000)]))
+    edges(relay, of=schema([f"J{n}" for n in range(3000)]))
     with socket.socket() as sock:
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         sock.connect(("127.0.0.1", relay.http))
@@ -253,23 +240,21 @@ async def test_a_reader_that_stops_is_cut_and_hurts_nobody(relays: Any, edges: A
             assert viewer.closed is None
 
 
-async def test_events_after_another_answer_on_one_connection(relays: Any, edges: Any) -> None:
-    relay = relays()
-    edges(relay.zenoh)
+async def test_events_after_another_answer_on_one_connection(relay: Relay, edges: Any) -> None:
+    edges(relay)
     reader, writer = await asyncio.open_connection("127.0.0.1", relay.http)
     writer.write(b"GET /livez HTTP/1.1\r\nHost: x\r\n\r\n")
     assert (await asyncio.wait_for(reader.readuntil(b"ok\n"), 10)).startswith(b"HTTP/1.1 200")
-    writer.write(b"GET /api/v1/robots/r/live.sse HTTP/1.1\r\nHost: x\r\n\r\n")
+    writer.write(f"GET {relay.path}/live.sse HTTP/1.1\r\nHost: x\r\n\r\n".encode())
     text = (await asyncio.wait_for(reader.readuntil(b"event: frame\n"), 10)).decode()
     assert "text/event-stream" in text
     writer.close()
 
 
-def test_every_write_tells_when_it_was_made(relays: Any, edges: Any) -> None:
-    relay = relays()
-    edges(relay.zenoh)
+def test_every_write_tells_when_it_was_made(relay: Relay, edges: Any) -> None:
+    edges(relay)
     stamps: list[int] = []
-    with httpx.stream("GET", f"http://{relay.address}/api/v1/robots/r/live.sse?hz=30", timeout=15) as answer:
+    with httpx.stream("GET", f"{relay.api}/live.sse?hz=30", timeout=15) as answer:
         for line in answer.iter_lines():
             if line.startswith("id: "):
                 stamps.append(int(line[4:]))
@@ -277,3 +262,37 @@ def test_every_write_tells_when_it_was_made(relays: Any, edges: Any) -> None:
                 break
     assert stamps == sorted(stamps)
     assert stamps[-1] > stamps[0]
+
+
+async def test_stream_and_ping_tell_one_clock(relay: Relay, edges: Any) -> None:
+    edges(relay)
+    base = f"{relay.base}/api/v1"
+    told: list[int] = []
+
+    async def ask(client: httpx.AsyncClient) -> None:
+        answer = await client.get(f"{base}/ping?t=1732790000123.25")
+        assert answer.headers["cache-control"] == "no-store"
+        assert answer.headers["access-control-allow-origin"] == "*"
+        doc = answer.json()
+        assert (doc["type"], doc["t"]) == ("pong", 1732790000123.25)
+        told.append(doc["clock_ms"])
+
+    async with httpx.AsyncClient(timeout=15) as client:
+        await ask(client)
+        async with client.stream("GET", f"{relay.api}/live.sse") as events:
+            lines = events.aiter_lines()
+            told.append(int((await anext(line async for line in lines if line.startswith("id: ")))[4:]))
+        await ask(client)
+        async with websockets.connect(relay.url()) as connection:
+            docs = [json.loads(await connection.recv()) for _ in range(2)]
+            told.append(docs[1]["clock_ms"])  # its status
+            await connection.send('{"type":"ping","t":42}')
+            while docs[-1]["type"] != "pong":
+                said = await connection.recv()
+                docs += [json.loads(said)] if isinstance(said, str) else []
+            told.append(docs[-1]["clock_ms"])
+        await ask(client)
+        for wrong in ("x", "nan", "1e999", ""):
+            assert (await client.get(f"{base}/ping?t={wrong}")).status_code == 400
+    assert told == sorted(told)
+    assert told[-1] - told[0] < 60_000

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from posecast_testing import free_port
 
-from .stage import Watcher, free_port
+from .stage import Watcher
 
 HEAVY = ("numpy", "firebase_admin", "google", "grpc", "locust", "gevent", "httpx", "trimesh", "posecast_edge")
 REDIS = ("redis", "obstore")

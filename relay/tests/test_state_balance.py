@@ -18,11 +18,12 @@ from posecast_relay.http.balance_models import NoBalance
 from posecast_relay.http.robot_state import StateReader
 from posecast_relay.http.state_balance import LINK_US, ROBOT_US_PER_S, US_PER_S
 from posecast_relay.streaming.decode_cache import DecodeCache
+from posecast_testing import until
 from posecast_wire import Schema
 
 from .balance_stage import WEIGHT_N, make_codes, make_manifest, make_model, make_schema_text
 from .sim import World
-from .stage import Model, until
+from .stage import Model
 
 
 def read_state(

@@ -12,9 +12,10 @@ from typing import Any
 import httpx
 import pytest
 from posecast_relay.http.answers import BalanceState
+from posecast_testing import until
 
 from .redis_server import Redis
-from .stage import Relay, until
+from .stage import Relay
 
 MASS_KG = 42.0
 WEIGHT_N = MASS_KG * 9.81
@@ -64,14 +65,12 @@ def check(found: dict[str, Any]) -> None:
     assert sum(foot["force_n"] for foot in found["feet"].values()) == pytest.approx(WEIGHT_N, rel=0.4)
 
 
-def test_a_relay_tells_all_of_the_demo_robots_balance(
-    relays: Callable[..., Relay], demo: Callable[[Relay], None]
-) -> None:
-    relay = relays()
+def test_a_relay_tells_all_of_the_demo_robots_balance(relay: Relay, demo: Callable[[Relay], None]) -> None:
     demo(relay)
     check(until("a balance on both feet", lambda: read_balance(relay), 60))
 
 
+@pytest.mark.full  # that gateways know what the state needs, `test_gateway` and `test_state_balance` say
 def test_a_gateway_behind_redis_tells_it_too(
     relays: Callable[..., Relay], redis_server: Redis, demo: Callable[[Relay], None]
 ) -> None:

@@ -111,7 +111,13 @@ def test_a_snapshot_is_no_sign_of_life() -> None:
     world.answer(edge)
     _, screen = world.join()
     assert screen.states[-1].codes == tuple(edge.codes)
-    assert screen.told("status")[-1] == {"type": "status", "robot": "silent", "age_ms": None, "seq": 0}
+    assert screen.told("status")[-1] == {
+        "type": "status",
+        "robot": "silent",
+        "age_ms": None,
+        "seq": 0,
+        "clock_ms": world.now * 1000,
+    }
 
 
 def test_a_snapshot_that_does_not_hold_together_changes_nothing() -> None:

@@ -11,9 +11,10 @@ import httpx
 import pytest
 import redis
 from posecast_relay.redis.client import generation_key, state_key
+from posecast_testing import until
 
 from .redis_server import Redis
-from .stage import Relay, Watcher, ZenohEdge, until
+from .stage import Relay, Watcher, ZenohEdge
 from .test_gateway import clean, live_after
 
 TAKEN_OVER_S = 10.0  # a lease of 1.5 s and a look, on a loaded machine

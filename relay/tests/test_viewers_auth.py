@@ -24,7 +24,7 @@ from cryptography.x509.oid import NameOID
 from firebase_admin import auth
 from posecast_relay.auth.access import open_access
 from posecast_relay.auth.firebase import Firebase
-from posecast_relay.auth.tokens import Tokens, Unverifiable
+from posecast_relay.auth.tokens import PATIENCE_S, Tokens, Unverifiable
 from posecast_relay.core.delayed_hub import DelayedHub
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
@@ -109,6 +109,7 @@ def accounts(google: Google) -> Iterator[Firebase]:
     found = Firebase(PROJECT, check_revoked=False)
     verifier = auth._get_client(found.app)._token_verifier
     assert hasattr(verifier, "request"), "firebase-admin has changed: pin the version, mend this test"
+    assert verifier.request.timeout_seconds == PATIENCE_S, "it waits longer than anybody, and takes a thread"
     verifier.request = google
     yield found
     firebase_admin.delete_app(found.app)

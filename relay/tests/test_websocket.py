@@ -26,11 +26,12 @@ from posecast_relay.store_memory import MemoryStore
 from posecast_relay.streaming.decode_cache import DecodeCache
 from posecast_relay.streaming.viewer_frames import read_short_text
 from posecast_relay.streaming.websocket import make_live_protocol
+from posecast_testing import until
 from posecast_wire import Close
 
 from . import autobahn
 from .sim import schema
-from .stage import Relay, Watcher, until
+from .stage import Relay, Watcher
 
 
 def stride(seqs: list[int]) -> float:
@@ -39,9 +40,8 @@ def stride(seqs: list[int]) -> float:
     return median(b - a for a, b in pairwise(seqs))
 
 
-async def test_frames_arrive_as_they_came_at_the_rate_asked_for(relays: Any, edges: Any) -> None:
-    relay = relays()
-    edge = edges(relay.zenoh)
+async def test_frames_arrive_as_they_came_at_the_rate_asked_for(relay: Relay, edges: Any) -> None:
+    edge = edges(relay)
     async with Watcher(relay.url(query="?hz=30")) as all_frames, Watcher(relay.url(query="?hz=10")) as third:
         await third.until("two seconds of frames", lambda v: len(v.frames) > 25)
         await all_frames.until("the same", lambda v: len(v.frames) > 70)
@@ -56,15 +56,13 @@ async def test_frames_arrive_as_they_came_at_the_rate_asked_for(relays: Any, edg
     assert edge.seq > 60
 
 
-async def test_no_compression_is_negotiated(relays: Any) -> None:
-    relay = relays()
+async def test_no_compression_is_negotiated(relay: Relay) -> None:
     async with websockets.connect(relay.url(), compression="deflate") as connection:
         assert connection.protocol.extensions == []
 
 
-async def test_an_event_reaches_a_viewer_of_no_frames(relays: Any, edges: Any) -> None:
-    relay = relays()
-    edge = edges(relay.zenoh)
+async def test_an_event_reaches_a_viewer_of_no_frames(relay: Relay, edges: Any) -> None:
+    edge = edges(relay)
     async with Watcher(relay.url(query="?hz=0")) as viewer:
         await viewer.until("the robot shows", lambda v: v.told("schema"))
         edge.event("jam", "on")
@@ -78,7 +76,7 @@ async def test_an_event_reaches_a_viewer_of_no_frames(relays: Any, edges: Any) -
 
 
 async def ending(
-    relay: Relay, *messages: str | bytes, robot: str = "r", query: str = ""
+    relay: Relay, *messages: str | bytes, robot: str | None = None, query: str = ""
 ) -> tuple[int, dict[str, Any]]:
     """Say this, then read to the end: close code and `bye`."""
     said: dict[str, Any] = {}
@@ -103,17 +101,15 @@ async def ending(
     ],
 )
 async def test_what_a_viewer_may_not_send_ends_with_its_name(
-    relays: Any, messages: tuple[str | bytes, ...], close: Close
+    relay: Relay, messages: tuple[str | bytes, ...], close: Close
 ) -> None:
-    relay = relays()
     code, bye = await ending(relay, *messages)
     assert code == close
     assert bye["code"] == close
     assert bye["reason"]
 
 
-async def test_a_message_over_4_kib_ends_with_1009(relays: Any) -> None:
-    relay = relays()
+async def test_a_message_over_4_kib_ends_with_1009(relay: Relay) -> None:
     code, _ = await ending(relay, '{"type":"auth","token":"' + "x" * 4096 + '"}')
     assert code == Close.TOO_LONG
     async with websockets.connect(relay.url()) as connection:  # also in small pieces
@@ -128,8 +124,7 @@ async def test_a_message_over_4_kib_ends_with_1009(relays: Any) -> None:
         assert connection.close_code == Close.TOO_LONG
 
 
-async def test_text_that_is_not_utf_8_ends_with_1007(relays: Any) -> None:
-    relay = relays()
+async def test_text_that_is_not_utf_8_ends_with_1007(relay: Relay) -> None:
     async with websockets.connect(relay.url()) as connection:
         await connection.send(b"\xff\xfe", text=True)
         await asyncio.wait_for(connection.wait_closed(), 10)
@@ -137,18 +132,17 @@ async def test_text_that_is_not_utf_8_ends_with_1007(relays: Any) -> None:
 
 
 @pytest.mark.parametrize(("robot", "query"), [("R*", ""), ("a%2Fb", ""), ("-x", ""), ("r", "?view=L*")])
-async def test_a_robot_or_view_that_cannot_be_here_is_told_so(relays: Any, robot: str, query: str) -> None:
-    code, bye = await ending(relays(), robot=robot, query=query)
+async def test_a_robot_or_view_that_cannot_be_here_is_told_so(relay: Relay, robot: str, query: str) -> None:
+    code, bye = await ending(relay, robot=robot, query=query)
     assert code == Close.ABSENT
     assert bye["code"] == Close.ABSENT
 
 
-async def test_a_robot_that_is_not_there_yet_is_waited_for(relays: Any, edges: Any) -> None:
-    relay = relays()
-    async with Watcher(relay.url("later")) as viewer:
+async def test_a_robot_that_is_not_there_yet_is_waited_for(relay: Relay, edges: Any) -> None:
+    async with Watcher(relay.url()) as viewer:
         await viewer.until("status", lambda v: v.told("status"))
         assert viewer.told("status")[0]["robot"] == "offline"
-        edges(relay.zenoh, robot="later")
+        edges(relay)
         await viewer.until("frames", lambda v: len(v.frames) > 10)
         assert viewer.told("status")[-1]["robot"] == "online"
 
@@ -161,8 +155,8 @@ async def test_the_relay_is_full(relays: Any) -> None:
         assert first.closed is None
 
 
-async def test_messages_in_pieces_and_pings_are_understood(relays: Any) -> None:
-    async with websockets.connect(relays().url()) as connection:
+async def test_messages_in_pieces_and_pings_are_understood(relay: Relay) -> None:
+    async with websockets.connect(relay.url()) as connection:
         await connection.send(iter(['{"type":', '"ping",', '"t":42}']))
         docs: list[dict[str, Any]] = []
         while not docs or docs[-1]["type"] != "pong":
@@ -171,9 +165,8 @@ async def test_messages_in_pieces_and_pings_are_understood(relays: Any) -> None:
         await asyncio.wait_for(await connection.ping(), 10)
 
 
-async def test_rate_changes_while_watching(relays: Any, edges: Any) -> None:
-    relay = relays()
-    edges(relay.zenoh)
+async def test_rate_changes_while_watching(relay: Relay, edges: Any) -> None:
+    edges(relay)
     async with Watcher(relay.url()) as viewer:
         await viewer.until("frames", lambda v: len(v.frames) > 40)
         assert viewer.connection is not None
@@ -198,9 +191,8 @@ async def test_rate_changes_while_watching(relays: Any, edges: Any) -> None:
     ],
 )
 def test_a_malformed_request_gets_a_status(
-    relays: Any, target: str, headers: dict[str, str], status: int
+    relay: Relay, target: str, headers: dict[str, str], status: int
 ) -> None:
-    relay = relays()
     usual = {
         "Host": relay.address,
         "Connection": "Upgrade",
@@ -249,14 +241,14 @@ def endings(relay: Relay, port: int) -> str:
 async def test_a_viewer_that_does_not_read_is_cut_and_hurts_nobody(
     relays: Any, edges: Any, from_the_start: bool
 ) -> None:
-    from .stage import free_port
+    from posecast_testing import free_port
 
     port = free_port()
     relay = relays("--metrics-port", str(port))
     before = raw_viewer(relay)
     if from_the_start:  # the join alone is more than its socket takes, else it is the frames
         before.close()
-    edges(relay.zenoh, of=schema([f"J{n}" for n in range(3000)]))
+    edges(relay, of=schema([f"J{n}" for n in range(3000)]))
     async with Watcher(relay.url()) as viewer:
         await viewer.until("frames", lambda v: v.frames)
         sock = raw_viewer(relay) if from_the_start else before
@@ -269,7 +261,7 @@ async def test_a_viewer_that_does_not_read_is_cut_and_hurts_nobody(
 
 @pytest.mark.full
 async def test_a_viewer_that_went_without_a_word_is_found(relays: Any) -> None:
-    from .stage import free_port
+    from posecast_testing import free_port
 
     port = free_port()
     relay = relays("--metrics-port", str(port))

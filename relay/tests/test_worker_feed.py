@@ -74,7 +74,7 @@ class _Two:
         self.second = Hub(self.limits)
         self.source = FedSource(self.path, self.second, Dispatcher.now)
         self.there = Dispatcher(self.second, self.source, FanOut(None), self.source)
-        self.edge = Edge(0xE, schema(), began_s=time.monotonic())
+        self.edge = Edge(0xE, schema(), began_s=Dispatcher.now())
 
     async def start(self) -> None:
         """With a viewer at the further worker."""
@@ -94,7 +94,7 @@ class _Two:
 
     def say(self) -> None:
         """A frame of the robot, and its snapshot where that is lacking."""
-        now = time.monotonic()
+        now = Dispatcher.now()
         frame, stamp = self.edge.frame(now), self.edge.stamp(now)
         self.first.take_edge_frame("r", "public", frame, stamp, now)
         if self.first.robots["r"].lacking:
@@ -137,7 +137,7 @@ async def test_frames_events_and_presence_come_through(two: _Two) -> None:
     await two.until("the same frame", two.agrees)
     assert two.store.count_viewers_elsewhere("r") == 1
     doc = b'{"type":"event","t":1.0,"level":"fault","source":"RKN","text":"hot","state":"on"}'
-    now = time.monotonic()
+    now = Dispatcher.now()
     stamp = Stamp(0xE, round((now - two.edge.began_s) * 1e9))
     for _ in range(3):
         two.here.carry_out(two.first.take_event("r", "public", doc, stamp, now, 1.0))
@@ -156,12 +156,12 @@ async def test_frames_events_and_presence_come_through(two: _Two) -> None:
 
 async def test_a_robot_that_began_anew_is_followed(two: _Two) -> None:
     await two.until("the same frame", two.agrees)
-    two.edge = Edge(0xF, schema(), began_s=time.monotonic())
+    two.edge = Edge(0xF, schema(), began_s=Dispatcher.now())
     await two.until("the new run", lambda: two.second.robots["r"].runs.current == 0xF and two.agrees())
     doc = b'{"type":"event","t":1.0,"level":"fault","source":"RKN","text":"hot","state":"on"}'
 
     def happen() -> None:
-        stamp = two.edge.stamp(time.monotonic())
+        stamp = two.edge.stamp(Dispatcher.now())
         two.here.carry_out(two.first.take_event("r", "public", doc, stamp, 1.0, 1.0))
 
     def has_events(count: int) -> bool:
@@ -173,7 +173,7 @@ async def test_a_robot_that_began_anew_is_followed(two: _Two) -> None:
     await two.until("its events", lambda: has_events(2))
     robot = two.first.robots["r"]
     two.first.drop_robot(robot)  # as after an hour: then it comes back, and its events begin at 1
-    two.edge = Edge(0x10, schema(), began_s=time.monotonic())
+    two.edge = Edge(0x10, schema(), began_s=Dispatcher.now())
     await two.until("another run", lambda: two.second.robots["r"].runs.current == 0x10 and two.agrees())
     happen()
     await two.until("its event", lambda: has_events(1))
@@ -196,9 +196,9 @@ async def test_a_worker_that_takes_nothing_is_cut_and_told_all_anew(
             + b"x" * 1900
             + b'","state":"on"}'
         )
-        stamp = two.edge.stamp(time.monotonic())
+        stamp = two.edge.stamp(Dispatcher.now())
         for _ in range(20):
-            two.here.carry_out(two.first.take_event("r", "public", doc, stamp, time.monotonic(), 1.0))
+            two.here.carry_out(two.first.take_event("r", "public", doc, stamp, Dispatcher.now(), 1.0))
         if not writer.transport.is_closing():
             writer.write(pack_message(Kind.AGAIN, "r") * 50)
         return len(two.feed._listeners) == 1

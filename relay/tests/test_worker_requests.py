@@ -17,9 +17,10 @@ from typing import Any
 import pytest
 from posecast_relay.server.workers.forwarder import AWAY, CROWDED, Forwarder
 from posecast_relay.streaming.http_connection import AnswerAborted
+from posecast_testing import free_port, until
 
 from .open_files import allow_files
-from .stage import Model, Relay, ZenohEdge, free_port, until
+from .stage import Model, Relay, ZenohEdge
 from .test_past_deletion_relay import run_past
 from .test_past_relay import await_segment
 from .worker_crew import SLOW_S, ask_at, connect_to, list_pids, read_metric
@@ -38,6 +39,7 @@ def many_files() -> Iterator[None]:
         yield
 
 
+@pytest.mark.full  # with one process: `test_past_held`, `test_past_deletion_relay`
 @pytest.mark.usefixtures("many_files")
 async def test_a_crowd_that_asks_at_one_moment_is_answered(relays: Relays, edges: Edges) -> None:
     relay = relays("--workers", "2", "--max-viewers", "1")
@@ -54,6 +56,7 @@ async def test_a_crowd_that_asks_at_one_moment_is_answered(relays: Relays, edges
         assert await asking == {"200": CROWD}
 
 
+@pytest.mark.full  # with one process: `test_past_held`, `test_past_deletion_relay`
 async def test_at_a_further_worker_requests_are_held_and_give_their_places_back(
     relays: Relays, edges: Edges
 ) -> None:
@@ -86,6 +89,7 @@ async def test_at_a_further_worker_requests_are_held_and_give_their_places_back(
     assert await asyncio.to_thread(relay.stop) == 0
 
 
+@pytest.mark.full  # with one process: `test_past_held`, `test_past_deletion_relay`
 async def test_what_is_deleted_is_gone_at_all_workers(relays: Relays, edges: Edges, tmp_path: Path) -> None:
     path = tmp_path / "relay.sock"
     relay = relays("--workers", "2", "--past-socket", str(path))

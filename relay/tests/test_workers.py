@@ -16,10 +16,11 @@ import httpx
 import pytest
 from posecast_relay.config.settings import SettingsError, parse
 from posecast_relay.server.workers.feed import STUCK_S
+from posecast_testing import free_port, until
 from posecast_wire import Close
 
 from .redis_server import Redis
-from .stage import Model, Relay, Watcher, ZenohEdge, free_port, until
+from .stage import Model, Relay, Watcher, ZenohEdge
 from .test_past_relay import await_segment, write
 from .worker_crew import SLOW_S, ask_at, await_ready, list_pids, read_metric, until_metric, watch_at
 
@@ -107,6 +108,7 @@ delay_s = 1
 """
 
 
+@pytest.mark.full  # that several workers serve, the first test says
 async def test_limits_and_rules_are_those_of_one_relay(relays: Relays, edges: Edges, tmp_path: Path) -> None:
     robots = tmp_path / "robots.toml"
     write(robots, ROBOTS.format(more=""))
@@ -169,6 +171,7 @@ async def test_limits_and_rules_are_those_of_one_relay(relays: Relays, edges: Ed
         assert found.count(503) == 10
 
 
+@pytest.mark.full  # that several workers serve, the first test says
 async def test_a_worker_that_was_killed_comes_back(relays: Relays, edges: Edges) -> None:
     port = free_port()
     relay = relays("--workers", "2", "--max-viewers", "3", "--metrics-port", str(port))
@@ -257,6 +260,7 @@ def test_a_worker_that_hangs_is_replaced(relays: Relays) -> None:
     assert "worker 1 does not respond: killing it" in relay.errors()
 
 
+@pytest.mark.full  # that several workers serve, the first test says
 async def test_all_drain_as_one_and_end_with_the_first(relays: Relays, edges: Edges) -> None:
     folders: list[Path] = []
     for how, status in ((signal.SIGKILL, -signal.SIGKILL), (signal.SIGTERM, 0)):

@@ -8,9 +8,10 @@ from typing import Any
 
 import httpx
 import zenoh
+from posecast_testing import free_port, until
 from posecast_wire import Echo, frame_key
 
-from .stage import Relay, Watcher, free_port, until
+from .stage import Relay, Watcher
 
 KEY_EVERY = 900  # frames of the edge on the stage
 
@@ -21,9 +22,8 @@ def listed(relay: Relay, robot: str = "r") -> dict[str, Any]:
     return next((r for r in found if r["robot"] == robot), {})
 
 
-async def test_one_lost_key_costs_a_second_not_an_interval(relays: Any, edges: Any) -> None:
-    relay = relays()
-    edge = edges(relay.zenoh)
+async def test_one_lost_key_costs_a_second_not_an_interval(relay: Relay, edges: Any) -> None:
+    edge = edges(relay)
     async with Watcher(relay.url()) as viewer:
         await viewer.until("frames", lambda v: len(v.frames) > 60)
         edge.lose_next_key = edge.force_key = True
@@ -51,9 +51,8 @@ async def test_a_restarted_relay_needs_no_key(relays: Any, edges: Any) -> None:
     assert edge.edge.run_id == 0xE
 
 
-async def test_silent_is_not_offline(relays: Any, edges: Any) -> None:
-    relay = relays()
-    edge = edges(relay.zenoh)
+async def test_silent_is_not_offline(relay: Relay, edges: Any) -> None:
+    edge = edges(relay)
     async with Watcher(relay.url()) as viewer:
         await viewer.until("frames", lambda v: len(v.frames) > 5)
         edge.silent = True
@@ -66,9 +65,8 @@ async def test_silent_is_not_offline(relays: Any, edges: Any) -> None:
         assert {frame.seq for _, frame in late.frames} <= {0, edge.seq}  # its KEY and the last pose
 
 
-async def test_echo_tells_the_edge_what_has_arrived(relays: Any, edges: Any) -> None:
-    relay = relays()
-    edge = edges(relay.zenoh)
+async def test_echo_tells_the_edge_what_has_arrived(relay: Relay, edges: Any) -> None:
+    edge = edges(relay)
     begun_s = time.time()
 
     def heard() -> Echo | None:
@@ -78,26 +76,25 @@ async def test_echo_tells_the_edge_what_has_arrived(relays: Any, edges: Any) -> 
     echo = await asyncio.to_thread(until, "an echo", heard)
     assert begun_s <= echo.relay_time_s <= time.time()
     assert edge.seq - 10 <= echo.seq <= edge.seq
-    stranger = edges(relay.zenoh, robot="other")
+    stranger = edges(relay, robot=f"{relay.robot}-other")
     stranger.silent = True
-    stranger.robot = "nobody"
+    stranger.robot = f"{relay.robot}-nobody"
     assert stranger.echo() is not None
     assert stranger.echo().run_id == 0
 
 
-async def test_the_newest_of_two_edges_wins_and_a_conflict_shows(relays: Any, edges: Any) -> None:
-    relay = relays()
-    edges(relay.zenoh)
+async def test_the_newest_of_two_edges_wins_and_a_conflict_shows(relay: Relay, edges: Any) -> None:
+    edges(relay)
     async with Watcher(relay.url()) as viewer:
         await viewer.until("frames", lambda v: len(v.frames) > 30)
-        edges(relay.zenoh, run_id=0xF)
+        edges(relay, run_id=0xF)
         await viewer.until("the new run", lambda v: v.frames[-1][1].seq < 20)
         since = len(viewer.frames)
         await viewer.until("the conflict", lambda v: v.told("event"))
         seqs = [frame.seq for _, frame in viewer.frames[since:]]
         assert seqs == sorted(seqs)
         assert viewer.told("event")[0]["text"] == "another edge claims this robot"
-    assert httpx.get(f"http://{relay.address}/api/v1/robots/r").json()["conflict"] is True
+    assert httpx.get(relay.api).json()["conflict"] is True
 
 
 async def test_what_is_no_frame_of_ours_is_counted_and_leaves_no_trace(relays: Any, edges: Any) -> None:

@@ -11,8 +11,9 @@ from http.client import HTTPConnection
 from pathlib import Path
 
 import httpx
+from posecast_testing import until
 
-from .stage import Relay, Watcher, until
+from .stage import Relay, Watcher
 
 SLOW_S = 20.0  # that an answer may take on a loaded machine
 NETLINK_SOCK_DIAG, SOCK_DIAG_BY_FAMILY, NLM_F_REQUEST = 4, 20, 1

@@ -17,10 +17,15 @@ interface EyePlace {
   readonly target: readonly [number, number, number];
 }
 
+const demo = stage.share(async (stack) => {
+  const relay = await stack.relay();
+  stack.builtEdge(relay, { folder: MODEL }, { pos: { RKN: 0 } }, 'demo');
+  return relay;
+});
+
 /** A page with the demo robot standing still, in its initial view. */
 async function standing(options: PageOptions = {}): Promise<Page> {
-  const relay = await stage.stack.relay();
-  stage.stack.builtEdge(relay, { folder: MODEL }, { pos: { RKN: 0 } }, 'demo');
+  const relay = await demo();
   const page = await stage.newPage(options);
   await page.open(`${relay.url}/#/r/demo`);
   await until('a body', () => hasSkin(page), 60_000);

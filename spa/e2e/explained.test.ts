@@ -13,6 +13,11 @@ const JAMMED = {
   ref: { RKN: 0.9 },
   volt: { main: 48 },
 };
+const jammed = stage.share(async (stack) => {
+  const relay = await stack.relay();
+  stack.fedEdge(relay, JAMMED, { profile: 'demo' });
+  return relay;
+});
 
 const press = (page: Page, selector: string) =>
   page.evaluate<boolean>(`(() => {
@@ -45,8 +50,7 @@ async function asks(page: Page, selector: string, said: RegExp): Promise<void> {
 }
 
 it('columns, units, flags and sensors explain themselves when they are pressed, on a phone and a laptop', async () => {
-  const relay = await stage.stack.relay();
-  stage.stack.fedEdge(relay, JAMMED, { profile: 'demo' });
+  const relay = await jammed();
   for (const viewport of [
     { width: 360, height: 640 },
     { width: 1280, height: 800 },
@@ -76,8 +80,7 @@ it('columns, units, flags and sensors explain themselves when they are pressed, 
 });
 
 it('joints are named in plain words where the settings say so', async () => {
-  const relay = await stage.stack.relay();
-  stage.stack.fedEdge(relay, JAMMED, { profile: 'demo' });
+  const relay = await jammed();
   const page = await stage.newPage();
   await page.open(`${relay.url}/#/r/demo`);
   await until('LIVE', async () => (await liveness(page)) === 'LIVE');

@@ -10,6 +10,9 @@ export interface Fault {
   readonly frozen?: boolean;
   /** Every byte is delayed by this much; the first byte of a connection by one more round trip, its handshake. */
   readonly delayMs?: number;
+  /** Bytes of a robot's stream towards the browser are delayed by this much, but no answers to other requests: like a proxy that
+   *  scans what does not end. */
+  readonly streamDelayMs?: number;
   /** Random jitter: bytes keep their order, as in TCP. */
   readonly jitterMs?: number;
   /** Towards the browser, over all connections of this proxy. */
@@ -36,10 +39,13 @@ interface Pair {
   readonly browser: net.Socket;
   readonly relay: net.Socket;
   stranded: boolean;
+  /** A robot's stream was requested on it. */
+  streams: boolean;
 }
 
 const SLICE = 1024;
 const HELD_BYTES = 64 * 1024;
+const STREAM = /^GET \S+\/live(?:\.sse)?[? ]/m;
 /** Header lines that make a request an upgrade; the key and version of a WebSocket alone don't. */
 const UPGRADE = /^(?:Upgrade: websocket|Connection: Upgrade|Connection: keep-alive, Upgrade)\r\n/gim;
 
@@ -127,7 +133,7 @@ export class FaultyLink {
     browser.on('close', () => this.#browsers.delete(browser));
     const relay = net.connect({ port: targetPort, host: '127.0.0.1' });
     relay.on('error', () => browser.resetAndDestroy());
-    const link = { browser, relay, stranded: false };
+    const link = { browser, relay, stranded: false, streams: false };
     this.#links.add(link);
     const gone = (): void => {
       this.#links.delete(link);
@@ -146,6 +152,7 @@ export class FaultyLink {
     try {
       for await (const read of from as AsyncIterable<Buffer>) {
         let chunk = read;
+        if (!limited) link.streams ||= STREAM.test(read.toString('latin1'));
         if (!limited && this.#fault.stripUpgrade === true) {
           chunk = Buffer.from(read.toString('latin1').replace(UPGRADE, ''), 'latin1');
         }
@@ -157,9 +164,10 @@ export class FaultyLink {
         }
         for (let at = 0; at < chunk.length; at += SLICE) {
           const slice = chunk.subarray(at, at + SLICE);
-          const { delayMs = 0, jitterMs = 0 } = this.#fault;
+          const { delayMs = 0, jitterMs = 0, streamDelayMs = 0 } = this.#fault;
           const wanderMs = (2 * Math.random() - 1) * jitterMs;
-          const due = Math.max(this.#clock.nowMs(), opened) + delayMs + wanderMs;
+          const lateMs = delayMs + (limited && link.streams ? streamDelayMs : 0);
+          const due = Math.max(this.#clock.nowMs(), opened) + lateMs + wanderMs;
           lane.held += slice.length;
           lane.last = lane.last.then(async () => {
             await this.#clock.wait(due - this.#clock.nowMs());

@@ -17,6 +17,11 @@ const STANDING = {
   ref: { RKN: 0.4, LKN: 0.9 },
   wave: { pos: { RSP: [0.2, 0.2] } },
 };
+const demo = stage.share(async (stack) => {
+  const relay = await stack.relay();
+  stack.fedEdge(relay, STANDING, { urdf: URDF });
+  return relay;
+});
 /** The middle of a robot is that of its box, which moves a little with its arms. */
 const NEAR_M = 0.1;
 
@@ -37,8 +42,7 @@ const near = (a: Stand | null, b: Stand | null) =>
 
 describe('the address', () => {
   it('holds what is looked at, and another page opens the same', async () => {
-    const relay = await stage.stack.relay();
-    stage.stack.fedEdge(relay, STANDING, { urdf: URDF });
+    const relay = await demo();
     const page = await stage.newPage();
     await page.open(`${relay.url}/#/r/demo`);
     await until('a body', () => hasSkin(page), 60_000);
@@ -87,8 +91,7 @@ describe('the address', () => {
   });
 
   it('may name what does not exist: the page opens without it', async () => {
-    const relay = await stage.stack.relay();
-    stage.stack.fedEdge(relay, STANDING, { urdf: URDF });
+    const relay = await demo();
     const page = await stage.newPage();
     await page.open(`${relay.url}/#/r/demo?joint=NOPE&eye=1,2,x&theme=pink&angle=turns`);
     await until('LIVE', is(page, 'LIVE'), 30_000);
@@ -97,15 +100,25 @@ describe('the address', () => {
     await page.press('?');
     await until('the keys', async () => (await page.findByTestId('keys').count()) === 1);
     await page.screenshot(path.join(SHOTS, 'keys-laptop.png'));
+    const kept = (await page.findByTestId('keys').text()) ?? '';
+    for (const key of ['t', 's', 'p', 'f', 'j', '?']) await page.press(key);
+    expect(await page.findByTestId('share').count(), 'nothing opens over a dialog').toBe(0);
+    expect(await page.findByTestId('robot-page').attribute('data-present')).toBe('false');
+    expect(await page.findByTestId('keys').text()).toBe(kept);
     await page.press('Escape');
     await until('gone', async () => (await page.findByTestId('keys').count()) === 0);
+    const isOpen = () =>
+      page.evaluate<string>(`document.querySelector('header.top .wide-only').getAttribute('aria-pressed')`);
+    const before = await isOpen();
+    await page.evaluate(`document.body.dispatchEvent(new KeyboardEvent('keydown',
+      { key: 'ㅅ', code: 'KeyT', bubbles: true, cancelable: true }))`);
+    await until('T of a Hangul keyboard', async () => (await isOpen()) !== before);
   });
 });
 
 describe('a frame in a page of another origin', () => {
   it('starts when it is seen, tells the page around it how the robot is, and needs no storage', async () => {
-    const relay = await stage.stack.relay();
-    stage.stack.fedEdge(relay, STANDING, { urdf: URDF });
+    const relay = await demo();
     const course = await Host.open(REPO);
     try {
       const frame = `${relay.url}/embed/demo?origin=${course.url}#/r/demo?theme=light`;

@@ -9,7 +9,7 @@ import { cellNumber, hasSkin, liveness, RECORD, resting, shownPositions, shownSe
 import { REPO } from './stack.ts';
 import { setStage } from './stage.ts';
 
-const stage = setStage();
+const stage = setStage({ paints: true });
 const SHOTS = path.join(REPO, 'spa/e2e/shots');
 const URDF = path.join(REPO, 'edge-agent/src/posecast_edge/demo_bundle/robot.urdf');
 /** Three decimals are shown. */

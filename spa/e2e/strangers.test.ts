@@ -1,7 +1,8 @@
-import { chmodSync, writeFileSync } from 'node:fs';
+import { chmodSync, renameSync, writeFileSync } from 'node:fs';
 import net from 'node:net';
 import path from 'node:path';
 import { describe, expect, it } from 'vitest';
+import { en } from '../src/app/text/en.ts';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { chipText, liveness } from './robot_page.ts';
@@ -31,6 +32,29 @@ describe.skipIf(!FULL)('an address', () => {
     stage.stack.fedEdge(relay, SWINGING, { robot: 'nobody' });
     await until('LIVE', is(page, 'LIVE'), 30_000);
     expect(await note(page)).toBe('');
+  });
+
+  it('of a robot in a blackout says so, and goes on by itself when that ends, or when the robot is added', async () => {
+    const robots = path.join(stage.stack.folder(), 'robots.toml');
+    const allow = (toml: string) => {
+      writeFileSync(`${robots}.new`, toml, { mode: 0o600 });
+      renameSync(`${robots}.new`, robots);
+    };
+    allow('[robots.hubo.anyone]\n');
+    const relay = await stage.stack.relay({ robots });
+    stage.stack.fedEdge(relay, SWINGING, { robot: 'hubo' });
+    stage.stack.fedEdge(relay, SWINGING, { robot: 'added' });
+    const page = await stage.newPage();
+    const early = await stage.newPage();
+    await page.open(`${relay.url}/#/r/hubo`);
+    await early.open(`${relay.url}/#/r/added`);
+    await until('LIVE', is(page, 'LIVE'), 30_000);
+    allow('[robots.hubo.anyone]\nblackout = true\n');
+    for (const each of [page, early])
+      await until('said so', async () => (await note(each)).startsWith(en.endedAbsent), 30_000);
+    expect(await note(page)).toMatch(/Trying again in \d+ s/);
+    allow('[robots.hubo.anyone]\n[robots.added.anyone]\n');
+    for (const each of [page, early]) await until('LIVE', is(each, 'LIVE'), 90_000);
   });
 
   it.each(['#/r/No%20Such%20Name', '#/r/', '#/x', '#/r/%00', '#/<img src=x onerror="window.bitten=true">'])(

@@ -6,6 +6,11 @@ import type { Relay } from './stack.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
+const demo = stage.share(async (stack) => {
+  const relay = await stack.relay();
+  stack.edge(relay);
+  return relay;
+});
 
 /** What the relay sends to a page that requests nothing. */
 const NOTHING = 0;
@@ -28,8 +33,7 @@ async function comesBack(page: Page, relay: Relay, of: string, missedFrom: numbe
 
 describe('a page that nobody sees', () => {
   it('behind another tab asks for no poses, and comes back with the newest', async () => {
-    const relay = await stage.stack.relay();
-    stage.stack.edge(relay);
+    const relay = await demo();
     const page = await stage.newPage();
     await page.open(`${relay.url}/#/r/demo`);
     await until('LIVE', async () => (await liveness(page)) === 'LIVE', 30_000);
@@ -50,8 +54,7 @@ describe('a page that nobody sees', () => {
   });
 
   it('in an iframe that is scrolled away asks for no poses, and comes back with the newest', async () => {
-    const relay = await stage.stack.relay();
-    stage.stack.edge(relay);
+    const relay = await demo();
     const page = await stage.newPage();
     await page.open(`${relay.url}/#/`);
     await page.evaluate(`(() => {

@@ -1,14 +1,15 @@
 import { fileURLToPath } from 'node:url';
 import { defineConfig } from 'vitest/config';
 
-// One browser and one stack at a time, because the tests measure time and order.
+// Most of a test is waiting, so several files run side by side: each process has a browser for its files.
 export default defineConfig({
   test: {
     root: fileURLToPath(new URL('.', import.meta.url)),
     include: ['**/*.test.ts'],
     environment: 'node',
     pool: 'forks',
-    fileParallelism: false,
+    maxWorkers: 3,
+    isolate: false,
     testTimeout: 180_000,
     hookTimeout: 120_000,
     sequence: { concurrent: false },

@@ -8,6 +8,7 @@ import { adoptPath } from './app/state/path.ts';
 import { parseRoute } from './app/state/route.ts';
 import { laneUrl, manifestUrl } from './auth/lane.ts';
 import { takeToken } from './auth/link_token.ts';
+import { request } from './auth/request.ts';
 import { accessSettled } from './auth/settled.ts';
 import { builtModelAt } from './model/files.ts';
 import { streamUrl, WANTED_HZ } from './relay/addresses.ts';
@@ -25,7 +26,7 @@ const embedded = document.documentElement.dataset.page === 'embed';
 if (recording !== null) {
   if (!embedded) {
     const stop = new AbortController();
-    const answer = fetch(recording, { credentials: 'omit', signal: stop.signal });
+    const answer = request(recording, { signal: stop.signal });
     answer.catch(() => {}); // the page requests it again and reports the error
     early.request = { answer, stop };
   }

@@ -1,7 +1,7 @@
 import { describe, expect, it } from 'vitest';
 import { missingWords } from '../src/app/body/words.ts';
 import { mayMove } from '../src/app/pages/list/moving_card.ts';
-import { inOrder, readPublishAt, readRobots } from '../src/app/pages/list/robots.ts';
+import { inOrder, judgeListed, readPublishAt, readRobots } from '../src/app/pages/list/robots.ts';
 import { heightPx, nextHeight, PEEK_PX, restingHeight } from '../src/app/shell/sheet_heights.ts';
 import { hashAtPath, hashOfPath } from '../src/app/state/path.ts';
 import { parseRoute } from '../src/app/state/route.ts';
@@ -11,6 +11,7 @@ import { explanationWords } from '../src/app/status/explanation_words.ts';
 import { chipWords, stageWords, waitingWords } from '../src/app/status/words.ts';
 import { en } from '../src/app/text/en.ts';
 import { ko } from '../src/app/text/ko.ts';
+import { moreEn } from '../src/app/text/more_en.ts';
 import type { Link } from '../src/stream/client.ts';
 import type { Verdict } from '../src/twin/liveness.ts';
 
@@ -95,6 +96,30 @@ describe('the list of robots', () => {
     ]);
     expect([null, {}, 'x', { robots: 7 }].map(readRobots)).toEqual([[], [], [], []]);
   });
+
+  it('calls no robot LIVE by an answer that took long', () => {
+    const robots = readRobots({
+      robots: [
+        { robot: 'demo', status: 'online', age_ms: 12 },
+        { robot: 'veiled', status: 'online', age_ms: null },
+        { robot: 'quiet', status: 'silent', age_ms: 5000 },
+        { robot: 'old', status: 'offline', age_ms: 90_000 },
+      ],
+    });
+    const judged = (tookMs: number) => {
+      const verdicts = robots.map((robot) => judgeListed(robot, tookMs));
+      return verdicts.map(({ word, cause, ageMs }) => [word, cause, ageMs]);
+    };
+    expect(judged(600)).toEqual([
+      ['LIVE', null, 612],
+      ['LIVE', null, 600],
+      ['STALE', 'robot silent', 5600],
+      ['OFFLINE', null, 90_600],
+    ]);
+    expect(judged(4000).map(([word, cause]) => cause ?? word)).toEqual([
+      ...['slow network', 'slow network', 'robot silent', 'OFFLINE'],
+    ]);
+  });
 });
 
 describe('where a robot may be published', () => {
@@ -171,6 +196,7 @@ describe('words', () => {
     rateReason: null,
     hz: 29.8,
     roundTripMs: 42,
+    lateMs: 41,
     behindMs: null,
     problem: null,
   };
@@ -191,9 +217,10 @@ describe('words', () => {
 
   it('of the chip', () => {
     const at = new Date(2026, 10, 21, 14, 2, 3).getTime();
-    expect(chip({})).toBe('LIVE 30 Hz · 38 ms');
+    expect(chip({})).toBe('LIVE 30 Hz · 58 ms');
     expect(chip({ word: 'HOLDING' })).toBe('HOLDING 12 s');
     expect(chip({ word: 'STALE', cause: 'robot silent' })).toBe('STALE 3.2 s: robot silent');
+    expect(chip({ word: 'STALE', cause: 'slow network' })).toBe('STALE 3.2 s: slow network');
     expect(chip({ word: 'STALE', cause: 'no connection', ageMs: null })).toBe('STALE no connection');
     const refused = (code: number, ageMs: number | null = null) => {
       const ended = { ...link, phase: 'ended', ending: { code, reason: '' } } as const;
@@ -212,7 +239,7 @@ describe('words', () => {
   });
 
   it('of a robot that sends too much, whatever its word, behind the chip, and spoken', () => {
-    expect(chip({ overShare: true })).toBe('LIVE 30 Hz · 38 ms robot sends too much');
+    expect(chip({ overShare: true })).toBe('LIVE 30 Hz · 58 ms robot sends too much');
     expect(chip({ overShare: true, word: 'HOLDING' })).toBe('HOLDING 12 s robot sends too much');
     expect(ko.overShare).toBe('로봇이 너무 많이 보냄');
     const why = /more than its share/;
@@ -243,6 +270,15 @@ describe('words', () => {
     );
   });
 
+  it('say that data is late, not that nothing comes', () => {
+    const slow = { word: 'STALE', cause: 'slow network' } as const;
+    expect(stageWords(verdict(slow), link, 0)).toBe('Stale for 3.2 s: slow network.');
+    expect(explanationWords(verdict(slow), link)[0]).toBe(moreEn.explainSlow);
+    expect(announcement({ name: 'demo', verdict: verdict(slow), readings: null, faults: [] }).text).toBe(
+      'demo: stale, slow network',
+    );
+  });
+
   it('behind the chip name a lowered rate and its reason', () => {
     const lines = explanationWords(verdict({}), { ...link, grantedHz: 5, rateReason: 'slow network' });
     expect(lines).toContain('5 Hz: slow network.');
@@ -252,7 +288,8 @@ describe('words', () => {
   it('say quietly that no WebSocket gets through', () => {
     const events: Link = { ...link, by: 'events', roundTripMs: null };
     const { word, detail, more } = chipWords(verdict({}), events, 0);
-    expect(`${word} ${detail}${more}`).toBe('LIVE 30 Hz · over HTTP');
+    expect(`${word} ${detail}${more}`).toBe('LIVE 30 Hz · 58 ms · over HTTP');
+    expect(chipWords(verdict({}), { ...events, lateMs: null }, 0).more).toBe(' · over HTTP');
     expect(explanationWords(verdict({}), events).join(' ')).toMatch(/WebSocket does not work/);
     expect(explanationWords(verdict({}), link).join(' ')).not.toMatch(/WebSocket/);
   });

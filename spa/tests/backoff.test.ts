@@ -20,6 +20,13 @@ it('waits as long as the relay asks, thirty seconds when it does not say, and th
   expect(retryDelayMs('wait', 2, 0.5, 12)).toBe(13_000);
 });
 
+it('asks for an absent robot after half a minute to a minute, however often', () => {
+  expect([0, 0.5, 1].map((random) => retryDelayMs('later', 0, random, null))).toEqual([
+    30_000, 45_000, 60_000,
+  ]);
+  expect(retryDelayMs('later', 9, 0, null)).toBe(30_000);
+});
+
 it('does not come back by itself where that would not help', () => {
   expect(retryDelayMs('never', 0, 0.5, 3)).toBeNull();
 });

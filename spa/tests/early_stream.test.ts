@@ -8,7 +8,10 @@ class FakeWorker {
   onerror: (() => void) | null = null;
   told: unknown[] = [];
   ended = false;
-  constructor() {
+  constructor(
+    readonly url: string,
+    readonly options: WorkerOptions,
+  ) {
     FakeWorker.made.push(this);
   }
   postMessage(message: unknown): void {
@@ -62,4 +65,18 @@ it('ends an early stream whose page never comes, and one whose worker failed', (
   FakeWorker.made[1]?.onerror?.();
   expect(FakeWorker.made[1]?.ended).toBe(true);
   expect(takeStream('ws://r', 30).messages).toEqual([]);
+});
+
+it('starts the worker from its file, and in a page without an origin from a script that imports that file', async () => {
+  takeStream('ws://r', 30);
+  vi.stubGlobal('origin', 'null');
+  takeStream('ws://r', 30);
+  vi.unstubAllGlobals();
+  const [plain, made] = FakeWorker.made;
+  expect(plain?.url).toMatch(/worker/);
+  expect(plain?.options.type).toBe('module');
+  expect(made?.url).toMatch(/^blob:/);
+  expect(made?.options.type, 'Chromium starts no module from it').toBeUndefined();
+  const script = await (await fetch(made?.url ?? '')).text();
+  expect(script).toContain(`import(${JSON.stringify(plain?.url)})`);
 });

@@ -3,7 +3,7 @@ import { describe, expect, it } from 'vitest';
 import { endingWords } from '../src/app/status/words.ts';
 import { en } from '../src/app/text/en.ts';
 import { ko } from '../src/app/text/ko.ts';
-import { opened } from './session_rig.ts';
+import { opened, Rig } from './session_rig.ts';
 
 describe('endings', () => {
   it('waits as long as a full hall asks', () => {
@@ -28,11 +28,28 @@ describe('endings', () => {
 
   it('comes back after an ending for good only when a person asks', () => {
     const rig = opened();
-    rig.do(rig.session.closed(rig.now, 4404, ''));
+    rig.do(rig.session.closed(rig.now, 4403, ''));
     rig.pass(60_000);
     expect(rig.session.phase).toBe('ended');
     rig.do(rig.session.wake(rig.now));
     expect(rig.session.phase).toBe('connecting');
+  });
+
+  it('asks for an absent robot again and again, slowly and spread, whether or not it was ever there', () => {
+    const there = opened();
+    const never = new Rig();
+    never.do(never.session.start(never.now));
+    for (const rig of [there, never]) {
+      for (let failure = 0; failure < 3; failure++) {
+        rig.take();
+        rig.do(rig.session.closed(rig.now, 4404, ''));
+        const [link] = rig.posts('link');
+        expect(link).toMatchObject({ phase: 'waiting', ending: { code: 4404 } });
+        expect((link?.retryAtMs ?? 0) - rig.now).toBe(45_000);
+        rig.pass(45_250);
+        expect(rig.session.phase).toBe('connecting');
+      }
+    }
   });
 
   it.each([1011, 4408, 4409, 4430])('comes back by back-off after %i', (code) => {

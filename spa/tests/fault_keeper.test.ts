@@ -38,6 +38,42 @@ it('says nothing of faults while it is not known what was before, and none only 
   expect(keeper.faults()).toEqual([]);
 });
 
+it('says nothing of faults until the recorded past is known, and keeps those that only the past has', () => {
+  for (const isAcknowledged of [false, true]) {
+    const { twin, keeper, frame } = watched();
+    keeper.expectPast();
+    frame(1);
+    expect(keeper.faults(), 'a relay that restarted has no events').toBeNull();
+    if (isAcknowledged) {
+      twin.acceptEvent(event(1, -180_000, 'on'));
+      keeper.acknowledge(keeper.faults()!);
+    }
+    keeper.recall([event(7, -180_000, 'on'), event(8, -176_000, 'off')]);
+    expect(keeper.faults()).toMatchObject(
+      isAcknowledged ? [] : [{ source: 'RKN', clearedMs: NOW - 176_000 }],
+    );
+  }
+});
+
+it('forgets the faults of a deleted span, also if the relay repeats their events', () => {
+  const { twin, keeper, frame } = watched();
+  frame(1);
+  const events = [event(1, -50_000, 'on'), event(2, -49_000, 'off')];
+  for (const each of [...events, event(3, -20_000, 'on'), event(4, -19_000, 'off')]) twin.acceptEvent(each);
+  const spans = [{ fromMs: NOW - 25_000, toMs: NOW - 10_000 }];
+  twin.acceptDeleted(spans);
+  keeper.forget(spans);
+  expect(keeper.faults(), 'it began before').toMatchObject([{ firstMs: NOW - 50_000 }]);
+  const all = [{ fromMs: NOW - 60_000, toMs: NOW - 10_000 }];
+  twin.acceptDeleted(all);
+  keeper.forget(all);
+  expect(keeper.faults()).toEqual([]);
+  for (const each of events) twin.acceptEvent(each);
+  twin.acceptEarlier(events, true);
+  expect(twin.events).toEqual([]);
+  expect(keeper.faults()).toEqual([]);
+});
+
 it('tells faults that are known though others may not be, and counts those that are told late', () => {
   const { twin, keeper, frame, at } = watched();
   twin.acceptEarlier([], false);

@@ -79,6 +79,65 @@ describe('the order', () => {
   });
 });
 
+describe('a row that goes up or down', () => {
+  /** The rows and limbs moved since, by name. */
+  function moves(host: HTMLElement) {
+    const seen = new MutationObserver(() => {});
+    for (const each of host.querySelectorAll('table, tbody')) seen.observe(each, { childList: true });
+    return () =>
+      seen
+        .takeRecords()
+        .flatMap(({ addedNodes }) => [...addedNodes] as HTMLElement[])
+        .map((moved) => moved.dataset.label ?? moved.textContent!.trim().split(' ')[0]);
+  }
+  const focused = () => document.activeElement?.closest<HTMLElement>('tr')?.dataset.label;
+
+  it('moves alone, and takes the focus from no other', () => {
+    const { say, shown, host } = table();
+    say({}, 0);
+    const moved = moves(host);
+    host.querySelector<HTMLElement>('tr[data-label="RKN"] button')!.focus();
+    say({ 'flags.NK1': JAM }, 100);
+    expect(shown()).toEqual(['NK1', 'LKN', 'RKN']);
+    expect([moved(), focused()]).toEqual([['NK1'], 'RKN']);
+    say({}, 6000);
+    expect(shown()).toEqual(['LKN', 'RKN', 'NK1']);
+    expect([moved(), focused()]).toEqual([['NK1'], 'RKN']);
+  });
+
+  it('stays in the document while it has the focus: the others go around it', () => {
+    const { say, shown, host } = table();
+    say({}, 0);
+    const moved = moves(host);
+    host.querySelector<HTMLElement>('tr[data-label="NK1"] button')!.focus();
+    say({ 'flags.NK1': JAM }, 100);
+    expect(shown()).toEqual(['NK1', 'LKN', 'RKN']);
+    expect([moved(), focused()]).toEqual([['RKN', 'LKN'], 'NK1']);
+    say({ 'flags.NK1': JAM, 'flags.RKN': JAM }, 200);
+    expect(shown()).toEqual(['RKN', 'NK1', 'LKN']);
+    expect([moved(), focused()]).toEqual([['RKN'], 'NK1']);
+    say({}, 6000);
+    expect(shown()).toEqual(['LKN', 'RKN', 'NK1']);
+    expect([moved(), focused()]).toEqual([['RKN', 'LKN'], 'NK1']);
+  });
+
+  it('takes its limb along in the same way', () => {
+    changeSettings({ limbs: true });
+    const { say, shown, host } = table({ limbs: titledLimbs });
+    say({}, 0);
+    const moved = moves(host);
+    host.querySelector<HTMLElement>('tr[data-label="NK1"] button')!.focus();
+    say({ 'flags.NK1': JAM }, 100);
+    expect(shown()).toEqual(['# Other joints 1', 'NK1', '# Left 1', 'LKN', '# Right leg 1', 'RKN']);
+    expect(focused()).toBe('NK1');
+    expect(moved()).toHaveLength(2);
+    say({}, 6000);
+    expect(shown()).toEqual(['# Left 1', 'LKN', '# Right leg 1', 'RKN', '# Other joints 1', 'NK1']);
+    expect(focused()).toBe('NK1');
+    expect(moved()).toHaveLength(2);
+  });
+});
+
 describe('the filter', () => {
   it('looks for every word in names, limbs and flags, and goes on as they change', () => {
     const { say, shown, host } = table();

@@ -2,7 +2,7 @@
 import { createElement } from 'react';
 import { createRoot } from 'react-dom/client';
 import { afterEach, expect, it, vi } from 'vitest';
-import { KeysSheet } from '../src/app/body/controls/KeysSheet.tsx';
+import { KeysSheet } from '../src/app/settings/KeysSheet.tsx';
 import { pastControls } from '../src/app/state/moment.ts';
 import { moreKo } from '../src/app/text/ko.ts';
 import { FakePast } from './past_fake.ts';

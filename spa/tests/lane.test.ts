@@ -244,6 +244,22 @@ describe('a page in the lane', () => {
     expectHonest(relay, viewer, 70_000);
   });
 
+  it('passes over a damaged part: asks for it once, and goes on with the next', () => {
+    const { relay, viewer } = watch({}, 22_000, 3);
+    const at = relay.parts.findIndex(({ closedMs }) => closedMs > 45_000);
+    const { take, index, bytes, closedMs } = relay.parts[at]!;
+    relay.parts[at] = { ...relay.parts[at]!, bytes: bytes.slice(0, -5) };
+    viewer.run(88_000);
+    expect(viewer.ends).toEqual([]);
+    expect(viewer.requests.filter(({ path }) => path === `/public/${take}/${index}`)).toHaveLength(1);
+    expectOnce(viewer.shown);
+    expect(
+      viewer.shown.some(({ acceptedMs }) => acceptedMs > closedMs - KEY_MS && acceptedMs < closedMs - 100),
+    ).toBe(false);
+    expect(wordsOf(viewer, closedMs + 3 * KEY_MS)).toEqual(['LIVE']);
+    expectFew(viewer);
+  });
+
   it('does not ask again and again where it is refused', () => {
     const { viewer } = watch({}, 22_000, 3, { blackouts: [{ fromMs: 40_000, toMs: 43_000 }] });
     viewer.run(88_000);

@@ -12,9 +12,9 @@ import type { Verdict } from '../src/twin/liveness.ts';
 
 const IN_LANE: Link = {
   ...{ by: 'segments', phase: 'open', retryAtMs: null, ending: null, grantedHz: 30, rateReason: null },
-  ...{ hz: 29.8, roundTripMs: null, behindMs: 4300, problem: null },
+  ...{ hz: 29.8, roundTripMs: null, lateMs: null, behindMs: 4300, problem: null },
 };
-const DELAYED: Link = { ...IN_LANE, by: 'websocket', roundTripMs: 42, behindMs: 30_000 };
+const DELAYED: Link = { ...IN_LANE, by: 'websocket', roundTripMs: 42, lateMs: 42, behindMs: 30_000 };
 const LIVE: Verdict = {
   ...{ word: 'LIVE', cause: null, overShare: false, ageMs: 30, linkMs: 30, unchangedMs: 0, past: null },
 };

@@ -28,6 +28,7 @@ function evidence(changed: Partial<Evidence> = {}): Evidence {
     watchingMs: NOW - 60_000,
     shownMs: NOW - 30,
     otherwiseMs: null,
+    transitMs: 20,
     ...changed,
   };
 }
@@ -93,6 +94,13 @@ describe('the table of causes', () => {
     expect(judge(lost, NOW)).toMatchObject({ word: 'STALE', cause: 'no connection' });
     const frozen = evidence({ heardMs: NOW - 1501, freshMs: NOW - 1501 });
     expect(judge(frozen, NOW)).toMatchObject({ word: 'STALE', cause: 'no connection' });
+    const at = { freshMs: NOW - 1500, shownMs: NOW - 1500, status: status({ atMs: NOW - 1600, ageMs: 0 }) };
+    const first = evidence({ ...at, heardMs: NOW - 1300, transitMs: 200 });
+    expect(judge(first, NOW), 'from its first moment on').toMatchObject({ cause: 'no connection' });
+    const seen = { ...first, status: status({ atMs: NOW - 1480, ageMs: 0 }) };
+    expect(judge(seen, NOW), 'nor is the relay to blame').toMatchObject({ cause: 'no connection' });
+    const told = evidence({ ...at, heardMs: NOW - 900, transitMs: 200 });
+    expect(judge(told, NOW), 'the relay has spoken since').toMatchObject({ cause: 'robot silent' });
   });
 
   it('a stream in parts whose next part does not come: of the robot nothing is known', () => {
@@ -107,6 +115,27 @@ describe('the table of causes', () => {
     expect(judge(silent, NOW + 1)).toMatchObject({ word: 'STALE', cause: 'robot silent' });
     const within = evidence({ ...waits, status: { ...over, endsMs: NOW + 500 } });
     expect(judge(within, NOW + 1)).toMatchObject({ word: 'STALE', cause: 'robot silent' });
+  });
+
+  it('a stream that arrives late, however steadily', () => {
+    const late = (transitMs: number) => {
+      const of = { freshMs: NOW - transitMs - 30, shownMs: NOW - transitMs - 30, transitMs };
+      return evidence({ ...of, status: status({ atMs: NOW - transitMs - 300, heardMs: NOW - 300 }) });
+    };
+    expect(judge(late(600), NOW)).toMatchObject({ word: 'LIVE', ageMs: 630 });
+    expect(judge(late(1469), NOW)).toMatchObject({ word: 'LIVE', ageMs: 1499 });
+    expect(judge(late(1470), NOW)).toMatchObject({ word: 'STALE', cause: 'slow network', ageMs: 1500 });
+    expect(judge(late(4000), NOW)).toMatchObject({ word: 'STALE', cause: 'slow network', ageMs: 4030 });
+    expect(judge({ ...late(4000), changedMs: NOW - 9000 }, NOW).word, 'nor HOLDING').toBe('STALE');
+    expect(judge({ ...late(4000), watchingMs: null }, NOW).word, 'a hidden page').toBe('STALE');
+    const silent = { ...late(600), freshMs: NOW - 3600, shownMs: NOW - 3600 };
+    const quiet = { ...silent, status: status({ ageMs: 3000, atMs: NOW - 600 }) };
+    expect(judge(quiet, NOW), 'the robot’s own silence').toMatchObject({ cause: 'robot silent' });
+    const opening = { ...late(1800), openedMs: NOW - 2000 };
+    expect(judge(opening, NOW).word, 'its age may soon be known better').toBeNull();
+    expect(judge({ ...late(1800), openedMs: NOW - JOINING_MS - 1 }, NOW).word).toBe('STALE');
+    const gone = status({ robot: 'offline', atMs: NOW - 4300, heardMs: NOW - 300 });
+    expect(judge({ ...late(4000), status: gone }, NOW).word, 'no claim of being current').toBe('OFFLINE');
   });
 
   it('a relay that cannot vouch for what it serves', () => {
@@ -163,6 +192,13 @@ describe('the picture', () => {
     expect(judge(cut, NOW)).toMatchObject({ word: 'STALE', cause: 'relay degraded' });
     const never = evidence({ watchingMs: NOW - 1501, shownMs: null });
     expect(judge(never, NOW)).toMatchObject({ word: 'STALE', cause: 'relay degraded' });
+  });
+
+  it('of before an outage, however short, is not LIVE, and the first of after it is', () => {
+    const back = evidence({ otherwiseMs: NOW - 400, watchingMs: NOW - 390 });
+    expect(judge({ ...back, shownMs: NOW - 500 }, NOW).word).toBeNull();
+    expect(judge({ ...back, shownMs: NOW - 400 }, NOW).word, 'of that very moment').toBeNull();
+    expect(judge({ ...back, shownMs: NOW - 399 }, NOW).word).toBe('LIVE');
   });
 
   it('of a hidden page, which asks for no poses, is told by status alone', () => {

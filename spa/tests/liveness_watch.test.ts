@@ -95,6 +95,16 @@ it('a page that was held up goes on calling old what it called old', () => {
   watch.close();
 });
 
+it('a page that was held up finds its connection lost: its pose has aged meanwhile', () => {
+  const { twin, watch } = watched();
+  holdUp(30_000);
+  twin.acceptConnection(false, nowMs()); // before the next check
+  const { word, cause, ageMs } = watch.verdict();
+  expect([word, cause]).toEqual(['STALE', 'no connection']);
+  expect(ageMs).toBeGreaterThan(30_000);
+  watch.close();
+});
+
 it('one that was held up for a moment blames nobody for it', () => {
   const { twin, watch, said } = watched();
   holdUp(STALE_AFTER_MS - 200);

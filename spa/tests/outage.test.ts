@@ -56,6 +56,15 @@ describe.each(['websocket', 'events'] as const)('what the page claims by %s', (c
     }
   });
 
+  it('is no claim while all that comes is late, however slowly that has grown', () => {
+    const before = world([]).run(SETTLED_MS).words.length;
+    const late = world([{ what: 'link late', atMs: SETTLED_MS, forMs: 120_000 }]).run(SETTLED_MS + 120_000);
+    expect(late.lies).toEqual([]);
+    expect(late.words.slice(before)).toEqual(['STALE']);
+    const early = world([{ what: 'link late', atMs: 0, forMs: 60_000 }]).run(60_000);
+    expect([early.lies, early.words.at(-1)]).toEqual([[], 'STALE']);
+  });
+
   it.each(FOUND)('is so again after what random faults once found: %s', (_, ...faults) => {
     const { lies, words } = world(faults).settle(QUIET_MS);
     expect(lies).toEqual([]);

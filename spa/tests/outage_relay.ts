@@ -10,6 +10,11 @@ export interface Held {
   ref: Held | null;
 }
 
+/** The relay's own clock, ms. */
+export function clockMs(nowMs: number): number {
+  return 7e11 + nowMs;
+}
+
 /** A relay for one robot: keeps the newest frame and its base. Times are ms of the simulation's clock. */
 export class Relay {
   key: Held | null = null;
@@ -49,6 +54,7 @@ export class Relay {
     const ageMs = this.liveMs === null ? null : nowMs - this.liveMs;
     const silent = ageMs === null || ageMs > STALE_AFTER_MS;
     const robot = this.token ? (silent ? 'silent' : 'online') : 'offline';
-    return JSON.stringify({ type: 'status', robot, age_ms: ageMs, seq: this.newest?.seq ?? null });
+    const seq = this.newest?.seq ?? null;
+    return JSON.stringify({ type: 'status', robot, age_ms: ageMs, seq, clock_ms: clockMs(nowMs) });
   }
 }

@@ -3,7 +3,7 @@ import type { Action, FromStream } from '../src/stream/messages.ts';
 import { Session } from '../src/stream/session.ts';
 import { HOLDING_AFTER_MS, isClaim, judge, STALE_AFTER_MS, type Word } from '../src/twin/liveness.ts';
 import { RobotTwin } from '../src/twin/robot.ts';
-import { type Held, Relay } from './outage_relay.ts';
+import { clockMs, type Held, Relay } from './outage_relay.ts';
 import { codesWith, SCHEMA, SCHEMA_TEXT } from './schema.ts';
 
 /**
@@ -17,6 +17,7 @@ export const FAULTS = [
   'edge restarted',
   'link frozen',
   'link cut',
+  'link late',
   'relay restarted',
   'page stalled',
   'page hidden',
@@ -35,6 +36,9 @@ const CONFIRM_MS = 500;
 const VIEWER_MS = 100;
 const STATUS_MS = 1000;
 const TICK_MS = 250;
+/** Towards the page, the link's delay grows by this part of the time, to this much. */
+const LATER = 0.4;
+const LATE_MS = 4000;
 /** As many ms of frames as a relay sends without an acknowledgement. */
 const BACKLOG_MS = 2000;
 /** The resolution of the time in a code, ms. */
@@ -59,6 +63,8 @@ class Connection {
   openAtMs: number;
   readonly down: { wire: Wire; atMs: number; writtenMs: number }[] = [];
   readonly up: { text: string; atMs: number }[] = [];
+  /** Questions beside the stream for the relay's clock, which are not late. */
+  readonly asked: { askedMs: number; atMs: number }[] = [];
 
   constructor(on: 'websocket' | 'events', openAtMs: number) {
     this.on = on;
@@ -87,16 +93,19 @@ export class World {
   #stands: { fromMs: number; toMs: number }[] = [];
   #connection: Connection | null = null;
   #frozenMs: number | null = null;
+  #lateSinceMs: number | null = null;
   #tickMs = EPOCH_MS;
   #on = new Set<Fault['what']>();
   #otherwiseMs = Number.NEGATIVE_INFINITY;
   #heardMs = EPOCH_MS;
   /** When the newest noticeable silence ended. */
   #silentUntilMs = EPOCH_MS;
+  /** How much longer than usual the newest status was in transit. */
+  #statusLateMs = 0;
   /**
-   * How long the shown pose was in transit without a noticed silence. A WebSocket's messages don't say when they were written,
-   * and a shorter silence looks like a pause that is LIVE. If the robot's next pose takes long, this one seems that much younger
-   * than it is.
+   * How much longer than the newest status the shown pose was in transit without a noticed silence. A WebSocket's frames don't say
+   * when they were written, and a shorter silence looks like a pause that is LIVE. If the robot's next pose takes long, this one
+   * seems that much younger than it is.
    */
   #unseenMs = 0;
   #word: Word | null = null;
@@ -173,6 +182,9 @@ export class World {
       case 'link frozen':
         this.#frozenMs = begins ? this.nowMs : null;
         if (!begins) this.#thaw();
+        break;
+      case 'link late':
+        this.#lateSinceMs = begins ? this.nowMs : null;
         break;
       case 'link cut':
         if (begins) this.#cut();
@@ -252,7 +264,8 @@ export class World {
     }
     for (const { text } of link.up.splice(0, link.up.filter(({ atMs }) => atMs <= nowMs).length)) {
       const said = JSON.parse(text) as { type: string; t: number; hz: number };
-      if (said.type === 'ping') this.#write(link, { text: JSON.stringify({ type: 'pong', t: said.t }) });
+      if (said.type === 'ping')
+        this.#write(link, { text: JSON.stringify({ type: 'pong', t: said.t, clock_ms: clockMs(nowMs) }) });
       if (said.type === 'rate') link.hz = said.hz;
     }
     if (this.#frozenMs !== null && nowMs - this.#frozenMs > BACKLOG_MS) return;
@@ -278,7 +291,8 @@ export class World {
   }
 
   #write(link: Connection, wire: Wire): void {
-    const soonMs = Math.max(this.nowMs + LINK_MS, link.down.at(-1)?.atMs ?? 0); // after the data in transit
+    const lateMs = Math.min(LATE_MS, LATER * (this.nowMs - (this.#lateSinceMs ?? this.nowMs)));
+    const soonMs = Math.max(this.nowMs + LINK_MS + lateMs, link.down.at(-1)?.atMs ?? 0); // after the data in transit
     const atMs = this.#frozenMs === null ? soonMs : Number.POSITIVE_INFINITY;
     link.down.push({ wire, atMs, writtenMs: this.nowMs });
   }
@@ -288,6 +302,10 @@ export class World {
     const link = this.#connection;
     if (link === null) return;
     const { nowMs } = this;
+    for (const { askedMs } of link.asked.splice(0, link.asked.filter(({ atMs }) => atMs <= nowMs).length)) {
+      const clock_ms = clockMs(askedMs + LINK_MS);
+      this.#do(this.#session.clock(nowMs, askedMs, JSON.stringify({ type: 'pong', t: askedMs, clock_ms })));
+    }
     const due = link.down.filter(({ atMs }) => atMs <= nowMs).length;
     if (due > 0) {
       if (nowMs - this.#heardMs > STALE_AFTER_MS) this.#silentUntilMs = nowMs;
@@ -301,8 +319,9 @@ export class World {
       if (this.#connection !== link) return;
       if (link.on === 'events') {
         this.#do(this.#session.heard(nowMs));
-        this.#session.stamped(nowMs, writtenMs);
+        this.#session.stamped(nowMs, clockMs(writtenMs));
       }
+      if ('text' in wire && wire.text.includes('"status"')) this.#statusLateMs = nowMs - writtenMs - LINK_MS;
       this.#do(
         'text' in wire ? this.#session.text(nowMs, wire.text) : this.#session.binary(nowMs, wire.frame),
       );
@@ -315,6 +334,8 @@ export class World {
       if (action.do === 'connect') this.#connect(action.by === 'events' ? 'events' : 'websocket');
       else if (action.do === 'drop') this.#connection = null;
       else if (action.do === 'send') this.#send(action.text);
+      else if (action.do === 'ask')
+        this.#connection?.asked.push({ askedMs: this.nowMs, atMs: this.nowMs + 2 * LINK_MS });
       else if (action.do === 'post') this.#post(action.message);
     }
   }
@@ -338,7 +359,7 @@ export class World {
       twin.acceptState(message.state);
       const sampledMs = message.state.tS * 1000;
       const isSeen = this.#carrier === 'events' || this.#silentUntilMs >= sampledMs;
-      this.#unseenMs = isSeen ? 0 : this.nowMs - sampledMs;
+      this.#unseenMs = isSeen ? 0 : Math.max(0, this.nowMs - sampledMs - this.#statusLateMs);
     }
   }
 

@@ -48,6 +48,16 @@ describe('OwnTape', () => {
     expect(tape.align(asRecorded(frames))?.byMs, 'one difference of the clocks').toBe(-PAGE_MS);
   });
 
+  it('forgets what was deleted', () => {
+    const tape = tapeOf(sent(10));
+    tape.align(asRecorded(sent(10)));
+    tape.event(fault(1, FROM_MS + 250, 'jam'), FROM_MS + PAGE_MS + 250);
+    tape.forget([{ fromMs: FROM_MS + 200, toMs: FROM_MS + 500 }]);
+    expect(tape.since(0).map(({ seq }) => seq)).toEqual([0, 1, 5, 6, 7, 8, 9]);
+    expect(tape.bytes).toBe(7 * 4 * SCHEMA.size);
+    expect(tape.happenings(0, FROM_MS + 1000)).toEqual([]);
+  });
+
   it('keeps to its bound', () => {
     const schema = schemaOf(4000);
     const [one] = sent(1, { schema }) as [Sent];

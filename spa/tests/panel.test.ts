@@ -132,6 +132,45 @@ describe('the numbers', { timeout: 60_000 }, () => {
     await find('#tab-Joints[aria-selected=true]');
   });
 
+  it('claim that there are no faults only if one could be known', async () => {
+    const doc = JSON.parse(SCHEMA.text);
+    const tells = (changed: object, mapping: object, name: string) => {
+      const fields = doc.fields.flatMap((field: { name: string }) =>
+        field.name !== 'flags' ? [field] : 'flags' in changed ? [{ ...field, ...changed }] : [],
+      );
+      return parseSchema(JSON.stringify({ ...doc, robot: name, fields, mapping }));
+    };
+    const { twin, say, waitForText } = await panel();
+    for (const [schema, words] of [
+      [tells({}, {}, 'nothing'), 'No faults reported'],
+      [tells({ flags: 1 }, {}, 'flags'), 'No faults'],
+      [
+        tells({ flags: 1, bits: ['homed'] }, { severity: { flags: { homed: 'state' } } }, 'states'),
+        'No faults reported',
+      ],
+      [tells({}, { tolerance: { LKN: 0.1 } }, 'tolerance'), 'No faults'],
+      [tells({}, { tolerance: { elsewhere: 0.1 } }, 'another'), 'No faults reported'],
+      [tells({}, { thresholds: { volt: { main: { low: 40, caution: 0.8 } } } }, 'limit'), 'No faults'],
+    ] as const) {
+      twin.acceptSchema(schema);
+      await say({}, schema);
+      await waitForText('[data-testid=fault-line]', new RegExp(`^${words}$`));
+    }
+  });
+
+  it('end a fault without a word of its own without a separator', async () => {
+    const start = Date.now();
+    const clock = vi.spyOn(Date, 'now').mockReturnValue(start);
+    const { say, waitForText } = await panel();
+    for (const ms of [0, 1000, 2000, 3000]) {
+      clock.mockReturnValue(start + ms);
+      await say({ 'ref.RKN': 500 });
+    }
+    clock.mockRestore();
+    await waitForText('[data-told=true]', /^Right knee is not where.*RKN/);
+    await waitForText('.fault-small', /^RKN$/);
+  });
+
   it('open the card of a joint, whose values go into plots, and close it again', async () => {
     const { say, click, find, host, waitForText } = await panel();
     await say({ 'pos.RKN': 250, 'flags.RKN': 4 });
@@ -174,7 +213,7 @@ describe('the numbers', { timeout: 60_000 }, () => {
   it("tell when a limit of the viewer's own is crossed, with the time", async () => {
     const { twin, say, click, waitForText } = await panel();
     await click('#tab-Alarms');
-    await waitForText('.tab-body', 'Nothing has happened yet.');
+    await waitForText('.tab-body', 'No events have been received.');
     setOwnLimit(twin, 'ftf', 'RF.fz', { low: null, high: 100, caution: 1 });
     await say({ 'ftf.RF.fz': 50 });
     await say({ 'ftf.RF.fz': 150 });

@@ -1,20 +1,35 @@
-import { beforeEach, describe, expect, it } from 'vitest';
+// @vitest-environment happy-dom
+import { afterEach, beforeEach, describe, expect, it } from 'vitest';
 import { loopStart } from '../src/app/past/time_line/loop_start.ts';
-import { playPastKey, playTrackKey } from '../src/app/past/time_line/past_keys.ts';
+import { lineKeys, pastKeys } from '../src/app/past/time_line/past_keys.ts';
+import { addPageKeys } from '../src/app/shell/page_keys.ts';
 import { FakePast } from './past_fake.ts';
 
 const T = Date.UTC(2026, 10, 22, 14, 30);
 let past: FakePast;
+let save: (() => void) | null = null;
+let line: HTMLElement;
+let leave: readonly (() => void)[] = [];
+
 beforeEach(() => {
   past = new FakePast(T);
+  save = null;
+  line = document.body.appendChild(document.createElement('div'));
+  leave = [addPageKeys(() => pastKeys(past, save)), addPageKeys(() => lineKeys(past, T), line)];
 });
 
-const keyOf = (key: string, more: Partial<KeyboardEvent> = {}) => ({
-  ...{ key, code: '', repeat: false, shiftKey: false },
-  ...more,
+afterEach(() => {
+  for (const off of leave) off();
+  document.body.replaceChildren();
 });
-const press = (key: string, more?: Partial<KeyboardEvent>) => playPastKey(past, keyOf(key, more));
-const onTrack = (key: string, shiftKey = false) => playTrackKey(past, T, keyOf(key, { shiftKey }));
+
+/** Whether the page takes the key. */
+function press(key: string, more: KeyboardEventInit = {}, to: Element = document.body): boolean {
+  const event = new KeyboardEvent('keydown', { key, bubbles: true, cancelable: true, ...more });
+  to.dispatchEvent(event);
+  return event.defaultPrevented;
+}
+const onTrack = (key: string, shiftKey = false) => press(key, { shiftKey }, line);
 
 describe('keys all over the page', () => {
   it('play, skip, step, change the speed and visit faults', () => {
@@ -30,39 +45,35 @@ describe('keys all over the page', () => {
 
   it('save, where something can be saved', () => {
     let saved = 0;
-    const save = () => {
+    expect(press('x')).toBe(false);
+    save = () => {
       saved += 1;
     };
-    expect(playPastKey(past, keyOf('x'), save)).toBe(true);
-    expect(playPastKey(past, keyOf('ㅌ', { code: 'KeyX' }), save)).toBe(true);
+    expect(press('x')).toBe(true);
+    expect(press('ㅌ', { code: 'KeyX' })).toBe(true);
     expect(saved).toBe(2);
-    expect(press('x')).toBe(false);
     expect(past.told).toEqual([]);
   });
 
-  it('are the same where Korean letters are typed', () => {
-    past.rest(100);
-    expect(press('ㅓ', { code: 'KeyJ' })).toBe(true);
-    expect(past.told).toEqual(['skip -10000']);
-  });
-
   it('lead from live into the past, and to nothing that is not yet', () => {
-    for (const key of ['.', 'l', 'n', ']', 'o']) press(key);
+    for (const key of ['.', 'l', 'n', ']', 'o', 'e']) expect(press(key), key).toBe(false);
     expect(past.told).toEqual([]);
     for (const key of [',', 'j', 'b', ' ']) press(key);
     expect(past.told).toEqual(['step -1', 'skip -10000', 'fault -1', 'toggle']);
   });
 
   it('lead back to live', () => {
-    expect(press('e')).toBe(false);
     past.rest(100);
     expect(press('E')).toBe(true);
     expect(past.told.at(-1)).toBe('live');
   });
 
-  it('toggle once, however long they are held', () => {
-    press(' ', { repeat: true });
-    expect(past.told).toEqual([]);
+  it('step on while they are held, but toggle, set and visit once', () => {
+    past.rest(100);
+    for (const key of [',', '.', 'j', 'l', ' ', 'b', 'n', '[', ']', 'o', 'e', 'g'])
+      expect(press(key, { repeat: true }), key).toBe(true);
+    expect(past.told).toEqual(['step -1', 'step 1', 'skip -10000', 'skip 10000']);
+    expect(loopStart(past).get()).toBeNull();
   });
 
   it('set a loop with the first and second press and end it with the third', () => {

@@ -144,6 +144,23 @@ describe('PastPlayer', () => {
     expect(rig.sink.since.filter((each) => / o(n|ff)$/.test(each))).toEqual([...told.slice(3, 6), 'hot on']);
   });
 
+  it('plays and jumps across the moment at which a robot gets another channel', async () => {
+    const [more, sha] = [schemaOf(3), '6d'.repeat(32)];
+    const before = recorded(sent(100));
+    const grown = sent(100, { schema: more, firstSeq: 100, fromMs: at(10) });
+    const after = recorded(grown, { schemaSha: sha, firstIndex: before.length });
+    const rig = new Rig(new FakeSource([...before, ...after], { [SCHEMA_SHA]: schemaOf(2), [sha]: more }));
+    rig.player.seek(at(8));
+    await rig.pass(4000);
+    expect(rig.sink.seqs).toEqual(range(80, 121));
+    expect(rig.sink.newest!.codes).toHaveLength(3);
+    rig.player.seek(at(5));
+    await rig.settle();
+    expect(rig.sink.newest!.codes).toHaveLength(2);
+    const told = rig.sink.since.filter((each) => each.startsWith('schema'));
+    expect(told.at(-1)).toBe('schema 2');
+  });
+
   it('steps frame by frame, also across segments', async () => {
     const rig = new Rig(new FakeSource(recorded(sent(300))));
     rig.player.seek(at(4.05));
@@ -300,6 +317,59 @@ describe('PastPlayer', () => {
     rig.player.seek(at(20));
     await rig.settle();
     expect(rig.player.playhead.momentMs).toBe(at(50));
+  });
+
+  it('shows no more of what was deleted: neither pose nor faults, and says so', async () => {
+    const happened = [
+      { atMs: at(5.05), event: fault(1, at(5.05), 'jam') },
+      { atMs: at(5.45), event: fault(2, at(5.45), 'jam', 'off') },
+    ];
+    const rig = new Rig(new FakeSource(recorded(sent(900), { happened })));
+    rig.player.seek(at(50));
+    await rig.settle();
+    expect(rig.sink.since).toContain('jam on');
+    rig.player.seek(at(20));
+    await rig.settle();
+    expect(rig.sink.seqs).toEqual([200]);
+    rig.source.delete({ fromMs: at(4), toMs: at(40) });
+    await rig.settle();
+    expect(rig.player.playhead).toMatchObject({ at: 'past', playing: false, note: 'not-kept' });
+    const shownMs = rig.sink.newest!.atMs;
+    expect(shownMs < at(4) || shownMs >= at(40), `${(shownMs - at(0)) / 1000} s`).toBe(true);
+    rig.player.seek(at(60));
+    await rig.settle();
+    expect(rig.sink.seqs).toEqual([600]);
+    expect(rig.sink.since).not.toContain('jam on');
+    rig.source.delete({ fromMs: at(70), toMs: at(71) });
+    await rig.settle();
+    expect(rig.player.playhead).toMatchObject({ at: 'past', momentMs: at(60), note: null });
+  });
+
+  it('leaves the past when all of it was deleted', async () => {
+    const rig = new Rig(new FakeSource(recorded(sent(300))));
+    rig.player.seek(at(6));
+    await rig.settle();
+    rig.source.delete({ fromMs: 0, toMs: at(60) });
+    expect(rig.player.playhead.at).toBe('live');
+  });
+
+  it('asks for no picture while it is paused and nothing is awaited, and for some again at a step', async () => {
+    const rig = new Rig(new FakeSource(recorded(sent(300))));
+    rig.player.seek(FROM_MS + 12_000);
+    await rig.pass(1000);
+    rig.player.toggle();
+    await rig.pass(500);
+    expect(rig.player.isResting).toBe(true);
+    const { ticks } = rig;
+    await rig.pass(60_000);
+    expect(rig.ticks).toBe(ticks);
+    const before = rig.sink.newest!.seq;
+    rig.player.step(1);
+    await rig.pass(500);
+    expect(rig.sink.newest!.seq).toBe(before + 1);
+    rig.player.toggle();
+    await rig.pass(1000);
+    expect(rig.ticks).toBeGreaterThan(ticks + 10);
   });
 
   it('opens at a moment that a link names, and rests there', async () => {

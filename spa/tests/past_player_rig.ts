@@ -65,6 +65,17 @@ export class FakeSource implements PastSource {
     this.draw(this.timeline!.marks);
   }
 
+  deleted: readonly Span[] = [];
+  /** The relay says that a span was deleted. */
+  delete(span: Span): void {
+    this.deleted = [...this.deleted, span];
+    this.#segments = this.#segments.filter(({ ref }) => ref.fromMs >= span.toMs || ref.toMs <= span.fromMs);
+    const marks = this.timeline!.marks.filter(({ atMs }) => atMs < span.fromMs || atMs >= span.toMs);
+    this.timeline = null;
+    if (this.#segments.length > 0) this.draw(marks);
+    else for (const listener of this.#listeners) listener();
+  }
+
   readonly onChange = (listener: () => void): (() => void) => {
     this.#listeners.add(listener);
     return () => this.#listeners.delete(listener);
@@ -200,6 +211,8 @@ export class Rig<Source extends PastSource = FakeSource> {
   nowMs = FROM_MS + 3_600_000;
   readonly sink = new FakeSink();
   readonly own = new OwnTape();
+  /** How many pictures were asked for. */
+  ticks = 0;
   /** Events of the live stream. */
   heard: EventMessage[] = [];
   readonly player: PastPlayer;
@@ -226,9 +239,12 @@ export class Rig<Source extends PastSource = FakeSource> {
     });
   }
 
-  /** Delivers what has been answered. */
+  /** Delivers what has been answered, and runs what is due. */
   async settle(): Promise<void> {
-    for (let i = 0; i < 30; i += 1) await Promise.resolve();
+    for (let i = 0; i < 30; i += 1) {
+      await Promise.resolve();
+      this.#runDue();
+    }
   }
 
   /** Time passes, with a picture at each interval. */
@@ -236,12 +252,19 @@ export class Rig<Source extends PastSource = FakeSource> {
     await this.settle();
     for (let left = ms; left > 0; left -= everyMs) {
       this.nowMs += Math.min(everyMs, left);
-      const due = this.#timers.filter(({ atMs }) => atMs <= this.nowMs);
-      this.#timers = this.#timers.filter(({ atMs }) => atMs > this.nowMs);
-      for (const { run } of due) run();
-      if (this.player.playhead.at === 'past') this.player.tick();
+      this.#runDue();
+      if (!this.player.isResting) {
+        this.ticks += 1;
+        this.player.tick();
+      }
       await this.settle();
     }
+  }
+
+  #runDue(): void {
+    const due = this.#timers.filter(({ atMs }) => atMs <= this.nowMs);
+    this.#timers = this.#timers.filter(({ atMs }) => atMs > this.nowMs);
+    for (const { run } of due) run();
   }
 
   /** The page receives a frame now. */

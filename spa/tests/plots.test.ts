@@ -160,8 +160,8 @@ describe('as a table', () => {
   });
 
   it('takes no name for a formula', () => {
-    const titles = ['=1+1', '@x', '-2', 'a "b", c'];
+    const titles = ['=1+1', '@x', '-2', 'a "b", c', 'x;=1+1'];
     const columns = titles.map((title) => ({ title, unit: '', values: [] }));
-    expect(csvOf({ atMs: [], columns })).toBe(`"time","'=1+1","'@x","'-2","a ""b"", c"\r\n`);
+    expect(csvOf({ atMs: [], columns })).toBe(`"time","'=1+1","'@x","'-2","a ""b"", c","x;'=1+1"\r\n`);
   });
 });

@@ -251,6 +251,75 @@ describe('the index', () => {
   });
 });
 
+describe('a deletion', () => {
+  const span = { from_ms: at('14:12:01'), to_ms: at('14:12:30') };
+  const deleted = (rig: PastRig) => rig.answer('', summary(FROM, TO, { deleted: [span] }));
+
+  it('is seen within half a minute, and takes segments, events and marks away', async () => {
+    const rig = withPast();
+    const page = {
+      segments: [entry(1, at('14:12:00'), { events: [event(7, at('14:12:02'))] })],
+      more: false,
+    };
+    rig.answer('/public/2026-11-22T14:10Z', page);
+    const source = await opened(rig);
+    await source.loadIndex({ fromMs: at('14:10:00'), toMs: at('14:12:59') });
+    expect(source.segmentsIn(ALL).map(({ index }) => index)).toEqual([1]);
+    expect(source.timeline!.marks.map(({ atMs }) => atMs)).toContain(at('14:12:02'));
+    const told = vi.fn();
+    source.onChange(told);
+    deleted(rig);
+    await rig.clock.pass(17_000);
+    expect(told).toHaveBeenCalled();
+    expect(source.deleted).toEqual([{ fromMs: span.from_ms, toMs: span.to_ms }]);
+    expect(source.segmentsIn(ALL)).toEqual([]);
+    expect(source.timeline!.marks.map(({ atMs }) => atMs)).toEqual([FROM, at('14:23:00')]);
+    const before = source.deleted;
+    await rig.clock.pass(17_000);
+    expect(source.deleted, 'no news').toBe(before);
+  });
+
+  it('counts also if caches or other relays still have the lists of before', async () => {
+    const rig = withPast();
+    deleted(rig);
+    const source = await opened(rig);
+    await source.loadIndex(ALL);
+    expect(source.segmentsIn(ALL).map(({ index }) => index)).toEqual([0, 2, 3]);
+    expect(source.timeline!.marks.map(({ atMs }) => atMs)).not.toContain(at('14:12:00'));
+    rig.answer('', summary(FROM, TO, { deleted: [] })); // by a relay that has not heard of it
+    await rig.clock.pass(17_000);
+    expect(source.segmentsIn(ALL).map(({ index }) => index)).toEqual([0, 2, 3]);
+  });
+
+  it('of everything leaves nothing', async () => {
+    const rig = withPast();
+    const source = await opened(rig);
+    await source.loadIndex(ALL);
+    const none = { newest: null, from_ms: null, to_ms: null, days: [] };
+    rig.answer('', summary(FROM, TO, { ...none, deleted: [{ from_ms: 0, to_ms: TO }] }));
+    await rig.clock.pass(17_000);
+    expect(source.timeline).toBeNull();
+    expect(source.deleted).toEqual([{ fromMs: 0, toMs: TO }]);
+    expect(source.segmentsIn(ALL)).toEqual([]);
+  });
+
+  it('that is no list of spans is damaged', async () => {
+    for (const wrong of [
+      {},
+      [{}],
+      [{ from_ms: 1 }],
+      [{ from_ms: 2, to_ms: 'x' }],
+      [{ from_ms: -1, to_ms: 2 }],
+    ]) {
+      const rig = withPast();
+      rig.answer('', summary(FROM, TO, { deleted: wrong }));
+      const source = await opened(rig);
+      expect(source.deleted).toEqual([]);
+      source.close();
+    }
+  });
+});
+
 describe('first poses', () => {
   const held = decodeKeyPage(read('key_pages/demo.pck'));
   const data = encodeKeyPage(
@@ -288,6 +357,22 @@ describe('first poses', () => {
     expect(source.keyAt(newest.atMs + 0.5)).toEqual(newest);
     expect(source.keyAt(newest.atMs - 0.5)).toEqual(poses.at(-2) ?? first);
     expect(source.keyAt(page.fromMs + 600_000)).toBeNull();
+  });
+
+  it('of a deleted segment are dropped, and left out of a page that a cache still has', async () => {
+    const rig = withKeys();
+    const source = await opened(rig);
+    const span = { fromMs: page.fromMs, toMs: page.fromMs + 500_000 };
+    await source.loadKeys(span);
+    expect(source.keyAt(newest.atMs)).toEqual(newest);
+    const deleted = [{ from_ms: newest.atMs + 1000, to_ms: newest.atMs + 2000 }];
+    rig.answer('', summary(page.fromMs, page.fromMs + 700_000, { deleted }));
+    await rig.clock.pass(17_000);
+    expect(source.keyAt(newest.atMs)?.atMs ?? 0).toBeLessThan(newest.atMs - 5000);
+    const again = await opened(rig);
+    await again.loadKeys(span);
+    expect(again.keyAt(newest.atMs)?.atMs ?? 0).toBeLessThan(newest.atMs - 5000);
+    again.close();
   });
 
   it('are fetched again when there are new ones, every two seconds at most', async () => {

@@ -52,6 +52,17 @@ describe('a table', () => {
     ]);
   });
 
+  it('has no formula behind any sign at which a spreadsheet may split lines', () => {
+    for (const separator of ',;|\t\r\n :^~!#&/\\$%*\'"\x1f\xa0\u3000，；؛、｜')
+      for (const sign of '=+-@＝＋－＠') {
+        expect(cellOf(`x${separator}${sign}1`)).toContain(`${separator}'${sign}1`);
+        expect(cellOf(`x${separator}"${sign}1,"`)).toContain(`"'${sign}1`);
+      }
+    const names = ['left-knee', '무릎-왼쪽', 'torso.-x', 'ratio [-]', 'I<=0', '--x', 'a;=-1', "'=1"];
+    const kept = names.slice(0, 5);
+    expect(names.map(cellOf)).toEqual([...kept, "'--x", "a;'=-1", "''=1"]);
+  });
+
   it('has a cell without a reading empty, and tells flags by name', () => {
     const labels = { joint: ['=J', 'K'] };
     const fields = [

@@ -2,7 +2,7 @@ import { describe, expect, it } from 'vitest';
 import { CONNECT_LIMIT_MS, SILENT_LIMIT_MS } from '../src/stream/session.ts';
 import { WITHOUT_MS } from '../src/stream/transport.ts';
 import { Frames, SCHEMA } from './schema.ts';
-import { opened, Rig } from './session_rig.ts';
+import { OPENING_MS, opened, RELAY_MS, Rig } from './session_rig.ts';
 
 describe('connecting', () => {
   it('asks for the rate in the address', () => {
@@ -119,7 +119,7 @@ describe('acknowledging', () => {
     rig.pass(250);
     const [ping] = rig.sent().filter((m) => (m as { type: string }).type === 'ping') as { t: number }[];
     rig.pass(600);
-    rig.say({ type: 'pong', t: ping!.t });
+    rig.pong(ping!.t);
     rig.frame(frames.next());
     expect(acks(rig)).toEqual([{ type: 'ack', n: 1 }]);
     rig.pass(499);
@@ -341,12 +341,62 @@ describe('what the relay says', () => {
     expect(rig.session.phase).toBe('open');
   });
 
+  it('is as old as the way back may be long, by WebSocket too', () => {
+    const rig = new Rig();
+    const [UP_MS, DOWN_MS] = [20, 4000];
+    rig.do(rig.session.start(rig.now));
+    rig.pass(UP_MS + DOWN_MS);
+    rig.do(rig.session.opened(rig.now));
+    const status = (changed = {}) => rig.status({ clock_ms: RELAY_MS + rig.now - DOWN_MS, ...changed });
+    status();
+    rig.schema();
+    const frames = new Frames();
+    rig.frame(frames.next());
+    const of = (found: Rig) => found.posts('state').at(-1)?.state;
+    expect(of(rig)).toMatchObject({ transitMs: 4020, freshMs: rig.now - 4020, lateMs: 0 });
+    rig.pass(250);
+    const t = rig.now;
+    for (let second = 0; second < 4; second++) {
+      rig.now += 1000;
+      status();
+    }
+    rig.now += UP_MS;
+    rig.say({ type: 'pong', t, clock_ms: RELAY_MS + t + UP_MS });
+    rig.frame(frames.next());
+    expect(Math.round(of(rig)!.transitMs!)).toBe(4020);
+    status({ clock_ms: RELAY_MS + rig.now - 100 });
+    rig.frame(frames.next());
+    expect(Math.round(of(rig)!.transitMs!), 'the buffer has emptied').toBe(120);
+    expect(rig.posts('pace')).toEqual([]);
+    rig.pass(1000);
+    expect(Math.round(rig.posts('pace')[0]!.lateMs!)).toBe(120);
+  });
+
+  it('from a relay that does not tell its clock is as old as a round trip', () => {
+    const rig = new Rig();
+    rig.open();
+    rig.status({ clock_ms: undefined });
+    rig.schema();
+    const t = rig.now;
+    for (let second = 0; second < 4; second++) {
+      rig.pass(1000);
+      rig.status({ clock_ms: undefined });
+    }
+    const frames = new Frames();
+    rig.frame(frames.next());
+    expect(rig.posts('state').at(-1)?.state.transitMs, 'the connection').toBe(4000);
+    rig.say({ type: 'pong', t: t + 1000 });
+    rig.pass(1000);
+    rig.frame(frames.next());
+    expect(rig.posts('state').at(-1)?.state.transitMs).toBe(3000);
+  });
+
   it('comes with a round trip and a measured rate', () => {
     const rig = opened();
     rig.pass(250);
     const ping = rig.sent().find((m) => (m as { type: string }).type === 'ping') as { t: number };
     rig.now += 40;
-    rig.say({ type: 'pong', t: ping.t });
+    rig.pong(ping.t);
     const frames = new Frames();
     for (let i = 0; i < 60; i++) {
       rig.now += 50;
@@ -445,8 +495,15 @@ describe('where no WebSocket gets through', () => {
     const done = rig.take();
     const messages = done.flatMap((action) => (action.do === 'post' ? [action.message] : []));
     const state = messages.find((message) => message.kind === 'state')?.state;
-    expect(state).toMatchObject({ atMs: rig.now, lateMs: 1800, freshMs: rig.now - 1800 });
-    expect(messages.find((message) => message.kind === 'status')?.status.atMs).toBe(rig.now - 1800);
+    const mostMs = 1840 + OPENING_MS;
+    expect(state).toMatchObject({
+      atMs: rig.now,
+      lateMs: 1840,
+      transitMs: mostMs,
+      freshMs: rig.now - mostMs,
+    });
+    const status = messages.find((message) => message.kind === 'status')?.status;
+    expect(status).toMatchObject({ atMs: rig.now - mostMs, heardMs: rig.now - 1840, transitMs: mostMs });
   });
 
   /** Frames that arrive later and later, as through a filling buffer. */
@@ -460,6 +517,94 @@ describe('where no WebSocket gets through', () => {
     }
     return asked;
   }
+
+  const asks = (rig: Rig) => rig.take().flatMap((action) => (action.do === 'ask' ? [action.url] : []));
+  const PING = 'http://relay/api/v1/ping';
+
+  /** A stream of frames that are this late, while time passes. */
+  function flow(rig: Rig, frames: Frames, ms: number, lateMs: number): void {
+    for (const untilMs = rig.now + ms; rig.now < untilMs; ) {
+      rig.pass(250);
+      rig.lateFrame(frames.next(), lateMs);
+    }
+  }
+  const transitMs = (rig: Rig) => Math.floor(rig.posts('state').at(-1)?.state.transitMs ?? Number.NaN);
+  const pong = (t: number, clock_ms: number) => JSON.stringify({ type: 'pong', t, clock_ms });
+
+  it('the relay’s clock is asked for beside a stream that may be late, now and then', () => {
+    const rig = new Rig(0.5, true, 'ws://relay/api/v1/robots/r/live');
+    rig.fallBack();
+    rig.schema();
+    const frames = new Frames();
+    rig.take();
+    flow(rig, frames, 2000, 0);
+    expect(asks(rig), 'it is known well enough').toEqual([]);
+    flow(rig, frames, 1000, 1900);
+    expect(asks(rig)).toEqual([PING]);
+    flow(rig, frames, 60_000, 1900);
+    expect(asks(rig), 'each 20 s').toHaveLength(3);
+    rig.do(rig.session.visibility(rig.now, false));
+    flow(rig, frames, 60_000, 1900);
+    expect(asks(rig), 'not for a page that is not seen').toEqual([]);
+  });
+
+  it('the answer tells how late the stream is at most, if it is one to this question', () => {
+    const rig = onEvents();
+    const frames = new Frames();
+    flow(rig, frames, 500, 4000);
+    expect(transitMs(rig), 'compared with its opening').toBe(4000 + OPENING_MS);
+    const askedMs = rig.now;
+    const relayMs = RELAY_MS + askedMs;
+    rig.now += 40;
+    const useless: [string, string][] = [
+      ['a cached answer', pong(askedMs - 3000, relayMs - 3000)],
+      ['another relay’s clock', pong(askedMs, relayMs - 1e9)],
+      ['another relay’s clock, too', pong(askedMs, relayMs + 1e9)],
+      ['no clock', JSON.stringify({ type: 'pong', t: askedMs })],
+      ['a page to sign in', '<html>'],
+    ];
+    for (const [what, text] of useless) {
+      rig.do(rig.session.clock(rig.now, askedMs, text));
+      flow(rig, frames, 250, 4000);
+      expect(transitMs(rig), what).toBe(4000 + OPENING_MS);
+    }
+    rig.do(rig.session.clock(rig.now, askedMs, pong(askedMs, relayMs + 20)));
+    flow(rig, frames, 250, 4000);
+    expect(transitMs(rig), 'of 40 ms, half may be the way back').toBe(4020);
+    rig.do(rig.session.clock(rig.now, askedMs - 9000, pong(askedMs - 9000, relayMs)));
+    flow(rig, frames, 250, 30);
+    expect(transitMs(rig), 'a slow answer tells less').toBe(50);
+  });
+
+  it('a slow answer may have had to open a connection: once more is asked at once', () => {
+    const rig = onEvents();
+    const frames = new Frames();
+    const answer = (upMs: number, downMs: number) => {
+      const askedMs = rig.now;
+      rig.now += upMs + downMs;
+      rig.do(rig.session.clock(rig.now, askedMs, pong(askedMs, RELAY_MS + askedMs + upMs)));
+      return asks(rig);
+    };
+    flow(rig, frames, 500, 1300);
+    expect(asks(rig)).toHaveLength(1);
+    expect(answer(1200, 20)).toHaveLength(1);
+    expect(answer(1200, 20), 'but only once').toEqual([]);
+    flow(rig, frames, 20_000, 1300);
+    expect(asks(rig)).toHaveLength(1);
+    expect(answer(20, 20), 'it was not slow').toEqual([]);
+  });
+
+  it('a WebSocket that was tried beside the stream counts from when it was tried', () => {
+    const rig = onEvents();
+    rig.status();
+    rig.pass(250);
+    expect(rig.take()).toContainEqual({ do: 'try', url: 'ws://relay/live?hz=30' });
+    rig.pass(2000);
+    rig.do(rig.session.moved(rig.now));
+    rig.take();
+    rig.status({ seq: 0, clock_ms: RELAY_MS + 5e11 }); // of another relay
+    expect(rig.posts('status').at(-1)?.status.transitMs).toBe(2000);
+  });
 
   it('poses that are late twice are asked for more seldom; the person may ask for all of them', () => {
     const rig = onEvents();

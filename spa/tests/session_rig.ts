@@ -4,14 +4,23 @@ import { SCHEMA_TEXT } from './schema.ts';
 
 type Kind = FromStream['kind'];
 
-/** A session with a manual clock and a record of its actions. */
+/** What the relay's clock reads when the session's reads 0, ms. */
+export const RELAY_MS = 7e11;
+
+/** From the request for events to their opening, in `fallBack`. */
+export const OPENING_MS = 500;
+
+/** A session with a manual clock and a record of its actions. The relay's messages take no time. */
 export class Rig {
   now = 1_000_000;
+  #onEvents = false;
+  /** How long ago the relay wrote what arrives on events. */
+  #lateMs = 0;
   readonly session: Session;
   readonly done: Action[] = [];
 
-  constructor(random = 0.5, visible = true) {
-    this.session = new Session('ws://relay/live', 30, visible, () => random);
+  constructor(random = 0.5, visible = true, url = 'ws://relay/live') {
+    this.session = new Session(url, 30, visible, () => random);
   }
 
   do(actions: readonly Action[]): void {
@@ -49,6 +58,7 @@ export class Rig {
       this.do(this.session.closed(this.now, 1006, ''));
       this.pass(1000);
     }
+    this.#onEvents = true;
     this.do(this.session.opened(this.now));
     this.say({
       type: 'hello',
@@ -62,9 +72,9 @@ export class Rig {
     });
   }
 
-  /** A frame that the relay wrote this long ago. */
+  /** A frame that the relay wrote this long ago, as what follows. */
   lateFrame(bytes: Uint8Array, lateMs: number): void {
-    this.session.stamped(this.now, this.now - lateMs);
+    this.#lateMs = lateMs;
     this.frame(bytes);
   }
 
@@ -74,18 +84,30 @@ export class Rig {
   }
 
   say(message: object): void {
+    this.#stamp();
     this.do(this.session.text(this.now, JSON.stringify(message)));
   }
 
   status(changed: object = {}): void {
-    this.say({ type: 'status', robot: 'online', age_ms: 20, seq: 0, ...changed });
+    const clock_ms = RELAY_MS + this.now;
+    this.say({ type: 'status', robot: 'online', age_ms: 20, seq: 0, clock_ms, ...changed });
+  }
+
+  /** The answer to the ping of `t`. */
+  pong(t: unknown): void {
+    this.say({ type: 'pong', t, clock_ms: RELAY_MS + this.now });
   }
 
   schema(): void {
     this.do(this.session.text(this.now, SCHEMA_TEXT));
   }
 
+  #stamp(): void {
+    if (this.#onEvents) this.session.stamped(this.now, RELAY_MS + this.now - this.#lateMs);
+  }
+
   frame(bytes: Uint8Array): void {
+    this.#stamp();
     this.do(this.session.binary(this.now, bytes));
   }
 

@@ -4,7 +4,8 @@ import { Frames } from './schema.ts';
 import { opened, Rig } from './session_rig.ts';
 
 /** What was shown since the last check, and when each pose counts as new. */
-const born = (rig: Rig) => rig.posts('state').map(({ state }) => [state.seq, state.bornMs]);
+const born = (rig: Rig) =>
+  rig.posts('state').map(({ state: { seq, bornMs } }) => [seq, bornMs && Math.ceil(bornMs)]); // up to 1 ms of drift
 const pings = (rig: Rig) =>
   rig.sent().flatMap((message) => {
     const { type, t } = message as { type: string; t: number };
@@ -26,7 +27,7 @@ it('after a silence what comes counts as of before it, until the relay has answe
   expect(born(rig)).toEqual([[3, heardMs]]);
   rig.status({ seq: 3, age_ms: 5 });
   expect(rig.posts('status')).toMatchObject([{ status: { atMs: heardMs } }]);
-  rig.say({ type: 'pong', t: askedMs });
+  rig.pong(askedMs);
   rig.frame(frames.next());
   expect(born(rig)).toEqual([[4, rig.now]]);
 });
@@ -39,7 +40,7 @@ it('an answer to an earlier question proves nothing: it lay before all that was 
   const [before] = pings(rig);
   const heardMs = rig.now - 250;
   rig.now += STALE_AFTER_MS;
-  rig.say({ type: 'pong', t: before });
+  rig.pong(before);
   rig.frame(frames.next());
   expect(born(rig)).toEqual([[2, heardMs]]);
 });
@@ -67,7 +68,7 @@ it('once the page has called its pose old, also what comes after a shorter pause
   rig.now += 20;
   rig.frame(frames.next());
   expect(born(rig)).toEqual([[2, heardMs]]);
-  rig.say({ type: 'pong', t: askedMs });
+  rig.pong(askedMs);
   rig.frame(frames.next());
   expect(born(rig)).toEqual([[3, rig.now]]);
 });

@@ -54,6 +54,7 @@ describe('an answer of events', () => {
         wireVersion: 1,
         opened: () => told.push('opened'),
         heard: () => told.push('heard'),
+        clock: () => told.push('clock'),
         event: ({ data }) => told.push(data),
         closed: resolve,
       });
@@ -67,19 +68,44 @@ describe('an answer of events', () => {
     expect([code, told]).toEqual([1006, ['opened', 'heard', 'hello']]);
   });
 
+  it('comes without the relay’s clock, for which it asks beside itself', async () => {
+    const asked: [string, RequestInit | undefined][] = [];
+    vi.stubGlobal('fetch', async (url: string, of?: RequestInit) => {
+      asked.push([url, of]);
+      if (url.includes('refused')) throw new TypeError('no network');
+      return url.includes('/ping')
+        ? new Response('a pong')
+        : new Response(new ReadableStream(), { headers: type });
+    });
+    const told: [number, string][] = [];
+    const stream = openEventStream('http://relay/live.sse', 'token', {
+      nowMs: () => 12.5,
+      wireVersion: 1,
+      ...{ opened: () => {}, heard: () => {}, event: () => {}, closed: () => {} },
+      clock: (askedMs, text) => told.push([askedMs, text]),
+    });
+    stream.ask('http://relay/ping');
+    stream.ask('http://relay/refused/ping');
+    await vi.waitFor(() => expect(told).toEqual([[12.5, 'a pong']]));
+    const [, [url, of]] = asked as [unknown, [string, RequestInit]];
+    expect(url).toBe('http://relay/ping?t=12.5');
+    expect(of).toMatchObject({ cache: 'no-store' });
+    expect(of.headers, 'the token is for the stream').toBeUndefined();
+    stream.close();
+    expect(of.signal?.aborted).toBe(true);
+  });
+
   it('that is none never opens: a sign-in page of a network, a refusal, no network at all', async () => {
     const page = () => new Response('<html>', { headers: { 'content-type': 'text/html' } });
     expect(await ending(page)).toEqual({ code: 1006, told: [] });
-    const codes = [401, 403, 404, 502].map((status) =>
-      ending(() => new Response('{}', { status, headers: type })),
-    );
-    expect((await Promise.all(codes)).map(({ code }) => code)).toEqual([4401, 4403, 1006, 1006]);
-    const absent = () =>
-      new Response('{"error":"no such robot"}', {
-        status: 404,
-        headers: { 'content-type': 'application/json' },
-      });
-    expect((await ending(absent)).code).toBe(4404);
+    const codes = async (of: string) => {
+      const answers = [401, 403, 404, 502].map((status) =>
+        ending(() => new Response('{"error":"no"}', { status, headers: { 'content-type': of } })),
+      );
+      return (await Promise.all(answers)).map(({ code }) => code);
+    };
+    expect(await codes('application/json'), 'of the relay').toEqual([4401, 4403, 4404, 1006]);
+    expect(await codes('text/html'), 'of a proxy before it').toEqual([1006, 1006, 1006, 1006]);
     const none = () => {
       throw new TypeError('no network');
     };

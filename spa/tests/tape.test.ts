@@ -39,6 +39,15 @@ describe('TapePart', () => {
     expect(part!.bytes).toBe(part!.ref.bytes + 20 * 4 * SCHEMA.size);
   });
 
+  it('counts what a segment holds where its index says less', async () => {
+    const [whole] = await partsOf(recorded(sent(50)));
+    const text = JSON.stringify(fault(1, FROM_MS, 'x'.repeat(3000)));
+    const records = Array.from({ length: 100 }, (_, i) => ({ kind: 'event', atUs: i, text }) as const);
+    const { start } = recorded(sent(1))[0]!;
+    const part = new TapePart({ ...whole!.ref, bytes: 1 }, { start, toMs: FROM_MS, records }, whole!.reader);
+    expect(part.bytes).toBeGreaterThan(300_000);
+  });
+
   it('leaves out what can not be decoded', async () => {
     const frames = sent(20);
     frames[7]!.frame.fill(0xff, 9);

@@ -3,8 +3,9 @@ import { createElement } from 'react';
 import { createRoot, type Root } from 'react-dom/client';
 import { afterEach, beforeAll, beforeEach, describe, expect, it, vi } from 'vitest';
 import { momentSheet } from '../src/app/past/time_line/jump/moment_sheet.ts';
-import { usePastKeys } from '../src/app/past/time_line/past_keys.ts';
+import { pastKeys } from '../src/app/past/time_line/past_keys.ts';
 import { TimeLine } from '../src/app/past/time_line/TimeLine.tsx';
+import { addPageKeys, usePageKeys } from '../src/app/shell/page_keys.ts';
 import { nowMs } from '../src/stream/clock.ts';
 import { FakePast, timelineOf } from './past_fake.ts';
 
@@ -31,7 +32,7 @@ afterEach(() => {
 });
 
 function Page({ past }: { past: FakePast }) {
-  usePastKeys(past);
+  usePageKeys(() => pastKeys(past, null));
   return createElement(TimeLine, { controls: past });
 }
 
@@ -46,7 +47,7 @@ async function timeLine(past = new FakePast(nowMs())) {
       const found = host.querySelector<HTMLElement>(`[data-testid="${testId}"]`);
       if (found === null) throw new Error(`no ${testId} in ${host.innerHTML.slice(0, 300)}`);
       return found;
-    });
+    }, 10_000); // the first to need a late part waits until that is compiled
   const gone = (testId: string) =>
     vi.waitFor(() => expect(host.querySelector(`[data-testid="${testId}"]`)).toBeNull());
   const named = (name: string) => host.querySelector<HTMLElement>(`[aria-label^="${name}"]`)!;
@@ -351,11 +352,11 @@ describe('keys', () => {
     track.focus();
     expect(past.told).toEqual(['attend']);
     past.rest(100);
-    const heard = vi.fn();
-    window.addEventListener('keydown', heard);
+    const turn = vi.fn();
+    const leave = addPageKeys(() => ({ turn }), document.createElement('canvas'));
     expect(key(track, 'ArrowLeft')).toBe(true);
-    expect(heard).not.toHaveBeenCalled();
-    window.removeEventListener('keydown', heard);
+    expect(turn).not.toHaveBeenCalled();
+    leave();
     expect(key(track, 'ArrowLeft', { ctrlKey: true })).toBe(false);
     expect(past.told).toEqual(['attend', 'seek 101']);
   });

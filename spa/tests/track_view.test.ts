@@ -3,7 +3,7 @@ import { markNear } from '../src/app/past/time_line/marks.ts';
 import { goingOn, movementPath, runsOf } from '../src/app/past/time_line/movement.ts';
 import { ALL } from '../src/app/past/time_line/scale/scales.ts';
 import { whatWords } from '../src/app/past/time_line/Tip.tsx';
-import { drawnMarks } from '../src/app/past/time_line/TrackPicture.tsx';
+import { drawnMarks, drawnWords } from '../src/app/past/time_line/TrackPicture.tsx';
 import { msAt, pxAt, shownSpan } from '../src/app/past/time_line/track_view.ts';
 import { relayAhead } from '../src/past/player/relay_now.ts';
 import { timelineOf } from './past_fake.ts';
@@ -102,6 +102,23 @@ describe('the curve of movement', () => {
     const out = movementPath([part(-3600, -3000, 9)], VIEW, { basePx: 30, heightPx: 20, mostBytesPerS: 9 });
     expect(out).toBe('');
   });
+});
+
+it('draws no more than has room, however often something begins and ends', () => {
+  const every = Array.from({ length: 20_000 }, (_, i) => T - 600_000 + 30 * i);
+  const words = every.map((fromMs, i) => ({
+    ...{ fromMs, toMs: fromMs + 20 },
+    word: i % 2 === 0 ? ('silent' as const) : ('offline' as const),
+  }));
+  expect(drawnWords(words, VIEW).length).toBeLessThan(5 * VIEW.widthPx);
+  expect(drawnWords(words.slice(-3, -2), VIEW)).toHaveLength(1);
+  const hours = { fromMs: T - 200_000_000, toMs: T, widthPx: 600 };
+  const movement = Array.from({ length: 100_000 }, (_, i) => {
+    const fromMs = hours.fromMs + 2000 * i;
+    return { fromMs, toMs: fromMs + 1000, bytesPerS: 1 };
+  });
+  const path = movementPath(movement, hours, { basePx: 30, heightPx: 20, mostBytesPerS: 1 });
+  expect(path.length).toBeLessThan(100_000);
 });
 
 describe('marks', () => {

@@ -14,7 +14,7 @@ from pathlib import Path
 from subprocess import PIPE
 from typing import Any
 
-from tests.conftest import Part
+from posecast_testing import Process
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "spa/dist"
@@ -30,23 +30,23 @@ class Arena:
     folder: Path
     relay_command: tuple[str, ...]
     guarded: bool = False
-    parts: list[Part] = field(default_factory=list)
+    parts: list[Process] = field(default_factory=list)
     _numbers: Iterator[int] = field(default_factory=count)  # several threads may start parts
     screen_program: Path = ROOT / "tests/faults/screen.py"
 
-    def start(self, name: str, *command: str) -> Part:
+    def start(self, name: str, *command: str) -> Process:
         """A process that ends with the arena."""
-        part = Part(self.folder, f"{next(self._numbers)}-{name}", *command, stdin=PIPE)
+        part = Process(self.folder, f"{next(self._numbers)}-{name}", *command, stdin=PIPE)
         self.parts.append(part)
         return part
 
-    def module(self, name: str, *arguments: str, nice: bool = False) -> Part:
+    def module(self, name: str, *arguments: str, nice: bool = False) -> Process:
         """A program of this suite. `nice`: an attacker has its own machine in reality; here it gets only the
         rest of the CPU."""
         first = ("nice", "-n", "19") if nice else ()
         return self.start(name, *first, sys.executable, "-m", f"{HERE}.{name}", *arguments)
 
-    def relay(self, *flags: str) -> tuple[Part, str, str]:
+    def relay(self, *flags: str) -> tuple[Process, str, str]:
         """(process, HOST:PORT of HTTP, of Zenoh)."""
         command = [*self.relay_command, "run", "--port", "0", "--zenoh-listen", "tcp/127.0.0.1:0", *flags]
         command += ["--past", "memory:"]
@@ -71,16 +71,16 @@ class Arena:
         """For a command line; nothing where none is asked for."""
         return [SECRETS[robot]] if self.guarded else []
 
-    def agent(self, *arguments: str) -> Part:
+    def agent(self, *arguments: str) -> Process:
         """The agent that stands beside the relay's command."""
         *first, relay = self.relay_command
         return self.start("edge", *first, str(Path(relay).with_name("posecast-edge")), "run", *arguments)
 
-    def robot(self, zenoh: str, name: str = "innocent") -> Part:
+    def robot(self, zenoh: str, name: str = "innocent") -> Process:
         """An innocent robot."""
         return self.module("innocent_robot", zenoh, name, *self.secret(name))
 
-    def screen(self, http: str, name: str = "innocent") -> Part:
+    def screen(self, http: str, name: str = "innocent") -> Process:
         """A viewer of it, behaving like the page."""
         return self.start(
             "screen", sys.executable, str(self.screen_program), f"ws://{http}/api/v1/robots/{name}/live?hz=60"
@@ -102,7 +102,7 @@ def arena(relay_command: tuple[str, ...], guarded: bool = False) -> Iterator[Are
                 part.kill()
 
 
-def said(part: Part, member: str) -> list[dict[str, Any]]:
+def said(part: Process, member: str) -> list[dict[str, Any]]:
     """Its lines of JSON with this member."""
     lines = (json.loads(line) for line in part.out.splitlines() if f'"{member}"' in line)
     return [line for line in lines if member in line]

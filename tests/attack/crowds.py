@@ -7,9 +7,10 @@ import sys
 import time
 from collections.abc import Sequence
 
+from posecast_testing import Process, until
+
 from tests.attack.arena import Arena, arena, said
 from tests.attack.figure import Figure
-from tests.conftest import Part, until
 
 ROBOTS = 100
 HZ = 30
@@ -48,13 +49,13 @@ def beside_a_flood(relay_command: tuple[str, ...]) -> list[Figure]:
     return [Figure(what, with_s / without_s, RATIO_MAX, "×", more)]
 
 
-def _flood(made: Arena, http: str, zenoh: str) -> Part:
+def _flood(made: Arena, http: str, zenoh: str) -> Process:
     attacker = made.module("attacker", FLOOD, http, zenoh, f"{TURN_S:g}", nice=True)
     attacker.line("READY")
     return attacker
 
 
-def _turn(attacker: Part | None) -> tuple[float, float]:
+def _turn(attacker: Process | None) -> tuple[float, float]:
     began_s = time.monotonic()
     if attacker is not None:
         assert attacker.process.stdin is not None

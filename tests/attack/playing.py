@@ -10,14 +10,14 @@ from contextlib import suppress
 
 from posecast_loadtests.connection import Connection
 from posecast_loadtests.rfc6455 import Opcode, ProtocolError
+from posecast_testing import Process, until
 
 from tests.attack.arena import Arena, arena, said
 from tests.attack.innocent_robot import HZ
-from tests.attack.process import Process
 from tests.attack.redis_stage import RedisStage
+from tests.attack.resource_use import ResourceUse
 from tests.attack.row import Row, held_up_s, longest_gap_s, shares
 from tests.attack.target import Attack
-from tests.conftest import Part, until
 
 AFTER_S = 0.4  # what an attack leaves behind is still its own
 READY_S = 15.0
@@ -51,12 +51,12 @@ class Newcomer(threading.Thread):
             time.sleep(0.02)
 
 
-def _last_line(part: Part) -> str:
+def _last_line(part: Process) -> str:
     lines = [line for line in part.log.splitlines() if line and not line.startswith("---")]
     return lines[-1] if lines else "it said nothing"
 
 
-def served(made: Arena, attack: Attack | None) -> tuple[list[Part], str, str]:
+def served(made: Arena, attack: Attack | None) -> tuple[list[Process], str, str]:
     """The relays, HOST:PORT of HTTP, of Zenoh."""
     if attack is not None and attack.behind_redis:
         stage = RedisStage(made)
@@ -78,7 +78,7 @@ def played(attack: Attack | None, seconds: float, relay_command: Sequence[str]) 
             )
             attacker.line("READY")
         until("the viewer sees the robot", lambda: len(said(screen, "seq")) > 5, READY_S)
-        processes = [Process(relay.process.pid) for relay in relays]
+        processes = [ResourceUse(relay.process.pid) for relay in relays]
         logged = [len(relay.log) for relay in relays]
         began_s = time.monotonic()
         if attacker is not None and attacker.process.stdin is not None:

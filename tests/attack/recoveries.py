@@ -11,10 +11,11 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 
+from posecast_testing import Process, until
+
 from tests.attack.arena import ROOT, Arena, arena, said
 from tests.attack.figure import Figure
 from tests.attack.redis_stage import RedisStage
-from tests.conftest import Part, until
 
 LOOKED_S = 14.0
 STEADY_S = 2.0  # LIVE for so long, without another word
@@ -40,7 +41,7 @@ NEVER_S = float("inf")
 class Back:
     """When a viewer had recovered for good."""
 
-    def __init__(self, screen: Part) -> None:
+    def __init__(self, screen: Process) -> None:
         self._screen = screen
 
     def first_live(self) -> None:
@@ -114,7 +115,7 @@ def hostile_lines(made: Arena, http: str, zenoh: str) -> Figure:
     return Figure("a program writes invalid lines to its agent: LIVE after", back_s, 2.0, "s")
 
 
-def _sends(robot: Part) -> None:
+def _sends(robot: Process) -> None:
     until("its new run sends", lambda: "sent" in robot.out)
 
 

@@ -6,8 +6,9 @@ import socket
 from collections.abc import Callable
 from contextlib import suppress
 
+from posecast_testing import free_port, until
+
 from tests.attack.arena import Arena
-from tests.conftest import free_port, until
 
 
 class RedisStage:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import socket
 import ssl
 import subprocess
 import time
@@ -14,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from posecast_testing import free_port
 
 from tests.compose.engine import ROOT, Project, docker
 
@@ -66,12 +66,6 @@ class Cloud:
                 pass
             time.sleep(0.05)
         return time.monotonic() - began_s
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 @pytest.fixture(scope="session")

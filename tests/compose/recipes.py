@@ -9,8 +9,10 @@ from pathlib import Path
 from textwrap import dedent
 from typing import Any
 
+from posecast_testing import until
+
 from tests.compose.engine import ROOT, docker
-from tests.conftest import BIN, until
+from tests.conftest import BIN
 
 
 def list_blocks(page: str) -> list[str]:

@@ -14,11 +14,12 @@ from typing import Any
 
 import pytest
 import websockets
+from posecast_testing import until
 from posecast_wire.decoder import Decoder
 
 from tests.compose.engine import ROOT, docker
 from tests.compose.recipes import ADMIN, carry_out
-from tests.conftest import BIN, until
+from tests.conftest import BIN
 
 pytestmark = pytest.mark.full
 

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from posecast_testing import free_port, until
 
-from tests.compose.conftest import free_port
 from tests.compose.engine import ROOT, docker
 from tests.compose.recipes import (
     BACKUP,
@@ -35,7 +35,6 @@ from tests.compose.recipes import (
 )
 from tests.compose.test_compose import IMAGES, play
 from tests.compose.watchers import HZ, PAGES, STALE_FRAMES, watch
-from tests.conftest import until
 
 pytestmark = pytest.mark.full
 

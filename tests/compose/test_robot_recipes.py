@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from posecast_testing import until
 
 from tests.compose.engine import docker
 from tests.compose.recipes import (
@@ -25,7 +26,6 @@ from tests.compose.recipes import (
     carry_out,
     start_robot,
 )
-from tests.conftest import until
 
 pytestmark = pytest.mark.full
 

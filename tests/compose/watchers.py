@@ -14,10 +14,10 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from posecast_testing import until
 from posecast_wire.closes import Close
 
 from tests.compose.engine import ROOT
-from tests.conftest import until
 
 PAGES = 12
 LIVE = ("LIVE", "HOLDING")

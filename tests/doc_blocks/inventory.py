@@ -130,7 +130,7 @@ NOT_RUN: dict[str, dict[str, list[str]]] = {
         "docs/reference/capacity.md": ["tools.segment_bytes"],
     },
     "it is a part of the tests, or writes what is committed": {
-        "CONTRIBUTING.md": ["e2e -w spa -- table", "make pictures", "make gallery"],
+        "CONTRIBUTING.md": ["pytest", "e2e -w spa -- table", "make pictures", "make gallery"],
         "docs/explanation/faults.md": ["make faults"],
     },
     "it needs an account or a registry of others": {

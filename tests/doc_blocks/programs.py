@@ -29,7 +29,19 @@ from tests.doc_blocks.block import ROOT
 # programs of others: their own options are not known here
 OTHERS = {
     *("cat", "cd", "chmod", "chown", "cp", "curl", "date", "find", "gcloud", "git", "grep", "groupadd", "id"),
-    *("install", "journalctl", "kubectl", "ls", "mkdir", "mountpoint", "mv", "nginx", "npx", "openssl"),
+    *(
+        "install",
+        "journalctl",
+        "kubectl",
+        "ls",
+        "mkdir",
+        "mountpoint",
+        "mv",
+        "nginx",
+        "npx",
+        "openssl",
+        "pytest",
+    ),
     *(
         "promtool",
         "redis-cli",
@@ -147,9 +159,11 @@ def check_npm(words: Sequence[str]) -> str | None:
     if script not in json.loads((ROOT / workspace / "package.json").read_text())["scripts"]:
         return f"{workspace} has no script {script}"
     parts = [word for word in rest if word != "--"]
-    files = [path for path in (ROOT / workspace / "e2e").rglob("*.test.ts") if parts[0] in str(path)]
+    folders = ["e2e"] if script == "e2e" else ["src", "tests"]
+    tests = [path for folder in folders for path in (ROOT / workspace / folder).rglob("*.test.ts")]
+    files = [path for path in tests if parts[0] in str(path)]
     if not files:
-        return f"no test of a browser is called {parts[0]}"
+        return f"no test in {' or '.join(folders)} is called {parts[0]}"
     if parts[1:2] == ["-t"] and not any(parts[2] in path.read_text(encoding="utf-8") for path in files):
         return f"no test there is called {parts[2]}"
     return None

@@ -12,7 +12,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from tests.conftest import BIN, Part, Stack, until
+from posecast_testing import Process, until
+
+from tests.conftest import BIN, Stack
 from tests.doc_blocks.block import read_pages
 
 START_S = 90.0
@@ -63,7 +65,7 @@ class Terminal:
         assert done.returncode in (0, *statuses), f"{self.adapt(script)}\n{done.stdout}{done.stderr}"
         return done.stdout
 
-    def start(self, script: str, *more: str) -> Part:
+    def start(self, script: str, *more: str) -> Process:
         """A command that goes on, with further arguments at its end."""
         line = " ".join([self.adapt(script).strip(), *more])
         variables = [f"{name}={value}" for name, value in self._read_environment().items()]
@@ -73,7 +75,7 @@ class Terminal:
         return self.stack.start("typed", *words)
 
 
-def find_line(part: Part, pattern: str) -> re.Match[str]:
+def find_line(part: Process, pattern: str) -> re.Match[str]:
     """The first match in what it prints, also on a machine that is busy with other tests."""
 
     def look() -> re.Match[str] | None:

@@ -16,6 +16,8 @@ from tests.doc_blocks.languages import find_language_fault
 from tests.doc_blocks.programs import find_fault
 from tests.doc_blocks.shell import ShellError, list_calls
 
+pytestmark = pytest.mark.docs
+
 PAGES = read_pages()
 SHELL = "sh"
 NOT_RUN_MAX = 40  # lines: whoever adds one reads this, and thinks of a way to run the block instead

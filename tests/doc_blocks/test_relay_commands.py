@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from posecast_testing import Process, until
 
 from relay.tests.certificates import certificates
-from tests.conftest import Part, until
 from tests.doc_blocks.block import ROOT
 from tests.doc_blocks.terminal import START_S, Terminal, fetch, find_line, read_script, read_scripts
 
@@ -32,7 +32,7 @@ class Lab:
         self.terminal = Terminal(stack, folder, variables={"POSECAST_PAST": f"file://{folder}/past"})
         self.http = ""
 
-    def serve(self, line: str) -> Part:
+    def serve(self, line: str) -> Process:
         """The relay of a command; the pages' names lead to it from then on."""
         here = line.replace("0.0.0.0:7447", "127.0.0.1:0")
         relay = self.terminal.start(here, "--port", "0")
@@ -43,7 +43,7 @@ class Lab:
         }
         return relay
 
-    def serve_as_installed(self) -> Part:
+    def serve_as_installed(self) -> Process:
         """As docs/how-to/install/install.md starts it, with the past on a disk."""
         (self.folder / "past").mkdir(exist_ok=True)
         tls = "--zenoh-listen tls/0.0.0.0:7447 --zenoh-tls-cert relay.pem --zenoh-tls-key relay.key"

@@ -12,9 +12,10 @@ from pathlib import Path
 
 import pytest
 from posecast_edge.profile.reader import find_profile, load_profile, parse_profile
+from posecast_testing import until
 
 from relay.tests.certificates import certificates
-from tests.conftest import BIN, Stack, until
+from tests.conftest import BIN, Stack
 from tests.doc_blocks.block import ROOT, read_pages
 from tests.doc_blocks.terminal import Terminal, fetch, find_line, read_script, read_scripts
 
@@ -210,13 +211,13 @@ def test_a_relay_for_python_programs(desk: Desk) -> None:
     desk.type_page(f"{ROBOTS}/python.md")
 
 
-@pytest.mark.parametrize("page", [f"{ROBOTS}/jsonl.md", "docs/index.md", "docs/how-to/install/install.md"])
-def test_a_program_that_prints_lines(desk: Desk, page: str) -> None:
+def test_a_program_that_prints_lines(desk: Desk) -> None:
     programs = [block.text for block in read_pages()["README.md"] if "# wave.py" in block.text]
     (desk.folder / "wave.py").write_text(programs[0], encoding="utf-8")
-    desk.replace(".venv/bin/", "")
-    desk.replace("edge-agent/examples/", "")
-    desk.type_line(read_script(page, "wave.py |"))
+    pages = (f"{ROBOTS}/jsonl.md", "docs/index.md", "docs/how-to/install/install.md")
+    lines = {read_script(page, "wave.py |") for page in pages}
+    for line in {line.replace(".venv/bin/", "").replace("edge-agent/examples/", "") for line in lines}:
+        desk.type_line(line)
 
 
 def test_recordings(desk: Desk) -> None:

@@ -12,10 +12,10 @@ from typing import Any
 
 import pytest
 import redis
+from posecast_testing import free_port, until
 
 from relay.tests.certificates import certificates
 from relay.tests.redis_server import Redis
-from tests.conftest import free_port, until
 from tests.doc_blocks.block import ROOT
 from tests.doc_blocks.terminal import START_S, Terminal, fetch, find_line, read_script, read_scripts
 

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from posecast_testing import free_port, until
 
-from tests.conftest import BIN, free_port, until
+from tests.conftest import BIN
 from tests.doc_blocks.block import ROOT
 from tests.doc_blocks.terminal import START_S, Terminal, fetch, find_line, read_script
 

@@ -14,27 +14,35 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from posecast_testing import Process, until
 
-from tests.conftest import Part, Stack, until
+from tests.conftest import Stack
 from tests.faults.truth import Stand, lies, stands, steps_back
 from tests.namespaces import Namespace
 
 HERE = Path(__file__).parent
-TOLD: list[tuple[str, str]] = []  # (scenario, what was seen)
 SETTLED_S = 0.5  # what a screen said before is written down
 
 
 class Screen:
     """A viewer in a separate process, and its reports."""
 
-    def __init__(self, part: Part, stood: Callable[[], list[Stand]]) -> None:
+    def __init__(self, part: Process, stood: Callable[[], list[Stand]]) -> None:
         self.part = part
         self._stood = stood
+        self._read = 0
+        self._said: list[dict[str, Any]] = []
+
+    def said(self) -> list[dict[str, Any]]:
+        """Everything so far; what was read before is not read again."""
+        new = self.part.out[self._read :]
+        self._read += len(new)
+        self._said += [json.loads(line) for line in new.splitlines()]
+        return self._said
 
     def lines(self, what: str, since_s: float = 0.0) -> list[dict[str, Any]]:
         """Everything with this member, from then (monotonic) on."""
-        said = [json.loads(line) for line in self.part.out.splitlines()]
-        return [line for line in said if what in line and line["at"] >= since_s]
+        return [line for line in self.said() if what in line and line["at"] >= since_s]
 
     @property
     def word(self) -> str | None:
@@ -75,22 +83,12 @@ class Screen:
         return time.monotonic()
 
 
-class Hall:
+class Hall(Screen):
     """Many viewers in one process, and their reports."""
 
-    def __init__(self, part: Part, viewers: int, stood: Callable[[], list[Stand]]) -> None:
+    def __init__(self, part: Process, viewers: int, stood: Callable[[], list[Stand]]) -> None:
+        super().__init__(part, stood)
         self.viewers = viewers
-        self._stood = stood
-        self._part = part
-        self._read = 0
-        self._said: list[dict[str, Any]] = []
-
-    def said(self) -> list[dict[str, Any]]:
-        """Everything so far; what was read before is not read again."""
-        new = self._part.out[self._read :]
-        self._read += len(new)
-        self._said += [json.loads(line) for line in new.splitlines()]
-        return self._said
 
     def live(self, since_s: float = 0.0, deadline_s: float = 60.0) -> list[float]:
         """Waits until each has said LIVE; seconds from `since_s` to it, the quickest first."""
@@ -124,7 +122,8 @@ class Scene:
     stack: Stack
     name: str
     held: list[int] = field(default_factory=list)
-    robots: list[Part] = field(default_factory=list)
+    robots: list[Process] = field(default_factory=list)
+    seen: list[tuple[str, object]] = field(default_factory=list)  # for the summary
 
     def stood(self) -> list[Stand]:
         """When its robots stood still, according to themselves."""
@@ -134,7 +133,7 @@ class Scene:
             for stand in stands(json.loads(line) for line in robot.out.splitlines())
         ]
 
-    def robot(self, joints: str = "RKN,LKN") -> tuple[Part, Path]:
+    def robot(self, joints: str = "RKN,LKN") -> tuple[Process, Path]:
         """The robot's program and the FIFO it writes into."""
         fifo = self.stack.folder / f"robot-{len(self.stack.parts)}"
         os.mkfifo(fifo)
@@ -143,11 +142,11 @@ class Scene:
         self.robots.append(self.stack.start("robot", *program, stdin=subprocess.PIPE))
         return self.robots[-1], fifo
 
-    def edge(self, zenoh: str, fifo: Path, *arguments: str) -> Part:
+    def edge(self, zenoh: str, fifo: Path, *arguments: str) -> Process:
         """The agent of `demo`, fed by the FIFO."""
         return self.stack.edge(zenoh, "--source", f"jsonl:{fifo}", *arguments)
 
-    def router(self, listen: str, relay: str) -> Part:
+    def router(self, listen: str, relay: str) -> Process:
         """Another Zenoh router on the way to the relay."""
         command = [sys.executable, str(HERE / "router.py"), listen, relay]
         part = self.stack.start("router", *command, stdin=subprocess.PIPE)
@@ -158,7 +157,7 @@ class Scene:
         """A viewer of `demo`."""
         url = f"ws://{address}/api/v1/robots/demo/live?hz={hz}"
 
-        def start() -> Part:
+        def start() -> Process:
             return self.stack.start("screen", sys.executable, str(HERE / "screen.py"), url)
 
         return Screen(namespace.run(start) if namespace else start(), self.stood)
@@ -172,10 +171,10 @@ class Scene:
     def tell(self, *seen: str, **seen_s: float) -> None:
         """What was measured, for the table."""
         times = (f"{k.replace('_', ' ')} {v:.2f} s" for k, v in seen_s.items())
-        TOLD.append((self.name, ", ".join((*times, *seen))))
+        self.seen.append(("seen", f"{self.name:27} {', '.join((*times, *seen))}"))
 
 
-def told(robot: Part, order: str) -> float:
+def told(robot: Process, order: str) -> float:
     """Gives a robot's program a command and waits until it has accepted it; returns the time."""
     before = len(robot.out.splitlines())
     assert robot.process.stdin is not None
@@ -184,14 +183,14 @@ def told(robot: Part, order: str) -> float:
     return float(json.loads(taken[-1])["at"])
 
 
-def signalled(part: Part, number: signal.Signals) -> float:
+def signalled(part: Process, number: signal.Signals) -> float:
     """Sends it; when, on the monotonic clock."""
     at_s = time.monotonic()
     part.process.send_signal(number)
     return at_s
 
 
-def killed(part: Part) -> float:
+def killed(part: Process) -> float:
     """SIGKILL; when."""
     at_s = time.monotonic()
     part.kill()
@@ -202,6 +201,7 @@ def killed(part: Part) -> float:
 def scene(stack: Stack, request: pytest.FixtureRequest) -> Iterator[Scene]:
     """Named after the test."""
     made = Scene(stack, request.node.name.removeprefix("test_").replace("_", " "))
+    made.seen = request.node.user_properties  # which reach the summary also from another process
     yield made
     for fifo in made.held:
         os.close(fifo)
@@ -209,8 +209,9 @@ def scene(stack: Stack, request: pytest.FixtureRequest) -> Iterator[Scene]:
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:
     """One line for each scenario that measured something."""
-    if TOLD:
+    reports = [report for of in ("passed", "failed") for report in terminalreporter.stats.get(of, ())]
+    lines = [line for report in reports for name, line in report.user_properties if name == "seen"]
+    if lines:
         terminalreporter.section("what viewers saw")
-        width = max(len(name) for name, _ in TOLD)
-        for name, seen in TOLD:
-            terminalreporter.write_line(f"{name:{width}}  {seen}")
+    for line in lines:
+        terminalreporter.write_line(line)

@@ -282,6 +282,8 @@ def delay_s(code: int | None, failures: int, retry_s: float | None) -> float:
     rule = retry_of(Close(code)) if code in set(Close) else Retry.BACKOFF
     if rule is Retry.SPREAD and failures == 0:
         return random.random() * (retry_s if retry_s is not None else 10.0)
+    if rule is Retry.LATER:
+        return random.uniform(30.0, 60.0)
     return (retry_s or 30.0) + backoff if rule is Retry.WAIT else backoff
 
 

@@ -12,8 +12,9 @@ from pathlib import Path
 
 import pytest
 from posecast_loadtests.connection import Connection
+from posecast_testing import Process
 
-from tests.conftest import Part, Stack
+from tests.conftest import Stack
 from tests.faults.conftest import Scene
 
 SOURCE = Path(__file__).with_name("wall_clock.c")
@@ -38,7 +39,7 @@ class WallClock:
         os.write(descriptor, step_s.to_bytes(8, "little", signed=True))
         os.close(descriptor)
 
-    def rules(self, part: Part) -> bool:
+    def rules(self, part: Process) -> bool:
         """Whether that process uses it."""
         return str(self._library) in Path(f"/proc/{part.process.pid}/maps").read_text()
 

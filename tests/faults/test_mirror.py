@@ -9,8 +9,8 @@ from statistics import quantiles
 
 import httpx
 import pytest
+from posecast_testing import until
 
-from tests.conftest import until
 from tests.faults.conftest import Scene, Screen
 from tests.rtdb_double import Double
 

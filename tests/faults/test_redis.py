@@ -11,16 +11,17 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from posecast_testing import Process, until
 
 from relay.tests.redis_cluster import Cluster
-from tests.conftest import Part, Stack, until
+from tests.conftest import Stack
 from tests.faults.conftest import Scene, Screen, killed, signalled
 
 
 class Hall(NamedTuple):
     """A Redis between an ingest that also serves viewers (`all`) and a gateway; a screen on each."""
 
-    redis: Part | None
+    redis: Process | None
     url: str
     beside: Screen
     behind: Screen
@@ -32,7 +33,7 @@ def hall(scene: Scene) -> Hall:
     return hall_at(scene, url, scene.stack.parts[-1])
 
 
-def hall_at(scene: Scene, url: str, redis: Part | None = None) -> Hall:
+def hall_at(scene: Scene, url: str, redis: Process | None = None) -> Hall:
     """With the store of this URL."""
     _, address, zenoh = scene.stack.relay(store=url)
     _, gateway, _ = scene.stack.relay(store=url, flags=("--role", "gateway"))

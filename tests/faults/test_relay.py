@@ -7,8 +7,8 @@ import time
 from statistics import quantiles
 
 import pytest
+from posecast_testing import free_port, until
 
-from tests.conftest import free_port, until
 from tests.faults.conftest import Scene, killed, signalled
 
 

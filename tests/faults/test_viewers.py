@@ -16,8 +16,9 @@ from posecast_loadtests.connection import Connection
 from posecast_loadtests.results.check import Clock, Viewer
 from posecast_loadtests.results.tally import Tally
 from posecast_loadtests.rfc6455 import Opcode
+from posecast_testing import until
 
-from tests.conftest import Stack, until
+from tests.conftest import Stack
 from tests.faults.conftest import Scene
 from tests.namespaces import FAR, NEAR, Cable
 

@@ -10,25 +10,25 @@ import logging
 import math
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
 from posecast_wire.credential import Credential
 from posecast_wire.keys import Snapshot
-from posecast_wire.schema import SchemaError
 
 from posecast_edge import clock
 from posecast_edge.exception_log import ExceptionLog
 from posecast_edge.model.serve.bundle import Bundle
+from posecast_edge.part_log import PartLog
 from posecast_edge.pipeline.backlog import Backlog
 from posecast_edge.pipeline.events import Event
+from posecast_edge.pipeline.inferred_channels import InferredChannels
 from posecast_edge.pipeline.stream import Stream
 from posecast_edge.pipeline.text_guard import TextGuard
 from posecast_edge.pipeline.view_pipeline import ViewPipeline
 from posecast_edge.profile.balance import find_unknown_feet
-from posecast_edge.profile.schema import infer_profile, join_channels
 from posecast_edge.profile.types import PUBLIC, Profile
-from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.base import Source, Troubled
 from posecast_edge.uplink.certificate import Certificate
@@ -79,20 +79,20 @@ class Agent:
         source: Source,
         profile: Profile | None,
         progress_line: ProgressLine,
+        say_left_out: Callable[[str], None] = log.warning,
     ) -> None:
-        """Raises posecast_wire.SchemaError when the wire format can't carry the profile."""
+        """`say_left_out` is called with a line for each name that can't become a channel; only without a
+        profile. Raises posecast_wire.SchemaError when the wire format can't carry the profile."""
         self._settings = settings
         self._source = source
         self._progress_line = progress_line
-        self._profile = profile
+        self._profile = profile  # the given one, or the one inferred last
+        # a given profile is a choice of what leaves the machine, so only without one there are more channels
+        self._channels = None if profile else InferredChannels(settings.robot, say_left_out)
         self._model: str | None = None
         self._lacking_feet: dict[str, str] = {}  # as last logged
-        self._sliding: frozenset[str] = frozenset()  # joints that slide, according to the model
-        self._inferred: tuple[Sample, frozenset[str]] | None = (
-            None  # the names the profile was inferred from, if none was given
-        )
         self.exceptions = ExceptionLog()
-        self._useless = RateLimitedLog(log.warning, "useless samples")
+        self._useless = PartLog(log.warning, "useless samples")
         self._guard = TextGuard(log.warning)
         self._backlog = Backlog()
         self._pipelines = self._pipelines_of(profile)
@@ -123,7 +123,8 @@ class Agent:
         """Take the joints and links of a model that is still being built. Without a profile, they set the
         units of sliding joints: m, m/s and N. With one, logs a line that names feet missing from the model.
         May be called from any thread, also before `run`."""
-        self._sliding = bundle.sliding
+        if self._channels is not None:
+            self._channels.sliding = bundle.sliding
         lacking = {} if self._profile is None else find_unknown_feet(self._profile.mapping, bundle.links)
         if lacking and lacking != self._lacking_feet:
             named = (
@@ -274,7 +275,7 @@ class Agent:
 
     def _deliver(self, sample: Sample) -> float | None:
         now_s = clock.now_s()
-        sample = self._guard.clean(sample, now_s)
+        sample = self._guard.clean(sample)
         if self._backlog.is_old(sample.t_s, now_s):
             sample = sample._replace(newest=False)
         wanted_s = math.inf
@@ -290,16 +291,20 @@ class Agent:
 
     def _deliver_to(self, pipeline: ViewPipeline, sample: Sample, now_s: float) -> None:
         stream = pipeline.stream
-        if stream is None:
-            try:
-                named, sliding = self._guard.clean_names(sample, now_s), self._sliding
-                stream = self._new_stream(infer_profile(self._settings.robot, named, sliding))
-                self._inferred = named, sliding
-            except (SourceError, SchemaError) as e:
-                self._useless.add(f"{sample.where}: {e}" if sample.where else str(e), now_s)
+        if self._channels is not None:
+            sample = self._channels.take(sample, now_s)
+            profile = self._channels.profile
+            if profile is None:
+                where = f"{sample.where}: " if sample.where else ""
+                self._useless.add("", f"{where}no field with named values")
                 return
-        elif self._inferred is not None and (sample.anew or self._inferred[1] != self._sliding):
-            self._change_profile(pipeline, stream, sample, self._inferred[0], now_s)
+            if stream is None:
+                stream = self._new_stream(profile)
+            elif profile is not self._profile:
+                with pipeline.lock:
+                    stream.change_profile(profile)
+            self._profile = profile
+        assert stream is not None
         info = stream.info
         events = stream.deliver(sample, now_s)
         if events:
@@ -310,24 +315,10 @@ class Agent:
         if sample.newest and pipeline.pacer.is_due(now_s):
             self._send(pipeline)
 
-    def _change_profile(
-        self, pipeline: ViewPipeline, stream: Stream, sample: Sample, named: Sample, now_s: float
-    ) -> None:
-        """Infer the profile again: the model has arrived, or the robot has channels not in `named`."""
-        sliding = self._sliding
-        if sample.anew:
-            named = join_channels(named, self._guard.clean_names(sample, now_s))
-        try:
-            profile = infer_profile(self._settings.robot, named, sliding)
-            with pipeline.lock:
-                stream.change_profile(profile)
-        except (SourceError, SchemaError) as e:
-            self._useless.add(f"the new channels are left out: {e}", now_s)
-            return
-        self._inferred = named, sliding
-
     def _new_stream(self, profile: Profile) -> Stream:
-        return Stream(profile, self._settings.key_interval_s, log.warning)
+        return Stream(
+            profile, self._settings.key_interval_s, log.warning, says_unknown=self._channels is None
+        )
 
     def _pipelines_of(self, profile: Profile | None) -> list[ViewPipeline]:
         """One pipeline per view, fastest first. Without views: one with everything."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 import os
 import weakref
 from collections.abc import Iterable, Mapping, Sequence
@@ -23,14 +22,14 @@ from posecast_edge.model.robot_file import find_format
 from posecast_edge.model.serve.background import BackgroundBuild
 from posecast_edge.model.serve.bundle import Bundle, ModelError, load_built, load_bundle
 from posecast_edge.model.urdf.resolver import list_package_folders
+from posecast_edge.profile.field_defaults import JOINT_FIELDS
 from posecast_edge.profile.reader import find_profile, load_profile
 from posecast_edge.profile.types import Profile
-from posecast_edge.sample import NOTHING, TIME_MAX_S
-from posecast_edge.sources.published.channels import JOINT_FIELDS
-from posecast_edge.sources.published.copier import WORDS, Copied, ReadingsCopier, UnusableError, copy_base
+from posecast_edge.sample import NOTHING, explain_time, read_time
+from posecast_edge.sources.published.copier import SHOWN, Copied, ReadingsCopier, UnusableError, copy_base
 from posecast_edge.sources.published.problems import ProblemList
 from posecast_edge.sources.published.slot import PublishedSlot
-from posecast_edge.sources.published.source import PublishedSource
+from posecast_edge.sources.published.source import OF_PROFILE, PublishedSource
 from posecast_edge.uplink.arguments import check_endpoint, read_credential
 from posecast_edge.visible import quote
 
@@ -128,9 +127,9 @@ class Robot:
 
         self._problems = ProblemList()
         self._slot = PublishedSlot()
-        source = PublishedSource(name, self._slot, own, found, self._problems)
+        source = PublishedSource(self._slot, own, found, self._problems)
         settings = AgentSettings(name, endpoint, checked_hz, KEY_INTERVAL_S, secret)
-        agent = Agent(settings, source, found, NoProgressLine())
+        agent = Agent(settings, source, found, NoProgressLine(), self._problems.add)
 
         def take_model(bundle: Bundle) -> None:
             agent.set_model(bundle)
@@ -217,6 +216,7 @@ class Robot:
             "watt": watt,
             "charge": charge,
             "diag": diag,
+            "base": base,
         }
         try:
             if self._closed or self._background.is_fork():
@@ -229,16 +229,15 @@ class Robot:
             for name, readings in given.items():
                 if readings is not None:
                     self._copy(name, readings, copies)
-            if base is not None:
-                copies += copy_base(base)
             if others:
                 self._copy_others(others, copies)
             texts = NOTHING if info is None else self._copy_info(info)
-            t_s = now_s if t is None else _check_time(t)
+            t_s = now_s if t is None else read_time(t)
+            if t_s is None:
+                self._problems.add(explain_time(t, quote(t, SHOWN)), "t")
+                t_s = now_s
             if copies or texts:
                 self._slot.put(t_s, copies, texts, now_s)
-        except UnusableError as e:
-            self._problems.add(str(e))
         except Exception as e:  # the program may control a robot: never let an exception reach it
             self._problems.add(f"publish() failed: {type(e).__name__}")
 
@@ -268,9 +267,20 @@ class Robot:
     ) -> None:
         self.close()
 
+    def _is_sent(self, name: str) -> bool:
+        """Whether the robot may have this field. If not, that is reported, and nothing about its values."""
+        if not self._own_fields or name in self._own_fields:
+            return True
+        hint = f"; did you mean {MEANT[name]}=?" if MEANT.get(name) in self._own_fields else ""
+        self._problems.add(f"{name} is left out: {OF_PROFILE}{hint}")
+        return False
+
     def _copy(self, name: str, readings: object, copies: list[Copied]) -> None:
         try:
-            copies.append(self._copier.copy_field(name, readings))
+            if name == "base":
+                copies += [copied for copied in copy_base(readings) if self._is_sent(copied.name)]
+            elif self._is_sent(name):
+                copies.append(self._copier.copy_field(name, readings))
         except UnusableError as e:
             self._problems.add(str(e))
         except Exception as e:  # keep the other fields
@@ -281,7 +291,7 @@ class Robot:
             if not FIELD_NAME.fullmatch(name) or name == "baseq":
                 self._problems.add(f"{quote(name)} is not a field name")
                 continue
-            if name in MEANT and name not in self._own_fields:
+            if name in MEANT and not self._own_fields:
                 self._problems.add(f"{name} becomes a plain table; did you mean {MEANT[name]}=?")
             if readings is not None:
                 self._copy(name, readings, copies)
@@ -291,13 +301,16 @@ class Robot:
         if not isinstance(info, Mapping):
             self._problems.add("info is not a dict of texts")
             return texts
-        for name, text in islice(info.items(), INFO_MAX + 1):
-            if len(texts) == INFO_MAX:
-                self._problems.add(f"info has more than {INFO_MAX} entries")
-            elif isinstance(name, str) and isinstance(text, (str, int, float)):
-                texts[name[:INFO_CHARS]] = str(text)[:INFO_CHARS]
-            else:
-                self._problems.add(f"info {quote(name)} is not a text")
+        try:
+            for name, text in islice(info.items(), INFO_MAX + 1):
+                if len(texts) == INFO_MAX:
+                    self._problems.add(f"info has more than {INFO_MAX} entries")
+                elif isinstance(name, str) and isinstance(text, (str, int, float)):
+                    texts[name[:INFO_CHARS]] = _print(text)
+                else:
+                    self._problems.add(f"info {quote(name)} is not a text")
+        except Exception as e:  # another thread changed it: keep the rest of the call
+            self._problems.add(f"info can't be read: {type(e).__name__}")
         return texts
 
     def _report_unheard(self) -> None:
@@ -309,15 +322,11 @@ class Robot:
         self._problems.log_new()
 
 
-def _check_time(t: object) -> float:
-    """`t` in seconds. Raises UnusableError when it is not a time."""
+def _print(text: object) -> str:
     try:
-        t_s = math.nan if isinstance(t, WORDS) else float(t)  # type: ignore[arg-type]
-    except (TypeError, ValueError, OverflowError):
-        t_s = math.nan
-    if not abs(t_s) < TIME_MAX_S:
-        raise UnusableError("t is not a number of seconds; the call is ignored")
-    return t_s
+        return str(text)[:INFO_CHARS]
+    except ValueError:  # an integer of more than 4300 digits
+        return quote(text)
 
 
 def _check_name(name: object) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
@@ -12,6 +13,9 @@ Reading = float | int | Sequence[str] | None
 Values = Sequence[Reading] | Mapping[str, Reading]
 
 TIME_MAX_S = 1e12  # robot time: beyond it a double loses the milliseconds
+WORDS = (str, bytes, bytearray, bool)  # float() accepts them, but they are not meant as numbers
+# the time since 1970 in these units is less than that
+SINCE_1970_BELOW = {"milliseconds": 1e14, "microseconds": 1e17, "nanoseconds": 1e20}
 
 
 class SourceError(Exception):
@@ -30,8 +34,6 @@ class Sample(NamedTuple):
     source's profile: sequences of floats (masks: ints) and None in the order of its labels; a field is then
     read only when it is needed. `links`: site → link of the model, if the robot reports where its sensors are
     mounted. `sliding`: joints that the robot reports as sliding: their units are m, m/s and N.
-    `anew`: the sample has fields or channels that earlier ones lacked; without a profile, the robot has them
-    from now on. Set it rarely: viewers get a new schema.
     `newest`: False when a newer sample follows at once; it then causes events, but no frame.
     """
 
@@ -42,5 +44,22 @@ class Sample(NamedTuple):
     exact: bool = False
     links: Mapping[str, str] = NOTHING
     newest: bool = True
-    anew: bool = False
     sliding: frozenset[str] = frozenset()
+
+
+def read_time(t: object) -> float | None:
+    """The robot time that a program gave as `t`, in seconds; None if it is no time: then the time of arrival
+    counts (see `explain_time`)."""
+    try:
+        t_s = math.nan if isinstance(t, WORDS) else float(t)  # type: ignore[arg-type]
+    except Exception:  # a foreign __float__ may raise anything
+        return None
+    return t_s if abs(t_s) < TIME_MAX_S else None
+
+
+def explain_time(t: object, shown: str) -> str:
+    """Say that `t` is no time. `shown`: `t` as a text."""
+    hint = ""
+    if isinstance(t, (int, float)) and t >= TIME_MAX_S:
+        hint = next((f": is it in {unit}?" for unit, most in SINCE_1970_BELOW.items() if t < most), "")
+    return f"t is {shown}, not a number of seconds{hint}; the time of arrival counts"

@@ -38,3 +38,8 @@ def quote(value: object, most: int = WORD_MAX) -> str:
     except ValueError:  # Python refuses to print integers of more than 4300 digits
         shown = "a number with thousands of digits"
     return make_visible(shown, most)
+
+
+def many(number: int, what: str) -> str:
+    """`1 value`, `2 values`."""
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"

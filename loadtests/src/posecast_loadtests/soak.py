@@ -13,7 +13,6 @@ import json
 import os
 import platform
 import shutil
-import socket
 import sys
 import time
 from collections.abc import Callable
@@ -23,6 +22,8 @@ from pathlib import Path
 from subprocess import Popen, TimeoutExpired
 from tempfile import TemporaryDirectory
 from typing import TextIO
+
+from posecast_testing import free_port
 
 from posecast_loadtests.endurance import (
     BROKEN,
@@ -95,13 +96,6 @@ class Record:
     def warm(self, name: str, from_s: float) -> list[Point]:
         """Return a series without its warm-up."""
         return [point for point in self.series.get(name, []) if point.at_s >= from_s]
-
-
-def free_port() -> int:
-    """Return a port that is free now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def wait(what: str, holds: Callable[[], bool], limit_s: float) -> None:

@@ -35,7 +35,11 @@ const ARGS = [
   // only loopback resolves: requests from the page or the browser to other hosts go nowhere
   '--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1 , EXCLUDE localhost',
 ];
-const WEBGL = ['--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist'];
+const WEBGL = [
+  ...['--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist'],
+  // SwiftShader for 3D alone: it would take most of a core for a table whose numbers change
+  ...['--disable-gpu-compositing', '--disable-gpu-rasterization', '--disable-accelerated-2d-canvas'],
+];
 
 /** What Chromium itself logs about a connection that a test has cut; the page can't silence it. */
 const NETWORK_LOG = /^Failed to load resource: net::ERR_|^WebSocket connection to '[^']*' failed/;

@@ -22,3 +22,16 @@ export function engineName(): EngineName {
 export function openBrowser(options?: BrowserOptions): Promise<Browser> {
   return OPEN[engineName()](options);
 }
+
+let kept: { readonly kind: string; readonly browser: Promise<Browser> } | null = null;
+
+/** The browser of the file before, if it was opened with these options, or a new one: to start one takes longer than most tests. It
+ *  ends with this process. */
+export async function keepBrowser(options: BrowserOptions = {}): Promise<Browser> {
+  const kind = JSON.stringify(options);
+  if (kept?.kind !== kind) {
+    await (await kept?.browser)?.close();
+    kept = { kind, browser: openBrowser(options) };
+  }
+  return kept.browser;
+}

@@ -15,6 +15,8 @@ export interface WatchingProxyOptions {
 }
 
 const REPORT_BYTES = 16 * 1024;
+/** An unused connection is closed after this time: before the relay does, which would break a request on its way. */
+const IDLE_MS = 3000;
 
 export class WatchingProxy {
   /** Requested addresses, oldest first; for a tunnel (WebSocket) only its host is known. */
@@ -24,6 +26,8 @@ export class WatchingProxy {
   readonly #options: WatchingProxyOptions;
   readonly #own = `/${randomUUID()}`;
   readonly #tunnels = new Set<Duplex>();
+  /** Keeps connections, as the browser would by itself: on a slow network a new one costs a second round trip. */
+  readonly #agent = new http.Agent({ keepAlive: true, timeout: IDLE_MS });
 
   private constructor(server: http.Server, port: number, options: WatchingProxyOptions) {
     this.#server = server;
@@ -50,6 +54,7 @@ export class WatchingProxy {
   async close(): Promise<void> {
     if (!this.#server.listening) return;
     for (const socket of this.#tunnels) socket.destroy();
+    this.#agent.destroy();
     this.#server.closeAllConnections();
     await new Promise<void>((resolve) => this.#server.close(() => resolve()));
   }
@@ -67,22 +72,26 @@ export class WatchingProxy {
     }
     const html = this.#options.preload !== undefined && (request.headers.accept ?? '').includes('text/html');
     const headers = { ...request.headers, ...(html ? { 'accept-encoding': 'identity' } : {}) };
-    const onward = http.request(url, { method: request.method ?? 'GET', headers, agent: false }, (answer) => {
-      const status = answer.statusCode ?? 502;
-      if (status >= 400) {
-        // in Chromium's words, so that one `forgive` works for every engine
-        this.#options.onReport(
-          `Failed to load resource: the server responded with a status of ${status} (${answer.statusMessage})`,
-        );
-      }
-      if (html && (answer.headers['content-type'] ?? '').startsWith('text/html')) {
-        this.#inject(answer, response);
-        return;
-      }
-      response.writeHead(status, answer.headers);
-      answer.pipe(response);
-      answer.on('error', () => response.destroy());
-    });
+    const onward = http.request(
+      url,
+      { method: request.method ?? 'GET', headers, agent: this.#agent },
+      (answer) => {
+        const status = answer.statusCode ?? 502;
+        if (status >= 400) {
+          // in Chromium's words, so that one `forgive` works for every engine
+          this.#options.onReport(
+            `Failed to load resource: the server responded with a status of ${status} (${answer.statusMessage})`,
+          );
+        }
+        if (html && (answer.headers['content-type'] ?? '').startsWith('text/html')) {
+          this.#inject(answer, response);
+          return;
+        }
+        response.writeHead(status, answer.headers);
+        answer.pipe(response);
+        answer.on('error', () => response.destroy());
+      },
+    );
     onward.on('error', () => response.destroy()); // simulates a failing network, not an answer
     response.on('close', () => onward.destroy());
     request.pipe(onward);

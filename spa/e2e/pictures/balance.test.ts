@@ -17,7 +17,7 @@ import {
 } from './picture.ts';
 import { PosedDemo } from './posed_demo.ts';
 
-const stage = setStage();
+const stage = setStage({ paints: true });
 
 /** Large, so that signs on the floor are visible. */
 const SIZE = { width: 2000, height: 1400 };

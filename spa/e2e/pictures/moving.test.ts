@@ -8,7 +8,7 @@ import { setStage } from '../stage.ts';
 import { dressed, sharpPage, takeLive, WRITES } from './picture.ts';
 import { PosedDemo } from './posed_demo.ts';
 
-const stage = setStage();
+const stage = setStage({ paints: true });
 
 /** The demo robot lifts a leg, and its knee jams. */
 const FROM_S = 38.4;

@@ -6,7 +6,7 @@ import { setStage } from '../stage.ts';
 import { cut, dressed, LAPTOP, sharpPage, takeLive, WRITES, whole, write } from './picture.ts';
 import { PosedDemo } from './posed_demo.ts';
 
-const stage = setStage();
+const stage = setStage({ paints: true });
 
 /** The centre of a laptop's page with the panel closed: the body, and the signs about it. */
 const MIDDLE = { x: 320, y: 84, width: 640, height: 650 };

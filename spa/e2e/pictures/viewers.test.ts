@@ -20,7 +20,7 @@ import {
 } from './picture.ts';
 import { PosedDemo } from './posed_demo.ts';
 
-const stage = setStage();
+const stage = setStage({ paints: true });
 
 const JAMMED_S = 42;
 const SHOWN_HEIGHT = 640;

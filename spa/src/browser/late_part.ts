@@ -121,14 +121,38 @@ function idle(): Promise<unknown> {
 
 /** Style sheets that failed to load. */
 const lost = new Set<HTMLLinkElement>();
-if (typeof document !== 'undefined')
+let lostOnes = 0;
+
+/** Requests a style sheet again after a while. */
+async function mendLater(link: HTMLLinkElement): Promise<void> {
+  lost.add(link);
+  lostOnes += 1;
+  await untilRetry(lostOnes);
+  if (lost.delete(link)) link.replaceWith(link.cloneNode());
+}
+
+/** Whether a style sheet has come. If it has not, some browsers have none, others one that can't be read. */
+function isLoaded({ sheet }: HTMLLinkElement): boolean {
+  try {
+    return sheet !== null && sheet.cssRules.length > 0;
+  } catch {
+    return false;
+  }
+}
+
+if (typeof document !== 'undefined') {
+  // those of the page itself fail before this script runs
+  for (const link of document.querySelectorAll<HTMLLinkElement>('link[rel=stylesheet]'))
+    if (!isLoaded(link)) void mendLater(link);
   document.addEventListener(
     'error',
-    ({ target }) => target instanceof HTMLLinkElement && target.rel === 'stylesheet' && lost.add(target),
+    ({ target }) =>
+      target instanceof HTMLLinkElement && target.rel === 'stylesheet' && void mendLater(target),
     true,
   );
+}
 
-/** Retries style sheets that failed to load: Vite requests each only once. */
+/** Requests style sheets that failed to load again, now: Vite requests each only once. */
 function mendStyles(): void {
   for (const link of lost) link.replaceWith(link.cloneNode());
   lost.clear();

@@ -1,3 +1,4 @@
+import { request } from '../auth/request.ts';
 import { tokenFor } from '../auth/token.ts';
 
 /**
@@ -96,7 +97,7 @@ export async function fetchBytes(
   try {
     const token = tokenFor(url);
     const headers: HeadersInit = token ? { authorization: `Bearer ${token}` } : {};
-    response = await fetch(url, { signal, credentials: 'omit', headers });
+    response = await request(url, { signal, headers });
   } catch (cause) {
     throw new NotNow(`${name}: no answer`, { cause });
   }

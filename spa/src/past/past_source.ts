@@ -34,6 +34,8 @@ export class PastError extends Error {
 export interface PastSource {
   /** What may be seen; null while nothing is known, and if there is no past that this page may see. */
   readonly timeline: Timeline | null;
+  /** What was deleted while it was known or could be; every change makes a new array. Absent if nothing ever is. */
+  readonly deleted?: readonly Span[];
   /** Adds a listener for `timeline`. Returns a function that removes it. */
   readonly onChange: (listener: () => void) => () => void;
   /** How often the newest data is requested: `idle` while nobody looks back, otherwise `near`. */
@@ -43,8 +45,8 @@ export interface PastSource {
   loadDays?(span: Span): Promise<void>;
   /** Fetches the index of a span, as far as it is kept and still unknown. Rejects with a `PastError`. */
   loadIndex(span: Span): Promise<void>;
-  /** The known segments that overlap a span, by start, then by take. */
-  segmentsIn(span: Span): readonly SegmentRef[];
+  /** The known segments that overlap a span, by start, then by take; the first `most` of them. */
+  segmentsIn(span: Span, most?: number): readonly SegmentRef[];
   /** Fetches the first poses of the segments in a span. `everyMs`: one pose per this interval is enough. Rejects with a
    *  `PastError`. */
   loadKeys(span: Span, everyMs?: number): Promise<void>;

@@ -1,4 +1,5 @@
-import { revived } from '@posecast/wire';
+import { Close, revived } from '@posecast/wire';
+import { request, signInNeeded } from '../auth/request.ts';
 import { onAccountToken, tokenFor } from '../auth/token.ts';
 import type { RobotTwin } from '../twin/robot.ts';
 import { countSleep, nowMs } from './clock.ts';
@@ -20,6 +21,8 @@ export interface Link {
   /** Measured frames per second. */
   hz: number;
   roundTripMs: number | null;
+  /** How late the relay's data arrives, at most; null: unknown. */
+  lateMs: number | null;
   /** The delay of the picture; null: none. */
   behindMs: number | null;
   problem: Problem | null;
@@ -34,9 +37,15 @@ const UNKNOWN: Link = {
   rateReason: null,
   hz: 0,
   roundTripMs: null,
+  lateMs: null,
   behindMs: null,
   problem: null,
 };
+
+/** Whether the relay's newest answer is that it knows no such robot, or hides it. */
+export function isAbsent({ ending }: Pick<Link, 'ending'>): boolean {
+  return ending?.code === Close.ABSENT;
+}
 
 /** By then the table, which is written a few times a second, also shows a new pose. */
 const ALL_SHOW_MS = 300;
@@ -55,6 +64,7 @@ export function steadyBehindMs(beforeMs: number | null, ms: number | null): numb
 export class StreamClient {
   link: Link = UNKNOWN;
   readonly #twin: RobotTwin;
+  readonly #url: string;
   readonly #worker: Worker;
   readonly #listeners = new Set<() => void>();
   readonly #leave = new AbortController();
@@ -68,6 +78,7 @@ export class StreamClient {
   /** `lane`: where segments are read instead of opening a socket; null: nowhere. */
   constructor(twin: RobotTwin, url: string, hz: number, lane: string | null = null) {
     this.#twin = twin;
+    this.#url = url;
     const { worker, messages } = takeStream(url, hz, lane);
     this.#worker = worker;
     this.#worker.onmessage = (event: MessageEvent<FromStream>) => this.#accept(event.data);
@@ -144,6 +155,14 @@ export class StreamClient {
     this.#set({ behindMs: null });
   }
 
+  /** A failed stream does not say why; after plain HTTP has failed as well, this asks whether people must sign in. */
+  #checkSignIn({ by, phase, ending }: Extract<FromStream, { kind: 'link' }>): void {
+    if (phase === 'open' && signInNeeded.get()) signInNeeded.set(false);
+    if (by !== 'events' || phase !== 'waiting' || ending?.code !== 1006 || signInNeeded.get()) return;
+    const robot = this.#url.replace(/^ws/, 'http').replace(/\/live$/, '');
+    request(robot, { method: 'HEAD' }).catch(() => {}); // it has set `signInNeeded`, or there is no network
+  }
+
   #tell(message: ToStream): void {
     this.#worker.postMessage(message);
   }
@@ -181,9 +200,10 @@ export class StreamClient {
         this.#set({ grantedHz: message.hz, rateReason: message.reason });
         return;
       case 'pace':
-        this.#set({ hz: message.hz, roundTripMs: message.roundTripMs });
+        this.#set({ hz: message.hz, roundTripMs: message.roundTripMs, lateMs: message.lateMs });
         return;
       case 'link':
+        this.#checkSignIn(message);
         if (this.link.by === 'segments' && message.by !== 'segments') twin.acceptCatchUp();
         if (message.by !== 'segments' && message.phase === 'open') twin.hasAllEvents = true; // it reports them
         if (message.moves) {

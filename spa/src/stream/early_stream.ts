@@ -1,6 +1,7 @@
 import { tokenFor } from '../auth/token.ts';
 import { countSleep } from './clock.ts';
 import type { FromStream, ToStream } from './messages.ts';
+import workerUrl from './worker.ts?worker&url';
 
 /**
  * A stream's worker, started before the page's own code has loaded: on a slow connection that takes a second, and connecting need
@@ -14,6 +15,15 @@ export interface StartedStream {
 
 /** If more messages than this are waiting, the page is assumed to have failed: worker and messages are dropped. */
 const MAX_MESSAGES = 200;
+
+/** Imports the worker's script, and gives it the messages that arrived meanwhile. Not a module, because Chromium starts none of
+ *  those from a blob of a page without an origin. */
+const IMPORTER = `const held = [];
+onmessage = (event) => held.push(event);
+import(${JSON.stringify(workerUrl)}).then(
+  () => held.forEach((event) => onmessage(event)),
+  (error) => setTimeout(() => { throw error; }),
+);`;
 
 let early: {
   readonly url: string;
@@ -65,8 +75,12 @@ export function prepareStream(): void {
   spare = worker;
 }
 
+/** A page may start only workers of its own origin. A frame with `sandbox` has none: there, a worker that it makes itself imports
+ *  the real one. */
 function load(): Worker {
-  return new Worker(new URL('./worker.ts', import.meta.url), { type: 'module', name: 'stream' });
+  if (globalThis.origin !== 'null') return new Worker(workerUrl, { type: 'module', name: 'stream' });
+  const url = URL.createObjectURL(new Blob([IMPORTER], { type: 'text/javascript' }));
+  return new Worker(url, { name: 'stream' });
 }
 
 function start(url: string, hz: number, lane: string | null): Worker {

@@ -196,6 +196,7 @@ export function openEventStream(
       if (typeof news === 'number') end(news, 'the rules of the database have changed');
       else for (const one of news) handlers.event(one);
     },
+    clock: () => {}, // it is not asked
     // Signing in does not help either if the mirror is not readable.
     closed: (code, reason) => end(code === 4401 ? 4403 : code, reason),
   });

@@ -1,6 +1,7 @@
 import { Decoder, type Frame, FrameError, type RelayMessage, type Schema, SchemaError } from '@posecast/wire';
 import { poseDiffers } from '../twin/pose_change.ts';
 import type { FromStream } from './messages.ts';
+import type { Delay } from './pacing/lateness.ts';
 import { RateMeter } from './pacing/rate_meter.ts';
 
 /** After a longer pause between frames, the pose may have moved meanwhile, so it counts as changed. */
@@ -42,11 +43,11 @@ export class FrameReader {
     this.#flows = false;
   }
 
-  /** Takes a relay message. `lateMs`: its delay in transit, as far as known. */
-  message(nowMs: number, lateMs: number, message: Told): void {
+  /** Takes a relay message. `delay`: its delay in transit. */
+  message(nowMs: number, delay: Delay, message: Told): void {
     switch (message.type) {
       case 'status':
-        this.#status(nowMs, lateMs, message);
+        this.#status(nowMs, delay, message);
         return;
       case 'schema':
         this.#schema(message.text);
@@ -63,7 +64,7 @@ export class FrameReader {
     }
   }
 
-  frame(nowMs: number, lateMs: number, bytes: Uint8Array): void {
+  frame(nowMs: number, delay: Delay, bytes: Uint8Array): void {
     let frame: Frame;
     try {
       frame = this.#decoder.decode(bytes);
@@ -75,7 +76,8 @@ export class FrameReader {
     const { schema, seq, codes } = frame;
     // A KEY or REF older than the relay's newest frame is only a base for later frames, not news about the robot.
     if (bytes[0]! & BASE && seq < (this.#told?.seq ?? 0)) return;
-    const leftMs = nowMs - lateMs;
+    const leftMs = nowMs - delay.leastMs;
+    const writtenMs = nowMs - delay.mostMs;
     const before = this.#newest;
     const sameSchema = before !== null && before.schemaId === schema.id;
     const unsure = !sameSchema || leftMs - before.leftMs > GAP_MS;
@@ -83,7 +85,7 @@ export class FrameReader {
     const told = this.#told;
     const fresh = this.#flows && told !== null && seq > told.seq;
     this.#flows = true;
-    if (fresh) this.#freshMs = leftMs;
+    if (fresh) this.#freshMs = writtenMs;
     this.#show(schema); // it may be one that was shown earlier
     this.#newest = { schemaId: schema.id, seq, codes, leftMs };
     this.#rate.recordArrival(nowMs);
@@ -95,18 +97,20 @@ export class FrameReader {
         tS: frame.tS,
         codes: codes.slice(),
         freshMs: this.#freshMs,
-        bornMs: fresh ? leftMs : told?.seq === seq ? told.bornMs : null,
+        bornMs: fresh ? writtenMs : told?.seq === seq ? told.bornMs : null,
         changedMs: this.#changedMs,
         atMs: nowMs,
-        lateMs,
+        lateMs: delay.leastMs,
+        transitMs: delay.mostMs,
       },
     });
   }
 
-  #status(nowMs: number, lateMs: number, status: Extract<Told, { type: 'status' }>): void {
-    const leftMs = nowMs - lateMs;
+  #status(nowMs: number, delay: Delay, status: Extract<Told, { type: 'status' }>): void {
+    const leftMs = nowMs - delay.leastMs;
+    const atMs = nowMs - delay.mostMs;
     const { seq, age_ms } = status;
-    this.#told = seq === null ? null : { seq, bornMs: age_ms === null ? null : leftMs - age_ms };
+    this.#told = seq === null ? null : { seq, bornMs: age_ms === null ? null : atMs - age_ms };
     // The age was correct when the status left the relay. A frame that is already here is at least as old as its time here.
     const heldMs = this.#newest?.seq === status.seq ? leftMs - this.#newest.leftMs : 0;
     this.#post({
@@ -117,7 +121,9 @@ export class FrameReader {
         seq: status.seq,
         degraded: status.degraded,
         overShare: status.over_share,
-        atMs: leftMs,
+        atMs,
+        heardMs: leftMs,
+        transitMs: delay.mostMs,
       },
     });
   }

@@ -34,8 +34,8 @@ export type FromStream =
   | { kind: 'model'; hash: string | null }
   /** The granted rate; `reason` if it is lower than requested. */
   | { kind: 'rate'; hz: number; reason: string | null }
-  /** Measured: frames a second, and the round trip to the relay (null until known). */
-  | { kind: 'pace'; hz: number; roundTripMs: number | null }
+  /** Measured: frames a second, the round trip to the relay, and how late its data is at most (null until known). */
+  | { kind: 'pace'; hz: number; roundTripMs: number | null; lateMs: number | null }
   /** The delay of the picture, ms; null: none. */
   | { kind: 'behind'; ms: number | null }
   | { kind: 'problem'; problem: Problem };
@@ -81,5 +81,7 @@ export type Action =
   /** Open a WebSocket beside the current connection; if it opens, it takes over. */
   | { do: 'try'; url: string }
   | { do: 'send'; text: string }
+  /** Ask for the relay's clock at this address, beside the stream. */
+  | { do: 'ask'; url: string }
   | { do: 'drop' }
   | { do: 'post'; message: FromStream };

@@ -11,11 +11,11 @@ import { FrameReader } from './frame_reader.ts';
 import type { Action, Ending, FromStream, Phase } from './messages.ts';
 import { Acknowledgements } from './pacing/acknowledgements.ts';
 import { retryDelayMs, WAIT_S } from './pacing/backoff.ts';
-import { Lateness, lowerHz, Silence } from './pacing/lateness.ts';
+import { type Delay, Lateness, lowerHz, Silence } from './pacing/lateness.ts';
 import { RateWish } from './pacing/rate_wish.ts';
 import { RoundTrip } from './pacing/round_trip.ts';
 import { helloPosts, ratePost } from './relay_posts.ts';
-import { streamAddress } from './stream_address.ts';
+import { pingAddress, streamAddress } from './stream_address.ts';
 import { type Transport, TransportChoice } from './transport.ts';
 
 /** A status arrives at least once a second: if three are missing, the socket is dead although it did not close. */
@@ -23,6 +23,11 @@ export const SILENT_LIMIT_MS = 3000;
 /** A connection that has not opened within this time has failed. */
 export const CONNECT_LIMIT_MS = 8000;
 const PACE_EVERY_MS = 1000;
+/** On events, the relay's clock is asked for by separate requests, with random times between these in between, so that a crowd
+ *  does not ask at once. */
+const ASK_CLOCK_MS = { least: 10_000, most: 30_000 } as const;
+/** A slower answer may have had to open a connection. It is asked for once more, on the same one. */
+const SLOW_ANSWER_MS = 500;
 /** After a connection has lasted this long, the next failure starts the backoff from the beginning. */
 const WORKED_MS = 5000;
 
@@ -31,7 +36,7 @@ const WORKED_MS = 5000;
  * and its time (ms of the viewer's clock) and returns the actions to perform.
  *
  * connecting ──opened──► open ──closed, silent──► waiting ──time, wake──► connecting
- *        └──failed, slow──────────────────────────────┘ open ──closed with a code that says "not again"──► ended ──wake──►
+ *        └──failed, slow──────────────────────────────┘ open ──closed with a code that says "never"──► ended ──wake──►
  *        connecting
  *
  * `TransportChoice` picks the transport at every connect. Server-sent events are one-way: a different rate needs another
@@ -60,6 +65,10 @@ export class Session {
   #acknowledgements = new Acknowledgements();
   #roundTrip = new RoundTrip();
   #paceMs = 0;
+  #askClockAtMs = Number.NEGATIVE_INFINITY;
+  #mayRepeat = false;
+  /** When a WebSocket was last tried beside the stream. */
+  #triedMs = 0;
   readonly #choice: TransportChoice;
   readonly #lateness = new Lateness();
   /** Whether a text message has arrived on this connection. */
@@ -122,7 +131,7 @@ export class Session {
   moved(nowMs: number): Action[] {
     this.#choice.now = 'websocket';
     this.#wish.slowHz = null;
-    this.#begin(nowMs, this.#wish.wantedHz);
+    this.#begin(nowMs, this.#wish.wantedHz, this.#triedMs);
     return this.opened(nowMs);
   }
 
@@ -156,8 +165,20 @@ export class Session {
   binary(nowMs: number, frame: Uint8Array): Action[] {
     this.#hear(nowMs);
     this.#acknowledgements.countMessage();
-    this.#reading.frame(nowMs, this.#lateMs(nowMs), frame);
+    this.#reading.frame(nowMs, this.#delay(nowMs), frame);
     this.#acknowledge(nowMs);
+    return this.#take();
+  }
+
+  /** The relay, or another one, has answered `text` to the question of `askedMs` for its clock. */
+  clock(nowMs: number, askedMs: number, text: string): Action[] {
+    const message = parseRelayMessage(text);
+    if (message?.type === 'pong' && message.t === askedMs && message.clock_ms !== null) {
+      this.#roundTrip.pong(nowMs, askedMs);
+      this.#lateness.answered(nowMs, askedMs, message.clock_ms);
+    } // else it is none, or an older one from a cache
+    if (this.#mayRepeat && nowMs - askedMs > SLOW_ANSWER_MS && !this.#lateness.isSure(nowMs)) this.#sendAsk();
+    this.#mayRepeat = false;
     return this.#take();
   }
 
@@ -295,6 +316,7 @@ export class Session {
 
   #tryWebSocket(nowMs: number): void {
     if (!this.#choice.shouldTryWebSocket(nowMs)) return;
+    this.#triedMs = nowMs;
     this.#actions.push({ do: 'try', url: this.#address('websocket', this.#wish.wantedHz) });
   }
 
@@ -310,13 +332,14 @@ export class Session {
     this.#actions.push({ do: 'connect', by: 'events', url: this.#address('events', hz) });
   }
 
-  #begin(nowMs: number, askedHz: number): void {
+  /** `askedMs`: when the connection was requested. */
+  #begin(nowMs: number, askedHz: number, askedMs = nowMs): void {
     this.#sinceMs = nowMs;
     this.#aliveMs = nowMs;
     this.#silence.end();
     this.#bye = null;
     this.#greeted = false;
-    this.#lateness.begin(nowMs);
+    this.#lateness.begin(nowMs, askedMs);
     // The relay remembers per connection what it has sent: a new one starts from nothing on both sides.
     this.#reading = new FrameReader(this.#post);
     this.#acknowledgements = new Acknowledgements();
@@ -350,12 +373,16 @@ export class Session {
         return;
       case 'pong':
         if (this.#roundTrip.pong(nowMs, message.t)) this.#silence.end(); // the pong arrived after all of the backlog
+        this.#lateness.answered(nowMs, message.t, message.clock_ms);
+        if (message.clock_ms !== null) this.#lateness.stamped(nowMs, message.clock_ms);
         return;
       case 'bye':
         this.#bye = message;
         return;
       default:
-        this.#reading.message(nowMs, this.#lateMs(nowMs), message);
+        if (message.type === 'status' && message.clock_ms !== null && !this.#onEvents)
+          this.#lateness.stamped(nowMs, message.clock_ms);
+        this.#reading.message(nowMs, this.#delay(nowMs), message);
     }
   }
 
@@ -374,10 +401,12 @@ export class Session {
     return this.#wish.visible ? STALE_AFTER_MS : QUIET_AFTER_MS;
   }
 
-  /** The delay of data that arrives now, ms. Only measured for events: on a WebSocket, the relay waits for acknowledgements long
-   *  before it runs late. */
-  #lateMs(nowMs: number): number {
-    return Math.max(this.#onEvents ? this.#lateness.ms : 0, this.#silence.ageMs(nowMs));
+  /** The delay of data that arrives now. The least one is only measured for events: on a WebSocket, the relay waits for
+   *  acknowledgements long before it runs late. A mirror cannot be asked, so the most is unknown and left out. */
+  #delay(nowMs: number): Delay {
+    const leastMs = Math.max(this.#onEvents ? this.#lateness.ms : 0, this.#silence.ageMs(nowMs));
+    const mostMs = this.#choice.now === 'mirror' ? 0 : this.#lateness.mostMs(nowMs);
+    return { leastMs, mostMs: Math.max(leastMs, mostMs) };
   }
 
   #ping(nowMs: number): void {
@@ -404,8 +433,22 @@ export class Session {
 
   #measure(nowMs: number): void {
     if (!this.#onEvents && this.#roundTrip.isDue(nowMs)) this.#ping(nowMs);
+    if (this.#choice.now === 'events' && this.#greeted) this.#askClock(nowMs);
     if (nowMs - this.#paceMs < PACE_EVERY_MS) return;
     this.#paceMs = nowMs;
-    this.#post({ kind: 'pace', hz: this.#reading.hz(nowMs), roundTripMs: this.#roundTrip.ms });
+    const lateMs = this.#choice.now === 'mirror' ? null : this.#lateness.knownMs;
+    this.#post({ kind: 'pace', hz: this.#reading.hz(nowMs), roundTripMs: this.#roundTrip.ms, lateMs });
+  }
+
+  #askClock(nowMs: number): void {
+    if (!this.#wish.visible || nowMs < this.#askClockAtMs || this.#lateness.isSure(nowMs)) return;
+    const { least, most } = ASK_CLOCK_MS;
+    this.#askClockAtMs = nowMs + least + this.#random() * (most - least);
+    this.#mayRepeat = true;
+    this.#sendAsk();
+  }
+
+  #sendAsk(): void {
+    this.#actions.push({ do: 'ask', url: pingAddress(this.#url) });
   }
 }

@@ -100,8 +100,20 @@ export interface EventsHandlers {
   /** Bytes arrived, even if no event is complete. */
   heard(): void;
   event(event: StreamEvent): void;
+  /** The answer to a question for the relay's clock that was sent at `askedMs`. */
+  clock(askedMs: number, text: string): void;
   /** The stream ended, or never began. The code is from the close table (wire/SPEC.md), or 1006. */
   closed(code: number, reason: string): void;
+}
+
+/** No answer to a question for the relay's clock is useful after this time. */
+const ANSWER_LIMIT_MS = 10_000;
+
+/** A stream of server-sent events. */
+export interface EventStream {
+  close(): void;
+  /** Asks for the relay's clock at this address, beside the stream. */
+  ask(url: string): void;
 }
 
 /** Opens a stream of server-sent events with `fetch`. `EventSource` can't send headers, hides the HTTP status and
@@ -110,13 +122,20 @@ export function openEventStream(
   url: string,
   token: string | undefined,
   handlers: EventsHandlers,
-): { close(): void } {
+): EventStream {
   const leave = new AbortController();
+  const ask = async (address: string) => {
+    const askedMs = handlers.nowMs();
+    const answer = await fetch(`${address}?t=${askedMs}`, {
+      signal: AbortSignal.any([leave.signal, AbortSignal.timeout(ANSWER_LIMIT_MS)]),
+      cache: 'no-store',
+    });
+    handlers.clock(askedMs, await answer.text());
+  };
   const run = async () => {
     const answer = await fetch(url, {
       signal: leave.signal,
       cache: 'no-store',
-      credentials: 'omit',
       headers: {
         accept: 'text/event-stream',
         ...(token === undefined ? {} : { authorization: `Bearer ${token}` }),
@@ -126,9 +145,9 @@ export function openEventStream(
     const type = answer.headers.get('content-type') ?? '';
     if (status !== 200 || body === null || !type.startsWith('text/event-stream')) {
       leave.abort();
-      if (status === 401 || status === 403) return 4000 + status;
-      // a relay answers 404 with JSON; any other host answers with a page
-      return status === 404 && type.startsWith('application/json') ? 4404 : 1006;
+      // a relay refuses with JSON; any other host, or a proxy that people sign in to, answers with a page
+      const isRefusal = type.startsWith('application/json') && [401, 403, 404].includes(status);
+      return isRefusal ? 4000 + status : 1006;
     }
     handlers.opened();
     const reader = new SseParser();
@@ -152,5 +171,8 @@ export function openEventStream(
       handlers.closed(1006, error instanceof Error ? error.message : String(error));
     },
   );
-  return { close: () => leave.abort() };
+  return {
+    close: () => leave.abort(),
+    ask: (address) => void ask(address).catch(() => undefined), // without an answer, nothing is known
+  };
 }

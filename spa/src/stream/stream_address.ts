@@ -7,3 +7,8 @@ export function streamAddress(url: string, by: Transport, hz: number, hasToken: 
   if (by === 'events') return `${url.replace(/^ws/, 'http')}.sse?hz=${hz}`;
   return `${url}?hz=${hz}${hasToken ? '&auth=1' : ''}`;
 }
+
+/** The address that answers with the clock of the relay that sends the stream at `url`. */
+export function pingAddress(url: string): string {
+  return new URL('../../ping', url.replace(/^ws/, 'http')).href;
+}

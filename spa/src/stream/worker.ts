@@ -8,7 +8,7 @@ import type { EventMark, LaneHandlers, OpenLane, ShownFrame } from './lane_port.
 import { Mailbox } from './mailbox.ts';
 import type { Action, FromStream, ToStream } from './messages.ts';
 import { Session } from './session.ts';
-import type { StreamEvent } from './sse.ts';
+import type { EventStream, StreamEvent } from './sse.ts';
 import type { Transport } from './transport.ts';
 
 /** The worker thread that owns the socket: it performs the session's actions and reports events to the session. */
@@ -32,7 +32,7 @@ let socket: WebSocket | null = null;
 /** A WebSocket tried in parallel while server-sent events or segments carry the stream. */
 let trial: WebSocket | null = null;
 /** The stream that runs instead of a WebSocket. */
-let events: ({ close(): void } & Partial<OpenLane>) | null = null;
+let events: ({ close(): void } & Partial<OpenLane> & Partial<EventStream>) | null = null;
 let token: string | undefined;
 let visible = true;
 let wantedHz = 0;
@@ -77,6 +77,9 @@ function perform(actions: readonly Action[]): void {
         break;
       case 'send':
         if (socket?.readyState === WebSocket.OPEN) socket.send(action.text);
+        break;
+      case 'ask':
+        events?.ask?.(action.url);
         break;
       case 'drop':
         drop();
@@ -149,6 +152,7 @@ function read(url: string, by: Transport): void {
         },
         opened: () => unlessLeft((to) => to.opened(nowMs())),
         heard: () => unlessLeft((to) => to.heard(nowMs())),
+        clock: (askedMs: number, text: string) => unlessLeft((to) => to.clock(nowMs(), askedMs, text)),
         event: (event: StreamEvent) => unlessLeft((to) => deliver(event, nowMs(), to)),
         post: (message: FromStream) => events === mine && post(message),
         closed: (code: number, reason: string) =>

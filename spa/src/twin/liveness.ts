@@ -1,6 +1,6 @@
 /**
  * Judges whether the page shows a live robot, in one word. Pure: evidence and the clock are passed in, and the result is a
- * verdict.
+ * verdict. Ages are upper bounds: a delay in transit that cannot be measured counts as age.
  *
  * An arriving frame alone proves nothing: a viewer who joins a dead robot is sent its last pose. So freshness comes from the
  * relay's `status`, and from frames that are newer than the newest frame named in that status.
@@ -9,9 +9,16 @@
 /** PAST: the picture is from the past and says nothing about the present. RECORDED: the same, from files, which have no
  *  present. */
 export type Word = 'LIVE' | 'HOLDING' | 'STALE' | 'OFFLINE' | 'PAST' | 'RECORDED';
-export type Cause = 'robot silent' | 'no connection' | 'relay degraded' | 'waiting for the next part';
+export type Cause =
+  | 'robot silent'
+  | 'no connection'
+  | 'slow network'
+  | 'relay degraded'
+  | 'waiting for the next part';
 
 export const STALE_AFTER_MS = 1500;
+/** Messages this close to each other count as one. */
+const TOGETHER_MS = 50;
 /** The limit while no poses are requested: the relay then sends once a second, and the network may delay that by almost another
  *  second. */
 export const QUIET_AFTER_MS = 2000;
@@ -30,8 +37,12 @@ export interface Status {
   degraded: boolean;
   /** The robot sends more than its share of the relay, so some of its frames are dropped. */
   overShare: boolean;
-  /** When it arrived, viewer's clock. */
+  /** When it was written, at the earliest, viewer's clock. */
   atMs: number;
+  /** When it was written, at the latest; without it, at `atMs`. */
+  heardMs?: number;
+  /** Its delay in transit, at most, ms; `atMs` assumes that. */
+  transitMs?: number;
   /** In a stream of parts: when everything loaded has been shown, viewer's clock. */
   endsMs?: number;
 }
@@ -46,7 +57,7 @@ export interface Evidence {
   /** Arrival of the newest message of any kind. */
   heardMs: number | null;
   status: Status | null;
-  /** Arrival of the newest frame that was newer than the preceding status. */
+  /** When the newest frame that was newer than the preceding status was written, at the earliest. */
   freshMs: number | null;
   /** When pos, ref or flags last differed from the previous frame; null while unknown. */
   changedMs: number | null;
@@ -57,6 +68,8 @@ export interface Evidence {
   /** When the page last stopped calling the shown pose live, on this connection. The stream is told too, so that data in transit
    *  at that time does not count as newer. */
   otherwiseMs: number | null;
+  /** The delay of the newest frame or status in transit, at most, ms. The times above include it. */
+  transitMs: number;
 }
 
 /** A recording, unix ms, and the formatting of its moments. */
@@ -168,8 +181,8 @@ export function judge(evidence: Evidence, nowMs: number): Verdict {
     past: null,
   });
 
+  const joining = evidence.lostMs === null && nowMs - evidence.openedMs <= JOINING_MS;
   if (!evidence.connected || status === null || linkMs === null || linkMs >= QUIET_AFTER_MS) {
-    const joining = evidence.lostMs === null && nowMs - evidence.openedMs <= JOINING_MS;
     if (joining && status === null) return verdict(null);
     return verdict('STALE', 'no connection');
   }
@@ -181,19 +194,22 @@ export function judge(evidence: Evidence, nowMs: number): Verdict {
   const shownMs = pictureMs(evidence);
   const staleMs = watchingMs === null ? QUIET_AFTER_MS : STALE_AFTER_MS; // without poses, only the status tells
   if (linkMs >= staleMs) return verdict('STALE', 'no connection');
+  /** If most of this age may be delay in transit, that is the cause. A page that opens waits until more is known. */
+  const stale = (oldMs: number | null, cause: Cause | null): Verdict => {
+    const isSlow = oldMs !== null && evidence.transitMs > oldMs / 2;
+    if (isSlow && joining) return verdict(null);
+    // if nothing at all has arrived since the pose, neither robot nor relay is to blame
+    const isCutOff = oldMs !== null && !status.endsMs && linkMs + evidence.transitMs > oldMs - TOGETHER_MS;
+    return verdict('STALE', isSlow ? 'slow network' : isCutOff ? 'no connection' : cause, oldMs);
+  };
   if (ageMs === null || ageMs >= staleMs) {
     const isOver = status.endsMs !== undefined && nowMs >= status.endsMs;
-    return verdict('STALE', isOver ? 'waiting for the next part' : 'robot silent');
+    return stale(ageMs, isOver ? 'waiting for the next part' : 'robot silent');
   }
   // The robot is fine, but the shown pose may still be an old one.
-  if (watchingMs !== null) {
-    if (nowMs - (shownMs ?? watchingMs) >= STALE_AFTER_MS)
-      // in a lane, the worker already knows the robot's state: the page is slow to show it
-      return verdict(
-        'STALE',
-        status.endsMs ? null : 'relay degraded',
-        nowMs - (evidence.shownMs ?? watchingMs),
-      );
+  if (watchingMs !== null && nowMs - (shownMs ?? watchingMs) >= STALE_AFTER_MS) {
+    // in a lane, the worker already knows the robot's state: the page is slow to show it
+    return stale(nowMs - (evidence.shownMs ?? watchingMs), status.endsMs ? null : 'relay degraded');
   }
   if (watchingMs !== null && shownMs === null) return verdict(null); // the first pose is in transit
   if (unchangedMs !== null && unchangedMs >= HOLDING_AFTER_MS) return verdict('HOLDING');

@@ -4,6 +4,7 @@ import type { KinematicTree } from './kinematic_tree.ts';
 import { NO_EDITS, type ThresholdEdits, ValueLimits } from './limits/limits.ts';
 import { type Evidence, newestAgeMs, STALE_AFTER_MS, type Status } from './liveness.ts';
 import { isolated } from './names.ts';
+import { isWithin, type Spans } from './spans.ts';
 import { valueAt } from './values.ts';
 
 /** Maximum number of events kept, as many as the relay keeps; the oldest are dropped. */
@@ -16,16 +17,18 @@ export interface RobotState {
   /** Robot time, seconds. */
   tS: number;
   codes: Int32Array;
-  /** When the last frame newer than the relay's status arrived, see `Evidence`. */
+  /** When the last frame newer than the relay's status was written, at the earliest; see `Evidence`. */
   freshMs: number | null;
-  /** When this was the robot's newest frame; null: it may be of any age. */
+  /** When this was the robot's newest frame, at the earliest; null: it may be of any age. */
   bornMs: number | null;
   /** When the pose last changed. */
   changedMs: number;
   /** When it arrived. */
   atMs: number;
-  /** Its delay in transit, ms, as far as known. */
+  /** Its delay in transit, at least, ms. */
   lateMs?: number;
+  /** Its delay in transit, at most, ms. `freshMs` and `bornMs` assume that. */
+  transitMs?: number;
 }
 
 /** A state that led up to another. */
@@ -46,6 +49,8 @@ export class RobotTwin {
   events: readonly EventMessage[] = [];
   /** Whether these are all recent events; otherwise older ones are still to come. */
   hasAllEvents = true;
+  /** The deleted spans of its past, unix ms by the relay's clock. */
+  deleted: Spans = [];
   modelHash: string | null = null;
   /** The kinematic tree of the model; null while no model is loaded. */
   tree: KinematicTree | null = null;
@@ -78,6 +83,7 @@ export class RobotTwin {
       watchingMs: null,
       shownMs: null,
       otherwiseMs: null,
+      transitMs: 0,
     };
   }
 
@@ -123,6 +129,7 @@ export class RobotTwin {
     this.state = state;
     this.lead = null;
     if (state.freshMs !== null) this.evidence.freshMs = state.freshMs;
+    this.evidence.transitMs = state.transitMs ?? 0;
     if (this.#watching) this.evidence.changedMs = state.changedMs; // otherwise no later frame would report the change
     this.#shows(state.bornMs);
     this.heard(state.atMs - (state.lateMs ?? 0)); // a delayed frame proves nothing about the time since
@@ -144,10 +151,15 @@ export class RobotTwin {
     const isNoNews = status.degraded || status.robot === 'offline' || status.seq === null;
     if (this.#moved && isNoNews && oldMs !== null && oldMs < STALE_AFTER_MS) return;
     this.#moved = false;
-    this.evidence.status = status;
-    this.heard(status.atMs);
-    const { seq, ageMs } = status;
-    if (seq !== null && seq === this.state?.seq && ageMs !== null) this.#shows(status.atMs - ageMs);
+    const { evidence } = this;
+    evidence.status = status;
+    evidence.transitMs = status.transitMs ?? 0;
+    this.heard(status.heardMs ?? status.atMs);
+    const { seq, ageMs, atMs } = status;
+    // What arrived before it was written before it, even if it seemed less delayed: frames may not say when they were written.
+    if (evidence.freshMs !== null) evidence.freshMs = Math.min(evidence.freshMs, atMs);
+    if (evidence.shownMs !== null) evidence.shownMs = Math.min(evidence.shownMs, atMs);
+    if (seq !== null && seq === this.state?.seq && ageMs !== null) this.#shows(atMs - ageMs);
   }
 
   /** Records when the shown pose was new. A frame of unknown age (null) does not make it younger. */
@@ -204,6 +216,7 @@ export class RobotTwin {
 
   /** Adds an event. The relay repeats its last hundred at every join, so known ones are dropped. */
   acceptEvent(event: EventMessage): void {
+    if (this.#isDeleted(event)) return;
     if (this.events.some((known) => known.n === event.n && known.at === event.at)) return;
     const newest = this.events.at(-1);
     // A number that goes back means that the relay has restarted its count: the earlier events no longer belong to its list.
@@ -216,10 +229,22 @@ export class RobotTwin {
   acceptEarlier(earlier: readonly EventMessage[], isAll: boolean): void {
     // end events made up for missed ones (`stream/handover/missed_ends.ts`) are replaced by the real ones
     const known = this.events.filter(({ n }) => earlier.length === 0 || Number.isInteger(n));
-    const byN = new Map([...earlier, ...known].map((event) => [event.n, event]));
+    const kept = earlier.filter((event) => !this.#isDeleted(event));
+    const byN = new Map([...kept, ...known].map((event) => [event.n, event]));
     this.events = [...byN.values()].sort((a, b) => a.n - b.n).slice(-EVENT_LIMIT);
     this.hasAllEvents = isAll;
     this.#changed();
+  }
+
+  /** Forgets the events of deleted spans (unix ms), also if the relay repeats them. */
+  acceptDeleted(spans: Spans): void {
+    this.deleted = spans;
+    this.events = this.events.filter((event) => !this.#isDeleted(event));
+    this.#changed();
+  }
+
+  #isDeleted({ at }: EventMessage): boolean {
+    return at !== null && isWithin(1000 * at, this.deleted);
   }
 
   /** Sets the viewer's own thresholds. They are kept when the schema changes. */

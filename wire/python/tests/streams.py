@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
+from posecast_testing import count_examples
 from posecast_wire import CODE_MAX, MISSING, Schema, build_schema_text
 
-SLOW = settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+SLOW = settings(max_examples=count_examples(80), deadline=None, suppress_health_check=[HealthCheck.too_slow])
 LABELS = {"s0": ["x"], "s1": ["x", "y", "z"], "s2": [f"j{i}" for i in range(17)]}
 CODES = st.one_of(
     st.integers(-40, 40),

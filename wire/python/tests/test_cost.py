@@ -9,6 +9,7 @@ from collections.abc import Callable
 import pytest
 from hypothesis import given, settings, target
 from hypothesis import strategies as st
+from posecast_testing import count_examples
 from posecast_wire import (
     CODE_MAX,
     MISSING,
@@ -234,7 +235,7 @@ def hostile_schemas(draw: st.DrawFn) -> str:
     return schema_text(labels=labels, fields=fields, mapping=kept, more=draw(COUNTS) * [[]])
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=count_examples(40), deadline=None)
 @given(hostile_schemas())
 def test_no_schema_takes_many_lines_a_byte(text: str) -> None:
     lines = lines_run(Schema.parse, text)

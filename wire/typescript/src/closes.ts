@@ -24,9 +24,10 @@ export const Close = {
  * `backoff`: full jitter, random(0 … min(30 s, 0.5 s × 2^attempt)).
  * `spread`: first after random(0 … retry_s of `bye`, 10 s when it told none), then backoff.
  * `wait`: not before retry_s of `bye` (30 s when it told none), then backoff.
+ * `later`: after random(30 … 60 s), each time: the robot may be added or come back.
  * `never`: not by itself: asking again will not help until a person does something.
  */
-export type Retry = 'backoff' | 'spread' | 'wait' | 'never';
+export type Retry = 'backoff' | 'spread' | 'wait' | 'later' | 'never';
 
 /** Short name, what happened in words a viewer understands, and what comes next. */
 export interface Ending {
@@ -46,7 +47,7 @@ const RETRIES = new Map<number, Retry>([
   [Close.AGE_LIMIT, 'spread'],
   [Close.TOKEN, 'never'],
   [Close.FORBIDDEN, 'never'],
-  [Close.ABSENT, 'never'],
+  [Close.ABSENT, 'later'],
   [Close.TOO_MANY, 'wait'],
 ]);
 

@@ -27,7 +27,8 @@ export interface Hello {
 /**
  * After hello, then at least once a second. `age_ms`, `seq`: of the newest frame; null before any. `degraded`: the
  * relay does not hear of robots just now, for a reason of its own (a gateway without Redis). `over_share`: the robot
- * sends more than its share of the relay, so some of its frames are dropped.
+ * sends more than its share of the relay, so some of its frames are dropped. `clock_ms`: the relay's clock at that
+ * moment, which never steps; only differences are meaningful. Null from a relay that does not tell.
  */
 export interface Status {
   readonly type: 'status';
@@ -36,6 +37,7 @@ export interface Status {
   readonly seq: number | null;
   readonly degraded: boolean;
   readonly over_share: boolean;
+  readonly clock_ms: number | null;
 }
 
 /** `text` is what arrived, to the byte: its hash is the schema's id. */
@@ -73,9 +75,11 @@ export interface ModelMessage {
   readonly hash: string;
 }
 
+/** `t`: as sent. `clock_ms`: the relay's clock, as in `Status`. */
 export interface Pong {
   readonly type: 'pong';
   readonly t: number;
+  readonly clock_ms: number | null;
 }
 
 /**
@@ -204,7 +208,8 @@ function status(r: Reader): Status | null {
   const robot = r.word('robot', ['online', 'silent', 'offline']);
   const [age_ms, seq] = [r.numberOrNull('age_ms'), r.numberOrNull('seq')];
   if (robot === undefined || age_ms === undefined || seq === undefined) return null;
-  return { type: 'status', robot, age_ms, seq, degraded: r.is('degraded'), over_share: r.is('over_share') };
+  const [degraded, over_share] = [r.is('degraded'), r.is('over_share')];
+  return { type: 'status', robot, age_ms, seq, degraded, over_share, clock_ms: r.number('clock_ms') ?? null };
 }
 
 function info(r: Reader): Info | null {
@@ -233,7 +238,7 @@ function model(r: Reader): ModelMessage | null {
 
 function pong(r: Reader): Pong | null {
   const t = r.number('t');
-  return t === undefined ? null : { type: 'pong', t };
+  return t === undefined ? null : { type: 'pong', t, clock_ms: r.number('clock_ms') ?? null };
 }
 
 function bye(r: Reader): Bye | null {

@@ -141,6 +141,17 @@ test('the codes handed out are the caller’s: writing into them spoils no base'
   }
 });
 
+test('a REF stays with its KEY, and the same KEY again keeps it', () => {
+  const schema = parseSchema(FRAME_FILES[0]!.schemas.one!);
+  const encoder = new Encoder(schema, 4, 2);
+  const decoder = decoderOf(schema);
+  const [key, , ref, plain] = [0, 1, 2, 3].map((i) => encoder.encode([i], i, i / 10, 0));
+  for (const frame of [key!, ref!, key!]) decoder.decode(frame);
+  expect(Array.from(decoder.decode(plain!).codes)).toEqual([3]);
+  decoder.decode(encoder.encode([9], 4, 0.4, 0, true));
+  expect(() => decoder.decode(plain!)).toThrow(BaseUnknown);
+});
+
 test('a fifth schema pushes out the oldest, and the base in use stays', () => {
   const schemas = ['a', 'b', 'c', 'd', 'e'].map((robot) =>
     parseSchema(

@@ -5,12 +5,20 @@ import { parseRelayMessage } from '../src/index.ts';
 const HASH = 'a'.repeat(64);
 
 test.each([
-  { type: 'status', robot: 'silent', age_ms: 1700, seq: 12, degraded: true, over_share: false },
-  { type: 'status', robot: 'offline', age_ms: null, seq: null, degraded: false, over_share: true },
+  { type: 'status', robot: 'silent', age_ms: 1700, seq: 12, degraded: true, over_share: false, clock_ms: 7 },
+  {
+    type: 'status',
+    robot: 'offline',
+    age_ms: null,
+    seq: null,
+    degraded: false,
+    over_share: true,
+    clock_ms: null,
+  },
   { type: 'event', n: 3, t: 1.5, at: 1e9, level: 'fault', source: 'RKN', text: 'jam', state: 'on' },
   { type: 'rate', hz: 10, reason: 'busy' },
   { type: 'model', hash: HASH },
-  { type: 'pong', t: 5 },
+  { type: 'pong', t: 5, clock_ms: 7 },
   { type: 'bye', code: 1012, reason: 'drain', retry_s: 8 },
   { type: 'bye', code: 1013, reason: 'full', retry_s: 30, lane: 'past/public' },
   { type: 'bye', code: 1013, reason: 'full', retry_s: null, lane: 'x'.repeat(300) },
@@ -90,7 +98,11 @@ test.each([null, 7, true, ['past/public'], { at: 'past/public' }, 'x'.repeat(301
 );
 
 test('of a member named twice the last counts', () => {
-  expect(parseRelayMessage('{"type":"bye","t":"x","type":"pong","t":-0.0}')).toEqual({ type: 'pong', t: -0 });
+  expect(parseRelayMessage('{"type":"bye","t":"x","type":"pong","t":-0.0}')).toEqual({
+    type: 'pong',
+    t: -0,
+    clock_ms: null,
+  });
 });
 
 test('never throws', () => {

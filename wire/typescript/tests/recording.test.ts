@@ -1,4 +1,5 @@
-import { describe, expect, test } from 'vitest';
+import { constants, gunzipSync, gzipSync } from 'node:zlib';
+import { afterEach, describe, expect, test, vi } from 'vitest';
 import {
   checkSegment,
   decodeRecording,
@@ -146,6 +147,27 @@ test('events are read as live, and those of later are none', () => {
   expect(eventOf({ atMs: 0, event: { type: 'event' } })).toBeNull();
 });
 
+/** Unpacks as Chromium does: all of a chunk at once, whether or not anybody reads what comes out. */
+class EagerGunzip extends TransformStream<Uint8Array, Uint8Array> {
+  static unpackedBytes = 0;
+
+  constructor() {
+    const chunks: Uint8Array[] = [];
+    let given = 0;
+    super({
+      transform(chunk, out) {
+        chunks.push(chunk);
+        const whole = gunzipSync(Buffer.concat(chunks), { finishFlush: constants.Z_SYNC_FLUSH });
+        EagerGunzip.unpackedBytes += whole.length - given;
+        out.enqueue(new Uint8Array(whole.subarray(given)));
+        given = whole.length;
+      },
+    });
+  }
+}
+
+afterEach(() => void vi.unstubAllGlobals());
+
 test.each(packed)('a packed segment: $says', async ({ bytes: parts, says }) => {
   const data = bytes(parts.map(([digits, times]) => digits.repeat(times)).join(''));
   const said = await unpackSegment(data.slice()).then(
@@ -153,6 +175,17 @@ test.each(packed)('a packed segment: $says', async ({ bytes: parts, says }) => {
     (error: unknown) => (error instanceof SegmentError ? error.message : String(error)),
   );
   expect(said).toBe(says);
+});
+
+test('a packed segment is unpacked only a little further than a segment may go', async () => {
+  vi.stubGlobal('DecompressionStream', EagerGunzip);
+  EagerGunzip.unpackedBytes = 0;
+  const bomb = new Uint8Array(gzipSync(new Uint8Array(64 << 20)));
+  await expect(unpackSegment(bomb)).rejects.toThrow('gzip: over 2097174 bytes');
+  expect(EagerGunzip.unpackedBytes).toBeLessThan(16 << 20);
+  const segment = new Uint8Array(2_000_000).fill(7);
+  const unpacked = await unpackSegment(new Uint8Array(gzipSync(segment)));
+  expect(Buffer.compare(unpacked, segment)).toBe(0);
 });
 
 test('where files lie', () => {

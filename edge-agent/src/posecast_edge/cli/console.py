@@ -1,7 +1,8 @@
 """The agent's stderr: log lines, and one progress line that a terminal updates in place.
 
-At most LINES_MAX lines are written a second, then one line that counts the rest. Writing never blocks: output
-that does not fit into the terminal or pipe is dropped and counted.
+At most LINES_MAX lines are written a second. WAITING_MAX others wait for the next seconds, and one line
+counts the rest. Writing never blocks: output that does not fit into the terminal or pipe is dropped and
+counted.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import logging
 import select
 import sys
 import time
+from collections import deque
 from collections.abc import Callable
 from typing import TextIO
 
@@ -20,6 +22,7 @@ from posecast_edge.visible import make_visible
 TTY_EVERY_S = 0.5
 PLAIN_EVERY_S = 5.0
 LINES_MAX = 8  # a second; an error, which ends the agent, is always written
+WAITING_MAX = 100  # lines; each names something else that is wrong
 OURS = "posecast_edge"  # loggers
 CLEAR = "\r\x1b[K"
 STYLES = ((logging.ERROR, "red"), (logging.WARNING, "yellow"))  # of a line's prefix, with colours on
@@ -40,6 +43,7 @@ class Console(logging.Handler):
         self._second_s = float("-inf")
         self._lines = 0  # since then
         self._left_out = 0
+        self._waiting: deque[tuple[str, int]] = deque()  # lines and their levels
         self._out = out or sys.stderr
         self._in_place = self._out.isatty()
         self._shown = ""
@@ -49,20 +53,41 @@ class Console(logging.Handler):
         """Write a log record on its own line, above the progress line."""
         self._begin_second(self._now_s())
         ours = record.name.partition(".")[0] == OURS
-        if self._lines >= LINES_MAX and not (ours and record.levelno >= logging.ERROR):
-            self._left_out += 1
+        text = record.getMessage() if ours else _of_library(record)
+        if ours and record.levelno >= logging.ERROR:
+            self._write_waiting(self._lines + WAITING_MAX)
+        elif self._lines >= LINES_MAX or self._waiting:
+            if len(self._waiting) < WAITING_MAX:
+                self._waiting.append((make_visible(text), record.levelno))
+            else:
+                self._left_out += 1
             return
         self._lines += 1
-        self._line(record.getMessage() if ours else _of_library(record), record.levelno)
+        self._line(text, record.levelno)
 
     def _begin_second(self, now_s: float) -> None:
         if now_s - self._second_s < 1.0:
             return
-        self._second_s, self._lines = now_s, 0
-        if self._left_out and self._has_room():
-            left_out, self._left_out = self._left_out, 0
-            self._lines = 1
-            self._line(f"{left_out} more lines dropped")
+        self.acquire()  # the agent's clock calls this too
+        try:
+            self._second_s, self._lines = now_s, 0
+            if self._left_out and self._has_room():
+                left_out, self._left_out = self._left_out, 0
+                self._lines = 1
+                self._line(f"{left_out} more lines dropped")
+            self._write_waiting(LINES_MAX)
+        finally:
+            self.release()
+
+    def _write_waiting(self, most: int) -> None:
+        while self._waiting and self._lines < most:
+            self._lines += 1
+            self._line(*self._waiting.popleft())
+
+    def close(self) -> None:
+        """Write what waits: the program ends."""
+        self._write_waiting(self._lines + WAITING_MAX)
+        super().close()
 
     def _line(self, text: str, level: int = logging.INFO) -> None:
         if not self._has_room():
@@ -77,7 +102,9 @@ class Console(logging.Handler):
         self._write(f"{clear}{head} {make_visible(text)}\n{self._shown}")
 
     def is_due(self, now_s: float) -> bool:
-        """Whether it is time for the next progress line (monotonic seconds)."""
+        """Whether it is time for the next progress line (monotonic seconds). Call it often: it also writes
+        lines that wait."""
+        self._begin_second(self._now_s())
         return now_s >= self._next_s
 
     def show_progress(self, text: str, now_s: float) -> None:

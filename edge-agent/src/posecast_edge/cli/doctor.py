@@ -15,6 +15,7 @@ from posecast_edge.model.urdf.types import Joint, Urdf
 from posecast_edge.pipeline.source_stats import POSITION, WAIT_S, ChannelStats, SourceStats
 from posecast_edge.profile.field_defaults import guess_unit
 from posecast_edge.profile.types import FieldSpec, Profile
+from posecast_edge.visible import many
 
 MOVING = ("revolute", "continuous", "prismatic")
 SLACK = 0.02  # rad or m past a limit that is not reported: encoders and servos overshoot
@@ -65,7 +66,7 @@ def _clock(seen: SourceStats) -> Iterator[Finding]:
 
 def _rate(seen: SourceStats, hz: float) -> Iterator[Finding]:
     if seen.samples < 3:
-        yield Finding("warning", "rate-few", f"only {_many(seen.samples, 'sample')} arrived")
+        yield Finding("warning", "rate-few", f"only {many(seen.samples, 'sample')} arrived")
     elif seen.rate_hz < 0.9 * hz:
         text = f"the source delivers {seen.rate_hz:.3g} samples a second; --hz asks for {hz:g}"
         yield Finding("hint", "rate-low", text)
@@ -115,7 +116,7 @@ def _fields(seen: SourceStats, profile: Profile) -> Iterator[Finding]:
     for spec in profile.fields:
         if spec.name in seen.wrong_lengths:
             given = seen.wrong_lengths[spec.name]
-            text = f"{spec.name} has {given} values, but the profile has {len(spec.labels)} labels"
+            text = f"{spec.name} has {many(given, 'value')}, but the profile has {len(spec.labels)} labels"
             yield Finding("error", "field-length", text)
             continue
         channels = seen.fields.get(spec.name)
@@ -271,10 +272,6 @@ def _the(what: str, names: Sequence[str]) -> str:
 def _names(names: Sequence[str]) -> str:
     shown = ", ".join(quote_name(name) for name in names[:SHOWN])
     return f"{shown} and {len(names) - SHOWN} more" if len(names) > SHOWN else shown
-
-
-def _many(number: int, what: str) -> str:
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 def _times(number: int) -> str:

@@ -42,6 +42,7 @@ from posecast_edge.profile.types import Profile
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.base import Discovering
 from posecast_edge.sources.registry import find_defaults, open_source
+from posecast_edge.visible import many
 
 DESCRIPTION = "robot_description"
 UP_AXIS_HELP = "apply or ignore the up axis that Collada meshes declare; auto: decide by what fits (auto)"
@@ -143,7 +144,7 @@ def _doctor(args: argparse.Namespace, packages: Sequence[Path]) -> int:
         findings += _source(args, profile, urdf)
     if profile is not None and urdf is None and args.source is None:
         channels = sum(len(f.labels) for f in profile.fields)
-        counts = f"{_many(len(profile.fields), 'field')}, {_many(channels, 'channel')}"
+        counts = f"{many(len(profile.fields), 'field')}, {many(channels, 'channel')}"
         _print(sys.stdout, f"{args.profile}: {counts}: {_counted(findings)}")
     return PROBLEMS if any(f.severity != "hint" for f in findings) else CLEAN
 
@@ -168,7 +169,7 @@ def _model(
         facts = collect_facts(files)
     findings = examine_model(urdf, tree, facts, profile.mapping if profile else None, lost)
     _list(findings, lambda _: _name_lines(path))
-    counts = f"{_many(len(urdf.links), 'link')}, {_many(len(urdf.joints), 'joint')}"
+    counts = f"{many(len(urdf.links), 'link')}, {many(len(urdf.joints), 'joint')}"
     _print(sys.stdout, f"{path}: robot {quote_name(urdf.name)}, {counts}: {_counted(findings)}")
     return findings
 
@@ -190,7 +191,7 @@ def _source(args: argparse.Namespace, profile: Profile | None, urdf: Urdf | None
     findings = examine_source(seen, urdf, args.hz, given=profile is not None)
     # a finding with a line number is about the URDF
     _list(findings, lambda finding: str(args.urdf or DESCRIPTION) if finding.line else args.source)
-    rate = f"{_many(seen.samples, 'sample')}, {seen.rate_hz:.1f} a second"
+    rate = f"{many(seen.samples, 'sample')}, {seen.rate_hz:.1f} a second"
     _print(sys.stdout, f"{args.source}: {rate}: {_counted(findings)}")
     return findings
 
@@ -210,11 +211,7 @@ def _list(findings: Sequence[Finding], name_file: Callable[[Finding], str]) -> N
 
 def _counted(findings: Sequence[Finding]) -> str:
     counts = [(sum(f.severity == s for f in findings), s) for s in SEVERITIES]
-    return ", ".join(_many(n, s) for n, s in counts if n) or "nothing wrong"
-
-
-def _many(number: int, what: str) -> str:
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+    return ", ".join(many(n, s) for n, s in counts if n) or "nothing wrong"
 
 
 def _build(args: argparse.Namespace, packages: Sequence[Path], cache: Path | None) -> int:
@@ -245,8 +242,8 @@ def _report(path: Path, out: Path, manifest: Mapping[str, Any], program: str) ->
             said = Finding(finding["severity"], finding["code"], finding["text"], finding.get("line"))
             _print_finding(sys.stderr, said, _name_lines(path))
     stand_ins = sum("placeholder" in v for v in manifest["visuals"])
-    more = f", {_many(stand_ins, 'placeholder')} among them" if stand_ins else ""
-    links, visuals = _many(len(manifest["links"]), "link"), _many(len(manifest["visuals"]), "visual")
+    more = f", {many(stand_ins, 'placeholder')} among them" if stand_ins else ""
+    links, visuals = many(len(manifest["links"]), "link"), many(len(manifest["visuals"]), "visual")
     _print(sys.stdout, f"{out}: {links}, {visuals}{more}")
     for level in manifest["levels"]:
         size, error = f"{level['bytes'] / 1e3:,.0f} kB", f"{level['error_m'] * 1e3:.2g} mm"

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from posecast_edge.model.finding import Finding, ModelRefused
 from posecast_edge.model.urdf.reader import BYTES_MAX, load_urdf, read_urdf
-from posecast_edge.model.urdf.resolver import Resolver
+from posecast_edge.model.urdf.resolver import Resolver, open_file
 from posecast_edge.model.urdf.types import Urdf
 from posecast_edge.model.urdf.xml_tree import read_root_tag
 
@@ -40,7 +40,7 @@ def find_format(path: Path) -> str:
     """The format, from the file's content: `urdf`, `xacro`, `sdf` or `mjcf`. A file that can't be read, or
     has another root element, counts as `urdf`, whose reader reports the problem."""
     try:
-        with path.open("rb") as source:
+        with open_file(path) as source:
             content = source.read(BYTES_MAX)
     except OSError:
         return "urdf"

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import sys
 import threading
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 
 from posecast_wire.mapping import JOINT, JointMap
 
-from posecast_edge.profile.schema import infer_profile
+from posecast_edge.pipeline.inferred_channels import InferredChannels
 from posecast_edge.profile.types import Profile
 from posecast_edge.sample import Reading, Sample, SourceError
 from posecast_edge.sources.base import Source
+
+log = logging.getLogger("posecast_edge")
 
 WAIT_S = 5.0  # for the first sample
 WATCH_MAX_S = 3600.0
@@ -74,7 +76,8 @@ class SourceStats:
         self.steps_back = 0
         self.wrong_lengths: dict[str, int] = {}  # field → number of values received
         self.quaternions: ChannelStats = ChannelStats()  # norms
-        self.profile = profile  # the given one, or one inferred from the first sample if possible
+        self.profile = profile  # the given one, or the one that an agent would infer
+        self._channels = None if profile else InferredChannels("robot", log.warning)
         self._labels: dict[str, tuple[str, ...]] = {}
         self._maps: dict[str, JointMap] = {}
         if profile:
@@ -92,11 +95,11 @@ class SourceStats:
 
     def add(self, sample: Sample, now_s: float) -> None:
         """Count one sample that arrived at `now_s`."""
+        if self._channels is not None:
+            sample = self._channels.take(sample, now_s)
+            if self._channels.profile is not None and self._channels.profile is not self.profile:
+                self._learn(self._channels.profile)
         if self.samples == 0:
-            if self.profile is None:
-                with suppress(SourceError):
-                    self.profile = infer_profile("robot", sample)
-                    self._learn(self.profile)
             self.arrivals_s, self.times_s = (now_s, now_s), (sample.t_s, sample.t_s)
         self.longest_gap_s = max(self.longest_gap_s, now_s - self.arrivals_s[1])
         self.steps_back += sample.t_s < self.times_s[1]
@@ -123,7 +126,21 @@ class SourceStats:
             for joint, how in self._maps.items():
                 self.joints.setdefault(joint, ChannelStats()).add(_position(how, position))
 
+    def finish(self) -> None:
+        """Without a given profile, keep only what `run` shows: not what can't become a channel."""
+        if self._channels is None:
+            return
+        self._channels.grow()
+        if self._channels.profile is not None:
+            self._learn(self._channels.profile)
+        self.fields = {
+            name: {label: channel for label, channel in channels.items() if label in self._labels[name]}
+            for name, channels in self.fields.items()
+            if name in self._labels
+        }
+
     def _learn(self, profile: Profile) -> None:
+        self.profile = profile
         self._labels = {f.name: f.labels for f in profile.fields}
         self._maps = dict(profile.mapping.joints)
         for label in next((f.labels for f in profile.fields if f.label_set == JOINT), ()):
@@ -194,6 +211,7 @@ def observe_source(source: Source, seconds: float, profile: Profile | None = Non
         if time.monotonic() - since_s >= enough_s:
             stop.set()
     thread.join(2.0)
+    seen.finish()
     if failure:
         e = failure[0]
         raise e if isinstance(e, SourceError) else SourceError(f"{type(e).__name__}: {e}")

@@ -19,12 +19,12 @@ from posecast_wire.keys import Snapshot
 from posecast_wire.quantiser import Quantiser
 from posecast_wire.schema import Schema
 
+from posecast_edge.part_log import PartLog
 from posecast_edge.pipeline.events import Event, EventLimit, EventWatch
 from posecast_edge.pipeline.flattener import SampleFlattener
 from posecast_edge.pipeline.sampler import NEVER, LeftOver, Sampler
 from posecast_edge.profile.schema import make_schema_text
 from posecast_edge.profile.types import Profile
-from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import Sample
 from posecast_edge.visible import quote
 
@@ -45,13 +45,20 @@ class Frame:
 class Stream:
     """Encodes one view of one robot, with the channels of that view's profile."""
 
-    def __init__(self, profile: Profile, key_interval_s: float, say: Callable[[str], None]) -> None:
-        """`say` is called with lines about bad input. Raises SchemaError when the wire format can't carry
-        the profile."""
+    def __init__(
+        self,
+        profile: Profile,
+        key_interval_s: float,
+        say: Callable[[str], None],
+        says_unknown: bool = True,
+    ) -> None:
+        """`say` is called with lines about bad input; `says_unknown`: also about names that the profile
+        lacks. Raises SchemaError when the wire format can't carry the profile."""
         self.schema = Schema.parse(make_schema_text(profile))
-        self._say = say
-        self._flattener = SampleFlattener(self.schema, say)
-        self._untimed = RateLimitedLog(say, "samples without a time")
+        self._say, self._says_unknown = say, says_unknown
+        self._wrong = PartLog(say, "wrong values")
+        self._flattener = SampleFlattener(self.schema, say, says_unknown, self._wrong)
+        self._untimed = PartLog(say, "samples without a time")
         self._key_interval_s = key_interval_s
         self._deadbands = {f.name: f.deadband for f in profile.fields}
         self._strides = {f.name: f.strides for f in profile.fields}
@@ -65,7 +72,7 @@ class Stream:
         self._info: dict[str, str] = {}
         self._info_bytes = 0
         self._said: Mapping[str, str] = {}  # texts of the newest sample that had some
-        self._too_much = RateLimitedLog(say, "texts too many")
+        self._too_much = PartLog(say, "texts too many")
         self._texts = profile.info  # None: all
         self._seq = -1  # of the newest frame
 
@@ -105,7 +112,7 @@ class Stream:
             self._sampler = Sampler(self._make_quantiser())
             self._encoder = Encoder(schema, self._key_interval_s)
             self._picture = None
-        self._flattener = SampleFlattener(schema, self._say)
+        self._flattener = SampleFlattener(schema, self._say, self._says_unknown, self._wrong)
         with self._events_lock:
             self._watch.change_schema(schema)
 
@@ -115,25 +122,24 @@ class Stream:
     def deliver(self, sample: Sample, now_s: float) -> list[Event]:
         """Take a sample that arrives at `now_s` and return the events that it causes."""
         if not math.isfinite(sample.t_s):
-            self._untimed.add(f"a sample with time {sample.t_s} is dropped", now_s)
+            self._untimed.add("time", f"a sample with time {sample.t_s} is dropped")
             return []
         if sample.exact:
             values = cast("Mapping[str, Sequence[float | None]]", sample.values)
             if sample.newest:
-                self._sampler.offer(sample.t_s, partial(self._flat, values), now_s)
+                self._sampler.offer(sample.t_s, partial(self._flat, values, sample), now_s)
         else:
-            flat = self._flattener.flatten(sample, now_s)
+            flat = self._flattener.flatten(sample)
             values = {f.name: flat[f.start : f.start + f.size] for f in self.schema.fields}
             if sample.newest:
                 self._sampler.offer(sample.t_s, flat, now_s)
         if sample.info:
-            self._take_info(sample, now_s)
+            self._take_info(sample)
         with self._events_lock:
             events = self._watch.check_sample(sample.t_s, values.get, now_s)
             return self._limit.admit(events, now_s) if events else events
 
-    def _take_info(self, sample: Sample, now_s: float) -> None:
-        self._too_much.tick(now_s)
+    def _take_info(self, sample: Sample) -> None:
         said, self._said = self._said, sample.info
         if sample.info == said:  # the common case
             return
@@ -150,14 +156,16 @@ class Stream:
                 continue
             where = f"{sample.where}: " if sample.where else ""
             most = f"{INFO_MAX} texts, {INFO_BYTES} bytes in all"
-            self._too_much.add(f"{where}info {quote(name)} is left out: at most {most}", now_s)
+            self._too_much.add(name, f"{where}info {quote(name)} is left out: at most {most}")
 
-    def _flat(self, values: Mapping[str, Sequence[float | None]]) -> list[float | None]:
+    def _flat(self, values: Mapping[str, Sequence[float | None]], sample: Sample) -> list[float | None]:
         """Values in channel order."""
         flat: list[float | None] = []
         for f in self.schema.fields:
             of_field = values.get(f.name)
-            flat += [None] * f.size if of_field is None else of_field
+            flat += (
+                [None] * f.size if of_field is None else self._flattener.drop_too_large(f, of_field, sample)
+            )
         return flat
 
     def check_time(self, now_s: float, trouble: str = "") -> list[Event]:

@@ -71,6 +71,8 @@ WELL_KNOWN = {
     "diag": WellKnown("", 1.0),
 }
 
+JOINT_FIELDS = frozenset(name for name, known in WELL_KNOWN.items() if known.joints)
+
 # field → its defaults for sliding joints, if the robot or its model reports them. Halving a step costs one
 # bit per joint of the field, so only positions have steps of 0.1 mm.
 SLIDING = {
@@ -96,10 +98,9 @@ SITES_OF = {
 
 PLAIN = WellKnown("", 0.001)  # an unknown field: shown as a plain table
 
-# The bits that these names mean for a robot without a profile, least significant first.
+# The bits that any robot without a profile can report, least significant first. `homed` and `enabled` are
+# added once the robot names them: a robot that never does is not one that is switched off.
 FLAG_BITS = (
-    "homed",
-    "enabled",
     "jam",
     "pwmSaturated",
     "bigError",

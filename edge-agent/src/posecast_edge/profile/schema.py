@@ -1,13 +1,14 @@
-"""Makes the schema from the profile and, without a profile, infers one from the first sample."""
+"""Makes the schema from the profile and, without a profile, infers one from a sample's fields and labels."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
+from posecast_wire.checked import is_text
 from posecast_wire.mapping import JOINT, BalanceRule, SensorMount, Sentence, Threshold
 from posecast_wire.mapping import Mapping as Meaning
-from posecast_wire.schema import BITS_MAX, CHANNELS_MAX, FIELD_NAME, build_schema_text
+from posecast_wire.schema import BITS_MAX, build_schema_text
 
 from posecast_edge.profile.field_defaults import (
     DIAG_BITS,
@@ -20,9 +21,10 @@ from posecast_edge.profile.field_defaults import (
 )
 from posecast_edge.profile.types import FieldSpec, Profile
 from posecast_edge.sample import Reading, Sample, SourceError, Values
-from posecast_edge.visible import quote
 
 FLAGS, DIAG = "flags", "diag"
+MASKS = range(1 << BITS_MAX)
+MASK_BITS = {f"bit{i}": 1 << i for i in range(BITS_MAX)}  # the bits of a mask have no names of their own
 
 
 def make_schema_text(profile: Profile) -> str:
@@ -99,40 +101,26 @@ def _threshold(t: Threshold) -> dict[str, float]:
 
 
 def infer_profile(robot: str, sample: Sample, sliding: Collection[str] = ()) -> Profile:
-    """Infer a profile from a robot's first sample: its fields and labels, with units and scales of well-known
-    field names. Fields and labels that appear only later are not included.
+    """Infer a profile from a sample's fields and labels, with units and scales of well-known field names. A
+    field without labels is left out, unless it has a value for each joint.
 
     `sliding`: joints that slide according to the robot's model, in addition to those in the sample.
 
-    Raises SourceError when the sample is not enough: values without labels, nothing usable, too many
-    channels.
+    Raises SourceError when the sample names no channel.
     """
     joints = _joint_labels(sample)
     labels: dict[str, tuple[str, ...]] = {}
     sets: dict[tuple[str, ...], str] = {}  # the label sets in `labels`, by content
     fields: dict[str, FieldSpec] = {}
-    channels = 0
     # in the well-known order, so that ref comes before pos, which is relative to it
     names = [n for n in WELL_KNOWN if n in sample.values] + [n for n in sample.values if n not in WELL_KNOWN]
     for name in names:
         values = sample.values[name]
         default = WELL_KNOWN.get(name, PLAIN)
-        if not FIELD_NAME.fullmatch(name):
-            raise SourceError(f"{quote(name)} is not a field name: use letters, digits and _, no digit first")
-        if default.joints:
-            label_set, own = JOINT, joints
-        elif isinstance(values, Mapping):
-            own = tuple(values)
-            label_set = sets.get(own, name)
-        else:
-            raise SourceError(_unlabelled(name, values))
-        if not own:
+        own = joints if default.joints else tuple(values) if isinstance(values, Mapping) else ()
+        if not own or not (isinstance(values, Mapping) or len(values) == len(own)):
             continue
-        if not isinstance(values, Mapping) and len(values) != len(own):
-            raise SourceError(_unlabelled(name, values))
-        channels += len(own)
-        if channels > CHANNELS_MAX:
-            raise SourceError(f"it names more than {CHANNELS_MAX} channels")
+        label_set = JOINT if default.joints else sets.get(own, name)
         labels[label_set] = own
         sets.setdefault(own, label_set)
         bits = _flag_bits(values) if name == FLAGS else DIAG_BITS if name == DIAG else ()
@@ -140,7 +128,7 @@ def infer_profile(robot: str, sample: Sample, sliding: Collection[str] = ()) -> 
         scale = 1.0 if bits else default.scale
         fields[name] = FieldSpec(name, label_set, own, default.unit, scale, rel=rel, bits=bits)
     if not fields:
-        raise SourceError("the first sample names no channel")
+        raise SourceError("it names no channel")
     severities = {
         f.name: states
         for f in fields.values()
@@ -149,23 +137,6 @@ def infer_profile(robot: str, sample: Sample, sliding: Collection[str] = ()) -> 
     meaning = Meaning(sensors=_mounts(sample), severities=severities)
     profile = Profile(robot, tuple(fields.values()), labels, meaning)
     return mark_sliding(profile, {*sample.sliding, *sliding})
-
-
-def join_channels(first: Sample, later: Sample) -> Sample:
-    """The first sample plus the fields and channels that only the later one has, to infer a profile from.
-    Values and order of the first sample stay."""
-    values: dict[str, Values] = dict(first.values)
-    for name, new in later.values.items():
-        old = values.get(name)
-        if old is None:
-            values[name] = new
-        elif isinstance(old, Mapping) and isinstance(new, Mapping):
-            own = {label: reading for label, reading in new.items() if label not in old}
-            if name == FLAGS:  # a mask would remove the names of bits that have one
-                own = {label: None if isinstance(r, int) else r for label, r in own.items()}
-            values[name] = {**old, **own}
-    links = {**later.links, **first.links}
-    return first._replace(values=values, links=links, sliding=first.sliding | later.sliding)
 
 
 def mark_sliding(profile: Profile, sliding: Collection[str]) -> Profile:
@@ -200,7 +171,11 @@ def _mounts(sample: Sample) -> dict[str, SensorMount]:
         if isinstance(values := sample.values.get(name), Mapping)
         for label in values
     }
-    return {s: SensorMount(kinds[s], s, link) for s, link in sample.links.items() if s in kinds}
+    return {
+        site: SensorMount(kinds[site], site, link)
+        for site, link in sample.links.items()
+        if site in kinds and is_text(site) and is_text(link)
+    }
 
 
 def _joint_labels(sample: Sample) -> tuple[str, ...]:
@@ -212,13 +187,20 @@ def _joint_labels(sample: Sample) -> tuple[str, ...]:
     return tuple(found)
 
 
+def list_bits(reading: object, most: int = BITS_MAX) -> Iterator[str]:
+    """The names in a list of bits, of the first `most` items, or the MASK_BITS that a mask has set."""
+    if isinstance(reading, (list, tuple)):
+        yield from (bit for bit in reading[:most] if isinstance(bit, str))
+    elif type(reading) is int and reading in MASKS:
+        yield from (name for name, bit in MASK_BITS.items() if reading & bit)
+
+
 def _flag_bits(values: Values) -> tuple[str, ...]:
+    """All bits that the flags name, and the usual ones as far as there is room: then a fault that appears
+    needs no new schema."""
     readings: Sequence[Reading] = list(values.values() if isinstance(values, Mapping) else values)
-    if any(isinstance(r, int) for r in readings):  # a mask without names for its bits
-        return tuple(f"bit{i}" for i in range(BITS_MAX))
-    named = [bit for r in readings if isinstance(r, (list, tuple)) for bit in r if isinstance(bit, str)]
-    return tuple(dict.fromkeys((*FLAG_BITS, *named)))[:BITS_MAX]
-
-
-def _unlabelled(name: str, values: Values) -> str:
-    return f"{name} has {len(values)} values without labels: name them, or give a --profile"
+    own = dict.fromkeys(bit for reading in readings for bit in list_bits(reading, BITS_MAX))
+    usual = MASK_BITS if own and own.keys() <= MASK_BITS.keys() else FLAG_BITS
+    room = BITS_MAX - len(own)
+    spare = [bit for bit in usual if bit not in own][: max(room, 0)]
+    return tuple(dict.fromkeys((*(bit for bit in usual if bit in own or bit in spare), *own)))[:BITS_MAX]

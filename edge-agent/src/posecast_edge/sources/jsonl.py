@@ -19,14 +19,15 @@ import select
 import stat
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from posecast_edge import clock
-from posecast_edge.rate_limited_log import RateLimitedLog
-from posecast_edge.sample import Sample, SourceError
+from posecast_edge.part_log import PartLog, kind_of
+from posecast_edge.sample import Sample, SourceError, explain_time, read_time
 from posecast_edge.sources.base import Deliver, Source
+from posecast_edge.sources.sites import has_lists, split_lists
 from posecast_edge.visible import make_visible
 
 if TYPE_CHECKING:
@@ -42,7 +43,6 @@ MAX_DIGITS = 500  # of an integer: Python's parser takes quadratic time
 MAX_INFO = 32  # entries per line
 MAX_INFO_CHARS = 200
 MAX_PAUSE_S = 10.0  # between two lines of a file; a longer gap is skipped
-MAX_T_S = 1e12  # beyond it a double loses the milliseconds
 NAME_SHOWN = VALUE_SHOWN = 40  # characters, in a message
 POLL_S = 0.1
 QUIET_S = 0.005
@@ -51,7 +51,12 @@ BACKLOG_S = 0.5  # a writer ahead of its reader for this long is always ahead
 
 
 class LineError(ValueError):
-    """A line that can't be turned into a sample; the text gives the reason."""
+    """A line that can't be turned into a sample; the text gives the reason. `parts`: part of the line → what
+    is wrong with it, as of `parse_line`."""
+
+    def __init__(self, reason: str, parts: Mapping[str, str] | None = None) -> None:
+        super().__init__(reason)
+        self.parts = parts or {kind_of(reason): reason}
 
 
 def open_source(address: str, profile: Profile | None) -> Source:
@@ -77,7 +82,7 @@ class JsonlSource:
         self._paced = stat.S_ISREG(os.fstat(fd).st_mode)
         self._started = False
         self._start_s = 0.0  # clock.now_s() when the file's clock was 0
-        self._bad = RateLimitedLog(log.warning, "bad lines")
+        self._bad = PartLog(log.warning, "bad lines")
         self._lines = LineSplitter(MAX_LINE)
         self._too_large_s = -math.inf  # when a line was too large
         self._number = 0  # of the newest line
@@ -96,7 +101,6 @@ class JsonlSource:
         chunk: bytes | None = None
         while not stop.is_set() and chunk != b"":
             chunk = self._read()
-            self._bad.tick(clock.now_s())
             for line in self._lines.flush() if chunk == b"" else self._lines.feed(chunk or b""):
                 self._number += 1
                 self._take(line, deliver, stop)
@@ -104,7 +108,7 @@ class JsonlSource:
                     return
             if self._waiting is not None and (chunk == b"" or self._is_newest()):
                 self._deliver_waiting(deliver, newest=True)
-        self._bad.flush(clock.now_s())
+        self._bad.flush()
 
     def _take(self, line: bytes, deliver: Deliver, stop: threading.Event) -> None:
         if not line or line.isspace():
@@ -115,10 +119,11 @@ class JsonlSource:
         except LineError as e:
             if len(line) > MAX_LINE:
                 self._too_large_s = now_s
-            self._bad.add(f"{where}: {e}", now_s)
+            for part, text in e.parts.items():
+                self._bad.add(part, f"{where}: {text}")
             return
-        for text in wrong:
-            self._bad.add(f"{where}: {text}", now_s)
+        for part, text in wrong.items():
+            self._bad.add(part, f"{where}: {text}")
         if self._waiting is not None:
             self._deliver_waiting(deliver, newest=False)
         if self._paced:
@@ -212,25 +217,35 @@ class LineSplitter:
         self._overlong = False
 
 
-def parse_line(line: bytes, arrival_s: float, where: str = "") -> tuple[Sample, list[str]]:
-    """Parse a line into a sample and a list of complaints about members that were left out. NaN and Infinity
-    are "no reading". Raises LineError when there is no sample at all."""
+def parse_line(line: bytes, arrival_s: float, where: str = "") -> tuple[Sample, dict[str, str]]:
+    """Parse a line into a sample and complaints about parts that were left out: the part, which is the same
+    each time, → the text. NaN and Infinity are "no reading". Raises LineError when there is no sample at
+    all."""
     value = _object(line)
-    t_s = value.pop("t", arrival_s)
-    if isinstance(t_s, bool) or not isinstance(t_s, (int, float)) or not abs(t_s) < MAX_T_S:
-        raise LineError(f"t is {_json(t_s)}, not a number of seconds")
-    wrong: list[str] = []
+    wrong: dict[str, str] = {}
+    t = value.pop("t", arrival_s)
+    t_s = read_time(t)
+    if t_s is None:
+        wrong["t"] = explain_time(t, _json(t))
+        t_s = arrival_s
     info = _info(value.pop("info", {}), wrong)
+    value = {name: values for name, values in value.items() if values is not None}  # null: no reading
     fields = {name: values for name, values in value.items() if isinstance(values, (list, dict))}
     if len(fields) < len(value):
-        wrong += [
-            f"{make_visible(name, NAME_SHOWN)} is {_json(values)}, not a list or an object"
+        wrong |= {
+            name: f"{make_visible(name, NAME_SHOWN)} is {_json(values)}, not a list or an object"
             for name, values in value.items()
             if name not in fields
-        ]
+        }
+    for name, values in fields.items():
+        if isinstance(values, dict) and has_lists(name, values):
+            unfit: dict[str, str] = {}
+            fields[name] = split_lists(name, values, unfit.__setitem__)
+            wrong |= {f"{name}.{site}": text for site, text in unfit.items()}
     if not fields and not info:
-        raise LineError(wrong[0] if wrong else "no field")
-    return Sample(float(t_s), fields, info, where), wrong
+        parts = wrong if wrong.keys() - {"t"} else {**wrong, "": "no field"}
+        raise LineError(next(iter(parts.values())), parts)
+    return Sample(t_s, fields, info, where), wrong
 
 
 def _object(line: bytes) -> dict[str, Any]:
@@ -265,16 +280,17 @@ def _json(value: object) -> str:
         return "nested too deep"
 
 
-def _info(value: object, wrong: list[str]) -> dict[str, str]:
+def _info(value: object, wrong: dict[str, str]) -> dict[str, str]:
     if not isinstance(value, dict):
-        wrong.append("info is not an object")
+        wrong["info"] = "info is not an object"
         return {}
     if len(value) > MAX_INFO:
-        wrong.append(f"info has {len(value)} entries; at most {MAX_INFO}")
+        wrong["info"] = f"info has {len(value)} entries; at most {MAX_INFO}"
     info = {}
     for key, text in islice(value.items(), MAX_INFO):
         if isinstance(text, (str, int, float)):
             info[key[:MAX_INFO_CHARS]] = str(text)[:MAX_INFO_CHARS]
         else:
-            wrong.append(f"info.{make_visible(key, NAME_SHOWN)} is not a text")
+            shown = f"info.{make_visible(key, NAME_SHOWN)}"
+            wrong[shown] = f"{shown} is not a text"
     return info

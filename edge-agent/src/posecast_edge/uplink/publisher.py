@@ -315,16 +315,18 @@ class ZenohPublisher:
                 if not self._stopping:
                     self._wake.wait(0.1 if waiting else LOOK_S)
                 return not self._stopping
-            try:
-                send = ready.take_next()
-            except Exception as e:
-                self.exceptions.add(f"sending events of {ready.view}", e)
-                self._wake.wait(0.1)
-                return True
+            item = ready.find_next()
+        is_over = True
         try:
-            send()
+            ready.send(item)
         except Exception as e:
+            is_over = not isinstance(e, zenoh.ZError)  # that is of the link: the item can go on the next one
             self.exceptions.add(f"sending events of {ready.view}", e)
+        with self._wake:
+            if is_over:
+                ready.remove(item)
+            else:
+                ready.postpone()
         return True
 
     # --- called by Zenoh's threads

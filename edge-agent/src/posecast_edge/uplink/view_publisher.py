@@ -21,6 +21,9 @@ INFO_EVERY_S = 0.5  # texts that change more often are sent together
 SNAPSHOTS_S = 10.0  # answers a second: a relay asks once a second, and there may be several relays;
 SNAPSHOTS_AT_ONCE = 20.0  # a burst may have this many
 KEY_FIRST_S = 1.0  # how long events wait for the KEY that makes the relay switch to this run
+RETRY_S = 0.1  # after a failed attempt to send, unless there is a new link before
+
+Waiting = Event | dict[str, str] | str  # an event, info, or the hash of a model
 
 
 class ViewPublisher:
@@ -39,12 +42,12 @@ class ViewPublisher:
         self.view = view
         self.events: deque[Event] = deque(maxlen=EVENTS_MAX)
         self.info: dict[str, str] | None = None  # the newest only
-        self.model: str | None = None  # the same
+        self.model: str | None = None  # the newest hash only
         self._robot, self._run = robot, run
         self._snapshot, self._heard, self._exceptions = snapshot, heard, exceptions
         self._bucket = TokenBucket(SNAPSHOTS_S, SNAPSHOTS_AT_ONCE)
         self._answer: tuple[Snapshot, bytes] | None = None  # the newest, packed
-        self._info_sent_s = float("-inf")
+        self._info_sent_s = self._failed_s = float("-inf")
         self._frames: zenoh.Publisher | None = None
         self._events: zenoh.Publisher | None = None
         self._matched = False
@@ -53,6 +56,7 @@ class ViewPublisher:
 
     def declare(self, session: zenoh.Session) -> list[object]:
         """Declare this view's Zenoh entities. The caller must keep the returned objects alive."""
+        self._failed_s = float("-inf")
         self._frames = frames = session.declare_publisher(
             frame_key(self._robot, self.view),
             congestion_control=zenoh.CongestionControl.DROP,
@@ -109,29 +113,44 @@ class ViewPublisher:
         """Whether waiting data may be sent now: the relay listens and a KEY has been sent first."""
         if not (self.events or self.model is not None or self._info_is_due):
             return False
+        if clock.now_s() - self._failed_s < RETRY_S:
+            return False
         if self._events is None or not _matching(self._events).matching:
             return False
         return self._frame_since_heard or clock.now_s() - self._heard_s > KEY_FIRST_S
 
-    def take_next(self) -> Callable[[], None]:
-        """Remove the next item that waits and return a function that sends it, to be called without holding
-        the lock."""
+    def find_next(self) -> Waiting:
+        """The item to send next. It stays in its place until `remove`. Call it only while `ready`."""
         if self.info is not None and self._info_is_due:
-            document: dict[str, object] = {"type": "info", "kv": self.info}
-            self.info, self._info_sent_s = None, clock.now_s()
-        elif self.model is not None:
-            document = {"type": "model", "hash": self.model}
-            self.model = None
-        else:
-            document = make_event_document(self.events.popleft())
+            return self.info
+        return self.events[0] if self.model is None else self.model
+
+    def send(self, item: Waiting) -> None:
+        """Send an item; called without the lock. Raises ZError when the link is broken, ValueError when the
+        item can't be sent on any link."""
         publisher = self._events
         assert publisher is not None
+        if isinstance(item, Event):
+            document = make_event_document(item)
+        elif isinstance(item, str):
+            document = {"type": "model", "hash": item}
+        else:
+            document = {"type": "info", "kv": item}
+        text = json.dumps(document, ensure_ascii=False, separators=(",", ":"))
+        publisher.put(text.encode(), attachment=self._run.make_stamp().pack())
 
-        def send() -> None:
-            text = json.dumps(document, ensure_ascii=False, separators=(",", ":"))
-            publisher.put(text.encode(), attachment=self._run.make_stamp().pack())
+    def remove(self, item: Waiting) -> None:
+        """Forget an item that was sent, unless a newer one has taken its place meanwhile."""
+        if item is self.info:
+            self.info, self._info_sent_s = None, clock.now_s()
+        elif item is self.model:
+            self.model = None
+        elif self.events and item is self.events[0]:
+            self.events.popleft()
 
-        return send
+    def postpone(self) -> None:
+        """Keep what is waiting, in its order, until RETRY_S from now or until there is a new link."""
+        self._failed_s = clock.now_s()
 
     def _on_matching(self, status: zenoh.MatchingStatus) -> None:
         newly = status.matching and not self._matched

@@ -9,6 +9,7 @@ from posecast_relay.archive.object_store import ArchiveError, FreeSpace, ObjectS
 log = logging.getLogger("posecast_relay")
 
 LEAST_SHARE, LEAST_BYTES = 0.1, 1 << 30  # warn below either of these
+SMALL_SHARE = 0.25  # instead of LEAST_BYTES if it is less: most of a small disk is never free
 CALM = 1.2  # the warning ends at this multiple of the limit
 
 
@@ -48,14 +49,15 @@ class SpaceWatch:
 
     def _find_rule(self) -> str:
         assert self.space is not None
-        is_few = self.space.free < self._least_bytes
-        return (
-            f"less than {self._least_bytes / (1 << 30):g} GiB"
-            if is_few
-            else f"less than {100 * LEAST_SHARE:g} %"
-        )
+        free, total = self.space
+        if free >= self._least_bytes:
+            return f"less than {100 * LEAST_SHARE:g} %"
+        if SMALL_SHARE * total < self._least_bytes:
+            return f"less than {100 * SMALL_SHARE:g} %"
+        return f"less than {self._least_bytes / (1 << 30):g} GiB"
 
     def _is_below(self, factor: float) -> bool:
         assert self.space is not None
         free, total = self.space
-        return free < factor * LEAST_SHARE * total or free < factor * self._least_bytes
+        few = min(self._least_bytes, SMALL_SHARE * total)
+        return free < factor * max(LEAST_SHARE * total, few)

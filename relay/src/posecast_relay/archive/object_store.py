@@ -13,10 +13,8 @@ import asyncio
 import contextlib
 import os
 import re
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import AsyncIterator, Awaitable, Iterator
 from datetime import timedelta
-from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -24,13 +22,14 @@ from urllib.parse import unquote, urlsplit
 
 from posecast_wire.command_line.installation import advise_extra
 
+from posecast_relay.blocking_calls import BlockingCalls
 from posecast_relay.store_url import StoreUrlError, check_store_url
 
 T = TypeVar("T")
 
 CALL_S = 10.0  # the timeout of a call
 CONNECT_S = 3.0
-THREADS = 4  # for access to a folder
+FOLDER_CALLS = 4  # at once to a store that is a folder
 LISTED = 1000  # names per part of a listing
 DEPTH_MAX = 8  # how deep a listing of a file store goes; our folders are five deep
 UNFINISHED = re.compile(r"#[0-9]{1,9}$", re.ASCII)  # a file being written, before it gets its final name
@@ -160,7 +159,7 @@ class ObjectStore:
         self._general_error: type[Exception] = GenericError
         self.folder = folder
         self._device = None if folder is None else _find_device(folder)
-        self._threads = None if folder is None else ThreadPoolExecutor(THREADS, "archive")
+        self._folder_calls = BlockingCalls(FOLDER_CALLS, "archive")  # a network file system can hang
         self._obstore: Any = obstore
         self._store = store
         self._call_s = call_s
@@ -216,7 +215,7 @@ class ObjectStore:
         Raises ArchiveError.
         """
         if self.folder is not None and UNFINISHED.search(key):  # obstore does not accept that as a key
-            await self._call(self._start(_unlink, self.folder / key))
+            await self._call(self._folder_calls.run(_unlink, self.folder / key))
             return
         with contextlib.suppress(FileNotFoundError):
             await self._call(self._obstore.delete_async(self._store, key))
@@ -229,7 +228,7 @@ class ObjectStore:
         await self._check_folder()
         if self.folder is not None:
             walk = _walk(self.folder / prefix, self.folder)
-            while part := await self._call(self._start(_take_part, walk)):
+            while part := await self._call(self._folder_calls.run(_take_part, walk)):
                 yield part
             return
         stream = self._obstore.list(self._store, prefix or None, chunk_size=LISTED)
@@ -244,7 +243,7 @@ class ObjectStore:
         """Return the names of the folders in a folder, sorted. Raises ArchiveError."""
         await self._check_folder()
         if self.folder is not None:
-            return await self._call(self._start(_list_folders, self.folder / prefix))
+            return await self._call(self._folder_calls.run(_list_folders, self.folder / prefix))
         asked = self._obstore.list_with_delimiter_async(self._store, prefix or None)
         found = await self._call(asked)
         return sorted(path.rstrip("/").rpartition("/")[2] for path in found["common_prefixes"])
@@ -255,7 +254,7 @@ class ObjectStore:
             return None
         await self._check_folder()
         try:
-            found = await self._call(self._start(os.statvfs, self.folder))
+            found = await self._call(self._folder_calls.run(os.statvfs, self.folder))
         except FileNotFoundError:  # it disappeared just now
             raise ArchiveRefused("its folder is gone") from None
         return FreeSpace(found.f_bavail * found.f_frsize, found.f_blocks * found.f_frsize)
@@ -266,16 +265,9 @@ class ObjectStore:
         Otherwise an empty folder would look like an empty past, and new data would fill another disk.
         """
         if self.folder is not None and self._device is not None:
-            device = await self._call(self._start(_find_device, self.folder))
+            device = await self._call(self._folder_calls.run(_find_device, self.folder))
             if device != self._device:
                 raise ArchiveRefused("its folder is gone" if device is None else "its disk is not mounted")
-
-    def _start(self, call: Callable[..., T], *args: Any) -> Awaitable[T]:
-        """Call the file system in our own threads, beside the event loop.
-
-        A network file system can hang, and other code needs the shared threads.
-        """
-        return asyncio.get_running_loop().run_in_executor(self._threads, partial(call, *args))
 
     async def _call(self, asked: Awaitable[T]) -> T:
         try:

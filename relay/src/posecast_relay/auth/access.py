@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections import deque
 from collections.abc import Callable, Collection
 from dataclasses import replace
 from functools import partial
@@ -31,6 +32,7 @@ log = logging.getLogger("posecast_relay")
 
 RENEWALS_MAX = 1000  # at once; further ones are dropped, and their viewers keep the old token until it ends
 
+REJUDGED_AT_ONCE = 100  # viewers in one turn of the loop when the policy changes: about 5 ms
 RECHECK_S = 300.0  # between checks whether viewers' accounts were signed out, disabled or revoked
 
 
@@ -58,6 +60,8 @@ class Access:
         self.has_past = has_past
         self.addresses = Addresses(live.hub.limits.per_address) if addresses is None else addresses
         self._renewals: set[asyncio.Task[None]] = set()
+        self._outdated: deque[Viewer] = deque()  # those to whom the present policy has yet to be applied
+        self._rejudging: asyncio.Handle | None = None
         self._followers: list[Callable[[Policy], None]] = []
         self._told_full: set[str | None] = set()  # why there was no lane; None: there was one
         if later is not None:
@@ -145,7 +149,10 @@ class Access:
         return of, of.rooms.get(grant.view)
 
     def set_policy(self, policy: Policy) -> None:
-        """Replace the policy. Connected viewers get their new rights; those without any are closed."""
+        """Replace the policy. Connected viewers get their new rights; those without any are closed.
+
+        Many viewers are served in slices, one per turn of the loop, so that everybody's frames go on.
+        """
         self.policy = policy
         self._tell_recorder()
         for follow in self._followers:
@@ -161,16 +168,25 @@ class Access:
                     _record_for_later(
                         self.live.hub, self._delayed, self.later, live[robot].rooms[view].stream
                     )
-        for dispatcher in self.dispatchers:
-            for viewer in tuple(dispatcher.hub.viewers):
-                if viewer.grant is None:
-                    continue
-                who: Principal | Close = viewer.grant.who
-                if viewer.grant.who.audience is Audience.LINK and self.tokens is not None:
-                    who = (
-                        self.tokens.identify_link(viewer.grant.who.token) or Close.TOKEN
-                    )  # its key may have changed
-                self._rejudge(viewer, who)
+        if self._rejudging is not None:
+            self._rejudging.cancel()
+        self._outdated = deque(viewer for dispatcher in self.dispatchers for viewer in dispatcher.hub.viewers)
+        self._rejudge_some()
+
+    def _rejudge_some(self) -> None:
+        """Apply the policy to the next REJUDGED_AT_ONCE viewers, and to the others in later turns."""
+        for _ in range(min(REJUDGED_AT_ONCE, len(self._outdated))):
+            viewer = self._outdated.popleft()
+            if viewer.grant is None:
+                continue
+            who: Principal | Close = viewer.grant.who
+            if viewer.grant.who.audience is Audience.LINK and self.tokens is not None:
+                who = (
+                    self.tokens.identify_link(viewer.grant.who.token) or Close.TOKEN
+                )  # its key may have changed
+            self._rejudge(viewer, who)
+        is_done = not self._outdated
+        self._rejudging = None if is_done else asyncio.get_running_loop().call_soon(self._rejudge_some)
 
     def on_policy(self, follow: Callable[[Policy], None]) -> None:
         """Call `follow` with the policy now, and each time it is replaced."""

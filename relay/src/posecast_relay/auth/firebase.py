@@ -6,7 +6,7 @@ import firebase_admin
 from firebase_admin import auth, credentials, exceptions
 from google.auth.credentials import AnonymousCredentials
 
-from posecast_relay.auth.tokens import Unverifiable
+from posecast_relay.auth.tokens import PATIENCE_S, Unverifiable
 from posecast_relay.core.policy.policy import Audience, Principal
 
 
@@ -24,7 +24,8 @@ class Firebase:
     def __init__(self, project: str, check_revoked: bool) -> None:
         """`check_revoked`: ask Google about the account each time; this needs a service account."""
         known = credentials.ApplicationDefault() if check_revoked else _Nobody()
-        self.app = firebase_admin.initialize_app(known, {"projectId": project}, "posecast")
+        options = {"projectId": project, "httpTimeout": PATIENCE_S}  # nobody waits longer
+        self.app = firebase_admin.initialize_app(known, options, "posecast")
         self._check_revoked = check_revoked
 
     def verify(self, token: str) -> Principal | None:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Protocol
 
+from posecast_relay.blocking_calls import BlockingCalls
 from posecast_relay.core.policy.policy import Principal
 from posecast_relay.core.policy.share_link import is_link, read_link
 
@@ -36,7 +37,7 @@ class Tokens:
         """`link_keys`: the keys that sign share links, by robot."""
         self._link_keys = link_keys
         self._accounts = accounts
-        self._turn = asyncio.Semaphore(AT_ONCE)
+        self._calls = BlockingCalls(AT_ONCE, "sign-in")
 
     async def identify(self, token: str) -> Principal | None:
         """Return who owns a token; None if it is invalid.
@@ -48,8 +49,8 @@ class Tokens:
         if len(token) > TOKEN_MAX:
             return None
         try:
-            async with asyncio.timeout(PATIENCE_S), self._turn:
-                return await asyncio.to_thread(self._accounts.verify, token)
+            async with asyncio.timeout(PATIENCE_S):
+                return await self._calls.run(self._accounts.verify, token)
         except TimeoutError:
             raise Unverifiable("the sign-in service took too long") from None
 

@@ -20,8 +20,8 @@ HELP = (
 )
 STATUSES = {
     0: "success",
-    1: "`check` found errors in the file",
-    2: "wrong arguments, or the file is invalid or can't be written: nothing was changed",
+    1: "`check` found errors in the file, or it can't be written: nothing was changed",
+    2: "wrong arguments, or the file is invalid: nothing was changed",
 }
 COMMANDS = {
     "add": "add a robot and print its credential",

@@ -30,8 +30,8 @@ Parse = Callable[[str], Robots]
 def run_robots(argv: Sequence[str], environ: Mapping[str, str], program: str = "posecast-relay") -> None:
     """Run one `posecast-relay robots` command. It prints a new credential or link to stdout.
 
-    Raises SettingsError, with one line, for wrong arguments and for a file that is invalid or can't be
-    written; SystemExit 1 if `check` finds errors.
+    Raises SettingsError, with one line, for wrong arguments and for a file that is invalid; SystemExit 1 if
+    it can't be written, or `check` finds errors.
     """
     asked = parse_robots_arguments(argv, environ, program)
     path = Path(asked.robots)
@@ -54,8 +54,11 @@ def run_robots(argv: Sequence[str], environ: Mapping[str, str], program: str = "
             raise SystemExit(1) from None
         more = "" if len(mistakes) == 1 else f"; and {len(mistakes) - 1} more: `robots check` lists all"
         raise SettingsError(mistakes[0] + more) from None
-    except OSError as e:
+    except (FileNotFoundError, NotADirectoryError) as e:  # the path of the file is wrong
         raise SettingsError(f"{path}: {(e.strerror or str(e)).lower()}") from None
+    except OSError as e:  # for example a full disk
+        print(f"{program}: {path}: {e.strerror.lower() if e.strerror else e}", file=sys.stderr)
+        raise SystemExit(1) from None
 
 
 def _edit(path: Path, environ: Mapping[str, str], parse: Parse, may_change_credentials: bool) -> None:
@@ -75,9 +78,9 @@ def _edit(path: Path, environ: Mapping[str, str], parse: Parse, may_change_crede
             replace_text(path, changed, keep_before=True)
     except (SettingsError, RobotsError) as e:
         raise SettingsError(f"{e}; your text is saved in {_save(changed)}") from None
-    except OSError as e:  # for example a full disk
+    except OSError as e:
         why = (e.strerror or str(e)).lower()
-        raise SettingsError(f"{path}: {why}; your text is saved in {_save(changed)}") from None
+        raise OSError(f"{why}; your text is saved in {_save(changed)}") from None
     with contextlib.suppress(RobotsError):  # the old text was invalid; the user has seen it in the editor
         _print_lines(path, list_credential_changes(parse_robots(before), parse(changed)))
 

@@ -141,7 +141,7 @@ def format_duration(seconds: float) -> str:
 def describe_rule(audience: Audience, rule: Rule) -> str:
     """Describe in a few words what an audience sees of a robot."""
     if rule.blackout:
-        return "nothing for now"
+        return f"nothing (blackout; to end it: robots set NAME --{audience.value} blackout=)"
     limits = [f"{rule.hz:g} Hz"] if rule.hz < FULL_HZ else []
     limits += [f"{rule.delay_s:g} s late"] if rule.delay_s else []
     limits += [f"{rule.viewers} at a time"] if rule.viewers is not None else []

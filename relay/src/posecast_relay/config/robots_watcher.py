@@ -15,6 +15,7 @@ from posecast_relay.config.robots_reader import Robots, RobotsError
 log = logging.getLogger("posecast_relay")
 
 LOOK_S = 0.5
+PAUSE_MAX = 16  # checks between two attempts to apply a change
 
 FileState = tuple[int, int, int, int]
 
@@ -26,6 +27,8 @@ class RobotsWatcher:
     If the file is invalid, unreadable, missing or empty (an editor has just begun to write it, or the disk
     is full), the last good version stays in force. The log has one line for each such change of the file, and
     one when the file is good again.
+
+    If `changed` raises, it is called again, after pauses of up to PAUSE_MAX checks.
     """
 
     def __init__(
@@ -39,11 +42,14 @@ class RobotsWatcher:
         self.robots = robots
         self.refused = 0  # how often the file was invalid
         self.trouble: str | None = None  # the file's present error
+        self.failure: str | None = None  # why the last change is not in force yet
         self._path = path
         self._changed = changed
         self._read = read
         self._seen: FileState | None = (0, 0, 0, 0)  # it may have changed since it was read: look again
         self._must_retry = False
+        self._is_due = False  # a change is not in force yet
+        self._pause = self._pauses = 0  # checks left until the next attempt; how long the last pause was
         self._beside = beside
         self._beside_taken = self._beside_seen = [_find_state(each) for each in beside]
         self._looked_s = time.time()
@@ -54,7 +60,7 @@ class RobotsWatcher:
             await asyncio.sleep(LOOK_S)
             try:
                 await self.check_file(time.time())
-            except Exception as e:  # a bug in the relay: try again at the next change
+            except Exception as e:  # a bug in the relay: try again
                 log.error("%s can't be watched", self._path, exc_info=e)
 
     async def check_file(self, unix_s: float) -> None:
@@ -67,7 +73,31 @@ class RobotsWatcher:
             await self._reread(is_new=seen != self._seen)
             self._seen = seen
         if self._has_new_beside() or has_expired or self.robots != before:
+            self._is_due, self._pause = True, 0
+        if self._is_due and self._pause == 0:
+            await self._apply()
+        elif self._is_due:
+            self._pause -= 1
+
+    async def _apply(self) -> None:
+        try:
             await self._changed(self.robots)
+        except Exception as e:
+            self._pause = self._pauses = min(2 * self._pauses + 1, PAUSE_MAX)
+            if str(e) != self.failure:
+                is_bug = not isinstance(e, OSError)
+                log.error(
+                    "%s: its last change is not in force: %s; retrying",
+                    self._path,
+                    repr(e) if is_bug else e,
+                    exc_info=e if is_bug else None,
+                )
+            self.failure = str(e)
+            return
+        self._is_due, self._pauses = False, 0
+        if self.failure is not None:
+            self.failure = None
+            log.warning("%s: its last change is in force", self._path)
 
     async def _reread(self, is_new: bool) -> None:
         try:

@@ -187,7 +187,7 @@ class Hub(Uplink):
                 reason = limited if granted == viewer.asked_hz else "overload"
                 return self.remove_ended(room.send_message(viewer, messages.make_rate(granted, reason)))
             case Ping(t):
-                return self.remove_ended(room.send_message(viewer, messages.make_pong(t)))
+                return self.remove_ended(room.send_message(viewer, messages.make_pong(t, now)))
             case Auth(token):
                 return [VerifyToken(viewer, token)]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Iterable
 from datetime import UTC, datetime
 from decimal import Decimal
@@ -19,7 +20,9 @@ BYTE_ORDER_MARK = b"\xef\xbb\xbf"  # by which Excel knows UTF-8
 FIRST_COLUMNS = ("time", "seconds", "robot_time")
 STEP_DIGITS_MAX = 6  # of a step that counts: one like 1/30 has no end
 NONE_SET = "0"  # no bit is set; an empty cell is no reading
-FORMULA = ("=", "+", "-", "@")
+# Where a formula could begin. Some spreadsheets split lines at `;`, a tab or a sign of the user's choice,
+# whatever is quoted, and in East Asia a wide `=` is one too. So every sign counts, except inside a name.
+FORMULA = re.compile(r"(?<![\w.()\[\]{}<>=+\-@＝＋－＠])[=+\-@＝＋－＠]")
 
 COLUMNS_MAX = 1 << 16  # of all schemas together; a schema has 4,096 channels at most
 
@@ -90,9 +93,8 @@ def count_decimals(step: float) -> int:
 
 
 def quote_cell(text: str) -> str:
-    """A text as a cell. One that a spreadsheet would take for a formula begins with `'`."""
-    if text.startswith(FORMULA):
-        text = f"'{text}"
+    """A text as a cell. What a spreadsheet could take for a formula has a `'` in front of it."""
+    text = FORMULA.sub(r"'\g<0>", text)
     if any(sign in text for sign in ',"\r\n'):
         return '"' + text.replace('"', '""') + '"'
     return text

@@ -49,6 +49,14 @@ class RobotList(AnswerDocument):
     publish_at: str = Field(default="", json_schema_extra={"examples": ["tcp/127.0.0.1:7447"]})
 
 
+class PongAnswer(AnswerDocument):
+    """The relay's clock, as in the messages of a stream (wire/SPEC.md §6). `t`: as sent."""
+
+    type: Literal["pong"]
+    t: float
+    clock_ms: int
+
+
 class RobotDetails(RobotSummary):
     """A robot. `conflict`: two agents publish it. `lateness_ms`: how late its frames arrive. `info`: texts
     that seldom change. `schema`: as the agent declared it (wire/SPEC.md §2); null before the first one.

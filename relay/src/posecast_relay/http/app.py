@@ -16,12 +16,14 @@ from starlette.exceptions import HTTPException as StarletteHTTPException
 from posecast_relay.auth.access import Access
 from posecast_relay.core.policy.admission import HIDDEN
 from posecast_relay.core.policy.policy import ANYONE, Grant
+from posecast_relay.core.viewer.messages import describe_pong
 from posecast_relay.http.admin.report import AdminSources
 from posecast_relay.http.admin.routes import add_admin_routes
 from posecast_relay.http.answer_cache import AnswerCache
 from posecast_relay.http.answers import (
     ErrorAnswer,
     OEmbed,
+    PongAnswer,
     Readiness,
     RobotDetails,
     RobotList,
@@ -133,6 +135,14 @@ def make_app(
             raise HTTPException(405, "use GET for a stream", {"allow": "GET"})
         raise HTTPException(400, "a stream can't start before the connection's previous answer has ended")
 
+    @app.get("/api/v1/ping", summary="The relay's clock: t is sent back", response_model=PongAnswer)
+    async def ping(t: str = "0") -> JSONResponse:
+        try:
+            pong = describe_pong(float(t), access.live.now())
+            return JSONResponse(pong, headers=OPEN | {"cache-control": "no-store"})
+        except ValueError:  # also for a number that JSON does not have
+            raise HTTPException(400, "t: not a number") from None
+
     @app.options("/api/{_rest:path}", include_in_schema=False)
     async def preflight(_rest: str) -> Response:
         return Response(status_code=204, headers=PREFLIGHT)
@@ -196,7 +206,7 @@ def _add_health(
     @app.get(
         "/readyz",
         summary="Whether viewers are accepted; `degraded` if the store, the past or a worker is unavailable, "
-        "or a configuration file is invalid",
+        "a configuration file is invalid or not in force, or robots can't connect",
         response_model=Readiness,
     )
     async def readyz() -> JSONResponse:

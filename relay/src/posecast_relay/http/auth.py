@@ -84,6 +84,8 @@ def is_on_this_machine(access: Access, request: Request) -> bool:
         and is_loopback(request.client.host)
         and not any(name in FORWARDED or name.startswith("x-forwarded") for name in headers)
         and OWN_HOST.fullmatch(host or "") is not None
+        # nginx's proxy_pass speaks HTTP/1.0 by default and sends 127.0.0.1 as Host; browsers and curl don't
+        and request.scope["http_version"] != "1.0"
         and access.may_show(origin, host)
     )
 

@@ -79,12 +79,14 @@ class RelayCollector(Collector):
         archive: ArchiveStats | None = None,
         measure_config: Callable[[], Mapping[str, int]] = dict,
         find_expiries: Callable[[], Mapping[str, float]] = dict,
+        is_listening: Callable[[], bool] = lambda: True,
     ) -> None:
         """`dispatchers`: the live one, then the one for delayed viewers.
 
         `refused` returns how many publishers were refused so far. `measure_config` returns for each kind of
-        configuration file whether it is valid (1) or not (0). `find_expiries` returns when the certificates
-        in use expire, in unix seconds, by the flag that names the file.
+        configuration file whether it is valid and in force (1) or not (0). `find_expiries` returns when the
+        certificates in use expire, in unix seconds, by the flag that names the file. `is_listening` returns
+        whether robots can connect.
         """
         self._refused = refused
         self._dispatcher = dispatchers[0]
@@ -97,6 +99,7 @@ class RelayCollector(Collector):
         self._archive = archive
         self._measure_config = measure_config
         self._find_expiries = find_expiries
+        self._is_listening = is_listening
 
     def collect(self) -> Iterable[Metric]:
         """Yield all metrics with their present values."""
@@ -137,10 +140,13 @@ class RelayCollector(Collector):
         )
         yield _make_labelled(
             "posecast_config_up",
-            "Whether the configuration files are valid",
+            "Whether the configuration files are valid and in force",
             "file",
             self._measure_config(),
             GaugeMetricFamily,
+        )
+        yield GaugeMetricFamily(
+            "posecast_robots_port_up", "Whether robots can connect", int(self._is_listening())
         )
         delivered = sum(each.delivered for each in self._hubs) + sum(room.delivered for room in rooms)
         yield CounterMetricFamily("posecast_delivered_frames", "Frames sent to viewers", delivered)
@@ -303,6 +309,7 @@ def start_metrics(
     archive: ArchiveStats | None = None,
     measure_config: Callable[[], Mapping[str, int]] = dict,
     find_expiries: Callable[[], Mapping[str, float]] = dict,
+    is_listening: Callable[[], bool] = lambda: True,
     join: Callable[[Collector], Collector] | None = None,
 ) -> tuple[int, Callable[[], None]]:
     """Serve metrics on `host`:`port` (0 = any free). Return the port and a function that stops serving.
@@ -310,7 +317,7 @@ def start_metrics(
     `join` adds the metrics of this relay's other processes. Raises OSError if the port is in use.
     """
     registry = CollectorRegistry()
-    sources = (mirror, refused, past, way, held, archive, measure_config, find_expiries)
+    sources = (mirror, refused, past, way, held, archive, measure_config, find_expiries, is_listening)
     own = RelayCollector(dispatchers, *sources)
     registry.register(own if join is None else join(own))
     server, thread = start_http_server(port, host, registry)

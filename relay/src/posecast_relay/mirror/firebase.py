@@ -22,6 +22,7 @@ import httpx
 from google.auth.credentials import Credentials
 
 from posecast_relay.auth.access import Access
+from posecast_relay.blocking_calls import BlockingCalls
 from posecast_relay.core.breaker import Breaker
 from posecast_relay.core.mirror import HZ, Mirror, NodeChange, VisibleRobot
 from posecast_relay.core.policy.admission import Applicant
@@ -41,18 +42,19 @@ class ServiceAccount:
 
     def __init__(self) -> None:
         self._credentials: Credentials | None = None
+        self._calls = BlockingCalls(1, "service account")
 
     async def get_token(self) -> str:
         """Return an access token; get a new one once an hour, in a thread. Raises GoogleAuthError."""
         found = self._credentials
         if found is None or not found.valid:
-            found = self._credentials = await asyncio.to_thread(self._fetch)
+            found = await self._calls.run(self._fetch)
         return str(found.token)
 
     def _fetch(self) -> Credentials:
+        if self._credentials is None:
+            self._credentials, _project = google.auth.default(scopes=SCOPES)
         found = self._credentials
-        if found is None:
-            found, _project = google.auth.default(scopes=SCOPES)
         request = google.auth.transport.requests.Request()
         found.refresh(request)  # type: ignore[no-untyped-call]
         return found

@@ -24,7 +24,10 @@ from posecast_relay.past_command.moments import TimeError, read_moment, write_sp
 from posecast_relay.past_command.relay_socket import OTHER_VERSION, RelayAway, ask_relay, find_relay_store
 
 HELP = "delete all or part of a robot's past from the store, Redis and, within 10 s, running relays"
-LATER = "Running relays delete it within 10 s; shared caches drop public copies within an hour."
+LATER = (
+    "Running relays delete it within 10 s, open pages within half a minute. For up to an hour, caches can "
+    "hold public copies; the browsers of those who looked, for up to two hours."
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser, environ: Mapping[str, str]) -> None:

@@ -6,44 +6,29 @@ behind it, and the process could not exit meanwhile.
 
 from __future__ import annotations
 
-import asyncio
-import contextlib
 import socket
-import threading
+
+from posecast_relay.blocking_calls import BlockingCalls
+from posecast_relay.shared_tasks import SharedTasks
 
 
 class HostLookup:
-    """Looks up one host's name, in one daemon thread at a time, which can't keep the process from exiting."""
+    """Looks up one host's name, in one thread at a time."""
 
     def __init__(self, host: str) -> None:
         self._host = host
-        self._under_way: asyncio.Future[None] | None = None
+        self._calls = BlockingCalls(1, "lookup")
+        self._under_way = SharedTasks("lookup")
 
     async def find(self) -> None:
         """Return when the name is found.
 
         Raises OSError if it is not found. Callers may cancel the wait at any time.
         """
-        if self._under_way is None:
-            self._under_way = asyncio.get_running_loop().create_future()
-            threading.Thread(target=self._ask, args=(self._under_way,), daemon=True, name="lookup").start()
-        await asyncio.shield(self._under_way)
+        await self._under_way.run(self._host, self._ask)
 
-    def _ask(self, under_way: asyncio.Future[None]) -> None:
-        error: OSError | None = None
+    async def _ask(self) -> None:
         try:
-            socket.getaddrinfo(self._host, None, type=socket.SOCK_STREAM)
-        except OSError as e:
-            error = e
+            await self._calls.run(socket.getaddrinfo, self._host, None, type=socket.SOCK_STREAM)
         except UnicodeError as e:  # not a valid name
-            error = OSError(str(e))
-        with contextlib.suppress(RuntimeError):  # the loop has closed
-            under_way.get_loop().call_soon_threadsafe(self._answered, under_way, error)
-
-    def _answered(self, under_way: asyncio.Future[None], error: OSError | None) -> None:
-        self._under_way = None
-        if error is None:
-            under_way.set_result(None)
-        else:
-            under_way.set_exception(error)
-            under_way.exception()  # seen, also when nobody waits any more
+            raise OSError(str(e)) from None

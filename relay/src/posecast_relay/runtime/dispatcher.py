@@ -8,7 +8,9 @@ import random
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import Protocol
+from uuid import UUID
 
 from posecast_wire import Close
 
@@ -38,6 +40,22 @@ WATCH_S = 0.1
 JUDGE_S = 1.0
 AGAIN_S = 0.1  # after the core has failed
 GRAIN_S = 0.002  # a timer this close is not changed
+BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
+
+
+def _find_clock_start() -> float:
+    """Return the reading of the core's clock when this machine started, in seconds: a random number.
+
+    Viewers compare stamps from several requests. If these reach relays on two machines that started at nearly
+    the same time, their clocks must still be told apart.
+    """
+    try:
+        return float(UUID(BOOT_ID.read_text().strip()).int % 2**30)  # a double still resolves microseconds
+    except (OSError, ValueError):
+        return 0.0
+
+
+CLOCK_START_S = _find_clock_start()
 
 
 def _log_ended(viewer: Viewer, close: Close, reason: str) -> None:
@@ -117,8 +135,10 @@ class Dispatcher:
 
     @staticmethod
     def now() -> float:
-        """Return the core's clock in seconds. The event loop's clock does not advance within one turn."""
-        return time.monotonic()
+        """Return the core's clock in seconds: one for all processes of a machine, and never set. The
+        event loop's clock would not advance within one turn.
+        """
+        return CLOCK_START_S + time.monotonic()
 
     @staticmethod
     def unix_s() -> float:

@@ -6,6 +6,7 @@ import contextlib
 import logging
 import resource
 import socket
+from pathlib import Path
 
 from posecast_relay.config.settings import StartError
 from posecast_relay.port_holder import explain_taken
@@ -50,6 +51,19 @@ def listen(host: str, port: int, is_first: bool = False, is_shared: bool = False
         listener.close()
         raise StartError(f"http://{host}:{port}: {explain_taken(e, port)}") from None
     return listener
+
+
+def is_served(path: Path) -> bool:
+    """Whether a process listens at the Unix socket `path`. Does not wait. Raises OSError if it can't tell."""
+    with socket.socket(socket.AF_UNIX) as probe:
+        probe.setblocking(False)
+        try:
+            probe.connect(str(path))
+        except ConnectionRefusedError:
+            return False
+        except BlockingIOError:  # its queue is full: it may have been stopped, and go on at any time
+            return True
+    return True
 
 
 def allow_sockets(viewers: int, workers: int = 1) -> None:

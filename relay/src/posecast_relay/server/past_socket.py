@@ -27,6 +27,7 @@ from posecast_relay.core.past.deletions import Deletions
 from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.deletion_record import unpack_deletion
 from posecast_relay.plain_json import json_bytes
+from posecast_relay.server.listener import is_served
 
 log = logging.getLogger("posecast_relay")
 
@@ -125,19 +126,12 @@ def _bind(path: Path) -> socket.socket:
     """
     opened = socket.socket(socket.AF_UNIX)
     try:
-        with socket.socket(socket.AF_UNIX) as probe:
-            if path.is_socket():
-                try:
-                    probe.connect(str(path))
-                except ConnectionRefusedError:
-                    path.unlink()
-                else:
-                    raise OSError("another process listens on it")
-        before = os.umask(0o177)
-        try:
-            opened.bind(str(path))
-        finally:
-            os.umask(before)
+        if path.is_socket():
+            if is_served(path):
+                raise OSError("another process listens on it")
+            path.unlink()
+        opened.bind(str(path))
+        os.chmod(path, 0o600)  # nobody can connect before: it does not listen yet
     except BaseException:
         opened.close()
         raise

@@ -8,7 +8,6 @@ import logging
 import os
 import socket
 import sys
-import threading
 import time
 from collections.abc import Callable, Coroutine, Sequence
 from typing import TYPE_CHECKING, Any
@@ -38,13 +37,13 @@ from posecast_relay.server.http_server import RelayServer, make_server_config, s
 from posecast_relay.server.listener import allow_sockets, listen
 from posecast_relay.server.past import PastServices, is_store_new, make_past_services
 from posecast_relay.server.past_log import describe_past
-from posecast_relay.server.robots import wait_for_robots
+from posecast_relay.server.robots import check_store, wait_for_robots
 from posecast_relay.server.roles import RoleServices, make_role_services
 from posecast_relay.server.waiting_server import WaitingServer
 from posecast_relay.streaming.decode_cache import DecodeCache
 from posecast_relay.zenoh.auth_failures import AuthFailures
 from posecast_relay.zenoh.certificates import CertificateError
-from posecast_relay.zenoh.router import ListenError, RouterSession, ZenohAuth
+from posecast_relay.zenoh.router import ListenError, RouterSession, ZenohAuth, close_session
 
 if TYPE_CHECKING:
     from posecast_relay.mirror.firebase import FirebaseMirror
@@ -142,6 +141,7 @@ async def _serve(settings: Settings, argv: Sequence[str], ends: contextlib.ExitS
 
 async def _open(settings: Settings, ends: contextlib.ExitStack) -> tuple[socket.socket, Robots | None]:
     """Open the port, and serve a waiting page until the robots file is valid. Raises StartError."""
+    check_store(settings)
     allow_sockets(settings.max_viewers, settings.workers)
     listener = listen(settings.host, settings.port, is_first=settings.workers > 1)
     ends.callback(listener.close)
@@ -292,7 +292,7 @@ def _metrics(
     kept, way, archive = (None, None, None) if past is None else (past.kept, past.way, past.written_archive)
     held = None if desk is None else desk.held
     join = None if crew is None else crew.join_metrics
-    files = (configuration.measure, configuration.find_expiries)
+    files = (configuration.measure, configuration.find_expiries, configuration.is_listening)
     sources = (access.dispatchers, mirror, refused, kept, way, held, archive, *files, join)
     try:
         port, stop = start_metrics(settings.host, settings.metrics_port, *sources)
@@ -307,8 +307,7 @@ async def _close(router: RouterSession | None) -> None:
     """Close Zenoh's session; wait at most CLOSE_ZENOH_S, because a peer may never answer."""
     if router is None:
         return
-    closing = threading.Thread(target=router.session.close, daemon=True)
-    closing.start()
+    closing = close_session(router.session)
     give_up_at = asyncio.get_running_loop().time() + CLOSE_ZENOH_S
     while closing.is_alive() and asyncio.get_running_loop().time() < give_up_at:
         await asyncio.sleep(0.01)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 from collections.abc import Callable
 from functools import partial
@@ -10,12 +11,26 @@ from pathlib import Path
 
 from posecast_relay.config.robots_file import read_robots
 from posecast_relay.config.robots_reader import Robots, RobotsError
-from posecast_relay.config.settings import Settings
+from posecast_relay.config.settings import Settings, StartError
 from posecast_relay.zenoh.certificates import CertificateError, RouterCertificates
 
 log = logging.getLogger("posecast_relay")
 
 LOOK_S = 0.5
+
+
+def check_store(settings: Settings) -> None:
+    """Raise StartError if all that is wrong with the file is that it needs an object store: a flag can't be
+    corrected while the process waits.
+    """
+    if settings.robots is None:
+        return
+    try:
+        make_reader(settings)(settings.robots)
+    except RobotsError as e:
+        with contextlib.suppress(RobotsError):
+            read_robots(settings.robots)
+            raise StartError(str(e)) from None
 
 
 async def wait_for_robots(settings: Settings) -> Robots | None:

@@ -132,7 +132,7 @@ class EventStream(asyncio.Protocol):
             events = self._form.encode(data, room.stream) if room is not None else b""
             if events:
                 # The send time, so that a reader sees how late it is: it can't acknowledge.
-                self._transport.write(b"id: %d\n" % int(1000 * self._dispatcher.now()) + events)
+                self._transport.write(b"id: %d\n" % messages.to_clock_ms(self._dispatcher.now()) + events)
         except Exception as e:
             self.end_after_fault(e)
 
@@ -177,6 +177,8 @@ def _make_bye(close: Close, reason: str, retry_s: float | None, lane: str | None
 
 def _choose_wait_ms(close: Close, retry_s: float | None) -> int:
     """Choose when the browser reconnects. Browsers wait exactly that long, so this adds a random part."""
+    if retry_of(close) is Retry.LATER:
+        return round(1000 * random.uniform(30.0, 60.0))
     if retry_of(close) is Retry.WAIT:
         return round(1000 * (retry_s or 30.0) * random.uniform(1.0, 1.5))
     return round(1000 * random.uniform(0.1, retry_s or 10.0))

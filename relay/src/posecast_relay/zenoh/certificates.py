@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import base64
+import json
 import logging
 import ssl
 from pathlib import Path
 from typing import Any
+
+import zenoh
 
 log = logging.getLogger("posecast_relay")
 
@@ -27,6 +30,7 @@ class RouterCertificates:
     def __init__(self, cert: Path | None, key: Path | None, ca: Path | None) -> None:
         """Raises CertificateError if a file can't be used."""
         self._cert, self._key, self._ca = cert, key, ca
+        self._kept: dict[str, bytes] = {}
         self._kept = self._read()
         self.trouble: str | None = None  # the files' present problem
 
@@ -50,7 +54,7 @@ class RouterCertificates:
 
     def make_settings(self) -> dict[str, Any]:
         """Return Zenoh's settings with these certificates."""
-        return {f"{TLS}/{name}_base64": base64.b64encode(data).decode() for name, data in self._kept.items()}
+        return _make_settings(self._kept)
 
     def _read(self) -> dict[str, bytes]:
         """Read and check all files, by their names in Zenoh's settings. Raises CertificateError."""
@@ -71,7 +75,36 @@ class RouterCertificates:
                 context.load_verify_locations(self._ca)
             except OSError:
                 raise CertificateError(f"--zenoh-ca {self._ca}: no certificate in PEM form") from None
+        if found != self._kept and "listen_certificate" in found:
+            try:
+                _try_out(found)
+            except zenoh.ZError as e:  # it knows fewer kinds of keys than Python: no P-521
+                why = str(e).splitlines()[0].partition(" at /")[0]
+                raise CertificateError(
+                    f"--zenoh-tls-cert {self._cert}, --zenoh-tls-key {self._key}: Zenoh can't use them: {why}"
+                ) from None
         return found
+
+
+def _make_settings(certificates: dict[str, bytes]) -> dict[str, Any]:
+    return {f"{TLS}/{name}_base64": base64.b64encode(data).decode() for name, data in certificates.items()}
+
+
+def _try_out(certificates: dict[str, bytes]) -> None:
+    """Listen with these certificates for some milliseconds, on a port of this machine. Raises ZError."""
+    config = zenoh.Config()
+    settings: dict[str, Any] = {
+        "mode": "router",
+        "listen/endpoints": ["tls/127.0.0.1:0"],
+        "scouting/multicast/enabled": False,
+        "scouting/delay": 0,
+        "transport/shared_memory/enabled": False,
+        f"{TLS}/enable_mtls": "root_ca_certificate" in certificates,
+        **_make_settings(certificates),
+    }
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    zenoh.open(config).close()  # type: ignore[no-untyped-call]
 
 
 def _read_file(flag: str, path: Path) -> bytes:

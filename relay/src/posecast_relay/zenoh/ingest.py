@@ -18,7 +18,7 @@ from posecast_wire.keys import PREFIX, STAMP, snapshot_key
 
 from posecast_relay.core.state.stream import FrameOutcome
 from posecast_relay.runtime.dispatcher import Dispatcher
-from posecast_relay.zenoh.inboxes import OTHERS, Inboxes, Message
+from posecast_relay.zenoh.inboxes import OTHERS, Importance, Inboxes, Message
 from posecast_relay.zenoh.router import RouterSession
 
 log = logging.getLogger("posecast_relay")
@@ -91,11 +91,15 @@ class ZenohIngest:
         self._opening += 1
         self._declared = []
         self._waiting.clear()
-
-    def _go_on(self) -> None:
         robots = self._dispatcher.hub.robots.values()
         self._missing |= {robot.name for robot in robots if robot.liveness.token}
+        self._wait_for_robots()  # until the new session is open; if it can't be opened, they are gone
+
+    def _go_on(self) -> None:
         self._declare()
+        self._wait_for_robots()
+
+    def _wait_for_robots(self) -> None:
         self.stop()
         self._given_up = self._loop.call_later(RETURN_S, self._give_up)
 
@@ -117,11 +121,11 @@ class ZenohIngest:
     # ---- in Zenoh's threads ---------------------------------------------------
 
     def _on_frame(self, sample: zenoh.Sample) -> None:
-        self._put(sample, self._frame, self._dispatcher.hub.limits.frame_bytes, is_frame=True)
+        self._put(sample, self._frame, self._dispatcher.hub.limits.frame_bytes, Importance.FRAME)
 
     def _on_event(self, sample: zenoh.Sample) -> None:
         limits = self._dispatcher.hub.limits
-        self._put(sample, self._event, max(limits.event_bytes, limits.info_bytes))
+        self._put(sample, self._event, max(limits.event_bytes, limits.info_bytes), Importance.EVENT)
 
     def _on_snapshot(self, question: _Question, reply: zenoh.Reply) -> None:
         sample = reply.ok
@@ -130,14 +134,14 @@ class ZenohIngest:
         question.answered = True
         cost = 1 + len(sample.payload) // PARSED_BYTES
         take_in = partial(self._snapshot, question.asked_at)
-        self._put(sample, take_in, self._dispatcher.hub.limits.snapshot_bytes, cost=cost)
+        self._put(sample, take_in, self._dispatcher.hub.limits.snapshot_bytes, Importance.ANSWER, cost)
 
     def _put(
         self,
         sample: zenoh.Sample,
         take_in: Callable[[str, str, bytes, bytes], None],
         bytes_max: int,
-        is_frame: bool = False,
+        importance: Importance,
         cost: int = 1,
     ) -> None:
         robot, view = _names(sample.key_expr)
@@ -147,16 +151,16 @@ class ZenohIngest:
         attached = sample.attachment
         stamp = attached.to_bytes() if attached is not None and len(attached) == STAMP.size else b""
         take_in = partial(take_in, robot, view, payload, stamp)
-        self._later(robot, Message(take_in, len(payload), is_frame, cost))
+        self._later(robot, Message(take_in, len(payload), importance, cost))
 
     def _on_token(self, opening: int, sample: zenoh.Sample) -> None:
         robot, _ = _names(sample.key_expr)
         present = sample.kind == zenoh.SampleKind.PUT
-        self._later(robot, Message(partial(self._heard_token, opening, robot, present), 0))
+        self._later(robot, Message(partial(self._heard_token, opening, robot, present), 0, Importance.TOKEN))
 
     def _on_echo(self, query: zenoh.Query) -> None:
         robot, _ = _names(query.key_expr)
-        self._later(robot, Message(partial(self._echo, robot, query), 0))
+        self._later(robot, Message(partial(self._echo, robot, query), 0, Importance.ANSWER))
 
     def _later(self, robot: str, message: Message) -> None:
         self._inboxes.put(robot, message, self._dispatcher.now())

@@ -3,6 +3,7 @@ import { LatePart } from '../../browser/late_part.ts';
 import { retryNow } from '../../browser/retry.ts';
 import type { ModelReport } from '../../model/report.ts';
 import { accounts } from '../../relay/relay.ts';
+import { isAbsent } from '../../stream/client.ts';
 import { isThen } from '../../twin/liveness.ts';
 import { isolated } from '../../twin/names.ts';
 import type { BodyView, RowView } from '../../view/body_view.ts';
@@ -238,6 +239,8 @@ function StageNote({ link }: { link: RobotLink }) {
   const words = stageWords(verdict, connection, now);
   const { problem } = connection;
   if (words === null && problem === null) return null;
+  // a hidden robot looks absent, and may be shown to who signs in
+  const isRefused = connection.phase === 'ended' || isAbsent(connection);
   const canTry = verdict.cause === 'no connection' && connection.phase !== 'connecting';
   return (
     <div className="stage-note" data-word={verdict.word ?? ''} data-testid="stage-note">
@@ -249,7 +252,7 @@ function StageNote({ link }: { link: RobotLink }) {
           {say().tryNow}
         </button>
       )}
-      {accounts !== null && connection.phase === 'ended' && (
+      {accounts !== null && isRefused && (
         <Suspense fallback={null}>
           <SignIn refused />
         </Suspense>

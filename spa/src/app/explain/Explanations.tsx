@@ -1,5 +1,6 @@
 import './explained.css';
 import { type CSSProperties, useEffect, useId, useRef, useState } from 'react';
+import { usePageKeys } from '../shell/page_keys.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { useMore } from '../text/more.ts';
 import { type Asked, explain, keysOfLabel, placeOf } from './asked.ts';
@@ -54,21 +55,17 @@ export function Explanations({ link }: { link: RobotLink }) {
     const onPress = ({ target }: Event) => {
       if (!dialog.current?.contains(target as Node) && !by.contains(target as Node)) setAsked(null);
     };
-    const onKey = (event: KeyboardEvent) => {
-      if (event.key !== 'Escape') return;
-      event.preventDefault();
-      event.stopPropagation(); // what is open underneath stays open
-      setAsked(null);
-      by.focus();
-    };
     document.addEventListener('pointerdown', onPress, true);
-    document.addEventListener('keydown', onKey, true);
     return () => {
       by.setAttribute('aria-expanded', 'false');
       document.removeEventListener('pointerdown', onPress, true);
-      document.removeEventListener('keydown', onKey, true);
     };
   }, [asked]);
+  const close = () => {
+    setAsked(null);
+    asked?.by.focus();
+  };
+  usePageKeys(asked === null ? null : () => ({ close }), dialog);
 
   const [first] = asked?.explained ?? [];
   return (

@@ -6,10 +6,10 @@ import type { Tab } from '../numbers/Panel.tsx';
 import { PastBelowBody } from '../past/PastBelowBody.tsx';
 import { missedMoment, useMomentNamed, usePast, useShown } from '../past/use_past.ts';
 import { showLink } from '../shell/debug_api.ts';
-import { useFullscreen } from '../shell/fullscreen.ts';
 import { BackIcon, FullscreenIcon, IconButton, PanelIcon, SettingsIcon, ShareIcon } from '../shell/icons.tsx';
 import { late, lateAfterBody } from '../shell/late.tsx';
 import { SIDE_BY_SIDE, useMedia } from '../shell/media.ts';
+import { usePageKeys, withKey } from '../shell/page_keys.ts';
 import { heightPx, type SheetHeight } from '../shell/sheet_heights.ts';
 import { followPresentLinks, present, usePresenting } from '../state/presenting.ts';
 import {
@@ -25,6 +25,7 @@ import { changeSettings, useSettings } from '../state/settings.ts';
 import { Chip } from '../status/Chip.tsx';
 import { behindWords } from '../status/words.ts';
 import { say, useText } from '../text/language.ts';
+import { useFullscreen } from './fullscreen.ts';
 
 const Panel = late(async () => (await loadPanel()).Panel);
 const Sheet = late(async () => (await import('../shell/Sheet.tsx')).Sheet);
@@ -34,7 +35,7 @@ const Announcer = lateAfterBody(async () => (await afterBody()).Announcer);
 const Explanations = lateAfterBody(async () => (await afterBody()).Explanations);
 const ShareSheet = late(async () => (await import('../share/ShareSheet.tsx')).ShareSheet);
 const Presentation = late(async () => (await import('../present/Presentation.tsx')).Presentation);
-const KeysSheet = late(async () => (await import('../body/controls/KeysSheet.tsx')).KeysSheet);
+const KeysSheet = late(async () => (await import('../settings/KeysSheet.tsx')).KeysSheet);
 
 const PANEL_LEAST_PX = 320;
 const BODY_LEAST_PX = 280;
@@ -123,19 +124,14 @@ export function OneRobot(props: {
 
   const { fullscreen, toggle } = useFullscreen(page);
   const [sheet, setSheet] = useState<'share' | 'keys' | null>(null);
-  useEffect(() => {
-    const onKey = (event: KeyboardEvent) => {
-      const typing = event.target instanceof HTMLInputElement && event.target.type !== 'radio';
-      if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
-      if (event.key === 't' || event.key === 'T') changeSettings({ panelOpen: !panelOpen });
-      else if (event.key === 'f' || event.key === 'F') toggle();
-      else if (event.key === 's' || event.key === 'S') setSheet('share');
-      else if (event.key === 'p' || event.key === 'P') present(!presented);
-      else if (event.key === '?') setSheet('keys');
-    };
-    window.addEventListener('keydown', onKey);
-    return () => window.removeEventListener('keydown', onKey);
-  });
+  const toggleNumbers = () => changeSettings({ panelOpen: !panelOpen });
+  usePageKeys(() => ({
+    numbers: toggleNumbers,
+    fullscreen: toggle,
+    present: () => present(!presented),
+    list: () => setSheet('keys'),
+    ...(share !== null && { share: () => setSheet('share') }),
+  }));
 
   return (
     <div
@@ -155,8 +151,8 @@ export function OneRobot(props: {
           className="icon-button wide-only"
           label={text.showNumbers}
           aria-pressed={panelOpen}
-          title={`${text.numbers} (T)`}
-          onClick={() => changeSettings({ panelOpen: !panelOpen })}
+          title={withKey(text.numbers, 'numbers')}
+          onClick={toggleNumbers}
         >
           <PanelIcon />
         </IconButton>
@@ -164,13 +160,17 @@ export function OneRobot(props: {
           className="icon-button fullscreen-button"
           label={text.fullscreen}
           aria-pressed={fullscreen !== 'off'}
-          title={`${text.fullscreen} (F)`}
+          title={withKey(text.fullscreen, 'fullscreen')}
           onClick={toggle}
         >
           <FullscreenIcon />
         </IconButton>
         {share !== null && (
-          <IconButton label={text.share} title={`${text.share} (S)`} onClick={() => setSheet('share')}>
+          <IconButton
+            label={text.share}
+            title={withKey(text.share, 'share')}
+            onClick={() => setSheet('share')}
+          >
             <ShareIcon />
           </IconButton>
         )}

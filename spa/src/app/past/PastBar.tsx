@@ -4,10 +4,11 @@ import type { PastSource } from '../../past/past_source.ts';
 import type { PastControls } from '../../past/past_types.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import { late, onDemand } from '../shell/late.tsx';
+import { usePageKeys } from '../shell/page_keys.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { useStore } from '../state/use_store.ts';
 import { momentSheet } from './time_line/jump/moment_sheet.ts';
-import { usePastKeys } from './time_line/past_keys.ts';
+import { pastKeys } from './time_line/past_keys.ts';
 import { type BelowTrack, TimeLine } from './time_line/TimeLine.tsx';
 
 const LiveNews = late(async () => (await import('./LiveNews.tsx')).LiveNews);
@@ -38,7 +39,7 @@ export function PastBar(props: {
     [given, robot],
   );
   const save = source === null ? null : () => setSaving(true);
-  usePastKeys(controls, save);
+  usePageKeys(() => pastKeys(controls, save));
   const { at } = useSyncExternalStore(controls.onChange, () => controls.playhead);
   const sheet = useStore(momentSheet);
   if (unseen) return null;

@@ -1,4 +1,5 @@
 import { pastUrl } from '../../auth/lane.ts';
+import { request } from '../../auth/request.ts';
 import { tokenFor } from '../../auth/token.ts';
 import { fetchPartsAhead, LatePart } from '../../browser/late_part.ts';
 import type { PastSource } from '../../past/past_source.ts';
@@ -6,6 +7,7 @@ import type { PastControls, PastSink, PastState, Playhead } from '../../past/pas
 import type { Coming } from '../../past/player/coming.ts';
 import { PastPlayer } from '../../past/player/past_player.ts';
 import { OwnTape } from '../../past/player/tape/own_tape.ts';
+import { MINUTE_MS, PAGE_MS } from '../../past/relay/past_documents.ts';
 import { RelayPast } from '../../past/relay/relay_past.ts';
 import { nowMs } from '../../stream/clock.ts';
 import { isClaim, type Recorded } from '../../twin/liveness.ts';
@@ -85,7 +87,16 @@ export function playPast(played: Played, atMs: number | null | undefined) {
   };
   void READER.load();
   void fetchPartsAhead();
-  const player: PastPlayer = new PastPlayer({ source, own, sink, nowMs, schedule, heard, recorded });
+  let frame = 0;
+  const draw = () => {
+    frame = 0;
+    player.tick();
+    wake();
+  };
+  const wake = () => {
+    if (frame === 0 && !player.isResting) frame = requestAnimationFrame(draw);
+  };
+  const player: PastPlayer = new PastPlayer({ source, own, sink, nowMs, schedule, heard, recorded, wake });
 
   let coming: Coming | null = null;
   const listComing = () => {
@@ -94,19 +105,14 @@ export function playPast(played: Played, atMs: number | null | undefined) {
     else coming ??= player.extend(part.Coming);
     return player.frame === null ? [] : (coming?.after(player.frame) ?? []);
   };
-  let frame = 0;
-  const draw = () => {
-    player.tick();
-    frame = requestAnimationFrame(draw);
-  };
   const look = () => {
     const { at, momentMs } = player.playhead;
     const past = at === 'past';
     played.onLook(player.playhead);
     shownMoment.set(past ? momentMs : null);
     watch.look();
-    if (past && frame === 0) frame = requestAnimationFrame(draw);
-    if (past || frame === 0) return;
+    wake();
+    if (past) return;
     cancelAnimationFrame(frame);
     frame = 0;
   };
@@ -155,7 +161,7 @@ export function openPast(live: RobotLink, atMs: number | null): Past {
   const twin = new RobotTwin(robot, nowMs());
   const own = new OwnTape();
   const source = new RelayPast(pastUrl(robot), {
-    fetch: (url, init) => fetch(url, init),
+    fetch: request,
     tokenFor,
     loadReader: () => READER.load(),
     nowMs,
@@ -166,7 +172,13 @@ export function openPast(live: RobotLink, atMs: number | null): Past {
   const limits = () => {
     if (twin.edits !== live.twin.edits) twin.acceptEdits(live.twin.edits);
   };
+  const forget = () => {
+    if (source.deleted === live.twin.deleted || source.deleted.length === 0) return;
+    live.twin.acceptDeleted(source.deleted);
+    live.faults.forget(source.deleted);
+  };
   const ends = [recordOwn(own, live), live.twin.onChange(limits), () => live.client.rest(false)];
+  source.onChange(forget); // first: the player reads the live events
   limits();
   const { player, link, close } = playPast(
     {
@@ -177,6 +189,7 @@ export function openPast(live: RobotLink, atMs: number | null): Past {
     },
     atMs,
   );
+  void recallFaults(source, live);
   const { client, manifestUrl } = live;
   return {
     controls: player,
@@ -187,6 +200,26 @@ export function openPast(live: RobotLink, atMs: number | null): Past {
       for (const end of ends) end();
     },
   };
+}
+
+/** Gives the live robot the newest recorded fault, unless the relay has sent it. */
+async function recallFaults(source: RelayPast, { twin, faults }: RobotLink): Promise<void> {
+  let events: RobotTwin['events'] = [];
+  try {
+    await source.loadDays({ fromMs: 0, toMs: 0 }); // until it is known how far the past reaches
+    const toMs = source.timeline?.toMs ?? 0;
+    await source.loadDays({ fromMs: toMs, toMs });
+    const fromMs = source.timeline?.marks.findLast(({ level }) => level === 'fault')?.atMs;
+    const isIt = ({ at, level }: RobotTwin['events'][number]) =>
+      level === 'fault' && at !== null && Math.abs(1000 * at - fromMs!) <= MINUTE_MS;
+    if (fromMs !== undefined && !twin.events.some(isIt)) {
+      await source.loadIndex({ fromMs, toMs: fromMs + MINUTE_MS - 1 });
+      events = source.segmentsIn({ fromMs, toMs: fromMs + PAGE_MS }).flatMap((ref) => ref.events);
+    }
+  } catch {
+    // without an answer, what the relay itself sends must do
+  }
+  faults.recall(events);
 }
 
 export function schedule(run: () => void, afterMs: number): () => void {

@@ -1,5 +1,6 @@
 import { useCallback, useEffect, useRef, useState, useSyncExternalStore } from 'react';
 import { pastUrl } from '../../auth/lane.ts';
+import { request } from '../../auth/request.ts';
 import { tokenFor } from '../../auth/token.ts';
 import { firstPaint } from '../../browser/first_paint.ts';
 import { LatePart } from '../../browser/late_part.ts';
@@ -25,6 +26,7 @@ export function usePast(live: RobotLink, wanted = true): Past | null | undefined
     let opened: Past | null = null;
     const atMs = momentIn(window.location.hash); // before the address follows what is shown
     let asked = false;
+    live.faults.expectPast();
     const ask = async () => {
       if (live.client.link.phase !== 'open') asked = false;
       if (asked || opened !== null || !isHeard(live)) return;
@@ -37,7 +39,10 @@ export function usePast(live: RobotLink, wanted = true): Past | null | undefined
         if (left || opened !== null) return;
         opened = openPast(live, atMs);
         setPast(opened);
-      } else if (!left) setPast(null);
+      } else if (!left) {
+        setPast(null);
+        live.faults.recall([]);
+      }
     };
     const again = () => void ask();
     const leave = [live.client.onChange(again), live.twin.onChange(again), live.watch.onWord(again)];
@@ -101,9 +106,9 @@ async function hasPast(robot: string): Promise<boolean> {
   const url = pastUrl(robot);
   const token = tokenFor(url);
   try {
-    const answer = await fetch(
+    const answer = await request(
       url,
-      token === undefined ? {} : { headers: { Authorization: `Bearer ${token}` } },
+      token === undefined ? {} : { headers: { authorization: `Bearer ${token}` } },
     );
     return answer.ok && (await answer.json()).past_ms > 0;
   } catch {

@@ -7,6 +7,7 @@ import { isolated } from '../../twin/names.ts';
 import { BalanceLine } from '../balance/BalanceParts.tsx';
 import { QrCode } from '../share/QrCode.tsx';
 import { useNow } from '../shell/now.ts';
+import { usePageKeys } from '../shell/page_keys.ts';
 import { formatMoment, shownMoment, useShownSecond } from '../state/moment.ts';
 import { present } from '../state/presenting.ts';
 import { type RobotLink, useConnection, useIsOld, useVersion, useWord } from '../state/robot_link.ts';
@@ -27,13 +28,7 @@ export function Presentation(props: { link: RobotLink; name: string; note?: Reac
   const text = usePresentText();
   useVersion(link);
   useZoom();
-  useEffect(() => {
-    const leave = (event: KeyboardEvent) => {
-      if (event.key === 'Escape' && document.querySelector('dialog[open]') === null) present(false);
-    };
-    window.addEventListener('keydown', leave);
-    return () => window.removeEventListener('keydown', leave);
-  }, []);
+  usePageKeys(() => ({ close: () => present(false) }));
   return (
     <div className="presentation" data-old={useIsOld(link)} data-testid="presentation">
       <div className="present-left">

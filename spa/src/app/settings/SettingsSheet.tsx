@@ -1,13 +1,13 @@
 import { Suspense } from 'react';
 import { recordingUrl } from '../../relay/recording_address.ts';
 import { accounts, relayChoice } from '../../relay/relay.ts';
-import { CameraKeys } from '../body/controls/CameraKeys.tsx';
 import { Dialog } from '../shell/Dialog.tsx';
 import { late } from '../shell/late.tsx';
 import type { RobotLink } from '../state/robot_link.ts';
 import { ARROWS, changeSettings, type Settings, useSettings } from '../state/settings.ts';
 import { useText } from '../text/language.ts';
 import { useMore } from '../text/more.ts';
+import { KeysList } from './KeysSheet.tsx';
 import { SettingChoice } from './SettingChoice.tsx';
 import '../styles/choices.css';
 import '../styles/signs.css';
@@ -76,9 +76,10 @@ export function SettingsSheet({ link, onClose }: { link: RobotLink | null; onClo
         ['stay', rest.followStay],
       )}
       {choice('mouse', rest.mouse, ['orbit', rest.mouseOrbit], ['foxglove', rest.mouseFoxglove])}
+      {choice('characterKeys', rest.characterKeys, [true, rest.keysOn], [false, rest.keysOff])}
       <details className="keys">
-        <summary>{rest.keysOfTheCamera}</summary>
-        <CameraKeys />
+        <summary>{rest.keys}</summary>
+        <KeysList />
       </details>
       {accounts !== null && (
         <Suspense fallback={null}>

@@ -3,6 +3,7 @@ import { tokenFor } from '../../auth/token.ts';
 import { home, relayChoice } from '../../relay/relay.ts';
 import { Command } from '../shell/Command.tsx';
 import { Dialog } from '../shell/Dialog.tsx';
+import { withKey } from '../shell/page_keys.ts';
 import { present } from '../state/presenting.ts';
 import './share.css';
 import { useText } from '../text/language.ts';
@@ -49,6 +50,7 @@ export function ShareSheet({
       <button
         type="button"
         className="text-button share-native"
+        title={withKey(word, 'present')}
         data-testid="present"
         onClick={() => {
           onClose();
@@ -89,7 +91,7 @@ function usePathOf(robot: string | null): string | null {
     if (robot === null || relayChoice().base !== home()) return;
     const leave = new AbortController();
     const url = `${home()}r/${robot}`;
-    fetch(url, { method: 'HEAD', signal: leave.signal, credentials: 'omit' })
+    fetch(url, { method: 'HEAD', signal: leave.signal })
       .then(({ ok }) => ok && setKnown(url))
       .catch(() => {}); // otherwise the link is the one with `#`
     return () => leave.abort();

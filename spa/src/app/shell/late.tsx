@@ -1,4 +1,5 @@
 import { type ComponentType, useEffect, useSyncExternalStore } from 'react';
+import { signInNeeded } from '../../auth/request.ts';
 import { firstPaint } from '../../browser/first_paint.ts';
 import { LatePart } from '../../browser/late_part.ts';
 import { retryNow } from '../../browser/retry.ts';
@@ -51,16 +52,19 @@ function NotHere() {
   return null;
 }
 
-/** A row with a reload button, if parts of the page could not be loaded. */
+/** A row with a reload button, if the site wants people to sign in again, or parts of the page could not be loaded. */
 export function AbsentNotice() {
   const text = useText();
-  if (useStore(absent) === 0) return null;
+  const isSignIn = useStore(signInNeeded);
+  if (useStore(absent) === 0 && !isSignIn) return null;
   return (
-    <p className="drop-notice" role="alert" data-testid="not-here">
-      <span>{text.tryingAgain(text.notHere)}</span>
-      <button type="button" className="text-button" onClick={retryNow}>
-        {text.tryNow}
-      </button>
+    <p className="drop-notice" role="alert" data-testid={isSignIn ? 'sign-in-needed' : 'not-here'}>
+      <span>{isSignIn ? text.signInNeeded : text.tryingAgain(text.notHere)}</span>
+      {!isSignIn && (
+        <button type="button" className="text-button" onClick={retryNow}>
+          {text.tryNow}
+        </button>
+      )}
       <button type="button" className="text-button" onClick={() => window.location.reload()}>
         {text.reload}
       </button>

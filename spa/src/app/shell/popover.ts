@@ -1,4 +1,5 @@
 import { type RefObject, useEffect, useRef, useState } from 'react';
+import { usePageKeys } from './page_keys.ts';
 
 /** The state of a popover. While it is open, Escape or a press outside the element `around` closes it. */
 export function usePopover<T extends HTMLElement>(): {
@@ -10,19 +11,12 @@ export function usePopover<T extends HTMLElement>(): {
   const around = useRef<T>(null);
   useEffect(() => {
     if (!open) return;
-    const leave = (event: Event) => {
-      const leaves =
-        event instanceof KeyboardEvent
-          ? event.key === 'Escape'
-          : !around.current?.contains(event.target as Node);
-      if (leaves) setOpen(false);
+    const leave = ({ target }: Event) => {
+      if (!around.current?.contains(target as Node)) setOpen(false);
     };
     window.addEventListener('pointerdown', leave);
-    window.addEventListener('keydown', leave);
-    return () => {
-      window.removeEventListener('pointerdown', leave);
-      window.removeEventListener('keydown', leave);
-    };
+    return () => window.removeEventListener('pointerdown', leave);
   }, [open]);
+  usePageKeys(open ? () => ({ close: () => setOpen(false) }) : null, around);
   return { open, setOpen, around };
 }

@@ -19,7 +19,8 @@ export async function reloadIfReplaced(): Promise<void> {
     const page = await answer.text();
     const scripts = [...document.querySelectorAll<HTMLScriptElement>('script[type=module][src]')];
     const same = scripts.every(({ src }) => page.includes(src.slice(src.lastIndexOf('/'))));
-    if (answer.ok && !same) window.location.reload();
+    // a redirect may lead to a proxy's sign-in page
+    if (answer.ok && !answer.redirected && !same) window.location.reload();
   } catch {
     // no network
   }

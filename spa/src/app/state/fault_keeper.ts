@@ -15,6 +15,8 @@ export class FaultKeeper {
   #list: readonly Fault[] | null = null;
   /** Whether a frame or a fault has come. */
   #isSeen = false;
+  /** Whether the recorded past may still tell of faults. */
+  #isRecalling = false;
 
   /** @param nowMs is the time of the states that the robot shows. @param kept says whether acknowledgements are. */
   constructor(twin: RobotTwin, nowMs: () => number, kept = true) {
@@ -35,6 +37,24 @@ export class FaultKeeper {
     this.#list = null;
     this.#isSeen = false;
     for (const listener of this.#listeners) listener();
+  }
+
+  /** Waits for `recall`: until then, it is not known that there are no faults. */
+  expectPast(): void {
+    this.#isRecalling = true;
+  }
+
+  /** Adds recorded events, oldest first: a relay that has restarted no longer sends those from before. */
+  recall(events: RobotTwin['events']): void {
+    for (const event of events) this.log.event(event, this.nowMs());
+    this.#isRecalling = false;
+    this.#tell();
+  }
+
+  /** Forgets the faults of deleted spans. */
+  forget(spans: RobotTwin['deleted']): void {
+    this.log.forget(spans);
+    this.#events(); // the same fault may also have begun at another time
   }
 
   /** All faults; null until it is known whether there are any: until a frame or a fault event has arrived, and all earlier
@@ -81,7 +101,8 @@ export class FaultKeeper {
 
   #tell(): void {
     const { faults } = this.log;
-    const list = faults.length > 0 || (this.#isSeen && this.#twin.hasAllEvents) ? faults : null;
+    const isKnown = this.#isSeen && this.#twin.hasAllEvents && !this.#isRecalling;
+    const list = faults.length > 0 || isKnown ? faults : null;
     if (this.#list === list) return;
     this.#list = list;
     for (const listener of this.#listeners) listener();

@@ -94,8 +94,11 @@ export class LivenessWatch implements Watch {
     const before = this.word;
     const verdict = judge(this.#twin.evidence, this.#lookedMs);
     const claims = this.#lost && isClaim(verdict.word); // a state called old may be called so all the time
-    const ageMs = (verdict.ageMs ?? 0) + nowMs() - this.#lookedMs;
-    this.#verdict = claims ? { ...verdict, word: 'STALE', cause: null, overShare: false, ageMs } : verdict;
+    const sinceMs = nowMs() - this.#lookedMs;
+    // the page may have been blocked since the last check, and a pose that is called old has aged all the time
+    const ageMs = verdict.ageMs === null ? null : verdict.ageMs + sinceMs;
+    if (claims) this.#verdict = { ...verdict, word: 'STALE', cause: null, overShare: false, ageMs };
+    else this.#verdict = verdict.word === 'STALE' ? { ...verdict, ageMs } : verdict;
     const { word } = this.#verdict;
     if (word === before) return;
     if (isClaim(before) && word !== null && !isClaim(word) && !claims) {

@@ -4,7 +4,7 @@ import { fetchPartsAhead, setAway } from '../../browser/late_part.ts';
 import { retryNow } from '../../browser/retry.ts';
 import type { PastState } from '../../past/past_types.ts';
 import { streamUrl, WANTED_HZ } from '../../relay/addresses.ts';
-import { type Link, StreamClient } from '../../stream/client.ts';
+import { isAbsent, type Link, StreamClient } from '../../stream/client.ts';
 import { nowMs } from '../../stream/clock.ts';
 import { isOld, type Word } from '../../twin/liveness.ts';
 import { RobotTwin } from '../../twin/robot.ts';
@@ -75,7 +75,7 @@ function watchNetwork(client: StreamClient, robot: string): void {
     const { by, phase } = client.link;
     if (phase === before) return;
     before = phase;
-    if (phase === 'waiting') setAway(true);
+    if (phase === 'waiting') setAway(!isAbsent(client.link)); // the relay itself has said that
     if (phase !== 'open') return;
     if (by !== 'segments') leaveLane(robot);
     setAway(false);

@@ -40,6 +40,8 @@ export interface Settings {
   names: 'codes' | 'words';
   mouse: MouseStyle;
   follow: FollowMode;
+  /** Whether the page has keyboard shortcuts of one character, such as `T`. */
+  characterKeys: boolean;
 }
 
 /** The range of `arrowScale`. */
@@ -68,6 +70,7 @@ const DEFAULTS: Settings = {
   names: 'codes',
   mouse: 'orbit',
   follow: 'along',
+  characterKeys: true,
 };
 
 const isSwitch = (value: unknown): value is boolean => typeof value === 'boolean';
@@ -94,6 +97,7 @@ const CHOICES: { readonly [K in keyof Settings]: (value: unknown) => value is Se
   names: (v): v is Settings['names'] => v === 'codes' || v === 'words',
   mouse: (v): v is MouseStyle => v === 'orbit' || v === 'foxglove',
   follow: (v): v is FollowMode => v === 'stay' || v === 'along' || v === 'turn',
+  characterKeys: isSwitch,
 };
 
 /** Reads settings from JSON. Missing and invalid members get their defaults; null and invalid JSON give all defaults. */

@@ -2,6 +2,7 @@ import type { Link } from '../../stream/client.ts';
 import { formatSpan } from '../../twin/format.ts';
 import type { Verdict } from '../../twin/liveness.ts';
 import { isolated } from '../../twin/names.ts';
+import { say } from '../text/language.ts';
 import { more } from '../text/more.ts';
 import { behindSpan, endingWords } from './words.ts';
 
@@ -37,6 +38,7 @@ function stateWords({ word, cause, unchangedMs }: Verdict, { ending }: Link): st
       return text.holdsStill(formatSpan(unchangedMs ?? 0));
     case 'STALE':
       if (cause === 'robot silent') return text.explainSilent;
+      if (cause === 'slow network') return text.explainSlow;
       if (cause === 'no connection' && ending !== null) return endingWords(ending);
       if (cause === 'waiting for the next part') return text.explainNextPart;
       return cause === 'relay degraded' ? text.explainDegraded : text.explainLost;
@@ -56,6 +58,6 @@ function whyBehind(by: Link['by'], behindMs: number, isLaneChosen: boolean): str
 }
 
 function rateWords(reason: string): string {
-  if (reason === 'slow network') return more().slowNetwork;
+  if (reason === 'slow network') return say().slowNetwork;
   return reason === 'overload' ? more().overload : isolated(reason);
 }

@@ -1,3 +1,4 @@
+import { signInNeeded } from '../../auth/request.ts';
 import type { Link } from '../../stream/client.ts';
 import type { Ending } from '../../stream/messages.ts';
 import { formatClock, formatSpan } from '../../twin/format.ts';
@@ -84,18 +85,17 @@ function paceWords(link: Link): string {
   return link.hz >= 0.5 ? `${Math.round(link.hz)} Hz` : '';
 }
 
-/** The estimated age of the shown pose, ms: half a round trip to the relay, plus half the time between two frames. null
- *  while either is unknown. */
-export function delayMs(link: Link): number | null {
-  if (link.roundTripMs === null || link.hz <= 0) return null;
-  return link.roundTripMs / 2 + 500 / link.hz;
+/** The age of the shown pose, ms: the most that it may have taken from the relay, plus half the time between two frames.
+ *  null while either is unknown. */
+function delayMs({ lateMs, hz }: Pick<Link, 'lateMs' | 'hz'>): number | null {
+  return lateMs === null || hz <= 0 ? null : lateMs + 500 / hz;
 }
 
 function delayWords(link: Link): string {
   const delay = delayMs(link);
-  if (link.by === 'events') return ` · ${say().overHttp}`;
-  if (link.by === 'mirror') return ` · ${say().mirror}`;
-  return delay === null || link.behindMs !== null ? '' : ` · ${formatSpan(delay)}`;
+  const age = delay === null || link.behindMs !== null ? '' : ` · ${formatSpan(delay)}`;
+  if (link.by === 'events') return `${age} · ${say().overHttp}`;
+  return link.by === 'mirror' ? ` · ${say().mirror}` : age;
 }
 
 /** Why there is no connection, in a word or two, by close code; other codes get only `noConnection`. */
@@ -116,7 +116,10 @@ export function causeWords(cause: Cause | null, link?: Pick<Link, 'ending'>): st
     case 'robot silent':
       return say().robotSilent;
     case 'no connection':
+      if (signInNeeded.get()) return say().shortSignIn;
       return say()[SHORT_ENDINGS[link?.ending?.code ?? 0] ?? 'noConnection'];
+    case 'slow network':
+      return say().slowNetwork;
     case 'relay degraded':
       return say().relayDegraded;
     case 'waiting for the next part':
@@ -157,7 +160,7 @@ export function stageWords(verdict: Verdict, link: Link, nowMs: number): string 
 
 function connectionWords(link: Link, nowMs: number): string {
   const what = endingWords(link.ending);
-  if (link.phase === 'ended') return what;
+  if (link.phase === 'ended' || signInNeeded.get()) return what;
   if (link.phase !== 'waiting' || link.retryAtMs === null) return say().tryingAgain(what);
   const inS = Math.max(1, Math.ceil((link.retryAtMs - nowMs) / 1000));
   return say().tryingAgainIn(what, inS);
@@ -165,6 +168,7 @@ function connectionWords(link: Link, nowMs: number): string {
 
 /** Why the connection ended, by its close code; a general sentence for unknown codes and null. */
 export function endingWords(ending: Ending | null): string {
+  if (signInNeeded.get()) return say().endedSignIn;
   return say()[ENDING_WORDS[ending?.code ?? 0] ?? 'endedLost'];
 }
 

@@ -44,6 +44,8 @@ export const moreEn = {
   explainCached: (span: string) =>
     `This page shows the robot ${span} late, so that any number of people can watch.`,
   explainDelayed: (span: string) => `Whoever runs this robot shows it ${span} late.`,
+  explainSlow:
+    'Poses arrive, but may be 1.5 s old or older by then. The network is slow, or something between you and the relay holds them back.',
   explainDegraded: 'The relay answers, but it cannot show what the robot does now.',
   explainOverShare: 'The robot sends more than its share, so the relay drops some of its frames.',
   explainLost: 'The connection to the relay is lost. You see the last pose that arrived.',
@@ -56,7 +58,6 @@ export const moreEn = {
     'This page reads a mirror in a database, not the relay: at most 2 poses a second, and no events.',
   explainUnwritten: 'The mirror is not being updated. You see the last pose in it.',
   roundTrip: (span: string) => `Round trip to the relay: ${span}.`,
-  slowNetwork: 'slow network',
   overload: 'the relay is busy',
   askAll: 'Ask for every pose',
 
@@ -213,7 +214,7 @@ export const moreEn = {
 
   // ---- faults and events
   faults: 'Faults',
-  nothingHappened: 'Nothing has happened yet.',
+  nothingHappened: 'No events have been received.',
   whatHappened: 'What happened',
   cleared: 'ended',
   yourLimit: 'your limit',
@@ -272,7 +273,9 @@ export const moreEn = {
   mouse: 'Mouse',
   mouseOrbit: 'Left rotates, right pans',
   mouseFoxglove: 'Foxglove: left pans, right rotates',
-  keysOfTheCamera: 'Camera keys',
+  characterKeys: 'Shortcuts of one character',
+  keysOn: 'On',
+  keysOff: 'Off',
   keptHere: 'Kept in this browser only.',
   guide: 'Open the guide',
   limitsOf: (robot: string) => `Limits of ${robot}`,

@@ -1,7 +1,7 @@
 /** The English sentences about presenting. */
 export const presentEn = {
   present: 'Present',
-  presentWhat: 'For a projector: only the robot, with large text (P). Press Esc to leave.',
+  presentWhat: 'For a projector: only the robot, with large text. Press Esc to leave.',
   keyPresent: 'present: for a projector',
   leavePresenting: 'Stop presenting (Esc)',
   ended: 'ended',

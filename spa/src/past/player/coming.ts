@@ -2,7 +2,7 @@ import type { PastSource } from '../past_source.ts';
 import { thinned } from './fill.ts';
 import { type Loads, PAGE_MS } from './tape/loads.ts';
 import type { OwnTape } from './tape/own_tape.ts';
-import type { Reel } from './tape/reel.ts';
+import { AROUND_MAX, type Reel } from './tape/reel.ts';
 import { nameOfRef, type Tape, type TapeFrame } from './tape/tape.ts';
 
 /** How far it looks ahead, ms. */
@@ -47,7 +47,7 @@ export class Coming {
     const untilMs = last.atMs + COMING_MS;
     if (untilMs <= (source.timeline?.toMs ?? 0)) void this.loads.index(Math.floor(untilMs / PAGE_MS));
     const refs = this.reel
-      .ahead(last.atMs, Number.POSITIVE_INFINITY)
+      .ahead(last.atMs, Number.POSITIVE_INFINITY, AROUND_MAX)
       .filter(({ frames, fromMs }) => frames > 0 && fromMs <= untilMs);
     const names = refs.map(nameOfRef);
     const begun = new Set(names.filter((name) => this.#begun.has(name)));

@@ -2,7 +2,7 @@ import type { PastSource } from '../past_source.ts';
 import type { PastSink, PastState, Span } from '../past_types.ts';
 import type { Loads } from './tape/loads.ts';
 import type { OwnTape } from './tape/own_tape.ts';
-import type { Reel } from './tape/reel.ts';
+import { AROUND_MAX, type Reel } from './tape/reel.ts';
 import type { Tape, TapeFrame } from './tape/tape.ts';
 
 /** Minimum time between two states that fill a plot, ms. */
@@ -67,7 +67,10 @@ export class Fill {
         ),
       );
     };
-    const refs = source.segmentsIn(span).filter(({ frames }) => frames > 0);
+    const refs = source
+      .segmentsIn(span)
+      .filter(({ frames }) => frames > 0)
+      .slice(-AROUND_MAX);
     for (const ref of refs.toReversed()) {
       await this.loads.segment(ref);
       await this.#pause(); // decoding takes a moment, and a picture may be due

@@ -1,6 +1,6 @@
 import type { PastSource } from '../past_source.ts';
 import type { OwnTape } from './tape/own_tape.ts';
-import type { Reel } from './tape/reel.ts';
+import { AROUND_MAX, type Reel } from './tape/reel.ts';
 import type { Tape, TapeFrame } from './tape/tape.ts';
 
 /** How far back it goes, ms: as long as footprints are kept. */
@@ -27,6 +27,7 @@ export class LeadIn {
     const fromMs = last.atMs - LEAD_MS;
     const found = source
       .segmentsIn({ fromMs, toMs: last.atMs })
+      .slice(-AROUND_MAX)
       .flatMap((ref) => (ref.frames > 0 ? this.reel.framesOf(ref) : []));
     this.tape.trim(last.atMs);
     return [...found, ...own.since(fromMs)]

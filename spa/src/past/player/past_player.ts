@@ -1,4 +1,5 @@
 import type { EventMessage } from '@posecast/wire';
+import { isWithin } from '../../twin/spans.ts';
 import type { PastControls, PastEvent, Playhead, Span, Speed, Timeline } from '../past_types.ts';
 import { visitFault } from './fault_visits.ts';
 import { Fill } from './fill.ts';
@@ -16,13 +17,14 @@ import { Tape, type TapeFrame } from './tape/tape.ts';
 
 /**
  * Plays a robot's past into a sink: each frame in the segments, once and in order, and the page's own frames if there is no
- * segment (yet). `tick` must be called for every picture while `playhead.at` is `past`.
+ * segment (yet). `tick` must be called for every picture, except while it is resting.
  */
 export class PastPlayer implements PastControls {
   readonly #parts: PlayerParts;
   readonly #state: PlayheadState;
   readonly #leadIn: LeadIn;
   readonly #unfollow: () => void;
+  #deleted: readonly Span[] | undefined;
   readonly onChange: PastControls['onChange'];
 
   constructor(ports: PastPorts) {
@@ -30,7 +32,7 @@ export class PastPlayer implements PastControls {
     const state = new PlayheadState(ports);
     const tape = new Tape();
     const work = () => this.#work();
-    const loads = new Loads(source, tape, nowMs, work);
+    const loads = new Loads(source, tape, nowMs, inTurns(work, schedule));
     const reel = new Reel(source, tape, own, loads, (alignment) => this.#align(alignment));
     const projector = new Projector(sink, own, (momentMs) => listRecentEvents(source, heard(), momentMs));
     const keyFetcher = new KeyPageFetcher(source, loads, schedule);
@@ -43,7 +45,9 @@ export class PastPlayer implements PastControls {
     this.#parts = { ports, state, tape, loads, reel, projector, keyFetcher, fill, work, goLive };
     this.#state = state;
     this.onChange = state.onChange;
+    this.#deleted = source.deleted;
     this.#unfollow = source.onChange(() => {
+      this.#forgetDeleted();
       void keyFetcher.fetch();
       void keyFetcher.fetchDays();
       work();
@@ -69,6 +73,13 @@ export class PastPlayer implements PastControls {
   extend<T>(Part: new (ports: PastPorts, tape: Tape, reel: Reel, loads: Loads) => T): T {
     const { ports, tape, reel, loads } = this.#parts;
     return new Part(ports, tape, reel, loads);
+  }
+
+  /** Whether everything stays as it is until the viewer does something or data arrives: then `tick` has nothing to do. */
+  get isResting(): boolean {
+    const { isPast, clock, wantedMs, scrubbing, steps, playhead } = this.#state;
+    const isBusy = clock.running || wantedMs !== null || scrubbing !== null || steps !== 0;
+    return !isPast || (!isBusy && playhead.note === null);
   }
 
   get timeline(): Timeline | null {
@@ -250,6 +261,22 @@ export class PastPlayer implements PastControls {
     state.publish();
   }
 
+  /** Drops what was deleted, and shows no more of it. */
+  #forgetDeleted(): void {
+    const { ports, state, tape } = this.#parts;
+    const { deleted = [] } = ports.source;
+    if (deleted === this.#deleted || deleted.length === 0) return;
+    this.#deleted = deleted;
+    tape.forget(deleted);
+    ports.own.forget(deleted);
+    if (!state.isPast) return;
+    const { momentMs } = state.clock;
+    if (isWithin(momentMs, deleted)) {
+      if (state.timeline === null) this.goLive();
+      else this.openAt(momentMs);
+    } else if (state.wantedMs === null) jump(this.#parts, momentMs); // the faults of the minutes before may be deleted
+  }
+
   /** Shows the requested moment as far as it is loaded, and fetches the rest. */
   #work(): void {
     const state = this.#state;
@@ -258,6 +285,7 @@ export class PastPlayer implements PastControls {
     else showWanted(this.#parts, state.wantedMs);
     state.publish();
     this.#lead();
+    if (!this.isResting) this.#parts.ports.wake?.();
   }
 
   /** Sends the states that led up to the shown frame, once it rests. */
@@ -278,4 +306,21 @@ export class PastPlayer implements PastControls {
     projector.cursor = { ...cursor, runId, atMs: cursor.atMs + byMs };
     if (state.wantedMs === null) state.move(state.clock.momentMs + byMs);
   }
+}
+
+/** Runs at the first call, and once more for all calls that follow before the browser has had its turn. */
+function inTurns(run: () => void, schedule: PastPorts['schedule']): () => void {
+  let calls = 0;
+  const next = (): void => {
+    const isAgain = calls > 1;
+    calls = 0;
+    if (isAgain) call();
+  };
+  const call = (): void => {
+    calls += 1;
+    if (calls > 1) return;
+    schedule(next, 0);
+    run();
+  };
+  return call;
 }

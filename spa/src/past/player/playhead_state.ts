@@ -6,7 +6,7 @@ import { PastNotes } from './notes.ts';
 import { PlayheadClock } from './playhead.ts';
 import { relayAhead } from './relay_now.ts';
 import type { OwnTape } from './tape/own_tape.ts';
-import type { Pending } from './tape/reel.ts';
+import { LOADS_MAX, type Pending } from './tape/reel.ts';
 
 /** Minimum time between two calls of the listeners while only the moment advances, ms. */
 const CHANGE_EVERY_MS = 100;
@@ -24,6 +24,8 @@ export interface PastPorts {
   readonly nowMs: () => number;
   /** Calls a function after some ms. Returns a function that cancels it. */
   readonly schedule: (run: () => void, afterMs: number) => () => void;
+  /** Called when the player rests no longer. */
+  readonly wake?: () => void;
   /** The recording being played, at whose end the player pauses; null or omitted if the past leads up to the present. */
   readonly recorded?: Recorded | null;
 }
@@ -182,7 +184,7 @@ export class PlayheadState {
 
   /** Fetches what is pending and waits for it. If nothing is pending, stops waiting. */
   fetchAndWait(pending: readonly Pending[]): void {
-    for (const each of pending) each.begin();
+    for (const each of pending.slice(0, LOADS_MAX)) each.begin();
     if (pending.length === 0) this.#notes.rest();
     else this.wait(pending);
   }

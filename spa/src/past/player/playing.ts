@@ -1,6 +1,7 @@
 import { playSpan, stepBack, stepForward } from './moves.ts';
 import { jump, leaveUnkept, type PlayerParts } from './seeking.ts';
 import { PAGE_MS } from './tape/loads.ts';
+import { LOADS_MAX } from './tape/reel.ts';
 
 /** A gap is played for at most this long; then the rest of it is skipped, ms. */
 const GAP_MS = 2000;
@@ -62,7 +63,7 @@ function passGap(parts: PlayerParts, isHeld: boolean, momentMs: number, nowMs: n
 function prefetch(parts: PlayerParts): void {
   const { state, tape, reel, loads } = parts;
   const { momentMs, speed } = state.clock;
-  for (const ref of reel.ahead(momentMs, speed > 2 ? 6 : 2)) void loads.segment(ref);
+  for (const ref of reel.ahead(momentMs, speed > 2 ? 6 : 2, 2 * LOADS_MAX)) void loads.segment(ref);
   const soonMs = momentMs + MINUTE_MS / 2;
   if (soonMs <= (state.timeline?.toMs ?? 0)) void loads.index(Math.floor(soonMs / PAGE_MS));
   tape.trim(momentMs);

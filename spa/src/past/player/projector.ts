@@ -46,7 +46,7 @@ export class Projector {
   }
 
   /** Jumps to the first pose of a segment whose other data is not loaded. */
-  showKey(pose: KeyPose, { schema, decoder }: SchemaReader, word: RobotStatus | null): void {
+  showKey(pose: KeyPose, { schema, decoder }: SchemaReader, readWord: () => RobotStatus | null): void {
     const { runId, seq, model, copies, lateUs, atMs } = pose;
     if (this.#key?.runId === runId && this.#key.seq === seq) return;
     try {
@@ -56,7 +56,7 @@ export class Projector {
       this.#teller.schema(schema);
       this.#teller.model(model);
       this.#teller.events(this.listRecent(atMs));
-      this.#teller.word(word);
+      this.#teller.word(readWord());
       this.#teller.state(schema, { schemaId: schema.id, seq, tS, codes, atMs, lateMs: lateUs / 1000 });
       this.#key = pose;
       this.cursor = null;

@@ -5,7 +5,7 @@ import type { PastPorts, PlayheadState } from './playhead_state.ts';
 import type { Projector } from './projector.ts';
 import type { Loads } from './tape/loads.ts';
 import { pageBefore } from './tape/recent_events.ts';
-import type { Reel } from './tape/reel.ts';
+import { LOADS_MAX, type Reel } from './tape/reel.ts';
 import type { Tape, TapeFrame } from './tape/tape.ts';
 
 /** The moment in a link counts as not kept unless something was recorded within this time of it, ms. */
@@ -86,7 +86,7 @@ function showAt(parts: PlayerParts, momentMs: number): void {
   const { state, reel, projector, fill } = parts;
   const { askedMs } = state;
   const { frame, situation, pending, isDamaged } = reel.at(momentMs);
-  for (const each of pending) each.begin();
+  for (const each of pending.slice(0, LOADS_MAX)) each.begin();
   const isUnknown = state.timeline === null && (frame === null || askedMs !== null);
   if (situation === null || isUnknown) {
     state.wait(pending);
@@ -138,7 +138,8 @@ function showKey(parts: PlayerParts, momentMs: number): void {
     loads.reader(pose.schema).then(work, () => undefined);
     return;
   }
-  const refs = source.segmentsIn({ fromMs: pose.atMs - MINUTE_MS, toMs: pose.atMs });
-  const word = refs.flatMap(({ words }) => words).findLast(({ atMs }) => atMs <= pose.atMs)?.word ?? null;
-  projector.showKey(pose, reader, word);
+  projector.showKey(pose, reader, () => {
+    const refs = source.segmentsIn({ fromMs: pose.atMs - MINUTE_MS, toMs: pose.atMs });
+    return refs.flatMap(({ words }) => words).findLast(({ atMs }) => atMs <= pose.atMs)?.word ?? null;
+  });
 }

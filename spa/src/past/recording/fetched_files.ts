@@ -50,7 +50,7 @@ export class FetchedFiles implements RecordingFiles {
     try {
       const url = new URL(path, this.folder).href;
       const either = signal === undefined ? silent.signal : AbortSignal.any([signal, silent.signal]);
-      const response = await this.ports.fetch(url, { signal: either, credentials: 'omit' });
+      const response = await this.ports.fetch(url, { signal: either });
       const { status } = response;
       if (status === 200) {
         tried = 'cut';

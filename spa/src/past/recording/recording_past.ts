@@ -96,12 +96,12 @@ export class RecordingPast implements PastSource {
     // everything is available
   }
 
-  segmentsIn({ fromMs, toMs }: Span): readonly SegmentRef[] {
+  segmentsIn({ fromMs, toMs }: Span, most = Number.POSITIVE_INFINITY): readonly SegmentRef[] {
     const { segments } = this.#index;
     const found: SegmentRef[] = [];
     for (let i = firstReaching(this.#reach, fromMs); i < segments.length; i += 1) {
       const ref = segments[i]!;
-      if (ref.fromMs > toMs) break;
+      if (ref.fromMs > toMs || found.length >= most) break;
       if (ref.toMs >= fromMs) found.push(ref);
     }
     return found;
@@ -169,8 +169,14 @@ export class RecordingPast implements PastSource {
   }
 
   #hasPoses(pageMs: number): boolean {
-    const refs = this.segmentsIn({ fromMs: pageMs, toMs: pageMs + PAGE_MS - 1 });
-    return refs.some((ref) => ref.fromMs >= pageMs && ref.frames > 0);
+    const { segments } = this.#index;
+    const untilMs = pageMs + PAGE_MS;
+    for (let i = firstReaching(this.#reach, pageMs); i < segments.length; i += 1) {
+      const { fromMs, frames } = segments[i]!;
+      if (fromMs >= untilMs) return false;
+      if (fromMs >= pageMs && frames > 0) return true;
+    }
+    return false;
   }
 
   async #readKeys(pageMs: number, signal: AbortSignal): Promise<void> {

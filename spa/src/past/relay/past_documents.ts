@@ -1,5 +1,6 @@
 import { type EventMessage, parseRelayMessage, type RobotStatus } from '@posecast/wire';
 import { PastError, type SegmentRef } from '../past_source.ts';
+import type { Span } from '../past_types.ts';
 
 /** Reads the relay's answers about the past; see *The past* in `docs/reference/protocol.md`. Anything that deviates from it is a
  *  `PastError` ('damaged') that names the place; it contains none of the relay's own text. */
@@ -16,7 +17,9 @@ const SEGMENT_MS_MAX = PAGE_MS; // the format can't hold a longer one
 const EVENT_CHARS_MAX = 5000; // the wire allows 4096 bytes
 const DAYS_MAX = 4000;
 const MINUTES_MAX = 1440;
+const DELETED_MAX = 1000;
 const COUNT_MAX = 2 ** 48;
+const VIEW = /^[a-z0-9][a-z0-9-]{0,62}$/;
 const WORDS: readonly RobotStatus[] = ['online', 'silent', 'offline'];
 
 /** How far back the page may look. */
@@ -27,6 +30,12 @@ export interface PastSummary {
   readonly pastMs: number;
   /** The starts of the days (UTC) with data, newest first. */
   readonly daysMs: readonly number[];
+}
+
+/** The spans of a view in which everything was deleted. */
+export interface PastDeletions {
+  readonly view: string;
+  readonly spans: readonly Span[];
 }
 
 /** What started in a minute. */
@@ -63,11 +72,22 @@ export function readSummary(json: unknown): PastSummary | null {
   if (pastMs === 0 || doc.is('newest', null)) return null;
   const fromMs = doc.time('from_ms');
   const toMs = doc.time('to_ms', fromMs);
-  const view = doc.text('view', /^[a-z0-9][a-z0-9-]{0,62}$/);
+  const view = doc.text('view', VIEW);
   const daysMs = doc.list('days', DAYS_MAX, (day, where) =>
     new Doc({ day }, where).date('day', /^\d{4}-\d\d-\d\d$/, FIRST_MS, LAST_MS),
   );
   return { view, fromMs, toMs, pastMs, daysMs: [...new Set(daysMs)].sort((a, b) => b - a) };
+}
+
+/** What the answer of `/past` says about deletions; an older relay says nothing. */
+export function readDeletions(json: unknown): PastDeletions {
+  const doc = new Doc(json, 'past');
+  if (doc.is('deleted', undefined)) return { view: '', spans: [] };
+  const spans = doc.list('deleted', DELETED_MAX, (item, where) => {
+    const span = new Doc(item, where);
+    return { fromMs: span.time('from_ms', 0), toMs: span.time('to_ms', 0) };
+  });
+  return { view: doc.text('view', VIEW), spans };
 }
 
 /** The minutes of a day that starts at `dayMs`. */
@@ -143,7 +163,7 @@ class Doc {
     this.#where = where;
   }
 
-  is(name: string, value: boolean | null): boolean {
+  is(name: string, value: boolean | null | undefined): boolean {
     return this.#members[name] === value;
   }
 

@@ -6,6 +6,7 @@ import {
   MINUTE_MS,
   minuteOf,
   PAGE_MS,
+  type PastDeletions,
   type PastMinute,
   type PastPage,
   type PastSummary,
@@ -23,6 +24,9 @@ const SHORT_MS = 3_600_000;
 const SET_BACK_MS = 60_000;
 /** This long after its end, a page gets no more segments: one lasts at most 6 s, as long as the relay's clock is not set back. */
 const CLOSED_MS = 10_000;
+
+/** Maximum number of spans remembered as deleted. */
+const DELETED_MAX = 1000;
 
 interface IndexPage {
   readonly segments: ReadonlyMap<string, SegmentRef>;
@@ -56,12 +60,23 @@ export class PastIndex {
   readonly #days = new BoundedCache<number, Day>(DAYS_MAX);
   readonly #pages = new BoundedCache<number, IndexPage>(PAGES_BYTES_MAX);
   #summary: PastSummary | null = null;
+  #deletions: PastDeletions = { view: '', spans: [] };
   #toMs = 0;
   #segments: readonly SegmentRef[] | null = null;
   #timeline: Timeline | null = null;
 
   get summary(): PastSummary | null {
     return this.#summary;
+  }
+
+  /** What was deleted, as far as the relay has said. Every change makes a new array. */
+  get deleted(): readonly Span[] {
+    return this.#deletions.spans;
+  }
+
+  /** Whether a segment of this span was deleted. */
+  isDeleted(span: Span): boolean {
+    return this.deleted.some((deleted) => overlaps(span, deleted));
   }
 
   /** The end of the newest segment. */
@@ -123,7 +138,7 @@ export class PastIndex {
 
   /** `knownMs`: the newest moment at the time of the request. */
   setDay(dayMs: number, minutes: readonly PastMinute[], knownMs: number): void {
-    const known = minutes.map(({ atMs, bytes, ...more }) => {
+    const known = this.#withoutDeleted(minutes).map(({ atMs, bytes, ...more }) => {
       const lastedMs = Math.min(atMs + MINUTE_MS, knownMs) - Math.max(atMs, this.fromMs);
       return { ...more, atMs, bytesPerS: (1000 * bytes) / Math.max(1000, lastedMs) };
     });
@@ -181,8 +196,8 @@ export class PastIndex {
     const all = new Map(before.segments);
     let newestMs = 0;
     for (const ref of segments) {
-      all.set(nameOf(ref), ref);
       newestMs = Math.max(newestMs, ref.toMs);
+      if (!this.isDeleted(ref)) all.set(nameOf(ref), ref); // a cache may still have the list of before
     }
     if (all.size > SEGMENTS_MAX)
       throw new PastError('damaged', `page ${minuteOf(pageMs)}: more than ${SEGMENTS_MAX} segments`);
@@ -198,15 +213,42 @@ export class PastIndex {
     this.#pages.set(pageMs, page, bytes);
     this.#toMs = Math.max(this.#toMs, newestMs);
     if (count > 0 || page.knownMs !== before.knownMs) this.#change();
-    return count;
+    return segments.filter((ref) => !before.segments.has(nameOf(ref))).length;
   }
 
-  segmentsIn(span: Span): readonly SegmentRef[] {
+  /** Forgets what was deleted, now and in later answers: lists in caches may be from before, and relays that share a store hear of
+   *  a deletion one after the other. Returns whether any of it is news. */
+  forget({ view, spans }: PastDeletions): boolean {
+    const before = view === this.#deletions.view ? this.deleted : [];
+    const news = spans.filter((span) => !before.some((known) => isSame(span, known)));
+    if (news.length === 0) return false;
+    this.#deletions = { view, spans: [...before, ...news].slice(-DELETED_MAX) };
+    for (const [pageMs, page] of this.#pages.entries()) {
+      const segments = new Map([...page.segments].filter(([, ref]) => !this.isDeleted(ref)));
+      if (segments.size < page.segments.size) this.#pages.set(pageMs, { ...page, segments }, page.bytes);
+    }
+    for (const [dayMs, day] of this.#days.entries())
+      this.#days.set(dayMs, { ...day, minutes: this.#withoutDeleted(day.minutes) }, 1);
+    this.#change();
+    return true;
+  }
+
+  /** Minutes without those that were deleted. Of one that was deleted in part, it is not known whether its faults are left. */
+  #withoutDeleted<T extends Pick<PastMinute, 'atMs' | 'faults'>>(minutes: readonly T[]): T[] {
+    return minutes.flatMap((minute) => {
+      const span = { fromMs: minute.atMs, toMs: minute.atMs + MINUTE_MS };
+      if (!this.isDeleted(span)) return [minute];
+      const isWhole = this.deleted.some(({ fromMs, toMs }) => fromMs <= span.fromMs && toMs >= span.toMs);
+      return isWhole ? [] : [{ ...minute, faults: 0 }];
+    });
+  }
+
+  segmentsIn(span: Span, most = Number.POSITIVE_INFINITY): readonly SegmentRef[] {
     const all = this.#listSegments();
     // by start: none lasts longer than a page
     const first = firstFrom(all, span.fromMs - PAGE_MS);
     const found: SegmentRef[] = [];
-    for (let i = first; i < all.length && all[i]!.fromMs <= span.toMs; i++)
+    for (let i = first; i < all.length && all[i]!.fromMs <= span.toMs && found.length < most; i++)
       if (all[i]!.toMs >= span.fromMs) found.push(all[i]!);
     return found;
   }
@@ -251,6 +293,15 @@ export class PastIndex {
     this.#segments = null;
     this.#timeline = null;
   }
+}
+
+/** Whether a segment has anything in common with a deleted span; both are without their ends. */
+function overlaps({ fromMs, toMs }: Span, deleted: Span): boolean {
+  return fromMs < deleted.toMs && Math.max(toMs, fromMs + 1) > deleted.fromMs;
+}
+
+function isSame(a: Span, b: Span): boolean {
+  return a.fromMs === b.fromMs && a.toMs === b.toMs;
 }
 
 /** The index of the first that starts at `atMs` or later. */

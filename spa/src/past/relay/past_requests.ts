@@ -76,7 +76,6 @@ export class PastRequests {
       const headers: HeadersInit = token ? { authorization: `Bearer ${token}` } : {};
       const response = await this.#ports.fetch(url, {
         signal: AbortSignal.any([signal, late.signal]),
-        credentials: 'omit',
         headers,
       });
       const { status } = response;

@@ -8,6 +8,7 @@ import {
   PAGE_MS,
   type PastSummary,
   readDay,
+  readDeletions,
   readPage,
   readSummary,
 } from './past_documents.ts';
@@ -30,6 +31,8 @@ const KEYS_BYTES_WANTED = 100_000;
 const POSE_BYTES = 500; // until the first page arrives
 /** The maximum number of cached pages of KEYs. */
 const KEY_PAGES_MAX = KEYS_KEPT_BYTES / KEYS_BYTES_WANTED;
+/** Relays make no longer segments. */
+const SEGMENT_MS_MAX = 6000;
 /** The default interval between KEYs. */
 const USUAL_SEGMENT_MS = 4000;
 const INDEX_PAGES_MAX = 1000;
@@ -45,6 +48,8 @@ interface KeysOfPage {
   readonly knownMs: number;
   /** When it was requested, by the page's clock. */
   readonly askedMs: number;
+  /** Size of the answer. */
+  readonly bytes: number;
 }
 
 /** The past that a relay keeps of a robot. At first it requests only how far back the past reaches and, if that is no more than
@@ -103,8 +108,12 @@ export class RelayPast implements PastSource {
     await eachOf(pages.slice(0, INDEX_PAGES_MAX), (pageMs) => this.#loadPage(pageMs));
   }
 
-  segmentsIn(span: Span): readonly SegmentRef[] {
-    return this.#index.segmentsIn(span);
+  get deleted(): readonly Span[] {
+    return this.#index.deleted;
+  }
+
+  segmentsIn(span: Span, most?: number): readonly SegmentRef[] {
+    return this.#index.segmentsIn(span, most);
   }
 
   async loadKeys(span: Span, everyMs = 0): Promise<void> {
@@ -192,6 +201,7 @@ export class RelayPast implements PastSource {
     try {
       const { json } = await this.#requests.getJson('', signal);
       this.#setSummary(readSummary(json));
+      if (this.#index.forget(readDeletions(json))) this.#forgetDeleted();
     } catch (error) {
       if (!(error instanceof PastError)) throw error;
       this.#failure = error;
@@ -220,6 +230,20 @@ export class RelayPast implements PastSource {
   #setSummary(summary: PastSummary | null): void {
     if (this.#index.setSummary(summary)) this.#keys.clear();
     this.#see();
+  }
+
+  /** Drops the loaded data of what was deleted. */
+  #forgetDeleted(): void {
+    this.#segments.clear();
+    for (const [pageMs, keys] of this.#keys.entries()) {
+      const poses = keys.poses.filter((pose) => !this.#isDeletedPose(pose));
+      if (poses.length < keys.poses.length) this.#keys.set(pageMs, { ...keys, poses }, keys.bytes);
+    }
+  }
+
+  /** Whether the segment of a pose may be deleted. The pose does not say when its segment begins and ends. */
+  #isDeletedPose({ atMs }: KeyPose): boolean {
+    return this.#index.isDeleted({ fromMs: atMs - SEGMENT_MS_MAX, toMs: atMs + SEGMENT_MS_MAX });
   }
 
   get #view(): string {
@@ -294,7 +318,8 @@ export class RelayPast implements PastSource {
     if (page.fromMs !== pageMs) throw new PastError('damaged', `past${path}: another page`);
     if (view !== this.#view) return;
     if (page.poses.length > 0) this.#poseBytes = bytes.length / page.poses.length;
-    this.#keys.set(pageMs, { everyMs, poses: page.poses, knownMs, askedMs }, bytes.length);
+    const poses = page.poses.filter((pose) => !this.#isDeletedPose(pose));
+    this.#keys.set(pageMs, { everyMs, poses, knownMs, askedMs, bytes: bytes.length }, bytes.length);
   }
 
   async #fetchSegment(ref: SegmentRef, signal: AbortSignal): Promise<Segment> {

@@ -1,4 +1,5 @@
 import { type Field, MISSING, type Schema } from '@posecast/wire';
+import { withoutFormulas } from '../../twin/plots/csv.ts';
 import { BALANCE_COLUMNS, balanceCells } from './balance_columns.ts';
 import { BlobParts } from './blob_parts.ts';
 import type { SavePorts } from './save_ports.ts';
@@ -111,9 +112,9 @@ function numberOf(field: Field, at: number): Cell['text'] {
   return (codes) => field.value(codes[at]!)?.toFixed(decimals) ?? '';
 }
 
-/** A text as a cell. Text that a spreadsheet would read as a formula gets a leading apostrophe. */
+/** A text as a cell. */
 export function cellOf(text: string): string {
-  const safe = /^[=+\-@]/.test(text) ? `'${text}` : text;
+  const safe = withoutFormulas(text);
   return /[",\r\n]/.test(safe) ? `"${safe.replaceAll('"', '""')}"` : safe;
 }
 

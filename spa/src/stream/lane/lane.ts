@@ -144,9 +144,11 @@ export class Lane {
     const tookMs = headMs - this.#askedMs;
     this.#askedMs = null;
     this.#dueMs = nowMs;
-    const { status } = answer;
+    const { status, isJson } = answer;
     const wanted = this.#wanted;
-    if (status === 401 || status === 403) this.#finish(status + 4000, 'the relay shows it to others only');
+    // without JSON, it is the answer of a proxy that people sign in to
+    if (isJson && (status === 401 || status === 403))
+      this.#finish(status + 4000, 'the relay shows it to others only');
     else if (status === 204 && wanted.what === 'part') this.#wait(nowMs, answer.retryMs);
     else if (status !== 200) this.#fail(nowMs, answer.retryMs, `answered ${status}`);
     else {
@@ -200,7 +202,7 @@ export class Lane {
     for (let count = Math.min(frames, SHOWN_MAX); count > 0; count--) this.#meter.recordArrival(nowMs);
     if (!this.#isOpen || nowMs - this.#toldPaceMs < PACE_EVERY_MS) return;
     this.#toldPaceMs = nowMs;
-    this.#post({ kind: 'pace', hz: this.#meter.hz(nowMs), roundTripMs: null });
+    this.#post({ kind: 'pace', hz: this.#meter.hz(nowMs), roundTripMs: null, lateMs: null });
     this.#tellBehind();
   }
 

@@ -5,6 +5,8 @@ const LAST_CEILING_MS = 30_000;
 const SPREAD_S = 10;
 /** The wait if a full relay does not specify one. */
 export const WAIT_S = 30;
+/** The shortest wait for a robot that is absent; the longest is twice that. */
+const LATER_MS = 30_000;
 
 /**
  * Milliseconds to wait before the next try; null: don't retry automatically. The wait is random between 0 and a ceiling that
@@ -29,5 +31,7 @@ export function retryDelayMs(
       return failures === 0 ? random * (retryS ?? SPREAD_S) * 1000 : backoff;
     case 'wait':
       return (retryS ?? WAIT_S) * 1000 + backoff;
+    case 'later':
+      return LATER_MS * (1 + random);
   }
 }

@@ -1,6 +1,8 @@
-import type { EventMessage } from '@posecast/wire';
+import type { EventMessage, Schema } from '@posecast/wire';
 import { flagWords } from '../format.ts';
 import type { JointRow } from '../joints.ts';
+import type { ValueLimits } from '../limits/limits.ts';
+import { isWithin, type Spans } from '../spans.ts';
 import { Occurrences } from './occurrences.ts';
 
 /** The kind of fault: a flag bit set by the robot, an exceeded limit (current, temperature), or a joint that has long deviated
@@ -181,6 +183,13 @@ export class FaultLog {
     this.version += 1;
   }
 
+  /** Forgets the faults that are over and began in one of these spans, unix ms. */
+  forget(spans: Spans): void {
+    for (const [key, { riseMs, clearedMs }] of this.#entries)
+      if (clearedMs !== null && isWithin(riseMs, spans)) this.#entries.delete(key);
+    this.version += 1;
+  }
+
   #lasts(of: Named, riseMs: number, nowMs: number): void {
     const { key, level } = of;
     const entry = this.#entries.get(key);
@@ -213,6 +222,19 @@ export class FaultLog {
     else entry.clearedMs = Math.max(atMs, entry.riseMs);
     this.version += 1;
   }
+}
+
+/** Whether a fault of this robot could be seen: it has flags, a limit, or a tolerance between reference and position. */
+export function canKnowFaults(schema: Schema, limits: ValueLimits): boolean {
+  const { fields, mapping } = schema;
+  const isJudged = (name: string, label: string) =>
+    limits.threshold(name, label) !== null ||
+    (name === 'pos' && schema.field('ref') !== null && mapping.tolerance(label) !== null);
+  return fields.some(
+    ({ name, labels, bits }) =>
+      bits.some((bit) => mapping.severity(name, bit) === 'fault') ||
+      labels.some((label) => isJudged(name, label)),
+  );
 }
 
 function keyOf(source: string, text: string): string {

@@ -9,8 +9,16 @@ export interface Sheet {
   }[];
 }
 
-/** The table as CSV (RFC 4180). No reading gives an empty cell. Names come from the robot, so any that a spreadsheet would read
- *  as a formula get a leading apostrophe. */
+/** Where a formula could begin. Some spreadsheets split lines at `;`, a tab or a sign of the user's choice, whatever is quoted,
+ *  and in East Asia a wide `=` is one too. So every sign counts, except inside a name. */
+const FORMULA = /(?<![\p{L}\p{N}_.()[\]{}<>=+\-@＝＋－＠])[=+\-@＝＋－＠]/gu;
+
+/** A text from the robot with an apostrophe in front of what a spreadsheet could read as a formula. */
+export function withoutFormulas(text: string): string {
+  return text.replace(FORMULA, "'$&");
+}
+
+/** The table as CSV (RFC 4180). No reading gives an empty cell. */
 export function csvOf({ atMs, columns }: Sheet): string {
   const head = ['time', ...columns.map(({ title, unit }) => (unit === '' ? title : `${title} [${unit}]`))];
   const rows = atMs.map((at, i) => [
@@ -21,8 +29,7 @@ export function csvOf({ atMs, columns }: Sheet): string {
 }
 
 function quoted(text: string): string {
-  const safe = /^[=+\-@\t\r]/.test(text) ? `'${text}` : text;
-  return `"${safe.replaceAll('"', '""')}"`;
+  return `"${withoutFormulas(text).replaceAll('"', '""')}"`;
 }
 
 function numberOf(value: number | null): string {

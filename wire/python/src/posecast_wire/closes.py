@@ -34,6 +34,7 @@ class Retry(str, Enum):
     BACKOFF = "backoff"  # full jitter: random(0 … min(30 s, 0.5 s × 2^attempt))
     SPREAD = "spread"  # first after random(0 … retry_s of `bye`, 10 s if it has none), then backoff
     WAIT = "wait"  # not before retry_s of `bye` (30 s if it has none), then backoff
+    LATER = "later"  # after random(30 … 60 s), each time: the robot may be added or come back
     NEVER = "never"  # not automatically: retrying can't help until a person acts
 
 
@@ -59,7 +60,7 @@ ENDINGS: dict[Close, Ending] = {
     Close.AGE_LIMIT: Ending("age limit", "connections are renewed from time to time", Retry.SPREAD),
     Close.TOKEN: Ending("token", "the link or sign-in is missing, wrong or expired", Retry.NEVER),
     Close.FORBIDDEN: Ending("forbidden", "this viewer may not see this robot or view", Retry.NEVER),
-    Close.ABSENT: Ending("absent", "there is no such robot here", Retry.NEVER),
+    Close.ABSENT: Ending("absent", "there is no such robot here", Retry.LATER),
     Close.HALF_OPEN: Ending("half-open", "the viewer no longer answered", Retry.BACKOFF),
     Close.NO_ACK: Ending("no acknowledgement", "the viewer no longer acknowledged frames", Retry.BACKOFF),
     Close.TOO_MANY: Ending("too many messages", "the viewer sent messages too fast", Retry.WAIT),

@@ -53,11 +53,13 @@ class Status(_StatusBase, total=False):
     first.
 
     `degraded`: the relay itself can't receive from robots now (a gateway without Redis). `over_share`: the
-    robot sends more than the relay accepts from it, so some of its frames are dropped.
+    robot sends more than the relay accepts from it, so some of its frames are dropped. `clock_ms`: the
+    relay's clock at that moment, which never steps; only differences are meaningful.
     """
 
     degraded: bool
     over_share: bool
+    clock_ms: int
 
 
 class Info(TypedDict):
@@ -99,11 +101,15 @@ class Model(TypedDict):
     hash: str
 
 
-class Pong(TypedDict):
-    """The reply to a ping, with its `t`."""
-
+class _PongBase(TypedDict):
     type: Literal["pong"]
     t: float
+
+
+class Pong(_PongBase, total=False):
+    """The reply to a ping, with its `t`. `clock_ms`: the relay's clock, as in `Status`."""
+
+    clock_ms: int
 
 
 class _ByeBase(TypedDict):

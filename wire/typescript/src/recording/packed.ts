@@ -2,6 +2,9 @@
 
 import { ENVELOPE_BYTES_MAX, refuse, SegmentError } from '../segment/segment.ts';
 
+/** Unpacked at once. A browser unpacks a whole chunk before anybody can count what came out, up to 1032 times its size. */
+const SLICE_BYTES = 4096;
+
 /**
  * The segment's bytes, which are not looked at. What unpacks to more than a segment may have is let go of at once.
  * Rejects with SegmentError.
@@ -10,7 +13,7 @@ export async function unpackSegment(data: Uint8Array<ArrayBuffer>): Promise<Uint
   if (data[0] !== 0x1f || data[1] !== 0x8b) return data;
   const pieces: Uint8Array[] = [];
   let size = 0;
-  const reader = new Blob([data]).stream().pipeThrough(new DecompressionStream('gzip')).getReader();
+  const reader = slicesOf(data).pipeThrough(new DecompressionStream('gzip')).getReader();
   try {
     for (;;) {
       const { done, value } = await reader.read();
@@ -31,4 +34,16 @@ export async function unpackSegment(data: Uint8Array<ArrayBuffer>): Promise<Uint
     at += piece.length;
   }
   return segment;
+}
+
+/** Gives a slice whenever the one before has been unpacked and read. */
+function slicesOf(data: Uint8Array<ArrayBuffer>): ReadableStream<Uint8Array<ArrayBuffer>> {
+  let at = 0;
+  return new ReadableStream({
+    pull(slices) {
+      slices.enqueue(data.subarray(at, at + SLICE_BYTES));
+      at += SLICE_BYTES;
+      if (at >= data.length) slices.close();
+    },
+  });
 }

@@ -9,7 +9,7 @@ from pathlib import Path
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.meshes.mesh import FILE_MAX, Load
 from posecast_edge.model.meshes.texture import Pictures
-from posecast_edge.model.urdf.resolver import Resolver
+from posecast_edge.model.urdf.resolver import Resolver, open_file
 
 TEXTURE_MAX = 64 << 20  # bytes of one picture
 NAMES_MAX = 1000  # files named by one mesh; further ones are ignored
@@ -86,7 +86,7 @@ def read_bounded(path: Path, most: int) -> bytes:
     try:
         if path.stat().st_size > most:
             raise ModelRefused(f"over {most >> 20} MiB")
-        with path.open("rb") as file:
+        with open_file(path) as file:
             data = file.read(most + 1)
     except OSError as e:
         raise ModelRefused(e.strerror or "can't be read") from None

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.model.urdf.resolver import Resolver, resolve_links
+from posecast_edge.model.urdf.resolver import Resolver, open_file, resolve_links
 
 XML_MAX = 32 << 20  # bytes of one file
 NAMES_MAX = 4000  # files that are looked for
@@ -111,7 +111,7 @@ class _Collector:
                     found = True
                     continue
                 try:
-                    real = self._resolver.find_near(Path(path), suffixes)
+                    real = self._resolver.find_at(Path(path), suffixes)
                     content = self._read(real, XML_MAX if suffixes is PARTS else BYTES_MAX)
                 except ModelRefused as e:
                     reason = e.reason if reason == "no such file" else reason
@@ -126,7 +126,7 @@ class _Collector:
     def _read(self, path: Path, most: int) -> bytes:
         most = min(most, self._left)
         try:
-            with path.open("rb") as file:
+            with open_file(path) as file:
                 content = file.read(most + 1)
         except OSError as e:
             raise ModelRefused(e.strerror or str(e)) from None

@@ -13,7 +13,7 @@ from posecast_edge.model.sdf.shapes import join_uri
 from posecast_edge.model.sdf.urdf_model import make_sdf
 from posecast_edge.model.sdf.values import SdfValues, get_text, get_version
 from posecast_edge.model.urdf.reader import BYTES_MAX, DEPTH_MAX, ELEMENTS_MAX, read_urdf
-from posecast_edge.model.urdf.resolver import Resolver
+from posecast_edge.model.urdf.resolver import Resolver, open_file
 from posecast_edge.model.urdf.xml_tree import Element, read_xml
 
 INCLUDES_MAX = 200
@@ -113,7 +113,7 @@ class IncludeReader:
             names = " → ".join(quote_name(p.name) for p in (*files[files.index(path) :], path))
             raise ModelRefused(f"files include each other: {names}")
         try:
-            with path.open("rb") as source:
+            with open_file(path) as source:
                 content = source.read(self._bytes + 1)
         except OSError as e:
             raise ModelRefused(e.strerror or str(e)) from None

@@ -24,7 +24,7 @@ from posecast_edge.model.sdf.joints import JointDraft, JointReader, hang_links
 from posecast_edge.model.sdf.shapes import ShapeReader
 from posecast_edge.model.sdf.values import SdfValues, get_flag
 from posecast_edge.model.urdf.reader import BYTES_MAX, LINKS_MAX, NAME_MAX, show_collisions
-from posecast_edge.model.urdf.resolver import Resolver
+from posecast_edge.model.urdf.resolver import Resolver, open_file
 from posecast_edge.model.urdf.types import Link, Sensor, Urdf
 from posecast_edge.model.urdf.xml_tree import Element
 
@@ -36,7 +36,7 @@ def load_sdf(path: Path, resolver: Resolver) -> tuple[Urdf, tuple[Path, ...]]:
     """Read a file and those that it includes, whose paths are returned, too. Raises ModelRefused when there
     is no robot in it."""
     try:
-        with path.open("rb") as source:
+        with open_file(path) as source:
             content = source.read(BYTES_MAX + 1)
     except OSError as e:
         raise ModelRefused(e.strerror or str(e)) from None

@@ -28,7 +28,7 @@ from posecast_edge.model.moving_joints import (
 )
 from posecast_edge.model.serve.bundle_dir import check_folder
 from posecast_edge.model.urdf.reader import load_urdf
-from posecast_edge.model.urdf.resolver import URI_MAX, Resolver, resolve_links
+from posecast_edge.model.urdf.resolver import URI_MAX, Resolver, open_file, resolve_links
 from posecast_edge.model.urdf.tree import build_tree
 from posecast_edge.model.urdf.types import Urdf
 
@@ -255,7 +255,7 @@ def _manifest(files: list[BundleFile], missing: list[str]) -> bytes:
 def _file(source: Path, path: str, uri: str) -> BundleFile:
     digest = hashlib.sha256()
     size = 0
-    with source.open("rb") as f:
+    with open_file(source) as f:
         while chunk := f.read(1 << 18):
             digest.update(chunk)
             size += len(chunk)

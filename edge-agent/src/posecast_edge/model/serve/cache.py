@@ -17,12 +17,12 @@ from pathlib import Path
 
 from posecast_edge.model.finding import ModelRefused, has_simplifier
 from posecast_edge.model.serve.bundle_dir import read_folder, write_folder
-from posecast_edge.model.urdf.resolver import Resolver, resolve_links
+from posecast_edge.model.urdf.resolver import Resolver, open_file, resolve_links
 from posecast_edge.model.urdf.types import AUTO
 
 ENTRIES = 16
 INPUTS = "inputs.json"
-BUILDER = 8  # goes up when the same input gives another bundle
+BUILDER = 9  # goes up when the same input gives another bundle
 
 
 def find_cache_folder(environment: Mapping[str, str]) -> Path | None:
@@ -105,7 +105,7 @@ def _digest(path: Path | None) -> str | None:
     if path is None:
         return None
     sha = hashlib.sha256()
-    with path.open("rb") as file:
+    with open_file(path) as file:
         while chunk := file.read(1 << 20):
             sha.update(chunk)
     return sha.hexdigest()

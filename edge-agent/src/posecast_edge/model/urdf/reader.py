@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from posecast_edge.model.finding import Finding, ModelRefused, distrust_masses, make_printable, quote_name
+from posecast_edge.model.urdf.resolver import open_file
 from posecast_edge.model.urdf.types import (
     JOINT_TYPES,
     ONES,
@@ -59,7 +60,7 @@ ROOTS_OF_OTHERS = {
 def load_urdf(path: Path) -> Urdf:
     """Read a file. Raises ModelRefused when it is not a URDF at all."""
     try:
-        with path.open("rb") as source:
+        with open_file(path) as source:
             return read_urdf(source)
     except OSError as e:
         raise ModelRefused(e.strerror or str(e)) from None

@@ -1,8 +1,8 @@
 """The process in which a xacro file is expanded: `python -m posecast_edge.model.xacro.child`.
 
-stdin: JSON with `path`, `packages`, `arguments`. stdout: JSON with `inputs`, `notes` and either `text` (XML)
-or `reason` and `line`. Its expressions can access only data (expressions.py), and an audit hook refuses every
-system access except reading files in the model's folders.
+stdin: JSON with `path`, `packages`, `arguments`, `shared` and `wait_s`. stdout: JSON with `inputs`, `notes`
+and either `text` (XML) or `reason` and `line`. Its expressions can access only data (expressions.py), and an
+audit hook refuses every system access except reading files that belong to the model.
 """
 
 from __future__ import annotations
@@ -14,14 +14,15 @@ import json
 import os
 import re
 import resource
+import signal
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from xml.parsers.expat import ExpatError
 
 from posecast_edge.model.finding import ModelRefused, quote_name
-from posecast_edge.model.urdf.resolver import Resolver
+from posecast_edge.model.urdf.resolver import Resolver, resolve_links
 from posecast_edge.model.xacro.expressions import ExpressionRefused, evaluate_expression
 
 CPU_S = 10
@@ -45,10 +46,16 @@ PYTHON = Path(os.__file__).resolve().parent
 class XacroRun:
     """One file's expansion: what it may read, and what it has read."""
 
-    def __init__(self, path: Path, packages: list[Path], arguments: Mapping[str, str]) -> None:
+    def __init__(
+        self,
+        path: Path,
+        packages: Sequence[Path],
+        arguments: Mapping[str, str],
+        shared: Sequence[Path] | None = None,
+    ) -> None:
+        """`shared`: the folders that belong to no model (Resolver)."""
         self._path, self._arguments = path, dict(arguments)
-        self._resolver = Resolver(path, packages)
-        self._roots = [*self._resolver.roots]
+        self._resolver = Resolver(path, packages, shared)
         self._found: dict[str, Path] = {}  # packages by name
         self._searching = False
         self.inputs: dict[str, None] = {}
@@ -88,7 +95,8 @@ class XacroRun:
     def _name_file(self, path: str) -> str:
         """Within the model's folders as it is called there."""
         plain = Path(os.path.normpath(path))
-        root = next((root for root in self._roots if plain.is_relative_to(root)), None)
+        roots = (*self._resolver.roots, *self._found.values())
+        root = next((root for root in roots if plain.is_relative_to(root)), None)
         return str(plain.relative_to(root) if root is not None else plain)
 
     # ---- in place of xacro's own ----
@@ -130,15 +138,16 @@ class XacroRun:
         with self._search():
             found = self._resolver.find_package(name)
         self._found[name] = found
-        if found not in self._roots:
-            self._roots.append(found)
         return str(found)
 
     def _look_beside(self, path: str, file: str) -> str:
         """What is not where a file says may lie beside that file, in a package that was taken apart."""
         beside = os.path.join(os.path.dirname(file), os.path.basename(path))
-        inside = any(Path(os.path.normpath(path)).is_relative_to(root) for root in self._roots)
-        if not inside or os.path.exists(path) or beside == file or not os.path.isfile(beside):
+        try:
+            self._resolver.check(Path(path))
+        except ModelRefused:
+            return path  # and is refused when it is opened
+        if os.path.exists(path) or beside == file or not os.path.isfile(beside):
             return path
         self.notes.append(f"{quote_name(self._name_file(path))} not found; taken from beside the file")
         return beside
@@ -191,14 +200,18 @@ class XacroRun:
         if writes or not isinstance(path, str | bytes | os.PathLike):
             raise PermissionError(1, "a xacro file only reads files", "")
         given = Path(os.fsdecode(path))
-        real = Path(os.path.realpath(given))
-        if real.is_relative_to(PYTHON) and real.suffix in (".py", ".pyc", ".so"):
-            return  # a module that is imported late
-        root = next((root for root in self._roots if real.is_relative_to(root)), None)
-        if root is None or any(part.startswith(".") for part in real.relative_to(root).parts):
-            where = "is outside the model's folders; give its folder with --package-path"
-            raise PermissionError(1, where, str(given))
+        real = resolve_links(given)
+        is_module = real.is_relative_to(PYTHON) and real.suffix in (".py", ".pyc", ".so")
+        if is_module and "site-packages" not in real.parts:  # those may be the owner's own
+            return  # imported late
+        if real != self._path:
+            try:
+                real = self._resolver.check(given)
+            except ModelRefused as e:
+                raise PermissionError(1, e.reason, str(given)) from None
         if event == "open":
+            if os.path.exists(real) and not os.path.isfile(real):
+                raise PermissionError(1, "is not a file", str(given))  # a pipe would wait for its writer
             self.inputs[str(real)] = None
             if len(self.inputs) > INPUTS_MAX:
                 raise PermissionError(1, f"more than {INPUTS_MAX} files", "")
@@ -242,8 +255,9 @@ def _words(e: BaseException, name_file: Callable[[str], str]) -> str:
     return text
 
 
-def bound_process() -> None:
-    """What the process may use at most; and it knows nothing of its environment."""
+def bound_process(wait_s: float) -> None:
+    """What the process may use at most, and for how long; and it knows nothing of its environment."""
+    signal.setitimer(signal.ITIMER_REAL, wait_s)  # ends it, even when its parent has ended
     resource.setrlimit(resource.RLIMIT_CPU, (CPU_S, CPU_S + 1))
     # not the address space: in that a system with many languages has 200 MiB mapped from the start
     resource.setrlimit(resource.RLIMIT_DATA, (MEMORY_MAX, MEMORY_MAX))
@@ -257,8 +271,9 @@ def main() -> None:
     """Entry point; ends the process."""
     asked = json.load(sys.stdin)
     out, sys.stdout, sys.stderr = sys.stdout.buffer, io.StringIO(), io.StringIO()
-    bound_process()
-    expansion = XacroRun(Path(asked["path"]), [Path(p) for p in asked["packages"]], asked["arguments"])
+    bound_process(asked["wait_s"])
+    packages, shared = ([Path(p) for p in asked[name]] for name in ("packages", "shared"))
+    expansion = XacroRun(Path(asked["path"]), packages, asked["arguments"], shared)
     answer: dict[str, Any] = {}
     try:
         answer["text"] = expansion.run()

@@ -8,14 +8,13 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from posecast_edge.model.finding import ModelRefused, advise_mesh_tools, make_printable
-from posecast_edge.model.urdf.resolver import resolve_links
+from posecast_edge.model.urdf.resolver import list_shared_folders, resolve_links
 
 NEEDED = ("xacro", "yaml")
 WAIT_S = 60.0
@@ -54,7 +53,9 @@ def expand_xacro(path: Path, packages: Sequence[Path], arguments: Mapping[str, s
     asked = {
         "path": str(resolve_links(path)),
         "packages": [str(resolve_links(p)) for p in packages],
+        "shared": [str(p) for p in list_shared_folders(os.environ)],  # the child has no environment
         "arguments": dict(arguments),
+        "wait_s": WAIT_S,
     }
     answer = _ask(json.dumps(asked).encode())
     if "reason" in answer:
@@ -76,24 +77,19 @@ def _ask(asked: bytes) -> Mapping[str, Any]:
         env={name: os.environ[name] for name in PASSED if name in os.environ},
         start_new_session=True,
     )
-    late = threading.Timer(WAIT_S, process.kill)
-    late.start()
-    try:
-        with process:
-            if process.stdin is None or process.stdout is None:
-                raise ModelRefused("xacro: no process to expand it")
-            try:
-                process.stdin.write(asked)
-                process.stdin.close()
-            except BrokenPipeError:
-                pass  # its exit status tells why
-            said = bytearray()
-            while len(said) <= ANSWER_MAX and (chunk := process.stdout.read(CHUNK)):
-                said += chunk
-            if len(said) > ANSWER_MAX:
-                process.kill()
-    finally:
-        late.cancel()
+    with process:
+        if process.stdin is None or process.stdout is None:
+            raise ModelRefused("xacro: no process to expand it")
+        try:
+            process.stdin.write(asked)
+            process.stdin.close()
+        except BrokenPipeError:
+            pass  # its exit status tells why
+        said = bytearray()
+        while len(said) <= ANSWER_MAX and (chunk := process.stdout.read(CHUNK)):
+            said += chunk
+        if len(said) > ANSWER_MAX:
+            process.kill()
     if len(said) > ANSWER_MAX:
         raise ModelRefused(f"xacro: it expands to more than {TEXT_MAX >> 20} MiB")
     try:
@@ -108,4 +104,6 @@ def _ask(asked: bytes) -> Mapping[str, Any]:
 def _name_end(status: int) -> str:
     if status in (-signal.SIGXCPU, -signal.SIGKILL):
         return "it takes too long to expand (over 10 s of CPU time); does a macro call itself?"
+    if status == -signal.SIGALRM:
+        return f"it takes too long to expand (over {WAIT_S:g} s)"
     return f"the process that expands it ended with status {status}"

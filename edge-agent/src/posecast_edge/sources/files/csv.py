@@ -2,9 +2,10 @@
 
 The first row names the columns: csv_columns.py finds their meaning, csv_clock.py the robot's clock.
 A profile's [csv] renames columns; "-" leaves one out. Separators are commas, semicolons or tabs, the last two
-also with decimal commas. The text is UTF-8, or UTF-16 with a byte order mark. An empty cell or `nan` is no
-reading; flags are masks, or names separated by spaces. A column of texts is left out. An invalid row is
-logged and skipped.
+also with decimal commas. The text is UTF-8, or UTF-16 with a byte order mark. An empty or missing cell is no
+reading, as are `nan`, `NA`, `null` and the like. Flags are masks, or names separated by spaces or, as
+Posecast writes them, by `|`. A column of texts or of an unknown unit is left out. What is invalid is named
+once: a cell counts as no reading, a row is skipped. If the clock stands still, rows are played at ROWS_HZ.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import csv
 import itertools
 import logging
 import math
-import time
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -23,19 +24,19 @@ from typing import TYPE_CHECKING, TextIO
 
 from posecast_wire.command_line.installation import name_edge_command
 
-from posecast_edge.rate_limited_log import RateLimitedLog
+from posecast_edge.part_log import PartLog, kind_of
 from posecast_edge.sample import TIME_MAX_S, Reading, Sample, SourceError
 from posecast_edge.sources.base import Source
 from posecast_edge.sources.files.csv_clock import TableClock, find_clock
 from posecast_edge.sources.files.csv_columns import (
     INFO,
-    ColumnError,
+    UNKNOWN_UNIT,
     ColumnMeaning,
     interpret_column,
     match_joint_name,
 )
 from posecast_edge.sources.files.playback import EndlessLine, Playback, Player, parse_playback, skip_line
-from posecast_edge.visible import make_visible
+from posecast_edge.visible import make_visible, many
 
 if TYPE_CHECKING:
     from posecast_edge.profile.types import Profile
@@ -45,11 +46,34 @@ log = logging.getLogger("posecast_edge.csv")
 MAX_LINE = 256 * 1024  # characters
 MAX_TEXT = 200  # of an info
 SEPARATORS = ",;\t"
+ROWS_HZ = 20.0  # of a table whose clock stands still
+EXPORTED = ["time", "seconds", "robot_time"]  # the first columns of a table that Posecast wrote
+NAME_OF_BIT = re.compile(r"(?:[^\\|]|\\.)+")  # in such a table
 MASK_DIGITS = 18  # of a mask: the widest has 28 bits
 FLAGS = "flags"
 LOOK_ROWS = 50  # read at the start, to see what the columns hold
 LOOK_CHARS = 1 << 20  # of them in all, about
 SKIP = "-"
+# what pandas, R, SQL, spreadsheets and Windows write where there is no reading, in lower case
+ABSENT = frozenset(
+    (
+        "",
+        "-",
+        "--",
+        "nan",
+        "na",
+        "n/a",
+        "#n/a",
+        "#na",
+        "<na>",
+        "nat",
+        "null",
+        "nil",
+        "none",
+        "-1.#ind",
+        "1.#qnan",
+    )
+)
 NAME_SHOWN = 80  # characters
 COLUMNS_SHOWN = 100
 
@@ -95,7 +119,7 @@ class Table:
         self._bits = {f.name for f in profile.fields if f.bits} if profile else {FLAGS}
         self._known = {(f.name, label) for f in profile.fields for label in f.labels} if profile else set()
         self._renamed = profile.csv if profile else {}
-        self._bad = RateLimitedLog(log.warning, "bad rows")
+        self._bad = PartLog(log.warning, "bad rows and cells")
         self._left_out: dict[int, str] = {}  # why, by column
         self._read_head()
 
@@ -118,6 +142,7 @@ class Table:
             except CellError as e:
                 raise SourceError(f"{self._where}: {e}") from None
             self._names = [self._renamed.get(name, name) for name in self._written]
+            self._exported = self._written[: len(EXPORTED)] == EXPORTED
             rows = self._first_rows(lines)
         missing = [name for name in self._renamed if name not in self._written]
         if missing:
@@ -125,6 +150,12 @@ class Table:
             log.warning("%s: no column %s, which the profile's [csv] names", self._where, shown)
         self._clock = self._find_clock(rows)
         self._columns = self._find_columns(rows)
+        self._still = self._stands_still(rows)
+        if self._still:
+            log.warning(
+                "%s: clock %s stands still: rows are played at %g a second",
+                *(self._where, make_visible(self._written[self._clock.index], NAME_SHOWN), ROWS_HZ),
+            )
         if self._left_out:
             named = ", ".join(
                 make_visible(self._written[i], NAME_SHOWN) or "''" for i in [*self._left_out][:6]
@@ -140,10 +171,26 @@ class Table:
             if chars > LOOK_CHARS:
                 break
             with suppress(CellError):
-                cells = self._cells(line)
-                if len(cells) == len(self._names):
-                    rows.append(cells)
+                rows.append(self._fit(self._cells(line)))
         return rows
+
+    def _fit(self, cells: list[str]) -> list[str]:
+        """As many cells as there are columns: missing ones are empty."""
+        count = len(self._names)
+        return [*cells[:count], *[""] * (count - len(cells))]
+
+    def _stands_still(self, rows: Sequence[Sequence[str]]) -> bool:
+        """Whether no time passes in the whole table."""
+        times = {row[self._clock.index] for row in rows}
+        if len(rows) < 2 or len(times) > 1:
+            return False
+        with self._open() as file:
+            for _, line in itertools.islice(self._lines(file), self._above, None):
+                with suppress(CellError):
+                    times.add(self._fit(self._cells(line))[self._clock.index])
+                if len(times) > 1:
+                    return False
+        return True
 
     def describe_columns(self) -> list[str]:
         """Say what each column is read as, or why it is left out, a line each."""
@@ -177,19 +224,26 @@ class Table:
             lines = self._lines(file)
             for _ in range(self._above):
                 next(lines, None)
-            for number, line in lines:
+            for row, (number, line) in enumerate(lines):
+                where = f"{self._path}:{number}"
                 try:
-                    sample = self._sample(line, f"{self._path}:{number}")
+                    sample, bad = self._sample(line, where)
                 except CellError as e:
                     if first_pass:
-                        self._bad.add(f"{self._path}:{number}: {e}; row skipped", time.monotonic())
+                        self._bad.add(kind_of(str(e)), f"{where}: {e}; row skipped")
                     continue
+                for part, why in bad.items() if first_pass else ():
+                    self._bad.add(part, f"{where}: {why}")
+                if sample is None:
+                    continue
+                if self._still:
+                    sample = sample._replace(t_s=sample.t_s + row / ROWS_HZ)
                 if began_s is None:
                     began_s = sample.t_s
                 begun = begun or sample.t_s - began_s >= start_s
                 if begun:
                     yield sample
-        self._bad.flush(time.monotonic())
+        self._bad.flush()
 
     def _open(self) -> TextIO:
         try:
@@ -245,30 +299,28 @@ class Table:
             if key is not None and rows and rows[0][i]:
                 joints[key] = rows[0][i]
         columns: list[Column] = []
-        taken: dict[tuple[str, str], ColumnMeaning] = {}
+        taken: set[tuple[str, str]] = set()
         for i, name in enumerate(self._names):
             if i == self._clock.index:
                 continue
-            try:
-                meaning = (
-                    "the profile says so" if name == SKIP else interpret_column(name, joints, self._known)
-                )
-            except ColumnError as e:
-                raise SourceError(f"{self._where}: column {i + 1}: {e}") from None
+            meaning = interpret_column(name, joints, self._known)
+            if name == SKIP:
+                meaning = "the profile says so"
+            elif self._exported and i < len(EXPORTED):
+                meaning = "it is another clock"
+            elif isinstance(meaning, str) and meaning.startswith(UNKNOWN_UNIT):
+                self._bad.add(f"unit {i}", f"{self._where}: {self._column(i)}: {meaning}; column left out")
             if isinstance(meaning, ColumnMeaning):
-                twice = taken.get((meaning.field, meaning.label))
-                shown = make_visible(f"{meaning.field}.{meaning.label}", NAME_SHOWN)
-                if twice is not None and twice.plain and meaning.plain:
-                    raise SourceError(f"{self._where}: column {i + 1}: {shown} is listed twice")
                 bits = meaning.field in self._bits
-                if twice is not None:
+                if (meaning.field, meaning.label) in taken:
+                    shown = make_visible(f"{meaning.field}.{meaning.label}", NAME_SHOWN)
                     meaning = f"another column is {shown}"
                 elif meaning.field != INFO and not bits and (text := self._find_text(rows, i)):
                     meaning = f"it holds texts such as {text[:40]!r}; rename it info.NAME to show them"
             if isinstance(meaning, str):
                 self._left_out[i] = meaning
                 continue
-            taken[(meaning.field, meaning.label)] = meaning
+            taken.add((meaning.field, meaning.label))
             columns.append(Column(i, meaning, bits))
         if not any(column.meaning.field != INFO for column in columns):
             first = next(((self._names[i], why) for i, why in self._left_out.items() if self._names[i]), None)
@@ -288,33 +340,47 @@ class Table:
             return False
         return True
 
-    def _sample(self, line: str, where: str) -> Sample:
-        cells = self._cells(line)
-        if len(cells) != len(self._names):
-            raise CellError(f"{len(cells)} columns, {len(self._names)} expected")
+    def _sample(self, line: str, where: str) -> tuple[Sample | None, dict[str, str]]:
+        """A row's sample, None if no cell can be read, and what is wrong with some of its parts. Raises
+        CellError for a row without a time."""
+        bad: dict[str, str] = {}
+        given = self._cells(line)
+        cells = self._fit(given)
+        if len(given) < len(cells):
+            bad["short"] = f"{many(len(given), 'cell')}, {len(cells)} expected; the others are no reading"
+        elif any(given[len(cells) :]):
+            bad["long"] = f"{many(len(given), 'cell')}, {len(cells)} expected; the last are ignored"
         at, clock = self._clock.index, self._clock
         t_s = clock.convert_cell(cells[at], None if clock.unit == "iso" else self._number(cells, at))
         if t_s is None or abs(t_s) > TIME_MAX_S:
-            raise CellError(f"column {at + 1}: no time")
+            raise CellError(f"{self._column(at)}: no time")
         values: dict[str, dict[str, Reading]] = {}
         info: dict[str, str] = {}
+        unread = 0
         for column in self._columns:
             meaning = column.meaning
             if meaning.field == INFO:
                 info[meaning.label] = cells[column.index][:MAX_TEXT]
-            elif column.bits:
-                values.setdefault(meaning.field, {})[meaning.label] = _bits(cells, column.index)
-            else:
-                value = self._number(cells, column.index)
-                values.setdefault(meaning.field, {})[meaning.label] = (
-                    None if value is None else value * meaning.gain
-                )
-        return Sample(t_s, values, info, where)
+                continue
+            value: Reading = None
+            try:
+                if column.bits:
+                    value = self._read_bits(cells, column.index)
+                else:
+                    value = self._number(cells, column.index, meaning.gain)
+            except CellError as e:
+                bad[str(column.index)] = f"{e}; no reading"
+                unread += 1
+            values.setdefault(meaning.field, {})[meaning.label] = value
+        if unread == len(self._columns) - len(info):
+            return None, bad
+        return Sample(t_s, values, info, where), bad
 
-    def _number(self, cells: Sequence[str], i: int) -> float | None:
-        """A finite number, or None for an empty cell, nan and inf. CellError for anything else."""
+    def _number(self, cells: Sequence[str], i: int, gain: float = 1.0) -> float | None:
+        """A finite number times `gain`; None for an empty cell and the like, nan and inf. CellError for
+        anything else."""
         cell = cells[i]
-        if not cell:
+        if cell.lower() in ABSENT:
             return None
         try:
             value = float(cell)
@@ -325,17 +391,21 @@ class Table:
             except ValueError:
                 value = math.nan
             if math.isnan(value):
-                raise CellError(f"column {i + 1}: {cell[:40]!r} is not a number") from None
-        return value if math.isfinite(value) else None
+                raise CellError(f"{self._column(i)}: {cell[:40]!r} is not a number") from None
+        return value * gain if math.isfinite(value) else None
 
-
-def _bits(cells: Sequence[str], i: int) -> Reading:
-    """A mask, names, or None for an empty cell. Raises CellError for a mask that is too long."""
-    cell = cells[i]
-    if not cell:
-        return None
-    if not (cell.isascii() and cell.isdigit()):
+    def _read_bits(self, cells: Sequence[str], i: int) -> Reading:
+        """A mask, names, or None for an empty cell and the like. CellError for a number that is no mask."""
+        cell = cells[i]
+        if cell.lower() in ABSENT:
+            return None
+        if cell.isascii() and cell.isdigit() and len(cell) <= MASK_DIGITS:
+            return int(cell)
+        if self._is_number(cells, i):
+            raise CellError(f"{self._column(i)}: {cell[:40]!r} is not a mask")
+        if self._exported or "|" in cell:
+            return [re.sub(r"\\(.)", r"\1", name.strip()) for name in NAME_OF_BIT.findall(cell)]
         return cell.split()
-    if len(cell) > MASK_DIGITS:
-        raise CellError(f"column {i + 1}: {cell[:40]!r} is not a mask")
-    return int(cell)
+
+    def _column(self, i: int) -> str:
+        return f"column {i + 1}, {make_visible(self._written[i], NAME_SHOWN)}"

@@ -24,6 +24,7 @@ from posecast_edge.sources.ros.topics import COMMAND
 
 TO_OURS = {"deg": math.pi / 180, "deg/s": math.pi / 180, "mm": 1e-3, "mA": 1e-3, "mV": 1e-3}
 INFO = "info"
+UNKNOWN_UNIT = "unknown unit"
 JOINTS = "pos"
 MEMBERS = {"position": "pos", "velocity": "vel", "effort": "effort"}
 ARRAY = re.compile(r"(name|position|velocity|effort)(?:\[(\d{1,4})\]|[._]?(\d{1,4}))")
@@ -44,20 +45,15 @@ BATTERY = {"voltage": ("volt", 1.0), "current": ("amp", 1.0), "percentage": ("ch
 KIND_OF = {"quat": "imu", "gyro": "imu", "acc": "imu", "ftf": "wrench", "ftm": "wrench"}
 
 
-class ColumnError(ValueError):
-    """A column that can't be read at all; the text gives the reason."""
-
-
 @dataclass(frozen=True)
 class ColumnMeaning:
     """The field and label that a column belongs to. `gain`: factor from the column's unit to the field's;
-    `unit`: as written in the name; `plain`: the name itself consists of field and label."""
+    `unit`: as written in the name."""
 
     field: str
     label: str
     gain: float = 1.0
     unit: str = ""
-    plain: bool = True
 
 
 def split_unit(name: str) -> tuple[str, str | None]:
@@ -80,12 +76,12 @@ def interpret_column(
     name: str, joints: Mapping[tuple[str, int], str], known: Collection[tuple[str, str]]
 ) -> ColumnMeaning | str:
     """The meaning of the column with this name, or the reason why it is left out. `joints`: names by message
-    and index; `known`: the (field, label) pairs of a profile. Raises ColumnError for an unknown unit."""
+    and index; `known`: the (field, label) pairs of a profile."""
     if not name:
         return "it has no name"
     said, unit = split_unit(name)
     if unit is not None and unit not in TO_OURS and unit not in UNITS:
-        raise ColumnError(f"unknown unit {unit[:40]!r}")
+        return f"{UNKNOWN_UNIT} {unit[:40]!r}; known: {', '.join(u for u in (*UNITS, *TO_OURS) if u)}"
     if COUNTER.fullmatch(said):
         return "it counts rows"
     if HEADER.fullmatch(said):
@@ -97,9 +93,8 @@ def interpret_column(
     found = None if (field, label) in known or (JOINTS, said) in known else _nested(said, joints)
     if isinstance(found, str):
         return found
-    if found is not None:
-        return ColumnMeaning(found[0], found[1], gain * found[2], unit, plain=False)
-    return ColumnMeaning(field, label, gain, unit)
+    field, label, of_message = found or (field, label, 1.0)
+    return ColumnMeaning(field, label, gain * of_message, unit)
 
 
 def _nested(said: str, joints: Mapping[tuple[str, int], str]) -> tuple[str, str, float] | str | None:

@@ -12,14 +12,13 @@ import itertools
 import logging
 import re
 import threading
-import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from posecast_wire.command_line.installation import advise_extra
 
-from posecast_edge.rate_limited_log import RateLimitedLog
+from posecast_edge.part_log import PartLog, kind_of
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.files.playback import Playback, Player
 from posecast_edge.sources.files.records import Complain, Record, RecordedMessage, RecordedTopic
@@ -109,7 +108,7 @@ class RosRecording:
         self.joints_known.set()
         self.frames = RobotFrames(None, MessageMerger(True, log.warning), log.warning)  # of the newest pass
         self._decoder = _Decoder()
-        self._bad = RateLimitedLog(log.warning, "bad records")
+        self._bad = PartLog(log.warning, "bad records")
         self.topics: dict[str, str] = {}
         self.on_urdf: Callable[[str], None] | None = None
         self._files = [path] if not path.is_dir() else list_files(path)
@@ -148,7 +147,7 @@ class RosRecording:
         last = one.last()
         if last is not None:
             yield last
-        self._bad.flush(time.monotonic())
+        self._bad.flush()
 
     def _find_joints(self) -> Sequence[MovingJoint] | None:
         """The joints of the shown model, which may still be building; None: use the recording's own
@@ -253,7 +252,7 @@ class _Pass:
         decoder: _Decoder,
         profile: Profile | None,
         find_joints: Callable[[], Sequence[MovingJoint] | None],
-        bad: RateLimitedLog | None,
+        bad: PartLog | None,
     ) -> None:
         self._routes = routes
         self._decoder = decoder
@@ -363,7 +362,7 @@ class _Pass:
     def complain(self, text: str) -> None:
         """Log that something can't be read."""
         if self._bad is not None:
-            self._bad.add(f"{self._name}: {text}", time.monotonic())
+            self._bad.add(f"{self._name}: {kind_of(text)}", f"{self._name}: {text}")
 
     def _ignore(self, topic: str, why: str, met: bool) -> None:
         if met:

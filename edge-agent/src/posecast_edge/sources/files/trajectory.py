@@ -16,8 +16,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
+from posecast_edge.part_log import PartLog, kind_of
 from posecast_edge.profile.columns import find_column
-from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.base import Deliver, Source
 from posecast_edge.sources.files.playback import EndlessLine, skip_line
@@ -76,7 +76,7 @@ class TrajectorySource:
         self.description = f"trajectory {path.name}, {trajectory.rate_hz:g} Hz"
         self._path = path
         self._trajectory = trajectory
-        self._bad = RateLimitedLog(log.warning, "bad rows")
+        self._bad = PartLog(log.warning, "bad rows")
         self._file = self._open()
         self._columns = self._count_columns()
         self._pose = TrajectoryPose(profile, trajectory, self._columns)
@@ -96,7 +96,6 @@ class TrajectorySource:
                 sample = self.advance(elapsed_s)
                 if sample is not None:
                     deliver(sample)
-                self._bad.tick(time.monotonic())
                 stop.wait(max(MIN_WAKE_S, start_s + self.next_s - time.monotonic()))
 
     @property
@@ -163,10 +162,11 @@ class TrajectorySource:
                     row = parse_row(line, self._columns)
                 except RowError as e:
                     if first_pass:
-                        self._bad.add(f"{self._path}:{number}: {e}; row skipped", time.monotonic())
+                        self._bad.add(kind_of(str(e)), f"{self._path}:{number}: {e}; row skipped")
                     yield None
                     continue
                 yield row
+            self._bad.flush()
             first_pass = False
         raise SourceError(f"{self._path}: the file has no more rows")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import logging
 import math
+import os
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ from posecast_edge.model.mjcf.child import open_no_file
 from posecast_edge.model.mjcf.compiler import explain_failure, make_spec
 from posecast_edge.model.mjcf.files import ModelFiles, collect_files
 from posecast_edge.model.urdf.reader import BYTES_MAX, DEPTH_MAX, ELEMENTS_MAX, read_urdf
+from posecast_edge.model.urdf.resolver import list_package_folders
 from posecast_edge.model.urdf.types import Urdf
 from posecast_edge.model.urdf.xml_tree import Element, read_xml
 from posecast_edge.rate_limited_log import RateLimitedLog
@@ -86,7 +88,7 @@ def load_simulation(path: Path) -> Simulation:
             _follow(spec, urdf)
             simulation = _simulate(spec, None, path)
         else:
-            files = collect_files(path)
+            files = collect_files(path, list_package_folders(os.environ))
             with open_no_file():
                 spec, vfs = make_spec(files)
                 simulation = _simulate(spec, vfs, path)

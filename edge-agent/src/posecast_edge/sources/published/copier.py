@@ -13,20 +13,13 @@ from typing import NamedTuple, cast
 
 from posecast_wire.schema import BITS_MAX, CHANNELS_MAX
 
-from posecast_edge.sample import Reading
-from posecast_edge.visible import quote
+from posecast_edge.sample import WORDS, Reading
+from posecast_edge.sources.sites import has_lists, split_lists
+from posecast_edge.visible import many, quote
 
 SHOWN = 40  # characters of a value in a message
-WORDS = (str, bytes, bytearray, bool)  # float() accepts them, but they are not meant as numbers
-# field of a sensor → the parts of its sequence
-PARTS = {
-    "ftf": ("fx", "fy", "fz"),
-    "ftm": ("mx", "my", "mz"),
-    "quat": ("x", "y", "z", "w"),
-    "gyro": ("x", "y", "z"),
-    "acc": ("x", "y", "z"),
-}
 BASE, BASEQ = ("base.x", "base.y", "base.z"), ("base.x", "base.y", "base.z", "base.w")
+NAMES_MAX = 2 * CHANNELS_MAX  # of one field of one call; the agent shows as many as fit
 FIELDS_MAX = 256  # fields whose labels are remembered
 _FLOATS = frozenset((float, type(None)))
 
@@ -67,11 +60,13 @@ class ReadingsCopier:
         return self._check_readings(name, order, _copy_list(name, values, order))
 
     def _copy_mapping(self, name: str, values: Mapping[object, object]) -> Copied:
-        if len(values) > CHANNELS_MAX:
-            raise UnusableError(f"{name} has more than {CHANNELS_MAX} channels")
-        # another thread may change it meanwhile
-        copied = values.copy() if type(values) is dict else dict(islice(values.items(), CHANNELS_MAX))
         known = self._labels.get(name)
+        # another thread may change it meanwhile
+        copied = values.copy() if type(values) is dict else dict(islice(values.items(), 2 * NAMES_MAX))
+        if len(copied) > NAMES_MAX:
+            self._report(f"{name} has more than {NAMES_MAX} names; the rest is left out")
+            before = {label: copied[label] for label in known or () if label in copied}
+            copied = dict(islice({**before, **copied}.items(), NAMES_MAX))  # those that were there stay
         labels = tuple(copied)
         if labels == known:
             labels = known
@@ -83,28 +78,16 @@ class ReadingsCopier:
             labels = tuple(map(str, copied))
         elif len(self._labels) < FIELDS_MAX or name in self._labels:
             self._labels[name] = labels
-        if name in PARTS and any(hasattr(value, "__len__") for value in copied.values()):
-            return self._copy_sites(name, copied)
+        by_label = cast("Mapping[str, object]", copied)
+        if has_lists(name, by_label):
+            found = split_lists(name, by_label, lambda _site, text: self._report(text))
+            return self._check_readings(name, tuple(found), list(found.values()))
         return self._check_readings(name, labels, list(copied.values()))
-
-    def _copy_sites(self, name: str, values: Mapping[object, object]) -> Copied:
-        """Copy `{"wrist": (1, 2, 3)}` as `{"wrist.fx": 1, …}`."""
-        parts = PARTS[name]
-        found: dict[str, object] = {}
-        for site, value in values.items():
-            numbers = cast("Sequence[object]", value)
-            if not hasattr(value, "__len__") or isinstance(value, (Mapping, *WORDS)):
-                found[str(site)] = value
-            elif len(numbers) != len(parts):
-                self._report(f"{name} of {quote(site)}: give {len(parts)} numbers, {', '.join(parts)}")
-            else:
-                found |= zip((f"{site}.{part}" for part in parts), numbers, strict=False)
-        return self._check_readings(name, tuple(found), list(found.values()))
 
     def _check_readings(self, name: str, labels: tuple[str, ...], values: list[object]) -> Copied:
         if name in self._bit_fields:
             return Copied(
-                name, labels, [self._read(name, *pair, _mask) for pair in zip(labels, values, strict=True)]
+                name, labels, [self._read_bits(name, *pair) for pair in zip(labels, values, strict=True)]
             )
         kinds = set(map(type, values))
         if not kinds <= _FLOATS:
@@ -115,6 +98,16 @@ class ReadingsCopier:
             except Exception:  # a foreign __float__ may raise anything; find the value that did
                 values = [self._read(name, *pair, _number) for pair in zip(labels, values, strict=True)]
         return Copied(name, labels, values)  # type: ignore[arg-type]
+
+    def _read_bits(self, name: str, label: str, value: object) -> Reading:
+        if not isinstance(value, (list, tuple, set, frozenset)):
+            return self._read(name, label, value, _mask)
+        items = list(islice(value, CHANNELS_MAX))
+        names = [item for item in items if isinstance(item, str)]
+        for item in items if len(names) < len(items) else ():
+            if not isinstance(item, str):
+                self._report(f"{name} of {quote(label)} has {_describe_item(item)}, not the name of a bit")
+        return sorted(names)
 
     def _read(self, name: str, label: str, value: object, read: Callable[[object], Reading]) -> Reading:
         try:
@@ -152,7 +145,7 @@ def _copy_list(name: str, values: object, order: Sequence[str]) -> list[object]:
     else:
         copied = list(islice(values, size + 1)) if len(values) == size else values  # type: ignore[arg-type, call-overload]
     if len(copied) != size:
-        raise UnusableError(f"{name} has {len(copied)} values, not {size}")
+        raise UnusableError(f"{name} has {many(len(copied), 'value')}, not {size}")
     return list(copied)
 
 
@@ -164,14 +157,9 @@ def _number(value: object) -> float | None:
     return float(value)  # type: ignore[arg-type]
 
 
-def _mask(value: object) -> Reading:
+def _mask(value: object) -> int | None:
     if value is None:
         return None
-    if isinstance(value, (list, tuple, set, frozenset)):
-        names = [name for name in islice(value, BITS_MAX + 1) if isinstance(name, str)]
-        if len(names) != len(value):
-            raise ValueError
-        return sorted(names)
     if isinstance(value, bool) or not 0 <= (mask := index(value)) < 1 << BITS_MAX:  # type: ignore[arg-type]
         raise ValueError
     return mask
@@ -189,3 +177,7 @@ def _are_texts(labels: tuple[object, ...]) -> bool:
 def _describe(value: object) -> str:
     """Describe a value so that the message is the same each time: only strings are quoted."""
     return quote(value, SHOWN) if isinstance(value, (str, bytes)) else f"of type {type(value).__name__}"
+
+
+def _describe_item(item: object) -> str:
+    return "None" if item is None else f"an item of type {type(item).__name__}"

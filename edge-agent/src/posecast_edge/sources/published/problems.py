@@ -21,11 +21,15 @@ class ProblemList:
         self._lock = threading.Lock()
         self._counts: dict[str, int] = {}
         self._new: list[str] = []
+        self._firsts: dict[str, str] = {}  # the text of a part's first problem
 
-    def add(self, text: str) -> None:
-        """Count one more problem of this kind. `text`: one line, the same for each problem of a kind."""
+    def add(self, text: str, part: str = "") -> None:
+        """Count one more problem of this kind. `text`: one line, the same for each problem of a kind. If it
+        shows a value that changes, `part` is what stays the same, and the first text is kept."""
         text = make_visible(text)
         with self._lock:
+            if part:
+                text = self._firsts.setdefault(part, text)
             if text not in self._counts and len(self._counts) >= PROBLEMS_MAX:
                 text = MORE
             if text not in self._counts:

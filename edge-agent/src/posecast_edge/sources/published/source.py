@@ -7,12 +7,15 @@ import threading
 import time
 from collections.abc import Mapping, Sequence
 
+from posecast_wire.checked import is_text
+from posecast_wire.schema import CHANNELS_MAX
+
 from posecast_edge import clock
 from posecast_edge.model.serve.bundle import Bundle
+from posecast_edge.profile.field_defaults import JOINT_FIELDS
 from posecast_edge.profile.types import Profile
 from posecast_edge.sample import Reading, Sample
 from posecast_edge.sources.base import Deliver
-from posecast_edge.sources.published.channels import JOINT_FIELDS, OF_PROFILE, Labels, PublishedChannels
 from posecast_edge.sources.published.clock_check import ClockCheck
 from posecast_edge.sources.published.model_check import ModelCheck
 from posecast_edge.sources.published.problems import ProblemList
@@ -20,7 +23,9 @@ from posecast_edge.sources.published.slot import FLAGS, PublishedSlot, Readings,
 from posecast_edge.visible import quote
 
 LOOK_S = 0.2  # the longest sleep; the end is noticed within it
-SETTLE_S = 0.5  # without a profile, the first sample defines the channels: wait for all readings
+SETTLE_S = 0.5  # without a profile, wait for all readings: each later one gives viewers a new schema
+OF_PROFILE = "it is not in the profile"
+OF_JOINTS = "it is not in joints=[…]"
 
 
 class PublishedSource:
@@ -31,17 +36,16 @@ class PublishedSource:
 
     def __init__(
         self,
-        robot: str,
         slot: PublishedSlot,
         joints: Sequence[str],
         profile: Profile | None,
         problems: ProblemList,
     ) -> None:
-        self._slot, self._joints, self._problems = slot, tuple(joints), problems
-        self._profile_given = profile is not None
-        self._channels = PublishedChannels(robot, joints, profile, problems)
+        self._slot, self._joints, self._problems = slot, dict.fromkeys(joints), problems
+        # labels of each field of the profile; None: without one, the agent decides
+        self._of_profile = {f.name: frozenset(f.labels) for f in profile.fields} if profile else None
         self._model, self._clock = ModelCheck(problems), ClockCheck(problems)
-        self._is_compared = True  # whether joint names have been compared with the model's
+        self._compared: dict[str, set[str]] = {}  # joints of each field that were compared with the model
         self._ended = False
 
     def end(self) -> None:
@@ -52,7 +56,7 @@ class PublishedSource:
     def expect_model(self, bundle: Bundle) -> None:
         """Report errors of the robot's model and, from now on, published values that do not fit it."""
         self._model.take_model(bundle)
-        self._is_compared = False
+        self._compared = {}
 
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
         """Deliver the newest readings as often as frames are sent, until `end` or `stop`."""
@@ -61,8 +65,8 @@ class PublishedSource:
             ended = self._ended  # read it before the last take
             if not ended:
                 self._slot.wait(LOOK_S)
-            if self._channels.labels is None and not ended and self._slot.published:
-                first_s = time.monotonic() if first_s is None else first_s
+            if self._of_profile is None and first_s is None and not ended and self._slot.published:
+                first_s = time.monotonic()
                 self._sleep(first_s + SETTLE_S, stop)
             taken = self._slot.take(clock.now_s())
             if taken:
@@ -82,50 +86,43 @@ class PublishedSource:
 
     def _deliver(self, taken: Taken, deliver: Deliver) -> float | None:
         values = {name: readings for name, readings in taken.values.items() if readings}
-        if not self._profile_given:
-            values = self._order(values)  # the agent, too, infers its profile from the first sample
-        before = self._channels.labels
-        if before is None:
-            self._channels.learn(values)
-        anew = self._channels.grow(values, time.monotonic())
-        known = self._channels.labels
-        if known is None:
-            return None
-        if known is not before or not self._is_compared:
-            self._is_compared = True
-            self._compare_names(known)
-        checked = self._check(values, known)
-        if not self._profile_given:
+        if self._of_profile is None:
+            values = self._order(values)
+        checked = self._check(values)
+        if self._of_profile is None:  # a profile defines what moves what
+            self._compare_names(checked)
             self._model.check_positions(checked)
         for t_s, flags in taken.flags:  # with all other readings: one of them may be the first sample
-            replaced = {**checked, **self._check({FLAGS: flags}, known)}
-            deliver(Sample(t_s, replaced, taken.info, newest=False, anew=anew))
-        return deliver(Sample(taken.t_s, checked, taken.info, anew=anew))
+            replaced = {**checked, **self._check({FLAGS: flags})}
+            deliver(Sample(t_s, replaced, taken.info, newest=False))
+        return deliver(Sample(taken.t_s, checked, taken.info))
 
     def _order(self, values: Mapping[str, Readings]) -> dict[str, Readings]:
         """Order joints as in joints=[…], including joints that are not published yet."""
         values = {"pos": {}, **values} if self._joints else values
         return {
-            name: {**dict.fromkeys(self._joints), **readings} if name in JOINT_FIELDS else readings
+            name: {**self._joints, **readings} if name in JOINT_FIELDS else readings
             for name, readings in values.items()
         }
 
-    def _check(self, values: Mapping[str, Readings], known: Labels) -> dict[str, Readings]:
+    def _check(self, values: Mapping[str, Readings]) -> dict[str, Readings]:
         checked: dict[str, Readings] = {}
         for name, readings in values.items():
-            labels = known.get(name)
-            if labels is None and self._profile_given:
-                self._problems.add(f"{name} is left out: {OF_PROFILE}")
-                continue
             found = {}
             for label, reading in readings.items():
-                if labels is not None and label in labels:
-                    found[label] = self._check_reading(name, label, reading)
-                elif why := self._channels.explain_unknown(name, label):
+                if why := self._find_reason(name, label):
                     self._problems.add(f"{name} of {quote(label)} is left out: {why}")
+                else:
+                    found[label] = self._check_reading(name, label, reading)
             if found:
                 checked[name] = found
         return checked
+
+    def _find_reason(self, name: str, label: str) -> str:
+        """Why a channel is left out; "" if it is not."""
+        if self._of_profile is not None:
+            return "" if label in self._of_profile.get(name, ()) else OF_PROFILE
+        return OF_JOINTS if self._joints and name in JOINT_FIELDS and label not in self._joints else ""
 
     def _check_reading(self, name: str, label: str, reading: Reading) -> Reading:
         if type(reading) is float and not math.isfinite(reading):
@@ -133,6 +130,11 @@ class PublishedSource:
             return None
         return reading
 
-    def _compare_names(self, known: Labels) -> None:
-        if not self._profile_given:  # a profile defines what moves what
-            self._model.check_names({name: known[name] for name in JOINT_FIELDS & known.keys()})
+    def _compare_names(self, values: Mapping[str, Readings]) -> None:
+        """Compare names with the model's that were not compared yet."""
+        compared = self._compared
+        for name in JOINT_FIELDS & values.keys():
+            known = compared.setdefault(name, set())
+            if not values[name].keys() <= known and len(known) < CHANNELS_MAX:
+                known.update(values[name])
+                self._model.check_names({name: frozenset(filter(is_text, known))})

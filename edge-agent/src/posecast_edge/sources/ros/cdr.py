@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -23,6 +24,8 @@ trajectory_msgs/JointTrajectoryPoint reference
 """
 TRANSFORMS = "geometry_msgs/TransformStamped[] transforms"  # tf2_msgs, which rosbags has for ROS 2 only
 HEAD = "posecast/msg/ControllerHead"
+log = logging.getLogger("posecast_edge.ros")
+
 ENCAPSULATION = 4  # bytes before the message
 LITTLE_OR_BIG = (b"\0\1", b"\0\0")
 
@@ -79,8 +82,8 @@ def _decoded(type_name: str, payload: bytes, decode: Callable[[str, bytes], obje
     except RosMessageError:
         raise
     except Exception as e:  # generated code: its exceptions are undocumented
-        said = " ".join(str(e).split())[:200] or type(e).__name__
-        raise RosMessageError(f"{len(payload)} bytes that are not a {type_name}: {said}") from None
+        log.debug("%s", type_name, exc_info=e)
+        raise RosMessageError(f"{len(payload)} bytes that are not a {type_name}, or cut off") from None
 
 
 def _long(type_name: str) -> str:

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from posecast_edge.rate_limited_log import RateLimitedLog
+from posecast_edge.part_log import PartLog, kind_of
 from posecast_edge.sample import Sample
 from posecast_edge.sources.ros.merge import STREAM_S, MessageMerger
 from posecast_edge.sources.ros.messages import (
@@ -31,7 +31,7 @@ log = logging.getLogger("posecast_edge.ros")
 
 SAY_EVERY_S = 10.0
 TOPICS_MAX = 2000  # remembered; further topics are neither shown nor read
-NAMED_MAX = 8  # unsupported types, and topics with bad messages, that are logged; `probe` shows all
+NAMED_MAX = 8  # unsupported types that are logged; `probe` shows all
 
 
 class RosInput:
@@ -48,7 +48,7 @@ class RosInput:
         self._topics: dict[tuple[str, str], Route | None] = {}
         self._messages: dict[str, int] = {}  # topic → count
         self._ignored: set[str] = set()  # types that were logged
-        self._bad: dict[str, RateLimitedLog] = {}  # by topic, "" for those beyond NAMED_MAX
+        self._bad = PartLog(log.warning, "bad messages")
         self._urdf = ""
         self._told_still = False
 
@@ -116,19 +116,13 @@ class RosInput:
         return True
 
     def report_bad(self, topic: str, text: str) -> None:
-        """Log that a message is invalid: the first of each topic at once, later ones as counts. Topics beyond
-        the first NAMED_MAX are counted together."""
-        of = topic if topic in self._bad or len(self._bad) < NAMED_MAX else ""
-        if of not in self._bad:
-            noun = f"bad messages of {of}" if of else "bad messages of further topics"
-            self._bad[of] = RateLimitedLog(log.warning, noun, SAY_EVERY_S)
-        self._bad[of].add(f"{topic[:TOPIC_MAX]}: {text}", time.monotonic())
+        """Log that a message is invalid: once for each topic and kind of problem, later ones as counts."""
+        topic = topic[:TOPIC_MAX]
+        self._bad.add(f"{topic}: {kind_of(text)}", f"{topic}: {text}")
 
     def make_sample(self) -> Sample | None:
-        """The next sample to deliver, or None. Call it often: it also logs counts that are due."""
+        """The next sample to deliver, or None. Call it often."""
         now_s = time.monotonic()
-        for bad in tuple(self._bad.values()):
-            bad.tick(now_s)
         self.frames.check_time(now_s)
         sample = self._merge.make_sample(now_s)
         since_s = self._merge.stands_since_s

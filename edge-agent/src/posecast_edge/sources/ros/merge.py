@@ -14,15 +14,17 @@ from dataclasses import dataclass, field
 
 from posecast_edge.sample import Reading, Sample
 from posecast_edge.sources.ros.messages import JOINT_STATE, Report
+from posecast_edge.visible import make_visible
 
 STREAM_S = 1.5  # readings of a silent stream expire after this; the page shows STALE after the same time
 STATE_S = 60.0  # the same for readings that are published rarely or only when they change
 HOLD_S = 0.5  # a clock that advanced this recently is not set by another clock, nor set back
-SETTLE_S = 2.0  # without a profile, the first sample defines the channels: wait for all of them
+SETTLE_S = 2.0  # without a profile, each later channel gives viewers a new schema: wait for all of them
 SETTLED_S = 0.5  # the same once everything expected has arrived
 STRANDS_MAX = 256  # publishers; beyond that, the one silent longest is dropped
 LABELS_MAX = 1 << 14  # of all publishers; beyond that, the same (the wire format has 4,096 channels)
 DOUBLES_MAX = 8  # pairs of topics with the same channel that are logged
+LEFT_OUT_MAX = 50  # parts of messages that are logged
 TEXTS_MAX = 256  # about; further names are ignored
 STREAMS = ("pos", "ref", "imu", "wrench", "base")
 
@@ -61,7 +63,7 @@ class _Strand:
 
 class MessageMerger:
     """Merges the messages of one robot. `settled`: its channels are known in advance. `say` is called with
-    lines about channels that two topics report."""
+    lines about channels that two topics report, and about parts of messages that are left out."""
 
     def __init__(self, settled: bool, say: Callable[[str], None]) -> None:
         self._say = say
@@ -76,7 +78,7 @@ class MessageMerger:
         self._info: dict[str, str] = {}
         self._links: dict[str, str] = {}
         self._doubled: set[tuple[str, str]] = set()
-        self._anew = False
+        self._left_out: set[tuple[str, str]] = set()  # topic and part
         self.stands_since_s: float | None = None  # positions arrive, but their timestamps do not advance
 
     def expect_topic(self, topic: str) -> None:
@@ -88,6 +90,7 @@ class MessageMerger:
         """Take the content of one message. `role`: see topics.TYPES_OF_ROLE."""
         if topic in self._expected:
             self._expected[topic] = True
+        self.report_left_out(topic, report.left_out)
         key = (topic, tuple(label for readings in report.values.values() for label in readings))
         if key in self._strands:
             self._drop(key)
@@ -119,9 +122,13 @@ class MessageMerger:
         for key in [key for key in self._strands if key[0] == topic]:
             self._drop(key)
 
-    def announce_channels(self) -> None:
-        """Mark the next sample as having new channels, since channels may appear after the first sample."""
-        self._anew = True
+    def report_left_out(self, topic: str, left_out: Mapping[str, str]) -> None:
+        """Report each part of a topic's messages that is left out once (see messages.Report)."""
+        for part, why in left_out.items():
+            if (topic, part) not in self._left_out and len(self._left_out) < LEFT_OUT_MAX:
+                self._left_out.add((topic, part))
+                more = "; further parts are not logged" if len(self._left_out) == LEFT_OUT_MAX else ""
+                self._say(make_visible(f"{topic}: {why}; it is left out{more}"))
 
     def make_sample(self, now_s: float) -> Sample | None:
         """All valid readings, if something arrived since the last call and robot time has advanced; otherwise
@@ -136,8 +143,7 @@ class MessageMerger:
         for _, strand in sorted(self._strands.items(), key=lambda item: item[0][0], reverse=True):
             for name, readings in strand.values.items():
                 values.setdefault(name, {}).update(readings)
-        anew, self._anew = self._anew, False
-        return Sample(self._clock.t_s, values, dict(self._info), links=dict(self._links), anew=anew)
+        return Sample(self._clock.t_s, values, dict(self._info), links=dict(self._links))
 
     def _drop(self, key: tuple[str, tuple[str, ...]]) -> None:
         del self._strands[key]

@@ -58,8 +58,6 @@ class RobotFrames:
         if role == "pos" and not self._states_heard and "pos" in report.values:
             self._states_heard = True
             self._merge.forget_topic(JOINTS_TOPIC)
-            if self._names:  # joint states may use other names
-                self._merge.announce_channels()
 
     def reads_joints(self, now_s: float, least_s: float = 0.0) -> bool:
         """Whether joints are read from /tf, because no joint states arrive. `least_s`: the earliest time of
@@ -78,7 +76,8 @@ class RobotFrames:
     def take_message(self, message: Any, static: bool, now_s: float) -> bool:
         """Take a TFMessage that arrived at `now_s` (seconds). Returns whether it had data of this robot.
         Raises RosMessageError when the message does not match its type."""
-        transforms = read_transforms(message)
+        transforms, left_out = read_transforms(message)
+        self._merge.report_left_out(TOPIC, left_out)
         base = self.tree.take_transforms(transforms, static, now_s)
         if base is not None:
             self._merge.take_report(TOPIC, "base", TF, base, now_s)
@@ -114,4 +113,3 @@ class RobotFrames:
             self._merge.expect_topic(JOINTS_TOPIC)
             unknown = Report(None, {"pos": dict.fromkeys(names)}, lasts=True)
             self._merge.take_report(JOINTS_TOPIC, TF, TF, unknown, now_s)
-            self._merge.announce_channels()

@@ -61,7 +61,8 @@ DRAIN_S = 0.05  # how long to receive before parsing
 BATCH_MAX = 256  # messages; the newest are kept
 BATCH_CHARS_MAX = 32 << 20  # characters or bytes of these
 QUEUE_MAX = 8  # received frames that wait; beyond them the server has to wait
-LOOK_S = 10.0  # between two requests for the list of topics
+LOOK_S = (1.0, 10.0)  # between two requests for the list of topics; the longer one if none was answered yet
+LOOK_SHARE = 0.05  # of a server's time: one that answers slowly is asked less often
 ANSWER_S = 3.0  # without an answer by then, there is no rosapi
 THROTTLE_MS = 15  # twice the rate that the fastest stream needs
 
@@ -159,7 +160,9 @@ class RosbridgeConnection:
         self._types: dict[str, str] = {}  # of topics, as the server spells them
         self._counting: dict[str, float] = {}  # topic whose publishers are being counted → since when
         self._subscribed: set[str] = set()
+        self._throttled: set[str] = set()  # of these; they had one publisher
         self._looked_s = float("-inf")
+        self._look_every_s = LOOK_S[1]
         self._listed: bool | None = None  # whether rosapi answers; None: unknown yet
 
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
@@ -191,11 +194,11 @@ class RosbridgeConnection:
 
     def _chores(self, now_s: float) -> None:
         self._words.tick(now_s)
-        if self._listed is None and self._looked_s + ANSWER_S < now_s < self._looked_s + LOOK_S:
+        if self._listed is None and self._looked_s + ANSWER_S < now_s < self._looked_s + LOOK_S[1]:
             self._listed = False
             log.warning("no answer from rosapi: subscribing to topics by name")
             self._subscribe_named()
-        if now_s >= self._looked_s + LOOK_S:
+        if now_s >= self._looked_s + self._look_every_s:
             if self._listed is False:
                 self._intake.begin_reading_joints()
                 self._subscribe_named()
@@ -203,7 +206,7 @@ class RosbridgeConnection:
             self._connection.send(make_service_call("/rosapi/topics", "topics"))
         for topic, since_s in list(self._counting.items()):
             if now_s - since_s > ANSWER_S:
-                self._subscribe(topic, 0)
+                self._take_count(topic, 0)
 
     def _receive(self, data: str | bytes) -> None:
         try:
@@ -237,8 +240,7 @@ class RosbridgeConnection:
             self._topics(values)
         elif what == "publishers" and topic in self._counting:
             publishers = (values or {}).get("publishers")
-            alone = isinstance(publishers, list) and len(publishers) == 1
-            self._subscribe(topic, THROTTLE_MS if alone else 0)
+            self._take_count(topic, len(publishers) if isinstance(publishers, list) else 0)
         elif what == "description" and values is not None:
             self._parameter(values.get("value"))
 
@@ -252,6 +254,8 @@ class RosbridgeConnection:
             return
         first = self._listed is None
         self._listed = True
+        took_s = time.monotonic() - self._looked_s
+        self._look_every_s = min(max(took_s / LOOK_SHARE, LOOK_S[0]), LOOK_S[1])
         for topic, type_name in zip(names, types, strict=True):
             if isinstance(topic, str) and isinstance(type_name, str):
                 self._intake.add_topic(topic, shorten_type(type_name))
@@ -262,6 +266,8 @@ class RosbridgeConnection:
                 if route and topic not in self._subscribed and topic not in self._counting:
                     self._types[topic] = type_name
                     self._want(topic, route)
+                elif topic in self._throttled and topic not in self._counting:
+                    self._count_publishers(topic)  # another one may have joined
         ros_1 = any(isinstance(t, str) and t.count("/") == 1 for t in types)
         if first and ros_1 and self._wants_urdf:  # in ROS 1 it is a parameter, not a topic
             question = make_service_call(
@@ -275,11 +281,23 @@ class RosbridgeConnection:
         if route.role in ("battery", "diagnostics", "description", "tf"):
             self._subscribe(topic, 0, described=route.role == "description")
             return
+        self._count_publishers(topic)
+
+    def _count_publishers(self, topic: str) -> None:
         self._counting[topic] = time.monotonic()
         self._connection.send(make_service_call("/rosapi/publishers", f"publishers {topic}", topic=topic))
 
-    def _subscribe(self, topic: str, throttle_ms: int, described: bool = False) -> None:
+    def _take_count(self, topic: str, count: int) -> None:
+        """Take the number of publishers, 0 if the server does not say."""
         self._counting.pop(topic, None)
+        if count == 1 and topic not in self._subscribed:
+            self._throttled.add(topic)
+            self._subscribe(topic, THROTTLE_MS)
+        elif count > 1 or topic not in self._subscribed:
+            self._throttled.discard(topic)
+            self._subscribe(topic, 0)
+
+    def _subscribe(self, topic: str, throttle_ms: int, described: bool = False) -> None:
         self._subscribed.add(topic)
         encoding = "json" if described else self._encoding  # a description is longer than CBOR may be
         self._connection.send(make_subscribe(topic, self._types.get(topic), encoding, throttle_ms))

@@ -19,6 +19,7 @@ ARRAY_MAX = 1 << 16  # numbers of a typed array
 FRAGMENTS_MAX = 4096  # of one message
 PARTS_MAX = 8  # messages being assembled at a time; beyond that, the oldest is dropped
 PARTS_CHARS_MAX = MESSAGE_MAX  # of all of them
+DIGITS_MAX = 500  # of an integer; a longer one is no reading
 WORD_MAX = 300  # characters of a server's message, and of an id
 
 # Tags that cbor2 decodes by default: dates, fractions, regular expressions, references. ROS messages use none
@@ -180,7 +181,7 @@ def parse_json(text: str) -> Any:
     if sum(text.count(sign) for sign in ",[{") > ITEMS_MAX:
         raise RosbridgeProtocolError(f"JSON of more than {ITEMS_MAX:,} values")
     try:
-        return json.loads(text, parse_constant=_no_reading)
+        return json.loads(text, parse_constant=_no_reading, parse_int=_read_integer)
     except RecursionError:
         raise RosbridgeProtocolError("JSON nested too deep") from None
     except ValueError as e:
@@ -189,6 +190,10 @@ def parse_json(text: str) -> Any:
 
 def _no_reading(_token: str) -> None:
     """Replace NaN and Infinity, which some servers write although JSON lacks them."""
+
+
+def _read_integer(digits: str) -> int | None:
+    return int(digits) if len(digits) <= DIGITS_MAX else None  # Python refuses to read a longer one
 
 
 def _cbor(data: bytes) -> Any:

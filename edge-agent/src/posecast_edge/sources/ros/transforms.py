@@ -55,7 +55,7 @@ class TransformTree:
     def take_message(self, message: Any, static: bool, now_s: float) -> Report | None:
         """Take a TFMessage that arrived at `now_s` (seconds). Returns the pose of the base if it was updated.
         Raises RosMessageError when the message does not match its type."""
-        return self.take_transforms(read_transforms(message), static, now_s)
+        return self.take_transforms(read_transforms(message)[0], static, now_s)
 
     def take_transforms(self, transforms: Sequence[Transform], static: bool, now_s: float) -> Report | None:
         """Take the transforms of one message. Returns the pose of the base if it was updated."""

@@ -29,7 +29,7 @@ log = logging.getLogger("posecast_relay")
 EVERY_S = 3.0
 SETTLED_MS = 60_000  # after this every process has complied, and pending writes have reached the store
 READ_AT_ONCE = 16
-CLOCKS_APART_MS = 60_000  # the largest expected clock difference to the machine that ordered it
+CLOCKS_APART_MS = 60_000  # the largest expected clock difference to the machine that ordered a deletion
 
 
 class TombstoneFollower:
@@ -60,7 +60,8 @@ class TombstoneFollower:
         self._sweep = sweep
         self._mend = mend
         self._trouble = trouble or BackgroundTrouble()
-        self._read: dict[str, Deletion | None] = {}  # by key; None: invalid
+        self._read: dict[str, Deletion | None] = {}  # by key; None: invalid, or early
+        self._early: dict[str, Deletion] = {}  # by key: those that this machine's clock has yet to reach
         self._erased: set[str] = set()  # keys of those that were executed here
         self._erasing: asyncio.Task[None] | None = None
 
@@ -87,6 +88,9 @@ class TombstoneFollower:
         new = [stem for stem in names.all if stem not in self._read]
         for at in range(0, len(new), READ_AT_ONCE):
             await asyncio.gather(*(self._take(stem) for stem in new[at : at + READ_AT_ONCE]))
+        self._early = {stem: of for stem, of in self._early.items() if stem in self._read}
+        for stem in [stem for stem, of in self._early.items() if not self._is_early(of)]:
+            self._obey(stem, self._early.pop(stem))
         if not self._erases or (self._erasing is not None and not self._erasing.done()):
             return
         open_ = [(stem, of) for stem in names.all if stem not in names.done and (of := self._read.get(stem))]
@@ -104,14 +108,23 @@ class TombstoneFollower:
             deletion = await get_tombstone(self._store, stem)
         except ValueError as e:
             log.warning("tombstones: skipped: %s: %.200s", stem, e)
-            deletion = None
-        if deletion is not None and deletion.at_ms > self._compute_unix_ms() + CLOCKS_APART_MS:
-            # a wrong clock would otherwise delete everything recorded until that time
-            log.warning("tombstones: skipped: %s: its date is in the future by this machine's clock", stem)
-            deletion = None
+            self._read[stem] = None
+            return
+        if deletion is None:  # gone, or not there yet
+            return
+        if self._is_early(deletion):
+            log.warning("tombstones: postponed: %s: its end is in the future by this machine's clock", stem)
+            self._read[stem], self._early[stem] = None, deletion
+        else:
+            self._obey(stem, deletion)
+
+    def _is_early(self, deletion: Deletion) -> bool:
+        # obeyed now, an order by a wrong clock would delete everything recorded until that time
+        return deletion.to_ms > self._compute_unix_ms() + CLOCKS_APART_MS
+
+    def _obey(self, stem: str, deletion: Deletion) -> None:
         self._read[stem] = deletion
-        if deletion is not None:
-            self._deletions.add(deletion)
+        self._deletions.add(deletion)
 
     async def _carry_out(self, due: list[tuple[str, Deletion]], old: list[str]) -> None:
         """Execute deletions while `look` goes on, so that new ones take effect meanwhile."""

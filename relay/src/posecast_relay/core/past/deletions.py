@@ -13,6 +13,8 @@ from posecast_relay.core.past.kept_segment import KeptSegment
 
 KNOWN_MAX = 10_000  # some megabytes; beyond that the oldest is forgotten, which was executed long ago
 
+SPANS_MAX = 100  # reported to viewers
+
 
 @dataclass(frozen=True, slots=True)
 class Deletion:
@@ -90,6 +92,17 @@ class Deletions:
     def cover(self, robot: str, view: str, from_ms: int, to_ms: int) -> bool:
         """Whether any deletion overlaps the span from `from_ms` to `to_ms`, unix ms, of a view."""
         return any(each.covers(robot, view, from_ms, to_ms) for each in self._of.get(robot, {}).values())
+
+    def list_spans(self, robot: str, view: str) -> list[tuple[int, int]]:
+        """Return the spans of a view that are deleted, unix ms, in order and merged: the newest SPANS_MAX."""
+        merged: list[tuple[int, int]] = []
+        known = self._of.get(robot, {}).values()
+        for span in sorted((of.from_ms, of.to_ms) for of in known if of.view in (None, view)):
+            if merged and span[0] <= merged[-1][1]:
+                merged[-1] = merged[-1][0], max(merged[-1][1], span[1])
+            else:
+                merged.append(span)
+        return merged[-SPANS_MAX:]
 
     def cover_segment(self, segment: KeptSegment) -> bool:
         """Whether any deletion covers a segment."""

@@ -324,4 +324,4 @@ class Room:
         newest = self.stream.newest
         age_ms = None if age_s is None else max(0, round(age_s * 1000))
         seq = newest.seq if newest else None
-        return messages.make_status(status, age_ms, seq, self.degraded, self.over_share)
+        return messages.make_status(status, age_ms, seq, now, self.degraded, self.over_share)

@@ -90,15 +90,22 @@ def make_status(
     robot_status: RobotStatus,
     age_ms: int | None,
     seq: int | None,
+    now: float,
     degraded: bool = False,
     over_share: bool = False,
 ) -> bytes:
-    """Make `status`: the robot's status and the age of its newest frame.
+    """Make `status`: the robot's status and the age of its newest frame at `now`.
 
     `degraded`: this relay can't hear the robot now. `over_share`: the robot exceeds its share, so some of its
     frames are dropped.
     """
-    doc: Status = {"type": "status", "robot": robot_status, "age_ms": age_ms, "seq": seq}
+    doc: Status = {
+        "type": "status",
+        "robot": robot_status,
+        "age_ms": age_ms,
+        "seq": seq,
+        "clock_ms": to_clock_ms(now),
+    }
     if degraded:
         doc["degraded"] = True
     if over_share:
@@ -124,10 +131,19 @@ def make_rate(hz: float, reason: str) -> bytes:
     return make_json(doc)
 
 
-def make_pong(t: float) -> bytes:
-    """Make `pong`, the answer to a viewer's ping."""
-    doc: Pong = {"type": "pong", "t": t}
-    return make_json(doc)
+def make_pong(t: float, now: float) -> bytes:
+    """Make `pong`, the answer at `now` to a viewer's ping."""
+    return make_json(describe_pong(t, now))
+
+
+def describe_pong(t: float, now: float) -> Pong:
+    """Return `pong` as a JSON document."""
+    return {"type": "pong", "t": t, "clock_ms": to_clock_ms(now)}
+
+
+def to_clock_ms(now: float) -> int:
+    """Return the core's clock as viewers get it, by which they tell how late a stream arrives."""
+    return int(1000 * now)
 
 
 def make_bye(code: int, reason: str, retry_s: float | None, lane: str | None = None) -> bytes:

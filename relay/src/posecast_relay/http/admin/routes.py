@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import hmac
 import logging
 import re
@@ -18,6 +17,7 @@ from posecast_wire import check_name
 from posecast_relay.auth.access import Access
 from posecast_relay.auth.addresses import find_asker
 from posecast_relay.auth.origins import may_show
+from posecast_relay.blocking_calls import BlockingCalls
 from posecast_relay.config.robots_changes import RobotsDocument
 from posecast_relay.config.robots_file import read_text
 from posecast_relay.config.robots_reader import AdminEntry, RobotsError
@@ -64,6 +64,7 @@ def add_admin_routes(
 
     `find_trouble` returns the relay's present problem, in one line; None if it has none.
     """
+    calls = BlockingCalls(1, "robots file")  # it waits for seconds while a command changes the file
 
     @app.get("/admin", include_in_schema=False)
     async def without_slash(request: Request) -> Response:
@@ -96,7 +97,7 @@ def add_admin_routes(
         if not DAYS.fullmatch(days):
             raise HTTPException(400, "days: use a whole number from 1 to 9999")
         until = datetime.now(UTC) + timedelta(days=int(days))
-        token = await _change(sources.path, robot, lambda doc: doc.make_share_link(robot, until))
+        token = await _change(calls, sources.path, robot, lambda doc: doc.make_share_link(robot, until))
         log.warning("admin: a share link of %s was made, valid for %s days", robot, days)
         page = "" if sources.public_url is None else f"{sources.public_url}/"
         answer = {"link": f"{page}#/r/{robot}?t={token}", "until_s": round(until.timestamp())}
@@ -114,7 +115,7 @@ def add_admin_routes(
             doc.revoke_share_links(robot)
             return ""
 
-        await _change(sources.path, robot, revoke)
+        await _change(calls, sources.path, robot, revoke)
         log.warning("admin: all share links of %s were revoked", robot)
         return JSONResponse({}, headers=PRIVATE)
 
@@ -152,7 +153,9 @@ def _require_admin(access: Access, sources: AdminSources, request: Request) -> N
         raise HTTPException(401, "wrong or missing credential", PRIVATE | {"www-authenticate": "Bearer"})
 
 
-async def _change(path: Path, robot: str, change: Callable[[RobotsDocument], str]) -> str:
+async def _change(
+    calls: BlockingCalls, path: Path, robot: str, change: Callable[[RobotsDocument], str]
+) -> str:
     """Change the robots file and return the result of `change`. Raises HTTPException, with one line."""
 
     def write() -> str:
@@ -167,7 +170,7 @@ async def _change(path: Path, robot: str, change: Callable[[RobotsDocument], str
 
     try:
         check_name("robot", robot)
-        return await asyncio.to_thread(write)
+        return await calls.run(write)
     except (SettingsError, RobotsError) as e:
         raise HTTPException(409, str(e), PRIVATE) from None
     except ValueError as e:

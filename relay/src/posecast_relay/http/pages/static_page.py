@@ -13,6 +13,7 @@ from fastapi import HTTPException, Response
 from starlette.datastructures import Headers
 from starlette.types import Scope
 
+from posecast_relay.http.auth import OPEN
 from posecast_relay.http.link_preview import LinkPreview
 from posecast_relay.http.page_address import find_home, read_robots
 from posecast_relay.http.pages.content_policy import read_content_policy
@@ -108,6 +109,9 @@ class Page(StaticFolder):
         hashed = "/assets/" in scope["path"]
         if hashed:
             response.headers["cache-control"] = HASHED
+        # a frame with `sandbox` has no origin, so it may read only what any page may
+        if hashed or scope["path"].endswith("/config.json"):
+            response.headers.update(OPEN)
         page = Path(full_path) if str(full_path).endswith(".html") else self._index if hashed else None
         policy = None if page is None else read_content_policy(page)
         if policy is not None:

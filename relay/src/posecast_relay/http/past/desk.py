@@ -111,7 +111,15 @@ class PastDesk:
             from_ms = min(each.from_ms for each in recent)
         to_ms = max((each.to_ms for each in recent), default=None if newest is None else newest.to_ms)
         days = {each.from_ms - each.from_ms % DAY_MS for each in recent} | {each.day_ms for each in older}
-        return PastExtent(from_ms, to_ms, None if newest is None else newest.name, tuple(sorted(days)))
+        window = find_past_window(grant, self.compute_unix_ms())
+        deleted = tuple(
+            span
+            for span in self.deletions.list_spans(grant.robot, grant.view)
+            if span[1] > window.from_ms and span[0] < window.to_ms
+        )
+        return PastExtent(
+            from_ms, to_ms, None if newest is None else newest.name, tuple(sorted(days)), deleted
+        )
 
     async def _load_reaches(self, grant: Grant) -> list[DayReach]:
         window = find_past_window(grant, self.compute_unix_ms())

@@ -31,9 +31,16 @@ class NamedSegment(_Document):
     index: int
 
 
+class DeletedSpan(_Document):
+    """A time span, unix ms: nothing is left of the segments that overlapped it."""
+
+    from_ms: int
+    to_ms: int
+
+
 class PastSummary(_Document):
-    """How far back the caller may look, and what exists. Times are unix ms; null or empty if there is
-    nothing."""
+    """How far back the caller may look, what exists, and what was deleted. Times are unix ms; null or empty
+    if there is nothing."""
 
     view: str
     from_ms: int | None
@@ -42,6 +49,7 @@ class PastSummary(_Document):
     delay_ms: int
     newest: NamedSegment | None
     days: list[str]
+    deleted: list[DeletedSpan]
 
 
 class PastMinute(_Document):
@@ -126,6 +134,7 @@ def make_summary(grant: Grant, extent: PastExtent) -> bytes:
             "delay_ms": round(1000 * grant.delay_s),
             "newest": None if extent.newest is None else _name(extent.newest),
             "days": [write_day(day_ms) for day_ms in extent.days_ms],
+            "deleted": [{"from_ms": from_ms, "to_ms": to_ms} for from_ms, to_ms in extent.deleted],
         }
     )
 

@@ -44,6 +44,7 @@ T = TypeVar("T")
 HOLD_S = 8.0  # how long a request for the next segment waits
 RETRY_MS = 1000  # when to ask again for a segment that does not exist yet
 FRESH_S_MAX = 3600.0  # the longest cache lifetime, so that revoked data is gone within an hour
+LIST_SHARED_S = 10.0  # of a list in a shared cache: browsers ask for it anew each time, and so see a deletion
 CLOSED_MS = 10_000  # after its end a page gets no more segments: each lasts at most 6 s
 NOT_KEPT = "this process keeps no past: ask a relay that was started with --past memory:"
 NO_ROUTE = (
@@ -90,10 +91,11 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
         if desk is None:
             return await _tell_no_past(access, request, robot, view)
         grant, at = await _enter(access, desk, request, robot, view)
-        name, body = _key(grant, "past"), b""
-        if not at.answers.has(name):
-            body = documents.make_summary(grant, await _wait(at.find_extent(grant)))
-        return at.answers.get_answer(request, name, lambda: body, _share(grant, 1.0))
+
+        async def load() -> bytes:
+            return documents.make_summary(grant, await _wait(at.find_extent(grant)))
+
+        return await at.answers.load_answer(request, _key(grant, "past"), load, _share(grant, 1.0))
 
     @app.get(
         api + "/{view}/schema/{sha256}",
@@ -124,7 +126,7 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
             return await _send_day(request, at, grant, asked, span)
         since = None if after is None else _read(read_after, after)
         page = await _wait(at.list_page(grant, asked))
-        headers = _share(grant, _compute_page_s(grant, asked, page, at.compute_unix_ms()))
+        headers = _share(grant, 1.0, _compute_page_s(grant, asked, page, at.compute_unix_ms()))
         made = lambda: documents.make_page(view, asked, _list_after(page.segments, since))  # noqa: E731
         return at.answers.get_answer(request, _key(grant, f"{span}?{after}"), made, headers)
 
@@ -141,7 +143,7 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
         found = await _wait(at.list_page(grant, asked))
         shown = found.segments
         body = await _make_key_page(at, grant, asked, shown, step)
-        headers = _share(grant, _compute_page_s(grant, asked, found, at.compute_unix_ms()))
+        headers = _share(grant, 1.0, _compute_page_s(grant, asked, found, at.compute_unix_ms()))
         return _send(request, body, BINARY, hashlib.sha256(body).hexdigest()[:16], headers)
 
     @app.get(
@@ -209,10 +211,11 @@ async def _enter(
 
 async def _send_day(request: Request, desk: PastDesk, grant: Grant, day: PastSpan, text: str) -> Response:
     """Send a day by minutes. Raises HTTPException 503."""
-    name, body = _key(grant, text), b""
-    if not desk.answers.has(name):
-        body = documents.make_day(grant.view, day, await _wait(desk.list_minutes(grant, day)))
-    return desk.answers.get_answer(request, name, lambda: body, _share(grant, 1.0))
+
+    async def load() -> bytes:
+        return documents.make_day(grant.view, day, await _wait(desk.list_minutes(grant, day)))
+
+    return await desk.answers.load_answer(request, _key(grant, text), load, _share(grant, 1.0))
 
 
 async def _find(desk: PastDesk, grant: Grant, name: tuple[int, int]) -> Found:
@@ -289,8 +292,9 @@ def _refuse(grant: Grant, reason: str) -> NoReturn:
     raise HTTPException(HTTPStatus.NOT_FOUND, reason, _share(grant, 1.0))
 
 
-def _share(grant: Grant, fresh_s: float) -> dict[str, str]:
-    """Make the headers that say who may read a response and how long caches may keep it.
+def _share(grant: Grant, fresh_s: float, shared_s: float = 0.0) -> dict[str, str]:
+    """Make the headers that say who may read a response and how long caches may keep it; `shared_s`: caches
+    for many, if longer.
 
     The lifetime is at least one second while the request can repeat: without it, every viewer of a crowd
     would reach the relay.
@@ -298,7 +302,8 @@ def _share(grant: Grant, fresh_s: float) -> dict[str, str]:
     if not grant.open:
         return NO_STORE
     kept_s = max(1, math.floor(min(fresh_s, FRESH_S_MAX)))
-    return OPEN | READABLE | {"cache-control": f"public, max-age={kept_s}"}
+    shared = f", s-maxage={math.floor(shared_s)}" if shared_s >= kept_s + 1 else ""
+    return OPEN | READABLE | {"cache-control": f"public, max-age={kept_s}{shared}"}
 
 
 def _send(request: Request, body: bytes, type_: str, name: str, headers: dict[str, str]) -> Response:
@@ -327,11 +332,11 @@ def _list_after(shown: list[KeptSegment], since: tuple[int, int] | None) -> list
 
 
 def _compute_page_s(grant: Grant, page: PastSpan, found: ShownPage, unix_ms: int) -> float:
-    """Return how long the index of ten minutes stays unchanged, in seconds."""
+    """Return how long a cache for many may keep the index of ten minutes, in seconds."""
     window = find_past_window(grant, unix_ms)
     if not found.segments or not found.is_whole or window.to_ms < page.to_ms + CLOSED_MS:
         return 1.0
-    return max(1.0, min(window.compute_left_s(segment.from_ms) for segment in found.segments))
+    return min(LIST_SHARED_S, *(window.compute_left_s(segment.from_ms) for segment in found.segments))
 
 
 def _tells(*models: type) -> dict[int | str, dict[str, Any]]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import shutil
-import socket
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -20,7 +19,7 @@ from posecast_relay.core.hub import Hub
 from posecast_relay.http.app import MissingPart
 from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.server.http_server import RelayServer
-from posecast_relay.server.listener import BACKLOG
+from posecast_relay.server.listener import BACKLOG, is_served
 from posecast_relay.server.workers.feed import Feed, FeedStore
 from posecast_relay.server.workers.metrics import JoinedCollector
 from posecast_relay.server.workers.private_door import make_private_http_protocol
@@ -145,8 +144,6 @@ class Crew:
 def _remove_left() -> None:
     """Remove folders left by relays that were killed."""
     for door in Path(tempfile.gettempdir()).glob(f"{PREFIX}*/http"):
-        with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX) as probe:
-            try:
-                probe.connect(str(door))
-            except ConnectionRefusedError:  # no process listens there anymore
+        with contextlib.suppress(OSError):
+            if not is_served(door):
                 shutil.rmtree(door.parent, ignore_errors=True)

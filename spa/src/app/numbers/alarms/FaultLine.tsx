@@ -1,10 +1,11 @@
 import { Fragment } from 'react';
 import { firstPaint } from '../../../browser/first_paint.ts';
 import { LatePart } from '../../../browser/late_part.ts';
-import type { Fault } from '../../../twin/alarms/fault_log.ts';
+import { canKnowFaults, type Fault } from '../../../twin/alarms/fault_log.ts';
 import { formatSpan } from '../../../twin/format.ts';
 import { isThen } from '../../../twin/liveness.ts';
 import { isolated } from '../../../twin/names.ts';
+import type { RobotTwin } from '../../../twin/robot.ts';
 import { FlagTerm } from '../../explain/FlagTerm.tsx';
 import { useLatePart } from '../../shell/late.tsx';
 import { useNow } from '../../shell/now.ts';
@@ -29,14 +30,16 @@ export function FaultLine({ link, onMore }: { link: RobotLink; onMore: () => voi
   if (first === undefined)
     return (
       <div className="fault-line" data-testid="fault-line" data-faults={faults === null ? undefined : 0}>
-        <span className="quiet">{faults === null ? '' : quietWords(faults)}</span>
+        <span className="quiet">{faults === null ? '' : quietWords(link.twin, faults)}</span>
       </div>
     );
   const { log } = link.faults;
   const nowMs = link.faults.nowMs();
   const told = sentences?.faultSentence(link.twin, log, first, nowMs);
   const said = told?.said ?? `${isolated(first.source)} ${faultWords(first)}`;
-  const rest = [
+  const details = [
+    told?.code,
+    told?.bit && <FlagTerm source={first.source} bit={told.bit} />,
     told?.aged ? '' : whenWords(first, log.occurrences.newestMs(first.key) ?? first.firstMs, nowMs),
     sentences?.timesWords(log, first, nowMs),
   ].filter(Boolean);
@@ -53,13 +56,10 @@ export function FaultLine({ link, onMore }: { link: RobotLink; onMore: () => voi
         {said}
       </button>
       <span className="quiet fault-small">
-        {told?.code}
-        {told?.code && ' · '}
-        {told?.bit && <FlagTerm source={first.source} bit={told.bit} />}
-        {rest.map((words, i) => (
-          <Fragment key={words}>
-            {(i > 0 || told?.bit) && ' · '}
-            <span className="fault-words">{words}</span>
+        {details.map((detail, i) => (
+          <Fragment key={typeof detail === 'string' ? detail : 'bit'}>
+            {i > 0 && ' · '}
+            {typeof detail === 'string' ? <span className="fault-words">{detail}</span> : detail}
           </Fragment>
         ))}
       </span>
@@ -84,9 +84,12 @@ export function FaultLine({ link, onMore }: { link: RobotLink; onMore: () => voi
   );
 }
 
-function quietWords(faults: readonly Fault[]): string {
+function quietWords({ schema, limits }: RobotTwin, faults: readonly Fault[]): string {
   const count = faults.filter(({ level }) => level === 'fault').length;
-  return count === 0 ? say().noFaults : say().faultsAcknowledged(count);
+  if (count > 0) return say().faultsAcknowledged(count);
+  return schema !== null && limits !== null && canKnowFaults(schema, limits)
+    ? say().noFaults
+    : say().noFaultsReported;
 }
 
 function whenWords(fault: Fault, newestMs: number, nowMs: number): string {

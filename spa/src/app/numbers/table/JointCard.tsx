@@ -6,6 +6,7 @@ import { wordsOfName } from '../../../twin/plain_names.ts';
 import { FlagTerm } from '../../explain/FlagTerm.tsx';
 import { BackIcon, IconButton } from '../../shell/icons.tsx';
 import { useNow } from '../../shell/now.ts';
+import { usePageKeys } from '../../shell/page_keys.ts';
 import { useFaults } from '../../state/fault_keeper.ts';
 import { type RobotLink, useVersion } from '../../state/robot_link.ts';
 import { selection, selectJoint } from '../../state/selection.ts';
@@ -42,14 +43,7 @@ export function JointCard({ link, joint }: { link: RobotLink; joint: string }) {
       view.dispose();
     };
   }, [link, joint]);
-  useEffect(() => {
-    const onKey = (event: KeyboardEvent) => {
-      const elsewhere = event.target instanceof HTMLInputElement || document.querySelector('dialog[open]');
-      if (event.key === 'Escape' && !elsewhere && !event.defaultPrevented) close(joint);
-    };
-    window.addEventListener('keydown', onKey);
-    return () => window.removeEventListener('keydown', onKey);
-  }, [joint]);
+  usePageKeys(() => ({ close: () => close(joint) }));
   const { names } = useSettings();
   const code = isolated(joint);
   const words = wordsOfName(link.twin.schema, joint, languageTag());

@@ -64,7 +64,8 @@ export class JointView {
   #rows: readonly RowView[] = [];
   #grid: NumberGrid | null = null;
   #columns: readonly Column[] = [];
-  #bodies: { element: HTMLElement; rows: readonly number[] }[] = [];
+  /** The limbs; a limb with a fault comes before the others. */
+  #bodies: { element: HTMLElement; rows: readonly number[]; isFirst: boolean }[] = [];
   #names: NameColumn | null = null;
   #nothing: HTMLElement | null = null;
   #builtFor: readonly unknown[] = [];
@@ -213,31 +214,45 @@ export class JointView {
     const { faultsFirst } = settings();
     const filtered = hasFilter();
     const ranks = this.#shownRanks;
-    let changed = filterChanged;
+    const moved = new Set<Element>();
     for (let i = 0; i < this.#rows.length; i += 1) {
       const own = this.#ranks.of(i, nowMs);
       const rank = filtered && !matchesFilter(this.#rows[i]!.haystack) ? HIDDEN : faultsFirst ? own : 0;
       if (rank === ranks[i]) continue;
       ranks[i] = rank;
-      changed = true;
+      moved.add(this.#rows[i]!.element);
     }
-    if (changed) this.#order();
+    if (filterChanged || moved.size > 0) this.#order(moved);
   }
 
-  #order(): void {
+  /** `moved`: the rows whose rank has changed. The others keep their order. */
+  #order(moved: Set<Element>): void {
     const ranks = this.#shownRanks;
-    const limbs = this.#bodies.map(({ element, rows }) => {
+    const limbs = this.#bodies.map((body) => {
+      const { element, rows } = body;
       for (const i of rows) this.#rows[i]!.element.hidden = ranks[i] === HIDDEN;
       const sorted = [...rows].sort((a, b) => ranks[b]! - ranks[a]!);
-      element.append(...sorted.map((i) => this.#rows[i]!.element));
+      placeInOrder(
+        element,
+        sorted.map((i) => this.#rows[i]!.element),
+        moved,
+      );
       const rank = Math.max(...sorted.map((i) => ranks[i]!));
       element.hidden = rank === HIDDEN;
-      return { element, rank };
+      const isFirst = rank === 2;
+      if (isFirst !== body.isFirst) moved.add(element);
+      body.isFirst = isFirst;
+      return body;
     });
-    limbs.sort((a, b) => Number(b.rank === 2) - Number(a.rank === 2));
-    if (limbs.length > 1) this.#root?.append(...limbs.map(({ element }) => element));
+    limbs.sort((a, b) => Number(b.isFirst) - Number(a.isFirst));
+    if (this.#root !== null)
+      placeInOrder(
+        this.#root,
+        limbs.map(({ element }) => element),
+        moved,
+      );
     if (this.#nothing !== null) {
-      const none = limbs.every(({ rank }) => rank === HIDDEN);
+      const none = limbs.every(({ element }) => element.hidden);
       this.#nothing.textContent = none ? say().noJointMatches(filterText()) : '';
       this.#nothing.hidden = !none;
     }
@@ -341,7 +356,7 @@ export class JointView {
         element.append(heading);
       }
       element.append(...rows.map((i) => this.#rows[i]!.element));
-      return { element, rows };
+      return { element, rows, isFirst: false };
     });
     root.append(...this.#bodies.map(({ element }) => element));
     root.addEventListener('click', ({ target }) => {
@@ -356,6 +371,24 @@ export class JointView {
     this.#mark();
     this.#reveal();
   }
+}
+
+/** Puts the last children of an element in order by moving those in `moved`. An element that is moved loses the focus, and is seen
+ *  anew by observers and screen readers; so the one that has the focus stays, and the others move around it. */
+function placeInOrder(parent: Element, ordered: readonly Element[], moved: ReadonlySet<Element>): void {
+  const focus = ordered.findIndex((each) => each.contains(document.activeElement));
+  const focused = ordered[focus];
+  let next: Element | null = null;
+  for (let i = ordered.length - 1; i >= 0; i -= 1) {
+    const element = ordered[i]!;
+    const isOnItsSide = focused === undefined || isAfter(element, focused) === i > focus;
+    if (element !== focused && (moved.has(element) || !isOnItsSide)) parent.insertBefore(element, next);
+    next = element;
+  }
+}
+
+function isAfter(element: Element, other: Element): boolean {
+  return (other.compareDocumentPosition(element) & Node.DOCUMENT_POSITION_FOLLOWING) !== 0;
 }
 
 function headCell(text: string, className: string, title: string, key: string): HTMLTableCellElement {

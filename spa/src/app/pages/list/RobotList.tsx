@@ -1,20 +1,24 @@
 import './list.css';
 import { Suspense, useEffect, useRef, useState } from 'react';
+import { signInNeeded } from '../../../auth/request.ts';
 import { savesData } from '../../../browser/late_part.ts';
 import { accounts, home, relayChoice } from '../../../relay/relay.ts';
 import { prepareStream } from '../../../stream/early_stream.ts';
 import { formatSpan } from '../../../twin/format.ts';
+import type { Verdict } from '../../../twin/liveness.ts';
 import { loadPanel } from '../../numbers/load_panel.ts';
 import { Command } from '../../shell/Command.tsx';
 import { IconButton, SettingsIcon } from '../../shell/icons.tsx';
 import { late } from '../../shell/late.tsx';
 import { MOST_SIDE_BY_SIDE, robotHref } from '../../state/route.ts';
+import { useStore } from '../../state/use_store.ts';
 import { Sign } from '../../status/Chip.tsx';
+import { causeWords } from '../../status/words.ts';
 import { useText } from '../../text/language.ts';
 import { useListText } from '../../text/list.ts';
 import { openChosen } from '../local/local.ts';
 import { useMovingCard } from './moving_card.ts';
-import { inOrder, type ListedRobot, useRobots } from './robots.ts';
+import { inOrder, judgeListed, type ListedRobot, useRobots } from './robots.ts';
 import { Thumbnail } from './Thumbnail.tsx';
 
 /** After this long the viewer is assumed to have read the list. */
@@ -45,6 +49,7 @@ export function RobotList({ onSettings }: { onSettings: () => void }) {
   const rest = useListText();
   useEffect(prepareRobotPage, []);
   const listing = useRobots();
+  const needsSignIn = useStore(signInNeeded);
   const robots = listing.phase === 'waiting' ? [] : listing.robots;
   const host = new URL(relayChoice().base ?? home()).host;
   const elsewhere = host === window.location.host ? null : host;
@@ -53,6 +58,7 @@ export function RobotList({ onSettings }: { onSettings: () => void }) {
   const old = listing.phase === 'unreachable';
   const list = useRef<HTMLElement>(null);
   const moving = useMovingCard(list, listing.phase === 'known' ? listing.answerMs : Number.POSITIVE_INFINITY);
+  const tookMs = listing.phase === 'known' ? listing.tookMs : 0;
   const [here, gone] = inOrder(robots);
   const cards = (shown: readonly ListedRobot[], testId: string) => (
     <ul className="cards" data-testid={testId} data-old={old}>
@@ -60,7 +66,7 @@ export function RobotList({ onSettings }: { onSettings: () => void }) {
         <Card
           key={robot.robot}
           robot={robot}
-          old={old}
+          verdict={old ? NOT_HEARD : judgeListed(robot, tookMs)}
           moves={moving === robot.robot}
           place={chosen === null ? null : chosen.indexOf(robot.robot)}
           onChoose={() => setChosen((before) => toggled(before ?? [], robot.robot))}
@@ -93,7 +99,7 @@ export function RobotList({ onSettings }: { onSettings: () => void }) {
         <h1>{rest.onAir}</h1>
         {listing.phase === 'unreachable' && (
           <p className="list-note" role="status">
-            {rest.noRelay}
+            {needsSignIn ? text.endedSignIn : rest.noRelay}
           </p>
         )}
         {listing.phase === 'waiting' && <p className="quiet">{rest.askingRelay}</p>}
@@ -112,7 +118,7 @@ export function RobotList({ onSettings }: { onSettings: () => void }) {
   );
 }
 
-const WORDS = { online: 'LIVE', silent: 'STALE', offline: 'OFFLINE' } as const;
+const NOT_HEARD = { word: 'STALE', cause: 'no connection', ageMs: null } as const;
 
 /** Adds a robot to the choice or removes it. If the choice is full, it stays as it is. */
 function toggled(chosen: readonly string[], robot: string): readonly string[] {
@@ -150,21 +156,21 @@ function SideBySide(props: {
   );
 }
 
-/** A link to one robot. `place`: its index in the side-by-side choice, -1 if not chosen, null outside choosing mode; `old`: the
- *  relay does not answer, so the data may be out of date; `moves`: this is the one card with a moving preview. */
+/** A link to one robot. `place`: its index in the side-by-side choice, -1 if not chosen, null outside choosing mode; `moves`: this
+ *  is the one card with a moving preview. */
 function Card(props: {
   robot: ListedRobot;
-  old: boolean;
+  verdict: Pick<Verdict, 'word' | 'cause' | 'ageMs'>;
   moves: boolean;
   place: number | null;
   onChoose: () => void;
 }) {
-  const { robot, old, moves, place, onChoose } = props;
-  const word = old ? 'STALE' : WORDS[robot.state];
-  const age = robot.ageMs !== null && word !== 'LIVE' && !old ? ` ${formatSpan(robot.ageMs)}` : '';
-  const text = useText();
+  const { robot, moves, place, onChoose } = props;
+  const { word, cause: why, ageMs } = props.verdict;
+  const age = robot.ageMs !== null && word !== 'LIVE' && ageMs !== null ? ` ${formatSpan(ageMs)}` : '';
+  useText();
   const rest = useListText();
-  const cause = old ? text.noConnection : word === 'STALE' ? text.robotSilent : '';
+  const cause = causeWords(why);
   return (
     <li>
       <a

@@ -36,6 +36,13 @@ export function Thumbnail({ robot: { robot, model } }: { robot: ListedRobot }) {
   }, [robot, model]);
   if (src === null) return <RobotFigure />;
   return (
-    <img className="thumb-picture" src={src} alt="" onError={() => setSrc(null)} data-testid="thumbnail" />
+    <img
+      className="thumb-picture"
+      src={src}
+      crossOrigin="anonymous" // no cookies for another relay or a lane
+      alt=""
+      onError={() => setSrc(null)}
+      data-testid="thumbnail"
+    />
   );
 }

@@ -1,6 +1,8 @@
 import { useEffect, useState } from 'react';
+import { request, signInNeeded } from '../../../auth/request.ts';
 import { onAccountToken, tokenFor } from '../../../auth/token.ts';
 import { apiUrl } from '../../../relay/addresses.ts';
+import { judge, type Verdict } from '../../../twin/liveness.ts';
 import { isolated } from '../../../twin/names.ts';
 
 const EVERY_MS = 2000;
@@ -23,10 +25,16 @@ export interface ListedRobot {
 
 /** The list of robots. `waiting`: the relay has not answered yet; `unreachable`: the last request failed, and `robots` come from
  *  the previous answer, if any. `publishAt`: the endpoint, such as `tcp/127.0.0.1:7447`, where programs on the relay's computer
- *  may publish without a credential; null if none. `answerMs`: how long the quickest answer took. */
+ *  may publish without a credential; null if none. `answerMs`: how long the quickest answer took; `tookMs`: the newest. */
 export type RobotListing =
   | { phase: 'waiting' }
-  | { phase: 'known'; robots: readonly ListedRobot[]; publishAt: string | null; answerMs: number }
+  | {
+      phase: 'known';
+      robots: readonly ListedRobot[];
+      publishAt: string | null;
+      answerMs: number;
+      tookMs: number;
+    }
   | { phase: 'unreachable'; robots: readonly ListedRobot[] };
 
 /** Parses the robots in the relay's JSON answer. Entries without an id are skipped, members of a wrong type become null, and an
@@ -58,6 +66,17 @@ export function readPublishAt(body: unknown): string | null {
   return typeof at === 'string' && /^tcp\/(127\.0\.0\.1|\[::1\]|localhost):\d{1,5}$/.test(at) ? at : null;
 }
 
+/** The verdict about a listed robot, when the list arrived `tookMs` after it was requested. */
+export function judgeListed({ state, ageMs }: ListedRobot, tookMs: number): Verdict {
+  const status = { robot: state, ageMs: ageMs ?? 0, seq: null, degraded: false, overShare: false };
+  const evidence = {
+    ...{ openedMs: Number.NEGATIVE_INFINITY, connected: true, lostMs: null, heardMs: 0, transitMs: tookMs },
+    ...{ freshMs: null, changedMs: null, watchingMs: null, shownMs: null, otherwiseMs: null },
+    status: { ...status, atMs: -tookMs },
+  };
+  return judge(evidence, 0);
+}
+
 /** The robots on air, moving ones first, and the robots that were on air, most recent first. Ties are sorted by name. */
 export function inOrder(robots: readonly ListedRobot[]): [here: ListedRobot[], gone: ListedRobot[]] {
   const byName = [...robots].sort((a, b) => a.name.localeCompare(b.name));
@@ -87,8 +106,10 @@ export function useRobots(): RobotListing {
         if (answer.status === 401 || answer.status === 403) answer = await get(signal, undefined);
         if (!answer.ok) throw new Error(answer.statusText);
         const body: unknown = await answer.json();
-        answerMs = Math.min(answerMs, performance.now() - askedMs);
-        setListing({ phase: 'known', robots: readRobots(body), publishAt: readPublishAt(body), answerMs });
+        const tookMs = performance.now() - askedMs;
+        answerMs = Math.min(answerMs, tookMs);
+        const publishAt = readPublishAt(body);
+        setListing({ phase: 'known', robots: readRobots(body), publishAt, answerMs, tookMs });
       } catch {
         if (leave.signal.aborted) return;
         setListing((before) => ({
@@ -99,7 +120,8 @@ export function useRobots(): RobotListing {
         asking = false;
       }
     };
-    const timer = setInterval(ask, EVERY_MS);
+    // a browser may ask for a password each time
+    const timer = setInterval(() => signInNeeded.get() || void ask(), EVERY_MS);
     document.addEventListener('visibilitychange', ask, { signal: leave.signal });
     leave.signal.addEventListener(
       'abort',
@@ -116,7 +138,7 @@ export function useRobots(): RobotListing {
 
 function get(signal: AbortSignal, token: string | undefined): Promise<Response> {
   const headers: HeadersInit = token ? { authorization: `Bearer ${token}` } : {};
-  return fetch(apiUrl('robots'), { signal, cache: 'no-cache', credentials: 'omit', headers });
+  return request(apiUrl('robots'), { signal, cache: 'no-cache', headers });
 }
 
 function isRecord(value: unknown): value is Record<string, unknown> {

@@ -1,3 +1,4 @@
+import { request } from '../../../auth/request.ts';
 import { BundleError, serveFolder } from '../../../model/bundle.ts';
 import { PastError } from '../../../past/past_source.ts';
 import { FetchedFiles } from '../../../past/recording/fetched_files.ts';
@@ -29,11 +30,11 @@ export async function fetchRecording(url: string): Promise<OpenedRecording> {
   const folder = new URL('.', url).href;
   const files = new FetchedFiles(folder, {
     fetch: (file, init) => {
-      const { request } = early;
+      const { request: begun } = early;
       early.request = null; // the early request answers only the first fetch
-      if (request === null) return fetch(file, init);
-      init.signal?.addEventListener('abort', () => request.stop.abort());
-      return request.answer;
+      if (begun === null) return request(file, init);
+      init.signal?.addEventListener('abort', () => begun.stop.abort());
+      return begun.answer;
     },
     later: (ms, run) => {
       const timer = setTimeout(run, ms);

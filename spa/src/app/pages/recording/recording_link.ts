@@ -17,7 +17,7 @@ import { recordedAs } from './words/recording_words.ts';
 const NO_STREAM: Connection = {
   link: {
     ...{ by: 'websocket', phase: 'open', retryAtMs: null, ending: null, grantedHz: null, rateReason: null },
-    ...{ hz: 0, roundTripMs: null, behindMs: null, problem: null },
+    ...{ hz: 0, roundTripMs: null, lateMs: null, behindMs: null, problem: null },
   },
   onChange: () => () => {},
   wake: () => {},

@@ -13,6 +13,8 @@ import type { PastControls, Playhead, Timeline } from '../../../past/past_types.
 import { IconButton } from '../../shell/icons.tsx';
 import { late, useLatePart } from '../../shell/late.tsx';
 import { useNow } from '../../shell/now.ts';
+import { withKey } from '../../shell/page_keys.ts';
+import { useSettings } from '../../state/settings.ts';
 import { useStore } from '../../state/use_store.ts';
 import { dayWords } from '../../status/moment_words.ts';
 import { notKeptWords } from '../../status/past_words.ts';
@@ -68,6 +70,7 @@ function Line(props: {
 }) {
   const { controls, timeline, slim, notes, onSave } = props;
   const text = usePastText();
+  useSettings(); // for the names of keys
   const { playhead, nowMs, heard, behindMs } = controls;
   const past = playhead.at === 'past';
   const room = useRef<HTMLDivElement>(null);
@@ -182,7 +185,7 @@ function Line(props: {
         <IconButton
           className="line-button line-jump"
           label={text.jump}
-          title={text.jump}
+          title={withKey(text.jump, 'jump')}
           aria-haspopup="dialog"
           data-testid="jump"
           onClick={() => momentSheet.set(controls)}
@@ -203,7 +206,7 @@ function Line(props: {
             type="button"
             className="line-button to-live"
             aria-pressed={!past}
-            title={past ? text.toLive : undefined}
+            title={past ? withKey(text.toLive, 'live') : undefined}
             data-testid="to-live"
             onClick={() => controls.goLive()}
           >
@@ -248,7 +251,7 @@ function PlayButton({ playing, onPress }: { playing: boolean; onPress: () => voi
     <IconButton
       className="icon-button time-play"
       label={name}
-      title={name}
+      title={withKey(name, 'play')}
       data-testid="play"
       onClick={onPress}
     >

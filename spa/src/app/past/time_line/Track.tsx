@@ -1,11 +1,12 @@
-import { type KeyboardEvent, type PointerEvent, useEffect, useMemo, useRef, useState } from 'react';
+import { type PointerEvent, useEffect, useMemo, useRef, useState } from 'react';
 import type { PastControls, Playhead, Span, Timeline } from '../../../past/past_types.ts';
 import { formatClockSeconds } from '../../../twin/format.ts';
+import { usePageKeys } from '../../shell/page_keys.ts';
 import { useStore } from '../../state/use_store.ts';
 import { hundredthsWords } from '../../status/moment_words.ts';
 import { usePastText } from '../../text/past.ts';
 import { loopStart } from './loop_start.ts';
-import { playTrackKey } from './past_keys.ts';
+import { lineKeys } from './past_keys.ts';
 import type { Tick } from './scale/ticks.ts';
 import { Scrubber } from './scrubber.ts';
 import { useSpoken } from './spoken.ts';
@@ -43,6 +44,8 @@ export function Track({
   const [draft, setDraft] = useState<Span | null>(null);
   const [hover, setHover] = useState<Hover | null>(null);
   const pointer = useRef<number | null>(null);
+  const track = useRef<HTMLDivElement>(null);
+  usePageKeys(() => lineKeys(controls, nowMs), track);
   const scrubber = useMemo(() => new Scrubber(controls, nextFrame, setDraft), [controls]);
   useEffect(() => () => scrubber.cancel(), [scrubber]);
   const startMs = useStore(loopStart(controls));
@@ -68,13 +71,6 @@ export function Track({
     if (event.pointerType === 'touch') setHover(null);
     onHold(false);
   };
-  const onKey = (event: KeyboardEvent) => {
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
-    if (!playTrackKey(controls, nowMs, event)) return;
-    setHover(null); // the hover position is not what the viewer is looking at now
-    event.preventDefault();
-    event.stopPropagation();
-  };
 
   const past = playhead.at === 'past';
   const headPx = Math.min(
@@ -85,6 +81,7 @@ export function Track({
   return (
     <div
       className="track"
+      ref={track}
       role="slider"
       tabIndex={0}
       aria-label={text.moment}
@@ -101,7 +98,7 @@ export function Track({
       onPointerCancel={(event) => release(event, () => scrubber.cancel())}
       onLostPointerCapture={(event) => release(event, () => scrubber.cancel())}
       onPointerLeave={() => setHover(null)}
-      onKeyDown={onKey}
+      onKeyDown={() => setHover(null)} // what the mouse points at is not what the viewer is looking at now
     >
       {part !== null && (
         <part.TrackPicture

@@ -3,7 +3,7 @@ import { memo, useId } from 'react';
 import type { Mark, Span, Timeline } from '../../../past/past_types.ts';
 import { movementPath } from './movement.ts';
 import type { Tick } from './scale/ticks.ts';
-import { contains, pxAt, textPxOf, type View } from './track_view.ts';
+import { contains, msPerPx, pxAt, textPxOf, type View } from './track_view.ts';
 
 /** The top of the curve within the track's height, CSS px. In the open track, the playhead's time has a row above it. */
 const TOP_PX = { open: 22, slim: 4 } as const;
@@ -36,7 +36,7 @@ export const TrackPicture = memo(function TrackPicture({
   const basePx = Math.max(topPx, heightPx - textPx - 5);
   const mostBytesPerS = timeline.movement.reduce((most, { bytesPerS }) => Math.max(most, bytesPerS), 1);
   const path = movementPath(timeline.movement, view, { basePx, heightPx: basePx - topPx, mostBytesPerS });
-  const words = timeline.words.filter(({ fromMs, toMs }) => toMs > view.fromMs && fromMs < view.toMs);
+  const words = drawnWords(timeline.words, view);
   const between = (span: Span) => {
     const fromPx = pxAt(view, Math.max(view.fromMs, span.fromMs));
     return { x: fromPx, width: Math.max(1.5, pxAt(view, Math.min(view.toMs, span.toMs)) - fromPx) };
@@ -106,6 +106,17 @@ export const TrackPicture = memo(function TrackPicture({
 
 /** Marks of one kind nearer than this are merged, CSS px; the second value is for marks with a number, which are wider. */
 const TOGETHER_PX = { mark: 12, count: 24 } as const;
+
+/** The spans to draw: of those that end within a quarter of a px of one another, the first. */
+export function drawnWords(words: Timeline['words'], view: View): Timeline['words'] {
+  const leastMs = msPerPx(view) / 4;
+  let drawnToMs = Number.NEGATIVE_INFINITY;
+  return words.filter(({ fromMs, toMs }) => {
+    if (toMs <= view.fromMs || fromMs >= view.toMs || toMs - drawnToMs < leastMs) return false;
+    drawnToMs = toMs;
+    return true;
+  });
+}
 
 export interface DrawnMark {
   readonly xPx: number;

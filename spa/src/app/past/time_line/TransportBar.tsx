@@ -2,6 +2,7 @@ import './transport.css';
 import { type ReactNode, useId } from 'react';
 import { type PastControls, type Playhead, SPEEDS, type Speed } from '../../../past/past_types.ts';
 import { IconButton, PastIcon } from '../../shell/icons.tsx';
+import { type KeyAction, withKey } from '../../shell/page_keys.ts';
 import { useStore } from '../../state/use_store.ts';
 import { Sign } from '../../status/Chip.tsx';
 import { hundredthsWords } from '../../status/moment_words.ts';
@@ -43,29 +44,49 @@ export function TransportBar({
   return (
     <div className="transport" data-testid="transport">
       <div className="transport-part">
-        <Press name={text.previousFault} press={() => controls.visitFault(-1)} disabled={!hasFaults}>
+        <Press
+          name={text.previousFault}
+          action="faultBack"
+          press={() => controls.visitFault(-1)}
+          disabled={!hasFaults}
+        >
           <PreviousFaultIcon />
         </Press>
-        <Press name={text.tenBack} press={() => controls.skip(-10_000)} className="icon-button transport-ten">
+        <Press
+          name={text.tenBack}
+          action="tenBack"
+          press={() => controls.skip(-10_000)}
+          className="icon-button transport-ten"
+        >
           −10
         </Press>
-        <Press name={text.frameBack} press={() => controls.step(-1)}>
+        <Press name={text.frameBack} action="frameBack" press={() => controls.step(-1)}>
           <FrameBackIcon />
         </Press>
-        <Press name={text.frameOn} press={() => controls.step(1)}>
+        <Press name={text.frameOn} action="frameOn" press={() => controls.step(1)}>
           <FrameOnIcon />
         </Press>
-        <Press name={text.tenOn} press={() => controls.skip(10_000)} className="icon-button transport-ten">
+        <Press
+          name={text.tenOn}
+          action="tenOn"
+          press={() => controls.skip(10_000)}
+          className="icon-button transport-ten"
+        >
           +10
         </Press>
-        <Press name={text.nextFault} press={() => controls.visitFault(1)} disabled={!hasFaults}>
+        <Press
+          name={text.nextFault}
+          action="faultOn"
+          press={() => controls.visitFault(1)}
+          disabled={!hasFaults}
+        >
           <NextFaultIcon />
         </Press>
       </div>
       <button
         type="button"
         className="transport-moment"
-        title={text.jump}
+        title={withKey(text.jump, 'jump')}
         aria-haspopup="dialog"
         onClick={() => momentSheet.set(controls)}
       >
@@ -77,7 +98,12 @@ export function TransportBar({
         <Speeds speed={playhead.speed} onSpeed={(speed) => controls.setSpeed(speed)} />
         <LoopButton controls={controls} playhead={playhead} />
         {onSave !== null && (
-          <IconButton label={text.save} title={text.save} data-testid="save-button" onClick={onSave}>
+          <IconButton
+            label={text.save}
+            title={withKey(text.save, 'save')}
+            data-testid="save-button"
+            onClick={onSave}
+          >
             <SaveIcon />
           </IconButton>
         )}
@@ -97,18 +123,21 @@ export function preciseWords(playhead: Playhead, nowMs: number): string {
 
 function Press({
   name,
+  action,
   press,
   children,
   ...rest
 }: {
   name: string;
+  /** What its key does. */
+  action: KeyAction;
   press: () => void;
   disabled?: boolean;
   className?: string;
   children: ReactNode;
 }) {
   return (
-    <IconButton label={name} title={name} onClick={press} {...rest}>
+    <IconButton label={name} title={withKey(name, action)} onClick={press} {...rest}>
       {children}
     </IconButton>
   );
@@ -155,7 +184,7 @@ function LoopButton({ controls, playhead }: { controls: PastControls; playhead: 
     <IconButton
       className="icon-button transport-loop"
       label={name}
-      title={name}
+      title={withKey(name, 'loop')}
       data-state={state}
       data-testid="loop-button"
       onClick={() => pressLoop(controls)}

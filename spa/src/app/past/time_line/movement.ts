@@ -23,9 +23,10 @@ export function runsOf(movement: Timeline['movement'], bucketMs: number): Run[] 
     toMs: number;
     sums: Map<number, { at: number; bytes: number; ms: number }>;
   }[] = [];
+  const joinedMs = Math.max(JOINED_MS, bucketMs / 16); // a gap that is too narrow to be seen is none
   for (const { fromMs, toMs, bytesPerS } of movement) {
     let run = runs.at(-1);
-    if (run === undefined || fromMs - run.toMs > JOINED_MS) {
+    if (run === undefined || fromMs - run.toMs > joinedMs) {
       run = { fromMs, toMs, sums: new Map() };
       runs.push(run);
     }

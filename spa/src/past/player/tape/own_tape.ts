@@ -1,5 +1,7 @@
 import type { EventMessage, RobotStatus, Schema } from '@posecast/wire';
 import type { RobotState } from '../../../twin/robot.ts';
+import { isWithin } from '../../../twin/spans.ts';
+import type { Span } from '../../past_types.ts';
 import { type Change, type Happening, nameOf, type Situation, situationAfter } from './happenings.ts';
 import { firstPlace, type TapeFrame } from './tape.ts';
 
@@ -37,8 +39,8 @@ type OwnFrame = Omit<TapeFrame, 'runId'> & { readonly run: OwnRun };
  * relay's, as far as the difference is known.
  */
 export class OwnTape {
-  readonly #frames: OwnFrame[] = [];
-  readonly #happenings: (Change & { readonly atMs: number })[] = [];
+  #frames: OwnFrame[] = [];
+  #happenings: (Change & { readonly atMs: number })[] = [];
   #before: Situation = { model: null, info: new Map(), word: null, faults: [] };
   #now = this.#before;
   #bytes = 0;
@@ -156,6 +158,14 @@ export class OwnTape {
 
   situationAt(momentMs: number): Situation {
     return situationAfter(this.#before, this.happenings(Number.NEGATIVE_INFINITY, momentMs));
+  }
+
+  /** Drops what lies in these spans, by the relay's clock. */
+  forget(spans: readonly Span[]): void {
+    const isLeft = ({ atMs }: { readonly atMs: number }) => !isWithin(atMs + this.#offsetMs, spans);
+    this.#frames = this.#frames.filter(isLeft);
+    this.#happenings = this.#happenings.filter(isLeft);
+    this.#bytes = this.#frames.reduce((sum, { codes }) => sum + codes.byteLength, 0);
   }
 
   /** Size of the codes. */

@@ -22,6 +22,14 @@ export const PATIENCE_MS = 300;
 /** Own frames that are older than this at a moment don't count as its state, ms. */
 const OWN_APART_MS = 1500;
 
+/** Maximum number of loads started at once: a robot rarely has more than one segment per recorder at a moment. */
+export const LOADS_MAX = 8;
+
+/** Maximum number of segments looked at for each picture; the others of so many in a few seconds are not shown. */
+const NEAR_MAX = 3000;
+/** Maximum number of segments read around a moment, for plots and whatever else needs its surroundings. */
+export const AROUND_MAX = 500;
+
 /** Data that may contain frames and is not loaded: a segment, ten minutes of the index, or a day (`take` is empty for the latter
  *  two). */
 export interface Pending extends Span {
@@ -59,6 +67,16 @@ export interface Shown {
 
 /** Reads segments and the page's own frames as one sequence: by run, then by number, each frame once. */
 export class Reel {
+  /** Segments known to be lost: `count` with frames from a moment on, namely all that begin before `sinceMs`, and the first `skip`
+   *  of those that reach `sinceMs`. */
+  #lost: {
+    readonly timeline: PastSource['timeline'];
+    readonly momentMs: number;
+    sinceMs: number;
+    skip: number;
+    count: number;
+  } | null = null;
+
   constructor(
     private readonly source: PastSource,
     private readonly tape: Tape,
@@ -70,7 +88,8 @@ export class Reel {
   /** The known content of a span. */
   near(span: Span): Near {
     const { fromMs, toMs } = span;
-    return this.#sort(this.source.segmentsIn(span), this.#pages({ fromMs: fromMs - SEGMENT_MS, toMs }));
+    const refs = this.source.segmentsIn(span, NEAR_MAX);
+    return this.#sort(refs, this.#pages({ fromMs: fromMs - SEGMENT_MS, toMs }));
   }
 
   /** The loaded frames of a segment. */
@@ -110,29 +129,39 @@ export class Reel {
   /** The moment of the next frame or happening, exact or from the index; null if none is known. */
   nextMs(cursor: TapeFrame | null, momentMs: number): number | null {
     const near = this.near({ fromMs: momentMs - APART_MS, toMs: momentMs + SEGMENT_MS });
-    const behind = [
-      this.next(near, cursor, momentMs)?.frame.atMs,
-      ...near.parts.flatMap(({ happenings }) => happenings.map(({ atMs }) => atMs)),
-      ...this.source
-        .segmentsIn({ fromMs: momentMs, toMs: momentMs + PAGE_MS })
-        .filter((ref) => !this.#isLost(ref))
-        .map(({ fromMs }) => fromMs),
-      this.source.timeline?.movement.find(({ fromMs }) => fromMs > momentMs)?.fromMs,
-    ].filter((atMs) => atMs !== undefined && atMs > momentMs);
-    return behind.length === 0 ? null : Math.min(...(behind as number[]));
+    let nextMs = Number.POSITIVE_INFINITY;
+    const add = (atMs = nextMs): void => {
+      if (atMs > momentMs) nextMs = Math.min(nextMs, atMs);
+    };
+    add(this.next(near, cursor, momentMs)?.frame.atMs);
+    for (const { happenings } of near.parts) for (const { atMs } of happenings) add(atMs);
+    for (const ref of this.#each({ fromMs: momentMs, toMs: momentMs + PAGE_MS }))
+      if (ref.fromMs > momentMs && !this.#isLost(ref)) {
+        add(ref.fromMs);
+        break;
+      }
+    const movement = this.source.timeline?.movement ?? [];
+    add(movement[firstPlace(movement, ({ fromMs }) => fromMs > momentMs)]?.fromMs);
+    return Number.isFinite(nextMs) ? nextMs : null;
   }
 
-  /** The segments to be played next: the requested number from each take, using at most half of the size limit. */
-  ahead(momentMs: number, count: number): SegmentRef[] {
+  /** The segments to be played next: the requested number from each take, but at most `most` in all, using at most half of the
+   *  size limit. */
+  ahead(momentMs: number, count: number, most: number): SegmentRef[] {
     const takes = new Map<string, number>();
+    const found: SegmentRef[] = [];
     let bytes = 0;
-    return this.source.segmentsIn({ fromMs: momentMs, toMs: momentMs + PAGE_MS / 10 }).filter((ref) => {
+    const span = { fromMs: momentMs, toMs: momentMs + PAGE_MS / 10 };
+    for (const ref of this.source.segmentsIn(span, AROUND_MAX)) {
       const nth = takes.get(ref.take) ?? 0;
       takes.set(ref.take, nth + 1);
       const size = ref.schema === null ? 0 : (this.loads.knownReader(ref.schema)?.schema.size ?? 0);
       bytes += ref.bytes + 4 * size * ref.frames;
-      return nth <= count && (nth === 0 || bytes <= TAPE_BYTES_MAX / 2) && !this.#isLost(ref);
-    });
+      const fits = nth <= count && (nth === 0 || bytes <= TAPE_BYTES_MAX / 2);
+      if (fits && !this.#isLost(ref)) found.push(ref);
+      if (found.length >= most) break;
+    }
+    return found;
   }
 
   /** The newest state at or before a moment, else the first one after it. */
@@ -176,7 +205,7 @@ export class Reel {
       let frame = own;
       for (const part of parts)
         frame = this.tape.last(frame, part.frames[firstPlace(part.frames, isBehind) - 1] ?? null);
-      const earliestMs = Math.min(...refs.map(({ fromMs }) => fromMs)) - 1e-3;
+      const earliestMs = refs.reduce((least, { fromMs }) => Math.min(least, fromMs), momentMs) - 1e-3;
       if (frame !== null || !(earliestMs < momentMs)) return { frame, pending: [] };
       momentMs = earliestMs;
     }
@@ -184,7 +213,8 @@ export class Reel {
 
   /** The segments and index pages that determine the state at a moment. */
   #upTo(momentMs: number): { refs: SegmentRef[]; pages: Pending[] } {
-    const moved = this.source.timeline?.movement.findLast(({ fromMs }) => fromMs <= momentMs);
+    const movement = this.source.timeline?.movement ?? [];
+    const moved = movement[firstPlace(movement, ({ fromMs }) => fromMs > momentMs) - 1];
     const unknown = this.unknownBefore(momentMs, moved?.toMs ?? Number.NEGATIVE_INFINITY);
     const backMs = unknown === null ? Math.min(momentMs, moved?.toMs ?? momentMs) : momentMs;
     const pages = [
@@ -192,16 +222,54 @@ export class Reel {
       ...this.#pages({ fromMs: momentMs, toMs: momentMs }),
     ];
     const kept = (span: Span): SegmentRef[] =>
-      this.source.segmentsIn(span).filter((ref) => !this.#isLost(ref));
-    const refs = kept({ fromMs: backMs - 7 * SEGMENT_MS, toMs: momentMs });
-    const endsMs = refs.filter(({ frames }) => frames > 0).map(({ toMs }) => toMs);
-    if (endsMs.length > 0) {
-      const sinceMs = Math.min(momentMs, Math.max(...endsMs)) - APART_MS;
+      this.source.segmentsIn(span, NEAR_MAX).filter((ref) => !this.#isLost(ref));
+    const nearMs = backMs - 2 * APART_MS;
+    let refs = kept({ fromMs: nearMs, toMs: momentMs });
+    let endMs = endOf(refs);
+    if (endMs < nearMs + APART_MS) {
+      refs = kept({ fromMs: backMs - 7 * SEGMENT_MS, toMs: momentMs });
+      endMs = endOf(refs);
+    }
+    if (Number.isFinite(endMs)) {
+      const sinceMs = Math.min(momentMs, endMs) - APART_MS;
       return { refs: refs.filter(({ toMs }) => toMs >= sinceMs), pages };
     }
     if (unknown !== null) return { refs, pages: [...pages, this.dayOf(unknown)] };
-    const behind = kept({ fromMs: momentMs, toMs: momentMs + PAGE_MS }).find(({ frames }) => frames > 0);
-    return { refs: behind === undefined ? refs : [...refs, behind], pages };
+    return { refs: [...refs, ...this.#firstAfter(momentMs)], pages };
+  }
+
+  /** The segments of a span after the first `skip`, for whoever needs only some of them. */
+  *#each(span: Span, skip = 0): Generator<SegmentRef> {
+    let given = skip;
+    for (let most = skip + 32; ; most *= 4) {
+      const refs = this.source.segmentsIn(span, most);
+      for (; given < refs.length; given += 1) yield refs[given]!;
+      if (refs.length < most) return;
+    }
+  }
+
+  /** The first segments with frames from a moment on: one, or where some are lost, as many as are likely to contain one that is
+   *  not. Those known to be lost are not looked at again, however many there are. */
+  #firstAfter(momentMs: number): SegmentRef[] {
+    const { timeline } = this.source;
+    if (this.#lost?.timeline !== timeline || this.#lost.momentMs !== momentMs)
+      this.#lost = { timeline, momentMs, sinceMs: momentMs, skip: 0, count: 0 };
+    const lost = this.#lost;
+    const { sinceMs } = lost;
+    const found: SegmentRef[] = [];
+    let place = lost.skip;
+    for (const ref of this.#each({ fromMs: sinceMs, toMs: momentMs + PAGE_MS }, place)) {
+      place += 1;
+      if (ref.frames === 0 || ref.fromMs < sinceMs) continue;
+      if (!this.#isLost(ref)) found.push(ref);
+      else if (found.length === 0) {
+        lost.count += 1;
+        lost.sinceMs = ref.fromMs;
+        lost.skip = ref.fromMs === sinceMs ? place : 0;
+      }
+      if (found.length > Math.min(lost.count, LOADS_MAX - 1)) break;
+    }
+    return found;
   }
 
   /** The newest unknown day before a moment and back to `sinceMs`; null if there is none. */
@@ -230,14 +298,17 @@ export class Reel {
   #sort(refs: readonly SegmentRef[], pages: readonly Pending[]): Near {
     const parts: TapePart[] = [];
     const pending = [...pages];
+    const damaged: SegmentRef[] = [];
     for (const ref of refs) {
       if (ref.frames > 0) this.tape.learnRun(ref.runId, ref.fromMs);
       const part = this.tape.get(ref);
+      const state = part === null ? this.loads.stateOfRef(ref) : 'ready';
       if (part !== null) parts.push(this.#open(part));
-      else if (!this.#isLost(ref))
+      else if (state === 'damaged') damaged.push(ref);
+      else if (state !== 'gone')
         pending.push(this.#pending(ref, nameOfRef(ref), () => void this.loads.segment(ref)));
     }
-    return { parts, pending, damaged: refs.filter((ref) => this.loads.stateOfRef(ref) === 'damaged') };
+    return { parts, pending, damaged };
   }
 
   #pages({ fromMs, toMs }: Span): Pending[] {
@@ -278,4 +349,12 @@ export class Reel {
     const state = this.loads.stateOfRef(ref);
     return state === 'damaged' || state === 'gone';
   }
+}
+
+/** When the last of the segments with frames ends; -∞ if there is none. */
+function endOf(refs: readonly SegmentRef[]): number {
+  return refs.reduce(
+    (end, { frames, toMs }) => (frames > 0 ? Math.max(end, toMs) : end),
+    Number.NEGATIVE_INFINITY,
+  );
 }

@@ -1,6 +1,13 @@
-import { Decoder, FrameError, parseRelayMessage, type Schema, type Segment } from '@posecast/wire';
+import {
+  Decoder,
+  FrameError,
+  parseRelayMessage,
+  type Schema,
+  type Segment,
+  type SegmentRecord,
+} from '@posecast/wire';
 import type { SegmentRef } from '../../past_source.ts';
-import type { PastState } from '../../past_types.ts';
+import type { PastState, Span } from '../../past_types.ts';
 import { type Happening, type Situation, situationAfter } from './happenings.ts';
 
 /** Size limit of loaded segments: their bytes and the codes of their frames. Segments farthest from the playhead are dropped
@@ -29,6 +36,7 @@ export class TapePart {
   #frames: TapeFrame[] | null = null;
   #happenings: Happening[] = [];
   #segment: Segment | null;
+  readonly #recordBytes: number;
 
   /** `reader`: null for a segment without frames. */
   constructor(
@@ -37,6 +45,7 @@ export class TapePart {
     readonly reader: SchemaReader | null,
   ) {
     this.#segment = segment;
+    this.#recordBytes = segment.records.reduce((sum, record) => sum + sizeOf(record), 0);
   }
 
   get isOpen(): boolean {
@@ -44,7 +53,11 @@ export class TapePart {
   }
 
   get bytes(): number {
-    return this.ref.bytes + 4 * (this.#frames?.length ?? 0) * (this.reader?.schema.size ?? 0);
+    // an index may say anything
+    return (
+      Math.max(this.ref.bytes, this.#recordBytes) +
+      4 * (this.#frames?.length ?? 0) * (this.reader?.schema.size ?? 0)
+    );
   }
 
   /** In order; undecodable frames are skipped, as in live. */
@@ -103,6 +116,13 @@ export class TapePart {
   }
 }
 
+/** About the size of a record, bytes. */
+function sizeOf(record: SegmentRecord): number {
+  if ('frame' in record) return record.frame.length;
+  if ('text' in record) return record.text.length;
+  return 'info' in record ? [...record.info].reduce((sum, pair) => sum + pair.join('').length, 0) : 0;
+}
+
 /** Identifies a segment among all of a robot's segments. */
 export function nameOfRef({ take, index }: SegmentRef): string {
   return `${take}/${index}`;
@@ -119,11 +139,20 @@ export class Tape {
   }
 
   get bytes(): number {
-    return [...this.#parts.values()].reduce((sum, { bytes }) => sum + bytes, 0);
+    let sum = 0;
+    for (const { bytes } of this.#parts.values()) sum += bytes;
+    return sum;
   }
 
   add(part: TapePart): void {
     this.#parts.set(nameOfRef(part.ref), part);
+  }
+
+  /** Drops the segments that overlap these spans. */
+  forget(spans: readonly Span[]): void {
+    const isIn = ({ ref }: TapePart) =>
+      spans.some(({ fromMs, toMs }) => ref.fromMs < toMs && ref.toMs > fromMs);
+    for (const [name, part] of this.#parts) if (isIn(part)) this.#parts.delete(name);
   }
 
   /** Enforces the size limit. `momentMs`: the position of the playhead. */

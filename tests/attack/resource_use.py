@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 
 
-class Process:
+class ResourceUse:
     """The resources it has used since this object was made: 10⁶ bytes; seconds of its main thread."""
 
     def __init__(self, pid: int) -> None:

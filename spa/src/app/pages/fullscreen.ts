@@ -1,4 +1,5 @@
 import { type RefObject, useCallback, useEffect, useState } from 'react';
+import { usePageKeys } from '../shell/page_keys.ts';
 
 /** Whether the body is shown alone. `screen`: the browser's fullscreen mode; `page`: the body fills the page, because the
  *  browser has no fullscreen here (an iPhone, an iframe without that permission). */
@@ -17,13 +18,8 @@ export function useFullscreen(page: RefObject<HTMLElement | null>): {
     return () => document.removeEventListener('fullscreenchange', changed);
   }, []);
 
-  useEffect(() => {
-    if (fullscreen !== 'page') return;
-    // in the browser's own fullscreen mode the browser handles Escape
-    const leave = (event: KeyboardEvent) => event.key === 'Escape' && setFullscreen('off');
-    window.addEventListener('keydown', leave);
-    return () => window.removeEventListener('keydown', leave);
-  }, [fullscreen]);
+  // in the browser's own fullscreen mode the browser handles Escape
+  usePageKeys(fullscreen === 'page' ? () => ({ close: () => setFullscreen('off') }) : null);
 
   const toggle = useCallback(() => {
     if (fullscreen === 'page') setFullscreen('off');

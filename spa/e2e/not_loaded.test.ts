@@ -1,0 +1,62 @@
+import path from 'node:path';
+import { afterEach, beforeEach, describe, expect, it } from 'vitest';
+import { until } from './driver/until.ts';
+import { Gate, type OwnAnswer } from './gate.ts';
+import { liveness } from './robot_page.ts';
+import { REPO } from './stack.ts';
+import { setStage } from './stage.ts';
+
+const stage = setStage();
+
+const SHOTS = path.join(REPO, 'spa/e2e/shots');
+const KOREAN = `Object.defineProperty(navigator, 'language', { value: 'ko-KR' })`;
+
+describe('a page that is opened while its proxy restarts', () => {
+  let gate: Gate;
+  beforeEach(async () => {
+    const relay = await stage.stack.relay();
+    stage.stack.edge(relay);
+    gate = await Gate.open(relay.port);
+  });
+  afterEach(() => gate.close());
+
+  it.each<[string, string, RegExp, 'reset' | OwnAnswer, string, RegExp]>([
+    [
+      'refuses connections',
+      '/#/r/demo',
+      /\/assets\//,
+      'reset',
+      '',
+      /This page did not load\. Trying again\./,
+    ],
+    ['has no relay', '/embed/demo', /\/assets\//, { status: 502 }, KOREAN, /페이지를 불러오지 못했습니다\./],
+    ['has some files', '/r/demo', /\/assets\/base-/, { status: 502 }, '', /This page did not load/],
+  ])('and %s says so, and comes by itself', async (name, at, missing, answer, preload, sentence) => {
+    gate.answer = ({ url = '' }) => (missing.test(url) ? answer : null);
+    const page = await stage.newPage({ preload });
+    page.forgive(/status of 502|MIME type/);
+    await page.open(`${gate.url}${at}`);
+    await until('it says so', async () => sentence.test(await page.text()), 30_000);
+    await page.screenshot(path.join(SHOTS, `not-loaded-${name.replaceAll(' ', '-')}.png`));
+    const before = page.requested.length;
+    await until('it tries again', async () => page.requested.length > before, 30_000);
+    gate.answer = () => null;
+    await until('LIVE', async () => (await liveness(page)) === 'LIVE', 90_000);
+    expect(await page.text()).not.toMatch(sentence);
+  });
+
+  it('gets its looks later, if only those were missing', async () => {
+    let refused = 0;
+    gate.answer = ({ url = '' }) => {
+      if (!/index-.*\.css/.test(url)) return null;
+      refused += 1;
+      return refused > 1 ? null : 'reset';
+    };
+    const page = await stage.newPage();
+    await page.open(`${gate.url}/#/r/demo`);
+    const chip = `getComputedStyle(document.querySelector('.robot-page')).display`;
+    await until('LIVE', async () => (await liveness(page)) === 'LIVE', 60_000);
+    await until('its looks', async () => (await page.evaluate<string>(chip)) !== 'block', 60_000);
+    expect(refused).toBe(2);
+  });
+});

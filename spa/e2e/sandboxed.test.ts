@@ -1,0 +1,54 @@
+import path from 'node:path';
+import { expect, it } from 'vitest';
+import { until } from './driver/until.ts';
+import { Gate } from './gate.ts';
+import { Host } from './host.ts';
+import { hasSkin, liveness } from './robot_page.ts';
+import { REPO } from './stack.ts';
+import { setStage } from './stage.ts';
+
+const stage = setStage();
+const demo = stage.share(async (stack) => {
+  const relay = await stack.relay();
+  stack.edge(relay);
+  return relay;
+});
+
+it('a frame without an origin shows the robot of another site', async () => {
+  const relay = await demo();
+  const host = await Host.open(stage.stack.folder());
+  try {
+    host.instead.set(
+      '/index.html',
+      `<title>A wiki</title>
+      <script>words = []; addEventListener('message', ({ data, origin }) => words.push(origin + ' ' + data.word))</script>
+      <iframe sandbox="allow-scripts" src="${relay.url}/embed/demo?origin=${host.url}" width="800" height="500"></iframe>`,
+    );
+    host.instead.set('/favicon.ico', '');
+    const page = await stage.newPage();
+    page.allow(relay.host);
+    await page.open(`${host.url}/`);
+    await until('LIVE', () => page.evaluate<boolean>(`words.includes('null LIVE')`), 60_000);
+    await until('the meshes', async () => page.requested.some((url) => /\/model\/.*\.glb/.test(url)), 60_000);
+    await page.screenshot(path.join(REPO, 'spa/e2e/shots/sandboxed-frame.png'));
+  } finally {
+    await host.close();
+  }
+});
+
+/** As inside such a frame, into which a driver can't look. */
+it('a page without an origin has its numbers and its body', async () => {
+  const relay = await demo();
+  const gate = await Gate.open(relay.port);
+  gate.documentHeaders = { 'content-security-policy': 'sandbox allow-scripts' };
+  try {
+    const page = await stage.newPage();
+    await page.open(`${gate.url}/embed/demo`);
+    expect(await page.evaluate<string>('origin')).toBe('null');
+    await until('LIVE', async () => (await liveness(page)) === 'LIVE', 60_000);
+    await until('its body', () => hasSkin(page), 60_000);
+    await page.screenshot(path.join(REPO, 'spa/e2e/shots/sandboxed-page.png'));
+  } finally {
+    await gate.close();
+  }
+});
