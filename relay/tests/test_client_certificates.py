@@ -86,15 +86,16 @@ class Lab:
         return zenoh.open(config)
 
     def agent(
-        self, relay: Relay, robot: str, proof: tuple[Path, Path] | None, out: Path
+        self, relay: Relay, robot: str, proof: tuple[Path, Path] | None, out: Path, zenoh: str = ""
     ) -> subprocess.Popen[bytes]:
-        """`posecast-edge` with the demo robot; its stderr goes to `out`."""
+        """`posecast-edge` with the demo robot, linked to the relay or to `zenoh` in front of it; its stderr
+        goes to `out`."""
         trust = ("--tls-ca", str(self.server / "ca.pem"))
         own = () if proof is None else ("--tls-cert", str(proof[0]), "--tls-key", str(proof[1]), *trust)
         edge = str(Path(sys.executable).parent / "posecast-edge")
         command = [edge, "run", "--robot", robot, "--source", "demo"]
         with out.open("wb") as errors:
-            return subprocess.Popen([*command, "--relay", relay.zenoh, *own], stderr=errors)
+            return subprocess.Popen([*command, "--relay", zenoh or relay.zenoh, *own], stderr=errors)
 
 
 @pytest.fixture

@@ -17,18 +17,24 @@ from .test_observability import figures
 
 
 class SlowLine:
-    """Between relays and Redis: every piece of data is under way for `delay_s`, each way."""
+    """In front of a port: every piece of data is under way for `delay_s`, each way. On connections opened
+    from now on, for `further_s` more."""
 
-    def __init__(self, server: Redis) -> None:
-        self.delay_s = 0.0
-        self.url = ""
-        self._to = server.port
+    def __init__(self, to: int) -> None:
+        self.delay_s = self.further_s = 0.0
+        self.port = 0
+        self._to = to
+
+    @property
+    def url(self) -> str:
+        """Of a Redis behind it."""
+        return f"redis://127.0.0.1:{self.port}"
 
     @asynccontextmanager
     async def open(self) -> AsyncIterator[SlowLine]:
         """Until the end of the block."""
         server = await asyncio.start_server(self._serve, "127.0.0.1", 0)
-        self.url = f"redis://127.0.0.1:{server.sockets[0].getsockname()[1]}"
+        self.port = server.sockets[0].getsockname()[1]
         try:
             yield self
         finally:
@@ -37,22 +43,25 @@ class SlowLine:
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         with suppress(OSError):
             there, back = await asyncio.open_connection("127.0.0.1", self._to)
-            await asyncio.gather(self._pass(reader, back), self._pass(there, writer))
+            further_s = self.further_s
+            await asyncio.gather(self._pass(reader, back, further_s), self._pass(there, writer, further_s))
         writer.close()
 
-    async def _pass(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    async def _pass(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, further_s: float
+    ) -> None:
         loop = asyncio.get_running_loop()
         with suppress(OSError):
             while data := await reader.read(65536):
-                loop.call_later(self.delay_s, writer.write, data)
-        loop.call_later(self.delay_s, writer.close)
+                loop.call_later(self.delay_s + further_s, writer.write, data)
+        loop.call_later(self.delay_s + further_s, writer.close)
 
 
 async def test_all_misses_nothing_while_redis_is_slow_frozen_and_dead(
     relays: Any, edges: Any, redis_server: Redis
 ) -> None:
     port = free_port()
-    async with SlowLine(redis_server).open() as line:
+    async with SlowLine(redis_server.port).open() as line:
         relay = await asyncio.to_thread(relays, "--store", line.url, "--metrics-port", str(port))
         beside = await asyncio.to_thread(relays, "--role", "gateway", "--store", line.url)
         edge = await asyncio.to_thread(edges, relay.zenoh)

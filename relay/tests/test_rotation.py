@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import shutil
+import subprocess
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -17,6 +18,7 @@ from posecast_wire import Credential
 from . import test_client_certificates as certified
 from .stage import Relay, Watcher, client_config
 from .test_publishers import Agent, Lab
+from .test_redis_slow import SlowLine
 
 TAKEN = "the new credential is in use"
 
@@ -136,24 +138,30 @@ async def test_a_certificate_that_is_renewed_in_place_leaves_no_gap(
     lab.robots("add", "hubo", "--certificate")
     relay = lab.start()
     errors = tmp_path / "edge.err"
-    edge = lab.agent(relay, "hubo", (chain, key), errors)
-    try:
-        async with Watcher(relay.url("hubo")) as viewer:
-            await viewer.until("frames", lambda v: len(v.frames) > 10, 30.0)
-            viewer.texts.clear()
-            for new, old in zip(lab.certificate("hubo"), (chain, key), strict=True):
-                shutil.move(new, old)
-            await run("the new one is in use", lambda: TAKEN in errors.read_text())
-            seen = len(viewer.frames)
-            await viewer.until("the robot goes on", lambda v: len(v.frames) > seen + 30)
-            assert list_words(viewer) == {"online"}, "the robot was never away"
+    async with SlowLine(relay.zenoh_port).open() as line:
+        edge = lab.agent(relay, "hubo", (chain, key), errors, f"tls/127.0.0.1:{line.port}")
+        try:
+            async with Watcher(relay.url("hubo")) as viewer:
+                await viewer.until("frames", lambda v: len(v.frames) > 10, 30.0)
+                viewer.texts.clear()
+                line.further_s = 0.3  # the old session's end would overtake what the new one says
+                for new, old in zip(lab.certificate("hubo"), (chain, key), strict=True):
+                    shutil.move(new, old)
+                await run("the new one is in use", lambda: TAKEN in errors.read_text())
+                seen = len(viewer.frames)
+                await viewer.until("the robot goes on", lambda v: len(v.frames) > seen + 30)
+                assert list_words(viewer) == {"online"}, "the robot was never away"
 
-            for new, old in zip(lab.certificate("nobody"), (chain, key), strict=True):
-                shutil.move(new, old)
-            await run("it is not taken", lambda: "accept the new credential yet" in errors.read_text())
-            seen = len(viewer.frames)
-            await viewer.until("the robot goes on", lambda v: len(v.frames) > seen + 30)
-            assert errors.read_text().count(TAKEN) == 1
-    finally:
-        edge.terminate()
-        edge.wait(15)
+                for new, old in zip(lab.certificate("nobody"), (chain, key), strict=True):
+                    shutil.move(new, old)
+                await run("it is not taken", lambda: "accept the new credential yet" in errors.read_text())
+                seen = len(viewer.frames)
+                await viewer.until("the robot goes on", lambda v: len(v.frames) > seen + 30)
+                assert errors.read_text().count(TAKEN) == 1
+        finally:
+            await asyncio.to_thread(end, edge)
+
+
+def end(edge: subprocess.Popen[bytes]) -> None:
+    edge.terminate()
+    edge.wait(15)

@@ -298,6 +298,8 @@ class ZenohPublisher:
             for view_publisher in self._view_publishers.values():
                 self._declared += view_publisher.declare(session)
         self._declared.append(session.liveliness().declare_token(alive_key(self._robot)))
+        if before:  # the relay reads a session in order: its answer says that it has read this token
+            self._echo_of(session)
         del before  # dropping them undeclares them: only after the relay knows the newer ones
 
     def _notify(self) -> None:
