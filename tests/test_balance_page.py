@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import re
+import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 from posecast_edge.profile.reader import ProfileError, parse_profile
 from posecast_edge.profile.schema import make_schema_text
-from posecast_relay.unit_conversion import find_factor
 from posecast_wire.mapping import Threshold
 from posecast_wire.schema import Schema
 
@@ -41,6 +43,27 @@ def find_units(before: str, after: str) -> list[str]:
     return re.findall(r"[mk]?N(?:·mm|·m)?\b", between)
 
 
+READ_UNITS = """
+import { runnerImport } from 'vite';
+
+const options = { configFile: false, logLevel: 'error', root: '.' };
+const { module } = await runnerImport('src/twin/wrench_units.ts', options);
+const { factorAmong, FORCE_UNITS, TORQUE_UNITS } = module;
+const { forces, moments } = JSON.parse(process.argv[1]);
+const read = (units, factors) => units.filter((unit) => factorAmong(factors, unit) !== null);
+console.log(JSON.stringify([read(forces, FORCE_UNITS), read(moments, TORQUE_UNITS)]));
+"""
+
+
+def list_read(forces: Sequence[str], moments: Sequence[str]) -> list[list[str]]:
+    """Those of these units that the page reads."""
+    asked = json.dumps({"forces": forces, "moments": moments})
+    command = ["node", "--input-type=module", "-e", READ_UNITS, asked]
+    done = subprocess.run(command, cwd=ROOT / "spa", capture_output=True, text=True, check=True)
+    found: list[list[str]] = json.loads(done.stdout)
+    return found
+
+
 def test_the_example_is_a_profile() -> None:
     [example] = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
     text = WRENCHES.format(force="N", moment="N·m") + example
@@ -57,12 +80,13 @@ def test_a_profile_takes_the_units_that_the_page_says_and_no_other_that_is_read(
     forces = [unit for unit in others if "·" not in unit]
     moments = [unit for unit in others if "·" in unit]
     assert (forces, moments) == (["mN", "kN"], ["mN·m", "N·mm", "kN·m"])
+    assert list_read([*forces, "N", "lbf"], [*moments, "N·m", "lbf·in"]) == [
+        [*forces, "N"],
+        [*moments, "N·m"],
+    ]
     for unit in forces:
-        assert find_factor("force", unit) is not None
         with pytest.raises(ProfileError, match=f"unknown unit '{unit}'"):
             parse_profile(WRENCHES.format(force=unit, moment="N·m"))
     for unit in moments:
-        assert find_factor("torque", unit) is not None
         with pytest.raises(ProfileError, match=f"unknown unit '{unit}'"):
             parse_profile(WRENCHES.format(force="N", moment=unit))
-    assert find_factor("force", "lbf") is None

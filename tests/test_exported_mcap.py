@@ -129,6 +129,5 @@ def test_the_file_is_what_the_relay_says_it_is(exported: tuple[Exported, Path]) 
         *("/joint_states", "/joint_references", "/tf"),
         *(f"/imu/{site}" for site in ("torso", "RF", "LF")),
         *(f"/wrench/{site}" for site in ("RH", "LH", "RF", "LF")),
-        *(f"/balance/{part}" for part in ("centre_of_mass", "centre_of_pressure", "capture_point", "margin")),
         *(f"/posecast/{field}" for field in ("cur", "volt", "amp", "temp", "flags", "base", "baseq")),
     }

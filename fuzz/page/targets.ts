@@ -14,6 +14,7 @@ import {
   type KeyPage,
   keyPagePath,
   type Mapping,
+  MISSING,
   mergeSegments,
   type PastRecording,
   parseRelayMessage,
@@ -33,6 +34,7 @@ import { readShared, sharedQuery } from '../../spa/src/app/share/shared_view.ts'
 import { momentIn } from '../../spa/src/app/state/moment.ts';
 import { parseRoute, robotHref } from '../../spa/src/app/state/route.ts';
 import { queryOf, readSettings } from '../../spa/src/app/state/settings.ts';
+import { BalanceReader } from '../../spa/src/model/balance/balance_reader.ts';
 import { readMasses, readSoles } from '../../spa/src/model/balance/masses_and_soles.ts';
 import { BundleError, parseManifest } from '../../spa/src/model/bundle.ts';
 import { GlbError } from '../../spa/src/model/glb.ts';
@@ -80,6 +82,7 @@ export const TARGETS: ReadonlyMap<string, (bytes: Uint8Array) => Promise<unknown
     'packed-segment': refusing([SegmentError], (bytes) => unpackSegment(bytes.slice()).then(digitsOf)),
     message: refusing([], (bytes) => parseRelayMessage(textOf(bytes))),
     manifest: refusing([BundleError], manifest),
+    balance: refusing([BundleError], balance),
     glb: refusing([GlbError], (bytes) => readLod(bytes, VISUALS).then(() => null)),
     urdf: refusing([XmlRefused], (bytes) => readUrdf(readXml(new TextDecoder().decode(bytes)))),
     body: refusing([XmlRefused, UrdfError], body),
@@ -265,6 +268,41 @@ function manifest(bytes: Uint8Array): unknown {
   readMasses(found);
   readSoles(found);
   return boxesOfLinks(found).size;
+}
+
+const SITES = { RF: 'right_foot', LF: 'left_foot' };
+const labelsOf = (of: string) =>
+  Object.keys(SITES).flatMap((site) => ['x', 'y', 'z'].map((axis) => `${site}.${of}${axis}`));
+const STANDING = parseSchema(
+  JSON.stringify({
+    ...{ type: 'schema', v: 1, robot: 'standing' },
+    labels: { joint: ['right_leg', 'left_leg'], ftf: labelsOf('f'), ftm: labelsOf('m') },
+    fields: [
+      { name: 'pos', labels: 'joint', scale: 0.001 },
+      { name: 'ftf', labels: 'ftf' },
+      { name: 'ftm', labels: 'ftm', scale: 0.1 },
+    ],
+    mapping: {
+      sensors: Object.fromEntries(
+        Object.entries(SITES).map(([site, link]) => [site, { kind: 'wrench', name: site, link }]),
+      ),
+    },
+  }),
+);
+
+/** Whatever masses and soles a model has, each number of its balance is finite, or there is none. */
+function balance(bytes: Uint8Array): void {
+  const reader = new BalanceReader(readManifest(parseManifest(new TextDecoder().decode(bytes))), STANDING);
+  for (const [tS, code] of [
+    [0, 900],
+    [0.1, -700],
+    [0.2, MISSING],
+  ] as const) {
+    const found = reader.ofFrame(new Int32Array(STANDING.size).fill(code), tS);
+    const points = [found.centreOfMass, found.velocity, found.capturePoint, found.pressure, ...found.polygon];
+    const numbers = [...points.flatMap((point) => point ?? []), found.floorM ?? 0, found.marginM ?? 0];
+    if (!numbers.every(Number.isFinite)) throw new Error('a number that is not finite');
+  }
 }
 
 /** What the page draws of a URDF whose meshes it has not: a manifest as a builder could have written it, and its own shapes. */

@@ -4,15 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
-import json
-import math
 from collections.abc import Iterator, Mapping
 
-from posecast_relay.balance.balance import make_balance_document
-from posecast_relay.balance.course import BalanceCourse
-from posecast_relay.balance.model import read_balance_model
-from posecast_relay.export.balance_columns import write_balance
-from posecast_relay.export.balance_messages import BalanceMessages
 from posecast_relay.export.csv_file import write_csv
 from posecast_relay.export.mcap_file import write_mcap
 from posecast_relay.export.table import TableReader
@@ -20,7 +13,6 @@ from posecast_relay.kinematics.link_poses import FrameReadings, LinkPoses
 from posecast_relay.kinematics.manifest_values import ModelTreeError
 from posecast_relay.kinematics.model_tree import VARIABLES, read_model_tree
 from posecast_wire import Encoder, Schema, build_schema_text
-from posecast_wire.schema import MISSING
 from posecast_wire.segment import SegmentError, SegmentStart, SegmentWriter, decode_segment
 
 from fuzz.target import Differs, Target
@@ -45,24 +37,6 @@ TEXT = build_schema_text(
 MANIFEST = (
     b'{"v":2,"links":["r","s"],"visuals":[{"link":1,"box":[[0,0,-1],[1,1,0]]}],'
     b'"joints":[{"name":"c","type":"revolute","parent":0,"child":1,"axis":[0,1,0]}]}'
-)
-STANDING = build_schema_text(
-    "arm",
-    {
-        "joint": ["c"],
-        "ftf": [f"{site}.{part}" for site in "FG" for part in ("fx", "fy", "fz")],
-        "ftm": [f"{site}.{part}" for site in "FG" for part in ("mx", "my", "mz")],
-    },
-    [
-        {"name": "pos", "labels": "joint", "scale": 0.001},
-        {"name": "ftf", "labels": "ftf", "unit": "N"},
-        {"name": "ftm", "labels": "ftm", "unit": "Nm"},
-    ],
-    {"sensors": {site: {"kind": "wrench", "link": link} for site, link in (("F", "s"), ("G", "r"))}},
-)
-WEIGHED = (
-    MANIFEST[:-1] + b',"inertials":[{"link":0,"mass_kg":3,"xyz":[0,0,1],"inertia":[1,0,0,1,0,1]}],"soles":['
-    b'{"link":0,"points":[[0,0,0],[1,0,0],[0,1,0]]},{"link":1,"points":[[0,0,0],[1,0,0],[1,1,0],[0,1,0]]}]}'
 )
 EVENT = '{"type":"event","n":7,"t":1,"at":2,"level":"fault","source":"a","text":"jam","state":"on"}'
 
@@ -112,29 +86,8 @@ def posed(data: bytes) -> None:
         joint.name + part: 0.5 for joint in tree.joints[1:] for part, _ in VARIABLES[joint.type]
     }
     poses.update(readings)
-    if len(poses.compute_world_poses()) != len(tree.links):
+    if len(poses.poses) != len(tree.links):
         raise Differs("links without a pose")
-
-
-def balanced(data: bytes) -> None:
-    """A model's masses and soles: whatever they are, each value of the balance is finite or none, and what an
-    export makes of it can be written."""
-    model = read_balance_model(data)
-    schema = Schema.parse(STANDING)
-    readings, poses = FrameReadings(schema), LinkPoses(model.tree)
-    course = BalanceCourse(model, schema)
-    for t_s, code in ((0.0, 900), (0.1, -700), (0.2, MISSING)):
-        codes = [code] * schema.size
-        readings.take(codes)
-        poses.update(readings)
-        found = course.read(codes, readings, poses.compute_world_poses(), t_s)
-        points = [found.centre_of_mass, found.velocity, found.capture_point, found.pressure, *found.polygon]
-        numbers = [each for point in points for each in point or ()]
-        if not all(math.isfinite(each) for each in (*numbers, found.margin_m or 0.0, found.floor_m or 0.0)):
-            raise Differs("a number that is not finite")
-        json.dumps(make_balance_document(found), allow_nan=False)
-        write_balance(found)
-        list(BalanceMessages("world").fill(0, found))
 
 
 def make_seed() -> bytes:
@@ -151,6 +104,5 @@ def make_seed() -> bytes:
 
 TARGETS = (
     Target("exported", exported, (SegmentError,), corpus="segment", seeds=(make_seed(),), ms=250),
-    Target("balanced", balanced, (ModelTreeError,), stretched=1 << 18, corpus="manifest", seeds=(WEIGHED,)),
     Target("posed", posed, (ModelTreeError,), stretched=1 << 18, corpus="manifest", seeds=(MANIFEST,)),
 )

@@ -26,6 +26,7 @@ def target(name: str, stretched: int, corpus: str = "", made: Callable[[bytes], 
 TARGETS = (
     target("message", 1 << 17),
     target("manifest", 1 << 17, corpus="manifest"),
+    target("balance", 1 << 17, corpus="manifest"),
     target("glb", 1 << 16, made=as_glb),
     target("body", 1 << 17, corpus="urdf"),
     target("zip", 1 << 16),

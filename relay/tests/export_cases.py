@@ -1,5 +1,6 @@
-"""Makes `wire/vectors/exports.json`: segments, and the CSV and the messages that an export of them has. The
-page's tests find the same. NaN is null; a rotation is the quaternion with w ≥ 0.
+"""Makes `wire/vectors/exports.json`: segments, and the CSV and the messages that are made of them. The page's
+tests find the same. Its CSV also has columns of balance, of a robot whose balance is known by heart. NaN is
+null; a rotation is the quaternion with w ≥ 0.
 
     python -m relay.tests.export_cases
 """
@@ -11,16 +12,12 @@ import math
 import random
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from posecast_wire import Schema, build_schema_text
-from posecast_wire.schema import MISSING
 from rosbags.typesys import Stores, get_typestore
 
-from .balance_stage import make_codes
-from .balance_stage import make_manifest as make_standing_manifest
-from .balance_stage import make_schema_text as make_standing_schema_text
 from .export_stage import FROM_MS, Named, Take, csv_of, hash_of, in_order, mcap_of, messages_of
 from .link_pose_cases import make_manifest
 
@@ -126,7 +123,7 @@ def make_cases() -> list[dict[str, Any]]:
     two = [*alone, *later.record(later.encode(make_rows(later.schema, 3, "later"), 7))]
     texts, models = [text], {model: manifest}
     return [
-        make_case("a robot whose balance is known", *make_standing()),
+        make_standing(),
         make_case("a robot that reports everything", alone, texts, models),
         make_case("two recorders that lost different frames", twice, texts, models),
         make_case("another schema, then no model", two, [text, later.schema_text], models),
@@ -134,37 +131,124 @@ def make_cases() -> list[dict[str, Any]]:
     ]
 
 
-def make_standing() -> tuple[list[Named], list[str], dict[str, str]]:
-    """A robot that leans, lifts a foot, loses a reading, and at last is in the air."""
-    text = make_standing_schema_text(fields=("pos", "ftf", "ftm"))
+BALANCE_COLUMNS = (
+    *(f"balance.centre_of_mass.{axis} [m]" for axis in "xyz"),
+    *(f"balance.{point}.{axis} [m]" for point in ("capture_point", "centre_of_pressure") for axis in "xy"),
+    *("balance.floor [m]", "balance.margin [mm]"),
+)
+SOLE = [[0.12, -0.05, 0.0], [0.12, 0.05, 0.0], [-0.08, 0.05, 0.0], [-0.08, -0.05, 0.0]]
+HALF_N = 196.2  # half its weight
+
+
+class StandingFoot(NamedTuple):
+    """`left_m`: to the left of the trunk's middle; `sensor_up_m`: of its wrench sensor above its sole."""
+
+    leg: str
+    left_m: float
+    sensor_up_m: float
+
+
+FEET = {"RF": StandingFoot("right_leg", -0.1, 0.2), "LF": StandingFoot("left_leg", 0.1, 0.1)}
+
+
+def make_standing_manifest() -> dict[str, Any]:
+    """A trunk of 40 kg on two legs that slide up and down, 0.9 m above its soles. The right sole is fixed
+    0.1 m below the right foot, the left foot has its own."""
+    legs = [
+        {"name": "right_leg", "type": "prismatic", "parent": 0, "child": 1, "xyz": [0, -0.1, -0.8]},
+        {"name": "ankle", "type": "fixed", "parent": 1, "child": 2, "xyz": [0, 0, -0.1]},
+        {"name": "left_leg", "type": "prismatic", "parent": 0, "child": 3, "xyz": [0, 0.1, -0.9]},
+    ]
+    return {
+        "v": 2,
+        "robot": "standing",
+        "files": [],
+        "levels": [],
+        "findings": [],
+        "links": ["trunk", "right_foot", "right_sole", "left_foot"],
+        "joints": [{**leg, "axis": [0, 0, 1]} for leg in legs],
+        "visuals": [],
+        "inertials": [{"link": 0, "mass_kg": 40, "xyz": [0.02, 0, 0.1], "inertia": [0.1, 0, 0, 0.1, 0, 0.1]}],
+        "soles": [{"link": 2, "points": SOLE}, {"link": 3, "points": SOLE}],
+    }
+
+
+def make_standing_schema() -> str:
+    """It reports its legs and the wrench of each foot, with steps of a thousandth."""
+    parts = {"ftf": ("fx", "fy", "fz"), "ftm": ("mx", "my", "mz")}
+    labels = {name: [f"{site}.{part}" for site in FEET for part in of] for name, of in parts.items()}
+    fields = [
+        {"name": "pos", "labels": "joint", "unit": "", "scale": 0.001},
+        {"name": "ftf", "labels": "ftf", "unit": "N", "scale": 0.001},
+        {"name": "ftm", "labels": "ftm", "unit": "N·m", "scale": 0.001},
+    ]
+    sensors = {
+        site: {"kind": "wrench", "name": site, "link": link, "xyz": [0, 0, 0.1]}
+        for site, link in (("RF", "right_foot"), ("LF", "left_foot"))
+    }
+    joints = [foot.leg for foot in FEET.values()]
+    return build_schema_text("standing", {"joint": joints, **labels}, fields, {"sensors": sensors})
+
+
+def make_standing() -> dict[str, Any]:
+    """The case of a robot that leans, lifts a foot, loses a reading, and at last is in the air."""
+    text = make_standing_schema()
     manifest = json.dumps(make_standing_manifest(), separators=(",", ":"))
     take = Take(text, model=hash_of(manifest), segment_frames=4)
+    channels = [label for f in take.schema.fields for label in f.labels]
     dice = random.Random("standing")
     rows: list[list[float | None]] = []
+    cells: list[Sequence[str]] = [BALANCE_COLUMNS]
     for i in range(9):
-        leans: dict[str, float | None] = {
-            f"{site}_{part}": dice.uniform(-9, 9)
-            for site in ("RF", "LF")
-            for part in ("fx", "fy", "mx", "my", "mz")
+        read: dict[str, float | None] = {
+            f"{site}.{part}": dice.uniform(-9, 9) for site in FEET for part in ("fx", "fy", "mx", "my", "mz")
         }
-        leans |= {"right_leg": 0.01 * dice.random(), "left_leg": 0.01 * dice.random()}
-        if i in (3, 4, 8):
-            leans["LF_fz"] = 3.0
-        if i == 8:
-            leans["RF_fz"] = 0.0
-        if i == 6:
-            leans["RF_my"] = None
-        if i == 7:
-            leans["RF_fz"] = None
-        codes = make_codes(take.schema, **leans)
-        rows.append(
-            [
-                None if code == MISSING else code * f.scale
-                for f in take.schema.fields
-                for code in codes[f.start : f.start + f.size]
-            ]
-        )
-    return take.record(take.encode(rows)), [text], {hash_of(manifest): manifest}
+        read |= {"right_leg": 0.01 * dice.random(), "left_leg": 0.01 * dice.random()}
+        read |= {"RF.fz": 0.0 if i == 8 else HALF_N, "LF.fz": 3.0 if i in (3, 4, 8) else HALF_N}
+        if i in (6, 7):
+            read["RF.my" if i == 6 else "RF.fz"] = None
+        rounded = {name: None if v is None else round(v, 3) for name, v in read.items()}
+        rows.append([rounded[label] for label in channels])
+        cells.append(write_balance(rounded, is_first=i == 0))
+    case = make_case(
+        "a robot whose balance is known",
+        take.record(take.encode(rows)),
+        [text],
+        {hash_of(manifest): manifest},
+    )
+    lines = zip(case["csv"].splitlines(), cells, strict=True)
+    return {**case, "csv": "".join(",".join((line, *more)) + "\r\n" for line, more in lines)}
+
+
+def write_balance(read: Mapping[str, float | None], is_first: bool) -> list[str]:
+    """The cells of the standing robot's balance. It stands on its lower foot, which is at a height of 0. Its
+    mass is 2 cm before the trunk, and does not move to any side: the capture point is below it."""
+    legs = {site: read[foot.leg] or 0.0 for site, foot in FEET.items()}
+    lowest = min(legs.values())
+    centre = ["0.0200", "0.0000", f"{1 - lowest:.4f}"]
+    forces = {site: read[f"{site}.fz"] for site in FEET}
+    bearing = [site for site, force_n in forces.items() if force_n == HALF_N]
+    if None in forces.values() or not bearing:
+        return [*centre, *[""] * 6]
+    captured = ["", ""] if is_first else centre[:2]
+    # on both feet, the nearest edges are 10 cm before and behind the mass; on one, its sole begins 5 cm aside
+    margin = "100.0" if len(bearing) == 2 else "-50.0"
+    floor = min(legs[site] - lowest for site in bearing)
+    return [*centre, *captured, *_write_pressure(read, bearing), f"{floor:.4f}", margin]
+
+
+def _write_pressure(read: Mapping[str, float | None], bearing: Sequence[str]) -> list[str]:
+    """The mean of where the floor pushes the feet, each with half the weight. A foot with 3 N has it far
+    outside its sole, and counts for nothing."""
+    places: list[tuple[float, float]] = []
+    for site in bearing:
+        fx, fy, fz, mx, my = (read[f"{site}.{part}"] for part in ("fx", "fy", "fz", "mx", "my"))
+        if fx is None or fy is None or not fz or mx is None or my is None:
+            return ["", ""]
+        foot = FEET[site]
+        ahead_m, left_m = -(my + foot.sensor_up_m * fx) / fz, (mx - foot.sensor_up_m * fy) / fz
+        places.append((ahead_m, foot.left_m + left_m))
+    return [f"{sum(axis) / len(places):.4f}" for axis in zip(*places, strict=True)]
 
 
 def make_case(
@@ -179,7 +263,7 @@ def make_case(
     /joint_states last."""
     span = {"from_ms": from_ms, "to_ms": to_ms}
     manifests = {sha256: text.encode() for sha256, text in models.items()}
-    csv, _ = csv_of(segments, *texts, models=manifests, **span)
+    csv, _ = csv_of(segments, *texts, **span)
     data, _ = mcap_of(segments, *texts, models=manifests, **span)
     messages = [
         [topic, type_name, unix_ns // 1000, to_json(STORE.deserialize_cdr(raw, type_name))]

@@ -131,13 +131,11 @@ def schemas_of(*texts: str) -> dict[str, str]:
     return {hash_of(text): text for text in texts}
 
 
-def csv_of(
-    segments: Sequence[Named], *schemas: str, models: Mapping[str, bytes] | None = None, **span: int
-) -> tuple[str, TableReader]:
+def csv_of(segments: Sequence[Named], *schemas: str, **span: int) -> tuple[str, TableReader]:
     """The file without its byte order mark."""
     file = io.BytesIO()
     table = TableReader(segments, schemas_of(*schemas), **span)
-    write_csv(file, table, (models or {}).get, models or ())
+    write_csv(file, table)
     text = file.getvalue().decode()
     assert text[0] == "\ufeff"
     return text[1:], table

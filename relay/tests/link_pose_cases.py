@@ -14,8 +14,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from posecast_relay.kinematics.link_poses import FrameReadings, LinkPoses
-from posecast_relay.kinematics.model_tree import read_model_tree
+from posecast_relay.kinematics.link_poses import FrameReadings, LinkPose, LinkPoses, compose_poses
+from posecast_relay.kinematics.model_tree import ModelTree, read_model_tree
 from posecast_wire import Schema, build_schema_text
 from posecast_wire.schema import MISSING
 
@@ -147,7 +147,8 @@ def make_case(name: str, manifest: dict[str, Any], schema_text: str, count: int)
     """A case of so many frames. Some readings are missing, in the first one none and in the second all."""
     dice = random.Random(name)
     schema = Schema.parse(schema_text)
-    poses = LinkPoses(read_model_tree(json.dumps(manifest).encode()))
+    tree = read_model_tree(json.dumps(manifest).encode())
+    poses = LinkPoses(tree)
     readings = FrameReadings(schema)
     frames: list[dict[str, Any]] = []
     for i in range(count):
@@ -159,11 +160,19 @@ def make_case(name: str, manifest: dict[str, Any], schema_text: str, count: int)
         codes = [MISSING if gone else code for code, gone in zip(codes, lost, strict=True)]
         readings.take(codes)
         poses.update(readings)
-        world = poses.compute_world_poses()
+        world = place_links(tree, poses)
         frames.append(
             {"codes": codes, "links": [[round(n, 7) + 0.0 for n in (*p.xyz, *p.quat)] for p in world]}
         )
     return {"name": name, "manifest": manifest, "schema": schema_text, "frames": frames}
+
+
+def place_links(tree: ModelTree, poses: LinkPoses) -> list[LinkPose]:
+    """world_from_link of each link."""
+    world = [poses.poses[0]]
+    for joint, parent_from_link in zip(tree.joints, poses.poses[1:], strict=True):
+        world.append(compose_poses(world[joint.parent], parent_from_link))
+    return world
 
 
 def write_cases(cases: list[dict[str, Any]]) -> str:

@@ -25,7 +25,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from .export_cases import VECTORS, make_rows, make_schema, to_json
 from .export_stage import EVENT, FROM_MS, Named, Take, hash_of, mcap_of, messages_of, schemas_of
-from .link_pose_cases import make_manifest
+from .link_pose_cases import make_manifest, place_links
 
 CASES = json.loads(VECTORS.read_text())["cases"]
 STORE = get_typestore(Stores.ROS2_HUMBLE)
@@ -119,7 +119,7 @@ def test_rosbags_reads_the_file_by_the_definitions_in_it(tmp_path: Path) -> None
             elif connection.topic == "/tf":
                 readings.take(rows[frames].codes)
                 poses.update(readings)
-                check_links(message, poses.compute_world_poses(), tree.links)
+                check_links(message, place_links(tree, poses), tree.links)
                 frames += 1
             elif connection.topic == "/wrench/RF":
                 check_wrench(by_time[unix_ns // 1000], message)

@@ -33,7 +33,7 @@ const stageOf = ({ segments, schemas, models }: Case) =>
   );
 const spanOf = ({ from_ms, to_ms }: Case) => ({ fromMs: from_ms, toMs: to_ms });
 
-it.each(cases)('$name: the page saves the CSV that the command exports', async (each) => {
+it.each(cases)('$name: the page saves the CSV that the command exports, and balance', async (each) => {
   const { blob, name } = await saveSpan('csv', spanOf(each), stageOf(each));
   const bytes = await bytesOf(blob);
   expect([...bytes.subarray(0, 3)]).toEqual([0xef, 0xbb, 0xbf]);

@@ -1,4 +1,4 @@
-"""Geometry in the plainest way, for what `make_balance_vectors` expects of page and relay: whole transforms,
+"""Geometry in the plainest way, for what `make_balance_vectors` expects of the page: whole transforms,
 a convex hull that tries every pair of points, a margin that tries every edge."""
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Makes `wire/vectors/balance.json`: models, what robots report, and their balance then, as page and relay
-must find it (docs/explanation/balance.md).
+"""Makes `wire/vectors/balance.json`: models, what robots report, and their balance then, as the page must
+find it (docs/explanation/balance.md).
 
     python -m wire.python.tools.make_balance_vectors
 

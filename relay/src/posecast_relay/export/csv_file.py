@@ -12,8 +12,6 @@ from typing import BinaryIO
 from posecast_wire import Schema
 from posecast_wire.schema import MISSING, Field
 
-from posecast_relay.export.balance_columns import BALANCE_COLUMNS, write_balance
-from posecast_relay.export.balance_series import BalanceSeries, FindModel
 from posecast_relay.export.table import TableReader, TableRow
 
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"  # by which Excel knows UTF-8
@@ -33,16 +31,8 @@ class TooManyColumnsError(ValueError):
     """The schemas of a table differ so much that no header holds the columns of all; one line."""
 
 
-def write_csv(
-    file: BinaryIO,
-    table: TableReader,
-    find_model: FindModel = lambda _: None,
-    models: Iterable[str] = (),
-) -> int:
+def write_csv(file: BinaryIO, table: TableReader) -> int:
     """Write the rows of a table and return how many there are; see docs/how-to/record/csv.md.
-
-    `find_model`: a manifest by its SHA-256, hexadecimal; None where it is not kept; `models`: the SHA-256 of
-    each that rows may name: where one of them has a balance there are columns of it.
 
     Several schemas share one header: the columns of the first, then what each later one adds. A channel
     whose unit changes has a column for each unit. Raises OSError, TooManyColumnsError.
@@ -51,14 +41,12 @@ def write_csv(
     for schema in table.schemas.values():
         for column in _list_columns(schema):
             columns.setdefault(column, len(columns))
-    balance = BalanceSeries(table, find_model)
-    more = BALANCE_COLUMNS if balance.has_any(models) else ()
-    if len(columns) + len(more) > COLUMNS_MAX:
+    if len(columns) > COLUMNS_MAX:
         raise TooManyColumnsError(
-            f"{len(table.schemas)} schemas with {len(columns) + len(more)} columns, {COLUMNS_MAX} allowed: "
+            f"{len(table.schemas)} schemas with {len(columns)} columns, {COLUMNS_MAX} allowed: "
             "take a shorter span"
         )
-    header = [*FIRST_COLUMNS, *(_name_column(column) for column in columns), *more]
+    header = [*FIRST_COLUMNS, *(_name_column(column) for column in columns)]
     file.write(BYTE_ORDER_MARK + _join(map(quote_cell, header)))
     writers: dict[str, _RowWriter] = {}
     began_ms: int | None = None
@@ -71,9 +59,7 @@ def write_csv(
         unix_ms = row.unix_us // 1000
         began_ms = unix_ms if began_ms is None else began_ms
         first = (write_time(unix_ms), f"{(unix_ms - began_ms) / 1000:.3f}", f"{row.robot_s:.3f}")
-        told = balance.read(row)  # also without columns: why there is no balance is told in the losses
-        last = write_balance(told) if more else ()
-        file.write(_join(itertools.chain(first, writers[row.schema].write(row.codes), last)))
+        file.write(_join(itertools.chain(first, writers[row.schema].write(row.codes))))
         count += 1
     return count
 

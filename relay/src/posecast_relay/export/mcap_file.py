@@ -3,6 +3,7 @@ extra `export`."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, BinaryIO
 
 from posecast_wire import Schema
@@ -10,8 +11,6 @@ from posecast_wire.checked import loads
 from posecast_wire.command_line.installation import advise_extra
 
 from posecast_relay.export import ros_messages as ros
-from posecast_relay.export.balance_messages import BalanceMessages
-from posecast_relay.export.balance_series import BalanceSeries, FindModel
 from posecast_relay.export.ros_topics import RosTopic, compute_values, list_topics
 from posecast_relay.export.table import TableEvent, TableReader, TableRow
 from posecast_relay.kinematics.link_poses import FrameReadings, LinkPose, LinkPoses
@@ -29,6 +28,8 @@ NS_MAX = (1 << 64) - 1  # of MCAP: up to 2554
 CHANNELS_MAX = (1 << 16) - 1  # of MCAP: a topic, its type and its units
 MODELS_MAX = 8  # whose trees are remembered
 
+FindModel = Callable[[str], bytes | None]
+
 
 class McapMissingError(RuntimeError):
     """The extra `export` is not installed; the text says how to install it."""
@@ -43,8 +44,7 @@ def write_mcap(file: BinaryIO, table: TableReader, find_model: FindModel = lambd
     docs/how-to/record/mcap.md.
 
     `find_model`: a manifest by its SHA-256, hexadecimal; None where it is not kept. Without one there is no
-    /tf and no /balance, and a line in the table's losses says so. Raises McapMissingError, OSError,
-    TooManyTopicsError.
+    /tf, and a line in the table's losses says so. Raises McapMissingError, OSError, TooManyTopicsError.
     """
     try:
         from mcap.writer import CompressionType, Writer  # noqa: PLC0415 — an extra
@@ -78,7 +78,6 @@ class _MessageWriter:
         self._topics: dict[tuple[str, str | None], list[RosTopic]] = {}  # by schema and root link
         self._readings: tuple[str, FrameReadings] | None = None  # of the newest schema
         self._body: tuple[str, _Transforms] | None = None  # of the newest model
-        self._balance = BalanceSeries(table, find_model)
 
     def write_row(self, row: TableRow) -> None:
         """Write the messages of a frame."""
@@ -100,10 +99,6 @@ class _MessageWriter:
         unix_ns = 1000 * row.unix_us
         data = self._body[1].fill(unix_ns, self._readings[1])
         self._write("/tf", ros.TRANSFORMS, unix_ns, data)
-        balance = self._balance.read(row)
-        if balance is not None:
-            for topic, type_name, told in self._body[1].balance.fill(unix_ns, balance):
-                self._write(topic, type_name, unix_ns, told)
 
     def write_event(self, event: TableEvent) -> None:
         """Write an event. A robot wrote it: what is not one is left out."""
@@ -163,12 +158,11 @@ class _MessageWriter:
 
 
 class _Transforms:
-    """The message of /tf of one model, and those of its balance."""
+    """The message of /tf of one model."""
 
     def __init__(self, tree: ModelTree) -> None:
         self._poses = LinkPoses(tree)
         world = WORLD[1] if WORLD[0] in tree.links else WORLD[0]
-        self.balance = BalanceMessages(world)
         parents = [world, *(tree.links[joint.parent] for joint in tree.joints)]
         frames = list(zip(parents, tree.links, strict=True))
         self._message, self._places = ros.lay_transforms(frames)

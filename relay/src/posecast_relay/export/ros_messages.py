@@ -13,15 +13,12 @@ WRENCH = "geometry_msgs/msg/WrenchStamped"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 LOG = "rcl_interfaces/msg/Log"
 NUMBERS = "std_msgs/msg/Float64MultiArray"
-POINT = "geometry_msgs/msg/PointStamped"
-NUMBER = "std_msgs/msg/Float64"
 
 INFO, WARN, ERROR = 20, 30, 40  # of a Log
 
 _PARTS: Mapping[str, str] = {
     "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
     "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
-    "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z",
     "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
     "geometry_msgs/Quaternion": "float64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1",
     "geometry_msgs/Transform": "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation",
@@ -61,11 +58,6 @@ _WHOLE: Mapping[str, tuple[str, tuple[str, ...]]] = {
         "string name\nstring msg\nstring file\nstring function\nuint32 line",
         ("builtin_interfaces/Time",),
     ),
-    POINT: (
-        "std_msgs/Header header\ngeometry_msgs/Point point",
-        ("std_msgs/Header", "builtin_interfaces/Time", "geometry_msgs/Point"),
-    ),
-    NUMBER: ("float64 data", ()),
     NUMBERS: (
         "std_msgs/MultiArrayLayout layout\nfloat64[] data",
         ("std_msgs/MultiArrayLayout", "std_msgs/MultiArrayDimension"),
@@ -113,19 +105,6 @@ def lay_wrench(frame_id: str) -> tuple[CdrMessage, tuple[int, int]]:
     message = CdrMessage()
     message.add_header(frame_id)
     return message, (message.add_numbers(3), message.add_numbers(3))
-
-
-def lay_point(frame_id: str) -> tuple[CdrMessage, int]:
-    """A PointStamped; where x, y, z begin."""
-    message = CdrMessage()
-    message.add_header(frame_id)
-    return message, message.add_numbers(3)
-
-
-def lay_number() -> tuple[CdrMessage, int]:
-    """A Float64; where it is."""
-    message = CdrMessage()
-    return message, message.add_numbers(1)
 
 
 def lay_numbers(label: str, count: int) -> tuple[CdrMessage, int]:

@@ -30,9 +30,5 @@ def write_table(file: BinaryIO, kind: TableFormat, span: ExportedSpan) -> Writte
     What can't be read is passed over. Raises OSError, TooManyColumnsError,
     TooManyTopicsError, and McapMissingError without the extra `export`."""
     table = TableReader(span.read_segments(), span.recording.schemas, span.from_ms, span.to_ms)
-    frames = (
-        write_csv(file, table, span.find_model_file, span.recording.models)
-        if kind == "csv"
-        else write_mcap(file, table, span.find_model_file)
-    )
+    frames = write_csv(file, table) if kind == "csv" else write_mcap(file, table, span.find_model_file)
     return WrittenTable(frames, table.held, table.losses.describe())

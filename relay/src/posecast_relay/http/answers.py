@@ -7,8 +7,6 @@ from typing import Any, Literal
 from posecast_wire.messages import RobotStatus
 from pydantic import BaseModel, ConfigDict, Field
 
-Xyz = tuple[float, float, float]
-Xy = tuple[float, float]
 Value = float | str | list[str] | None
 
 
@@ -82,35 +80,9 @@ class FieldState(AnswerDocument):
     units: dict[str, str] = Field(default={})
 
 
-class FootDocument(AnswerDocument):
-    """One foot. `bears`: whether the robot is standing on it."""
-
-    bears: bool
-    force_n: float | None
-    centre_of_pressure_m: Xyz | None
-
-
-class BalanceState(AnswerDocument):
-    """The centre of mass and the support, in world coordinates, z up. `feet`: by sensor site or link. `why`:
-    the reason for each member that is null. Its key `balance` gives the reason if there is no balance at all.
-    """
-
-    mass_kg: float | None = None
-    centre_of_mass_m: Xyz | None = None
-    ground: Literal["measured", "lowest"] | None = None
-    floor_m: float | None = None
-    support_polygon_m: list[Xy] | None = None
-    margin_mm: float | None = None
-    centre_of_pressure_m: Xyz | None = None
-    feet: dict[str, FootDocument] = Field(default={})
-    why: dict[str, str]
-    detail: str = ""
-
-
 class RobotState(AnswerDocument):
     """The newest state. `t`: the robot's clock, in seconds. `seq`, `t` and `fields` are missing if no frame
-    can be decoded. `balance` is missing if the model has no masses and the support is unknown.
-    """
+    can be decoded."""
 
     robot: str
     view: str
@@ -120,7 +92,6 @@ class RobotState(AnswerDocument):
     seq: int = 0
     t: float = 0.0
     fields: dict[str, FieldState] = Field(default={})
-    balance: BalanceState | None = None
 
 
 class Readiness(AnswerDocument):

@@ -37,7 +37,6 @@ from posecast_relay.http.auth import (
     make_sharing_headers,
     require_grant,
 )
-from posecast_relay.http.balance_models import BalanceModels
 from posecast_relay.http.gzip_cache import GzipCache
 from posecast_relay.http.link_preview import FRAME_PX, LinkPreview
 from posecast_relay.http.models import make_model_answer
@@ -122,7 +121,7 @@ def make_app(
     async def refused(_request: Request, error: StarletteHTTPException) -> JSONResponse:
         return JSONResponse({"error": error.detail}, error.status_code, dict(error.headers or {}) | OPEN)
 
-    _add_robots(app, access, models, decoded, publish_at)
+    _add_robots(app, access, decoded, publish_at)
 
     @app.get(
         API + "/{robot}/live.sse",
@@ -219,13 +218,10 @@ def _add_health(
         return JSONResponse({"status": "degraded", "why": why} if why else {"status": "ready"})
 
 
-def _add_robots(
-    app: FastAPI, access: Access, models: ModelCache, decoded: DecodeCache, publish_at: str | None
-) -> None:
+def _add_robots(app: FastAPI, access: Access, decoded: DecodeCache, publish_at: str | None) -> None:
     dispatcher = access.live
     answers = AnswerCache(dispatcher.now)
     reader = StateReader(dispatcher.now, decoded)
-    balances = BalanceModels(models, dispatcher.now)
 
     @app.get(API, summary="List the robots", response_model=RobotList)
     async def robots(request: Request) -> Response:
@@ -252,20 +248,15 @@ def _add_robots(
         return answers.get_answer(request, name, made, make_sharing_headers(request, grant.open))
 
     @app.get(
-        API + "/{robot}/state",
-        summary="The newest state with names, units and balance",
-        response_model=RobotState,
+        API + "/{robot}/state", summary="The newest state with names and units", response_model=RobotState
     )
     async def state(request: Request, robot: str, view: str | None = None) -> Response:
         grant = await require_grant(access, request, robot, view)
         await dispatcher.open_robot(robot)
-        _, room = access.find_robot(grant) or (None, None)
-        digest = None if room is None or room.stream.newest is None else room.stream.model
-        balance = None if digest is None else await balances.find_model(robot, digest)
-        of, room = access.find_robot(grant) or (None, None)  # it may have left meanwhile
+        of, room = access.find_robot(grant) or (None, None)
         if of is None or room is None or room.stream.newest is None:
             raise HTTPException(404, HIDDEN)
-        body = reader.read(of, room, grant.hz, balance if room.stream.model == digest else None)
+        body = reader.read(of, room, grant.hz)
         headers = {"cache-control": "no-cache"} | make_sharing_headers(request, grant.open)
         return Response(body, media_type="application/json", headers=headers)
 

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 from posecast_wire import MISSING, Frame
 
-from posecast_relay.balance.model import BalanceModel
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
 from posecast_relay.core.state.stream import Stream
-from posecast_relay.http.balance_models import NoBalance
-from posecast_relay.http.state_balance import StateBalance
 from posecast_relay.plain_json import json_bytes
 from posecast_relay.streaming.decode_cache import DecodeCache, list_field_values
 
@@ -34,14 +31,10 @@ class StateReader:
     def __init__(self, now: Callable[[], float], decoded: DecodeCache) -> None:
         self._now = now
         self._newest = decoded
-        self._balance = StateBalance(now)
         self._known: WeakKeyDictionary[Stream, dict[float, _Known]] = WeakKeyDictionary()
 
-    def read(
-        self, robot: Robot, room: Room, hz: float, model: BalanceModel | NoBalance | None = None
-    ) -> bytes:
-        """Return a room's newest state as JSON. `hz`: how often it may be decoded. `model`: the model for its
-        balance; None if the robot has none.
+    def read(self, robot: Robot, room: Room, hz: float) -> bytes:
+        """Return a room's newest state as JSON. `hz`: how often it may be decoded.
 
         The room must have a newest frame.
         """
@@ -53,9 +46,7 @@ class StateReader:
         if known is None or now - known.at >= every_s:
             frame = self._newest.decode_frame(stream)
             if frame is not None:
-                known = of_stream[every_s] = _Known(
-                    now, age_s or 0.0, _encode_frame(frame, self._tell_balance(stream, frame, model))
-                )
+                known = of_stream[every_s] = _Known(now, age_s or 0.0, _encode_frame(frame))
         if known is not None:  # the age of the decoded frame: a newer one may not be decoded yet
             age_s = known.age_s + now - known.at
         document = {
@@ -67,17 +58,10 @@ class StateReader:
         }
         return json_bytes(document)[:-1] + (b"" if known is None else known.text) + b"}"
 
-    def _tell_balance(
-        self, stream: Stream, frame: Frame, model: BalanceModel | NoBalance | None
-    ) -> Mapping[str, Any] | None:
-        return None if model is None else self._balance.make_document(stream, frame, model)
 
-
-def _encode_frame(frame: Frame, balance: Mapping[str, Any] | None) -> bytes:
+def _encode_frame(frame: Frame) -> bytes:
     """Encode a frame as the last members of the JSON document."""
     document = {"seq": frame.seq, "t": round(frame.t_s, 6), "fields": _read_fields(frame)}
-    if balance is not None:
-        document["balance"] = balance
     return b"," + json_bytes(document)[1:-1]
 
 

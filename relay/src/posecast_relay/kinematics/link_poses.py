@@ -45,53 +45,30 @@ def compose_poses(a: LinkPose, b: LinkPose) -> LinkPose:
     return LinkPose((x + dx, y + dy, z + dz), multiply_quats(a.quat, b.quat))
 
 
-def place_point(world_from_link: LinkPose, point: Xyz) -> Xyz:
-    """A point of a link's frame in the world, metres."""
-    x, y, z = world_from_link.xyz
-    dx, dy, dz = rotate_vector(world_from_link.quat, point)
-    return (x + dx, y + dy, z + dz)
-
-
-def invert_pose(pose: LinkPose) -> LinkPose:
-    """b_from_a of a_from_b."""
-    quat = invert_quat(pose.quat)
-    x, y, z = rotate_vector(quat, pose.xyz)
-    return LinkPose((-x, -y, -z), quat)
-
-
 class FrameReadings:
     """What the frames of one schema say of the body, each reading the last that there was."""
 
     def __init__(self, schema: Schema) -> None:
         self.joints: dict[str, float] = {}  # by URDF name (or JOINT/variable), rad or m
-        self.unread: set[str] = set()  # those without a reading in the newest frame
         self.base: LinkPose | None = None  # world_from_root
         places = ChannelPlaces(schema)
         self.imu = _find_body_imu(schema, places)
         self.world_from_imu: Quat | None = None
-        self.lacks_turn = False  # what tells how the body is turned has no reading in the newest frame
         self._schema = schema
         self._base = _find_channels(schema, places, "base", "base", "xyz")
         self._base_turn = _find_channels(schema, places, "baseq", "base", "wxyz")
 
     def take(self, codes: Sequence[int]) -> None:
         """Take a frame's codes, all channels in the schema's order."""
-        self.unread.clear()
         for joint, value in compute_joint_values(self._schema, codes, "pos").items():
             if math.isfinite(value):
                 self.joints[joint] = value
-            else:
-                self.unread.add(joint)
         xyz, turn = _read(codes, self._base), _read(codes, self._base_turn)
         quat = None if turn is None else normalise_quat(turn)
         if xyz is not None and quat is not None:
             self.base = LinkPose((xyz[0], xyz[1], xyz[2]), quat)
-        turned = None if self.imu is None else self.imu.read(codes)
-        self.world_from_imu = turned or self.world_from_imu
-        if self._base and self._base_turn:
-            self.lacks_turn = xyz is None or quat is None
-        else:
-            self.lacks_turn = self.imu is not None and turned is None
+        if self.imu is not None:
+            self.world_from_imu = self.imu.read(codes) or self.world_from_imu
 
 
 class LinkPoses:
@@ -118,10 +95,6 @@ class LinkPoses:
                 self.poses[i + 1] = _move(joint, values)
         self.poses[0] = readings.base or self._stand(readings)
 
-    def compute_world_poses(self) -> list[LinkPose]:
-        """world_from_link of each link."""
-        return self._compose(self.poses[0])
-
     def _find_values(self, i: int, joint: TreeJoint) -> tuple[float, ...]:
         """A mimic joint's own reading wins over the one that it copies."""
         read = self._read[i]
@@ -132,15 +105,11 @@ class LinkPoses:
         rests = VARIABLES[joint.type]
         return tuple(rests[at][1] if value is None else value for at, value in enumerate(read))
 
-    def _compose(self, root: LinkPose) -> list[LinkPose]:
-        placed = [root]
-        for joint, pose in zip(self._tree.joints, self.poses[1:], strict=True):
-            placed.append(compose_poses(placed[joint.parent], pose))
-        return placed
-
     def _stand(self, readings: FrameReadings) -> LinkPose:
         """world_from_root of a robot without odometry."""
-        root_from_link = self._compose(AT_ORIGIN)
+        root_from_link = [AT_ORIGIN]
+        for joint, pose in zip(self._tree.joints, self.poses[1:], strict=True):
+            root_from_link.append(compose_poses(root_from_link[joint.parent], pose))
         quat = self._lean(readings, root_from_link)
         lowest = math.inf
         for link, box in self._tree.boxes.items():

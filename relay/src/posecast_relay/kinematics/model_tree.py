@@ -79,22 +79,13 @@ class ModelTree:
 
 def read_model_tree(manifest: bytes | bytearray) -> ModelTree:
     """Read a manifest, in time proportional to its size. Raises ModelTreeError."""
-    return make_model_tree(load_manifest(manifest))
-
-
-def load_manifest(manifest: bytes | bytearray) -> Mapping[str, object]:
-    """Parse a manifest's JSON, whose members are not checked yet. Raises ModelTreeError."""
     if len(manifest) > BYTES_MAX:
         fail("manifest", f"over {BYTES_MAX} bytes")
     try:
         document = loads(bytes(manifest))
     except ValueError:
         fail("manifest", "not JSON")
-    return check_table(document, "manifest")
-
-
-def make_model_tree(doc: Mapping[str, object]) -> ModelTree:
-    """Read links, joints and boxes of a manifest that has been parsed. Raises ModelTreeError."""
+    doc = check_table(document, "manifest")
     if doc.get("v") != 2:
         fail("v", "a URDF that has not been built; the robot's program does that with the extra `model`")
     links = tuple(

@@ -8,7 +8,7 @@ CREDIT_S = 0.1  # frames arrive in bursts
 
 
 class Turns:
-    """Limits the work per robot, so that no robot's model, schema or viewers slow down the others."""
+    """Limits the work per robot, so that no robot's schema or viewers slow down the others."""
 
     def __init__(self, now: Callable[[], float], robot_per_s: int, all_per_s: int) -> None:
         """`now` is a clock in seconds. `robot_per_s`: work per second for one robot. `all_per_s`: for all

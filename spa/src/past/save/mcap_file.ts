@@ -1,9 +1,7 @@
 import { McapWriter } from '@mcap/core';
 import type { Schema } from '@posecast/wire';
-import type { Balance } from '../../twin/balance/balance.ts';
 import { BlobParts } from './blob_parts.ts';
 import { lz4Frame } from './lz4_frame.ts';
-import { balanceMessages } from './ros/balance_messages.ts';
 import { CdrWriter } from './ros/cdr_writer.ts';
 import { DEFINITIONS, type MessageType } from './ros/definitions.ts';
 import { type FrameTopic, NO_UNITS, valuesOf } from './ros/frame_topic.ts';
@@ -11,14 +9,14 @@ import { LinkFrames } from './ros/link_frames.ts';
 import { topicsOf, writeLog } from './ros/topics.ts';
 import type { SavePorts } from './save_ports.ts';
 import { eventsOf, framesOf, type SavedFrame } from './saved_frames.ts';
-import { loadBalance, loadManifests, ModelTimeline } from './saved_models.ts';
+import { loadManifests, ModelTimeline } from './saved_models.ts';
 import type { SavedSpan } from './saved_span.ts';
 
 const CHUNK_BYTES = 1 << 20;
 const LIBRARY = 'posecast';
 
 /** Writes the frames and events as ROS 2 messages. At most one chunk and one part of the file are held in memory. `lostModels`:
- *  how many models were unavailable, so that their links and balance are missing. */
+ *  how many models were unavailable, so that their links are missing. */
 export async function writeMcap(
   span: SavedSpan,
   ports: Pick<SavePorts, 'models' | 'breathe' | 'signal'>,
@@ -31,12 +29,9 @@ export async function writeMcap(
   await messages.begin();
   const events = eventsOf(span);
   const models = new ModelTimeline(span);
-  const balances = await loadBalance(span, manifests);
   for (const frame of framesOf(span, onPart)) {
     while (events.length > 0 && events[0]!.atUs <= frame.atUs) await messages.event(events.shift()!);
-    const model = models.at(frame.atUs) ?? '';
-    const balance = balances?.read(frame, manifests.get(model) ?? null) ?? null;
-    await messages.frame(frame, bodies.get(model) ?? null, balance);
+    await messages.frame(frame, bodies.get(models.at(frame.atUs) ?? '') ?? null);
     await ports.breathe();
     ports.signal.throwIfAborted();
   }
@@ -77,18 +72,10 @@ class MessageWriter {
     return this.#writer.end();
   }
 
-  async frame(
-    { schema, atUs, codes }: SavedFrame,
-    body: LinkFrames | null,
-    balance: Balance | null,
-  ): Promise<void> {
+  async frame({ schema, atUs, codes }: SavedFrame, body: LinkFrames | null): Promise<void> {
     if (body !== null) {
       body.write(this.#cdr, atUs, schema, codes);
       await this.#add('/tf', 'tf2_msgs/msg/TFMessage', atUs);
-      for (const { topic, type, write } of balance ? balanceMessages(balance, body.world, atUs) : []) {
-        write(this.#cdr);
-        await this.#add(topic, type, atUs);
-      }
     }
     const { topics, values } = this.#topicsOf(schema, body?.rootLink ?? null);
     valuesOf(schema, codes, values);

@@ -4,7 +4,6 @@ const SEPARATOR = '='.repeat(80);
 const PARTS = {
   'builtin_interfaces/Time': 'int32 sec\nuint32 nanosec',
   'std_msgs/Header': 'builtin_interfaces/Time stamp\nstring frame_id',
-  'geometry_msgs/Point': 'float64 x\nfloat64 y\nfloat64 z',
   'geometry_msgs/Vector3': 'float64 x\nfloat64 y\nfloat64 z',
   'geometry_msgs/Quaternion': 'float64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1',
   'geometry_msgs/Transform': 'geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation',
@@ -58,12 +57,6 @@ export const DEFINITIONS = {
     ].join('\n'),
     'builtin_interfaces/Time',
   ),
-  'geometry_msgs/msg/PointStamped': define(
-    'std_msgs/Header header\ngeometry_msgs/Point point',
-    ...STAMPED,
-    'geometry_msgs/Point',
-  ),
-  'std_msgs/msg/Float64': define('float64 data'),
   'std_msgs/msg/Float64MultiArray': define(
     'std_msgs/MultiArrayLayout layout\nfloat64[] data',
     'std_msgs/MultiArrayLayout',

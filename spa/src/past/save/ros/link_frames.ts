@@ -24,7 +24,7 @@ export class LinkFrames {
     readonly link: Uint8Array;
   }[];
   /** The root's frame of reference, as UTF-8. */
-  readonly world: Uint8Array;
+  readonly #world: Uint8Array;
   readonly #parentFromLink = new Float64Array(16);
   #readers: { readonly schema: Schema; readonly poser: Poser; readonly imus: ImuTable } | null = null;
   #base: Base | null = null;
@@ -34,7 +34,7 @@ export class LinkFrames {
   constructor(manifest: Manifest) {
     this.#body = new SavedBody(manifest);
     const { links, joints } = manifest;
-    this.world = utf8Of(links.includes(WORLDS[0]) ? WORLDS[1] : WORLDS[0]);
+    this.#world = utf8Of(links.includes(WORLDS[0]) ? WORLDS[1] : WORLDS[0]);
     this.#links = joints.map(({ parent }, i) => ({
       parent,
       frame: utf8Of(links[parent]!),
@@ -51,7 +51,7 @@ export class LinkFrames {
     const [x, y, z, ...turn] = this.#place(schema, codes);
     to.begin();
     to.u32(1 + this.#links.length);
-    writeHeader(to, atUs, this.world);
+    writeHeader(to, atUs, this.#world);
     to.text(this.rootLink);
     for (const value of [x, y, z]) to.f64(value);
     writeTurn(to, turn);
