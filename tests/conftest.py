@@ -16,10 +16,11 @@ from typing import Any
 
 import pytest
 import websockets
-from posecast_testing import Process, free_port, is_listened_on, until, until_async
+from posecast_testing import Process, free_port, is_listened_on, share_trust, until, until_async
 from posecast_wire.decoder import Decoder, Frame
 from posecast_wire.frame import FrameError
 
+share_trust()
 BIN = Path(sys.executable).parent
 
 

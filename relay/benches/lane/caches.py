@@ -14,6 +14,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import IO
 
+from posecast_testing import free_port
+
 from relay.benches.build import ROOT
 from relay.benches.servers import CannotStart, end, start_on
 
@@ -62,12 +64,6 @@ class CacheNode:
     origin_host: str
 
 
-def find_free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as found:
-        port: int = found.getsockname()[1]
-        return port
-
-
 def wait_open(port: int, child: subprocess.Popen[bytes]) -> None:
     """Until it takes connections. CannotStart when it ends or takes none."""
     end_s = time.monotonic() + START_LIMIT_S
@@ -82,7 +78,7 @@ def wait_open(port: int, child: subprocess.Popen[bytes]) -> None:
 def start_nginx(origin: str, core: int, log: IO[bytes]) -> Iterator[CacheNode]:
     """nginx before `origin` (host:port). CannotStart."""
     with _make_folder() as folder:
-        port, file = find_free_port(), folder / "nginx.conf"
+        port, file = free_port(), folder / "nginx.conf"
         file.write_text(NGINX.format(folder=folder, origin=origin, port=port, rules=RULES))
         with _started(core, [_find("nginx"), "-c", str(file), "-e", "stderr"], log) as child:
             wait_open(port, child)
@@ -94,7 +90,7 @@ def start_varnish(origin: str, core: int, log: IO[bytes]) -> Iterator[CacheNode]
     """Varnish before `origin` (host:port). CannotStart."""
     host, _, origin_port = origin.partition(":")
     with _make_folder() as folder:
-        port, file = find_free_port(), folder / "lane.vcl"
+        port, file = free_port(), folder / "lane.vcl"
         text = re.sub(r'\.host = "[^"]*"', f'.host = "{host}"', VCL.read_text())
         file.write_text(re.sub(r'\.port = "[^"]*"', f'.port = "{origin_port}"', text))
         command = [_find("varnishd"), "-F", "-n", str(folder / "varnish"), "-f", str(file), "-T", "none"]

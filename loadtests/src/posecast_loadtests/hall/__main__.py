@@ -11,12 +11,13 @@ from __future__ import annotations
 import argparse
 import json
 import signal
-import socket
 import sys
 import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from pathlib import Path
+
+from posecast_testing import free_port
 
 from posecast_loadtests.hall.hall_counts import HallCounts, Replacement, find_breaches, make_report
 from posecast_loadtests.stage import ends_on_term, own_relay, started
@@ -39,13 +40,6 @@ def options() -> argparse.Namespace:
     return asked
 
 
-def find_free_port() -> int:
-    """Return a port of the loopback interface that is free now."""
-    with socket.create_server(("127.0.0.1", 0)) as found:
-        port: int = found.getsockname()[1]
-        return port
-
-
 def wait_for(file: Path, holds: Callable[[HallCounts], bool]) -> HallCounts:
     """Return the counts once `holds` is true, or the current ones after LIMIT_S."""
     end_s, counts = time.monotonic() + LIMIT_S, HallCounts()
@@ -63,7 +57,7 @@ def play(viewers: int, places: int, out: Path) -> tuple[HallCounts, Replacement]
     out.mkdir(parents=True, exist_ok=True)
     file = out / "hall-counts.json"
     file.unlink(missing_ok=True)
-    ports = ["--port", f"{find_free_port()}", "--zenoh-listen", f"tcp/127.0.0.1:{find_free_port()}"]
+    ports = ["--port", f"{free_port()}", "--zenoh-listen", f"tcp/127.0.0.1:{free_port()}"]
     flags = [*ports, "--max-viewers", f"{places}", "--past", "memory:"]
     with (out / "hall.log").open("w") as log, ExitStack() as stack:
         own = own_relay(stack, log, *flags)
