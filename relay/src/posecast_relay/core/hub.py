@@ -137,8 +137,9 @@ class Hub(Uplink):
     def _count_occupancy(self, grant: Grant | None) -> Occupancy:
         by = None if grant is None else (grant.robot, grant.by)
         return Occupancy(
-            *(self.headcount.count_viewers(), self.limits.viewers),
-            *((0,) if by is None else (self.admitted[by],)),
+            viewers=self.headcount.count_viewers(),
+            viewers_max=self.limits.viewers,
+            of_audience=0 if by is None else self.admitted[by],
             previews=self.headcount.count_previews(),
             previews_of_audience=0 if by is None else self.admitted_previews[by],
             is_draining=self.draining is not None,
