@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 import yaml
-from posecast_relay.config.settings import FLAGS, parse
+from posecast_relay.config.settings import FLAGS, SettingsError, parse
 
 from tests.conftest import BIN
 
@@ -22,6 +22,7 @@ COMPOSE: dict[str, Any] = yaml.safe_load(TEXT)
 ENV = (ROOT / "infra/.env.example").read_text()
 INSTALL = (ROOT / "docs/how-to/install/containers.md").read_text()
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+REMOVED = {"RELAY_WORKERS"}  # handed on, so that whoever still sets it is told what to use instead
 PROFILES = {name for service in COMPOSE["services"].values() for name in service.get("profiles", ())}
 
 
@@ -34,12 +35,21 @@ def read_defaults() -> dict[str, str]:
     return found
 
 
+def fill_environment(service: str, **env: str) -> dict[str, str]:
+    """The variables that a service gets, by what .env says."""
+    values = read_defaults() | env
+    return {
+        name: re.sub(r"\$\{([A-Z_]+)[^}]*\}", lambda found: values[found[1]], str(value))
+        for name, value in COMPOSE["services"][service]["environment"].items()
+    }
+
+
 def test_every_variable_has_a_line_and_every_line_is_one() -> None:
     lines = re.findall(r"^(#?)([A-Z_]+)=(.*)$", ENV, re.MULTILINE)
     names = [name for _, name, _ in lines]
     assert len(names) == len(set(names)), "one that comes twice is only heard once"
     defaults = read_defaults()
-    assert set(names) == defaults.keys() | {"COMPOSE_PROFILES"}
+    assert set(names) == defaults.keys() - REMOVED | {"COMPOSE_PROFILES"}
     for off, name, value in lines:
         assert off or value == defaults[name], f"{name} differs from what holds without .env"
 
@@ -69,15 +79,15 @@ def test_the_relay_understands_what_it_is_told() -> None:
     here = {"POSECAST_PAST_SOCKET": "/tmp/past.sock", "POSECAST_STORE": "redis://:word@redis:6379"}
     files = ("POSECAST_ROBOTS", "POSECAST_ZENOH_TLS_CERT", "POSECAST_ZENOH_TLS_KEY")
     here |= dict.fromkeys(files, __file__)
-    defaults = read_defaults() | {"RELAY_WORKERS": "4", "MAX_PER_ADDRESS": "300"}
-    for name, workers in (("relay", 4), ("gateway", 1)):
-        told = {
-            key: re.sub(r"\$\{([A-Z_]+)[^}]*\}", lambda found: defaults[found[1]], str(value))
-            for key, value in COMPOSE["services"][name]["environment"].items()
-        }
-        assert told.keys() <= known
-        found = parse(["run"], {key: value for key, value in (told | here).items() if value})
-        assert (found.workers, found.max_per_address) == (workers, 300)
+    for name, role in (("relay", "all"), ("gateway", "gateway")):
+        told = fill_environment(name, MAX_PER_ADDRESS="300")
+        assert told.keys() <= known | {"POSECAST_WORKERS"}
+        for workers in ("", "1"):  # removed, but it may stand in an old .env
+            told = fill_environment(name, MAX_PER_ADDRESS="300", RELAY_WORKERS=workers)
+            found = parse(["run"], told | here)
+            assert (found.role, found.max_per_address) == (role, 300)
+        with pytest.raises(SettingsError, match=r"^POSECAST_WORKERS '4': removed; .* run gateways"):
+            parse(["run"], fill_environment(name, RELAY_WORKERS="4") | here)
 
 
 def test_the_page_takes_a_config_file_where_the_proxy_has_the_page() -> None:
@@ -98,11 +108,7 @@ def test_the_proxy_falls_back_on_the_relay() -> None:
 
 def test_the_proxy_takes_what_compose_tells_it() -> None:
     """An empty variable is different from an unset one: Caddy then uses no default."""
-    defaults = read_defaults()
-    told = {
-        key: re.sub(r"\$\{([A-Z_]+)[^}]*\}", lambda found: defaults[found[1]], str(value))
-        for key, value in COMPOSE["services"]["proxy"]["environment"].items()
-    }
+    told = fill_environment("proxy")
     assert "" in told.values()
     adapt = (BIN / "caddy", "adapt", "--config", ROOT / "infra/Caddyfile", "--adapter", "caddyfile")
     for cache in (told["LANE_AT"], "cache"):

@@ -33,11 +33,11 @@ ALERTS: list[dict[str, Any]] = [
 PANELS = [panel for panel in DASHBOARD["panels"] if panel["type"] != "row"]
 QUERIES = [(panel["title"], target["expr"]) for panel in PANELS for target in panel["targets"]]
 WINDOW = "10s"  # instead of what Grafana puts in for $__rate_interval, with a scrape a second
-# Of a mirror, of workers, of counters that are there once they count: not of the relay that is started here.
-ELSEWHERE = {"posecast_mirror_breaker_open", "posecast_workers", "posecast_worker_restarts_total"}
+# Of a mirror, of counters that are there once they count: not of the relay that is started here.
+ELSEWHERE = {"posecast_mirror_breaker_open"}
 UNCOUNTED = {"posecast_faults_total", "posecast_endings_total"}
 LABELS = {
-    "state": {"online", "silent", "offline", "missing", "serving"},
+    "state": {"online", "silent", "offline"},
     "fate": {*(fate.value for fate in FrameOutcome), "dropped", "written"},
     "code": {str(int(close)) for close in Close},
     "flag": {"--zenoh-tls-cert", "--zenoh-ca"},

@@ -1,4 +1,4 @@
-"""The tree is readable: no folder is crowded, and a class name means one thing everywhere."""
+"""A class name means one thing everywhere."""
 
 from __future__ import annotations
 

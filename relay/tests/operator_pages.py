@@ -7,7 +7,7 @@ from pathlib import Path
 from textwrap import dedent
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-SCALE = ("gateways-and-workers", "more-robots", "redis")
+SCALE = ("gateways", "more-robots", "redis")
 REFERENCE = ("archive", "log-messages", "metrics", "robots-file", "settings")
 PAGES = sorted(
     [

@@ -68,12 +68,11 @@ def write(path: Path, text: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.full)])
 def test_a_relay_waits_for_a_file_that_is_wrong_or_not_there(
-    tmp_path: Path, starting: Callable[..., Starting], workers: int
+    tmp_path: Path, starting: Callable[..., Starting]
 ) -> None:
     path = tmp_path / "robots.toml"
-    relay = starting(path, "--workers", str(workers))
+    relay = starting(path)
     until("it waits", partial(relay.is_ready, "waiting"), START_S)
     until(
         "it says why", lambda: "robots.toml: no such file or directory; nobody can publish" in relay.errors()
@@ -94,12 +93,11 @@ def test_a_relay_waits_for_a_file_that_is_wrong_or_not_there(
     assert relay.stop() == 0
 
 
-@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.full)])
 def test_a_relay_without_the_store_that_its_file_needs_ends(
-    tmp_path: Path, starting: Callable[..., Starting], workers: int
+    tmp_path: Path, starting: Callable[..., Starting]
 ) -> None:
     path = write(tmp_path / "robots.toml", KEPT)
-    relay = starting(path, "--workers", str(workers))
+    relay = starting(path)
     assert relay.process.wait(START_S) == 2
     (line,) = relay.errors().splitlines()
     assert f"{path}: [robots.hubo] keep: needs an object store: give the relay --past" in line
@@ -312,24 +310,3 @@ def test_a_port_that_is_taken_is_opened_when_it_is_free_again(
     assert lab.told("publishers enrolled: other")
     assert (lab.figure("posecast_config_up"), lab.figure("posecast_robots_port_up")) == (2, 1)
     until("the robot is back", lambda: status() == "online")
-
-
-@pytest.mark.full  # several workers; one process that waits is tested above
-def test_a_worker_that_is_started_anew_waits_for_the_file(
-    tmp_path: Path, starting: Callable[..., Starting]
-) -> None:
-    path = write(tmp_path / "robots.toml", "[robots.hubo.anyone]\n")
-    relay = starting(path, "--workers", "2")
-    until("it serves", partial(relay.is_ready, "ready"), START_S)
-    children = Path(f"/proc/{relay.process.pid}/task/{relay.process.pid}/children")
-    (before,) = children.read_text().split()
-    write(path, WRONG)
-    until("it is degraded", partial(relay.is_ready, "degraded"))
-    subprocess.run(["kill", "-9", before], check=True)
-    until("it waits", lambda: "nobody can publish or watch until this is fixed" in relay.errors(), START_S)
-    (after,) = children.read_text().split()
-    assert after != before
-    write(path, "[robots.hubo.anyone]\n")
-    until("both serve", partial(relay.is_ready, "ready"), START_S)
-    assert children.read_text().split() == [after], "it did not end over the file"
-    assert relay.stop() == 0

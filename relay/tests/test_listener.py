@@ -7,7 +7,6 @@ import logging
 import os
 import signal
 import socket
-import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack, suppress
 from pathlib import Path
@@ -18,7 +17,6 @@ from posecast_relay.core.past.deletions import Deletions
 from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.server import listener
 from posecast_relay.server.past_socket import PastSocket
-from posecast_relay.server.workers import crew
 from posecast_testing import until
 
 
@@ -78,13 +76,6 @@ def _no_call_blocks() -> Iterator[None]:
     signal.signal(signal.SIGALRM, before)
 
 
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Where relays with several workers have their folders."""
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    return tmp_path
-
-
 def stop_relay(path: Path, stack: ExitStack) -> None:
     """Listen at `path` without accepting, until the queue is full: as a process does that is stopped."""
     door = stack.enter_context(socket.socket(socket.AF_UNIX))
@@ -101,21 +92,6 @@ def leave_behind(path: Path) -> None:
     """What a relay leaves at `path` that was killed."""
     with socket.socket(socket.AF_UNIX) as door:
         door.bind(str(path))
-
-
-@pytest.mark.usefixtures("_no_call_blocks")
-def test_a_stopped_relay_keeps_its_folder_and_no_other_from_starting(folder: Path) -> None:
-    stopped, killed, serving = (folder / f"{crew.PREFIX}{name}" for name in ("stopped", "killed", "serving"))
-    with ExitStack() as stack:
-        for each in (stopped, killed, serving):
-            each.mkdir()
-        stop_relay(stopped / "http", stack)
-        leave_behind(killed / "http")
-        door = stack.enter_context(socket.socket(socket.AF_UNIX))
-        door.bind(str(serving / "http"))
-        door.listen()
-        crew._remove_left()
-        assert sorted(each.name for each in folder.iterdir()) == [serving.name, stopped.name]
 
 
 @pytest.mark.usefixtures("_no_call_blocks")

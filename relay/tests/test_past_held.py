@@ -217,7 +217,7 @@ async def test_what_caches_go_by(doors: PastDoors, monkeypatch: pytest.MonkeyPat
 
 async def test_a_date_is_of_the_moment_however_long_uvicorn_keeps_one(doors: PastDoors) -> None:
     """Made anew at each tick, of which there are ten a second."""
-    server = RelayServer(uvicorn.Config(doors.app), [], lambda: None)
+    server = RelayServer(uvicorn.Config(doors.app), [], lambda: None, lambda: None)
     for counter in range(10, 20):
         server.server_state.default_headers = []
         await server.on_tick(counter)

@@ -85,6 +85,21 @@ def test_previews_go_with_a_sweep_where_viewers_of_another_hub_need_the_place() 
     assert not world.hub.viewers
 
 
+def test_previews_go_with_a_sweep_where_the_limit_of_their_robot_was_lowered() -> None:
+    world = World()
+    world.on_air()
+    _, screen = join(world, OPEN)
+    preview, goes = join(world, PREVIEW)
+    _, stays = join(world, replace(PREVIEW, by=Audience.LINK))
+    world.do(world.hub.replace_grant(preview, replace(PREVIEW, viewers=2), world.now))
+    world.pass_time(1.0)
+    assert why_ended(goes) is None
+    world.do(world.hub.replace_grant(preview, replace(PREVIEW, viewers=1), world.now))
+    world.pass_time(1.0)
+    assert (why_ended(goes), how_ended(goes)) == (Close.FULL, ROBOT_FULL.reason)
+    assert [why_ended(each) for each in (screen, stays)] == [None, None]
+
+
 def test_a_preview_gets_1_hz_whatever_it_asks_for_and_no_events() -> None:
     world = World()
     edge = world.on_air()

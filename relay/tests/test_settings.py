@@ -95,6 +95,30 @@ def test_wrong_settings_are_one_line(argv: list[str], environ: dict[str, str], s
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize(
+    ("argv", "environ", "where"),
+    [
+        (["--workers", "4"], {"POSECAST_WORKERS": "1"}, "--workers '4'"),
+        (["--workers", "0"], {}, "--workers '0'"),
+        ([], {"POSECAST_WORKERS": "4"}, "POSECAST_WORKERS '4'"),
+    ],
+)
+def test_more_workers_are_refused_with_what_to_use_instead(
+    argv: list[str], environ: dict[str, str], where: str
+) -> None:
+    with pytest.raises(SettingsError) as error:
+        parse(["run", *argv], environ)
+    says = "removed; for more cores or machines, run gateways: --role gateway with --store redis://…"
+    assert str(error.value) == f"{where}: {says}"
+
+
+def test_one_worker_which_old_scripts_and_compose_files_set_is_what_a_relay_is() -> None:
+    plain = parse(["run", "--dev"], {})
+    assert parse(["run", "--dev", "--workers", "1"], {"POSECAST_WORKERS": "4"}) == plain
+    for text in ("1", ""):
+        assert parse(["run", "--dev"], {"POSECAST_WORKERS": text}) == plain
+
+
 def test_several_listeners_and_a_static_folder(tmp_path: Path) -> None:
     (tmp_path / "index.html").write_text("x")
     argv = ["run", "--dev", "--zenoh-listen", "tcp/127.0.0.1:0, tcp/[::1]:7447", "--static", str(tmp_path)]
@@ -118,6 +142,7 @@ def test_help_lists_every_setting(capsys: pytest.CaptureFixture[str]) -> None:
         "POSECAST_MAX_VIEWERS",
     ):
         assert name in said
+    assert "workers" not in said
 
 
 def test_a_gateway_needs_no_publishers_and_every_role_but_all_a_store() -> None:

@@ -100,7 +100,7 @@ RUN: dict[str, dict[str, str]] = {
         "x-cache": "tests/test_hosting.py",
         "posecast.log": MACHINE,
     },
-    "docs/how-to/scale/gateways-and-workers.md": {"```sh": SCALE},
+    "docs/how-to/scale/gateways.md": {"```sh": SCALE, "reverse_proxy": SCALE},
     "docs/how-to/scale/host-the-page.md": {"policy.mjs": SCALE, "```nginx": "tests/test_hosting.py"},
     "docs/how-to/scale/load-tests.md": {
         "activate": START,

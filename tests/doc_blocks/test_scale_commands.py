@@ -1,4 +1,4 @@
-"""The commands of docs/how-to/scale with Redis, workers and gateways, and those of others that need Redis."""
+"""The commands of docs/how-to/scale with Redis and gateways, and those of others that need Redis."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +17,12 @@ from posecast_testing import free_port, until
 
 from relay.tests.certificates import certificates
 from relay.tests.redis_server import Redis
-from tests.doc_blocks.block import ROOT
+from tests.conftest import BIN
+from tests.doc_blocks.block import ROOT, read_pages
 from tests.doc_blocks.terminal import START_S, Terminal, fetch, find_line, read_script, read_scripts
 
 SCALE, OPERATE = "docs/how-to/scale", "docs/how-to/operate"
-ADDRESS = re.compile(r"rediss?://:PASSWORD@redis\.example:6379/0")
+ADDRESS = re.compile(r"rediss?://:PASSWORD@(?:redis\.example|127\.0\.0\.1):6379/0")
 
 needs_redis = pytest.mark.skipif(shutil.which("redis-server") is None, reason="no redis-server here")
 
@@ -66,9 +68,35 @@ def is_online(http: str) -> bool:
 
 
 @needs_redis
+@pytest.mark.skipif(not (BIN / "caddy").exists(), reason="no caddy in the virtual environment")
+def test_gateways_use_the_cores_of_one_machine(terminal: Terminal, server: Redis, tmp_path: Path) -> None:
+    page = f"{SCALE}/gateways.md"
+    export, relay, gateway = read_scripts(page)[:3]
+    (proxy,) = [block.text for block in read_pages()[page] if "reverse_proxy" in block.text]
+    assert len(ADDRESS.findall(export)) == 1
+    export = ADDRESS.sub(server.url, export)
+    tls = "--zenoh-listen tls/0.0.0.0:7447 --zenoh-tls-cert relay.pem --zenoh-tls-key relay.key"
+    first = terminal.start(f"{export}\n{relay.strip()} {tls}", "--port", "0")
+    addresses = [find_line(first, r"serving http://(\S+),")[1]]
+    for _ in range(2):
+        serves = terminal.start(f"{export}\n{gateway.replace('8081', '0')}")
+        addresses.append(find_line(serves, r"serving http://(\S+), robots from Redis")[1])
+    for shown, mine in zip(re.findall(r"127\.0\.0\.1:\d+", proxy), addresses, strict=True):
+        proxy = proxy.replace(shown, mine)
+    start_hubo(terminal, find_line(first, r"robots on (tls/\S+)")[1])
+    for http in addresses:
+        until("it is online", partial(is_online, http), START_S)
+    port = free_port()
+    (tmp_path / "Caddyfile").write_text(f"{{\nadmin off\n}}\n:{port} {{\n{proxy}\n}}\n")
+    terminal.start("caddy run --adapter caddyfile --config Caddyfile")
+    until("the proxy answers", lambda: is_online(f"127.0.0.1:{port}"), START_S)
+    assert all(is_online(f"127.0.0.1:{port}") for _ in range(10)), "whichever process it asks"
+
+
+@needs_redis
 def test_a_gateway_shows_what_the_ingest_hears(terminal: Terminal, server: Redis) -> None:
-    page = f"{SCALE}/gateways-and-workers.md"
-    export, ingest, gateway = read_scripts(page)[1:]
+    page = f"{SCALE}/gateways.md"
+    export, ingest, gateway = read_scripts(page)[3:]
     assert len(ADDRESS.findall(export)) == 1
     export = ADDRESS.sub(server.url, export)
     hears = terminal.start(f"{export}\n{ingest}", "--port", "0")
@@ -77,16 +105,6 @@ def test_a_gateway_shows_what_the_ingest_hears(terminal: Terminal, server: Redis
     http = find_line(serves, r"serving http://(\S+), robots from Redis")[1]
     start_hubo(terminal, zenoh)
     until("it is online at the gateway", lambda: is_online(http), START_S)
-
-
-def test_four_workers_are_one_relay(terminal: Terminal) -> None:
-    command = read_script(f"{SCALE}/gateways-and-workers.md", "--workers")
-    tls = "--zenoh-listen tls/0.0.0.0:7447 --zenoh-tls-cert relay.pem --zenoh-tls-key relay.key"
-    relay = terminal.start(f"{command.strip()} {tls}", "--port", str(free_port()))
-    http = find_line(relay, r"serving http://(\S+),")[1]
-    until("it is ready", lambda: (fetch(f"http://{http}/readyz") or {}).get("status") == "ready", START_S)
-    start_hubo(terminal, find_line(relay, r"robots on (tls/\S+)")[1])
-    until("it is online", lambda: is_online(http), START_S)
 
 
 @needs_redis

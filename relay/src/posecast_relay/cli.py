@@ -51,7 +51,7 @@ def _run(argv: Sequence[str], program: str) -> None:
     settings = parse(argv, os.environ, program)
     from posecast_relay.server.process import run  # noqa: PLC0415 — --help and a wrong flag answer at once
 
-    run(settings, argv)
+    run(settings)
 
 
 if __name__ == "__main__":

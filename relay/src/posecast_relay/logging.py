@@ -73,18 +73,12 @@ def _shows_tracebacks() -> bool:
 class JsonLines(logging.Formatter):
     """Formats records as `{"ts": …, "level": …, "event": …}` plus what is known of the connection."""
 
-    def __init__(self, worker: int | None = None) -> None:
-        """`worker`: the number of this process among those of its relay, where there are several."""
-        super().__init__()
-        self._more: dict[str, object] = {} if worker is None else {"worker": worker}
-
     def format(self, record: logging.LogRecord) -> str:
         """Format a record as one line."""
         doc: dict[str, object] = {
             "ts": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
             "level": record.levelname.lower(),
             "event": _event(record),
-            **self._more,
         }
         for name in MEMBERS:
             if hasattr(record, name):
@@ -96,14 +90,10 @@ class JsonLines(logging.Formatter):
 
 
 class _Plain(logging.Formatter):
-    def __init__(self, worker: int | None) -> None:
-        super().__init__()
-        self._name = "" if worker is None else f" worker {worker}"
-
     def format(self, record: logging.LogRecord) -> str:
         at = self.formatTime(record)
         known = " ".join(f"{m}={visible(str(getattr(record, m)))}" for m in MEMBERS if hasattr(record, m))
-        line = f"{at} {record.levelname} {record.name}{self._name}: {_event(record)} {known}".rstrip()
+        line = f"{at} {record.levelname} {record.name}: {_event(record)} {known}".rstrip()
         if record.exc_info and _shows_tracebacks():
             line += "\n" + self.formatException(record.exc_info)
         return line
@@ -153,13 +143,10 @@ class _Stderr(logging.StreamHandler[Any]):
             self.release()
 
 
-def start_logging(level: str, worker: int | None = None) -> None:
-    """Log to stderr at `level` and above, including errors in threads and library callbacks.
-
-    `worker`: the number of this process among those of its relay, where there are several.
-    """
+def start_logging(level: str) -> None:
+    """Log to stderr at `level` and above, including errors in threads and library callbacks."""
     handler = _Stderr()
-    handler.setFormatter(_Plain(worker) if sys.stderr.isatty() else JsonLines(worker))
+    handler.setFormatter(_Plain() if sys.stderr.isatty() else JsonLines())
     logging.basicConfig(level=level.upper(), handlers=[handler])
     logging.captureWarnings(True)
 

@@ -6,8 +6,6 @@ import ipaddress
 from collections import Counter
 from collections.abc import Sequence
 
-from posecast_relay.core.roster import CountsElsewhere
-
 Address = ipaddress.IPv4Address | ipaddress.IPv6Address
 Network = ipaddress.IPv4Network | ipaddress.IPv6Network
 FORWARDED_MAX = 4000  # last characters of the header that are read; proxies append their part at the end
@@ -22,7 +20,7 @@ def parse_networks(text: str) -> tuple[Network, ...]:
 
 def find_asker(peer: str, forwarded: str | None, trusted: Sequence[Network]) -> Address | None:
     """Return the last address in `X-Forwarded-For` that is not a trusted proxy. Without one, return the
-    peer's address, which is None on a Unix socket. `forwarded`: all headers of that name, joined by commas.
+    peer's address, which is None if it is unknown. `forwarded`: all headers of that name, joined by commas.
 
     Without trusted proxies the header does not affect the result, because anybody can send it.
     """
@@ -67,13 +65,9 @@ class Addresses:
     Previews are counted separately, so that they take no place from viewers.
     """
 
-    def __init__(
-        self, most: int, trusted: Sequence[Network] = (), elsewhere: CountsElsewhere | None = None
-    ) -> None:
-        """`elsewhere`: the counts of this relay's other processes, if it has any."""
+    def __init__(self, most: int, trusted: Sequence[Network] = ()) -> None:
         self.most = most
         self.trusted = trusted
-        self._elsewhere = elsewhere
         self._open: Counter[str] = Counter()
 
     def enter(self, peer: str, forwarded: str | None, is_preview: bool = False) -> str | None:
@@ -86,12 +80,9 @@ class Addresses:
             return ""
         if is_preview:
             address += " (previews)"
-        others = 0 if self._elsewhere is None else self._elsewhere.count_elsewhere(f"address {address}")
-        if self._open[address] + others >= self.most:
+        if self._open[address] >= self.most:
             return None
         self._open[address] += 1
-        if self._elsewhere is not None:
-            self._elsewhere.add(f"address {address}", 1)
         return address
 
     def leave(self, address: str) -> None:
@@ -99,8 +90,6 @@ class Addresses:
         if not address:
             return
         self._open[address] -= 1
-        if self._elsewhere is not None:
-            self._elsewhere.add(f"address {address}", -1)
         if self._open[address] <= 0:
             del self._open[address]
 

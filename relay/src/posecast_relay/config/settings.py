@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ipaddress
 import re
+from argparse import SUPPRESS
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -17,7 +18,6 @@ from posecast_relay.store_url import StoreUrlError, check_store_url
 
 T = TypeVar("T")
 
-WORKERS_MAX = 64
 STATUSES = {
     0: "success, or stopped by SIGTERM or Ctrl-C",
     1: "a command failed",
@@ -56,7 +56,6 @@ class Settings:
     firebase_database: str | None
     static: Path | None
     public_url: str | None
-    workers: int
     max_viewers: int
     max_per_address: int
     max_robots: int
@@ -93,12 +92,6 @@ def _port(text: str) -> int:
 def _count(text: str) -> int:
     if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= 1_000_000:
         raise ValueError("use a number from 1 to 1000000")
-    return int(text)
-
-
-def _workers(text: str) -> int:
-    if not text.isascii() or not text.isdigit() or not 1 <= int(text[:4]) <= WORKERS_MAX:
-        raise ValueError(f"use a number from 1 to {WORKERS_MAX}")
     return int(text)
 
 
@@ -259,7 +252,6 @@ FLAGS = (
     _Flag("firebase_database", _database, None, "mirror there what anyone can see, at 2 Hz", "URL"),
     _Flag("static", _directory, None, "the built page (default: packaged; in a checkout spa/dist)", "DIR"),
     _Flag("public_url", _public_url, None, "where people open the page; link previews need it", "URL"),
-    _Flag("workers", _workers, "1", "processes that serve viewers; each can use one core", "N"),
     _Flag("max_viewers", _count, "5000", "viewers at once; the next is told `full`", "N"),
     _Flag("max_per_address", _count, "2000", "streams from one address, such as a lecture hall", "N"),
     _Flag("max_connection_age", _seconds, None, "close streams after about S seconds; they reconnect", "S"),
@@ -301,7 +293,21 @@ def make_parser(program: str) -> CommandParser:
             run.add_argument(flag.option, action="store_const", const="1", help=told)
         else:
             run.add_argument(flag.option, metavar=flag.metavar, help=told)
+    run.add_argument("--workers", help=SUPPRESS)  # removed, see `_refuse_workers`
     return parser
+
+
+def _refuse_workers(given: str | None, environ: Mapping[str, str]) -> None:
+    """Refuse the removed setting `workers`. The value 1 is what a relay does anyway: old scripts and compose
+    files set it, and keep working.
+    """
+    variable = "POSECAST_WORKERS"
+    where, text = ("--workers", given) if given is not None else (variable, environ.get(variable) or "1")
+    if text != "1":
+        raise SettingsError(
+            f"{where} {text!r}: removed; for more cores or machines, run gateways: --role gateway with "
+            "--store redis://…"
+        )
 
 
 def _value(flag: _Flag, given: str | None, environ: Mapping[str, str]) -> object:
@@ -334,13 +340,12 @@ def _is_loopback(endpoint: str) -> bool:
 def parse(argv: Sequence[str], environ: Mapping[str, str], program: str = "posecast-relay") -> Settings:
     """Read the settings from arguments and environment. Raises SettingsError; SystemExit 0 on --help."""
     asked = vars(make_parser(program).parse_args(argv))
+    _refuse_workers(asked["workers"], environ)
     values = {flag.name: _value(flag, asked[flag.name], environ) for flag in FLAGS}
     assert set(values) == {f.name for f in fields(Settings)}
     settings = Settings(**values)  # type: ignore[arg-type]
     if settings.role != "all" and settings.store == "memory://":
         raise SettingsError(f"--role {settings.role}: needs --store redis://…, which connects the roles")
-    if settings.role == "ingest" and settings.workers > 1:
-        raise SettingsError(f"--workers {settings.workers}: not with --role ingest: it serves no viewers")
     if not settings.dev and settings.robots is None:
         raise SettingsError(
             "give --robots FILE (who can publish and watch), or --dev to accept any robot on this machine "

@@ -137,10 +137,11 @@ class Hub(Uplink):
     def _count_occupancy(self, grant: Grant | None) -> Occupancy:
         by = None if grant is None else (grant.robot, grant.by)
         return Occupancy(
-            *(self.headcount.count_viewers(), self.limits.viewers),
-            *((0,) if by is None else (self.count_audience(by),)),
+            viewers=self.headcount.count_viewers(),
+            viewers_max=self.limits.viewers,
+            of_audience=0 if by is None else self.admitted[by],
             previews=self.headcount.count_previews(),
-            previews_of_audience=0 if by is None else self.count_audience(by, previews=True),
+            previews_of_audience=0 if by is None else self.admitted_previews[by],
             is_draining=self.draining is not None,
         )
 
@@ -361,11 +362,11 @@ class Hub(Uplink):
             out += self.guard(viewer, partial(self._check_deadlines, viewer, now, pings))
         if pings:
             out.append(Send(messages.PING, pings))
-        for preview in tuple(self.previews):  # another hub or process gave their places to viewers
+        for preview in tuple(self.previews):  # another hub took their places, or a limit was lowered
             grant = preview.grant
             if self.headcount.count_viewers() > self.limits.viewers:
                 out += self._end_preview(preview, FULL)
-            elif grant and grant.viewers and self.count_audience((grant.robot, grant.by)) > grant.viewers:
+            elif grant and grant.viewers and self.admitted[grant.robot, grant.by] > grant.viewers:
                 out += self._end_preview(preview, ROBOT_FULL)
         self._sweeps += 1
         is_full = self.publishers >= self.limits.robots

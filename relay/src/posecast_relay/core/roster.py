@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Callable, Sized
 from dataclasses import replace
 from functools import partial
-from typing import Protocol
 
 from posecast_wire import Close
 
@@ -21,23 +20,11 @@ from posecast_relay.core.timer_queue import TimerQueue
 from posecast_relay.core.viewer.viewer import Viewer
 
 
-class CountsElsewhere(Protocol):
-    """Counts, by name, in the relay's other processes. This process reports its own counts here too."""
-
-    def add(self, name: str, change: int) -> None:
-        """Change this process's count by `change`."""
-
-    def count_elsewhere(self, name: str) -> int:
-        """Return the sum of the other processes' counts."""
-
-
 class Headcount:
-    """Counts the viewers of all hubs in one process, which share one limit, and those of `elsewhere` if
-    given."""
+    """Counts the viewers of all hubs in one process, which share one limit."""
 
-    def __init__(self, elsewhere: CountsElsewhere | None = None) -> None:
+    def __init__(self) -> None:
         self._hubs: list[tuple[Sized, Sized]] = []
-        self._elsewhere = elsewhere
 
     def include(self, viewers: Sized, previews: Sized) -> None:
         """Add a hub's viewers, and the previews among them. Their sizes are read at every count."""
@@ -45,38 +32,11 @@ class Headcount:
 
     def count_viewers(self) -> int:
         """Return how many viewers all hubs have now, previews included."""
-        return sum(len(viewers) for viewers, _ in self._hubs) + self._count_elsewhere("viewers")
+        return sum(len(viewers) for viewers, _ in self._hubs)
 
     def count_previews(self) -> int:
         """Return how many of them are previews."""
-        return sum(len(previews) for _, previews in self._hubs) + self._count_elsewhere("previews")
-
-    def count_audience_elsewhere(self, by: tuple[str, str], previews: bool = False) -> int:
-        """Return how many viewers (or only previews) of a robot and audience the other processes have."""
-        return self._count_elsewhere(_name_audience(by, previews))
-
-    def record(self, viewer: Viewer, change: int) -> None:
-        """Tell the other processes that a viewer has joined (`change` 1) or left (-1)."""
-        if self._elsewhere is None:
-            return
-        names = ["viewers", "previews" if viewer.is_preview else name_robot(viewer.robot)]
-        if viewer.grant is not None:
-            by = viewer.robot, viewer.grant.by
-            names += [_name_audience(by, previews) for previews in (False, True)[: 1 + viewer.is_preview]]
-        for name in names:
-            self._elsewhere.add(name, change)
-
-    def _count_elsewhere(self, name: str) -> int:
-        return 0 if self._elsewhere is None else self._elsewhere.count_elsewhere(name)
-
-
-def name_robot(robot: str) -> str:
-    """Return the name under which processes count a robot's viewers, excluding previews."""
-    return f"robot {robot}"
-
-
-def _name_audience(by: tuple[str, str], previews: bool) -> str:
-    return f"{'previews' if previews else 'audience'} {by[0]} {by[1]}"
+        return sum(len(previews) for _, previews in self._hubs)
 
 
 class Roster:
@@ -138,11 +98,6 @@ class Roster:
             return None
         return robot, robot.get_room(view)
 
-    def count_audience(self, by: tuple[str, str], previews: bool = False) -> int:
-        """Return how many viewers (or only previews) of a robot and audience all processes have."""
-        here = self.admitted_previews if previews else self.admitted
-        return here[by] + self.headcount.count_audience_elsewhere(by, previews)
-
     def plan_flush(self, room: Room) -> None:
         """Schedule the next `flush` of a room, and make `wake_at` earlier if needed."""
         self.flushes.put(room, room.find_wake_at())
@@ -171,14 +126,12 @@ class Roster:
         if viewer.is_preview:
             self.previews[viewer] = None
         self.viewers[viewer] = room
-        self.headcount.record(viewer, 1)
 
     def remove_viewer(self, viewer: Viewer) -> None:
         """Remove a viewer whose connection is gone. Does nothing if it was already removed."""
         room = self.viewers.pop(viewer, None)
         if room is None:
             return
-        self.headcount.record(viewer, -1)
         room.leave(viewer)
         self.previews.pop(viewer, None)
         if viewer.grant is not None:

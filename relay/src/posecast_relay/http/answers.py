@@ -97,7 +97,7 @@ class RobotState(AnswerDocument):
 class Readiness(AnswerDocument):
     """Whether viewers are accepted: yes if `ready` or `degraded`. `why`: what is missing, in one line."""
 
-    status: Literal["ready", "degraded", "starting", "draining"]
+    status: Literal["ready", "degraded", "draining"]
     why: str = ""
 
 

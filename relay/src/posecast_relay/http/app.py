@@ -6,7 +6,7 @@ import math
 from collections.abc import Awaitable, Callable
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from fastapi import FastAPI, HTTPException, Request, Response
 from fastapi.responses import JSONResponse, PlainTextResponse
@@ -77,15 +77,6 @@ PREFLIGHT = OPEN | {
 }
 
 
-class MissingPart(NamedTuple):
-    """A missing part of the relay, such as a worker. `has_begun`: the relay was complete before, and keeps
-    serving without it.
-    """
-
-    why: str
-    has_begun: bool
-
-
 def make_app(
     access: Access,
     models: ModelCache,
@@ -94,7 +85,6 @@ def make_app(
     public_url: str | None = None,
     publish_at: str | None = None,
     past: PastDesk | None = None,
-    find_missing: Callable[[], MissingPart | None] = lambda: None,
     find_config_trouble: Callable[[], str | None] = lambda: None,
     admin: AdminSources | None = None,
 ) -> FastAPI:
@@ -103,8 +93,8 @@ def make_app(
     `page`: the folder of the built page; None without one.
     `public_url`: where people open the page, without a slash at its end; None if it is not set.
     `publish_at`: where programs on this machine can publish without a credential; None if they can't.
-    `past`: the past that this process serves; None without one. `find_missing` returns a worker that does
-    not serve; `find_config_trouble` returns which configuration files are invalid.
+    `past`: the past that this process serves; None without one.
+    `find_config_trouble` returns which configuration files are invalid.
     `admin`: what the page `/admin` shows; None without a robots file, which has its credential.
     """
     # FastAPI's /docs loads scripts from another origin; the built page has its own copy (spa/public/docs).
@@ -153,8 +143,8 @@ def make_app(
     thumbnails = Thumbnails(models)
     preview = LinkPreview(access, thumbnails, public_url)
     _add_previews(app, access, models, thumbnails, preview)
-    find_trouble = partial(_find_trouble, access.live, past, find_missing, find_config_trouble)
-    _add_health(app, access.live, find_missing, find_trouble)
+    find_trouble = partial(_find_trouble, access.live, past, find_config_trouble)
+    _add_health(app, access.live, find_trouble)
 
     if admin is not None:
         add_admin_routes(app, access, admin, find_trouble)
@@ -180,40 +170,28 @@ def make_app(
 
 
 def _find_trouble(
-    dispatcher: Dispatcher,
-    past: PastDesk | None,
-    find_missing: Callable[[], MissingPart | None],
-    find_config_trouble: Callable[[], str | None],
+    dispatcher: Dispatcher, past: PastDesk | None, find_config_trouble: Callable[[], str | None]
 ) -> str | None:
     """Return why the relay is degraded, in one line that anybody may read; None if it is not."""
-    missing = find_missing()
     live, past_ = dispatcher.store.find_trouble(), None if past is None else past.source.find_trouble()
-    whys = (missing and missing.why, find_config_trouble(), live, past_ and f"the past: {past_}")
+    whys = (find_config_trouble(), live, past_ and f"the past: {past_}")
     return "; ".join(filter(None, whys)) or None
 
 
-def _add_health(
-    app: FastAPI,
-    dispatcher: Dispatcher,
-    find_missing: Callable[[], MissingPart | None],
-    find_trouble: Callable[[], str | None],
-) -> None:
+def _add_health(app: FastAPI, dispatcher: Dispatcher, find_trouble: Callable[[], str | None]) -> None:
     @app.get("/livez", summary="Whether the process is alive", response_class=Response, responses=ALIVE)
     async def livez() -> PlainTextResponse:
         return PlainTextResponse("ok\n")
 
     @app.get(
         "/readyz",
-        summary="Whether viewers are accepted; `degraded` if the store, the past or a worker is unavailable, "
+        summary="Whether viewers are accepted; `degraded` if the store or the past is unavailable, "
         "a configuration file is invalid or not in force, or robots can't connect",
         response_model=Readiness,
     )
     async def readyz() -> JSONResponse:
         if dispatcher.draining:
             return JSONResponse({"status": "draining"}, 503)
-        missing = find_missing()
-        if missing is not None and not missing.has_begun:
-            return JSONResponse({"status": "starting", "why": missing.why}, 503)
         why = find_trouble()
         return JSONResponse({"status": "degraded", "why": why} if why else {"status": "ready"})
 

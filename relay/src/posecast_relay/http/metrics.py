@@ -297,29 +297,13 @@ def _make_labelled(
     return metric
 
 
-def start_metrics(
-    host: str,
-    port: int,
-    dispatchers: Sequence[Dispatcher],
-    mirror: MirrorStats | None = None,
-    refused: Callable[[], int] = int,
-    past: PastStats | None = None,
-    way: PastWayStats | None = None,
-    held: HeldStats | None = None,
-    archive: ArchiveStats | None = None,
-    measure_config: Callable[[], Mapping[str, int]] = dict,
-    find_expiries: Callable[[], Mapping[str, float]] = dict,
-    is_listening: Callable[[], bool] = lambda: True,
-    join: Callable[[Collector], Collector] | None = None,
-) -> tuple[int, Callable[[], None]]:
+def start_metrics(host: str, port: int, collector: RelayCollector) -> tuple[int, Callable[[], None]]:
     """Serve metrics on `host`:`port` (0 = any free). Return the port and a function that stops serving.
 
-    `join` adds the metrics of this relay's other processes. Raises OSError if the port is in use.
+    Raises OSError if the port is in use.
     """
     registry = CollectorRegistry()
-    sources = (mirror, refused, past, way, held, archive, measure_config, find_expiries, is_listening)
-    own = RelayCollector(dispatchers, *sources)
-    registry.register(own if join is None else join(own))
+    registry.register(collector)
     server, thread = start_http_server(port, host, registry)
 
     def stop() -> None:

@@ -64,15 +64,6 @@ for name, limit_s in {"{forget}": FORGET_S, "{fresh}": FRESH_S, "{ingest}": INGE
     BOARD = BOARD.replace(name, f"{limit_s:g}")
 
 
-Now = Callable[[], float]
-CountBeside = Callable[[str], int]  # the viewers that a robot has at other workers of this relay
-
-
-def count_none(_robot: str) -> int:
-    """Return 0: this process has no other workers."""
-    return 0
-
-
 class RedisDirectory:
     """The directory as of the last exchange. `now` is this process's clock, in seconds."""
 

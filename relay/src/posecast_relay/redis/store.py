@@ -30,7 +30,7 @@ from posecast_relay.redis.client import (
     status_key,
     writer_key,
 )
-from posecast_relay.redis.directory import BOARD, CountBeside, Now, RedisDirectory, count_none
+from posecast_relay.redis.directory import BOARD, RedisDirectory
 from posecast_relay.redis.guard import (
     CLAIM,
     GUARD,
@@ -69,9 +69,7 @@ class _Turn(NamedTuple):
 class RedisStore:
     """Writes all streams to Redis. `describe` returns a robot's document for the directory."""
 
-    def __init__(
-        self, url: str, hub: Hub, now: Now, describe: Describe, count_beside: CountBeside = count_none
-    ) -> None:
+    def __init__(self, url: str, hub: Hub, now: Callable[[], float], describe: Describe) -> None:
         self.failures = 0
         self.losses = 0  # how often Redis was lost
         self.link = RedisClient(url)
@@ -79,7 +77,6 @@ class RedisStore:
         self._hub = hub
         self._now = now
         self._describe = describe
-        self._count_beside = count_beside
         self._dirty: dict[Stream, None] = {}
         self._written: dict[Stream, WrittenState] = {}
         self._turns: dict[str, _Turn] = {}  # by robot
@@ -354,12 +351,10 @@ class RedisStore:
             del self._tokens[name]
         await self._exchange(mine)
         for of_mine in heard:
-            others = self.directory.count_viewers_elsewhere(of_mine.name)
-            of_mine.set_followed(others + self._count_beside(of_mine.name) > 0)
+            of_mine.set_followed(self.directory.count_viewers_elsewhere(of_mine.name) > 0)
 
     async def _exchange(self, mine: Iterable[Robot]) -> None:
-        beside, robots = self._count_beside, self._hub.robots.values()
-        viewers = {r.name: n for r in robots if (n := r.count_viewers() + beside(r.name)) > 0}
+        viewers = {r.name: n for r in self._hub.robots.values() if (n := r.count_viewers()) > 0}
         found = {robot.name: self._run_guarded(robot.name, partial(self._describe, robot)) for robot in mine}
         told = {name: document for name, document in found.items() if document is not None}
         try:

@@ -1,6 +1,6 @@
 """Makes the messages about a robot for other processes: updates of a stream, its whole state, and presence.
 
-Does no I/O. Redis (`write_calls.py`) and the workers of one relay use the same messages.
+Does no I/O: `write_calls.py` makes calls to Redis from them.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ def use_small_buffers(transport: asyncio.Transport) -> None:
 def leave_unsent(transport: asyncio.Transport) -> None:
     """Keep unread data in the transport; otherwise the kernel would buffer megabytes of it."""
     sock = transport.get_extra_info("socket")
-    if sock is not None and sock.family != socket.AF_UNIX and hasattr(socket, "TCP_NOTSENT_LOWAT"):
+    if sock is not None and hasattr(socket, "TCP_NOTSENT_LOWAT"):
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, UNSENT_BYTES)
     transport.set_write_buffer_limits(high=0)
 

@@ -17,7 +17,6 @@ from posecast_relay.config.settings import Settings, StartError
 from posecast_relay.core.delayed_hub import DelayedHub
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.roster import CountsElsewhere
 from posecast_relay.runtime.dispatcher import RobotSource
 from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.runtime.io_uring import IoUring
@@ -46,14 +45,10 @@ def make_access(
     ports: tuple[StateStore, RobotSource],
     hub: Hub,
     delayed: DelayedHub | None,
-    elsewhere: CountsElsewhere | None = None,
 ) -> Access:
-    """Make the access control of a process. `elsewhere`: the counts of this relay's other processes.
-
-    Raises StartError if accounts can't be verified.
-    """
+    """Make the access control of a process. Raises StartError if accounts can't be verified."""
     store, source = ports
-    addresses = Addresses(settings.max_per_address, settings.trusted_proxies, elsewhere)
+    addresses = Addresses(settings.max_per_address, settings.trusted_proxies)
     given = (hub, delayed, store, FanOut(_ring()), source)
     has_past = settings.past is not None
     if robots is None:

@@ -39,22 +39,17 @@ class RelayServer(uvicorn.Server):
         config: uvicorn.Config,
         dispatchers: Sequence[Dispatcher],
         serving: Callable[[], None],
+        leaving: Callable[[], None],
     ) -> None:
-        """`serving` is called when the server starts to accept connections."""
+        """`serving` is called when the server starts to accept connections.
+
+        `leaving` is called when the relay begins to stop, before viewers are moved away.
+        """
         super().__init__(config)
         self._dispatchers = dispatchers
         self._serving = serving
+        self._leaving = leaving
         self._listeners: list[socket.socket] = []
-        self._leaving: list[Callable[[], None]] = []
-        self._may_end: Callable[[], bool] = lambda: True
-
-    def before_leaving(self, call: Callable[[], None]) -> None:
-        """Register a callback for when the relay begins to stop, before viewers are moved away."""
-        self._leaving.append(call)
-
-    def end_after(self, may_end: Callable[[], bool]) -> None:
-        """After all viewers were moved away, keep serving until `may_end` returns True."""
-        self._may_end = may_end
 
     def obey_signals(self) -> None:
         """Leave on SIGTERM and Ctrl-C."""
@@ -70,8 +65,7 @@ class RelayServer(uvicorn.Server):
             last = threading.Timer(END_S, _end)
             last.daemon = True
             last.start()
-            for call in self._leaving:
-                call()
+            self._leaving()
             self._take_no_more()
         for dispatcher in self._dispatchers:
             dispatcher.drain()
@@ -96,7 +90,7 @@ class RelayServer(uvicorn.Server):
         """Return whether to stop. uvicorn calls this ten times a second."""
         # uvicorn updates Date in one of ten calls. A page that takes the time from it would be a second off.
         stops = await super().on_tick(counter - counter % DATE_TICKS)
-        return stops or (all(dispatcher.drained for dispatcher in self._dispatchers) and self._may_end())
+        return stops or all(dispatcher.drained for dispatcher in self._dispatchers)
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -111,7 +105,7 @@ class RelayServer(uvicorn.Server):
 
 
 def make_server_config(
-    app: FastAPI | Callable[..., object], access: Access, decoded: DecodeCache, has_streams: bool = True
+    app: FastAPI, access: Access, decoded: DecodeCache, has_streams: bool
 ) -> uvicorn.Config:
     """Make uvicorn's configuration for a port that strangers reach."""
 

@@ -6,7 +6,6 @@ import contextlib
 import logging
 import resource
 import socket
-from pathlib import Path
 
 from posecast_relay.config.settings import StartError
 from posecast_relay.port_holder import explain_taken
@@ -21,16 +20,8 @@ BACKLOG = 4096  # a lecture hall opens the link at the same moment
 UNREAD_MS = 120_000
 
 
-def listen(host: str, port: int, is_first: bool = False, is_shared: bool = False) -> socket.socket:
-    """Open a listening socket; port 0 means any free port. Raises StartError if it can't be opened.
-
-    `is_shared`: other processes of this user can listen there too; each gets a part of the connections.
-    `is_first`: likewise, but nobody may listen there yet.
-    """
-    if is_first:
-        with listen(host, port) as alone:  # fails if the workers of another relay share the port
-            port = alone.getsockname()[1]
-        return listen(host, port, is_shared=True)
+def listen(host: str, port: int) -> socket.socket:
+    """Open a listening socket; port 0 means any free port. Raises StartError if it can't be opened."""
     try:
         family, kind, proto, _, address = socket.getaddrinfo(
             host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
@@ -41,8 +32,6 @@ def listen(host: str, port: int, is_first: bool = False, is_shared: bool = False
     except OSError as e:
         raise StartError(f"--host {host}: {e.strerror}") from None
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    if is_shared:
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
     cut_unread(listener, UNREAD_MS)
     try:
         listener.bind(address)
@@ -53,26 +42,10 @@ def listen(host: str, port: int, is_first: bool = False, is_shared: bool = False
     return listener
 
 
-def is_served(path: Path) -> bool:
-    """Whether a process listens at the Unix socket `path`. Does not wait. Raises OSError if it can't tell."""
-    with socket.socket(socket.AF_UNIX) as probe:
-        probe.setblocking(False)
-        try:
-            probe.connect(str(path))
-        except ConnectionRefusedError:
-            return False
-        except BlockingIOError:  # its queue is full: it may have been stopped, and go on at any time
-            return True
-    return True
-
-
-def allow_sockets(viewers: int, workers: int = 1) -> None:
-    """Raise the limit of open files, usually 1,024, so that each viewer can have a socket.
-
-    A request that is forwarded between workers needs one more.
-    """
+def allow_sockets(viewers: int) -> None:
+    """Raise the limit of open files, usually 1,024, so that each viewer can have a socket."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    wanted = viewers + SPARE_FILES * min(workers, 2)
+    wanted = viewers + SPARE_FILES
     if hard != resource.RLIM_INFINITY:
         wanted = min(wanted, hard)
     if soft != resource.RLIM_INFINITY and soft < wanted:

@@ -27,7 +27,6 @@ from posecast_relay.core.past.deletions import Deletions
 from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.deletion_record import unpack_deletion
 from posecast_relay.plain_json import json_bytes
-from posecast_relay.server.listener import is_served
 
 log = logging.getLogger("posecast_relay")
 
@@ -127,7 +126,7 @@ def _bind(path: Path) -> socket.socket:
     opened = socket.socket(socket.AF_UNIX)
     try:
         if path.is_socket():
-            if is_served(path):
+            if _is_served(path):
                 raise OSError("another process listens on it")
             path.unlink()
         opened.bind(str(path))
@@ -136,3 +135,16 @@ def _bind(path: Path) -> socket.socket:
         opened.close()
         raise
     return opened
+
+
+def _is_served(path: Path) -> bool:
+    """Whether a process listens at the Unix socket `path`. Does not wait. Raises OSError if it can't tell."""
+    with socket.socket(socket.AF_UNIX) as probe:
+        probe.setblocking(False)
+        try:
+            probe.connect(str(path))
+        except ConnectionRefusedError:
+            return False
+        except BlockingIOError:  # its queue is full: it may have been stopped, and go on at any time
+            return True
+    return True

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import logging
 import os
 import socket
 import sys
 import time
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Callable, Coroutine
 from typing import TYPE_CHECKING, Any
 
 import uvloop
@@ -26,7 +25,7 @@ from posecast_relay.core.hub import Hub
 from posecast_relay.core.roster import Headcount
 from posecast_relay.http.admin.report import AdminSources
 from posecast_relay.http.app import make_app
-from posecast_relay.http.metrics import start_metrics
+from posecast_relay.http.metrics import RelayCollector, start_metrics
 from posecast_relay.http.past.desk import PastDesk
 from posecast_relay.logging import LoopExceptionHandler, start_logging
 from posecast_relay.port_holder import explain_taken
@@ -47,7 +46,6 @@ from posecast_relay.zenoh.router import ListenError, RouterSession, ZenohAuth, c
 
 if TYPE_CHECKING:
     from posecast_relay.mirror.firebase import FirebaseMirror
-    from posecast_relay.server.workers.crew import Crew
 
 log = logging.getLogger("posecast_relay")
 
@@ -55,33 +53,31 @@ SWITCH_S = 0.0005  # how long the loop waits for Zenoh's threads to release the 
 CLOSE_ZENOH_S = 1.0
 
 
-def run(settings: Settings, argv: Sequence[str] = ()) -> None:
-    """Serve until SIGTERM or SIGINT. `argv`: the arguments of the settings, passed to further workers.
-
-    Raises StartError if something can't be opened, such as a port in use.
-    """
+def run(settings: Settings) -> None:
+    """Serve until SIGTERM or SIGINT. Raises StartError if something can't be opened (a port in use)."""
     sys.setswitchinterval(SWITCH_S)
-    start_logging(settings.log_level, None if settings.workers == 1 else 0)
+    start_logging(settings.log_level)
     logging.getLogger("websockets").setLevel(logging.WARNING)  # otherwise it logs two lines for every viewer
-    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner, contextlib.ExitStack() as ends:
+    check_store(settings)
+    allow_sockets(settings.max_viewers)
+    with (
+        listen(settings.host, settings.port) as listener,
+        asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner,
+    ):
         runner.get_loop().set_exception_handler(LoopExceptionHandler())
-        runner.run(_serve(settings, argv, ends))
+        runner.run(_serve(settings, listener))
 
 
-async def _serve(settings: Settings, argv: Sequence[str], ends: contextlib.ExitStack) -> None:
-    listener, robots = await _open(settings, ends)
+async def _serve(settings: Settings, listener: socket.socket) -> None:
+    async with WaitingServer(listener):  # until the robots file is valid
+        robots = await wait_for_robots(settings)
     router, refusals = _publishers(settings, robots)
     port = listener.getsockname()[1]
-    crew = _gather_crew(settings, argv, port, ends)
-    counts = None if crew is None else crew.counts
-    limits, headcount, past = make_limits(settings), Headcount(counts), make_past_services(settings, port)
+    limits, headcount, past = make_limits(settings), Headcount(), make_past_services(settings, port)
     hub = Hub(limits, headcount, None if past is None else past.recorder)
     delayed = None if robots is None else DelayedHub(limits, headcount)
-    services = make_role_services(
-        settings, router, hub, past, delayed.list_robots if delayed else tuple, counts
-    )
-    store = services.store if crew is None else crew.join_store(services.store, hub)
-    access = make_access(settings, robots, (store, services.source), hub, delayed, counts)
+    services = make_role_services(settings, router, hub, past, delayed.list_robots if delayed else tuple)
+    access = make_access(settings, robots, (services.store, services.source), hub, delayed)
     dispatcher = access.live
     admit = None if router is None else lambda to: services.admit(_admitted(settings, to))
     watch = make_watcher(settings, robots, access, admit)
@@ -89,20 +85,18 @@ async def _serve(settings: Settings, argv: Sequence[str], ends: contextlib.ExitS
     mirror = _mirror(settings, access)
     decoded, desk = DecodeCache(), None if past is None else past.make_desk(dispatcher)
     try:
-        stop_metrics = _metrics(settings, access, mirror, refusals, past, desk, configuration, crew)
+        stop_metrics = _metrics(settings, access, mirror, refusals, past, desk, configuration)
     except StartError:
         await _close(router)
         raise
 
-    def tell() -> None:
-        _tell(listener, router, describe_past(settings, access.policy, is_new=is_store_new(past)))
-
     def serving() -> None:
         settle_memory()
-        if crew is None:
-            tell()
-        else:
-            crew.tell_when_serving(tell)
+        _tell(listener, router, describe_past(settings, access.policy, is_new=is_store_new(past)))
+
+    def leaving() -> None:
+        if desk is not None:
+            desk.held.release()
 
     app = make_app(
         access,
@@ -112,22 +106,17 @@ async def _serve(settings: Settings, argv: Sequence[str], ends: contextlib.ExitS
         settings.public_url,
         _find_publish_at(settings, router),
         desk,
-        _find_nothing if crew is None else crew.find_missing,
         configuration.find_trouble,
         _make_admin(settings, watch, configuration, refusals, past),
     )
     config = make_server_config(app, access, decoded, has_streams=settings.role != "ingest")
-    server = RelayServer(config, access.dispatchers, serving)
-    if desk is not None:
-        server.before_leaving(desk.held.release)
+    server = RelayServer(config, access.dispatchers, serving, leaving)
     server.obey_signals()
     await services.start(dispatcher)
     for each in access.dispatchers:
         each.start()
     beside = _beside(follow_robots(watch, access), mirror, _run_past(past, access))
     try:
-        if crew is not None:
-            await crew.start(server, app, access)
         await server.serve(sockets=[listener])
     finally:
         for each in access.dispatchers:
@@ -137,16 +126,6 @@ async def _serve(settings: Settings, argv: Sequence[str], ends: contextlib.ExitS
         await _stop(services, past)
         stop_metrics()
         await _close(router)
-
-
-async def _open(settings: Settings, ends: contextlib.ExitStack) -> tuple[socket.socket, Robots | None]:
-    """Open the port, and serve a waiting page until the robots file is valid. Raises StartError."""
-    check_store(settings)
-    allow_sockets(settings.max_viewers, settings.workers)
-    listener = listen(settings.host, settings.port, is_first=settings.workers > 1)
-    ends.callback(listener.close)
-    async with WaitingServer(listener):
-        return listener, await wait_for_robots(settings)
 
 
 def _tell(listener: socket.socket, router: RouterSession | None, past: str) -> None:
@@ -176,23 +155,6 @@ def _make_admin(
         None if past is None else past.written_archive,
         settings.public_url,
     )
-
-
-def _gather_crew(
-    settings: Settings, argv: Sequence[str], port: int, ends: contextlib.ExitStack
-) -> Crew | None:
-    """Return the crew that leads this relay's workers; None if this process is the only one."""
-    if settings.workers == 1:
-        return None
-    from posecast_relay.server.workers.crew import Crew  # noqa: PLC0415 — not needed with one worker
-
-    crew = Crew(settings, argv, port)
-    ends.callback(crew.stop)
-    return crew
-
-
-def _find_nothing() -> None:
-    """Return None: nothing is missing."""
 
 
 def _find_publish_at(settings: Settings, router: RouterSession | None) -> str | None:
@@ -284,18 +246,26 @@ def _metrics(
     past: PastServices | None,
     desk: PastDesk | None,
     configuration: Configuration,
-    crew: Crew | None,
 ) -> Callable[[], None]:
     if settings.metrics_port is None:
         return lambda: None
     refused = int if refusals is None else lambda: refusals.count
     kept, way, archive = (None, None, None) if past is None else (past.kept, past.way, past.written_archive)
     held = None if desk is None else desk.held
-    join = None if crew is None else crew.join_metrics
-    files = (configuration.measure, configuration.find_expiries, configuration.is_listening)
-    sources = (access.dispatchers, mirror, refused, kept, way, held, archive, *files, join)
+    collector = RelayCollector(
+        access.dispatchers,
+        mirror,
+        refused,
+        kept,
+        way,
+        held,
+        archive,
+        configuration.measure,
+        configuration.find_expiries,
+        configuration.is_listening,
+    )
     try:
-        port, stop = start_metrics(settings.host, settings.metrics_port, *sources)
+        port, stop = start_metrics(settings.host, settings.metrics_port, collector)
     except OSError as e:
         why = explain_taken(e, settings.metrics_port)
         raise StartError(f"--metrics-port {settings.metrics_port}: {why}") from None

@@ -14,7 +14,6 @@ from typing import Any
 from posecast_relay.config.settings import Settings
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.policy.policy import PUBLIC
-from posecast_relay.core.roster import CountsElsewhere, name_robot
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.http.robots import make_robot_summary
 from posecast_relay.models.cache import ModelCache, ModelSource
@@ -49,17 +48,16 @@ def make_role_services(
     router: RouterSession | None,
     hub: Hub,
     past: PastServices | None,
-    pinned: Callable[[], Iterable[str]] = tuple,
-    elsewhere: CountsElsewhere | None = None,
+    pinned: Callable[[], Iterable[str]],
 ) -> RoleServices:
     """Make the services of the role in `settings`.
 
     `router` is None only for a gateway. `past` may have models too, and keeps those that it refers to.
-    `pinned` names robots that a gateway hears even if nobody watches. `elsewhere`: other workers' counts.
+    `pinned` names robots that a gateway hears even if nobody watches.
     """
     if past is None:
-        return _make(settings, router, hub, pinned, lambda live: live, elsewhere)
-    services = _make(settings, router, hub, pinned, past.join_models, elsewhere)
+        return _make(settings, router, hub, pinned, lambda live: live)
+    services = _make(settings, router, hub, pinned, past.join_models)
     past.keep_models(services.models)
     return services
 
@@ -70,7 +68,6 @@ def _make(
     hub: Hub,
     pinned: Callable[[], Iterable[str]],
     join_models: JoinModels,
-    elsewhere: CountsElsewhere | None,
 ) -> RoleServices:
     cache_bytes = settings.model_cache_mb << 20
     if router is None:
@@ -86,19 +83,14 @@ def _make(
             ingest.stop()
 
         return RoleServices(models, MemoryStore(), ingest, start, stop, ingest.admit)
-    return _with_redis(settings.store, hub, models, ingest, elsewhere)
+    return _with_redis(settings.store, hub, models, ingest)
 
 
-def _with_redis(
-    url: str, hub: Hub, models: ModelCache, ingest: ZenohIngest, elsewhere: CountsElsewhere | None
-) -> RoleServices:
+def _with_redis(url: str, hub: Hub, models: ModelCache, ingest: ZenohIngest) -> RoleServices:
     from posecast_relay.redis.models import ModelUploader  # noqa: PLC0415 — half of the time to start
     from posecast_relay.redis.store import RedisStore  # noqa: PLC0415
 
-    def count_beside(robot: str) -> int:
-        return 0 if elsewhere is None else elsewhere.count_elsewhere(name_robot(robot))
-
-    store = RedisStore(url, hub, Dispatcher.now, _describe_robot, count_beside)
+    store = RedisStore(url, hub, Dispatcher.now, _describe_robot)
     porter = ModelUploader(store.link, hub, models)
 
     async def start(dispatcher: Dispatcher) -> None:

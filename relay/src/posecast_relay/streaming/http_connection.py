@@ -231,7 +231,7 @@ class HttpConnection(HttpToolsProtocol):
         """Answer the request when it is its turn."""
         address = find_real_address(
             peer_of(self.transport),
-            self.find_header(cycle, b"x-forwarded-for"),
+            self._find_header(cycle, b"x-forwarded-for"),
             self.access.addresses.trusted,
         )
         line = f"{address} health" if cycle.scope["raw_path"] in HEALTH else address
@@ -342,7 +342,7 @@ class HttpConnection(HttpToolsProtocol):
             self.transport.abort()
 
     @staticmethod
-    def find_header(cycle: RequestResponseCycle, name: bytes) -> str | None:
+    def _find_header(cycle: RequestResponseCycle, name: bytes) -> str | None:
         """Return a header's value, None if there is none; repeated ones are joined by commas."""
         values = [value.decode("latin-1") for each, value in cycle.scope["headers"] if each == name]
         return ", ".join(values) or None
