@@ -83,7 +83,7 @@ async def test_viewers_of_all_workers_see_the_same_robot(relays: Relays, edges: 
         # as of one relay
         await asyncio.to_thread(until_metric, port, "posecast_viewers", 4)
         await asyncio.to_thread(until_metric, port, "posecast_workers", 2)
-        frames = sum(len(watcher.frames) - 2 for watcher in watchers)  # bases come along
+        frames = sum(len(watcher.frames) - 2 for watcher in watchers)  # KEYs come along
         await asyncio.to_thread(until_metric, port, "posecast_delivered_frames_total", frames, math.inf)
         edge.close()
         before = [len(watcher.frames) for watcher in watchers]

@@ -240,7 +240,7 @@ class _Listener:
                 continue
             written, names = describe_written(stream, GENERATION), self._feed.find_names(stream)
             values: list[Value] = ["generation", GENERATION, "frame", stream.newest.payload]
-            values += ["stamp", compute_ns(stream.newest), "ref", stream.ref.payload if stream.ref else b""]
+            values += ["stamp", compute_ns(stream.newest)]
             values += list_lasting_values(stream, names, written.is_heard)
             self._write(Kind.STATE, robot, pack_state(view, values))
             self._told[stream] = written
