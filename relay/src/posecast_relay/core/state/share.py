@@ -10,7 +10,7 @@ from posecast_relay.core.limits import Limits
 
 BURST_S = 1.0  # what queued up while a relay or link stalled this long may arrive at once
 OVER_FOR_S = 3.0  # after the last dropped message: a flood is one status, not one per frame
-HASHED = 2  # a KEY or REF costs twice its bytes: it is hashed and kept
+HASHED = 2  # a KEY costs twice its bytes: it is hashed and kept
 
 
 class TokenBucket:
