@@ -13,7 +13,7 @@ import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Protocol
+from typing import BinaryIO, Protocol
 
 from posecast_wire.recording import RECORDING_FILE
 
@@ -61,7 +61,7 @@ class ZipFiles:
     """The entries of a ZIP file, relative to the entry `recording.json` with the shortest path: somebody may
     have zipped the folder itself."""
 
-    def __init__(self, file: io.BufferedReader) -> None:
+    def __init__(self, file: BinaryIO) -> None:
         """Raises FileUnreadable."""
         try:
             self._zip = zipfile.ZipFile(_ShortReader(file))
@@ -115,7 +115,7 @@ def open_recording_files(place: Path) -> Iterator[RecordingFiles]:
 class _ShortReader(io.BufferedIOBase):
     """Reads a file in pieces of limited size: `zipfile` asks for a whole list of entries at once."""
 
-    def __init__(self, file: io.BufferedReader) -> None:
+    def __init__(self, file: BinaryIO) -> None:
         self._file = file
 
     def read(self, size: int | None = -1) -> bytes:
