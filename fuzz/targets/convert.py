@@ -8,7 +8,7 @@ from unittest.mock import patch
 
 from posecast_relay.export.csv_file import write_csv
 from posecast_relay.export.mcap_file import write_mcap
-from posecast_relay.export.recording_files import FileUnreadable, ZipFiles
+from posecast_relay.export.recording_files import FileUnreadable, RecordingZip
 from posecast_relay.export.span import ExportedSpan
 from posecast_relay.export.table import TableReader
 from posecast_wire.recording import (
@@ -52,7 +52,7 @@ def converted(data: bytes) -> None:
 
 def convert(data: bytes) -> None:
     """Both formats of all of it."""
-    files = ZipFiles(io.BytesIO(data))
+    files = RecordingZip(io.BytesIO(data))
     index = files.read(RECORDING_FILE, RECORDING_BYTES_MAX)
     if index is None:
         raise FileUnreadable("no index")

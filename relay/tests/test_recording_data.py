@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from posecast_relay.archive.object_store import open_object_store
 from posecast_relay.config.settings import SettingsError
-from posecast_relay.export.recording_files import FolderFiles
+from posecast_relay.export.recording_files import RecordingFolder
 from posecast_relay.export.span import ExportedSpan
 from posecast_relay.past_command.convert import run_convert
 from posecast_relay.past_command.main import run_past
@@ -92,7 +92,7 @@ def test_without_the_extra_there_are_no_messages(
 
 def test_a_span_without_frames_has_none(tmp_path: Path) -> None:
     recording, _ = collect(KeptSource(KEPT[:1]), tmp_path / "to")
-    span = ExportedSpan(FolderFiles(tmp_path / "to"), recording, recording.to_ms + 1, recording.to_ms + 2)
+    span = ExportedSpan(RecordingFolder(tmp_path / "to"), recording, recording.to_ms + 1, recording.to_ms + 2)
     data = data_files.write_data_files(tmp_path / "to", span, 100)
     assert data.warnings == [f"data.{kind}: left out: there are no frames" for kind in ("csv", "mcap")]
     add_page(make_page(tmp_path / "page"), tmp_path / "to", recording, None, data.sizes)

@@ -39,7 +39,7 @@ class RecordingFiles(Protocol):
         than `most` bytes."""
 
 
-class FolderFiles:
+class RecordingFolder:
     """The files in a folder."""
 
     def __init__(self, folder: Path) -> None:
@@ -57,7 +57,7 @@ class FolderFiles:
             raise FileUnreadable((e.strerror or str(e)).lower()) from None
 
 
-class ZipFiles:
+class RecordingZip:
     """The entries of a ZIP file, relative to the entry `recording.json` with the shortest path: somebody may
     have zipped the folder itself."""
 
@@ -100,7 +100,7 @@ class ZipFiles:
 def open_recording_files(place: Path) -> Iterator[RecordingFiles]:
     """Open a recording's folder, or the ZIP of one. Raises FileUnreadable."""
     if place.is_dir():
-        yield FolderFiles(place)
+        yield RecordingFolder(place)
         return
     if os.path.lexists(place) and not place.is_file():
         raise FileUnreadable("neither a file nor a folder")
@@ -109,7 +109,7 @@ def open_recording_files(place: Path) -> Iterator[RecordingFiles]:
     except OSError as e:
         raise FileUnreadable((e.strerror or str(e)).lower()) from None
     with file:
-        yield ZipFiles(file)
+        yield RecordingZip(file)
 
 
 class _ShortReader(io.BufferedIOBase):

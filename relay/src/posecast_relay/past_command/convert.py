@@ -20,7 +20,7 @@ from posecast_relay.export.recording_files import FileUnreadable, RecordingFiles
 from posecast_relay.export.span import ExportedSpan
 from posecast_relay.past_command.export import (
     WRITING_FAILED,
-    Written,
+    WrittenExport,
     catch_sigterm,
     read_moment_argument,
     tell_written,
@@ -101,7 +101,7 @@ def _choose_span(asked: argparse.Namespace, files: RecordingFiles, recording: Pa
     return ExportedSpan(files, recording, from_ms, to_ms)
 
 
-def _write(asked: argparse.Namespace, span: ExportedSpan) -> tuple[Written, int]:
+def _write(asked: argparse.Namespace, span: ExportedSpan) -> tuple[WrittenExport, int]:
     """Write the file; also return its size in bytes."""
     with open_place(asked.out, asked.replace) as place, ProgressBar(sys.stderr) as bar:
         report = partial(bar.show_progress, what=str(asked.out))

@@ -28,7 +28,7 @@ from posecast_relay.counted import write_count
 from posecast_relay.export.csv_file import TooManyColumnsError
 from posecast_relay.export.held_time import GAP_MS, HeldTime
 from posecast_relay.export.mcap_file import McapMissingError, TooManyTopicsError
-from posecast_relay.export.recording_files import FolderFiles
+from posecast_relay.export.recording_files import RecordingFolder
 from posecast_relay.export.span import ExportedSpan
 from posecast_relay.export.table_file import write_table
 from posecast_relay.past_command.failure import CommandFailed
@@ -168,14 +168,14 @@ def _export(
             catch_sigterm()  # the loop restored the default handler when it ended
         with ProgressBar(sys.stderr) as bar:
             report = partial(bar.show_progress, what=str(asked.out))
-            span = ExportedSpan(FolderFiles(folder), recording, asked.from_ms, asked.to_ms, report)
+            span = ExportedSpan(RecordingFolder(folder), recording, asked.from_ms, asked.to_ms, report)
             written = _write(asked, span, folder, place, page)
         size = _measure(place)
     tell_written(asked.program, asked.out, span, written, size, _tell_lost(collector.found))
 
 
 def tell_written(
-    program: str, out: Path, span: ExportedSpan, written: Written, size: int, lost: Sequence[str] = ()
+    program: str, out: Path, span: ExportedSpan, written: WrittenExport, size: int, lost: Sequence[str] = ()
 ) -> None:
     """Print what was written, and a line for each thing that is missing."""
     for line in (*lost, *written.warnings, *_tell_lacks(written.held, span)):
@@ -228,7 +228,7 @@ def _show_collected(bar: ProgressBar, found: Collection) -> None:
         bar.show_text(waits)
 
 
-class Written(NamedTuple):
+class WrittenExport(NamedTuple):
     """What was written (`what`), the time it covers, and one line for each thing that was left out."""
 
     what: str
@@ -238,7 +238,7 @@ class Written(NamedTuple):
 
 def _write(
     asked: argparse.Namespace, span: ExportedSpan, folder: Path, place: Path, page: Path | None
-) -> Written:
+) -> WrittenExport:
     """Write the export in the requested format. `folder`: where the recording was collected."""
     recording = span.recording
     if page is not None:
@@ -256,21 +256,21 @@ def _write(
         raise NothingThere(f"{asked.out}: {e}") from None
 
 
-def write_table_file(out: Path, span: ExportedSpan, place: Path) -> Written:
+def write_table_file(out: Path, span: ExportedSpan, place: Path) -> WrittenExport:
     """Write a span as a table or as messages, by the suffix of `out`, to `place`. Raises NothingThere,
     OSError, and the errors of WRITING_FAILED."""
     with place.open("wb") as file:
         table = write_table(file, "csv" if out.suffix == ".csv" else "mcap", span)
     if not table.frames:
         raise NothingThere("; ".join(("no frames in this span", *table.warnings)))
-    return Written(write_count(table.frames, "frame"), table.held, table.warnings)
+    return WrittenExport(write_count(table.frames, "frame"), table.held, table.warnings)
 
 
-def _sum_segments(recording: PastRecording) -> Written:
+def _sum_segments(recording: PastRecording) -> WrittenExport:
     held = HeldTime()
     for each in [each for each in recording.segments if each.frames] or recording.segments:
         held.add(each.from_ms, each.to_ms)
-    return Written(write_count(len(recording.segments), "segment"), held)
+    return WrittenExport(write_count(len(recording.segments), "segment"), held)
 
 
 def _open_source(asked: argparse.Namespace) -> HttpSource | StoreSource:

@@ -16,7 +16,7 @@ export function OfferedFiles({ files }: { files: readonly OfferedFile[] }) {
   return files.map(({ format, url, name, bytes }, i) => (
     <Fragment key={format}>
       {i > 0 && ' · '}
-      <a href={url} download={name}>
+      <a href={url} download={name} className="offered-file">
         {format} ({bytesWords(bytes)})
       </a>
     </Fragment>
