@@ -27,7 +27,7 @@ PAGES = {
     name: (ROOT / f"docs/{name}.md").read_text()
     for name in (
         *(f"how-to/record/{page}" for page in ("keep-a-lecture", "host-a-recording", "csv", "mcap")),
-        *("how-to/record/save-from-the-page", "reference/convert"),
+        "how-to/record/save-from-the-page",
         "how-to/watch/play-a-recording",
         "reference/past-export",
     )

@@ -186,8 +186,7 @@ describe.skipIf(!built)('bundle (skipped when spa/dist is not built)', () => {
       all['src/app/balance/balance_part.ts']?.imports?.map((name) => all[name]?.file)[0],
     );
     for (const file of line)
-      if (!first.has(file))
-        expect(readFileSync(`${dist}${file}`, 'utf8')).not.toMatch(/posecast-recording/);
+      if (!first.has(file)) expect(readFileSync(`${dist}${file}`, 'utf8')).not.toMatch(/posecast-recording/);
   });
 
   it('balance comes to nobody who does not watch it, in 12 kB, its numbers and a joint’s limits by themselves', () => {
