@@ -7,6 +7,7 @@ import { late, onDemand } from '../shell/late.tsx';
 import { usePageKeys } from '../shell/page_keys.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { useStore } from '../state/use_store.ts';
+import type { OfferedFile } from './save/OfferedFiles.tsx';
 import { momentSheet } from './time_line/jump/moment_sheet.ts';
 import { pastKeys } from './time_line/past_keys.ts';
 import { type BelowTrack, TimeLine } from './time_line/TimeLine.tsx';
@@ -26,12 +27,14 @@ export function PastBar(props: {
   source: PastSource | null;
   /** The address of a model's manifest, by its hash; by default, the relay's. */
   manifestUrl?: (sha256: string) => string;
+  /** Files of all of it, for other programs. */
+  offered?: readonly OfferedFile[];
   /** Only its keyboard shortcuts are active. */
   unseen?: boolean;
   slim?: boolean;
   notes?: BelowTrack | null;
 }) {
-  const { controls, live, twin, source, manifestUrl: given, unseen = false, ...rest } = props;
+  const { controls, live, twin, source, manifestUrl: given, offered, unseen = false, ...rest } = props;
   const [saving, setSaving] = useState(false);
   const { robot } = twin;
   const models = useCallback(
@@ -54,6 +57,7 @@ export function PastBar(props: {
             controls={controls}
             source={source}
             manifestUrl={models}
+            offered={offered}
             onClose={() => setSaving(false)}
           />
         </Suspense>

@@ -114,6 +114,7 @@ function Shown(props: {
           {...{ controls, source, index }}
           twin={link.twin}
           manifestUrl={opened.manifestUrl}
+          offered={opened.offered}
           isNonsense={onClose === null && named === 'nonsense'}
           unseen={presented}
         />
@@ -123,6 +124,7 @@ function Shown(props: {
           <AboutRecording
             {...{ index, source, controls }}
             robotName={link.twin.name}
+            offered={opened.offered}
             onClose={() => setAbout(false)}
           />
         )}
