@@ -49,7 +49,7 @@ node_modules/.ready: package-lock.json package.json $(wildcard spa/package.json 
 	@npm install --silent --no-save --ignore-scripts
 	@touch $@
 
-spa/dist/index.html: node_modules/.ready $(shell git ls-files --cached --others --exclude-standard spa/src spa/lean_react spa/lean_three spa/public spa/index.html spa/vite.config.ts wire/typescript/src 2>/dev/null)
+spa/dist/index.html: node_modules/.ready $(shell git ls-files --cached --others --exclude-standard spa/src spa/public spa/index.html spa/vite.config.ts wire/typescript/src 2>/dev/null)
 	@echo "set up: the page"
 	@npm run --silent build -w spa -- --logLevel warn
 	@touch $@

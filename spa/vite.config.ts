@@ -6,8 +6,6 @@ import { gzipSync } from 'node:zlib';
 import react from '@vitejs/plugin-react';
 import type { Plugin } from 'vite';
 import { defineConfig } from 'vitest/config';
-import { leanReact } from './lean_react/plugin.ts';
-import { leanThree } from './lean_three/plugin.ts';
 
 const RELAYS = 'https: wss: http://localhost:* ws://localhost:* http://127.0.0.1:* ws://127.0.0.1:*';
 /**
@@ -185,16 +183,7 @@ function packed(): Plugin {
 
 export default defineConfig({
   base: './', // one build for any path; the routes live in the hash
-  plugins: [
-    react(),
-    leanReact(),
-    leanThree(path.resolve(import.meta.dirname, 'src/three')),
-    contentPolicy(),
-    earlyStart(),
-    routesPage(),
-    embedEntry(),
-    packed(),
-  ],
+  plugins: [react(), contentPolicy(), earlyStart(), routesPage(), embedEntry(), packed()],
   build: {
     target: 'es2022',
     sourcemap: false,
