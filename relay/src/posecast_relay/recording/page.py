@@ -20,7 +20,7 @@ from posecast_relay.recording.output import PAGE_FILES, PAGE_FOLDERS, OutputErro
 
 ENTRIES: Mapping[str, str] = {"index.html": "", "embed/index.html": "../"}
 PARTS = ".vite/manifest.json"  # the build's own list of its files, and of what each of them imports
-FIRST_PARTS = ("src/app/pages/recording/recording_pages.ts", "src/past/relay/past_reader.ts")
+FIRST_PART = "src/app/pages/recording/RecordingPage.tsx"
 GENERAL = re.compile(r'\s*<meta (?:property="og:|name="description")[^>]*>')
 SHOWN_MAX = 500  # characters of a text that a chat reads
 TITLE = "<title>Posecast</title>"
@@ -82,7 +82,7 @@ def _list_first_parts(page: Path) -> list[str]:
         chunks = json.loads((page / PARTS).read_text(encoding="utf-8"))
         found: dict[str, None] = {}
         seen = {"index.html", *chunks["index.html"].get("imports", ())}
-        waiting = [name for name in FIRST_PARTS if name in chunks]
+        waiting = [FIRST_PART] if FIRST_PART in chunks else []
         for name in waiting:
             if name not in seen:
                 seen.add(name)

@@ -1,12 +1,11 @@
 import './list.css';
-import { Suspense, useEffect, useRef, useState } from 'react';
+import { useEffect, useRef, useState } from 'react';
 import { signInNeeded } from '../../../auth/request.ts';
 import { savesData } from '../../../browser/late_part.ts';
 import { accounts, home, relayChoice } from '../../../relay/relay.ts';
 import { prepareStream } from '../../../stream/early_stream.ts';
 import { formatSpan } from '../../../twin/format.ts';
 import type { Verdict } from '../../../twin/liveness.ts';
-import { loadPanel } from '../../numbers/load_panel.ts';
 import { Command } from '../../shell/Command.tsx';
 import { IconButton, SettingsIcon } from '../../shell/icons.tsx';
 import { late } from '../../shell/late.tsx';
@@ -38,7 +37,7 @@ function prepareRobotPage(): () => void {
   const timer = setTimeout(() => {
     if (savesData()) return;
     prepareStream();
-    loadPanel().catch(() => {}); // requested again when needed
+    import('../../numbers/Panel.tsx').catch(() => {}); // requested again when needed
   }, AHEAD_AFTER_MS);
   return () => clearTimeout(timer);
 }
@@ -86,11 +85,7 @@ export function RobotList({ onSettings }: { onSettings: () => void }) {
           </span>
         )}
         <span className="grow" />
-        {accounts !== null && (
-          <Suspense fallback={null}>
-            <SignIn />
-          </Suspense>
-        )}
+        {accounts !== null && <SignIn />}
         <IconButton onClick={onSettings} label={text.settings}>
           <SettingsIcon />
         </IconButton>
@@ -189,9 +184,7 @@ function Card(props: {
         <span className="thumb" data-state={word}>
           <Thumbnail robot={robot} />
           {moves && word === 'LIVE' && robot.model !== null && (
-            <Suspense fallback={null}>
-              <Preview robot={robot.robot} model={robot.model} />
-            </Suspense>
+            <Preview robot={robot.robot} model={robot.model} />
           )}
         </span>
         <span className="card-name">{robot.name}</span>
