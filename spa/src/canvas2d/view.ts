@@ -3,7 +3,7 @@ import { prefersReducedMotion } from '../browser/reduced_motion.ts';
 import { Overlay } from '../overlays/overlay.ts';
 import type { OverlayStyle } from '../overlays/robot_overlay.ts';
 import type { OverlayReadings } from '../twin/overlay/reader.ts';
-import type { MouseStyle, SeenOverlay } from '../view/body_view.ts';
+import type { SeenOverlay } from '../view/body_view.ts';
 import { CameraRig } from '../view/camera/camera_rig.ts';
 import type { NodeHost } from '../view/figure_node.ts';
 import { RobotRow, topOf } from '../view/robot_row.ts';
@@ -46,7 +46,6 @@ export class LightView extends RowStage<LightRobotNode> {
   readonly #letGo: () => void;
   readonly #onSlow: (slow: boolean) => void;
   readonly #onDrawn: () => void;
-  #mouse: MouseStyle = 'orbit';
   #tones: LightColors;
   #triangles = 0;
   #pictureMs = 0;
@@ -67,7 +66,7 @@ export class LightView extends RowStage<LightRobotNode> {
     const { canvas } = this.#painter;
     host.append(canvas);
     this.#overlay = new Overlay(host, this.#tones.signs);
-    this.#letGo = attachPointerInput(canvas, this.rig, () => this.#mouse);
+    this.#letGo = attachPointerInput(canvas, this.rig);
     this.addRobot();
     this.loop.add({ advance: (seconds) => this.#advance(seconds) });
     this.#resizes = new ResizeObserver(() => this.#resize());
@@ -121,10 +120,6 @@ export class LightView extends RowStage<LightRobotNode> {
   showSigns(readings: OverlayReadings | null, manner?: OverlayStyle, of = this.robot): void {
     this.#overlay.show(of, readings, manner);
     this.loop.wake();
-  }
-
-  setMouse(style: MouseStyle): void {
-    this.#mouse = style;
   }
 
   pick(clientX: number, clientY: number): string | null {

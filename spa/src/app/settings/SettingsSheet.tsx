@@ -70,7 +70,6 @@ export function SettingsSheet({ link, onClose }: { link: RobotLink | null; onClo
         ['turn', rest.followTurn],
         ['stay', rest.followStay],
       )}
-      {choice('mouse', rest.mouse, ['orbit', rest.mouseOrbit], ['foxglove', rest.mouseFoxglove])}
       {choice('characterKeys', rest.characterKeys, [true, rest.keysOn], [false, rest.keysOff])}
       <details className="keys">
         <summary>{rest.keys}</summary>

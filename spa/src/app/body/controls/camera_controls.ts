@@ -53,13 +53,9 @@ export function closeTo(view: Pick<Eye, 'pick' | 'focus' | 'look'>, at: { x: num
   else view.focus(link);
 }
 
-/** Attaches keys, double taps and the chosen mouse style to the body's element. Returns a function that detaches them. */
+/** Attaches keys and double taps to the body's element, and follows the setting how the camera follows a walking robot. Returns a function that detaches them. */
 export function attachCameraControls(element: HTMLElement, view: BodyView): () => void {
-  const chosen = () => {
-    const { mouse, follow } = settings();
-    view.setMouse(mouse);
-    view.setFollow(follow);
-  };
+  const chosen = () => view.setFollow(settings().follow);
   const middle = () => {
     const { left, top, width, height } = element.getBoundingClientRect();
     return { x: left + width / 2, y: top + height / 2 };

@@ -8,7 +8,7 @@ const CONTROLS = new LatePart(() =>
   Promise.all([import('./camera_controls.ts'), import('./body_selection.ts')]),
 );
 
-/** Attaches camera keys, double taps, mouse style and insets while a body is shown; with a twin, also joint selection by tap.
+/** Attaches camera keys, double taps and insets while a body is shown; with a twin, also joint selection by tap.
  *  Their code is loaded with the body. */
 export function useCameraControls(
   host: RefObject<HTMLElement | null>,
