@@ -33,13 +33,15 @@ export interface LightOptions {
  */
 export class LightView extends RowStage<LightRobotNode> {
   protected override readonly row = new RobotRow<LightRobotNode>();
+  /** Signs of balance are filled triangles, and this view draws only strokes. */
+  readonly drawsBalance = false;
   readonly #host: HTMLElement;
   protected override readonly rig = new CameraRig({
     nearest: NEAREST,
     still: prefersReducedMotion,
     changed: () => this.loop.request(),
   });
-  readonly #painter = new LightPainter(this.rig, () => this.loop.request());
+  readonly #painter = new LightPainter(this.rig);
   readonly #sharpness = new AdaptiveResolution();
   readonly #overlay: Overlay;
   readonly #resizes: ResizeObserver;
@@ -118,7 +120,7 @@ export class LightView extends RowStage<LightRobotNode> {
   }
 
   showSigns(readings: OverlayReadings | null, manner?: OverlayStyle, of = this.robot): void {
-    this.#overlay.show(of, readings, manner);
+    this.#overlay.show(of, readings, manner && { ...manner, balance: null });
     this.loop.wake();
   }
 
@@ -180,7 +182,6 @@ export class LightView extends RowStage<LightRobotNode> {
     this.#triangles = this.#painter.paint({
       robots: this.robots,
       strokes: this.#overlay.strokes,
-      facets: this.#overlay.facets,
       tones: this.#tones,
       ratio: this.#sharpness.ratio(Math.max(1, window.devicePixelRatio), fine),
       fine,

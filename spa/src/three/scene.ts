@@ -42,6 +42,7 @@ export interface SceneOptions {
 export class RobotScene extends RowStage<RobotNode> {
   protected override readonly row = new SceneRow();
   protected override readonly rig: CameraRig;
+  readonly drawsBalance = true;
   readonly #scene = new Scene();
   readonly #surface: SceneCanvas;
   readonly #camera: SceneCamera;

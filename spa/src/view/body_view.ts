@@ -89,6 +89,8 @@ export interface BodyView extends OverlaidBody {
   /** Scales the distance to the target; a factor below 1 moves closer. */
   zoom(factor: number): void;
   setFollow(mode: FollowMode): void;
+  /** Whether it draws the signs of balance. */
+  readonly drawsBalance: boolean;
   /** The link under a point of the window (CSS pixels), or null. */
   pick(clientX: number, clientY: number): string | null;
   /** The kinematic tree of the model; null until it is loaded. */

@@ -23,6 +23,7 @@ export abstract class RowStage<N extends FigureNode<StagedFigure>> implements Ro
 
   abstract readonly resting: boolean;
   abstract readonly drawCalls: number;
+  abstract readonly drawsBalance: boolean;
   abstract readonly triangles: number;
   abstract readonly finerBytes: number | null;
   abstract refine(onProgress: OnProgress): Promise<void>;

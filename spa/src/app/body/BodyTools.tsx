@@ -16,7 +16,7 @@ export function BodyTools({ link, view, shown }: { link: RobotLink; view: BodyVi
     <div className="stage-tools">
       {hasRef && <ShownChoice />}
       <CameraViews scene={view} />
-      <OverlayMenu links={[link]} />
+      <OverlayMenu links={[link]} drawsBalance={view.drawsBalance} />
       {shown && <Finer scene={view} />}
     </div>
   );
