@@ -30,8 +30,8 @@ READ_BYTES = 1 << 16
 SUMMED = frozenset(
     "posecast_" + name
     for name in (
-        *("viewers", "previews", "faults", "delivered_frames", "skipped_frames", "handshakes"),
-        *("endings", "preview_endings", "lane_viewers", "evictions", "tasks"),
+        *("viewers", "faults", "delivered_frames", "skipped_frames", "handshakes"),
+        *("endings", "lane_viewers", "evictions", "tasks"),
         *("fan_out_seconds", "loop_lag_seconds"),
     )
 )
