@@ -1,8 +1,7 @@
 import { createHash } from 'node:crypto';
-import { mkdirSync, readdirSync, readFileSync, writeFileSync } from 'node:fs';
+import { mkdirSync, readFileSync, writeFileSync } from 'node:fs';
 import { createRequire } from 'node:module';
 import path from 'node:path';
-import { gzipSync } from 'node:zlib';
 import react from '@vitejs/plugin-react';
 import type { Plugin, Rolldown } from 'vite';
 import { defineConfig } from 'vitest/config';
@@ -133,28 +132,9 @@ function embedEntry(): Plugin {
   };
 }
 
-/** A `.gz` beside every file that benefits, for hosts that serve such files, as the relay does. */
-function packed(): Plugin {
-  let folder = '';
-  return {
-    name: 'packed',
-    apply: 'build',
-    configResolved: (config) => {
-      folder = path.resolve(config.root, config.build.outDir);
-    },
-    closeBundle: () => {
-      for (const name of readdirSync(folder, { recursive: true, encoding: 'utf8' })) {
-        if (!/\.(js|css|html|svg)$/.test(name)) continue;
-        const file = path.join(folder, name);
-        writeFileSync(`${file}.gz`, gzipSync(readFileSync(file), { level: 9 }));
-      }
-    },
-  };
-}
-
 export default defineConfig({
   base: './', // one build for any path; the routes live in the hash
-  plugins: [react(), contentPolicy(), earlyStart(), routesPage(), embedEntry(), packed()],
+  plugins: [react(), contentPolicy(), earlyStart(), routesPage(), embedEntry()],
   build: {
     target: 'es2022',
     sourcemap: false,

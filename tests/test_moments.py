@@ -98,7 +98,7 @@ def test_recordings_and_player_are_small_and_there_once(site: Path) -> None:
     for kind in ("assets/index-*.js", "assets/threejs-*.js"):
         assert len([*gallery.rglob(kind)]) == 1, kind
     assert len([*(gallery / "models").iterdir()]) == 2, "the demo's moments share its model"
-    assert not [path for path in sizes if path.suffix == ".gz"]
+    assert not [path for path in sizes if path.suffix in (".br", ".gz")]
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -21,6 +21,7 @@ from posecast_relay.recording.output import PAGE_FILES, PAGE_FOLDERS, OutputErro
 ENTRIES: Mapping[str, str] = {"index.html": "", "embed/index.html": "../"}
 PARTS = ".vite/manifest.json"  # the build's own list of its files, and of what each of them imports
 FIRST_PART = "src/app/pages/recording/RecordingPage.tsx"
+PACKED = frozenset((".br", ".gz"))  # beside the files that they were made of; hosts compress by themselves
 GENERAL = re.compile(r'\s*<meta (?:property="og:|name="description")[^>]*>')
 SHOWN_MAX = 500  # characters of a text that a chat reads
 TITLE = "<title>Posecast</title>"
@@ -67,7 +68,7 @@ def copy_page_files(page: Path, folder: Path) -> None:
     """Copy what a built page needs into a folder, without the two pages themselves. Raises OSError."""
     for path in sorted(page.rglob("*")):
         relative = path.relative_to(page)
-        if relative.parts[0] not in PAGE_FILES | PAGE_FOLDERS or path.suffix == ".gz" or not path.is_file():
+        if relative.parts[0] not in PAGE_FILES | PAGE_FOLDERS or path.suffix in PACKED or not path.is_file():
             continue
         if any(part.startswith(".") for part in relative.parts) or relative.as_posix() in ENTRIES:
             continue
