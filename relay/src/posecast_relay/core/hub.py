@@ -34,11 +34,8 @@ from posecast_relay.core.load_shedder import LoadShedder
 from posecast_relay.core.past.recorder import Recorder
 from posecast_relay.core.policy.admission import (
     DRAIN_RETRY_S,
-    FULL,
     GOING,
-    ROBOT_FULL,
     Occupancy,
-    Refusal,
     find_no_room,
 )
 from posecast_relay.core.policy.policy import PUBLIC, Grant
@@ -120,9 +117,8 @@ class Hub(Uplink):
         occupancy = self._count_occupancy(grant)
         refusal = find_no_room(grant, occupancy)
         if refusal is not None:
-            told = self.count_refusal(refusal, viewer.is_preview, now)
+            told = self.count_refusal(refusal, now)
             return [CloseConnection(viewer, told.close, told.reason, told.retry_s, told.lane)]
-        out = [] if viewer.is_preview else self._make_room(grant, occupancy)
         viewer.set_rate(min(viewer.asked_hz, self.load.ceiling_hz))
         robot = self.robots.get(viewer.robot)
         if robot is None:  # the robot may appear later; bounded by the number of viewers
@@ -132,7 +128,7 @@ class Hub(Uplink):
         self.statuses.setdefault(room, robot.compute_status(room, now))
         room.set_degraded(self.degraded or robot.degraded)
         watch: list[Action] = [] if robot.has_viewers() else [SubscribeRobot(robot.name)]
-        return [*out, room.join(viewer, robot.compute_status(room, now), now, unix_s), *watch]
+        return [room.join(viewer, robot.compute_status(room, now), now, unix_s), *watch]
 
     def _count_occupancy(self, grant: Grant | None) -> Occupancy:
         by = None if grant is None else (grant.robot, grant.by)
@@ -140,24 +136,8 @@ class Hub(Uplink):
             viewers=self.headcount.count_viewers(),
             viewers_max=self.limits.viewers,
             of_audience=0 if by is None else self.admitted[by],
-            previews=self.headcount.count_previews(),
-            previews_of_audience=0 if by is None else self.admitted_previews[by],
             is_draining=self.draining is not None,
         )
-
-    def _make_room(self, grant: Grant | None, occupancy: Occupancy) -> list[Action]:
-        """End the oldest preview to make room for a viewer. If the robot's limit is reached, it is one of
-        that robot."""
-        if grant is not None and grant.viewers is not None and occupancy.of_audience >= grant.viewers:
-            by = grant.robot, grant.by
-            here = (each for each in self.previews if each.grant and (each.robot, each.grant.by) == by)
-            return self._end_preview(next(here, None), ROBOT_FULL)
-        if occupancy.viewers >= occupancy.viewers_max:  # another hub ends its previews in its next sweep
-            return self._end_preview(next(iter(self.previews), None), FULL)
-        return []
-
-    def _end_preview(self, preview: Viewer | None, why: Refusal) -> list[Action]:
-        return [] if preview is None else self.end_viewer(preview, why.close, why.reason, why.retry_s)
 
     def take_message(self, viewer: Viewer, payload: bytes, now: float) -> list[Action]:
         """Handle a text message from a viewer. An invalid message, or too many, end the connection."""
@@ -345,7 +325,7 @@ class Hub(Uplink):
         close = viewer.find_overdue(now)
         if close is not None:
             self.remove_viewer(viewer)
-            self.count_ending(close, viewer.is_preview)
+            self.count_ending(close)
             return [Abort(viewer, close)]
         if now >= viewer.expires_at:
             return self.end_viewer(viewer, Close.TOKEN, EXPIRED, None)
@@ -362,12 +342,6 @@ class Hub(Uplink):
             out += self.guard(viewer, partial(self._check_deadlines, viewer, now, pings))
         if pings:
             out.append(Send(messages.PING, pings))
-        for preview in tuple(self.previews):  # another hub took their places, or a limit was lowered
-            grant = preview.grant
-            if self.headcount.count_viewers() > self.limits.viewers:
-                out += self._end_preview(preview, FULL)
-            elif grant and grant.viewers and self.admitted[grant.robot, grant.by] > grant.viewers:
-                out += self._end_preview(preview, ROBOT_FULL)
         self._sweeps += 1
         is_full = self.publishers >= self.limits.robots
         if is_full or self._sweeps % FORGET_EVERY == 0:

@@ -24,19 +24,15 @@ class Headcount:
     """Counts the viewers of all hubs in one process, which share one limit."""
 
     def __init__(self) -> None:
-        self._hubs: list[tuple[Sized, Sized]] = []
+        self._hubs: list[Sized] = []
 
-    def include(self, viewers: Sized, previews: Sized) -> None:
-        """Add a hub's viewers, and the previews among them. Their sizes are read at every count."""
-        self._hubs.append((viewers, previews))
+    def include(self, viewers: Sized) -> None:
+        """Add a hub's viewers. Their number is read at every count."""
+        self._hubs.append(viewers)
 
     def count_viewers(self) -> int:
-        """Return how many viewers all hubs have now, previews included."""
-        return sum(len(viewers) for viewers, _ in self._hubs)
-
-    def count_previews(self) -> int:
-        """Return how many of them are previews."""
-        return sum(len(previews) for _, previews in self._hubs)
+        """Return how many viewers all hubs have now."""
+        return sum(map(len, self._hubs))
 
 
 class Roster:
@@ -56,11 +52,8 @@ class Roster:
         self.publishers = 0  # of the robots, those that have sent something
         self.viewers: dict[Viewer, Room] = {}
         self.admitted: Counter[tuple[str, str]] = Counter()  # viewers by robot and audience
-        self.previews: dict[Viewer, None] = {}  # of the viewers, in the order in which they joined
-        self.admitted_previews: Counter[tuple[str, str]] = Counter()  # previews by robot and audience
-        self.headcount.include(self.viewers, self.previews)
+        self.headcount.include(self.viewers)
         self.endings: Counter[int] = Counter()  # of viewers, by close code
-        self.preview_endings: Counter[int] = Counter()  # of previews, by close code, counted separately
         self.sent_to_lane = 0  # of the viewers that were refused
         self._retry_pace = RetryPace()
         self.delivered = 0  # by rooms that are gone; likewise below
@@ -122,9 +115,6 @@ class Roster:
         """Count a viewer, which is about to join this room."""
         if viewer.grant is not None:
             self.admitted[viewer.robot, viewer.grant.by] += 1
-            self.admitted_previews[viewer.robot, viewer.grant.by] += viewer.is_preview
-        if viewer.is_preview:
-            self.previews[viewer] = None
         self.viewers[viewer] = room
 
     def remove_viewer(self, viewer: Viewer) -> None:
@@ -133,10 +123,8 @@ class Roster:
         if room is None:
             return
         room.leave(viewer)
-        self.previews.pop(viewer, None)
         if viewer.grant is not None:
             self.admitted[viewer.robot, viewer.grant.by] -= 1
-            self.admitted_previews[viewer.robot, viewer.grant.by] -= viewer.is_preview
         robot = self.robots.get(viewer.robot)
         if robot is not None and robot.heard_at is None and not robot.has_viewers():
             self.drop_robot(robot)
@@ -174,26 +162,26 @@ class Roster:
                 out.append(Fault(where, e))
                 if room is not None:
                     room.evict(viewer)
-            self.count_ending(Close.INTERNAL_ERROR, viewer.is_preview)
+            self.count_ending(Close.INTERNAL_ERROR)
             out.append(CloseConnection(viewer, Close.INTERNAL_ERROR, "internal error of the relay", None))
         return out
 
     def end_viewer(self, viewer: Viewer, close: Close, reason: str, retry_s: float | None) -> list[Action]:
         """Remove a viewer, count the reason, and close its connection."""
         self.remove_viewer(viewer)
-        self.count_ending(close, viewer.is_preview)
+        self.count_ending(close)
         return [CloseConnection(viewer, close, reason, retry_s)]
 
-    def count_ending(self, close: int, is_preview: bool) -> None:
-        """Count that a viewer was disconnected or refused, by close code. Previews are counted separately."""
-        (self.preview_endings if is_preview else self.endings)[close] += 1
+    def count_ending(self, close: int) -> None:
+        """Count that a viewer was disconnected or refused, by close code."""
+        self.endings[close] += 1
 
-    def count_refusal(self, refusal: Refusal, is_preview: bool, now: float) -> Refusal:
+    def count_refusal(self, refusal: Refusal, now: float) -> Refusal:
         """Count a refusal by close code, and whether it names the lane.
 
         Returns what to send: if many viewers are sent to the lane, a longer time until they retry.
         """
-        self.count_ending(refusal.close, is_preview)
+        self.count_ending(refusal.close)
         if refusal.lane is None or refusal.retry_s is None:
             return refusal
         self.sent_to_lane += 1
@@ -204,7 +192,7 @@ class Roster:
         for action in actions:
             if isinstance(action, CloseConnection):
                 self.remove_viewer(action.viewer)
-                self.count_ending(action.close, action.viewer.is_preview)
+                self.count_ending(action.close)
         return actions
 
     @staticmethod

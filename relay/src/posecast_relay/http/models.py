@@ -13,6 +13,7 @@ from http import HTTPStatus
 from fastapi import Request, Response
 from starlette.types import Receive, Scope, Send
 
+from posecast_relay.http.accept_encoding import choose_encoding
 from posecast_relay.http.auth import OPEN
 from posecast_relay.http.etags import has_already
 from posecast_relay.http.gzip_cache import GzipCache, make_packed_name
@@ -68,7 +69,7 @@ async def make_model_answer(
     if has_already(request, headers["etag"]):
         return Response(status_code=HTTPStatus.NOT_MODIFIED, headers=headers)
     shrinks = size <= PACK_UP_TO_BYTES and not type_.startswith("image/")
-    if shrinks and "gzip" in request.headers.get("accept-encoding", ""):
+    if shrinks and choose_encoding(request.headers, ("gzip",)) is not None:
         packed_size = await packed.pack(robot, name)
         if packed_size:
             headers |= {"content-encoding": "gzip", "etag": f'W/"{name}"'}

@@ -21,7 +21,8 @@ from posecast_relay.recording.output import PAGE_FILES, PAGE_FOLDERS, OutputErro
 
 ENTRIES: Mapping[str, str] = {"index.html": "", "embed/index.html": "../"}
 PARTS = ".vite/manifest.json"  # the build's own list of its files, and of what each of them imports
-FIRST_PARTS = ("src/app/pages/recording/recording_pages.ts", "src/past/relay/past_reader.ts")
+FIRST_PART = "src/app/pages/recording/RecordingPage.tsx"
+PACKED = frozenset((".br", ".gz"))  # beside the files that they were made of; hosts compress by themselves
 GENERAL = re.compile(r'\s*<meta (?:property="og:|name="description")[^>]*>')
 SHOWN_MAX = 500  # characters of a text that a chat reads
 RECORDING_TAG = '<meta name="posecast-recording"'
@@ -80,7 +81,7 @@ def copy_page_files(page: Path, folder: Path) -> None:
     """Copy what a built page needs into a folder, without the two pages themselves. Raises OSError."""
     for path in sorted(page.rglob("*")):
         relative = path.relative_to(page)
-        if relative.parts[0] not in PAGE_FILES | PAGE_FOLDERS or path.suffix == ".gz" or not path.is_file():
+        if relative.parts[0] not in PAGE_FILES | PAGE_FOLDERS or path.suffix in PACKED or not path.is_file():
             continue
         if any(part.startswith(".") for part in relative.parts) or relative.as_posix() in ENTRIES:
             continue
@@ -95,7 +96,7 @@ def _list_first_parts(page: Path) -> list[str]:
         chunks = json.loads((page / PARTS).read_text(encoding="utf-8"))
         found: dict[str, None] = {}
         seen = {"index.html", *chunks["index.html"].get("imports", ())}
-        waiting = [name for name in FIRST_PARTS if name in chunks]
+        waiting = [FIRST_PART] if FIRST_PART in chunks else []
         for name in waiting:
             if name not in seen:
                 seen.add(name)

@@ -80,7 +80,6 @@ class Grant:
     viewers: int | None
     by: Audience
     who: Principal
-    is_preview: bool = False  # a card in a list: not counted as a viewer, and the first to be dropped
     past_s: float = 0.0  # how far back from what is shown live; 0: no past
     lane: str | None = None  # where they read on if the relay is full
 

@@ -12,12 +12,10 @@ class _Document(BaseModel):
 
 
 class RelayFigures(_Document):
-    """The relay's counters since its start. `trouble`: its present problem, in one line. `previews`: viewers
-    of small pictures; `viewers` does not include them."""
+    """The relay's counters since its start. `trouble`: its present problem, in one line."""
 
     trouble: str | None
     viewers: int
-    previews: int
     delivered_frames: int
     skipped_frames: int
     refused_publishers: int

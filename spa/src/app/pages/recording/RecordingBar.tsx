@@ -3,7 +3,7 @@ import type { PastControls } from '../../../past/past_types.ts';
 import type { Note, RecordingIndex } from '../../../past/recording/recording_index.ts';
 import type { RecordingPast } from '../../../past/recording/recording_past.ts';
 import type { RobotTwin } from '../../../twin/robot.ts';
-import { PastBar } from '../../past/index.ts';
+import { PastBar } from '../../past/PastBar.tsx';
 import type { OfferedFile } from '../../past/save/OfferedFiles.tsx';
 import { NoteCaption } from './notes/NoteCaption.tsx';
 import { NoteMarks } from './notes/NoteMarks.tsx';
